@@ -1,0 +1,311 @@
+//! What can be wrong with a graph, as data: every problem names where it stands, what was found and what to do.
+
+use std::fmt;
+
+/// A stretch of a graph file's text, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Span {
+    /// First byte.
+    pub start: usize,
+    /// One past the last byte.
+    pub end: usize,
+}
+
+/// A value with the place it was read from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spanned<T> {
+    /// The value.
+    pub value: T,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// The kinds of problem. Texts follow one pattern: what is wrong, what was expected, what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GraphError {
+    /// The file cannot be read or written.
+    #[error("cannot {action}: {cause}")]
+    Io {
+        /// "read" or "write".
+        action: &'static str,
+        /// The system's words.
+        cause: String,
+    },
+    /// The text is not RON, or not of the graph file's shape.
+    #[error("{0}")]
+    Syntax(String),
+    /// A file of a later format.
+    #[error("version {found} of the graph format is not known; this program reads version 1")]
+    Version {
+        /// What the file says.
+        found: u32,
+    },
+    /// A name that stands twice where it may stand once.
+    #[error("{what} `{name}` stands twice")]
+    Duplicate {
+        /// "node", "parameter", "input" or "output".
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A name that nothing bears.
+    #[error("unknown {what} `{found}`{}", hint(nearest, known))]
+    Unknown {
+        /// What the name should have been one of: "stage kind", "parameter", "node", "port", "input", "field".
+        what: &'static str,
+        /// The name as written.
+        found: String,
+        /// The nearest known name, when one is near.
+        nearest: Option<String>,
+        /// All known names.
+        known: Vec<String>,
+    },
+    /// A parameter's value that does not parse as its type.
+    #[error("parameter `{name}`: {cause}; expected {expected}")]
+    Value {
+        /// The parameter.
+        name: String,
+        /// The type, with its range or choices.
+        expected: String,
+        /// What the parser says.
+        cause: String,
+    },
+    /// A parameter outside its range.
+    #[error("parameter `{name}` is {found}, outside {low} to {high}")]
+    Range {
+        /// The parameter.
+        name: String,
+        /// The value as written.
+        found: String,
+        /// Lowest value.
+        low: f64,
+        /// Highest value.
+        high: f64,
+    },
+    /// An input that must be connected is not.
+    #[error("input `{port}` ({doc}) is not connected; write inputs: {{ \"{port}\": \"NODE.PORT\" }}")]
+    Missing {
+        /// The port.
+        port: String,
+        /// Its sentence.
+        doc: String,
+    },
+    /// A wire between ports of different element types.
+    #[error("`{source_port}` gives {found}, but `{port}` takes {expected}")]
+    Type {
+        /// The consuming port.
+        port: String,
+        /// The producing `node.port`.
+        source_port: String,
+        /// Element type it takes.
+        expected: String,
+        /// Element type it gets.
+        found: String,
+    },
+    /// A wire between ports of different extents.
+    #[error("`{source_port}` is {found}, but `{port}` takes {expected}")]
+    Extent {
+        /// The consuming port.
+        port: String,
+        /// The producing `node.port`.
+        source_port: String,
+        /// Extent it takes.
+        expected: String,
+        /// Extent it gets.
+        found: String,
+    },
+    /// Nodes that wait for each other within one frame.
+    #[error("these nodes wait for each other within a frame: {}; let one of them read last frame's value through a history input", .path.join(" -> "))]
+    Cycle {
+        /// The nodes along the cycle; the first stands again at the end.
+        path: Vec<String>,
+    },
+    /// Two nodes that update one version of a resource in place.
+    #[error(
+        "`{source_port}` is updated in place by both `{first}` and `{second}`; let the later one take `{first}`'s output"
+    )]
+    DoublyWritten {
+        /// The producing `node.port`.
+        source_port: String,
+        /// One updating node.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// A wire that may not be: history of an updated resource, a placement that a stage does not have, and so on.
+    #[error("{0}")]
+    Invalid(String),
+    /// A shader that does not parse, validate or fit its ports.
+    #[error("shader {shader}: {message}")]
+    Shader {
+        /// The shader file's name.
+        shader: String,
+        /// What naga says, or what differs from the ports.
+        message: String,
+    },
+}
+
+fn hint(nearest: &Option<String>, known: &[String]) -> String {
+    match nearest {
+        Some(name) => format!(", did you mean `{name}`?"),
+        None if known.is_empty() => String::new(),
+        None => format!("; known: {}", known.join(", ")),
+    }
+}
+
+impl GraphError {
+    /// An unknown name, with the nearest of the known ones where one is near enough to be a slip of the finger.
+    pub fn unknown<S: AsRef<str>>(
+        what: &'static str,
+        found: &str,
+        known: impl IntoIterator<Item = S>,
+    ) -> Self {
+        let known: Vec<String> = known.into_iter().map(|name| name.as_ref().to_owned()).collect();
+        let nearest = known
+            .iter()
+            .map(|name| (strsim::damerau_levenshtein(name, found), name))
+            .filter(|(distance, _)| *distance <= (found.len() / 3).max(1))
+            .min_by_key(|(distance, _)| *distance)
+            .map(|(_, name)| name.clone());
+        Self::Unknown { what, found: found.to_owned(), nearest, known }
+    }
+}
+
+/// Line and column (from 1, in characters) of a problem, with the line's text for display.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// The file's name as the user gave it.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// How many characters to underline, at least one.
+    pub length: usize,
+    /// The whole line.
+    pub text: String,
+}
+
+impl Place {
+    /// The place of `span` in `source`.
+    pub fn of(file: &str, source: &str, span: Span) -> Self {
+        let start = floor_char_boundary(source, span.start);
+        let end = floor_char_boundary(source, span.end.max(start));
+        let line_start = source[..start].rfind('\n').map_or(0, |newline| newline + 1);
+        let text = source[line_start..].lines().next().unwrap_or("").to_owned();
+        let column = source[line_start..start].chars().count() + 1;
+        let on_line = source[start..end].lines().next().unwrap_or("").chars().count();
+        Self {
+            file: file.to_owned(),
+            line: source[..start].matches('\n').count() + 1,
+            column,
+            length: on_line.max(1),
+            text,
+        }
+    }
+}
+
+fn floor_char_boundary(text: &str, at: usize) -> usize {
+    let mut at = at.min(text.len());
+    while !text.is_char_boundary(at) {
+        at -= 1;
+    }
+    at
+}
+
+/// One problem with its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    /// What is wrong.
+    pub error: GraphError,
+    /// The file, and the place in it where one is known.
+    pub place: Option<Place>,
+    /// The node it concerns.
+    pub node: Option<String>,
+    /// The port it concerns.
+    pub port: Option<String>,
+}
+
+impl Problem {
+    /// A problem without a place.
+    pub fn new(error: GraphError) -> Self {
+        Self { error, place: None, node: None, port: None }
+    }
+
+    /// The same problem, at a place.
+    pub fn at(mut self, place: Place) -> Self {
+        self.place = Some(place);
+        self
+    }
+
+    /// The same problem, of a node.
+    pub fn node(mut self, name: &str) -> Self {
+        self.node = Some(name.to_owned());
+        self
+    }
+
+    /// The same problem, of a port.
+    pub fn port(mut self, name: &str) -> Self {
+        self.port = Some(name.to_owned());
+        self
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(place) = &self.place {
+            write!(f, "{}:{}:{}: ", place.file, place.line, place.column)?;
+        }
+        if let Some(node) = &self.node {
+            write!(f, "node `{node}`: ")?;
+        }
+        write!(f, "{}", self.error)?;
+        if let Some(place) = &self.place
+            && !place.text.is_empty()
+        {
+            let number = place.line.to_string();
+            let pad = " ".repeat(number.len());
+            // Tabs keep their width under the marker line.
+            let lead: String = place
+                .text
+                .chars()
+                .take(place.column - 1)
+                .map(|c| if c == '\t' { '\t' } else { ' ' })
+                .collect();
+            let marks = "^".repeat(place.length);
+            write!(f, "\n {pad} |\n {number} | {}\n {pad} | {lead}{marks}", place.text)?;
+        }
+        Ok(())
+    }
+}
+
+/// All problems found in one go; never empty when it is an error.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Problems(pub Vec<Problem>);
+
+impl Problems {
+    /// `Ok` when there is none.
+    pub fn into_result(self) -> Result<(), Self> {
+        if self.0.is_empty() { Ok(()) } else { Err(self) }
+    }
+}
+
+impl From<Problem> for Problems {
+    fn from(problem: Problem) -> Self {
+        Self(vec![problem])
+    }
+}
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, problem) in self.0.iter().enumerate() {
+            if index > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{problem}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Problems {}

@@ -1,0 +1,128 @@
+//! The GPU as the executor sees it: one device and queue, and the first error that came in asynchronously.
+
+use std::{
+    sync::{Arc, Mutex},
+    time::Duration,
+};
+
+use super::RunError;
+
+/// Which adapters will do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AdapterChoice {
+    /// A hardware GPU.
+    Hardware,
+    /// A hardware GPU if there is one, else software such as Mesa's lavapipe.
+    Any,
+}
+
+/// An open device. Cheap to share behind an `Arc`.
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+impl Gpu {
+    /// Opens the best adapter.
+    ///
+    /// # Errors
+    /// [`RunError::NoGpu`] where there is none, [`RunError::Gpu`] where it cannot be opened.
+    pub fn open(choice: AdapterChoice) -> Result<Self, RunError> {
+        pollster::block_on(Self::open_async(choice))
+    }
+
+    async fn open_async(choice: AdapterChoice) -> Result<Self, RunError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
+        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        let hardware_only = choice == AdapterChoice::Hardware;
+        let adapter = adapters
+            .into_iter()
+            .filter(|adapter| !hardware_only || adapter.get_info().device_type != wgpu::DeviceType::Cpu)
+            .min_by_key(rank)
+            .ok_or(RunError::NoGpu)?;
+        let wanted = wgpu::Features::TIMESTAMP_QUERY
+            | wgpu::Features::SHADER_INT64
+            | wgpu::Features::SHADER_INT64_ATOMIC_MIN_MAX;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("epigraph"),
+            required_features: adapter.features() & wanted,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        };
+        let (device, queue) =
+            adapter.request_device(&descriptor).await.map_err(|error| RunError::Gpu(error.to_string()))?;
+        let failure = Arc::new(Mutex::new(None));
+        let first = failure.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&first, error.to_string())));
+        let first = failure.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                note(&first, format!("the device was lost: {message}"));
+            }
+        });
+        Ok(Self { device, queue, info: adapter.get_info(), failure })
+    }
+
+    /// The adapter's name and driver.
+    pub fn name(&self) -> String {
+        format!("{} ({})", self.info.name, self.info.backend)
+    }
+
+    /// Whether the adapter runs on the CPU: correct, but its times are not a GPU's.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Whether shaders may use 64-bit atomic minimum.
+    pub fn has_atomic64(&self) -> bool {
+        self.device.features().contains(wgpu::Features::SHADER_INT64_ATOMIC_MIN_MAX)
+    }
+
+    /// Whether time can be measured on the device itself. Timestamps of software adapters are not to be trusted.
+    pub fn has_timestamps(&self) -> bool {
+        !self.is_software() && self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// The first error since the last call that no call returned.
+    pub(crate) fn check(&self) -> Result<(), RunError> {
+        match self.failure.lock().expect("no panic while noting a failure").take() {
+            Some(message) => Err(RunError::Gpu(message)),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits until everything submitted is done.
+    pub(crate) fn wait(&self) -> Result<(), RunError> {
+        // A minute is far beyond any frame: then the device hangs, which the user should hear of.
+        let poll = wgpu::PollType::Wait { submission_index: None, timeout: Some(Duration::from_secs(60)) };
+        self.device.poll(poll).map_err(|error| RunError::Gpu(error.to_string()))?;
+        self.check()
+    }
+
+    /// Runs `make` and turns validation and out-of-memory errors in it into an error.
+    pub(crate) fn scoped<T>(&self, make: impl FnOnce() -> T) -> Result<T, RunError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make();
+        let error = pollster::block_on(validation.pop());
+        let error = pollster::block_on(memory.pop()).or(error);
+        match error {
+            Some(error) => Err(RunError::Gpu(error.to_string())),
+            None => Ok(made),
+        }
+    }
+}
+
+fn note(first: &Mutex<Option<String>>, message: String) {
+    let mut first = first.lock().expect("no panic while noting a failure");
+    first.get_or_insert(message);
+}

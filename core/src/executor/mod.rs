@@ -1,0 +1,416 @@
+//! Runs a plan, frame after frame.
+//!
+//! All memory, pipelines and bind groups are made in [`Executor::new`]; a frame only walks the plan's steps. GPU steps are
+//! recorded into one encoder that is submitted at the frame's end, or earlier where a CPU step must wait for a result.
+
+mod device;
+mod gpu_side;
+mod readback;
+
+use std::{
+    cell::RefCell,
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Arc,
+    time::Instant,
+};
+
+pub use device::{AdapterChoice, Gpu};
+use gpu_side::{GpuSide, Layout, poison_word, slot_of};
+use readback::Readback;
+
+use crate::{
+    file::Side,
+    frame::Frame,
+    graph::{Graph, Settings},
+    plan::{Copy, Life, Plan, Step, tap_side},
+    port::{Dims, Element},
+    registry::Registry,
+    stage::{Binding, Block, CpuContext, Host},
+};
+
+/// What can go wrong while a plan is built or run.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RunError {
+    /// No adapter.
+    #[error(
+        "no GPU adapter was found. Run with --backend cpu, or install a driver; for a software GPU on Debian or \
+         Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1"
+    )]
+    NoGpu,
+    /// Out of memory, a lost device, or a call that the device refuses.
+    #[error("GPU: {0}")]
+    Gpu(String),
+    /// A stage failed.
+    #[error("node `{node}`: {message}")]
+    Stage {
+        /// The node.
+        node: String,
+        /// What it says.
+        message: String,
+    },
+    /// Main memory does not suffice.
+    #[error("not enough memory for {bytes} bytes of `{name}`; choose a smaller size")]
+    Memory {
+        /// The storage.
+        name: String,
+        /// Its bytes.
+        bytes: u64,
+    },
+}
+
+/// The contents of one field of a tapped port at the end of its node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// The tap's name: `node.port` or an output.
+    pub name: String,
+    /// The field, empty for the only one.
+    pub field: String,
+    /// Its elements.
+    pub element: Element,
+    /// How many.
+    pub dims: Dims,
+    /// The frame it was taken in.
+    pub frame: u64,
+    /// The elements, tightly packed, row by row.
+    pub bytes: Vec<u8>,
+}
+
+impl Snapshot {
+    /// The elements as values of `T`, whose size must be the element's or a divisor of it.
+    pub fn get<T: bytemuck::Pod>(&self) -> Vec<T> {
+        bytemuck::pod_collect_to_vec(&self.bytes)
+    }
+}
+
+struct TapState {
+    tap: usize,
+    storage: usize,
+    snapshot: Snapshot,
+    taken: bool,
+    ring: Option<Readback>,
+}
+
+/// A plan with its memory, ready to run.
+pub struct Executor {
+    graph: Graph,
+    plan: Plan,
+    poison: bool,
+    cpu: Vec<RefCell<Block>>,
+    /// For even and odd frames: node, port, field.
+    bindings: [Vec<Vec<Vec<Option<Binding>>>>; 2],
+    gpu: Option<GpuSide>,
+    taps: Vec<TapState>,
+    times: Vec<f32>,
+    step_of_node: Vec<usize>,
+    frame: u64,
+    /// Measure each step. On a software GPU that means waiting after each.
+    pub profile: bool,
+}
+
+impl Executor {
+    /// Allocates and builds everything. `gpu` may be `None` for a plan that runs on the CPU alone.
+    ///
+    /// # Errors
+    /// [`RunError::NoGpu`] where the plan needs one, [`RunError::Memory`] and [`RunError::Gpu`] where memory does not
+    /// suffice, [`RunError::Stage`] where a shader does not fit its stage.
+    pub fn new(
+        graph: Graph,
+        plan: Plan,
+        settings: &Settings,
+        registry: &Registry,
+        gpu: Option<Arc<Gpu>>,
+    ) -> Result<Self, RunError> {
+        let needs_gpu = plan.nodes.iter().any(|(_, _, side)| *side == Side::Gpu);
+        let gpu = match (needs_gpu, gpu) {
+            (true, Some(gpu)) => Some(GpuSide::new(gpu, &graph, &plan, registry, settings.poison)?),
+            (true, None) => return Err(RunError::NoGpu),
+            (false, _) => None,
+        };
+        let cpu = allocate(&plan)?;
+        let bindings = [0, 1].map(|parity| bindings(&graph, &plan, parity));
+        let taps = tap_states(&plan, gpu.as_ref());
+        let mut step_of_node = vec![0; graph.nodes.len()];
+        for (index, step) in plan.steps.iter().enumerate() {
+            if let Step::Run(node) = step {
+                step_of_node[*node] = index;
+            }
+        }
+        let times = vec![0.0; plan.steps.len()];
+        Ok(Self {
+            graph,
+            plan,
+            poison: settings.poison,
+            cpu,
+            bindings,
+            gpu,
+            taps,
+            times,
+            step_of_node,
+            frame: 0,
+            profile: true,
+        })
+    }
+
+    /// The plan that runs.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Whether the GPU is in use and keeps time itself.
+    pub fn gpu_has_clock(&self) -> bool {
+        self.gpu.as_ref().is_some_and(GpuSide::has_clock)
+    }
+
+    /// Milliseconds of each of the plan's steps in the last frame (GPU steps: of the frame before it, where the device
+    /// keeps time; zero for steps that are only recorded).
+    pub fn times(&self) -> &[f32] {
+        &self.times
+    }
+
+    /// How many frames have run.
+    pub fn frames(&self) -> u64 {
+        self.frame
+    }
+
+    /// Runs one frame. With `capture`, the tapped ports are copied as they pass; [`Executor::snapshots`] has them.
+    ///
+    /// # Errors
+    /// [`RunError::Stage`] where a stage fails or panics, [`RunError::Gpu`] where the device does.
+    pub fn run(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
+        let parity = (self.frame % 2) as usize;
+        if let Some(gpu) = &mut self.gpu {
+            gpu.begin(frame);
+        }
+        for index in 0..self.plan.steps.len() {
+            let start = Instant::now();
+            self.step(index, frame, host, parity, capture)?;
+            self.finish_step(index)?;
+            if self.profile {
+                let on_device_clock = self.gpu_has_clock() && self.is_gpu_step(index);
+                if !on_device_clock {
+                    self.times[index] = start.elapsed().as_secs_f32() * 1000.0;
+                }
+            }
+        }
+        if let Some(gpu) = &mut self.gpu {
+            gpu.end(self.frame, self.profile)?;
+            for tap in &mut self.taps {
+                if let Some(ring) = &mut tap.ring {
+                    ring.map();
+                }
+            }
+            if self.profile && self.frame > 0 {
+                let (times, step_of_node, nodes) = (&mut self.times, &self.step_of_node, &self.plan.nodes);
+                gpu.node_times(self.frame - 1, |node, ms| {
+                    if nodes[node].2 == Side::Gpu {
+                        times[step_of_node[node]] = ms;
+                    }
+                })?;
+            }
+        }
+        self.frame += 1;
+        Ok(())
+    }
+
+    fn is_gpu_step(&self, index: usize) -> bool {
+        matches!(self.plan.steps[index], Step::Run(node) if self.plan.nodes[node].2 == Side::Gpu)
+    }
+
+    /// Without a clock on the device, waiting after each step is the only way to tell their times apart.
+    fn finish_step(&mut self, index: usize) -> Result<(), RunError> {
+        let wait = self.profile && self.is_gpu_step(index);
+        match &mut self.gpu {
+            Some(gpu) if wait && !gpu.has_clock() => {
+                gpu.submit();
+                gpu.gpu.wait()
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn step(
+        &mut self,
+        index: usize,
+        frame: &Frame,
+        host: &Host,
+        parity: usize,
+        capture: bool,
+    ) -> Result<(), RunError> {
+        match self.plan.steps[index] {
+            Step::Run(node) => match self.plan.nodes[node].2 {
+                Side::Gpu => {
+                    let gpu = self.gpu.as_mut().expect("made where a node needs it");
+                    gpu.run(&self.plan, node, parity, self.profile);
+                    Ok(())
+                }
+                Side::Cpu => self.run_cpu(node, frame, host, parity),
+            },
+            Step::Upload(copy) => {
+                let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
+                let gpu = self.gpu.as_mut().expect("made where a node needs it");
+                gpu.upload(&self.plan, copy, parity, block);
+                Ok(())
+            }
+            Step::Download(copy, _) => {
+                let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
+                let gpu = self.gpu.as_mut().expect("made where a node needs it");
+                gpu.download(&self.plan, copy, parity, self.frame, block)
+            }
+            Step::Tap(tap, field) => {
+                if capture {
+                    self.tap(tap, field, parity);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn run_cpu(&mut self, node: usize, frame: &Frame, host: &Host, parity: usize) -> Result<(), RunError> {
+        let stage = &self.graph.nodes[node].stage;
+        if stage.declaration().idle {
+            return Ok(());
+        }
+        if self.poison {
+            self.poison_cpu(node, parity);
+        }
+        let cx = CpuContext { frame, host, blocks: &self.cpu, bindings: &self.bindings[parity][node] };
+        let fail = |message| RunError::Stage { node: self.plan.nodes[node].0.clone(), message };
+        // A stage that panics is a bug, but it must not take the application's window and files with it.
+        match catch_unwind(AssertUnwindSafe(|| stage.run_cpu(&cx))) {
+            Ok(result) => result.map_err(fail),
+            Err(panic) => {
+                let text = panic.downcast_ref::<String>().map(String::as_str);
+                let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+                Err(fail(format!("the stage panicked: {text}")))
+            }
+        }
+    }
+
+    fn poison_cpu(&self, node: usize, parity: usize) {
+        for &index in &self.plan.first_writes[node] {
+            let storage = &self.plan.storages[index];
+            if storage.life == Life::Persistent {
+                continue;
+            }
+            let slot = slot_of(&self.plan, Copy { storage: index, previous: false }, Side::Cpu, parity);
+            let word = poison_word(&storage.element).to_le_bytes();
+            let mut block = self.cpu[slot].borrow_mut();
+            for bytes in block.bytes_mut().chunks_exact_mut(4) {
+                bytes.copy_from_slice(&word);
+            }
+        }
+    }
+
+    fn tap(&mut self, tap: usize, field: usize, parity: usize) {
+        let storage = self.plan.taps[tap].fields[field].1;
+        let state = self.taps.iter_mut().find(|state| state.tap == tap && state.storage == storage);
+        let state = state.expect("made for every tapped field");
+        state.snapshot.frame = self.frame;
+        match &mut state.ring {
+            None => {
+                let slot = slot_of(&self.plan, Copy { storage, previous: false }, Side::Cpu, parity);
+                let bytes = state.snapshot.bytes.len();
+                state.snapshot.bytes.copy_from_slice(&self.cpu[slot].borrow().bytes()[..bytes]);
+                state.taken = true;
+            }
+            Some(ring) => {
+                let gpu = self.gpu.as_mut().expect("made where a node needs it");
+                gpu.tap(&self.plan, storage, parity, self.frame, ring);
+                state.taken = false;
+            }
+        }
+    }
+
+    /// The tapped ports as of the last captured frame; waits for those still under way.
+    pub fn snapshots(&mut self) -> Result<Vec<&Snapshot>, RunError> {
+        for state in &mut self.taps {
+            if let (Some(ring), Some(gpu), false) = (&mut state.ring, &self.gpu, state.taken) {
+                let layout = Layout::new(&state.snapshot.element, state.snapshot.dims);
+                let bytes = &mut state.snapshot.bytes;
+                ring.take(&gpu.gpu, state.snapshot.frame, |staged| layout.unpad(staged, bytes))?;
+                state.taken = true;
+            }
+        }
+        Ok(self.taps.iter().map(|state| &state.snapshot).collect())
+    }
+
+    /// The captured field of a tap or output.
+    pub fn snapshot(&mut self, name: &str, field: &str) -> Result<Option<&Snapshot>, RunError> {
+        let all = self.snapshots()?;
+        Ok(all.into_iter().find(|snapshot| snapshot.name == name && snapshot.field == field))
+    }
+
+    /// Replaces the contents of a kept or transient storage by name, on both sides: the way back into a recompiled plan.
+    pub fn restore(&mut self, storage: &str, bytes: &[u8]) -> bool {
+        let Some(index) = self.plan.storages.iter().position(|s| s.name == storage) else { return false };
+        let storage = &self.plan.storages[index];
+        if storage.bytes() != bytes.len() as u64 {
+            return false;
+        }
+        let parity = (self.frame % 2) as usize;
+        let copy = Copy { storage: index, previous: storage.life == Life::History };
+        if storage.slots[Side::Cpu as usize].is_some() {
+            let slot = slot_of(&self.plan, copy, Side::Cpu, parity);
+            self.cpu[slot].borrow_mut().bytes_mut()[..bytes.len()].copy_from_slice(bytes);
+        }
+        if let (Some(gpu), Some(_)) = (&mut self.gpu, storage.slots[Side::Gpu as usize]) {
+            let slot = slot_of(&self.plan, copy, Side::Gpu, parity);
+            gpu.write(slot, &storage.element, storage.dims, bytes);
+        }
+        true
+    }
+}
+
+fn allocate(plan: &Plan) -> Result<Vec<RefCell<Block>>, RunError> {
+    plan.slots[Side::Cpu as usize]
+        .iter()
+        .enumerate()
+        .map(|(index, slot)| {
+            Block::new(slot.bytes()).map(RefCell::new).ok_or_else(|| {
+                let user =
+                    plan.storages.iter().find(|s| s.slots[0].is_some_and(|slots| slots.contains(&index)));
+                let name = user.map_or_else(String::new, |storage| storage.name.clone());
+                RunError::Memory { name, bytes: slot.bytes() }
+            })
+        })
+        .collect()
+}
+
+fn bindings(graph: &Graph, plan: &Plan, parity: usize) -> Vec<Vec<Vec<Option<Binding>>>> {
+    let of_node = |(node, ports): (usize, &Vec<Vec<Option<Copy>>>)| {
+        let on_cpu = graph.nodes[node].side == Side::Cpu && !graph.nodes[node].declaration().idle;
+        let bind = |copy: &Option<Copy>| {
+            let copy = copy.filter(|_| on_cpu)?;
+            let dims = plan.storages[copy.storage].dims;
+            Some(Binding { block: slot_of(plan, copy, Side::Cpu, parity), dims })
+        };
+        ports.iter().map(|fields| fields.iter().map(bind).collect()).collect()
+    };
+    plan.bindings.iter().enumerate().map(of_node).collect()
+}
+
+fn tap_states(plan: &Plan, gpu: Option<&GpuSide>) -> Vec<TapState> {
+    let mut states = Vec::new();
+    for (index, tap) in plan.taps.iter().enumerate() {
+        for (field, storage) in &tap.fields {
+            let stored = &plan.storages[*storage];
+            let layout = Layout::new(&stored.element, stored.dims);
+            let on_gpu = gpu.filter(|_| tap_side(plan, index) == Side::Gpu);
+            states.push(TapState {
+                tap: index,
+                storage: *storage,
+                snapshot: Snapshot {
+                    name: tap.name.clone(),
+                    field: field.clone(),
+                    element: stored.element.clone(),
+                    dims: stored.dims,
+                    frame: 0,
+                    bytes: vec![0; stored.bytes() as usize],
+                },
+                taken: true,
+                ring: on_gpu.map(|gpu| Readback::new(&gpu.gpu.device, layout.staged_bytes(), 2)),
+            });
+        }
+    }
+    states
+}

@@ -1,0 +1,93 @@
+//! A ring of staging buffers through which the GPU's results reach the CPU.
+
+use std::sync::{
+    Arc,
+    atomic::{AtomicU8, Ordering},
+};
+
+use super::{Gpu, RunError};
+
+const IDLE: u8 = 0;
+const RECORDED: u8 = 1;
+const MAPPING: u8 = 2;
+const MAPPED: u8 = 3;
+const FAILED: u8 = 4;
+
+struct Entry {
+    buffer: wgpu::Buffer,
+    state: Arc<AtomicU8>,
+    frame: u64,
+}
+
+/// A ring of equal buffers, one for each frame under way.
+pub(super) struct Readback {
+    entries: Vec<Entry>,
+}
+
+impl Readback {
+    pub fn new(device: &wgpu::Device, bytes: u64, count: usize) -> Self {
+        let entry = || Entry {
+            buffer: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("readback"),
+                size: bytes.max(16),
+                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            }),
+            state: Arc::new(AtomicU8::new(IDLE)),
+            frame: 0,
+        };
+        Self { entries: (0..count).map(|_| entry()).collect() }
+    }
+
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// The buffer to copy this frame's result into. What it held and nobody took is dropped.
+    pub fn record(&mut self, frame: u64) -> &wgpu::Buffer {
+        let count = self.entries.len() as u64;
+        let entry = &mut self.entries[(frame % count) as usize];
+        if entry.state.load(Ordering::Acquire) != IDLE {
+            entry.buffer.unmap();
+        }
+        // A fresh flag: the callback of a mapping that was dropped must not speak for this one.
+        entry.state = Arc::new(AtomicU8::new(RECORDED));
+        entry.frame = frame;
+        &entry.buffer
+    }
+
+    /// Asks for the recorded buffers; call it after the submission.
+    pub fn map(&mut self) {
+        for entry in &self.entries {
+            if entry.state.compare_exchange(RECORDED, MAPPING, Ordering::AcqRel, Ordering::Acquire).is_ok() {
+                let state = entry.state.clone();
+                entry.buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+                    state.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+                });
+            }
+        }
+    }
+
+    /// Gives `frame`'s bytes to `read`, waiting for them if they are still under way. Does nothing where that frame
+    /// was not recorded.
+    pub fn take(&mut self, gpu: &Gpu, frame: u64, read: impl FnOnce(&[u8])) -> Result<(), RunError> {
+        let count = self.entries.len() as u64;
+        let entry = &mut self.entries[(frame % count) as usize];
+        if entry.frame != frame || entry.state.load(Ordering::Acquire) < MAPPING {
+            return Ok(());
+        }
+        if entry.state.load(Ordering::Acquire) == MAPPING {
+            gpu.wait()?;
+        }
+        if entry.state.load(Ordering::Acquire) != MAPPED {
+            gpu.check()?;
+            return Err(RunError::Gpu("a readback could not be mapped".into()));
+        }
+        let range = entry.buffer.get_mapped_range(..).map_err(|error| RunError::Gpu(error.to_string()))?;
+        read(&range);
+        drop(range);
+        entry.buffer.unmap();
+        entry.state.store(IDLE, Ordering::Release);
+        Ok(())
+    }
+}

@@ -1,0 +1,201 @@
+//! Graph files: RON text, the graph's shape as read from it, and the place of everything.
+//!
+//! A file is read in three layers, so that one mistake does not hide the next. ron checks that the text is RON at all;
+//! that is the only kind of problem reported alone. [`scan`] then splits the text into blocks and items, and [`parse`]
+//! reads each field on its own and collects every problem. Because an item knows its bytes, an [`edit`] replaces just
+//! those and reads the result anew: comments, order and spacing of all else stay.
+
+mod edit;
+mod parse;
+mod scan;
+
+use std::{fmt, fs, io, path::Path, str::FromStr};
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
+
+/// A graph file as written: its text, and the graph's shape with the place of everything in the text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GraphFile {
+    /// The file's name as the user gave it.
+    pub path: String,
+    /// The whole text.
+    pub text: String,
+    /// Version of the format; always 1 so far.
+    pub version: u32,
+    /// What the graph does, in words; empty when the file does not say.
+    pub doc: String,
+    /// Nodes in the order of the file; no name stands twice.
+    pub nodes: Vec<NodeDef>,
+    /// Outputs in the order of the file; no name stands twice.
+    pub outputs: Vec<OutputDef>,
+}
+
+/// One node as written. Whether its kind, ports and parameters exist is not known here.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NodeDef {
+    /// Its name, unique in the file, without a dot.
+    pub name: Spanned<String>,
+    /// The stage kind.
+    pub kind: Spanned<String>,
+    /// Where it runs; none leaves that to the run's default.
+    pub on: Option<Spanned<Side>>,
+    /// How GPU results reach it when it runs on the CPU; none means [`Download::Sync`].
+    pub download: Option<Spanned<Download>>,
+    /// Whether the user asks to pass its input through.
+    pub bypass: bool,
+    /// Connected inputs in the order of the file; no port stands twice.
+    pub inputs: Vec<InputDef>,
+    /// Parameters in the order of the file; no name stands twice.
+    pub params: Vec<ParamDef>,
+}
+
+/// A wire into a node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InputDef {
+    /// The consuming port.
+    pub port: Spanned<String>,
+    /// The producing port.
+    pub from: Spanned<Source>,
+}
+
+/// A named output of the graph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputDef {
+    /// Its name.
+    pub name: Spanned<String>,
+    /// The producing port.
+    pub from: Spanned<Source>,
+}
+
+/// A parameter as written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamDef {
+    /// Its name.
+    pub name: Spanned<String>,
+    /// The value's RON text, without surrounding space and comments.
+    pub value: Spanned<String>,
+}
+
+/// A producing port, written `NODE.PORT`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Source {
+    /// The node.
+    pub node: String,
+    /// The port.
+    pub port: String,
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.node, self.port)
+    }
+}
+
+impl FromStr for Source {
+    type Err = GraphError;
+
+    /// Reads `NODE.PORT`; [`GraphError::Invalid`] unless there is exactly one dot with a name on either side.
+    fn from_str(text: &str) -> Result<Self, GraphError> {
+        match text.split_once('.') {
+            Some((node, port)) if !node.is_empty() && !port.is_empty() && !port.contains('.') => {
+                Ok(Self { node: node.to_owned(), port: port.to_owned() })
+            }
+            _ => Err(GraphError::Invalid(format!("`{text}` is not a port; write \"NODE.PORT\""))),
+        }
+    }
+}
+
+/// Where a node runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Side {
+    /// The stage's native twin.
+    Cpu,
+    /// The stage's shader.
+    Gpu,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        })
+    }
+}
+
+/// How results of the GPU reach a node that runs on the CPU.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Download {
+    /// This frame's values: submit and wait.
+    #[default]
+    Sync,
+    /// The values of so many frames ago, without waiting.
+    Latent(u32),
+}
+
+impl GraphFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// That it cannot be read, or all problems of its text; see [`GraphFile::parse`].
+    pub fn load(path: &Path) -> Result<Self, Problems> {
+        let name = path.display().to_string();
+        let text = fs::read_to_string(path).map_err(|error| io_problem("read", &name, &error))?;
+        Self::parse(&name, &text)
+    }
+
+    /// The place of a stretch of the text.
+    pub fn place(&self, span: Span) -> Place {
+        Place::of(&self.path, &self.text, span)
+    }
+
+    /// The node of that name.
+    pub fn node(&self, name: &str) -> Option<&NodeDef> {
+        self.nodes.iter().find(|node| node.name.value == name)
+    }
+
+    /// Writes the text to a file, whole or not at all: into a new file of the same folder, which then takes the old
+    /// one's place. [`GraphFile::path`] stays.
+    ///
+    /// # Errors
+    /// [`GraphError::Io`]; the old file is then as it was.
+    pub fn save(&self, path: &Path) -> Result<(), Problems> {
+        replace_file(path, self.text.as_bytes())
+            .map_err(|error| io_problem("write", &path.display().to_string(), &error))
+    }
+}
+
+fn io_problem(action: &'static str, path: &str, error: &io::Error) -> Problems {
+    let error = GraphError::Io { action, cause: error.to_string() };
+    Problem::new(error).at(Place::of(path, "", Span::default())).into()
+}
+
+fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    // A link stays a link: the file it leads to is the one replaced.
+    let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let name = target.file_name().ok_or(io::ErrorKind::InvalidInput)?.to_string_lossy();
+    let permissions = match fs::OpenOptions::new().write(true).open(&target) {
+        Ok(old) => Some(old.metadata()?.permissions()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        // Renaming would replace a write-protected file too, which its owner does not want.
+        Err(error) => return Err(error),
+    };
+    let fresh = target.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
+    let written = write_new(&fresh, bytes, permissions).and_then(|()| fs::rename(&fresh, &target));
+    if written.is_err() {
+        // The first error is the one to tell; a file that was never made cannot be removed.
+        let _ = fs::remove_file(&fresh);
+    }
+    written
+}
+
+fn write_new(path: &Path, bytes: &[u8], permissions: Option<fs::Permissions>) -> io::Result<()> {
+    let mut file = fs::File::create(path)?;
+    io::Write::write_all(&mut file, bytes)?;
+    if let Some(permissions) = permissions {
+        file.set_permissions(permissions)?;
+    }
+    file.sync_all()
+}

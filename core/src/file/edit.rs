@@ -1,0 +1,407 @@
+//! Edits that change only the characters concerned.
+//!
+//! Every edit is a list of replacements in the text; the result is read anew, and taken only when it is a graph file.
+//! New items follow the style of their block: a line of their own where the closing bracket has one, else in line.
+
+use serde::de::IgnoredAny;
+
+use super::{
+    Download, GraphFile, Side, Source,
+    parse::is_identifier,
+    scan::{self, Block, Item},
+};
+use crate::error::{GraphError, Problem, Problems, Span};
+
+/// What one more level of brackets is indented by where the block itself does not show it.
+const INDENT: &str = "    ";
+
+/// A stretch of the text and what takes its place.
+struct Change {
+    span: Span,
+    text: String,
+}
+
+impl Change {
+    fn replace(span: Span, text: impl Into<String>) -> Self {
+        Self { span, text: text.into() }
+    }
+
+    fn insert(at: usize, text: impl Into<String>) -> Self {
+        Self::replace(Span { start: at, end: at }, text)
+    }
+
+    fn cut(start: usize, end: usize) -> Self {
+        Self::replace(Span { start, end }, "")
+    }
+}
+
+/// The two blocks within a node.
+#[derive(Clone, Copy)]
+enum Group {
+    Inputs,
+    Params,
+}
+
+impl Group {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Inputs => "inputs",
+            Self::Params => "params",
+        }
+    }
+
+    fn item(self, name: &str, value: &str) -> String {
+        match self {
+            Self::Inputs => format!("{}: {value}", quoted(name)),
+            Self::Params => format!("{name}: {value}"),
+        }
+    }
+
+    /// The whole field with one item in it.
+    fn field(self, item: &str) -> String {
+        match self {
+            Self::Inputs => format!("inputs: {{ {item} }}"),
+            Self::Params => format!("params: ({item})"),
+        }
+    }
+}
+
+/// All edits leave the file as it was when they fail. Beside the errors named at each, the text that results may not
+/// be a graph file (a name that stands twice, for one); then they give the problems of that text.
+impl GraphFile {
+    /// Sets a parameter, adding it where the node has none of that name: `--set node.param=value`. `value` is RON.
+    /// Whether the stage has such a parameter is not known here.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node, [`GraphError::Invalid`] for a name that is no identifier,
+    /// [`GraphError::Value`] for a value that is not one RON value.
+    pub fn set_param(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
+        let problem = |error| Problems::from(Problem::new(error).node(node));
+        if !is_identifier(param) {
+            return Err(problem(GraphError::Invalid(format!("`{param}` cannot name a parameter"))));
+        }
+        if let Err(error) = ron::from_str::<IgnoredAny>(value) {
+            return Err(problem(GraphError::Value {
+                name: param.to_owned(),
+                expected: "a RON value, such as 8, 0.5, true or a name".into(),
+                cause: error.code.to_string(),
+            }));
+        }
+        // A comment beside the value could swallow what follows it in the file.
+        let span = scan::root(value).unwrap_or_default();
+        self.set_in(node, Group::Params, param, &value[span.start..span.end])
+    }
+
+    /// Removes a parameter, so that the stage's default holds.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node or parameter.
+    pub fn remove_param(&mut self, node: &str, param: &str) -> Result<(), Problems> {
+        if self.remove_in(node, Group::Params, param)? {
+            return Ok(());
+        }
+        let known = self.node(node).into_iter().flat_map(|node| &node.params).map(|param| &param.name.value);
+        Err(Problem::new(GraphError::unknown("parameter", param, known)).node(node).into())
+    }
+
+    /// Connects an input, or disconnects it.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node.
+    pub fn set_input(&mut self, node: &str, port: &str, source: Option<&Source>) -> Result<(), Problems> {
+        match source {
+            Some(source) => self.set_in(node, Group::Inputs, port, &quoted(&source.to_string())),
+            None => self.remove_in(node, Group::Inputs, port).map(|_| ()),
+        }
+    }
+
+    /// Replaces a node's stage kind.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node.
+    pub fn set_kind(&mut self, node: &str, kind: &str) -> Result<(), Problems> {
+        self.set_field(node, "kind", Some(quoted(kind)))
+    }
+
+    /// Places a node, or leaves it to the run's default.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node.
+    pub fn set_on(&mut self, node: &str, on: Option<Side>) -> Result<(), Problems> {
+        self.set_field(node, "on", on.map(|side| format!("{side:?}")))
+    }
+
+    /// Sets how GPU results reach a node on the CPU, or leaves it to the default.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node.
+    pub fn set_download(&mut self, node: &str, download: Option<Download>) -> Result<(), Problems> {
+        self.set_field(node, "download", download.map(|download| format!("{download:?}")))
+    }
+
+    /// Sets or clears a node's bypass mark.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node.
+    pub fn set_bypass(&mut self, node: &str, bypass: bool) -> Result<(), Problems> {
+        self.set_field(node, "bypass", bypass.then(|| "true".into()))
+    }
+
+    /// Adds a node after all others, without inputs and parameters.
+    ///
+    /// # Errors
+    /// [`GraphError::Duplicate`] name.
+    pub fn add_node(&mut self, name: &str, kind: &str) -> Result<(), Problems> {
+        if self.node(name).is_some() {
+            let error = GraphError::Duplicate { what: "node", name: name.to_owned() };
+            return Err(Problem::new(error).node(name).into());
+        }
+        let item = format!("{}: (kind: {})", quoted(name), quoted(kind));
+        self.apply(insert(&self.text, &self.top("nodes")?, &item))
+    }
+
+    /// Removes a node with every wire and output that takes from it.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node.
+    pub fn remove_node(&mut self, name: &str) -> Result<(), Problems> {
+        self.node_block(name)?;
+        let mut edited = self.clone();
+        for node in &self.nodes {
+            for input in node.inputs.iter().filter(|input| input.from.value.node == name) {
+                edited.set_input(&node.name.value, &input.port.value, None)?;
+            }
+        }
+        for output in self.outputs.iter().filter(|output| output.from.value.node == name) {
+            edited.set_output(&output.name.value, None)?;
+        }
+        let nodes = edited.top("nodes")?;
+        if let Some(index) = find(&edited.text, &nodes, name) {
+            edited.apply(remove(&edited.text, &nodes, index))?;
+        }
+        *self = edited;
+        Ok(())
+    }
+
+    /// Renames a node, also in every wire and output that takes from it.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node.
+    pub fn rename_node(&mut self, old: &str, new: &str) -> Result<(), Problems> {
+        self.node_block(old)?;
+        let inputs = self.nodes.iter().flat_map(|node| &node.inputs).map(|input| &input.from);
+        let outputs = self.outputs.iter().map(|output| &output.from);
+        let wires = inputs.chain(outputs).filter(|from| from.value.node == old);
+        let rewired = wires.map(|from| {
+            let source = Source { node: new.to_owned(), port: from.value.port.clone() };
+            Change::replace(from.span, quoted(&source.to_string()))
+        });
+        let names = self.nodes.iter().map(|node| &node.name).filter(|name| name.value == old);
+        let renamed = names.map(|name| Change::replace(name.span, quoted(new)));
+        self.apply(rewired.chain(renamed).collect())
+    }
+
+    /// Sets an output, adding it where there is none of that name, or removes it.
+    ///
+    /// # Errors
+    /// None of its own.
+    pub fn set_output(&mut self, name: &str, source: Option<&Source>) -> Result<(), Problems> {
+        let outputs = self.top("outputs")?;
+        let index = find(&self.text, &outputs, name);
+        let changes = match source {
+            Some(source) => {
+                let value = quoted(&source.to_string());
+                put(&self.text, &outputs, index, &value, || format!("{}: {value}", quoted(name)))
+            }
+            None => index.map(|index| remove(&self.text, &outputs, index)).unwrap_or_default(),
+        };
+        self.apply(changes)
+    }
+
+    fn set_field(&mut self, node: &str, field: &str, value: Option<String>) -> Result<(), Problems> {
+        let block = self.node_block(node)?;
+        let index = find(&self.text, &block, field);
+        let changes = match value {
+            Some(value) => put(&self.text, &block, index, &value, || format!("{field}: {value}")),
+            None => index.map(|index| remove(&self.text, &block, index)).unwrap_or_default(),
+        };
+        self.apply(changes)
+    }
+
+    fn set_in(&mut self, node: &str, group: Group, name: &str, value: &str) -> Result<(), Problems> {
+        let node = self.node_block(node)?;
+        let item = || group.item(name, value);
+        let changes = match child(&self.text, &node, group.name()) {
+            Some(block) => put(&self.text, &block, find(&self.text, &block, name), value, item),
+            None => insert(&self.text, &node, &group.field(&item())),
+        };
+        self.apply(changes)
+    }
+
+    /// Whether there was such an item.
+    fn remove_in(&mut self, node: &str, group: Group, name: &str) -> Result<bool, Problems> {
+        let node = self.node_block(node)?;
+        let block = child(&self.text, &node, group.name());
+        let Some((block, index)) =
+            block.and_then(|block| find(&self.text, &block, name).map(|index| (block, index)))
+        else {
+            return Ok(false);
+        };
+        self.apply(remove(&self.text, &block, index))?;
+        Ok(true)
+    }
+
+    /// A block of the graph itself.
+    fn top(&self, field: &'static str) -> Result<Block, Problems> {
+        let root = scan::root(&self.text).and_then(|root| scan::block(&self.text, root));
+        let block = root.and_then(|root| child(&self.text, &root, field));
+        block.ok_or_else(|| Problem::new(GraphError::Syntax(format!("`{field}` is missing"))).into())
+    }
+
+    fn node_block(&self, name: &str) -> Result<Block, Problems> {
+        child(&self.text, &self.top("nodes")?, name).ok_or_else(|| {
+            let known = self.nodes.iter().map(|node| &node.name.value);
+            Problem::new(GraphError::unknown("node", name, known)).into()
+        })
+    }
+
+    /// Makes the changes, none of which overlap, and reads the result.
+    fn apply(&mut self, mut changes: Vec<Change>) -> Result<(), Problems> {
+        changes.sort_by_key(|change| change.span.start);
+        let mut text = String::with_capacity(self.text.len());
+        let mut done = 0;
+        for change in changes {
+            text.push_str(&self.text[done..change.span.start]);
+            text.push_str(&change.text);
+            done = change.span.end;
+        }
+        text.push_str(&self.text[done..]);
+        *self = Self::parse(&self.path, &text)?;
+        Ok(())
+    }
+}
+
+/// A string in RON, whose escapes are among those of Rust.
+fn quoted(text: &str) -> String {
+    format!("{text:?}")
+}
+
+/// Index of the item of that name.
+fn find(text: &str, block: &Block, name: &str) -> Option<usize> {
+    block.items.iter().position(|item| {
+        item.key.is_some_and(|key| {
+            let key = &text[key.start..key.end];
+            match ron::from_str::<String>(key) {
+                Ok(string) => string == name,
+                Err(_) => key.strip_prefix("r#").unwrap_or(key) == name,
+            }
+        })
+    })
+}
+
+/// The block that is the value of the item of that name.
+fn child(text: &str, block: &Block, name: &str) -> Option<Block> {
+    scan::block(text, block.items[find(text, block, name)?].value)
+}
+
+/// Sets the value of the item at `index`, or adds `item`.
+fn put(
+    text: &str,
+    block: &Block,
+    index: Option<usize>,
+    value: &str,
+    item: impl FnOnce() -> String,
+) -> Vec<Change> {
+    match index {
+        Some(index) => vec![Change::replace(block.items[index].value, value)],
+        None => insert(text, block, &item()),
+    }
+}
+
+/// Adds `item` at the block's end.
+fn insert(text: &str, block: &Block, item: &str) -> Vec<Change> {
+    let last = block.items.last();
+    let closing = line_start(text, block.close);
+    if closing > block.open && is_blank(&text[closing..block.close]) {
+        let indent = match last.and_then(|last| indent(text, last.start())) {
+            Some(indent) => indent.to_owned(),
+            None => format!("{}{INDENT}", &text[closing..block.close]),
+        };
+        let newline = if text[..closing].ends_with("\r\n") { "\r\n" } else { "\n" };
+        let (separator, comma) = match last {
+            Some(Item { comma: None, value, .. }) => (Some(Change::insert(value.end, ",")), ""),
+            _ => (None, ","),
+        };
+        let line = Change::insert(closing, format!("{indent}{item}{comma}{newline}"));
+        return separator.into_iter().chain([line]).collect();
+    }
+    let start = block.open + 1;
+    let inner = &text[start..block.close];
+    let at = start + inner.trim_end().len();
+    vec![match last {
+        Some(Item { comma: None, .. }) => Change::insert(at, format!(", {item}")),
+        Some(_) => Change::insert(at, format!(" {item},")),
+        None if !is_blank(inner) => Change::insert(at, format!(" {item}")),
+        None => {
+            let pad = if text[block.open..].starts_with('{') { " " } else { "" };
+            Change::replace(Span { start, end: block.close }, format!("{pad}{item}{pad}"))
+        }
+    }]
+}
+
+/// Takes out an item with its comma and, where it stands alone on its lines, the lines. Comments around it stay.
+fn remove(text: &str, block: &Block, index: usize) -> Vec<Change> {
+    let item = &block.items[index];
+    let previous = index.checked_sub(1).map(|previous| &block.items[previous]);
+    let is_last = index + 1 == block.items.len();
+
+    let mut start = item.start();
+    let mut end = item.value.end;
+    let mut changes = Vec::new();
+    match item.comma {
+        Some(comma) if is_blank(&text[end..comma]) => end = comma + 1,
+        Some(comma) => changes.push(Change::cut(comma, comma + 1)),
+        None => {
+            changes.extend(previous.and_then(|item| item.comma).map(|comma| Change::cut(comma, comma + 1)))
+        }
+    }
+
+    let rest_of_line = text[end..].split_inclusive('\n').next().unwrap_or("");
+    let ends_line = rest_of_line.ends_with('\n') && is_blank(rest_of_line);
+    if ends_line && indent(text, start).is_some() {
+        start = line_start(text, start);
+        end += rest_of_line.len();
+    } else if is_last && !ends_line {
+        // Up to what comes before, unless that is a comment: a line comment must keep its newline.
+        let before =
+            previous.map_or(block.open + 1, |item| item.comma.map_or(item.value.end, |comma| comma + 1));
+        start = if is_blank(&text[before..start]) { before } else { start - space_before(text, start) };
+        if previous.is_none() && is_blank(&text[end..block.close]) {
+            end = block.close;
+        }
+    } else if ends_line {
+        start -= space_before(text, start);
+    } else {
+        end += text[end..].len() - text[end..].trim_start_matches([' ', '\t']).len();
+    }
+    changes.push(Change::cut(start, end));
+    changes
+}
+
+fn is_blank(text: &str) -> bool {
+    text.trim().is_empty()
+}
+
+fn line_start(text: &str, at: usize) -> usize {
+    text[..at].rfind('\n').map_or(0, |newline| newline + 1)
+}
+
+/// The space before `at` on its line, if nothing else stands there.
+fn indent(text: &str, at: usize) -> Option<&str> {
+    Some(&text[line_start(text, at)..at]).filter(|before| is_blank(before))
+}
+
+/// Bytes of the space before `at`, on its line.
+fn space_before(text: &str, at: usize) -> usize {
+    text[..at].len() - text[..at].trim_end_matches([' ', '\t']).len()
+}

@@ -1,0 +1,331 @@
+//! From text to the graph's shape, with every problem on the way.
+
+use std::collections::HashSet;
+
+use serde::de::{DeserializeOwned, IgnoredAny};
+
+use super::{
+    Download, GraphFile, InputDef, NodeDef, OutputDef, ParamDef, Side, Source,
+    scan::{self, Block},
+};
+use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
+
+/// The version of the format that this program reads and writes.
+const VERSION: u32 = 1;
+
+/// So many problems are told; each carries its line's text, so a broken data file must not give thousands.
+const MOST_PROBLEMS: usize = 100;
+
+const GRAPH_FIELDS: [&str; 4] = ["version", "doc", "nodes", "outputs"];
+const NODE_FIELDS: [&str; 6] = ["kind", "on", "download", "bypass", "inputs", "params"];
+
+impl GraphFile {
+    /// Reads a file's text. `path` is its name for messages.
+    ///
+    /// # Errors
+    /// All problems of the text, in its order: either that it is not RON, or everything in it that is not as a graph
+    /// file should be. Only the first hundred are told, with the number of the rest.
+    pub fn parse(path: &str, text: &str) -> Result<Self, Problems> {
+        if let Err(error) = ron::from_str::<IgnoredAny>(text) {
+            let problem = Problem::new(GraphError::Syntax(error.code.to_string()));
+            return Err(problem.at(Place::of(path, text, syntax_span(text, &error))).into());
+        }
+        let mut reader = Reader { text, node: None, found: Vec::new() };
+        let file = reader.graph(path);
+        reader.into_problems(path).into_result()?;
+        Ok(file)
+    }
+}
+
+/// Where a syntax error stands. ron tells how far it was before and after the step that failed.
+fn syntax_span(text: &str, error: &ron::error::SpannedError) -> Span {
+    let end = offset(text, &error.span.end);
+    // Where ron went back to try another reading, it may tell a start behind the end.
+    let start = offset(text, &error.span.start).min(end);
+    match error.code {
+        // What is missing is missing at the end of that step, and space before what is wrong is not wrong.
+        ron::Error::Eof | ron::Error::ExpectedComma => Span { start: end, end },
+        ron::Error::InvalidEscape(_) => {
+            Span { start: start + text[start..end].rfind('\\').unwrap_or(0), end }
+        }
+        _ => Span { start: start + scan::trivia(&text[start..end]), end },
+    }
+}
+
+/// The byte of a line and column, both from 1, the column in characters.
+fn offset(text: &str, position: &ron::error::Position) -> usize {
+    let line: usize = text.split_inclusive('\n').take(position.line - 1).map(str::len).sum();
+    text[line..].char_indices().nth(position.col - 1).map_or(text.len(), |(column, _)| line + column)
+}
+
+/// A kind of block: what its items are called, how they are named, and how to write it.
+struct Shape {
+    item: &'static str,
+    /// Whether items are named by strings in braces; by identifiers in parentheses otherwise.
+    quoted: bool,
+    /// Name that may stand before the bracket.
+    name: &'static str,
+    example: &'static str,
+}
+
+impl Shape {
+    const fn record(name: &'static str, item: &'static str, example: &'static str) -> Self {
+        Self { item, quoted: false, name, example }
+    }
+
+    const fn map(item: &'static str, example: &'static str) -> Self {
+        Self { item, quoted: true, name: "", example }
+    }
+}
+
+const GRAPH: Shape = Shape::record("Graph", "field", "Graph(version: 1, nodes: { ... }, outputs: { ... })");
+const NODES: Shape = Shape::map("node", "{ \"NODE\": (kind: \"KIND\"), ... }");
+const NODE: Shape = Shape::record("", "field", "(kind: \"KIND\", ...)");
+const INPUTS: Shape = Shape::map("input", "{ \"PORT\": \"NODE.PORT\", ... }");
+const PARAMS: Shape = Shape::record("", "parameter", "(name: value, ...)");
+const OUTPUTS: Shape = Shape::map("output", "{ \"NAME\": \"NODE.PORT\", ... }");
+
+/// A named value of a block.
+type Entry = (Spanned<String>, Span);
+
+struct Reader<'a> {
+    text: &'a str,
+    /// The node being read, for its problems.
+    node: Option<String>,
+    found: Vec<(Span, Problem)>,
+}
+
+impl Reader<'_> {
+    fn report(&mut self, error: GraphError, span: Span) {
+        self.found.push((span, Problem { node: self.node.clone(), ..Problem::new(error) }));
+    }
+
+    fn into_problems(mut self, path: &str) -> Problems {
+        self.found.sort_by_key(|(span, _)| span.start);
+        let more = self.found.len().saturating_sub(MOST_PROBLEMS);
+        let told = self.found.into_iter().take(MOST_PROBLEMS);
+        let mut problems: Vec<Problem> =
+            told.map(|(span, problem)| problem.at(Place::of(path, self.text, span))).collect();
+        if more > 0 {
+            problems.push(Problem::new(GraphError::Syntax(format!("{more} more problems in {path}"))));
+        }
+        Problems(problems)
+    }
+
+    fn slice(&self, span: Span) -> &str {
+        &self.text[span.start..span.end]
+    }
+
+    /// The value's text, cut short for a message.
+    fn excerpt(&self, span: Span) -> String {
+        const LONGEST: usize = 40;
+        let line = self.slice(span).lines().next().unwrap_or("");
+        match line.char_indices().nth(LONGEST) {
+            Some((end, _)) => format!("{}...", &line[..end]),
+            None => line.to_owned(),
+        }
+    }
+
+    fn expected(&mut self, expected: &str, span: Span) {
+        let found = self.excerpt(span);
+        self.report(GraphError::Syntax(format!("expected {expected}, found `{found}`")), span);
+    }
+
+    /// A value read by ron; reports one of another type.
+    fn scalar<T: DeserializeOwned>(&mut self, span: Span, expected: &str) -> Option<Spanned<T>> {
+        match ron::from_str(self.slice(span)) {
+            Ok(value) => Some(Spanned { value, span }),
+            Err(_) => {
+                self.expected(expected, span);
+                None
+            }
+        }
+    }
+
+    /// A value of an enum; reports a name that is none of its variants, with the nearest.
+    fn variant<T: DeserializeOwned>(
+        &mut self,
+        span: Span,
+        what: &'static str,
+        variants: [&str; 2],
+        expected: &str,
+    ) -> Option<Spanned<T>> {
+        let text = self.slice(span);
+        let name = text.split('(').next().unwrap_or(text).trim_end();
+        if is_identifier(name) && !variants.contains(&name) {
+            self.report(GraphError::unknown(what, name, variants), span);
+            return None;
+        }
+        self.scalar(span, expected)
+    }
+
+    fn source(&mut self, span: Span) -> Option<Spanned<Source>> {
+        let text: Spanned<String> = self.scalar(span, "a port as \"NODE.PORT\"")?;
+        match text.value.parse() {
+            Ok(value) => Some(Spanned { value, span }),
+            Err(error) => {
+                self.report(error, span);
+                None
+            }
+        }
+    }
+
+    /// The block at `span` and the named values in it; reports another type of value, items without a name or with
+    /// the wrong kind of name, and names that stand twice.
+    fn entries(&mut self, span: Span, shape: &Shape) -> Option<Vec<Entry>> {
+        let bracket = if shape.quoted { '{' } else { '(' };
+        let is_named = |name: Span| self.slice(name) == shape.name;
+        let block = scan::block(self.text, span)
+            .filter(|block| self.text[block.open..].starts_with(bracket) && block.name.is_none_or(is_named));
+        let Some(Block { items, .. }) = block else {
+            self.expected(shape.example, span);
+            return None;
+        };
+        let mut names = HashSet::new();
+        let mut entries = Vec::new();
+        for item in items {
+            let Some(key) = item.key else {
+                self.expected(shape.example, item.value);
+                continue;
+            };
+            let name = if shape.quoted {
+                let Some(name) = self.scalar(key, "a name in double quotes") else { continue };
+                name
+            } else {
+                // ron lets only identifiers stand here; `r#` before one is not part of the name.
+                let name = self.slice(key);
+                Spanned { value: name.strip_prefix("r#").unwrap_or(name).to_owned(), span: key }
+            };
+            if names.insert(name.value.clone()) {
+                entries.push((name, item.value));
+            } else {
+                self.report(GraphError::Duplicate { what: shape.item, name: name.value }, key);
+            }
+        }
+        Some(entries)
+    }
+
+    fn unknown_field(&mut self, name: Spanned<String>, known: &[&str]) {
+        self.report(GraphError::unknown("field", &name.value, known), name.span);
+    }
+
+    fn graph(&mut self, path: &str) -> GraphFile {
+        let (mut version, mut doc, mut nodes, mut outputs) = (None, String::new(), None, None);
+        let root = scan::root(self.text).unwrap_or_default();
+        if let Some(entries) = self.entries(root, &GRAPH) {
+            for (name, value) in entries {
+                match name.value.as_str() {
+                    "version" => version = Some(self.version(value)),
+                    "doc" => {
+                        let text: Option<Spanned<String>> = self.scalar(value, "a text in double quotes");
+                        doc = text.map(|text| text.value).unwrap_or_default();
+                    }
+                    "nodes" => nodes = Some(self.nodes(value)),
+                    "outputs" => outputs = Some(self.outputs(value)),
+                    _ => self.unknown_field(name, &GRAPH_FIELDS),
+                }
+            }
+            let missing = [
+                (version.is_none(), "`version` is missing; write version: 1"),
+                (nodes.is_none(), "`nodes` is missing; write nodes: { \"NODE\": (kind: \"KIND\") }"),
+                (outputs.is_none(), "`outputs` is missing; write outputs: { \"NAME\": \"NODE.PORT\" }"),
+            ];
+            for (_, message) in missing.into_iter().filter(|(is_missing, _)| *is_missing) {
+                self.report(GraphError::Syntax(message.into()), Span { start: root.start, end: root.start });
+            }
+        }
+        GraphFile {
+            path: path.to_owned(),
+            text: self.text.to_owned(),
+            version: version.unwrap_or(VERSION),
+            doc,
+            nodes: nodes.unwrap_or_default(),
+            outputs: outputs.unwrap_or_default(),
+        }
+    }
+
+    fn version(&mut self, span: Span) -> u32 {
+        let found = self.scalar(span, "a whole number").map_or(VERSION, |number| number.value);
+        if found != VERSION {
+            self.report(GraphError::Version { found }, span);
+        }
+        found
+    }
+
+    fn nodes(&mut self, span: Span) -> Vec<NodeDef> {
+        let mut nodes = Vec::new();
+        for (name, value) in self.entries(span, &NODES).unwrap_or_default() {
+            if name.value.is_empty() || name.value.contains('.') {
+                let message = format!("`{}` cannot name a node; use a name without a dot", name.value);
+                self.report(GraphError::Invalid(message), name.span);
+            }
+            self.node = Some(name.value.clone());
+            nodes.extend(self.node(name, value));
+            self.node = None;
+        }
+        nodes
+    }
+
+    fn node(&mut self, name: Spanned<String>, span: Span) -> Option<NodeDef> {
+        let (mut kind, mut has_kind) = (None, false);
+        let (mut on, mut download, mut bypass) = (None, None, false);
+        let (mut inputs, mut params) = (Vec::new(), Vec::new());
+        for (field, value) in self.entries(span, &NODE)? {
+            match field.value.as_str() {
+                "kind" => {
+                    has_kind = true;
+                    kind = self.scalar(value, "a stage kind in double quotes");
+                }
+                "on" => on = self.variant::<Side>(value, "side", ["Gpu", "Cpu"], "Gpu or Cpu"),
+                "download" => {
+                    let expected = "Sync or Latent(FRAMES)";
+                    download = self.variant::<Download>(value, "download", ["Sync", "Latent"], expected);
+                }
+                "bypass" => bypass = self.scalar(value, "true or false").is_some_and(|flag| flag.value),
+                "inputs" => inputs = self.inputs(value),
+                "params" => params = self.params(value),
+                _ => self.unknown_field(field, &NODE_FIELDS),
+            }
+        }
+        if !has_kind {
+            self.report(GraphError::Syntax("`kind` is missing; write kind: \"KIND\"".into()), name.span);
+        }
+        Some(NodeDef { name, kind: kind?, on, download, bypass, inputs, params })
+    }
+
+    fn inputs(&mut self, span: Span) -> Vec<InputDef> {
+        let mut inputs = Vec::new();
+        for (port, value) in self.entries(span, &INPUTS).unwrap_or_default() {
+            let before = self.found.len();
+            match self.source(value) {
+                Some(from) => inputs.push(InputDef { port, from }),
+                None => {
+                    for (_, problem) in &mut self.found[before..] {
+                        problem.port = Some(port.value.clone());
+                    }
+                }
+            }
+        }
+        inputs
+    }
+
+    fn params(&mut self, span: Span) -> Vec<ParamDef> {
+        let entries = self.entries(span, &PARAMS).unwrap_or_default();
+        let text = |span| Spanned { value: self.slice(span).to_owned(), span };
+        entries.into_iter().map(|(name, value)| ParamDef { name, value: text(value) }).collect()
+    }
+
+    fn outputs(&mut self, span: Span) -> Vec<OutputDef> {
+        let mut outputs = Vec::new();
+        for (name, value) in self.entries(span, &OUTPUTS).unwrap_or_default() {
+            outputs.extend(self.source(value).map(|from| OutputDef { name, from }));
+        }
+        outputs
+    }
+}
+
+/// Whether RON reads this as an identifier without `r#`; only the signs that shaders allow too.
+pub(super) fn is_identifier(name: &str) -> bool {
+    name.starts_with(|c: char| c == '_' || c.is_alphabetic())
+        && name.chars().all(|c| c == '_' || c.is_alphanumeric())
+}

@@ -1,0 +1,233 @@
+//! Splits RON text into blocks and items, with the place of each.
+//!
+//! The text must be RON, which ron checks beforehand: what is left to know here is only how strings, characters and
+//! comments end, so that a bracket or a comma within them does not count.
+
+use crate::error::Span;
+
+/// A bracketed list: `Name(a: 1)`, `{ "a": 1 }` or `[1]`.
+pub(super) struct Block {
+    /// The name before the bracket.
+    pub name: Option<Span>,
+    /// Byte of the opening bracket.
+    pub open: usize,
+    /// Byte of the closing bracket.
+    pub close: usize,
+    /// What stands between the commas.
+    pub items: Vec<Item>,
+}
+
+/// `key: value` or `value`, both without surrounding space and comments.
+pub(super) struct Item {
+    /// What stands before the colon.
+    pub key: Option<Span>,
+    /// The value.
+    pub value: Span,
+    /// Byte of the comma that follows.
+    pub comma: Option<usize>,
+}
+
+impl Item {
+    /// First byte of the key, or of the value without one.
+    pub fn start(&self) -> usize {
+        self.key.unwrap_or(self.value).start
+    }
+}
+
+/// The place of the document's value, after `#![...]` attributes; none for a document without one.
+pub(super) fn root(text: &str) -> Option<Span> {
+    let mut tokens = Tokens { text, at: 0, end: text.len() };
+    let mut first = tokens.next()?;
+    while text[first.span.start..].starts_with('#') {
+        let mut depth = 0;
+        for token in tokens.by_ref() {
+            match token.kind {
+                TokenKind::Open => depth += 1,
+                TokenKind::Close => depth -= 1,
+                _ => continue,
+            }
+            if depth == 0 {
+                break;
+            }
+        }
+        first = tokens.next()?;
+    }
+    let end = tokens.last().map_or(first.span.end, |token| token.span.end);
+    Some(Span { start: first.span.start, end })
+}
+
+/// Splits the value at `span` into its items; none unless it is a bracketed list.
+pub(super) fn block(text: &str, span: Span) -> Option<Block> {
+    let mut tokens = Tokens { text, at: span.start, end: span.end };
+    let first = tokens.next()?;
+    let (name, open) = match first.kind {
+        TokenKind::Open => (None, first),
+        TokenKind::Other => (Some(first.span), tokens.next().filter(|token| token.kind == TokenKind::Open)?),
+        _ => return None,
+    };
+    let mut items = Vec::new();
+    let (mut key, mut value) = (None, None::<Span>);
+    let mut depth = 0;
+    for token in tokens {
+        match token.kind {
+            TokenKind::Comma | TokenKind::Close if depth == 0 => {
+                let closing = token.kind == TokenKind::Close;
+                if let Some(value) = value.take() {
+                    let comma = (!closing).then_some(token.span.start);
+                    items.push(Item { key: key.take(), value, comma });
+                }
+                if closing {
+                    return Some(Block { name, open: open.span.start, close: token.span.start, items });
+                }
+                continue;
+            }
+            TokenKind::Colon if depth == 0 && key.is_none() => {
+                key = value.take();
+                continue;
+            }
+            TokenKind::Open => depth += 1,
+            TokenKind::Close => depth -= 1,
+            _ => {}
+        }
+        value =
+            Some(Span { start: value.map_or(token.span.start, |value| value.start), end: token.span.end });
+    }
+    None
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum TokenKind {
+    Open,
+    Close,
+    Comma,
+    Colon,
+    Other,
+}
+
+struct Token {
+    kind: TokenKind,
+    span: Span,
+}
+
+/// The tokens of `text[at..end]`. A number may come as several tokens, since nobody here looks into it.
+struct Tokens<'a> {
+    text: &'a str,
+    at: usize,
+    end: usize,
+}
+
+impl Iterator for Tokens<'_> {
+    type Item = Token;
+
+    fn next(&mut self) -> Option<Token> {
+        let rest = &self.text[self.at..self.end];
+        let start = self.at + trivia(rest);
+        let rest = &self.text[start..self.end];
+        let first = rest.chars().next()?;
+        let (kind, length) = match first {
+            '(' | '[' | '{' => (TokenKind::Open, 1),
+            ')' | ']' | '}' => (TokenKind::Close, 1),
+            ',' => (TokenKind::Comma, 1),
+            ':' => (TokenKind::Colon, 1),
+            _ => (TokenKind::Other, other(rest, first)),
+        };
+        self.at = start + length;
+        Some(Token { kind, span: Span { start, end: self.at } })
+    }
+}
+
+/// Bytes of space and comments at the start of `text`. Block comments nest.
+pub(super) fn trivia(text: &str) -> usize {
+    let mut rest = text;
+    loop {
+        // The two direction marks are space to ron, though not to Unicode.
+        rest = rest.trim_start_matches(|c: char| c.is_whitespace() || matches!(c, '\u{200E}' | '\u{200F}'));
+        if rest.starts_with("//") {
+            rest = rest.find('\n').map_or("", |newline| &rest[newline..]);
+        } else if rest.starts_with("/*") {
+            rest = &rest[block_comment(rest)..];
+        } else {
+            return text.len() - rest.len();
+        }
+    }
+}
+
+fn block_comment(text: &str) -> usize {
+    let (mut at, mut depth) = (0, 0);
+    loop {
+        let rest = &text[at..];
+        if rest.starts_with("/*") {
+            depth += 1;
+        } else if rest.starts_with("*/") {
+            depth -= 1;
+        } else {
+            match rest.chars().next() {
+                Some(c) => at += c.len_utf8(),
+                None => return at,
+            }
+            continue;
+        }
+        at += 2;
+        if depth == 0 {
+            return at;
+        }
+    }
+}
+
+/// Length of the string, character, word or sign at the start of `text`.
+fn other(text: &str, first: char) -> usize {
+    match first {
+        '"' => 1 + quoted(&text[1..], '"'),
+        '\'' => 1 + character(&text[1..]),
+        _ if is_word(first) => {
+            let word = text.find(|c| !is_word(c)).unwrap_or(text.len());
+            word + suffix(&text[..word], &text[word..])
+        }
+        _ => first.len_utf8(),
+    }
+}
+
+fn is_word(c: char) -> bool {
+    c == '_' || c.is_alphanumeric()
+}
+
+/// Length of what follows the prefixes of raw strings, byte strings, bytes and raw identifiers.
+fn suffix(word: &str, rest: &str) -> usize {
+    match word {
+        "b" if rest.starts_with('"') => 1 + quoted(&rest[1..], '"'),
+        "b" if rest.starts_with('\'') => 1 + character(&rest[1..]),
+        "r" | "br" => {
+            let hashes = rest.len() - rest.trim_start_matches('#').len();
+            let body = &rest[hashes..];
+            if let Some(body) = body.strip_prefix('"') {
+                let terminator = format!("\"{}", &rest[..hashes]);
+                hashes + 1 + body.find(&terminator).map_or(body.len(), |end| end + terminator.len())
+            } else {
+                // A raw identifier may hold these signs besides those of a word.
+                hashes
+                    + body.find(|c| !(is_word(c) || "+-.".contains(c))).unwrap_or(body.len()) * hashes.min(1)
+            }
+        }
+        _ => 0,
+    }
+}
+
+/// Length up to and with the closing `quote`, which does not count behind a backslash.
+fn quoted(text: &str, quote: char) -> usize {
+    let mut escaped = false;
+    for (at, c) in text.char_indices() {
+        if c == quote && !escaped {
+            return at + c.len_utf8();
+        }
+        escaped = c == '\\' && !escaped;
+    }
+    text.len()
+}
+
+/// Like [`quoted`] for a character literal, whose first character may be a quote itself.
+fn character(text: &str) -> usize {
+    match text.chars().next() {
+        Some('\'') => 1 + quoted(&text[1..], '\''),
+        _ => quoted(text, '\''),
+    }
+}

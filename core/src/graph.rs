@@ -1,0 +1,766 @@
+//! A checked graph: every node has its stage, every wire joins ports that fit, every extent is a number.
+//!
+//! Checking goes on after each problem, so that a file's problems are reported together. What the scene makes needless
+//! is bypassed here, and nodes that nothing reads are left out; both with a reason that people can read.
+
+use std::collections::{BTreeSet, HashMap};
+
+use crate::{
+    error::{GraphError, Problem, Problems, Span, Spanned},
+    file::{Download, GraphFile, Side, Source},
+    frame::Facts,
+    port::{Access, Dims, Extent, Lifetime, Port},
+    registry::{NodeContext, Registry},
+    stage::{AnyStage, Declaration},
+};
+
+/// Largest width or height of a frame in pixels.
+pub const MAX_SIDE: u32 = 16384;
+
+/// What a graph is compiled for.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Width and height of the frame, each 1 to [`MAX_SIDE`].
+    pub size: [u32; 2],
+    /// Samples a frame may ask for: the extent of request lists.
+    pub samples: u32,
+    /// What the scene states.
+    pub facts: Facts,
+    /// Where nodes run that do not say.
+    pub side: Side,
+    /// Leave out what the facts make needless. Off: every node of the file runs.
+    pub prune: bool,
+    /// Share memory between transients whose lives do not overlap.
+    pub pooling: bool,
+    /// Fill transients with NaN or 0xDEADBEEF before their first use.
+    pub poison: bool,
+    /// Ports to be read after their node: they keep their nodes alive.
+    pub taps: Vec<Source>,
+}
+
+impl Settings {
+    /// For a frame of this size: all on the CPU, pruned, pooled.
+    pub fn new(size: [u32; 2], samples: u32) -> Self {
+        Self {
+            size,
+            samples,
+            facts: Facts::default(),
+            side: Side::Cpu,
+            prune: true,
+            pooling: true,
+            poison: false,
+            taps: Vec::new(),
+        }
+    }
+}
+
+/// A port of a node, by index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PortRef {
+    /// Index in [`Graph::nodes`].
+    pub node: usize,
+    /// Index in the stage's ports.
+    pub port: usize,
+}
+
+/// A node that runs.
+pub struct Node {
+    /// Its name in the file.
+    pub name: String,
+    /// Its kind.
+    pub kind: String,
+    /// Where it runs.
+    pub side: Side,
+    /// How results of the GPU reach it when it runs on the CPU.
+    pub download: Download,
+    /// Its stage.
+    pub stage: Box<dyn AnyStage>,
+    /// The source of each port, for connected inputs.
+    pub sources: Vec<Option<PortRef>>,
+    /// Width and height of each port.
+    pub dims: Vec<Dims>,
+}
+
+impl Node {
+    /// What its stage declared.
+    pub fn declaration(&self) -> &Declaration {
+        self.stage.declaration()
+    }
+
+    fn ports(&self) -> impl Iterator<Item = (usize, &Port, Option<PortRef>)> {
+        self.declaration().ports.iter().enumerate().map(|(index, port)| (index, port, self.sources[index]))
+    }
+}
+
+/// A node that was left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Culled {
+    /// Its name.
+    pub node: String,
+    /// Its kind.
+    pub kind: String,
+    /// Why.
+    pub why: String,
+}
+
+/// A checked graph.
+pub struct Graph {
+    /// Nodes that run, in file order.
+    pub nodes: Vec<Node>,
+    /// Named outputs.
+    pub outputs: Vec<(String, PortRef)>,
+    /// What is read besides: the settings' taps, in their order.
+    pub taps: Vec<(Source, PortRef)>,
+    /// What was left out.
+    pub culled: Vec<Culled>,
+}
+
+impl Graph {
+    /// Checks a file against the registry. Reports every problem found.
+    pub fn check(file: &GraphFile, registry: &Registry, settings: &Settings) -> Result<Self, Problems> {
+        let [width, height] = settings.size;
+        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+            let text =
+                format!("size {width}x{height} is not possible; each side may be 1 to {MAX_SIDE} pixels");
+            return Err(Problem::new(GraphError::Invalid(text)).into());
+        }
+        let mut checker = Checker { file, registry, settings, problems: Problems::default() };
+        let made = checker.make_all();
+        let wires = checker.wire(&made);
+        let outputs = checker.outputs(&made);
+        let taps = checker.taps(&made);
+        checker.problems.into_result()?;
+        let mut made: Vec<Made> =
+            made.into_iter().map(|made| made.expect("no problems, so all were made")).collect();
+
+        let mut checker = Checker { file, registry, settings, problems: Problems::default() };
+        let bypass = checker.bypass(&made, wires, outputs, taps);
+        checker.problems.clone().into_result()?;
+        let live = live(&made, &bypass);
+        checker.remake(&mut made, &bypass);
+        let graph = checker.assemble(made, bypass, &live);
+        checker.problems.into_result()?;
+        Ok(graph)
+    }
+
+    /// The index of the node of that name.
+    pub fn node(&self, name: &str) -> Option<usize> {
+        self.nodes.iter().position(|node| node.name == name)
+    }
+
+    /// The port that first wrote the storage behind an output, through all updates in place.
+    pub fn root(&self, mut at: PortRef) -> PortRef {
+        while self.nodes[at.node].declaration().ports[at.port].access == Access::Update {
+            at = self.nodes[at.node].sources[at.port].expect("updates are connected");
+        }
+        at
+    }
+
+    /// Sets [`Node::dims`] from the declared extents. An error names the node and what is wrong with its extent.
+    pub(crate) fn resolve_dims(&mut self, settings: &Settings) -> Result<(), (usize, String)> {
+        let mut resolver = Resolver { graph: self, settings, known: HashMap::new(), visiting: Vec::new() };
+        for node in 0..resolver.graph.nodes.len() {
+            for port in 0..resolver.graph.nodes[node].sources.len() {
+                resolver.dims(PortRef { node, port }).map_err(|text| (node, text))?;
+            }
+        }
+        for (at, dims) in resolver.known {
+            self.nodes[at.node].dims[at.port] = dims;
+        }
+        Ok(())
+    }
+
+    /// `node.port` as text.
+    pub fn name(&self, at: PortRef) -> String {
+        let node = &self.nodes[at.node];
+        format!("{}.{}", node.name, node.declaration().ports[at.port].name)
+    }
+}
+
+/// A node's stage before wires are known to be sound.
+struct Made {
+    stage: Box<dyn AnyStage>,
+}
+
+impl Made {
+    fn ports(&self) -> &[Port] {
+        &self.stage.declaration().ports
+    }
+}
+
+type Wires = Vec<HashMap<usize, PortRef>>;
+
+struct Bypassed {
+    wires: Wires,
+    outputs: Vec<(String, PortRef)>,
+    taps: Vec<(Source, PortRef)>,
+    why: HashMap<usize, String>,
+}
+
+struct Checker<'a> {
+    file: &'a GraphFile,
+    registry: &'a Registry,
+    settings: &'a Settings,
+    problems: Problems,
+}
+
+impl Checker<'_> {
+    fn problem(&mut self, node: usize, span: Span, port: Option<&str>, error: GraphError) {
+        let mut problem =
+            Problem::new(error).at(self.file.place(span)).node(&self.file.nodes[node].name.value);
+        problem.port = port.map(str::to_owned);
+        self.problems.0.push(problem);
+    }
+
+    fn make(&mut self, index: usize, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
+        let node = &self.file.nodes[index];
+        let Some(kind) = self.registry.get(&node.kind.value) else {
+            let known = self.registry.kinds().map(|kind| kind.name());
+            let error = GraphError::unknown("stage kind", &node.kind.value, known);
+            self.problem(index, node.kind.span, None, error);
+            return None;
+        };
+        let cx = NodeContext { file: self.file, node, connected, library: &self.registry.library };
+        match kind.make(&cx) {
+            Ok(stage) => Some(Made { stage }),
+            Err(problems) => {
+                self.problems.0.extend(problems.0);
+                None
+            }
+        }
+    }
+
+    fn make_all(&mut self) -> Vec<Option<Made>> {
+        let file = self.file;
+        (0..file.nodes.len())
+            .map(|index| {
+                let inputs = &file.nodes[index].inputs;
+                self.make(index, &|name| inputs.iter().any(|input| input.port.value == name))
+            })
+            .collect()
+    }
+
+    /// The output port that `source` names. `None` without a problem where its node is itself broken.
+    fn resolve(&self, source: &Source, made: &[Option<Made>]) -> Result<Option<PortRef>, GraphError> {
+        let nodes = &self.file.nodes;
+        let Some(node) = nodes.iter().position(|node| node.name.value == source.node) else {
+            let known = nodes.iter().map(|node| &node.name.value);
+            return Err(GraphError::unknown("node", &source.node, known));
+        };
+        let Some(made) = &made[node] else { return Ok(None) };
+        match made.ports().iter().position(|port| port.name == source.port && port.is_output()) {
+            Some(port) => Ok(Some(PortRef { node, port })),
+            None => {
+                let known = made.ports().iter().filter(|port| port.is_output()).map(|port| &port.name);
+                Err(GraphError::unknown("output port", &source.port, known))
+            }
+        }
+    }
+
+    fn wire(&mut self, made: &[Option<Made>]) -> Wires {
+        let file = self.file;
+        let mut wires: Wires = vec![HashMap::new(); made.len()];
+        for (index, node) in file.nodes.iter().enumerate() {
+            let mut unresolved = BTreeSet::new();
+            for input in &node.inputs {
+                let source = match self.resolve(&input.from.value, made) {
+                    Ok(source) => source,
+                    Err(error) => {
+                        self.problem(index, input.from.span, Some(&input.port.value), error);
+                        None
+                    }
+                };
+                let Some(stage) = &made[index] else { continue };
+                let port = stage.ports().iter().position(|p| p.name == input.port.value && p.is_input());
+                let Some(port) = port else {
+                    let known = stage.ports().iter().filter(|port| port.is_input()).map(|port| &port.name);
+                    let error = GraphError::unknown("input", &input.port.value, known);
+                    self.problem(index, input.port.span, Some(&input.port.value), error);
+                    continue;
+                };
+                match source {
+                    Some(source) => {
+                        wires[index].insert(port, source);
+                    }
+                    None => {
+                        unresolved.insert(port);
+                    }
+                }
+            }
+            let Some(stage) = &made[index] else { continue };
+            for (at, port) in stage.ports().iter().enumerate() {
+                let connected = wires[index].contains_key(&at) || unresolved.contains(&at);
+                if port.is_input() && !port.optional && !connected {
+                    let error =
+                        GraphError::Missing { port: port.name.to_string(), doc: port.doc.to_string() };
+                    self.problem(index, node.name.span, Some(&port.name), error);
+                }
+            }
+        }
+        self.check_types(made, &wires);
+        wires
+    }
+
+    fn check_types(&mut self, made: &[Option<Made>], wires: &Wires) {
+        let file = self.file;
+        for (index, inputs) in wires.iter().enumerate() {
+            let Some(stage) = &made[index] else { continue };
+            let mut inputs: Vec<_> = inputs.iter().collect();
+            inputs.sort();
+            for (&port, source) in inputs {
+                let Some(from) = &made[source.node] else { continue };
+                let given = full_fields(made, wires, *source);
+                let Some(given) = given else { continue };
+                let wanted = &stage.ports()[port];
+                let fits = wanted.fields.iter().all(|field| {
+                    given
+                        .fields
+                        .iter()
+                        .any(|other| other.name == field.name && field.element.accepts(&other.element))
+                });
+                if fits {
+                    continue;
+                }
+                let source_name =
+                    format!("{}.{}", file.nodes[source.node].name.value, from.ports()[source.port].name);
+                let error = GraphError::Type {
+                    port: wanted.name.to_string(),
+                    source_port: source_name,
+                    expected: describe(wanted),
+                    found: describe(given),
+                };
+                let span = self.input_span(index, &wanted.name);
+                self.problem(index, span, Some(&wanted.name), error);
+            }
+        }
+    }
+
+    fn input_span(&self, node: usize, port: &str) -> Span {
+        let node = &self.file.nodes[node];
+        node.inputs
+            .iter()
+            .find(|input| input.port.value == port)
+            .map_or(node.name.span, |input| input.from.span)
+    }
+
+    fn outputs(&mut self, made: &[Option<Made>]) -> Vec<(String, PortRef)> {
+        let file = self.file;
+        let mut outputs = Vec::new();
+        for output in &file.outputs {
+            match self.resolve(&output.from.value, made) {
+                Ok(Some(at)) => outputs.push((output.name.value.clone(), at)),
+                Ok(None) => {}
+                Err(error) => {
+                    let problem =
+                        Problem::new(error).at(file.place(output.from.span)).port(&output.name.value);
+                    self.problems.0.push(problem);
+                }
+            }
+        }
+        if file.outputs.is_empty() {
+            let text = "the graph has no outputs; write outputs: { \"image\": \"NODE.PORT\" }";
+            self.problems
+                .0
+                .push(Problem::new(GraphError::Invalid(text.into())).at(file.place(Span::default())));
+        }
+        outputs
+    }
+
+    fn taps(&mut self, made: &[Option<Made>]) -> Vec<(Source, PortRef)> {
+        let mut taps = Vec::new();
+        for source in &self.settings.taps {
+            match self.resolve(source, made) {
+                Ok(Some(at)) => taps.push((source.clone(), at)),
+                Ok(None) => {}
+                Err(error) => self.problems.0.push(Problem::new(error)),
+            }
+        }
+        taps
+    }
+
+    /// Decides which nodes are stepped over and rewires around them: an updated port hands on its input, a written one
+    /// the first connected input of the same element, or nothing.
+    fn bypass(
+        &mut self,
+        made: &[Made],
+        wires: Wires,
+        outputs: Vec<(String, PortRef)>,
+        taps: Vec<(Source, PortRef)>,
+    ) -> Bypassed {
+        let mut bypassed = Bypassed { wires, outputs, taps, why: HashMap::new() };
+        for (index, stage) in made.iter().enumerate() {
+            let asked = self.file.nodes[index].bypass;
+            let needless =
+                if self.settings.prune { stage.stage.needless(&self.settings.facts) } else { None };
+            let why = match (asked, needless) {
+                (true, _) => "bypassed in the graph file".to_owned(),
+                (false, Some(why)) => why.to_owned(),
+                (false, None) => continue,
+            };
+            match step_over(made, &bypassed, index) {
+                Ok((wires, outputs, taps)) => {
+                    bypassed.wires = wires;
+                    bypassed.outputs = outputs;
+                    bypassed.taps = taps;
+                    bypassed.why.insert(index, why);
+                }
+                // A stage that the scene makes needless stays where something still asks for its output.
+                Err(_) if !asked => {}
+                Err(reason) => {
+                    let span = self.file.nodes[index].name.span;
+                    self.problem(
+                        index,
+                        span,
+                        None,
+                        GraphError::Invalid(format!("cannot be bypassed: {reason}")),
+                    );
+                }
+            }
+        }
+        bypassed
+    }
+
+    /// Declares again the stages whose optional inputs lost their source to a bypass.
+    fn remake(&mut self, made: &mut [Made], bypass: &Bypassed) {
+        for index in 0..made.len() {
+            let lost = self.file.nodes[index].inputs.iter().any(|input| {
+                let port = made[index].ports().iter().position(|port| port.name == input.port.value);
+                port.is_some_and(|port| !bypass.wires[index].contains_key(&port))
+            });
+            if lost && !bypass.why.contains_key(&index) {
+                let kept: BTreeSet<String> = bypass.wires[index]
+                    .keys()
+                    .map(|&port| made[index].ports()[port].name.to_string())
+                    .collect();
+                if let Some(again) = self.make(index, &|name| kept.contains(name)) {
+                    made[index] = again;
+                }
+            }
+        }
+    }
+
+    fn assemble(&mut self, made: Vec<Made>, bypass: Bypassed, live: &BTreeSet<usize>) -> Graph {
+        let file = self.file;
+        let mut culled = Vec::new();
+        let mut place = HashMap::new();
+        for (index, node) in file.nodes.iter().enumerate() {
+            if live.contains(&index) {
+                place.insert(index, place.len());
+                continue;
+            }
+            let why = bypass
+                .why
+                .get(&index)
+                .cloned()
+                .unwrap_or_else(|| "nothing that is shown depends on it".into());
+            culled.push(Culled { node: node.name.value.clone(), kind: node.kind.value.clone(), why });
+        }
+        let renumber = |at: &PortRef| PortRef { node: place[&at.node], port: at.port };
+        let mut nodes = Vec::new();
+        for (index, made) in made.into_iter().enumerate() {
+            if !live.contains(&index) {
+                continue;
+            }
+            let node = &file.nodes[index];
+            let declaration = made.stage.declaration();
+            let sources = (0..declaration.ports.len())
+                .map(|port| bypass.wires[index].get(&port).map(renumber))
+                .collect();
+            let dims = vec![Dims::default(); declaration.ports.len()];
+            let side = self.side(index, declaration, node.on.as_ref());
+            nodes.push(Node {
+                name: node.name.value.clone(),
+                kind: node.kind.value.clone(),
+                side,
+                download: node.download.as_ref().map_or(Download::Sync, |download| download.value),
+                stage: made.stage,
+                sources,
+                dims,
+            });
+        }
+        let outputs = bypass.outputs.iter().map(|(name, at)| (name.clone(), renumber(at))).collect();
+        let taps = bypass.taps.iter().map(|(source, at)| (source.clone(), renumber(at))).collect();
+        let mut graph = Graph { nodes, outputs, taps, culled };
+        self.check_updates(&graph);
+        if self.problems.0.is_empty() {
+            self.resolve_dims(&mut graph);
+        }
+        graph
+    }
+
+    fn side(&mut self, index: usize, declaration: &Declaration, on: Option<&Spanned<Side>>) -> Side {
+        let other = |side| if side == Side::Cpu { Side::Gpu } else { Side::Cpu };
+        match on {
+            Some(on) if !declaration.runs_on(on.value) => {
+                let text = format!("cannot run on {}: this stage has no {} form", on.value, on.value);
+                self.problem(index, on.span, None, GraphError::Invalid(text));
+                on.value
+            }
+            Some(on) => on.value,
+            None if declaration.runs_on(self.settings.side) => self.settings.side,
+            None => other(self.settings.side),
+        }
+    }
+
+    /// One version of a resource has at most one updater, and last frame's value is only kept of what is not updated.
+    fn check_updates(&mut self, graph: &Graph) {
+        let mut updater: HashMap<PortRef, usize> = HashMap::new();
+        for (index, node) in graph.nodes.iter().enumerate() {
+            for (_, port, source) in node.ports() {
+                let (Access::Update, Some(source)) = (port.access, source) else { continue };
+                if let Some(first) = updater.insert(source, index) {
+                    let error = GraphError::DoublyWritten {
+                        source_port: graph.name(source),
+                        first: graph.nodes[first].name.clone(),
+                        second: node.name.clone(),
+                    };
+                    let at = self.index_in_file(&node.name);
+                    let span = self.input_span(at, &port.name);
+                    self.problem(at, span, Some(&port.name), error);
+                }
+            }
+        }
+        for node in &graph.nodes {
+            for (_, port, source) in node.ports() {
+                let (Access::History, Some(source)) = (port.access, source) else { continue };
+                let root = graph.nodes[graph.root(source).node].declaration().ports[graph.root(source).port]
+                    .lifetime;
+                let updated = graph.root(source) != source || updater.contains_key(&source);
+                if root == Lifetime::Persistent || updated {
+                    let text = format!(
+                        "`{}` is kept or updated in place, so its value of the last frame is gone; history inputs take \
+                         ports that are written anew each frame",
+                        graph.name(source)
+                    );
+                    let at = self.index_in_file(&node.name);
+                    let span = self.input_span(at, &port.name);
+                    self.problem(at, span, Some(&port.name), GraphError::Invalid(text));
+                }
+            }
+        }
+    }
+
+    fn index_in_file(&self, name: &str) -> usize {
+        self.file
+            .nodes
+            .iter()
+            .position(|node| node.name.value == name)
+            .expect("graph nodes come from the file")
+    }
+
+    fn resolve_dims(&mut self, graph: &mut Graph) {
+        if let Err((node, text)) = graph.resolve_dims(self.settings) {
+            let at = self.index_in_file(&graph.nodes[node].name);
+            let span = self.file.nodes[at].name.span;
+            self.problem(at, span, None, GraphError::Invalid(text));
+            return;
+        }
+        let mut resolver =
+            Resolver { graph, settings: self.settings, known: HashMap::new(), visiting: Vec::new() };
+        for node in 0..resolver.graph.nodes.len() {
+            for port in 0..resolver.graph.nodes[node].sources.len() {
+                let at = PortRef { node, port };
+                let found = resolver.graph.nodes[node].dims[port];
+                let Err(expected) = resolver.fits(at, found) else { continue };
+                let graph = resolver.graph;
+                let port = graph.nodes[node].declaration().ports[port].name.to_string();
+                let source = graph.nodes[node].sources[at.port].expect("only connected ports are compared");
+                let error = GraphError::Extent {
+                    port: port.clone(),
+                    source_port: graph.name(source),
+                    expected,
+                    found: found.to_string(),
+                };
+                let index = self.index_in_file(&graph.nodes[node].name);
+                self.problem(index, self.input_span(index, &port), Some(&port), error);
+            }
+        }
+    }
+}
+
+fn describe(port: &Port) -> String {
+    match port.fields.as_slice() {
+        [one] if one.name.is_empty() => one.element.to_string(),
+        fields => {
+            let fields: Vec<String> = fields.iter().map(|f| format!("{}: {}", f.name, f.element)).collect();
+            format!("a bundle of {}", fields.join(", "))
+        }
+    }
+}
+
+/// The port whose fields an output carries: an update of some fields of a bundle passes all of them on.
+fn full_fields<'m>(made: &'m [Option<Made>], wires: &Wires, mut at: PortRef) -> Option<&'m Port> {
+    for _ in 0..made.len() + 1 {
+        let port = &made[at.node].as_ref()?.ports()[at.port];
+        if port.access != Access::Update {
+            return Some(port);
+        }
+        at = *wires[at.node].get(&at.port)?;
+    }
+    // The updates form a cycle; that is reported as such later.
+    None
+}
+
+type Rewired = (Wires, Vec<(String, PortRef)>, Vec<(Source, PortRef)>);
+
+fn step_over(made: &[Made], now: &Bypassed, index: usize) -> Result<Rewired, String> {
+    let ports = made[index].ports();
+    let replacement = |port: usize| -> Option<PortRef> {
+        let inputs = &now.wires[index];
+        if ports[port].access == Access::Update {
+            return inputs.get(&port).copied();
+        }
+        let like = |other: &Port| other.access == Access::Read && other.fields == ports[port].fields;
+        (0..ports.len()).filter(|&other| like(&ports[other])).find_map(|other| inputs.get(&other).copied())
+    };
+    let mut wires = now.wires.clone();
+    for (consumer, inputs) in wires.iter_mut().enumerate() {
+        if consumer == index || now.why.contains_key(&consumer) {
+            continue;
+        }
+        let affected: Vec<usize> =
+            inputs.iter().filter(|(_, source)| source.node == index).map(|(&port, _)| port).collect();
+        for port in affected {
+            match replacement(inputs[&port].port) {
+                Some(source) => {
+                    inputs.insert(port, source);
+                }
+                None if made[consumer].ports()[port].optional => {
+                    inputs.remove(&port);
+                }
+                None => {
+                    return Err(format!(
+                        "`{}` of another node needs its output",
+                        made[consumer].ports()[port].name
+                    ));
+                }
+            }
+        }
+    }
+    let redirect = |at: PortRef| if at.node == index { replacement(at.port) } else { Some(at) };
+    let mut outputs = Vec::new();
+    for (name, at) in &now.outputs {
+        outputs.push((name.clone(), redirect(*at).ok_or_else(|| format!("the output `{name}` needs it"))?));
+    }
+    let mut taps = Vec::new();
+    for (source, at) in &now.taps {
+        taps.push((source.clone(), redirect(*at).ok_or_else(|| format!("`{source}` was asked for"))?));
+    }
+    Ok((wires, outputs, taps))
+}
+
+/// The nodes that something shown depends on, in this frame or through history and kept memory.
+fn live(made: &[Made], bypass: &Bypassed) -> BTreeSet<usize> {
+    let mut live = BTreeSet::new();
+    let mut todo: Vec<usize> = bypass
+        .outputs
+        .iter()
+        .map(|(_, at)| at.node)
+        .chain(bypass.taps.iter().map(|(_, at)| at.node))
+        .collect();
+    let source_of = |node: usize, port: usize| bypass.wires[node].get(&port).copied();
+    let root = |mut at: PortRef| {
+        for _ in 0..made.len() {
+            if made[at.node].ports()[at.port].access != Access::Update {
+                break;
+            }
+            let Some(source) = source_of(at.node, at.port) else { break };
+            at = source;
+        }
+        at
+    };
+    let is_kept = |at: PortRef| made[at.node].ports()[at.port].lifetime == Lifetime::Persistent;
+    while let Some(node) = todo.pop() {
+        if !live.insert(node) {
+            continue;
+        }
+        for (&_, source) in &bypass.wires[node] {
+            todo.push(source.node);
+            let kept = root(*source);
+            if !is_kept(kept) {
+                continue;
+            }
+            // Kept memory carries every update into the next frame, whoever reads which version.
+            for (other, stage) in made.iter().enumerate() {
+                let updates = stage.ports().iter().enumerate().any(|(port, declared)| {
+                    declared.access == Access::Update
+                        && source_of(other, port).is_some_and(|at| root(at) == kept)
+                });
+                if updates && !bypass.why.contains_key(&other) {
+                    todo.push(other);
+                }
+            }
+        }
+    }
+    live
+}
+
+struct Resolver<'g> {
+    graph: &'g Graph,
+    settings: &'g Settings,
+    known: HashMap<PortRef, Dims>,
+    visiting: Vec<PortRef>,
+}
+
+impl Resolver<'_> {
+    fn dims(&mut self, at: PortRef) -> Result<Dims, String> {
+        if let Some(dims) = self.known.get(&at) {
+            return Ok(*dims);
+        }
+        if self.visiting.contains(&at) {
+            return Err(format!("the extent of `{}` depends on itself", self.graph.name(at)));
+        }
+        self.visiting.push(at);
+        let node = &self.graph.nodes[at.node];
+        let port = &node.declaration().ports[at.port];
+        let dims = match node.sources[at.port] {
+            Some(source) if port.is_input() => self.dims(source)?,
+            _ => self.declared(at.node, &port.extent)?.unwrap_or(Dims { width: 1, height: 1 }),
+        };
+        self.visiting.pop();
+        self.known.insert(at, dims);
+        Ok(dims)
+    }
+
+    /// An extent in numbers; `None` where any will do.
+    fn declared(&mut self, node: usize, extent: &Extent) -> Result<Option<Dims>, String> {
+        let [width, height] = self.settings.size;
+        // Lists are never empty: a buffer of no bytes cannot be bound. Shaders test validity element by element.
+        let list = |count: u64| {
+            u32::try_from(count.max(1))
+                .map(|width| Some(Dims { width, height: 1 }))
+                .map_err(|_| format!("a list of {count} elements is longer than 2^32"))
+        };
+        match extent {
+            Extent::Frame(n) => Ok(Some(Dims { width: width.div_ceil(*n), height: height.div_ceil(*n) })),
+            Extent::PerPixel(share) => {
+                list((f64::from(width) * f64::from(height) * f64::from(*share)).ceil() as u64)
+            }
+            Extent::Requests => list(self.settings.samples.into()),
+            Extent::Edges => list(self.settings.facts.edges().into()),
+            Extent::Faces => list(self.settings.facts.faces.into()),
+            Extent::Fixed([width, height]) => {
+                Ok(Some(Dims { width: (*width).max(1), height: (*height).max(1) }))
+            }
+            Extent::Any => Ok(None),
+            Extent::Like(name) => {
+                let port = self.graph.nodes[node].declaration().port(name);
+                let port = port.ok_or_else(|| format!("extent like `{name}`, but there is no such port"))?;
+                self.dims(PortRef { node, port }).map(Some)
+            }
+        }
+    }
+
+    /// Compares a connected input with what it declares.
+    fn fits(&mut self, at: PortRef, found: Dims) -> Result<(), String> {
+        let node = &self.graph.nodes[at.node];
+        let port = &node.declaration().ports[at.port];
+        if !port.is_input() || node.sources[at.port].is_none() {
+            return Ok(());
+        }
+        match self.declared(at.node, &port.extent) {
+            Ok(Some(expected)) if expected != found => Err(format!("{expected} ({})", port.extent)),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Epigraph's core: graph file -> checked graph -> plan -> execution. It knows no algorithm.
+//!
+//! A [`GraphFile`] is text with the place of everything in it. [`Registry`] turns its nodes into stages, each of which
+//! has declared its ports once ([`Io`]). Shaders are composed and compared with those ports by naga, without a GPU.
+
+pub use bytemuck;
+pub use serde;
+
+mod error;
+mod executor;
+mod file;
+mod frame;
+mod graph;
+mod harness;
+mod params;
+mod plan;
+mod port;
+mod reflect;
+mod registry;
+mod shader;
+mod stage;
+mod wgsl;
+
+pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
+pub use executor::{AdapterChoice, Executor, Gpu, RunError, Snapshot};
+pub use file::*;
+pub use frame::{Facts, Frame, View};
+pub use graph::{Culled, Graph, MAX_SIDE, Node, PortRef, Settings};
+pub use harness::{Harness, Outputs};
+pub use params::{ParamError, ParamKind, ParamSpec, ParamValue, Params, parse_value};
+pub use plan::{Copy, Life, Plan, Slot, Step, Storage, Tap, compile};
+pub use port::{
+    Access, Dims, Element, Extent, Field, FieldRef, Format, In, ItemMember, Lifetime, Member, Out, Port,
+    PortElement, Scalar, plain, texel,
+};
+pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, compose as compose_shader};
+pub use registry::{Kind, NodeContext, Registry, ShaderLibrary};
+pub use shader::{Needs, Pass, Shader, Threads};
+pub use stage::{AnyStage, Block, Bundle, CpuContext, Declaration, Host, Io, Stage};
+pub use wgsl::wgsl_kind;

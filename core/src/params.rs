@@ -1,0 +1,267 @@
+//! Parameters: one field with one doc line gives the RON syntax, the default, the range, the text of `epigraph stages`,
+//! the editor's widget and the shader's uniform.
+
+use serde::de::DeserializeOwned;
+
+use crate::port::Scalar;
+
+/// What kind of value a parameter takes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParamKind {
+    /// `true` or `false`; 1 or 0 in the uniform.
+    Bool,
+    /// A whole number.
+    U32,
+    /// A whole number with sign.
+    I32,
+    /// A number.
+    F32,
+    /// One of these names; its index in the uniform.
+    Choice(Vec<String>),
+    /// A text in quotes, such as a path. It has no place in the uniform.
+    Text,
+}
+
+impl ParamKind {
+    /// The scalar that stands for it in a uniform; none for what stays out of the uniform.
+    pub fn scalar(&self) -> Option<Scalar> {
+        match self {
+            Self::F32 => Some(Scalar::F32),
+            Self::I32 => Some(Scalar::I32),
+            Self::Bool | Self::U32 | Self::Choice(_) => Some(Scalar::U32),
+            Self::Text => None,
+        }
+    }
+
+    /// In words, for messages: "a number", "one of A, B".
+    pub fn words(&self) -> String {
+        match self {
+            Self::Bool => "true or false".into(),
+            Self::U32 => "a whole number".into(),
+            Self::I32 => "a whole number, negative allowed".into(),
+            Self::F32 => "a number".into(),
+            Self::Choice(names) => format!("one of {}", names.join(", ")),
+            Self::Text => "a text in quotes".into(),
+        }
+    }
+}
+
+/// Everything that is said about one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamSpec {
+    /// Name in the graph file and in the shader's `Params` struct.
+    pub name: String,
+    /// One sentence.
+    pub doc: String,
+    /// Unit, or empty.
+    pub unit: String,
+    /// What it takes.
+    pub kind: ParamKind,
+    /// Lowest and highest value, both included; none for names and truth values.
+    pub range: Option<(f64, f64)>,
+    /// The default, as RON.
+    pub default: String,
+}
+
+/// A type that can be a parameter.
+pub trait ParamValue: DeserializeOwned + PartialEq + Clone {
+    /// What it takes.
+    fn kind() -> ParamKind;
+    /// Its 32 bits in the uniform.
+    fn bits(&self) -> u32;
+    /// As a number where it has a range.
+    fn number(&self) -> Option<f64>;
+    /// As RON text.
+    fn ron(&self) -> String;
+}
+
+macro_rules! number_params {
+    ($($ty:ty, $kind:ident, |$v:ident| $bits:expr;)*) => {$(
+        impl ParamValue for $ty {
+            fn kind() -> ParamKind {
+                ParamKind::$kind
+            }
+            fn bits(&self) -> u32 {
+                let $v = *self;
+                $bits
+            }
+            fn number(&self) -> Option<f64> {
+                Some(*self as f64)
+            }
+            fn ron(&self) -> String {
+                format!("{self:?}")
+            }
+        }
+    )*};
+}
+
+number_params! {
+    u32, U32, |v| v;
+    i32, I32, |v| v as u32;
+    f32, F32, |v| v.to_bits();
+}
+
+impl ParamValue for bool {
+    fn kind() -> ParamKind {
+        ParamKind::Bool
+    }
+    fn bits(&self) -> u32 {
+        u32::from(*self)
+    }
+    fn number(&self) -> Option<f64> {
+        None
+    }
+    fn ron(&self) -> String {
+        self.to_string()
+    }
+}
+
+/// Defines an enum that can be a parameter: `choice! { /// Doc. pub enum Rule { /// Doc. Relative, /// Doc. Absolute } }`.
+/// The first variant has index 0 in the uniform.
+#[macro_export]
+macro_rules! choice {
+    ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[$variant_meta:meta])* $variant:ident),* $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, $crate::serde::Serialize, $crate::serde::Deserialize)]
+        #[serde(crate = "::epigraph_core::serde")]
+        $vis enum $name { $($(#[$variant_meta])* $variant),* }
+
+        impl $crate::ParamValue for $name {
+            fn kind() -> $crate::ParamKind {
+                $crate::ParamKind::Choice(vec![$(stringify!($variant).to_owned()),*])
+            }
+            fn bits(&self) -> u32 {
+                *self as u32
+            }
+            fn number(&self) -> Option<f64> {
+                None
+            }
+            fn ron(&self) -> String {
+                format!("{self:?}")
+            }
+        }
+    };
+}
+
+/// A parse error within one parameter's text: byte offset into it, and what the parser says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamError {
+    /// Line and column (from 1) within the value's text.
+    pub at: (usize, usize),
+    /// The parser's words, or "outside its range".
+    pub cause: String,
+    /// Whether the value parsed but lies outside its range.
+    pub out_of_range: bool,
+}
+
+/// The parameters of a stage: a struct defined with [`crate::params!`].
+pub trait Params: Default + Clone + PartialEq + Send + Sync + 'static {
+    /// All parameters in the order of the uniform.
+    fn specs() -> Vec<ParamSpec>;
+    /// Sets parameter `index` from RON text.
+    fn set(&mut self, index: usize, ron: &str) -> Result<(), ParamError>;
+    /// The uniform's words, in order.
+    fn words(&self) -> Vec<u32>;
+    /// The present values as RON text, in order.
+    fn values(&self) -> Vec<String>;
+}
+
+/// A stage without parameters.
+impl Params for () {
+    fn specs() -> Vec<ParamSpec> {
+        Vec::new()
+    }
+    fn set(&mut self, _: usize, _: &str) -> Result<(), ParamError> {
+        Ok(())
+    }
+    fn words(&self) -> Vec<u32> {
+        Vec::new()
+    }
+    fn values(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// Parses RON text.
+pub(crate) fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, ParamError> {
+    ron::from_str(text).map_err(|error| ParamError {
+        at: (error.span.start.line, error.span.start.col),
+        cause: error.code.to_string(),
+        out_of_range: false,
+    })
+}
+
+/// Parses one value and checks its range; the building block of [`crate::params!`].
+pub fn parse_value<T: ParamValue>(text: &str, range: Option<(f64, f64)>) -> Result<T, ParamError> {
+    let value: T = parse_ron(text)?;
+    // A NaN lies in no range, so `contains` refuses it too.
+    if let (Some((low, high)), Some(number)) = (range, value.number())
+        && !(low..=high).contains(&number)
+    {
+        return Err(ParamError { at: (1, 1), cause: "outside its range".into(), out_of_range: true });
+    }
+    Ok(value)
+}
+
+/// Defines a stage's parameters:
+///
+/// ```
+/// epigraph_core::params! {
+///     /// How far behind its neighbours a point may lie.
+///     pub struct CullParams {
+///         /// Relative distance behind the mean depth at which a point is dropped.
+///         threshold: f32 = 0.05, in 0.0..=10.0, unit "";
+///         /// Also look at the diagonal neighbours.
+///         diagonal: bool = true;
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! params {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident {
+        $($(#[doc = $doc:literal])+ $field:ident: $ty:ty = $default:expr
+            $(, in $low:literal ..= $high:literal)? $(, unit $unit:literal)?;)*
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        $vis struct $name { $($(#[doc = $doc])+ pub $field: $ty),* }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $default),* }
+            }
+        }
+
+        impl $crate::Params for $name {
+            fn specs() -> Vec<$crate::ParamSpec> {
+                let default = Self::default();
+                vec![$($crate::ParamSpec {
+                    name: stringify!($field).to_owned(),
+                    doc: [$($doc),+].map(str::trim).join(" "),
+                    unit: String::new() $(+ $unit)?,
+                    kind: <$ty as $crate::ParamValue>::kind(),
+                    range: None $(.or(Some(($low as f64, $high as f64))))?,
+                    default: $crate::ParamValue::ron(&default.$field),
+                }),*]
+            }
+            fn set(&mut self, index: usize, ron: &str) -> Result<(), $crate::ParamError> {
+                let mut next = 0;
+                $(
+                    if index == next {
+                        let range: Option<(f64, f64)> = None $(.or(Some(($low as f64, $high as f64))))?;
+                        self.$field = $crate::parse_value(ron, range)?;
+                    }
+                    next += 1;
+                )*
+                let _ = next;
+                Ok(())
+            }
+            fn words(&self) -> Vec<u32> {
+                vec![$($crate::ParamValue::bits(&self.$field)),*]
+            }
+            fn values(&self) -> Vec<String> {
+                vec![$($crate::ParamValue::ron(&self.$field)),*]
+            }
+        }
+    };
+}

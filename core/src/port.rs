@@ -1,0 +1,436 @@
+//! Ports: what a stage reads and writes. A port's name is the name of the WGSL variable that it binds.
+
+use std::{borrow::Cow, fmt, marker::PhantomData};
+
+use bytemuck::Pod;
+
+/// A texture format that both sides can hold. All are storage-writable on every WebGPU device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Format {
+    /// One f32.
+    R32Float,
+    /// One u32.
+    R32Uint,
+    /// Four bytes, 0 to 1.
+    Rgba8Unorm,
+    /// Four f16.
+    Rgba16Float,
+    /// Four f32.
+    Rgba32Float,
+}
+
+impl Format {
+    /// Bytes of a texel.
+    pub fn bytes(self) -> u32 {
+        match self {
+            Self::R32Float | Self::R32Uint | Self::Rgba8Unorm => 4,
+            Self::Rgba16Float => 8,
+            Self::Rgba32Float => 16,
+        }
+    }
+
+    /// Whether shaders read it as f32; else as u32.
+    pub fn is_float(self) -> bool {
+        self != Self::R32Uint
+    }
+
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::R32Float, Self::R32Uint, Self::Rgba8Unorm, Self::Rgba16Float, Self::Rgba32Float];
+
+    /// Its name in WGSL, as in `texture_storage_2d<rgba32float, write>`.
+    pub fn wgsl(self) -> &'static str {
+        match self {
+            Self::R32Float => "r32float",
+            Self::R32Uint => "r32uint",
+            Self::Rgba8Unorm => "rgba8unorm",
+            Self::Rgba16Float => "rgba16float",
+            Self::Rgba32Float => "rgba32float",
+        }
+    }
+}
+
+/// The 32-bit scalars that buffers and uniforms are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Scalar {
+    /// IEEE single.
+    F32,
+    /// Unsigned.
+    U32,
+    /// Signed.
+    I32,
+}
+
+impl Scalar {
+    /// Its name in WGSL.
+    pub fn wgsl(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::U32 => "u32",
+            Self::I32 => "i32",
+        }
+    }
+}
+
+/// One member of a buffer element: `lanes` scalars at a byte offset.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Member {
+    /// The WGSL member's name; empty for a plain scalar or vector.
+    pub name: Cow<'static, str>,
+    /// Scalar type.
+    pub scalar: Scalar,
+    /// 1 to 4.
+    pub lanes: u32,
+    /// Bytes from the element's start.
+    pub offset: u32,
+}
+
+/// What one element of a port is.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Element {
+    /// A texel: the port binds a texture.
+    Texel(Format),
+    /// A texel of any format that a shader reads as f32: what a `texture_2d<f32>` of unknown origin takes. Inputs only.
+    AnyFloatTexel,
+    /// An array element: the port binds a storage buffer `array<T>`.
+    Item {
+        /// The WGSL type's name.
+        name: Cow<'static, str>,
+        /// Bytes from one element to the next.
+        stride: u32,
+        /// One unnamed member for scalars and vectors, all members of a struct.
+        members: Cow<'static, [Member]>,
+    },
+}
+
+impl Element {
+    /// Bytes of one element.
+    pub fn bytes(&self) -> u32 {
+        match self {
+            Self::Texel(format) => format.bytes(),
+            // Inputs allocate nothing: the format that is connected counts.
+            Self::AnyFloatTexel => 0,
+            Self::Item { stride, .. } => *stride,
+        }
+    }
+
+    /// Whether an input with these elements takes the elements `given`.
+    pub fn accepts(&self, given: &Element) -> bool {
+        match (self, given) {
+            (Self::AnyFloatTexel, Self::Texel(format)) => format.is_float(),
+            _ => self == given,
+        }
+    }
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Texel(format) => write!(f, "texture<{}>", format.wgsl()),
+            Self::AnyFloatTexel => write!(f, "a texture of floats"),
+            Self::Item { name, .. } => write!(f, "array<{name}>"),
+        }
+    }
+}
+
+/// Rust types that say what a port's elements are: `u32`, `[f32; 4]`, structs made with [`crate::item!`] for buffers,
+/// and the markers of [`texel`] for textures.
+pub trait PortElement: 'static {
+    /// What the CPU twin sees a slice of.
+    type Cpu: Pod;
+    /// The element's description.
+    fn element() -> Element;
+}
+
+/// Describes a scalar or vector buffer element.
+pub const fn plain(name: &'static str, stride: u32, members: &'static [Member]) -> Element {
+    Element::Item { name: Cow::Borrowed(name), stride, members: Cow::Borrowed(members) }
+}
+
+macro_rules! plain_elements {
+    ($($rust:ty, $name:literal, $scalar:ident, $lanes:literal;)*) => {$(
+        impl PortElement for $rust {
+            type Cpu = $rust;
+            fn element() -> Element {
+                const MEMBERS: &[Member] =
+                    &[Member { name: Cow::Borrowed(""), scalar: Scalar::$scalar, lanes: $lanes, offset: 0 }];
+                plain($name, 4 * $lanes, MEMBERS)
+            }
+        }
+    )*};
+}
+
+plain_elements! {
+    u32, "u32", U32, 1;
+    i32, "i32", I32, 1;
+    f32, "f32", F32, 1;
+    [u32; 2], "vec2<u32>", U32, 2;
+    [f32; 2], "vec2<f32>", F32, 2;
+    [u32; 4], "vec4<u32>", U32, 4;
+    [f32; 4], "vec4<f32>", F32, 4;
+}
+
+/// Rust types of struct members, for [`crate::item!`].
+pub trait ItemMember {
+    /// Scalar type.
+    const SCALAR: Scalar;
+    /// Number of scalars.
+    const LANES: u32;
+}
+
+macro_rules! item_members {
+    ($($rust:ty, $scalar:ident, $lanes:literal;)*) => {$(
+        impl ItemMember for $rust {
+            const SCALAR: Scalar = Scalar::$scalar;
+            const LANES: u32 = $lanes;
+        }
+    )*};
+}
+
+item_members! {
+    u32, U32, 1; i32, I32, 1; f32, F32, 1;
+    [f32; 2], F32, 2; [f32; 3], F32, 3; [f32; 4], F32, 4;
+    [u32; 2], U32, 2; [u32; 3], U32, 3; [u32; 4], U32, 4;
+}
+
+/// Defines a `repr(C)` struct that is one element of a buffer port. The WGSL struct has the same name, members and
+/// offsets; naga checks that. Pad by hand where WGSL aligns (a vec3 or vec4 starts at a multiple of 16 bytes).
+#[macro_export]
+macro_rules! item {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident: $ty:ty),* $(,)? }) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, $crate::bytemuck::Pod, $crate::bytemuck::Zeroable)]
+        #[bytemuck(crate = "::epigraph_core::bytemuck")]
+        $vis struct $name { $($(#[$field_meta])* pub $field: $ty),* }
+
+        impl $crate::PortElement for $name {
+            type Cpu = $name;
+            fn element() -> $crate::Element {
+                let members = vec![$($crate::Member {
+                    name: stringify!($field).into(),
+                    scalar: <$ty as $crate::ItemMember>::SCALAR,
+                    lanes: <$ty as $crate::ItemMember>::LANES,
+                    offset: std::mem::offset_of!($name, $field) as u32,
+                }),*];
+                $crate::Element::Item {
+                    name: stringify!($name).into(),
+                    stride: std::mem::size_of::<$name>() as u32,
+                    members: members.into(),
+                }
+            }
+        }
+    };
+}
+
+/// Markers for texture ports, named like WGSL's formats.
+pub mod texel {
+    use super::{Element, Format, PortElement};
+
+    macro_rules! texels {
+        ($($(#[$meta:meta])* $name:ident, $cpu:ty;)*) => {$(
+            $(#[$meta])*
+            #[derive(Clone, Copy, Debug)]
+            pub struct $name;
+            impl PortElement for $name {
+                type Cpu = $cpu;
+                fn element() -> Element {
+                    Element::Texel(Format::$name)
+                }
+            }
+        )*};
+    }
+
+    texels! {
+        /// One f32.
+        R32Float, f32;
+        /// One u32.
+        R32Uint, u32;
+        /// Four bytes, 0 to 1.
+        Rgba8Unorm, [u8; 4];
+        /// Four f16.
+        Rgba16Float, [half::f16; 4];
+        /// Four f32.
+        Rgba32Float, [f32; 4];
+    }
+}
+
+/// How many elements a port has.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Extent {
+    /// Per pixel of the frame, divided by this number on each axis, rounded up: 1 is full resolution.
+    Frame(u32),
+    /// A list with this many elements for each pixel of the frame, rounded up.
+    PerPixel(f32),
+    /// A list with one element for each sample of the frame's budget.
+    Requests,
+    /// A list with one element for each edge of the scene.
+    Edges,
+    /// A list with one element for each face of the scene.
+    Faces,
+    /// As many as another port of the same stage.
+    Like(Cow<'static, str>),
+    /// Exactly this many: width and height.
+    Fixed([u32; 2]),
+    /// Whatever is connected (inputs only).
+    Any,
+}
+
+impl fmt::Display for Extent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Frame(1) => write!(f, "one per pixel"),
+            Self::Frame(n) => write!(f, "one per {n}x{n} pixels"),
+            Self::PerPixel(share) => write!(f, "a list of {share} per pixel"),
+            Self::Requests => write!(f, "a list of one per requested sample"),
+            Self::Edges => write!(f, "a list of one per edge"),
+            Self::Faces => write!(f, "a list of one per face"),
+            Self::Like(port) => write!(f, "as many as `{port}`"),
+            Self::Fixed([n, 1]) => write!(f, "a list of {n}"),
+            Self::Fixed([w, h]) => write!(f, "{w}x{h}"),
+            Self::Any => write!(f, "any number"),
+        }
+    }
+}
+
+/// An extent in numbers. Lists have height 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Dims {
+    /// Elements in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl Dims {
+    /// Number of elements.
+    pub fn count(self) -> usize {
+        self.width as usize * self.height as usize
+    }
+}
+
+impl fmt::Display for Dims {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// What a stage does with a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Access {
+    /// Reads this frame's value.
+    Read,
+    /// Reads the value of the frame before (zero in the first frame).
+    History,
+    /// Changes the connected value in place and passes it on under the same name.
+    Update,
+    /// Writes every element that anyone will read.
+    Write,
+}
+
+/// How long a written value lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Lifetime {
+    /// Until its last reader of the frame; the memory is then pooled.
+    Transient,
+    /// From frame to frame, zero at the start; survives a recompile when its description is equal.
+    Persistent,
+}
+
+/// One variable of a port. Ports with one variable have one field with an empty name; a bundle such as the point cloud
+/// has several, bound as `port_field`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Empty for the only one.
+    pub name: Cow<'static, str>,
+    /// Its elements.
+    pub element: Element,
+}
+
+/// Everything a stage says about one port.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Port {
+    /// Name in the graph file and in the shader.
+    pub name: Cow<'static, str>,
+    /// One sentence.
+    pub doc: Cow<'static, str>,
+    /// Read, history, update or write.
+    pub access: Access,
+    /// Its variables.
+    pub fields: Vec<Field>,
+    /// How many elements.
+    pub extent: Extent,
+    /// How long it lives (written ports).
+    pub lifetime: Lifetime,
+    /// Whether it may stay unconnected.
+    pub optional: bool,
+}
+
+impl Port {
+    /// The WGSL variable of a field of this port.
+    pub fn variable(&self, field: usize) -> String {
+        match self.fields[field].name.as_ref() {
+            "" => self.name.to_string(),
+            name => format!("{}_{name}", self.name),
+        }
+    }
+
+    /// Whether the port takes a wire.
+    pub fn is_input(&self) -> bool {
+        self.access != Access::Write
+    }
+
+    /// Whether a wire may start here.
+    pub fn is_output(&self) -> bool {
+        matches!(self.access, Access::Write | Access::Update)
+    }
+}
+
+/// Which field of which port a handle stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FieldRef {
+    /// Index in the stage's list of ports.
+    pub port: u16,
+    /// Index in the port's fields.
+    pub field: u16,
+}
+
+/// A handle to something readable; only a declaration can mint it.
+pub struct In<E: ?Sized> {
+    pub(crate) at: FieldRef,
+    _element: PhantomData<fn() -> Box<E>>,
+}
+
+/// A handle to something writable; only a declaration can mint it.
+pub struct Out<E: ?Sized> {
+    pub(crate) at: FieldRef,
+    _element: PhantomData<fn() -> Box<E>>,
+}
+
+macro_rules! handle {
+    ($name:ident) => {
+        impl<E: ?Sized> Clone for $name<E> {
+            fn clone(&self) -> Self {
+                *self
+            }
+        }
+        impl<E: ?Sized> Copy for $name<E> {}
+        impl<E: ?Sized> fmt::Debug for $name<E> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "{:?}", self.at)
+            }
+        }
+        impl<E: ?Sized> $name<E> {
+            pub(crate) fn mint(at: FieldRef) -> Self {
+                Self { at, _element: PhantomData }
+            }
+        }
+        impl<E: ?Sized> From<$name<E>> for FieldRef {
+            fn from(handle: $name<E>) -> Self {
+                handle.at
+            }
+        }
+    };
+}
+handle!(In);
+handle!(Out);

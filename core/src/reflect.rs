@@ -1,0 +1,318 @@
+//! Shaders as values: composed, validated and listed variable by variable with naga, without a GPU.
+
+mod check;
+mod compose;
+
+use naga::common::wgsl::{ToWgsl, TypeContext, address_space_str};
+
+use crate::{
+    error::{GraphError, Span},
+    port::{Element, Format, Member, Scalar},
+    registry::ShaderLibrary,
+    shader::{Needs, Shader},
+};
+
+pub use check::check;
+
+/// A composed and validated shader with its variables by name.
+#[derive(Clone, Debug)]
+pub struct Reflected {
+    /// The whole shader; goes to wgpu as it is.
+    pub module: naga::Module,
+    /// What the validator found out about it.
+    pub info: naga::valid::ModuleInfo,
+    /// Everything that is bound, in the order of declaration; imported modules come last.
+    pub variables: Vec<Variable>,
+    /// All entry points, in the order of declaration.
+    pub entries: Vec<Entry>,
+}
+
+/// A variable that is bound.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variable {
+    /// As written.
+    pub name: String,
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
+    /// What it is.
+    pub space: Space,
+    /// Its declaration in WGSL without attributes: `var<storage, read> weights: array<f32>`.
+    pub wgsl: String,
+    /// The `///` comment above it, lines joined.
+    pub doc: String,
+}
+
+/// Where a variable lives, and what of.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Space {
+    /// `var<uniform>`. Members of nested structs are named `view.eye`.
+    Uniform(Element),
+    /// `var<storage>` of type `array<T>`.
+    Buffer {
+        /// `read_write`; else `read`.
+        writable: bool,
+        /// One array element. `atomic<T>` counts as `T`, and `atomic<u64>` as `vec2<u32>`.
+        element: Element,
+    },
+    /// `texture_2d<f32>` or `texture_2d<u32>`.
+    Texture(Scalar),
+    /// `texture_storage_2d`.
+    StorageTexture {
+        /// Texel format.
+        format: Format,
+        /// Read, write or both.
+        access: naga::StorageAccess,
+    },
+    /// Something that no port binds: a sampler, a cube map, a buffer that is not an array of 32-bit scalars, vectors or
+    /// structs of those.
+    Other,
+}
+
+impl Space {
+    /// Whether the shader may change it.
+    pub fn writable(&self) -> bool {
+        match self {
+            Self::Buffer { writable, .. } => *writable,
+            Self::StorageTexture { access, .. } => access.contains(naga::StorageAccess::STORE),
+            Self::Uniform(_) | Self::Texture(_) | Self::Other => false,
+        }
+    }
+}
+
+/// An entry point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// As written.
+    pub name: String,
+    /// Compute, vertex or fragment.
+    pub stage: naga::ShaderStage,
+    /// Threads of a workgroup; zeros if not compute.
+    pub workgroup_size: [u32; 3],
+    /// Bytes of `var<workgroup>` memory that it uses.
+    pub workgroup_bytes: u32,
+    /// Indices of the [`Reflected::variables`] that it uses, itself or through functions.
+    pub uses: Vec<usize>,
+}
+
+impl Reflected {
+    /// The variable of that name, with its index.
+    pub fn variable(&self, name: &str) -> Option<(usize, &Variable)> {
+        self.variables.iter().enumerate().find(|(_, variable)| variable.name == name)
+    }
+
+    /// The entry point of that name, with its index.
+    pub fn entry(&self, name: &str) -> Option<(usize, &Entry)> {
+        self.entries.iter().enumerate().find(|(_, entry)| entry.name == name)
+    }
+}
+
+/// Composes, parses, validates and lists a shader.
+///
+/// A line `#import NAME` brings in the library's module of that name (its file's name without folder and `.wgsl`);
+/// `#ifdef`, `#ifndef`, `#else` and `#endif` go by [`Shader::defines`]. Names of an imported module are used as they
+/// are. 64-bit integers are admitted with [`Needs::atomic64`] only.
+///
+/// Errors: [`GraphError::Shader`] with the file, the line and what naga says.
+pub fn compose(shader: &Shader, library: &ShaderLibrary, needs: Needs) -> Result<Reflected, GraphError> {
+    let composed = compose::compose(shader, library)?;
+    let options = naga::front::wgsl::Options {
+        parse_doc_comments: true,
+        capabilities: naga::valid::Capabilities::all(),
+    };
+    let module =
+        naga::front::wgsl::Frontend::new_with_options(options).parse(&composed.text).map_err(|error| {
+            // Some labels stand for types that are implied, nowhere in the text.
+            let label = error.labels().find(|(span, _)| span.is_defined());
+            let mut message = error.message().to_owned();
+            if let Some((_, label)) = label.filter(|(_, label)| !label.is_empty()) {
+                message += &format!(" ({label})");
+            }
+            for note in error.notes() {
+                message += &format!("; {note}");
+            }
+            located(&composed, label.map(|(span, _)| span), &message)
+        })?;
+
+    let mut capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    if needs.atomic64 {
+        capabilities |=
+            naga::valid::Capabilities::SHADER_INT64 | naga::valid::Capabilities::SHADER_INT64_ATOMIC_MIN_MAX;
+    }
+    let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
+        .validate(&module)
+        .map_err(|error| {
+            let causes: Vec<String> =
+                std::iter::successors(Some(error.as_inner() as &dyn std::error::Error), |error| {
+                    error.source()
+                })
+                .map(ToString::to_string)
+                .collect();
+            located(&composed, error.spans().next().map(|(span, _)| *span), &causes.join(": "))
+        })?;
+    Ok(reflect(module, info))
+}
+
+fn located(composed: &compose::Composed, span: Option<naga::Span>, message: &str) -> GraphError {
+    match span.and_then(naga::Span::to_range) {
+        Some(range) => composed.error(Span { start: range.start, end: range.end }, message),
+        None => composed.error_anywhere(message),
+    }
+}
+
+fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {
+    let bound: Vec<_> = module
+        .global_variables
+        .iter()
+        .filter_map(|(handle, variable)| Some((handle, variable, variable.binding?)))
+        .collect();
+    let docs = module.doc_comments.as_deref();
+    let variables = bound
+        .iter()
+        .map(|(handle, variable, binding)| {
+            let name = variable.name.clone().unwrap_or_default();
+            let comment = docs.and_then(|docs| docs.global_variables.get(handle));
+            let space = match address_space_str(variable.space) {
+                (Some(space), Some(access)) => format!("<{space}, {access}>"),
+                (Some("storage"), None) => "<storage, read>".to_owned(),
+                (Some(space), None) => format!("<{space}>"),
+                (None, _) => String::new(),
+            };
+            Variable {
+                wgsl: format!("var{space} {name}: {}", module.types.type_to_string(variable.ty)),
+                name,
+                group: binding.group,
+                binding: binding.binding,
+                space: space_of(&module, variable),
+                doc: comment
+                    .into_iter()
+                    .flatten()
+                    .flat_map(|line| uncomment(line))
+                    .collect::<Vec<_>>()
+                    .join(" "),
+            }
+        })
+        .collect();
+
+    let mut layouter = naga::proc::Layouter::default();
+    // The validator has laid out the same types already.
+    layouter.update(module.to_ctx()).expect("a valid module can be laid out");
+    let entries = module
+        .entry_points
+        .iter()
+        .enumerate()
+        .map(|(index, entry)| {
+            let used = info.get_entry_point(index);
+            Entry {
+                name: entry.name.clone(),
+                stage: entry.stage,
+                workgroup_size: entry.workgroup_size,
+                workgroup_bytes: module
+                    .global_variables
+                    .iter()
+                    .filter(|(handle, variable)| {
+                        variable.space == naga::AddressSpace::WorkGroup && !used[*handle].is_empty()
+                    })
+                    .map(|(_, variable)| layouter[variable.ty].size)
+                    .sum(),
+                uses: (0..bound.len()).filter(|&index| !used[bound[index].0].is_empty()).collect(),
+            }
+        })
+        .collect();
+    Reflected { variables, entries, module, info }
+}
+
+/// The lines of a doc comment (`///` or `/** */`) without their marks.
+pub(crate) fn uncomment(comment: &str) -> impl Iterator<Item = &str> {
+    comment.lines().map(|line| line.trim().trim_end_matches("*/").trim_start_matches(['/', '*']).trim())
+}
+
+fn space_of(module: &naga::Module, variable: &naga::GlobalVariable) -> Space {
+    use naga::{AddressSpace, ArraySize, ImageClass, ImageDimension, TypeInner};
+    let known = match (variable.space, &module.types[variable.ty].inner) {
+        (AddressSpace::Uniform, inner) => {
+            let layout = inner.size(module.to_ctx());
+            element_of(module, variable.ty, layout).map(Space::Uniform)
+        }
+        (AddressSpace::Storage { access }, TypeInner::Array { base, size: ArraySize::Dynamic, stride }) => {
+            element_of(module, *base, *stride).map(|element| Space::Buffer {
+                writable: access.contains(naga::StorageAccess::STORE),
+                element,
+            })
+        }
+        (AddressSpace::Handle, TypeInner::Image { dim: ImageDimension::D2, arrayed: false, class }) => {
+            match *class {
+                ImageClass::Sampled { kind: naga::ScalarKind::Float, multi: false } => {
+                    Some(Space::Texture(Scalar::F32))
+                }
+                ImageClass::Sampled { kind: naga::ScalarKind::Uint, multi: false } => {
+                    Some(Space::Texture(Scalar::U32))
+                }
+                ImageClass::Storage { format, access } => Format::ALL
+                    .into_iter()
+                    .find(|known| known.wgsl() == format.to_wgsl())
+                    .map(|format| Space::StorageTexture { format, access }),
+                _ => None,
+            }
+        }
+        _ => None,
+    };
+    known.unwrap_or(Space::Other)
+}
+
+/// The layout of a type; none if it holds anything but 32-bit scalars, vectors and structs of those.
+fn element_of(module: &naga::Module, ty: naga::Handle<naga::Type>, stride: u32) -> Option<Element> {
+    let mut members = Vec::new();
+    add_members(module, ty, "", 0, &mut members)?;
+    let name = match (&module.types[ty].name, &members[..]) {
+        (Some(name), _) => name.clone(),
+        (None, [plain]) => plain.wgsl_type(),
+        (None, _) => return None,
+    };
+    Some(Element::Item { name: name.into(), stride, members: members.into() })
+}
+
+fn add_members(
+    module: &naga::Module,
+    ty: naga::Handle<naga::Type>,
+    name: &str,
+    offset: u32,
+    members: &mut Vec<Member>,
+) -> Option<()> {
+    use naga::{ScalarKind, TypeInner};
+    let (scalar, lanes) = match module.types[ty].inner {
+        TypeInner::Scalar(scalar) => (scalar, 1),
+        TypeInner::Vector { size, scalar } => (scalar, size as u32),
+        // The two halves of a 64-bit atomic are a vec2<u32> to everyone else.
+        TypeInner::Atomic(naga::Scalar::U64) => (naga::Scalar::U32, 2),
+        TypeInner::Atomic(scalar) => (scalar, 1),
+        TypeInner::Struct { members: ref inner, .. } => {
+            for member in inner {
+                let own = member.name.as_deref().unwrap_or_default();
+                let path = if name.is_empty() { own.to_owned() } else { format!("{name}.{own}") };
+                add_members(module, member.ty, &path, offset + member.offset, members)?;
+            }
+            return Some(());
+        }
+        _ => return None,
+    };
+    let scalar = match (scalar.kind, scalar.width) {
+        (ScalarKind::Float, 4) => Scalar::F32,
+        (ScalarKind::Uint, 4) => Scalar::U32,
+        (ScalarKind::Sint, 4) => Scalar::I32,
+        _ => return None,
+    };
+    members.push(Member { name: name.to_owned().into(), scalar, lanes, offset });
+    Some(())
+}
+
+impl Member {
+    /// Its type in WGSL, such as `vec3<f32>`.
+    pub(crate) fn wgsl_type(&self) -> String {
+        match self.lanes {
+            1 => self.scalar.wgsl().to_owned(),
+            lanes => format!("vec{lanes}<{}>", self.scalar.wgsl()),
+        }
+    }
+}

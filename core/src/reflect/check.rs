@@ -1,0 +1,388 @@
+//! Compares a shader with its stage's declaration.
+
+use std::borrow::Cow;
+
+use naga::{ShaderStage, StorageAccess};
+
+use super::{Entry, Reflected, Space, Variable};
+use crate::{
+    error::GraphError,
+    frame::Frame,
+    params::ParamSpec,
+    port::{Access, Element, Member, Port, Scalar},
+    shader::Pass,
+    stage::Declaration,
+};
+
+/// Storage buffers that an entry point may use on every WebGPU device we target (Chromium's limit).
+const MAX_BUFFERS: usize = 10;
+/// Storage textures that an entry point may use (WebGPU's default limit).
+const MAX_STORAGE_TEXTURES: usize = 4;
+/// Threads of a workgroup (WebGPU's default limit).
+const MAX_INVOCATIONS: u64 = 256;
+/// Bytes of workgroup memory (WebGPU's default limit).
+const MAX_WORKGROUP_BYTES: u32 = 16384;
+
+/// Everything in which a shader differs from what its stage declares: a variable for each field of each port, of the
+/// right kind, element type and access; `params` laid out as the parameters; `frame` laid out as [`Frame`]; an entry
+/// point for each pass; all within the portable limits. `shader` is the file's name for the messages.
+///
+/// Optional ports may be absent (their variable stands behind an `#ifdef`), and so may the targets of a raster pass.
+pub fn check(
+    reflected: &Reflected,
+    shader: &str,
+    declaration: &Declaration,
+    specs: &[ParamSpec],
+) -> Vec<GraphError> {
+    let mut check = Check { reflected, declaration, errors: Vec::new() };
+    for (index, port) in declaration.ports.iter().enumerate() {
+        check.port(port, check.is_target(index));
+    }
+    check.params(specs);
+    check.frame();
+    check.strangers();
+    check.bindings();
+    for pass in &declaration.passes {
+        check.pass(pass);
+    }
+    for entry in &reflected.entries {
+        check.limits(entry);
+    }
+    let shader_error = |message| GraphError::Shader { shader: shader.to_owned(), message };
+    check.errors.into_iter().map(shader_error).collect()
+}
+
+struct Check<'a> {
+    reflected: &'a Reflected,
+    declaration: &'a Declaration,
+    errors: Vec<String>,
+}
+
+impl<'a> Check<'a> {
+    fn is_target(&self, port: usize) -> bool {
+        self.declaration
+            .passes
+            .iter()
+            .any(|pass| matches!(pass, Pass::Points { target, .. } if target.port as usize == port))
+    }
+
+    fn port(&mut self, port: &Port, target: bool) {
+        let mut writable = false;
+        let mut complete = true;
+        for field in 0..port.fields.len() {
+            let name = port.variable(field);
+            let Some((_, variable)) = self.reflected.variable(&name) else {
+                if !port.optional && !target {
+                    self.missing(&name, port, field);
+                }
+                complete = false;
+                continue;
+            };
+            writable |= variable.space.writable();
+            if let Some(why) = mismatch(variable, port, field, target) {
+                let wanted = wanted(&name, port, field);
+                self.errors.push(format!(
+                    "port `{}`: {why}; the shader has `{}`, declare it `{wanted}`",
+                    port.name, variable.wgsl
+                ));
+                complete = false;
+            }
+        }
+        if port.access == Access::Write && complete && !writable && !target {
+            self.errors.push(format!(
+                "port `{}` is an output, but no variable of it is writable; declare `{}`",
+                port.name,
+                wanted(&port.variable(0), port, 0)
+            ));
+        }
+    }
+
+    fn missing(&mut self, name: &str, port: &Port, field: usize) {
+        let free = (0..).find(|&binding| self.reflected.variables.iter().all(|v| v.binding != binding));
+        let near = match GraphError::unknown("variable", name, self.unclaimed()) {
+            GraphError::Unknown { nearest: Some(near), .. } => {
+                format!(", or rename `{near}` if that is meant")
+            }
+            _ => String::new(),
+        };
+        self.errors.push(format!(
+            "port `{}` has no variable `{name}`; add `@group(0) @binding({}) {};`{near}",
+            port.name,
+            free.unwrap_or_default(),
+            wanted(name, port, field),
+        ));
+    }
+
+    /// Names that the declaration gives to variables.
+    fn claimed(&self) -> Vec<String> {
+        let ports = self.declaration.ports.iter();
+        ports.flat_map(|port| (0..port.fields.len()).map(|field| port.variable(field))).collect()
+    }
+
+    fn unclaimed(&self) -> Vec<&'a str> {
+        let claimed = self.claimed();
+        let names = self.reflected.variables.iter().map(|variable| variable.name.as_str());
+        names.filter(|name| !claimed.iter().any(|known| known == name) && !is_reserved(name)).collect()
+    }
+
+    fn params(&mut self, specs: &[ParamSpec]) {
+        let Some((_, variable)) = self.reflected.variable("params") else { return };
+        let members: Vec<Member> = specs
+            .iter()
+            .filter_map(|spec| Some((spec.name.clone(), spec.kind.scalar()?)))
+            .enumerate()
+            .map(|(index, (name, scalar))| Member {
+                name: name.into(),
+                scalar,
+                lanes: 1,
+                offset: 4 * index as u32,
+            })
+            .collect();
+        if members.is_empty() {
+            self.errors.push(format!("the stage has no parameters; remove `{}`", variable.wgsl));
+            return;
+        }
+        let stride = 4 * members.len() as u32;
+        self.uniform(variable, Element::Item { name: "Params".into(), stride, members: members.into() });
+    }
+
+    fn frame(&mut self) {
+        if let Some((_, variable)) = self.reflected.variable("frame") {
+            self.uniform(variable, Frame::element());
+        }
+    }
+
+    fn uniform(&mut self, variable: &Variable, expected: Element) {
+        let (name, found) = (&variable.name, &variable.wgsl);
+        match &variable.space {
+            Space::Uniform(element) => {
+                if let Some(difference) = difference(element, &expected) {
+                    let wanted = struct_text(&expected);
+                    self.errors
+                        .push(format!("`{found}` has another layout than the stage: {difference}{wanted}"));
+                }
+            }
+            _ => {
+                let Element::Item { name: ty, .. } = &expected else { return };
+                let wanted = struct_text(&expected);
+                self.errors
+                    .push(format!("`{name}` is `{found}`, declare it `var<uniform> {name}: {ty}`{wanted}"));
+            }
+        }
+    }
+
+    fn strangers(&mut self) {
+        for name in self.unclaimed() {
+            let unknown = GraphError::unknown("variable", name, self.claimed());
+            self.errors
+                .push(format!("{unknown}; what a shader binds is a port of the stage, `params` or `frame`"));
+        }
+    }
+
+    fn bindings(&mut self) {
+        for (index, variable) in self.reflected.variables.iter().enumerate() {
+            let (name, group, binding) = (&variable.name, variable.group, variable.binding);
+            if group != 0 {
+                self.errors.push(format!("`{name}` is in @group({group}); everything is bound in @group(0)"));
+            }
+            let earlier = &self.reflected.variables[..index];
+            if let Some(other) = earlier.iter().find(|other| (other.group, other.binding) == (group, binding))
+            {
+                self.errors.push(format!(
+                    "`{name}` and `{}` both have @binding({binding}); give each its own number",
+                    other.name
+                ));
+            }
+        }
+    }
+
+    fn pass(&mut self, pass: &Pass) {
+        match pass {
+            Pass::Compute { entry, .. } => {
+                self.entry(entry, ShaderStage::Compute);
+            }
+            Pass::Points { vertex, fragment, target, .. } => {
+                let stages = [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)];
+                for (name, stage) in stages {
+                    let Some(entry) = self.entry(name, stage) else { continue };
+                    let port = &self.declaration.ports[target.port as usize];
+                    let targets: Vec<String> =
+                        (0..port.fields.len()).map(|field| port.variable(field)).collect();
+                    for &used in &entry.uses {
+                        let used = &self.reflected.variables[used].name;
+                        if targets.contains(used) {
+                            self.errors
+                                .push(format!("`{name}` uses `{used}`, which this raster pass draws to"));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn entry(&mut self, name: &str, stage: ShaderStage) -> Option<&'a Entry> {
+        let attribute = stage_name(stage);
+        let reflected = self.reflected;
+        match reflected.entry(name) {
+            Some((_, entry)) if entry.stage == stage => return Some(entry),
+            Some((_, entry)) => {
+                let found = stage_name(entry.stage);
+                self.errors
+                    .push(format!("entry point `{name}` is @{found}; this pass needs it to be @{attribute}"));
+            }
+            None => {
+                let entries = reflected.entries.iter().filter(|entry| entry.stage == stage);
+                let unknown = GraphError::unknown("entry point", name, entries.map(|entry| &entry.name));
+                self.errors.push(format!("{unknown}; the stage runs it as @{attribute}"));
+            }
+        }
+        None
+    }
+
+    fn limits(&mut self, entry: &Entry) {
+        let used = || entry.uses.iter().map(|&index| &self.reflected.variables[index].space);
+        let buffers = used().filter(|space| matches!(space, Space::Buffer { .. })).count();
+        let textures = used().filter(|space| matches!(space, Space::StorageTexture { .. })).count();
+        let invocations: u64 = entry.workgroup_size.iter().map(|&size| u64::from(size)).product();
+        let counts = [
+            ("storage buffers", buffers as u64, MAX_BUFFERS as u64),
+            ("storage textures", textures as u64, MAX_STORAGE_TEXTURES as u64),
+            ("threads a workgroup", invocations, MAX_INVOCATIONS),
+            ("bytes of workgroup memory", entry.workgroup_bytes.into(), MAX_WORKGROUP_BYTES.into()),
+        ];
+        for (what, found, limit) in counts {
+            if found > limit {
+                self.errors.push(format!(
+                    "entry point `{}` has {found} {what}; {limit} work on every device",
+                    entry.name
+                ));
+            }
+        }
+    }
+}
+
+fn is_reserved(name: &str) -> bool {
+    matches!(name, "params" | "frame")
+}
+
+fn stage_name(stage: ShaderStage) -> &'static str {
+    match stage {
+        ShaderStage::Vertex => "vertex",
+        ShaderStage::Fragment => "fragment",
+        ShaderStage::Compute => "compute",
+        _ => "another stage",
+    }
+}
+
+/// The declaration that a field of a port should have in the shader.
+fn wanted(name: &str, port: &Port, field: usize) -> String {
+    let writes = matches!(port.access, Access::Update | Access::Write);
+    match &port.fields[field].element {
+        Element::Texel(format) if writes => {
+            format!("var {name}: texture_storage_2d<{}, write>", format.wgsl())
+        }
+        Element::Texel(format) => {
+            format!("var {name}: texture_2d<{}>", texture_scalar(format.is_float()).wgsl())
+        }
+        Element::AnyFloatTexel => format!("var {name}: texture_2d<f32>"),
+        element @ Element::Item { .. } => {
+            let access = if writes { "read_write" } else { "read" };
+            format!("var<storage, {access}> {name}: {element}")
+        }
+    }
+}
+
+fn texture_scalar(is_float: bool) -> Scalar {
+    if is_float { Scalar::F32 } else { Scalar::U32 }
+}
+
+/// Why a variable does not fit a field of a port.
+fn mismatch(variable: &Variable, port: &Port, field: usize, target: bool) -> Option<Cow<'static, str>> {
+    let reads_only = matches!(port.access, Access::Read | Access::History);
+    match (&port.fields[field].element, &variable.space) {
+        (Element::Texel(format), Space::Texture(scalar)) => {
+            if *scalar != texture_scalar(format.is_float()) {
+                return Some(format!("its format is {}", format.wgsl()).into());
+            }
+            // An output can be read as a texture only when it is drawn to rather than stored to.
+            (port.access == Access::Write && !target)
+                .then_some("an output is written with textureStore".into())
+        }
+        (Element::AnyFloatTexel, Space::Texture(Scalar::F32)) => None,
+        (Element::Texel(_), Space::StorageTexture { .. }) if reads_only => {
+            Some("an input is read as a sampled texture".into())
+        }
+        (Element::Texel(wanted), Space::StorageTexture { format, access }) => {
+            if wanted != format {
+                Some(format!("its format is {}", wanted.wgsl()).into())
+            } else if !access.contains(StorageAccess::STORE) {
+                Some("an output is written with textureStore".into())
+            } else {
+                None
+            }
+        }
+        (Element::Item { name, members, .. }, Space::Buffer { writable, element }) => {
+            if reads_only && *writable {
+                return Some("an input is only read".into());
+            }
+            let expected = &port.fields[field].element;
+            if let Some(difference) = difference(element, expected) {
+                return Some(format!("{difference}{}", struct_text(expected)).into());
+            }
+            // Members agree; a struct also has to bear the stage's name for it, so that readers find one for the other.
+            let is_struct = members.iter().all(|member| !member.name.is_empty());
+            match element {
+                Element::Item { name: found, .. } if is_struct && found != name => {
+                    Some(format!("its struct is named {name}").into())
+                }
+                _ => None,
+            }
+        }
+        (Element::Item { .. }, _) => {
+            Some("it is a buffer of 32-bit scalars, vectors or structs of those".into())
+        }
+        (Element::Texel(_) | Element::AnyFloatTexel, _) => Some("it is a two-dimensional texture".into()),
+    }
+}
+
+/// The first difference between two layouts, in words.
+fn difference(found: &Element, expected: &Element) -> Option<String> {
+    let (
+        Element::Item { stride, members, .. },
+        Element::Item { stride: expected_stride, members: expected, .. },
+    ) = (found, expected)
+    else {
+        return Some("one is a texture".into());
+    };
+    for index in 0..members.len().max(expected.len()) {
+        match (members.get(index), expected.get(index)) {
+            (Some(found), Some(expected)) if found == expected => {}
+            (Some(found), Some(expected)) => {
+                return Some(format!("{}, expected {}", words(found), words(expected)));
+            }
+            (Some(found), None) => return Some(format!("{} is one too many", words(found))),
+            (None, Some(expected)) => return Some(format!("{} is missing", words(expected))),
+            (None, None) => {}
+        }
+    }
+    (stride != expected_stride)
+        .then(|| format!("one element takes {stride} bytes, expected {expected_stride}"))
+}
+
+fn words(member: &Member) -> String {
+    match member.name.as_ref() {
+        "" => format!("its elements are {}", member.wgsl_type()),
+        name => format!("member `{name}: {}` at byte {}", member.wgsl_type(), member.offset),
+    }
+}
+
+/// `, with struct Point { age: u32 }` for structs without nested ones, else nothing.
+fn struct_text(element: &Element) -> String {
+    let Element::Item { name, members, .. } = element else { return String::new() };
+    if members.iter().any(|member| member.name.is_empty() || member.name.contains('.')) {
+        return String::new();
+    }
+    let members: Vec<String> =
+        members.iter().map(|member| format!("{}: {}", member.name, member.wgsl_type())).collect();
+    format!(", with struct {name} {{ {} }}", members.join(", "))
+}

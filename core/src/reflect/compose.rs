@@ -1,0 +1,153 @@
+//! `#import` and `#ifdef`, by lines.
+//!
+//! WGSL lets declarations stand in any order, so importing a module is putting its text behind the shader's, once. The
+//! result is plain WGSL: names stay as written, naga sees every doc comment, and a place in it is a line of one file.
+//! (naga_oil was tried. In imported modules it refuses struct members that end in a digit and type aliases, and loses
+//! constants without a type; it renames what it imports, and in the importing shader also members of the same name.)
+
+use crate::{
+    error::{GraphError, Place, Span},
+    registry::ShaderLibrary,
+    shader::Shader,
+};
+
+/// A shader with the modules that it imports behind it, as one WGSL text.
+pub(super) struct Composed {
+    pub text: String,
+    parts: Vec<Part>,
+}
+
+struct Part {
+    name: String,
+    /// First byte in the text; its end is the next part's start.
+    start: usize,
+}
+
+impl Composed {
+    /// A problem at a stretch of the text, told by the file and line that it comes from.
+    pub fn error(&self, at: Span, message: &str) -> GraphError {
+        let index = self.parts.partition_point(|part| part.start <= at.start).saturating_sub(1);
+        let start = self.parts[index].start;
+        let end = self.parts.get(index + 1).map_or(self.text.len(), |next| next.start);
+        let local = Span { start: at.start - start, end: at.end.saturating_sub(start) };
+        error_in(&self.parts[index].name, &self.text[start..end], local, message)
+    }
+
+    /// A problem of the whole.
+    pub fn error_anywhere(&self, message: &str) -> GraphError {
+        GraphError::Shader { shader: self.parts[0].name.clone(), message: message.to_owned() }
+    }
+}
+
+fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
+    let place = Place::of(name, source, at);
+    let message =
+        format!("line {}, column {}: {message}, in `{}`", place.line, place.column, place.text.trim());
+    GraphError::Shader { shader: name.to_owned(), message }
+}
+
+/// Puts a shader together: `#import NAME` brings in the library's module of that name, `#ifdef NAME`, `#ifndef NAME`,
+/// `#else` and `#endif` keep or drop lines by the shader's defines. Directives stand on lines of their own, which are
+/// blank in the result, so that lines keep their numbers.
+pub(super) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Composed, GraphError> {
+    let mut composed = Composed { text: String::new(), parts: Vec::new() };
+    let mut imports: Vec<&str> = Vec::new();
+    let mut next = 0;
+    let (mut name, mut source): (&str, &str) = (&shader.name, &shader.source);
+    loop {
+        composed.parts.push(Part { name: name.to_owned(), start: composed.text.len() });
+        preprocess(name, source, shader, library, &mut imports, &mut composed.text)?;
+        let Some(module) = imports.get(next).and_then(|import| find(library, import)) else {
+            return Ok(composed);
+        };
+        next += 1;
+        (name, source) = module;
+    }
+}
+
+/// A module's name is its file's name without folder and ending.
+fn module_name(file: &str) -> &str {
+    let file = file.rsplit_once('/').map_or(file, |(_, file)| file);
+    file.strip_suffix(".wgsl").unwrap_or(file)
+}
+
+fn find<'l>(library: &'l ShaderLibrary, name: &str) -> Option<(&'l str, &'l str)> {
+    let (file, text) = library.modules.iter().find(|(file, _)| module_name(file) == name)?;
+    Some((file, text))
+}
+
+/// An open `#ifdef`.
+struct Condition {
+    /// Whether the lines around it are kept.
+    outer: bool,
+    holds: bool,
+    in_else: bool,
+    at: Span,
+}
+
+fn preprocess<'s>(
+    name: &str,
+    source: &'s str,
+    shader: &Shader,
+    library: &ShaderLibrary,
+    imports: &mut Vec<&'s str>,
+    out: &mut String,
+) -> Result<(), GraphError> {
+    let mut conditions: Vec<Condition> = Vec::new();
+    let mut start = 0;
+    for line in source.split_inclusive('\n') {
+        let indent = line.len() - line.trim_start().len();
+        let at = Span { start: start + indent, end: start + line.trim_end().len() };
+        start += line.len();
+        let fail = |message: &str| error_in(name, source, at, message);
+        let keep = conditions.last().is_none_or(|condition| condition.outer && condition.holds);
+
+        let Some(directive) = line.trim_start().strip_prefix('#') else {
+            if keep {
+                out.push_str(line.trim_end_matches(['\r', '\n']));
+            }
+            out.push('\n');
+            continue;
+        };
+        out.push('\n');
+        let directive = directive.split("//").next().unwrap_or_default();
+        match directive.split_whitespace().collect::<Vec<_>>()[..] {
+            ["import", module] if keep => {
+                if find(library, module).is_none() {
+                    let known = library.modules.iter().map(|(file, _)| module_name(file));
+                    return Err(fail(&GraphError::unknown("module", module, known).to_string()));
+                }
+                if !imports.contains(&module) {
+                    imports.push(module);
+                }
+            }
+            ["import", _] => {}
+            ["ifdef", define] | ["ifndef", define] => {
+                let defined = shader.defines.contains(&define);
+                let holds = defined == directive.trim_start().starts_with("ifdef");
+                conditions.push(Condition { outer: keep, holds, in_else: false, at });
+            }
+            ["else"] => match conditions.last_mut() {
+                Some(condition) if !condition.in_else => {
+                    condition.holds = !condition.holds;
+                    condition.in_else = true;
+                }
+                _ => return Err(fail("`#else` without an `#ifdef` or `#ifndef` before it")),
+            },
+            ["endif"] => {
+                if conditions.pop().is_none() {
+                    return Err(fail("`#endif` without an `#ifdef` or `#ifndef` before it"));
+                }
+            }
+            _ => {
+                return Err(fail(
+                    "not a directive; there are `#import MODULE`, `#ifdef NAME`, `#ifndef NAME`, `#else` and `#endif`",
+                ));
+            }
+        }
+    }
+    match conditions.last() {
+        Some(open) => Err(error_in(name, source, open.at, "no `#endif` follows")),
+        None => Ok(()),
+    }
+}

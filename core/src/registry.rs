@@ -1,0 +1,152 @@
+//! The kinds of stage that graph files may name.
+
+use std::{borrow::Cow, collections::BTreeMap, marker::PhantomData, path::Path};
+
+use crate::{
+    error::{GraphError, Problem, Problems, Span},
+    file::{GraphFile, NodeDef},
+    params::{ParamSpec, Params},
+    stage::{AnyStage, Bound, Declaration, Io, Stage},
+};
+
+/// A node's definition in its file, and what its kind may ask about the surroundings.
+pub struct NodeContext<'a> {
+    /// The file, for places and for paths relative to it.
+    pub file: &'a GraphFile,
+    /// The node.
+    pub node: &'a NodeDef,
+    /// Whether an input will carry a value.
+    pub connected: &'a dyn Fn(&str) -> bool,
+    /// The shader modules that shaders may import.
+    pub library: &'a ShaderLibrary,
+}
+
+impl NodeContext<'_> {
+    /// A problem of this node at a place of its file.
+    pub fn problem(&self, error: GraphError, span: Span) -> Problem {
+        Problem::new(error).at(self.file.place(span)).node(&self.node.name.value)
+    }
+
+    /// The folder that relative paths in the file start from.
+    pub fn folder(&self) -> &Path {
+        Path::new(&self.file.path).parent().unwrap_or(Path::new(""))
+    }
+
+    /// Sets each parameter that the node names by calling `set(index, text)`; reports unknown names, values that do
+    /// not parse and values out of range, all of them.
+    pub fn set_params(
+        &self,
+        specs: &[ParamSpec],
+        mut set: impl FnMut(usize, &str) -> Result<(), crate::params::ParamError>,
+    ) -> Problems {
+        let mut problems = Problems::default();
+        for param in &self.node.params {
+            let Some(index) = specs.iter().position(|spec| spec.name == param.name.value) else {
+                let known = specs.iter().map(|spec| &spec.name);
+                let error = GraphError::unknown("parameter", &param.name.value, known);
+                problems.0.push(self.problem(error, param.name.span));
+                continue;
+            };
+            let spec = &specs[index];
+            if let Err(error) = set(index, &param.value.value) {
+                let (low, high) = spec.range.unwrap_or_default();
+                let name = spec.name.clone();
+                let error = if error.out_of_range {
+                    GraphError::Range { name, found: param.value.value.clone(), low, high }
+                } else {
+                    GraphError::Value { name, expected: spec.kind.words(), cause: error.cause }
+                };
+                problems.0.push(self.problem(error, param.value.span));
+            }
+        }
+        problems
+    }
+}
+
+/// Makes stages of one kind.
+pub trait Kind: Send + Sync {
+    /// Its name in graph files.
+    fn name(&self) -> &'static str;
+    /// One line.
+    fn doc(&self) -> &'static str;
+    /// Parameters of the kind, as far as they do not depend on the node.
+    fn specs(&self) -> Vec<ParamSpec>;
+    /// Its ports, shader and passes with default parameters and every optional input connected; none where that
+    /// depends on the node.
+    fn declaration(&self) -> Option<Declaration>;
+    /// A stage with the node's parameters; all problems where there are any.
+    fn make(&self, cx: &NodeContext) -> Result<Box<dyn AnyStage>, Problems>;
+}
+
+struct StageKind<S>(PhantomData<fn() -> S>);
+
+fn declare<S: Stage>(params: &S::Params, connected: &dyn Fn(&str) -> bool) -> (S, Declaration) {
+    let mut io = Io::new(connected);
+    let stage = S::declare(params, &mut io);
+    (stage, io.declared)
+}
+
+impl<S: Stage> Kind for StageKind<S> {
+    fn name(&self) -> &'static str {
+        S::KIND
+    }
+    fn doc(&self) -> &'static str {
+        S::DOC
+    }
+    fn specs(&self) -> Vec<ParamSpec> {
+        S::Params::specs()
+    }
+    fn declaration(&self) -> Option<Declaration> {
+        Some(declare::<S>(&S::Params::default(), &|_| true).1)
+    }
+    fn make(&self, cx: &NodeContext) -> Result<Box<dyn AnyStage>, Problems> {
+        let mut params = S::Params::default();
+        cx.set_params(&S::Params::specs(), |index, text| params.set(index, text)).into_result()?;
+        let (stage, declaration) = declare::<S>(&params, cx.connected);
+        Ok(Box::new(Bound { stage, params, declaration }))
+    }
+}
+
+/// WGSL modules that shaders may `#import` by name.
+#[derive(Clone, Debug, Default)]
+pub struct ShaderLibrary {
+    /// File name and text of each.
+    pub modules: Vec<(Cow<'static, str>, Cow<'static, str>)>,
+}
+
+/// All kinds of stage, and the shader modules that they share.
+#[derive(Default)]
+pub struct Registry {
+    kinds: BTreeMap<&'static str, Box<dyn Kind>>,
+    /// Shared shader modules.
+    pub library: ShaderLibrary,
+}
+
+impl Registry {
+    /// Adds a stage.
+    pub fn with<S: Stage>(self) -> Self {
+        self.with_kind(Box::new(StageKind::<S>(PhantomData)))
+    }
+
+    /// Adds a kind that is not a plain stage, such as `wgsl`.
+    pub fn with_kind(mut self, kind: Box<dyn Kind>) -> Self {
+        self.kinds.insert(kind.name(), kind);
+        self
+    }
+
+    /// Adds a shared shader module.
+    pub fn with_module(mut self, name: &'static str, text: &'static str) -> Self {
+        self.library.modules.push((name.into(), text.into()));
+        self
+    }
+
+    /// The kind of that name.
+    pub fn get(&self, name: &str) -> Option<&dyn Kind> {
+        self.kinds.get(name).map(Box::as_ref)
+    }
+
+    /// All kinds in alphabetical order.
+    pub fn kinds(&self) -> impl Iterator<Item = &dyn Kind> {
+        self.kinds.values().map(Box::as_ref)
+    }
+}

@@ -1,0 +1,77 @@
+//! Shaders as the framework sees them: a file of WGSL with `#import`s, and the passes that run its entry points.
+
+use std::borrow::Cow;
+
+use crate::port::FieldRef;
+
+/// A stage's shader file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shader {
+    /// File name for messages, such as `depth_cull.wgsl`.
+    pub name: Cow<'static, str>,
+    /// The text.
+    pub source: Cow<'static, str>,
+    /// Names for `#ifdef`.
+    pub defines: Vec<&'static str>,
+}
+
+/// Which wgpu features a pass needs beyond the portable set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// 64-bit integers with atomic minimum in storage buffers.
+    pub atomic64: bool,
+}
+
+/// How many threads a compute pass has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Threads {
+    /// One for each element of a port: x, y for images and other two-dimensional extents; for lists a linear index
+    /// split over x and y (`shared/index.wgsl` puts it together), because a dispatch has at most 65,535 groups a side.
+    Over(FieldRef),
+    /// One for each `n` elements of a list, rounded up: block sums and scans.
+    Blocks(FieldRef, u32),
+    /// This many workgroups along x.
+    Groups(u32),
+}
+
+/// One step on the GPU.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Pass {
+    /// A compute entry point.
+    Compute {
+        /// Entry point.
+        entry: Cow<'static, str>,
+        /// How many threads.
+        threads: Threads,
+    },
+    /// Classic raster: one point for each element of a list, depth tested (less), into texture ports.
+    Points {
+        /// Vertex entry point.
+        vertex: &'static str,
+        /// Fragment entry point.
+        fragment: &'static str,
+        /// The list that gives the number of vertices.
+        count: FieldRef,
+        /// Texture ports drawn to, cleared to `clear`.
+        target: FieldRef,
+        /// First component's clear value.
+        clear: u32,
+    },
+}
+
+/// Embeds a shader of the `shaders/` folder: `shader!("depth_cull")`.
+#[macro_export]
+macro_rules! shader {
+    ($name:literal) => {
+        $crate::Shader {
+            name: ::std::borrow::Cow::Borrowed(concat!($name, ".wgsl")),
+            source: ::std::borrow::Cow::Borrowed(include_str!(concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/../shaders/",
+                $name,
+                ".wgsl"
+            ))),
+            defines: Vec::new(),
+        }
+    };
+}

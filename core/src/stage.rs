@@ -1,0 +1,365 @@
+//! The contract of a stage. A stage declares its ports, shader and passes once, from its parameters; everything else
+//! (connection checks, layouts, allocation, transfers, documentation) follows from the declaration.
+
+use std::{
+    any::{Any, TypeId},
+    borrow::Cow,
+    cell::{Ref, RefCell, RefMut},
+    collections::HashMap,
+};
+
+use crate::{
+    file::Side,
+    frame::{Facts, Frame},
+    params::{ParamSpec, Params},
+    port::{Access, Dims, Extent, Field, FieldRef, In, Lifetime, Out, Port, PortElement},
+    shader::{Needs, Pass, Shader, Threads},
+};
+
+/// A step of an algorithm. See the README for one in full.
+pub trait Stage: Sized + Send + Sync + 'static {
+    /// Its name in graph files.
+    const KIND: &'static str;
+    /// One line.
+    const DOC: &'static str;
+    /// Its parameters, defined with [`crate::params!`].
+    type Params: Params;
+
+    /// Says which ports, shader and passes it has with these parameters; keeps the handles.
+    fn declare(params: &Self::Params, io: &mut Io) -> Self;
+
+    /// The CPU twin: the same result as the shader on plain slices.
+    fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String>;
+
+    /// Why the scene makes this stage needless, if it does. Its inputs are then passed through.
+    fn needless(_params: &Self::Params, _facts: &Facts) -> Option<&'static str> {
+        None
+    }
+}
+
+/// Everything a stage has declared.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Declaration {
+    /// In the order of declaration.
+    pub ports: Vec<Port>,
+    /// None for a stage that runs on the CPU only.
+    pub shader: Option<Shader>,
+    /// The GPU's steps in order.
+    pub passes: Vec<Pass>,
+    /// Features of the device that the passes need.
+    pub needs: Needs,
+    /// Whether there is a CPU twin.
+    pub cpu: bool,
+    /// Only owns memory: there is nothing to run.
+    pub idle: bool,
+}
+
+impl Declaration {
+    /// Index of the port of that name.
+    pub fn port(&self, name: &str) -> Option<usize> {
+        self.ports.iter().position(|port| port.name == name)
+    }
+
+    /// Whether the stage can run there.
+    pub fn runs_on(&self, side: Side) -> bool {
+        match side {
+            Side::Cpu => self.cpu,
+            Side::Gpu => self.shader.is_some() || self.idle,
+        }
+    }
+}
+
+/// Collects a stage's declaration.
+pub struct Io<'a> {
+    pub(crate) declared: Declaration,
+    connected: &'a dyn Fn(&str) -> bool,
+}
+
+impl<'a> Io<'a> {
+    pub(crate) fn new(connected: &'a dyn Fn(&str) -> bool) -> Self {
+        Self { declared: Declaration { cpu: true, ..Declaration::default() }, connected }
+    }
+
+    fn port(&mut self, access: Access, name: &'static str, doc: &'static str, extent: Extent) -> Bundle<'_> {
+        self.declared.ports.push(Port {
+            name: name.into(),
+            doc: doc.into(),
+            access,
+            fields: Vec::new(),
+            extent,
+            lifetime: Lifetime::Transient,
+            optional: false,
+        });
+        Bundle {
+            index: self.declared.ports.len() as u16 - 1,
+            port: self.declared.ports.last_mut().expect("pushed"),
+        }
+    }
+
+    /// An input of this frame.
+    pub fn read<E: PortElement>(&mut self, name: &'static str, doc: &'static str, extent: Extent) -> In<E> {
+        self.port(Access::Read, name, doc, extent).read("")
+    }
+
+    /// An input of the frame before; all zero in the first frame.
+    pub fn history<E: PortElement>(
+        &mut self,
+        name: &'static str,
+        doc: &'static str,
+        extent: Extent,
+    ) -> In<E> {
+        self.port(Access::History, name, doc, extent).read("")
+    }
+
+    /// An input that may stay unconnected; then `None`.
+    pub fn optional<E: PortElement>(
+        &mut self,
+        name: &'static str,
+        doc: &'static str,
+        extent: Extent,
+    ) -> Option<In<E>> {
+        let input = self.read(name, doc, extent);
+        self.declared.ports.last_mut().expect("pushed").optional = true;
+        (self.connected)(name).then_some(input)
+    }
+
+    /// An input that is changed in place and passed on as the output of the same name.
+    pub fn update<E: PortElement>(
+        &mut self,
+        name: &'static str,
+        doc: &'static str,
+        extent: Extent,
+    ) -> Out<E> {
+        self.port(Access::Update, name, doc, extent).write("")
+    }
+
+    /// An output.
+    pub fn write<E: PortElement>(&mut self, name: &'static str, doc: &'static str, extent: Extent) -> Out<E> {
+        self.port(Access::Write, name, doc, extent).write("")
+    }
+
+    /// An output that keeps its values from frame to frame; zero at the start.
+    pub fn persistent<E: PortElement>(
+        &mut self,
+        name: &'static str,
+        doc: &'static str,
+        extent: Extent,
+    ) -> Out<E> {
+        let handle = self.write(name, doc, extent);
+        self.declared.ports.last_mut().expect("pushed").lifetime = Lifetime::Persistent;
+        handle
+    }
+
+    /// A port of several variables, bound as `name_field`: one wire, a structure of arrays.
+    pub fn bundle(
+        &mut self,
+        access: Access,
+        name: &'static str,
+        doc: &'static str,
+        extent: Extent,
+    ) -> Bundle<'_> {
+        self.port(access, name, doc, extent)
+    }
+
+    /// Names the shader, usually with [`crate::shader!`].
+    pub fn shader(&mut self, shader: Shader) {
+        self.declared.shader = Some(shader);
+    }
+
+    /// Defines a name for `#ifdef` in the shader.
+    pub fn define(&mut self, name: &'static str) {
+        self.declared.shader.as_mut().expect("name the shader before its defines").defines.push(name);
+    }
+
+    /// Adds a compute pass with one thread for each element of a port.
+    pub fn dispatch(&mut self, entry: &'static str, over: impl Into<FieldRef>) {
+        self.compute(entry, Threads::Over(over.into()));
+    }
+
+    /// Adds a compute pass.
+    pub fn compute(&mut self, entry: &'static str, threads: Threads) {
+        self.declared.passes.push(Pass::Compute { entry: entry.into(), threads });
+    }
+
+    /// Adds any pass.
+    pub fn pass(&mut self, pass: Pass) {
+        self.declared.passes.push(pass);
+    }
+
+    /// Says that the stage only owns memory and does nothing in a frame.
+    pub fn idle(&mut self) {
+        self.declared.idle = true;
+    }
+
+    /// Says that the passes need 64-bit atomics.
+    pub fn needs_atomic64(&mut self) {
+        self.declared.needs.atomic64 = true;
+    }
+}
+
+/// Adds fields to a port of several variables.
+pub struct Bundle<'p> {
+    index: u16,
+    port: &'p mut Port,
+}
+
+impl Bundle<'_> {
+    fn add<E: PortElement>(&mut self, name: impl Into<Cow<'static, str>>) -> FieldRef {
+        self.port.fields.push(Field { name: name.into(), element: E::element() });
+        FieldRef { port: self.index, field: self.port.fields.len() as u16 - 1 }
+    }
+
+    /// A field that is only read.
+    pub fn read<E: PortElement>(&mut self, field: &'static str) -> In<E> {
+        In::mint(self.add::<E>(field))
+    }
+
+    /// A field that is written or changed.
+    pub fn write<E: PortElement>(&mut self, field: &'static str) -> Out<E> {
+        Out::mint(self.add::<E>(field))
+    }
+
+    /// Makes the written values live from frame to frame.
+    pub fn persistent(&mut self) {
+        self.port.lifetime = Lifetime::Persistent;
+    }
+}
+
+/// Things that an application hands to its stages: the scene's tracer and the like, one of each type.
+#[derive(Default)]
+pub struct Host(HashMap<TypeId, Box<dyn Any + Send + Sync>>);
+
+impl Host {
+    /// Adds or replaces the thing of this type.
+    pub fn insert<T: Any + Send + Sync>(&mut self, thing: T) {
+        self.0.insert(TypeId::of::<T>(), Box::new(thing));
+    }
+
+    /// The thing of this type.
+    pub fn get<T: Any>(&self) -> Option<&T> {
+        self.0.get(&TypeId::of::<T>())?.downcast_ref()
+    }
+}
+
+/// Memory of one value on the CPU, aligned for every element type.
+#[derive(Clone, Debug, Default)]
+pub struct Block {
+    words: Vec<[u64; 2]>,
+}
+
+impl Block {
+    /// Zeroed memory of at least `bytes` bytes; `None` where there is not as much.
+    pub fn new(bytes: u64) -> Option<Self> {
+        let count = usize::try_from(bytes.div_ceil(16)).ok()?;
+        let mut words = Vec::new();
+        words.try_reserve_exact(count).ok()?;
+        words.resize(count, [0; 2]);
+        Some(Self { words })
+    }
+
+    /// All of it.
+    pub fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.words)
+    }
+
+    /// All of it.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        bytemuck::cast_slice_mut(&mut self.words)
+    }
+}
+
+/// Where a field of a port lies: a block, and how many elements of it count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Binding {
+    pub block: usize,
+    pub dims: Dims,
+}
+
+/// What a CPU twin works with: the slices of its ports, the frame, and the host's things.
+pub struct CpuContext<'a> {
+    pub(crate) frame: &'a Frame,
+    pub(crate) host: &'a Host,
+    pub(crate) blocks: &'a [RefCell<Block>],
+    pub(crate) bindings: &'a [Vec<Option<Binding>>],
+}
+
+impl CpuContext<'_> {
+    /// The present frame.
+    pub fn frame(&self) -> &Frame {
+        self.frame
+    }
+
+    /// The host's thing of this type, or what to tell the user.
+    pub fn host<T: Any>(&self) -> Result<&T, String> {
+        self.host
+            .get()
+            .ok_or_else(|| format!("the application has not provided {}", std::any::type_name::<T>()))
+    }
+
+    fn binding(&self, at: FieldRef) -> Binding {
+        self.bindings[at.port as usize][at.field as usize]
+            .expect("a handle of an unconnected port is never given out")
+    }
+
+    /// Width and height of a port.
+    pub fn dims(&self, port: impl Into<FieldRef>) -> Dims {
+        self.binding(port.into()).dims
+    }
+
+    /// The elements of an input.
+    pub fn read<E: PortElement>(&self, port: In<E>) -> Ref<'_, [E::Cpu]> {
+        let Binding { block, dims } = self.binding(port.at);
+        Ref::map(self.blocks[block].borrow(), |block| elements(block.bytes(), dims))
+    }
+
+    /// The elements of an output or update.
+    pub fn write<E: PortElement>(&self, port: Out<E>) -> RefMut<'_, [E::Cpu]> {
+        let Binding { block, dims } = self.binding(port.at);
+        RefMut::map(self.blocks[block].borrow_mut(), |block| {
+            let bytes = dims.count() * size_of::<E::Cpu>();
+            bytemuck::cast_slice_mut(&mut block.bytes_mut()[..bytes])
+        })
+    }
+}
+
+fn elements<T: bytemuck::Pod>(bytes: &[u8], dims: Dims) -> &[T] {
+    bytemuck::cast_slice(&bytes[..dims.count() * size_of::<T>()])
+}
+
+/// A stage with its parameters, its type forgotten.
+pub trait AnyStage: Send + Sync {
+    /// What it declared.
+    fn declaration(&self) -> &Declaration;
+    /// Runs the CPU twin.
+    fn run_cpu(&self, cx: &CpuContext) -> Result<(), String>;
+    /// The words of its parameter uniform.
+    fn words(&self) -> Vec<u32>;
+    /// Its parameters, in the order of the words.
+    fn specs(&self) -> Vec<ParamSpec>;
+    /// Why the scene makes it needless, if it does.
+    fn needless(&self, facts: &Facts) -> Option<&'static str>;
+}
+
+pub(crate) struct Bound<S: Stage> {
+    pub stage: S,
+    pub params: S::Params,
+    pub declaration: Declaration,
+}
+
+impl<S: Stage> AnyStage for Bound<S> {
+    fn declaration(&self) -> &Declaration {
+        &self.declaration
+    }
+    fn run_cpu(&self, cx: &CpuContext) -> Result<(), String> {
+        self.stage.cpu(&self.params, cx)
+    }
+    fn words(&self) -> Vec<u32> {
+        self.params.words()
+    }
+    fn specs(&self) -> Vec<ParamSpec> {
+        S::Params::specs()
+    }
+    fn needless(&self, facts: &Facts) -> Option<&'static str> {
+        S::needless(&self.params, facts)
+    }
+}

@@ -1,0 +1,336 @@
+//! The executor on small graphs whose results are known by hand: both sides, mixed, history, kept memory, late
+//! downloads, poison, no pooling.
+
+use std::sync::{Arc, OnceLock};
+
+use epigraph_core::{
+    AdapterChoice, CpuContext, Executor, Extent, Frame, Gpu, GraphFile, Host, In, Io, Out, Registry,
+    RunError, Settings, Shader, Side, Source, Stage, Step, compile, params, texel,
+};
+
+fn gpu() -> Arc<Gpu> {
+    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    GPU.get_or_init(|| Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}"))))
+        .clone()
+}
+
+fn shader(name: &'static str, source: &'static str) -> Shader {
+    Shader { name: name.into(), source: source.into(), defines: Vec::new() }
+}
+
+/// Counts frames in kept memory and writes pixel index + 1000 * frame.
+struct Ramp {
+    count: Out<u32>,
+    ramp: Out<u32>,
+}
+
+impl Stage for Ramp {
+    const KIND: &'static str = "ramp";
+    const DOC: &'static str = "Pixel index plus a thousand times the number of frames so far.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(shader(
+            "ramp.wgsl",
+            "
+#import frame
+@group(0) @binding(1) var<storage, read_write> count: array<u32>;
+@group(0) @binding(2) var<storage, read_write> ramp: array<u32>;
+@compute @workgroup_size(1) fn add() { count[0] += 1u; }
+@compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size) { return; }
+    let pixel = id.y * frame.size.x + id.x;
+    ramp[pixel] = pixel + 1000u * count[0];
+}",
+        ));
+        let count = io.persistent("count", "frames so far", Extent::Fixed([1, 1]));
+        let ramp = io.write("ramp", "the ramp", Extent::Frame(1));
+        io.dispatch("add", count);
+        io.dispatch("main", ramp);
+        Self { count, ramp }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let mut count = cx.write(self.count);
+        count[0] += 1;
+        for (pixel, value) in cx.write(self.ramp).iter_mut().enumerate() {
+            *value = pixel as u32 + 1000 * count[0];
+        }
+        Ok(())
+    }
+}
+
+params! {
+    /// Parameters of `mix`.
+    pub struct MixParams {
+        /// Weight of the value of the frame before.
+        weight: u32 = 2, in 0..=10;
+    }
+}
+
+/// now + weight * before, as a texture.
+struct Mix {
+    now: In<u32>,
+    before: In<u32>,
+    sum: Out<texel::R32Uint>,
+}
+
+impl Stage for Mix {
+    const KIND: &'static str = "mix";
+    const DOC: &'static str = "Adds a multiple of last frame's value.";
+    type Params = MixParams;
+
+    fn declare(_: &MixParams, io: &mut Io) -> Self {
+        io.shader(shader(
+            "mix.wgsl",
+            "
+#import frame
+struct Params { weight: u32 }
+@group(0) @binding(1) var<uniform> params: Params;
+@group(0) @binding(2) var<storage, read> now: array<u32>;
+@group(0) @binding(3) var<storage, read> before: array<u32>;
+@group(0) @binding(4) var sum: texture_storage_2d<r32uint, write>;
+@compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size) { return; }
+    let pixel = id.y * frame.size.x + id.x;
+    textureStore(sum, id.xy, vec4(now[pixel] + params.weight * before[pixel], 0u, 0u, 0u));
+}",
+        ));
+        let now = io.read("now", "this frame's", Extent::Frame(1));
+        let before = io.history("before", "last frame's", Extent::Frame(1));
+        let sum = io.write("sum", "the sum", Extent::Frame(1));
+        io.dispatch("main", sum);
+        Self { now, before, sum }
+    }
+
+    fn cpu(&self, params: &MixParams, cx: &CpuContext) -> Result<(), String> {
+        let (now, before) = (cx.read(self.now), cx.read(self.before));
+        for (pixel, sum) in cx.write(self.sum).iter_mut().enumerate() {
+            *sum = now[pixel] + params.weight * before[pixel];
+        }
+        Ok(())
+    }
+}
+
+/// Adds one to every texel's copy in a list, in place.
+struct Bump {
+    list: Out<u32>,
+}
+
+impl Stage for Bump {
+    const KIND: &'static str = "bump";
+    const DOC: &'static str = "Adds one in place.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(shader(
+            "bump.wgsl",
+            "
+#import index
+@group(0) @binding(0) var<storage, read_write> list: array<u32>;
+@compute @workgroup_size(64) fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = linear_index(id, groups, 64u);
+    if i < arrayLength(&list) { list[i] += 1u; }
+}",
+        ));
+        let list = io.update("list", "changed in place", Extent::Any);
+        io.dispatch("main", list);
+        Self { list }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        cx.write(self.list).iter_mut().for_each(|value| *value += 1);
+        Ok(())
+    }
+}
+
+/// Fails or panics, as its parameter says.
+struct Faulty;
+
+params! {
+    /// Parameters of `faulty`.
+    pub struct FaultyParams {
+        /// Panic instead of returning an error.
+        panic: bool = false;
+    }
+}
+
+impl Stage for Faulty {
+    const KIND: &'static str = "faulty";
+    const DOC: &'static str = "Fails.";
+    type Params = FaultyParams;
+
+    fn declare(_: &FaultyParams, io: &mut Io) -> Self {
+        io.write::<u32>("nothing", "nothing", Extent::Fixed([1, 1]));
+        Self
+    }
+
+    fn cpu(&self, params: &FaultyParams, _: &CpuContext) -> Result<(), String> {
+        assert!(!params.panic, "as asked");
+        Err("cannot go on".into())
+    }
+}
+
+fn registry() -> Registry {
+    Registry::default()
+        .with_module("frame", include_str!("../../shaders/shared/frame.wgsl"))
+        .with_module("index", include_str!("../../shaders/shared/index.wgsl"))
+        .with::<Ramp>()
+        .with::<Mix>()
+        .with::<Bump>()
+        .with::<Faulty>()
+}
+
+// 13x5: rows of textures need padding, the last workgroups stick out.
+const SIZE: [u32; 2] = [13, 5];
+
+fn graph(sides: [&str; 3]) -> GraphFile {
+    let on = sides.map(|side| format!("on: {side},"));
+    let text = format!(
+        r#"#![enable(implicit_some)]
+        Graph(version: 1, nodes: {{
+            "ramp": (kind: "ramp", {}),
+            "mix": (kind: "mix", {} inputs: {{ "now": "bump.list", "before": "other.ramp" }}, params: (weight: 3)),
+            "bump": (kind: "bump", {} inputs: {{ "list": "ramp.ramp" }}),
+            "other": (kind: "ramp"),
+        }}, outputs: {{ "image": "mix.sum" }})"#,
+        on[0], on[1], on[2]
+    );
+    GraphFile::parse("test.ron", &text).unwrap()
+}
+
+fn executor(file: &GraphFile, settings: &Settings) -> Executor {
+    let registry = registry();
+    let (graph, plan) = compile(file, &registry, settings).unwrap_or_else(|problems| panic!("{problems}"));
+    Executor::new(graph, plan, settings, &registry, Some(gpu())).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn frame(index: u32) -> Frame {
+    Frame { size: SIZE, index, ..Frame::default() }
+}
+
+fn run(file: &GraphFile, settings: &Settings, frames: u32) -> Vec<Vec<u32>> {
+    let mut executor = executor(file, settings);
+    (0..frames)
+        .map(|index| {
+            executor.run(&frame(index), &Host::default(), true).unwrap();
+            executor.snapshot("image", "").unwrap().unwrap().get::<u32>()
+        })
+        .collect()
+}
+
+fn expected(frames: u32) -> Vec<Vec<u32>> {
+    let pixels = SIZE[0] * SIZE[1];
+    (0..frames)
+        .map(|frame| {
+            let before = |pixel: u32| if frame == 0 { 0 } else { pixel + 1000 * frame };
+            (0..pixels).map(|pixel| pixel + 1000 * (frame + 1) + 1 + 3 * before(pixel)).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn every_placement_gives_the_same() {
+    let mut settings = Settings::new(SIZE, 0);
+    for poison in [false, true] {
+        for pooling in [true, false] {
+            for default in [Side::Cpu, Side::Gpu] {
+                settings.poison = poison;
+                settings.pooling = pooling;
+                settings.side = default;
+                for bits in 0..8 {
+                    let sides = [0, 1, 2].map(|bit| if bits >> bit & 1 == 0 { "Cpu" } else { "Gpu" });
+                    let result = run(&graph(sides), &settings, 4);
+                    assert_eq!(result, expected(4), "sides {sides:?}, default {default}, {poison} {pooling}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_comparison_can_fail() {
+    let mut file = graph(["Cpu", "Gpu", "Cpu"]);
+    file.set_param("mix", "weight", "4").unwrap();
+    assert_ne!(run(&file, &Settings::new(SIZE, 0), 4), expected(4));
+}
+
+#[test]
+fn late_downloads_are_exactly_that_late() {
+    let text = r#"Graph(version: 1, nodes: {
+        "ramp": (kind: "ramp", on: Gpu),
+        "bump": (kind: "bump", on: Cpu, download: Latent(2), inputs: { "list": "ramp.ramp" }),
+    }, outputs: { "image": "bump.list" })"#;
+    let file = GraphFile::parse("late.ron", text).unwrap();
+    let seen: Vec<u32> = run(&file, &Settings::new(SIZE, 0), 6).iter().map(|image| image[7]).collect();
+    assert_eq!(seen[2..], [1008, 2008, 3008, 4008]);
+}
+
+#[test]
+fn an_all_gpu_frame_has_no_transfers_and_pools() {
+    let mut settings = Settings::new(SIZE, 0);
+    settings.side = Side::Gpu;
+    let file = graph(["Gpu", "Gpu", "Gpu"]);
+    let (_, plan) = compile(&file, &registry(), &settings).unwrap();
+    assert!(plan.steps.iter().all(|step| matches!(step, Step::Run(_) | Step::Tap(..))));
+    settings.pooling = false;
+    let (_, unpooled) = compile(&file, &registry(), &settings).unwrap();
+    assert!(plan.bytes(Side::Gpu) <= unpooled.bytes(Side::Gpu));
+    assert_eq!(plan.bytes(Side::Cpu), 0);
+}
+
+#[test]
+fn taps_see_a_port_after_its_node_even_if_it_changes_later() {
+    let mut settings = Settings::new(SIZE, 0);
+    settings.taps = vec![Source { node: "ramp".into(), port: "ramp".into() }];
+    for side in ["Cpu", "Gpu"] {
+        let mut executor = executor(&graph([side, side, side]), &settings);
+        executor.run(&frame(0), &Host::default(), true).unwrap();
+        let tapped = executor.snapshot("ramp.ramp", "").unwrap().unwrap().get::<u32>();
+        assert_eq!(tapped[..3], [1000, 1001, 1002], "on {side}");
+    }
+}
+
+#[test]
+fn failing_and_panicking_stages_come_back_as_errors() {
+    for panic in [false, true] {
+        let text = format!(
+            r#"Graph(version: 1, nodes: {{ "bad": (kind: "faulty", params: (panic: {panic})) }},
+            outputs: {{ "image": "bad.nothing" }})"#
+        );
+        let file = GraphFile::parse("bad.ron", &text).unwrap();
+        let mut executor = executor(&file, &Settings::new(SIZE, 0));
+        let error = executor.run(&frame(0), &Host::default(), false).unwrap_err();
+        let wanted = if panic { "as asked" } else { "cannot go on" };
+        assert!(matches!(&error, RunError::Stage { node, .. } if node == "bad"), "{error}");
+        assert!(error.to_string().contains(wanted), "{error}");
+    }
+}
+
+#[test]
+fn a_plan_that_needs_a_gpu_says_so() {
+    let registry = registry();
+    let settings = Settings::new(SIZE, 0);
+    let (graph, plan) = compile(&graph(["Gpu", "Cpu", "Cpu"]), &registry, &settings).unwrap();
+    let error = Executor::new(graph, plan, &settings, &registry, None).err().unwrap();
+    assert_eq!(error, RunError::NoGpu);
+}
+
+#[test]
+fn too_much_for_the_device_is_an_error() {
+    let text =
+        r#"Graph(version: 1, nodes: { "ramp": (kind: "ramp", on: Gpu) }, outputs: { "image": "ramp.ramp" })"#;
+    let file = GraphFile::parse("large.ron", text).unwrap();
+    let registry = registry();
+    let settings = Settings::new([16384, 16384], 0);
+    let (graph, plan) = compile(&file, &registry, &settings).unwrap();
+    // 1 GiB: more than lavapipe binds (128 MiB). A device that binds it runs it.
+    match Executor::new(graph, plan, &settings, &registry, Some(gpu())) {
+        Err(RunError::Gpu(message)) => assert!(message.contains("ramp.ramp"), "{message}"),
+        Err(other) => panic!("{other}"),
+        Ok(_) => assert!(!gpu().is_software()),
+    }
+}
