@@ -164,7 +164,7 @@ impl GraphError {
         let nearest = known
             .iter()
             .map(|name| (strsim::damerau_levenshtein(name, found), name))
-            .filter(|(distance, _)| *distance <= (found.len() / 3).max(1))
+            .filter(|(distance, _)| *distance <= found.chars().count().div_ceil(3))
             .min_by_key(|(distance, _)| *distance)
             .map(|(_, name)| name.clone());
         Self::Unknown { what, found: found.to_owned(), nearest, known }

@@ -17,6 +17,9 @@ use crate::{
 /// Largest width or height of a frame in pixels.
 pub const MAX_SIDE: u32 = 16384;
 
+/// Most frames that a download may be late: each frame under way keeps a buffer.
+pub const MAX_LATENCY: u32 = 16;
+
 /// What a graph is compiled for.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -422,18 +425,16 @@ impl Checker<'_> {
 
     /// Declares again the stages whose optional inputs lost their source to a bypass.
     fn remake(&mut self, made: &mut [Made], bypass: &Bypassed) {
-        for index in 0..made.len() {
+        for (index, slot) in made.iter_mut().enumerate() {
             let lost = self.file.nodes[index].inputs.iter().any(|input| {
-                let port = made[index].ports().iter().position(|port| port.name == input.port.value);
+                let port = slot.ports().iter().position(|port| port.name == input.port.value);
                 port.is_some_and(|port| !bypass.wires[index].contains_key(&port))
             });
             if lost && !bypass.why.contains_key(&index) {
-                let kept: BTreeSet<String> = bypass.wires[index]
-                    .keys()
-                    .map(|&port| made[index].ports()[port].name.to_string())
-                    .collect();
+                let kept: BTreeSet<String> =
+                    bypass.wires[index].keys().map(|&port| slot.ports()[port].name.to_string()).collect();
                 if let Some(again) = self.make(index, &|name| kept.contains(name)) {
-                    made[index] = again;
+                    *slot = again;
                 }
             }
         }
@@ -468,6 +469,14 @@ impl Checker<'_> {
                 .collect();
             let dims = vec![Dims::default(); declaration.ports.len()];
             let side = self.side(index, declaration, node.on.as_ref());
+            if let Some(Spanned { value: Download::Latent(frames), span }) = node.download
+                && !(1..=MAX_LATENCY).contains(&frames)
+            {
+                let text = format!(
+                    "Latent({frames}) is not possible; a download may be 1 to {MAX_LATENCY} frames late"
+                );
+                self.problem(index, span, None, GraphError::Invalid(text));
+            }
             nodes.push(Node {
                 name: node.name.value.clone(),
                 kind: node.kind.value.clone(),

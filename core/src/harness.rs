@@ -167,7 +167,7 @@ impl<S: Stage> Harness<S> {
         };
         let fail = |message| RunError::Stage { node: "stage".into(), message };
         graph.resolve_dims(&self.settings).map_err(|(_, message)| fail(message))?;
-        let fail = |problem: crate::Problem| fail(problem.to_string());
+        let fail = |problems: crate::Problems| fail(problems.to_string());
         let plan = Plan::new(&graph, &self.settings).map_err(fail)?;
         Executor::new(graph, plan, &self.settings, registry, gpu)
     }

@@ -25,7 +25,7 @@ pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
 pub use executor::{AdapterChoice, Executor, Gpu, RunError, Snapshot};
 pub use file::*;
 pub use frame::{Facts, Frame, View};
-pub use graph::{Culled, Graph, MAX_SIDE, Node, PortRef, Settings};
+pub use graph::{Culled, Graph, MAX_LATENCY, MAX_SIDE, Node, PortRef, Settings};
 pub use harness::{Harness, Outputs};
 pub use params::{ParamError, ParamKind, ParamSpec, ParamValue, Params, parse_value};
 pub use plan::{Copy, Life, Plan, Slot, Step, Storage, Tap, compile};

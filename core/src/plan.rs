@@ -46,6 +46,8 @@ pub struct Storage {
     pub dims: Dims,
     /// How it lives.
     pub life: Life,
+    /// The side that holds its contents at the frame's end.
+    pub home: Side,
     /// Its memory on the CPU and on the GPU: this frame's and last frame's slot (equal but for history).
     pub slots: [Option<[usize; 2]>; 2],
 }
@@ -138,28 +140,25 @@ pub fn compile(
     settings: &Settings,
 ) -> Result<(Graph, Plan), Problems> {
     let graph = Graph::check(file, registry, settings)?;
-    let plan = Plan::new(&graph, settings).map_err(|mut problem| {
-        let first = match &problem.error {
-            GraphError::Cycle { path } => path.first().and_then(|name| file.node(name)),
-            _ => None,
-        };
-        if let Some(node) = first {
-            problem.place = Some(file.place(node.name.span));
+    let plan = Plan::new(&graph, settings).map_err(|mut problems| {
+        for problem in &mut problems.0 {
+            let node = problem.node.as_ref().and_then(|name| file.node(name));
+            problem.place = node.map(|node| file.place(node.name.span));
         }
-        problem
+        problems
     })?;
     Ok((graph, plan))
 }
 
 impl Plan {
     /// Compiles a checked graph.
-    pub fn new(graph: &Graph, settings: &Settings) -> Result<Self, Problem> {
+    pub fn new(graph: &Graph, settings: &Settings) -> Result<Self, Problems> {
         let order = order(graph)?;
         let (mut storages, bindings) = storages(graph);
         let taps = taps(graph, &bindings);
         let first_writes = with_access(graph, &bindings, Access::Write);
         let updates = with_access(graph, &bindings, Access::Update);
-        let steps = steps(graph, &order, &bindings, &storages, &taps);
+        let steps = steps(graph, &order, &bindings, &mut storages, &taps);
         let slots = slots(&steps, &bindings, graph, &mut storages, &taps, settings.pooling);
         let nodes =
             graph.nodes.iter().map(|node| (node.name.clone(), node.kind.clone(), node.side)).collect();
@@ -303,7 +302,7 @@ fn megabytes(bytes: u64) -> String {
 
 /// Producers before consumers; readers of a version before its updater. Among nodes that may run, one on the same side
 /// as the last comes first (fewer changes of side, fewer submissions), then the file's order decides.
-fn order(graph: &Graph) -> Result<Vec<usize>, Problem> {
+fn order(graph: &Graph) -> Result<Vec<usize>, Problems> {
     let mut before: DiGraph<usize, ()> = DiGraph::new();
     for node in 0..graph.nodes.len() {
         before.add_node(node);
@@ -348,7 +347,7 @@ fn order(graph: &Graph) -> Result<Vec<usize>, Problem> {
             }
         }
     }
-    if order.len() == waiting.len() { Ok(order) } else { Err(cycle(graph, &before)) }
+    if order.len() == waiting.len() { Ok(order) } else { Err(cycle(graph, &before).into()) }
 }
 
 fn cycle(graph: &Graph, before: &DiGraph<usize, ()>) -> Problem {
@@ -403,7 +402,15 @@ fn storages(graph: &Graph) -> (Vec<Storage>, Bindings) {
                 };
                 of_field.insert((at, field.name.to_string()), storages.len());
                 let element = field.element.clone();
-                storages.push(Storage { name, element, dims: declared.dims[port], life, slots: [None; 2] });
+                let node_side = declared.side;
+                storages.push(Storage {
+                    name,
+                    element,
+                    dims: declared.dims[port],
+                    life,
+                    home: node_side,
+                    slots: [None; 2],
+                });
             }
         }
     }
@@ -477,7 +484,7 @@ fn steps(
     graph: &Graph,
     order: &[usize],
     bindings: &Bindings,
-    storages: &[Storage],
+    storages: &mut [Storage],
     taps: &[Tap],
 ) -> Vec<Step> {
     let mut end = vec![Valid([true, true]); storages.len()];
@@ -527,6 +534,9 @@ fn steps(
             }
         }
         end = now;
+    }
+    for (storage, valid) in storages.iter_mut().zip(end) {
+        storage.home = if valid.0[Side::Cpu as usize] { Side::Cpu } else { Side::Gpu };
     }
     steps
 }

@@ -283,6 +283,25 @@ fn an_all_gpu_frame_has_no_transfers_and_pools() {
 }
 
 #[test]
+fn kept_memory_survives_a_recompile_and_a_change_of_side() {
+    let sides = [["Cpu", "Cpu", "Cpu"], ["Gpu", "Gpu", "Gpu"]];
+    for (from, to) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        let mut settings = Settings::new(SIZE, 0);
+        settings.side = if from == 0 { Side::Cpu } else { Side::Gpu };
+        let mut old = executor(&graph(sides[from]), &settings);
+        for index in 0..3 {
+            old.run(&frame(index), &Host::default(), false).unwrap();
+        }
+        settings.side = if to == 0 { Side::Cpu } else { Side::Gpu };
+        let mut new = executor(&graph(sides[to]), &settings);
+        new.inherit(&mut old).unwrap();
+        new.run(&frame(3), &Host::default(), true).unwrap();
+        let image = new.snapshot("image", "").unwrap().unwrap().get::<u32>();
+        assert_eq!(image, expected(4)[3], "{from} to {to}");
+    }
+}
+
+#[test]
 fn taps_see_a_port_after_its_node_even_if_it_changes_later() {
     let mut settings = Settings::new(SIZE, 0);
     settings.taps = vec![Source { node: "ramp".into(), port: "ramp".into() }];

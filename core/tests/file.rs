@@ -245,7 +245,7 @@ fn fields_of_a_node_are_checked() {
     assert_told(&node("on: Gup"), &[("3:5: unknown side `Gup`, did you mean `Gpu`?", 3)]);
     assert_told(&node("on: Tpu2000"), &[("3:5: unknown side `Tpu2000`; known: Gpu, Cpu", 7)]);
     assert_told(&node("on: \"gpu\""), &[("3:5: expected Gpu or Cpu, found `\"gpu\"`", 5)]);
-    assert_told(&node("download: Late(1)"), &[("3:11: unknown download `Late`; known: Sync, Latent", 7)]);
+    assert_told(&node("download: Late(1)"), &[("3:11: unknown download `Late`, did you mean `Latent`?", 7)]);
     assert_told(&node("download: Latent"), &[("3:11: expected Sync or Latent(FRAMES), found `Latent`", 6)]);
     assert_told(
         &node("download: Latent(-1)"),

@@ -399,13 +399,7 @@ fn entry_points_are_checked() {
 
 fn raster(target: Port) -> Declaration {
     let at = |port| FieldRef { port, field: 0 };
-    let points = Pass::Points {
-        vertex: "place".into(),
-        fragment: "paint".into(),
-        count: at(0),
-        target: at(1),
-        clear: 0,
-    };
+    let points = Pass::Points { vertex: "place", fragment: "paint", count: at(0), target: at(1), clear: 0 };
     let compute = Pass::Compute { entry: "main".into(), threads: Threads::Over(at(1)) };
     Declaration {
         ports: vec![port("list", Access::Read, <[f32; 4]>::element()), target],

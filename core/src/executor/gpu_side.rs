@@ -590,6 +590,22 @@ impl GpuSide {
         self.clock.is_some()
     }
 
+    /// Reads the contents of a slot and waits for them.
+    pub fn read(
+        &mut self,
+        slot: usize,
+        element: &Element,
+        dims: Dims,
+        bytes: &mut [u8],
+    ) -> Result<(), RunError> {
+        let layout = Layout::new(element, dims);
+        let mut readback = Readback::new(&self.gpu.device, layout.staged_bytes(), 1);
+        copy_out(encoder(&self.gpu, &mut self.encoder), &self.memory[slot], readback.record(0), layout);
+        self.submit();
+        readback.map();
+        readback.take(&self.gpu, 0, |staged| layout.unpad(staged, bytes))
+    }
+
     /// Replaces the contents of a slot.
     pub fn write(&mut self, slot: usize, element: &Element, dims: Dims, bytes: &[u8]) {
         let layout = Layout::new(element, dims);

@@ -340,12 +340,46 @@ impl Executor {
         Ok(all.into_iter().find(|snapshot| snapshot.name == name && snapshot.field == field))
     }
 
-    /// Replaces the contents of a kept or transient storage by name, on both sides: the way back into a recompiled plan.
-    pub fn restore(&mut self, storage: &str, bytes: &[u8]) -> bool {
-        let Some(index) = self.plan.storages.iter().position(|s| s.name == storage) else { return false };
+    /// Takes over what an earlier executor keeps from frame to frame, wherever name, element and number are the same:
+    /// a changed graph goes on with the points that it has.
+    ///
+    /// # Errors
+    /// [`RunError::Gpu`] where the old contents cannot be read.
+    pub fn inherit(&mut self, old: &mut Self) -> Result<(), RunError> {
+        for index in 0..old.plan.storages.len() {
+            if old.plan.storages[index].life != Life::Transient {
+                let bytes = old.contents(index)?;
+                self.restore(&old.plan.storages[index].name, &bytes);
+            }
+        }
+        Ok(())
+    }
+
+    /// What the next frame finds in a storage that lives on.
+    fn contents(&mut self, index: usize) -> Result<Vec<u8>, RunError> {
+        let storage = &self.plan.storages[index];
+        let parity = (self.frame % 2) as usize;
+        let copy = Copy { storage: index, previous: storage.life == Life::History };
+        let mut bytes = vec![0; storage.bytes() as usize];
+        // Memory that no node touches was given on neither side; it is still zero.
+        if storage.slots[storage.home as usize].is_none() {
+            return Ok(bytes);
+        }
+        let slot = slot_of(&self.plan, copy, storage.home, parity);
+        match (&mut self.gpu, storage.home) {
+            (Some(gpu), Side::Gpu) => gpu.read(slot, &storage.element, storage.dims, &mut bytes)?,
+            _ => bytes.copy_from_slice(&self.cpu[slot].borrow().bytes()[..storage.bytes() as usize]),
+        }
+        Ok(bytes)
+    }
+
+    /// Replaces what the next frame finds in a storage that lives on, on both sides. Does nothing where there is no
+    /// such storage or it has another size.
+    pub(crate) fn restore(&mut self, storage: &str, bytes: &[u8]) {
+        let Some(index) = self.plan.storages.iter().position(|s| s.name == storage) else { return };
         let storage = &self.plan.storages[index];
         if storage.bytes() != bytes.len() as u64 {
-            return false;
+            return;
         }
         let parity = (self.frame % 2) as usize;
         let copy = Copy { storage: index, previous: storage.life == Life::History };
@@ -357,7 +391,6 @@ impl Executor {
             let slot = slot_of(&self.plan, copy, Side::Gpu, parity);
             gpu.write(slot, &storage.element, storage.dims, bytes);
         }
-        true
     }
 }
 

@@ -1,0 +1,299 @@
+//! Checker and compiler on graphs of stages that do nothing: what is refused, what is left out, in which order, in how
+//! much memory. No GPU takes part.
+
+use epigraph_core::{
+    Access, CpuContext, Extent, Facts, GraphFile, Io, Problems, Registry, Settings, Side, Stage, Step,
+    compile, texel,
+};
+
+macro_rules! stage {
+    ($name:ident, $kind:literal, |$io:ident| $declare:expr $(, needless: $needless:expr)?) => {
+        struct $name;
+        impl Stage for $name {
+            const KIND: &'static str = $kind;
+            const DOC: &'static str = "A stage of the tests.";
+            type Params = ();
+            fn declare((): &(), $io: &mut Io) -> Self {
+                $declare;
+                Self
+            }
+            fn cpu(&self, (): &(), _: &CpuContext) -> Result<(), String> {
+                Ok(())
+            }
+            $(fn needless((): &(), facts: &Facts) -> Option<&'static str> {
+                let needless: fn(&Facts) -> Option<&'static str> = $needless;
+                needless(facts)
+            })?
+        }
+    };
+}
+
+stage!(Source, "source", |io| io.write::<f32>("out", "numbers", Extent::Frame(1)));
+stage!(Small, "small", |io| io.write::<f32>("out", "numbers", Extent::Frame(4)));
+stage!(Picture, "picture", |io| io.write::<texel::R32Float>("out", "a texture", Extent::Frame(1)));
+stage!(Filter, "filter", |io| {
+    io.read::<f32>("in", "numbers", Extent::Frame(1));
+    io.write::<f32>("out", "numbers", Extent::Like("in".into()));
+});
+stage!(Shrink, "shrink", |io| {
+    io.read::<f32>("in", "numbers", Extent::Any);
+    io.write::<u32>("out", "whole numbers", Extent::Fixed([3, 2]));
+});
+stage!(Change, "change", |io| io.update::<f32>("data", "changed in place", Extent::Any));
+stage!(Memory, "memory", |io| io.persistent::<f32>("out", "kept", Extent::PerPixel(0.5)));
+stage!(Delay, "delay", |io| {
+    io.history::<f32>("last", "last frame's", Extent::Any);
+    io.write::<f32>("out", "numbers", Extent::Frame(1));
+});
+stage!(
+    Moving,
+    "moving",
+    |io| {
+        io.read::<f32>("in", "numbers", Extent::Any);
+        io.write::<f32>("out", "numbers", Extent::Frame(1));
+    },
+    needless: |facts| (!facts.camera_moves).then_some("the camera does not move")
+);
+stage!(Guess, "guess", |io| io.write::<u32>("out", "a guess", Extent::Frame(2)),
+    needless: |facts| (!facts.camera_moves).then_some("the camera does not move"));
+stage!(Maybe, "maybe", |io| {
+    io.read::<f32>("in", "numbers", Extent::Any);
+    io.optional::<u32>("hint", "may be missing", Extent::Any);
+    io.write::<f32>("out", "numbers", Extent::Frame(1));
+});
+stage!(Cloud, "cloud", |io| {
+    let mut cloud = io.bundle(Access::Write, "points", "a structure of arrays", Extent::PerPixel(1.5));
+    cloud.write::<[f32; 4]>("position");
+    cloud.write::<u32>("age");
+    cloud.persistent();
+});
+stage!(Aging, "aging", |io| {
+    let mut cloud = io.bundle(Access::Update, "points", "ages change", Extent::Any);
+    cloud.write::<u32>("age");
+});
+stage!(Splat, "splat", |io| {
+    let mut cloud = io.bundle(Access::Read, "points", "where they are", Extent::Any);
+    cloud.read::<[f32; 4]>("position");
+    io.write::<f32>("out", "a picture", Extent::Frame(1));
+});
+
+fn registry() -> Registry {
+    Registry::default()
+        .with::<Source>()
+        .with::<Small>()
+        .with::<Picture>()
+        .with::<Filter>()
+        .with::<Shrink>()
+        .with::<Change>()
+        .with::<Memory>()
+        .with::<Delay>()
+        .with::<Moving>()
+        .with::<Guess>()
+        .with::<Maybe>()
+        .with::<Cloud>()
+        .with::<Aging>()
+        .with::<Splat>()
+}
+
+fn settings() -> Settings {
+    Settings::new([64, 48], 10)
+}
+
+fn file(nodes: &str, output: &str) -> GraphFile {
+    let text = format!(
+        "#![enable(implicit_some)]\nGraph(version: 1, nodes: {{\n{nodes}\n}}, outputs: {{ \"image\": \"{output}\" }})"
+    );
+    GraphFile::parse("test.ron", &text).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+fn compiled(nodes: &str, output: &str, settings: &Settings) -> (epigraph_core::Graph, epigraph_core::Plan) {
+    compile(&file(nodes, output), &registry(), settings).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+fn problems(nodes: &str, output: &str) -> Problems {
+    compile(&file(nodes, output), &registry(), &settings()).err().expect("the graph is broken")
+}
+
+fn order(nodes: &str, output: &str) -> Vec<String> {
+    let (_, plan) = compiled(nodes, output, &settings());
+    let runs = plan.steps.iter().filter(|step| matches!(step, Step::Run(_)));
+    runs.map(|step| plan.step_name(step)).collect()
+}
+
+#[test]
+fn readers_run_before_the_updater_that_overwrites() {
+    let nodes = r#"
+        "both": (kind: "maybe", inputs: { "in": "old.out" }),
+        "change": (kind: "change", inputs: { "data": "source.out" }),
+        "old": (kind: "filter", inputs: { "in": "source.out" }),
+        "new": (kind: "filter", inputs: { "in": "change.data" }),
+        "source": (kind: "source"),"#;
+    assert_eq!(order(nodes, "new.out"), ["source", "change", "new"]);
+    let nodes = nodes.replace("\"old.out\" }", "\"old.out\", \"hint\": \"shrink.out\" }")
+        + r#""shrink": (kind: "shrink", inputs: { "in": "new.out" }),"#;
+    assert_eq!(order(&nodes, "both.out"), ["source", "old", "change", "new", "shrink", "both"]);
+}
+
+#[test]
+fn kept_memory_keeps_its_updaters() {
+    let nodes = r#"
+        "cloud": (kind: "cloud"),
+        "splat": (kind: "splat", inputs: { "points": "cloud.points" }),
+        "aging": (kind: "aging", inputs: { "points": "cloud.points" }),
+        "unused": (kind: "source"),"#;
+    assert_eq!(order(nodes, "splat.out"), ["cloud", "splat", "aging"]);
+    let (graph, plan) = compiled(nodes, "splat.out", &settings());
+    assert_eq!(graph.culled.len(), 1);
+    assert_eq!(plan.culled[0].node, "unused");
+    // A bundle passed on by an updater of one field still has all fields.
+    let nodes = nodes.replace(
+        "\"points\": \"cloud.points\" }),\n        \"aging\"",
+        "\"points\": \"aging.points\" }),\n        \"aging\"",
+    );
+    assert_eq!(order(&nodes, "splat.out"), ["cloud", "aging", "splat"]);
+}
+
+#[test]
+fn transients_share_memory_when_their_lives_do_not_overlap() {
+    let chain: String = (1..=6)
+        .map(|n| {
+            format!(
+                "\"f{n}\": (kind: \"filter\", inputs: {{ \"in\": \"{}.out\" }}),",
+                if n == 1 { "s".into() } else { format!("f{}", n - 1) }
+            )
+        })
+        .collect();
+    let nodes = format!("\"s\": (kind: \"source\"), {chain}");
+    let (_, plan) = compiled(&nodes, "f6.out", &settings());
+    assert_eq!(plan.slots[Side::Cpu as usize].len(), 2);
+    let image = 64 * 48 * 4;
+    assert_eq!((plan.bytes(Side::Cpu), plan.pooled_bytes(Side::Cpu)), (2 * image, 5 * image));
+    let (_, plan) = compiled(&nodes, "f6.out", &Settings { pooling: false, ..settings() });
+    assert_eq!((plan.bytes(Side::Cpu), plan.pooled_bytes(Side::Cpu)), (7 * image, 0));
+}
+
+#[test]
+fn history_breaks_cycles_and_keeps_two_copies() {
+    let nodes = r#"
+        "delay": (kind: "delay", inputs: { "last": "filter.out" }),
+        "filter": (kind: "filter", inputs: { "in": "delay.out" }),"#;
+    assert_eq!(order(nodes, "filter.out"), ["delay", "filter"]);
+    let (_, plan) = compiled(nodes, "filter.out", &settings());
+    assert_eq!(plan.slots[Side::Cpu as usize].len(), 3);
+}
+
+#[test]
+fn the_scene_decides_what_is_left_out() {
+    let nodes = r#"
+        "source": (kind: "source"),
+        "moving": (kind: "moving", inputs: { "in": "source.out" }),
+        "guess": (kind: "guess"),
+        "maybe": (kind: "maybe", inputs: { "in": "moving.out", "hint": "guess.out" }),"#;
+    assert_eq!(order(nodes, "maybe.out"), ["source", "maybe"]);
+    let (_, plan) = compiled(nodes, "maybe.out", &settings());
+    let why: Vec<_> = plan.culled.iter().map(|culled| (culled.node.as_str(), culled.why.as_str())).collect();
+    assert_eq!(why, [("moving", "the camera does not move"), ("guess", "the camera does not move")]);
+    let mut all = settings();
+    all.prune = false;
+    let (_, plan) = compiled(nodes, "maybe.out", &all);
+    assert_eq!(plan.nodes.len(), 4);
+    let mut moves = settings();
+    moves.facts.camera_moves = true;
+    let (_, plan) = compiled(nodes, "maybe.out", &moves);
+    assert_eq!(plan.nodes.len(), 4);
+    // What something still asks for stays, needless or not.
+    assert_eq!(order(nodes, "guess.out"), ["guess"]);
+}
+
+#[test]
+fn a_bypass_passes_the_input_on() {
+    let nodes = r#"
+        "source": (kind: "source"),
+        "change": (kind: "change", bypass: true, inputs: { "data": "source.out" }),
+        "filter": (kind: "filter", bypass: true, inputs: { "in": "change.data" }),
+        "last": (kind: "filter", inputs: { "in": "filter.out" }),"#;
+    assert_eq!(order(nodes, "last.out"), ["source", "last"]);
+    let text = problems(r#""source": (kind: "source", bypass: true),"#, "source.out").to_string();
+    assert!(text.contains("cannot be bypassed: the output `image` needs it"), "{text}");
+}
+
+#[test]
+fn problems_are_reported_together() {
+    let nodes = r#"
+        "a": (kind: "sauce"),
+        "b": (kind: "filter"),
+        "c": (kind: "filter", inputs: { "inn": "d.out" }),
+        "d": (kind: "filter", inputs: { "in": "e.oot" }),
+        "e": (kind: "source", params: (x: 1)),
+        "f": (kind: "filter", inputs: { "in": "picture.out" }),
+        "picture": (kind: "picture"),
+        "g": (kind: "filter", inputs: { "in": "pictura.out" }),
+        "h": (kind: "filter", inputs: { "in": "picture.uut" }),"#;
+    let text = problems(nodes, "zz.out").to_string();
+    for wanted in [
+        "test.ron:4:21: node `a`: unknown stage kind `sauce`, did you mean `source`?",
+        "node `b`: input `in` (numbers) is not connected",
+        "node `c`: unknown input `inn`, did you mean `in`?",
+        "node `c`: input `in` (numbers) is not connected",
+        "node `e`: unknown parameter `x`",
+        "`picture.out` gives texture<r32float>, but `in` takes array<f32>",
+        "unknown node `pictura`, did you mean `picture`?",
+        "unknown output port `uut`, did you mean `out`?",
+        "unknown node `zz`",
+    ] {
+        assert!(text.contains(wanted), "{wanted}\nnot in\n{text}");
+    }
+}
+
+#[test]
+fn extents_must_fit() {
+    let nodes = r#""small": (kind: "small"), "f": (kind: "filter", inputs: { "in": "small.out" }),"#;
+    let text = problems(nodes, "f.out").to_string();
+    assert!(text.contains("`small.out` is 16x12, but `in` takes 64x48 (one per pixel)"), "{text}");
+}
+
+#[test]
+fn cycles_and_double_updates_are_refused() {
+    let nodes = r#"
+        "x": (kind: "filter", inputs: { "in": "y.out" }),
+        "y": (kind: "filter", inputs: { "in": "z.out" }),
+        "z": (kind: "filter", inputs: { "in": "x.out" }),"#;
+    let text = problems(nodes, "z.out").to_string();
+    assert!(text.contains("wait for each other") || text.contains("depends on itself"), "{text}");
+    let nodes = r#"
+        "s": (kind: "source"),
+        "m": (kind: "maybe", inputs: { "in": "s.out", "hint": "t.out" }),
+        "t": (kind: "shrink", inputs: { "in": "m.out" }),"#;
+    let text = problems(nodes, "t.out").to_string();
+    assert!(
+        text.contains("test.ron:5:9: node `m`: these nodes wait for each other within a frame: m -> t -> m"),
+        "{text}"
+    );
+    let nodes = r#"
+        "s": (kind: "memory"),
+        "one": (kind: "change", inputs: { "data": "s.out" }),
+        "two": (kind: "change", inputs: { "data": "s.out" }),"#;
+    let text = problems(nodes, "two.data").to_string();
+    assert!(text.contains("`s.out` is updated in place by both `one` and `two`"), "{text}");
+    let nodes = r#"
+        "s": (kind: "memory"),
+        "delay": (kind: "delay", inputs: { "last": "s.out" }),"#;
+    let text = problems(nodes, "delay.out").to_string();
+    assert!(text.contains("`s.out` is kept or updated in place"), "{text}");
+}
+
+#[test]
+fn sizes_and_latencies_have_bounds() {
+    for size in [[0, 0], [0, 5], [100_000, 100_000], [16_385, 1]] {
+        let settings = Settings::new(size, 0);
+        let error =
+            compile(&file("\"s\": (kind: \"source\"),", "s.out"), &registry(), &settings).err().unwrap();
+        assert!(error.to_string().contains("each side may be 1 to 16384 pixels"), "{error}");
+    }
+    let nodes =
+        r#""s": (kind: "source"), "f": (kind: "filter", download: Latent(99), inputs: { "in": "s.out" }),"#;
+    let text = problems(nodes, "f.out").to_string();
+    assert!(text.contains("1 to 16 frames late"), "{text}");
+    let nodes = r#""s": (kind: "source", on: Gpu),"#;
+    assert!(problems(nodes, "s.out").to_string().contains("this stage has no gpu form"));
+}
