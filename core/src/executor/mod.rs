@@ -447,3 +447,55 @@ fn tap_states(plan: &Plan, gpu: Option<&GpuSide>) -> Vec<TapState> {
     }
     states
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CpuContext, Extent, GraphFile, Io, Out, Shader, Stage, compile};
+
+    struct Fill {
+        out: Out<u32>,
+    }
+
+    impl Stage for Fill {
+        const KIND: &'static str = "fill";
+        const DOC: &'static str = "Writes sevens.";
+        type Params = ();
+        fn declare((): &(), io: &mut Io) -> Self {
+            let source = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;
+                @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+                    if id.x < arrayLength(&out) { out[id.x] = 7u; }
+                }";
+            io.shader(Shader { name: "fill.wgsl".into(), source: source.into(), defines: Vec::new() });
+            let out = io.write("out", "sevens", Extent::Frame(1));
+            io.dispatch("main", out);
+            Self { out }
+        }
+        fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+            cx.write(self.out).fill(7);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_lost_device_comes_back_as_an_error() {
+        // A device of its own: other tests go on with theirs.
+        let gpu = Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")));
+        let text = r#"Graph(version: 1, nodes: { "fill": (kind: "fill") }, outputs: { "image": "fill.out" })"#;
+        let file = GraphFile::parse("lost.ron", text).unwrap();
+        let registry = Registry::default().with::<Fill>();
+        let settings = Settings { side: Side::Gpu, ..Settings::new([8, 8], 0) };
+        let build = || {
+            let (graph, plan) = compile(&file, &registry, &settings).unwrap();
+            Executor::new(graph, plan, &settings, &registry, Some(gpu.clone()))
+        };
+        let frame = Frame { size: [8, 8], ..Frame::default() };
+        let mut executor = build().unwrap();
+        executor.run(&frame, &Host::default(), true).unwrap();
+        assert_eq!(executor.snapshot("image", "").unwrap().unwrap().get::<u32>(), [7; 64]);
+        gpu.device.destroy();
+        let result = executor.run(&frame, &Host::default(), true).and_then(|()| executor.snapshots().map(|_| ()));
+        assert!(matches!(result, Err(RunError::Gpu(_))), "{result:?}");
+        assert!(matches!(build(), Err(RunError::Gpu(_) | RunError::Stage { .. })));
+    }
+}

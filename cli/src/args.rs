@@ -1,0 +1,231 @@
+//! The command line as clap reads it.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::values::{Backend, Light, Pace, Samples, Save, Setting, Size};
+
+const EXAMPLES: &str = "\
+Examples:
+  epigraph                                   the render cache on the Cornell box, to epigraph.png
+  epigraph --scene chains --camera fly --samples 10%
+  epigraph graphs/render-cache.ron --set cull.threshold=0.1 --save cull.depth=depth.exr
+  epigraph check graphs/render-cache.ron     what would run, in which order, with how much memory
+  epigraph stages fill                       what a stage does: its ports and parameters
+  epigraph reference --spp 256 --out reference.exr
+  epigraph compare epigraph.png reference.exr --map difference.png";
+
+/// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
+///
+/// Without a command it renders: `epigraph [GRAPH] [OPTIONS]`.
+#[derive(Debug, Parser)]
+#[command(name = "epigraph", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    /// The command; none means `render`.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// What to render where no command is given.
+    #[command(flatten)]
+    pub render: RenderArgs,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render frames along a camera path and write the last one (the default command)
+    #[command(after_help = "The picture is the graph's output `image`, or its first one.\n\n\
+        Example:\n  epigraph render --frames 120 --camera orbit --sheet sheet.png --save fill.priority=priority.png")]
+    Render(RenderArgs),
+    /// Check graphs and their shaders, and print the plan; needs no GPU
+    #[command(
+        after_help = "Example:\n  epigraph check graphs/*.ron --dot plan.dot && dot -Tsvg plan.dot > plan.svg"
+    )]
+    Check(CheckArgs),
+    /// List the kinds of stage, or one kind's ports and parameters
+    #[command(after_help = "Example:\n  epigraph stages depth_cull")]
+    Stages(StagesArgs),
+    /// Trace a picture with many samples for each pixel, to compare with
+    #[command(
+        after_help = "Example:\n  epigraph reference --scene cornell --camera orbit --frame 59 --spp 256 --out ref.exr"
+    )]
+    Reference(ReferenceArgs),
+    /// Measure how much two images differ: RMSE, PSNR, SSIM, FLIP
+    #[command(
+        after_help = "PNG counts as sRGB, EXR as linear light. RMSE is on the values as they stand in the files; for \
+        the others, linear values are clamped to [0, 1] and sRGB-encoded first.\n\n\
+        Example:\n  epigraph compare epigraph.png reference.png --map flip.png"
+    )]
+    Compare(CompareArgs),
+}
+
+/// The scene and the camera's way through it.
+#[derive(Args, Clone, Debug)]
+pub struct SceneArgs {
+    #[arg(long, value_name = "SCENE", default_value = "cornell", help = scene_help())]
+    pub scene: String,
+    /// Camera path: still, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    #[arg(long, value_name = "PATH", default_value = "orbit")]
+    pub camera: String,
+    /// Width and height of the image in pixels
+    #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true)]
+    pub size: Size,
+}
+
+/// What a graph is compiled for beside its scene.
+#[derive(Args, Clone, Debug)]
+pub struct GraphArgs {
+    /// Samples a frame may ask for: a count, or a share of the image's pixels
+    #[arg(long, value_name = "N|P%", default_value = "5%", allow_hyphen_values = true)]
+    pub samples: Samples,
+    /// Set a parameter of a node; may stand several times
+    #[arg(long, value_name = "node.param=value")]
+    pub set: Vec<Setting>,
+    /// Run every node, also those that the scene makes needless
+    #[arg(long)]
+    pub no_prune: bool,
+    /// Give every intermediate result memory of its own
+    #[arg(long)]
+    pub no_pooling: bool,
+}
+
+/// Arguments of `render`.
+#[derive(Args, Clone, Debug)]
+pub struct RenderArgs {
+    /// Graph file, or the name of a graph that comes with the program [default: render-cache]
+    pub graph: Option<String>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    #[command(flatten)]
+    pub compile: GraphArgs,
+    /// How many frames to run; the last one is written
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]
+    pub frames: u32,
+    /// Where nodes run that do not say
+    #[arg(long, default_value = "auto")]
+    pub backend: Backend,
+    /// Chooses the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u32,
+    /// When samples arrive
+    #[arg(long, default_value = "exact")]
+    pub pace: Pace,
+    /// Threads that compute [default: one for each core]; the picture does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
+    pub threads: Option<u16>,
+    /// The picture, .png (sRGB) or .exr (linear) [default: epigraph.png]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Save a port's last contents: .png to look at, .exr raw values, .csv for lists; may stand several times
+    #[arg(long, value_name = "node.port=FILE")]
+    pub save: Vec<Save>,
+    /// A labelled contact sheet of every node's image (PNG)
+    #[arg(long, value_name = "FILE")]
+    pub sheet: Option<PathBuf>,
+    /// Write the figures as JSON; - means stdout, without the table then
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Fill intermediate results with NaN and 0xDEADBEEF before use, to find stages that read what nobody wrote
+    #[arg(long)]
+    pub poison: bool,
+}
+
+/// Arguments of `check`.
+#[derive(Args, Clone, Debug)]
+pub struct CheckArgs {
+    /// Graph files
+    #[arg(required = true)]
+    pub graphs: Vec<String>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    #[command(flatten)]
+    pub compile: GraphArgs,
+    /// Where nodes run that do not say; auto means cpu here, since no GPU is looked for
+    #[arg(long, default_value = "auto")]
+    pub backend: Backend,
+    /// Write the plan as a Graphviz graph (one GRAPH only)
+    #[arg(long, value_name = "FILE")]
+    pub dot: Option<PathBuf>,
+    /// Write problems and plan as JSON; - means stdout, without the text then
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `stages`.
+#[derive(Args, Clone, Debug)]
+pub struct StagesArgs {
+    /// The kind to tell about; without it, all are listed
+    pub kind: Option<String>,
+    /// Write the same as JSON; - means stdout, without the text then
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `reference`.
+#[derive(Args, Clone, Debug)]
+pub struct ReferenceArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Frame of the camera path; `render --frames N` ends with frame N - 1
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub frame: u32,
+    /// Samples for each pixel
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
+    pub spp: u32,
+    /// Which light to follow
+    #[arg(long, default_value = "direct")]
+    pub mode: Light,
+    /// Chooses the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u32,
+    /// The picture, .exr (linear) or .png (sRGB)
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+}
+
+/// Arguments of `compare`.
+#[derive(Args, Clone, Debug)]
+pub struct CompareArgs {
+    /// The reference, .png or .exr
+    pub a: PathBuf,
+    /// The image to judge, .png or .exr
+    pub b: PathBuf,
+    /// Write FLIP's error for each pixel as a PNG in the magma colours (black 0, white 1)
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
+    /// Write the figures as JSON; - means stdout, without the text then
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+fn scene_help() -> String {
+    let names: Vec<&str> = epigraph_scenes::scene_names().iter().map(|scene| scene.name).collect();
+    format!("Scene: {}, or a .glb, .gltf, .obj, .ply or .ron file", names.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn render_is_the_command_without_a_name() {
+        let bare = Cli::try_parse_from(["epigraph", "my.ron", "--frames", "3"]).unwrap();
+        assert!(bare.command.is_none());
+        assert_eq!((bare.render.graph.as_deref(), bare.render.frames), (Some("my.ron"), 3));
+        let named = Cli::try_parse_from(["epigraph", "render", "my.ron", "--frames", "3"]).unwrap();
+        assert!(matches!(named.command, Some(Command::Render(args)) if args.frames == 3));
+    }
+
+    #[test]
+    fn negative_numbers_are_told_apart_from_flags() {
+        let error = Cli::try_parse_from(["epigraph", "--samples", "-5"]).unwrap_err().to_string();
+        assert!(error.contains("'-5' for '--samples <N|P%>'") && error.contains("a count from 1"), "{error}");
+    }
+}

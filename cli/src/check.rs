@@ -1,0 +1,205 @@
+//! `epigraph check`: problems of graphs and their shaders, or the plan that they compile to.
+
+use std::process::ExitCode;
+
+use epigraph_core::{
+    Facts, Graph, GraphFile, Plan, Problem, Problems, Registry, Settings, Side, Step, check_shader, compile,
+    compose_shader,
+};
+use epigraph_stages::World;
+use serde_json::{Value, json};
+
+use crate::{
+    args::CheckArgs,
+    error::CliError,
+    graph_source, memory,
+    output::{JsonTarget, Target},
+    reference::load_scene,
+    values::Backend,
+};
+
+/// Checks graphs. Failure when any has a problem.
+pub fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
+    let json = JsonTarget::new(args.json.as_deref())?;
+    let dot = args.dot.as_deref().map(Target::new).transpose()?;
+    if dot.is_some() && args.graphs.len() > 1 {
+        return Err(CliError::Input("--dot writes one plan; name one GRAPH".into()));
+    }
+    let (scene, path) = load_scene(&args.scene)?;
+    let settings = settings(args, World::facts(&scene, path.moves()))?;
+    let registry = epigraph_stages::registry();
+
+    let mut text = String::new();
+    let mut errors: Vec<Problem> = Vec::new();
+    let mut plans = Vec::new();
+    for name in &args.graphs {
+        match check_one(name, args, &settings, &registry) {
+            Ok(checked) => {
+                text += &format!("{name}: no problems\n{}", checked.text());
+                if let Some(dot) = &dot {
+                    dot.write(checked.plan.dot().as_bytes())?;
+                }
+                plans.push(json!({ "graph": name, "plan": checked.json() }));
+            }
+            Err(CliError::Graph(Problems(problems))) => {
+                for problem in &problems {
+                    text += &format!("error: {problem}\n");
+                }
+                text += &format!("{name}: {}\n", count(problems.len(), "problem"));
+                errors.extend(problems);
+            }
+            // Such as a `--set` that is not for this graph: the user's to mend, but in no file.
+            Err(error) => return Err(error),
+        }
+    }
+    let plan = match plans.as_slice() {
+        [only] if args.graphs.len() == 1 => only["plan"].clone(),
+        _ => Value::Null,
+    };
+    let failed = !errors.is_empty();
+    let errors: Vec<Value> = errors.iter().map(problem_json).collect();
+    json.finish(&json!({ "errors": errors, "plan": plan, "plans": plans }), &text)?;
+    Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+fn settings(args: &CheckArgs, facts: Facts) -> Result<Settings, CliError> {
+    let size = args.scene.size.0;
+    let samples = args.compile.samples.of(size).map_err(CliError::Input)?;
+    Ok(Settings {
+        facts,
+        side: if args.backend == Backend::Gpu { Side::Gpu } else { Side::Cpu },
+        prune: !args.compile.no_prune,
+        pooling: !args.compile.no_pooling,
+        ..Settings::new(size, samples)
+    })
+}
+
+/// A graph without problems.
+struct Checked {
+    plan: Plan,
+    /// The plan with nothing left out for the scene, to tell what that saves.
+    whole: Plan,
+    shaders: usize,
+}
+
+fn check_one(
+    name: &str,
+    args: &CheckArgs,
+    settings: &Settings,
+    registry: &Registry,
+) -> Result<Checked, CliError> {
+    let mut file = graph_source::load(name)?;
+    graph_source::apply(&mut file, &args.compile.set)?;
+    let (_, plan) = compile(&file, registry, settings)?;
+    // Everything that another scene may need is checked too.
+    let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;
+    let shaders = check_shaders(&file, &graph, registry)?;
+    Ok(Checked { plan, whole, shaders })
+}
+
+/// Compares every node's shader with its ports; the number of shaders. Needs no GPU.
+fn check_shaders(file: &GraphFile, graph: &Graph, registry: &Registry) -> Result<usize, Problems> {
+    let mut problems = Problems::default();
+    let mut count = 0;
+    for node in &graph.nodes {
+        let declaration = node.declaration();
+        let Some(shader) = &declaration.shader else { continue };
+        count += 1;
+        let errors = match compose_shader(shader, &registry.library, declaration.needs) {
+            Ok(reflected) => check_shader(&reflected, &shader.name, declaration, &node.stage.specs()),
+            Err(error) => vec![error],
+        };
+        let place = file.node(&node.name).map(|node| file.place(node.kind.span));
+        problems.0.extend(errors.into_iter().map(|error| {
+            let problem = Problem::new(error).node(&node.name);
+            place.iter().cloned().fold(problem, Problem::at)
+        }));
+    }
+    problems.into_result().map(|()| count)
+}
+
+impl Checked {
+    /// Bytes that a left-out node would write, where it runs in the whole plan.
+    fn saved(&self, node: &str) -> Option<u64> {
+        let index = self.whole.nodes.iter().position(|(name, ..)| name == node)?;
+        Some(self.whole.node_bytes(index))
+    }
+
+    fn text(&self) -> String {
+        let mut text = self.plan.to_string();
+        for culled in &self.plan.culled {
+            if let Some(bytes) = self.saved(&culled.node) {
+                text += &format!(
+                    "  without {}: {} fewer written a frame\n",
+                    culled.node,
+                    memory::readable(bytes)
+                );
+            }
+        }
+        let saved = total(&self.whole).saturating_sub(total(&self.plan));
+        if !self.plan.culled.is_empty() {
+            text += &format!("leaving out saves {} of memory\n", memory::readable(saved));
+        }
+        text + &format!("{} fit their stages\n", count(self.shaders, "shader"))
+    }
+
+    fn json(&self) -> Value {
+        let plan = &self.plan;
+        let steps: Vec<Value> = plan.steps.iter().filter_map(|step| step_json(plan, step)).collect();
+        let culled: Vec<Value> = plan
+            .culled
+            .iter()
+            .map(|culled| {
+                let saved = self.saved(&culled.node);
+                json!({ "node": culled.node, "kind": culled.kind, "why": culled.why, "bytes": saved })
+            })
+            .collect();
+        json!({
+            "steps": steps,
+            "bytes": { "cpu": plan.bytes(Side::Cpu), "gpu": plan.bytes(Side::Gpu) },
+            "pooled_bytes": { "cpu": plan.pooled_bytes(Side::Cpu), "gpu": plan.pooled_bytes(Side::Gpu) },
+            "culled": culled,
+            "culled_bytes": total(&self.whole).saturating_sub(total(plan)),
+            "shaders": self.shaders,
+        })
+    }
+}
+
+fn total(plan: &Plan) -> u64 {
+    plan.bytes(Side::Cpu) + plan.bytes(Side::Gpu)
+}
+
+fn step_json(plan: &Plan, step: &Step) -> Option<Value> {
+    match step {
+        Step::Run(node) => {
+            let (name, kind, side) = &plan.nodes[*node];
+            Some(json!({
+                "node": name, "kind": kind, "backend": side.to_string(), "bytes": plan.node_bytes(*node),
+            }))
+        }
+        Step::Upload(copy) | Step::Download(copy, _) => {
+            let kind = if matches!(step, Step::Upload(_)) { "upload" } else { "download" };
+            let storage = &plan.storages[copy.storage];
+            Some(
+                json!({ "node": storage.name, "kind": kind, "backend": "transfer", "bytes": storage.bytes() }),
+            )
+        }
+        Step::Tap(..) => None,
+    }
+}
+
+fn problem_json(problem: &Problem) -> Value {
+    let place = problem.place.as_ref();
+    json!({
+        "file": place.map(|place| &place.file),
+        "line": place.map(|place| place.line),
+        "column": place.map(|place| place.column),
+        "node": problem.node,
+        "port": problem.port,
+        "message": problem.error.to_string(),
+    })
+}
+
+fn count(number: usize, what: &str) -> String {
+    if number == 1 { format!("1 {what}") } else { format!("{number} {what}s") }
+}

@@ -1,0 +1,131 @@
+//! Measures of difference between two images of one size.
+
+/// Root of the mean squared difference over all values.
+pub fn rmse(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    let squares =
+        a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+    (squares.sum::<f64>() / (3 * a.len()).max(1) as f64).sqrt()
+}
+
+/// Peak signal-to-noise ratio in decibels for values in [0, 1]; infinite for equal images.
+pub fn psnr(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    -20.0 * rmse(a, b).log10()
+}
+
+/// Half the side of SSIM's window and the standard deviation of its Gaussian, in pixels (Wang et al. 2004, section III.C).
+const SSIM_RADIUS: usize = 5;
+const SSIM_SIGMA: f64 = 1.5;
+/// (K1 L)^2 and (K2 L)^2 for values in [0, 1] (Wang et al. 2004, equations 9 and 11).
+const SSIM_C1: f64 = 0.01 * 0.01;
+const SSIM_C2: f64 = 0.03 * 0.03;
+
+/// Mean structural similarity (Wang et al. 2004) of the lumas of two sRGB-encoded images: an 11 x 11 Gaussian window at
+/// every pixel, renormalised where it leaves the image.
+pub fn ssim(a: &[[f32; 3]], b: &[[f32; 3]], [width, height]: [usize; 2]) -> f64 {
+    // Rec. 601 luma, on which the measure was calibrated.
+    let luma = |[r, g, b]: [f32; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
+    let a: Vec<f64> = a.iter().copied().map(luma).collect();
+    let b: Vec<f64> = b.iter().copied().map(luma).collect();
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<f64>>();
+    let blurred = |values: &[f64]| blur(values, [width, height]);
+    let (mean_a, mean_b) = (blurred(&a), blurred(&b));
+    let (square_a, square_b, cross) =
+        (blurred(&product(&a, &a)), blurred(&product(&b, &b)), blurred(&product(&a, &b)));
+    let sum: f64 = (0..a.len())
+        .map(|i| {
+            let (ma, mb) = (mean_a[i], mean_b[i]);
+            let (va, vb, cov) = (square_a[i] - ma * ma, square_b[i] - mb * mb, cross[i] - ma * mb);
+            (2.0 * ma * mb + SSIM_C1) * (2.0 * cov + SSIM_C2)
+                / ((ma * ma + mb * mb + SSIM_C1) * (va + vb + SSIM_C2))
+        })
+        .sum();
+    sum / a.len().max(1) as f64
+}
+
+/// Gaussian mean around every pixel, row-wise then column-wise.
+fn blur(values: &[f64], [width, height]: [usize; 2]) -> Vec<f64> {
+    let along = |values: &[f64], count: usize, step: usize, start: usize, at: usize| {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for other in at.saturating_sub(SSIM_RADIUS)..(at + SSIM_RADIUS + 1).min(count) {
+            let distance = other as f64 - at as f64;
+            let w = (-0.5 * (distance / SSIM_SIGMA).powi(2)).exp();
+            sum += w * values[start + other * step];
+            weight += w;
+        }
+        sum / weight
+    };
+    let pixels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let rows: Vec<f64> = pixels().map(|(x, y)| along(values, width, 1, y * width, x)).collect();
+    pixels().map(|(x, y)| along(&rows, height, width, x, y)).collect()
+}
+
+/// FLIP's viewing condition: pixels in a degree of the visual field (Andersson et al. 2020: a 4K monitor at 0.7 m).
+pub const PIXELS_PER_DEGREE: f32 = 67.0;
+
+/// FLIP of a test image against a reference, both sRGB bytes: the error of each pixel, 0 to 1.
+pub fn flip(reference: &[[u8; 3]], test: &[[u8; 3]], [width, height]: [usize; 2]) -> Vec<f32> {
+    let image = |data: &[[u8; 3]]| {
+        nv_flip::FlipImageRgb8::with_data(width as u32, height as u32, data.as_flattened())
+    };
+    nv_flip::flip(image(reference), image(test), PIXELS_PER_DEGREE).to_vec()
+}
+
+/// FLIP's errors in the magma colours.
+pub fn magma(errors: &[f32]) -> Vec<[u8; 3]> {
+    let colors = nv_flip::magma_lut().to_vec();
+    let color = |error: &f32| {
+        let at = 3 * (error.clamp(0.0, 1.0) * 255.0 + 0.5) as usize;
+        [colors[at], colors[at + 1], colors[at + 2]]
+    };
+    errors.iter().map(color).collect()
+}
+
+/// Mean of FLIP's errors.
+pub fn mean(errors: &[f32]) -> f64 {
+    errors.iter().map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [usize; 2] = [16, 12];
+
+    fn gradient() -> Vec<[f32; 3]> {
+        (0..192).map(|i| [(i % 16) as f32 / 15.0, (i / 16) as f32 / 11.0, 0.25]).collect()
+    }
+
+    #[test]
+    fn equal_images_differ_by_nothing() {
+        let a = gradient();
+        assert_eq!(rmse(&a, &a), 0.0);
+        assert_eq!(psnr(&a, &a), f64::INFINITY);
+        assert!((ssim(&a, &a, SIZE) - 1.0).abs() < 1e-12);
+        let bytes: Vec<[u8; 3]> = a.iter().map(|c| c.map(crate::tone::to_byte)).collect();
+        assert_eq!(mean(&flip(&bytes, &bytes, SIZE)), 0.0);
+    }
+
+    #[test]
+    fn a_constant_difference_by_hand() {
+        let a = vec![[0.5; 3]; 192];
+        let b = vec![[0.6; 3]; 192];
+        assert!((rmse(&a, &b) - 0.1).abs() < 1e-6);
+        assert!((psnr(&a, &b) - 20.0).abs() < 1e-5);
+        // No structure: only the luminance term is left, (2 * 0.3 + C1) / (0.25 + 0.36 + C1).
+        assert!((ssim(&a, &b, SIZE) - 0.6001 / 0.6101).abs() < 1e-6);
+    }
+
+    #[test]
+    fn black_against_white_is_flips_largest_error() {
+        let errors = flip(&[[0; 3]; 192], &[[255; 3]; 192], SIZE);
+        assert!(mean(&errors) > 0.9, "{}", mean(&errors));
+        assert_eq!(magma(&[0.0])[0], [0, 0, 3]);
+    }
+
+    #[test]
+    fn inverted_structure_is_dissimilar() {
+        let a = gradient();
+        let b: Vec<[f32; 3]> = a.iter().map(|c| c.map(|v| 1.0 - v)).collect();
+        assert!(ssim(&a, &b, SIZE) < 0.2);
+    }
+}

@@ -1,0 +1,293 @@
+//! What a run of frames took: the table for people and the JSON for programs.
+
+use epigraph_core::{Gpu, Plan, Side, Step};
+use serde_json::{Value, json};
+
+use crate::{args::RenderArgs, memory, render::TRACE, table::Table};
+
+/// The first frames are slower: caches and threads warm up. This share of them, at most so many, is not counted.
+const WARM_UP_SHARE: u32 = 6;
+const MOST_WARM_UP: u32 = 10;
+
+/// Times and counts of a run.
+pub struct Measured {
+    warm_up: u32,
+    /// Milliseconds of each step, for each counted frame.
+    frames: Vec<Vec<f32>>,
+    /// Samples that arrived in each frame that was looked at.
+    arrived: Vec<u64>,
+    /// Seconds that all frames took, tracing included.
+    pub seconds: f64,
+}
+
+impl Measured {
+    /// For a run of so many frames.
+    pub fn new(frames: u32) -> Self {
+        let warm_up = (frames / WARM_UP_SHARE).min(MOST_WARM_UP);
+        Self { warm_up, frames: Vec::new(), arrived: Vec::new(), seconds: 0.0 }
+    }
+
+    /// Notes the times of the plan's steps in frame `index`.
+    pub fn times(&mut self, index: u32, times: &[f32]) {
+        if index >= self.warm_up {
+            self.frames.push(times.to_vec());
+        }
+    }
+
+    /// Notes how many samples a frame got.
+    pub fn arrived(&mut self, samples: u64) {
+        self.arrived.push(samples);
+    }
+
+    /// Milliseconds below which this share of the frames lies, for the sum of the chosen steps.
+    fn quantile(&self, share: f64, chosen: impl Fn(usize) -> bool) -> f64 {
+        let sum = |times: &Vec<f32>| -> f64 {
+            times.iter().enumerate().filter(|(step, _)| chosen(*step)).map(|(_, ms)| f64::from(*ms)).sum()
+        };
+        let mut sums: Vec<f64> = self.frames.iter().map(sum).collect();
+        sums.sort_unstable_by(f64::total_cmp);
+        match sums.len() {
+            0 => 0.0,
+            count => sums[(share * (count - 1) as f64).round() as usize],
+        }
+    }
+
+    /// Mean number of samples that a frame got, where any frame was looked at. The first frame has nothing to wait for
+    /// and is left out where there are others.
+    fn mean_arrived(&self) -> Option<f64> {
+        let counted = if self.arrived.len() > 1 { &self.arrived[1..] } else { &self.arrived };
+        (!counted.is_empty()).then(|| counted.iter().sum::<u64>() as f64 / counted.len() as f64)
+    }
+}
+
+/// Everything that is told about a run.
+pub struct Report<'a> {
+    pub args: &'a RenderArgs,
+    /// The graph file's name.
+    pub graph: &'a str,
+    pub threads: usize,
+    /// Samples that a frame may ask for.
+    pub samples: u32,
+    /// The GPU, where the plan uses one.
+    pub gpu: Option<&'a Gpu>,
+    pub plan: &'a Plan,
+    /// Bytes that pooling saves on the CPU and on the GPU.
+    pub pooled_bytes: [u64; 2],
+    pub measured: &'a Measured,
+    /// What was written, and where.
+    pub written: Vec<(String, String)>,
+}
+
+struct Row {
+    node: String,
+    kind: String,
+    backend: String,
+    ms: f64,
+    bytes: u64,
+    tracing: bool,
+}
+
+impl Report<'_> {
+    fn rows(&self) -> Vec<Row> {
+        let steps = self.plan.steps.iter().enumerate();
+        steps
+            .filter_map(|(index, step)| self.row(step, self.measured.quantile(0.5, |step| step == index)))
+            .collect()
+    }
+
+    fn row(&self, step: &Step, ms: f64) -> Option<Row> {
+        let plan = self.plan;
+        match step {
+            Step::Run(node) => {
+                let (name, kind, side) = &plan.nodes[*node];
+                Some(Row {
+                    node: name.clone(),
+                    kind: kind.clone(),
+                    backend: side.to_string(),
+                    ms,
+                    bytes: plan.node_bytes(*node),
+                    tracing: kind == TRACE,
+                })
+            }
+            Step::Upload(copy) | Step::Download(copy, _) => {
+                let kind = if matches!(step, Step::Upload(_)) { "upload" } else { "download" };
+                let name = plan.step_name(step);
+                Some(Row {
+                    node: name.strip_prefix(kind).unwrap_or(&name).trim().to_owned(),
+                    kind: kind.into(),
+                    backend: "transfer".into(),
+                    ms,
+                    bytes: plan.storages[copy.storage].bytes(),
+                    tracing: false,
+                })
+            }
+            Step::Tap(..) => None,
+        }
+    }
+
+    fn is_tracing(&self, step: usize) -> bool {
+        matches!(self.plan.steps[step], Step::Run(node) if self.plan.nodes[node].1 == TRACE)
+    }
+
+    /// Milliseconds of all nodes and transfers but tracing.
+    fn frame_ms(&self, share: f64) -> f64 {
+        self.measured
+            .quantile(share, |step| !self.is_tracing(step) && !matches!(self.plan.steps[step], Step::Tap(..)))
+    }
+
+    fn trace_ms(&self) -> f64 {
+        self.measured.quantile(0.5, |step| self.is_tracing(step))
+    }
+
+    fn frames_per_second(&self) -> f64 {
+        f64::from(self.args.frames) / self.measured.seconds
+    }
+
+    fn uses_gpu(&self) -> bool {
+        self.plan.nodes.iter().any(|(.., side)| *side == Side::Gpu)
+    }
+
+    /// The table and what else there is to say.
+    pub fn text(&self) -> String {
+        let args = self.args;
+        let median = self.frame_ms(0.5);
+        let mut table = Table::new(&["node", "kind", "backend", ">ms", ">memory", ">share"]);
+        for row in self.rows() {
+            let share = if row.tracing {
+                String::new()
+            } else {
+                format!("{:.1}%", 100.0 * row.ms / median.max(1e-9))
+            };
+            table.row([
+                row.node,
+                row.kind,
+                row.backend,
+                format!("{:.3}", row.ms),
+                memory::readable(row.bytes),
+                share,
+            ]);
+        }
+        let [width, height] = args.scene.size.0;
+        let mut text = format!("{table}\n");
+        let mut line = |name: &str, value: String| text += &format!("{name:<9}{value}\n");
+        let frames = format!("{} frames of {} at {width}x{height}", args.frames, args.scene.scene);
+        line("run", format!("{frames}, camera {}, graph {}", args.scene.camera, self.graph));
+        line("backend", self.backend_text());
+        line(
+            "frame",
+            format!("{median:.2} ms without tracing (median; 95% of frames: {:.2} ms)", self.frame_ms(0.95)),
+        );
+        line("tracing", format!("{:.2} ms a frame (median)", self.trace_ms()));
+        let arrived = self.measured.mean_arrived().map(|mean| format!(", {mean:.0} arrived"));
+        line("samples", format!("{} a frame may be asked for{}", self.samples, arrived.unwrap_or_default()));
+        line("speed", format!("{:.1} frames a second, all included", self.frames_per_second()));
+        line("memory", self.memory_text());
+        for culled in &self.plan.culled {
+            line("left out", format!("{} ({}): {}", culled.node, culled.kind, culled.why));
+        }
+        for (what, path) in &self.written {
+            line(what, path.clone());
+        }
+        text
+    }
+
+    fn backend_text(&self) -> String {
+        let cpu = format!("cpu, {} threads", self.threads);
+        match self.gpu {
+            Some(gpu) if gpu.is_software() => {
+                format!("gpu: {}, in software: its times say nothing of a real GPU's; {cpu}", gpu.name())
+            }
+            Some(gpu) => format!("gpu: {}; {cpu}", gpu.name()),
+            None => cpu,
+        }
+    }
+
+    fn memory_text(&self) -> String {
+        let side = |side: Side| {
+            let bytes = self.plan.bytes(side);
+            let pooled = self.pooled_bytes[side as usize];
+            format!(
+                "graph on the {side} {} ({} saved by pooling)",
+                memory::readable(bytes),
+                memory::readable(pooled)
+            )
+        };
+        let sides = [Side::Cpu, Side::Gpu].into_iter().filter(|side| self.plan.bytes(*side) > 0).map(side);
+        let peak = memory::peak().map(|bytes| format!("process at most {}", memory::readable(bytes)));
+        peak.into_iter().chain(sides).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The figures.
+    pub fn json(&self) -> Value {
+        let args = self.args;
+        let nodes: Vec<Value> = self
+            .rows()
+            .into_iter()
+            .map(|row| {
+                let ms = rounded(row.ms);
+                json!({ "node": row.node, "kind": row.kind, "backend": row.backend, "ms": ms, "bytes": row.bytes })
+            })
+            .collect();
+        let culled: Vec<Value> = self
+            .plan
+            .culled
+            .iter()
+            .map(|culled| json!({ "node": culled.node, "kind": culled.kind, "why": culled.why }))
+            .collect();
+        let files: Vec<Value> =
+            self.written.iter().map(|(what, path)| json!({ "what": what, "path": path })).collect();
+        json!({
+            "graph": self.graph,
+            "scene": args.scene.scene,
+            "camera": args.scene.camera,
+            "size": args.scene.size.0,
+            "seed": args.seed,
+            "backend": if self.uses_gpu() { "gpu" } else { "cpu" },
+            "adapter": self.gpu.map(Gpu::name),
+            "software_adapter": self.gpu.map(Gpu::is_software),
+            "threads": self.threads,
+            "frames": args.frames,
+            "frame_ms": { "median": rounded(self.frame_ms(0.5)), "p95": rounded(self.frame_ms(0.95)) },
+            "trace_ms": rounded(self.trace_ms()),
+            "frames_per_second": rounded(self.frames_per_second()),
+            "samples_per_frame": self.samples,
+            "samples_arrived_per_frame": self.measured.mean_arrived().map(rounded),
+            "peak_bytes": memory::peak(),
+            "plan_bytes": { "cpu": self.plan.bytes(Side::Cpu), "gpu": self.plan.bytes(Side::Gpu) },
+            "pooled_bytes": { "cpu": self.pooled_bytes[0], "gpu": self.pooled_bytes[1] },
+            "nodes": nodes,
+            "culled": culled,
+            "files": files,
+        })
+    }
+}
+
+/// To four decimals: the clocks are no better.
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_warm_up_is_not_counted() {
+        let mut measured = Measured::new(12);
+        for (index, ms) in [100.0, 100.0, 3.0, 1.0, 2.0].into_iter().enumerate() {
+            measured.times(index as u32, &[ms, 10.0]);
+        }
+        assert_eq!(measured.quantile(0.5, |step| step == 0), 2.0);
+        assert_eq!(measured.quantile(1.0, |_| true), 13.0);
+    }
+
+    #[test]
+    fn a_single_frame_counts() {
+        let mut measured = Measured::new(1);
+        measured.times(0, &[4.0]);
+        assert_eq!(measured.quantile(0.95, |_| true), 4.0);
+        assert_eq!(measured.mean_arrived(), None);
+        measured.arrived(7);
+        assert_eq!(measured.mean_arrived(), Some(7.0));
+    }
+}

@@ -1,0 +1,140 @@
+//! Contact sheets: many pictures on one, each with its name.
+
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+
+/// The letters that labels are set in.
+const WEIGHT: FontWeight = FontWeight::Regular;
+const LETTER: RasterHeight = RasterHeight::Size16;
+
+/// Pixels around each picture, and between a label and its picture.
+const GAP: usize = 12;
+const LABEL_GAP: usize = 4;
+/// Longest side of a picture on the sheet, in pixels; larger ones are shrunk.
+const LONGEST_SIDE: usize = 320;
+/// Columns for each row, about: a sheet is wider than high.
+const ASPECT: f64 = 1.5;
+
+const BACKGROUND: [u8; 3] = [32, 33, 36];
+const TEXT: [u8; 3] = [225, 225, 220];
+
+/// A picture with its name.
+pub struct Tile {
+    /// What stands above it.
+    pub label: String,
+    /// Width and height in pixels.
+    pub size: [usize; 2],
+    /// sRGB, rows from the top.
+    pub colors: Vec<[u8; 3]>,
+}
+
+/// All tiles in rows, in their order, as one image: width and height, and its sRGB pixels.
+pub fn sheet(tiles: &[Tile]) -> ([usize; 2], Vec<[u8; 3]>) {
+    let tiles: Vec<Tile> = tiles.iter().map(shrunk).collect();
+    let columns = (tiles.len() as f64 * ASPECT).sqrt().ceil().max(1.0) as usize;
+    let rows = tiles.len().div_ceil(columns);
+    let letter = get_raster_width(WEIGHT, LETTER);
+    let label_width = |tile: &Tile| tile.label.chars().count() * letter;
+    let cell_width = tiles.iter().map(|tile| tile.size[0].max(label_width(tile))).max().unwrap_or(0);
+    let cell_height = tiles.iter().map(|tile| tile.size[1]).max().unwrap_or(0) + LETTER.val() + LABEL_GAP;
+    let size = [columns * (cell_width + GAP) + GAP, rows * (cell_height + GAP) + GAP];
+    let mut canvas = Canvas { size, colors: vec![BACKGROUND; size[0] * size[1]] };
+    for (index, tile) in tiles.iter().enumerate() {
+        let left = GAP + index % columns * (cell_width + GAP);
+        let top = GAP + index / columns * (cell_height + GAP);
+        canvas.text([left, top], &tile.label);
+        canvas.picture([left, top + LETTER.val() + LABEL_GAP], tile);
+    }
+    (canvas.size, canvas.colors)
+}
+
+struct Canvas {
+    size: [usize; 2],
+    colors: Vec<[u8; 3]>,
+}
+
+impl Canvas {
+    fn picture(&mut self, [left, top]: [usize; 2], tile: &Tile) {
+        let [width, _] = tile.size;
+        for (row, colors) in tile.colors.chunks_exact(width.max(1)).enumerate() {
+            let start = (top + row) * self.size[0] + left;
+            self.colors[start..start + width].copy_from_slice(colors);
+        }
+    }
+
+    /// Draws a line of text; characters that the font lacks become question marks.
+    fn text(&mut self, [mut left, top]: [usize; 2], text: &str) {
+        for letter in text.chars() {
+            let Some(raster) = get_raster(letter, WEIGHT, LETTER).or_else(|| get_raster('?', WEIGHT, LETTER))
+            else {
+                continue;
+            };
+            for (y, row) in raster.rows().enumerate() {
+                for (x, &coverage) in row.iter().enumerate() {
+                    let color = &mut self.colors[(top + y) * self.size[0] + left + x];
+                    for (channel, text) in color.iter_mut().zip(TEXT) {
+                        let mix = u32::from(*channel) * (255 - u32::from(coverage))
+                            + u32::from(text) * u32::from(coverage);
+                        *channel = (mix / 255) as u8;
+                    }
+                }
+            }
+            left += raster.width();
+        }
+    }
+}
+
+/// The tile made smaller, if it must be, by a whole factor: every pixel is the mean of a block.
+fn shrunk(tile: &Tile) -> Tile {
+    let [width, height] = tile.size;
+    let factor = width.max(height).div_ceil(LONGEST_SIDE).max(1);
+    let size = [width.div_ceil(factor), height.div_ceil(factor)];
+    let mean = |x: usize, y: usize| {
+        let xs = x * factor..((x + 1) * factor).min(width);
+        let ys = y * factor..((y + 1) * factor).min(height);
+        let count = (xs.len() * ys.len()) as u32;
+        let mut sum = [0u32; 3];
+        for pixel in ys.flat_map(|y| xs.clone().map(move |x| y * width + x)) {
+            for (sum, channel) in sum.iter_mut().zip(tile.colors[pixel]) {
+                *sum += u32::from(channel);
+            }
+        }
+        sum.map(|sum| ((sum + count / 2) / count) as u8)
+    };
+    let colors =
+        (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| mean(x, y)).collect();
+    Tile { label: tile.label.clone(), size, colors }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tile(label: &str, size: [usize; 2], color: [u8; 3]) -> Tile {
+        Tile { label: label.into(), size, colors: vec![color; size[0] * size[1]] }
+    }
+
+    #[test]
+    fn every_tile_is_on_the_sheet_with_a_label() {
+        let red = [200, 0, 0];
+        let (size, colors) = sheet(&[tile("a.b", [40, 30], red), tile("c.d", [40, 30], [0, 200, 0])]);
+        assert_eq!(colors.len(), size[0] * size[1]);
+        assert_eq!(colors.iter().filter(|&&color| color == red).count(), 40 * 30);
+        let letters = &colors[..size[0] * (GAP + LETTER.val())];
+        assert!(letters.iter().any(|&[r, ..]| r > 150), "no text");
+    }
+
+    #[test]
+    fn large_pictures_are_averaged() {
+        let mut large = tile("x", [2 * LONGEST_SIDE, 3], [0; 3]);
+        large.colors[0] = [200; 3];
+        let small = shrunk(&large);
+        assert_eq!(small.size, [LONGEST_SIDE, 2]);
+        assert_eq!((small.colors[0], small.colors[1]), ([50; 3], [0; 3]));
+    }
+
+    #[test]
+    fn no_tiles_make_an_empty_sheet() {
+        let (size, colors) = sheet(&[]);
+        assert_eq!(colors.len(), size[0] * size[1]);
+    }
+}

@@ -1,0 +1,146 @@
+//! `epigraph stages`: what kinds of stage there are, and what one of them does.
+
+use epigraph_core::{Access, Declaration, GraphError, Kind, Lifetime, ParamSpec, Port, Side};
+use serde_json::{Value, json};
+
+use crate::{args::StagesArgs, error::CliError, output::JsonTarget, table::Table};
+
+/// Lists all kinds, or tells about one.
+pub fn stages(args: &StagesArgs) -> Result<(), CliError> {
+    let target = JsonTarget::new(args.json.as_deref())?;
+    let registry = epigraph_stages::registry();
+    match &args.kind {
+        None => {
+            let mut table = Table::new(&["kind", "runs on", "what it does"]);
+            for kind in registry.kinds() {
+                table.row([kind.name().into(), sides(kind.declaration().as_ref()), kind.doc().into()]);
+            }
+            let all: Vec<Value> = registry.kinds().map(as_json).collect();
+            let text = format!("{table}\n`epigraph stages KIND` tells a kind's ports and parameters.\n");
+            target.finish(&json!({ "stages": all }), &text)
+        }
+        Some(name) => match registry.get(name) {
+            Some(kind) => target.finish(&as_json(kind), &as_text(kind)),
+            None => {
+                Err(GraphError::unknown("stage kind", name, registry.kinds().map(|kind| kind.name())).into())
+            }
+        },
+    }
+}
+
+/// Where a kind runs. A kind without a declaration of its own takes its shader from the node.
+fn sides(declaration: Option<&Declaration>) -> String {
+    let Some(declaration) = declaration else { return "gpu".into() };
+    let sides = [Side::Cpu, Side::Gpu].into_iter().filter(|side| declaration.runs_on(*side));
+    sides.map(|side| side.to_string()).collect::<Vec<_>>().join(", ")
+}
+
+fn as_text(kind: &dyn Kind) -> String {
+    let declaration = kind.declaration();
+    let mut text = format!("{}: {}\n", kind.name(), kind.doc());
+    text += &format!("runs on: {}\n", sides(declaration.as_ref()));
+    match &declaration {
+        None => {
+            text += "\nports: those of the node's shader; see the manual of `wgsl` stages in the README\n"
+        }
+        Some(declaration) => {
+            for (heading, chosen) in
+                [("inputs", Port::is_input as fn(&Port) -> bool), ("outputs", Port::is_output)]
+            {
+                let mut table = Table::new(&["  name", "access", "element", "extent", "what it holds"]);
+                for port in declaration.ports.iter().filter(|port| chosen(port)) {
+                    let name = format!("  {}", port.name);
+                    table.row([
+                        name,
+                        access(port),
+                        elements(port).join(" "),
+                        port.extent.to_string(),
+                        port.doc.to_string(),
+                    ]);
+                }
+                if declaration.ports.iter().any(chosen) {
+                    text += &format!("\n{heading}\n{table}");
+                }
+            }
+        }
+    }
+    let specs = kind.specs();
+    if !specs.is_empty() {
+        let mut table = Table::new(&["  name", "type", "default", "range", "unit", "what it does"]);
+        for spec in &specs {
+            let ParamSpec { name, doc, unit, kind, default, .. } = spec;
+            table.row([
+                format!("  {name}"),
+                kind.words(),
+                default.clone(),
+                range(spec),
+                unit.clone(),
+                doc.clone(),
+            ]);
+        }
+        text += &format!("\nparameters\n{table}");
+    }
+    text
+}
+
+fn access(port: &Port) -> String {
+    let access = match port.access {
+        Access::Read => "read",
+        Access::History => "last frame's",
+        Access::Update => "updated in place",
+        Access::Write if port.lifetime == Lifetime::Persistent => "written, kept",
+        Access::Write => "written",
+    };
+    if port.optional { format!("{access}, optional") } else { access.into() }
+}
+
+/// `array<u32>`, or `field: array<u32>` for each field of a bundle.
+fn elements(port: &Port) -> Vec<String> {
+    let element = |field: &epigraph_core::Field| match field.name.as_ref() {
+        "" => field.element.to_string(),
+        name => format!("{name}: {}", field.element),
+    };
+    port.fields.iter().map(element).collect()
+}
+
+fn range(spec: &ParamSpec) -> String {
+    spec.range.map_or(String::new(), |(low, high)| format!("{low} to {high}"))
+}
+
+fn as_json(kind: &dyn Kind) -> Value {
+    let declaration = kind.declaration();
+    let runs_on: Vec<String> = match &declaration {
+        None => vec!["gpu".into()],
+        Some(declared) => [Side::Cpu, Side::Gpu]
+            .iter()
+            .filter(|side| declared.runs_on(**side))
+            .map(Side::to_string)
+            .collect(),
+    };
+    let ports: Vec<Value> = declaration.iter().flat_map(|declared| &declared.ports).map(port_json).collect();
+    let params: Vec<Value> = kind.specs().iter().map(param_json).collect();
+    json!({ "kind": kind.name(), "doc": kind.doc(), "runs_on": runs_on, "ports": ports, "params": params })
+}
+
+fn port_json(port: &Port) -> Value {
+    json!({
+        "name": port.name,
+        "access": format!("{:?}", port.access).to_lowercase(),
+        "optional": port.optional,
+        "persistent": port.lifetime == Lifetime::Persistent,
+        "elements": elements(port),
+        "extent": port.extent.to_string(),
+        "doc": port.doc,
+    })
+}
+
+fn param_json(spec: &ParamSpec) -> Value {
+    json!({
+        "name": spec.name,
+        "type": spec.kind.words(),
+        "default": spec.default,
+        "range": spec.range.map(|(low, high)| [low, high]),
+        "unit": spec.unit,
+        "doc": spec.doc,
+    })
+}

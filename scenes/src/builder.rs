@@ -1,0 +1,277 @@
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::edges::find_edges;
+use crate::weld::weld;
+use crate::{Camera, Light, Material, Mesh, Scene, Shape, Surface};
+
+/// Faces that meet at more than this angle, in degrees, make a crease if a scene does not say otherwise.
+pub const CREASE_ANGLE: f32 = 40.0;
+
+/// What makes a list of triangles unusable.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// A coordinate is NaN or infinite.
+    #[error("vertex {vertex} is not finite: ({}, {}, {})", position.x, position.y, position.z)]
+    NotFinite {
+        /// Which vertex, in the order in which they were added.
+        vertex: usize,
+        /// Where it claims to be.
+        position: Vec3,
+    },
+    /// A face names a vertex that does not exist.
+    #[error("face {face} names vertex {index}, but there are only {vertices} vertices (0 to {})", vertices.saturating_sub(1))]
+    IndexOutOfRange {
+        /// Which face of its object.
+        face: usize,
+        /// The index it names.
+        index: u32,
+        /// How many vertices its object has.
+        vertices: usize,
+    },
+    /// No triangle, or none that has three different corners.
+    #[error("the mesh has no triangles")]
+    Empty,
+    /// Indices would not fit 32 bits.
+    #[error("the mesh has too many vertices or triangles for 32-bit indices")]
+    TooLarge,
+}
+
+/// Gathers shapes, materials and lights and makes a [`Scene`] of them.
+///
+/// Face and vertex numbers in errors count from 0 within the shape that was added.
+#[derive(Clone, Debug, Default)]
+pub struct SceneBuilder {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    normals: Vec<[Vec3; 3]>,
+    has_normals: bool,
+    material: Vec<u32>,
+    object: Vec<u32>,
+    objects: u32,
+    materials: Vec<Material>,
+    lights: Vec<Light>,
+}
+
+impl SceneBuilder {
+    /// An empty scene.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a material and gives its index.
+    pub fn material(&mut self, material: Material) -> u32 {
+        self.materials.push(material);
+        self.materials.len() as u32 - 1
+    }
+
+    /// Adds a shape of one material as an object of its own.
+    ///
+    /// # Errors
+    /// A vertex that is not finite, an index out of range, more than 32 bits can number.
+    pub fn add(&mut self, shape: &Shape, material: u32) -> Result<(), MeshError> {
+        shape.check()?;
+        let vertices = shape.positions.len();
+        let base = self.positions.len();
+        if base + vertices >= u32::MAX as usize
+            || self.triangles.len() + shape.triangles.len() >= u32::MAX as usize
+        {
+            return Err(MeshError::TooLarge);
+        }
+        self.positions.extend(&shape.positions);
+        self.triangles.extend(shape.triangles.iter().map(|t| t.map(|i| i + base as u32)));
+        self.normals.extend(&shape.normals);
+        self.normals.resize(self.triangles.len(), [Vec3::ZERO; 3]);
+        self.has_normals |= !shape.normals.is_empty();
+        self.material.resize(self.triangles.len(), material);
+        self.object.resize(self.triangles.len(), self.objects);
+        self.objects += 1;
+        Ok(())
+    }
+
+    /// Adds a point light of the given radiant intensity (W/sr).
+    pub fn point_light(&mut self, position: Vec3, intensity: Vec3) {
+        self.lights.push(Light::Point { position, intensity });
+    }
+
+    /// Adds a quad light that emits towards `u x v`, and its two triangles.
+    ///
+    /// # Errors
+    /// As [`add`](Self::add).
+    pub fn quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: Vec3) -> Result<(), MeshError> {
+        let material = self.material(Material {
+            name: format!("light {}", self.lights.len()),
+            color: Vec3::ZERO,
+            surface: Surface::Diffuse,
+            emission: radiance,
+        });
+        self.register_quad_light(corner, u, v, radiance);
+        self.add(&Shape::quad([corner, corner + u, corner + u + v, corner + v]), material)
+    }
+
+    /// Declares that an emissive parallelogram that is already part of the mesh is a light.
+    pub(crate) fn register_quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: Vec3) {
+        self.lights.push(Light::Quad { corner, u, v, radiance });
+    }
+
+    /// Emitted radiance of the material of that index.
+    pub(crate) fn emission(&self, material: u32) -> Vec3 {
+        self.materials[material as usize].emission
+    }
+
+    /// Whether there is a triangle of three different corners yet.
+    pub(crate) fn has_triangles(&self) -> bool {
+        self.triangles.iter().any(|triangle| {
+            let [a, b, c] = triangle.map(|i| self.positions[i as usize]);
+            a != b && b != c && c != a
+        })
+    }
+
+    /// The lights added so far.
+    pub(crate) fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// Lowest and highest corner of the box around all that was added.
+    pub(crate) fn bounds(&self) -> [Vec3; 2] {
+        crate::mesh::bounds_of(&self.positions)
+    }
+
+    /// Welds the vertices (at most `weld_distance` metres apart; 0: equal ones), finds the edges (a crease where
+    /// normals differ by more than `crease_angle` degrees) and makes the scene.
+    ///
+    /// A triangle that names one welded vertex twice has no area and no third side, so it is dropped; a triangle of
+    /// three different vertices in one line stays, with a zero normal, because the edges around it need it.
+    ///
+    /// # Errors
+    /// [`MeshError::Empty`] if no triangle is left.
+    pub fn build(
+        mut self,
+        name: &str,
+        camera: Camera,
+        background: Vec3,
+        weld_distance: f32,
+        crease_angle: f32,
+    ) -> Result<Scene, MeshError> {
+        self.drop_unused_vertices();
+        let (map, positions) = weld(&self.positions, weld_distance);
+        let mut mesh = Mesh { positions, ..Mesh::default() };
+        let mut kept = Vec::with_capacity(self.triangles.len());
+        for (face, triangle) in self.triangles.iter().enumerate() {
+            let [a, b, c] = triangle.map(|i| map[i as usize]);
+            if a != b && b != c && c != a {
+                mesh.triangles.push([a, b, c]);
+                kept.push(face);
+            }
+        }
+        if mesh.triangles.is_empty() {
+            return Err(MeshError::Empty);
+        }
+        mesh.face_normals =
+            (0..kept.len()).into_par_iter().map(|face| face_normal(mesh.corners(face))).collect();
+        if self.has_normals {
+            let flat = |normal: Vec3, face: usize| {
+                if normal == Vec3::ZERO { mesh.face_normals[face] } else { normal }
+            };
+            mesh.corner_normals =
+                kept.iter().enumerate().map(|(new, &old)| self.normals[old].map(|n| flat(n, new))).collect();
+        }
+        mesh.material = kept.iter().map(|&old| self.material[old]).collect();
+        mesh.object = kept.iter().map(|&old| self.object[old]).collect();
+        mesh.edges = find_edges(&mesh.triangles, &mesh.object, &mesh.face_normals, crease_angle.to_radians());
+        let bounds = mesh.bounds();
+        Ok(Scene {
+            name: name.to_owned(),
+            mesh,
+            materials: self.materials,
+            lights: self.lights,
+            background,
+            camera,
+            bounds,
+        })
+    }
+
+    /// Vertices that no triangle names would only widen the bounds.
+    fn drop_unused_vertices(&mut self) {
+        let mut index = vec![u32::MAX; self.positions.len()];
+        for &i in self.triangles.iter().flatten() {
+            index[i as usize] = 0;
+        }
+        let mut used = 0;
+        for (old, new) in index.iter_mut().enumerate().filter(|(_, new)| **new == 0) {
+            self.positions[used] = self.positions[old];
+            *new = used as u32;
+            used += 1;
+        }
+        self.positions.truncate(used);
+        for i in self.triangles.iter_mut().flatten() {
+            *i = index[*i as usize];
+        }
+    }
+}
+
+/// Unit normal of a counter-clockwise triangle, zero if it has no area. In f64: the cross product of a scan's small
+/// triangles would leave the range of f32.
+fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
+    let [a, b, c] = [a, b, c].map(Vec3::as_dvec3);
+    (b - a).cross(c - a).normalize_or_zero().as_vec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::EdgeKind;
+
+    fn build(shape: &Shape) -> Result<Scene, MeshError> {
+        let mut builder = SceneBuilder::new();
+        builder.add(shape, 0)?;
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE)
+    }
+
+    #[test]
+    fn a_cube_has_12_creases_and_6_regular_diagonals() {
+        let cube = build(&Shape::cuboid(Vec3::ZERO, Vec3::ONE)).unwrap().mesh;
+        let count = |kind| cube.edges.iter().filter(|e| e.kind == kind).count();
+        assert_eq!((cube.positions.len(), cube.triangles.len()), (8, 12));
+        assert_eq!((count(EdgeKind::Crease), count(EdgeKind::Regular), count(EdgeKind::Border)), (12, 6, 0));
+        assert!(cube.edges.is_sorted_by_key(|e| (e.vertices, e.faces)));
+        for (face, normal) in cube.face_normals.iter().enumerate() {
+            let centre = cube.corners(face).iter().sum::<Vec3>() / 3.0;
+            assert!(normal.dot(centre - 0.5) > 0.4, "face {face} looks inwards");
+        }
+    }
+
+    #[test]
+    fn crease_angle_is_a_parameter() {
+        let mut builder = SceneBuilder::new();
+        builder.add(&Shape::cuboid(Vec3::ZERO, Vec3::ONE), 0).unwrap();
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        let scene = builder.build("test", camera, Vec3::ZERO, 0.0, 91.0).unwrap();
+        assert!(scene.mesh.edges.iter().all(|e| e.kind == EdgeKind::Regular));
+    }
+
+    #[test]
+    fn bad_vertices_and_indices_are_named() {
+        let mut shape = Shape::quad([Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y]);
+        shape.positions[2].y = f32::NAN;
+        let message = build(&shape).unwrap_err().to_string();
+        assert!(message.contains("vertex 2") && message.contains("NaN"), "{message}");
+        shape.positions[2].y = 1.0;
+        shape.triangles[1][2] = 4;
+        let message = build(&shape).unwrap_err().to_string();
+        assert!(message.contains("face 1") && message.contains("vertex 4"), "{message}");
+        assert_eq!(build(&Shape::default()).unwrap_err(), MeshError::Empty);
+    }
+
+    #[test]
+    fn a_collapsed_triangle_is_dropped_and_a_flat_one_kept() {
+        let mut shape = Shape::quad([Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y]);
+        shape.positions.extend([Vec3::X, 2.0 * Vec3::X, Vec3::splat(9.0)]);
+        shape.triangles.extend([[0, 1, 4], [0, 1, 5]]);
+        let scene = build(&shape).unwrap();
+        assert_eq!(scene.mesh.triangles.len(), 3);
+        assert_eq!(scene.mesh.face_normals[2], Vec3::ZERO);
+        assert_eq!(scene.bounds[1], Vec3::new(2.0, 1.0, 1.0), "an unused vertex widened the bounds");
+    }
+}

@@ -1,0 +1,184 @@
+//! The scenes that come with the crate: those made by code, and the scene files over meshes that `scenes/fetch` brings.
+
+mod chains;
+mod cornell;
+mod room;
+
+use std::path::PathBuf;
+
+use crate::builder::MeshError;
+use crate::load::SceneFile;
+use crate::{Scene, SceneError};
+
+/// A scene that can be asked for by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SceneInfo {
+    /// What to ask for.
+    pub name: &'static str,
+    /// What it shows, in one line.
+    pub doc: &'static str,
+    /// Whether `scenes/fetch NAME` has to bring its mesh first.
+    pub needs_fetch: bool,
+}
+
+enum Source {
+    /// Made by this function.
+    Code(fn() -> Result<Scene, MeshError>),
+    /// Described by the text of this scene file in the crate's folder, over meshes that `scenes/fetch` brings.
+    File(&'static str),
+}
+
+struct Builtin {
+    name: &'static str,
+    doc: &'static str,
+    source: Source,
+}
+
+const BUILTINS: &[Builtin] = &[
+    Builtin {
+        name: "cornell",
+        doc: "the measured Cornell box: 36 triangles, one area light",
+        source: Source::Code(cornell::scene),
+    },
+    Builtin {
+        name: "chains",
+        doc: "three chains on a frame that shadow each other: 73,728 triangles, two point lights",
+        source: Source::Code(chains::scene),
+    },
+    Builtin {
+        name: "room",
+        doc: "a furnished room for global illumination: 101k triangles, three area lights",
+        source: Source::Code(room::scene),
+    },
+    Builtin {
+        name: "dragon",
+        doc: "the Stanford dragon, 871,414 triangles, in the shadow of a grid",
+        source: Source::File(include_str!("../../dragon.ron")),
+    },
+    Builtin {
+        name: "dragon-small",
+        doc: "the same with 202,520 triangles",
+        source: Source::File(include_str!("../../dragon-small.ron")),
+    },
+    Builtin {
+        name: "bust",
+        doc: "a bust of 109,259 triangles on a pedestal",
+        source: Source::File(include_str!("../../bust.ron")),
+    },
+    Builtin {
+        name: "kitchen",
+        doc: "a kitchen of 56,939 triangles and 33 materials for global illumination",
+        source: Source::File(include_str!("../../kitchen.ron")),
+    },
+];
+
+/// Every scene that has a name, in the order in which to list them.
+pub fn scene_names() -> Vec<SceneInfo> {
+    BUILTINS
+        .iter()
+        .map(|b| SceneInfo { name: b.name, doc: b.doc, needs_fetch: !matches!(b.source, Source::Code(_)) })
+        .collect()
+}
+
+/// The scene called `name`, or nothing if no scene is called so.
+pub(crate) fn load(name: &str) -> Option<Result<Scene, SceneError>> {
+    let Builtin { source: Source::File(text), .. } = BUILTINS.iter().find(|b| b.name == name)? else {
+        return by_code(name);
+    };
+    let path = PathBuf::from(format!("scenes/{name}.ron"));
+    let file = SceneFile::parse(text).map_err(|message| SceneError::Invalid { path: path.clone(), message });
+    Some(file.and_then(|file| file.into_scene(name, &path, &scene_folders(), Some(name))))
+}
+
+/// The scene called `name` if it is one that is made by code.
+pub(crate) fn by_code(name: &str) -> Option<Result<Scene, SceneError>> {
+    let make = BUILTINS.iter().find_map(|b| match b.source {
+        Source::Code(make) if b.name == name => Some(make),
+        _ => None,
+    })?;
+    Some(make().map_err(|source| SceneError::Mesh { name: name.to_owned(), source }))
+}
+
+/// Where the folder `data` of fetched meshes may be: where the variable `EPIGRAPH_SCENES` says, in `scenes` of the current
+/// folder, or in the source tree that the program was built from.
+fn scene_folders() -> Vec<PathBuf> {
+    let named = std::env::var_os("EPIGRAPH_SCENES").map(PathBuf::from);
+    named.into_iter().chain([PathBuf::from("scenes"), PathBuf::from(env!("CARGO_MANIFEST_DIR"))]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{EdgeKind, Light, Mesh};
+
+    fn count(mesh: &Mesh, kind: EdgeKind) -> usize {
+        mesh.edges.iter().filter(|e| e.kind == kind).count()
+    }
+
+    #[test]
+    fn chains_has_the_papers_counts_and_is_closed() {
+        let scene = Scene::load("chains").unwrap();
+        assert_eq!((scene.mesh.triangles.len(), scene.mesh.edges.len()), (73_728, 110_592));
+        assert_eq!(count(&scene.mesh, EdgeKind::Border), 0);
+        assert_eq!(scene.lights.len(), 2);
+    }
+
+    #[test]
+    fn scene_files_of_the_crate_are_valid() {
+        let fetched: Vec<_> = scene_names().into_iter().filter(|info| info.needs_fetch).collect();
+        assert_eq!(fetched.len(), 4);
+        for builtin in BUILTINS {
+            if let Source::File(text) = builtin.source {
+                let file = SceneFile::parse(text).unwrap_or_else(|error| panic!("{}: {error}", builtin.name));
+                assert!(!file.lights.is_empty() && file.camera.is_some());
+            }
+        }
+    }
+
+    #[test]
+    fn room_has_about_the_papers_count_and_only_closed_things() {
+        let scene = Scene::load("room").unwrap();
+        let mesh = &scene.mesh;
+        assert!((99_990..=102_010).contains(&mesh.triangles.len()), "{} triangles", mesh.triangles.len());
+        assert_eq!(scene.lights.len(), 3);
+        assert_eq!(
+            count(mesh, EdgeKind::Border),
+            3 * 4,
+            "the quads of the lights are the only open surfaces"
+        );
+        // Every thing looks outwards: the volume that its triangles enclose is positive.
+        let mut volume = vec![0.0_f64; *mesh.object.last().unwrap() as usize + 1];
+        for face in 0..mesh.triangles.len() {
+            let [a, b, c] = mesh.corners(face).map(|p| p.as_dvec3());
+            volume[mesh.object[face] as usize] += a.dot(b.cross(c)) / 6.0;
+        }
+        let faces_of = |object: usize| mesh.object.iter().filter(|&&o| o as usize == object).count();
+        for (object, volume) in volume.into_iter().enumerate() {
+            assert!(volume > 0.0 || faces_of(object) == 2, "object {object}: {volume}");
+        }
+    }
+
+    #[test]
+    fn cornell_is_the_published_box() {
+        let scene = Scene::load("cornell").unwrap();
+        assert_eq!(scene.mesh.triangles.len(), 36);
+        // Two closed boxes of 18, the walls (12 along the room, 5 diagonals) and the light.
+        assert_eq!(scene.mesh.edges.len(), 2 * 18 + 17 + 5);
+        assert_eq!(count(&scene.mesh, EdgeKind::Border), 4 + 4);
+        assert!(matches!(scene.lights[..], [Light::Quad { u, v, .. }] if u.cross(v).y < 0.0));
+        // Seen by the camera, the red wall is at the left and every wall shows its front.
+        let camera = scene.camera;
+        for (face, &material) in scene.mesh.material.iter().enumerate() {
+            let centre = scene.mesh.corners(face).iter().sum::<glam::Vec3>() / 3.0;
+            let seen = camera.rotation.inverse() * (centre - camera.eye);
+            match scene.materials[material as usize].name.as_str() {
+                "red" => assert!(seen.x < -0.2),
+                "green" => assert!(seen.x > 0.2),
+                _ => {}
+            }
+            if face < 10 {
+                assert!(scene.mesh.face_normals[face].dot(camera.eye - centre) > 0.0, "face {face}");
+            }
+        }
+    }
+}

@@ -1,0 +1,120 @@
+use glam::{Quat, Vec3};
+
+/// A pinhole camera. Looks along -z of its own frame, +y up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Eye point in world space, metres.
+    pub eye: Vec3,
+    /// Rotation from camera to world space.
+    pub rotation: Quat,
+    /// Full vertical field of view, radians.
+    pub fov_y: f32,
+    /// Nearest and farthest distance along the view axis that an image has to resolve, metres.
+    pub near: f32,
+    /// See `near`.
+    pub far: f32,
+}
+
+impl Camera {
+    /// A camera at `eye` that looks at `target`; `fov_y` in radians.
+    pub fn look_at(eye: Vec3, target: Vec3, fov_y: f32, near: f32, far: f32) -> Self {
+        let back = (eye - target).try_normalize().unwrap_or(Vec3::Z);
+        // A camera that looks straight up or down has no horizontal from `y`; any other axis serves.
+        let up = if back.y.abs() > 0.9999 { Vec3::Z } else { Vec3::Y };
+        let right = up.cross(back).normalize();
+        let rotation = Quat::from_mat3(&glam::Mat3::from_cols(right, back.cross(right), back));
+        Self { eye, rotation, fov_y, near, far }
+    }
+
+    /// The direction (not normalised: one unit along the view axis) through image position `(x, y)` in pixels,
+    /// x right and y down, of an image of `size` pixels.
+    pub fn direction(&self, x: f32, y: f32, size: [u32; 2]) -> Vec3 {
+        let half = (self.fov_y * 0.5).tan();
+        let aspect = size[0] as f32 / size[1] as f32;
+        let u = (2.0 * x / size[0] as f32 - 1.0) * half * aspect;
+        let v = (1.0 - 2.0 * y / size[1] as f32) * half;
+        self.rotation * Vec3::new(u, v, -1.0)
+    }
+}
+
+/// The camera `k` frames after `now`, if it keeps moving as it did from `prev` to `now` (`algorithms.md` section 1.8):
+/// the same step of the eye, and the same turn about the camera's own axes, each times `k`. Lens and depth range are
+/// those of `now`.
+pub fn predict(prev: &Camera, now: &Camera, k: f32) -> Camera {
+    // Exactly `now` for a camera at rest, which the product of quaternions is only up to rounding.
+    let rotation = if prev.rotation == now.rotation {
+        now.rotation
+    } else {
+        let turn = (prev.rotation.conjugate() * now.rotation).normalize();
+        // q and -q are one rotation; the one with w >= 0 is the shorter way.
+        let turn = if turn.w < 0.0 { -turn } else { turn };
+        (now.rotation * Quat::from_scaled_axis(turn.to_scaled_axis() * k)).normalize()
+    };
+    Camera { eye: now.eye + k * (now.eye - prev.eye), rotation, ..*now }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(eye: Vec3, target: Vec3) -> Camera {
+        Camera::look_at(eye, target, 1.0, 0.1, 100.0)
+    }
+
+    #[test]
+    fn centre_of_the_image_is_the_target_and_y_points_down() {
+        for (eye, target) in [
+            (Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO),
+            (Vec3::Y, Vec3::ZERO),
+            (Vec3::ZERO, Vec3::new(0.0, 5.0, 0.0)),
+        ] {
+            let camera = camera(eye, target);
+            let direction = camera.direction(32.0, 24.0, [64, 48]).normalize();
+            assert!(direction.distance((target - eye).normalize()) < 1e-6);
+        }
+        let level = camera(Vec3::ZERO, Vec3::NEG_Z);
+        assert!(level.direction(0.0, 0.0, [64, 48]).y > 0.0);
+        assert!(level.direction(0.0, 0.0, [64, 48]).x < 0.0);
+    }
+
+    #[test]
+    fn top_and_bottom_edge_span_the_field_of_view() {
+        let camera = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let angle =
+            camera.direction(50.0, 0.0, [100, 40]).angle_between(camera.direction(50.0, 40.0, [100, 40]));
+        assert!((angle - camera.fov_y).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_camera_at_rest_is_predicted_exactly() {
+        let now = camera(Vec3::new(0.3, 0.7, -2.0), Vec3::new(0.1, 0.0, 0.4));
+        for k in [0.0, 1.0, 4.0] {
+            assert_eq!(predict(&now, &now, k), now);
+        }
+    }
+
+    #[test]
+    fn steady_motion_is_continued() {
+        // One step of a screw about the camera's own axes; the product is in the order that repeats it.
+        let step = Quat::from_scaled_axis(Vec3::new(0.02, -0.05, 0.01));
+        let (velocity, start) = (Vec3::new(0.1, 0.0, -0.2), camera(Vec3::ONE, Vec3::ZERO));
+        let at = |n: u16| {
+            let rotation = (0..n).fold(start.rotation, |q, _| q * step);
+            Camera { eye: start.eye + f32::from(n) * velocity, rotation, ..start }
+        };
+        let predicted = predict(&at(4), &at(5), 3.0);
+        assert!(predicted.eye.distance(at(8).eye) < 1e-5);
+        assert!(predicted.rotation.angle_between(at(8).rotation) < 2e-3);
+        let direction = |c: &Camera| c.rotation * Vec3::new(0.3, 0.2, -1.0);
+        assert!(direction(&predicted).distance(direction(&at(8))) < 1e-5);
+    }
+
+    #[test]
+    fn either_sign_of_a_rotation_predicts_the_same_view() {
+        let (prev, now) = (camera(Vec3::ONE, Vec3::ZERO), camera(Vec3::ONE, Vec3::new(0.1, 0.0, 0.0)));
+        let flipped = Camera { rotation: -now.rotation, ..now };
+        let [a, b] = [now, flipped].map(|now| predict(&prev, &now, 2.0).rotation * Vec3::NEG_Z);
+        assert!(a.distance(b) < 1e-6);
+        assert!(a.dot(now.rotation * Vec3::NEG_Z) > 0.9);
+    }
+}

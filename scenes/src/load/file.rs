@@ -1,0 +1,429 @@
+//! Epigraph's own scene files.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use glam::{Affine3A, EulerRot, Quat, Vec3};
+use serde::Deserialize;
+
+use super::model::{self, Model};
+use crate::builder::{CREASE_ANGLE, SceneBuilder};
+use crate::{Camera, Material, Scene, SceneError, Shape, Surface};
+
+/// What stands in a scene's `.ron` file. Lengths in metres, angles in degrees, colours linear Rec. 709.
+///
+/// ```ron
+/// #![enable(implicit_some)]
+/// Scene(
+///     version: 1,
+///     camera: (eye: (0, 1, 4), target: (0, 0.5, 0), fov: 35),
+///     materials: {
+///         "clay": (color: (0.7, 0.4, 0.3)),
+///         "metal": (color: (0.2, 0.2, 0.2), surface: Glossy(roughness: 0.3, f0: 0.4)),
+///     },
+///     objects: [
+///         (shape: Quad(corner: (-2, 0, 2), u: (4, 0, 0), v: (0, 0, -4)), material: "clay"),
+///         (shape: File("statue.ply"), material: "metal", height: 1, rotate: (0, 30, 0)),
+///     ],
+///     lights: [ Quad(corner: (-1, 3, -1), u: (2, 0, 0), v: (0, 0, 2), radiance: (9, 9, 9)) ],
+/// )
+/// ```
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, rename = "Scene")]
+pub struct SceneFile {
+    /// The version of this format: 1.
+    pub version: u32,
+    /// Left out: the camera of the first object's file that has one, else one that sees everything.
+    #[serde(default)]
+    pub camera: Option<CameraSpec>,
+    /// Radiance of a ray that hits nothing. Default black.
+    #[serde(default)]
+    pub background: Vec3,
+    /// Faces that meet at more than this angle make a crease. Default 40.
+    #[serde(default = "default_crease_angle")]
+    pub crease_angle: f32,
+    /// Vertices at most this far apart become one. Default 0: only equal ones.
+    #[serde(default)]
+    pub weld_distance: f32,
+    /// Materials by the name that objects use.
+    #[serde(default)]
+    pub materials: BTreeMap<String, MaterialSpec>,
+    /// What the scene consists of.
+    pub objects: Vec<ObjectSpec>,
+    /// Lights beside those that the objects' files bring; if there is none at all, one is put in front.
+    #[serde(default)]
+    pub lights: Vec<LightSpec>,
+}
+
+fn default_crease_angle() -> f32 {
+    CREASE_ANGLE
+}
+
+/// A camera of a scene file.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSpec {
+    /// Where it stands.
+    pub eye: Vec3,
+    /// What it looks at.
+    pub target: Vec3,
+    /// Full vertical field of view, between 0 and 180 degrees.
+    pub fov: f32,
+}
+
+/// A material of a scene file.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialSpec {
+    /// Reflectance, each channel in [0, 1].
+    pub color: Vec3,
+    /// How it scatters. Default diffuse.
+    #[serde(default)]
+    pub surface: SurfaceSpec,
+    /// Emitted radiance. Default none. Panels that emit become lights.
+    #[serde(default)]
+    pub emission: Vec3,
+}
+
+/// How a material of a scene file scatters; see [`Surface`].
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub enum SurfaceSpec {
+    /// Lambertian.
+    #[default]
+    Diffuse,
+    /// A GGX lobe over a Lambertian base.
+    Glossy {
+        /// Perceptual roughness in (0, 1].
+        roughness: f32,
+        /// Reflectance at normal incidence, in [0, 1]. Default 0.04.
+        #[serde(default = "dielectric_f0")]
+        f0: f32,
+    },
+    /// Perfect reflection.
+    Mirror,
+}
+
+fn dielectric_f0() -> f32 {
+    0.04
+}
+
+/// An object of a scene file: a shape, scaled, then rotated, then moved.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectSpec {
+    /// What it is.
+    pub shape: ShapeSpec,
+    /// A name in `materials`; left out: the materials of the shape's own file, else a plain grey.
+    #[serde(default)]
+    pub material: Option<String>,
+    /// Factor on all lengths. Default 1.
+    #[serde(default = "one")]
+    pub scale: f32,
+    /// Rotation about z, then x, then y, degrees.
+    #[serde(default)]
+    pub rotate: Vec3,
+    /// Where its origin goes; with `height`, where the middle of its underside goes.
+    #[serde(default)]
+    pub translate: Vec3,
+    /// If given, the object is scaled to this height instead of by `scale`, and stands centred on `translate`.
+    #[serde(default)]
+    pub height: Option<f32>,
+    /// Smooth shading across edges of at most this angle, where the shape has no normals. Default 0: flat.
+    #[serde(default)]
+    pub smooth: f32,
+    /// Copies in a row. Default one.
+    #[serde(default)]
+    pub repeat: RepeatSpec,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+/// Copies of an object.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct RepeatSpec {
+    /// How many, the first included.
+    pub count: u32,
+    /// From each to the next.
+    pub step: Vec3,
+}
+
+impl Default for RepeatSpec {
+    fn default() -> Self {
+        Self { count: 1, step: Vec3::ZERO }
+    }
+}
+
+/// The shape of an object of a scene file.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub enum ShapeSpec {
+    /// Everything in a mesh file (.glb, .gltf, .obj, .ply), relative to the scene file's folder.
+    File(String),
+    /// Everything in a scene that is made by code, such as `cornell`.
+    Builtin(String),
+    /// A closed box.
+    Box {
+        /// Lowest corner.
+        low: Vec3,
+        /// Highest corner.
+        high: Vec3,
+    },
+    /// A one-sided parallelogram with its front towards `u x v`.
+    Quad {
+        /// One corner.
+        corner: Vec3,
+        /// First side.
+        u: Vec3,
+        /// Second side.
+        v: Vec3,
+    },
+    /// A sphere of 64 x 32 facets.
+    Sphere {
+        /// Its centre.
+        center: Vec3,
+        /// Its radius.
+        radius: f32,
+    },
+    /// A closed upright cylinder of 64 facets around.
+    Cylinder {
+        /// The centre of its lower end.
+        base: Vec3,
+        /// Its radius.
+        radius: f32,
+        /// Its height.
+        height: f32,
+    },
+}
+
+/// A light of a scene file; see [`Light`](crate::Light).
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub enum LightSpec {
+    /// A point.
+    Point {
+        /// Where it stands.
+        position: Vec3,
+        /// Radiant intensity, W/sr.
+        intensity: Vec3,
+    },
+    /// A one-sided parallelogram that shines towards `u x v`.
+    Quad {
+        /// One corner.
+        corner: Vec3,
+        /// First side.
+        u: Vec3,
+        /// Second side.
+        v: Vec3,
+        /// Emitted radiance.
+        radiance: Vec3,
+    },
+}
+
+impl SceneFile {
+    /// Parses the text of a scene file.
+    ///
+    /// # Errors
+    /// A sentence that begins with line and column.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let file: Self = ron::Options::default()
+            .with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
+            .from_str(text)
+            .map_err(|error| {
+                format!("line {}, column {}: {}", error.span.start.line, error.span.start.col, error.code)
+            })?;
+        file.check()?;
+        Ok(file)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        if self.version != 1 {
+            return Err(format!("version {} is not known, this program reads version 1", self.version));
+        }
+        if let Some(camera) = self.camera {
+            let sane = camera.fov > 0.0 && camera.fov < 180.0 && camera.eye != camera.target;
+            if !sane || !camera.eye.is_finite() || !camera.target.is_finite() {
+                return Err(format!(
+                    "the camera needs a finite eye and another target, and a fov between 0 and 180: {camera:?}"
+                ));
+            }
+        }
+        for (name, material) in &self.materials {
+            let unit = |value: f32| (0.0..=1.0).contains(&value);
+            let glossy_is_sane = match material.surface {
+                SurfaceSpec::Glossy { roughness, f0 } => roughness > 0.0 && unit(roughness) && unit(f0),
+                _ => true,
+            };
+            let emits = material.emission.is_finite() && material.emission.min_element() >= 0.0;
+            if !material.color.to_array().into_iter().all(unit) || !glossy_is_sane || !emits {
+                return Err(format!(
+                    "material `{name}`: color, roughness and f0 lie between 0 and 1, roughness is not 0, and emission is not negative"
+                ));
+            }
+        }
+        for (index, object) in self.objects.iter().enumerate() {
+            let scale = object.height.unwrap_or(object.scale);
+            if !(scale.is_finite() && scale != 0.0 && (0.0..=180.0).contains(&object.smooth)) {
+                return Err(format!(
+                    "object {index}: scale and height must not be 0, smooth lies between 0 and 180"
+                ));
+            }
+            const MOST_COPIES: u32 = 100_000;
+            if object.repeat.count == 0 || object.repeat.count > MOST_COPIES {
+                return Err(format!("object {index}: repeat.count lies between 1 and {MOST_COPIES}"));
+            }
+        }
+        for (index, light) in self.lights.iter().enumerate() {
+            let finite = match *light {
+                LightSpec::Point { position, intensity } => position.is_finite() && intensity.is_finite(),
+                LightSpec::Quad { corner, u, v, radiance } => {
+                    corner.is_finite()
+                        && u.cross(v).is_finite()
+                        && u.cross(v) != Vec3::ZERO
+                        && radiance.is_finite()
+                }
+            };
+            if !finite {
+                return Err(format!("light {index}: every number is finite, and a quad has an area"));
+            }
+        }
+        let weld_is_sane = self.weld_distance >= 0.0 && self.weld_distance.is_finite();
+        if !weld_is_sane || !(0.0..=180.0).contains(&self.crease_angle) {
+            return Err("crease_angle lies between 0 and 180, weld_distance is not negative".to_owned());
+        }
+        Ok(())
+    }
+
+    /// The scene that this file describes. `folders` are where its mesh files may lie, tried in order; `fetch` is the name
+    /// under which `scenes/fetch` brings those that are missing.
+    pub(crate) fn into_scene(
+        self,
+        name: &str,
+        path: &Path,
+        folders: &[PathBuf],
+        fetch: Option<&str>,
+    ) -> Result<Scene, SceneError> {
+        let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
+        let unusable = |source| SceneError::Mesh { name: name.to_owned(), source };
+        let mut builder = SceneBuilder::new();
+        let mut materials = BTreeMap::new();
+        for (material_name, spec) in &self.materials {
+            materials.insert(material_name.as_str(), builder.material(spec.to_material(material_name)));
+        }
+        let mut file_camera = None;
+        for (index, object) in self.objects.iter().enumerate() {
+            let material = match &object.material {
+                None => None,
+                Some(wanted) => Some(*materials.get(wanted.as_str()).ok_or_else(|| {
+                    let hint = super::nearest(wanted, materials.keys().copied());
+                    invalid(format!("object {index}: no material is called `{wanted}`{hint}"))
+                })?),
+            };
+            let mut model = object.shape.load(path, folders, fetch)?;
+            file_camera = file_camera.or(model.camera);
+            for (shape, _) in
+                model.parts.iter_mut().filter(|(s, _)| object.smooth > 0.0 && s.normals.is_empty())
+            {
+                shape.smooth(object.smooth);
+            }
+            let place = object.placement(&model);
+            for copy in 0..object.repeat.count {
+                let step = Affine3A::from_translation(copy as f32 * object.repeat.step);
+                model.add_to(&mut builder, step * place, material).map_err(unusable)?;
+            }
+        }
+        for light in &self.lights {
+            match *light {
+                LightSpec::Point { position, intensity } => builder.point_light(position, intensity),
+                LightSpec::Quad { corner, u, v, radiance } => {
+                    builder.quad_light(corner, u, v, radiance).map_err(unusable)?;
+                }
+            }
+        }
+        let bounds = builder.bounds();
+        if builder.lights().is_empty() {
+            model::add_default_light(&mut builder, bounds).map_err(unusable)?;
+        }
+        let camera = match self.camera {
+            Some(spec) => spec.to_camera(bounds),
+            None => file_camera.unwrap_or_else(|| model::framing_camera(bounds)),
+        };
+        builder.build(name, camera, self.background, self.weld_distance, self.crease_angle).map_err(unusable)
+    }
+}
+
+impl CameraSpec {
+    /// Near and far follow from the box around the scene.
+    fn to_camera(self, bounds: [Vec3; 2]) -> Camera {
+        let farthest = (self.eye - bounds[0]).abs().max((self.eye - bounds[1]).abs()).length();
+        Camera::look_at(self.eye, self.target, self.fov.to_radians(), 1e-3 * farthest, 2.0 * farthest)
+    }
+}
+
+impl MaterialSpec {
+    fn to_material(self, name: &str) -> Material {
+        let surface = match self.surface {
+            SurfaceSpec::Diffuse => Surface::Diffuse,
+            SurfaceSpec::Glossy { roughness, f0 } => Surface::Glossy { roughness, f0 },
+            SurfaceSpec::Mirror => Surface::Mirror,
+        };
+        Material { name: name.to_owned(), color: self.color, surface, emission: self.emission }
+    }
+}
+
+impl ObjectSpec {
+    fn placement(&self, model: &Model) -> Affine3A {
+        let [x, y, z] = self.rotate.to_array().map(f32::to_radians);
+        let turn = Affine3A::from_quat(Quat::from_euler(EulerRot::YXZ, y, x, z));
+        let Some(height) = self.height else {
+            return Affine3A::from_translation(self.translate)
+                * turn
+                * Affine3A::from_scale(Vec3::splat(self.scale));
+        };
+        let [low, high] = model.bounds_after(turn);
+        let stand = Vec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
+        let scale = height / (high.y - low.y).max(f32::MIN_POSITIVE);
+        Affine3A::from_translation(self.translate)
+            * Affine3A::from_scale(Vec3::splat(scale))
+            * Affine3A::from_translation(-stand)
+            * turn
+    }
+}
+
+impl ShapeSpec {
+    fn load(&self, path: &Path, folders: &[PathBuf], fetch: Option<&str>) -> Result<Model, SceneError> {
+        let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
+        Ok(match self {
+            Self::File(name) => {
+                let candidates = folders.iter().map(|folder| folder.join(name));
+                let Some(found) = candidates.clone().find(|p| p.exists()) else {
+                    let looked = candidates.map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
+                    return Err(invalid(match fetch {
+                        Some(scene) => format!(
+                            "`{name}` is not here yet: run `scenes/fetch {scene}` (looked for {looked})"
+                        ),
+                        None => format!("`{name}` does not exist (looked for {looked})"),
+                    }));
+                };
+                super::read_mesh_file(&found)?
+            }
+            Self::Builtin(name) => match crate::builtin::by_code(name) {
+                Some(scene) => Model::from_scene(&scene?),
+                None => return Err(invalid(format!("no scene called `{name}` is made by code"))),
+            },
+            Self::Box { low, high } => Model::from_shape(Shape::cuboid(low.min(*high), low.max(*high))),
+            Self::Quad { corner, u, v } => {
+                Model::from_shape(Shape::quad([*corner, corner + u, corner + u + v, corner + v]))
+            }
+            Self::Sphere { center, radius } => {
+                Model::from_shape(Shape::sphere(*radius, 64, 32).moved(*center))
+            }
+            Self::Cylinder { base, radius, height } => {
+                Model::from_shape(Shape::cylinder(*radius, 0.0, *height, 64).moved(*base))
+            }
+        })
+    }
+}

@@ -1,0 +1,473 @@
+//! glTF 2.0, text and binary: the node tree's triangles, metallic-roughness factors, emission, `KHR_lights_punctual` and
+//! the first perspective camera. Textures, skins, morph targets, animations and sparse accessors are not read.
+//!
+//! Light intensities are taken as they stand (1 cd as 1 W/sr), as viewers do that show them at exposure 1. A directional
+//! light becomes a point far away, a spot a point without a cone.
+
+use std::collections::HashSet;
+use std::f32::consts::PI;
+
+use glam::{Affine3A, Mat4, Quat, Vec3};
+use gltf::accessor::{DataType, Dimensions};
+use gltf::khr_lights_punctual::Kind;
+use gltf::mesh::Mode;
+
+use super::model::Model;
+use crate::{Camera, Light, Material, Shape, Surface};
+
+/// A directional light stands this many radii of the scene away: its light is parallel and even to 2%.
+const SUN_DISTANCE: f32 = 100.0;
+
+/// Reads a `.gltf` or `.glb` file; `external` gives the bytes of a file named in it, relative to its folder.
+pub(super) fn read(
+    bytes: &[u8],
+    external: impl Fn(&str) -> Result<Vec<u8>, String>,
+) -> Result<Model, String> {
+    check_header(bytes)?;
+    let unchecked = gltf::Gltf::from_slice_without_validation(bytes).map_err(|error| error.to_string())?;
+    let mut blob = unchecked.blob;
+    check_positions(unchecked.document.as_json())?;
+    let file =
+        gltf::Document::from_json(unchecked.document.into_json()).map_err(|error| error.to_string())?;
+    let mut buffers = Vec::new();
+    for buffer in file.buffers() {
+        let data = match buffer.source() {
+            gltf::buffer::Source::Bin => {
+                blob.take().ok_or_else(|| "the binary chunk that its buffer lies in is missing".to_owned())?
+            }
+            gltf::buffer::Source::Uri(uri) => match uri.strip_prefix("data:") {
+                Some(data) => decode_base64(data.split_once(";base64,").map_or("", |(_, text)| text))?,
+                None => external(&decode_percent(uri))?,
+            },
+        };
+        if data.len() < buffer.length() {
+            return Err(format!(
+                "buffer {} has {} bytes, {} were promised: the file is truncated or damaged",
+                buffer.index(),
+                data.len(),
+                buffer.length()
+            ));
+        }
+        buffers.push(data);
+    }
+
+    let mut reader = Reader { buffers: &buffers, model: Model::default(), suns: vec![] };
+    reader.model.materials = file.materials().map(|material| convert_material(&material)).collect();
+    reader.nodes(&file)?;
+    Ok(reader.finish())
+}
+
+/// A GLB says its length in its header; a shorter file is the usual damage, and worth a plain word.
+fn check_header(bytes: &[u8]) -> Result<(), String> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok(());
+    }
+    let promised = bytes.get(8..12).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    match promised {
+        Some(length) if (12..=bytes.len()).contains(&length) => Ok(()),
+        Some(length) => Err(format!("it has {} bytes, its header promises {length}: truncated", bytes.len())),
+        None => Err("it ends within its header: truncated".to_owned()),
+    }
+}
+
+/// The crate's own validation looks up the positions' accessor before it knows that there is one.
+fn check_positions(root: &gltf::json::Root) -> Result<(), String> {
+    let positions = gltf::json::validation::Checked::Valid(gltf::Semantic::Positions);
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    match primitives.filter_map(|p| p.attributes.get(&positions)).find(|i| i.value() >= root.accessors.len())
+    {
+        Some(index) => Err(format!("a mesh names accessor {}, of {}", index.value(), root.accessors.len())),
+        None => Ok(()),
+    }
+}
+
+struct Reader<'a> {
+    buffers: &'a [Vec<u8>],
+    model: Model,
+    /// Direction and irradiance of the directional lights, until the size of the scene is known.
+    suns: Vec<(Vec3, Vec3)>,
+}
+
+impl Reader<'_> {
+    /// Walks the node tree of the default scene, or the first, or all nodes that are nobody's children.
+    fn nodes(&mut self, file: &gltf::Document) -> Result<(), String> {
+        let roots: Vec<gltf::Node> = match file.default_scene().or_else(|| file.scenes().next()) {
+            Some(scene) => scene.nodes().collect(),
+            None => {
+                let children: HashSet<usize> =
+                    file.nodes().flat_map(|node| node.children().map(|child| child.index())).collect();
+                file.nodes().filter(|n| !children.contains(&n.index())).collect()
+            }
+        };
+        let mut seen = vec![false; file.nodes().len()];
+        let mut open: Vec<(gltf::Node, Affine3A)> =
+            roots.into_iter().rev().map(|node| (node, Affine3A::IDENTITY)).collect();
+        while let Some((node, parent)) = open.pop() {
+            if std::mem::replace(&mut seen[node.index()], true) {
+                return Err(format!("node {} has two parents or is its own ancestor", node.index()));
+            }
+            let local = Affine3A::from_mat4(Mat4::from_cols_array_2d(&node.transform().matrix()));
+            let world = parent * local;
+            self.node(file, &node, world)?;
+            let mut children: Vec<_> = node.children().map(|child| (child, world)).collect();
+            children.reverse();
+            open.extend(children);
+        }
+        Ok(())
+    }
+
+    fn node(&mut self, file: &gltf::Document, node: &gltf::Node, world: Affine3A) -> Result<(), String> {
+        if let Some(mesh) = node.mesh() {
+            for primitive in mesh.primitives() {
+                let shape = self
+                    .primitive(&primitive)
+                    .map_err(|e| format!("mesh {}, primitive {}: {e}", mesh.index(), primitive.index()))?;
+                if let Some(shape) = shape {
+                    self.model.parts.push((shape.transformed(world), primitive.material().index()));
+                }
+            }
+        }
+        if let Some(light) = node.light() {
+            let intensity = light.intensity() * Vec3::from(light.color());
+            match light.kind() {
+                Kind::Directional => {
+                    self.suns.push((world.transform_vector3(Vec3::NEG_Z).normalize_or_zero(), intensity));
+                }
+                Kind::Point | Kind::Spot { .. } => {
+                    self.model.lights.push(Light::Point { position: world.translation.into(), intensity });
+                }
+            }
+        }
+        if let (None, Some(camera)) = (self.model.camera, node.camera()) {
+            // Only the JSON can be asked without a panic whether a camera has the lens that its type calls for.
+            let lens = file.as_json().cameras[camera.index()].perspective.as_ref();
+            self.model.camera = lens.and_then(|lens| convert_camera(lens, world));
+        }
+        Ok(())
+    }
+
+    /// The triangles of a primitive, or nothing if it is made of points or lines.
+    fn primitive(&self, primitive: &gltf::Primitive) -> Result<Option<Shape>, String> {
+        let corners_of: fn(u32) -> [u32; 3] = match primitive.mode() {
+            Mode::Triangles => |t| [3 * t, 3 * t + 1, 3 * t + 2],
+            // Every other triangle of a strip runs the other way.
+            Mode::TriangleStrip => |t| if t % 2 == 0 { [t, t + 1, t + 2] } else { [t + 1, t, t + 2] },
+            Mode::TriangleFan => |t| [0, t + 1, t + 2],
+            _ => return Ok(None),
+        };
+        let positions =
+            self.vectors(&primitive.get(&gltf::Semantic::Positions).ok_or("it has no positions")?)?;
+        let normals = primitive.get(&gltf::Semantic::Normals).map(|a| self.vectors(&a)).transpose()?;
+        let indices = match primitive.indices() {
+            Some(accessor) => self.indices(&accessor)?,
+            None => (0..positions.len() as u32).collect(),
+        };
+        let count = match primitive.mode() {
+            Mode::Triangles => indices.len() / 3,
+            _ => indices.len().saturating_sub(2),
+        };
+        let mut shape = Shape { positions, ..Shape::default() };
+        for t in 0..count as u32 {
+            let triangle = corners_of(t).map(|corner| indices[corner as usize]);
+            if let Some(&index) = triangle.iter().find(|&&i| i as usize >= shape.positions.len()) {
+                return Err(format!("face {t} names vertex {index} of {}", shape.positions.len()));
+            }
+            shape.triangles.push(triangle);
+            if let Some(normals) = &normals {
+                let normal = |i: u32| normals.get(i as usize).map_or(Vec3::ZERO, |n| n.normalize_or_zero());
+                shape.normals.push(triangle.map(normal));
+            }
+        }
+        Ok(Some(shape))
+    }
+
+    fn vectors(&self, accessor: &gltf::Accessor) -> Result<Vec<Vec3>, String> {
+        if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
+            return Err("positions and normals have to be three 32-bit floats".to_owned());
+        }
+        let read = |b: &[u8], at: usize| f32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
+        self.elements(accessor, |b| Vec3::new(read(b, 0), read(b, 4), read(b, 8)))
+    }
+
+    fn indices(&self, accessor: &gltf::Accessor) -> Result<Vec<u32>, String> {
+        match (accessor.data_type(), accessor.dimensions()) {
+            (DataType::U8, Dimensions::Scalar) => self.elements(accessor, |b| b[0].into()),
+            (DataType::U16, Dimensions::Scalar) => {
+                self.elements(accessor, |b| u16::from_le_bytes([b[0], b[1]]).into())
+            }
+            (DataType::U32, Dimensions::Scalar) => {
+                self.elements(accessor, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            }
+            _ => Err("indices have to be unsigned integers".to_owned()),
+        }
+    }
+
+    /// Each element of an accessor, `convert`ed from exactly its bytes. Nothing the file says of offsets, strides
+    /// and counts is believed before it is found to lie within the buffer.
+    fn elements<T>(&self, accessor: &gltf::Accessor, convert: impl Fn(&[u8]) -> T) -> Result<Vec<T>, String> {
+        let outside = || format!("accessor {} reaches beyond its buffer", accessor.index());
+        let (size, count) = (accessor.size(), accessor.count());
+        if accessor.sparse().is_some() {
+            return Err(format!("accessor {} is sparse, which is not supported", accessor.index()));
+        }
+        let view = accessor.view().ok_or_else(|| format!("accessor {} has no data", accessor.index()))?;
+        let buffer = &self.buffers[view.buffer().index()];
+        let end = view.offset().checked_add(view.length()).ok_or_else(outside)?;
+        let data =
+            buffer.get(view.offset()..end).and_then(|d| d.get(accessor.offset()..)).ok_or_else(outside)?;
+        let stride = view.stride().unwrap_or(size);
+        if count == 0 {
+            return Ok(vec![]);
+        }
+        let needed = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(size)).ok_or_else(outside)?;
+        if stride < size || needed > data.len() {
+            return Err(outside());
+        }
+        Ok((0..count).map(|i| convert(&data[i * stride..][..size])).collect())
+    }
+
+    fn finish(mut self) -> Model {
+        let [low, high] = self.model.bounds();
+        let (centre, radius) = (low.midpoint(high), 0.5 * low.distance(high));
+        let distance = SUN_DISTANCE * radius;
+        for (direction, irradiance) in self.suns {
+            self.model.lights.push(Light::Point {
+                position: centre - distance * direction,
+                intensity: irradiance * distance * distance,
+            });
+        }
+        if let Some(camera) = self.model.camera.as_mut().filter(|camera| camera.far == f32::INFINITY) {
+            camera.far = camera.near + camera.eye.distance(centre) + 4.0 * radius;
+        }
+        self.model
+    }
+}
+
+/// A perspective camera; one without a far plane gets an infinite `far` for now.
+fn convert_camera(lens: &gltf::json::camera::Perspective, world: Affine3A) -> Option<Camera> {
+    let axis = |v: Vec3| world.transform_vector3(v).try_normalize();
+    let (back, up) = (axis(Vec3::Z)?, axis(Vec3::Y)?);
+    let right = up.cross(back).try_normalize()?;
+    let eye = Vec3::from(world.translation);
+    let near = lens.znear;
+    let sane = eye.is_finite() && (1e-3..PI - 1e-3).contains(&lens.yfov) && near.is_finite();
+    sane.then(|| Camera {
+        eye,
+        rotation: Quat::from_mat3(&glam::Mat3::from_cols(right, back.cross(right), back)),
+        fov_y: lens.yfov,
+        near: near.max(1e-4),
+        far: lens.zfar.filter(|far| *far > near).unwrap_or(f32::INFINITY),
+    })
+}
+
+/// Factors only, no textures; so an emission that a texture is meant to mask is left out.
+fn convert_material(material: &gltf::Material) -> Material {
+    /// A metal smoother than this is a mirror.
+    const MIRROR_ROUGHNESS: f32 = 0.08;
+    /// A dielectric rougher than this has too weak a lobe to tell from diffuse.
+    const DIFFUSE_ROUGHNESS: f32 = 0.6;
+    let pbr = material.pbr_metallic_roughness();
+    let [r, g, b, _] = pbr.base_color_factor();
+    let base = Vec3::new(r, g, b).clamp(Vec3::ZERO, Vec3::ONE);
+    let (metallic, roughness) =
+        (pbr.metallic_factor().clamp(0.0, 1.0), pbr.roughness_factor().clamp(0.0, 1.0));
+    let surface = if metallic > 0.5 && roughness < MIRROR_ROUGHNESS {
+        Surface::Mirror
+    } else if metallic > 0.5 || roughness < DIFFUSE_ROUGHNESS {
+        let f0 = 0.04 + metallic * (base.max_element() - 0.04).max(0.0);
+        Surface::Glossy { roughness: roughness.max(0.02), f0 }
+    } else {
+        Surface::Diffuse
+    };
+    // A glossy lobe has no colour of its own here, so half a metal's tint goes to the diffuse part.
+    let color = if surface == Surface::Mirror { base } else { base * (1.0 - 0.5 * metallic) };
+    let emission = match material.emissive_texture() {
+        Some(_) => Vec3::ZERO,
+        None => Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0),
+    };
+    Material {
+        name: material.name().unwrap_or_default().to_owned(),
+        color,
+        surface,
+        emission: emission.max(Vec3::ZERO),
+    }
+}
+
+/// Standard base64 (RFC 4648 section 4), padded or not.
+fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
+    let (mut bits, mut count) = (0_u32, 0);
+    for c in text.trim_end_matches('=').bytes() {
+        let value = match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return Err(format!("`{}` is no base64", char::from(c).escape_default())),
+        };
+        bits = bits << 6 | u32::from(value);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
+    }
+    Ok(bytes)
+}
+
+/// Turns the `%20` of a file name in a URI into what it stands for.
+fn decode_percent(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let Some((&first, tail)) = rest.split_first() {
+        let code = tail.get(..2).and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
+        match (first, code) {
+            (b'%', Some(byte)) => {
+                bytes.push(byte);
+                rest = &tail[2..];
+            }
+            _ => {
+                bytes.push(first);
+                rest = tail;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A GLB of `json` and the positions of one triangle.
+    fn glb(json: &str) -> Vec<u8> {
+        let mut json = json.as_bytes().to_vec();
+        json.resize(json.len().next_multiple_of(4), b' ');
+        let bin: Vec<u8> =
+            [0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0, 0.0_f32].iter().flat_map(|f| f.to_le_bytes()).collect();
+        let mut file = b"glTF".to_vec();
+        let total = 12 + 8 + json.len() + 8 + bin.len();
+        file.extend([2, total as u32, json.len() as u32].iter().flat_map(|n| n.to_le_bytes()));
+        file.extend(b"JSON");
+        file.extend(json);
+        file.extend((bin.len() as u32).to_le_bytes());
+        file.extend(b"BIN\0");
+        file.extend(bin);
+        file
+    }
+
+    const JSON: &str = r#"{
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": {"KHR_lights_punctual": {"lights": [
+            {"type": "point", "color": [1, 0.5, 0.25], "intensity": 8},
+            {"type": "directional", "intensity": 3}]}},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1, 2, 3]}],
+        "nodes": [
+            {"mesh": 0, "translation": [0, 0, -3], "scale": [1, 2, 1]},
+            {"translation": [1, 2, 3], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+            {"extensions": {"KHR_lights_punctual": {"light": 1}}},
+            {"camera": 0, "translation": [0, 0, 5]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.25}}],
+        "materials": [{"name": "red", "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1], "metallicFactor": 0}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [2, 2, 0]}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36}]
+    }"#;
+
+    fn no_files(name: &str) -> Result<Vec<u8>, String> {
+        Err(format!("no file {name}"))
+    }
+
+    #[test]
+    fn triangle_with_lights_camera_and_material() {
+        let scene = read(&glb(JSON), no_files).unwrap().into_scene("test").unwrap();
+        assert_eq!(scene.mesh.corners(0)[2], Vec3::new(0.0, 4.0, -3.0));
+        assert_eq!((scene.materials[0].name.as_str(), scene.materials[0].color), ("red", Vec3::X));
+        assert_eq!(
+            scene.lights[0],
+            Light::Point { position: Vec3::new(1.0, 2.0, 3.0), intensity: Vec3::new(8.0, 4.0, 2.0) }
+        );
+        // The directional light shines along -z with 3 units of irradiance.
+        let Light::Point { position, intensity } = scene.lights[1] else { panic!("{:?}", scene.lights[1]) };
+        let towards = position - scene.mesh.corners(0)[0];
+        assert!(towards.normalize().dot(Vec3::Z) > 0.999);
+        assert!((intensity.x / towards.length_squared() - 3.0).abs() < 0.1);
+        assert_eq!((scene.camera.eye, scene.camera.fov_y, scene.camera.near), (5.0 * Vec3::Z, 0.5, 0.25));
+        assert!((scene.camera.rotation * Vec3::NEG_Z - Vec3::NEG_Z).length() < 1e-6);
+        assert!(scene.camera.far > 8.0 && scene.camera.far.is_finite());
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let file = glb(JSON);
+        for length in 0..file.len() {
+            assert!(read(&file[..length], no_files).is_err(), "{length} bytes were enough");
+        }
+    }
+
+    #[test]
+    fn what_a_broken_file_claims_is_not_believed() {
+        for (from, to) in [
+            (r#""count": 3"#, r#""count": 400000000000"#),
+            (r#""count": 3"#, r#""count": 4"#),
+            (r#""byteLength": 36}],"#, r#""byteLength": 36, "byteOffset": 18446744073709551615}],"#),
+            (r#""byteLength": 36}],"#, r#""byteLength": 36, "byteStride": 4}],"#),
+            (r#""bufferView": 0, "#, ""),
+            (r#""bufferView": 0"#, r#""bufferView": 7"#),
+            ("5126", "5125"),
+            ("VEC3", "VEC2"),
+            (r#""buffers": [{"byteLength": 36}]"#, r#""buffers": [{"byteLength": 37}]"#),
+            (r#""buffers": [{"byteLength": 36}]"#, r#""buffers": [{"byteLength": 36, "uri": "gone.bin"}]"#),
+            (r#""mesh": 0"#, r#""mesh": 0, "children": [0]"#),
+            (r#""POSITION": 0"#, r#""POSITION": 1"#),
+            (r#""type": "point""#, r#""type": "spot""#),
+            (r#""mesh": 0"#, r#""mesh": 1"#),
+            (r#""light": 1"#, r#""light": 2"#),
+            (r#""version": "2.0""#, r#""version": "2.0", "minVersion": 5"#),
+        ] {
+            assert_ne!(JSON, JSON.replacen(from, to, 1), "{from}");
+            let result = read(&glb(&JSON.replacen(from, to, 1)), no_files);
+            assert!(result.is_err(), "{from} -> {to}");
+        }
+    }
+
+    #[test]
+    fn a_camera_without_its_lens_is_no_camera() {
+        let lens = r#""perspective": {"yfov": 0.5, "znear": 0.25}"#;
+        let other = r#""orthographic": {"xmag": 1, "ymag": 1, "zfar": 9, "znear": 0.1}"#;
+        assert!(JSON.contains(lens));
+        let model = read(&glb(&JSON.replacen(lens, other, 1)), no_files).unwrap();
+        assert!(model.camera.is_none());
+    }
+
+    #[test]
+    fn no_damaged_byte_panics() {
+        let file = glb(JSON);
+        for at in 0..file.len() {
+            for damage in [0, b'9', b'-', 0xff] {
+                let mut damaged = file.clone();
+                damaged[at] = damage;
+                let _ = read(&damaged, no_files).map(|model| model.into_scene("damaged").is_ok());
+            }
+        }
+    }
+
+    #[test]
+    fn embedded_and_external_buffers() {
+        let zeros = "A".repeat(48);
+        let uri = format!(
+            r#""buffers": [{{"uri": "data:application/octet-stream;base64,{zeros}", "byteLength": 36}}]"#
+        );
+        let embedded = JSON.replace(r#""buffers": [{"byteLength": 36}]"#, &uri);
+        assert!(read(embedded.as_bytes(), no_files).is_ok());
+        let external = JSON.replace(r#"[{"byteLength": 36}]"#, r#"[{"byteLength": 36, "uri": "a%20b.bin"}]"#);
+        let files = |name: &str| if name == "a b.bin" { Ok(vec![0; 36]) } else { no_files(name) };
+        assert!(read(external.as_bytes(), files).is_ok());
+        assert_eq!(decode_base64("TWFueQ==").unwrap(), b"Many");
+        assert!(decode_base64("TW?u").is_err());
+    }
+}

@@ -1,0 +1,124 @@
+//! From a name or a path to a scene.
+
+mod file;
+mod gltf;
+mod model;
+mod obj;
+mod ply;
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::builtin::{self, scene_names};
+use crate::{Scene, SceneError};
+
+pub use file::{
+    CameraSpec, LightSpec, MaterialSpec, ObjectSpec, RepeatSpec, SceneFile, ShapeSpec, SurfaceSpec,
+};
+use model::Model;
+
+/// The kinds of file that hold meshes, by ending.
+const MESH_ENDINGS: [&str; 5] = [".glb", ".gltf", ".obj", ".ply", ".ply.gz"];
+/// The ending of scene files.
+const SCENE_ENDING: &str = ".ron";
+/// No mesh file unpacks to more than this many bytes; a compressed one that would is refused.
+const MOST_BYTES: u64 = 4 << 30;
+/// Names this far apart (Jaro-Winkler similarity below it) are no typing errors.
+const HINT_SIMILARITY: f64 = 0.75;
+
+impl Scene {
+    /// The scene of that name (see [`scene_names`]), or the one in the `.glb`, `.gltf`, `.obj`, `.ply`, `.ply.gz` or
+    /// `.ron` file at that path.
+    ///
+    /// # Errors
+    /// Neither a known name nor a path with such an ending, a file that cannot be read or is broken, a mesh
+    /// that has not been fetched, a mesh without triangles or with vertices that are not finite.
+    pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
+        if let Some(scene) = builtin::load(name_or_path) {
+            return scene;
+        }
+        let path = Path::new(name_or_path);
+        let lower = name_or_path.to_lowercase();
+        if lower.ends_with(SCENE_ENDING) {
+            load_scene_file(path, name_or_path)
+        } else if MESH_ENDINGS.iter().any(|ending| lower.ends_with(ending)) {
+            let unusable = |source| SceneError::Mesh { name: name_or_path.to_owned(), source };
+            read_mesh_file(path)?.into_scene(name_or_path).map_err(unusable)
+        } else {
+            Err(SceneError::Unknown(unknown(name_or_path)))
+        }
+    }
+}
+
+fn load_scene_file(path: &Path, name: &str) -> Result<Scene, SceneError> {
+    let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
+    let text = String::from_utf8(read_file(path)?).map_err(|_| invalid("it is not UTF-8 text".to_owned()))?;
+    let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
+    SceneFile::parse(&text).map_err(invalid)?.into_scene(name, path, &[folder], None)
+}
+
+/// Reads a mesh file of any kind, by its ending.
+fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
+    let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
+    let beside = |name: &str| {
+        let companion = path.with_file_name(name);
+        std::fs::read(&companion).map_err(|error| format!("{}, which it needs: {error}", companion.display()))
+    };
+    let bytes = unpack(read_file(path)?).map_err(invalid)?;
+    let name = path.to_string_lossy().to_lowercase();
+    let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
+        ply::read(&bytes)
+    } else if name.ends_with(".obj") {
+        // Old exporters write names in whatever encoding they have; only the numbers matter.
+        obj::read(&String::from_utf8_lossy(&bytes), |library| {
+            beside(library).map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+        })
+    } else if name.ends_with(".glb") || name.ends_with(".gltf") {
+        gltf::read(&bytes, beside)
+    } else {
+        Err(format!("the ending is none of {}", MESH_ENDINGS.join(", ")))
+    };
+    model.map_err(invalid)
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
+    std::fs::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
+}
+
+/// Undoes gzip, if there is any.
+fn unpack(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes);
+    }
+    let mut unpacked = Vec::new();
+    flate2::read::MultiGzDecoder::new(bytes.as_slice())
+        .take(MOST_BYTES + 1)
+        .read_to_end(&mut unpacked)
+        .map_err(|error| format!("it cannot be unpacked: {error}"))?;
+    if unpacked.len() as u64 > MOST_BYTES {
+        return Err(format!("it unpacks to more than {MOST_BYTES} bytes"));
+    }
+    Ok(unpacked)
+}
+
+/// ", did you mean ...?" if one of `known` is much like `name`, else nothing.
+fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    known
+        .map(|known| (strsim::jaro_winkler(name, known), known))
+        .filter(|(similarity, _)| *similarity > HINT_SIMILARITY)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or(String::new(), |(_, known)| format!(", did you mean `{known}`?"))
+}
+
+fn unknown(name: &str) -> String {
+    let names: Vec<&str> = scene_names().iter().map(|info| info.name).collect();
+    let hint = nearest(name, names.iter().copied());
+    format!(
+        "unknown scene `{name}`{hint} (scenes: {}; files end in {}, {SCENE_ENDING})",
+        names.join(", "),
+        MESH_ENDINGS.join(", ")
+    )
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,248 @@
+//! What a file holds before it becomes a scene, and what a scene gets that its file does not have.
+
+use std::collections::BTreeMap;
+
+use glam::{Affine3A, Vec3};
+
+use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
+use crate::{Camera, Light, Material, Scene, Shape, Surface};
+
+/// An emissive shape of more parallelograms than this is a finely divided surface: each of its parts as a light of its own
+/// would cost more than it gains, so only paths that happen to hit it see its light.
+const MOST_PANELS: usize = 16;
+
+/// The shapes, materials, lights and camera of one file.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Model {
+    /// Each shape with its index into `materials`; without one it gets a plain grey.
+    pub parts: Vec<(Shape, Option<usize>)>,
+    pub materials: Vec<Material>,
+    /// Lights of the file's own; emissive parallelograms among the parts are found by `add_to`.
+    pub lights: Vec<Light>,
+    pub camera: Option<Camera>,
+}
+
+impl Model {
+    /// A model of one shape without a material.
+    pub fn from_shape(shape: Shape) -> Self {
+        Self { parts: vec![(shape, None)], ..Self::default() }
+    }
+
+    /// The objects of a finished scene. Its quad lights come back through their emissive triangles.
+    pub fn from_scene(scene: &Scene) -> Self {
+        let mesh = &scene.mesh;
+        let mut parts: BTreeMap<(u32, u32), Shape> = BTreeMap::new();
+        for face in 0..mesh.triangles.len() {
+            let shape = parts.entry((mesh.object[face], mesh.material[face])).or_default();
+            let base = shape.positions.len() as u32;
+            shape.positions.extend(mesh.corners(face));
+            shape.triangles.push([base, base + 1, base + 2]);
+            shape.normals.extend(mesh.corner_normals.get(face));
+        }
+        Self {
+            parts: parts.into_iter().map(|((_, material), shape)| (shape, Some(material as usize))).collect(),
+            materials: scene.materials.clone(),
+            lights: scene
+                .lights
+                .iter()
+                .filter(|light| matches!(light, Light::Point { .. }))
+                .copied()
+                .collect(),
+            camera: Some(scene.camera),
+        }
+    }
+
+    /// Lowest and highest corner of the box around all vertices (inverted and infinite if there are none).
+    pub fn bounds(&self) -> [Vec3; 2] {
+        self.bounds_after(Affine3A::IDENTITY)
+    }
+
+    /// The box around all vertices once `transform` has moved them.
+    pub fn bounds_after(&self, transform: Affine3A) -> [Vec3; 2] {
+        let points = self.parts.iter().flat_map(|(shape, _)| &shape.positions);
+        points
+            .map(|&p| transform.transform_point3(p))
+            .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
+    }
+
+    /// Adds all parts, placed by `transform`, and all lights. `replace` is the builder's index of a material that
+    /// takes the place of the model's own.
+    pub fn add_to(
+        &self,
+        builder: &mut SceneBuilder,
+        transform: Affine3A,
+        replace: Option<u32>,
+    ) -> Result<(), MeshError> {
+        // Only what is used becomes a material of the scene.
+        let mut index: Vec<Option<u32>> = vec![None; self.materials.len()];
+        let mut plain = None;
+        for (shape, material) in &self.parts {
+            // Before a transform spreads a NaN over its vertex.
+            shape.check()?;
+            let placed = shape.transformed(transform);
+            let own = match (replace, *material) {
+                (Some(replacement), _) => replacement,
+                (None, Some(i)) => {
+                    *index[i].get_or_insert_with(|| builder.material(self.materials[i].clone()))
+                }
+                (None, None) => *plain.get_or_insert_with(|| builder.material(plain_material())),
+            };
+            builder.add(&placed, own)?;
+            let radiance = builder.emission(own);
+            if radiance != Vec3::ZERO {
+                let panels = parallelograms(&placed);
+                if panels.len() <= MOST_PANELS {
+                    panels
+                        .into_iter()
+                        .for_each(|[corner, u, v]| builder.register_quad_light(corner, u, v, radiance));
+                }
+            }
+        }
+        for light in &self.lights {
+            match *light {
+                Light::Point { position, intensity } => {
+                    builder.point_light(transform.transform_point3(position), intensity);
+                }
+                Light::Quad { corner, u, v, radiance } => builder.register_quad_light(
+                    transform.transform_point3(corner),
+                    transform.transform_vector3(u),
+                    transform.transform_vector3(v),
+                    radiance,
+                ),
+            }
+        }
+        Ok(())
+    }
+
+    /// The scene of this model alone, with a light and a camera if it has none.
+    pub fn into_scene(self, name: &str) -> Result<Scene, MeshError> {
+        let mut builder = SceneBuilder::new();
+        self.add_to(&mut builder, Affine3A::IDENTITY, None)?;
+        let bounds = builder.bounds();
+        let camera = self.camera.unwrap_or_else(|| framing_camera(bounds));
+        if builder.lights().is_empty() {
+            add_default_light(&mut builder, bounds)?;
+        }
+        builder.build(name, camera, Vec3::ZERO, 0.0, CREASE_ANGLE)
+    }
+}
+
+/// What a surface without a material is made of.
+fn plain_material() -> Material {
+    Material {
+        name: "plain".to_owned(),
+        color: Vec3::splat(0.7),
+        surface: Surface::Diffuse,
+        emission: Vec3::ZERO,
+    }
+}
+
+/// Pairs of consecutive triangles that make a parallelogram, as (corner, u, v) with the front towards `u x v`. Files
+/// write an emissive panel as one quad, and a quad becomes two consecutive triangles.
+fn parallelograms(shape: &Shape) -> Vec<[Vec3; 3]> {
+    let mut found = Vec::new();
+    let mut face = 0;
+    while face + 1 < shape.triangles.len() {
+        let corners = |t: usize| shape.triangles[t].map(|i| shape.positions.get(i as usize).copied());
+        match (corners(face), corners(face + 1)) {
+            ([Some(a), Some(b), Some(c)], [Some(d), Some(e), Some(f)]) => {
+                match parallelogram([a, b, c], [d, e, f]) {
+                    Some(quad) => {
+                        found.push(quad);
+                        face += 2;
+                    }
+                    None => face += 1,
+                }
+            }
+            _ => face += 1,
+        }
+    }
+    found
+}
+
+fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<[Vec3; 3]> {
+    // The corner of the first that the second lacks is opposite to the shared diagonal.
+    let turn = (0..3).find(|&k| !second.contains(&first[k]))?;
+    let [corner, next, last] = [first[turn], first[(turn + 1) % 3], first[(turn + 2) % 3]];
+    let opposite = *second.iter().find(|p| !first.contains(p))?;
+    let shares_diagonal = second.contains(&next) && second.contains(&last);
+    let [u, v] = [next - corner, last - corner];
+    let front = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a);
+    let faces_agree = front(first).dot(front(second)) > 0.0;
+    let tolerance = 1e-3 * (u.length() + v.length());
+    (shares_diagonal && faces_agree && (corner + u + v).distance(opposite) <= tolerance)
+        .then_some([corner, u, v])
+}
+
+/// Half the diagonal of the box, and something that is not zero for a single point.
+fn radius_of([low, high]: [Vec3; 2]) -> f32 {
+    (0.5 * (high - low).length()).max(1e-3)
+}
+
+/// A camera that sees the whole box from the front, a little from the right and above.
+pub(crate) fn framing_camera(bounds: [Vec3; 2]) -> Camera {
+    const FOV_Y: f32 = 40.0_f32.to_radians();
+    let centre = bounds[0].midpoint(bounds[1]);
+    let radius = radius_of(bounds);
+    let distance = radius / (0.5 * FOV_Y).sin();
+    let eye = centre + distance * Vec3::new(0.45, 0.35, 1.0).normalize();
+    Camera::look_at(eye, centre, FOV_Y, 0.01 * distance, distance + 4.0 * radius)
+}
+
+/// A quad light to the upper left in front of the box, half as wide as the box's diagonal, that makes a white surface
+/// that faces it about as bright as white.
+pub(crate) fn add_default_light(builder: &mut SceneBuilder, bounds: [Vec3; 2]) -> Result<(), MeshError> {
+    if !builder.has_triangles() {
+        return Err(MeshError::Empty);
+    }
+    let centre = bounds[0].midpoint(bounds[1]);
+    let radius = radius_of(bounds);
+    let towards = Vec3::new(-0.6, 1.2, 0.8).normalize();
+    let distance = 3.0 * radius;
+    let side = radius;
+    let u = side * towards.cross(Vec3::Y).normalize();
+    let v = side * u.normalize().cross(towards);
+    let (u, v) = if u.cross(v).dot(towards) < 0.0 { (u, v) } else { (v, u) };
+    // Radiance of a white surface: L A / (pi d^2).
+    let radiance = std::f32::consts::PI * (distance / side).powi(2);
+    let corner = centre + distance * towards - 0.5 * (u + v);
+    builder.quad_light(corner, u, v, Vec3::splat(radiance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quad_is_one_parallelogram_in_any_order_of_corners() {
+        let quad = Shape::quad([Vec3::ZERO, 2.0 * Vec3::X, Vec3::new(2.0, 1.0, 0.0), Vec3::Y]);
+        for turn in 0..3 {
+            let mut shape = quad.clone();
+            shape.triangles[0].rotate_left(turn);
+            shape.triangles[1].rotate_right(turn);
+            let found = parallelograms(&shape);
+            assert_eq!(found.len(), 1);
+            let [_, u, v] = found[0];
+            assert_eq!(u.cross(v), 2.0 * Vec3::Z);
+        }
+        let trapezoid = Shape::quad([Vec3::ZERO, 2.0 * Vec3::X, Vec3::new(1.5, 1.0, 0.0), Vec3::Y]);
+        assert!(parallelograms(&trapezoid).is_empty());
+    }
+
+    #[test]
+    fn the_default_camera_sees_the_box_and_the_default_light_shines_on_it() {
+        let scene =
+            Model::from_shape(Shape::cuboid(Vec3::ZERO, Vec3::new(4.0, 1.0, 2.0))).into_scene("box").unwrap();
+        let camera = scene.camera;
+        for face in 0..12 {
+            for corner in scene.mesh.corners(face) {
+                let seen = camera.rotation.inverse() * (corner - camera.eye);
+                let limit = -seen.z * (0.5 * camera.fov_y).tan();
+                assert!(seen.x.abs() <= limit && seen.y.abs() <= limit && -seen.z > camera.near);
+                assert!(seen.length() < camera.far);
+            }
+        }
+        let [Light::Quad { corner, u, v, .. }] = scene.lights[..] else { panic!("{:?}", scene.lights) };
+        assert!(u.cross(v).dot(Vec3::new(2.0, 0.5, 1.0) - corner) > 0.0);
+    }
+}

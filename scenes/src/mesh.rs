@@ -1,0 +1,62 @@
+use glam::Vec3;
+
+/// Stands for "no face" in [`Edge::faces`].
+pub const NO_FACE: u32 = u32::MAX;
+
+/// What an edge can be to the silhouette test (`algorithms.md` section 2.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EdgeKind {
+    /// Two faces that meet smoothly.
+    Regular,
+    /// Two faces that meet at more than the crease angle: drawn whenever either faces the eye.
+    Crease,
+    /// One face only.
+    Border,
+}
+
+/// An edge between two welded vertices, with the one or two faces that share it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// Indices into [`Mesh::positions`]; the lower first.
+    pub vertices: [u32; 2],
+    /// The faces on both sides, the lower first; `NO_FACE` second for a border.
+    pub faces: [u32; 2],
+    /// Regular, crease or border.
+    pub kind: EdgeKind,
+}
+
+/// Every triangle of a scene, with welded vertices: equal positions have one index.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Vertex positions, metres.
+    pub positions: Vec<Vec3>,
+    /// Counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Unit normal of each triangle (zero for a degenerate one).
+    pub face_normals: Vec<Vec3>,
+    /// Shading normals per corner where the source has them (empty: flat shading for all).
+    pub corner_normals: Vec<[Vec3; 3]>,
+    /// Index into `Scene::materials` of each triangle.
+    pub material: Vec<u32>,
+    /// Which object each triangle belongs to.
+    pub object: Vec<u32>,
+    /// Every edge, in ascending order of its vertices.
+    pub edges: Vec<Edge>,
+}
+
+impl Mesh {
+    /// The corners of triangle `face`, metres.
+    pub fn corners(&self, face: usize) -> [Vec3; 3] {
+        self.triangles[face].map(|i| self.positions[i as usize])
+    }
+
+    /// Lowest and highest corner of the axis-aligned box around all vertices.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        bounds_of(&self.positions)
+    }
+}
+
+/// Lowest and highest corner of the box around `points` (an inverted infinite box if there are none).
+pub(crate) fn bounds_of(points: &[Vec3]) -> [Vec3; 2] {
+    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
+}

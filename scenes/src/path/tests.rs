@@ -1,0 +1,207 @@
+use super::*;
+use crate::Mesh;
+
+fn scene(eye: Vec3, target: Vec3) -> Scene {
+    Scene {
+        name: "test".into(),
+        mesh: Mesh::default(),
+        materials: vec![],
+        lights: vec![],
+        background: Vec3::ZERO,
+        camera: Camera::look_at(eye, target, 0.8, 0.1, 10.0),
+        bounds: [Vec3::NEG_ONE, Vec3::ONE],
+    }
+}
+
+fn outside() -> Scene {
+    scene(Vec3::new(0.0, 0.5, 4.0), Vec3::ZERO)
+}
+
+fn path(text: &str) -> CameraPath {
+    CameraPath::parse(text, &outside()).unwrap()
+}
+
+fn message(text: &str) -> String {
+    CameraPath::parse(text, &outside()).unwrap_err().to_string()
+}
+
+fn forward(camera: &Camera) -> Vec3 {
+    camera.rotation * Vec3::NEG_Z
+}
+
+#[test]
+fn still_stays_and_says_so() {
+    let path = path("still");
+    assert!(!path.moves());
+    assert_eq!(path.camera(0), outside().camera);
+    assert_eq!(path.camera(1000), outside().camera);
+}
+
+#[test]
+fn every_moving_path_begins_near_the_scenes_view_and_moves() {
+    for text in ["orbit", "fly", "shake"] {
+        let (path, base) = (path(text), outside().camera);
+        assert!(path.moves());
+        assert!(path.camera(0).eye.distance(base.eye) < 0.1, "{text}");
+        assert_ne!(path.camera(7), path.camera(8), "{text}");
+        assert_eq!(path.camera(8), path.camera(8), "{text}");
+    }
+}
+
+#[test]
+fn orbit_swings_by_one_degree_a_frame_about_what_is_seen() {
+    let path = path("orbit");
+    let angle = |frame| {
+        let eye = path.camera(frame).eye;
+        eye.x.atan2(eye.z).to_degrees()
+    };
+    for (frame, degrees) in [(0, 0.0), (1, 1.0), (25, 25.0), (26, 24.0), (75, -25.0), (76, -24.0), (100, 0.0)]
+    {
+        assert!((angle(frame) - degrees).abs() < 1e-3, "frame {frame}: {}", angle(frame));
+    }
+    for frame in 0..100 {
+        let camera = path.camera(frame);
+        assert!((angle(frame + 1) - angle(frame)).abs() - 1.0 < 1e-3);
+        // The target stays in the middle and at its distance.
+        let aim = camera.eye + forward(&camera) * 4.0f32.hypot(0.5);
+        assert!(aim.length() < 1e-4, "frame {frame}: {aim}");
+    }
+}
+
+#[test]
+fn orbit_takes_speed_and_arc() {
+    let far = path("orbit:2.5:360");
+    assert!(far.camera(72).eye.distance(Vec3::new(0.0, 0.5, -4.0)) < 1e-4);
+    assert!(far.camera(144).eye.distance(outside().camera.eye) < 1e-4);
+    let narrow = path("orbit:1:10");
+    let widest = (0..100).map(|f| narrow.camera(f).eye.x).fold(0.0, f32::max);
+    assert!((widest - 4.0 * 5f32.to_radians().sin()).abs() < 1e-4);
+    assert!(!path("orbit:0").moves());
+    assert!(path("orbit:-1").camera(3).eye.x < 0.0);
+}
+
+#[test]
+fn an_orbit_that_begins_inside_stays_inside() {
+    let scene = scene(Vec3::new(0.7, 0.0, 0.9), Vec3::new(0.6, 0.0, -0.9));
+    let path = CameraPath::parse("orbit:1:360", &scene).unwrap();
+    for frame in 0..360 {
+        let eye = path.camera(frame).eye;
+        assert!(eye.abs().max_element() <= 1.0, "frame {frame}: {eye}");
+    }
+    assert!(path.moves());
+    assert_ne!(path.camera(0), path.camera(3));
+}
+
+#[test]
+fn shake_is_small_and_smooth() {
+    let (path, base) = (path("shake"), outside().camera);
+    for frame in 0..300 {
+        let (a, b) = (path.camera(frame), path.camera(frame + 1));
+        assert!(a.eye.distance(base.eye) < 0.05);
+        assert!(forward(&a).distance(forward(&base)) < 0.03);
+        assert!(forward(&a).distance(forward(&b)) < 0.01);
+    }
+}
+
+#[test]
+fn default_flight_looks_at_its_target_and_returns() {
+    let path = path("fly");
+    for frame in (0..150).step_by(30) {
+        let camera = path.camera(frame);
+        assert!(forward(&camera).dot(-camera.eye.normalize()) > 0.999, "frame {frame}");
+    }
+    assert!(path.camera(150).eye.distance(path.camera(0).eye) < 1e-4);
+    assert!((0..150).any(|frame| path.camera(frame).eye.distance(path.camera(0).eye) > 0.5));
+}
+
+/// A file of this test's own, removed at the end.
+struct TempFile(PathBuf);
+
+impl TempFile {
+    fn new(name: &str, text: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("epigraph-{}-{name}", std::process::id()));
+        std::fs::write(&path, text).unwrap();
+        Self(path)
+    }
+
+    fn fly(&self) -> Result<CameraPath, PathError> {
+        CameraPath::parse(&format!("fly:{}", self.0.display()), &outside())
+    }
+}
+
+impl Drop for TempFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+const KEYS: &str = "(keys: [
+    (time: 0.0, eye: (0, 0, 3), target: (0, 0, 0)),
+    (time: 1.0, eye: (3, 0, 0), target: (0, 0, 0)),
+    (time: 3.0, eye: (0, 1, -3), target: (0, 0, 0)),
+])";
+
+#[test]
+fn flight_from_a_file_passes_its_keys_and_stays_at_the_last() {
+    let file = TempFile::new("keys.ron", KEYS);
+    let path = file.fly().unwrap();
+    for (frame, eye) in [(0, Vec3::Z * 3.0), (30, Vec3::X * 3.0), (90, Vec3::new(0.0, 1.0, -3.0))] {
+        let camera = path.camera(frame);
+        assert!(camera.eye.distance(eye) < 1e-4, "frame {frame}: {camera:?}");
+        assert!(forward(&camera).distance(-eye.normalize()) < 1e-4, "frame {frame}");
+    }
+    assert_eq!(path.camera(500), path.camera(90));
+    assert_eq!(path.camera(0).fov_y, outside().camera.fov_y);
+}
+
+#[test]
+fn flight_has_no_jumps_in_velocity() {
+    let keys = KEYS.replace("(keys", "(looped: true, keys");
+    let path = TempFile::new("loop.ron", &keys).fly().unwrap();
+    let steps: Vec<(Vec3, Vec3)> = (0..300)
+        .map(|f| {
+            let (a, b) = (path.camera(f), path.camera(f + 1));
+            (b.eye - a.eye, forward(&b) - forward(&a))
+        })
+        .collect();
+    for (frame, pair) in steps.windows(2).enumerate() {
+        assert!(pair[0].0.distance(pair[1].0) < 0.025, "frame {frame}");
+        assert!(pair[0].1.distance(pair[1].1) < 0.015, "frame {frame}");
+    }
+}
+
+#[test]
+fn errors_say_what_to_write_instead() {
+    assert_eq!(
+        message("orbitt"),
+        "unknown camera path `orbitt`, did you mean `orbit`?; there are still, orbit[:DEGREES[:ARC]], \
+         fly[:FILE.ron], shake"
+    );
+    assert!(!message("spiral").contains("did you mean"));
+    assert_eq!(
+        message("orbit:fast"),
+        "camera path `orbit:fast`: expected degrees a frame between -360 and 360, found `fast`"
+    );
+    for bad in ["orbit:", "orbit:nan", "orbit:1:0", "orbit:1:400", "orbit:1:2:3", "still:1", "shake:2", ""] {
+        assert!(CameraPath::parse(bad, &outside()).is_err(), "{bad}");
+    }
+    assert!(message("fly:/nowhere/keys.ron").starts_with("/nowhere/keys.ron: "));
+}
+
+#[test]
+fn wrong_keyframes_are_errors() {
+    let bad = [
+        ("(keys: [])", "at least one"),
+        ("(keys: [(time: 0.0, eye: (0,0,0)]", "ron: 1:33: "),
+        ("(keys: [(time: 0.0, eye: (0,0,0), target: (0,0,0))])", "same point"),
+        ("(keys: [(time: NaN, eye: (0,0,0), target: (0,0,1))])", "not finite"),
+        ("(kyes: [])", "kyes"),
+    ];
+    for (i, (text, part)) in bad.into_iter().enumerate() {
+        let message = TempFile::new(&format!("bad{i}.ron"), text).fly().unwrap_err().to_string();
+        assert!(message.contains(part), "{text}: {message}");
+    }
+    let backwards = KEYS.replace("time: 3.0", "time: 0.5");
+    let message = TempFile::new("backwards.ron", &backwards).fly().unwrap_err().to_string();
+    assert!(message.contains("keyframe 2: its time is not after"), "{message}");
+}

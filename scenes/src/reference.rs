@@ -1,0 +1,55 @@
+//! Converged images to compare with.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::{Camera, Rng, TraceSettings, Tracer};
+
+/// Renders an image of `size` pixels, rows from the top, each the mean of `spp` samples spread evenly over the
+/// pixel's area (box filter); each sample carries `settings.spp` light paths. The same bits on any number of threads.
+///
+/// `progress` is told the finished share, in (0, 1], once for each row, from any thread.
+pub fn render(
+    tracer: &Tracer,
+    camera: &Camera,
+    size: [u32; 2],
+    spp: u32,
+    settings: &TraceSettings,
+    seed: u64,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Vec<Vec3> {
+    let [width, height] = size.map(|n| n as usize);
+    let mut image = vec![Vec3::ZERO; width * height];
+    let done = AtomicUsize::new(0);
+    image.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            *pixel = render_pixel(tracer, camera, size, [x, y], spp.max(1), settings, seed);
+        }
+        let rows = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(rows as f32 / height as f32);
+    });
+    image
+}
+
+fn render_pixel(
+    tracer: &Tracer,
+    camera: &Camera,
+    size: [u32; 2],
+    [x, y]: [usize; 2],
+    spp: u32,
+    settings: &TraceSettings,
+    seed: u64,
+) -> Vec3 {
+    let key = Rng::key(0, (y * size[0] as usize + x) as u32);
+    let sum: Vec3 = (0..spp)
+        .map(|nth| {
+            let mut rng = Rng::nth(seed, key, nth);
+            let [dx, dy] = rng.subpixel();
+            let direction = camera.direction(x as f32 + dx, y as f32 + dy, size);
+            tracer.trace(camera.eye, direction, settings, &mut rng).radiance
+        })
+        .sum();
+    sum / spp as f32
+}

@@ -1,0 +1,57 @@
+use std::path::PathBuf;
+
+use glam::Vec3;
+
+use crate::builder::MeshError;
+use crate::{Camera, Light, Material, Mesh};
+
+/// A scene as everything downstream sees it.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The name it was asked for.
+    pub name: String,
+    /// All triangles.
+    pub mesh: Mesh,
+    /// Materials by index.
+    pub materials: Vec<Material>,
+    /// Shadow-casting lights.
+    pub lights: Vec<Light>,
+    /// Radiance of a ray that hits nothing, and ambient light of the path tracer.
+    pub background: Vec3,
+    /// The scene's own view.
+    pub camera: Camera,
+    /// Lowest and highest corner of the mesh's bounding box.
+    pub bounds: [Vec3; 2],
+}
+
+/// What can be wrong with a scene file or a mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not what its ending promises.
+    #[error("{}: {message}", path.display())]
+    Invalid {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        message: String,
+    },
+    /// The triangles of a scene made by code or described in a file are unusable.
+    #[error("{name}: {source}")]
+    Mesh {
+        /// The scene's name or path.
+        name: String,
+        /// What is wrong.
+        source: MeshError,
+    },
+    /// No scene and no file of that name.
+    #[error("{0}")]
+    Unknown(String),
+}

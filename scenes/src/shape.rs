@@ -1,0 +1,299 @@
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+use glam::{Affine3A, Mat3A, Vec2, Vec3};
+
+use crate::MeshError;
+use crate::mesh::bounds_of;
+
+/// An indexed triangle surface before it becomes part of a [`Mesh`](crate::Mesh): what a loader reads and what the
+/// procedural scenes are made of. Nothing is checked or welded here.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shape {
+    /// Vertex positions, metres.
+    pub positions: Vec<Vec3>,
+    /// Counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Shading normals per corner, one entry a triangle; empty for flat shading.
+    pub normals: Vec<[Vec3; 3]>,
+}
+
+impl Shape {
+    /// Whether it can become part of a mesh.
+    ///
+    /// # Errors
+    /// The first vertex that is not finite, or the first face that names a vertex that does not exist.
+    pub fn check(&self) -> Result<(), MeshError> {
+        let vertices = self.positions.len();
+        if let Some(vertex) = self.positions.iter().position(|p| !p.is_finite()) {
+            return Err(MeshError::NotFinite { vertex, position: self.positions[vertex] });
+        }
+        for (face, triangle) in self.triangles.iter().enumerate() {
+            if let Some(&index) = triangle.iter().find(|&&i| i as usize >= vertices) {
+                return Err(MeshError::IndexOutOfRange { face, index, vertices });
+            }
+        }
+        Ok(())
+    }
+
+    /// The planar quad `a b c d`, counter-clockwise seen from the front.
+    pub fn quad(corners: [Vec3; 4]) -> Self {
+        Self { positions: corners.to_vec(), triangles: vec![[0, 1, 2], [0, 2, 3]], normals: vec![] }
+    }
+
+    /// A closed prism between two outlines of the same number of corners, both counter-clockwise seen from above,
+    /// `bottom` below `top`. 4n - 4 triangles.
+    pub fn prism(bottom: &[Vec3], top: &[Vec3]) -> Self {
+        let n = bottom.len() as u32;
+        let mut shape = Self { positions: [bottom, top].concat(), ..Self::default() };
+        for i in 0..n {
+            let j = (i + 1) % n;
+            shape.triangles.extend([[i, j, n + j], [i, n + j, n + i]]);
+        }
+        for i in 1..n - 1 {
+            shape.triangles.extend([[0, i + 1, i], [n, n + i, n + i + 1]]);
+        }
+        shape
+    }
+
+    /// A closed box between two corners, 12 triangles.
+    pub fn cuboid(low: Vec3, high: Vec3) -> Self {
+        let outline = |y: f32| {
+            [(low.x, low.z), (low.x, high.z), (high.x, high.z), (high.x, low.z)]
+                .map(|(x, z)| Vec3::new(x, y, z))
+        };
+        Self::prism(&outline(low.y), &outline(high.y))
+    }
+
+    /// The grid of `columns` x `rows` quads over `point(i, j)`, i in 0..=columns to the right, j in 0..=rows upwards
+    /// seen from the front, with smooth shading normals. Ends that coincide weld into a closed surface; a quad
+    /// that has shrunk to a triangle at a pole gives one triangle.
+    pub fn surface(columns: u32, rows: u32, point: impl Fn(u32, u32) -> Vec3) -> Self {
+        let mut shape = Self::default();
+        for j in 0..=rows {
+            for i in 0..=columns {
+                shape.positions.push(point(i, j));
+            }
+        }
+        let at = |i: u32, j: u32| j * (columns + 1) + i;
+        for j in 0..rows {
+            for i in 0..columns {
+                let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                let same = |p: u32, q: u32| shape.positions[p as usize] == shape.positions[q as usize];
+                let (lower, upper) = (!same(a, b), !same(c, d));
+                shape.triangles.extend(lower.then_some([a, b, c]));
+                shape.triangles.extend(upper.then_some([a, c, d]));
+            }
+        }
+        shape.smooth(180.0);
+        shape
+    }
+
+    /// The surface that `profile` sweeps around the y axis: (radius, height) from the bottom up, `columns` facets
+    /// around. Closed where it starts and ends with radius 0. Shading is smooth except at corners of more than 30
+    /// degrees.
+    pub fn lathe(profile: &[Vec2], columns: u32) -> Self {
+        let mut shape = Self::surface(columns, profile.len() as u32 - 1, |i, j| {
+            let angle = TAU * (i % columns) as f32 / columns as f32;
+            let Vec2 { x: radius, y } = profile[j as usize];
+            Vec3::new(radius * angle.sin(), y, radius * angle.cos())
+        });
+        shape.smooth(30.0);
+        shape
+    }
+
+    /// A closed cylinder along y from `low` to `high`. 4 `columns` triangles.
+    pub fn cylinder(radius: f32, low: f32, high: f32, columns: u32) -> Self {
+        Self::lathe(&[[0.0, low], [radius, low], [radius, high], [0.0, high]].map(Vec2::from), columns)
+    }
+
+    /// A sphere around the origin of `columns` facets around and `rows` from pole to pole.
+    /// 2 columns (rows - 1) triangles.
+    pub fn sphere(radius: f32, columns: u32, rows: u32) -> Self {
+        let profile: Vec<Vec2> = (0..=rows)
+            .map(|j| {
+                let latitude = FRAC_PI_2 * (2.0 * j as f32 / rows as f32 - 1.0);
+                // cos(90 degrees) is not 0 in floating point, and the poles have to close.
+                let ring = if j == 0 || j == rows { 0.0 } else { latitude.cos() };
+                radius * Vec2::new(ring, latitude.sin())
+            })
+            .collect();
+        Self::lathe(&profile, columns)
+    }
+
+    /// A closed box around the origin with edges rounded by `radius` in `segments` steps a quarter turn; `half` is half
+    /// its size. 16 segments (segments + 1) + 12 triangles: the
+    /// octants of a sphere, moved apart.
+    pub fn rounded_box(half: Vec3, radius: f32, segments: u32) -> Self {
+        let steps = segments + 1;
+        let inner = half - radius;
+        // Each quarter turn has its own copy of the angles, so that the sphere opens where the flat sides go.
+        let quarter_angle = |k: u32| FRAC_PI_2 * ((k / steps) as f32 + (k % steps) as f32 / segments as f32);
+        let columns = 4 * steps;
+        let mut shape = Self::surface(columns, 2 * steps - 1, |i, j| {
+            let i = i % columns;
+            let longitude = quarter_angle(i);
+            let latitude = quarter_angle(j) - FRAC_PI_2;
+            let middle = FRAC_PI_2 * ((i / steps) as f32 + 0.5);
+            let corner =
+                Vec3::new(middle.sin().signum(), if j < steps { -1.0 } else { 1.0 }, middle.cos().signum());
+            let pole = j == 0 || j == 2 * steps - 1;
+            let ring = if pole { 0.0 } else { latitude.cos() };
+            let direction = Vec3::new(ring * longitude.sin(), latitude.sin(), ring * longitude.cos());
+            corner * inner + radius * direction
+        });
+        for (row, up) in [(0, false), (2 * steps - 1, true)] {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|quarter| row * (columns + 1) + quarter * steps);
+            shape.triangles.extend(if up { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
+        }
+        shape.smooth(50.0);
+        shape
+    }
+
+    /// The closed tube of `radius` around the closed curve `point(i)`, i in 0..columns; `columns` x `around` quads.
+    /// The curve must not bend towards `side(i)`, a unit vector across it: for a flat curve, the plane's normal.
+    pub fn ring(
+        columns: u32,
+        around: u32,
+        radius: f32,
+        point: impl Fn(u32) -> Vec3,
+        side: impl Fn(u32) -> Vec3,
+    ) -> Self {
+        Self::surface(columns, around, |i, j| {
+            let i = i % columns;
+            let tangent = point((i + 1) % columns) - point((i + columns - 1) % columns);
+            let side = side(i);
+            let out = tangent.cross(side).normalize();
+            let angle = TAU * (j % around) as f32 / around as f32;
+            point(i) + radius * (out * angle.cos() + side * angle.sin())
+        })
+    }
+
+    /// Several shapes as one.
+    pub fn union(shapes: impl IntoIterator<Item = Self>) -> Self {
+        let mut all = Self::default();
+        for shape in shapes {
+            let base = all.positions.len() as u32;
+            all.positions.extend(shape.positions);
+            all.triangles.extend(shape.triangles.iter().map(|t| t.map(|i| i + base)));
+            if !shape.normals.is_empty() {
+                all.normals.extend(shape.normals);
+            }
+            all.normals.resize(all.triangles.len(), [Vec3::ZERO; 3]);
+        }
+        all
+    }
+
+    /// Gives every corner the area-weighted mean normal of the faces around its position that lie within
+    /// `angle` degrees of its own face.
+    pub fn smooth(&mut self, angle: f32) {
+        let keys: Vec<u32> = crate::weld::weld(&self.positions, 0.0).0;
+        let areas: Vec<Vec3> = self.triangles.iter().map(|t| self.area_normal(*t)).collect();
+        let mut around = vec![Vec::new(); self.positions.len()];
+        for (face, triangle) in self.triangles.iter().enumerate() {
+            for &corner in triangle {
+                around[keys[corner as usize] as usize].push(face);
+            }
+        }
+        let limit = angle.to_radians().cos() - 1e-6;
+        self.normals = (0..self.triangles.len())
+            .map(|face| {
+                let own = areas[face].normalize_or_zero();
+                self.triangles[face].map(|corner| {
+                    around[keys[corner as usize] as usize]
+                        .iter()
+                        .filter(|&&other| areas[other].normalize_or_zero().dot(own) >= limit)
+                        .map(|&other| areas[other])
+                        .sum::<Vec3>()
+                        .try_normalize()
+                        .unwrap_or(own)
+                })
+            })
+            .collect();
+    }
+
+    fn area_normal(&self, triangle: [u32; 3]) -> Vec3 {
+        let [a, b, c] = triangle.map(|i| self.positions[i as usize]);
+        (b - a).cross(c - a)
+    }
+
+    /// This shape moved by `transform`; a transform that mirrors turns the triangles too, so that fronts stay fronts.
+    pub fn transformed(&self, transform: Affine3A) -> Self {
+        let normal_matrix: Mat3A = transform.matrix3.inverse().transpose();
+        let mirrors = transform.matrix3.determinant() < 0.0;
+        let turn_face = |[a, b, c]: [u32; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
+        let turn_normals = |[a, b, c]: [Vec3; 3]| {
+            let [a, b, c] = [a, b, c].map(|n| (normal_matrix * n).normalize_or_zero());
+            if mirrors { [a, c, b] } else { [a, b, c] }
+        };
+        Self {
+            positions: self.positions.iter().map(|&p| transform.transform_point3(p)).collect(),
+            triangles: self.triangles.iter().map(|&t| turn_face(t)).collect(),
+            normals: self.normals.iter().map(|&n| turn_normals(n)).collect(),
+        }
+    }
+
+    /// This shape moved by `offset`.
+    pub fn moved(&self, offset: Vec3) -> Self {
+        self.transformed(Affine3A::from_translation(offset))
+    }
+
+    /// Lowest and highest corner of the box around its vertices (inverted and infinite if there are none).
+    pub fn bounds(&self) -> [Vec3; 2] {
+        bounds_of(&self.positions)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::weld::weld;
+
+    /// Six times the enclosed volume; positive when the fronts look outwards.
+    fn volume6(shape: &Shape) -> f32 {
+        shape
+            .triangles
+            .iter()
+            .map(|t| t.map(|i| shape.positions[i as usize]))
+            .map(|[a, b, c]| a.dot(b.cross(c)))
+            .sum()
+    }
+
+    /// Whether every side of every triangle has exactly one partner in the opposite direction.
+    fn closed(shape: &Shape) -> bool {
+        let index = weld(&shape.positions, 0.0).0;
+        let mut sides = std::collections::HashMap::new();
+        for [a, b, c] in shape.triangles.iter().map(|t| t.map(|i| index[i as usize])) {
+            for side in [[a, b], [b, c], [c, a]] {
+                *sides.entry(side).or_insert(0) += 1;
+            }
+        }
+        sides.iter().all(|(&[a, b], &n)| a != b && n == 1 && sides.get(&[b, a]) == Some(&1))
+    }
+
+    fn check(shape: &Shape, volume: f32, tolerance: f32) {
+        assert!(closed(shape));
+        let found = volume6(shape) / 6.0;
+        assert!((found / volume - 1.0).abs() < tolerance, "volume {found}, expected {volume}");
+        for (triangle, normals) in shape.triangles.iter().zip(&shape.normals) {
+            let face = shape.area_normal(*triangle).normalize_or_zero();
+            assert!(normals.iter().all(|n| n.is_normalized() && n.dot(face) > 0.7), "{normals:?} {face}");
+        }
+    }
+
+    #[test]
+    fn solids_are_closed_and_look_outwards() {
+        use std::f32::consts::PI;
+        check(&Shape::cuboid(Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0)), 6.0, 1e-5);
+        check(&Shape::sphere(1.0, 64, 32), 4.0 / 3.0 * PI, 0.01);
+        check(&Shape::cylinder(0.5, 1.0, 3.0, 64), 0.5 * PI, 0.01);
+        check(&Shape::rounded_box(Vec3::new(0.5, 1.0, 1.5), 0.01, 4), 6.0, 0.01);
+        let circle = |i: u32| Vec3::new((TAU * i as f32 / 64.0).cos(), 0.0, -(TAU * i as f32 / 64.0).sin());
+        check(&Shape::ring(64, 24, 0.2, circle, |_| Vec3::Y), TAU * PI * 0.04, 0.02);
+    }
+
+    #[test]
+    fn a_mirroring_transform_keeps_fronts_outside() {
+        let mirrored = Shape::sphere(1.0, 16, 8).transformed(Affine3A::from_scale(Vec3::new(-2.0, 1.0, 1.0)));
+        check(&mirrored, 8.0 / 3.0 * std::f32::consts::PI, 0.2);
+    }
+}

@@ -1,0 +1,410 @@
+//! The ray tracer that answers requests for samples.
+//!
+//! One sample is one primary hit, the first visible surface, and the mean radiance of `spp` light paths that
+//! start there. Every function of a ray, a seed and a key gives the same bits on any number of threads.
+//!
+//! Light reaches a path in two ways: lights are sampled at every vertex (next-event estimation), and scattered
+//! rays may hit an emissive face. Both find the quad lights, so there the two are weighted by the balance heuristic
+//! (Veach and Guibas 1995), lobe by lobe; other emissive faces and the background are found by scattered rays
+//! alone and count in full.
+
+mod bvh;
+mod emitter;
+mod queue;
+mod rng;
+mod surface;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::{Material, Scene};
+use bvh::{Bvh, Intersection};
+use emitter::{Emitters, Incident};
+pub use queue::{AsyncTracer, TaggedHit, TaggedJob};
+pub use rng::Rng;
+use surface::{Bsdf, Lobe, PerLobe};
+
+/// Stands for "no face" in [`Hit::face`].
+const NO_FACE: u32 = crate::NO_FACE;
+
+/// Russian roulette begins at this bounce.
+const ROULETTE_BOUNCE: u32 = 3;
+
+/// A path survives roulette with at most this probability, so that even a white closed room ends.
+const MAX_SURVIVAL: f32 = 0.97;
+
+/// In direct mode a glossy surface seen in a glossy surface has a lobe at least this wide (alpha): only lights
+/// are sampled there, and a narrow lobe would answer them with rare bright points.
+const REFLECTED_ALPHA: f32 = 0.1;
+
+/// Rays start this many units in the last place of the triangle's coordinates off the surface.
+const OFFSET_ULPS: f32 = 32.0;
+
+/// Stratified pairs of a sample's first vertex: the lobe and the direction; those of the quad lights follow.
+const LOBE_PAIR: u32 = 0;
+const DIRECTION_PAIR: u32 = 1;
+const FIRST_LIGHT_PAIR: u32 = 2;
+
+/// Which light a sample carries.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Mode {
+    /// Light that comes from the lights to the first surface, directly or over mirrors, and one glossy reflection.
+    #[default]
+    Direct,
+    /// All light: paths of many bounces; the background lights the scene too.
+    Path,
+}
+
+/// How samples are traced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceSettings {
+    /// Light paths of one sample; 0 counts as 1.
+    pub spp: u32,
+    /// Direct light or full paths.
+    pub mode: Mode,
+    /// Most reflections after the first surface.
+    pub max_bounces: u32,
+}
+
+impl Default for TraceSettings {
+    fn default() -> Self {
+        Self { spp: 1, mode: Mode::Direct, max_bounces: 8 }
+    }
+}
+
+/// A sample: what a ray saw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Where the ray met the first surface, metres; if it met none, its unit direction (a point at infinity,
+    /// `algorithms.md` section 11.3).
+    pub position: Vec3,
+    /// Whether it met a surface.
+    pub hit: bool,
+    /// Radiance towards the ray's origin.
+    pub radiance: Vec3,
+    /// Index of the triangle met; `u32::MAX` for none.
+    pub face: u32,
+}
+
+impl Default for Hit {
+    /// A ray that met nothing and saw black.
+    fn default() -> Self {
+        Self { position: Vec3::NEG_Z, hit: false, radiance: Vec3::ZERO, face: NO_FACE }
+    }
+}
+
+/// A request for one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Job {
+    /// Where the ray starts, metres.
+    pub origin: Vec3,
+    /// Its direction, of any length.
+    pub direction: Vec3,
+    /// Chooses the random numbers; see [`Rng::key`].
+    pub key: u64,
+}
+
+/// Traces rays through a scene.
+pub struct Tracer {
+    scene: Arc<Scene>,
+    bvh: Bvh,
+    emitters: Emitters,
+    non_finite: AtomicU64,
+}
+
+/// A point on a surface as seen by the ray that found it.
+#[derive(Clone, Copy)]
+struct Vertex {
+    position: Vec3,
+    face: u32,
+    /// Unit geometric normal, on the viewer's side.
+    facing: Vec3,
+    to_viewer: Vec3,
+    /// Largest coordinate of the triangle: its position is exact to some units in the last place of this.
+    reach: f32,
+    bsdf: Bsdf,
+    /// Radiance that the surface itself emits towards the viewer.
+    emission: Vec3,
+}
+
+/// How a scattered ray was chosen, for the weight of the light that it finds.
+#[derive(Clone, Copy)]
+struct Origin {
+    position: Vec3,
+    /// Density of the ray, times the probability of its lobe; infinite for a mirror.
+    pdf: f32,
+    /// Probability with which sampling lights at the origin considered each light.
+    light_probability: f32,
+}
+
+impl Tracer {
+    /// Builds the bounding volume hierarchy of `scene`.
+    pub fn new(scene: Arc<Scene>) -> Self {
+        let bvh = Bvh::new(&scene.mesh);
+        let emitters = Emitters::new(&scene);
+        Self { scene, bvh, emitters, non_finite: AtomicU64::new(0) }
+    }
+
+    /// The scene that it traces.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// How many samples so far had a radiance that was no finite number, and were made black.
+    pub fn non_finite(&self) -> u64 {
+        self.non_finite.load(Ordering::Relaxed)
+    }
+
+    /// The sample of the ray from `origin` (metres) in `direction` (of any length).
+    pub fn trace(&self, origin: Vec3, direction: Vec3, settings: &TraceSettings, rng: &mut Rng) -> Hit {
+        let direction = direction.normalize_or_zero();
+        let Some(first) = self.vertex(origin, direction) else {
+            return Hit { position: direction, hit: false, radiance: self.scene.background, face: NO_FACE };
+        };
+        let mut radiance = self.radiance(&first, settings, rng);
+        if !radiance.is_finite() {
+            self.non_finite.fetch_add(1, Ordering::Relaxed);
+            radiance = Vec3::ZERO;
+        }
+        Hit { position: first.position, hit: true, radiance, face: first.face }
+    }
+
+    /// Traces `jobs` on rayon's threads into the elements of `out` with the same index; the shorter of the two
+    /// slices ends it. The random numbers follow from `seed` and each job's key.
+    pub fn trace_batch(&self, jobs: &[Job], settings: &TraceSettings, seed: u64, out: &mut [Hit]) {
+        jobs.par_iter()
+            .zip(out)
+            .with_min_len(64)
+            .for_each(|(job, out)| *out = self.trace_job(job, settings, seed));
+    }
+
+    fn trace_job(&self, job: &Job, settings: &TraceSettings, seed: u64) -> Hit {
+        self.trace(job.origin, job.direction, settings, &mut Rng::new(seed, job.key))
+    }
+
+    /// Radiance from a vertex towards its viewer.
+    fn radiance(&self, first: &Vertex, settings: &TraceSettings, rng: &mut Rng) -> Vec3 {
+        // Mirrors leave no choice, so they are followed once for all light paths.
+        let mut vertex = *first;
+        let mut tint = Vec3::ONE;
+        let mut radiance = vertex.emission;
+        let mut bounces = 0;
+        while let Some((direction, color)) = vertex.mirror() {
+            if bounces == settings.max_bounces {
+                return radiance;
+            }
+            bounces += 1;
+            tint *= color;
+            match self.vertex(vertex.start(), direction) {
+                Some(next) => vertex = next,
+                None => return radiance + tint * self.scene.background,
+            }
+            radiance += tint * vertex.emission;
+        }
+
+        // A point light's contribution is the same for all paths.
+        let points = self.emitters.points.iter().filter_map(|point| point.towards(vertex.position));
+        let exact: Vec3 = points.map(|light| self.lit(&vertex, &light, 1.0, [0.0; 2])).sum();
+        let paths = settings.spp.max(1);
+        let sampled: Vec3 =
+            (0..paths).map(|path| self.light_path(&vertex, bounces, settings, path, rng)).sum();
+        radiance + tint * (exact + sampled / paths as f32)
+    }
+
+    /// One light path from `first`: what quad lights, scattered rays and everything beyond add to its radiance.
+    fn light_path(
+        &self,
+        first: &Vertex,
+        bounces: u32,
+        settings: &TraceSettings,
+        path: u32,
+        rng: &mut Rng,
+    ) -> Vec3 {
+        let paths = settings.spp.max(1);
+        let mut vertex = *first;
+        let mut throughput = Vec3::ONE;
+        let mut radiance = Vec3::ZERO;
+        for bounce in bounces..=settings.max_bounces {
+            let at_first = bounce == bounces;
+            let scattered = if let Some((direction, color)) = vertex.mirror() {
+                throughput *= color;
+                Some((direction, f32::INFINITY))
+            } else {
+                let shares = match settings.mode {
+                    _ if bounce == settings.max_bounces => [0.0; 2],
+                    Mode::Path => vertex.bsdf.lobe_shares(),
+                    Mode::Direct if at_first && vertex.bsdf.is_glossy() => [0.0, 1.0],
+                    Mode::Direct => [0.0; 2],
+                };
+                if at_first {
+                    for (light, quad) in (FIRST_LIGHT_PAIR..).zip(&self.emitters.quads) {
+                        if let Some(light) = quad.towards(vertex.position, rng.stratified(light, path, paths))
+                        {
+                            radiance += self.lit(&vertex, &light, 1.0, shares);
+                        }
+                    }
+                } else {
+                    radiance += throughput * self.one_light(&vertex, shares, rng);
+                }
+                let [choice, uv] = if at_first {
+                    [rng.stratified(LOBE_PAIR, path, paths), rng.stratified(DIRECTION_PAIR, path, paths)]
+                } else {
+                    [rng.next_pair(), rng.next_pair()]
+                };
+                vertex.scatter(shares, choice[0], uv).map(|(direction, weight, pdf)| {
+                    throughput *= weight;
+                    (direction, pdf)
+                })
+            };
+            let Some((direction, pdf)) = scattered else { break };
+            if bounce >= ROULETTE_BOUNCE {
+                let survival = throughput.max_element().min(MAX_SURVIVAL);
+                if rng.next_f32() >= survival {
+                    break;
+                }
+                throughput /= survival;
+            }
+            let light_probability = if at_first { 1.0 } else { self.light_probability() };
+            let origin = Origin { position: vertex.position, pdf, light_probability };
+            let Some(mut next) = self.vertex(vertex.start(), direction) else {
+                radiance += throughput * self.scene.background;
+                break;
+            };
+            radiance += throughput * next.emission * self.weight_of_hit(&origin, direction, &next);
+            if settings.mode == Mode::Direct {
+                next.bsdf.roughen(REFLECTED_ALPHA);
+            }
+            vertex = next;
+        }
+        radiance
+    }
+
+    /// Light of one of all lights, chosen at random, scattered to the viewer of `vertex`.
+    fn one_light(&self, vertex: &Vertex, shares: PerLobe, rng: &mut Rng) -> Vec3 {
+        let Emitters { quads, points, .. } = &self.emitters;
+        let count = quads.len() + points.len();
+        if count == 0 {
+            return Vec3::ZERO;
+        }
+        let index = ((rng.next_f32() * count as f32) as usize).min(count - 1);
+        let light = match quads.get(index) {
+            Some(quad) => quad.towards(vertex.position, rng.next_pair()),
+            None => points[index - quads.len()].towards(vertex.position),
+        };
+        light.map_or(Vec3::ZERO, |light| self.lit(vertex, &light, self.light_probability(), shares))
+    }
+
+    /// Probability of each light in [`Tracer::one_light`].
+    fn light_probability(&self) -> f32 {
+        1.0 / (self.emitters.quads.len() + self.emitters.points.len()).max(1) as f32
+    }
+
+    /// A sampled light's contribution, scattered by both lobes to the viewer of `vertex`; black in shadow. `shares`
+    /// are the probabilities that a scattered ray of each lobe also looks for the light.
+    fn lit(&self, vertex: &Vertex, light: &Incident, probability: f32, shares: PerLobe) -> Vec3 {
+        if vertex.facing.dot(light.direction) <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let lobes = vertex.bsdf.evaluate(light.direction);
+        let light_pdf = light.pdf * probability;
+        let reflected: Vec3 = lobes
+            .into_iter()
+            .zip(shares)
+            .map(|(lobe, share)| {
+                let rival = share * lobe.pdf;
+                if light_pdf > 0.0 { lobe.value * (light_pdf / (light_pdf + rival)) } else { lobe.value }
+            })
+            .sum();
+        let arriving = reflected * light.power / probability;
+        if arriving == Vec3::ZERO || !self.bvh.visible(vertex.start(), light.target) {
+            return Vec3::ZERO;
+        }
+        arriving
+    }
+
+    /// Weight of the emission that a scattered ray met: the balance heuristic where the face belongs to a quad
+    /// light, all of it elsewhere.
+    fn weight_of_hit(&self, origin: &Origin, direction: Vec3, hit: &Vertex) -> f32 {
+        if hit.emission == Vec3::ZERO || origin.pdf.is_infinite() {
+            return 1.0;
+        }
+        let quad = self.emitters.quad_of(hit.face);
+        match quad.and_then(|quad| quad.pdf(origin.position, hit.position, direction)) {
+            Some(rival) => origin.pdf / (origin.pdf + rival * origin.light_probability),
+            None => 1.0,
+        }
+    }
+
+    /// The nearest surface along a ray of unit direction.
+    fn vertex(&self, origin: Vec3, direction: Vec3) -> Option<Vertex> {
+        let Intersection { face, weights } = self.bvh.closest(origin, direction)?;
+        let mesh = &self.scene.mesh;
+        let index = face as usize;
+        let corners = mesh.triangles[index].map(|i| mesh.positions[i as usize]);
+        let material: &Material = &self.scene.materials[mesh.material[index] as usize];
+        let to_viewer = -direction;
+        let front = mesh.face_normals[index].dot(to_viewer) > 0.0;
+        let side = if front { 1.0 } else { -1.0 };
+        let facing = mesh.face_normals[index] * side;
+        let shading = match mesh.corner_normals.get(index) {
+            Some(normals) => (interpolate(*normals, weights) * side).normalize_or(facing),
+            None => facing,
+        };
+        Some(Vertex {
+            position: interpolate(corners, weights),
+            face,
+            facing,
+            to_viewer,
+            reach: corners.map(|corner| corner.abs().max_element()).into_iter().fold(0.0, f32::max),
+            bsdf: Bsdf::new(material, shading, to_viewer),
+            emission: if front { material.emission } else { Vec3::ZERO },
+        })
+    }
+}
+
+impl Vertex {
+    /// Where rays that leave it start: off the surface, and some way back to the viewer, so that in a corner the
+    /// start is off the other surface too.
+    fn start(&self) -> Vec3 {
+        offset(self.position, self.facing + self.to_viewer, self.reach)
+    }
+
+    /// The reflected direction and its tint, if the surface is a mirror.
+    fn mirror(&self) -> Option<(Vec3, Vec3)> {
+        let (direction, color) = self.bsdf.mirror()?;
+        // A bent shading normal may reflect into the surface.
+        let depth = self.facing.dot(direction).min(0.0);
+        Some(((direction - 2.0 * depth * self.facing).normalize(), color))
+    }
+
+    /// Chooses a lobe by `shares` (whose sum may be 0: no ray) and a direction of it. Gives direction, weight and
+    /// density, the last two with the lobe's probability in them.
+    fn scatter(&self, shares: PerLobe, choice: f32, uv: [f32; 2]) -> Option<(Vec3, Vec3, f32)> {
+        let [diffuse, specular] = shares;
+        if diffuse + specular == 0.0 {
+            return None;
+        }
+        let (lobe, share) =
+            if choice < diffuse { (Lobe::Diffuse, diffuse) } else { (Lobe::Specular, specular) };
+        let scatter = self.bsdf.sample(lobe, uv)?;
+        // A bent shading normal can send rays through the surface.
+        let outside = self.facing.dot(scatter.direction) > 0.0;
+        outside.then(|| (scatter.direction, scatter.weight / share, scatter.pdf * share))
+    }
+}
+
+/// Weighted sum of three corners' values.
+fn interpolate(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
+    corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z
+}
+
+/// A point off its surface in `direction` by more than the rounding of positions whose coordinates are at most `reach`.
+fn offset(position: Vec3, direction: Vec3, reach: f32) -> Vec3 {
+    position + direction * (reach * OFFSET_ULPS * f32::EPSILON)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,497 @@
+use std::f32::consts::PI;
+
+use super::*;
+use crate::{Camera, Light, Mesh, Surface, reference};
+
+/// A scene of flat quads, each with a material of its own, in a frame of unit size scaled by `scale`.
+struct Stage {
+    scene: Scene,
+    scale: f32,
+}
+
+impl Stage {
+    fn new(scale: f32) -> Self {
+        let camera = Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0);
+        let scene = Scene {
+            name: "test".into(),
+            mesh: Mesh::default(),
+            materials: vec![],
+            lights: vec![],
+            background: Vec3::ZERO,
+            camera,
+            bounds: [Vec3::NEG_ONE * scale, Vec3::ONE * scale],
+        };
+        Self { scene, scale }
+    }
+
+    /// Adds the parallelogram `corner + s u + t v`, front side towards `u x v`.
+    fn quad(&mut self, corner: Vec3, u: Vec3, v: Vec3, surface: Surface, color: f32, emission: f32) {
+        let mesh = &mut self.scene.mesh;
+        let base = mesh.positions.len() as u32;
+        mesh.positions.extend([corner, corner + u, corner + u + v, corner + v].map(|p| p * self.scale));
+        for triangle in [[0, 1, 2], [0, 2, 3]] {
+            mesh.triangles.push(triangle.map(|i| base + i));
+            mesh.face_normals.push(u.cross(v).normalize());
+            mesh.material.push(self.scene.materials.len() as u32);
+            mesh.object.push(0);
+        }
+        let (color, emission) = (Vec3::splat(color), Vec3::splat(emission));
+        self.scene.materials.push(Material { name: String::new(), color, surface, emission });
+    }
+
+    /// Adds a light with its triangles.
+    fn quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: f32) {
+        self.quad(corner, u, v, Surface::Diffuse, 0.0, radiance);
+        let [corner, u, v] = [corner, u, v].map(|p| p * self.scale);
+        self.scene.lights.push(Light::Quad { corner, u, v, radiance: Vec3::splat(radiance) });
+    }
+
+    /// Adds the six sides of the cube [-1, 1]^3, fronts inwards.
+    fn room(&mut self, color: f32, emission: f32) {
+        for axis in 0..3 {
+            for sign in [-1.0, 1.0] {
+                let [n, u, v] = [0, 1, 2].map(|i| Vec3::AXES[(axis + i) % 3]);
+                // u x v = n, so the inward front of the side at +n needs the sides in the other order.
+                let (u, v) = if sign < 0.0 { (u, v) } else { (v, u) };
+                self.quad(n * sign - u - v, 2.0 * u, 2.0 * v, Surface::Diffuse, color, emission);
+            }
+        }
+    }
+
+    fn tracer(self) -> Tracer {
+        Tracer::new(Arc::new(self.scene))
+    }
+}
+
+const UP: Vec3 = Vec3::Y;
+
+/// A large floor at y = 0, front up.
+fn floor(stage: &mut Stage, surface: Surface, color: f32) {
+    stage.quad(Vec3::new(-5.0, 0.0, -5.0), Vec3::Z * 10.0, Vec3::X * 10.0, surface, color, 0.0);
+}
+
+/// A light of side `side` at height 1 above the origin that shines down.
+fn ceiling_light(stage: &mut Stage, side: f32, radiance: f32) {
+    stage.quad_light(Vec3::new(-0.5 * side, 1.0, -0.5 * side), Vec3::X * side, Vec3::Z * side, radiance);
+}
+
+fn settings(mode: Mode, spp: u32) -> TraceSettings {
+    TraceSettings { spp, mode, max_bounces: 8 }
+}
+
+fn look(tracer: &Tracer, from: Vec3, to: Vec3, settings: &TraceSettings) -> Hit {
+    tracer.trace(from, to - from, settings, &mut Rng::new(1, 1))
+}
+
+#[track_caller]
+fn assert_near(found: f32, expected: f32, relative: f32) {
+    assert!((found / expected - 1.0).abs() <= relative, "found {found}, expected {expected}");
+}
+
+/// Irradiance share of a square light of side `side` parallel to and `height` above a point below its centre:
+/// four times the corner form factor (Howell, configuration C-11 with both sides equal).
+fn form_factor(side: f32, height: f32) -> f32 {
+    let x = 0.5 * side / height;
+    let root = (1.0 + x * x).sqrt();
+    4.0 / (2.0 * PI) * 2.0 * (x / root) * (x / root).atan()
+}
+
+#[test]
+fn quad_light_gives_the_irradiance_of_its_form_factor() {
+    for side in [0.1, 1.0, 4.0] {
+        let mut stage = Stage::new(1.0);
+        floor(&mut stage, Surface::Diffuse, 0.8);
+        ceiling_light(&mut stage, side, 3.0);
+        let tracer = stage.tracer();
+        // Radiance = albedo * E / pi with E = pi * L * F.
+        let expected = 0.8 * 3.0 * form_factor(side, 1.0);
+        for mode in [Mode::Direct, Mode::Path] {
+            // The light itself is black, so that paths end there.
+            let hit = look(&tracer, Vec3::new(0.1, 0.5, 0.0), Vec3::ZERO, &settings(mode, 1 << 14));
+            assert_near(hit.radiance.x, expected, 0.01);
+        }
+    }
+}
+
+#[test]
+fn point_light_falls_with_the_square_of_the_distance() {
+    for height in [0.5, 1.0, 4.0] {
+        let mut stage = Stage::new(1.0);
+        floor(&mut stage, Surface::Diffuse, 0.5);
+        stage.scene.lights.push(Light::Point { position: UP * height, intensity: Vec3::splat(2.0) });
+        let hit = look(&stage.tracer(), Vec3::new(0.3, 0.3, 0.0), Vec3::ZERO, &settings(Mode::Direct, 1));
+        assert_near(hit.radiance.x, 0.5 / PI * 2.0 / (height * height), 1e-5);
+    }
+}
+
+#[test]
+fn point_light_casts_a_hard_shadow_at_the_right_place() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Diffuse, 0.5);
+    // Half way between floor and light: the shadow is twice as wide, |x| < 0.4.
+    stage.quad(Vec3::new(-0.2, 1.0, -0.2), Vec3::Z * 0.4, Vec3::X * 0.4, Surface::Diffuse, 0.5, 0.0);
+    stage.scene.lights.push(Light::Point { position: UP * 2.0, intensity: Vec3::ONE });
+    let tracer = stage.tracer();
+    let at = |x: f32| {
+        let target = Vec3::new(x, 0.0, 0.0);
+        look(&tracer, target + Vec3::new(1.0, 0.5, 0.0), target, &settings(Mode::Direct, 1)).radiance.x
+    };
+    assert_eq!(at(0.399), 0.0);
+    assert_eq!(at(-0.399), 0.0);
+    assert!(at(0.401) > 0.03);
+    assert!(at(-0.401) > 0.03);
+}
+
+#[test]
+fn quad_light_casts_a_soft_shadow() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Diffuse, 0.5);
+    ceiling_light(&mut stage, 0.2, 10.0);
+    // A half plane x < 0 half way up: at x = 0 half the light is seen, the penumbra is |x| < 0.1.
+    stage.quad(Vec3::new(-4.0, 0.5, -4.0), Vec3::Z * 8.0, Vec3::X * 4.0, Surface::Diffuse, 0.5, 0.0);
+    let tracer = stage.tracer();
+    let at = |x: f32| {
+        let target = Vec3::new(x, 0.0, 0.0);
+        look(&tracer, Vec3::new(x + 1.0, 0.3, 0.0), target, &settings(Mode::Direct, 4096)).radiance.x
+    };
+    assert_eq!(at(-0.11), 0.0);
+    // A small light's irradiance goes with the fourth power of the cosine.
+    assert_near(at(0.0) / at(0.11), 0.5 * (1.0f32 + 0.11 * 0.11).powi(2), 0.01);
+    assert!(at(-0.05) < at(0.0) && at(0.0) < at(0.05));
+}
+
+#[test]
+fn a_light_shows_its_front_only() {
+    let mut stage = Stage::new(1.0);
+    ceiling_light(&mut stage, 1.0, 7.0);
+    let tracer = stage.tracer();
+    let settings = settings(Mode::Direct, 1);
+    assert_eq!(look(&tracer, Vec3::ZERO, UP, &settings).radiance, Vec3::splat(7.0));
+    assert_eq!(look(&tracer, UP * 2.0, UP, &settings).radiance, Vec3::ZERO);
+}
+
+#[test]
+fn closed_furnace_reaches_the_geometric_series() {
+    for (albedo, bounces) in [(0.5, 64), (0.9, 400)] {
+        let mut stage = Stage::new(1.0);
+        stage.room(albedo, 0.25);
+        let settings = TraceSettings { spp: 1 << 14, mode: Mode::Path, max_bounces: bounces };
+        let hit = look(&stage.tracer(), Vec3::new(0.2, 0.1, 0.0), Vec3::new(0.3, -1.0, 0.4), &settings);
+        assert_near(hit.radiance.x, 0.25 / (1.0 - albedo), 0.02);
+    }
+}
+
+#[test]
+fn closed_furnace_with_a_quad_light_counts_it_once() {
+    // All six sides are quad lights too: found by light sampling and by scattered rays, with the same result.
+    let mut stage = Stage::new(1.0);
+    stage.room(0.5, 0.25);
+    for face in (0..12).step_by(2) {
+        let [a, b, _] = stage.scene.mesh.triangles[face].map(|i| stage.scene.mesh.positions[i as usize]);
+        let d = stage.scene.mesh.positions[stage.scene.mesh.triangles[face + 1][2] as usize];
+        stage.scene.lights.push(Light::Quad { corner: a, u: b - a, v: d - a, radiance: Vec3::splat(0.25) });
+    }
+    let settings = TraceSettings { spp: 1 << 14, mode: Mode::Path, max_bounces: 64 };
+    let hit = look(&stage.tracer(), Vec3::new(0.2, 0.1, 0.0), Vec3::new(0.3, -1.0, 0.4), &settings);
+    assert_near(hit.radiance.x, 0.5, 0.02);
+}
+
+#[test]
+fn convex_surface_in_a_white_background_shows_its_albedo() {
+    let glossy = Surface::Glossy { roughness: 0.4, f0: 0.04 };
+    for (surface, albedo, tolerance) in
+        [(Surface::Diffuse, 0.6, 0.0), (Surface::Mirror, 0.6, 0.0), (glossy, 1.0, 0.03)]
+    {
+        let mut stage = Stage::new(1.0);
+        floor(&mut stage, surface, albedo);
+        stage.scene.background = Vec3::ONE;
+        let hit = look(&stage.tracer(), Vec3::new(0.3, 1.0, 0.0), Vec3::ZERO, &settings(Mode::Path, 4096));
+        assert_near(hit.radiance.x, albedo, tolerance + 1e-4);
+    }
+}
+
+#[test]
+fn glossy_floor_shows_a_quad_light_alike_in_both_modes_and_however_it_is_found() {
+    // A floor without diffuse colour sees nothing but the light, so that both modes agree; without the light's
+    // triangles the light can be sampled only, which is noisy but right.
+    let build = |in_mesh: bool| {
+        let mut stage = Stage::new(1.0);
+        floor(&mut stage, Surface::Glossy { roughness: 0.5, f0: 0.3 }, 0.0);
+        ceiling_light(&mut stage, 0.5, 4.0);
+        if !in_mesh {
+            stage.scene.mesh.triangles.truncate(2);
+            stage.scene.mesh.material.truncate(2);
+        }
+        stage.tracer()
+    };
+    let (from, to) = (Vec3::new(0.5, 0.7, 0.0), Vec3::new(0.05, 0.0, 0.0));
+    let expected = look(&build(false), from, to, &settings(Mode::Direct, 1 << 16)).radiance.x;
+    assert!(expected > 0.01);
+    for mode in [Mode::Direct, Mode::Path] {
+        let found = look(&build(true), from, to, &settings(mode, 1 << 14)).radiance.x;
+        assert_near(found, expected, 0.02);
+    }
+}
+
+#[test]
+fn mirror_shows_what_lies_in_its_direction() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Mirror, 0.5);
+    ceiling_light(&mut stage, 0.2, 8.0);
+    stage.scene.background = Vec3::splat(3.0);
+    let tracer = stage.tracer();
+    let settings = settings(Mode::Direct, 1);
+    let hit = look(&tracer, Vec3::new(0.5, 0.5, 0.0), Vec3::new(1.0 / 3.0, 0.0, 0.0), &settings);
+    assert_eq!(hit.radiance, Vec3::splat(4.0));
+    assert!(hit.position.distance(Vec3::new(1.0 / 3.0, 0.0, 0.0)) < 1e-6, "the first surface is the mirror");
+    let past = look(&tracer, Vec3::new(2.0, 0.5, 0.0), Vec3::ZERO, &settings);
+    assert_eq!(past.radiance, Vec3::splat(1.5));
+}
+
+#[test]
+fn parallel_mirrors_end_at_the_bounce_limit() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Mirror, 1.0);
+    stage.quad(Vec3::new(-5.0, 1.0, -5.0), Vec3::X * 10.0, Vec3::Z * 10.0, Surface::Mirror, 1.0, 0.0);
+    stage.scene.background = Vec3::ONE;
+    let tracer = stage.tracer();
+    for mode in [Mode::Direct, Mode::Path] {
+        let hit = look(&tracer, UP * 0.5, Vec3::ZERO, &settings(mode, 1));
+        assert!(hit.hit);
+        assert_eq!(hit.radiance, Vec3::ZERO);
+    }
+}
+
+#[test]
+fn a_ray_that_hits_nothing_gives_its_direction_and_the_background() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Diffuse, 0.5);
+    stage.scene.background = Vec3::new(0.1, 0.2, 0.3);
+    let hit = look(&stage.tracer(), UP, Vec3::new(0.0, 1.0, -3.0), &settings(Mode::Path, 1));
+    assert_eq!((hit.hit, hit.face), (false, u32::MAX));
+    assert_eq!(hit.position, Vec3::NEG_Z);
+    assert_eq!(hit.radiance, Vec3::new(0.1, 0.2, 0.3));
+}
+
+#[test]
+fn an_empty_scene_is_all_background() {
+    let hit = look(&Stage::new(1.0).tracer(), Vec3::ZERO, Vec3::ONE, &settings(Mode::Path, 4));
+    assert!(!hit.hit);
+}
+
+#[test]
+fn rays_along_axes_with_either_zero_hit() {
+    let mut stage = Stage::new(1.0);
+    stage.room(0.5, 0.0);
+    let tracer = stage.tracer();
+    for axis in 0..3 {
+        for (sign, zero) in [(1.0, 0.0), (1.0, -0.0), (-1.0, 0.0), (-1.0, -0.0)] {
+            let mut direction = Vec3::splat(zero);
+            direction[axis] = sign;
+            let hit = tracer.trace(Vec3::ZERO, direction, &settings(Mode::Direct, 1), &mut Rng::new(0, 0));
+            assert!(hit.hit && hit.position == Vec3::AXES[axis] * sign, "{direction}: {hit:?}");
+        }
+    }
+}
+
+#[test]
+fn no_ray_leaves_a_closed_room_and_no_surface_shadows_itself_at_any_scale() {
+    for scale in [1e-3, 1.0, 555.0, 1e7] {
+        let mut stage = Stage::new(scale);
+        // A grid of small tiles: many shared edges, none with coordinates that are exact in binary.
+        let n = 24;
+        for axis in 0..3 {
+            for sign in [-1.0, 1.0] {
+                let [normal, u, v] = [0, 1, 2].map(|i| Vec3::AXES[(axis + i) % 3]);
+                let (u, v) = if sign < 0.0 { (u, v) } else { (v, u) };
+                add_grid(&mut stage, normal * sign, u, v, n);
+            }
+        }
+        let inside = Vec3::new(0.013, -0.4, 0.27) * scale;
+        let position = inside + Vec3::new(0.3, 0.2, 0.1) * scale;
+        stage.scene.lights.push(Light::Point { position, intensity: Vec3::ONE * scale * scale });
+        let tracer = stage.tracer();
+        let mut rng = Rng::new(2, 3);
+        let mut aim = |vertex: bool| {
+            let mut p = Vec3::from_array([0; 3].map(|_| 2.0 * rng.next_f32() - 1.0));
+            let axis = (rng.next_u32() % 3) as usize;
+            p[axis] = p[axis].signum();
+            if vertex {
+                // On the lattice: through a vertex or along an edge.
+                p = (p * (0.5 * n as f32)).round() / (0.5 * n as f32);
+            }
+            p * scale
+        };
+        for i in 0..20_000 {
+            let target = aim(i % 2 == 0);
+            let hit = look(&tracer, inside, target, &settings(Mode::Direct, 1));
+            assert!(hit.hit, "scale {scale}: a ray to {target} got out");
+            assert!(hit.position.distance(target) < 1e-5 * scale, "scale {scale}: {target} {hit:?}");
+            assert!(hit.radiance.x > 1e-3, "scale {scale}: {target} shadows itself, {hit:?}");
+        }
+    }
+}
+
+/// An n x n grid of diffuse tiles with shared vertices on the side of the cube [-1, 1]^3 at `center`.
+fn add_grid(stage: &mut Stage, center: Vec3, u: Vec3, v: Vec3, n: u32) {
+    let mesh = &mut stage.scene.mesh;
+    let base = mesh.positions.len() as u32;
+    let at = |i: u32| 2.0 * i as f32 / n as f32 - 1.0;
+    for j in 0..=n {
+        mesh.positions.extend((0..=n).map(|i| (center + u * at(i) + v * at(j)) * stage.scale));
+    }
+    for j in 0..n {
+        for i in 0..n {
+            let a = base + j * (n + 1) + i;
+            for triangle in [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]] {
+                mesh.triangles.push(triangle);
+                mesh.face_normals.push(u.cross(v));
+                mesh.material.push(stage.scene.materials.len() as u32);
+                mesh.object.push(0);
+            }
+        }
+    }
+    let (color, surface) = (Vec3::splat(0.5), Surface::Diffuse);
+    stage.scene.materials.push(Material { name: String::new(), color, surface, emission: Vec3::ZERO });
+}
+
+#[test]
+fn a_radiance_that_is_no_number_is_black_and_counted() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Diffuse, 0.5);
+    stage.scene.lights.push(Light::Point { position: UP, intensity: Vec3::INFINITY });
+    let tracer = stage.tracer();
+    let hit = look(&tracer, UP * 0.5, Vec3::ZERO, &settings(Mode::Direct, 1));
+    assert_eq!(hit.radiance, Vec3::ZERO);
+    assert_eq!(tracer.non_finite(), 1);
+}
+
+#[test]
+fn corner_normals_shade_smoothly_and_never_let_light_through() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Diffuse, 0.5);
+    let tilted = Vec3::new(0.6, 0.8, 0.0);
+    stage.scene.mesh.corner_normals = vec![[tilted; 3]; 2];
+    let above = Light::Point { position: UP, intensity: Vec3::ONE };
+    // Below the floor, though on the front side of the tilted normal.
+    let below = Light::Point { position: Vec3::new(4.0, -0.5, 0.0), intensity: Vec3::ONE };
+    for (light, expected) in [(above, 0.5 / PI * 0.8), (below, 0.0)] {
+        stage.scene.lights = vec![light];
+        let tracer = Tracer::new(Arc::new(stage.scene.clone()));
+        let hit = look(&tracer, Vec3::new(0.3, 0.6, 0.0), Vec3::ZERO, &settings(Mode::Direct, 1));
+        assert!((hit.radiance.x - expected).abs() < 1e-5, "{hit:?}");
+    }
+}
+
+/// A closed room with a quad light and a glossy block, and one ray for each pixel of a small image.
+fn room_and_jobs() -> (Tracer, Vec<Job>) {
+    let mut stage = Stage::new(1.0);
+    stage.room(0.6, 0.0);
+    stage.quad_light(Vec3::new(-0.3, 0.99, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 10.0);
+    let glossy = Surface::Glossy { roughness: 0.3, f0: 0.2 };
+    stage.quad(Vec3::new(-0.5, -0.5, -0.5), Vec3::X, Vec3::new(0.0, 0.3, -0.5), glossy, 0.5, 0.0);
+    let camera = Camera::look_at(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 1.2, 0.1, 3.0);
+    let jobs = (0..32 * 32).map(|i| {
+        let direction = camera.direction((i % 32) as f32 + 0.5, (i / 32) as f32 + 0.5, [32, 32]);
+        Job { origin: camera.eye, direction, key: Rng::key(0, i) }
+    });
+    (stage.tracer(), jobs.collect())
+}
+
+fn in_pool<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(run)
+}
+
+#[test]
+fn batches_have_the_same_bits_on_any_number_of_threads_and_other_bits_for_another_seed() {
+    let (tracer, jobs) = room_and_jobs();
+    let batch = |threads, seed| {
+        let mut out = vec![Hit::default(); jobs.len()];
+        in_pool(threads, || tracer.trace_batch(&jobs, &settings(Mode::Path, 2), seed, &mut out));
+        out
+    };
+    assert_eq!(batch(1, 1), batch(3, 1));
+    assert_ne!(batch(1, 1), batch(1, 2));
+    assert_eq!(tracer.non_finite(), 0);
+}
+
+#[test]
+fn reference_image_is_the_same_on_any_number_of_threads_and_converges() {
+    let (tracer, _) = room_and_jobs();
+    let camera = Camera::look_at(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 1.2, 0.1, 3.0);
+    let render = |threads, spp, seed| {
+        let settings = settings(Mode::Path, 1);
+        in_pool(threads, || reference::render(&tracer, &camera, [12, 8], spp, &settings, seed, &|_| ()))
+    };
+    assert_eq!(render(1, 4, 1), render(3, 4, 1));
+    let converged = render(2, 4096, 2);
+    assert_eq!(converged.len(), 96);
+    let error = |spp| -> f32 {
+        let image = render(2, spp, 1);
+        image.iter().zip(&converged).map(|(a, b)| a.distance_squared(*b)).sum::<f32>().sqrt()
+    };
+    let (rough, fine) = (error(4), error(256));
+    // 64 times the samples: an eighth of the error for independent ones, less for stratified ones.
+    assert!(fine < rough / 6.0, "{rough} -> {fine}");
+}
+
+#[test]
+fn reference_progress_ends_at_one_and_pixels_are_averaged_over_their_area() {
+    let mut stage = Stage::new(1.0);
+    // Emissive left half of the view, black right half, seen through one row of three pixels.
+    stage.quad(Vec3::new(-9.0, -9.0, -1.0), Vec3::X * 9.0, Vec3::Y * 18.0, Surface::Diffuse, 0.0, 1.0);
+    let (tracer, camera) = (stage.tracer(), Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0));
+    let last = std::sync::Mutex::new(0.0f32);
+    let progress = |share: f32| {
+        let mut last = last.lock().unwrap();
+        *last = last.max(share);
+    };
+    let image = reference::render(&tracer, &camera, [3, 1], 64, &settings(Mode::Direct, 1), 0, &progress);
+    assert_eq!(image[0], Vec3::ONE);
+    assert_near(image[1].x, 0.5, 1e-6);
+    assert_eq!(image[2], Vec3::ZERO);
+    assert_eq!(*last.lock().unwrap(), 1.0);
+}
+
+#[test]
+fn workers_answer_every_request_with_its_tag_and_the_same_bits() {
+    let (tracer, jobs) = room_and_jobs();
+    let (tracer, how) = (Arc::new(tracer), settings(Mode::Path, 2));
+    let mut expected = vec![Hit::default(); jobs.len()];
+    tracer.trace_batch(&jobs, &how, 5, &mut expected);
+    let queue = AsyncTracer::new(tracer, 2);
+    let tagged = (0u32..).zip(&jobs).map(|(tag, &job)| TaggedJob { job, tag }).collect();
+    assert_eq!(queue.submit(tagged, how, 5), 0);
+    let mut found = Vec::new();
+    while found.len() < jobs.len() {
+        let before = found.len();
+        queue.collect(100, &mut found);
+        assert!(found.len() - before <= 100);
+        std::thread::yield_now();
+    }
+    assert_eq!(queue.waiting(), 0);
+    found.sort_by_key(|hit| hit.tag);
+    for (tag, (found, expected)) in (0u32..).zip(found.iter().zip(&expected)) {
+        assert_eq!((found.tag, &found.hit), (tag, expected));
+    }
+}
+
+#[test]
+fn workers_that_are_behind_drop_the_oldest_batches_they_have_not_begun() {
+    let (tracer, jobs) = room_and_jobs();
+    // A worker busy with one long batch: what follows piles up.
+    let long = settings(Mode::Path, 1 << 12);
+    let queue = AsyncTracer::new(Arc::new(tracer), 1);
+    let batch = |tag: u32| jobs.iter().map(|&job| TaggedJob { job, tag }).collect::<Vec<_>>();
+    assert_eq!(queue.submit(batch(0), long, 0), 0);
+    while queue.waiting() == jobs.len() {
+        std::thread::yield_now();
+    }
+    for tag in 1..=3 {
+        assert_eq!(queue.submit(batch(tag), settings(Mode::Direct, 1), 0), 0);
+    }
+    assert_eq!(queue.submit(batch(4), settings(Mode::Direct, 1), 0), jobs.len());
+    assert!(queue.waiting() >= 3 * jobs.len());
+    // Ends within one chunk of work, whatever waits.
+    drop(queue);
+}

@@ -1,0 +1,95 @@
+// Makes points older, and takes the oldest away. Twin: `stages/src/age.rs`.
+
+#import cloud
+#import index
+
+struct Params {
+    not_drawn_penalty: f32,
+    change_penalty: f32,
+    evict: u32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> cloud_image_id: array<u32>;
+@group(0) @binding(2) var<storage, read_write> cloud_meta: array<u32>;
+@group(0) @binding(3) var<storage, read> arrived: array<u32>;
+@group(0) @binding(4) var<storage, read_write> rate: array<f32>;
+@group(0) @binding(5) var<storage, read_write> histogram: array<atomic<u32>>;
+
+// The age in 8.8 fixed point that a point reaches on average when it is replaced.
+const AGE_WHEN_REPLACED: f32 = 32768.0;
+
+// The age in 8.8 fixed point from which points are evicted.
+const AGE_OF_EVICTION: u32 = 65280u;
+
+// How much a frame weighs in the moving average of arrivals.
+const RATE_WEIGHT: f32 = 0.1;
+
+@compute @workgroup_size(256)
+fn measure(@builtin(local_invocation_index) lane: u32) {
+    atomicStore(&histogram[lane], 0u);
+    if lane == 0u {
+        rate[0] = averaged(rate[0], f32(arrived[0]));
+    }
+}
+
+// The workgroup's part of the histogram: most points have one of few ages, so its threads would queue for the same bin.
+var<workgroup> counts: array<atomic<u32>, 256>;
+
+@compute @workgroup_size(256)
+fn grow(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    atomicStore(&counts[lane], 0u);
+    workgroupBarrier();
+    let slot = linear_index(id, groups, 256u);
+    if slot < arrayLength(&cloud_meta) {
+        grow_point(slot);
+    }
+    workgroupBarrier();
+    let count = atomicLoad(&counts[lane]);
+    if count != 0u {
+        atomicAdd(&histogram[lane], count);
+    }
+}
+
+fn grow_point(slot: u32) {
+    let increment = increment(rate[0], arrayLength(&cloud_meta));
+    let not_drawn = u32(round(f32(increment) * params.not_drawn_penalty));
+    let change = u32(round(params.change_penalty * f32(AGE_ONE)));
+    let bits = cloud_meta[slot];
+    if (bits & LIVE) == 0u {
+        return;
+    }
+    var age = bits & AGE;
+    if (bits & FRESH) == 0u {
+        let unseen = age > 0u && cloud_image_id[slot] == NOT_DRAWN;
+        age += increment;
+        if unseen {
+            age += not_drawn;
+        }
+        if (bits & CHANGED) != 0u {
+            age += change;
+        }
+        age = min(age, AGE);
+    }
+    cloud_meta[slot] = (bits & ~(AGE | CHANGED)) | age;
+    if params.evict != 0u && age >= AGE_OF_EVICTION {
+        cloud_meta[slot] = 0u;
+        return;
+    }
+    atomicAdd(&counts[age / AGE_ONE], 1u);
+}
+
+// The moving average after one more frame; it starts with the first samples.
+fn averaged(rate: f32, arrived: f32) -> f32 {
+    return select(rate + RATE_WEIGHT * (arrived - rate), arrived, rate == 0.0);
+}
+
+// What points age in a frame, 8.8 fixed point: with `rate` of `capacity` points replaced in a frame, oldest first, a
+// point lives capacity / rate frames.
+fn increment(rate: f32, capacity: u32) -> u32 {
+    return u32(min(round(AGE_WHEN_REPLACED * rate / f32(capacity)), f32(AGE)));
+}

@@ -1,0 +1,261 @@
+// Turns priorities into requests for samples by systematic sampling; `stages/src/dither.rs` says how.
+//
+// Cells of the predicted view and pixels go the same way: weights are added up by tile, one workgroup scans the tiles'
+// sums, and each pixel finds out whether the sum of weights passes a multiple of total / wanted in it.
+
+#import frame
+#import index
+#import requests
+#import scan
+#import wide
+
+struct Params {
+    kind: u32,
+    aim: u32,
+    predicted_share: f32,
+}
+
+const AIM_AT_RANDOM: u32 = 1u;
+
+// Pixels on each side of a tile, and of a cell.
+const TILE: u32 = 16u;
+const CELL: u32 = 4u;
+
+const MAX_PRIORITY: u32 = 255u;
+
+// 2^32 over the golden ratio.
+const GOLDEN: u32 = 0x9E3779B9u;
+
+// Entries of `state`: empty cells; requests for them; the weight that asks for one sample; sum of all limited weights.
+const CELLS_TOTAL: u32 = 0u;
+const CELLS_WANTED: u32 = 1u;
+const LIMIT: u32 = 2u;
+const TOTAL: u32 = 3u;
+
+@group(0) @binding(1) var<uniform> params: Params;
+@group(0) @binding(2) var<storage, read> priority: array<u32>;
+@group(0) @binding(3) var<storage, read> id: array<u32>;
+@group(0) @binding(4) var<storage, read_write> requests: array<Request>;
+@group(0) @binding(5) var<storage, read_write> tiles: array<u32>;
+@group(0) @binding(6) var<storage, read_write> state: array<u32>;
+#ifdef OCCUPANCY
+@group(0) @binding(7) var<storage, read> occupancy: array<u32>;
+@group(0) @binding(8) var<storage, read_write> cell_tiles: array<u32>;
+#endif
+
+@compute @workgroup_size(64, 1, 1)
+fn clear(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = linear_index(thread, groups, 64u);
+    if i < arrayLength(&requests) {
+        requests[i] = Request(NO_PIXEL, AIM_CENTER, NO_POINT, VIEW_NOW);
+    }
+}
+
+// Samples wanted in all.
+fn budget() -> u32 {
+    return min(frame.samples, arrayLength(&requests));
+}
+
+// 32 bits that look random, other ones in each frame and run.
+fn hash(value: u32) -> u32 {
+    return pcg(value ^ pcg(frame.index ^ pcg(frame.seed)));
+}
+
+fn pcg(value: u32) -> u32 {
+    let bits = value * 747796405u + 2891336453u;
+    let word = ((bits >> ((bits >> 28u) + 4u)) ^ bits) * 277803737u;
+    return (word >> 22u) ^ word;
+}
+
+// Place of the n-th pixel of a tile: the even bits of n are x, the odd ones y.
+fn morton(n: u32) -> vec2<u32> {
+    let bits = vec2(n, n >> 1u);
+    return (bits & vec2(1u)) | ((bits >> vec2(1u)) & vec2(2u)) | ((bits >> vec2(2u)) & vec2(4u))
+        | ((bits >> vec2(3u)) & vec2(8u));
+}
+
+// Requests due when the weights so far add up to `sum`.
+fn due(sum: u32, total: u32, wanted: u32) -> u32 {
+    let offset = wide_multiply(frame.index * GOLDEN, total).high;
+    return wide_divide(wide_add(wide_multiply(sum, wanted), offset), total);
+}
+
+#ifdef OCCUPANCY
+fn cells_size() -> vec2<u32> {
+    return (frame.size + CELL - 1u) / CELL;
+}
+
+fn cell_weight(cell: vec2<u32>) -> u32 {
+    let size = cells_size();
+    if any(cell >= size) {
+        return 0u;
+    }
+    return select(0u, 1u, occupancy[cell.y * size.x + cell.x] == 0u);
+}
+
+@compute @workgroup_size(16, 16, 1)
+fn add_cells(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let sum = workgroup_scan(lane, cell_weight(tile.xy * TILE + morton(lane))).total;
+    if lane == 0u {
+        cell_tiles[tile.y * groups.x + tile.x] = sum;
+    }
+}
+
+@compute @workgroup_size(SCAN_THREADS, 1, 1)
+fn scan_cells(@builtin(local_invocation_index) lane: u32) {
+    let count = arrayLength(&cell_tiles);
+    var before = 0u;
+    for (var first = 0u; first < count; first += SCAN_THREADS) {
+        let i = first + lane;
+        var value = 0u;
+        if i < count {
+            value = cell_tiles[i];
+        }
+        let scan = workgroup_scan(lane, value);
+        if i < count {
+            cell_tiles[i] = before + scan.before;
+        }
+        before += scan.total;
+    }
+    if lane == 0u {
+        state[CELLS_TOTAL] = before;
+        state[CELLS_WANTED] = min(before, u32(f32(budget()) * params.predicted_share));
+    }
+}
+
+@compute @workgroup_size(16, 16, 1)
+fn ask_cells(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let cell = tile.xy * TILE + morton(lane);
+    let weight = cell_weight(cell);
+    let sum = cell_tiles[tile.y * groups.x + tile.x] + workgroup_scan(lane, weight).before;
+    let total = state[CELLS_TOTAL];
+    let wanted = state[CELLS_WANTED];
+    if weight == 0u || wanted == 0u {
+        return;
+    }
+    let after = due(sum + weight, total, wanted);
+    if after == due(sum, total, wanted) {
+        return;
+    }
+    let noise = hash((cell.y << 16u) | cell.x);
+    // The last cells may reach beyond the image.
+    let pixel = min(cell * CELL + vec2(noise, noise / CELL) % CELL, frame.size - 1u);
+    requests[after - 1u] = Request(pixel.y * frame.size.x + pixel.x, hash(noise), NO_POINT, VIEW_PREDICTED);
+}
+#endif
+
+// Requests for cells, which come first.
+fn cells_wanted() -> u32 {
+#ifdef OCCUPANCY
+    return state[CELLS_WANTED];
+#else
+    return 0u;
+#endif
+}
+
+// Samples that are left for pixels.
+fn pixels_wanted() -> u32 {
+    return budget() - cells_wanted();
+}
+
+// How far priorities are shifted down, so that their sum stays below 2^32 in images of more than 2^24 pixels.
+fn priority_shift() -> u32 {
+    return select(4u, 0u, frame.size.x * frame.size.y <= 0x1000000u);
+}
+
+fn pixel_weight(pixel: vec2<u32>, limit: u32) -> u32 {
+    if any(pixel >= frame.size) {
+        return 0u;
+    }
+    return min(min(priority[pixel.y * frame.size.x + pixel.x], MAX_PRIORITY) >> priority_shift(), limit);
+}
+
+fn add_tile(tile: vec2<u32>, groups: vec3<u32>, lane: u32, limit: u32) {
+    let sum = workgroup_scan(lane, pixel_weight(tile * TILE + morton(lane), limit)).total;
+    if lane == 0u {
+        tiles[tile.y * groups.x + tile.x] = sum;
+    }
+}
+
+@compute @workgroup_size(16, 16, 1)
+fn add_pixels(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    add_tile(tile.xy, groups, lane, MAX_PRIORITY);
+}
+
+@compute @workgroup_size(SCAN_THREADS, 1, 1)
+fn find_limit(@builtin(local_invocation_index) lane: u32) {
+    var sum = 0u;
+    for (var i = lane; i < arrayLength(&tiles); i += SCAN_THREADS) {
+        sum += tiles[i];
+    }
+    let total = workgroup_scan(lane, sum).total;
+    if lane == 0u {
+        state[0] = tiles[0]; state[3] = arrayLength(&tiles); 
+        state[LIMIT] = max(total / max(pixels_wanted(), 1u), 1u);
+    }
+}
+
+@compute @workgroup_size(16, 16, 1)
+fn add_limited_pixels(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    add_tile(tile.xy, groups, lane, state[LIMIT]);
+}
+
+@compute @workgroup_size(SCAN_THREADS, 1, 1)
+fn scan_pixels(@builtin(local_invocation_index) lane: u32) {
+    let count = arrayLength(&tiles);
+    var before = 0u;
+    for (var first = 0u; first < count; first += SCAN_THREADS) {
+        let i = first + lane;
+        var value = 0u;
+        if i < count {
+            value = tiles[i];
+        }
+        let scan = workgroup_scan(lane, value);
+        if i < count {
+            tiles[i] = before + scan.before;
+        }
+        before += scan.total;
+    }
+    if lane == 0u {
+state[1]=before;
+    }
+}
+
+@compute @workgroup_size(16, 16, 1)
+fn ask_pixels(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let at = tile.xy * TILE + morton(lane);
+    let weight = pixel_weight(at, state[LIMIT]);
+    let sum = tiles[tile.y * groups.x + tile.x] + workgroup_scan(lane, weight).before;
+    let total = state[TOTAL];
+    let wanted = pixels_wanted();
+    if weight == 0u || wanted == 0u {
+        return;
+    }
+    let after = due(sum + weight, total, wanted);
+    if after == due(sum, total, wanted) {
+        return;
+    }
+    let pixel = at.y * frame.size.x + at.x;
+    let aim = select(AIM_CENTER, hash(pixel), params.aim == AIM_AT_RANDOM);
+    requests[cells_wanted() + after - 1u] = Request(pixel, aim, id[pixel], VIEW_NOW);
+}

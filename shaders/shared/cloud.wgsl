@@ -1,0 +1,51 @@
+// The point cloud: bits of cloud_meta and the codec of cloud_radiance. Mirrors `stages/src/shared/cloud.rs`.
+
+// The bits of meta that hold the age, 8.8 fixed point.
+const AGE: u32 = 0xFFFFu;
+
+// One unit of age.
+const AGE_ONE: u32 = 256u;
+
+// The slot holds a point. Zeroed memory is an empty cloud.
+const LIVE: u32 = 0x10000u;
+
+// A new sample near the point's pixel had another colour than the point that was shown there.
+const CHANGED: u32 = 0x20000u;
+
+// The point came into the cloud in this frame.
+const FRESH: u32 = 0x40000u;
+
+// The image_id of a point that no pixel shows.
+const NOT_DRAWN: u32 = 0xFFFFFFFFu;
+
+// Largest number that RGB9E5 holds.
+const MAX_RADIANCE: f32 = 65408.0;
+
+// Linear radiance as RGB9E5: three 9-bit mantissas from the low bits on, one 5-bit exponent, bias 15.
+fn encode_radiance(color: vec3<f32>) -> u32 {
+    // Bit patterns of positive floats are ordered like the floats; what lies above infinity is NaN or negative. A shader
+    // compiler may assume that neither exists, so look at the bits.
+    let bits = bitcast<vec3<u32>>(color);
+    let bounded = min(bits, vec3(bitcast<u32>(MAX_RADIANCE)));
+    let c = bitcast<vec3<f32>>(select(bounded, vec3(0u), bits > vec3(0x7F800000u)));
+    let largest = max(max(c.r, c.g), c.b);
+    // The exponent as f32 stores it, less its bias: floor(log2(largest)) without rounding.
+    let floor_log2 = i32(bitcast<u32>(largest) >> 23u) - 127;
+    var exponent = max(floor_log2, -16) + 16;
+    if floor(largest * power_of_two(24 - exponent) + 0.5) == 512.0 {
+        exponent += 1;
+    }
+    let mantissa = vec3<u32>(floor(c * power_of_two(24 - exponent) + 0.5));
+    return mantissa.r | (mantissa.g << 9u) | (mantissa.b << 18u) | (u32(exponent) << 27u);
+}
+
+// The linear radiance of encode_radiance.
+fn decode_radiance(bits: u32) -> vec3<f32> {
+    let scale = power_of_two(i32(bits >> 27u) - 24);
+    return vec3<f32>((vec3(bits) >> vec3(0u, 9u, 18u)) & vec3(511u)) * scale;
+}
+
+// 2^n for n from -126 to 127, exactly.
+fn power_of_two(n: i32) -> f32 {
+    return bitcast<f32>(u32(n + 127) << 23u);
+}

@@ -1,0 +1,213 @@
+//! Makes points older, and takes the oldest away.
+
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, shader};
+use rayon::prelude::*;
+
+use crate::shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN};
+
+/// The age in 8.8 fixed point that a point reaches on average when it is replaced.
+const AGE_WHEN_REPLACED: f32 = 128.0 * AGE_ONE as f32;
+
+/// The age in 8.8 fixed point from which points are evicted.
+const AGE_OF_EVICTION: u32 = 255 * AGE_ONE;
+
+/// How much a frame weighs in the moving average of arrivals.
+const RATE_WEIGHT: f32 = 0.1;
+
+/// Points that a thread takes at a time.
+const CHUNK: usize = 16384;
+
+epigraph_core::params! {
+    /// How fast points age.
+    pub struct AgeParams {
+        /// Points that no pixel shows age faster by this many times the increment.
+        not_drawn_penalty: f32 = 3.0, in 0.0..=255.0, unit "increments";
+        /// Age added once to points near a pixel whose colour changed.
+        change_penalty: f32 = 64.0, in 0.0..=255.0, unit "age";
+        /// Points of age 255 leave the cloud even if no sample replaces them.
+        evict: bool = true;
+    }
+}
+
+/// Ages every point but those of this frame by an increment that brings it to 128 by the time its turn to be replaced
+/// comes (`algorithms.md` section 1.5), and counts the points of each whole age.
+pub struct Age {
+    cloud_image_id: In<u32>,
+    cloud_meta: Out<u32>,
+    arrived: In<u32>,
+    rate: Out<f32>,
+    histogram: Out<u32>,
+}
+
+impl Stage for Age {
+    const KIND: &'static str = "age";
+    const DOC: &'static str =
+        "Ages the points, faster where they are not seen or out of date; evicts the oldest.";
+    type Params = AgeParams;
+
+    fn declare(_: &Self::Params, io: &mut Io) -> Self {
+        let mut cloud = io.bundle(Access::Update, "cloud", "The points.", Extent::Any);
+        let cloud_image_id = cloud.read("image_id");
+        let cloud_meta = cloud.write("meta");
+        let arrived = io.read("arrived", "How many samples came into the cloud.", Extent::Fixed([1, 1]));
+        let rate = io.persistent(
+            "rate",
+            "Moving average of the samples that come in a frame.",
+            Extent::Fixed([1, 1]),
+        );
+        let histogram = io.write("histogram", "Live points of each whole age.", Extent::Fixed([256, 1]));
+
+        io.shader(shader!("age"));
+        io.compute("measure", Threads::Groups(1));
+        io.dispatch("grow", cloud_meta);
+        Self { cloud_image_id, cloud_meta, arrived, rate, histogram }
+    }
+
+    fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
+        let (image_id, mut meta) = (cx.read(self.cloud_image_id), cx.write(self.cloud_meta));
+        let (mut rate, mut histogram) = (cx.write(self.rate), cx.write(self.histogram));
+
+        // measure
+        rate[0] = averaged(rate[0], cx.read(self.arrived)[0] as f32);
+
+        // grow
+        let increment = increment(rate[0], meta.len() as u32);
+        let not_drawn = (increment as f32 * params.not_drawn_penalty).round_ties_even() as u32;
+        let change = (params.change_penalty * AGE_ONE as f32).round_ties_even() as u32;
+        let counts = meta.par_chunks_mut(CHUNK).zip(image_id.par_chunks(CHUNK)).map(|(meta, image_id)| {
+            let mut counts = [0; 256];
+            for (meta, &image_id) in meta.iter_mut().zip(image_id) {
+                if *meta & LIVE == 0 {
+                    continue;
+                }
+                let mut age = *meta & AGE;
+                if *meta & FRESH == 0 {
+                    let unseen = age > 0 && image_id == NOT_DRAWN;
+                    age += increment;
+                    if unseen {
+                        age += not_drawn;
+                    }
+                    if *meta & CHANGED != 0 {
+                        age += change;
+                    }
+                    age = age.min(AGE);
+                }
+                *meta = *meta & !(AGE | CHANGED) | age;
+                if params.evict && age >= AGE_OF_EVICTION {
+                    *meta = 0;
+                    continue;
+                }
+                counts[(age / AGE_ONE) as usize] += 1;
+            }
+            counts
+        });
+        let counts = counts.reduce(|| [0; 256], |a, b| std::array::from_fn(|age| a[age] + b[age]));
+        histogram.copy_from_slice(&counts);
+        Ok(())
+    }
+}
+
+/// The moving average after one more frame; it starts with the first samples.
+fn averaged(rate: f32, arrived: f32) -> f32 {
+    if rate == 0.0 { arrived } else { rate + RATE_WEIGHT * (arrived - rate) }
+}
+
+/// What points age in a frame, 8.8 fixed point: with `rate` of `capacity` points replaced in a frame, oldest first, a
+/// point lives capacity / rate frames.
+fn increment(rate: f32, capacity: u32) -> u32 {
+    (AGE_WHEN_REPLACED * rate / capacity as f32).round_ties_even().min(AGE as f32) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::testing::{Random, run_both, run_cpu, settings};
+
+    fn harness(params: AgeParams, arrived: u32, meta: &[u32], image_id: &[u32]) -> Harness<Age> {
+        let mut harness = Harness::new(params, &settings([8, 8], 16));
+        harness.set("arrived", &[arrived]);
+        harness.set("cloud.meta", meta);
+        harness.set("cloud.image_id", image_id);
+        harness
+    }
+
+    #[test]
+    fn increments_of_the_specification() {
+        // algorithms.md section 1.5: 2.133 = 546/256 and 0.4267 = 109/256.
+        assert_eq!(increment(5000.0, 300_000), 546);
+        assert_eq!(increment(1000.0, 300_000), 109);
+        assert_eq!(increment(0.0, 300_000), 0);
+        assert_eq!(increment(300_000.0, 300_000), 128 * 256);
+    }
+
+    #[test]
+    fn each_kind_of_point_ages_by_its_own_rule() {
+        // One of four replaced in a frame: 128 / 4 = 32 = 0x20.00 a frame.
+        let meta = [LIVE | FRESH, LIVE | 0x01_80, LIVE | CHANGED | 0x01_00, LIVE | 0x01_00];
+        let seen = [7, 7, 7, NOT_DRAWN];
+        let out = run_cpu(&mut harness(AgeParams::default(), 1, &meta, &seen));
+        // Unchanged; + 32; + 32 + 64; + 4 * 32.
+        let expected = [LIVE | FRESH, LIVE | 0x21_80, LIVE | 0x61_00, LIVE | 0x81_00];
+        assert_eq!(out.get::<u32>("cloud.meta"), expected);
+        let histogram = out.get::<u32>("histogram");
+        assert_eq!([0, 0x21, 0x61, 0x81].map(|age| histogram[age]), [1; 4]);
+        assert_eq!(histogram.iter().sum::<u32>(), 4);
+    }
+
+    #[test]
+    fn a_point_of_age_0_is_not_penalised() {
+        let out = run_cpu(&mut harness(AgeParams::default(), 1, &[LIVE; 4], &[NOT_DRAWN; 4]));
+        assert_eq!(out.get::<u32>("cloud.meta"), [LIVE | 0x20_00; 4]);
+    }
+
+    #[test]
+    fn the_oldest_are_evicted_or_stay_at_the_end() {
+        let meta = [0, LIVE | 0xE0_00, LIVE | 0xDE_FF, LIVE | FRESH | 0xFF_00];
+        let run = |evict| {
+            let mut harness = harness(AgeParams { evict, ..AgeParams::default() }, 1, &meta, &[0; 4]);
+            let out = run_cpu(&mut harness);
+            (out.get::<u32>("cloud.meta"), out.get::<u32>("histogram"))
+        };
+        let (meta, histogram) = run(true);
+        assert_eq!(meta, [0, 0, LIVE | 0xFE_FF, 0]);
+        assert_eq!((histogram[254], histogram.iter().sum()), (1, 1));
+        let (meta, histogram) = run(false);
+        assert_eq!(meta, [0, LIVE | 0xFF_FF, LIVE | 0xFE_FF, LIVE | FRESH | 0xFF_00]);
+        assert_eq!((histogram[254], histogram[255]), (1, 2));
+    }
+
+    #[test]
+    fn the_rate_starts_with_the_first_samples_and_then_follows_slowly() {
+        let mut harness = harness(AgeParams::default(), 0, &[0; 4], &[0; 4]);
+        let mut rate = |arrived: u32| {
+            harness.set("arrived", &[arrived]);
+            run_cpu(&mut harness).get::<f32>("rate")[0]
+        };
+        assert_eq!([rate(0), rate(100), rate(200), rate(200)], [0.0, 100.0, 110.0, 119.0]);
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(11);
+        let count = 20_000;
+        let meta: Vec<u32> = (0..count)
+            .map(|_| match random.below(16) {
+                0 => 0,
+                1 => LIVE | FRESH,
+                _ => LIVE | random.below(2) * CHANGED | random.below(0x1_0000),
+            })
+            .collect();
+        let image_id: Vec<u32> =
+            (0..count).map(|_| if random.below(3) == 0 { NOT_DRAWN } else { 5 }).collect();
+        for arrived in [0, 1, 777, count] {
+            let mut harness = harness(AgeParams::default(), arrived, &meta, &image_id);
+            let both = run_both(&mut harness);
+            // Quotients that lie within a rounding of a half could round apart; none of these does.
+            both.assert_equal::<u32>("cloud.meta");
+            both.assert_equal::<u32>("histogram");
+            both.assert_close("rate", 0.0);
+        }
+    }
+}

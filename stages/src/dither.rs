@@ -1,0 +1,631 @@
+//! Turns priorities into requests for samples (`algorithms.md` sections 1.7, 1.8 and 11.2).
+//!
+//! *Systematic*, the default: pixels in an order that keeps neighbours together, their priorities added up; each time the
+//! sum passes a multiple of T = (sum of all) / (samples wanted), the pixel asks for a sample. Integers throughout, so both
+//! sides agree bit for bit. The order is tiles of 16x16 in scanline order, inside a tile the Morton curve. Priorities
+//! are cut at T first, as a pixel asks but once. Pixels whose priority is still above the smaller T that the cut leaves
+//! make the number fall short of what is wanted; else it is exact.
+//!
+//! *Serpentine*: error diffusion along scanlines of alternating direction, as in the papers; sequential, hence on the CPU
+//! only. It falls short a little in the first frame; what the last row leaves over goes to the first row of the next.
+//!
+//! Empty cells of `occupancy` ask first, for samples of the predicted view, up to their share of the budget: where there
+//! are more, about every n-th asks, picked systematically like pixels of equal priority.
+
+use std::ops::Range;
+
+use epigraph_core::{CpuContext, Dims, Extent, Frame, In, Io, Out, Stage, Threads, choice, params, shader};
+use rayon::prelude::*;
+
+use crate::{
+    predict::CELL,
+    shared::requests::{AIM_CENTER, NO_POINT, Request, VIEW_NOW, VIEW_PREDICTED},
+};
+
+/// Pixels on each side of a tile.
+const TILE: u32 = 16;
+
+/// The highest priority.
+const MAX_PRIORITY: u32 = 255;
+
+/// Tiles whose requests one task of the CPU finds.
+const TASK_TILES: usize = 16;
+
+/// 2^32 over the golden ratio: its multiples, modulo 2^32, are spread evenly however many there are.
+const GOLDEN: u32 = 0x9E37_79B9;
+
+choice! {
+    /// How pixels are picked.
+    pub enum Kind {
+        /// Systematic sampling along a space-filling order; parallel.
+        Systematic,
+        /// Error diffusion along alternating scanlines; sequential, CPU only.
+        Serpentine,
+    }
+}
+
+choice! {
+    /// Where in the pixel a sample is asked for.
+    pub enum Aim {
+        /// At the centre.
+        Center,
+        /// Anywhere, at random.
+        Random,
+    }
+}
+
+params! {
+    /// Parameters of [`Dither`].
+    pub struct DitherParams {
+        /// How pixels are picked.
+        kind: Kind = Kind::Systematic;
+        /// Where in the pixel a sample is asked for; samples of the predicted view are always asked for at random.
+        aim: Aim = Aim::Center;
+        /// The share of the samples that may go to empty cells of the predicted view.
+        predicted_share: f32 = 0.5, in 0.0..=1.0;
+    }
+}
+
+/// See the module.
+pub struct Dither {
+    priority: In<u32>,
+    id: In<u32>,
+    prediction: Option<Prediction>,
+    requests: Out<Request>,
+    by_kind: ByKind,
+}
+
+#[derive(Clone, Copy)]
+struct Prediction {
+    occupancy: In<u32>,
+    tiles: Out<u32>,
+}
+
+enum ByKind {
+    Systematic { tiles: Out<u32> },
+    Serpentine { carry: Out<f32> },
+}
+
+impl Stage for Dither {
+    const KIND: &'static str = "dither";
+    const DOC: &'static str = "Turns priorities into requests for samples.";
+    type Params = DitherParams;
+
+    fn declare(params: &DitherParams, io: &mut Io) -> Self {
+        let priority = io.read("priority", "How much a sample is worth, 0 to 255.", Extent::Frame(1));
+        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", Extent::Frame(1));
+        let occupancy = io.optional(
+            "occupancy",
+            "1 where the predicted view has a point in 4x4 pixels; unconnected: nothing is predicted.",
+            Extent::Frame(CELL),
+        );
+        let requests = io.write(
+            "requests",
+            "What to sample; entries without a pixel ask for nothing.",
+            Extent::Requests,
+        );
+        let prediction = occupancy.map(|occupancy| Prediction {
+            occupancy,
+            tiles: io.write(
+                "cell_tiles",
+                "Scratch: empty cells before each tile of cells.",
+                Extent::Frame(CELL * TILE),
+            ),
+        });
+        let by_kind = match params.kind {
+            Kind::Systematic => {
+                let tiles =
+                    io.write("tiles", "Scratch: sum of priorities before each tile.", Extent::Frame(TILE));
+                let _: Out<u32> =
+                    io.write("state", "Scratch: sums that every thread needs.", Extent::Fixed([4, 1]));
+                io.shader(shader!("dither"));
+                io.dispatch("clear", requests);
+                if let Some(Prediction { occupancy, .. }) = prediction {
+                    io.define("OCCUPANCY");
+                    io.dispatch("add_cells", occupancy);
+                    io.compute("scan_cells", Threads::Groups(1));
+                    io.dispatch("ask_cells", occupancy);
+                }
+                io.dispatch("add_pixels", priority);
+                io.compute("find_limit", Threads::Groups(1));
+                io.dispatch("add_limited_pixels", priority);
+                io.compute("scan_pixels", Threads::Groups(1));
+                io.dispatch("ask_pixels", priority);
+                ByKind::Systematic { tiles }
+            }
+            Kind::Serpentine => {
+                let carry = io.persistent(
+                    "carry",
+                    "First row: what each column hands to the next frame.",
+                    Extent::Frame(1),
+                );
+                ByKind::Serpentine { carry }
+            }
+        };
+        Self { priority, id, prediction, requests, by_kind }
+    }
+
+    fn cpu(&self, params: &DitherParams, cx: &CpuContext) -> Result<(), String> {
+        let (frame, pixels) = (cx.frame(), cx.dims(self.priority));
+        let (priority, id) = (&cx.read(self.priority)[..], &cx.read(self.id)[..]);
+        let requests = &mut cx.write(self.requests)[..];
+
+        requests.fill(Request::NONE);
+        let wanted = (frame.samples as usize).min(requests.len());
+        let mut rest = &mut requests[..wanted];
+        if let Some(Prediction { occupancy, tiles }) = self.prediction {
+            let cells = cx.dims(occupancy);
+            let occupancy = &cx.read(occupancy)[..];
+            let empty = Weights { dims: cells, of: |cell: usize| u32::from(occupancy[cell] == 0) };
+            let tiles = &mut cx.write(tiles)[..];
+            empty.add(tiles);
+            let total = scan(tiles);
+            let allowed = (rest.len() as f32 * params.predicted_share) as u32;
+            let predicted = total.min(allowed) as usize;
+            let selection =
+                Selection { tiles, total, wanted: predicted as u32, offset: offset(frame, total) };
+            let (first, others) = rest.split_at_mut(predicted);
+            selection.ask(&empty, 0..tiles.len(), first, &|[x, y]| ask_cell(frame, [x, y]));
+            rest = others;
+        }
+
+        let wanted = rest.len() as u32;
+        let ask = |[x, y]: [u32; 2]| ask_pixel(frame, params.aim, y * pixels.width + x, id);
+        match self.by_kind {
+            ByKind::Systematic { tiles } => {
+                let shift = shift(pixels);
+                let tiles = &mut cx.write(tiles)[..];
+                Weights { dims: pixels, of: |p: usize| weight(priority[p], shift, MAX_PRIORITY) }.add(tiles);
+                let limit = limit(tiles.iter().sum(), wanted);
+                let limited = Weights { dims: pixels, of: |p: usize| weight(priority[p], shift, limit) };
+                limited.add(tiles);
+                let total = scan(tiles);
+                let selection = Selection { tiles, total, wanted, offset: offset(frame, total) };
+                selection.ask(&limited, 0..tiles.len(), rest, &ask);
+            }
+            ByKind::Serpentine { carry } => {
+                serpentine(priority, &mut cx.write(carry)[..pixels.width as usize], rest, &ask);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The request of an empty cell: somewhere in it, from the predicted view.
+fn ask_cell(frame: &Frame, [x, y]: [u32; 2]) -> Request {
+    let noise = hash(frame, y << 16 | x);
+    // The last cells may reach beyond the image.
+    let x = (x * CELL + noise % CELL).min(frame.size[0] - 1);
+    let y = (y * CELL + noise / CELL % CELL).min(frame.size[1] - 1);
+    Request { pixel: y * frame.size[0] + x, aim: hash(frame, noise), reuse: NO_POINT, view: VIEW_PREDICTED }
+}
+
+/// The request of a pixel.
+fn ask_pixel(frame: &Frame, aim: Aim, pixel: u32, id: &[u32]) -> Request {
+    let aim = match aim {
+        Aim::Center => AIM_CENTER,
+        Aim::Random => hash(frame, pixel),
+    };
+    Request { pixel, aim, reuse: id[pixel as usize], view: VIEW_NOW }
+}
+
+/// 32 bits that look random, other ones in each frame and run: the PCG output function (O'Neill 2014), in turn on each
+/// part of the input.
+fn hash(frame: &Frame, value: u32) -> u32 {
+    pcg(value ^ pcg(frame.index ^ pcg(frame.seed)))
+}
+
+fn pcg(value: u32) -> u32 {
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (word >> 22) ^ word
+}
+
+/// How far priorities are shifted down, so that their sum stays below 2^32 in images of more than 2^24 pixels.
+fn shift(dims: Dims) -> u32 {
+    if dims.count() <= 1 << 24 { 0 } else { 4 }
+}
+
+fn weight(priority: u32, shift: u32, limit: u32) -> u32 {
+    (priority.min(MAX_PRIORITY) >> shift).min(limit)
+}
+
+/// The weight that asks for one sample: what lies above it would be lost.
+fn limit(total: u32, wanted: u32) -> u32 {
+    (total / wanted.max(1)).max(1)
+}
+
+/// Where in the first interval the frame's first request lies: u * total for a u that is spread evenly over frames.
+fn offset(frame: &Frame, total: u32) -> u32 {
+    (u64::from(frame.index.wrapping_mul(GOLDEN)) * u64::from(total) >> 32) as u32
+}
+
+/// Place of the n-th pixel of a tile: the even bits of n are x, the odd ones y.
+fn morton(n: u32) -> [u32; 2] {
+    let even = |n: u32| (n & 1) | (n >> 1 & 2) | (n >> 2 & 4) | (n >> 3 & 8);
+    [even(n), even(n >> 1)]
+}
+
+/// An image of weights.
+struct Weights<F> {
+    dims: Dims,
+    of: F,
+}
+
+impl<F: Fn(usize) -> u32 + Sync> Weights<F> {
+    /// Adds up each tile.
+    fn add(&self, tiles: &mut [u32]) {
+        let columns = self.dims.width.div_ceil(TILE) as usize;
+        tiles.par_chunks_mut(columns).zip(0..self.dims.height.div_ceil(TILE)).for_each(|(tiles, row)| {
+            tiles.fill(0);
+            for y in row * TILE..((row + 1) * TILE).min(self.dims.height) {
+                for x in 0..self.dims.width {
+                    tiles[(x / TILE) as usize] += (self.of)((y * self.dims.width + x) as usize);
+                }
+            }
+        });
+    }
+}
+
+/// Turns sums into the sums of all before; gives the sum of all.
+fn scan(tiles: &mut [u32]) -> u32 {
+    let mut sum = 0;
+    for tile in tiles {
+        sum += std::mem::replace(tile, sum);
+    }
+    sum
+}
+
+/// Systematic sampling: which of the `wanted` multiples of `total` / `wanted`, moved by `offset`, each weight reaches.
+struct Selection<'a> {
+    /// Sum of the weights before each tile.
+    tiles: &'a [u32],
+    total: u32,
+    wanted: u32,
+    /// Less than `total`.
+    offset: u32,
+}
+
+impl Selection<'_> {
+    /// The sum of weights in the unit in which a request is due at every multiple of `total`.
+    fn progress(&self, sum: u32) -> u64 {
+        u64::from(sum) * u64::from(self.wanted) + u64::from(self.offset)
+    }
+
+    /// Requests due before tile `index`.
+    fn due(&self, index: usize) -> usize {
+        let sum = self.tiles.get(index).copied().unwrap_or(self.total);
+        (self.progress(sum) / u64::from(self.total)) as usize
+    }
+
+    /// Writes the requests of a range of tiles, which are those `requests` and no others.
+    fn ask<F: Fn(usize) -> u32 + Sync>(
+        &self,
+        weights: &Weights<F>,
+        range: Range<usize>,
+        requests: &mut [Request],
+        ask: &(impl Fn([u32; 2]) -> Request + Sync),
+    ) {
+        if self.total == 0 || self.wanted == 0 {
+            return;
+        }
+        if range.len() > TASK_TILES {
+            let middle = range.start + range.len() / 2;
+            let (left, right) = requests.split_at_mut(self.due(middle) - self.due(range.start));
+            rayon::join(
+                || self.ask(weights, range.start..middle, left, ask),
+                || self.ask(weights, middle..range.end, right, ask),
+            );
+            return;
+        }
+        let first = self.due(range.start);
+        let columns = weights.dims.width.div_ceil(TILE);
+        for tile in range {
+            let origin = [tile as u32 % columns * TILE, tile as u32 / columns * TILE];
+            let mut sum = self.tiles[tile];
+            let mut next = (self.due(tile) as u64 + 1) * u64::from(self.total);
+            for n in 0..TILE * TILE {
+                let [x, y] = morton(n);
+                let [x, y] = [origin[0] + x, origin[1] + y];
+                if x >= weights.dims.width || y >= weights.dims.height {
+                    continue;
+                }
+                sum += (weights.of)((y * weights.dims.width + x) as usize);
+                let progress = self.progress(sum);
+                if progress >= next {
+                    // A weight above total / wanted may reach several multiples; the last one counts.
+                    let due = progress / u64::from(self.total);
+                    requests[due as usize - 1 - first] = ask([x, y]);
+                    next = (due + 1) * u64::from(self.total);
+                }
+            }
+        }
+    }
+}
+
+/// Error diffusion. `carry` has one entry for each column.
+fn serpentine(
+    priority: &[u32],
+    carry: &mut [f32],
+    requests: &mut [Request],
+    ask: &impl Fn([u32; 2]) -> Request,
+) {
+    let total: u64 = priority.iter().map(|&priority| u64::from(priority)).sum();
+    if total == 0 || requests.is_empty() {
+        return;
+    }
+    let threshold = total as f32 / requests.len() as f32;
+    let mut free = requests.iter_mut();
+    let width = carry.len();
+    for (y, row) in priority.chunks(width).enumerate() {
+        let column = |step: usize| if y % 2 == 0 { step } else { width - 1 - step };
+        let mut next = 0.0;
+        for x in (0..width).map(column) {
+            let mut value = row[x] as f32 + carry[x] + next;
+            if value >= threshold
+                && let Some(free) = free.next()
+            {
+                *free = ask([x as u32, y as u32]);
+                value -= threshold;
+            }
+            next = value / 2.0;
+            carry[x] = value / 2.0;
+        }
+        carry[column(width - 1)] += next;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::{
+        requests::NO_PIXEL,
+        testing::{Random, run_both, run_cpu, settings},
+    };
+
+    fn harness(params: DitherParams, size: [u32; 2], priority: &[u32], samples: u32) -> Harness<Dither> {
+        let mut harness = Harness::new(params, &settings(size, samples));
+        harness.set("priority", priority);
+        harness.set("id", &(1000..1000 + priority.len() as u32).collect::<Vec<_>>());
+        harness
+    }
+
+    /// The requests that ask for something.
+    fn asked(requests: &[Request]) -> Vec<Request> {
+        requests.iter().filter(|request| request.pixel != NO_PIXEL).copied().collect()
+    }
+
+    /// Runs both sides, asserts that they agree, and gives the requests that ask for something. Each asks for another
+    /// pixel of the image and names its point.
+    fn ask(harness: &mut Harness<Dither>) -> Vec<Request> {
+        let both = run_both(harness);
+        both.assert_equal::<[u32; 4]>("requests");
+        let requests = asked(&both.cpu.get::<Request>("requests"));
+        let pixels: BTreeSet<u32> = requests.iter().map(|request| request.pixel).collect();
+        assert_eq!(pixels.len(), requests.len());
+        let [width, height] = harness.frame.size;
+        assert!(pixels.iter().all(|&pixel| pixel < width * height));
+        assert!(
+            requests.iter().all(|request| request.view == VIEW_NOW && request.reuse == request.pixel + 1000)
+        );
+        requests
+    }
+
+    /// The images of `reference/dither.py`, in its order but for the hot spot: mixed, a step, flat.
+    fn images() -> [Vec<u32>; 3] {
+        let mut random = Random(1);
+        let mixed = (0..65536).map(|_| if random.below(10) < 3 { 200 } else { random.below(255) }).collect();
+        let step = (0..65536).map(|p| if p % 256 < 64 { 255 } else { 10 }).collect();
+        [mixed, step, vec![128; 65536]]
+    }
+
+    #[test]
+    fn as_many_as_wanted() {
+        for priority in images() {
+            for samples in [655, 6554, 13107] {
+                let mut harness = harness(DitherParams::default(), [256, 256], &priority, samples);
+                for index in [0, 1, 77] {
+                    harness.frame.index = index;
+                    assert_eq!(ask(&mut harness).len(), samples as usize);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn requests_follow_the_priority() {
+        let [_, step, _] = images();
+        let requests = ask(&mut harness(DitherParams::default(), [256, 256], &step, 6554));
+        let left = requests.iter().filter(|request| request.pixel % 256 < 64).count() as f32;
+        // A quarter of the pixels holds 255 / (255 + 3 * 10) of the priority.
+        assert!((left / 6554.0 - 255.0 / 285.0).abs() < 0.01, "{left}");
+    }
+
+    #[test]
+    fn a_hot_spot_asks_once_a_pixel() {
+        let hot =
+            |p: u32| if (100..110).contains(&(p / 256)) && (50..60).contains(&(p % 256)) { 255 } else { 0 };
+        let priority: Vec<u32> = (0..65536).map(hot).collect();
+        // A hundred pixels for 6554 samples.
+        assert_eq!(ask(&mut harness(DitherParams::default(), [256, 256], &priority, 6554)).len(), 100);
+        assert_eq!(ask(&mut harness(DitherParams::default(), [256, 256], &priority, 60)).len(), 60);
+    }
+
+    #[test]
+    fn extremes() {
+        let count = |size: [u32; 2], priority: u32, samples| {
+            let priority = vec![priority; (size[0] * size[1]) as usize];
+            ask(&mut harness(DitherParams::default(), size, &priority, samples)).len()
+        };
+        assert_eq!(count([40, 30], 0, 50), 0);
+        assert_eq!(count([40, 30], 9, 0), 0);
+        assert_eq!(count([1, 1], 9, 1), 1);
+        assert_eq!(count([1, 1], 1, 1000), 1);
+        assert_eq!(count([40, 30], 255, 5000), 1200);
+        assert_eq!(count([40, 30], 1, 1200), 1200);
+        assert_eq!(count([17, 1], 200, 5), 5);
+    }
+
+    #[test]
+    fn other_pixels_in_other_frames() {
+        let priority = vec![100; 64 * 64];
+        let mut harness = harness(DitherParams::default(), [64, 64], &priority, 100);
+        let [first, second] = [0, 1].map(|index| {
+            harness.frame.index = index;
+            ask(&mut harness)
+        });
+        let first: BTreeSet<u32> = first.iter().map(|request| request.pixel).collect();
+        assert!(second.iter().filter(|request| first.contains(&request.pixel)).count() < 10);
+    }
+
+    #[test]
+    fn aims() {
+        let priority = vec![100; 64 * 64];
+        let aims = |aim| {
+            let params = DitherParams { aim, ..DitherParams::default() };
+            let requests = ask(&mut harness(params, [64, 64], &priority, 1000));
+            requests.into_iter().map(|request| request.aim).collect::<BTreeSet<u32>>()
+        };
+        assert_eq!(aims(Aim::Center), BTreeSet::from([AIM_CENTER]));
+        let random = aims(Aim::Random);
+        assert!(random.len() > 990);
+        for shift in [0, 16] {
+            let mean =
+                random.iter().map(|aim| f64::from(aim >> shift & 0xFFFF)).sum::<f64>() / random.len() as f64;
+            // Ten standard deviations of the mean of 1000 even numbers.
+            assert!((mean / 65536.0 - 0.5).abs() < 0.1, "{mean}");
+        }
+    }
+
+    #[test]
+    fn empty_cells_ask_first() {
+        // 30x22 pixels: 8x6 cells, the last of both axes cut. Cells of even columns are empty: 24.
+        let occupancy: Vec<u32> = (0..48).map(|cell| cell % 8 % 2).collect();
+        for (samples, share, expected) in
+            [(100, 0.5, 24), (20, 0.5, 10), (20, 0.0, 0), (20, 1.0, 20), (1, 0.5, 0)]
+        {
+            let params = DitherParams { predicted_share: share, ..DitherParams::default() };
+            let mut harness = harness(params, [30, 22], &[100; 660], samples);
+            harness.set("occupancy", &occupancy);
+            let both = run_both(&mut harness);
+            both.assert_equal::<[u32; 4]>("requests");
+            let requests = both.cpu.get::<Request>("requests");
+            assert_eq!(asked(&requests).len(), samples as usize);
+            let (cells, pixels) = requests.split_at(expected);
+            assert!(pixels.iter().all(|request| request.view == VIEW_NOW));
+            let cell_of = |request: &Request| request.pixel / 30 / CELL * 8 + request.pixel % 30 / CELL;
+            for request in cells {
+                assert_eq!((request.view, request.reuse), (VIEW_PREDICTED, NO_POINT));
+                assert!(request.pixel < 660 && occupancy[cell_of(request) as usize] == 0);
+            }
+            assert_eq!(cells.iter().map(cell_of).collect::<BTreeSet<u32>>().len(), expected);
+        }
+    }
+
+    #[test]
+    fn a_full_prediction_changes_nothing() {
+        let priority: Vec<u32> = (0..660).map(|p| p % 200).collect();
+        let mut harness = harness(DitherParams::default(), [30, 22], &priority, 50);
+        let without = run_cpu(&mut harness).get::<Request>("requests");
+        harness.reset();
+        harness.set("occupancy", &[1; 48]);
+        assert_eq!(run_cpu(&mut harness).get::<Request>("requests"), without);
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(9);
+        for size in [[1000u32, 3], [129, 257], [16, 16]] {
+            let pixels = size[0] * size[1];
+            let priority: Vec<u32> = (0..pixels).map(|_| random.below(256)).collect();
+            let cells = size[0].div_ceil(CELL) * size[1].div_ceil(CELL);
+            let occupancy: Vec<u32> = (0..cells).map(|_| random.below(2)).collect();
+            for samples in [1, 37, pixels / 7, pixels / 2] {
+                let params = DitherParams { aim: Aim::Random, ..DitherParams::default() };
+                let mut harness = harness(params, size, &priority, samples);
+                harness.set("occupancy", &occupancy);
+                harness.frame.seed = samples;
+                for index in [0, 1, 1_000_003, u32::MAX] {
+                    harness.frame.index = index;
+                    eprintln!("{size:?} {samples} {index}");
+                    run_both(&mut harness).assert_equal::<[u32; 4]>("requests");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn dbg() {
+        let mut random = Random(9);
+        for size in [[1000u32, 3], [129, 257], [16, 16]] {
+            let pixels = size[0] * size[1];
+            let priority: Vec<u32> = (0..pixels).map(|_| random.below(256)).collect();
+            let cells = size[0].div_ceil(CELL) * size[1].div_ceil(CELL);
+            let occupancy: Vec<u32> = (0..cells).map(|_| random.below(2)).collect();
+            if pixels > 256 {
+                continue;
+            }
+            let params = DitherParams { aim: Aim::Random, ..DitherParams::default() };
+            let mut harness = harness(params, size, &priority, 1);
+            harness.set("occupancy", &occupancy);
+            for index in [1, 1, 1, 1, 2, 3, 4, 5, 6] {
+                harness.frame.index = index;
+                let b = run_both(&mut harness);
+                eprintln!(
+                    "{index} {:?} {:?} {:?} {:?}",
+                    b.cpu.get::<[u32; 4]>("requests"),
+                    b.gpu.get::<[u32; 4]>("requests"),
+                    b.gpu.get::<u32>("state"),
+                    b.gpu.get::<u32>("tiles")
+                );
+            }
+        }
+    }
+
+    fn serpentine_params() -> DitherParams {
+        DitherParams { kind: Kind::Serpentine, ..DitherParams::default() }
+    }
+
+    #[test]
+    fn golden_serpentine() {
+        // algorithms.md section 1.7.
+        let mut harness = harness(serpentine_params(), [4, 2], &[0, 100, 0, 100, 200, 0, 0, 0], 2);
+        let out = run_cpu(&mut harness);
+        let pixels: Vec<u32> =
+            asked(&out.get::<Request>("requests")).iter().map(|request| request.pixel).collect();
+        assert_eq!(pixels, [4]);
+        assert_eq!(out.get::<f32>("carry")[..4], [46.875, 46.875, 43.75, 62.5]);
+    }
+
+    #[test]
+    fn serpentine_is_exact_in_the_long_run() {
+        for priority in images() {
+            for samples in [655, 6554] {
+                let mut harness = harness(serpentine_params(), [256, 256], &priority, samples);
+                let counts = [0; 20].map(|_| asked(&run_cpu(&mut harness).get::<Request>("requests")).len());
+                // The last row leaves up to half a sample a column to the next frame.
+                let short = samples as usize - counts[0];
+                assert!((1..=128).contains(&short), "{short}");
+                let all: usize = counts.iter().sum();
+                assert!(20 * samples as usize - all <= 128, "{counts:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn serpentine_extremes() {
+        let count = |size: [u32; 2], priority: u32, samples| {
+            let priority = vec![priority; (size[0] * size[1]) as usize];
+            let mut harness = harness(serpentine_params(), size, &priority, samples);
+            asked(&run_cpu(&mut harness).get::<Request>("requests")).len()
+        };
+        assert_eq!(count([8, 8], 0, 5), 0);
+        assert_eq!(count([8, 8], 9, 0), 0);
+        assert_eq!(count([1, 1], 9, 1), 1);
+        assert_eq!(count([8, 8], 9, 1000), 64);
+    }
+}

@@ -1,0 +1,309 @@
+//! Colours every pixel from the points near it, and says how much a new sample there is worth
+//! (`algorithms.md` sections 1.4, 1.6 and 11.2).
+//!
+//! Colour: the weighted mean of the 3x3 pixels that show a point, weights 4 for the centre, 2 for edges, 1 for corners;
+//! where none does, the plain mean of the 7x7; where that is empty too, last frame's colour or black. Linear radiance
+//! is averaged, which measured better than tone-mapped.
+
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, choice, params, shader, texel};
+use rayon::prelude::*;
+
+use crate::shared::{
+    cloud::{AGE, AGE_ONE, decode_radiance},
+    requests::NO_POINT,
+};
+
+/// Weights of the 3x3 pixels, row by row; their sum is [`WEIGHTS_SUM`].
+const WEIGHTS: [f32; 9] = [1.0, 2.0, 1.0, 2.0, 4.0, 2.0, 1.0, 2.0, 1.0];
+const WEIGHTS_SUM: u32 = 16;
+
+/// Pixels to each side of the centre of the wide kernel.
+const REACH: usize = 3;
+
+choice! {
+    /// What a pixel shows that has no point within reach.
+    pub enum Empty {
+        /// The colour of the frame before.
+        Hold,
+        /// Black.
+        Clear,
+    }
+}
+
+choice! {
+    /// How the priority of a pixel follows from its surroundings.
+    pub enum Priority {
+        /// Pixels without a point: 255 (1 - w)^6 with w the share of the kernel's weight that is there; others: half
+        /// the point's age. The best of those measured.
+        Measured,
+        /// Pixels without a point: 255 (1 - w); others: the point's age, at most 254.
+        Classic,
+    }
+}
+
+params! {
+    /// Parameters of [`Fill`].
+    pub struct FillParams {
+        /// What a pixel shows that has no point within reach.
+        empty: Empty = Empty::Hold;
+        /// How the priority of a pixel follows from its surroundings.
+        priority: Priority = Priority::Measured;
+    }
+}
+
+/// See the module.
+pub struct Fill {
+    radiance: In<u32>,
+    meta: In<u32>,
+    id: In<u32>,
+    previous: In<texel::Rgba32Float>,
+    points: Out<[f32; 4]>,
+    color: Out<texel::Rgba32Float>,
+    priority: Out<u32>,
+}
+
+impl Stage for Fill {
+    const KIND: &'static str = "fill";
+    const DOC: &'static str =
+        "Colours every pixel from the points near it; says where new samples are worth most.";
+    type Params = FillParams;
+
+    fn declare(_: &FillParams, io: &mut Io) -> Self {
+        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        let (radiance, meta) = (cloud.read("radiance"), cloud.read("meta"));
+        let pixels = || Extent::Frame(1);
+        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", pixels());
+        let previous = io.history("previous", "The colours of the frame before.", pixels());
+        let points = io.write("points", "Scratch: the point's radiance and 1, or zeros.", pixels());
+        let color = io.write("color", "Linear radiance; alpha 1.", pixels());
+        let priority = io.write("priority", "How much a sample is worth, 0 to 255.", pixels());
+        io.shader(shader!("fill"));
+        io.dispatch("gather", points);
+        io.dispatch("fill", color);
+        Self { radiance, meta, id, previous, points, color, priority }
+    }
+
+    fn cpu(&self, params: &FillParams, cx: &CpuContext) -> Result<(), String> {
+        let (width, height) = (cx.dims(self.color).width as usize, cx.dims(self.color).height as usize);
+        let (radiance, meta) = (&cx.read(self.radiance)[..], &cx.read(self.meta)[..]);
+        let (id, previous) = (&cx.read(self.id)[..], &cx.read(self.previous)[..]);
+        let points = &mut cx.write(self.points)[..];
+        let (color, priority) = (&mut cx.write(self.color)[..], &mut cx.write(self.priority)[..]);
+
+        points.par_chunks_mut(width).zip(id.par_chunks(width)).for_each(|(points, id)| {
+            for (point, &id) in points.iter_mut().zip(id) {
+                *point = match radiance.get(id as usize) {
+                    Some(&radiance) => {
+                        let [r, g, b] = decode_radiance(radiance);
+                        [r, g, b, 1.0]
+                    }
+                    None => [0.0; 4],
+                };
+            }
+        });
+
+        let points = Image { texels: points, width, height };
+        color.par_chunks_mut(width).zip(priority.par_chunks_mut(width)).enumerate().for_each(
+            |(y, (color, priority))| {
+                for (x, (color, priority)) in color.iter_mut().zip(priority).enumerate() {
+                    let near = points.weighted_3x3(x, y);
+                    let mut sum = near;
+                    if near[3] == 0.0 {
+                        sum = points.sum_7x7(x, y);
+                    }
+                    let [r, g, b, weight] = sum;
+                    *color = match params.empty {
+                        _ if weight > 0.0 => [r / weight, g / weight, b / weight, 1.0],
+                        Empty::Hold => previous[y * width + x],
+                        Empty::Clear => [0.0, 0.0, 0.0, 1.0],
+                    };
+                    *priority = match id[y * width + x] {
+                        NO_POINT => without_point(params.priority, near[3] as u32),
+                        id => with_point(params.priority, meta[id as usize] & AGE),
+                    };
+                }
+            },
+        );
+        Ok(())
+    }
+}
+
+/// Priority of a pixel that shows a point of this age, in 8.8 fixed point.
+fn with_point(rule: Priority, age: u32) -> u32 {
+    match rule {
+        Priority::Measured => age / (2 * AGE_ONE),
+        Priority::Classic => (age / AGE_ONE).min(254),
+    }
+}
+
+/// Priority of a pixel without a point whose neighbours weigh `weight` of [`WEIGHTS_SUM`].
+fn without_point(rule: Priority, weight: u32) -> u32 {
+    let missing = WEIGHTS_SUM - weight;
+    match rule {
+        // In whole numbers: 255 * (missing / 16)^6, rounded to the nearest.
+        Priority::Measured => (255 * missing.pow(6) + (1 << 23)) >> 24,
+        Priority::Classic => 255 * missing / WEIGHTS_SUM,
+    }
+}
+
+/// Colours with weight 1, or zeros.
+struct Image<'a> {
+    texels: &'a [[f32; 4]],
+    width: usize,
+    height: usize,
+}
+
+impl Image<'_> {
+    /// The weighted sum of the 3x3 texels around (x, y).
+    #[inline(always)]
+    fn weighted_3x3(&self, x: usize, y: usize) -> [f32; 4] {
+        let mut sum = [0.0; 4];
+        for dy in 0..3 {
+            // Rows and columns count from 1 here, so that the one before the first is 0.
+            if y + dy < 1 || y + dy > self.height {
+                continue;
+            }
+            let row = &self.texels[(y + dy - 1) * self.width..][..self.width];
+            for dx in 0..3 {
+                if x + dx >= 1
+                    && let Some(texel) = row.get(x + dx - 1)
+                {
+                    add(&mut sum, WEIGHTS[3 * dy + dx], texel);
+                }
+            }
+        }
+        sum
+    }
+
+    /// The sum of the 7x7 texels around (x, y).
+    fn sum_7x7(&self, x: usize, y: usize) -> [f32; 4] {
+        let mut sum = [0.0; 4];
+        for y in y.saturating_sub(REACH)..(y + REACH + 1).min(self.height) {
+            let row = &self.texels[y * self.width..][..self.width];
+            for texel in &row[x.saturating_sub(REACH)..(x + REACH + 1).min(self.width)] {
+                add(&mut sum, 1.0, texel);
+            }
+        }
+        sum
+    }
+}
+
+#[inline(always)]
+fn add(sum: &mut [f32; 4], weight: f32, texel: &[f32; 4]) {
+    for (sum, texel) in sum.iter_mut().zip(texel) {
+        *sum += weight * texel;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::{
+        cloud::{LIVE, encode_radiance},
+        testing::{Random, run_both, run_cpu, settings},
+    };
+
+    const HELD: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
+
+    fn harness(params: FillParams, size: [u32; 2], id: &[u32], points: &[([f32; 3], u32)]) -> Harness<Fill> {
+        let mut harness = Harness::new(params, &settings(size, 0));
+        harness
+            .set("cloud.radiance", &points.iter().map(|point| encode_radiance(point.0)).collect::<Vec<_>>());
+        harness.set("cloud.meta", &points.iter().map(|point| point.1 | LIVE).collect::<Vec<_>>());
+        harness.set("id", id);
+        harness.set("previous", &vec![HELD; id.len()]);
+        harness
+    }
+
+    /// An image of `size` with given points at given pixels.
+    fn image(size: [u32; 2], points: &[(usize, u32)]) -> Vec<u32> {
+        let mut id = vec![NO_POINT; (size[0] * size[1]) as usize];
+        points.iter().for_each(|&(pixel, point)| id[pixel] = point);
+        id
+    }
+
+    #[test]
+    fn weights_are_four_two_one() {
+        // Red in the middle, green to the right, blue in the lower left corner of 3x3.
+        let points = [([1.0, 0.0, 0.0], 0), ([0.0, 1.0, 0.0], 0), ([0.0, 0.0, 1.0], 0)];
+        let id = image([3, 3], &[(4, 0), (5, 1), (6, 2)]);
+        let color =
+            run_cpu(&mut harness(FillParams::default(), [3, 3], &id, &points)).get::<[f32; 4]>("color");
+        assert_eq!(color[4], [4.0 / 7.0, 2.0 / 7.0, 1.0 / 7.0, 1.0]);
+        // Above the middle: red counts 2, green 1.
+        assert_eq!(color[1], [2.0 / 3.0, 1.0 / 3.0, 0.0, 1.0]);
+        assert_eq!(color[2], [1.0 / 3.0, 2.0 / 3.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn the_wide_kernel_only_where_the_near_one_is_empty() {
+        // One red point at the left of a row of six, a green one three pixels on.
+        let points = [([1.0, 0.0, 0.0], 0), ([0.0, 1.0, 0.0], 0)];
+        let id = image([9, 1], &[(0, 0), (4, 1)]);
+        for (empty, last) in [(Empty::Hold, HELD), (Empty::Clear, [0.0, 0.0, 0.0, 1.0])] {
+            let params = FillParams { empty, ..FillParams::default() };
+            let out = run_cpu(&mut harness(params, [9, 1], &id, &points));
+            let (color, priority) = (out.get::<[f32; 4]>("color"), out.get::<u32>("priority"));
+            assert_eq!(color[1], [1.0, 0.0, 0.0, 1.0]);
+            assert_eq!(color[2], [0.5, 0.5, 0.0, 1.0]);
+            assert_eq!(color[6], [0.0, 1.0, 0.0, 1.0]);
+            assert_eq!(color[8], last);
+            // The wide kernel feeds no priority.
+            assert_eq!([priority[2], priority[6], priority[8]], [255; 3]);
+        }
+    }
+
+    #[test]
+    fn classic_priorities() {
+        // algorithms.md section 1.6: w = 12, 1 and 0.
+        let of = |weight| without_point(Priority::Classic, weight);
+        assert_eq!([of(12), of(1), of(0)], [63, 239, 255]);
+        let of = |age| with_point(Priority::Classic, age);
+        assert_eq!([of(0), of(100 * AGE_ONE + 255), of(AGE)], [0, 100, 254]);
+    }
+
+    #[test]
+    fn measured_priorities() {
+        // algorithms.md section 11.2: 255 (1 - w)^6.
+        let of = |weight| without_point(Priority::Measured, weight);
+        assert_eq!(of(0), 255);
+        for weight in 0..=12 {
+            let exact = 255.0 * (1.0 - f64::from(weight) / 16.0).powi(6);
+            assert_eq!(of(weight), exact.round() as u32, "{weight}");
+        }
+        let of = |age| with_point(Priority::Measured, age);
+        assert_eq!([of(0), of(100 * AGE_ONE), of(AGE)], [0, 50, 127]);
+    }
+
+    #[test]
+    fn priorities_of_an_image() {
+        let points = [([1.0; 3], 80 * AGE_ONE)];
+        let mut harness = harness(FillParams::default(), [4, 1], &image([4, 1], &[(0, 0)]), &points);
+        // w = 2 of 16 beside the point: 255 (14 / 16)^6 = 114.4.
+        assert_eq!(run_cpu(&mut harness).get::<u32>("priority"), [40, 114, 255, 255]);
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(11);
+        let points: Vec<([f32; 3], u32)> =
+            (0..500).map(|_| ([0; 3].map(|_| random.between(0.0, 1.0)), random.below(AGE + 1))).collect();
+        let size = [53, 41];
+        // Crowded on the left, sparse on the right, so that all three ways of filling come up.
+        let id: Vec<u32> = (0..size[0] * size[1])
+            .map(|p| if random.below(1 + (p % 53) * 8) < 4 { random.below(500) } else { NO_POINT })
+            .collect();
+        for empty in [Empty::Hold, Empty::Clear] {
+            for priority in [Priority::Measured, Priority::Classic] {
+                let both = run_both(&mut harness(FillParams { empty, priority }, size, &id, &points));
+                both.assert_equal::<u32>("priority");
+                // Up to 49 sums and a division of numbers below 1.
+                both.assert_close("color", 1e-6);
+                let color = both.cpu.get::<[f32; 4]>("color");
+                assert!(color.contains(&if empty == Empty::Hold { HELD } else { [0.0, 0.0, 0.0, 1.0] }));
+            }
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! Puts new samples into the cloud.
+
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, shader};
+use rayon::prelude::*;
+
+use crate::shared::{
+    cloud::{CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
+    requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
+};
+
+/// Points seen at most this many pixels from a changed one are flagged, on each axis: a square of 7 x 7.
+const REACH: u32 = 3;
+
+epigraph_core::params! {
+    /// When a colour counts as changed.
+    pub struct IntegrateParams {
+        /// Difference of tone-mapped luma Y / (1 + Y) between a new sample and the point it was asked for to renew,
+        /// above which the points seen around it are flagged.
+        threshold: f32 = 0.1, in 0.0..=1.0, unit "luma";
+    }
+}
+
+/// Writes each sample into its slot, as a fresh point of age 0. Where a sample has another colour than the point that
+/// its pixel showed, the points seen in the 7 x 7 pixels around it are flagged as changed, which makes them age faster
+/// (`algorithms.md` section 1.5).
+pub struct Integrate {
+    cloud_position: Out<[f32; 4]>,
+    cloud_radiance: Out<u32>,
+    cloud_image_id: Out<u32>,
+    cloud_meta: Out<u32>,
+    samples: In<Sample>,
+    slots: In<u32>,
+    arrived: Out<u32>,
+    changed: Out<u32>,
+}
+
+impl Stage for Integrate {
+    const KIND: &'static str = "integrate";
+    const DOC: &'static str =
+        "Writes new samples into their slots; flags points around a pixel whose colour changed.";
+    type Params = IntegrateParams;
+
+    fn declare(_: &Self::Params, io: &mut Io) -> Self {
+        let mut cloud = io.bundle(Access::Update, "cloud", "The points.", Extent::Any);
+        let cloud_position = cloud.write("position");
+        let cloud_radiance = cloud.write("radiance");
+        let cloud_image_id = cloud.write("image_id");
+        let cloud_meta = cloud.write("meta");
+        let samples = io.history("samples", "The samples that arrived in the last frame.", Extent::Any);
+        let slots =
+            io.read("slots", "The slot of each sample, 0xFFFFFFFF for none.", Extent::Like("samples".into()));
+        let arrived = io.write("arrived", "How many samples came into the cloud.", Extent::Fixed([1, 1]));
+        // Frame numbers need no clearing.
+        let changed = io.persistent(
+            "changed",
+            "Frame number + 1 in which a colour last changed nearby.",
+            Extent::Frame(1),
+        );
+
+        io.shader(shader!("integrate"));
+        io.compute("clear", Threads::Groups(1));
+        io.dispatch("compare", slots);
+        io.dispatch("flag", cloud_meta);
+        io.dispatch("insert", slots);
+        Self { cloud_position, cloud_radiance, cloud_image_id, cloud_meta, samples, slots, arrived, changed }
+    }
+
+    fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
+        let (samples, slots) = (cx.read(self.samples), cx.read(self.slots));
+        let (mut position, mut radiance) = (cx.write(self.cloud_position), cx.write(self.cloud_radiance));
+        let (mut image_id, mut meta) = (cx.write(self.cloud_image_id), cx.write(self.cloud_meta));
+        let (mut arrived, mut changed) = (cx.write(self.arrived), cx.write(self.changed));
+        let [width, height] = cx.frame().size;
+        let stamp = cx.frame().index.wrapping_add(1);
+        let capacity = meta.len();
+        let takes = |sample: &Sample, slot: u32| sample.hit != HIT_NONE && (slot as usize) < capacity;
+
+        // clear, compare
+        arrived[0] = 0;
+        for (sample, &slot) in samples.iter().zip(&*slots) {
+            if !takes(sample, slot) {
+                continue;
+            }
+            arrived[0] += 1;
+            let shown = sample.reuse as usize;
+            if sample.view != VIEW_NOW || shown >= capacity || meta[shown] & LIVE == 0 {
+                continue;
+            }
+            let before = decode_radiance(radiance[shown]);
+            // Compared as it will be stored.
+            let after = decode_radiance(encode_radiance(sample.radiance));
+            if (tone_mapped_luma(after) - tone_mapped_luma(before)).abs() > params.threshold {
+                let (x, y) = (sample.pixel % width, sample.pixel / width);
+                for y in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+                    for x in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
+                        changed[(y * width + x) as usize] = stamp;
+                    }
+                }
+            }
+        }
+
+        // flag
+        let changed = &*changed;
+        meta.par_iter_mut().zip(&*image_id).with_min_len(4096).for_each(|(meta, &pixel)| {
+            if *meta & LIVE == 0 {
+                return;
+            }
+            *meta &= !FRESH;
+            if changed.get(pixel as usize) == Some(&stamp) {
+                *meta |= CHANGED;
+            }
+        });
+
+        // insert
+        for (sample, &slot) in samples.iter().zip(&*slots) {
+            if !takes(sample, slot) {
+                continue;
+            }
+            let slot = slot as usize;
+            let [x, y, z] = sample.position;
+            position[slot] = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
+            radiance[slot] = encode_radiance(sample.radiance);
+            image_id[slot] = NOT_DRAWN;
+            meta[slot] = LIVE | FRESH;
+        }
+        Ok(())
+    }
+}
+
+/// Y / (1 + Y) with Rec. 709 luminance Y: from 0 to 1, and never steeper than Y.
+fn tone_mapped_luma(color: [f32; 3]) -> f32 {
+    let luminance = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
+    luminance / (1.0 + luminance)
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::{
+        cloud::AGE,
+        requests::{HIT_BACKGROUND, NO_POINT, VIEW_PREDICTED},
+        testing::{Random, run_both, run_cpu, settings},
+    };
+
+    const SIZE: [u32; 2] = [16, 12];
+    const GREY: [f32; 3] = [0.5; 3];
+
+    /// A cloud in which point i is grey, live, of age i and seen at pixel i.
+    fn harness(capacity: u32, samples: &[Sample], slots: &[u32]) -> Harness<Integrate> {
+        let mut harness = Harness::new(IntegrateParams::default(), &settings(SIZE, samples.len() as u32));
+        harness.set("cloud.position", &vec![[1.0f32; 4]; capacity as usize]);
+        harness.set("cloud.radiance", &vec![encode_radiance(GREY); capacity as usize]);
+        harness.set("cloud.image_id", &(0..capacity).collect::<Vec<_>>());
+        harness.set("cloud.meta", &(0..capacity).map(|age| LIVE | age & AGE).collect::<Vec<_>>());
+        harness.set("samples", samples);
+        harness.set("slots", slots);
+        harness
+    }
+
+    fn sample(pixel: u32, radiance: [f32; 3]) -> Sample {
+        Sample {
+            position: [1.0, 2.0, 3.0],
+            hit: HIT_SURFACE,
+            radiance,
+            pixel,
+            reuse: pixel,
+            ..Sample::default()
+        }
+    }
+
+    #[test]
+    fn samples_become_fresh_points() {
+        let sky = Sample { hit: HIT_BACKGROUND, ..sample(5, GREY) };
+        let samples = [sample(4, GREY), Sample::default(), sky, sample(6, GREY)];
+        let out = run_cpu(&mut harness(16, &samples, &[9, 3, 2, NO_POINT]));
+        let (position, meta) = (out.get::<[f32; 4]>("cloud.position"), out.get::<u32>("cloud.meta"));
+        assert_eq!((position[9], meta[9]), ([1.0, 2.0, 3.0, 1.0], LIVE | FRESH));
+        assert_eq!((position[2], meta[2]), ([1.0, 2.0, 3.0, 0.0], LIVE | FRESH));
+        // An entry that holds no sample has no effect, whatever its slot.
+        assert_eq!((position[3], meta[3]), ([1.0; 4], LIVE | 3));
+        let image_id = out.get::<u32>("cloud.image_id");
+        assert_eq!([image_id[9], image_id[2], image_id[3]], [NOT_DRAWN, NOT_DRAWN, 3]);
+        assert_eq!(out.get::<u32>("arrived"), [2]);
+    }
+
+    #[test]
+    fn points_are_fresh_in_their_first_frame_only() {
+        let mut harness = harness(4, &[Sample::default()], &[NO_POINT]);
+        harness.set("cloud.meta", &[LIVE | FRESH, 0, LIVE | CHANGED | 7, LIVE]);
+        assert_eq!(run_cpu(&mut harness).get::<u32>("cloud.meta"), [LIVE, 0, LIVE | CHANGED | 7, LIVE]);
+    }
+
+    /// The slots that are flagged when a sample of this kind comes in.
+    fn flagged(sample: Sample) -> Vec<u32> {
+        let out = run_cpu(&mut harness(SIZE[0] * SIZE[1], &[sample], &[sample.pixel]));
+        let meta = out.get::<u32>("cloud.meta");
+        (0..meta.len() as u32).filter(|&slot| meta[slot as usize] & CHANGED != 0).collect()
+    }
+
+    #[test]
+    fn another_colour_flags_the_7x7_pixels_around_but_not_the_new_point() {
+        // Luma 1/3 against 2/3.
+        let slots = flagged(sample(5 * 16 + 8, [2.0; 3]));
+        let around = |x: std::ops::Range<u32>, y: std::ops::Range<u32>, but: u32| -> Vec<u32> {
+            y.flat_map(|y| x.clone().map(move |x| y * 16 + x)).filter(|&slot| slot != but).collect()
+        };
+        assert_eq!(slots, around(5..12, 2..9, 5 * 16 + 8));
+        // The image's corners cut the square.
+        assert_eq!(flagged(sample(0, [2.0; 3])), around(0..4, 0..4, 0));
+        assert_eq!(flagged(sample(16 * 12 - 1, [2.0; 3])), around(12..16, 8..12, 16 * 12 - 1));
+    }
+
+    #[test]
+    fn the_threshold_is_of_tone_mapped_luma() {
+        // 0.5 has luma 1/3; the threshold 0.1 is passed at Y = x / (1 - x) with x = 1/3 + 0.1: 0.7647.
+        assert!(flagged(sample(40, [0.755; 3])).is_empty());
+        assert!(!flagged(sample(40, [0.775; 3])).is_empty());
+    }
+
+    #[test]
+    fn only_a_new_view_of_the_shown_point_is_compared() {
+        let bright = sample(40, [2.0; 3]);
+        assert!(!flagged(bright).is_empty());
+        assert!(flagged(Sample { view: VIEW_PREDICTED, ..bright }).is_empty());
+        assert!(flagged(Sample { reuse: NO_POINT, ..bright }).is_empty());
+    }
+
+    #[test]
+    fn stamps_of_earlier_frames_do_not_count() {
+        let mut harness = harness(64, &[sample(20, [2.0; 3])], &[63]);
+        assert!(run_cpu(&mut harness).get::<u32>("cloud.meta").iter().any(|meta| meta & CHANGED != 0));
+        harness.frame.index = 1;
+        harness.set("samples", &[sample(20, GREY)]);
+        assert!(run_cpu(&mut harness).get::<u32>("cloud.meta").iter().all(|meta| meta & CHANGED == 0));
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(21);
+        let capacity = 400;
+        // Every slot at most once, as `replace` gives them out.
+        let samples: Vec<Sample> = (0..300)
+            .map(|_| Sample {
+                hit: random.below(3),
+                radiance: std::array::from_fn(|_| random.between(0.0, 1.0)),
+                reuse: random.below(2 * capacity),
+                view: random.below(2),
+                ..sample(random.below(SIZE[0] * SIZE[1]), GREY)
+            })
+            .collect();
+        let slots: Vec<u32> =
+            (0..300).map(|slot| if random.below(9) == 0 { NO_POINT } else { 399 - slot }).collect();
+        let mut harness = harness(capacity, &samples, &slots);
+        harness.frame.index = 17;
+        let both = run_both(&mut harness);
+        for output in ["cloud.radiance", "cloud.image_id", "cloud.meta", "arrived", "changed"] {
+            // The comparison of lumas rounds, but none of these lies that close to the threshold.
+            both.assert_equal::<u32>(output);
+        }
+        both.assert_equal::<[f32; 4]>("cloud.position");
+    }
+}

@@ -1,0 +1,147 @@
+//! Which parts of the image the cloud leaves bare from where the camera is expected to be, so that samples can be asked
+//! for before the gaps are seen (`algorithms.md` section 1.8). A quarter of the resolution on each axis, no depth.
+
+use std::sync::Mutex;
+
+use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage, shader};
+use rayon::prelude::*;
+
+use crate::shared::{cloud::LIVE, view::project};
+
+/// Pixels on each side of a cell of `occupancy`.
+pub const CELL: u32 = 4;
+
+/// Points that the CPU looks through at a time.
+const CHUNK: usize = 4096;
+
+/// See the module.
+pub struct Predict {
+    position: In<[f32; 4]>,
+    meta: In<u32>,
+    occupancy: Out<u32>,
+}
+
+impl Stage for Predict {
+    const KIND: &'static str = "predict";
+    const DOC: &'static str =
+        "Where the cloud will have points from the predicted camera, at a quarter of the resolution.";
+    type Params = ();
+
+    fn declare(_: &(), io: &mut Io) -> Self {
+        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        let (position, meta) = (cloud.read("position"), cloud.read("meta"));
+        let occupancy = io.write(
+            "occupancy",
+            "1 where a point falls into the 4x4 pixels, else 0; 1 everywhere while the camera rests.",
+            Extent::Frame(CELL),
+        );
+        io.shader(shader!("predict"));
+        io.dispatch("clear", occupancy);
+        io.dispatch("mark", position);
+        Self { position, meta, occupancy }
+    }
+
+    fn cpu(&self, _: &(), cx: &CpuContext) -> Result<(), String> {
+        let (frame, width) = (cx.frame(), cx.dims(self.occupancy).width);
+        let (position, meta) = (&cx.read(self.position)[..], &cx.read(self.meta)[..]);
+        let occupancy = &mut cx.write(self.occupancy)[..];
+
+        if frame.predicted == frame.view {
+            occupancy.fill(1);
+            return Ok(());
+        }
+        occupancy.fill(0);
+        // Marks come in any order, so threads may take turns: projecting costs much more than marking.
+        let occupancy = Mutex::new(occupancy);
+        position.par_chunks(CHUNK).zip(meta.par_chunks(CHUNK)).for_each(|(position, meta)| {
+            let mut cells = [0; CHUNK];
+            let mut count = 0;
+            for (&position, meta) in position.iter().zip(meta) {
+                if meta & LIVE != 0
+                    && let Some(point) = project(&frame.predicted, position, frame.size)
+                {
+                    let [x, y] = point.pixel();
+                    cells[count] = (y / CELL * width + x / CELL) as usize;
+                    count += 1;
+                }
+            }
+            let mut occupancy = occupancy.lock().expect("marking does not panic");
+            for &cell in &cells[..count] {
+                occupancy[cell] = 1;
+            }
+        });
+        Ok(())
+    }
+
+    fn needless(_: &(), facts: &Facts) -> Option<&'static str> {
+        (!facts.camera_moves).then_some("the camera does not move")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::{Harness, View};
+
+    use super::*;
+    use crate::shared::testing::{Random, run_both, settings};
+
+    fn harness(size: [u32; 2], positions: &[[f32; 4]], meta: &[u32]) -> Harness<Predict> {
+        let mut harness = Harness::new((), &settings(size, 0));
+        harness.set("cloud.position", positions);
+        harness.set("cloud.meta", meta);
+        harness
+    }
+
+    #[test]
+    fn the_predicted_view_counts() {
+        // Straight ahead of a camera that is expected to have moved a unit to the right, in an image of 3x2 cells.
+        let mut harness = harness([10, 8], &[[1.0, 0.0, -5.0, 1.0], [0.0, 0.0, 5.0, 1.0]], &[LIVE; 2]);
+        harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..View::default() };
+        let both = run_both(&mut harness);
+        for out in [both.cpu, both.gpu] {
+            assert_eq!(out.get::<u32>("occupancy"), [0, 0, 0, 0, 1, 0]);
+        }
+    }
+
+    #[test]
+    fn dead_points_leave_no_mark() {
+        let mut harness = harness([4, 4], &[[0.0, 0.0, -5.0, 1.0]], &[0]);
+        harness.frame.predicted = View { eye: [0.1, 0.0, 0.0], ..View::default() };
+        let both = run_both(&mut harness);
+        for out in [both.cpu, both.gpu] {
+            assert_eq!(out.get::<u32>("occupancy"), [0]);
+        }
+    }
+
+    #[test]
+    fn a_resting_camera_has_nothing_to_predict() {
+        let both = run_both(&mut harness([9, 4], &[[0.0, 0.0, -5.0, 1.0]], &[0]));
+        for out in [both.cpu, both.gpu] {
+            assert_eq!(out.get::<u32>("occupancy"), [1; 3]);
+        }
+    }
+
+    #[test]
+    fn needless_for_a_still_camera() {
+        assert!(Predict::needless(&(), &Facts::default()).is_some());
+        assert!(Predict::needless(&(), &Facts { camera_moves: true, ..Facts::default() }).is_none());
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(3);
+        let positions: Vec<[f32; 4]> = (0..2000)
+            .map(|_| {
+                let z = random.between(-1.0, 50.0);
+                [random.between(-1.1, 1.1) * z, random.between(-1.1, 1.1) * z, -z, random.below(2) as f32]
+            })
+            .collect();
+        let meta: Vec<u32> = (0..2000).map(|_| if random.below(3) == 0 { 0 } else { LIVE }).collect();
+        let mut harness = harness([333, 130], &positions, &meta);
+        harness.frame.predicted = View { eye: [0.1, 0.0, 0.0], ..View::default() };
+        let both = run_both(&mut harness);
+        assert!(both.cpu.get::<u32>("occupancy").contains(&1));
+        // A point within a rounding of a cell's edge may mark the neighbour.
+        both.assert_equal_but::<u32>("occupancy", 4);
+    }
+}

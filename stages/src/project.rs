@@ -1,0 +1,337 @@
+//! Projects the point cloud: which point each pixel shows, how far away it is, and where in the pixel it lies
+//! (`algorithms.md` sections 1.2 and 5). The nearest point wins, and of equally near ones the lowest id, so that the
+//! result does not depend on the order in which threads run.
+//!
+//! Three methods on the GPU give that result. *TwoPass* needs no extension: an `atomicMin` on the depth, then one on the
+//! id among the points that have that depth. *Atomic64* puts depth and id into one 64-bit `atomicMin`. *Raster* draws
+//! points with the depth test; its depth buffer holds z / far, so of two points whose z differ by a rounding of that
+//! quotient (a relative 1e-7) the lower id wins instead of the nearer point.
+
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Pass, Stage, choice, params, shader, texel};
+use rayon::prelude::*;
+
+use crate::shared::{
+    cloud::{AGE, AGE_ONE, LIVE},
+    requests::NO_POINT,
+    view::project,
+};
+
+/// The `depth` of a pixel that shows no point: the bits of infinity.
+pub const EMPTY_DEPTH: u32 = f32::INFINITY.to_bits();
+
+/// The pixel of a point that is not drawn, in `projected`.
+const NO_PIXEL: u32 = u32::MAX;
+
+/// Points that the CPU projects or looks through at a time.
+const CHUNK: usize = 1024;
+
+choice! {
+    /// How the GPU finds the nearest point of each pixel.
+    pub enum Method {
+        /// Two passes of 32-bit atomics; runs everywhere.
+        TwoPass,
+        /// One pass of 64-bit atomics; needs a device that has them.
+        Atomic64,
+        /// Points drawn by the rasteriser with a depth buffer.
+        Raster,
+    }
+}
+
+params! {
+    /// Parameters of [`Project`].
+    pub struct ProjectParams {
+        /// How the GPU finds the nearest point of each pixel; the CPU has one way for all.
+        method: Method = Method::TwoPass;
+        /// Bits of the sub-pixel cell, half of them for each axis: 8 gives 16 x 16 cells, 4 gives 4 x 4.
+        subpixel_bits: u32 = 8, in 2..=8, unit "bits";
+        /// Points older than this are not drawn.
+        max_age: u32 = 255, in 0..=255;
+    }
+}
+
+/// See the module.
+pub struct Project {
+    position: In<[f32; 4]>,
+    meta: In<u32>,
+    id: Out<u32>,
+    depth: Out<u32>,
+    subpixel: Out<u32>,
+    projected: Out<[u32; 2]>,
+    cells: Out<u32>,
+}
+
+impl Stage for Project {
+    const KIND: &'static str = "project";
+    const DOC: &'static str =
+        "Projects the point cloud: the nearest point of each pixel, its depth, its place in the pixel.";
+    type Params = ProjectParams;
+
+    fn declare(params: &ProjectParams, io: &mut Io) -> Self {
+        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        let (position, meta) = (cloud.read("position"), cloud.read("meta"));
+        let pixels = Extent::Frame(1);
+        let points = || Extent::Like("cloud".into());
+        let id = io.write("id", "The point that the pixel shows, 0xFFFFFFFF if none.", pixels.clone());
+        let depth = io.write(
+            "depth",
+            "Bits of its distance along the axis, metres; infinity if none.",
+            pixels.clone(),
+        );
+        let subpixel = io.write("subpixel", "Its cell in the pixel, row by row; 0 if none.", pixels.clone());
+        let projected =
+            io.write("projected", "Scratch: each point's pixel and bits of its distance.", points());
+        let cells = io.write("cells", "Scratch: each point's cell in its pixel.", points());
+
+        io.shader(shader!("project"));
+        match params.method {
+            Method::TwoPass => {
+                io.dispatch("clear", id);
+                io.dispatch("project", position);
+                io.dispatch("claim", position);
+            }
+            Method::Atomic64 => {
+                io.needs_atomic64();
+                io.define("ATOMIC64");
+                let keys: Out<[u32; 2]> = io.write("keys", "Scratch: the least depth and id.", pixels);
+                io.dispatch("clear", keys);
+                io.dispatch("project", position);
+            }
+            Method::Raster => {
+                io.define("RASTER");
+                let drawn: Out<texel::R32Uint> =
+                    io.write("drawn", "Scratch: the point that was drawn.", pixels);
+                io.pass(Pass::Points {
+                    vertex: "vertex",
+                    fragment: "fragment",
+                    count: position.into(),
+                    target: drawn.into(),
+                    clear: NO_POINT,
+                });
+            }
+        }
+        io.dispatch("resolve", id);
+        Self { position, meta, id, depth, subpixel, projected, cells }
+    }
+
+    fn cpu(&self, params: &ProjectParams, cx: &CpuContext) -> Result<(), String> {
+        let (frame, pixels) = (cx.frame(), cx.dims(self.id));
+        let (position, meta) = (&cx.read(self.position)[..], &cx.read(self.meta)[..]);
+        let (id, depth) = (&mut cx.write(self.id)[..], &mut cx.write(self.depth)[..]);
+        let subpixel = &mut cx.write(self.subpixel)[..];
+        let (projected, cells) = (&mut cx.write(self.projected)[..], &mut cx.write(self.cells)[..]);
+
+        let axis = 1 << (params.subpixel_bits / 2);
+        let points = position.par_chunks(CHUNK).zip(meta.par_chunks(CHUNK));
+        let found = projected.par_chunks_mut(CHUNK).zip(cells.par_chunks_mut(CHUNK));
+        points.zip(found).for_each(|((position, meta), (projected, cells))| {
+            for (i, projected) in projected.iter_mut().enumerate() {
+                *projected = [NO_PIXEL, EMPTY_DEPTH];
+                if is_drawn(meta[i], params.max_age)
+                    && let Some(point) = project(&frame.view, position[i], frame.size)
+                {
+                    let [x, y] = point.pixel();
+                    *projected = [y * pixels.width + x, point.z.to_bits()];
+                    cells[i] = point.cell(axis);
+                }
+            }
+        });
+
+        // Each thread owns a band of the image and goes through all points in the order of their ids.
+        let band = id.len().div_ceil(rayon::current_num_threads());
+        let bands =
+            id.par_chunks_mut(band).zip(depth.par_chunks_mut(band)).zip(subpixel.par_chunks_mut(band));
+        bands.enumerate().for_each(|(index, ((id, depth), subpixel))| {
+            let band = Band { first: (index * band) as u32, id, depth, subpixel };
+            band.claim(projected, cells);
+        });
+        Ok(())
+    }
+}
+
+fn is_drawn(meta: u32, max_age: u32) -> bool {
+    meta & LIVE != 0 && (meta & AGE) / AGE_ONE <= max_age
+}
+
+/// A stretch of the image's pixels.
+struct Band<'a> {
+    first: u32,
+    id: &'a mut [u32],
+    depth: &'a mut [u32],
+    subpixel: &'a mut [u32],
+}
+
+impl Band<'_> {
+    fn claim(self, projected: &[[u32; 2]], cells: &[u32]) {
+        self.id.fill(NO_POINT);
+        self.depth.fill(EMPTY_DEPTH);
+        self.subpixel.fill(0);
+        let mut mine = [0; CHUNK];
+        for (chunk, projected) in projected.chunks(CHUNK).enumerate() {
+            // First picks the band's points without a branch: whether a point is one of them cannot be predicted.
+            let mut count = 0;
+            for (i, [pixel, _]) in projected.iter().enumerate() {
+                mine[count] = i;
+                count += usize::from((pixel.wrapping_sub(self.first) as usize) < self.id.len());
+            }
+            for &i in &mine[..count] {
+                let [pixel, depth] = projected[i];
+                let at = (pixel - self.first) as usize;
+                // The bits of positive floats are ordered like the floats; ids come in rising order.
+                if depth < self.depth[at] {
+                    self.depth[at] = depth;
+                    self.id[at] = (chunk * CHUNK + i) as u32;
+                    self.subpixel[at] = cells[chunk * CHUNK + i];
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::{Harness, View};
+
+    use super::*;
+    use crate::shared::testing::{Both, Random, run_both, run_cpu, settings};
+
+    const METHODS: [Method; 3] = [Method::TwoPass, Method::Atomic64, Method::Raster];
+
+    fn harness(params: ProjectParams, size: [u32; 2], points: &[([f32; 4], u32)]) -> Harness<Project> {
+        let mut harness = Harness::new(params, &settings(size, 0));
+        harness.frame.view = View { near: 0.5, far: 100.0, ..View::default() };
+        harness.set("cloud.position", &points.iter().map(|point| point.0).collect::<Vec<_>>());
+        harness.set("cloud.meta", &points.iter().map(|point| point.1).collect::<Vec<_>>());
+        harness
+    }
+
+    /// Points whose pixel in a 4x4 image is (2, 1), in the middle.
+    fn at(z: f32) -> [f32; 4] {
+        [0.25 * z, 0.25 * z, -z, 1.0]
+    }
+
+    #[test]
+    fn the_nearest_live_point_wins() {
+        let old = LIVE | 201 * AGE_ONE;
+        let points = [(at(5.0), LIVE), (at(3.0), LIVE), (at(2.0), 0), (at(2.5), old), (at(3.0), LIVE)];
+        for method in METHODS {
+            let params = ProjectParams { method, max_age: 200, ..ProjectParams::default() };
+            let mut harness = harness(params, [4, 4], &points);
+            let both = run_both(&mut harness);
+            for out in [both.cpu, both.gpu] {
+                let pixel = 4 + 2;
+                // Points 1 and 4 are equally near: the lower id. 2 is dead and 3 too old.
+                let expected: Vec<u32> = (0..16).map(|p| if p == pixel { 1 } else { NO_POINT }).collect();
+                assert_eq!(out.get::<u32>("id"), expected, "{method:?}");
+                let depth = out.get::<u32>("depth");
+                assert_eq!((f32::from_bits(depth[pixel]), depth[0]), (3.0, EMPTY_DEPTH));
+                let subpixel = out.get::<u32>("subpixel");
+                assert_eq!((subpixel[pixel], subpixel[0]), (8 * 16 + 8, 0));
+            }
+        }
+    }
+
+    #[test]
+    fn age_255_is_drawn_by_default() {
+        let mut harness = harness(ProjectParams::default(), [4, 4], &[(at(2.0), LIVE | AGE)]);
+        assert_eq!(run_cpu(&mut harness).get::<u32>("id")[6], 0);
+    }
+
+    #[test]
+    fn far_points_and_directions_fill_the_background() {
+        let points = [(at(1e5), LIVE), ([-0.25, 0.25, -1.0, 0.0], LIVE)];
+        for method in METHODS {
+            let mut harness = harness(ProjectParams { method, ..ProjectParams::default() }, [4, 4], &points);
+            let both = run_both(&mut harness);
+            for out in [both.cpu, both.gpu] {
+                let (id, depth) = (out.get::<u32>("id"), out.get::<u32>("depth"));
+                assert_eq!((id[6], id[5]), (0, 1), "{method:?}");
+                assert_eq!([depth[6], depth[5]].map(f32::from_bits), [100.0, 100.0], "{method:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn four_bits_give_four_cells_an_axis() {
+        // 0.8 of the way right and 0.3 down in pixel (2, 1) of 4x4: column 3, row 1.
+        let point = [0.4, 0.35, -1.0, 1.0];
+        let cell = |subpixel_bits| {
+            let params = ProjectParams { subpixel_bits, ..ProjectParams::default() };
+            run_cpu(&mut harness(params, [4, 4], &[(point, LIVE)])).get::<u32>("subpixel")[6]
+        };
+        assert_eq!(cell(4), 4 + 3);
+        assert_eq!(cell(8), 16 * 4 + 12);
+        assert_eq!(cell(2), 1);
+    }
+
+    #[test]
+    fn an_empty_cloud_leaves_empty_pixels() {
+        let mut harness = harness(ProjectParams::default(), [3, 2], &[([0.0; 4], 0)]);
+        let both = run_both(&mut harness);
+        for out in [both.cpu, both.gpu] {
+            assert_eq!(out.get::<u32>("id"), [NO_POINT; 6]);
+            assert_eq!(out.get::<u32>("depth"), [EMPTY_DEPTH; 6]);
+        }
+    }
+
+    /// A cloud in and around the view with a part that is dead, broken, far, behind or at infinity.
+    fn cloud(count: usize) -> Vec<([f32; 4], u32)> {
+        let mut random = Random(7);
+        let point = |i: usize| {
+            let z = random.between(0.2, 130.0);
+            let mut p = [random.between(-1.2, 1.2) * z, random.between(-1.2, 1.2) * z, -z, 1.0];
+            match i % 20 {
+                0 => p[2] = z,
+                1 => p[3] = 0.0,
+                2 => p[random.below(3) as usize] = f32::NAN,
+                3 => p = p.map(|c| c * 1e30),
+                _ => {}
+            }
+            (p, if i % 7 == 0 { AGE } else { LIVE })
+        };
+        (0..count).map(point).collect()
+    }
+
+    /// Asserts that `differing` pixels at most show another point, and gives how far apart the rest is.
+    fn compare(both: &Both, allowed: usize) {
+        let (cpu, gpu) = (both.cpu.get::<u32>("id"), both.gpu.get::<u32>("id"));
+        assert!(cpu.iter().filter(|&&id| id != NO_POINT).count() > cpu.len() / 4);
+        let same = |p: &usize| cpu[*p] == gpu[*p];
+        let differing = cpu.len() - (0..cpu.len()).filter(same).count();
+        assert!(differing <= allowed, "{differing} pixels show another point");
+        let (cpu_depth, gpu_depth) = (both.cpu.get::<u32>("depth"), both.gpu.get::<u32>("depth"));
+        // Two roundings of the dot product may differ by as many ulps; bits of floats count ulps.
+        let apart = |p: usize| cpu_depth[p].abs_diff(gpu_depth[p]);
+        let worst = (0..cpu.len()).filter(same).map(apart).max();
+        assert!(worst <= Some(2), "{worst:?} ulps");
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let points = cloud(20_000);
+        for method in METHODS {
+            for subpixel_bits in [4, 8] {
+                let params = ProjectParams { method, subpixel_bits, ..ProjectParams::default() };
+                let mut harness = harness(params, [101, 77], &points);
+                let both = run_both(&mut harness);
+                // A shader may fuse or reorder what the twin rounds step by step: a point within a rounding of a
+                // pixel's edge may fall to the neighbour, and one of a cell's edge into the next cell.
+                compare(&both, 8);
+                both.assert_equal_but::<u32>("subpixel", 24);
+            }
+        }
+    }
+
+    #[test]
+    fn extreme_views_agree() {
+        for (tan, eye) in [(8.7e-4, [1e7, -1e7, 1e7]), (114.6, [-1e7, 0.0, 3.0])] {
+            let points: Vec<_> = cloud(5000)
+                .into_iter()
+                .map(|([x, y, z, w], meta)| ([x * tan + eye[0], y * tan + eye[1], z + eye[2], w], meta))
+                .collect();
+            let mut harness = harness(ProjectParams::default(), [64, 64], &points);
+            harness.frame.view = View { eye, tan_x: tan, tan_y: tan, ..harness.frame.view };
+            // At 1e7 positions are multiples of 1: many lie on the very edges of pixels.
+            run_both(&mut harness).assert_equal_but::<u32>("id", 64);
+        }
+    }
+}

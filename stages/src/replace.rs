@@ -1,0 +1,302 @@
+//! Chooses the slots of the cloud that new samples take over.
+
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, shader};
+
+use crate::shared::{
+    cloud::{AGE, AGE_ONE, LIVE},
+    requests::{HIT_NONE, NO_POINT, Sample},
+};
+
+/// Workgroups of a prefix sum, as in `shared/scan.wgsl`.
+const SCAN_BLOCKS: u32 = 256;
+
+/// Stands for the age of empty slots: above every age of a point.
+const EMPTY: u32 = 256;
+
+/// A claim of no sample.
+const UNCLAIMED: u32 = u32::MAX;
+
+epigraph_core::params! {
+    /// Which slots samples may take.
+    pub struct ReplaceParams {
+        /// A sample takes the place of the point that its pixel showed when the sample was asked for.
+        reuse: bool = true;
+    }
+}
+
+/// Gives every sample a slot of its own (`algorithms.md` section 1.9). A sample asked for at a pixel that showed a point
+/// takes that point's slot; the lowest index wins where several want one. All others take the slots that are left,
+/// oldest first, an empty slot being older than any point: all that are older than the age at which the histogram of
+/// ages covers the need, then some of just that age, both in the order of the slots. Samples that find no place get
+/// [`NO_POINT`].
+pub struct Replace {
+    cloud_meta: In<u32>,
+    samples: In<Sample>,
+    histogram: In<u32>,
+    claims: Out<u32>,
+    claimed: Out<u32>,
+    choice: Out<[u32; 2]>,
+    oldest: Out<u32>,
+    slots: Out<u32>,
+}
+
+impl Stage for Replace {
+    const KIND: &'static str = "replace";
+    const DOC: &'static str =
+        "Chooses the slots that new samples take over: the point they renew, else the oldest.";
+    type Params = ReplaceParams;
+
+    fn declare(_: &Self::Params, io: &mut Io) -> Self {
+        let like = |port: &'static str| Extent::Like(port.into());
+        let mut cloud =
+            io.bundle(Access::Read, "cloud", "The points before this frame's samples.", Extent::Any);
+        let cloud_meta = cloud.read("meta");
+        let samples = io.history("samples", "The samples that arrived in the last frame.", Extent::Any);
+        let histogram = io.history(
+            "histogram",
+            "Live points of each whole age, of this same cloud.",
+            Extent::Fixed([256, 1]),
+        );
+        let slots = io.write("slots", "The slot of each sample, 0xFFFFFFFF for none.", like("samples"));
+
+        let claims =
+            io.write("claims", "Scratch: lowest sample that renews the point of a slot.", like("cloud"));
+        let claimed = io.write("claimed", "Scratch: claimed slots of each age.", Extent::Fixed([256, 1]));
+        let choice = io.write(
+            "choice",
+            "Scratch: the youngest age that is replaced, and how many free slots are older.",
+            Extent::Fixed([1, 1]),
+        );
+        let oldest = io.write("oldest", "Scratch: free slots, oldest first.", like("samples"));
+        let sums = Extent::Fixed([SCAN_BLOCKS, 1]);
+        io.write::<u32>("sample_sums", "Scratch: samples without a claim, by block.", sums.clone());
+        io.write::<[u32; 2]>(
+            "slot_sums",
+            "Scratch: free slots older than, and of, the chosen age, by block.",
+            sums,
+        );
+
+        io.shader(shader!("replace"));
+        io.dispatch("clear", claims);
+        io.dispatch("claim", slots);
+        io.compute("count_samples", Threads::Groups(SCAN_BLOCKS));
+        io.compute("choose", Threads::Groups(1));
+        io.compute("count_slots", Threads::Groups(SCAN_BLOCKS));
+        io.compute("collect_slots", Threads::Groups(SCAN_BLOCKS));
+        io.compute("assign", Threads::Groups(SCAN_BLOCKS));
+        Self { cloud_meta, samples, histogram, claims, claimed, choice, oldest, slots }
+    }
+
+    fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
+        let (meta, samples, histogram) =
+            (cx.read(self.cloud_meta), cx.read(self.samples), cx.read(self.histogram));
+        let (mut claims, mut claimed) = (cx.write(self.claims), cx.write(self.claimed));
+        let (mut choice, mut oldest, mut slots) =
+            (cx.write(self.choice), cx.write(self.oldest), cx.write(self.slots));
+
+        // clear
+        claims.fill(UNCLAIMED);
+        claimed.fill(0);
+        oldest.fill(NO_POINT);
+
+        // claim
+        for (index, sample) in samples.iter().enumerate() {
+            if params.reuse && renews(sample, &meta) {
+                let claim = &mut claims[sample.reuse as usize];
+                *claim = (*claim).min(index as u32);
+            }
+        }
+
+        // count_samples
+        let wins = |index: usize, sample: &Sample| {
+            params.reuse && renews(sample, &meta) && claims[sample.reuse as usize] == index as u32
+        };
+        let mut need = 0;
+        for (index, sample) in samples.iter().enumerate() {
+            if wins(index, sample) {
+                claimed[age(meta[sample.reuse as usize]) as usize] += 1;
+            } else if sample.hit != HIT_NONE {
+                need += 1;
+            }
+        }
+
+        // choose
+        let [threshold, older] = choose(meta.len(), need, &histogram, &claimed);
+        choice[0] = [threshold, older];
+
+        // count_slots, collect_slots: one after the other, no counting ahead is needed
+        let (mut next_older, mut next_equal) = (0, older as usize);
+        for (slot, (&meta, &claim)) in meta.iter().zip(&*claims).enumerate() {
+            let age = age(meta);
+            if claim != UNCLAIMED || age < threshold {
+                continue;
+            }
+            let next = if age > threshold { &mut next_older } else { &mut next_equal };
+            if let Some(place) = oldest.get_mut(*next) {
+                *place = slot as u32;
+            }
+            *next += 1;
+        }
+
+        // assign
+        let mut next = 0;
+        for (index, (sample, slot)) in samples.iter().zip(&mut *slots).enumerate() {
+            *slot = NO_POINT;
+            if wins(index, sample) {
+                *slot = sample.reuse;
+            } else if sample.hit != HIT_NONE {
+                *slot = oldest[next];
+                next += 1;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a sample shows anew what a live point shows.
+fn renews(sample: &Sample, meta: &[u32]) -> bool {
+    sample.hit != HIT_NONE && meta.get(sample.reuse as usize).is_some_and(|meta| meta & LIVE != 0)
+}
+
+/// The whole age of a point; [`EMPTY`] for an empty slot.
+fn age(meta: u32) -> u32 {
+    if meta & LIVE == 0 { EMPTY } else { (meta & AGE) / AGE_ONE }
+}
+
+/// The greatest age of which there are, together with all greater ones, `need` free slots (0 where there are not so
+/// many at all), and the number of free slots of greater age. Empty slots are the oldest.
+fn choose(capacity: usize, need: u32, histogram: &[u32], claimed: &[u32]) -> [u32; 2] {
+    let empty = (capacity as u32).saturating_sub(histogram.iter().sum());
+    if empty >= need {
+        return [EMPTY, 0];
+    }
+    let mut older = empty;
+    for age in (1..EMPTY).rev() {
+        let free = histogram[age as usize].saturating_sub(claimed[age as usize]);
+        if older + free >= need {
+            return [age, older];
+        }
+        older += free;
+    }
+    [0, older]
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::{
+        requests::{HIT_BACKGROUND, HIT_SURFACE},
+        testing::{Random, run_both, run_cpu, settings},
+    };
+
+    /// A live point of an age in 8.8 fixed point.
+    fn point(age: u32) -> u32 {
+        LIVE | age
+    }
+
+    fn sample(reuse: u32) -> Sample {
+        Sample { hit: HIT_SURFACE, reuse, ..Sample::default() }
+    }
+
+    fn harness(reuse: bool, meta: &[u32], samples: &[Sample]) -> Harness<Replace> {
+        let mut histogram = [0; 256];
+        for &meta in meta.iter().filter(|&&meta| meta & LIVE != 0) {
+            histogram[age(meta) as usize] += 1;
+        }
+        let mut harness = Harness::new(ReplaceParams { reuse }, &settings([8, 8], samples.len() as u32));
+        harness.set("cloud.meta", meta);
+        harness.set("samples", samples);
+        harness.set("histogram", &histogram);
+        harness
+    }
+
+    fn slots(reuse: bool, meta: &[u32], samples: &[Sample]) -> Vec<u32> {
+        run_cpu(&mut harness(reuse, meta, samples)).get("slots")
+    }
+
+    #[test]
+    fn empty_slots_come_first_and_in_order() {
+        let meta = [point(0), 0, point(0xFFFF), 0];
+        assert_eq!(slots(true, &meta, &[sample(NO_POINT); 2]), [1, 3]);
+        // A first frame: all is empty, and entries without a sample get nothing.
+        assert_eq!(slots(true, &[0; 5], &[sample(NO_POINT), Sample::default(), sample(3)]), [0, NO_POINT, 1]);
+    }
+
+    #[test]
+    fn then_the_oldest_and_the_last_age_in_the_order_of_slots() {
+        // Whole ages 7, 9, 7, 200, 7, 9: three are older than 7, so a fourth sample takes the first of age 7, whatever
+        // the fraction.
+        let meta = [0x07_F0, 0x09_00, 0x07_00, 0xC8_00, 0x07_FF, 0x09_80].map(point);
+        assert_eq!(slots(true, &meta, &[sample(NO_POINT); 4]), [1, 3, 5, 0]);
+    }
+
+    #[test]
+    fn a_sample_renews_its_point_and_the_first_of_several_wins() {
+        let meta = [point(5), point(0x10_00), point(0x20_00), 0];
+        let samples =
+            [sample(0), sample(0), Sample { hit: HIT_BACKGROUND, ..sample(1) }, sample(3), sample(99)];
+        // Slot 3 is not live and 99 is none, so with the loser three look for a place, but there are only two.
+        assert_eq!(slots(true, &meta, &samples), [0, 2, 1, 3, NO_POINT]);
+        // Without reuse the need is three: slots 2 and 3 are older than the age of slot 1.
+        assert_eq!(slots(false, &meta, &samples[..3]), [2, 3, 1]);
+    }
+
+    #[test]
+    fn a_claimed_slot_does_not_count_as_old() {
+        // The oldest is claimed, so the need of one is met by the next age.
+        let meta = [point(0x01_00), point(0xF0_00), point(0x02_00)];
+        assert_eq!(slots(true, &meta, &[sample(1), sample(NO_POINT)]), [1, 2]);
+    }
+
+    /// Random points, of which some are dead, and samples, of which some ask for the same slots.
+    fn random(seed: u64, capacity: u32, count: u32) -> (Vec<u32>, Vec<Sample>) {
+        let mut random = Random(seed);
+        let meta = (0..capacity)
+            .map(|_| if random.below(8) == 0 { 0 } else { point(random.below(40 * 256)) })
+            .collect();
+        let samples = (0..count)
+            .map(|_| Sample {
+                hit: random.below(3),
+                reuse: if random.below(2) == 0 { NO_POINT } else { random.below(capacity) },
+                ..Sample::default()
+            })
+            .collect();
+        (meta, samples)
+    }
+
+    #[test]
+    fn slots_are_distinct_and_none_is_younger_than_one_that_stays() {
+        for (seed, count) in [(1, 0), (2, 1), (3, 700), (4, 3000)] {
+            let (meta, samples) = random(seed, 2000, count);
+            let slots = slots(true, &meta, &samples);
+            let valid = samples.iter().filter(|sample| sample.hit != HIT_NONE).count();
+            let mut taken: Vec<u32> = slots.iter().copied().filter(|&slot| slot != NO_POINT).collect();
+            taken.sort_unstable();
+            taken.dedup();
+            assert_eq!(taken.len(), valid.min(2000), "seed {seed}");
+            let renewed =
+                |slot: u32| samples.iter().any(|sample| sample.hit != HIT_NONE && sample.reuse == slot);
+            let youngest =
+                taken.iter().filter(|&&slot| !renewed(slot)).map(|&slot| age(meta[slot as usize])).min();
+            let stays = (0..2000).filter(|slot| taken.binary_search(slot).is_err());
+            if let (Some(youngest), Some(oldest)) =
+                (youngest, stays.map(|slot| age(meta[slot as usize])).max())
+            {
+                assert!(youngest >= oldest, "seed {seed}: {youngest} goes, {oldest} stays");
+            }
+        }
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        // 70,001 slots make blocks of two tiles, and the last of them short.
+        for (seed, capacity, count) in [(5, 70_001, 9_000), (6, 300, 400), (7, 5, 1), (8, 70_001, 1)] {
+            for reuse in [true, false] {
+                let (meta, samples) = random(seed, capacity, count);
+                run_both(&mut harness(reuse, &meta, &samples)).assert_equal::<u32>("slots");
+            }
+        }
+    }
+}

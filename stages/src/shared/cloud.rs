@@ -1,0 +1,99 @@
+//! The point cloud: a structure of arrays with a fixed number of slots, of which some hold a live point. The bundle port
+//! `cloud` carries it; a stage declares the fields that it uses. Mirrored by `shaders/shared/cloud.wgsl`.
+//!
+//! | field | element | holds |
+//! |---|---|---|
+//! | `position` | `vec4<f32>` | w = 1: xyz is a point, metres. w = 0: xyz is the unit direction of a ray that met nothing |
+//! | `radiance` | `u32` | RGB9E5, see [`encode_radiance`] |
+//! | `image_id` | `u32` | pixel index y * W + x at which the point was last seen, or [`NOT_DRAWN`] |
+//! | `meta` | `u32` | bits 0 to 15: age in frames' increments, 8.8 fixed point; then [`LIVE`], [`CHANGED`], [`FRESH`] |
+
+/// The bits of `meta` that hold the age.
+pub const AGE: u32 = 0xFFFF;
+
+/// One unit of age in the 8.8 fixed point of `meta`.
+pub const AGE_ONE: u32 = 256;
+
+/// Bit of `meta`: the slot holds a point. Zeroed memory is an empty cloud.
+pub const LIVE: u32 = 1 << 16;
+
+/// Bit of `meta`: a new sample near the point's pixel had another colour than the point that was shown there.
+pub const CHANGED: u32 = 1 << 17;
+
+/// Bit of `meta`: the point came into the cloud in this frame.
+pub const FRESH: u32 = 1 << 18;
+
+/// The `image_id` of a point that no pixel shows.
+pub const NOT_DRAWN: u32 = u32::MAX;
+
+/// Largest number that RGB9E5 holds: 511/512 * 2^16.
+pub const MAX_RADIANCE: f32 = 65408.0;
+
+/// Linear radiance as RGB9E5 (`EXT_texture_shared_exponent`): three 9-bit mantissas from the low bits on, one 5-bit
+/// exponent, bias 15. The error of a channel is at most 1/512 of the largest channel. Negative numbers and NaN become
+/// 0, numbers above [`MAX_RADIANCE`] and infinity become that.
+pub fn encode_radiance(color: [f32; 3]) -> u32 {
+    // Bit patterns of positive floats are ordered like the floats; what lies above infinity is NaN or negative. Shaders
+    // may assume that neither exists, so both sides look at the bits.
+    let [r, g, b] = color.map(|channel| {
+        let bits = channel.to_bits();
+        f32::from_bits(if bits > f32::INFINITY.to_bits() { 0 } else { bits.min(MAX_RADIANCE.to_bits()) })
+    });
+    let largest = r.max(g).max(b);
+    // The exponent as f32 stores it, less its bias: floor(log2(largest)) without rounding.
+    let floor_log2 = (largest.to_bits() >> 23) as i32 - 127;
+    let mut exponent = floor_log2.max(-16) + 16;
+    if (largest * power_of_two(24 - exponent) + 0.5).floor() == 512.0 {
+        exponent += 1;
+    }
+    let scale = power_of_two(24 - exponent);
+    let mantissa = |channel: f32| (channel * scale + 0.5).floor() as u32;
+    mantissa(r) | mantissa(g) << 9 | mantissa(b) << 18 | (exponent as u32) << 27
+}
+
+/// The linear radiance of [`encode_radiance`].
+pub fn decode_radiance(bits: u32) -> [f32; 3] {
+    let scale = power_of_two((bits >> 27) as i32 - 24);
+    [bits & 511, bits >> 9 & 511, bits >> 18 & 511].map(|mantissa| mantissa as f32 * scale)
+}
+
+/// 2^n for n from -126 to 127, exactly.
+fn power_of_two(n: i32) -> f32 {
+    f32::from_bits(((n + 127) as u32) << 23)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_with_nine_bits_are_exact() {
+        for color in [[0.0; 3], [1.0, 0.5, 0.25], [511.0, 1.0, 0.0], [MAX_RADIANCE; 3], [2f32.powi(-24); 3]] {
+            assert_eq!(decode_radiance(encode_radiance(color)), color);
+        }
+        // By hand: 1 = 256 * 2^-8, so the mantissa is 256 and the exponent 16 (16 - 24 = -8).
+        assert_eq!(encode_radiance([1.0, 0.0, 0.0]), 16 << 27 | 256);
+    }
+
+    #[test]
+    fn the_error_is_half_a_step_of_the_largest_channel() {
+        for exponent in -12..15 {
+            for fraction in [1.0, 1.001, 1.3, 1.77, 1.998, 1.9999] {
+                let color = [fraction, 0.37 * fraction, 0.003 * fraction].map(|c| c * 2f32.powi(exponent));
+                let decoded = decode_radiance(encode_radiance(color));
+                for (before, after) in color.into_iter().zip(decoded) {
+                    assert!((before - after).abs() <= color[0] / 512.0, "{color:?} {decoded:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_radiance_is_mended() {
+        let encoded = encode_radiance([f32::NAN, -1.0, 2.0]);
+        assert_eq!(decode_radiance(encoded), [0.0, 0.0, 2.0]);
+        let encoded = encode_radiance([f32::INFINITY, f32::NEG_INFINITY, f32::MAX]);
+        assert_eq!(decode_radiance(encoded), [MAX_RADIANCE, 0.0, MAX_RADIANCE]);
+        assert_eq!(encode_radiance([-0.0, f32::MIN_POSITIVE, 1e-40]), 0);
+    }
+}

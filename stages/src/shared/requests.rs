@@ -1,0 +1,90 @@
+//! Requests for samples and the samples that answer them. Mirrored by `shaders/shared/requests.wgsl`.
+
+/// The `pixel` of a request that asks for nothing.
+pub const NO_PIXEL: u32 = u32::MAX;
+
+/// The `reuse` of a request at a pixel that shows no point, and the slot of a sample that finds no place.
+pub const NO_POINT: u32 = u32::MAX;
+
+/// The `aim` at a pixel's centre.
+pub const AIM_CENTER: u32 = 0x8000_8000;
+
+/// The `view` of requests of the camera of the frame, and of the camera predicted for a later one.
+pub const VIEW_NOW: u32 = 0;
+/// See [`VIEW_NOW`].
+pub const VIEW_PREDICTED: u32 = 1;
+
+/// The `hit` of an entry that holds no sample; zeroed memory is a list of none.
+pub const HIT_NONE: u32 = 0;
+/// The `hit` of a sample on a surface.
+pub const HIT_SURFACE: u32 = 1;
+/// The `hit` of a sample whose ray met nothing.
+pub const HIT_BACKGROUND: u32 = 2;
+
+epigraph_core::item! {
+    /// Asks for one sample.
+    pub struct Request {
+        /// Pixel index y * W + x, or [`NO_PIXEL`].
+        pixel: u32,
+        /// Where in the pixel the ray goes, in 1/65536 of its width: x in the low 16 bits, y (downwards) in the high ones.
+        aim: u32,
+        /// Slot of the point that the pixel shows, or [`NO_POINT`].
+        reuse: u32,
+        /// [`VIEW_NOW`] or [`VIEW_PREDICTED`].
+        view: u32,
+    }
+}
+
+epigraph_core::item! {
+    /// What one ray saw, with the request that it answers.
+    pub struct Sample {
+        /// Surface point, metres; for [`HIT_BACKGROUND`] the ray's unit direction.
+        position: [f32; 3],
+        /// [`HIT_NONE`], [`HIT_SURFACE`] or [`HIT_BACKGROUND`].
+        hit: u32,
+        /// Linear radiance towards the eye.
+        radiance: [f32; 3],
+        /// Index of the triangle, `u32::MAX` for none.
+        face: u32,
+        /// As in the request.
+        pixel: u32,
+        /// As in the request.
+        aim: u32,
+        /// As in the request.
+        reuse: u32,
+        /// As in the request.
+        view: u32,
+    }
+}
+
+impl Request {
+    /// A request that asks for nothing.
+    pub const NONE: Self = Self { pixel: NO_PIXEL, aim: AIM_CENTER, reuse: NO_POINT, view: VIEW_NOW };
+
+    /// Where the ray goes, in pixels from the top left corner of an image `width` pixels wide.
+    pub fn target(&self, width: u32) -> [f32; 2] {
+        let share = |bits: u32| bits as f32 / 65536.0;
+        [
+            (self.pixel % width) as f32 + share(self.aim & 0xFFFF),
+            (self.pixel / width) as f32 + share(self.aim >> 16),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_lies_in_its_pixel() {
+        let request = Request { pixel: 7 * 10 + 3, aim: AIM_CENTER, reuse: NO_POINT, view: VIEW_NOW };
+        assert_eq!(request.target(10), [3.5, 7.5]);
+        assert_eq!(Request { aim: 0xC000_0000, ..request }.target(10), [3.0, 7.75]);
+    }
+
+    #[test]
+    fn a_sample_is_laid_out_as_in_wgsl() {
+        assert_eq!(size_of::<Sample>(), 48);
+        assert_eq!(size_of::<Request>(), 16);
+    }
+}

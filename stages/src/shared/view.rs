@@ -1,0 +1,145 @@
+//! Where points of the cloud fall in an image. Mirrored by `shaders/shared/view.wgsl`, operation by operation.
+
+use epigraph_core::View;
+
+/// A projected point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projected {
+    /// Pixels from the left edge, 0 to below the width.
+    pub x: f32,
+    /// Pixels from the top edge, 0 to below the height.
+    pub y: f32,
+    /// Distance along the view axis, metres, at most that of the far plane.
+    pub z: f32,
+}
+
+/// Projects a point (w = 1) or a direction (w = 0) into an image of `size` pixels; none if it is not to be drawn, as it
+/// lies before the near plane or outside the image, or holds a NaN.
+///
+/// Points beyond the far plane are moved onto it and drawn, or else the background would look like missing samples
+/// (`algorithms.md` section 1.2). Directions are drawn on the far plane. The eye is subtracted before anything else, so
+/// that positions of 1e7 metres lose only what their own f32 has lost already.
+#[inline(always)]
+pub fn project(view: &View, position: [f32; 4], size: [u32; 2]) -> Option<Projected> {
+    let is_direction = position[3] == 0.0;
+    let origin = if is_direction { [0.0; 3] } else { view.eye };
+    let p = [position[0] - origin[0], position[1] - origin[1], position[2] - origin[2]];
+
+    let z = dot(p, view.forward);
+    let inverse = 1.0 / z;
+    let half = [0.5 * size[0] as f32, 0.5 * size[1] as f32];
+    let x = half[0] + dot(p, view.right) * inverse * (half[0] / view.tan_x);
+    let y = half[1] - dot(p, view.up) * inverse * (half[1] / view.tan_y);
+
+    let nearest = if is_direction { f32::MIN_POSITIVE } else { view.near };
+    // Comparisons with NaN are false.
+    let drawn = z >= nearest && x >= 0.0 && x < size[0] as f32 && y >= 0.0 && y < size[1] as f32;
+    let z = if is_direction { view.far } else { z.min(view.far) };
+    drawn.then_some(Projected { x, y, z })
+}
+
+impl Projected {
+    /// Column and row of the pixel.
+    pub fn pixel(self) -> [u32; 2] {
+        [self.x as u32, self.y as u32]
+    }
+
+    /// Which of `cells` x `cells` cells of its pixel the point lies in, row by row from the top left one.
+    pub fn cell(self, cells: u32) -> u32 {
+        let column = ((self.x - self.x.floor()) * cells as f32) as u32;
+        let row = ((self.y - self.y.floor()) * cells as f32) as u32;
+        row * cells + column
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [u32; 2] = [512, 256];
+
+    fn view() -> View {
+        View { tan_x: 1.0, tan_y: 0.5, near: 1.0, far: 100.0, ..View::default() }
+    }
+
+    #[test]
+    fn by_hand() {
+        let at = |p| project(&view(), p, SIZE);
+        assert_eq!(at([0.0, 0.0, -10.0, 1.0]), Some(Projected { x: 256.0, y: 128.0, z: 10.0 }));
+        // A quarter of the image to the right and up.
+        assert_eq!(at([5.0, 2.5, -10.0, 1.0]), Some(Projected { x: 384.0, y: 64.0, z: 10.0 }));
+        // The left and top edges belong to the image, the right and bottom ones do not.
+        assert_eq!(at([-10.0, 5.0, -10.0, 1.0]), Some(Projected { x: 0.0, y: 0.0, z: 10.0 }));
+        assert_eq!(at([10.0, 0.0, -10.0, 1.0]), None);
+        assert_eq!(at([0.0, -5.0, -10.0, 1.0]), None);
+    }
+
+    #[test]
+    fn near_and_far() {
+        let at = |p| project(&view(), p, SIZE).map(|p| p.z);
+        assert_eq!(at([0.0, 0.0, -1.0, 1.0]), Some(1.0));
+        assert_eq!(at([0.0, 0.0, -0.999, 1.0]), None);
+        assert_eq!(at([0.0, 0.0, 10.0, 1.0]), None);
+        assert_eq!(at([0.0, 0.0, -1e6, 1.0]), Some(100.0));
+        // A direction, however short its component along the axis, lies on the far plane.
+        assert_eq!(at([0.0, 0.0, -1.0, 0.0]), Some(100.0));
+        assert_eq!(at([3e-3, 0.0, -4e-3, 0.0]), Some(100.0));
+        assert_eq!(at([0.0, 0.0, 1.0, 0.0]), None);
+        assert_eq!(at([1.0, 0.0, 0.0, 0.0]), None);
+    }
+
+    #[test]
+    fn directions_ignore_the_eye() {
+        let far_away = View { eye: [1e7, -3e6, 5e5], ..view() };
+        let direction = [0.6, 0.0, -0.8, 0.0];
+        assert_eq!(project(&far_away, direction, SIZE), project(&view(), direction, SIZE));
+    }
+
+    #[test]
+    fn positions_of_ten_million_keep_their_pixel() {
+        let far_away = View { eye: [1e7, -1e7, 1e7], ..view() };
+        // Multiples of 1, the step of f32 there, so that the difference is exact.
+        let at = project(&far_away, [1e7 + 5.0, -1e7 + 2.0, 1e7 - 10.0, 1.0], SIZE);
+        assert_eq!(at, project(&view(), [5.0, 2.0, -10.0, 1.0], SIZE));
+    }
+
+    #[test]
+    fn narrow_and_wide_fields_of_view() {
+        for degrees in [0.1f64, 179.0] {
+            let tan = (degrees.to_radians() / 2.0).tan() as f32;
+            let view = View { tan_x: tan, tan_y: tan, ..view() };
+            for share in [-0.99f32, -0.5, 0.0, 0.25, 0.99] {
+                let p = project(&view, [share * tan * 20.0, 0.0, -20.0, 1.0], SIZE).expect("in the image");
+                let expected = 256.0 + 256.0 * share;
+                // Three roundings of numbers below 512.
+                assert!((p.x - expected).abs() < 1e-4, "{degrees} {share}: {} {expected}", p.x);
+            }
+            assert_eq!(project(&view, [1.01 * tan * 20.0, 0.0, -20.0, 1.0], SIZE), None);
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_is_not_drawn() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for axis in 0..3 {
+                let mut p = [0.0, 0.0, -10.0, 1.0];
+                p[axis] = bad;
+                assert_eq!(project(&view(), p, SIZE), None, "{p:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn cells_count_from_the_top_left() {
+        let at = |x, y| Projected { x, y, z: 1.0 };
+        assert_eq!(at(7.0, 3.0).cell(4), 0);
+        assert_eq!(at(7.99, 3.0).cell(4), 3);
+        assert_eq!(at(7.0, 3.99).cell(4), 12);
+        assert_eq!(at(7.99, 3.99).cell(4), 15);
+        assert_eq!(at(0.5, 0.5).cell(16), 8 * 16 + 8);
+    }
+}

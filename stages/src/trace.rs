@@ -1,0 +1,74 @@
+//! Traces the requests of a frame.
+
+use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage};
+use epigraph_scenes::{Mode, TraceSettings};
+
+use crate::{
+    World,
+    shared::requests::{Request, Sample},
+};
+
+epigraph_core::choice! {
+    /// Which light samples carry.
+    pub enum Light {
+        /// From the lights to the first surface, and one glossy reflection.
+        Direct,
+        /// All light, over many bounces.
+        Path,
+    }
+}
+
+epigraph_core::params! {
+    /// What a sample costs.
+    pub struct TraceParams {
+        /// Light paths of one sample, of which it is the mean.
+        spp: u32 = 4, in 1..=4096, unit "paths";
+        /// Direct light or full paths.
+        mode: Light = Light::Direct;
+        /// Most reflections after the first surface.
+        max_bounces: u32 = 8, in 0..=64;
+    }
+}
+
+/// Answers requests with the tracer of the [`World`] that the application provides: one ray through the place in its pixel
+/// that each request names, of this frame's view or of the predicted one. On the CPU only.
+pub struct Trace {
+    requests: In<Request>,
+    samples: Out<Sample>,
+}
+
+impl Stage for Trace {
+    const KIND: &'static str = "trace";
+    const DOC: &'static str = "Traces a ray for each request and shades what it meets.";
+    type Params = TraceParams;
+
+    fn declare(_: &Self::Params, io: &mut Io) -> Self {
+        Self {
+            requests: io.read(
+                "requests",
+                "What to look at; entries without a pixel ask for nothing.",
+                Extent::Requests,
+            ),
+            samples: io.write(
+                "samples",
+                "What was seen; entries without a hit hold nothing.",
+                Extent::Requests,
+            ),
+        }
+    }
+
+    fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
+        let mode = match params.mode {
+            Light::Direct => Mode::Direct,
+            Light::Path => Mode::Path,
+        };
+        let settings = TraceSettings { spp: params.spp, mode, max_bounces: params.max_bounces };
+        cx.host::<World>()?.answer(
+            cx.frame(),
+            &cx.read(self.requests),
+            &settings,
+            &mut cx.write(self.samples),
+        );
+        Ok(())
+    }
+}

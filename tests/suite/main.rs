@@ -1,0 +1,5 @@
+//! Integration tests: broken graphs and their messages, shipped graphs, parity of the sides.
+
+mod broken;
+mod parity;
+mod shipped;
