@@ -61,20 +61,23 @@ fn cull(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if any(pixel.xy >= frame.size) {
         return;
     }
+    // Column by column: the twin adds each column up once.
     var sum = 0.0;
     var count = 0.0;
-    for (var dy = -1; dy <= 1; dy++) {
-        for (var dx = -1; dx <= 1; dx++) {
+    for (var dx = -1; dx <= 1; dx++) {
+        var column = 0.0;
+        for (var dy = -1; dy <= 1; dy++) {
             let q = vec2<i32>(pixel.xy) + vec2(dx, dy);
             if any(q < vec2(0)) || any(q >= vec2<i32>(frame.size)) {
                 continue;
             }
             let z = depth[u32(q.y) * frame.size.x + u32(q.x)];
             if z < EMPTY_DEPTH {
-                sum += value(z);
+                column += value(z);
                 count += 1.0;
             }
         }
+        sum += column;
     }
     let p = pixel.y * frame.size.x + pixel.x;
     if count == 0.0 {

@@ -51,6 +51,12 @@ fn clear(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgrou
     }
 }
 
+// How many tiles an image has.
+fn tile_count(size: vec2<u32>) -> u32 {
+    let tiles = (size + TILE - 1u) / TILE;
+    return tiles.x * tiles.y;
+}
+
 // Samples wanted in all.
 fn budget() -> u32 {
     return min(frame.samples, arrayLength(&requests));
@@ -107,7 +113,7 @@ fn add_cells(
 
 @compute @workgroup_size(SCAN_THREADS, 1, 1)
 fn scan_cells(@builtin(local_invocation_index) lane: u32) {
-    let count = arrayLength(&cell_tiles);
+    let count = tile_count(cells_size());
     var before = 0u;
     for (var first = 0u; first < count; first += SCAN_THREADS) {
         let i = first + lane;
@@ -197,12 +203,11 @@ fn add_pixels(
 @compute @workgroup_size(SCAN_THREADS, 1, 1)
 fn find_limit(@builtin(local_invocation_index) lane: u32) {
     var sum = 0u;
-    for (var i = lane; i < arrayLength(&tiles); i += SCAN_THREADS) {
+    for (var i = lane; i < tile_count(frame.size); i += SCAN_THREADS) {
         sum += tiles[i];
     }
     let total = workgroup_scan(lane, sum).total;
     if lane == 0u {
-        state[0] = tiles[0]; state[3] = arrayLength(&tiles); 
         state[LIMIT] = max(total / max(pixels_wanted(), 1u), 1u);
     }
 }
@@ -218,7 +223,7 @@ fn add_limited_pixels(
 
 @compute @workgroup_size(SCAN_THREADS, 1, 1)
 fn scan_pixels(@builtin(local_invocation_index) lane: u32) {
-    let count = arrayLength(&tiles);
+    let count = tile_count(frame.size);
     var before = 0u;
     for (var first = 0u; first < count; first += SCAN_THREADS) {
         let i = first + lane;
@@ -233,7 +238,7 @@ fn scan_pixels(@builtin(local_invocation_index) lane: u32) {
         before += scan.total;
     }
     if lane == 0u {
-state[1]=before;
+        state[TOTAL] = before;
     }
 }
 

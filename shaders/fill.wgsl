@@ -5,6 +5,7 @@
 
 struct Params {
     empty: u32,
+    keep_points: u32,
     priority: u32,
 }
 
@@ -28,7 +29,7 @@ fn pixel_index(pixel: vec2<u32>) -> u32 {
     return pixel.y * frame.size.x + pixel.x;
 }
 
-// The radiance of each pixel's point and 1, or zeros.
+// The radiance of each pixel's point and 1, or zeros; the priority of pixels with a point.
 @compute @workgroup_size(8, 8, 1)
 fn gather(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if any(pixel.xy >= frame.size) {
@@ -39,6 +40,7 @@ fn gather(@builtin(global_invocation_id) pixel: vec3<u32>) {
         points[p] = vec4(0.0);
     } else {
         points[p] = vec4(decode_radiance(cloud_radiance[id[p]]), 1.0);
+        priority[p] = with_point(cloud_meta[id[p]] & AGE);
     }
 }
 
@@ -50,22 +52,24 @@ fn point_at(q: vec2<i32>) -> vec4<f32> {
     return points[pixel_index(vec2<u32>(q))];
 }
 
+// The entries above, at and below a place, weighted 1, 2 and 1. Three such columns, weighted likewise, make the 3x3
+// weights: 4 for the centre, 2 for edges, 1 for corners.
+fn column(q: vec2<i32>) -> vec4<f32> {
+    return point_at(q - vec2(0, 1)) + 2.0 * point_at(q) + point_at(q + vec2(0, 1));
+}
+
 @compute @workgroup_size(8, 8, 1)
 fn fill(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if any(pixel.xy >= frame.size) {
         return;
     }
     let centre = vec2<i32>(pixel.xy);
-    var near = vec4(0.0);
-    for (var dy = -1; dy <= 1; dy++) {
-        for (var dx = -1; dx <= 1; dx++) {
-            // 4, 2 and 1.
-            let weight = f32((2 - abs(dx)) * (2 - abs(dy)));
-            near += weight * point_at(centre + vec2(dx, dy));
-        }
-    }
+    let near = column(centre - vec2(1, 0)) + 2.0 * column(centre) + column(centre + vec2(1, 0));
+    let own = points[pixel_index(pixel.xy)];
     var sum = near;
-    if near.w == 0.0 {
+    if own.w > 0.0 && params.keep_points != 0u {
+        sum = own;
+    } else if near.w == 0.0 {
         for (var dy = -3; dy <= 3; dy++) {
             for (var dx = -3; dx <= 3; dx++) {
                 sum += point_at(centre + vec2(dx, dy));
@@ -81,10 +85,8 @@ fn fill(@builtin(global_invocation_id) pixel: vec3<u32>) {
     textureStore(color, pixel.xy, result);
 
     let p = pixel_index(pixel.xy);
-    if id[p] == NO_POINT {
+    if own.w == 0.0 {
         priority[p] = without_point(u32(near.w));
-    } else {
-        priority[p] = with_point(cloud_meta[id[p]] & AGE);
     }
 }
 

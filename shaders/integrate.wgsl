@@ -34,25 +34,8 @@ fn compare(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
         return;
     }
     atomicAdd(&arrived[0], 1u);
-    let shown = samples[index].reuse;
-    if samples[index].view != VIEW_NOW || shown >= arrayLength(&cloud_meta) {
-        return;
-    }
-    if (cloud_meta[shown] & LIVE) == 0u {
-        return;
-    }
-    let before = decode_radiance(cloud_radiance[shown]);
-    // Compared as it will be stored.
-    let after = decode_radiance(encode_radiance(samples[index].radiance));
-    if abs(tone_mapped_luma(after) - tone_mapped_luma(before)) > params.threshold {
-        let pixel = vec2(samples[index].pixel % frame.size.x, samples[index].pixel / frame.size.x);
-        let first = pixel - min(pixel, vec2(REACH));
-        let end = min(pixel + REACH + 1u, frame.size);
-        for (var y = first.y; y < end.y; y++) {
-            for (var x = first.x; x < end.x; x++) {
-                atomicStore(&changed[y * frame.size.x + x], frame.index + 1u);
-            }
-        }
+    if differs_from_shown(index) {
+        stamp_around(samples[index].pixel);
     }
 }
 
@@ -87,6 +70,33 @@ fn insert(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
 // Whether there is a sample that has a slot.
 fn takes(index: u32) -> bool {
     return samples[index].hit != HIT_NONE && slots[index] < arrayLength(&cloud_meta);
+}
+
+// Whether the point that a sample was asked for to renew is live, and had another colour.
+fn differs_from_shown(index: u32) -> bool {
+    let point = samples[index].reuse;
+    if samples[index].view != VIEW_NOW || point >= arrayLength(&cloud_meta) {
+        return false;
+    }
+    if (cloud_meta[point] & LIVE) == 0u {
+        return false;
+    }
+    let before = decode_radiance(cloud_radiance[point]);
+    // Compared as it will be stored.
+    let after = decode_radiance(encode_radiance(samples[index].radiance));
+    return abs(tone_mapped_luma(after) - tone_mapped_luma(before)) > params.threshold;
+}
+
+// Stamps the 7 x 7 pixels around one, as far as they lie in the image.
+fn stamp_around(pixel_index: u32) {
+    let pixel = vec2(pixel_index % frame.size.x, pixel_index / frame.size.x);
+    let first = pixel - min(pixel, vec2(REACH));
+    let end = min(pixel + REACH + 1u, frame.size);
+    for (var y = first.y; y < end.y; y++) {
+        for (var x = first.x; x < end.x; x++) {
+            atomicStore(&changed[y * frame.size.x + x], frame.index + 1u);
+        }
+    }
 }
 
 // Y / (1 + Y) with Rec. 709 luminance Y: from 0 to 1, and never steeper than Y.

@@ -103,6 +103,9 @@ fn count_slots(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
 @compute @workgroup_size(SCAN_THREADS)
 fn collect_slots(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let range = scan_block(group.x, arrayLength(&cloud_meta));
+    if range.x == range.y {
+        return;
+    }
     let sums = select(vec2(0u), slot_sums[lane], lane < group.x);
     // Where the next free slot goes that is older than the chosen age, and the next one of just that age.
     var next = vec2(workgroup_scan(lane, sums.x).total, choice[0].y + workgroup_scan(lane, sums.y).total);
@@ -112,19 +115,25 @@ fn collect_slots(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
         if slot < range.y {
             is = candidate(slot);
         }
-        let older = workgroup_scan(lane, u32(is.x));
-        let equal = workgroup_scan(lane, u32(is.y));
-        let place = select(next.y + equal.before, next.x + older.before, is.x);
-        if any(is) && place < arrayLength(&oldest) {
-            oldest[place] = slot;
+        // Both counts of a tile fit into one sum: 16 bits each.
+        let both = workgroup_scan(lane, u32(is.x) | (u32(is.y) << 16u));
+        let place = next + vec2(both.before & 0xFFFFu, both.before >> 16u);
+        if is.x && place.x < arrayLength(&oldest) {
+            oldest[place.x] = slot;
         }
-        next += vec2(older.total, equal.total);
+        if is.y && place.y < arrayLength(&oldest) {
+            oldest[place.y] = slot;
+        }
+        next += vec2(both.total & 0xFFFFu, both.total >> 16u);
     }
 }
 
 @compute @workgroup_size(SCAN_THREADS)
 fn assign(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let range = scan_block(group.x, arrayLength(&samples));
+    if range.x == range.y {
+        return;
+    }
     var next = workgroup_scan(lane, select(0u, sample_sums[lane], lane < group.x)).total;
     for (var tile = range.x; tile < range.y; tile += SCAN_THREADS) {
         let index = tile + lane;

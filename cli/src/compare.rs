@@ -5,7 +5,7 @@ use serde_json::json;
 use crate::{
     args::CompareArgs,
     error::CliError,
-    image_file, metrics,
+    flip, image_file, metrics,
     output::{JsonTarget, Target},
     picture::Picture,
     tone,
@@ -27,21 +27,24 @@ pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
         )));
     }
     let (shown_a, shown_b) = (a.srgb(), b.srgb());
-    let bytes = |colors: &[[f32; 3]]| colors.iter().map(|color| color.map(tone::to_byte)).collect::<Vec<_>>();
-    let errors = metrics::flip(&bytes(&shown_a), &bytes(&shown_b), a.size);
+    // Eight bits are what the eye gets to see, and what other tools compare.
+    let seen = |colors: &[[f32; 3]]| -> Vec<[f32; 3]> {
+        colors.iter().map(|color| color.map(|channel| f32::from(tone::to_byte(channel)) / 255.0)).collect()
+    };
+    let errors = flip::flip(&seen(&shown_a), &seen(&shown_b), a.size);
     let rmse = metrics::rmse(&a.colors, &b.colors);
     let psnr = metrics::psnr(&shown_a, &shown_b);
     let ssim = metrics::ssim(&shown_a, &shown_b, a.size);
-    let flip = metrics::mean(&errors);
+    let mean_flip = flip::mean(&errors);
     if let Some(map) = map {
-        let png = image_file::png(a.size, &metrics::magma(&errors));
+        let png = image_file::png(a.size, &flip::magma(&errors));
         map.write(&png.map_err(|error| CliError::write(map.path(), error))?)?;
     }
-    let mut text = format!("RMSE  {rmse:.6}\nPSNR  {psnr:.3} dB\nSSIM  {ssim:.6}\nFLIP  {flip:.6}\n");
+    let mut text = format!("RMSE  {rmse:.6}\nPSNR  {psnr:.3} dB\nSSIM  {ssim:.6}\nFLIP  {mean_flip:.6}\n");
     if a.linear != b.linear {
         text += "One image is linear (EXR) and one sRGB (PNG): RMSE, on the values as read, mixes the two.\n";
     }
     // JSON has no infinity: equal images have no PSNR.
-    let value = json!({ "rmse": rmse, "psnr": psnr, "ssim": ssim, "flip": flip, "size": a.size });
+    let value = json!({ "rmse": rmse, "psnr": psnr, "ssim": ssim, "flip": mean_flip, "size": a.size });
     target.finish(&value, &text)
 }

@@ -38,6 +38,17 @@ impl Kinds {
             _ => Err(CliError::write(path, "the name must end in .png, .exr or .csv")),
         }
     }
+
+    /// The kind of a picture's file, never [`Kinds::Csv`].
+    ///
+    /// # Errors
+    /// For endings other than `.png` and `.exr`.
+    pub fn of_picture(path: &Path) -> Result<Self, CliError> {
+        match Self::of(path) {
+            Ok(kind @ (Self::Png | Self::Exr)) => Ok(kind),
+            _ => Err(CliError::write(path, "a picture's name must end in .png or .exr")),
+        }
+    }
 }
 
 /// A port's file to be.
@@ -53,13 +64,9 @@ impl PortFile {
         Ok(Self { kind: Kinds::of(path)?, target: Target::new(path)? })
     }
 
-    /// A file for a picture; an error for .csv.
+    /// Checks that the file can be written, and that its name is a picture's.
     pub fn picture(path: &Path) -> Result<Self, CliError> {
-        let file = Self::new(path)?;
-        match file.is_image() {
-            true => Ok(file),
-            false => Err(CliError::write(path, "a picture's name must end in .png or .exr")),
-        }
+        Ok(Self { kind: Kinds::of_picture(path)?, target: Target::new(path)? })
     }
 
     /// Whether it holds an image.

@@ -7,6 +7,7 @@ mod check;
 mod columns;
 mod compare;
 mod error;
+mod flip;
 mod graph_source;
 mod image_file;
 mod memory;

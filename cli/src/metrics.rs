@@ -59,32 +59,6 @@ fn blur(values: &[f64], [width, height]: [usize; 2]) -> Vec<f64> {
     pixels().map(|(x, y)| along(&rows, height, width, x, y)).collect()
 }
 
-/// FLIP's viewing condition: pixels in a degree of the visual field (Andersson et al. 2020: a 4K monitor at 0.7 m).
-pub const PIXELS_PER_DEGREE: f32 = 67.0;
-
-/// FLIP of a test image against a reference, both sRGB bytes: the error of each pixel, 0 to 1.
-pub fn flip(reference: &[[u8; 3]], test: &[[u8; 3]], [width, height]: [usize; 2]) -> Vec<f32> {
-    let image = |data: &[[u8; 3]]| {
-        nv_flip::FlipImageRgb8::with_data(width as u32, height as u32, data.as_flattened())
-    };
-    nv_flip::flip(image(reference), image(test), PIXELS_PER_DEGREE).to_vec()
-}
-
-/// FLIP's errors in the magma colours.
-pub fn magma(errors: &[f32]) -> Vec<[u8; 3]> {
-    let colors = nv_flip::magma_lut().to_vec();
-    let color = |error: &f32| {
-        let at = 3 * (error.clamp(0.0, 1.0) * 255.0 + 0.5) as usize;
-        [colors[at], colors[at + 1], colors[at + 2]]
-    };
-    errors.iter().map(color).collect()
-}
-
-/// Mean of FLIP's errors.
-pub fn mean(errors: &[f32]) -> f64 {
-    errors.iter().map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -101,8 +75,6 @@ mod tests {
         assert_eq!(rmse(&a, &a), 0.0);
         assert_eq!(psnr(&a, &a), f64::INFINITY);
         assert!((ssim(&a, &a, SIZE) - 1.0).abs() < 1e-12);
-        let bytes: Vec<[u8; 3]> = a.iter().map(|c| c.map(crate::tone::to_byte)).collect();
-        assert_eq!(mean(&flip(&bytes, &bytes, SIZE)), 0.0);
     }
 
     #[test]
@@ -113,13 +85,6 @@ mod tests {
         assert!((psnr(&a, &b) - 20.0).abs() < 1e-5);
         // No structure: only the luminance term is left, (2 * 0.3 + C1) / (0.25 + 0.36 + C1).
         assert!((ssim(&a, &b, SIZE) - 0.6001 / 0.6101).abs() < 1e-6);
-    }
-
-    #[test]
-    fn black_against_white_is_flips_largest_error() {
-        let errors = flip(&[[0; 3]; 192], &[[255; 3]; 192], SIZE);
-        assert!(mean(&errors) > 0.9, "{}", mean(&errors));
-        assert_eq!(magma(&[0.0])[0], [0, 0, 3]);
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub fn load_scene(args: &SceneArgs) -> Result<(Arc<Scene>, CameraPath), CliError
 
 /// Traces and writes the picture.
 pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
-    let kind = Kinds::of(&args.out)?;
+    let kind = Kinds::of_picture(&args.out)?;
     let target = Target::new(&args.out)?;
     let size = args.scene.size.0;
     memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)?;
@@ -59,13 +59,9 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
 
 /// A picture of linear colours as a file's bytes.
 fn encode(kind: Kinds, size: [usize; 2], colors: &[[f32; 3]], path: &Path) -> Result<Vec<u8>, CliError> {
-    let fail = |cause: String| CliError::write(path, cause);
-    match kind {
-        Kinds::Exr => image_file::exr_of_colors(size, colors).map_err(fail),
-        Kinds::Png => {
-            let bytes: Vec<[u8; 3]> = colors.iter().copied().map(tone::to_srgb8).collect();
-            image_file::png(size, &bytes).map_err(|error| fail(error.to_string()))
-        }
-        Kinds::Csv => Err(fail("a picture's name must end in .png or .exr".into())),
+    if kind == Kinds::Exr {
+        return image_file::exr_of_colors(size, colors).map_err(|cause| CliError::write(path, cause));
     }
+    let bytes: Vec<[u8; 3]> = colors.iter().copied().map(tone::to_srgb8).collect();
+    image_file::png(size, &bytes).map_err(|error| CliError::write(path, error))
 }

@@ -32,6 +32,9 @@ const SHEET: &str = "epigraph-sheet.png";
 pub const TRACE: &str = "trace";
 const SAMPLES: &str = "samples";
 
+/// The beginning of the documentation of ports that only their own stage reads.
+const SCRATCH: &str = "Scratch";
+
 /// Every so many frames, and in the last one, the samples that arrived are counted.
 const PROBE_INTERVAL: u32 = 8;
 
@@ -53,7 +56,6 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
         prune: !args.compile.no_prune,
         pooling: !args.compile.no_pooling,
         poison: args.poison,
-        taps: files.saves.iter().map(|(source, _)| source.clone()).collect(),
         ..Settings::new(size, samples)
     };
     let (graph, plan) = compile(&file, &registry, &settings)?;
@@ -62,16 +64,19 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
         .as_ref()
         .map(|picture| image_output(&file, &graph, size, picture.path()))
         .transpose()?;
-    check_saves(&graph, &plan, size, &files)?;
     // Only now is it known which nodes run: taps would keep the others alive.
     let tiles = if files.sheet.is_some() { image_ports(&graph, &plan, size) } else { Vec::new() };
     let traced = traced_ports(&graph);
-    for source in tiles.iter().chain(&traced) {
+    let saved = files.saves.iter().map(|(source, _)| source);
+    for source in saved.chain(&tiles).chain(&traced) {
         if !settings.taps.contains(source) {
             settings.taps.push(source.clone());
         }
     }
-    let (graph, plan) = compile(&file, &registry, &settings)?;
+    // The graph is sound, so what is wrong now is what was asked for.
+    let (graph, plan) = compile(&file, &registry, &settings)
+        .map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
+    check_saves(&plan, size, &files)?;
     let gpu = gpu_for(&plan, gpu)?;
     require_memory(&plan, gpu.as_deref())?;
     let pooled = [Side::Cpu, Side::Gpu].map(|side| plan.pooled_bytes(side));
@@ -79,6 +84,7 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
     let mut executor = Executor::new(graph, plan, &settings, &registry, gpu.clone())?;
     let host = host(&scene, args.pace, threads);
     let measured = run(&mut executor, &host, &path, args, samples, &traced)?;
+    warn_of_bad_samples(&host);
 
     let look = Look { far: path.camera(args.frames - 1).far };
     files.write(&mut executor, output.as_deref(), &tiles, &look)?;
@@ -87,6 +93,7 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
         graph: &file.path,
         threads,
         samples,
+        side,
         gpu: gpu.as_deref(),
         plan: executor.plan(),
         pooled_bytes: pooled,
@@ -178,6 +185,14 @@ fn run(
     Ok(measured)
 }
 
+/// A radiance that is no number is a fault of the scene or of the tracer, which the picture alone would not show.
+fn warn_of_bad_samples(host: &Host) {
+    let count = host.get::<World>().map_or(0, |world| world.tracer.non_finite());
+    if count > 0 {
+        eprintln!("warning: {count} samples had a radiance that is not finite; they count as black");
+    }
+}
+
 /// The ports of samples of nodes that trace.
 fn traced_ports(graph: &Graph) -> Vec<Source> {
     let tracing =
@@ -223,21 +238,18 @@ fn image_output(file: &GraphFile, graph: &Graph, size: [u32; 2], out: &Path) -> 
 }
 
 /// Makes sure that what is to be saved as an image is one.
-fn check_saves(graph: &Graph, plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliError> {
-    for ((source, save), (_, at)) in files.saves.iter().zip(&graph.taps) {
-        let root = graph.root(*at);
-        let dims = graph.nodes[root.node].dims[root.port];
+fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliError> {
+    for (source, save) in files.saves.iter().filter(|(_, save)| save.is_image()) {
         let tap = plan.taps.iter().find(|tap| tap.name == source.to_string());
-        let elements: Vec<_> = tap.iter().flat_map(|tap| &tap.fields).map(|(_, storage)| *storage).collect();
-        let is_image = match elements.as_slice() {
-            [only] => visual::is_image(&plan.storages[*only].element, dims, size),
-            _ => false,
+        let storages: Vec<_> =
+            tap.iter().flat_map(|tap| &tap.fields).map(|(_, at)| &plan.storages[*at]).collect();
+        let what = match storages.as_slice() {
+            [only] if visual::is_image(&only.element, only.dims, size) => continue,
+            [_] => "a list",
+            _ => "a bundle of lists",
         };
-        if save.is_image() && !is_image {
-            let what = if elements.len() > 1 { "a bundle of lists" } else { "a list" };
-            let cause = format!("`{source}` is {what}, not an image; save it as .csv");
-            return Err(CliError::write(save.path(), cause));
-        }
+        let cause = format!("`{source}` is {what}, not an image; save it as .csv");
+        return Err(CliError::write(save.path(), cause));
     }
     Ok(())
 }
@@ -250,7 +262,12 @@ fn image_ports(graph: &Graph, plan: &Plan, size: [u32; 2]) -> Vec<Source> {
         let node = &graph.nodes[*index];
         for (port, declared) in node.declaration().ports.iter().enumerate() {
             let [field] = declared.fields.as_slice() else { continue };
-            if declared.is_output() && visual::is_image(&field.element, node.dims[port], size) {
+            // Sums over tiles and the like show nothing of the picture.
+            let dims = node.dims[port];
+            if declared.doc.starts_with(SCRATCH) && [dims.width, dims.height] != size {
+                continue;
+            }
+            if declared.is_output() && visual::is_image(&field.element, dims, size) {
                 sources.push(Source { node: node.name.clone(), port: declared.name.to_string() });
             }
         }

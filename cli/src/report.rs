@@ -62,17 +62,23 @@ impl Measured {
 
 /// Everything that is told about a run.
 pub struct Report<'a> {
+    /// What was asked for.
     pub args: &'a RenderArgs,
     /// The graph file's name.
     pub graph: &'a str,
+    /// Threads that computed.
     pub threads: usize,
     /// Samples that a frame may ask for.
     pub samples: u32,
+    /// Where nodes ran that did not say.
+    pub side: Side,
     /// The GPU, where the plan uses one.
     pub gpu: Option<&'a Gpu>,
+    /// The plan that ran.
     pub plan: &'a Plan,
     /// Bytes that pooling saves on the CPU and on the GPU.
     pub pooled_bytes: [u64; 2],
+    /// What it took.
     pub measured: &'a Measured,
     /// What was written, and where.
     pub written: Vec<(String, String)>,
@@ -141,10 +147,6 @@ impl Report<'_> {
 
     fn frames_per_second(&self) -> f64 {
         f64::from(self.args.frames) / self.measured.seconds
-    }
-
-    fn uses_gpu(&self) -> bool {
-        self.plan.nodes.iter().any(|(.., side)| *side == Side::Gpu)
     }
 
     /// The table and what else there is to say.
@@ -242,7 +244,7 @@ impl Report<'_> {
             "camera": args.scene.camera,
             "size": args.scene.size.0,
             "seed": args.seed,
-            "backend": if self.uses_gpu() { "gpu" } else { "cpu" },
+            "backend": self.side.to_string(),
             "adapter": self.gpu.map(Gpu::name),
             "software_adapter": self.gpu.map(Gpu::is_software),
             "threads": self.threads,

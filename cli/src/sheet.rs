@@ -4,15 +4,15 @@ use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_wid
 
 /// The letters that labels are set in.
 const WEIGHT: FontWeight = FontWeight::Regular;
-const LETTER: RasterHeight = RasterHeight::Size16;
+const LETTER: RasterHeight = RasterHeight::Size24;
 
 /// Pixels around each picture, and between a label and its picture.
 const GAP: usize = 12;
 const LABEL_GAP: usize = 4;
-/// Longest side of a picture on the sheet, in pixels; larger ones are shrunk.
-const LONGEST_SIDE: usize = 320;
-/// Columns for each row, about: a sheet is wider than high.
-const ASPECT: f64 = 1.5;
+/// Longest side of a picture on the sheet, in pixels: larger ones are shrunk, much smaller ones enlarged.
+const LONGEST_SIDE: usize = 512;
+/// Most columns for each row: a sheet is as wide as high, or somewhat wider.
+const ASPECT: f64 = 2.0;
 
 const BACKGROUND: [u8; 3] = [32, 33, 36];
 const TEXT: [u8; 3] = [225, 225, 220];
@@ -29,8 +29,8 @@ pub struct Tile {
 
 /// All tiles in rows, in their order, as one image: width and height, and its sRGB pixels.
 pub fn sheet(tiles: &[Tile]) -> ([usize; 2], Vec<[u8; 3]>) {
-    let tiles: Vec<Tile> = tiles.iter().map(shrunk).collect();
-    let columns = (tiles.len() as f64 * ASPECT).sqrt().ceil().max(1.0) as usize;
+    let tiles: Vec<Tile> = tiles.iter().map(fitted).collect();
+    let columns = columns(tiles.len());
     let rows = tiles.len().div_ceil(columns);
     let letter = get_raster_width(WEIGHT, LETTER);
     let label_width = |tile: &Tile| tile.label.chars().count() * letter;
@@ -45,6 +45,13 @@ pub fn sheet(tiles: &[Tile]) -> ([usize; 2], Vec<[u8; 3]>) {
         canvas.picture([left, top + LETTER.val() + LABEL_GAP], tile);
     }
     (canvas.size, canvas.colors)
+}
+
+/// The number of columns that leaves the fewest places empty.
+fn columns(tiles: usize) -> usize {
+    let side = |ratio: f64| (tiles.max(1) as f64 * ratio).sqrt().ceil() as usize;
+    let empty = |columns: usize| tiles.div_ceil(columns) * columns - tiles;
+    (side(1.0)..=side(ASPECT)).min_by_key(|&columns| empty(columns)).unwrap_or(1)
 }
 
 struct Canvas {
@@ -83,12 +90,21 @@ impl Canvas {
     }
 }
 
-/// The tile made smaller, if it must be, by a whole factor: every pixel is the mean of a block.
-fn shrunk(tile: &Tile) -> Tile {
+/// The tile made smaller or larger by a whole factor, so that its longest side comes near [`LONGEST_SIDE`].
+fn fitted(tile: &Tile) -> Tile {
+    let longest = tile.size[0].max(tile.size[1]).max(1);
+    let (size, colors) = if longest > LONGEST_SIDE {
+        shrunk(tile, longest.div_ceil(LONGEST_SIDE))
+    } else {
+        enlarged(tile, LONGEST_SIDE / longest)
+    };
+    Tile { label: tile.label.clone(), size, colors }
+}
+
+/// Every pixel is the mean of a block.
+fn shrunk(tile: &Tile, factor: usize) -> ([usize; 2], Vec<[u8; 3]>) {
     let [width, height] = tile.size;
-    let factor = width.max(height).div_ceil(LONGEST_SIDE).max(1);
-    let size = [width.div_ceil(factor), height.div_ceil(factor)];
-    let mean = |x: usize, y: usize| {
+    let mean = |[x, y]: [usize; 2]| {
         let xs = x * factor..((x + 1) * factor).min(width);
         let ys = y * factor..((y + 1) * factor).min(height);
         let count = (xs.len() * ys.len()) as u32;
@@ -100,9 +116,19 @@ fn shrunk(tile: &Tile) -> Tile {
         }
         sum.map(|sum| ((sum + count / 2) / count) as u8)
     };
-    let colors =
-        (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| mean(x, y)).collect();
-    Tile { label: tile.label.clone(), size, colors }
+    let size = tile.size.map(|side| side.div_ceil(factor));
+    (size, places(size).map(mean).collect())
+}
+
+/// Every pixel becomes a block.
+fn enlarged(tile: &Tile, factor: usize) -> ([usize; 2], Vec<[u8; 3]>) {
+    let size = tile.size.map(|side| side * factor);
+    (size, places(size).map(|[x, y]| tile.colors[y / factor * tile.size[0] + x / factor]).collect())
+}
+
+/// All places of an image, row by row.
+fn places([width, height]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
+    (0..height).flat_map(move |y| (0..width).map(move |x| [x, y]))
 }
 
 #[cfg(test)]
@@ -118,16 +144,22 @@ mod tests {
         let red = [200, 0, 0];
         let (size, colors) = sheet(&[tile("a.b", [40, 30], red), tile("c.d", [40, 30], [0, 200, 0])]);
         assert_eq!(colors.len(), size[0] * size[1]);
-        assert_eq!(colors.iter().filter(|&&color| color == red).count(), 40 * 30);
+        // Enlarged twelve times: 40 x 12 = 480.
+        assert_eq!(colors.iter().filter(|&&color| color == red).count(), 480 * 360);
         let letters = &colors[..size[0] * (GAP + LETTER.val())];
         assert!(letters.iter().any(|&[r, ..]| r > 150), "no text");
+    }
+
+    #[test]
+    fn few_places_stay_empty() {
+        assert_eq!([0, 1, 2, 11, 12, 13].map(columns), [1, 1, 2, 4, 4, 5]);
     }
 
     #[test]
     fn large_pictures_are_averaged() {
         let mut large = tile("x", [2 * LONGEST_SIDE, 3], [0; 3]);
         large.colors[0] = [200; 3];
-        let small = shrunk(&large);
+        let small = fitted(&large);
         assert_eq!(small.size, [LONGEST_SIDE, 2]);
         assert_eq!((small.colors[0], small.colors[1]), ([50; 3], [0; 3]));
     }

@@ -2,14 +2,18 @@
 
 /// A linear value, clamped to [0, 1] (NaN becomes 0), as sRGB in [0, 1].
 pub fn encode(linear: f32) -> f32 {
-    // `max` gives the number where the other is NaN.
-    let linear = linear.max(0.0).min(1.0);
+    let linear = unit(linear);
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// A value in [0, 1] as a byte, rounded to nearest.
 pub fn to_byte(value: f32) -> u8 {
-    (value.max(0.0).min(1.0) * 255.0 + 0.5) as u8
+    (unit(value) * 255.0 + 0.5) as u8
+}
+
+/// A value clamped to [0, 1]; NaN becomes 0.
+fn unit(value: f32) -> f32 {
+    if value > 0.0 { value.min(1.0) } else { 0.0 }
 }
 
 /// A linear colour as sRGB bytes.

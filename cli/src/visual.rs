@@ -6,10 +6,8 @@
 //! | other colours (four floats) | linear light, clamped, sRGB-encoded; magenta where a channel is NaN |
 //! | depth: one float, or its bits in a u32, at a port `depth` | 1/z between near and far: bright is near |
 //! | one or two floats | grey, or red and green, between the 1st and the 99th percentile |
-//! | u32 up to 1 | black and white |
-//! | u32 up to 255 | grey, white at the largest |
-//! | u32 of a port `subpixel`: x and y in a byte each | red and green |
-//! | other integers | a colour for each number |
+//! | integers at a port whose name ends in `id`, `face`, `edge` or `slot` | a colour for each number |
+//! | other integers: masks, priorities, counts, sums | grey, white at the largest |
 //!
 //! Elements without a value (NaN, infinite or far depths, 0xFFFFFFFF) have the colour [`EMPTY`].
 
@@ -28,6 +26,9 @@ const NOT_A_NUMBER: [u8; 3] = [255, 0, 255];
 
 /// The u32 that stands for nothing: ids of empty pixels.
 const NONE: u32 = u32::MAX;
+
+/// Ends of the names of ports whose numbers only tell things apart.
+const NAMING: [&str; 4] = ["id", "face", "edge", "slot"];
 
 /// Shares of the values that lie below the darkest and the brightest shade.
 const PERCENTILES: [f64; 2] = [0.01, 0.99];
@@ -66,19 +67,19 @@ pub fn show(snapshot: &Snapshot, look: &Look) -> Vec<[u8; 3]> {
             zip3(&floats(r), &floats(g), &floats(b), color)
         }
         [only] if port == "depth" => depth(&bits_as_floats(only), look.far),
-        [only] if port == "subpixel" => subpixel(&integers(only)),
         [only] if is_float(only) => {
-            let shades = shades(&floats(only));
+            let shades = shades(&floats(only), look.far);
             shades.iter().map(|shade| shade.map_or(EMPTY, |shade| [shade; 3])).collect()
         }
         [x, y] if is_float(x) && is_float(y) => {
-            let (x, y) = (shades(&floats(x)), shades(&floats(y)));
+            let (x, y) = (shades(&floats(x), look.far), shades(&floats(y), look.far));
             x.iter()
                 .zip(&y)
                 .map(|pair| if let (Some(x), Some(y)) = pair { [*x, *y, 0] } else { EMPTY })
                 .collect()
         }
-        [first, ..] => whole_numbers(&integers(first)),
+        [first, ..] if NAMING.iter().any(|end| port.ends_with(end)) => names(&integers(first)),
+        [first, ..] => amounts(&integers(first)),
         [] => vec![EMPTY; snapshot.dims.count()],
     }
 }
@@ -135,10 +136,12 @@ fn between(value: f32, [low, high]: [f32; 2]) -> f32 {
     if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 }
 }
 
-fn shades(values: &[f32]) -> Vec<Option<u8>> {
-    let range = range(values.iter().copied().filter(|value| value.is_finite()).collect());
+fn shades(values: &[f32], far: f32) -> Vec<Option<u8>> {
+    // Stages write exactly the far plane's distance where there is nothing.
+    let is_value = |value: f32| value.is_finite() && value != far;
+    let range = range(values.iter().copied().filter(|&value| is_value(value)).collect());
     let shade = |&value: &f32| {
-        let range = range.filter(|_| value.is_finite())?;
+        let range = range.filter(|_| is_value(value))?;
         Some(tone::to_byte(between(value, range)))
     };
     values.iter().map(shade).collect()
@@ -155,19 +158,14 @@ fn depth(depths: &[f32], far: f32) -> Vec<[u8; 3]> {
     depths.iter().map(shade).collect()
 }
 
-fn subpixel(values: &[u32]) -> Vec<[u8; 3]> {
-    let show = |&value: &u32| if value == NONE { EMPTY } else { [value as u8, (value >> 8) as u8, 0] };
-    values.iter().map(show).collect()
+fn names(values: &[u32]) -> Vec<[u8; 3]> {
+    values.iter().map(|&value| if value == NONE { EMPTY } else { hashed(value) }).collect()
 }
 
-fn whole_numbers(values: &[u32]) -> Vec<[u8; 3]> {
+fn amounts(values: &[u32]) -> Vec<[u8; 3]> {
     let largest = values.iter().copied().filter(|&value| value != NONE).max().unwrap_or(0);
-    let show = |value: u32| match largest {
-        _ if value == NONE => EMPTY,
-        0..=255 => [(value * 255 / largest.max(1)) as u8; 3],
-        _ => hashed(value),
-    };
-    values.iter().map(|&value| show(value)).collect()
+    let shade = |value: u32| tone::to_byte((f64::from(value) / f64::from(largest.max(1))) as f32);
+    values.iter().map(|&value| if value == NONE { EMPTY } else { [shade(value); 3] }).collect()
 }
 
 /// A colour that differs from those of other numbers nearby, never dark.
@@ -212,12 +210,12 @@ mod tests {
     }
 
     #[test]
-    fn integers_are_masks_greys_or_colours() {
+    fn integers_are_amounts_or_names() {
         assert_eq!(shown("a.mask", u32::element(), &[0u32, 1]), [[0; 3], [255; 3]]);
-        assert_eq!(shown("a.priority", u32::element(), &[0u32, 100, 200]), [[0; 3], [127; 3], [255; 3]]);
+        assert_eq!(shown("a.priority", u32::element(), &[0u32, 100, 200]), [[0; 3], [128; 3], [255; 3]]);
         let ids = shown("a.id", u32::element(), &[5u32, 5, 1_000_000, NONE]);
         assert!(ids[0] == ids[1] && ids[0] != ids[2] && ids[3] == EMPTY);
-        assert_eq!(shown("a.id", u32::element(), &[NONE, NONE]), [EMPTY; 2]);
+        assert_eq!(shown("a.sum", u32::element(), &[NONE, NONE]), [EMPTY; 2]);
     }
 
     #[test]

@@ -103,6 +103,8 @@ pub struct Facts {
     pub point_lights: u32,
     /// Number of quad lights.
     pub quad_lights: u32,
+    /// Number of vertices.
+    pub vertices: u32,
     /// Number of edges between smoothly joined faces.
     pub regular_edges: u32,
     /// Number of edges at a crease.

@@ -746,6 +746,8 @@ impl Resolver<'_> {
                 list((f64::from(width) * f64::from(height) * f64::from(*share)).ceil() as u64)
             }
             Extent::Requests => list(self.settings.samples.into()),
+            Extent::Corners => Ok(Some(Dims { width: width + 1, height: height + 1 })),
+            Extent::Vertices => list(self.settings.facts.vertices.into()),
             Extent::Edges => list(self.settings.facts.edges().into()),
             Extent::Faces => list(self.settings.facts.faces.into()),
             Extent::Fixed([width, height]) => {

@@ -174,7 +174,7 @@ impl<S: Stage> Harness<S> {
 
     /// Lists take the length of their data; images the size of the frame.
     fn given_extent(&self, port: &Port) -> Extent {
-        if let Extent::Frame(_) | Extent::Fixed(_) = port.extent {
+        if let Extent::Frame(_) | Extent::Corners | Extent::Fixed(_) = port.extent {
             return port.extent.clone();
         }
         let prefix = format!("{}.", port.name);

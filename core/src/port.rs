@@ -264,6 +264,10 @@ pub enum Extent {
     PerPixel(f32),
     /// A list with one element for each sample of the frame's budget.
     Requests,
+    /// One for each corner of the frame's pixels: one more than the frame on each axis.
+    Corners,
+    /// A list with one element for each vertex of the scene.
+    Vertices,
     /// A list with one element for each edge of the scene.
     Edges,
     /// A list with one element for each face of the scene.
@@ -283,6 +287,8 @@ impl fmt::Display for Extent {
             Self::Frame(n) => write!(f, "one per {n}x{n} pixels"),
             Self::PerPixel(share) => write!(f, "a list of {share} per pixel"),
             Self::Requests => write!(f, "a list of one per requested sample"),
+            Self::Corners => write!(f, "one per corner of a pixel"),
+            Self::Vertices => write!(f, "a list of one per vertex"),
             Self::Edges => write!(f, "a list of one per edge"),
             Self::Faces => write!(f, "a list of one per face"),
             Self::Like(port) => write!(f, "as many as `{port}`"),

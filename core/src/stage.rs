@@ -281,6 +281,7 @@ pub struct CpuContext<'a> {
     pub(crate) host: &'a Host,
     pub(crate) blocks: &'a [RefCell<Block>],
     pub(crate) bindings: &'a [Vec<Option<Binding>>],
+    pub(crate) unchanged: &'a RefCell<Vec<FieldRef>>,
 }
 
 impl CpuContext<'_> {
@@ -299,6 +300,12 @@ impl CpuContext<'_> {
     fn binding(&self, at: FieldRef) -> Binding {
         self.bindings[at.port as usize][at.field as usize]
             .expect("a handle of an unconnected port is never given out")
+    }
+
+    /// Says that a kept output has the same contents as in the frame before, so that it need not be uploaded again.
+    /// Only for [`Io::persistent`] outputs; pooled memory holds something else by now.
+    pub fn unchanged(&self, port: impl Into<FieldRef>) {
+        self.unchanged.borrow_mut().push(port.into());
     }
 
     /// Width and height of a port.

@@ -147,6 +147,33 @@ impl Stage for Bump {
     }
 }
 
+/// Kept numbers that change in every third frame only.
+struct Rarely {
+    numbers: Out<u32>,
+}
+
+impl Stage for Rarely {
+    const KIND: &'static str = "rarely";
+    const DOC: &'static str = "Numbers that seldom change.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        Self { numbers: io.persistent("numbers", "the numbers", Extent::Frame(1)) }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let frame = cx.frame().index;
+        if frame % 3 == 1 {
+            cx.write(self.numbers).fill(frame);
+        } else {
+            // A lie, to see whether the upload is left out.
+            cx.write(self.numbers).fill(99);
+            cx.unchanged(self.numbers);
+        }
+        Ok(())
+    }
+}
+
 /// Fails or panics, as its parameter says.
 struct Faulty;
 
@@ -182,6 +209,7 @@ fn registry() -> Registry {
         .with::<Mix>()
         .with::<Bump>()
         .with::<Faulty>()
+        .with::<Rarely>()
 }
 
 // 13x5: rows of textures need padding, the last workgroups stick out.
@@ -256,6 +284,19 @@ fn the_comparison_can_fail() {
     let mut file = graph(["Cpu", "Gpu", "Cpu"]);
     file.set_param("mix", "weight", "4").unwrap();
     assert_ne!(run(&file, &Settings::new(SIZE, 0), 4), expected(4));
+}
+
+#[test]
+fn what_has_not_changed_is_not_uploaded_again() {
+    let text = r#"Graph(version: 1, nodes: {
+        "rarely": (kind: "rarely"),
+        "mix": (kind: "mix", on: Gpu, inputs: { "now": "rarely.numbers", "before": "ramp.ramp" }, params: (weight: 0)),
+        "ramp": (kind: "ramp", on: Gpu),
+    }, outputs: { "image": "mix.sum" })"#;
+    let file = GraphFile::parse("rarely.ron", text).unwrap();
+    let seen: Vec<u32> = run(&file, &Settings::new(SIZE, 0), 6).iter().map(|image| image[7]).collect();
+    // The first frame uploads whatever there is.
+    assert_eq!(seen, [99, 1, 1, 1, 4, 4]);
 }
 
 #[test]

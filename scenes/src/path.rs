@@ -16,9 +16,10 @@ const FRAMES_PER_SECOND: f32 = 30.0;
 const FORMS: [&str; 4] = ["still", "orbit[:DEGREES[:ARC]]", "fly[:FILE.ron]", "shake"];
 
 /// An orbit's default speed in degrees a frame, and its default arc in degrees: wide enough for every kind of
-/// disocclusion, narrow enough to keep looking into a scene that is open to one side.
+/// disocclusion, narrow enough to keep the eye of the Cornell box within its opening: seen from beside it, the walls
+/// would show their outer sides, and those points stay in a cloud where the inner sides have theirs.
 const ORBIT_SPEED: f32 = 1.0;
-const ORBIT_ARC: f32 = 50.0;
+const ORBIT_ARC: f32 = 28.0;
 
 /// How far an orbit's eye stays inside a scene that it began in, as a share of the scene's size.
 const ORBIT_MARGIN: f32 = 0.02;
@@ -106,7 +107,7 @@ impl CameraPath {
     ///
     /// - `still`;
     /// - `orbit`, `orbit:DEGREES`, `orbit:DEGREES:ARC`: turns about what the camera looks at, `DEGREES` a frame
-    ///   (1), to and fro on an arc of `ARC` degrees (50) with the scene's view in the middle; 360 goes full circle.
+    ///   (1), to and fro on an arc of `ARC` degrees (28) with the scene's view in the middle; 360 goes full circle.
     ///   An eye that starts inside the scene's bounds stays inside;
     /// - `fly`, `fly:FILE.ron`: through keyframes, by default a gentle loop forwards and sideways. The file holds
     ///   `(looped: true, keys: [(time: 0.0, eye: (x, y, z), target: (x, y, z)), ...])`, times in seconds;

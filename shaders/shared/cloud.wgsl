@@ -23,8 +23,8 @@ const MAX_RADIANCE: f32 = 65408.0;
 
 // Linear radiance as RGB9E5: three 9-bit mantissas from the low bits on, one 5-bit exponent, bias 15.
 fn encode_radiance(color: vec3<f32>) -> u32 {
-    // Bit patterns of positive floats are ordered like the floats; what lies above infinity is NaN or negative. A shader
-    // compiler may assume that neither exists, so look at the bits.
+    // Bit patterns of positive floats are ordered like the floats; what lies above infinity is NaN or negative.
+    // A shader compiler may assume that neither exists, so look at the bits.
     let bits = bitcast<vec3<u32>>(color);
     let bounded = min(bits, vec3(bitcast<u32>(MAX_RADIANCE)));
     let c = bitcast<vec3<f32>>(select(bounded, vec3(0u), bits > vec3(0x7F800000u)));

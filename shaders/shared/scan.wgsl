@@ -34,25 +34,36 @@ struct Scan {
     total: u32,
 }
 
-var<workgroup> scan_sums: array<u32, SCAN_THREADS>;
+// Threads are summed in rows of this many, and rows then; both have the same number.
+const SCAN_ROW: u32 = 16u;
 
-// Sums over the threads of a workgroup (Hillis and Steele 1986). `lane` is local_invocation_index; all SCAN_THREADS
-// threads of the workgroup have to call it together.
+var<workgroup> scan_values: array<u32, SCAN_THREADS>;
+var<workgroup> scan_rows: array<u32, SCAN_ROW>;
+
+// Sums over the threads of a workgroup. `lane` is local_invocation_index; all SCAN_THREADS threads of the workgroup
+// have to call it together. Two short serial sums need 3 barriers where log2(256) parallel steps would need 16: on
+// lavapipe that is several times faster.
 fn workgroup_scan(lane: u32, value: u32) -> Scan {
     // Readers of the call before may still be at work.
     workgroupBarrier();
-    scan_sums[lane] = value;
+    scan_values[lane] = value;
     workgroupBarrier();
-    for (var step = 1u; step < SCAN_THREADS; step *= 2u) {
-        var left = 0u;
-        if lane >= step {
-            left = scan_sums[lane - step];
+    if lane < SCAN_ROW {
+        var sum = 0u;
+        for (var i = lane * SCAN_ROW; i < (lane + 1u) * SCAN_ROW; i++) {
+            let value = scan_values[i];
+            scan_values[i] = sum;
+            sum += value;
         }
-        workgroupBarrier();
-        scan_sums[lane] += left;
-        workgroupBarrier();
+        scan_rows[lane] = sum;
     }
-    return Scan(scan_sums[lane] - value, scan_sums[SCAN_THREADS - 1u]);
+    workgroupBarrier();
+    var scan = Scan(scan_values[lane], 0u);
+    for (var row = 0u; row < SCAN_ROW; row++) {
+        scan.before += select(0u, scan_rows[row], row < lane / SCAN_ROW);
+        scan.total += scan_rows[row];
+    }
+    return scan;
 }
 
 // Start and end of a block of a list of `count` elements. Blocks are whole tiles, except where the list ends.

@@ -196,7 +196,7 @@ mod tests {
             .map(|_| match random.below(16) {
                 0 => 0,
                 1 => LIVE | FRESH,
-                _ => LIVE | random.below(2) * CHANGED | random.below(0x1_0000),
+                _ => LIVE | (random.below(2) * CHANGED) | random.below(0x1_0000),
             })
             .collect();
         let image_id: Vec<u32> =

@@ -6,7 +6,7 @@
 //! of the depth zd of a 24-bit z-buffer, f (z - n) / (z (f - n)), shifted by threshold * (f - n) metres. The mean of zd
 //! is a harmonic mean of z, and near zd = 1 the shift loses its digits: it fits scenes with f / n of a few hundred.
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, View, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
 use rayon::prelude::*;
 
 use crate::{project::EMPTY_DEPTH, shared::requests::NO_POINT};
@@ -63,86 +63,94 @@ impl Stage for DepthCull {
 
     fn cpu(&self, params: &DepthCullParams, cx: &CpuContext) -> Result<(), String> {
         let (view, dims) = (&cx.frame().view, cx.dims(self.id));
-        let (width, height) = (dims.width as usize, dims.height as usize);
         let depth = &cx.read(self.depth)[..];
         let (id, filtered) = (&mut cx.write(self.id)[..], &mut cx.write(self.filtered)[..]);
 
-        let row = |y: usize| &depth[y * width..][..width];
-        let rows = id.par_chunks_mut(width).zip(filtered.par_chunks_mut(width));
-        rows.enumerate().for_each(|(y, (id, filtered))| {
-            let rows = [y.checked_sub(1).map(row), Some(row(y)), (y + 1 < height).then(|| row(y + 1))];
-            for (x, (id, filtered)) in id.iter_mut().zip(filtered).enumerate() {
-                let cull = match params.rule {
-                    Rule::Relative => relative(view, params.threshold, neighbours(rows, x)),
-                    Rule::SeedExact => seed_exact(view, params.threshold, neighbours(rows, x)),
-                };
-                *filtered = cull.filtered;
-                if cull.hidden {
-                    *id = NO_POINT;
-                }
+        let image = Image { depth, width: dims.width as usize, height: dims.height as usize };
+        let far = view.far;
+        match params.rule {
+            Rule::Relative => {
+                let threshold = 1.0 + params.threshold;
+                image.cull(id, filtered, far, |z| z, |mean| mean * threshold, |z| z.min(far));
             }
-        });
+            Rule::SeedExact => {
+                let buffer = ZBuffer { near: view.near, far };
+                let shift = |mean| buffer.shift(params.threshold, mean);
+                image.cull(id, filtered, far, |z| buffer.depth(z), shift, |value| buffer.distance(value));
+            }
+        }
         Ok(())
     }
 }
 
-/// The distances of the 3x3 pixels around column `x`, row by row; infinite where there is none.
-#[inline(always)]
-fn neighbours(rows: [Option<&[u32]>; 3], x: usize) -> [f32; 9] {
-    let mut depths = [EMPTY_DEPTH; 9];
-    for (row, depths) in rows.into_iter().zip(depths.chunks_mut(3)) {
-        let Some(row) = row else { continue };
-        if x > 0 {
-            depths[0] = row[x - 1];
-        }
-        depths[1] = row[x];
-        if x + 1 < row.len() {
-            depths[2] = row[x + 1];
-        }
-    }
-    depths.map(f32::from_bits)
+/// Bits of distances.
+struct Image<'a> {
+    depth: &'a [u32],
+    width: usize,
+    height: usize,
 }
 
-/// What the rule says of a pixel.
-struct Cull {
-    hidden: bool,
-    filtered: f32,
-}
+impl Image<'_> {
+    /// Applies a rule: `value` is what it compares, for a distance; `shift` gives the least value that is hidden where
+    /// the mean is its argument, and `distance` the distance of a value, at most `far`.
+    fn cull(
+        &self,
+        id: &mut [u32],
+        filtered: &mut [f32],
+        far: f32,
+        value: impl Fn(f32) -> f32 + Sync,
+        shift: impl Fn(f32) -> f32 + Sync,
+        distance: impl Fn(f32) -> f32 + Sync,
+    ) {
+        let rows = id.par_chunks_mut(self.width).zip(filtered.par_chunks_mut(self.width));
+        rows.enumerate().for_each(|(y, (id, filtered))| {
+            let (mut left, mut centre) = (Sum::default(), self.column(0, y, &value));
+            for x in 0..self.width {
+                let right = self.column(x + 1, y, &value);
+                let sum = left.plus(centre).plus(right);
+                (left, centre) = (centre, right);
+                if sum.count == 0.0 {
+                    filtered[x] = far;
+                    continue;
+                }
+                let shifted = shift(sum.sum / sum.count);
+                filtered[x] = distance(shifted);
+                let own = self.depth[y * self.width + x];
+                if own < EMPTY_DEPTH && value(f32::from_bits(own)) > shifted {
+                    id[x] = NO_POINT;
+                }
+            }
+        });
+    }
 
-#[inline(always)]
-fn relative(view: &View, threshold: f32, z: [f32; 9]) -> Cull {
-    match mean(z, |z| z) {
-        Some(mean) => {
-            let shifted = mean * (1.0 + threshold);
-            // An empty centre is infinitely far, but has nothing to drop.
-            Cull { hidden: z[4] > shifted, filtered: shifted.min(view.far) }
+    /// The values of the pixels above, at and below (x, y), as far as they are there.
+    #[inline(always)]
+    fn column(&self, x: usize, y: usize, value: impl Fn(f32) -> f32) -> Sum {
+        let mut column = Sum::default();
+        for y in [y.wrapping_sub(1), y, y + 1] {
+            if x < self.width && y < self.height {
+                let depth = self.depth[y * self.width + x];
+                // All ones where depth < EMPTY_DEPTH. A branch on whether a pixel is empty would be predicted badly.
+                let there = (depth.wrapping_sub(EMPTY_DEPTH) as i32 >> 31) as u32;
+                column.sum += f32::from_bits(value(f32::from_bits(depth)).to_bits() & there);
+                column.count += f32::from_bits(1f32.to_bits() & there);
+            }
         }
-        None => Cull { hidden: false, filtered: view.far },
+        column
     }
 }
 
-#[inline(always)]
-fn seed_exact(view: &View, threshold: f32, z: [f32; 9]) -> Cull {
-    let buffer = ZBuffer::new(view);
-    match mean(z, |z| buffer.depth(z)) {
-        Some(mean) => {
-            let shifted = buffer.shift(threshold, mean);
-            Cull { hidden: buffer.depth(z[4]) > shifted, filtered: buffer.distance(shifted) }
-        }
-        None => Cull { hidden: false, filtered: view.far },
-    }
+/// The sum of some values, and how many there are.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    sum: f32,
+    count: f32,
 }
 
-/// The mean of `value` over the finite distances.
-#[inline(always)]
-fn mean(z: [f32; 9], value: impl Fn(f32) -> f32) -> Option<f32> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for z in z {
-        let valid = z < f32::INFINITY;
-        sum += if valid { value(z) } else { 0.0 };
-        count += if valid { 1.0 } else { 0.0 };
+impl Sum {
+    fn plus(self, other: Self) -> Self {
+        Self { sum: self.sum + other.sum, count: self.count + other.count }
     }
-    (count > 0.0).then_some(sum / count)
 }
 
 /// The depth of a z-buffer with range 0 (near) to 1 (far): `algorithms.md` section 3.
@@ -152,10 +160,6 @@ struct ZBuffer {
 }
 
 impl ZBuffer {
-    fn new(view: &View) -> Self {
-        Self { near: view.near, far: view.far }
-    }
-
     /// The depth of a distance.
     fn depth(&self, z: f32) -> f32 {
         let Self { near, far } = self;
@@ -182,7 +186,7 @@ impl ZBuffer {
 
 #[cfg(test)]
 mod tests {
-    use epigraph_core::Harness;
+    use epigraph_core::{Harness, View};
 
     use super::*;
     use crate::shared::testing::{Random, run_both, run_cpu, settings};
@@ -238,15 +242,15 @@ mod tests {
     #[test]
     fn golden_numbers_of_the_shift() {
         // algorithms.md section 3: n = 100, f = 1e4, c = 0.05.
-        let buffer = ZBuffer::new(&view(100.0, 1e4));
-        for (depth, shifted) in
-            [(0.0, 0.840336134), (0.909090909, 0.942535725), (0.98989899, 0.991718826), (1.0, 1.0)]
-        {
+        let buffer = ZBuffer { near: 100.0, far: 1e4 };
+        let golden =
+            [(0.0, 0.840336134f64), (0.909090909, 0.942535725), (0.98989899, 0.991718826), (1.0, 1.0)];
+        for (depth, shifted) in golden {
             // Some ulps of 1.
-            assert!((buffer.shift(0.05, depth) - shifted).abs() < 5e-7, "{depth}");
+            assert!((f64::from(buffer.shift(0.05, depth as f32)) - shifted).abs() < 5e-7, "{depth}");
         }
-        assert!((buffer.depth(1000.0) - 0.909090909).abs() < 2e-7);
-        assert!((buffer.distance(0.942535725) - 1495.0).abs() < 0.02);
+        assert!((f64::from(buffer.depth(1000.0)) - 0.909090909).abs() < 2e-7);
+        assert!((buffer.distance(0.942535725f64 as f32) - 1495.0).abs() < 0.02);
         assert_eq!(buffer.depth(100.0), 0.0);
         assert!((buffer.depth(1e4) - 1.0).abs() < 2e-7);
         assert_eq!((buffer.distance(0.0), buffer.distance(1.0)), (100.0, 1e4));

@@ -8,13 +8,9 @@
 use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, choice, params, shader, texel};
 use rayon::prelude::*;
 
-use crate::shared::{
-    cloud::{AGE, AGE_ONE, decode_radiance},
-    requests::NO_POINT,
-};
+use crate::shared::cloud::{AGE, AGE_ONE, decode_radiance};
 
-/// Weights of the 3x3 pixels, row by row; their sum is [`WEIGHTS_SUM`].
-const WEIGHTS: [f32; 9] = [1.0, 2.0, 1.0, 2.0, 4.0, 2.0, 1.0, 2.0, 1.0];
+/// Sum of the weights of the 3x3 pixels.
 const WEIGHTS_SUM: u32 = 16;
 
 /// Pixels to each side of the centre of the wide kernel.
@@ -46,6 +42,9 @@ params! {
     pub struct FillParams {
         /// What a pixel shows that has no point within reach.
         empty: Empty = Empty::Hold;
+        /// Show the points as they are, and mix colours only where there is none. Sharper and noisier: measured at 5%,
+        /// mean FLIP is 5 to 12% lower on the Cornell box and 2 to 4% higher on the room with its noisier light.
+        keep_points: bool = false;
         /// How the priority of a pixel follows from its surroundings.
         priority: Priority = Priority::Measured;
     }
@@ -90,40 +89,47 @@ impl Stage for Fill {
         let points = &mut cx.write(self.points)[..];
         let (color, priority) = (&mut cx.write(self.color)[..], &mut cx.write(self.priority)[..]);
 
-        points.par_chunks_mut(width).zip(id.par_chunks(width)).for_each(|(points, id)| {
-            for (point, &id) in points.iter_mut().zip(id) {
-                *point = match radiance.get(id as usize) {
-                    Some(&radiance) => {
+        let rows = points.par_chunks_mut(width).zip(priority.par_chunks_mut(width)).zip(id.par_chunks(width));
+        rows.for_each(|((points, priority), id)| {
+            for ((point, priority), &id) in points.iter_mut().zip(priority).zip(id) {
+                // 0xFFFFFFFF, for none, is no point's id.
+                (*point, *priority) = match (radiance.get(id as usize), meta.get(id as usize)) {
+                    (Some(&radiance), Some(meta)) => {
                         let [r, g, b] = decode_radiance(radiance);
-                        [r, g, b, 1.0]
+                        ([r, g, b, 1.0], with_point(params.priority, meta & AGE))
                     }
-                    None => [0.0; 4],
+                    _ => ([0.0; 4], 0),
                 };
             }
         });
 
         let points = Image { texels: points, width, height };
-        color.par_chunks_mut(width).zip(priority.par_chunks_mut(width)).enumerate().for_each(
-            |(y, (color, priority))| {
-                for (x, (color, priority)) in color.iter_mut().zip(priority).enumerate() {
-                    let near = points.weighted_3x3(x, y);
-                    let mut sum = near;
-                    if near[3] == 0.0 {
-                        sum = points.sum_7x7(x, y);
-                    }
-                    let [r, g, b, weight] = sum;
-                    *color = match params.empty {
-                        _ if weight > 0.0 => [r / weight, g / weight, b / weight, 1.0],
-                        Empty::Hold => previous[y * width + x],
-                        Empty::Clear => [0.0, 0.0, 0.0, 1.0],
-                    };
-                    *priority = match id[y * width + x] {
-                        NO_POINT => without_point(params.priority, near[3] as u32),
-                        id => with_point(params.priority, meta[id as usize] & AGE),
-                    };
+        let rows = color.par_chunks_mut(width).zip(priority.par_chunks_mut(width));
+        rows.enumerate().for_each(|(y, (color, priority))| {
+            let (mut left, mut centre) = ([0.0; 4], points.column(0, y));
+            for x in 0..width {
+                let right = points.column(x + 1, y);
+                let near = add(add(left, scale(centre, 2.0)), right);
+                (left, centre) = (centre, right);
+                let own = points.texels[y * width + x];
+                let has_point = own[3] > 0.0;
+                let [r, g, b, weight] = if has_point && params.keep_points {
+                    own
+                } else if near[3] > 0.0 {
+                    near
+                } else {
+                    points.sum_7x7(x, y)
+                };
+                color[x] = match params.empty {
+                    _ if weight > 0.0 => [r / weight, g / weight, b / weight, 1.0],
+                    Empty::Hold => previous[y * width + x],
+                    Empty::Clear => [0.0, 0.0, 0.0, 1.0],
+                };
+                if !has_point {
+                    priority[x] = without_point(params.priority, near[3] as u32);
                 }
-            },
-        );
+            }
+        });
         Ok(())
     }
 }
@@ -154,25 +160,15 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// The weighted sum of the 3x3 texels around (x, y).
+    /// The texels above, at and below (x, y), weighted 1, 2 and 1. Three such columns, weighted likewise, make the 3x3
+    /// weights: 4 for the centre, 2 for edges, 1 for corners.
     #[inline(always)]
-    fn weighted_3x3(&self, x: usize, y: usize) -> [f32; 4] {
-        let mut sum = [0.0; 4];
-        for dy in 0..3 {
-            // Rows and columns count from 1 here, so that the one before the first is 0.
-            if y + dy < 1 || y + dy > self.height {
-                continue;
-            }
-            let row = &self.texels[(y + dy - 1) * self.width..][..self.width];
-            for dx in 0..3 {
-                if x + dx >= 1
-                    && let Some(texel) = row.get(x + dx - 1)
-                {
-                    add(&mut sum, WEIGHTS[3 * dy + dx], texel);
-                }
-            }
+    fn column(&self, x: usize, y: usize) -> [f32; 4] {
+        if x >= self.width {
+            return [0.0; 4];
         }
-        sum
+        let at = |y: usize| if y < self.height { self.texels[y * self.width + x] } else { [0.0; 4] };
+        add(add(at(y.wrapping_sub(1)), scale(at(y), 2.0)), at(y + 1))
     }
 
     /// The sum of the 7x7 texels around (x, y).
@@ -180,8 +176,8 @@ impl Image<'_> {
         let mut sum = [0.0; 4];
         for y in y.saturating_sub(REACH)..(y + REACH + 1).min(self.height) {
             let row = &self.texels[y * self.width..][..self.width];
-            for texel in &row[x.saturating_sub(REACH)..(x + REACH + 1).min(self.width)] {
-                add(&mut sum, 1.0, texel);
+            for &texel in &row[x.saturating_sub(REACH)..(x + REACH + 1).min(self.width)] {
+                sum = add(sum, texel);
             }
         }
         sum
@@ -189,10 +185,13 @@ impl Image<'_> {
 }
 
 #[inline(always)]
-fn add(sum: &mut [f32; 4], weight: f32, texel: &[f32; 4]) {
-    for (sum, texel) in sum.iter_mut().zip(texel) {
-        *sum += weight * texel;
-    }
+fn add(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|lane| a[lane] + b[lane])
+}
+
+#[inline(always)]
+fn scale(a: [f32; 4], by: f32) -> [f32; 4] {
+    a.map(|lane| lane * by)
 }
 
 #[cfg(test)]
@@ -202,6 +201,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         cloud::{LIVE, encode_radiance},
+        requests::NO_POINT,
         testing::{Random, run_both, run_cpu, settings},
     };
 
@@ -235,6 +235,15 @@ mod tests {
         // Above the middle: red counts 2, green 1.
         assert_eq!(color[1], [2.0 / 3.0, 1.0 / 3.0, 0.0, 1.0]);
         assert_eq!(color[2], [1.0 / 3.0, 2.0 / 3.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn points_can_be_kept() {
+        let points = [([1.0, 0.0, 0.0], 0), ([0.0, 1.0, 0.0], 0)];
+        let params = FillParams { keep_points: true, ..FillParams::default() };
+        let mut harness = harness(params, [3, 1], &image([3, 1], &[(0, 0), (1, 1)]), &points);
+        let color = run_cpu(&mut harness).get::<[f32; 4]>("color");
+        assert_eq!(color, [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]]);
     }
 
     #[test]
@@ -295,9 +304,10 @@ mod tests {
         let id: Vec<u32> = (0..size[0] * size[1])
             .map(|p| if random.below(1 + (p % 53) * 8) < 4 { random.below(500) } else { NO_POINT })
             .collect();
-        for empty in [Empty::Hold, Empty::Clear] {
+        for (empty, keep_points) in [(Empty::Hold, false), (Empty::Clear, false), (Empty::Clear, true)] {
             for priority in [Priority::Measured, Priority::Classic] {
-                let both = run_both(&mut harness(FillParams { empty, priority }, size, &id, &points));
+                let params = FillParams { empty, keep_points, priority };
+                let both = run_both(&mut harness(params, size, &id, &points));
                 both.assert_equal::<u32>("priority");
                 // Up to 49 sums and a division of numbers below 1.
                 both.assert_close("color", 1e-6);

@@ -1,5 +1,7 @@
 //! Puts new samples into the cloud.
 
+use std::sync::{Mutex, PoisonError};
+
 use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, shader};
 use rayon::prelude::*;
 
@@ -70,60 +72,90 @@ impl Stage for Integrate {
         let (mut position, mut radiance) = (cx.write(self.cloud_position), cx.write(self.cloud_radiance));
         let (mut image_id, mut meta) = (cx.write(self.cloud_image_id), cx.write(self.cloud_meta));
         let (mut arrived, mut changed) = (cx.write(self.arrived), cx.write(self.changed));
-        let [width, height] = cx.frame().size;
-        let stamp = cx.frame().index.wrapping_add(1);
+        let (samples, slots, changed) = (&samples[..], &slots[..], &mut changed[..]);
+        let (size, stamp) = (cx.frame().size, cx.frame().index.wrapping_add(1));
         let capacity = meta.len();
-        let takes = |sample: &Sample, slot: u32| sample.hit != HIT_NONE && (slot as usize) < capacity;
+        let arrivals = || samples.iter().zip(slots).filter(|&(sample, &slot)| takes(sample, slot, capacity));
 
         // clear, compare
-        arrived[0] = 0;
-        for (sample, &slot) in samples.iter().zip(&*slots) {
-            if !takes(sample, slot) {
-                continue;
+        let shown = Shown { meta: &meta, radiance: &radiance, threshold: params.threshold };
+        // Equal stamps may come in any order, and few come at all: the threads seldom meet.
+        let stamps = Mutex::new(&mut *changed);
+        let compared = samples.par_iter().zip(slots).with_min_len(1024).filter(|&(sample, &slot)| {
+            let takes = takes(sample, slot, capacity);
+            if takes && shown.differs_from(sample) {
+                let mut changed = stamps.lock().unwrap_or_else(PoisonError::into_inner);
+                stamp_around(sample.pixel, size, stamp, &mut changed);
             }
-            arrived[0] += 1;
-            let shown = sample.reuse as usize;
-            if sample.view != VIEW_NOW || shown >= capacity || meta[shown] & LIVE == 0 {
-                continue;
-            }
-            let before = decode_radiance(radiance[shown]);
-            // Compared as it will be stored.
-            let after = decode_radiance(encode_radiance(sample.radiance));
-            if (tone_mapped_luma(after) - tone_mapped_luma(before)).abs() > params.threshold {
-                let (x, y) = (sample.pixel % width, sample.pixel / width);
-                for y in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
-                    for x in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
-                        changed[(y * width + x) as usize] = stamp;
-                    }
-                }
-            }
-        }
+            takes
+        });
+        arrived[0] = compared.count() as u32;
 
-        // flag
+        // flag: most points pass every test, so doing without branches is faster than skipping
+        let last = changed.len() as u32 - 1;
         let changed = &*changed;
         meta.par_iter_mut().zip(&*image_id).with_min_len(4096).for_each(|(meta, &pixel)| {
-            if *meta & LIVE == 0 {
-                return;
-            }
-            *meta &= !FRESH;
-            if changed.get(pixel as usize) == Some(&stamp) {
-                *meta |= CHANGED;
-            }
+            let within = pixel.min(last);
+            let is_stamped = (changed[within as usize] == stamp) & (within == pixel) & (*meta & LIVE != 0);
+            *meta = (*meta & !FRESH) | (CHANGED * u32::from(is_stamped));
         });
 
         // insert
-        for (sample, &slot) in samples.iter().zip(&*slots) {
-            if !takes(sample, slot) {
-                continue;
-            }
-            let slot = slot as usize;
-            let [x, y, z] = sample.position;
-            position[slot] = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
-            radiance[slot] = encode_radiance(sample.radiance);
-            image_id[slot] = NOT_DRAWN;
-            meta[slot] = LIVE | FRESH;
-        }
+        let position = &mut position[..];
+        let (radiance, image_id, meta) = (&mut radiance[..], &mut image_id[..], &mut meta[..]);
+        rayon::join(
+            || {
+                for (sample, &slot) in arrivals() {
+                    let [x, y, z] = sample.position;
+                    position[slot as usize] = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
+                }
+            },
+            || {
+                for (sample, &slot) in arrivals() {
+                    let slot = slot as usize;
+                    radiance[slot] = encode_radiance(sample.radiance);
+                    image_id[slot] = NOT_DRAWN;
+                    meta[slot] = LIVE | FRESH;
+                }
+            },
+        );
         Ok(())
+    }
+}
+
+/// Whether there is a sample that has a slot.
+fn takes(sample: &Sample, slot: u32, capacity: usize) -> bool {
+    sample.hit != HIT_NONE && (slot as usize) < capacity
+}
+
+/// What pixels showed before this frame's samples.
+struct Shown<'a> {
+    meta: &'a [u32],
+    radiance: &'a [u32],
+    threshold: f32,
+}
+
+impl Shown<'_> {
+    /// Whether the point that a sample was asked for to renew is live, and had another colour.
+    fn differs_from(&self, sample: &Sample) -> bool {
+        let point = sample.reuse as usize;
+        if sample.view != VIEW_NOW || self.meta.get(point).is_none_or(|meta| meta & LIVE == 0) {
+            return false;
+        }
+        let before = decode_radiance(self.radiance[point]);
+        // Compared as it will be stored.
+        let after = decode_radiance(encode_radiance(sample.radiance));
+        (tone_mapped_luma(after) - tone_mapped_luma(before)).abs() > self.threshold
+    }
+}
+
+/// Stamps the 7 x 7 pixels around one, as far as they lie in the image.
+fn stamp_around(pixel: u32, [width, height]: [u32; 2], stamp: u32, changed: &mut [u32]) {
+    let (x, y) = (pixel % width, pixel / width);
+    for y in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+        for x in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
+            changed[(y * width + x) as usize] = stamp;
+        }
     }
 }
 

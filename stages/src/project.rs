@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn the_nearest_live_point_wins() {
-        let old = LIVE | 201 * AGE_ONE;
+        let old = LIVE | (201 * AGE_ONE);
         let points = [(at(5.0), LIVE), (at(3.0), LIVE), (at(2.0), 0), (at(2.5), old), (at(3.0), LIVE)];
         for method in METHODS {
             let params = ProjectParams { method, max_age: 200, ..ProjectParams::default() };
@@ -286,7 +286,7 @@ mod tests {
                 3 => p = p.map(|c| c * 1e30),
                 _ => {}
             }
-            (p, if i % 7 == 0 { AGE } else { LIVE })
+            (p, if i.is_multiple_of(7) { AGE } else { LIVE })
         };
         (0..count).map(point).collect()
     }

@@ -6,7 +6,7 @@ use epigraph_core::{
     AdapterChoice, Executor, Gpu, GraphFile, Host, Registry, Settings, Side, Source, check_shader, compile,
     compose_shader,
 };
-use epigraph_scenes::{CameraPath, Scene, Tracer};
+use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
 use epigraph_stages::{
     Pace, World, registry,
     shared::{
@@ -15,14 +15,17 @@ use epigraph_stages::{
     },
 };
 
-const SIZE: [u32; 2] = [64, 64];
-const SAMPLES: u32 = 400;
+const SIZE: [u32; 2] = [128, 128];
+
+/// Samples of a frame: 5% of the pixels.
+const SAMPLES: u32 = 819;
 
 /// A graph that runs, with what it needs.
 struct Run {
     executor: Executor,
     host: Host,
     path: CameraPath,
+    tracer: Arc<Tracer>,
 }
 
 /// Ports that the tests look at.
@@ -45,7 +48,8 @@ impl Run {
         let mut settings = Settings { facts, side, taps, ..Settings::new(SIZE, SAMPLES) };
         change(&mut settings);
         let mut host = Host::default();
-        host.insert(World::new(Arc::new(Tracer::new(scene)), Pace::Exact));
+        let tracer = Arc::new(Tracer::new(scene));
+        host.insert(World::new(tracer.clone(), Pace::Exact));
 
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph);
         let file = GraphFile::load(&file).unwrap_or_else(|problems| panic!("{problems}"));
@@ -55,7 +59,7 @@ impl Run {
             .then(|| Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}"))));
         let executor =
             Executor::new(graph, plan, &settings, &registry(), gpu).unwrap_or_else(|error| panic!("{error}"));
-        Self { executor, host, path }
+        Self { executor, host, path, tracer }
     }
 
     fn frame(&mut self, index: u32) {
@@ -70,6 +74,25 @@ impl Run {
 
     fn image(&mut self) -> Vec<u8> {
         self.get("image", "")
+    }
+
+    /// Mean difference between the image and a converged one of frame `index`, as a share of the converged one's mean:
+    /// 1 for a black image.
+    fn error(&mut self, index: u32) -> f32 {
+        let settings = TraceSettings { spp: 4, ..TraceSettings::default() };
+        let truth =
+            reference::render(&self.tracer, &self.path.camera(index), SIZE, 16, &settings, 9, &|_| ());
+        let color = self.get::<[f32; 4]>("fill.color", "");
+        // Like a screen, so that the light itself does not outweigh all else.
+        let shown = |[r, g, b]: [f32; 3]| [r, g, b].map(|channel| channel.min(1.0));
+        let (mut difference, mut sum) = (0.0, 0.0);
+        for ([r, g, b, _], truth) in color.into_iter().zip(truth) {
+            for (channel, truth) in shown([r, g, b]).into_iter().zip(shown(truth.into())) {
+                difference += (channel - truth).abs();
+                sum += truth;
+            }
+        }
+        difference / sum
     }
 }
 
@@ -131,11 +154,10 @@ fn the_cloud_fills_and_stays_consistent() {
         );
         assert!(run.get::<u32>("fill.priority", "").iter().all(|&priority| priority <= 255));
     }
-    // 19 frames brought up to 400 samples each to 4670 slots, some of them to slots that were taken.
-    assert!(live > 3000, "{live} live points");
-    // Nearly all of the box's image shows something by then.
-    let dark = run.get::<[f32; 4]>("fill.color", "").iter().filter(|color| color[..3] == [0.0; 3]).count();
-    assert!(dark < 64 * 64 / 10, "{dark} black pixels");
+    // 19 frames brought 819 samples each to 18,678 slots, some of them to slots that were taken.
+    assert!(live > 9_000, "{live} live points");
+    let error = run.error(19);
+    assert!(error < 0.2, "the image of a moving camera is off by {error}");
 }
 
 #[test]
@@ -153,10 +175,11 @@ fn the_same_bytes_for_any_number_of_threads() {
 #[test]
 fn a_still_camera_converges_to_what_the_tracer_sees() {
     let mut run = Run::new("render-cache.ron", Side::Cpu, "still", |_| {});
-    (0..40).for_each(|index| run.frame(index));
-    let ids = run.get::<u32>("cull.id", "");
-    let occupied = ids.iter().filter(|&&id| id != NO_POINT).count();
-    assert!(occupied > 64 * 64 * 3 / 4, "{occupied} pixels show a point");
+    (0..2).for_each(|index| run.frame(index));
+    let early = run.error(1);
+    (2..60).for_each(|index| run.frame(index));
+    let late = run.error(59);
+    assert!(late < 0.12 && late < 0.5 * early, "off by {early} after 2 frames, by {late} after 60");
 }
 
 #[test]
@@ -174,16 +197,23 @@ fn shaders_fit_their_stages() {
 
 #[test]
 fn both_sides_show_the_same() {
-    for graph in ["render-cache.ron", "render-cache-cpu-dither.ron"] {
-        let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu]
-            .map(|side| Run::new(graph, side, "orbit", |settings| settings.poison = true));
-        for index in 0..3 {
-            cpu.frame(index);
-            gpu.frame(index);
-        }
-        let (cpu, gpu) = (cpu.image(), gpu.image());
-        let differing = cpu.iter().zip(&gpu).filter(|(a, b)| a.abs_diff(**b) > 1).count();
-        eprintln!("{graph}: {differing} of {} bytes differ", cpu.len());
-        assert!(differing <= cpu.len() / 100, "{graph}: {differing} of {} bytes differ", cpu.len());
+    let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu]
+        .map(|side| Run::new("render-cache.ron", side, "orbit", |settings| settings.poison = true));
+    for index in 0..10 {
+        cpu.frame(index);
+        gpu.frame(index);
     }
+    // A point whose projection rounds to another pixel changes the requests that follow, and with them the samples; so
+    // the pictures need not be the same for ever. On lavapipe they are.
+    let differing = cpu.image().iter().zip(gpu.image()).filter(|(a, b)| a.abs_diff(*b) > 1).count();
+    assert!(differing <= 128 * 128 * 4 / 100, "{differing} bytes differ");
+}
+
+#[test]
+fn readbacks_that_come_late_do_little_harm() {
+    let mut split =
+        Run::new("render-cache-cpu-dither.ron", Side::Gpu, "orbit", |settings| settings.poison = true);
+    (0..20).for_each(|index| split.frame(index));
+    let error = split.error(19);
+    assert!(error < 0.2, "off by {error}");
 }

@@ -738,7 +738,7 @@ fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> Vec<Memory> {
             }
             _ => Memory::Buffer(device.create_buffer(&wgpu::BufferDescriptor {
                 label: None,
-                size: slot.bytes().max(16),
+                size: slot.bytes(),
                 usage: wgpu::BufferUsages::STORAGE
                     | wgpu::BufferUsages::COPY_SRC
                     | wgpu::BufferUsages::COPY_DST,

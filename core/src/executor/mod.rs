@@ -23,7 +23,7 @@ use crate::{
     frame::Frame,
     graph::{Graph, Settings},
     plan::{Copy, Life, Plan, Step, tap_side},
-    port::{Dims, Element},
+    port::{Dims, Element, FieldRef},
     registry::Registry,
     stage::{Binding, Block, CpuContext, Host},
 };
@@ -101,6 +101,9 @@ pub struct Executor {
     gpu: Option<GpuSide>,
     taps: Vec<TapState>,
     times: Vec<f32>,
+    /// For each storage: whether the CPU has written it since it was last uploaded.
+    fresh: Vec<bool>,
+    unchanged: RefCell<Vec<FieldRef>>,
     step_of_node: Vec<usize>,
     frame: u64,
     /// Measure each step. On a software GPU that means waiting after each.
@@ -136,6 +139,9 @@ impl Executor {
             }
         }
         let times = vec![0.0; plan.steps.len()];
+        let fresh = vec![true; plan.storages.len()];
+        let most_fields = plan.bindings.iter().map(|node| node.iter().flatten().count()).max().unwrap_or(0);
+        let unchanged = RefCell::new(Vec::with_capacity(most_fields));
         Ok(Self {
             graph,
             plan,
@@ -145,6 +151,8 @@ impl Executor {
             gpu,
             taps,
             times,
+            fresh,
+            unchanged,
             step_of_node,
             frame: 0,
             profile: true,
@@ -246,6 +254,11 @@ impl Executor {
                 Side::Cpu => self.run_cpu(node, frame, host, parity),
             },
             Step::Upload(copy) => {
+                if !self.fresh[copy.storage] {
+                    return Ok(());
+                }
+                // A transient's memory is shared, and a history pair swaps: only kept values stay uploaded.
+                self.fresh[copy.storage] = self.plan.storages[copy.storage].life != Life::Persistent;
                 let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
                 gpu.upload(&self.plan, copy, parity, block);
@@ -273,17 +286,36 @@ impl Executor {
         if self.poison {
             self.poison_cpu(node, parity);
         }
-        let cx = CpuContext { frame, host, blocks: &self.cpu, bindings: &self.bindings[parity][node] };
+        let cx = CpuContext {
+            frame,
+            host,
+            blocks: &self.cpu,
+            bindings: &self.bindings[parity][node],
+            unchanged: &self.unchanged,
+        };
         let fail = |message| RunError::Stage { node: self.plan.nodes[node].0.clone(), message };
+        self.unchanged.borrow_mut().clear();
         // A stage that panics is a bug, but it must not take the application's window and files with it.
         match catch_unwind(AssertUnwindSafe(|| stage.run_cpu(&cx))) {
-            Ok(result) => result.map_err(fail),
+            Ok(result) => result.map_err(fail)?,
             Err(panic) => {
                 let text = panic.downcast_ref::<String>().map(String::as_str);
                 let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-                Err(fail(format!("the stage panicked: {text}")))
+                return Err(fail(format!("the stage panicked: {text}")));
             }
         }
+        let unchanged = self.unchanged.borrow();
+        let bindings = &self.plan.bindings[node];
+        let kept = |storage: usize| {
+            let is = |field: &FieldRef| {
+                bindings[field.port as usize][field.field as usize].map(|copy| copy.storage)
+            };
+            unchanged.iter().any(|field| is(field) == Some(storage))
+        };
+        for &storage in self.plan.first_writes[node].iter().chain(&self.plan.updates[node]) {
+            self.fresh[storage] |= !kept(storage);
+        }
+        Ok(())
     }
 
     fn poison_cpu(&self, node: usize, parity: usize) {
@@ -481,7 +513,8 @@ mod tests {
     fn a_lost_device_comes_back_as_an_error() {
         // A device of its own: other tests go on with theirs.
         let gpu = Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")));
-        let text = r#"Graph(version: 1, nodes: { "fill": (kind: "fill") }, outputs: { "image": "fill.out" })"#;
+        let text =
+            r#"Graph(version: 1, nodes: { "fill": (kind: "fill") }, outputs: { "image": "fill.out" })"#;
         let file = GraphFile::parse("lost.ron", text).unwrap();
         let registry = Registry::default().with::<Fill>();
         let settings = Settings { side: Side::Gpu, ..Settings::new([8, 8], 0) };
@@ -494,7 +527,8 @@ mod tests {
         executor.run(&frame, &Host::default(), true).unwrap();
         assert_eq!(executor.snapshot("image", "").unwrap().unwrap().get::<u32>(), [7; 64]);
         gpu.device.destroy();
-        let result = executor.run(&frame, &Host::default(), true).and_then(|()| executor.snapshots().map(|_| ()));
+        let result =
+            executor.run(&frame, &Host::default(), true).and_then(|()| executor.snapshots().map(|_| ()));
         assert!(matches!(result, Err(RunError::Gpu(_))), "{result:?}");
         assert!(matches!(build(), Err(RunError::Gpu(_) | RunError::Stage { .. })));
     }

@@ -46,8 +46,9 @@ impl Projected {
 
     /// Which of `cells` x `cells` cells of its pixel the point lies in, row by row from the top left one.
     pub fn cell(self, cells: u32) -> u32 {
-        let column = ((self.x - self.x.floor()) * cells as f32) as u32;
-        let row = ((self.y - self.y.floor()) * cells as f32) as u32;
+        let [x, y] = self.pixel();
+        let column = ((self.x - x as f32) * cells as f32) as u32;
+        let row = ((self.y - y as f32) * cells as f32) as u32;
         row * cells + column
     }
 }

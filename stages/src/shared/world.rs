@@ -60,6 +60,7 @@ impl World {
             shadow_casters: facts.shadow_casters,
             point_lights: count(facts.point_lights),
             quad_lights: count(facts.quad_lights),
+            vertices: count(scene.mesh.positions.len()),
             regular_edges: count(facts.regular_edges),
             crease_edges: count(facts.crease_edges),
             border_edges: count(facts.border_edges),

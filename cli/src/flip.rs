@@ -1,0 +1,320 @@
+//! FLIP, the difference that a person sees when two images alternate in place (Andersson et al. 2020, "FLIP: A Difference
+//! Evaluator for Alternating Images"). Section numbers below are that paper's.
+
+use rayon::prelude::*;
+
+/// Pixels in a degree of the visual field: a 4K monitor at 0.7 m.
+pub const PIXELS_PER_DEGREE: f32 = 67.0;
+
+/// Terms of the contrast sensitivity filters of Y, Cx and Cz (table 1): pairs of weight a and width b in
+/// a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees.
+const SENSITIVITY: [&[[f64; 2]]; 3] = [&[[1.0, 0.0047]], &[[1.0, 0.0053]], &[[34.1, 0.04], [13.5, 0.025]]];
+
+/// Exponent of the colour difference (section 4.1.3).
+const COLOR_EXPONENT: f32 = 0.7;
+/// The share `COLOR_KNEE` of the largest colour difference is shown as `COLOR_KNEE_ERROR` (section 4.1.3).
+const COLOR_KNEE: f32 = 0.4;
+const COLOR_KNEE_ERROR: f32 = 0.95;
+/// Width of feature detectors in degrees, and exponent of the feature difference (section 4.2).
+const FEATURE_WIDTH: f64 = 0.082;
+const FEATURE_EXPONENT: f32 = 0.5;
+
+/// One number for each pixel.
+type Plane = Vec<f32>;
+
+/// The error of each pixel of `test` against `reference`, 0 to 1, at 67 pixels a degree. Both hold sRGB colours in [0, 1]
+/// of an image of width and height `size`.
+pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], size: [usize; 2]) -> Plane {
+    let (opponent_a, opponent_b) = (opponent(reference), opponent(test));
+    let colors = color_differences(&seen(&opponent_a, size), &seen(&opponent_b, size));
+    let features = feature_differences(&opponent_a[0], &opponent_b[0], size);
+    colors.iter().zip(&features).map(|(color, feature)| color.powf(1.0 - feature)).collect()
+}
+
+/// sRGB as planes of the opponent space YCxCz, in which sensitivity is known (section 4.1.1).
+fn opponent(colors: &[[f32; 3]]) -> [Plane; 3] {
+    let pixels: Vec<[f32; 3]> = colors
+        .par_iter()
+        .map(|color| {
+            let [x, y, z] = relative_xyz(color.map(decode));
+            [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+        })
+        .collect();
+    [0, 1, 2].map(|lane| pixels.iter().map(|pixel| pixel[lane]).collect())
+}
+
+/// What of the image is seen at this distance: filtered by contrast sensitivity, back in linear RGB within [0, 1]
+/// (section 4.1.1).
+fn seen(opponent: &[Plane; 3], size: [usize; 2]) -> Vec<[f32; 3]> {
+    let widest = SENSITIVITY.iter().flat_map(|terms| terms.iter()).map(|term| term[1]).fold(0.0, f64::max);
+    let pi = std::f64::consts::PI;
+    let degree = f64::from(PIXELS_PER_DEGREE);
+    // Three standard deviations of the widest Gaussian.
+    let radius = (3.0 * (widest / (2.0 * pi * pi)).sqrt() * degree).ceil() as i32;
+    let filtered = |lane: usize| {
+        let terms = SENSITIVITY[lane];
+        let gaussians = terms
+            .iter()
+            .map(|[_, b]| kernel(radius, |x| (-(pi * x / degree).powi(2) / b).exp()))
+            .collect::<Vec<_>>();
+        let sums: Vec<f64> = gaussians.iter().map(|g| g.iter().sum::<f64>().powi(2)).collect();
+        let weights: Vec<f64> =
+            terms.iter().zip(&sums).map(|([a, b], sum)| a * (pi / b).sqrt() * sum).collect();
+        let total: f64 = weights.iter().sum();
+        let mut out = vec![0.0; opponent[lane].len()];
+        for ((gaussian, sum), weight) in gaussians.iter().zip(&sums).zip(&weights) {
+            let unit: Vec<f64> = gaussian.iter().map(|value| value / sum.sqrt()).collect();
+            let part = convolve(&opponent[lane], size, &unit, &unit);
+            let share = (weight / total) as f32;
+            out.iter_mut().zip(&part).for_each(|(out, part)| *out += share * part);
+        }
+        out
+    };
+    let [ys, cxs, czs] = [0, 1, 2].map(filtered);
+    let color = |i: usize| {
+        let y = (ys[i] + 16.0) / 116.0;
+        linear_rgb([y + cxs[i] / 500.0, y, y - czs[i] / 200.0]).map(|channel| channel.clamp(0.0, 1.0))
+    };
+    (0..ys.len()).map(color).collect()
+}
+
+/// Differences of linear colours, 0 to 1 (sections 4.1.2 and 4.1.3).
+fn color_differences(a: &[[f32; 3]], b: &[[f32; 3]]) -> Plane {
+    let difference = |a, b| hybrid_distance(hunt(lab(a)), hunt(lab(b))).powf(COLOR_EXPONENT);
+    let largest = difference([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let knee = COLOR_KNEE * largest;
+    let error = |difference: f32| {
+        if difference < knee {
+            COLOR_KNEE_ERROR / knee * difference
+        } else {
+            COLOR_KNEE_ERROR + (1.0 - COLOR_KNEE_ERROR) * (difference - knee) / (largest - knee)
+        }
+    };
+    a.par_iter().zip(b).map(|(&a, &b)| error(difference(a, b)).clamp(0.0, 1.0)).collect()
+}
+
+/// Differences of edges and points in the luminances Y of the opponent space, 0 to 1 (section 4.2).
+fn feature_differences(a: &[f32], b: &[f32], size: [usize; 2]) -> Plane {
+    let deviation = 0.5 * FEATURE_WIDTH * f64::from(PIXELS_PER_DEGREE);
+    let radius = (3.0 * deviation).ceil() as i32;
+    let gaussian = |x: f64| (-0.5 * (x / deviation).powi(2)).exp();
+    let smooth = balanced(kernel(radius, gaussian));
+    let edge = balanced(kernel(radius, |x| -x * gaussian(x)));
+    let point = balanced(kernel(radius, |x| ((x / deviation).powi(2) - 1.0) * gaussian(x)));
+    let strengths = |luminance: &[f32]| {
+        let scaled: Plane = luminance.iter().map(|y| (y + 16.0) / 116.0).collect();
+        [&edge, &point].map(|derivative| -> Plane {
+            let along_x = convolve(&scaled, size, derivative, &smooth);
+            let along_y = convolve(&scaled, size, &smooth, derivative);
+            along_x.iter().zip(&along_y).map(|(x, y)| x.hypot(*y)).collect()
+        })
+    };
+    let ([edges_a, points_a], [edges_b, points_b]) = (strengths(a), strengths(b));
+    let difference = |i: usize| {
+        let larger = (edges_a[i] - edges_b[i]).abs().max((points_a[i] - points_b[i]).abs());
+        (larger * std::f32::consts::FRAC_1_SQRT_2).powf(FEATURE_EXPONENT).clamp(0.0, 1.0)
+    };
+    (0..edges_a.len()).map(difference).collect()
+}
+
+/// A function at whole numbers from -radius to radius.
+fn kernel(radius: i32, value: impl Fn(f64) -> f64) -> Vec<f64> {
+    (-radius..=radius).map(|x| value(f64::from(x))).collect()
+}
+
+/// Scaled so that the positive weights sum to 1, and the negative ones to -1.
+fn balanced(kernel: Vec<f64>) -> Vec<f64> {
+    let positive: f64 = kernel.iter().filter(|weight| **weight > 0.0).sum();
+    let negative: f64 = kernel.iter().filter(|weight| **weight < 0.0).sum();
+    kernel
+        .into_iter()
+        .map(|weight| if weight > 0.0 { weight / positive } else { weight / negative.abs().max(1e-30) })
+        .collect()
+}
+
+/// Weights each pixel's surroundings by `along_x` times `along_y`; the image's edge pixels go on outside.
+fn convolve(values: &[f32], [width, height]: [usize; 2], along_x: &[f64], along_y: &[f64]) -> Plane {
+    let clamped = |at: usize, offset: usize, radius: usize, count: usize| {
+        (at + offset).saturating_sub(radius).min(count - 1)
+    };
+    let sum = |weights: &[f64], value: &dyn Fn(usize) -> f32| -> f32 {
+        weights.iter().enumerate().map(|(offset, weight)| *weight as f32 * value(offset)).sum()
+    };
+    let rows: Plane = values
+        .par_chunks(width)
+        .flat_map_iter(|row| {
+            let radius = along_x.len() / 2;
+            (0..width).map(move |x| sum(along_x, &|offset| row[clamped(x, offset, radius, width)]))
+        })
+        .collect();
+    (0..height)
+        .into_par_iter()
+        .flat_map_iter(|y| {
+            let (rows, radius) = (&rows, along_y.len() / 2);
+            (0..width)
+                .map(move |x| sum(along_y, &|offset| rows[clamped(y, offset, radius, height) * width + x]))
+        })
+        .collect()
+}
+
+/// sRGB in [0, 1] as linear light.
+fn decode(value: f32) -> f32 {
+    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Rows of the matrix from linear sRGB to XYZ, from the primaries and D65 in exact fractions.
+const XYZ_OF_RGB: [[f64; 3]; 3] = [
+    [10_135_552.0 / 24_577_794.0, 8_788_810.0 / 24_577_794.0, 4_435_075.0 / 24_577_794.0],
+    [2_613_072.0 / 12_288_897.0, 8_788_810.0 / 12_288_897.0, 887_015.0 / 12_288_897.0],
+    [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
+];
+
+/// Linear RGB as XYZ, each relative to that of white.
+fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
+    XYZ_OF_RGB.map(|row| {
+        let white: f64 = row.iter().sum();
+        (row.iter().zip(rgb).map(|(weight, channel)| weight * f64::from(channel)).sum::<f64>() / white) as f32
+    })
+}
+
+/// The inverse of [`relative_xyz`].
+fn linear_rgb(xyz: [f32; 3]) -> [f32; 3] {
+    let m = XYZ_OF_RGB;
+    let xyz = [0, 1, 2].map(|i| f64::from(xyz[i]) * m[i].iter().sum::<f64>());
+    // Cramer's rule: the matrix with one column replaced, over the matrix.
+    let determinant = |m: [[f64; 3]; 3]| -> f64 {
+        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
+    };
+    [0, 1, 2].map(|column| {
+        let mut replaced = m;
+        for (row, value) in replaced.iter_mut().zip(xyz) {
+            row[column] = value;
+        }
+        (determinant(replaced) / determinant(m)) as f32
+    })
+}
+
+/// Linear RGB as CIE L*a*b* relative to D65.
+fn lab(rgb: [f32; 3]) -> [f32; 3] {
+    const DELTA: f32 = 6.0 / 29.0;
+    let root = |t: f32| {
+        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+    };
+    let [x, y, z] = relative_xyz(rgb).map(root);
+    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+/// The Hunt effect: colours look more saturated where it is brighter (section 4.1.2).
+fn hunt([l, a, b]: [f32; 3]) -> [f32; 3] {
+    [l, 0.01 * l * a, 0.01 * l * b]
+}
+
+/// City block in lightness, Euclidean in hue: fit for large differences (section 4.1.2).
+fn hybrid_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
+}
+
+/// Colours of the magma map at equal steps from 0 to 1; between them it is nearly straight.
+const MAGMA: [[u8; 3]; 17] = [
+    [0, 0, 4],
+    [10, 8, 34],
+    [29, 17, 71],
+    [54, 16, 107],
+    [81, 18, 124],
+    [106, 28, 129],
+    [131, 38, 129],
+    [156, 46, 127],
+    [183, 55, 121],
+    [207, 64, 112],
+    [229, 80, 100],
+    [244, 105, 92],
+    [251, 135, 97],
+    [254, 165, 113],
+    [254, 194, 135],
+    [253, 224, 161],
+    [252, 253, 191],
+];
+
+/// Errors as colours: black 0, purple, orange, pale yellow 1.
+pub fn magma(errors: &[f32]) -> Vec<[u8; 3]> {
+    let color = |error: &f32| {
+        let at = error.clamp(0.0, 1.0) * (MAGMA.len() - 1) as f32;
+        let low = (at as usize).min(MAGMA.len() - 2);
+        let mix = |i: usize| {
+            let (from, to) = (f32::from(MAGMA[low][i]), f32::from(MAGMA[low + 1][i]));
+            (from + (to - from) * (at - low as f32) + 0.5) as u8
+        };
+        [0, 1, 2].map(mix)
+    };
+    errors.iter().map(color).collect()
+}
+
+/// Mean of the errors.
+pub fn mean(errors: &[f32]) -> f64 {
+    errors.iter().map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use nv_flip::FlipImageRgb8;
+
+    use super::*;
+
+    /// Two unlike images with smooth parts, edges and noise, as bytes.
+    fn images([width, height]: [usize; 2]) -> [Vec<[u8; 3]>; 2] {
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        let mut images = [Vec::new(), Vec::new()];
+        for y in 0..height {
+            for x in 0..width {
+                let (u, v) = ((x * 255 / width) as u8, (y * 255 / height) as u8);
+                let square = if (x / 9 + y / 7) % 2 == 0 { 220 } else { 30 };
+                images[0].push([u, v, square]);
+                images[1].push([u / 2 + noise() / 4, square, if x > y { v } else { 255 - u }]);
+            }
+        }
+        images
+    }
+
+    fn unit(bytes: &[[u8; 3]]) -> Vec<[f32; 3]> {
+        bytes.iter().map(|color| color.map(|channel| f32::from(channel) / 255.0)).collect()
+    }
+
+    fn nvidias([a, b]: &[Vec<[u8; 3]>; 2], [width, height]: [usize; 2]) -> Vec<f32> {
+        let image =
+            |colors: &[[u8; 3]]| FlipImageRgb8::with_data(width as u32, height as u32, colors.as_flattened());
+        nv_flip::flip(image(a), image(b), PIXELS_PER_DEGREE).to_vec()
+    }
+
+    #[test]
+    fn every_pixel_is_as_nvidias_own_code_has_it() {
+        for size in [[64, 48], [7, 5], [1, 1], [200, 3]] {
+            let images = images(size);
+            let ours = flip(&unit(&images[0]), &unit(&images[1]), size);
+            for (index, (ours, theirs)) in ours.iter().zip(nvidias(&images, size)).enumerate() {
+                assert!((ours - theirs).abs() < 1e-4, "{size:?} pixel {index}: {ours} and {theirs}");
+            }
+        }
+    }
+
+    #[test]
+    fn ends_of_the_scale() {
+        let (black, white) = (vec![[0.0; 3]; 192], vec![[1.0; 3]; 192]);
+        assert_eq!(mean(&flip(&white, &white, [16, 12])), 0.0);
+        assert!(mean(&flip(&black, &white, [16, 12])) > 0.9);
+    }
+
+    #[test]
+    fn the_colour_map_is_magma() {
+        let lut = nv_flip::magma_lut().to_vec();
+        let errors: Vec<f32> = (0..=255u8).map(|step| f32::from(step) / 255.0).collect();
+        for (ours, theirs) in magma(&errors).iter().zip(lut.chunks_exact(3)) {
+            let far = ours.iter().zip(theirs).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(far <= Some(4), "{ours:?} {theirs:?}");
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! The commands do what they promise, on small images.
+
+use crate::support::Place;
+use serde_json::Value;
+
+const SMALL: &str = "--size 48x32 --frames 5 --samples 20% --backend cpu";
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).expect("only JSON on stdout")
+}
+
+#[test]
+fn without_arguments_a_picture_and_a_sheet_appear() {
+    let place = Place::new();
+    let text = place.succeeds("");
+    assert_eq!(place.files(), ["epigraph-sheet.png", "epigraph.png"]);
+    assert!(text.contains("epigraph.png") && text.contains("frames a second"), "{text}");
+}
+
+#[test]
+fn the_picture_is_the_same_on_every_run_and_for_any_number_of_threads() {
+    let place = Place::new();
+    for (out, flags) in [
+        ("a.png", ""),
+        ("b.png", ""),
+        ("c.png", "--threads 1"),
+        ("d.png", "--threads 2"),
+        ("e.png", "--poison --no-pooling --no-prune"),
+    ] {
+        place.succeeds(&format!("render {SMALL} {flags} --out {out}"));
+    }
+    place.succeeds(&format!("render {SMALL} --seed 2 --out other.png"));
+    let bytes = |name: &str| std::fs::read(place.path(name)).expect("written");
+    for name in ["b.png", "c.png", "d.png", "e.png"] {
+        assert!(bytes(name) == bytes("a.png"), "{name} differs");
+    }
+    assert!(bytes("other.png") != bytes("a.png"), "the seed changes nothing");
+}
+
+#[test]
+fn figures_as_json() {
+    let place = Place::new();
+    let report = json(&place.succeeds(&format!("{SMALL} --camera still --out a.png --json -")));
+    assert_eq!((&report["scene"], &report["size"]), (&"cornell".into(), &serde_json::json!([48, 32])));
+    assert_eq!((&report["backend"], &report["adapter"]), (&"cpu".into(), &Value::Null));
+    assert_eq!((&report["frames"], &report["seed"]), (&5.into(), &1.into()));
+    // 20% of 48 x 32 is 307.2.
+    assert_eq!(report["samples_per_frame"], 307);
+    // Rounding in the choice of pixels may leave a few of them unused.
+    let arrived = report["samples_arrived_per_frame"].as_f64().expect("a number");
+    assert!(arrived > 290.0 && arrived <= 307.0, "{arrived}");
+    assert!(report["frame_ms"]["median"].as_f64() <= report["frame_ms"]["p95"].as_f64());
+    assert!(report["trace_ms"].as_f64() > Some(0.0));
+    let nodes = report["nodes"].as_array().expect("a list");
+    let fill = nodes.iter().find(|node| node["node"] == "fill").expect("the graph has it");
+    assert!(fill["bytes"].as_u64() > Some(0) && fill["kind"] == "fill" && fill["backend"] == "cpu");
+    let culled = report["culled"].as_array().expect("a list");
+    assert!(culled.iter().any(|node| node["node"] == "predict" && node["why"].is_string()), "{culled:?}");
+}
+
+#[test]
+fn ports_are_saved_in_every_format() {
+    let place = Place::new();
+    place.succeeds(&format!(
+        "{SMALL} --out a.exr --save fill.color=color.exr --save cull.id=id.exr --save fill.priority=priority.png \
+         --save cloud.cloud=cloud.csv --save fill.priority=priority.csv"
+    ));
+    let files = ["a.exr", "cloud.csv", "color.exr", "id.exr", "priority.csv", "priority.png"];
+    assert_eq!(place.files(), files);
+    let cloud = std::fs::read_to_string(place.path("cloud.csv")).expect("written");
+    assert!(cloud.starts_with("index,position.x,position.y,position.z,position.w,radiance,image_id,meta\n"));
+    // 1.14 points for each of 48 x 32 pixels, rounded up.
+    assert_eq!(cloud.lines().count(), 1 + 1752);
+    let priority = std::fs::read_to_string(place.path("priority.csv")).expect("written");
+    assert!(priority.starts_with("x,y,value\n0,0,"));
+    assert_eq!(priority.lines().count(), 1 + 48 * 32);
+    let same = json(&place.succeeds("compare color.exr color.exr --json -"));
+    assert_eq!((&same["rmse"], &same["psnr"]), (&0.0.into(), &Value::Null));
+}
+
+#[test]
+fn a_parameter_changes_the_picture() {
+    let place = Place::new();
+    place.succeeds(&format!("{SMALL} --out a.png"));
+    place.succeeds(&format!("{SMALL} --set tonemap.exposure=2 --out b.png"));
+    let difference = json(&place.succeeds("compare a.png b.png --map map.png --json -"));
+    assert!(difference["flip"].as_f64() > Some(0.05), "{difference}");
+    assert!(difference["rmse"].as_f64() > Some(0.05) && difference["ssim"].as_f64() < Some(1.0));
+    assert!(place.files().contains(&"map.png".to_owned()));
+}
+
+#[test]
+fn a_reference_is_what_the_render_cache_comes_near() {
+    let place = Place::new();
+    place.succeeds("reference --camera orbit --frame 19 --size 64x64 --spp 32 --out reference.png");
+    let flags = "--camera orbit --size 64x64 --samples 20% --backend cpu --pace";
+    for pace in ["exact", "async"] {
+        place.succeeds(&format!("{flags} {pace} --frames 20 --out {pace}.png"));
+    }
+    place.succeeds(&format!("{flags} exact --frames 1 --out early.png"));
+    let flip = |image: &str| {
+        json(&place.succeeds(&format!("compare reference.png {image} --json -")))["flip"]
+            .as_f64()
+            .expect("a number")
+    };
+    assert!(flip("exact.png") < 0.1, "{}", flip("exact.png"));
+    assert!(flip("early.png") > 2.0 * flip("exact.png"), "the measure sees what is missing");
+}
+
+#[test]
+fn the_plan_is_printed_and_drawn() {
+    let place = Place::new();
+    let text = place.succeeds("check render-cache --camera still --dot plan.dot");
+    for part in [
+        "render-cache: no problems",
+        "left out: predict (predict): ",
+        "without predict: ",
+        "fit their stages",
+    ] {
+        assert!(text.contains(part), "`{part}` is not in:\n{text}");
+    }
+    let dot = std::fs::read_to_string(place.path("plan.dot")).expect("written");
+    assert!(dot.starts_with("digraph plan {") && dot.contains("\"project\" -> \"cull\""), "{dot}");
+    let gpu = json(&place.succeeds("check render-cache --backend gpu --json -"));
+    let steps = gpu["plan"]["steps"].as_array().expect("a list");
+    assert!(
+        steps.iter().any(|step| step["kind"] == "download" && step["bytes"].as_u64() > Some(0)),
+        "{steps:?}"
+    );
+}
+
+#[test]
+fn stages_are_listed_and_told() {
+    let place = Place::new();
+    let all = place.succeeds("stages");
+    assert!(all.contains("depth_cull") && all.contains("wgsl"), "{all}");
+    let one = place.succeeds("stages depth_cull");
+    for part in ["inputs", "outputs", "parameters", "threshold", "0 to 10", "updated in place", "array<u32>"]
+    {
+        assert!(one.contains(part), "`{part}` is not in:\n{one}");
+    }
+    let told = json(&place.succeeds("stages depth_cull --json -"));
+    assert_eq!((&told["kind"], &told["runs_on"]), (&"depth_cull".into(), &serde_json::json!(["cpu", "gpu"])));
+    let everything = json(&place.succeeds("stages --json -"));
+    assert!(everything["stages"].as_array().is_some_and(|kinds| kinds.len() > 10));
+}
+
+#[test]
+fn help_and_version_succeed() {
+    let place = Place::new();
+    assert!(place.succeeds("--help").contains("Examples:"));
+    assert!(place.succeeds("--version").starts_with("epigraph "));
+    for command in ["render", "check", "stages", "reference", "compare"] {
+        assert!(place.succeeds(&format!("{command} --help")).contains("Example"), "{command}");
+    }
+}
