@@ -176,9 +176,9 @@ impl GraphError {
 pub struct Place {
     /// The file's name as the user gave it.
     pub file: String,
-    /// Line, from 1.
+    /// Line, from 1; 0 for the file as a whole.
     pub line: usize,
-    /// Column in characters, from 1.
+    /// Column in characters, from 1; 0 for the file as a whole.
     pub column: usize,
     /// How many characters to underline, at least one.
     pub length: usize,
@@ -187,6 +187,11 @@ pub struct Place {
 }
 
 impl Place {
+    /// A file as a whole: line and column 0.
+    pub fn file(file: &str) -> Self {
+        Self { file: file.to_owned(), line: 0, column: 0, length: 0, text: String::new() }
+    }
+
     /// The place of `span` in `source`.
     pub fn of(file: &str, source: &str, span: Span) -> Self {
         let start = floor_char_boundary(source, span.start);
@@ -253,8 +258,10 @@ impl Problem {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(place) = &self.place {
-            write!(f, "{}:{}:{}: ", place.file, place.line, place.column)?;
+        match &self.place {
+            Some(place) if place.line == 0 => write!(f, "{}: ", place.file)?,
+            Some(place) => write!(f, "{}:{}:{}: ", place.file, place.line, place.column)?,
+            None => {}
         }
         if let Some(node) = &self.node {
             write!(f, "node `{node}`: ")?;

@@ -169,7 +169,7 @@ impl GraphFile {
 
 fn io_problem(action: &'static str, path: &str, error: &io::Error) -> Problems {
     let error = GraphError::Io { action, cause: error.to_string() };
-    Problem::new(error).at(Place::of(path, "", Span::default())).into()
+    Problem::new(error).at(Place::file(path)).into()
 }
 
 fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
