@@ -500,9 +500,10 @@ fn steps(
         for &node in order {
             let side = graph.nodes[node].side;
             let declaration = graph.nodes[node].declaration();
-            // A stage that only owns memory touches it on neither side.
-            let ports = if declaration.idle { &[] } else { declaration.ports.as_slice() };
-            for (port, copies) in ports.iter().zip(&bindings[node]) {
+            let ports = declaration.ports.iter().zip(&bindings[node]);
+            // A stage that only owns kept memory touches it on neither side.
+            let ports = ports.filter(|(port, _)| !declaration.idle || port.lifetime == Lifetime::Transient);
+            for (port, copies) in ports.clone() {
                 if port.access == Access::Write && port.lifetime == Lifetime::Transient {
                     continue;
                 }
@@ -520,7 +521,7 @@ fn steps(
                 }
             }
             steps.push(Step::Run(node));
-            for (port, copies) in ports.iter().zip(&bindings[node]) {
+            for (port, copies) in ports {
                 if matches!(port.access, Access::Write | Access::Update) {
                     for copy in copies.iter().flatten() {
                         let mut valid = Valid::default();

@@ -831,10 +831,7 @@ fn a_failed_save_leaves_the_old_file_and_nothing_else() {
     let blocked = folder.0.join(format!(".cache.ron.{}.tmp", std::process::id()));
     fs::create_dir(&blocked).unwrap();
     let problems = parse(CACHE).save(&path).unwrap_err();
-    assert!(
-        problems.to_string().starts_with(&format!("{}: cannot write: ", path.display())),
-        "{problems}"
-    );
+    assert!(problems.to_string().starts_with(&format!("{}: cannot write: ", path.display())), "{problems}");
     assert_eq!(fs::read_to_string(&path).unwrap(), "old");
 
     fs::remove_dir(&blocked).unwrap();

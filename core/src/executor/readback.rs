@@ -76,8 +76,10 @@ impl Readback {
         if entry.frame != frame || entry.state.load(Ordering::Acquire) < MAPPING {
             return Ok(());
         }
-        if entry.state.load(Ordering::Acquire) == MAPPING {
+        // Another thread that polls the same device may still be running our callback when the wait is over.
+        while entry.state.load(Ordering::Acquire) == MAPPING {
             gpu.wait()?;
+            std::thread::yield_now();
         }
         if entry.state.load(Ordering::Acquire) != MAPPED {
             gpu.check()?;
