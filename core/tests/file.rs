@@ -191,8 +191,8 @@ fn syntax_errors_stand_where_ron_stopped() {
     assert_told("", &[("1:1: Unexpected end of RON", 1)]);
     assert_told("// only\n/* comments */\n", &[("3:1: Unexpected end of RON", 1)]);
     assert_told("// only", &[("1:8: Unexpected end of RON", 1)]);
-    assert_told("(version: 1, nodes: {}", &[("1:23: Expected comma", 1)]);
-    assert_told("(\n  \"é\" version: 1)", &[("2:7: Expected comma", 1)]);
+    assert_told("(version: 1, nodes: {}", &[("1:23: Expected comma; the `(` at 1:1 is still open here", 1)]);
+    assert_told("(\n  \"é\" version: 1)", &[("2:7: Expected comma; the `(` at 1:1 is still open here", 1)]);
     assert_told("(\n  doc: \"größe\", nodes: @)", &[("2:24: Unexpected char '@'", 1)]);
     assert_told("(doc: \"a\\q\")", &[("1:9: Unknown escape character", 2)]);
     assert_told("(doc: \"no end)\n\n\n", &[("1:7: Expected end of string", 1)]);

@@ -3,3 +3,4 @@
 mod broken;
 mod parity;
 mod shipped;
+mod user_shader;

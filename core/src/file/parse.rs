@@ -27,13 +27,31 @@ impl GraphFile {
     /// file should be. Only the first hundred are told, with the number of the rest.
     pub fn parse(path: &str, text: &str) -> Result<Self, Problems> {
         if let Err(error) = ron::from_str::<IgnoredAny>(text) {
-            let problem = Problem::new(GraphError::Syntax(error.code.to_string()));
-            return Err(problem.at(Place::of(path, text, syntax_span(text, &error))).into());
+            let span = syntax_span(text, &error);
+            let problem = Problem::new(GraphError::Syntax(syntax_message(path, text, &error.code, span)));
+            return Err(problem.at(Place::of(path, text, span)).into());
         }
         let mut reader = Reader { text, node: None, found: Vec::new() };
         let file = reader.graph(path);
         reader.into_problems(path).into_result()?;
         Ok(file)
+    }
+}
+
+/// ron's words; where a bracket may be missing, also which one is open. The slip is often there, lines earlier.
+fn syntax_message(path: &str, text: &str, code: &ron::Error, span: Span) -> String {
+    use ron::Error::*;
+    let of_brackets = matches!(
+        code,
+        ExpectedComma | ExpectedIdentifier | ExpectedStructLikeEnd | ExpectedMapEnd | ExpectedArrayEnd | Eof
+    );
+    match scan::open_bracket(text, span.start).filter(|_| of_brackets) {
+        Some(open) => {
+            let place = Place::of(path, text, Span { start: open, end: open + 1 });
+            let bracket = &text[open..=open];
+            format!("{code}; the `{bracket}` at {}:{} is still open here", place.line, place.column)
+        }
+        None => code.to_string(),
     }
 }
 

@@ -95,6 +95,19 @@ pub(super) fn block(text: &str, span: Span) -> Option<Block> {
     None
 }
 
+/// The innermost bracket that is open at byte `at` of a text that need not be RON.
+pub(super) fn open_bracket(text: &str, at: usize) -> Option<usize> {
+    let mut open = Vec::new();
+    for token in (Tokens { text, at: 0, end: text.len() }).take_while(|token| token.span.start < at) {
+        match token.kind {
+            TokenKind::Open => open.push(token.span.start),
+            TokenKind::Close => drop(open.pop()),
+            _ => {}
+        }
+    }
+    open.pop()
+}
+
 #[derive(Clone, Copy, PartialEq)]
 enum TokenKind {
     Open,
