@@ -3,14 +3,16 @@
 //! A file is read in three layers, so that one mistake does not hide the next. ron checks that the text is RON at all;
 //! that is the only kind of problem reported alone. [`scan`] then splits the text into blocks and items, and [`parse`]
 //! reads each field on its own and collects every problem. Because an item knows its bytes, an [`edit`] replaces just
-//! those and reads the result anew: comments, order and spacing of all else stay.
+//! those and reads the result anew: comments, order and spacing of all else stay. A graph may contain others ([`parts`]).
 
 mod edit;
 mod parse;
+mod parts;
 mod scan;
 
 use std::{fmt, fs, io, path::Path, str::FromStr};
 
+pub(crate) use parts::{Flat, FlatNode};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
@@ -30,6 +32,9 @@ pub struct GraphFile {
     pub nodes: Vec<NodeDef>,
     /// Outputs in the order of the file; no name stands twice.
     pub outputs: Vec<OutputDef>,
+    /// The files of nodes of kind `graph`, by the node's name; read by [`GraphFile::load`] and
+    /// [`GraphFile::with_parts`].
+    pub parts: Vec<(String, GraphFile)>,
 }
 
 /// One node as written. Whether its kind, ports and parameters exist is not known here.
@@ -136,14 +141,14 @@ pub enum Download {
 }
 
 impl GraphFile {
-    /// Reads a file.
+    /// Reads a file and its parts.
     ///
     /// # Errors
-    /// That it cannot be read, or all problems of its text; see [`GraphFile::parse`].
+    /// That one cannot be read, or all problems of their texts; see [`GraphFile::parse`].
     pub fn load(path: &Path) -> Result<Self, Problems> {
         let name = path.display().to_string();
         let text = fs::read_to_string(path).map_err(|error| io_problem("read", &name, &error))?;
-        Self::parse(&name, &text)
+        Self::parse(&name, &text)?.with_parts(&|path| fs::read_to_string(path))
     }
 
     /// The place of a stretch of the text.

@@ -7,7 +7,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use crate::{
     error::{GraphError, Problem, Problems, Span, Spanned},
-    file::{Download, GraphFile, Side, Source},
+    file::{Download, Flat, FlatNode, GraphFile, Side, Source},
     frame::Facts,
     port::{Access, Dims, Extent, Lifetime, Port},
     registry::{NodeContext, Registry},
@@ -127,7 +127,8 @@ impl Graph {
                 format!("size {width}x{height} is not possible; each side may be 1 to {MAX_SIDE} pixels");
             return Err(Problem::new(GraphError::Invalid(text)).into());
         }
-        let mut checker = Checker { file, registry, settings, problems: Problems::default() };
+        let flat = file.flatten()?;
+        let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
         let made = checker.make_all();
         let wires = checker.wire(&made);
         let outputs = checker.outputs(&made);
@@ -136,7 +137,7 @@ impl Graph {
         let mut made: Vec<Made> =
             made.into_iter().map(|made| made.expect("no problems, so all were made")).collect();
 
-        let mut checker = Checker { file, registry, settings, problems: Problems::default() };
+        let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
         let bypass = checker.bypass(&made, wires, outputs, taps);
         checker.problems.clone().into_result()?;
         let live = live(&made, &bypass);
@@ -201,7 +202,7 @@ struct Bypassed {
 }
 
 struct Checker<'a> {
-    file: &'a GraphFile,
+    flat: &'a Flat<'a>,
     registry: &'a Registry,
     settings: &'a Settings,
     problems: Problems,
@@ -209,21 +210,21 @@ struct Checker<'a> {
 
 impl Checker<'_> {
     fn problem(&mut self, node: usize, span: Span, port: Option<&str>, error: GraphError) {
-        let mut problem =
-            Problem::new(error).at(self.file.place(span)).node(&self.file.nodes[node].name.value);
+        let FlatNode { def, file, .. } = &self.flat.nodes[node];
+        let mut problem = Problem::new(error).at(file.place(span)).node(&def.name.value);
         problem.port = port.map(str::to_owned);
         self.problems.0.push(problem);
     }
 
     fn make(&mut self, index: usize, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
-        let node = &self.file.nodes[index];
+        let FlatNode { def: node, file, .. } = &self.flat.nodes[index];
         let Some(kind) = self.registry.get(&node.kind.value) else {
             let known = self.registry.kinds().map(|kind| kind.name());
             let error = GraphError::unknown("stage kind", &node.kind.value, known);
             self.problem(index, node.kind.span, None, error);
             return None;
         };
-        let cx = NodeContext { file: self.file, node, connected, library: &self.registry.library };
+        let cx = NodeContext { file, node, connected, library: &self.registry.library };
         match kind.make(&cx) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {
@@ -234,10 +235,10 @@ impl Checker<'_> {
     }
 
     fn make_all(&mut self) -> Vec<Option<Made>> {
-        let file = self.file;
-        (0..file.nodes.len())
+        let flat = self.flat;
+        (0..flat.nodes.len())
             .map(|index| {
-                let inputs = &file.nodes[index].inputs;
+                let inputs = &flat.nodes[index].def.inputs;
                 self.make(index, &|name| inputs.iter().any(|input| input.port.value == name))
             })
             .collect()
@@ -245,9 +246,9 @@ impl Checker<'_> {
 
     /// The output port that `source` names. `None` without a problem where its node is itself broken.
     fn resolve(&self, source: &Source, made: &[Option<Made>]) -> Result<Option<PortRef>, GraphError> {
-        let nodes = &self.file.nodes;
-        let Some(node) = nodes.iter().position(|node| node.name.value == source.node) else {
-            let known = nodes.iter().map(|node| &node.name.value);
+        let nodes = &self.flat.nodes;
+        let Some(node) = nodes.iter().position(|node| node.def.name.value == source.node) else {
+            let known = nodes.iter().map(|node| &node.def.name.value);
             return Err(GraphError::unknown("node", &source.node, known));
         };
         let Some(made) = &made[node] else { return Ok(None) };
@@ -261,9 +262,9 @@ impl Checker<'_> {
     }
 
     fn wire(&mut self, made: &[Option<Made>]) -> Wires {
-        let file = self.file;
+        let flat = self.flat;
         let mut wires: Wires = vec![HashMap::new(); made.len()];
-        for (index, node) in file.nodes.iter().enumerate() {
+        for (index, node) in flat.nodes.iter().map(|node| &node.def).enumerate() {
             let mut unresolved = BTreeSet::new();
             for input in &node.inputs {
                 let source = match self.resolve(&input.from.value, made) {
@@ -305,7 +306,7 @@ impl Checker<'_> {
     }
 
     fn check_types(&mut self, made: &[Option<Made>], wires: &Wires) {
-        let file = self.file;
+        let flat = self.flat;
         for (index, inputs) in wires.iter().enumerate() {
             let Some(stage) = &made[index] else { continue };
             let mut inputs: Vec<_> = inputs.iter().collect();
@@ -325,7 +326,7 @@ impl Checker<'_> {
                     continue;
                 }
                 let source_name =
-                    format!("{}.{}", file.nodes[source.node].name.value, from.ports()[source.port].name);
+                    format!("{}.{}", flat.nodes[source.node].def.name.value, from.ports()[source.port].name);
                 let error = GraphError::Type {
                     port: wanted.name.to_string(),
                     source_port: source_name,
@@ -339,7 +340,7 @@ impl Checker<'_> {
     }
 
     fn input_span(&self, node: usize, port: &str) -> Span {
-        let node = &self.file.nodes[node];
+        let node = &self.flat.nodes[node].def;
         node.inputs
             .iter()
             .find(|input| input.port.value == port)
@@ -347,9 +348,9 @@ impl Checker<'_> {
     }
 
     fn outputs(&mut self, made: &[Option<Made>]) -> Vec<(String, PortRef)> {
-        let file = self.file;
+        let (flat, file) = (self.flat, self.flat.file);
         let mut outputs = Vec::new();
-        for output in &file.outputs {
+        for output in &flat.outputs {
             match self.resolve(&output.from.value, made) {
                 Ok(Some(at)) => outputs.push((output.name.value.clone(), at)),
                 Ok(None) => {}
@@ -360,7 +361,7 @@ impl Checker<'_> {
                 }
             }
         }
-        if file.outputs.is_empty() {
+        if flat.outputs.is_empty() {
             let text = "the graph has no outputs; write outputs: { \"image\": \"NODE.PORT\" }";
             self.problems
                 .0
@@ -372,7 +373,7 @@ impl Checker<'_> {
     fn taps(&mut self, made: &[Option<Made>]) -> Vec<(Source, PortRef)> {
         let mut taps = Vec::new();
         for source in &self.settings.taps {
-            match self.resolve(source, made) {
+            match self.flat.resolve(source).and_then(|source| self.resolve(&source, made)) {
                 Ok(Some(at)) => taps.push((source.clone(), at)),
                 Ok(None) => {}
                 Err(error) => self.problems.0.push(Problem::new(error)),
@@ -392,7 +393,7 @@ impl Checker<'_> {
     ) -> Bypassed {
         let mut bypassed = Bypassed { wires, outputs, taps, why: HashMap::new() };
         for (index, stage) in made.iter().enumerate() {
-            let asked = self.file.nodes[index].bypass;
+            let asked = self.flat.nodes[index].def.bypass;
             let needless =
                 if self.settings.prune { stage.stage.needless(&self.settings.facts) } else { None };
             let why = match (asked, needless) {
@@ -410,7 +411,7 @@ impl Checker<'_> {
                 // A stage that the scene makes needless stays where something still asks for its output.
                 Err(_) if !asked => {}
                 Err(reason) => {
-                    let span = self.file.nodes[index].name.span;
+                    let span = self.flat.nodes[index].def.name.span;
                     self.problem(
                         index,
                         span,
@@ -426,7 +427,7 @@ impl Checker<'_> {
     /// Declares again the stages whose optional inputs lost their source to a bypass.
     fn remake(&mut self, made: &mut [Made], bypass: &Bypassed) {
         for (index, slot) in made.iter_mut().enumerate() {
-            let lost = self.file.nodes[index].inputs.iter().any(|input| {
+            let lost = self.flat.nodes[index].def.inputs.iter().any(|input| {
                 let port = slot.ports().iter().position(|port| port.name == input.port.value);
                 port.is_some_and(|port| !bypass.wires[index].contains_key(&port))
             });
@@ -441,10 +442,10 @@ impl Checker<'_> {
     }
 
     fn assemble(&mut self, made: Vec<Made>, bypass: Bypassed, live: &BTreeSet<usize>) -> Graph {
-        let file = self.file;
+        let flat = self.flat;
         let mut culled = Vec::new();
         let mut place = HashMap::new();
-        for (index, node) in file.nodes.iter().enumerate() {
+        for (index, node) in flat.nodes.iter().map(|node| &node.def).enumerate() {
             if live.contains(&index) {
                 place.insert(index, place.len());
                 continue;
@@ -462,13 +463,14 @@ impl Checker<'_> {
             if !live.contains(&index) {
                 continue;
             }
-            let node = &file.nodes[index];
+            let FlatNode { def: node, default, .. } = &flat.nodes[index];
             let declaration = made.stage.declaration();
             let sources = (0..declaration.ports.len())
                 .map(|port| bypass.wires[index].get(&port).map(renumber))
                 .collect();
             let dims = vec![Dims::default(); declaration.ports.len()];
-            let side = self.side(index, declaration, node.on.as_ref());
+            let side =
+                self.side(index, declaration, node.on.as_ref(), default.side.unwrap_or(self.settings.side));
             if let Some(Spanned { value: Download::Latent(frames), span }) = node.download
                 && !(1..=MAX_LATENCY).contains(&frames)
             {
@@ -481,7 +483,12 @@ impl Checker<'_> {
                 name: node.name.value.clone(),
                 kind: node.kind.value.clone(),
                 side,
-                download: node.download.as_ref().map_or(Download::Sync, |download| download.value),
+                download: node
+                    .download
+                    .as_ref()
+                    .map(|download| download.value)
+                    .or(default.download)
+                    .unwrap_or_default(),
                 stage: made.stage,
                 sources,
                 dims,
@@ -497,7 +504,13 @@ impl Checker<'_> {
         graph
     }
 
-    fn side(&mut self, index: usize, declaration: &Declaration, on: Option<&Spanned<Side>>) -> Side {
+    fn side(
+        &mut self,
+        index: usize,
+        declaration: &Declaration,
+        on: Option<&Spanned<Side>>,
+        default: Side,
+    ) -> Side {
         let other = |side| if side == Side::Cpu { Side::Gpu } else { Side::Cpu };
         match on {
             Some(on) if !declaration.runs_on(on.value) => {
@@ -506,8 +519,8 @@ impl Checker<'_> {
                 on.value
             }
             Some(on) => on.value,
-            None if declaration.runs_on(self.settings.side) => self.settings.side,
-            None => other(self.settings.side),
+            None if declaration.runs_on(default) => default,
+            None => other(default),
         }
     }
 
@@ -550,17 +563,17 @@ impl Checker<'_> {
     }
 
     fn index_in_file(&self, name: &str) -> usize {
-        self.file
+        self.flat
             .nodes
             .iter()
-            .position(|node| node.name.value == name)
+            .position(|node| node.def.name.value == name)
             .expect("graph nodes come from the file")
     }
 
     fn resolve_dims(&mut self, graph: &mut Graph) {
         if let Err((node, text)) = graph.resolve_dims(self.settings) {
             let at = self.index_in_file(&graph.nodes[node].name);
-            let span = self.file.nodes[at].name.span;
+            let span = self.flat.nodes[at].def.name.span;
             self.problem(at, span, None, GraphError::Invalid(text));
             return;
         }

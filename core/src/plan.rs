@@ -141,9 +141,10 @@ pub fn compile(
 ) -> Result<(Graph, Plan), Problems> {
     let graph = Graph::check(file, registry, settings)?;
     let plan = Plan::new(&graph, settings).map_err(|mut problems| {
-        for problem in &mut problems.0 {
-            let node = problem.node.as_ref().and_then(|name| file.node(name));
-            problem.place = node.map(|node| file.place(node.name.span));
+        if let Ok(flat) = file.flatten() {
+            for problem in &mut problems.0 {
+                problem.place = problem.node.as_ref().and_then(|name| flat.place_of(name));
+            }
         }
         problems
     })?;

@@ -297,3 +297,131 @@ fn sizes_and_latencies_have_bounds() {
     let nodes = r#""s": (kind: "source", on: Gpu),"#;
     assert!(problems(nodes, "s.out").to_string().contains("this stage has no gpu form"));
 }
+
+const PART: &str = r#"Graph(version: 1, nodes: {
+    "first": (kind: "filter", inputs: { "in": "inputs.picture" }),
+    "second": (kind: "maybe", inputs: { "in": "first.out", "hint": "inputs.hint" }),
+}, outputs: { "result": "second.out" })"#;
+
+fn with_parts(nodes: &str, output: &str, parts: &[(&str, &str)]) -> Result<GraphFile, Problems> {
+    file(nodes, output).with_parts(&|path| {
+        let name = path.display().to_string();
+        let part = parts.iter().find(|(known, _)| *known == name);
+        part.map(|(_, text)| (*text).to_owned()).ok_or(std::io::ErrorKind::NotFound.into())
+    })
+}
+
+#[test]
+fn a_part_stands_for_its_nodes() {
+    let nodes = r#"
+        "source": (kind: "source"),
+        "blur": (kind: "graph", params: (file: "part.ron"), inputs: { "picture": "source.out" }),
+        "last": (kind: "filter", inputs: { "in": "blur.result" }),
+        "shrink": (kind: "shrink", inputs: { "in": "blur/first.out" }),
+        "all": (kind: "maybe", inputs: { "in": "last.out", "hint": "shrink.out" }),"#;
+    let file = with_parts(nodes, "all.out", &[("part.ron", PART)]).unwrap();
+    let (graph, plan) =
+        compile(&file, &registry(), &settings()).unwrap_or_else(|problems| panic!("{problems}"));
+    let names: Vec<&str> = graph.nodes.iter().map(|node| node.name.as_str()).collect();
+    assert_eq!(names, ["source", "blur/first", "blur/second", "last", "shrink", "all"]);
+    let plain = r#"
+        "source": (kind: "source"),
+        "first": (kind: "filter", inputs: { "in": "source.out" }),
+        "second": (kind: "maybe", inputs: { "in": "first.out" }),
+        "last": (kind: "filter", inputs: { "in": "second.out" }),
+        "shrink": (kind: "shrink", inputs: { "in": "first.out" }),
+        "all": (kind: "maybe", inputs: { "in": "last.out", "hint": "shrink.out" }),"#;
+    let (_, same) = compiled(plain, "all.out", &settings());
+    assert_eq!((plan.steps, plan.slots), (same.steps, same.slots));
+}
+
+#[test]
+fn parts_nest_and_taps_and_settings_reach_into_them() {
+    let outer = r#"Graph(version: 1, nodes: {
+        "inner": (kind: "graph", params: (file: "part.ron"), inputs: { "picture": "inputs.picture", "hint": "guess.out" }),
+        "guess": (kind: "guess"),
+    }, outputs: { "result": "inner.result" })"#;
+    let nodes = r#"
+        "source": (kind: "source"),
+        "outer": (kind: "graph", params: (file: "outer.ron"), inputs: { "picture": "source.out" }),"#;
+    let parts = [("outer.ron", outer), ("part.ron", PART)];
+    let mut file = with_parts(nodes, "outer.result", &parts).unwrap();
+    let mut settings = settings();
+    settings.taps = ["outer/inner/first.out", "outer.result"].map(|name| name.parse().unwrap()).to_vec();
+    settings.facts.camera_moves = true;
+    let (graph, _) = compile(&file, &registry(), &settings).unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!(graph.nodes.len(), 4);
+    assert_eq!(graph.name(graph.taps[0].1), "outer/inner/first.out");
+    assert_eq!(graph.name(graph.taps[1].1), "outer/inner/second.out");
+    file.set_param("outer/inner/second", "nothing", "1").unwrap();
+    let text = compile(&file, &registry(), &settings).err().unwrap().to_string();
+    assert!(text.starts_with("part.ron:3:"), "{text}");
+    assert!(text.contains("node `outer/inner/second`: unknown parameter `nothing`"), "{text}");
+}
+
+#[test]
+fn faults_around_parts_are_told_where_they_stand() {
+    let source = "\"source\": (kind: \"source\"),\n";
+    let message = |node: &str, output: &str, part: &str| {
+        let nodes = format!("{source}{node}");
+        let problems = with_parts(&nodes, output, &[("part.ron", part)])
+            .and_then(|file| compile(&file, &registry(), &settings()).map(|_| ()));
+        problems.expect_err("it is broken").to_string()
+    };
+    let include = r#""b": (kind: "graph", params: (file: "part.ron"), inputs: { "picture": "source.out" })"#;
+    for (node, output, part, wanted) in [
+        (
+            include.replace("picture", "pictures"),
+            "b.result",
+            PART,
+            "test.ron:4:60: node `b`: unknown input `pictures`, did you mean `picture`?",
+        ),
+        (include.replace("inputs", "bypass: true, inputs"), "b.result", PART, "a part cannot be bypassed"),
+        (include.into(), "b.results", PART, "unknown output of a part `results`, did you mean `result`?"),
+        (
+            include.replace("part.ron", "no.ron"),
+            "b.result",
+            PART,
+            "test.ron:4:37: node `b`: cannot read: no.ron: ",
+        ),
+        (include.replace("file", "fil"), "b.result", PART, "unknown parameter `fil`, did you mean `file`?"),
+        (
+            include.replace("params: (file: \"part.ron\"), ", ""),
+            "b.result",
+            PART,
+            "a node of kind `graph` names its file",
+        ),
+        (
+            include.replace(" \"picture\": \"source.out\" ", ""),
+            "b.result",
+            PART,
+            "part.ron:2:5: node `b/first`: input `in` (numbers) is not connected",
+        ),
+        (include.into(), "b.result", "Graph(version: 1", "part.ron:1:"),
+        (
+            include.into(),
+            "b.result",
+            r#"Graph(version: 1, nodes: { "x": (kind: "graph", params: (file: "part.ron")) }, outputs: {})"#,
+            "part.ron contains itself",
+        ),
+    ] {
+        let text = message(&node, output, part);
+        assert!(text.contains(wanted), "{wanted}\nnot in\n{text}");
+    }
+    // Read without its parts, the graph says so.
+    let text = problems(&format!("{source}{include}"), "b.result").to_string();
+    assert!(text.contains("its file has not been read"), "{text}");
+}
+
+#[test]
+fn a_parts_placement_is_its_nodes_default() {
+    let nodes = r#"
+        "source": (kind: "source"),
+        "blur": (kind: "graph", on: Cpu, download: Latent(2), params: (file: "part.ron"), inputs: { "picture": "source.out" }),"#;
+    let file = with_parts(nodes, "blur.result", &[("part.ron", PART)]).unwrap();
+    let gpu = Settings { side: Side::Gpu, ..settings() };
+    let (graph, _) = compile(&file, &registry(), &gpu).unwrap_or_else(|problems| panic!("{problems}"));
+    // These stages have no shader; placing the whole part on the CPU is no mistake.
+    assert!(graph.nodes.iter().all(|node| node.side == Side::Cpu));
+    assert_eq!(graph.nodes[1].download, epigraph_core::Download::Latent(2));
+}

@@ -70,12 +70,18 @@ impl Group {
 /// be a graph file (a name that stands twice, for one); then they give the problems of that text.
 impl GraphFile {
     /// Sets a parameter, adding it where the node has none of that name: `--set node.param=value`. `value` is RON.
+    /// `part/node` sets one in the text of a part.
     /// Whether the stage has such a parameter is not known here.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node, [`GraphError::Invalid`] for a name that is no identifier,
     /// [`GraphError::Value`] for a value that is not one RON value.
     pub fn set_param(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
+        if let Some((part, inner)) = node.split_once('/')
+            && let Some(part) = self.part_mut(part)
+        {
+            return part.set_param(inner, param, value);
+        }
         let problem = |error| Problems::from(Problem::new(error).node(node));
         if !is_identifier(param) {
             return Err(problem(GraphError::Invalid(format!("`{param}` cannot name a parameter"))));
@@ -276,7 +282,8 @@ impl GraphFile {
             done = change.span.end;
         }
         text.push_str(&self.text[done..]);
-        *self = Self::parse(&self.path, &text)?;
+        let parsed = Self::parse(&self.path, &text)?;
+        *self = Self { parts: std::mem::take(&mut self.parts), ..parsed };
         Ok(())
     }
 }

@@ -259,6 +259,7 @@ impl Reader<'_> {
             doc,
             nodes: nodes.unwrap_or_default(),
             outputs: outputs.unwrap_or_default(),
+            parts: Vec::new(),
         }
     }
 
@@ -273,8 +274,9 @@ impl Reader<'_> {
     fn nodes(&mut self, span: Span) -> Vec<NodeDef> {
         let mut nodes = Vec::new();
         for (name, value) in self.entries(span, &NODES).unwrap_or_default() {
-            if name.value.is_empty() || name.value.contains('.') {
-                let message = format!("`{}` cannot name a node; use a name without a dot", name.value);
+            if name.value.is_empty() || name.value.contains(['.', '/']) {
+                let message =
+                    format!("`{}` cannot name a node; use a name without a dot or a slash", name.value);
                 self.report(GraphError::Invalid(message), name.span);
             }
             self.node = Some(name.value.clone());

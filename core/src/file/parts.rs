@@ -1,0 +1,261 @@
+//! Graphs made of graphs. A node `"NAME": (kind: "graph", params: (file: "part.ron"), inputs: { "x": "NODE.PORT" })` stands
+//! for all nodes of another file. Within the part, `"inputs.x"` is what the including node connects to `x`; outside, the
+//! part's outputs are ports of the including node, and its nodes have addresses `NAME/NODE`. `on` and `download` of the
+//! including node hold for nodes of the part that do not say otherwise and can run there.
+//!
+//! [`GraphFile::flatten`] writes the whole out as one list of nodes, each with the file it comes from, so that checking
+//! and compiling know nothing of parts.
+
+use std::{
+    collections::{BTreeSet, HashMap},
+    io,
+    path::Path,
+};
+
+use super::{Download, GraphFile, NodeDef, OutputDef, Side, Source};
+use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
+
+/// The kind of a node that stands for a file.
+pub(crate) const PART_KIND: &str = "graph";
+
+/// The parameter that names the file.
+const FILE_PARAM: &str = "file";
+
+/// The node that a part's inputs are ports of.
+const INPUTS: &str = "inputs";
+
+/// A node of the whole, with the file that its places are in.
+pub(crate) struct FlatNode<'f> {
+    pub def: NodeDef,
+    pub file: &'f GraphFile,
+    /// What the node of its part says for nodes that do not say themselves.
+    pub default: PartDefaults,
+}
+
+/// Placement that a part gives to its nodes.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct PartDefaults {
+    pub side: Option<Side>,
+    pub download: Option<Download>,
+}
+
+/// A graph written out.
+pub(crate) struct Flat<'f> {
+    pub file: &'f GraphFile,
+    pub nodes: Vec<FlatNode<'f>>,
+    pub outputs: Vec<OutputDef>,
+}
+
+impl GraphFile {
+    /// Reads the files of all parts, and of their parts. `read` gives the text of a path.
+    ///
+    /// # Errors
+    /// All problems of all parts, each with its file.
+    pub fn with_parts(mut self, read: &dyn Fn(&Path) -> io::Result<String>) -> Result<Self, Problems> {
+        self.read_parts(read, &mut Vec::new())?;
+        Ok(self)
+    }
+
+    fn read_parts(
+        &mut self,
+        read: &dyn Fn(&Path) -> io::Result<String>,
+        within: &mut Vec<String>,
+    ) -> Result<(), Problems> {
+        within.push(self.path.clone());
+        let mut problems = Problems::default();
+        let mut parts = Vec::new();
+        for node in self.nodes.iter().filter(|node| node.kind.value == PART_KIND) {
+            match self.read_part(node, read, within) {
+                Ok(part) => parts.push((node.name.value.clone(), part)),
+                Err(found) => problems.0.extend(found.0),
+            }
+        }
+        within.pop();
+        problems.into_result()?;
+        self.parts = parts;
+        Ok(())
+    }
+
+    fn read_part(
+        &self,
+        node: &NodeDef,
+        read: &dyn Fn(&Path) -> io::Result<String>,
+        within: &mut Vec<String>,
+    ) -> Result<Self, Problems> {
+        let problem = |error, span| Problem::new(error).at(self.place(span)).node(&node.name.value);
+        if let Some(param) = node.params.iter().find(|param| param.name.value != FILE_PARAM) {
+            let error = GraphError::unknown("parameter", &param.name.value, [FILE_PARAM]);
+            return Err(problem(error, param.name.span).into());
+        }
+        let Some(param) = node.params.iter().find(|param| param.name.value == FILE_PARAM) else {
+            let text = "a node of kind `graph` names its file: params: (file: \"PART.ron\")";
+            return Err(problem(GraphError::Invalid(text.into()), node.kind.span).into());
+        };
+        let name: String = ron::from_str(&param.value.value).map_err(|error| {
+            let (name, expected) = (FILE_PARAM.into(), "a path in double quotes".into());
+            problem(GraphError::Value { name, expected, cause: error.code.to_string() }, param.value.span)
+        })?;
+        let path = Path::new(&self.path).parent().unwrap_or(Path::new("")).join(name);
+        let shown = path.display().to_string();
+        if within.contains(&shown) {
+            let error = GraphError::Invalid(format!("{shown} contains itself"));
+            return Err(problem(error, param.value.span).into());
+        }
+        let text = read(&path).map_err(|error| {
+            let cause = format!("{shown}: {error}");
+            problem(GraphError::Io { action: "read", cause }, param.value.span)
+        })?;
+        let mut part = Self::parse(&shown, &text)?;
+        part.read_parts(read, within)?;
+        Ok(part)
+    }
+
+    pub(super) fn part_mut(&mut self, node: &str) -> Option<&mut Self> {
+        self.parts.iter_mut().find(|(name, _)| name == node).map(|(_, part)| part)
+    }
+
+    fn part(&self, node: &str) -> Option<&Self> {
+        self.parts.iter().find(|(name, _)| name == node).map(|(_, part)| part)
+    }
+
+    /// Writes the graph out: the nodes of parts in the place of the nodes that stand for them.
+    pub(crate) fn flatten(&self) -> Result<Flat<'_>, Problems> {
+        let mut flat = Flat { file: self, nodes: Vec::new(), outputs: Vec::new() };
+        let mut problems = Problems::default();
+        let scope = Scope { file: self, prefix: String::new(), inputs: None };
+        add(&scope, PartDefaults::default(), &mut flat, &mut problems);
+        for output in &self.outputs {
+            match scope.resolve(&output.from.value) {
+                Ok(Some(source)) => {
+                    let from = Spanned { value: source, span: output.from.span };
+                    flat.outputs.push(OutputDef { name: output.name.clone(), from });
+                }
+                Ok(None) => {}
+                Err(error) => {
+                    let problem = Problem::new(error).at(self.place(output.from.span));
+                    problems.0.push(problem.port(&output.name.value));
+                }
+            }
+        }
+        problems.into_result()?;
+        Ok(flat)
+    }
+}
+
+impl Flat<'_> {
+    /// The port that a name means, through outputs of parts.
+    pub fn resolve(&self, source: &Source) -> Result<Source, GraphError> {
+        let scope = Scope { file: self.file, prefix: String::new(), inputs: None };
+        Ok(scope.resolve(source)?.unwrap_or_else(|| source.clone()))
+    }
+
+    /// The place of a node's name.
+    pub fn place_of(&self, node: &str) -> Option<Place> {
+        let node = self.nodes.iter().find(|flat| flat.def.name.value == node)?;
+        Some(node.file.place(node.def.name.span))
+    }
+}
+
+/// A file as part of the whole: where its names lead.
+struct Scope<'f> {
+    file: &'f GraphFile,
+    prefix: String,
+    /// What the including node connects; none for the whole itself.
+    inputs: Option<HashMap<String, Source>>,
+}
+
+impl<'f> Scope<'f> {
+    fn inner(&self, node: &str, file: &'f GraphFile, inputs: HashMap<String, Source>) -> Self {
+        Self { file, prefix: format!("{}{node}/", self.prefix), inputs: Some(inputs) }
+    }
+
+    /// The address of a port in the whole; `None` for a part's input that is not connected.
+    fn resolve(&self, source: &Source) -> Result<Option<Source>, GraphError> {
+        if let (INPUTS, Some(inputs)) = (source.node.as_str(), &self.inputs) {
+            return Ok(inputs.get(&source.port).cloned());
+        }
+        let (head, rest) = match source.node.split_once('/') {
+            Some((head, rest)) => (head, Some(rest)),
+            None => (source.node.as_str(), None),
+        };
+        let Some(part) = self.file.part(head) else {
+            return Ok(Some(Source {
+                node: format!("{}{}", self.prefix, source.node),
+                port: source.port.clone(),
+            }));
+        };
+        let scope = self.inner(head, part, HashMap::new());
+        match rest {
+            Some(rest) => scope.resolve(&Source { node: rest.into(), port: source.port.clone() }),
+            None => {
+                let output = part.outputs.iter().find(|output| output.name.value == source.port);
+                let output = output.ok_or_else(|| {
+                    let known = part.outputs.iter().map(|output| &output.name.value);
+                    GraphError::unknown("output of a part", &source.port, known)
+                })?;
+                scope.resolve(&output.from.value)
+            }
+        }
+    }
+}
+
+fn add<'f>(scope: &Scope<'f>, default: PartDefaults, flat: &mut Flat<'f>, problems: &mut Problems) {
+    for node in &scope.file.nodes {
+        let name = format!("{}{}", scope.prefix, node.name.value);
+        let mut problem = |error, span: Span, port: Option<&str>| {
+            let mut problem = Problem::new(error).at(scope.file.place(span)).node(&name);
+            problem.port = port.map(str::to_owned);
+            problems.0.push(problem);
+        };
+        let mut def = node.clone();
+        def.name.value.clone_from(&name);
+        def.inputs.clear();
+        for input in &node.inputs {
+            match scope.resolve(&input.from.value) {
+                Ok(Some(source)) => {
+                    let mut input = input.clone();
+                    input.from.value = source;
+                    def.inputs.push(input);
+                }
+                Ok(None) => {}
+                Err(error) => problem(error, input.from.span, Some(&input.port.value)),
+            }
+        }
+        if node.kind.value != PART_KIND {
+            flat.nodes.push(FlatNode { def, file: scope.file, default });
+            continue;
+        }
+        if node.bypass {
+            problem(
+                GraphError::Invalid("a part cannot be bypassed; bypass its nodes".into()),
+                node.name.span,
+                None,
+            );
+        }
+        let Some(part) = scope.file.part(&node.name.value) else {
+            problem(GraphError::Invalid("its file has not been read".into()), node.kind.span, None);
+            continue;
+        };
+        let taken: BTreeSet<&str> = part
+            .nodes
+            .iter()
+            .flat_map(|node| &node.inputs)
+            .filter(|input| input.from.value.node == INPUTS)
+            .map(|input| input.from.value.port.as_str())
+            .collect();
+        for input in &node.inputs {
+            if !taken.contains(input.port.value.as_str()) {
+                let error = GraphError::unknown("input", &input.port.value, &taken);
+                problem(error, input.port.span, Some(&input.port.value));
+            }
+        }
+        let inputs =
+            def.inputs.iter().map(|input| (input.port.value.clone(), input.from.value.clone())).collect();
+        let inner = scope.inner(&node.name.value, part, inputs);
+        let default = PartDefaults {
+            side: def.on.map(|on| on.value).or(default.side),
+            download: def.download.map(|download| download.value).or(default.download),
+        };
+        add(&inner, default, flat, problems);
+    }
+}
