@@ -42,6 +42,9 @@ const TOTAL: u32 = 3u;
 @group(0) @binding(7) var<storage, read> occupancy: array<u32>;
 @group(0) @binding(8) var<storage, read_write> cell_tiles: array<u32>;
 #endif
+#ifdef AIM
+@group(0) @binding(9) var<storage, read> aim: array<u32>;
+#endif
 
 @compute @workgroup_size(64, 1, 1)
 fn clear(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -242,6 +245,18 @@ fn scan_pixels(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
+// Where in a pixel its sample should go.
+fn aim_of(pixel: u32) -> u32 {
+    if params.aim == AIM_AT_RANDOM {
+        return hash(pixel);
+    }
+#ifdef AIM
+    return aim[pixel];
+#else
+    return AIM_CENTER;
+#endif
+}
+
 @compute @workgroup_size(16, 16, 1)
 fn ask_pixels(
     @builtin(workgroup_id) tile: vec3<u32>,
@@ -261,6 +276,5 @@ fn ask_pixels(
         return;
     }
     let pixel = at.y * frame.size.x + at.x;
-    let aim = select(AIM_CENTER, hash(pixel), params.aim == AIM_AT_RANDOM);
-    requests[cells_wanted() + after - 1u] = Request(pixel, aim, id[pixel], VIEW_NOW);
+    requests[cells_wanted() + after - 1u] = Request(pixel, aim_of(pixel), id[pixel], VIEW_NOW);
 }

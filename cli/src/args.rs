@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::values::{Backend, Light, Pace, Samples, Save, Setting, Size};
+use crate::{
+    bench::{Choice, Sweep},
+    values::{Backend, Light, Pace, Samples, Save, Setting, Size},
+};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -14,7 +17,23 @@ Examples:
   epigraph check graphs/render-cache.ron     what would run, in which order, with how much memory
   epigraph stages fill                       what a stage does: its ports and parameters
   epigraph reference --spp 256 --out reference.exr
-  epigraph compare epigraph.png reference.exr --map difference.png";
+  epigraph compare epigraph.png reference.exr --map difference.png
+  epigraph bench --quick                     what each step costs here, beside the papers' figures";
+
+const BENCH_HELP: &str = "\
+Times are medians over many frames of a moving camera, after a warm-up that fills the point cloud; tracing runs beside
+the frame and is told apart. Columns are those of the papers: P1 update points and request samples, P2 project, P3
+predicted projection, P4 depth cull, E1 silhouettes and shadow edges, E2 rasterise edges, I1 classify, I2 reachability,
+interpolation and anti-aliasing. Below our rows stand the papers' two (2006: their hybrid, and the original on the CPU).
+
+On a machine without a GPU the rows `gpu` and `hybrid` run on a software GPU, if there is one: they show that it works,
+not how fast a GPU is.
+
+Examples:
+  epigraph bench --quick                                  half a minute, a first impression
+  epigraph bench --plot bench.svg --json bench.json       everything, some minutes
+  epigraph bench --scene dragon --backend gpu --size 1920x1080 --sweep none
+  epigraph bench --graph render-cache --scene cornell --sweep pixels";
 
 /// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
 ///
@@ -57,6 +76,9 @@ pub enum Command {
         Example:\n  epigraph compare epigraph.png reference.png --map flip.png"
     )]
     Compare(CompareArgs),
+    /// Time the steps of a frame, beside the papers' own table, and how the frame grows
+    #[command(after_help = BENCH_HELP)]
+    Bench(BenchArgs),
 }
 
 /// The scene and the camera's way through it.
@@ -196,6 +218,49 @@ pub struct CompareArgs {
     /// Write the figures as JSON; - means stdout, without the text then
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+}
+
+/// Arguments of `bench`.
+#[derive(Args, Clone, Debug)]
+pub struct BenchArgs {
+    /// Scene to measure; may stand several times [default: cornell, chains and room; bust and dragon if fetched]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Vec<String>,
+    /// Which rows to measure; may stand several times [default: all; without hybrid where --graph is given]
+    #[arg(long)]
+    pub backend: Vec<Choice>,
+    /// Graph file, or the name of a graph that comes with the program, for the rows `cpu` and `gpu` [default: epi]
+    #[arg(long)]
+    pub graph: Option<String>,
+    /// Camera path: still, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    #[arg(long, value_name = "PATH", default_value = "orbit")]
+    pub camera: String,
+    /// Width and height of the image in pixels; the papers' is the default
+    #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true)]
+    pub size: Size,
+    #[command(flatten)]
+    pub compile: GraphArgs,
+    /// Frames to count for each row [default: 60, or as many as 20 seconds allow]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), allow_hyphen_values = true)]
+    pub frames: Option<u32>,
+    /// Follow the frame's time over a quantity; may stand several times [default: all; none with --quick]
+    #[arg(long)]
+    pub sweep: Vec<Sweep>,
+    /// Few frames and a short warm-up, so that the cloud is not full yet: a first impression
+    #[arg(long)]
+    pub quick: bool,
+    /// Chooses the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u32,
+    /// Threads that compute [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
+    pub threads: Option<u16>,
+    /// Write the figures as JSON; - means stdout, without the tables then
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Draw the tables as an SVG picture
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
 }
 
 fn scene_help() -> String {

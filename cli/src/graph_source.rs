@@ -12,6 +12,8 @@ pub const DEFAULT_GRAPH: &str = "render-cache";
 /// Graphs that come with the program, by name: `graphs/NAME.ron`.
 const EMBEDDED: &[(&str, &str)] = &[
     ("render-cache", include_str!("../../graphs/render-cache.ron")),
+    ("epi", include_str!("../../graphs/epi.ron")),
+    ("hybrid", include_str!("../../graphs/hybrid.ron")),
     ("render-cache-cpu-dither", include_str!("../../graphs/render-cache-cpu-dither.ron")),
 ];
 
@@ -44,7 +46,7 @@ pub fn load(name: &str) -> Result<GraphFile, Problems> {
 }
 
 fn known_words() -> impl Iterator<Item = &'static str> {
-    let commands = ["render", "check", "stages", "reference", "compare"];
+    let commands = ["render", "check", "stages", "reference", "compare", "bench"];
     EMBEDDED.iter().map(|(name, _)| *name).chain(commands)
 }
 

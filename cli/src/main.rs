@@ -1,8 +1,10 @@
-//! `epigraph`, the command line: renders graphs, checks them, lists stages, renders references, compares images.
+//! `epigraph`, the command line: renders graphs, checks them, lists stages, renders references, compares images,
+//! takes the time.
 //!
 //! Every command gives exit code 0 on success and 1 when its input is wrong. Progress goes to stderr, results to stdout.
 
 mod args;
+mod bench;
 mod check;
 mod columns;
 mod compare;
@@ -59,5 +61,6 @@ fn run(cli: Cli) -> Result<ExitCode, CliError> {
         Some(Command::Stages(args)) => stages::stages(&args).map(done),
         Some(Command::Reference(args)) => reference::reference(&args).map(done),
         Some(Command::Compare(args)) => compare::compare(&args).map(done),
+        Some(Command::Bench(args)) => bench::bench(&args).map(done),
     }
 }

@@ -104,7 +104,7 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
 }
 
 /// Makes the pool of threads that all computing shares; how many they are.
-fn set_threads(wanted: Option<u16>) -> Result<usize, CliError> {
+pub fn set_threads(wanted: Option<u16>) -> Result<usize, CliError> {
     if let Some(threads) = wanted {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads.into())
@@ -127,7 +127,7 @@ fn placement(backend: Backend) -> Result<(Side, Option<Arc<Gpu>>), RunError> {
 }
 
 /// The GPU that the plan needs: some stages have no other form.
-fn gpu_for(plan: &Plan, open: Option<Arc<Gpu>>) -> Result<Option<Arc<Gpu>>, CliError> {
+pub fn gpu_for(plan: &Plan, open: Option<Arc<Gpu>>) -> Result<Option<Arc<Gpu>>, CliError> {
     let Some((node, kind, _)) = plan.nodes.iter().find(|(.., side)| *side == Side::Gpu) else {
         return Ok(None);
     };
@@ -139,7 +139,8 @@ fn gpu_for(plan: &Plan, open: Option<Arc<Gpu>>) -> Result<Option<Arc<Gpu>>, CliE
     Ok(Some(Arc::new(gpu)))
 }
 
-fn require_memory(plan: &Plan, gpu: Option<&Gpu>) -> Result<(), CliError> {
+/// Makes sure that the plan's memory is there.
+pub fn require_memory(plan: &Plan, gpu: Option<&Gpu>) -> Result<(), CliError> {
     let tapped =
         plan.taps.iter().flat_map(|tap| &tap.fields).map(|(_, storage)| plan.storages[*storage].bytes());
     // A software GPU's memory is the machine's.
@@ -147,7 +148,8 @@ fn require_memory(plan: &Plan, gpu: Option<&Gpu>) -> Result<(), CliError> {
     memory::require(plan.bytes(Side::Cpu) + gpu_bytes + tapped.sum::<u64>())
 }
 
-fn host(scene: &Arc<Scene>, pace: values::Pace, threads: usize) -> Host {
+/// What the stages get beside their ports: the tracer of the scene.
+pub fn host(scene: &Arc<Scene>, pace: values::Pace, threads: usize) -> Host {
     let tracer = progress::spinner("building the tracer".into(), || Arc::new(Tracer::new(scene.clone())));
     let pace = match pace {
         values::Pace::Exact => Pace::Exact,

@@ -57,6 +57,28 @@ pub enum Pass {
         /// First component's clear value.
         clear: u32,
     },
+    /// Classic raster of lines with a width: two triangles, six vertices, for each element of a list, without a depth
+    /// test, into texture ports that are cleared to 0.
+    Lines {
+        /// Vertex entry point.
+        vertex: &'static str,
+        /// Fragment entry point.
+        fragment: &'static str,
+        /// The list that gives the number of lines.
+        count: FieldRef,
+        /// Texture ports drawn to.
+        target: FieldRef,
+    },
+}
+
+impl Pass {
+    /// What a raster pass draws to.
+    pub fn target(&self) -> Option<FieldRef> {
+        match self {
+            Self::Compute { .. } => None,
+            Self::Points { target, .. } | Self::Lines { target, .. } => Some(*target),
+        }
+    }
 }
 
 /// Embeds a shader of the `shaders/` folder: `shader!("depth_cull")`.

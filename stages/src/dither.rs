@@ -47,7 +47,7 @@ choice! {
 choice! {
     /// Where in the pixel a sample is asked for.
     pub enum Aim {
-        /// At the centre.
+        /// At the centre, or where the input `aim` says.
         Center,
         /// Anywhere, at random.
         Random,
@@ -70,6 +70,7 @@ params! {
 pub struct Dither {
     priority: In<u32>,
     id: In<u32>,
+    aim: Option<In<u32>>,
     prediction: Option<Prediction>,
     requests: Out<Request>,
     by_kind: ByKind,
@@ -94,6 +95,11 @@ impl Stage for Dither {
     fn declare(params: &DitherParams, io: &mut Io) -> Self {
         let priority = io.read("priority", "How much a sample is worth, 0 to 255.", Extent::Frame(1));
         let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", Extent::Frame(1));
+        let aim = io.optional(
+            "aim",
+            "Where in the pixel its sample should go, in 1/65536 of it: x low, y high; unconnected: at the centre.",
+            Extent::Frame(1),
+        );
         let occupancy = io.optional(
             "occupancy",
             "1 where the predicted view has a point in 4x4 pixels; unconnected: nothing is predicted.",
@@ -119,6 +125,9 @@ impl Stage for Dither {
                 let _: Out<u32> =
                     io.write("state", "Scratch: sums that every thread needs.", Extent::Fixed([4, 1]));
                 io.shader(shader!("dither"));
+                if aim.is_some() {
+                    io.define("AIM");
+                }
                 io.dispatch("clear", requests);
                 if let Some(Prediction { occupancy, .. }) = prediction {
                     io.define("OCCUPANCY");
@@ -142,12 +151,14 @@ impl Stage for Dither {
                 ByKind::Serpentine { carry }
             }
         };
-        Self { priority, id, prediction, requests, by_kind }
+        Self { priority, id, aim, prediction, requests, by_kind }
     }
 
     fn cpu(&self, params: &DitherParams, cx: &CpuContext) -> Result<(), String> {
         let (frame, pixels) = (cx.frame(), cx.dims(self.priority));
         let (priority, id) = (&cx.read(self.priority)[..], &cx.read(self.id)[..]);
+        let aims = self.aim.map(|aim| cx.read(aim));
+        let aims = aims.as_deref();
         let requests = &mut cx.write(self.requests)[..];
 
         requests.fill(Request::NONE);
@@ -170,7 +181,7 @@ impl Stage for Dither {
         }
 
         let wanted = rest.len() as u32;
-        let ask = |[x, y]: [u32; 2]| ask_pixel(frame, params.aim, y * pixels.width + x, id);
+        let ask = |[x, y]: [u32; 2]| ask_pixel(frame, params.aim, y * pixels.width + x, id, aims);
         match self.by_kind {
             ByKind::Systematic { tiles } => {
                 let shift = shift(pixels);
@@ -205,9 +216,9 @@ fn ask_cell(frame: &Frame, [x, y]: [u32; 2]) -> Request {
 }
 
 /// The request of a pixel.
-fn ask_pixel(frame: &Frame, aim: Aim, pixel: u32, id: &[u32]) -> Request {
+fn ask_pixel(frame: &Frame, aim: Aim, pixel: u32, id: &[u32], aims: Option<&[u32]>) -> Request {
     let aim = match aim {
-        Aim::Center => AIM_CENTER,
+        Aim::Center => aims.map_or(AIM_CENTER, |aims| aims[pixel as usize]),
         Aim::Random => hash(frame, pixel),
     };
     Request { pixel, aim, reuse: id[pixel as usize], view: VIEW_NOW }
@@ -512,6 +523,18 @@ mod tests {
                 random.iter().map(|aim| f64::from(aim >> shift & 0xFFFF)).sum::<f64>() / random.len() as f64;
             // Ten standard deviations of the mean of 1000 even numbers.
             assert!((mean / 65536.0 - 0.5).abs() < 0.1, "{mean}");
+        }
+    }
+
+    #[test]
+    fn pixels_aim_where_their_input_says() {
+        for aim in [Aim::Center, Aim::Random] {
+            let params = DitherParams { aim, ..DitherParams::default() };
+            let mut harness = harness(params, [20, 10], &[100; 200], 50);
+            harness.set("aim", &(0..200).map(|pixel| pixel << 16 | 7).collect::<Vec<u32>>());
+            let requests = ask(&mut harness);
+            let follow = requests.iter().filter(|request| request.aim == request.pixel << 16 | 7).count();
+            assert_eq!((requests.len(), follow), (50, if aim == Aim::Center { 50 } else { 0 }));
         }
     }
 

@@ -2,16 +2,27 @@
 //! of the same name lies in `shaders/`.
 
 pub mod age;
+pub mod antialias;
+pub mod classify;
+pub mod compact;
 pub mod depth_cull;
 pub mod dither;
+pub mod edge_raster;
 pub mod fill;
 pub mod image_id;
 pub mod integrate;
+pub mod interpolate;
+pub mod mesh;
 pub mod point_cloud;
 pub mod predict;
 pub mod project;
+pub mod reach;
+pub mod reach_cull;
 pub mod replace;
+pub mod shadow_edges;
 pub mod shared;
+pub mod silhouette;
+pub mod spread;
 pub mod tonemap;
 pub mod trace;
 
@@ -31,24 +42,37 @@ pub fn registry() -> Registry {
     }
     let modules = [
         module!("cloud"),
+        module!("edge_pixel"),
         module!("frame"),
         module!("index"),
         module!("requests"),
         module!("scan"),
+        module!("segments"),
         module!("view"),
         module!("wide"),
     ];
     let registry = Registry::default()
         .with::<age::Age>()
+        .with::<antialias::Antialias>()
+        .with::<classify::Classify>()
+        .with::<compact::Compact>()
         .with::<depth_cull::DepthCull>()
         .with::<dither::Dither>()
+        .with::<edge_raster::EdgeRaster>()
         .with::<fill::Fill>()
         .with::<image_id::ImageId>()
         .with::<integrate::Integrate>()
+        .with::<interpolate::Interpolate>()
+        .with::<mesh::Mesh>()
         .with::<point_cloud::PointCloud>()
         .with::<predict::Predict>()
         .with::<project::Project>()
+        .with::<reach::Reach>()
+        .with::<reach_cull::ReachCull>()
         .with::<replace::Replace>()
+        .with::<shadow_edges::ShadowEdges>()
+        .with::<silhouette::Silhouette>()
+        .with::<spread::Spread>()
         .with::<tonemap::Tonemap>()
         .with::<trace::Trace>()
         .with_kind(wgsl_kind());

@@ -7,8 +7,10 @@ use epigraph_scenes::{CameraPath, Scene, Tracer};
 use epigraph_stages::{Pace, World, registry};
 
 /// The shipped graph files: name and text.
-pub const GRAPHS: [(&str, &str); 2] = [
+pub const GRAPHS: [(&str, &str); 4] = [
     ("render-cache.ron", include_str!("../../graphs/render-cache.ron")),
+    ("epi.ron", include_str!("../../graphs/epi.ron")),
+    ("hybrid.ron", include_str!("../../graphs/hybrid.ron")),
     ("render-cache-cpu-dither.ron", include_str!("../../graphs/render-cache-cpu-dither.ron")),
 ];
 

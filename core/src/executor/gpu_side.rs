@@ -75,12 +75,12 @@ enum Pipeline {
         pipeline: wgpu::ComputePipeline,
         groups: [u32; 2],
     },
-    Points {
+    Raster {
         pipeline: wgpu::RenderPipeline,
         vertices: u32,
         slot: usize,
         clear: u32,
-        depth: wgpu::TextureView,
+        depth: Option<wgpu::TextureView>,
     },
 }
 
@@ -245,46 +245,64 @@ impl GpuSide {
                 let slot = self.slot(plan, node, *target, 0);
                 let dims = dims[target.port as usize];
                 let depth = device.create_texture(&texture(dims, wgpu::TextureFormat::Depth32Float, false));
-                let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                    label: Some(vertex),
-                    layout: None,
-                    vertex: wgpu::VertexState {
-                        module,
-                        entry_point: Some(vertex),
-                        compilation_options: Default::default(),
-                        buffers: &[],
-                    },
-                    primitive: wgpu::PrimitiveState {
-                        topology: wgpu::PrimitiveTopology::PointList,
-                        ..Default::default()
-                    },
-                    depth_stencil: Some(wgpu::DepthStencilState {
-                        format: wgpu::TextureFormat::Depth32Float,
-                        depth_write_enabled: Some(true),
-                        depth_compare: Some(wgpu::CompareFunction::Less),
-                        stencil: Default::default(),
-                        bias: Default::default(),
-                    }),
-                    multisample: Default::default(),
-                    fragment: Some(wgpu::FragmentState {
-                        module,
-                        entry_point: Some(fragment),
-                        compilation_options: Default::default(),
-                        targets: &[Some(self.format(slot).into())],
-                    }),
-                    multiview_mask: None,
-                    cache: None,
-                });
-                let vertices = self.list_length(plan, node, *count);
-                Pipeline::Points {
-                    pipeline,
-                    vertices,
+                let topology = wgpu::PrimitiveTopology::PointList;
+                Pipeline::Raster {
+                    pipeline: self.raster(module, [vertex, fragment], topology, slot, true),
+                    vertices: self.list_length(plan, node, *count),
                     slot,
                     clear: *clear,
-                    depth: depth.create_view(&Default::default()),
+                    depth: Some(depth.create_view(&Default::default())),
+                }
+            }
+            Pass::Lines { vertex, fragment, count, target } => {
+                let slot = self.slot(plan, node, *target, 0);
+                let topology = wgpu::PrimitiveTopology::TriangleList;
+                Pipeline::Raster {
+                    pipeline: self.raster(module, [vertex, fragment], topology, slot, false),
+                    vertices: self.list_length(plan, node, *count).saturating_mul(6),
+                    slot,
+                    clear: 0,
+                    depth: None,
                 }
             }
         }
+    }
+
+    fn raster(
+        &self,
+        module: &wgpu::ShaderModule,
+        [vertex, fragment]: [&str; 2],
+        topology: wgpu::PrimitiveTopology,
+        slot: usize,
+        depth_test: bool,
+    ) -> wgpu::RenderPipeline {
+        self.gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(vertex),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module,
+                entry_point: Some(vertex),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+            depth_stencil: depth_test.then(|| wgpu::DepthStencilState {
+                format: wgpu::TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Less),
+                stencil: Default::default(),
+                bias: Default::default(),
+            }),
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module,
+                entry_point: Some(fragment),
+                compilation_options: Default::default(),
+                targets: &[Some(self.format(slot).into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
     }
 
     fn list_length(&self, plan: &Plan, node: usize, at: FieldRef) -> u32 {
@@ -325,7 +343,9 @@ impl GpuSide {
         let mut used: Vec<usize> = Vec::new();
         let names: &[&str] = match pass {
             Pass::Compute { entry, .. } => &[entry],
-            Pass::Points { vertex, fragment, .. } => &[vertex, fragment],
+            Pass::Points { vertex, fragment, .. } | Pass::Lines { vertex, fragment, .. } => {
+                &[vertex, fragment]
+            }
         };
         for name in names {
             used.extend(&entry_of(reflected, name).uses);
@@ -349,7 +369,7 @@ impl GpuSide {
             .collect();
         let layout = match pipeline {
             Pipeline::Compute { pipeline, .. } => pipeline.get_bind_group_layout(0),
-            Pipeline::Points { pipeline, .. } => pipeline.get_bind_group_layout(0),
+            Pipeline::Raster { pipeline, .. } => pipeline.get_bind_group_layout(0),
         };
         self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(&graph.nodes[node].name),
@@ -442,7 +462,7 @@ impl GpuSide {
                 continue;
             }
             let step = &built.passes[next];
-            if let Pipeline::Points { pipeline, vertices, slot, clear, depth } = &step.pipeline {
+            if let Pipeline::Raster { pipeline, vertices, slot, clear, depth } = &step.pipeline {
                 let Memory::Texture(_, view) = &self.memory[*slot] else {
                     unreachable!("raster targets are textures")
                 };
@@ -466,13 +486,15 @@ impl GpuSide {
                             store: wgpu::StoreOp::Store,
                         },
                     })],
-                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                        view: depth,
-                        depth_ops: Some(wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(1.0),
-                            store: wgpu::StoreOp::Discard,
-                        }),
-                        stencil_ops: None,
+                    depth_stencil_attachment: depth.as_ref().map(|view| {
+                        wgpu::RenderPassDepthStencilAttachment {
+                            view,
+                            depth_ops: Some(wgpu::Operations {
+                                load: wgpu::LoadOp::Clear(1.0),
+                                store: wgpu::StoreOp::Discard,
+                            }),
+                            stencil_ops: None,
+                        }
                     }),
                     timestamp_writes,
                     ..Default::default()
@@ -752,7 +774,7 @@ fn raster_targets(graph: &Graph, plan: &Plan) -> Vec<usize> {
     let mut targets = Vec::new();
     for (node, declared) in graph.nodes.iter().enumerate() {
         for pass in &declared.declaration().passes {
-            if let (Pass::Points { target, .. }, Side::Gpu) = (pass, declared.side) {
+            if let (Some(target), Side::Gpu) = (pass.target(), declared.side) {
                 let copies = &plan.bindings[node][target.port as usize];
                 let slots = copies.iter().flatten().filter_map(|copy| plan.storages[copy.storage].slots[1]);
                 targets.extend(slots.flatten());

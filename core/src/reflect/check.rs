@@ -60,10 +60,8 @@ struct Check<'a> {
 
 impl<'a> Check<'a> {
     fn is_target(&self, port: usize) -> bool {
-        self.declaration
-            .passes
-            .iter()
-            .any(|pass| matches!(pass, Pass::Points { target, .. } if target.port as usize == port))
+        let mut targets = self.declaration.passes.iter().filter_map(Pass::target);
+        targets.any(|target| target.port as usize == port)
     }
 
     fn port(&mut self, port: &Port, target: bool) {
@@ -201,7 +199,7 @@ impl<'a> Check<'a> {
             Pass::Compute { entry, .. } => {
                 self.entry(entry, ShaderStage::Compute);
             }
-            Pass::Points { vertex, fragment, target, .. } => {
+            Pass::Points { vertex, fragment, target, .. } | Pass::Lines { vertex, fragment, target, .. } => {
                 let stages = [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)];
                 for (name, stage) in stages {
                     let Some(entry) = self.entry(name, stage) else { continue };

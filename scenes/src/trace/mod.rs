@@ -153,6 +153,11 @@ impl Tracer {
         &self.scene
     }
 
+    /// Whether no triangle lies between two points; the ends themselves do not count.
+    pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
+        self.bvh.visible(from, to)
+    }
+
     /// How many samples so far had a radiance that was no finite number, and were made black.
     pub fn non_finite(&self) -> u64 {
         self.non_finite.load(Ordering::Relaxed)

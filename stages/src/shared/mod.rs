@@ -1,7 +1,9 @@
 //! What several stages share: element types, codecs and helpers, mirrored by `shaders/shared/`.
 
 pub mod cloud;
+pub mod edge_pixel;
 pub mod requests;
+pub mod segments;
 #[cfg(test)]
 pub mod testing;
 pub mod view;

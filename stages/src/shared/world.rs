@@ -13,6 +13,7 @@ use glam::Vec3;
 use super::requests::{
     HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, NO_POINT, Request, Sample, VIEW_NOW, VIEW_PREDICTED,
 };
+use crate::shadow_edges::ShadowCache;
 
 /// Frames from the request of a sample to the frame for which the predicted view stands: samples enter the cloud one
 /// frame after they were asked for, and one more (`algorithms.md` section 1.8).
@@ -32,6 +33,8 @@ pub struct World {
     pub tracer: Arc<Tracer>,
     /// When it does.
     pub pace: Pace,
+    /// The shadow boundaries of the scene, kept for all graphs.
+    pub(crate) shadows: ShadowCache,
     scratch: Mutex<Scratch>,
 }
 
@@ -47,7 +50,7 @@ struct Scratch {
 impl World {
     /// A world seen through `tracer`.
     pub fn new(tracer: Arc<Tracer>, pace: Pace) -> Self {
-        Self { tracer, pace, scratch: Mutex::default() }
+        Self { tracer, pace, shadows: ShadowCache::default(), scratch: Mutex::default() }
     }
 
     /// The facts of a scene that a graph is compiled for; `path_moves` is [`CameraPath::moves`].

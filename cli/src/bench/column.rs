@@ -1,0 +1,81 @@
+//! The papers' columns of a frame's time, and the kinds of stage that each of them counts.
+
+/// One of the papers' columns.
+pub struct Column {
+    /// Its name in the papers' table.
+    pub name: &'static str,
+    /// What is done in it.
+    pub doc: &'static str,
+    /// The kinds of stage that do it.
+    kinds: &'static [&'static str],
+}
+
+/// How many columns there are.
+pub const COUNT: usize = 8;
+
+/// The columns in the papers' order. Stages of other kinds (tone mapping, a user's own shaders) and transfers count as
+/// the rest of the frame.
+pub const COLUMNS: [Column; COUNT] = [
+    Column {
+        name: "P1",
+        doc: "update points, request samples",
+        kinds: &["point_cloud", "replace", "integrate", "age", "dither"],
+    },
+    Column { name: "P2", doc: "project points", kinds: &["project", "image_id"] },
+    Column { name: "P3", doc: "predicted projection", kinds: &["predict"] },
+    Column { name: "P4", doc: "depth cull", kinds: &["depth_cull"] },
+    Column {
+        name: "E1",
+        doc: "find silhouettes and shadow edges",
+        kinds: &["mesh", "silhouette", "compact", "shadow_edges"],
+    },
+    Column { name: "E2", doc: "rasterise edges", kinds: &["edge_raster"] },
+    Column { name: "I1", doc: "classify pixels", kinds: &["classify"] },
+    Column {
+        name: "I2",
+        doc: "reachability, interpolation, anti-aliasing",
+        kinds: &["reach", "reach_cull", "interpolate", "fill", "spread", "antialias"],
+    },
+];
+
+/// Those of [`COLUMNS`] that depend on the number of edges.
+pub const EDGES: std::ops::RangeInclusive<usize> = 4..=5;
+
+/// The column that counts stages of `kind`: its index in [`COLUMNS`].
+pub fn of(kind: &str) -> Option<usize> {
+    COLUMNS.iter().position(|column| column.kinds.contains(&kind))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Kinds that belong to no step of the papers' table.
+    const REST: [&str; 3] = ["trace", "tonemap", "wgsl"];
+
+    #[test]
+    fn every_stage_has_its_place() {
+        let registry = epigraph_stages::registry();
+        for name in registry.kinds().map(epigraph_core::Kind::name) {
+            assert!(of(name).is_some() != REST.contains(&name), "in which column is `{name}`?");
+        }
+    }
+
+    #[test]
+    fn the_columns_of_edges_are_those_called_so() {
+        assert!(COLUMNS[EDGES].iter().all(|column| column.name.starts_with('E')));
+        assert_eq!(
+            COLUMNS.iter().filter(|column| column.name.starts_with('E')).count(),
+            COLUMNS[EDGES].len()
+        );
+    }
+
+    #[test]
+    fn no_kind_counts_twice() {
+        let mut kinds: Vec<&str> = COLUMNS.iter().flat_map(|column| column.kinds).copied().collect();
+        let count = kinds.len();
+        kinds.sort_unstable();
+        kinds.dedup();
+        assert_eq!(kinds.len(), count);
+    }
+}

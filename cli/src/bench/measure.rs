@@ -1,0 +1,324 @@
+//! Runs one graph on one scene and takes the time of each stage in many frames.
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use epigraph_core::{
+    Executor, Gpu, GraphFile, Host, Plan, Registry, RunError, Settings, Side, Step, compile,
+};
+use epigraph_scenes::{CameraPath, Scene};
+use epigraph_stages::World;
+
+use super::{
+    column,
+    times::{Times, quantile},
+};
+use crate::{
+    args::BenchArgs,
+    error::CliError,
+    progress,
+    render::{self, TRACE},
+};
+
+/// The kind of stage that owns the point cloud.
+const CLOUD: &str = "point_cloud";
+
+/// The cloud starts empty, and a frame is dearer the fuller it is. Samples that renew a point fill no slot, so that the
+/// number of points settles after somewhat more frames than would fill it: this many times.
+const FILLS: f64 = 1.5;
+
+/// Bounds of the frames that are run before any is counted.
+const WARM_UP: [u64; 2] = [10, 300];
+
+/// The same for `--quick`.
+const QUICK_WARM_UP: [u64; 2] = [3, 8];
+
+/// Frames that are counted where the user names no number.
+const FRAMES: u32 = 60;
+const QUICK_FRAMES: u32 = 10;
+
+/// Slow machines and large images: no more warm-up after this time, once [`WARM_UP`]'s least is done; and no more frames
+/// are counted after it, once there are so many, unless the user names a number.
+const PATIENCE: Duration = Duration::from_secs(20);
+const LEAST_FRAMES: usize = 5;
+
+/// A scene that is ready to be traced.
+pub struct Loaded {
+    /// Its name.
+    pub name: String,
+    /// Its mesh and lights.
+    pub scene: Arc<Scene>,
+    /// The camera's way through it.
+    pub path: CameraPath,
+    /// The tracer.
+    pub host: Host,
+}
+
+/// What to measure.
+pub struct Job<'a> {
+    /// What the progress bar says.
+    pub label: String,
+    /// The command line.
+    pub args: &'a BenchArgs,
+    /// The stages.
+    pub registry: &'a Registry,
+    /// The graph.
+    pub graph: &'a GraphFile,
+    /// Where nodes run that do not say.
+    pub side: Side,
+    /// The GPU, where it is open.
+    pub gpu: Option<Arc<Gpu>>,
+    /// The scene.
+    pub loaded: &'a Loaded,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+}
+
+/// What one node or transfer took.
+pub struct Part {
+    /// Its name in the plan.
+    pub name: String,
+    /// The kind of its stage, or `transfer`.
+    pub kind: String,
+    /// Where it ran; none for a transfer.
+    pub side: Option<Side>,
+    /// Median, in milliseconds.
+    pub ms: f64,
+}
+
+/// What many frames took.
+pub struct Measured {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Edges of the scene's mesh.
+    pub edges: u32,
+    /// Slots of the point cloud.
+    pub points: u64,
+    /// Samples that a frame may ask for.
+    pub samples: u32,
+    /// Frames that ran before any was counted.
+    pub warm_up: u64,
+    /// Whether these were enough for the point cloud to fill.
+    pub filled: bool,
+    /// Frames that were counted.
+    pub frames: usize,
+    /// Medians.
+    pub times: Times,
+    /// Milliseconds within which 95% of the frames end, without tracing.
+    pub p95: f64,
+    /// Median of tracing, milliseconds.
+    pub trace: f64,
+    /// Every node and transfer in the order of the plan.
+    pub parts: Vec<Part>,
+}
+
+/// What came of it.
+pub enum Outcome {
+    /// Figures.
+    Measured(Box<Measured>),
+    /// This machine cannot run it, and why.
+    Beyond(String),
+}
+
+/// Measures.
+///
+/// # Errors
+/// Problems of the graph for this scene, and stages that fail. Memory or a GPU that does not suffice is an outcome.
+pub fn measure(job: &Job) -> Result<Outcome, CliError> {
+    match run(job) {
+        Err(CliError::Run(error @ (RunError::Gpu(_) | RunError::Memory { .. }))) => {
+            Ok(Outcome::Beyond(error.to_string()))
+        }
+        outcome => outcome,
+    }
+}
+
+fn run(job: &Job) -> Result<Outcome, CliError> {
+    let Job { args, loaded, size, .. } = *job;
+    let samples = args.compile.samples.of(size).map_err(CliError::Input)?;
+    let settings = Settings {
+        facts: World::facts(&loaded.scene, loaded.path.moves()),
+        side: job.side,
+        prune: !args.compile.no_prune,
+        pooling: !args.compile.no_pooling,
+        ..Settings::new(size, samples)
+    };
+    let (graph, plan) = compile(job.graph, job.registry, &settings)?;
+    let gpu = render::gpu_for(&plan, job.gpu.clone())?;
+    if let Err(error) = render::require_memory(&plan, gpu.as_deref()) {
+        return Ok(Outcome::Beyond(error.to_string()));
+    }
+    let points = points(&plan);
+    let mut executor = Executor::new(graph, plan, &settings, job.registry, gpu)?;
+
+    let fills = fills(points, samples);
+    let [least, most] = if args.quick { QUICK_WARM_UP } else { WARM_UP };
+    let wanted = args.frames.unwrap_or(if args.quick { QUICK_FRAMES } else { FRAMES });
+    let patience = if args.frames.is_none() { PATIENCE } else { Duration::MAX };
+    let mut warm_up = fills.clamp(least, most);
+    let bar = progress::bar(warm_up + u64::from(wanted), &job.label, "frames");
+    let mut log = Log::default();
+    let (mut index, mut start) = (0, Instant::now());
+    while log.wall.len() < wanted as usize {
+        let frame = World::frame(&loaded.path, index, size, samples, args.seed);
+        let began = Instant::now();
+        executor.run(&frame, &loaded.host, false)?;
+        let wall = began.elapsed();
+        bar.inc(1);
+        index += 1;
+        if u64::from(index) <= warm_up {
+            if u64::from(index) >= least && start.elapsed() > PATIENCE {
+                warm_up = index.into();
+            }
+            if u64::from(index) == warm_up {
+                start = Instant::now();
+            }
+            continue;
+        }
+        log.wall.push(wall.as_secs_f64() * 1000.0);
+        log.steps.push(executor.times().to_vec());
+        if log.wall.len() >= LEAST_FRAMES && start.elapsed() > patience {
+            break;
+        }
+    }
+    bar.finish_and_clear();
+
+    let plan = executor.plan();
+    Ok(Outcome::Measured(Box::new(Measured {
+        size,
+        edges: settings.facts.edges(),
+        points,
+        samples,
+        warm_up,
+        filled: warm_up >= fills,
+        frames: log.wall.len(),
+        times: log.times(plan),
+        p95: quantile(log.frame_ms(plan), 0.95),
+        trace: log.median(|step| is_trace(plan, step)),
+        parts: log.parts(plan),
+    })))
+}
+
+/// How many frames fill the point cloud.
+fn fills(points: u64, samples: u32) -> u64 {
+    (points as f64 / f64::from(samples.max(1)) * FILLS).ceil() as u64
+}
+
+/// Slots of all point clouds of a plan.
+fn points(plan: &Plan) -> u64 {
+    let slots = |node: usize| {
+        plan.first_writes[node].iter().map(|&at| plan.storages[at].dims.count() as u64).max().unwrap_or(0)
+    };
+    clouds(plan).map(slots).sum()
+}
+
+fn clouds(plan: &Plan) -> impl Iterator<Item = usize> {
+    (0..plan.nodes.len()).filter(|&node| plan.nodes[node].1 == CLOUD)
+}
+
+/// The same graph with another number of points for each pixel in all of its clouds.
+///
+/// # Errors
+/// The problems of the graph, or that the cloud has no such parameter.
+pub fn with_points(job: &Job, per_pixel: f64) -> Result<GraphFile, CliError> {
+    let facts = World::facts(&job.loaded.scene, job.loaded.path.moves());
+    let settings = Settings { facts, side: job.side, ..Settings::new(job.size, 1) };
+    let (_, plan) = compile(job.graph, job.registry, &settings)?;
+    let mut graph = job.graph.clone();
+    for node in clouds(&plan) {
+        graph.set_param(&plan.nodes[node].0, "points_per_pixel", &format!("{per_pixel:?}"))?;
+    }
+    Ok(graph)
+}
+
+/// The times of the counted frames, in milliseconds.
+#[derive(Default)]
+struct Log {
+    /// Of each whole frame, by the clock.
+    wall: Vec<f64>,
+    /// Of each of the plan's steps in each frame.
+    steps: Vec<Vec<f32>>,
+}
+
+impl Log {
+    /// For each frame, the sum of the chosen steps.
+    fn sums(&self, chosen: impl Fn(usize) -> bool) -> Vec<f64> {
+        let sum = |times: &Vec<f32>| -> f64 {
+            times.iter().enumerate().filter(|(step, _)| chosen(*step)).map(|(_, ms)| f64::from(*ms)).sum()
+        };
+        self.steps.iter().map(sum).collect()
+    }
+
+    fn median(&self, chosen: impl Fn(usize) -> bool) -> f64 {
+        quantile(self.sums(chosen), 0.5)
+    }
+
+    /// The median, or none where no step is chosen.
+    fn median_of_any(&self, plan: &Plan, chosen: impl Fn(usize) -> bool) -> Option<f64> {
+        (0..plan.steps.len()).any(&chosen).then(|| self.median(chosen))
+    }
+
+    /// For each frame, the time by the clock less that of tracing.
+    fn frame_ms(&self, plan: &Plan) -> Vec<f64> {
+        let trace = self.sums(|step| is_trace(plan, step));
+        self.wall.iter().zip(trace).map(|(wall, trace)| wall - trace).collect()
+    }
+
+    fn times(&self, plan: &Plan) -> Times {
+        let in_column = |column: usize| {
+            move |step: usize| kind(plan, step).and_then(column::of).is_some_and(|found| found == column)
+        };
+        let on_gpu =
+            |step: usize| matches!(plan.steps[step], Step::Run(node) if plan.nodes[node].2 == Side::Gpu);
+        let counted = self.sums(|step| kind(plan, step).and_then(column::of).is_some());
+        let rest = self.frame_ms(plan).iter().zip(counted).map(|(frame, counted)| frame - counted).collect();
+        Times {
+            rest: quantile(rest, 0.5).max(0.0),
+            columns: std::array::from_fn(|column| self.median_of_any(plan, in_column(column))),
+            gpu: self.median_of_any(plan, on_gpu),
+            frame: quantile(self.frame_ms(plan), 0.5),
+        }
+    }
+
+    fn parts(&self, plan: &Plan) -> Vec<Part> {
+        let part = |(index, step): (usize, &Step)| {
+            let ms = self.median(|step| step == index);
+            let name = plan.step_name(step);
+            match step {
+                Step::Run(node) => {
+                    let (_, kind, side) = &plan.nodes[*node];
+                    Part { name, kind: kind.clone(), side: Some(*side), ms }
+                }
+                _ => Part { name, kind: "transfer".into(), side: None, ms },
+            }
+        };
+        let steps = plan.steps.iter().enumerate();
+        steps.filter(|(_, step)| !matches!(step, Step::Tap(..))).map(part).collect()
+    }
+}
+
+/// The kind of the stage that a step runs, if it runs one.
+fn kind(plan: &Plan, step: usize) -> Option<&str> {
+    match plan.steps[step] {
+        Step::Run(node) => Some(&plan.nodes[node].1),
+        _ => None,
+    }
+}
+
+fn is_trace(plan: &Plan, step: usize) -> bool {
+    kind(plan, step) == Some(TRACE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_warm_up_fills_the_cloud() {
+        // 1.14 points for each of 512 x 512 pixels at 5%: 22.8 frames fill it.
+        assert_eq!(fills(298_845, 13_107), 35);
+        assert_eq!(fills(0, 0), 0);
+    }
+}

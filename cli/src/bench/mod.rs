@@ -1,0 +1,300 @@
+//! `epigraph bench`: the papers' table of stage times from this machine, beside the papers' own.
+
+mod choice;
+mod column;
+mod json;
+mod machine;
+mod measure;
+mod papers;
+mod plot;
+mod report;
+mod svg;
+mod times;
+
+use std::{path::Path, sync::Arc};
+
+use epigraph_core::{AdapterChoice, Gpu, GraphFile, Registry, Side};
+
+pub use self::choice::{Choice, Sweep};
+use self::{
+    choice::Backend,
+    machine::Machine,
+    measure::{Job, Loaded, Measured, Outcome},
+    report::Report,
+};
+use crate::{
+    args::{BenchArgs, SceneArgs},
+    error::CliError,
+    graph_source,
+    output::{JsonTarget, Target},
+    reference::load_scene,
+    render,
+    values::Pace,
+};
+
+/// Scenes that are measured where none is named, in the order of the papers; the last two have to be fetched.
+const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];
+
+/// The graph of the rows `cpu` and `gpu` where none is named, and its split between CPU and GPU for the rows `hybrid`.
+const GRAPH: &str = "epi";
+const HYBRID: &str = "hybrid";
+
+/// Sides of the square images of the sweep over pixels; the last one is too much for a software GPU.
+const SIDES: [u32; 5] = [256, 512, 1024, 2048, 4096];
+const LARGEST_SOFTWARE_SIDE: u32 = 2048;
+
+/// Points for each pixel in the sweep over points.
+const POINTS_PER_PIXEL: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+
+/// Both sweeps with `--quick`.
+const QUICK_SIDES: [u32; 3] = [64, 128, 256];
+const QUICK_POINTS_PER_PIXEL: [f64; 3] = [0.25, 1.0, 4.0];
+
+/// A measured row.
+pub struct Row {
+    /// The scene.
+    pub scene: String,
+    /// Which side did the work.
+    pub backend: Backend,
+    /// The graph.
+    pub graph: String,
+    /// What it took.
+    pub measured: Measured,
+}
+
+/// A row that could not be measured.
+pub struct Skipped {
+    /// Which one.
+    pub what: String,
+    /// Why.
+    pub why: String,
+}
+
+/// All rows of a run.
+#[derive(Default)]
+pub struct Results {
+    /// One for each scene and backend.
+    pub rows: Vec<Row>,
+    /// The sweep over pixels.
+    pub pixels: Vec<Row>,
+    /// The sweep over points.
+    pub points: Vec<Row>,
+    /// What is missing.
+    pub skipped: Vec<Skipped>,
+}
+
+/// Measures and tells.
+pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
+    let threads = render::set_threads(args.threads)?;
+    let json = JsonTarget::new(args.json.as_deref())?;
+    let plot = args.plot.as_deref().map(plot_target).transpose()?;
+    let bench = Bench::new(args)?;
+    let machine = Machine::new(threads, bench.gpu.as_ref().ok().and_then(Option::as_deref));
+    if machine.software {
+        eprintln!("warning: {SOFTWARE_WARNING}");
+    }
+    let results = bench.run()?;
+    let report = Report { args, machine: &machine, sweeps: &bench.sweeps, results: &results };
+    if let Some(target) = &plot {
+        target.write(plot::svg(&report).as_bytes())?;
+    }
+    json.finish(&json::figures(&report), &report.text())
+}
+
+/// What must not be overlooked where the GPU is none.
+pub const SOFTWARE_WARNING: &str =
+    "THE GPU IS SOFTWARE, it computes on the CPU: times of `gpu` and `hybrid` are not a GPU's";
+
+fn plot_target(path: &Path) -> Result<Target, CliError> {
+    if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("svg")) {
+        return Err(CliError::write(path, "the plot is drawn as SVG; name it FILE.svg"));
+    }
+    Target::new(path)
+}
+
+struct Bench<'a> {
+    args: &'a BenchArgs,
+    registry: Registry,
+    /// The graph of each backend that is asked for.
+    graphs: Vec<(Backend, GraphFile)>,
+    sweeps: Vec<Sweep>,
+    /// The GPU where one is needed, or why there is none.
+    gpu: Result<Option<Arc<Gpu>>, String>,
+}
+
+impl<'a> Bench<'a> {
+    fn new(args: &'a BenchArgs) -> Result<Self, CliError> {
+        let mut graphs = Vec::new();
+        for backend in backends(args) {
+            let named = args.graph.as_deref().unwrap_or(GRAPH);
+            let mut graph = graph_source::load(if backend == Backend::Hybrid { HYBRID } else { named })?;
+            graph_source::apply(&mut graph, &args.compile.set)?;
+            graphs.push((backend, graph));
+        }
+        let needs_gpu = graphs.iter().any(|(backend, _)| backend.side() == Side::Gpu);
+        let gpu = match needs_gpu.then(|| Gpu::open(AdapterChoice::Any)) {
+            Some(opened) => opened.map(|gpu| Some(Arc::new(gpu))).map_err(|error| error.to_string()),
+            None => Ok(None),
+        };
+        Ok(Self { args, registry: epigraph_stages::registry(), graphs, sweeps: sweeps(args), gpu })
+    }
+
+    fn run(&self) -> Result<Results, CliError> {
+        let mut results = Results::default();
+        if let Err(why) = &self.gpu {
+            let what = self.graphs.iter().map(|(backend, _)| backend).filter(|b| b.side() == Side::Gpu);
+            let what: Vec<String> = what.map(|backend| format!("rows `{backend}`")).collect();
+            results.skipped.push(Skipped { what: what.join(", "), why: why.clone() });
+        }
+        let by_default = self.args.scene.is_empty();
+        let named = self.args.scene.iter().map(String::as_str);
+        let scenes: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
+        for (index, name) in scenes.into_iter().enumerate() {
+            let loaded = match self.load(name) {
+                Ok(loaded) => loaded,
+                // Who named it wants it; by default, a scene takes part when its mesh is there.
+                Err(error) if by_default && needs_fetch(name) => {
+                    results.skipped.push(Skipped { what: name.into(), why: error.to_string() });
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
+            self.scene(&loaded, &mut results)?;
+            if index == 0 {
+                self.sweep_pixels(&loaded, &mut results)?;
+                self.sweep_points(&loaded, &mut results)?;
+            }
+        }
+        Ok(results)
+    }
+
+    fn load(&self, name: &str) -> Result<Loaded, CliError> {
+        let args = SceneArgs { scene: name.into(), camera: self.args.camera.clone(), size: self.args.size };
+        let (scene, path) = load_scene(&args)?;
+        let host = render::host(&scene, Pace::Exact, rayon::current_num_threads());
+        Ok(Loaded { name: name.into(), scene, path, host })
+    }
+
+    /// The graphs and GPUs of the rows that this machine can run.
+    fn runs(&self) -> impl Iterator<Item = (Backend, &GraphFile, Option<Arc<Gpu>>)> {
+        self.graphs.iter().filter_map(|(backend, graph)| match (&self.gpu, backend.side()) {
+            (Err(_), Side::Gpu) => None,
+            (Ok(gpu), Side::Gpu) => Some((*backend, graph, gpu.clone())),
+            (_, Side::Cpu) => Some((*backend, graph, None)),
+        })
+    }
+
+    fn scene(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
+        for (backend, graph, gpu) in self.runs() {
+            let job = self.job(loaded, backend, graph, gpu, self.args.size.0);
+            results.take(&job, backend, |results| &mut results.rows)?;
+        }
+        Ok(())
+    }
+
+    fn sweep_pixels(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
+        let sides: &[u32] = if self.args.quick { &QUICK_SIDES } else { &SIDES };
+        for (backend, graph, gpu) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Pixels)) {
+            let software = gpu.as_ref().is_some_and(|gpu| gpu.is_software());
+            for &side in sides {
+                let job = self.job(loaded, backend, graph, gpu.clone(), [side, side]);
+                if software && side > LARGEST_SOFTWARE_SIDE {
+                    results.skip(&job, "not on a software GPU".into());
+                    continue;
+                }
+                results.take(&job, backend, |results| &mut results.pixels)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn sweep_points(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
+        let densities: &[f64] = if self.args.quick { &QUICK_POINTS_PER_PIXEL } else { &POINTS_PER_PIXEL };
+        for (backend, graph, gpu) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Points)) {
+            for &density in densities {
+                let mut job = self.job(loaded, backend, graph, gpu.clone(), self.args.size.0);
+                let graph = measure::with_points(&job, density)?;
+                job.label += &format!(" {density} points/pixel");
+                job.graph = &graph;
+                results.take(&job, backend, |results| &mut results.points)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn job<'b>(
+        &'b self,
+        loaded: &'b Loaded,
+        backend: Backend,
+        graph: &'b GraphFile,
+        gpu: Option<Arc<Gpu>>,
+        size: [u32; 2],
+    ) -> Job<'b> {
+        let label = format!("{} {backend} {}x{}", loaded.name, size[0], size[1]);
+        Job {
+            label,
+            args: self.args,
+            registry: &self.registry,
+            graph,
+            side: backend.side(),
+            gpu,
+            loaded,
+            size,
+        }
+    }
+}
+
+impl Results {
+    /// Measures a row and puts it, or the reason why there is none, in its place.
+    fn take(
+        &mut self,
+        job: &Job,
+        backend: Backend,
+        place: impl Fn(&mut Self) -> &mut Vec<Row>,
+    ) -> Result<(), CliError> {
+        match measure::measure(job)? {
+            Outcome::Measured(measured) => place(self).push(Row {
+                scene: job.loaded.name.clone(),
+                backend,
+                graph: job.graph.path.clone(),
+                measured: *measured,
+            }),
+            Outcome::Beyond(why) => self.skip(job, why),
+        }
+        Ok(())
+    }
+
+    fn skip(&mut self, job: &Job, why: String) {
+        self.skipped.push(Skipped { what: job.label.clone(), why });
+    }
+}
+
+/// The backends that are asked for, each once. By default all; but the hybrid only beside the graph that it is a split of.
+fn backends(args: &BenchArgs) -> Vec<Backend> {
+    let asked = |backend: Backend| {
+        let choice = match backend {
+            Backend::Cpu => Choice::Cpu,
+            Backend::Gpu => Choice::Gpu,
+            Backend::Hybrid => Choice::Hybrid,
+        };
+        match args.backend.as_slice() {
+            [] => backend != Backend::Hybrid || args.graph.is_none(),
+            choices => choices.contains(&choice) || choices.contains(&Choice::All),
+        }
+    };
+    Backend::ALL.into_iter().filter(|backend| asked(*backend)).collect()
+}
+
+/// The sweeps that are asked for, each once. By default all; none with `--quick`.
+fn sweeps(args: &BenchArgs) -> Vec<Sweep> {
+    let all = [Sweep::Pixels, Sweep::Points, Sweep::Edges];
+    let asked = |sweep: &Sweep| match args.sweep.as_slice() {
+        [] => !args.quick,
+        chosen => chosen.contains(sweep),
+    };
+    all.into_iter().filter(asked).collect()
+}
+
+fn needs_fetch(scene: &str) -> bool {
+    epigraph_scenes::scene_names().iter().any(|known| known.name == scene && known.needs_fetch)
+}

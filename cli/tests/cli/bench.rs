@@ -1,0 +1,160 @@
+//! `epigraph bench`: its rows, the papers' beside them, and what it says where something is missing.
+
+use serde_json::Value;
+
+use crate::support::Place;
+
+const QUICK: &str = "bench --quick --scene cornell --size 64x64";
+
+/// The papers' columns.
+const COLUMNS: [&str; 8] = ["P1", "P2", "P3", "P4", "E1", "E2", "I1", "I2"];
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error} in:\n{text}"))
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number in {value:#}"))
+}
+
+#[test]
+fn figures_as_json() {
+    let place = Place::new();
+    let report = json(&place.succeeds(&format!("{QUICK} --backend cpu --json -")));
+    assert!(report["machine"]["cpu"].is_string() && number(&report["machine"], "threads") >= 1.0);
+    assert_eq!(report["machine"]["adapter"], Value::Null);
+    let rows = report["rows"].as_array().expect("a list");
+    let papers = report["papers"].as_array().expect("a list");
+    assert_eq!((rows.len(), papers.len()), (1, 10));
+    for row in rows.iter().chain(papers) {
+        for key in ["scene", "backend"] {
+            assert!(row[key].is_string(), "`{key}` in {row:#}");
+        }
+        for key in COLUMNS {
+            assert!(row[key].is_null() || number(row, key) >= 0.0, "{row:#}");
+        }
+        for key in ["edges", "points", "frame_ms", "fps"] {
+            assert!(number(row, key) > 0.0, "{row:#}");
+        }
+        assert!((number(row, "fps") * number(row, "frame_ms") - 1000.0).abs() < 1.0, "{row:#}");
+        // The columns and the rest are the frame; medians need not add up exactly.
+        let parts: f64 = COLUMNS.iter().chain(&["rest"]).filter_map(|key| row[*key].as_f64()).sum();
+        let frame = number(row, "frame_ms");
+        assert!(parts > 0.5 * frame && parts < 2.0 * frame, "{parts} of {row:#}");
+    }
+    let row = &rows[0];
+    assert_eq!((&row["scene"], &row["backend"]), (&"cornell".into(), &"cpu".into()));
+    assert_eq!((&row["edges"], &row["frames"]), (&58.into(), &10.into()));
+    // 1.14 points for each of 64 x 64 pixels, rounded up.
+    assert_eq!(row["points"], 4670);
+    assert!(number(row, "frame_ms") <= number(row, "frame_p95_ms"));
+    // The papers' images are of another size: no ratio.
+    assert_eq!(row["papers_gpu_ratio"], Value::Null);
+    let cornell = |backend| {
+        papers.iter().find(|row| row["scene"] == "cornell" && row["backend"] == backend).expect("a row")
+    };
+    assert_eq!((number(cornell("gpu"), "frame_ms"), number(cornell("gpu"), "edges")), (42.82, 75.0));
+    assert!((number(cornell("gpu"), "fps") - 23.35).abs() < 0.01);
+    assert_eq!(number(cornell("cpu"), "frame_ms"), 69.14);
+}
+
+#[test]
+fn every_stage_is_timed_and_counted_in_its_column() {
+    let place = Place::new();
+    let flags = "--backend cpu --graph render-cache --frames 3 --samples 10%";
+    let report = json(&place.succeeds(&format!("{QUICK} {flags} --json -")));
+    let row = &report["rows"][0];
+    assert_eq!((&row["samples_per_frame"], &row["frames"]), (&410.into(), &3.into()));
+    for column in COLUMNS {
+        // A render cache knows no edges.
+        assert_eq!(row[column].is_null(), ["E1", "E2", "I1"].contains(&column), "{column} of {row:#}");
+    }
+    let nodes = row["nodes"].as_array().expect("a list");
+    let fill = nodes.iter().find(|node| node["kind"] == "fill").expect("the graph has it");
+    assert_eq!((&fill["backend"], &fill["ms"]), (&"cpu".into(), &row["I2"]));
+}
+
+#[test]
+fn tables_and_a_plot() {
+    let place = Place::new();
+    let flags = "--frames 2 --sweep pixels --sweep points --sweep edges";
+    let text = place.succeeds(&format!(
+        "{QUICK} --scene chains --backend cpu {flags} --json bench.json --plot bench.svg"
+    ));
+    for part in [
+        "cornell: 58 edges, 4,670 points, 64x64",
+        "2 frames counted after 8",
+        "papers' GPU",
+        "42.82",
+        "chains: 110,592 edges",
+        "of cornell grows with pixels",
+        "cpu, 256x256",
+        "of cornell grows with points",
+        "the frame grows with edges",
+        "cpu: frame ~ pixels^",
+    ] {
+        assert!(text.contains(part), "`{part}` is not in:\n{text}");
+    }
+    assert_eq!(place.files(), ["bench.json", "bench.svg"]);
+    let plot = std::fs::read_to_string(place.path("bench.svg")).expect("written");
+    assert!(plot.starts_with("<svg ") && plot.ends_with("</svg>\n") && !plot.contains("NaN"), "{plot}");
+    assert!(plot.contains("cornell, 58 edges") && plot.contains("pixels, cornell"), "{plot}");
+    let report = json(&std::fs::read_to_string(place.path("bench.json")).expect("written"));
+    let quantities = |sweep: &str| -> Vec<f64> {
+        let rows = report["scaling"][sweep].as_array().expect("a list");
+        rows.iter().map(|row| number(row, "quantity")).collect()
+    };
+    assert_eq!(quantities("pixels"), [4096.0, 16384.0, 65536.0]);
+    assert_eq!(quantities("points"), [1024.0, 4096.0, 16384.0]);
+    assert_eq!(quantities("edges"), [58.0, 110_592.0]);
+}
+
+#[test]
+fn gpu_rows_say_whether_a_gpu_made_them() {
+    let place = Place::new();
+    let run = place.run(&format!("{QUICK} --backend gpu --frames 2"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.contains("\ngpu"), "{}", run.stdout);
+    let software = run.stdout.contains("a software GPU");
+    assert_eq!(
+        software,
+        run.stdout.contains("WARNING") && run.stderr.contains("not a GPU's"),
+        "{}",
+        run.stdout
+    );
+    assert_eq!(software, run.stdout.contains("gpu (software)"), "{}", run.stdout);
+}
+
+#[test]
+fn without_a_gpu_the_other_rows_remain() {
+    let place = Place::new();
+    let run = place.run_without_gpu(&format!("{QUICK} --backend all --frames 2"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.contains("\ncpu ") && !run.stdout.contains("\ngpu "), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("left out\n  rows `gpu`") && run.stdout.contains("no GPU adapter"),
+        "{}",
+        run.stdout
+    );
+}
+
+#[test]
+fn wrong_input() {
+    let place = Place::new();
+    for (words, parts) in [
+        ("--scene cornel", ["cornel", "did you mean"]),
+        ("--backend tpu", ["tpu", "cpu, gpu, hybrid, all"]),
+        ("--sweep time", ["time", "pixels, points, edges"]),
+        ("--graph no-such.ron", ["no-such.ron", "cannot read"]),
+        ("--set cloud.nope=1 --graph render-cache", ["nope", "node `cloud`"]),
+        ("--plot bench.png", ["bench.png", "FILE.svg"]),
+        ("--json none/bench.json", ["none/bench.json", "there is no folder"]),
+        ("--frames 0", ["'0'", "--frames"]),
+        ("--samples 5000 --size 64x64", ["5000", "4096 pixels"]),
+    ] {
+        let message = place.fails(&format!("bench --quick --backend cpu {words}"));
+        for part in parts {
+            assert!(message.contains(part), "`{part}` is not in:\n{message}");
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! Which parts of an event's cuts are shadow boundaries: shadow rays from both sides decide.
+
+use glam::DVec3;
+
+use super::{
+    ShadowKind, ShadowSegment, ShadowSettings,
+    event::{Event, Source},
+    receivers::{Cut, Receivers, join},
+};
+use crate::Tracer;
+
+/// How far from the blocker's outline the rays of both sides pass, as a share of the largest coordinate. Rays in f32 are
+/// exact to about a tenth of it.
+const CLEARANCE: f64 = 2e-5;
+
+/// Rays end this share of the largest coordinate off the receiver's plane and the light's: 32 units in the last
+/// place, as the tracer's do.
+const LIFT: f64 = 32.0 * f32::EPSILON as f64;
+
+/// Receivers and lights seen at less than this sine of an angle are left alone, and so are receivers at less to the event's
+/// plane: rays would pass along the surface.
+const MIN_SINE: f64 = 0.01;
+
+/// Long cuts are looked at in steps of this share of the scene's diagonal, at most [`MAX_STEPS`] of them.
+const STEP: f64 = 1.0 / 256.0;
+const MAX_STEPS: f64 = 256.0;
+
+/// The ends of boundaries are found by halving a step so many times.
+const HALVINGS: u32 = 8;
+
+/// Half octaves below the scene's diagonal at which penumbrae are no longer told apart.
+const NARROWEST: f64 = -24.0;
+
+/// Finds the boundaries of one light's events.
+pub(super) struct Finder<'a> {
+    tracer: &'a Tracer,
+    receivers: &'a Receivers<'a>,
+    source: &'a Source,
+    contact: [f64; 2],
+    /// Metres: the scene's diagonal, the widest penumbra of interest, the clearance of rays, their distance from surfaces.
+    diagonal: f64,
+    max_penumbra: f64,
+    clearance: f64,
+    lift: f64,
+}
+
+/// A cut, and how its points are told apart.
+struct Line<'a> {
+    event: &'a Event,
+    ends: [DVec3; 2],
+    normal: DVec3,
+    /// Across the line on the receiver, by the unit of distance from the event's plane, to the blocker's side.
+    across: DVec3,
+}
+
+/// A point of a boundary: its penumbra in half octaves below the scene's diagonal.
+type Width = i32;
+
+impl<'a> Finder<'a> {
+    /// `reach` is the largest coordinate of the scene.
+    pub fn new(
+        tracer: &'a Tracer,
+        receivers: &'a Receivers<'a>,
+        source: &'a Source,
+        settings: &ShadowSettings,
+        reach: f64,
+    ) -> Self {
+        let [low, high] = tracer.scene().bounds.map(|bound| bound.as_dvec3());
+        let diagonal = low.distance(high);
+        let contact = f64::from(settings.contact);
+        Self {
+            tracer,
+            receivers,
+            source,
+            contact: [contact, 0.1 * contact],
+            diagonal,
+            max_penumbra: f64::from(settings.max_penumbra) * diagonal,
+            clearance: CLEARANCE * reach,
+            lift: LIFT * reach,
+        }
+    }
+
+    /// Appends the boundaries of an event.
+    pub fn find(&self, event: &Event, found: &mut Vec<ShadowSegment>) {
+        if event.length < STEP * self.diagonal && !self.sees_outline(event) {
+            return;
+        }
+        let mut cuts = Vec::new();
+        self.receivers.cut(event, self.contact, &mut cuts);
+        join(&mut cuts, event);
+        for cut in &cuts {
+            self.divide(event, cut, found);
+        }
+    }
+
+    /// Whether the light's point of a short edge or a vertex sees past its middle: most of the silhouettes of a dense mesh
+    /// are hidden by others, and so cause nothing.
+    fn sees_outline(&self, event: &Event) -> bool {
+        let middle = event.middle - event.normal * self.clearance;
+        self.clear(event.light(), middle, 0.0)
+    }
+
+    /// Appends the parts of a cut that are boundaries.
+    fn divide(&self, event: &Event, cut: &Cut, found: &mut Vec<ShadowSegment>) {
+        let [start, end] = cut.ends;
+        let length = start.distance(end);
+        let Some(across) = super::across(cut.normal, end - start) else { return };
+        let sine = event.normal.dot(across);
+        if sine.abs() < MIN_SINE || length < self.lift {
+            return;
+        }
+        let line = Line { event, ends: cut.ends, normal: cut.normal, across: across / sine };
+        let steps = (length / (STEP * self.diagonal)).ceil().clamp(1.0, MAX_STEPS) as usize;
+        let place = |step: usize| (step as f64 + 0.5) / steps as f64;
+        let mut begin = 0.0;
+        let mut now = self.width(&line, place(0));
+        for step in 1..=steps {
+            let next = if step < steps { self.width(&line, place(step)) } else { None };
+            if step < steps && next == now {
+                continue;
+            }
+            let (here, there) = (place(step - 1), place(step));
+            let border = if step == steps {
+                1.0
+            } else if next.is_some() && now.is_some() {
+                0.5 * (here + there)
+            } else {
+                self.border(&line, here, there, now.is_some())
+            };
+            if let Some(width) = now {
+                let ends = [begin, border].map(|place| start.lerp(end, place).as_vec3());
+                found.push(ShadowSegment {
+                    ends,
+                    kind: event.kind,
+                    penumbra: self.widest(event.kind, width),
+                    edge: event.edge,
+                    face: cut.face,
+                });
+            }
+            (begin, now) = (border, next);
+        }
+    }
+
+    /// Where between two places the line begins or ends to be a boundary.
+    fn border(&self, line: &Line, mut here: f64, mut there: f64, is_here: bool) -> f64 {
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (here + there);
+            if self.width(line, middle).is_some() == is_here {
+                here = middle;
+            } else {
+                there = middle;
+            }
+        }
+        0.5 * (here + there)
+    }
+
+    /// The width of the penumbra at a place of a line if that is on a boundary.
+    fn width(&self, line: &Line, place: f64) -> Option<Width> {
+        let point = line.ends[0].lerp(line.ends[1], place);
+        let [light, blocker] = line.event.in_line(point);
+        let width = self.penumbra(line, point, blocker)?;
+        // The rays that pass the blocker at the clearance.
+        let away = self.clearance * point.distance(light) / blocker.distance(light);
+        let [bright, dark] = [-away, away].map(|away| point + line.across * away);
+        let sees = |from: DVec3, light: DVec3| self.sees(from, line.normal, light);
+        if !sees(bright, light) || sees(dark, light) {
+            return None;
+        }
+        let corners = &self.source.corners;
+        let center = corners[0].midpoint(corners[corners.len() / 2]);
+        let mut others = corners.iter().copied().chain([center]);
+        let outermost = match line.event.kind {
+            ShadowKind::Hard => return Some(0),
+            ShadowKind::Umbra => !others.any(|light| sees(dark, light)),
+            ShadowKind::Penumbra => others.all(|light| sees(bright, light)),
+        };
+        outermost.then(|| (2.0 * (width / self.diagonal).log2()).floor().max(NARROWEST) as Width)
+    }
+
+    /// Width of the penumbra across a line, metres: how far the corners of the light move the boundary at a point of the
+    /// blocker. `None` if that is farther than of interest.
+    fn penumbra(&self, line: &Line, point: DVec3, blocker: DVec3) -> Option<f64> {
+        let across = line.across.normalize();
+        let moved = |&light: &DVec3| {
+            let (above, ray) = (line.normal.dot(light - point), blocker - light);
+            let sinks = -line.normal.dot(ray);
+            let meets = light + ray * (above / sinks);
+            // A corner below the receiver's horizon moves it without end.
+            if above > 0.0 && sinks > 0.0 { across.dot(meets - point).abs() } else { f64::INFINITY }
+        };
+        match line.event.kind {
+            ShadowKind::Hard => Some(0.0),
+            _ => Some(self.source.corners.iter().map(moved).fold(0.0, f64::max))
+                .filter(|&width| width <= self.max_penumbra),
+        }
+    }
+
+    /// The upper end of the range of widths, metres.
+    fn widest(&self, kind: ShadowKind, width: Width) -> f32 {
+        match kind {
+            ShadowKind::Hard => 0.0,
+            _ => (self.diagonal * (0.5 * f64::from(width + 1)).exp2()) as f32,
+        }
+    }
+
+    /// Whether light gets from a point of the light to a receiver of the given normal.
+    fn sees(&self, from: DVec3, normal: DVec3, light: DVec3) -> bool {
+        let towards = (light - from).normalize_or_zero();
+        let sine = normal.dot(towards);
+        sine >= MIN_SINE && self.clear(light, from, self.lift / sine)
+    }
+
+    /// Whether nothing lies between a point of the light and the ray's end, which stops `short` before `to`.
+    fn clear(&self, light: DVec3, to: DVec3, short: f64) -> bool {
+        let (direction, distance) = (to - light).normalize_and_length();
+        let begin = match self.source.normal {
+            None => 0.0,
+            // Off the light's own surface.
+            Some(normal) if normal.dot(direction) >= MIN_SINE => self.lift / normal.dot(direction),
+            Some(_) => return false,
+        };
+        let end = distance - short;
+        let at = |distance: f64| (light + direction * distance).as_vec3();
+        begin < end && self.tracer.visible(at(begin), at(end))
+    }
+}

@@ -1,0 +1,357 @@
+//! Events: the planes in which a light's outline and a blocker's outline meet, and which parts of them lie in the shadow's
+//! boundary.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{ShadowKind, across};
+use crate::{Light, Mesh, NO_FACE};
+
+/// Two points count as one plane's if they lie within this share of the largest coordinate of it: some units in the
+/// last place of positions in f32.
+const COPLANAR: f64 = 1e-6;
+
+/// A light as a polygon of one or four corners.
+pub(super) struct Source {
+    /// In order around the light.
+    pub corners: Vec<DVec3>,
+    /// The side to which a quad light emits, unit length.
+    pub normal: Option<DVec3>,
+}
+
+impl Source {
+    /// `None` for a quad without area, which sends no light.
+    pub fn new(light: &Light) -> Option<Self> {
+        match *light {
+            Light::Point { position, .. } => Some(Self { corners: vec![position.as_dvec3()], normal: None }),
+            Light::Quad { corner, u, v, .. } => {
+                let [corner, u, v] = [corner, u, v].map(|p| p.as_dvec3());
+                let corners = vec![corner, corner + u, corner + u + v, corner + v];
+                Some(Self { corners, normal: Some(across(u, v)?) })
+            }
+        }
+    }
+
+    /// Whether it is no point.
+    pub fn has_area(&self) -> bool {
+        self.normal.is_some()
+    }
+
+    /// Distance in front of the light, metres; for a point light everything is in front.
+    pub fn in_front(&self, point: DVec3) -> f64 {
+        self.normal.map_or(f64::INFINITY, |normal| normal.dot(point - self.corners[0]))
+    }
+}
+
+/// A linear function of position, not negative on the side that counts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HalfSpace {
+    pub gradient: DVec3,
+    offset: f64,
+}
+
+impl HalfSpace {
+    /// The function that is 0 at `origin`.
+    fn new(gradient: DVec3, origin: DVec3) -> Self {
+        Self { gradient, offset: -gradient.dot(origin) }
+    }
+
+    /// Within the plane of `normal`: the side of the line through `origin` along `direction` on which `inside` lies, in
+    /// metres.
+    fn beside(normal: DVec3, origin: DVec3, direction: DVec3, inside: DVec3) -> Self {
+        let gradient = normal.cross(direction).normalize_or_zero();
+        let sign = gradient.dot(inside - origin).signum();
+        Self::new(gradient * sign, origin)
+    }
+
+    /// The function's value.
+    pub fn at(&self, point: DVec3) -> f64 {
+        self.gradient.dot(point) + self.offset
+    }
+
+    /// Largest value in a box.
+    pub fn most(&self, center: DVec3, half: DVec3) -> f64 {
+        self.at(center) + self.gradient.abs().dot(half)
+    }
+}
+
+/// What touches whom.
+#[derive(Clone, Copy, Debug)]
+enum Touch {
+    /// A corner of the light, or a point light, and an edge.
+    Corner { light: DVec3 },
+    /// An edge of the light and a vertex.
+    Vertex { light: [DVec3; 2], vertex: DVec3 },
+    /// An edge of the light and an edge in one plane.
+    Parallel { light: [DVec3; 2], edge: [DVec3; 2] },
+}
+
+/// A part of a plane in which the view of a light changes: from the blocker on, away from the light, without end.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Event {
+    /// Unit normal of the plane, towards the side on which the blocker lies.
+    pub normal: DVec3,
+    /// What it separates, where nothing else is in the way.
+    pub kind: ShadowKind,
+    /// See [`super::ShadowSegment::edge`].
+    pub edge: u32,
+    /// Faces that meet the blocker's edge; they cannot receive its boundary.
+    pub own_faces: [u32; 2],
+    /// The vertex whose faces cannot receive the boundary, likewise; `u32::MAX` for none.
+    pub own_vertex: u32,
+    /// Length of the blocker's edge, metres; 0 for a vertex.
+    pub length: f64,
+    /// The middle of the blocker's edge, or its vertex.
+    pub middle: DVec3,
+    /// The ends of the part on either side.
+    pub sides: [HalfSpace; 2],
+    /// Distance behind the blocker as a share of the light's distance before it.
+    pub reach: HalfSpace,
+    touch: Touch,
+}
+
+impl Event {
+    /// Signed distance from the plane, metres; positive on the blocker's side.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        self.normal.dot(point - self.middle)
+    }
+
+    /// A light's point that stands for all when a receiver's side is asked for.
+    pub fn light(&self) -> DVec3 {
+        match self.touch {
+            Touch::Corner { light } => light,
+            Touch::Vertex { light, .. } | Touch::Parallel { light, .. } => light[0].midpoint(light[1]),
+        }
+    }
+
+    /// The points of the light and of the blocker which a point of the boundary sees in line.
+    pub fn in_line(&self, point: DVec3) -> [DVec3; 2] {
+        match self.touch {
+            Touch::Corner { light } => [light, light + (point - light) / (1.0 + self.reach.at(point))],
+            Touch::Vertex { light, vertex } => [self.on_light(light, point, vertex).0, vertex],
+            Touch::Parallel { light: ends, edge } => {
+                // Of the part of the light's edge that is seen across the blocker's edge, the middle.
+                let seen = edge.map(|end| self.on_light(ends, point, end).1.clamp(0.0, 1.0));
+                let light = ends[0].lerp(ends[1], 0.5 * (seen[0] + seen[1]));
+                let height = |p: DVec3| self.reach.gradient.dot(p - light);
+                [light, light + (point - light) * (height(edge[0]) / height(point))]
+            }
+        }
+    }
+
+    /// Where the line from `point` through `through`, both in the plane, meets the line of the light's edge: the place, and as
+    /// a share of the edge's length.
+    fn on_light(&self, [start, end]: [DVec3; 2], point: DVec3, through: DVec3) -> (DVec3, f64) {
+        let side = end - start;
+        let up = self.normal.cross(side);
+        let height = |p: DVec3| up.dot(p - start);
+        let meet = point + (through - point) * (height(point) / (height(point) - height(through)));
+        (meet, side.dot(meet - start) / side.length_squared())
+    }
+}
+
+/// The scene's edges and vertices as blockers.
+pub(super) struct Blockers<'a> {
+    mesh: &'a Mesh,
+    /// The edges at each vertex: `edges_at[first[v]..first[v + 1]]`. Empty unless asked for.
+    first: Vec<u32>,
+    edges_at: Vec<u32>,
+    /// Distance within which a point counts as in a plane, metres.
+    tolerance: f64,
+}
+
+impl<'a> Blockers<'a> {
+    /// `with_vertices` if events of vertices will be asked for; `reach` is the largest coordinate.
+    pub fn new(mesh: &'a Mesh, with_vertices: bool, reach: f64) -> Self {
+        let mut blockers = Self { mesh, first: vec![], edges_at: vec![], tolerance: COPLANAR * reach };
+        if with_vertices {
+            blockers.first = vec![0; mesh.positions.len() + 1];
+            let ends =
+                || mesh.edges.iter().enumerate().flat_map(|(e, edge)| edge.vertices.map(|v| (v as usize, e)));
+            ends().for_each(|(vertex, _)| blockers.first[vertex + 1] += 1);
+            for vertex in 0..mesh.positions.len() {
+                blockers.first[vertex + 1] += blockers.first[vertex];
+            }
+            let mut next = blockers.first.clone();
+            blockers.edges_at = vec![0; 2 * mesh.edges.len()];
+            for (vertex, edge) in ends() {
+                blockers.edges_at[next[vertex] as usize] = edge as u32;
+                next[vertex] += 1;
+            }
+        }
+        blockers
+    }
+
+    /// How many edges and vertices have to be looked at for a light.
+    pub fn count(&self, source: &Source) -> usize {
+        self.mesh.edges.len() + if source.has_area() { self.mesh.positions.len() } else { 0 }
+    }
+
+    fn position(&self, vertex: u32) -> DVec3 {
+        self.mesh.positions[vertex as usize].as_dvec3()
+    }
+
+    /// Which faces show their front to each corner of a light, as bits.
+    pub fn facing(&self, source: &Source) -> Vec<u8> {
+        let faces = self.mesh.triangles.par_iter().zip(&self.mesh.face_normals);
+        faces
+            .map(|(triangle, normal)| {
+                let (base, normal) = (self.position(triangle[0]), normal.as_dvec3());
+                let bits = source.corners.iter().enumerate();
+                bits.map(|(corner, &light)| u8::from(normal.dot(light - base) > 0.0) << corner).sum()
+            })
+            .collect()
+    }
+
+    /// The events of one edge with the corners of a light.
+    pub fn edge_events(&self, source: &Source, facing: &[u8], index: usize) -> Vec<Event> {
+        let mut events = Vec::new();
+        let edge = &self.mesh.edges[index];
+        let [first, second] = edge.faces;
+        // From which corners it is a silhouette.
+        let outline = if second == NO_FACE { 0xF } else { facing[first as usize] ^ facing[second as usize] };
+        if outline == 0 {
+            return events;
+        }
+        let ends = edge.vertices.map(|vertex| self.position(vertex));
+        if ends.iter().all(|&end| source.in_front(end) <= self.tolerance) {
+            return events;
+        }
+        for (corner, &light) in source.corners.iter().enumerate() {
+            if outline >> corner & 1 == 0 {
+                continue;
+            }
+            let Some(normal) = across(ends[0] - light, ends[1] - light) else { continue };
+            let Some(blocker) = self.side_of_faces(normal, ends[0], edge.vertices, edge.faces) else {
+                continue;
+            };
+            let normal = normal * blocker;
+            let (kind, parallel) = if source.has_area() {
+                let Some(found) = self.separation(source, corner, normal, ends[0]) else { continue };
+                found
+            } else {
+                (ShadowKind::Hard, None)
+            };
+            let along = normal.cross(ends[1] - ends[0]);
+            let beyond = |light: DVec3| HalfSpace::new(along / along.dot(ends[0] - light), ends[0]);
+            let beside = |end: usize, light: DVec3| {
+                HalfSpace::beside(normal, ends[end], ends[end] - light, ends[1 - end])
+            };
+            let (touch, sides, reach) = match parallel {
+                None => (Touch::Corner { light }, [beside(0, light), beside(1, light)], beyond(light)),
+                // The other corner adds the same.
+                Some(other) if other < corner && outline >> other & 1 == 1 => continue,
+                Some(other) => {
+                    let lights = [light, source.corners[other]];
+                    // At each end the line to that corner of the light which gives the wider part.
+                    let widest = |end: usize| {
+                        let [one, other] = [0, 1].map(|i| (beside(end, lights[i]), lights[1 - i]));
+                        if one.0.at(one.1) <= 0.0 { one.0 } else { other.0 }
+                    };
+                    let [near, far] = lights.map(beyond);
+                    // The lower reach of both: from the corner farther away.
+                    let nearest = near.gradient.length() <= far.gradient.length();
+                    let touch = Touch::Parallel { light: lights, edge: ends };
+                    (touch, [widest(0), widest(1)], if nearest { near } else { far })
+                }
+            };
+            events.push(Event {
+                normal,
+                kind,
+                edge: index as u32,
+                own_faces: edge.faces,
+                own_vertex: u32::MAX,
+                length: ends[0].distance(ends[1]),
+                middle: ends[0].midpoint(ends[1]),
+                sides,
+                reach,
+                touch,
+            });
+        }
+        events
+    }
+
+    /// The events of one vertex with the edges of a quad light.
+    pub fn vertex_events(&self, source: &Source, index: usize) -> Vec<Event> {
+        let mut events = Vec::new();
+        let around = &self.edges_at[self.first[index] as usize..self.first[index + 1] as usize];
+        let index = index as u32;
+        let vertex = self.position(index);
+        if source.in_front(vertex) <= self.tolerance || around.is_empty() {
+            return events;
+        }
+        let count = source.corners.len();
+        for corner in 0..count {
+            let light = [corner, (corner + 1) % count].map(|corner| source.corners[corner]);
+            let Some(normal) = across(vertex - light[0], light[1] - light[0]) else { continue };
+            let side = |edge: u32| {
+                let [a, b] = self.mesh.edges[edge as usize].vertices;
+                normal.dot(self.position(if a == index { b } else { a }) - vertex)
+            };
+            let blocker = side(around[0]).signum();
+            if around.iter().any(|&edge| side(edge) * blocker <= self.tolerance) {
+                continue;
+            }
+            let normal = normal * blocker;
+            let rest = normal.dot(source.corners[(corner + 2) % count] - light[0]);
+            if rest.abs() <= self.tolerance {
+                continue;
+            }
+            let along = normal.cross(light[1] - light[0]);
+            let ends = light.map(|light| vertex + (vertex - light));
+            let beside = |end: usize| HalfSpace::beside(normal, vertex, ends[end] - vertex, ends[1 - end]);
+            events.push(Event {
+                normal,
+                kind: if rest > 0.0 { ShadowKind::Umbra } else { ShadowKind::Penumbra },
+                edge: around[0],
+                own_faces: [NO_FACE; 2],
+                own_vertex: index,
+                length: 0.0,
+                middle: vertex,
+                sides: [beside(0), beside(1)],
+                reach: HalfSpace::new(along / along.dot(vertex - light[0]), vertex),
+                touch: Touch::Vertex { light, vertex },
+            });
+        }
+        events
+    }
+
+    /// On which side of a plane through a silhouette edge its faces lie, both on the same: 1 or -1.
+    fn side_of_faces(&self, normal: DVec3, origin: DVec3, ends: [u32; 2], faces: [u32; 2]) -> Option<f64> {
+        let third = |face: &u32| {
+            let triangle = self.mesh.triangles.get(*face as usize)?;
+            let vertex = triangle.iter().find(|vertex| !ends.contains(vertex))?;
+            Some(normal.dot(self.position(*vertex) - origin))
+        };
+        let farthest = faces.iter().filter_map(third).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+        (farthest != 0.0).then(|| farthest.signum())
+    }
+
+    /// What a plane through a corner of the light and an edge of the blocker separates, by the side on which the rest of
+    /// the light lies (`normal` points to the blocker's); and another corner that lies in it. `None` if it cuts the
+    /// light, or holds all of it.
+    fn separation(
+        &self,
+        source: &Source,
+        corner: usize,
+        normal: DVec3,
+        origin: DVec3,
+    ) -> Option<(ShadowKind, Option<usize>)> {
+        let (mut with_blocker, mut against, mut parallel) = (false, false, None);
+        for (other, &light) in source.corners.iter().enumerate().filter(|&(other, _)| other != corner) {
+            let side = normal.dot(light - origin);
+            if side > self.tolerance {
+                with_blocker = true;
+            } else if side < -self.tolerance {
+                against = true;
+            } else {
+                parallel = Some(other);
+            }
+        }
+        match (with_blocker, against) {
+            (true, false) => Some((ShadowKind::Umbra, parallel)),
+            (false, true) => Some((ShadowKind::Penumbra, parallel)),
+            _ => None,
+        }
+    }
+}

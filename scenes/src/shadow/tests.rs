@@ -1,0 +1,415 @@
+use std::sync::Arc;
+
+use super::*;
+use crate::{Camera, Material, Rng, SceneBuilder, Shape, Surface};
+
+/// A scene under construction, in a frame scaled by `scale`.
+struct World {
+    builder: SceneBuilder,
+    scale: f32,
+}
+
+impl World {
+    fn new(scale: f32) -> Self {
+        let mut builder = SceneBuilder::new();
+        let (name, surface) = (String::new(), Surface::Diffuse);
+        builder.material(Material { name, color: Vec3::ONE, surface, emission: Vec3::ZERO });
+        Self { builder, scale }
+    }
+
+    fn add(&mut self, shape: Shape) {
+        let scale = glam::Affine3A::from_scale(Vec3::splat(self.scale));
+        self.builder.add(&shape.transformed(scale), 0).unwrap();
+    }
+
+    /// A square at height `y`, front up, corners at (x ± half, z ± half).
+    fn square(&mut self, y: f32, half: f32, [x, z]: [f32; 2]) {
+        let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
+        self.add(Shape::quad(corners.map(|[u, v]| Vec3::new(x + half * u, y, z + half * v))));
+    }
+
+    fn point(&mut self, position: [f32; 3]) {
+        self.builder.point_light(Vec3::from(position) * self.scale, Vec3::ONE);
+    }
+
+    /// A square light at height `y` that shines down, around the y axis.
+    fn lamp(&mut self, y: f32, half: f32) {
+        let [corner, u, v] = [Vec3::new(-half, y, -half), Vec3::X * 2.0 * half, Vec3::Z * 2.0 * half];
+        let [corner, u, v] = [corner, u, v].map(|p| p * self.scale);
+        self.builder.quad_light(corner, u, v, Vec3::ONE).unwrap();
+    }
+
+    fn scene(self) -> Arc<Scene> {
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        Arc::new(self.builder.build("test", camera, Vec3::ZERO, 0.0, 40.0).unwrap())
+    }
+}
+
+/// Finds boundaries of penumbrae of any width.
+const WIDE: ShadowSettings = ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 1.0 };
+
+fn find(scene: &Arc<Scene>, settings: &ShadowSettings) -> Vec<ShadowSegment> {
+    let found = shadow_segments(&Tracer::new(scene.clone()), settings, &|_| true).unwrap();
+    assert_eq!(found.dropped, 0);
+    found.segments
+}
+
+fn length(segments: &[ShadowSegment]) -> f32 {
+    segments.iter().map(|segment| segment.ends[0].distance(segment.ends[1])).sum()
+}
+
+fn of_kind(segments: &[ShadowSegment], kind: ShadowKind) -> Vec<ShadowSegment> {
+    segments.iter().filter(|segment| segment.kind == kind).copied().collect()
+}
+
+/// Asserts that segments cover the sides of a closed polygon at height `y`, each place once.
+#[track_caller]
+fn assert_outline(segments: &[ShadowSegment], y: f32, corners: &[[f32; 2]], scale: f32, tolerance: f32) {
+    let corner = |i: usize| Vec3::new(corners[i % corners.len()][0], y, corners[i % corners.len()][1]);
+    let mut total = 0.0;
+    for side in 0..corners.len() {
+        let (from, along) = (corner(side), corner(side + 1) - corner(side));
+        let on = |p: Vec3| {
+            let p = p / scale;
+            let t = (p - from).dot(along) / along.length_squared();
+            let slack = tolerance / along.length();
+            (-slack..1.0 + slack).contains(&t) && p.distance(from + t * along) < tolerance
+        };
+        let here: Vec<_> = segments.iter().filter(|s| s.ends.iter().all(|&p| on(p))).copied().collect();
+        let covered = length(&here) / scale;
+        assert!((covered - along.length()).abs() < tolerance, "side {side}: {covered} of {}", along.length());
+        total += covered;
+    }
+    let all = length(segments) / scale;
+    assert!((all - total).abs() < tolerance, "{} lie elsewhere", all - total);
+}
+
+fn square(half: f32) -> [[f32; 2]; 4] {
+    [[-half, -half], [-half, half], [half, half], [half, -half]]
+}
+
+#[test]
+fn a_point_light_projects_a_square() {
+    for scale in [1e-3, 1.0, 1e6] {
+        let mut world = World::new(scale);
+        // The diagonal of the floor crosses the shadow.
+        world.square(0.0, 5.0, [0.5, 1.0]);
+        world.square(2.0, 1.0, [0.0; 2]);
+        world.point([0.0, 4.0, 0.0]);
+        let segments = find(&world.scene(), &ShadowSettings::default());
+        assert_eq!(segments.len(), 4, "cuts of both triangles of the floor are joined");
+        assert!(segments.iter().all(|s| s.kind == ShadowKind::Hard && s.penumbra == 0.0));
+        assert_outline(&segments, 0.0, &square(2.0), scale, 1e-5);
+    }
+}
+
+#[test]
+fn the_nearest_receiver_takes_the_shadow() {
+    let mut world = World::new(1.0);
+    world.square(0.0, 5.0, [0.0; 2]);
+    world.square(2.0, 1.0, [0.0; 2]);
+    // Between the light and the square above: it receives nothing, and its shadow does not reach the floor.
+    world.square(3.0, 0.2, [0.1, 0.0]);
+    world.point([0.0, 4.0, 0.0]);
+    let segments = find(&world.scene(), &ShadowSettings::default());
+    let at = |y: f32| segments.iter().filter(|s| s.ends[0].y == y).copied().collect::<Vec<_>>();
+    assert_eq!((at(3.0).len(), at(2.0).len(), at(0.0).len()), (0, 4, 4));
+    assert_outline(&at(2.0), 2.0, &square(0.4).map(|[x, z]| [x + 0.2, z]), 1.0, 1e-5);
+    assert_outline(&at(0.0), 0.0, &square(2.0), 1.0, 1e-5);
+}
+
+#[test]
+fn a_shadow_ends_where_another_one_covers_it() {
+    let mut world = World::new(1.0);
+    world.square(0.0, 9.0, [0.0; 2]);
+    // Shadows of half sides 2 and 2 around x = 0 and x = 3, of different heights: they overlap for x in 1..2.
+    world.square(2.0, 1.0, [0.0; 2]);
+    world.square(3.0, 0.5, [0.75, 0.25]);
+    world.point([0.0, 4.0, 0.0]);
+    let segments = find(&world.scene(), &ShadowSettings::default());
+    let floor: Vec<_> = segments.into_iter().filter(|s| s.ends[0].y == 0.0).collect();
+    let union = [
+        [-2.0, -2.0],
+        [-2.0, 2.0],
+        [1.0, 2.0],
+        [1.0, 3.0],
+        [5.0, 3.0],
+        [5.0, -1.0],
+        [2.0, -1.0],
+        [2.0, -2.0],
+    ];
+    // Long cuts are split to the 65,536th part of the scene's diagonal.
+    assert_outline(&floor, 0.0, &union, 1.0, 2e-3);
+}
+
+#[test]
+fn a_lamp_gives_umbra_and_penumbra() {
+    for scale in [1e-3, 1.0, 1e6] {
+        let mut world = World::new(scale);
+        world.square(0.0, 5.0, [0.5, 1.0]);
+        world.square(2.0, 1.0, [0.0; 2]);
+        world.lamp(4.0, 0.5);
+        let segments = find(&world.scene(), &WIDE);
+        // From a light's end at x = w past the blocker's edge at x = 1, halfway down: 1 + (1 - w).
+        for (kind, half) in [(ShadowKind::Umbra, 1.5), (ShadowKind::Penumbra, 2.5)] {
+            assert_outline(&of_kind(&segments, kind), 0.0, &square(half), scale, 1e-3);
+        }
+        // From one boundary to the other: 1, rounded up to half an octave of the scene's diagonal.
+        assert!(segments.iter().all(|s| (0.999..1.42).contains(&(s.penumbra / scale))));
+    }
+}
+
+#[test]
+fn vertices_of_blockers_meet_edges_of_lights() {
+    // A diamond |x| + |z| < 1 halfway between the floor and a square lamp.
+    let mut world = World::new(1.0);
+    world.square(0.0, 5.0, [0.5, 1.0]);
+    let tips = [[0.0, -1.0], [-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]];
+    world.add(Shape::quad(tips.map(|[x, z]| Vec3::new(x, 2.0, z))));
+    world.lamp(4.0, 0.5);
+    let segments = find(&world.scene(), &WIDE);
+    // Twice the diamond, eroded and dilated by the square of the light.
+    assert_outline(&of_kind(&segments, ShadowKind::Umbra), 0.0, &tips, 1.0, 1e-3);
+    let octagon = [
+        [-0.5, -2.5],
+        [-2.5, -0.5],
+        [-2.5, 0.5],
+        [-0.5, 2.5],
+        [0.5, 2.5],
+        [2.5, 0.5],
+        [2.5, -0.5],
+        [0.5, -2.5],
+    ];
+    assert_outline(&of_kind(&segments, ShadowKind::Penumbra), 0.0, &octagon, 1.0, 1e-3);
+}
+
+#[test]
+fn a_blocker_smaller_than_the_light_has_no_umbra() {
+    let mut world = World::new(1.0);
+    world.square(0.0, 5.0, [0.0; 2]);
+    world.square(2.0, 0.25, [0.0; 2]);
+    world.lamp(4.0, 1.0);
+    let segments = find(&world.scene(), &WIDE);
+    assert_eq!(of_kind(&segments, ShadowKind::Umbra), []);
+    assert_outline(&of_kind(&segments, ShadowKind::Penumbra), 0.0, &square(1.5), 1.0, 1e-3);
+}
+
+#[test]
+fn wide_penumbrae_are_left_out() {
+    let mut world = World::new(1.0);
+    world.square(0.0, 5.0, [0.0; 2]);
+    world.square(2.0, 1.0, [0.0; 2]);
+    world.lamp(4.0, 0.5);
+    let scene = world.scene();
+    let share = 1.0 / scene.bounds[0].distance(scene.bounds[1]);
+    let count = |max_penumbra| find(&scene, &ShadowSettings { max_penumbra, ..WIDE }).len();
+    assert_eq!(count(0.99 * share), 0);
+    assert!(count(1.01 * share) > 7);
+}
+
+#[test]
+fn a_box_on_the_floor_repeats_no_edge_of_itself() {
+    let mut world = World::new(1.0);
+    world.square(0.0, 6.0, [0.3, 0.7]);
+    world.add(Shape::cuboid(Vec3::new(-1.0, 0.0, -1.0), Vec3::ONE));
+    world.point([4.0, 3.0, 0.0]);
+    let segments = find(&world.scene(), &ShadowSettings::default());
+    // The last side closes the polygon under the box: the line of contact, where there is nothing.
+    let outline = [[1.0, 1.0], [-0.5, 1.5], [-3.5, 1.5], [-3.5, -1.5], [-0.5, -1.5], [1.0, -1.0]];
+    let shadow = |from: [f32; 2], to: [f32; 2]| (to[0] - from[0]).hypot(to[1] - from[1]);
+    let expected: f32 = outline.windows(2).map(|side| shadow(side[0], side[1])).sum();
+    assert!((length(&segments) - expected).abs() < 2e-3, "{} of {expected}", length(&segments));
+    assert_eq!(segments.len(), 5);
+    let contact = |s: &ShadowSegment| s.ends.iter().all(|p| p.x > 0.99);
+    assert!(!segments.iter().any(contact));
+}
+
+#[test]
+fn needless_scenes_give_nothing() {
+    let mut world = World::new(1.0);
+    world.square(0.0, 5.0, [0.0; 2]);
+    assert_eq!(find(&world.scene(), &WIDE), []);
+    let mut world = World::new(1.0);
+    world.add(Shape::sphere(1.0, 16, 8));
+    world.point([3.0, 0.0, 0.0]);
+    world.lamp(5.0, 0.5);
+    assert_eq!(find(&world.scene(), &WIDE), [], "a convex body casts nothing on itself");
+}
+
+/// Whether the segment between two points misses every triangle: f64, one triangle after the other (Möller and
+/// Trumbore 1997). Independent of the tracer's hierarchy and its test.
+fn clear(scene: &Scene, from: DVec3, to: DVec3) -> bool {
+    let ray = to - from;
+    !(0..scene.mesh.triangles.len()).any(|face| {
+        let [a, b, c] = scene.mesh.corners(face).map(|p| p.as_dvec3());
+        let (u, v) = (b - a, c - a);
+        let p = ray.cross(v);
+        let inverse = 1.0 / u.dot(p);
+        let s = from - a;
+        let q = s.cross(u);
+        let (x, y, t) = (s.dot(p) * inverse, ray.dot(q) * inverse, v.dot(q) * inverse);
+        x >= 0.0 && y >= 0.0 && x + y <= 1.0 && t > 0.0 && t < 1.0
+    })
+}
+
+/// A segment's middle, moved to both sides along the receiver, and off it towards a light.
+fn sides(scene: &Scene, segment: &ShadowSegment, light: DVec3) -> [DVec3; 2] {
+    let [a, b] = segment.ends.map(|p| p.as_dvec3());
+    let middle = a.midpoint(b);
+    let normal = scene.mesh.face_normals[segment.face as usize].as_dvec3();
+    let normal = normal * normal.dot(light - middle).signum();
+    let across = normal.cross(b - a).normalize();
+    let size = f64::from(scene.bounds[0].distance(scene.bounds[1]));
+    [-1.0, 1.0].map(|side| middle + across * (side * 2e-4 * size) + normal * (1e-6 * size))
+}
+
+/// Balls and boxes in a random heap over a floor.
+fn heap(seed: u64, scale: f32, light: impl Fn(&mut World, &mut Rng)) -> Arc<Scene> {
+    let mut rng = Rng::new(seed, 0);
+    let mut world = World::new(scale);
+    world.square(0.0, 4.0, [0.0; 2]);
+    for i in 0..8 {
+        let mut between = |low: f32, high: f32| low + (high - low) * rng.next_f32();
+        let place = Vec3::new(between(-1.5, 1.5), between(0.3, 2.2), between(-1.5, 1.5));
+        let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, between(0.0, 6.0), between(0.0, 6.0), 1.0);
+        let size = between(0.1, 0.3);
+        let shape = match i % 2 {
+            0 => Shape::sphere(size, 16, 8),
+            _ => Shape::cuboid(Vec3::splat(-size), Vec3::splat(size)),
+        };
+        world.add(shape.transformed(glam::Affine3A::from_rotation_translation(turn, place)));
+    }
+    light(&mut world, &mut rng);
+    world.scene()
+}
+
+#[test]
+fn exactly_one_side_of_every_hard_boundary_is_lit() {
+    for (seed, scale) in [(1, 1.0), (2, 1e-3), (3, 1e6), (4, 1.0), (5, 37.0)] {
+        let scene = heap(seed, scale, |world, rng| {
+            world.point([4.0 * rng.next_f32() - 2.0, 5.0, 4.0 * rng.next_f32() - 2.0]);
+        });
+        let Light::Point { position, .. } = scene.lights[0] else { panic!("a point light") };
+        let light = position.as_dvec3();
+        let segments = find(&scene, &ShadowSettings::default());
+        assert!(segments.len() > 100, "{}", segments.len());
+        let wrong = segments.iter().filter(|segment| {
+            let [one, other] = sides(&scene, segment, light).map(|from| clear(&scene, light, from));
+            one == other
+        });
+        // Rays pass ten times farther off than those that chose the segments: thin slivers of light or shadow differ.
+        let (wrong, allowed) = (wrong.count(), segments.len() / 50);
+        assert!(wrong <= allowed, "{wrong} of {} at seed {seed}", segments.len());
+    }
+}
+
+#[test]
+fn every_change_of_light_has_a_boundary() {
+    let (mut changes, mut missed) = (0, 0);
+    for seed in [11, 12] {
+        let scene = heap(seed, 1.0, |world, _| world.point([0.4, 5.0, -0.3]));
+        let light = DVec3::new(0.4f32.into(), 5.0, (-0.3f32).into());
+        let segments = find(&scene, &ShadowSettings::default());
+        let off_a_boundary = |p: DVec3| {
+            segments.iter().all(|segment| {
+                let [a, b] = segment.ends.map(|end| end.as_dvec3());
+                let t = ((p - a).dot(b - a) / a.distance_squared(b)).clamp(0.0, 1.0);
+                p.distance(a.lerp(b, t)) > 1e-4
+            })
+        };
+        let lit = |x: f64, z: f64| clear(&scene, light, DVec3::new(x, 1e-6, z));
+        for line in 0..60 {
+            let z = 2.0 * (f64::from(line) + 0.37) / 60.0 * 2.0 - 2.0;
+            let place = |step: i32| 4.0 * f64::from(step) / 400.0 - 2.0;
+            for step in 0..400 {
+                let (mut here, mut there) = (place(step), place(step + 1));
+                if lit(here, z) == lit(there, z) {
+                    continue;
+                }
+                for _ in 0..20 {
+                    let middle = 0.5 * (here + there);
+                    if lit(middle, z) == lit(here, z) { here = middle } else { there = middle }
+                }
+                changes += 1;
+                missed += usize::from(off_a_boundary(DVec3::new(here, 0.0, z)));
+            }
+        }
+    }
+    // Where outlines cross, the ends of short segments are not sought: a whole one counts or does not.
+    assert!(changes > 150 && missed <= changes / 100, "{missed} of {changes}");
+}
+
+#[test]
+fn umbrae_see_nothing_and_the_unshadowed_see_all_of_a_lamp() {
+    let mut counts = [0; 2];
+    for seed in [1, 2] {
+        let scene = heap(seed, 1.0, |world, _| world.lamp(5.0, 0.15));
+        let Light::Quad { corner, u, v, .. } = scene.lights[0] else { panic!("a quad light") };
+        let [corner, u, v] = [corner, u, v].map(|p| p.as_dvec3());
+        let mut wrong = 0;
+        let segments = find(&scene, &WIDE);
+        for segment in &segments {
+            let shares = sides(&scene, segment, corner).map(|from| {
+                // Just below the lamp, whose own triangles would stop the rays.
+                let place =
+                    |i: i32| corner + u * (f64::from(i % 8) + 0.5) / 8.0 + v * (f64::from(i / 8) + 0.5) / 8.0;
+                (0..64).filter(|&i| clear(&scene, from, place(i) - DVec3::Y * 1e-6)).count()
+            });
+            let (umbra, all) = (shares.contains(&0), shares.contains(&64));
+            counts[usize::from(segment.kind == ShadowKind::Penumbra)] += 1;
+            wrong += usize::from(if segment.kind == ShadowKind::Umbra { !umbra } else { !all });
+        }
+        // Five rays stand for the lamp where boundaries are chosen, 64 here.
+        assert!(wrong <= segments.len() / 100, "{wrong} of {} at seed {seed}", segments.len());
+    }
+    assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
+}
+
+#[test]
+fn the_boxes_of_cornell_have_closed_penumbrae() {
+    let scene = Arc::new(Scene::load("cornell").unwrap());
+    let segments = find(&scene, &WIDE);
+    for kind in [ShadowKind::Umbra, ShadowKind::Penumbra] {
+        let kind = of_kind(&segments, kind);
+        // The boxes stand on faces 10 to 33; the light is the last two.
+        assert!(!kind.is_empty() && kind.iter().all(|s| scene.mesh.edges[s.edge as usize].faces[0] >= 10));
+        // Ends that no other segment continues: where a boundary meets a box, leaves the room at its open front, or
+        // passes into another.
+        let ends: Vec<Vec3> = kind.iter().flat_map(|s| s.ends).collect();
+        let lonely = |p: &&Vec3| ends.iter().filter(|q| q.distance(**p) < 2e-3).count() == 1;
+        let lonely = ends.iter().filter(lonely).count();
+        assert!(lonely <= 12, "{lonely} of {} ends are open", ends.len());
+    }
+}
+
+#[test]
+fn any_number_of_threads_finds_the_same() {
+    let scene = heap(7, 1.0, |world, _| world.lamp(5.0, 0.1));
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| find(&scene, &WIDE))
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn more_than_the_capacity_keeps_the_long_ones_in_order() {
+    let scene = heap(8, 1.0, |world, _| world.point([0.0, 5.0, 0.0]));
+    let all = find(&scene, &ShadowSettings::default());
+    let capacity = all.len() / 3;
+    let settings = ShadowSettings { capacity, ..ShadowSettings::default() };
+    let some = shadow_segments(&Tracer::new(scene), &settings, &|_| true).unwrap();
+    assert_eq!((some.segments.len(), some.dropped), (capacity, all.len() - capacity));
+    let mut rest = all.iter();
+    assert!(some.segments.iter().all(|kept| rest.any(|segment| segment == kept)), "the order changed");
+    let mut lengths: Vec<f32> = all.iter().map(|&s| length(&[s])).collect();
+    lengths.sort_by(f32::total_cmp);
+    let shortest = some.segments.iter().map(|&s| length(&[s])).fold(f32::INFINITY, f32::min);
+    assert!(shortest >= lengths[all.len() - capacity]);
+}
+
+#[test]
+fn a_search_that_is_not_wanted_ends() {
+    let scene = heap(9, 1.0, |world, _| world.lamp(5.0, 0.1));
+    assert_eq!(shadow_segments(&Tracer::new(scene), &WIDE, &|share| !(0.0..1.0).contains(&share)), None);
+}

@@ -1,0 +1,69 @@
+// Mixes the colours of both sides of an edge in the pixels that it cuts, by area.
+
+#import frame
+#import edge_pixel
+
+struct Params {
+    neighbour: u32,
+}
+
+const BEST: u32 = 0u;
+const OFF: u32 = 2u;
+
+// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary are one.
+const SECONDARY_TO_PRIMARY: u32 = 4u;
+
+@group(0) @binding(1) var<uniform> params: Params;
+@group(0) @binding(2) var primary: texture_2d<f32>;
+@group(0) @binding(3) var<storage, read> cls: array<u32>;
+@group(0) @binding(4) var<storage, read> n8: array<u32>;
+@group(0) @binding(5) var color: texture_storage_2d<rgba32float, write>;
+
+@compute @workgroup_size(8, 8, 1)
+fn antialias(@builtin(global_invocation_id) pixel: vec3<u32>) {
+    if any(pixel.xy >= frame.size) {
+        return;
+    }
+    let p = pixel.y * frame.size.x + pixel.x;
+    var result = textureLoad(primary, pixel.xy, 0);
+    if (cls[p] & CLASS) == SIMPLE && params.neighbour != OFF {
+        result = blend(vec2<i32>(pixel.xy), cls[p], n8[p], result);
+    }
+    textureStore(color, pixel.xy, result);
+}
+
+// The colour of a simple pixel, from that of its primary region and from its neighbours'.
+fn blend(pixel: vec2<i32>, cls: u32, n8: u32, own: vec4<f32>) -> vec4<f32> {
+    let ends = ends_of(cls);
+    let normal = chord_of(ends.x, ends.y).normal;
+    let towards_secondary = select(normal, -normal, (cls & PRIMARY_IS_A) != 0u);
+    var beyond = vec3(0.0);
+    var total = 0.0;
+    for (var d = 0u; d < 8u; d++) {
+        let square = squareness(towards_secondary, d);
+        let q = pixel + direction(d);
+        let inside = all(q >= vec2(0)) && all(q < vec2<i32>(frame.size));
+        if inside && ((n8 >> (4u * d)) & SECONDARY_TO_PRIMARY) != 0u && square > 0.0 {
+            let neighbour = textureLoad(primary, q, 0).rgb * square;
+            if params.neighbour != BEST {
+                beyond += neighbour;
+                total += square;
+            } else if square > total {
+                beyond = neighbour;
+                total = square;
+            }
+        }
+    }
+    if total == 0.0 {
+        return own;
+    }
+    let share = f32(primary_area(cls)) / f32(PIXEL_AREA);
+    return vec4(own.rgb * share + beyond / total * (1.0 - share), own.a);
+}
+
+// How squarely across an edge the neighbour in direction `d` lies: the length of the edge's normal along it.
+fn squareness(normal: vec2<i32>, d: u32) -> f32 {
+    let toward = direction(d);
+    let along = f32(normal.x * toward.x + normal.y * toward.y);
+    return select(along * 0.70710678, along, (d & 1u) == 0u);
+}

@@ -1,0 +1,398 @@
+// Marks where edges cross the sides of pixels. Compute runs clear, draw_silhouettes, draw_shadows, draw_long; with LINES clear,
+// then silhouette_corner and shadow_corner as vertex shaders, each with mark_pixel.
+
+#import frame
+#import index
+#import segments
+#import view
+#import wide
+
+struct Params {
+    method: u32,
+    depth_test: u32,
+    max_penumbra: f32,
+}
+
+const EITHER: u32 = 0u;
+const OWNER: u32 = 1u;
+const BOTH: u32 = 2u;
+
+// Fixed point: units of a pixel and of an eighth of it.
+const PIXEL: i32 = 256;
+const PIXEL_SHIFT: u32 = 8u;
+const SLOT_SHIFT: u32 = 5u;
+
+// Pixels from one edge of the space in which segments are drawn to the other: coordinates differ by less than 2^24 units.
+const SPAN: f32 = 65535.0;
+
+// Metres beyond which a coordinate counts as no number.
+const LIMIT: f32 = 1e20;
+
+// Segments that cross more lines are drawn by a workgroup each.
+const LONG: i32 = 32;
+const LONG_GROUPS: u32 = 256u;
+const LONG_THREADS: u32 = 64u;
+
+// The part of a segment that is drawn: two points in fixed point, 1 / z there, and the width of the penumbra whose boundary
+// it is, in pixels at a distance of 1 metre.
+struct Snapped {
+    ax: i32,
+    ay: i32,
+    bx: i32,
+    by: i32,
+    inverse_a: f32,
+    inverse_b: f32,
+    penumbra: f32,
+}
+
+@group(0) @binding(1) var<uniform> params: Params;
+#ifdef SILHOUETTES
+@group(0) @binding(2) var<storage, read> silhouettes: array<Segment>;
+#endif
+#ifdef SILHOUETTE_COUNT
+@group(0) @binding(3) var<storage, read> silhouette_count: array<u32>;
+#endif
+#ifdef SHADOWS
+@group(0) @binding(4) var<storage, read> shadows: array<Segment>;
+#endif
+#ifdef SHADOW_COUNT
+@group(0) @binding(5) var<storage, read> shadow_count: array<u32>;
+#endif
+@group(0) @binding(6) var<storage, read> filtered: array<f32>;
+@group(0) @binding(7) var<storage, read_write> mask: array<atomic<u32>>;
+
+@compute @workgroup_size(8, 8, 1)
+fn clear(@builtin(global_invocation_id) corner: vec3<u32>) {
+    if all(corner.xy <= frame.size) {
+        atomicStore(&mask[corner.y * (frame.size.x + 1u) + corner.x], 0u);
+    }
+#ifndef LINES
+    if all(corner.xy == vec2(0u)) {
+        atomicStore(&long_count[0], 0u);
+    }
+#endif
+}
+
+#ifdef SILHOUETTES
+fn silhouettes_to_draw() -> u32 {
+#ifdef SILHOUETTE_COUNT
+    return min(silhouette_count[0], arrayLength(&silhouettes));
+#else
+    return arrayLength(&silhouettes);
+#endif
+}
+#endif
+
+#ifdef SHADOWS
+fn shadows_to_draw() -> u32 {
+#ifdef SHADOW_COUNT
+    return min(shadow_count[0], arrayLength(&shadows));
+#else
+    return arrayLength(&shadows);
+#endif
+}
+#endif
+
+#ifdef LINES
+// ---- The rasteriser visits the pixels
+
+struct Corner {
+    @builtin(position) position: vec4<f32>,
+    // The members of Snapped.
+    @location(0) @interpolate(flat) ends: vec4<i32>,
+    @location(1) @interpolate(flat) inverse_and_penumbra: vec3<f32>,
+}
+
+// Outside of what is drawn.
+const NOWHERE: Corner = Corner(vec4(2.0, 2.0, 2.0, 1.0), vec4(0), vec3(0.0));
+
+#ifdef SILHOUETTES
+@vertex
+fn silhouette_corner(@builtin(vertex_index) vertex: u32) -> Corner {
+    if vertex / 6u >= silhouettes_to_draw() {
+        return NOWHERE;
+    }
+    return corner(silhouettes[vertex / 6u], vertex % 6u);
+}
+#endif
+
+#ifdef SHADOWS
+@vertex
+fn shadow_corner(@builtin(vertex_index) vertex: u32) -> Corner {
+    if vertex / 6u >= shadows_to_draw() {
+        return NOWHERE;
+    }
+    return corner(shadows[vertex / 6u], vertex % 6u);
+}
+#endif
+
+// A corner of the two triangles over a segment that is longer by a pixel at each end and two pixels wide: they cover the
+// centre of every pixel with a crossing at its left or top side, for that is at most 0.71 pixels away.
+fn corner(segment: Segment, nth: u32) -> Corner {
+    var snapped: Snapped;
+    if !snap(segment, &snapped) {
+        return NOWHERE;
+    }
+    let a = vec2(f32(snapped.ax), f32(snapped.ay)) / f32(PIXEL);
+    let b = vec2(f32(snapped.bx), f32(snapped.by)) / f32(PIXEL);
+    if all(a == b) {
+        return NOWHERE;
+    }
+    let along = normalize(b - a);
+    let across = vec2(-along.y, along.x);
+    let at_b = nth == 1u || nth == 2u || nth == 4u;
+    let to_right = nth == 2u || nth >= 4u;
+    let p = select(a - along, b + along, at_b) + select(-across, across, to_right);
+    // The target is larger than the image by a column and a row.
+    let q = 2.0 * p / vec2<f32>(frame.size + 1u) - 1.0;
+    return Corner(
+        vec4(q.x, -q.y, 0.0, 1.0),
+        vec4(snapped.ax, snapped.ay, snapped.bx, snapped.by),
+        vec3(snapped.inverse_a, snapped.inverse_b, snapped.penumbra),
+    );
+}
+
+// Marks the crossings with the lines to the left of a pixel and above it. Pixels of a column have one such line together
+// and set the same bit, which does no harm.
+@fragment
+fn mark_pixel(in: Corner) -> @location(0) u32 {
+    let rest = in.inverse_and_penumbra;
+    let snapped = Snapped(in.ends.x, in.ends.y, in.ends.z, in.ends.w, rest.x, rest.y, rest.z);
+    let pixel = vec2<i32>(in.position.xy);
+    for (var axis = 0u; axis < 2u; axis++) {
+        let lines = lines(snapped, axis);
+        let nth = pixel[axis] - lines.first;
+        if nth >= 0 && nth < lines.count {
+            mark(lines, axis, nth);
+        }
+    }
+    return 1u;
+}
+#else
+// ---- Each thread draws a segment
+
+@group(0) @binding(8) var<storage, read_write> long: array<Snapped>;
+@group(0) @binding(9) var<storage, read_write> long_count: array<atomic<u32>>;
+
+#ifdef SILHOUETTES
+@compute @workgroup_size(64, 1, 1)
+fn draw_silhouettes(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let index = linear_index(id, groups, 64u);
+    if index < silhouettes_to_draw() {
+        draw_or_defer(silhouettes[index]);
+    }
+}
+#endif
+
+#ifdef SHADOWS
+@compute @workgroup_size(64, 1, 1)
+fn draw_shadows(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let index = linear_index(id, groups, 64u);
+    if index < shadows_to_draw() {
+        draw_or_defer(shadows[index]);
+    }
+}
+#endif
+
+@compute @workgroup_size(64, 1, 1)
+fn draw_long(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let count = min(atomicLoad(&long_count[0]), arrayLength(&long));
+    for (var index = group.x; index < count; index += LONG_GROUPS) {
+        draw(long[index], i32(lane), i32(LONG_THREADS));
+    }
+}
+
+fn draw_or_defer(segment: Segment) {
+    var snapped: Snapped;
+    if !snap(segment, &snapped) {
+        return;
+    }
+    if lines(snapped, 0u).count + lines(snapped, 1u).count > LONG {
+        let place = atomicAdd(&long_count[0], 1u);
+        if place < arrayLength(&long) {
+            long[place] = snapped;
+            return;
+        }
+    }
+    draw(snapped, 0, 1);
+}
+
+// Marks every `step`th crossing from `first` on.
+fn draw(snapped: Snapped, first: i32, step: i32) {
+    let vertical = lines(snapped, 0u);
+    let horizontal = lines(snapped, 1u);
+    for (var i = first; i < vertical.count + horizontal.count; i += step) {
+        if i < vertical.count {
+            mark(vertical, 0u, i);
+        } else {
+            mark(horizontal, 1u, i - vertical.count);
+        }
+    }
+}
+
+#endif
+
+// ---- Projection, clipping and snapping
+
+// The part of a segment in front of the near plane and in the space that is drawn, as pixels in fixed point; false where
+// there is none.
+fn snap(segment: Segment, snapped: ptr<function, Snapped>) -> bool {
+    if !(all(abs(segment.a) <= vec3(LIMIT)) && all(abs(segment.b) <= vec3(LIMIT))) {
+        return false;
+    }
+    let half = 0.5 * vec2<f32>(frame.size);
+    let scale = half / vec2(frame.view.tan_x, frame.view.tan_y);
+    let limit = vec2(0.5 * SPAN);
+    let a = to_view(segment.a, scale);
+    let b = to_view(segment.b, scale);
+
+    var t = vec2(0.0, 1.0);
+    t = cut(t, a.z - frame.view.near, b.z - frame.view.near);
+    t = cut(t, limit.x * a.z + a.x, limit.x * b.z + b.x);
+    t = cut(t, limit.x * a.z - a.x, limit.x * b.z - b.x);
+    t = cut(t, limit.y * a.z + a.y, limit.y * b.z + b.y);
+    t = cut(t, limit.y * a.z - a.y, limit.y * b.z - b.y);
+    if t.x > t.y {
+        return false;
+    }
+    // An end that is not cut off keeps its very coordinates, so that edges go on meeting in it.
+    let start = select(a, a + t.x * (b - a), t.x > 0.0);
+    let end = select(b, a + t.y * (b - a), t.y < 1.0);
+    let inverse = vec2(1.0 / max(start.z, frame.view.near), 1.0 / max(end.z, frame.view.near));
+    let low = (half - limit) * f32(PIXEL);
+    let high = (half + limit) * f32(PIXEL);
+    let a_fixed = clamp(floor((half + start.xy * inverse.x) * f32(PIXEL) + 0.5), low, high);
+    let b_fixed = clamp(floor((half + end.xy * inverse.y) * f32(PIXEL) + 0.5), low, high);
+    let penumbra = penumbra_width(segment.flags) * scale.x;
+    *snapped =
+        Snapped(i32(a_fixed.x), i32(a_fixed.y), i32(b_fixed.x), i32(b_fixed.y), inverse.x, inverse.y, penumbra);
+    return true;
+}
+
+// Right and down, times the distance in pixels from the image's middle; and the distance along the axis, metres.
+fn to_view(position: vec3<f32>, scale: vec2<f32>) -> vec3<f32> {
+    let p = position - frame.view.eye;
+    return vec3(
+        dot_in_order(p, frame.view.right) * scale.x,
+        -(dot_in_order(p, frame.view.up) * scale.y),
+        dot_in_order(p, frame.view.forward),
+    );
+}
+
+// The part of t where a distance that goes from `a` (t = 0) to `b` (t = 1) is not negative.
+fn cut(t: vec2<f32>, a: f32, b: f32) -> vec2<f32> {
+    if a < 0.0 && b < 0.0 {
+        return vec2(1.0, 0.0);
+    }
+    if a < 0.0 {
+        return vec2(max(t.x, a / (a - b)), t.y);
+    }
+    if b < 0.0 {
+        return vec2(t.x, min(t.y, a / (a - b)));
+    }
+    return t;
+}
+
+// ---- Crossings
+
+// The lines of the pixel grid across one axis that a segment crosses in the image.
+struct Lines {
+    // The end with the lesser coordinate along the axis: that coordinate, and the other one.
+    start: vec2<i32>,
+    // From there to the other end; x > 0 where there are lines.
+    delta: vec2<i32>,
+    // 1 / z there, and from there to the other end.
+    inverse: f32,
+    inverse_delta: f32,
+    // Of the segment.
+    penumbra: f32,
+    first: i32,
+    count: i32,
+}
+
+// Vertical lines for axis 0, horizontal ones for axis 1.
+fn lines(snapped: Snapped, axis: u32) -> Lines {
+    var a = vec2(snapped.ax, snapped.ay);
+    var b = vec2(snapped.bx, snapped.by);
+    var size = i32(frame.size.x);
+    if axis == 1u {
+        a = a.yx;
+        b = b.yx;
+        size = i32(frame.size.y);
+    }
+    var inverse = vec2(snapped.inverse_a, snapped.inverse_b);
+    if b.x < a.x {
+        let c = a;
+        a = b;
+        b = c;
+        inverse = inverse.yx;
+    }
+    // A vertex on a line lies beyond it.
+    let first = max((a.x >> PIXEL_SHIFT) + 1, 0);
+    let last = min(b.x >> PIXEL_SHIFT, size);
+    let count = max(last - first + 1, 0);
+    return Lines(a, b - a, inverse.x, inverse.y - inverse.x, snapped.penumbra, first, count);
+}
+
+// Marks the crossing with a line, if it lies in the image and is not hidden.
+fn mark(lines: Lines, axis: u32, nth: i32) {
+    let line = lines.first + nth;
+    let along = u32(line * PIXEL - lines.start.x);
+    let length = u32(lines.delta.x);
+    // The crossing's other coordinate is start.y +- (quotient + rest / length).
+    let product = wide_multiply(along, u32(abs(lines.delta.y)));
+    let quotient = wide_divide(product, length);
+    let rest = product.low - quotient * length;
+
+    // In a crossing with the very end of a slot the slot before counts on vertical lines, if the segment goes down: the
+    // perturbation that puts vertices beyond lines moves it there.
+    var whole: i32;
+    var before: bool;
+    if lines.delta.y > 0 {
+        whole = lines.start.y + i32(quotient);
+        before = axis == 0u && rest == 0u;
+    } else {
+        whole = lines.start.y - i32(quotient);
+        before = rest != 0u;
+    }
+    let slot = (whole - select(0, 1, before)) >> SLOT_SHIFT;
+    let z = 1.0 / (lines.inverse + lines.inverse_delta * (f32(along) / f32(length)));
+
+    let pixel = select(vec2(slot >> 3u, line), vec2(line, slot >> 3u), axis == 0u);
+    let size = vec2<i32>(frame.size);
+    if slot < 0 || (axis == 0u && pixel.y >= size.y) || (axis == 1u && pixel.x >= size.x) {
+        return;
+    }
+    if lines.penumbra <= params.max_penumbra * z && is_shown(z, pixel, axis) {
+        let bit = u32(slot & 7) + 8u * axis;
+        atomicOr(&mask[u32(pixel.y) * (frame.size.x + 1u) + u32(pixel.x)], 1u << bit);
+    }
+}
+
+// Whether an edge at distance z shows at the left (axis 0) or top (axis 1) side of a pixel.
+fn is_shown(z: f32, owner: vec2<i32>, axis: u32) -> bool {
+    let other = owner - select(vec2(0, 1), vec2(1, 0), axis == 0u);
+    let owner_exists = all(owner < vec2<i32>(frame.size));
+    let other_exists = all(other >= vec2(0));
+    let at_owner = owner_exists && z <= depth(owner);
+    let at_other = other_exists && z <= depth(other);
+    switch params.depth_test {
+        case EITHER: {
+            return at_owner || at_other;
+        }
+        case OWNER: {
+            return select(at_other, at_owner, owner_exists);
+        }
+        case BOTH: {
+            return (at_owner || !owner_exists) && (at_other || !other_exists);
+        }
+        default: {
+            return true;
+        }
+    }
+}
+
+fn depth(pixel: vec2<i32>) -> f32 {
+    let inside = clamp(pixel, vec2(0), vec2<i32>(frame.size) - 1);
+    return filtered[u32(inside.y) * frame.size.x + u32(inside.x)];
+}

@@ -1,0 +1,127 @@
+// How edges divide a pixel: crossings with its sides, its class, its two regions, and the 2x2 Boolean matrices that tell
+// which regions of two pixels are joined. Mirrors `stages/src/shared/edge_pixel.rs`, which explains the ring of slots.
+
+// Classes: at most one crossing, two, and more. Everything outside the image is COMPLEX.
+const EMPTY: u32 = 0u;
+const SIMPLE: u32 = 1u;
+const COMPLEX: u32 = 2u;
+
+// The bits of `cls`.
+const CLASS: u32 = 3u;
+const P_SHIFT: u32 = 2u;
+const Q_SHIFT: u32 = 7u;
+const PRIMARY_IS_A: u32 = 0x1000u;
+const AREA_SHIFT: u32 = 13u;
+const VALID: u32 = 0x800000u;
+const AMBIGUOUS: u32 = 0x1000000u;
+const CELL_SHIFT: u32 = 25u;
+
+// The area of a whole pixel.
+const PIXEL_AREA: u32 = 512u;
+
+// The neighbour in direction d: E, SE, S, SW, W, NW, N, NE. Two bits for each component plus one: an array would be
+// copied to memory wherever d is no constant.
+fn direction(d: u32) -> vec2<i32> {
+    let shift = 2u * (d & 7u);
+    return vec2<i32>((vec2(0x901Au, 0x01A9u) >> vec2(shift)) & vec2(3u)) - 1;
+}
+
+// The perimeter of a pixel from the 8-bit masks of its sides.
+fn ring_of(left: u32, top: u32, right: u32, bottom: u32) -> u32 {
+    return top | (right << 8u) | ((reverseBits(bottom) >> 24u) << 16u) | ((reverseBits(left) >> 24u) << 24u);
+}
+
+// The class of a pixel with this perimeter.
+fn class_of(ring: u32) -> u32 {
+    return min(max(countOneBits(ring), 1u) - 1u, COMPLEX);
+}
+
+// The crossed slots p < q of a simple pixel.
+fn ends_of(cls: u32) -> vec2<u32> {
+    return (vec2(cls) >> vec2(P_SHIFT, Q_SHIFT)) & vec2(31u);
+}
+
+// The area of the primary region, in 1/512 pixel.
+fn primary_area(cls: u32) -> u32 {
+    return (cls >> AREA_SHIFT) & 0x3FFu;
+}
+
+// Centre of a slot, in 1/16 pixel from the pixel's top left corner.
+fn slot_position(slot: u32) -> vec2<i32> {
+    let along = 2 * i32(slot & 7u) + 1;
+    switch slot >> 3u {
+        case 0u: { return vec2(along, 0); }
+        case 1u: { return vec2(16, along); }
+        case 2u: { return vec2(16 - along, 16); }
+        default: { return vec2(0, 16 - along); }
+    }
+}
+
+fn cross_of(a: vec2<i32>, b: vec2<i32>) -> i32 {
+    return a.x * b.y - b.x * a.y;
+}
+
+// The area of region A of the chord from slot p to slot q, in 1/512 pixel.
+fn area_of_a(p: u32, q: u32) -> u32 {
+    let first = slot_position(p);
+    let end = slot_position(q);
+    // The polygon of A: along the ring from p over the corners to q, and back along the chord.
+    var doubled = 0;
+    var last = first;
+    for (var position = 8u; position <= 24u; position += 8u) {
+        if p < position && position <= q {
+            let corner = vec2(select(16, 0, position == 24u), select(16, 0, position == 8u));
+            doubled += cross_of(last, corner);
+            last = corner;
+        }
+    }
+    return u32(doubled + cross_of(last, end) + cross_of(end, first));
+}
+
+// The line of a simple pixel's chord, as a function of the place that is positive in region A and negative in B.
+struct Chord {
+    // Normal of the chord, towards A.
+    normal: vec2<i32>,
+    // The function's value at the pixel's top left corner.
+    offset: i32,
+}
+
+// The chord from slot p to slot q.
+fn chord_of(p: u32, q: u32) -> Chord {
+    let a = slot_position(p);
+    let b = slot_position(q);
+    let normal = vec2(b.y - a.y, a.x - b.x);
+    return Chord(normal, -(normal.x * b.x + normal.y * b.y));
+}
+
+// The function at a place in 1/16 pixel from the top left corner.
+fn chord_side(chord: Chord, at: vec2<i32>) -> i32 {
+    return chord.normal.x * at.x + chord.normal.y * at.y + chord.offset;
+}
+
+// The region of a pixel that is not complex at a place on its ring that is no crossing: 0 primary, 1 secondary. The
+// place is in quarters of a slot from the top left corner, 0 to 128.
+fn region_of(cls: u32, place: u32) -> u32 {
+    let ends = 4u * ends_of(cls) + 2u;
+    let is_a = ends.x < place && place < ends.y;
+    return u32((cls & CLASS) == SIMPLE && is_a != ((cls & PRIMARY_IS_A) != 0u));
+}
+
+// The Boolean product of two matrices: which regions of P and R are joined through Q, from those of P and Q and of Q and
+// R. Bit 2 * (region of the first) + (region of the second).
+fn chain(pq: u32, qr: u32) -> u32 {
+    // Each column of the first times each row of the second: through the primary region of Q, or the secondary.
+    let through_primary = if_odd(pq, qr & 3u) | if_odd(pq >> 2u, (qr & 3u) << 2u);
+    let through_secondary = if_odd(pq >> 1u, qr >> 2u) | if_odd(pq >> 3u, qr & 12u);
+    return through_primary | through_secondary;
+}
+
+// The bits if the lowest bit of the number is set; else 0.
+fn if_odd(number: u32, bits: u32) -> u32 {
+    return (0u - (number & 1u)) & bits;
+}
+
+// The matrix of Q and P from that of P and Q.
+fn transpose_of(pq: u32) -> u32 {
+    return (pq & 9u) | ((pq & 2u) << 1u) | ((pq & 4u) >> 1u);
+}

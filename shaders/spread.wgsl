@@ -1,0 +1,341 @@
+// Gives a colour to the pixels from which no sample could be reached. Spread runs prepare, some rounds of spread, pull
+// and push; PushPull leaves out the rounds; Off only copies.
+
+#import frame
+#import index
+#import edge_pixel
+
+struct Params {
+    method: u32,
+    rounds: u32,
+}
+
+// Pixels on each side of a workgroup's tile; steps of a round, which is how far its pixels are influenced; pixels on
+// each side of what influences the tile.
+const TILE: u32 = 16u;
+const STEPS: u32 = 8u;
+const SIDE: u32 = 32u;
+
+// Threads of a workgroup, and pixels of each of them in a round. Few threads: most workgroups end at once.
+const THREADS: u32 = 64u;
+const EACH: u32 = 16u;
+
+// The red of a hole.
+const NONE: f32 = -1.0;
+
+// What `filled` holds for holes; else it is the round in which a hole was filled, and 0 for pixels that were none.
+const HOLE: u32 = 0xFFFFFFFFu;
+
+// The bits of N8: the primary regions of both pixels are one.
+const PRIMARY_TO_PRIMARY: u32 = 0x11111111u;
+
+@group(0) @binding(1) var<uniform> params: Params;
+@group(0) @binding(2) var primary: texture_2d<f32>;
+@group(0) @binding(3) var<storage, read> n8: array<u32>;
+@group(0) @binding(4) var color: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(5) var<storage, read_write> pyramid: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> found: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> filled: array<atomic<u32>>;
+@group(0) @binding(8) var<storage, read_write> tiles: array<vec2<u32>>;
+
+// The colours of SIDE x SIDE pixels with the tile in the middle.
+var<workgroup> red: array<f32, 1024>;
+var<workgroup> green: array<f32, 1024>;
+var<workgroup> blue: array<f32, 1024>;
+// Sums of the tile's rows.
+var<workgroup> row_sums: array<vec4<f32>, 16>;
+// Holes of the tile that are joined to anything.
+var<workgroup> open: atomic<u32>;
+// The last step in which a hole was filled, counted from 1.
+var<workgroup> grown: atomic<u32>;
+// What all threads are to know.
+var<workgroup> shared_state: vec2<u32>;
+
+fn pixel_index(pixel: vec2<u32>) -> u32 {
+    return pixel.y * frame.size.x + pixel.x;
+}
+
+fn is_inside(at: vec2<i32>, size: vec2<u32>) -> bool {
+    return all(at >= vec2(0)) && all(at < vec2<i32>(size));
+}
+
+fn put_at(i: u32, c: vec3<f32>) {
+    red[i] = c.r;
+    green[i] = c.g;
+    blue[i] = c.b;
+}
+
+// The colour at a place and 1; zeros for a hole.
+fn color_at(i: u32) -> vec4<f32> {
+    if red[i] < 0.0 {
+        return vec4(0.0);
+    }
+    return vec4(red[i], green[i], blue[i], 1.0);
+}
+
+// The colour of a pixel that was filled in this round; 0 are those that were no holes.
+fn color_of(pixel: vec2<u32>, round: u32) -> vec3<f32> {
+    if round == 0u {
+        return textureLoad(primary, pixel, 0).rgb;
+    }
+    return found[pixel_index(pixel)].rgb;
+}
+
+@compute @workgroup_size(8, 8, 1)
+fn copy(@builtin(global_invocation_id) pixel: vec3<u32>) {
+    if any(pixel.xy >= frame.size) {
+        return;
+    }
+    let given = textureLoad(primary, pixel.xy, 0);
+    atomicStore(&filled[pixel_index(pixel.xy)], select(HOLE, 0u, given.a > 0.0));
+    textureStore(color, pixel.xy, select(vec4(0.0), vec4(given.rgb, 1.0), given.a > 0.0));
+}
+
+// Where in red, green and blue the tile's own pixels are.
+fn tile_place(local: vec2<u32>) -> u32 {
+    return (local.y + STEPS) * SIDE + local.x + STEPS;
+}
+
+fn tiles_size() -> vec2<u32> {
+    return (frame.size + TILE - 1u) / TILE;
+}
+
+// The top left pixel of a tile.
+fn tile_corner(t: u32) -> vec2<u32> {
+    let width = tiles_size().x;
+    return TILE * vec2(t % width, t / width);
+}
+
+// Writes down what the tile's pixels are now.
+fn add_up(t: u32, lane: u32, rounds: u32) {
+    workgroupBarrier();
+    if lane < TILE {
+        var sum = vec4(0.0);
+        for (var x = 0u; x < TILE; x++) {
+            sum += color_at(tile_place(vec2(x, lane)));
+        }
+        row_sums[lane] = sum;
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        var sum = vec4(0.0);
+        for (var y = 0u; y < TILE; y++) {
+            sum += row_sums[y];
+        }
+        pyramid[t] = sum;
+        tiles[t] = vec2(atomicLoad(&open), rounds);
+    }
+}
+
+// Counts a hole of the tile, unless nothing can ever reach it.
+fn count_hole(p: u32) {
+    if (n8[p] & PRIMARY_TO_PRIMARY) != 0u {
+        atomicAdd(&open, 1u);
+    }
+}
+
+// Finds the holes.
+@compute @workgroup_size(1, 1, THREADS)
+fn prepare(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let t = linear_index(group, groups, 1u);
+    if t >= arrayLength(&tiles) {
+        return;
+    }
+    for (var i = lane; i < TILE * TILE; i += THREADS) {
+        let local = vec2(i % TILE, i / TILE);
+        let pixel = tile_corner(t) + local;
+        var c = vec3(NONE);
+        if all(pixel < frame.size) {
+            let p = pixel_index(pixel);
+            let given = textureLoad(primary, pixel, 0);
+            if given.a > 0.0 {
+                c = given.rgb;
+                atomicStore(&filled[p], 0u);
+            } else {
+                atomicStore(&filled[p], HOLE);
+                count_hole(p);
+            }
+        }
+        put_at(tile_place(local), c);
+    }
+    add_up(t, lane, 0u);
+}
+
+// A round of steps for one tile. Neighbouring tiles may write their pixels at the same time: what they fill in this round
+// bears its number and is taken for the hole that it was.
+@compute @workgroup_size(1, 1, THREADS)
+fn spread(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let t = linear_index(group, groups, 1u);
+    if t >= arrayLength(&tiles) {
+        return;
+    }
+    if lane == 0u {
+        shared_state = tiles[t];
+    }
+    let begun = workgroupUniformLoad(&shared_state);
+    if begun.x == 0u {
+        return;
+    }
+    let done = begun.y;
+    let corner = vec2<i32>(tile_corner(t)) - i32(STEPS);
+    var joined: array<u32, EACH>;
+    for (var k = 0u; k < EACH; k++) {
+        let i = lane + k * THREADS;
+        let q = corner + vec2<i32>(vec2(i % SIDE, i / SIDE));
+        joined[k] = 0u;
+        put_at(i, vec3(NONE));
+        if is_inside(q, frame.size) {
+            let p = pixel_index(vec2<u32>(q));
+            let round = atomicLoad(&filled[p]);
+            if round <= done {
+                put_at(i, color_of(vec2<u32>(q), round));
+            } else {
+                joined[k] = n8[p] & PRIMARY_TO_PRIMARY;
+            }
+        }
+    }
+    workgroupBarrier();
+    for (var step = 0u; step < STEPS; step++) {
+        var sums: array<vec4<f32>, EACH>;
+        for (var k = 0u; k < EACH; k++) {
+            sums[k] = sum_joined(lane + k * THREADS, joined[k]);
+            if sums[k].w > 0.0 {
+                atomicStore(&grown, step + 1u);
+            }
+        }
+        workgroupBarrier();
+        for (var k = 0u; k < EACH; k++) {
+            if sums[k].w > 0.0 {
+                put_at(lane + k * THREADS, sums[k].rgb / sums[k].w);
+                joined[k] = 0u;
+            }
+        }
+        if lane == 0u {
+            shared_state.x = atomicLoad(&grown);
+        }
+        // Once a step fills nothing, neither does another. (This waits for all threads, like a barrier.)
+        if workgroupUniformLoad(&shared_state).x <= step {
+            break;
+        }
+    }
+
+    for (var i = lane; i < TILE * TILE; i += THREADS) {
+        let local = vec2(i % TILE, i / TILE);
+        let pixel = tile_corner(t) + local;
+        if any(pixel >= frame.size) {
+            continue;
+        }
+        let p = pixel_index(pixel);
+        if atomicLoad(&filled[p]) == HOLE {
+            let now = color_at(tile_place(local));
+            if now.w > 0.0 {
+                found[p] = now;
+                atomicStore(&filled[p], done + 1u);
+            } else {
+                count_hole(p);
+            }
+        }
+    }
+    add_up(t, lane, done + 1u);
+}
+
+// The sum of the colours of the neighbours that a hole is joined to.
+fn sum_joined(i: u32, joined: u32) -> vec4<f32> {
+    var sum = vec4(0.0);
+    var rest = joined;
+    while rest != 0u {
+        let d = firstTrailingBit(rest) / 4u;
+        rest &= rest - 1u;
+        let at = vec2<i32>(vec2(i % SIDE, i / SIDE)) + direction(d);
+        if is_inside(at, vec2(SIDE)) {
+            sum += color_at(u32(at.y) * SIDE + u32(at.x));
+        }
+    }
+    return sum;
+}
+
+// Adds up blocks of tiles, level by level.
+@compute @workgroup_size(THREADS, 1, 1)
+fn pull(@builtin(local_invocation_index) lane: u32) {
+    var size = tiles_size();
+    var finer = 0u;
+    while size.x * size.y > 1u {
+        let blocks = (size + 1u) / 2u;
+        let coarser = finer + size.x * size.y;
+        for (var i = lane; i < blocks.x * blocks.y; i += THREADS) {
+            let corner = 2u * vec2(i % blocks.x, i / blocks.x);
+            let end = min(corner + 2u, size);
+            var sum = vec4(0.0);
+            for (var y = corner.y; y < end.y; y++) {
+                for (var x = corner.x; x < end.x; x++) {
+                    sum += pyramid[finer + y * size.x + x];
+                }
+            }
+            pyramid[coarser + i] = sum;
+        }
+        storageBarrier();
+        finer = coarser;
+        size = blocks;
+    }
+}
+
+// The picture; what is still a hole takes the mean of what lies around it.
+@compute @workgroup_size(8, 8, 1)
+fn push(@builtin(global_invocation_id) pixel: vec3<u32>) {
+    if any(pixel.xy >= frame.size) {
+        return;
+    }
+    let round = atomicLoad(&filled[pixel_index(pixel.xy)]);
+    var result = vec4(0.0);
+    if round != HOLE {
+        result = vec4(color_of(pixel.xy, round), 1.0);
+    } else {
+        let sum = sum_around(vec2<i32>(pixel.xy));
+        if sum.w > 0.0 {
+            result = vec4(sum.rgb / sum.w, 1.0);
+        }
+    }
+    textureStore(color, pixel.xy, result);
+}
+
+// The sum of the smallest square around a hole that holds colours.
+fn sum_around(centre: vec2<i32>) -> vec4<f32> {
+    for (var reach = 1; reach <= 8; reach *= 2) {
+        var sum = vec4(0.0);
+        let first = max(centre - reach, vec2(0));
+        let last = min(centre + reach, vec2<i32>(frame.size) - 1);
+        for (var y = first.y; y <= last.y; y++) {
+            for (var x = first.x; x <= last.x; x++) {
+                let q = vec2<u32>(vec2(x, y));
+                let round = atomicLoad(&filled[pixel_index(q)]);
+                if round != HOLE {
+                    sum += vec4(color_of(q, round), 1.0);
+                }
+            }
+        }
+        if sum.w > 0.0 {
+            return sum;
+        }
+    }
+    var level = 0u;
+    var size = tiles_size();
+    var at = vec2<u32>(centre) / TILE;
+    loop {
+        let sum = pyramid[level + at.y * size.x + at.x];
+        if sum.w > 0.0 || size.x * size.y == 1u {
+            return sum;
+        }
+        level += size.x * size.y;
+        size = (size + 1u) / 2u;
+        at /= 2u;
+    }
+    return vec4(0.0);
+}

@@ -1,0 +1,415 @@
+//! Divides pixels by the edges that cross their sides: empty, simple (a chord cuts it in two) or complex; says which
+//! region of a simple pixel is the primary one, that of its sample, and how large it is; and drops samples of which the
+//! sub-pixel cell does not tell the region (`algorithms.md` sections 2.3 and 2.4).
+//!
+//! A pixel whose sample is dropped asks for another one. If that were always traced through the pixel's centre, and the
+//! chord passed there, it would be dropped again in every frame: `aim` leads it elsewhere. A sample aimed at the centre
+//! may come back in any of the four cells that meet there, by rounding; so where the chord touches one of these cells,
+//! `aim` is the middle of the cell of the primary region that lies farthest from the chord. As each cell reaches equally
+//! far, that one is unambiguous if any cell of the region is.
+
+use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
+use rayon::prelude::*;
+
+use crate::shared::{
+    edge_pixel::{
+        AMBIGUOUS, AREA_SHIFT, CELL_SHIFT, CLASS, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT,
+        SIMPLE, VALID, area_of_a, class_of, ring,
+    },
+    requests::{AIM_CENTER, NO_POINT},
+};
+
+choice! {
+    /// What becomes of a sample whose cell touches the chord.
+    pub enum Ambiguous {
+        /// It does not count in this frame; the cloud keeps it.
+        Drop,
+        /// It counts as on the side of its cell's centre.
+        Guess,
+    }
+}
+
+params! {
+    /// Parameters of [`Classify`].
+    pub struct ClassifyParams {
+        /// Bits of the sub-pixel cell, half of them for each axis: the same as those of the projection.
+        subpixel_bits: u32 = 8, in 4..=8, unit "bits";
+        /// What becomes of a sample whose cell touches the chord.
+        ambiguous: Ambiguous = Ambiguous::Drop;
+    }
+}
+
+/// See the module.
+pub struct Classify {
+    mask: In<u32>,
+    id: In<u32>,
+    subpixel: In<u32>,
+    cls: Out<u32>,
+    kept: Out<u32>,
+    aim: Out<u32>,
+}
+
+impl Stage for Classify {
+    const KIND: &'static str = "classify";
+    const DOC: &'static str = "Classes of pixels by the edges that cross them, the side that their samples lie on, and where to sample next.";
+    type Params = ClassifyParams;
+
+    fn declare(_: &ClassifyParams, io: &mut Io) -> Self {
+        let pixels = || Extent::Frame(1);
+        let mask = io.read(
+            "mask",
+            "Crossings with the left (bits 0 to 7) and top (8 to 15) side of each pixel.",
+            Extent::Corners,
+        );
+        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF for none.", pixels());
+        let subpixel = io.read("subpixel", "Its cell in the pixel, row by row.", pixels());
+        let cls = io.write("cls", "Class, chord, primary region and state of the sample, as bits.", pixels());
+        let kept =
+            io.write("kept", "The point that the pixel shows, without those that are dropped.", pixels());
+        let aim = io.write(
+            "aim",
+            "Where in the pixel the next sample should go, in 1/65536 of it: x low, y high.",
+            pixels(),
+        );
+        io.shader(shader!("classify"));
+        io.dispatch("classify", cls);
+        Self { mask, id, subpixel, cls, kept, aim }
+    }
+
+    fn cpu(&self, params: &ClassifyParams, cx: &CpuContext) -> Result<(), String> {
+        let width = cx.dims(self.cls).width as usize;
+        let (mask, id, subpixel) =
+            (&cx.read(self.mask)[..], &cx.read(self.id)[..], &cx.read(self.subpixel)[..]);
+        let (mut cls, mut kept, mut aim) = (cx.write(self.cls), cx.write(self.kept), cx.write(self.aim));
+
+        let grid = Grid { log2: params.subpixel_bits / 2, guess: params.ambiguous == Ambiguous::Guess };
+        let outputs =
+            cls.par_chunks_mut(width).zip(kept.par_chunks_mut(width)).zip(aim.par_chunks_mut(width));
+        outputs.enumerate().for_each(|(y, ((cls, kept), aim))| {
+            let row = y * width..(y + 1) * width;
+            let (id, subpixel) = (&id[row.clone()], &subpixel[row]);
+            let above = &mask[y * (width + 1)..][..width + 1];
+            let below = &mask[(y + 1) * (width + 1)..][..width];
+            // As if no edge crossed; most pixels are done with that, several at a time.
+            kept.copy_from_slice(id);
+            aim.fill(AIM_CENTER);
+            for (cls, (id, cell)) in cls.iter_mut().zip(id.iter().zip(subpixel)) {
+                *cls = EMPTY | WHOLE | grid.state(*id != NO_POINT, *cell);
+            }
+            for x in 0..width {
+                let [left, top] = [above[x] & 0xFF, above[x] >> 8 & 0xFF];
+                let [right, bottom] = [above[x + 1] & 0xFF, below[x] >> 8 & 0xFF];
+                if left | top | right | bottom != 0 {
+                    let ring = ring(left, top, right, bottom);
+                    (cls[x], aim[x]) = grid.classify(ring, id[x] != NO_POINT, subpixel[x]);
+                    kept[x] = if cls[x] & VALID != 0 { id[x] } else { NO_POINT };
+                }
+            }
+        });
+        Ok(())
+    }
+}
+
+/// The bits of a pixel that is one region.
+const WHOLE: u32 = PRIMARY_IS_A | PIXEL_AREA << AREA_SHIFT;
+
+/// The cells of a pixel, and what becomes of ambiguous samples.
+#[derive(Clone, Copy)]
+struct Grid {
+    /// Logarithm of the number of cells of an axis, 2 to 4.
+    log2: u32,
+    guess: bool,
+}
+
+impl Grid {
+    /// The bits for a sample in a cell, if there is one.
+    #[inline(always)]
+    fn state(self, has_sample: bool, cell: u32) -> u32 {
+        let [x, y] = self.place(cell).map(|index| index >> (self.log2 - 2));
+        if has_sample { (y << 2 | x) << CELL_SHIFT | VALID } else { 0 }
+    }
+
+    /// Column and row of a cell.
+    #[inline(always)]
+    fn place(self, cell: u32) -> [u32; 2] {
+        let last = (1 << self.log2) - 1;
+        [cell & last, cell >> self.log2 & last]
+    }
+
+    /// The `cls` and `aim` of a pixel with this perimeter, and the cell of its sample if it has one.
+    fn classify(self, ring: u32, has_sample: bool, cell: u32) -> (u32, u32) {
+        let mut cls = class_of(ring) | self.state(has_sample, cell);
+        if cls & CLASS != SIMPLE {
+            return (cls | WHOLE, AIM_CENTER);
+        }
+
+        let (p, q) = (ring.trailing_zeros(), 31 - ring.leading_zeros());
+        let (chord, area) = (Chord::new(p, q), area_of_a(p, q));
+        // Without a sample the larger region is the primary one.
+        let mut is_a = 2 * area >= PIXEL_AREA;
+        if has_sample {
+            let distance = self.distance(chord, self.place(cell));
+            let is_ambiguous = distance.abs() <= self.reach(chord);
+            if is_ambiguous {
+                cls |= AMBIGUOUS;
+            }
+            if is_ambiguous && !self.guess {
+                cls &= !VALID;
+            } else if distance != 0 {
+                is_a = distance > 0;
+            }
+        }
+        let area = if is_a { area } else { PIXEL_AREA - area };
+        let side = if is_a { PRIMARY_IS_A } else { 0 };
+        cls |= p << P_SHIFT | q << Q_SHIFT | side | area << AREA_SHIFT;
+        (cls, self.aim(chord, is_a))
+    }
+
+    /// Twice the chord's function at the centre of a cell.
+    fn distance(self, chord: Chord, [x, y]: [u32; 2]) -> i32 {
+        let size = 16 >> self.log2;
+        let corner = [x, y].map(|index| index as i32 * size);
+        chord.side(corner) + chord.side(corner.map(|at| at + size))
+    }
+
+    /// How far twice the chord's function at a cell's corners lies from that at its centre, at most: where the latter is
+    /// larger the chord does not touch the cell.
+    fn reach(self, chord: Chord) -> i32 {
+        let [x, y] = chord.normal;
+        (16 >> self.log2) * (x.abs() + y.abs())
+    }
+
+    /// Where to aim in a simple pixel with this chord.
+    fn aim(self, chord: Chord, is_a: bool) -> u32 {
+        // The square of the four cells that meet at the centre is twice as wide as a cell.
+        if chord.side([8, 8]).abs() > self.reach(chord) {
+            return AIM_CENTER;
+        }
+        // The chord's function grows towards A, so a corner cell is the farthest from the chord.
+        let last = (1 << self.log2) - 1;
+        let [x, y] = chord.normal.map(|towards_a| if (towards_a > 0) == is_a { last } else { 0 });
+        let middle = |index: u32| (2 * index + 1) << (15 - self.log2);
+        middle(x) | middle(y) << 16
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::{
+        edge_pixel::{COMPLEX, ends, primary_area, testing::Mask},
+        testing::{Both, Random, run_both, settings},
+    };
+
+    const FINE: Grid = Grid { log2: 4, guess: false };
+    const COARSE: Grid = Grid { log2: 2, guess: false };
+
+    /// Which cell an aim falls into.
+    fn cell_at(aim: u32, log2: u32) -> u32 {
+        let index = |share: u32| (share << log2) >> 16;
+        index(aim >> 16) << log2 | index(aim & 0xFFFF)
+    }
+
+    /// All perimeters of simple pixels.
+    fn simple_rings() -> impl Iterator<Item = u32> {
+        (0..32).flat_map(|p| (p + 1..32).map(move |q| 1 << p | 1 << q))
+    }
+
+    #[test]
+    fn golden_pixels() {
+        // algorithms.md section 2.6: masks, crossed slots, area of A, the 4x4 cells' sides.
+        let golden = [
+            ([8, 0, 64, 0], [14, 28], 192, "BBBB?BBB????AAA?"),
+            ([4, 8, 0, 0], [3, 29], 477, "??AA?AAAAAAAAAAA"),
+            ([0, 32, 0, 2], [5, 22], 288, "BB?AB??AB?AA??AA"),
+            ([0, 128, 1, 0], [7, 8], 1, "BBB?BBBBBBBBBBBB"),
+            ([0, 0, 4, 16], [10, 19], 77, "BBBBBBB?BB??BB?A"),
+            ([128, 0, 0, 1], [23, 24], 1, "BBBBBBBBBBBB?BBB"),
+            ([36, 0, 0, 0], [26, 29], 0, "?BBB?BBB?BBB?BBB"),
+            ([0, 16, 0, 16], [4, 19], 224, "BB?ABB?ABB?ABB?A"),
+            ([16, 0, 16, 0], [12, 27], 224, "BBBBBBBB????AAAA"),
+        ];
+        for ([left, top, right, bottom], slots, area, cells) in golden {
+            let ring = ring(left, top, right, bottom);
+            let (cls, _) = COARSE.classify(ring, false, 0);
+            let larger_is_a = 2 * area >= 512;
+            let larger = if larger_is_a { area } else { 512 - area };
+            assert_eq!((cls & CLASS, ends(cls), primary_area(cls)), (SIMPLE, slots, larger));
+            assert_eq!(cls & (PRIMARY_IS_A | VALID), u32::from(larger_is_a) * PRIMARY_IS_A);
+            for (cell, expected) in (0..).zip(cells.chars()) {
+                let (cls, _) = COARSE.classify(ring, true, cell);
+                let found = match (cls & AMBIGUOUS != 0, cls & PRIMARY_IS_A != 0) {
+                    (true, is_a) => {
+                        assert_eq!((cls & VALID, is_a), (0, larger_is_a));
+                        '?'
+                    }
+                    (false, true) => 'A',
+                    (false, false) => 'B',
+                };
+                assert_eq!(found, expected, "{slots:?} {cell}");
+                let primary = if cls & PRIMARY_IS_A != 0 { area } else { 512 - area };
+                assert_eq!((primary_area(cls), cls >> CELL_SHIFT), (primary, cell));
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_without_a_chord_have_one_region() {
+        for (ring, class) in [(0, EMPTY), (8, EMPTY), (0x8000_0101, COMPLEX), (u32::MAX, COMPLEX)] {
+            let whole = class | PRIMARY_IS_A | 512 << AREA_SHIFT;
+            assert_eq!(FINE.classify(ring, false, 77), (whole, AIM_CENTER));
+            // Row 10 and column 7 of 16 are row 2 and column 1 of 4.
+            assert_eq!(FINE.classify(ring, true, 10 * 16 + 7), (whole | VALID | 9 << CELL_SHIFT, AIM_CENTER));
+        }
+    }
+
+    #[test]
+    fn shares_of_ambiguous_cells() {
+        // Over all chords between two sides; for random lines algorithms.md section 2.4 gives 26.5, 13.6 and 7.7%.
+        for (log2, share) in [(2, 0.286458), (3, 0.146484), (4, 0.081543)] {
+            let grid = Grid { log2, guess: false };
+            let rings =
+                simple_rings().filter(|ring| ring.trailing_zeros() / 8 != (31 - ring.leading_zeros()) / 8);
+            let (mut count, mut ambiguous) = (0, 0);
+            for ring in rings {
+                for cell in 0..1 << (2 * log2) {
+                    count += 1;
+                    ambiguous += u32::from(grid.classify(ring, true, cell).0 & AMBIGUOUS != 0);
+                }
+            }
+            let found = ambiguous as f32 / count as f32;
+            assert!((found - share).abs() < 1e-6, "{found} of {}x{0} cells", 1 << log2);
+        }
+    }
+
+    #[test]
+    fn the_next_sample_is_never_ambiguous() {
+        for log2 in 2..=4 {
+            let grid = Grid { log2, guess: false };
+            let mut centres = 0;
+            for ring in simple_rings() {
+                let (without, aim) = grid.classify(ring, false, 0);
+                // One that comes back a rounding off the target is not ambiguous either.
+                for (dx, dy) in [(0, 0), (0, -64), (-64, 0), (-64, -64), (64, 64)] {
+                    let moved = |share: u32, by: i32| share.wrapping_add_signed(by);
+                    let landed = moved(aim & 0xFFFF, dx) | moved(aim >> 16, dy) << 16;
+                    let (healed, _) = grid.classify(ring, true, cell_at(landed, log2));
+                    assert_eq!(healed & (VALID | AMBIGUOUS), VALID, "{ring:#x} {log2}");
+                    // Away from the centre it aims at the region that was the primary one.
+                    assert!(aim == AIM_CENTER || (healed ^ without) & PRIMARY_IS_A == 0, "{ring:#x} {log2}");
+                }
+                centres += u32::from(aim == AIM_CENTER);
+            }
+            // The centre is the rule where the chord is not near.
+            assert!(centres > 160 && centres < 496, "{centres} of 496");
+        }
+    }
+
+    #[test]
+    fn a_sample_of_a_small_region_is_asked_for_again_there() {
+        // Cells 14 of E1 are in A, the smaller region; the centre is ambiguous.
+        let (cls, aim) = COARSE.classify(0x1000_4000, true, 14);
+        assert_eq!((cls & PRIMARY_IS_A, primary_area(cls)), (PRIMARY_IS_A, 192));
+        assert_eq!(cell_at(aim, 2), 12);
+    }
+
+    #[test]
+    fn guesses_take_the_side_of_the_cells_centre() {
+        let guess = Grid { guess: true, ..COARSE };
+        for ring in simple_rings() {
+            for cell in 0..16 {
+                let (guessed, dropped) =
+                    (guess.classify(ring, true, cell).0, COARSE.classify(ring, true, cell).0);
+                if dropped & AMBIGUOUS == 0 {
+                    assert_eq!(guessed, dropped);
+                    continue;
+                }
+                assert_eq!(guessed & (VALID | AMBIGUOUS), VALID | AMBIGUOUS);
+                let [p, q] = ends(guessed);
+                let centre = [4 * (cell & 3) as i32 + 2, 4 * (cell >> 2) as i32 + 2];
+                let side = Chord::new(p, q).side(centre);
+                assert!(side == 0 || (guessed & PRIMARY_IS_A != 0) == (side > 0));
+            }
+        }
+    }
+
+    fn harness(params: ClassifyParams, mask: &Mask, id: &[u32], subpixel: &[u32]) -> Harness<Classify> {
+        let mut harness = Harness::new(params, &settings(mask.size, 0));
+        harness.set("mask", &mask.words);
+        harness.set("id", id);
+        harness.set("subpixel", subpixel);
+        harness
+    }
+
+    fn assert_agree(both: &Both) {
+        ["cls", "kept", "aim"].iter().for_each(|name| both.assert_equal::<u32>(name));
+    }
+
+    #[test]
+    fn an_edge_across_an_image() {
+        // E10 of algorithms.md section 2.6.
+        let mut mask = Mask::new([7, 7]);
+        mask.line([-256, 496], [2048, 1360]);
+        let none = [NO_POINT; 49];
+        let both = run_both(&mut harness(ClassifyParams::default(), &mask, &none, &[0; 49]));
+        assert_agree(&both);
+        let classes: Vec<u32> = both.cpu.get::<u32>("cls").iter().map(|cls| cls & CLASS).collect();
+        let row = |y: usize| &classes[7 * y + 1..7 * y + 6];
+        assert_eq!([2, 3, 4].map(row), [[1, 0, 0, 0, 0], [1, 1, 1, 1, 0], [0, 0, 0, 1, 1]]);
+        assert_eq!([0, 1, 5, 6].map(row), [[0; 5]; 4]);
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(11);
+        for size in [[1, 1], [13, 1], [67, 41]] {
+            let mask = Mask::random(size, 25, &mut random);
+            let pixels = (size[0] * size[1]) as usize;
+            let id: Vec<u32> =
+                (0..pixels as u32).map(|p| if random.below(3) == 0 { NO_POINT } else { p }).collect();
+            for subpixel_bits in 4..=8 {
+                for ambiguous in [Ambiguous::Drop, Ambiguous::Guess] {
+                    let subpixel: Vec<u32> =
+                        (0..pixels).map(|_| random.below(1 << (subpixel_bits / 2 * 2))).collect();
+                    let params = ClassifyParams { subpixel_bits, ambiguous };
+                    let both = run_both(&mut harness(params, &mask, &id, &subpixel));
+                    assert_agree(&both);
+                    let (cls, kept) = (both.cpu.get::<u32>("cls"), both.cpu.get::<u32>("kept"));
+                    for p in 0..pixels {
+                        let dropped = ambiguous == Ambiguous::Drop && cls[p] & AMBIGUOUS != 0;
+                        assert_eq!(kept[p], if dropped { NO_POINT } else { id[p] });
+                        assert_eq!(cls[p] & VALID != 0, kept[p] != NO_POINT);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_ambiguous_pixel_heals() {
+        let mut random = Random(12);
+        let mask = Mask::random([48, 40], 40, &mut random);
+        let id: Vec<u32> = (0..48 * 40).collect();
+        for subpixel_bits in [4, 8] {
+            let params = ClassifyParams { subpixel_bits, ..ClassifyParams::default() };
+            let log2 = subpixel_bits / 2;
+            let subpixel: Vec<u32> = id.iter().map(|_| random.below(1 << subpixel_bits)).collect();
+            let first = run_both(&mut harness(params.clone(), &mask, &id, &subpixel));
+            assert_agree(&first);
+            let kept = first.gpu.get::<u32>("kept");
+            assert!(kept.iter().filter(|&&id| id == NO_POINT).count() > 20);
+            // Every dropped sample is traced again at its aim.
+            let mut next = subpixel;
+            for (p, aim) in first.gpu.get::<u32>("aim").into_iter().enumerate() {
+                if kept[p] == NO_POINT {
+                    next[p] = cell_at(aim, log2);
+                }
+            }
+            let second = run_both(&mut harness(params, &mask, &id, &next));
+            assert_agree(&second);
+            assert_eq!(second.gpu.get::<u32>("kept"), id);
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Collects the edges whose bits are set, in their order: the last step of [`crate::silhouette`], and a stage of its own
+//! for the CPU, where the papers did it.
+
+use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage};
+
+use crate::shared::segments::{MeshEdge, Segment};
+
+/// Words of 32 edges that a task goes through.
+const BLOCK: usize = 256;
+
+/// A list of edges, and the segments that become of some of them.
+pub struct Compaction {
+    vertices: In<[f32; 4]>,
+    edges: In<MeshEdge>,
+    segments: Out<Segment>,
+    count: Out<u32>,
+}
+
+impl Compaction {
+    /// Declares the outputs `segments` and `count`.
+    pub fn declare(io: &mut Io, vertices: In<[f32; 4]>, edges: In<MeshEdge>) -> Self {
+        let segments = io.write("segments", "The silhouettes, in the order of the edges.", Extent::Edges);
+        let count = io.write("count", "How many silhouettes there are.", Extent::Fixed([1, 1]));
+        Self { vertices, edges, segments, count }
+    }
+
+    /// Writes the segments of the edges whose bit of `drawn`, 32 to a word, is set.
+    pub fn run(&self, cx: &CpuContext, drawn: &[u32]) {
+        let (vertices, edges) = (&cx.read(self.vertices)[..], &cx.read(self.edges)[..]);
+        let drawn = &drawn[..edges.len().div_ceil(32)];
+        let count = count_ones(drawn);
+        cx.write(self.count)[0] = count as u32;
+        let segment = |index: usize| {
+            let edge = &edges[index];
+            let [a, b] = edge.vertices.map(|vertex| {
+                let [x, y, z, _] = vertices[vertex as usize];
+                [x, y, z]
+            });
+            Segment { a, flags: 0, b, edge: index as u32 }
+        };
+        collect(drawn, 0, &segment, &mut cx.write(self.segments)[..count]);
+    }
+}
+
+/// Writes the segment of each bit of `words`, of which the first is bit `first`.
+fn collect(
+    words: &[u32],
+    first: usize,
+    segment: &(impl Fn(usize) -> Segment + Sync),
+    segments: &mut [Segment],
+) {
+    if words.len() > BLOCK {
+        let (low, high) = words.split_at(words.len() / 2);
+        let (low_segments, high_segments) = segments.split_at_mut(count_ones(low));
+        rayon::join(
+            || collect(low, first, segment, low_segments),
+            || collect(high, first + 32 * low.len(), segment, high_segments),
+        );
+        return;
+    }
+    let mut segments = segments.iter_mut();
+    for (index, &word) in words.iter().enumerate() {
+        let mut bits = word;
+        while bits != 0 {
+            let edge = first + 32 * index + bits.trailing_zeros() as usize;
+            *segments.next().expect("as many as bits") = segment(edge);
+            bits &= bits - 1;
+        }
+    }
+}
+
+fn count_ones(words: &[u32]) -> usize {
+    words.iter().map(|word| word.count_ones() as usize).sum()
+}
+
+/// See the module.
+pub struct Compact {
+    drawn: In<u32>,
+    compaction: Compaction,
+}
+
+impl Stage for Compact {
+    const KIND: &'static str = "compact";
+    const DOC: &'static str = "Collects the silhouettes that a stage has marked, on the CPU.";
+    type Params = ();
+
+    fn declare(_: &(), io: &mut Io) -> Self {
+        let vertices = io.read("vertices", "Positions, metres.", Extent::Vertices);
+        let edges = io.read("edges", "Vertices, faces and kind of every edge.", Extent::Edges);
+        let drawn =
+            io.read("drawn", "Bits of the edges that are silhouettes, 32 to a number.", Extent::Edges);
+        Self { drawn, compaction: Compaction::declare(io, vertices, edges) }
+    }
+
+    fn cpu(&self, _: &(), cx: &CpuContext) -> Result<(), String> {
+        self.compaction.run(cx, &cx.read(self.drawn));
+        Ok(())
+    }
+
+    fn needless(_: &(), facts: &Facts) -> Option<&'static str> {
+        (facts.faces == 0).then_some("the scene has no faces")
+    }
+}

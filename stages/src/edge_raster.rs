@@ -1,0 +1,882 @@
+//! Marks where edges cross the sides of pixels, at an eighth of a pixel (`algorithms.md` section 2.2).
+//!
+//! A side of a pixel has eight slots. `mask` holds for each pixel the slots of its left side, that lie at k/8 to (k+1)/8
+//! of a pixel from the top, in bits 0 to 7, and those of its top side, from the left, in bits 8 to 15; right and bottom
+//! side are the left and top ones of the neighbours, for which the image has one more column and row.
+//!
+//! **Exactness.** The ends of a segment are rounded to 1/256 of a pixel; from there on all is integers, so that both
+//! sides of the program agree and edges that share a vertex fit together. Vertices and edges that lie exactly on lines of
+//! the pixel grid are handled as if everything were moved to the right by an infinitely small distance and down by a
+//! yet infinitely smaller one. So closed polygons cross the perimeter of every pixel an even number of times, and a line
+//! crosses it twice or not at all, even one through the pixels' corners or along their sides.
+//!
+//! **Clipping.** A segment is cut at the near plane and, to bound the integers, at a square of 65,535 pixels around the
+//! middle of the image, before it is rounded. Both lie outside of the image, so no crossing in the image is lost or
+//! gained. A cut end differs from a point on the line by a rounding, that is less than 1/100 of a pixel, and less again
+//! at the image; ends that are not cut keep their coordinates.
+//!
+//! **Penumbrae.** The boundaries of a soft shadow are edges only where its penumbra is narrow on the screen: its width is
+//! taken as if it lay across the view.
+//!
+//! **Depth.** An edge is hidden where it lies behind the filtered depth of the pixels beside the crossing; 1 / z is
+//! interpolated linearly along the segment on the screen.
+
+use std::{
+    cell::Ref,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicU32, Ordering::Relaxed},
+    },
+};
+
+use epigraph_core::{
+    CpuContext, Extent, In, Io, Out, Pass, Stage, Threads, View, choice, item, params, shader, texel,
+};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::shared::segments::{Segment, penumbra_width};
+
+/// Units of the fixed point in a pixel.
+const PIXEL: i32 = 256;
+/// The binary logarithm of [`PIXEL`].
+const PIXEL_SHIFT: u32 = 8;
+/// The binary logarithm of an eighth of a pixel in units.
+const SLOT_SHIFT: u32 = 5;
+
+/// Pixels from one edge of the space in which segments are drawn to the other: coordinates differ by less than 2^24
+/// units, so that 256 times a difference fits into 32 bits and a product of two into 48.
+const SPAN: f32 = 65535.0;
+
+/// Metres beyond which a coordinate counts as no number.
+const LIMIT: f32 = 1e20;
+
+/// Workgroups that draw segments with many crossings on the GPU.
+const LONG_GROUPS: u32 = 256;
+/// How many of these segments there may be; the rest is drawn by one thread each.
+const LONG_SEGMENTS: u32 = 65536;
+
+/// Segments of one task on the CPU.
+const CHUNK: usize = 16;
+
+choice! {
+    /// How the GPU finds the pixels that a segment crosses.
+    pub enum Method {
+        /// A thread goes through the crossings of a segment, or a workgroup if there are many.
+        Compute,
+        /// The rasteriser draws segments as lines two pixels wide, and each pixel marks its own sides: the papers' way.
+        Lines,
+    }
+}
+
+choice! {
+    /// Which of the two pixels beside a crossing decide whether the edge shows there.
+    pub enum DepthTest {
+        /// It shows if it does so at either pixel.
+        Either,
+        /// The one whose left or top side it is, or the other where that is outside of the image: the papers' rule.
+        Owner,
+        /// It shows if it does so at both pixels.
+        Both,
+        /// Every edge shows.
+        Off,
+    }
+}
+
+params! {
+    /// Parameters of [`EdgeRaster`].
+    pub struct EdgeRasterParams {
+        /// How the GPU finds the pixels that a segment crosses; the CPU has one way for both, and the result is the same.
+        method: Method = Method::Compute;
+        /// Which of the two pixels beside a crossing decide whether the edge shows there.
+        depth_test: DepthTest = DepthTest::Either;
+        /// The boundaries of a penumbra count as edges where it is narrower than this on the screen: a wider one is no step
+        /// in the image (`algorithms.md` section 11.2).
+        max_penumbra: f32 = 2.0, in 0.0..=1e6, unit "pixels";
+    }
+}
+
+item! {
+    /// The part of a segment that is drawn: two points in the image in 1/256 pixel, and 1 / z there.
+    pub struct Snapped {
+        /// From the left edge.
+        ax: i32,
+        /// From the top edge.
+        ay: i32,
+        /// From the left edge, of the other end.
+        bx: i32,
+        /// From the top edge, of the other end.
+        by: i32,
+        /// One over the distance along the axis, 1/metres.
+        inverse_a: f32,
+        /// The same of the other end.
+        inverse_b: f32,
+        /// Width of the penumbra whose boundary the segment is, in pixels at a distance of 1 metre.
+        penumbra: f32,
+    }
+}
+
+/// See the module.
+pub struct EdgeRaster {
+    silhouettes: Option<List>,
+    shadows: Option<List>,
+    filtered: In<f32>,
+    mask: Out<u32>,
+    /// The mask while it is drawn: threads set bits of it in any order.
+    drawn: Mutex<Vec<AtomicU32>>,
+}
+
+/// Segments, and how many of them there are; without it, all of the list.
+struct List {
+    names: &'static Names,
+    segments: In<Segment>,
+    count: Option<In<u32>>,
+}
+
+/// What belongs to a list: ports, defines and entry points.
+struct Names {
+    segments: &'static str,
+    count: &'static str,
+    define: &'static str,
+    define_count: &'static str,
+    draw: &'static str,
+    corner: &'static str,
+}
+
+const SILHOUETTES: Names = Names {
+    segments: "silhouettes",
+    count: "silhouette_count",
+    define: "SILHOUETTES",
+    define_count: "SILHOUETTE_COUNT",
+    draw: "draw_silhouettes",
+    corner: "silhouette_corner",
+};
+
+const SHADOWS: Names = Names {
+    segments: "shadows",
+    count: "shadow_count",
+    define: "SHADOWS",
+    define_count: "SHADOW_COUNT",
+    draw: "draw_shadows",
+    corner: "shadow_corner",
+};
+
+impl List {
+    fn declare(io: &mut Io, names: &'static Names, doc: &'static str) -> Option<Self> {
+        let segments = io.optional(names.segments, doc, Extent::Any);
+        let count_doc = "How many of them there are; all of the list if not connected.";
+        let count = io.optional(names.count, count_doc, Extent::Fixed([1, 1]));
+        Some(Self { names, segments: segments?, count })
+    }
+
+    fn define(&self, io: &mut Io) {
+        io.define(self.names.define);
+        if self.count.is_some() {
+            io.define(self.names.define_count);
+        }
+    }
+
+    /// The segments that there are.
+    fn read<'a>(&self, cx: &'a CpuContext) -> Ref<'a, [Segment]> {
+        let count = self.count.map_or(u32::MAX, |count| cx.read(count)[0]);
+        Ref::map(cx.read(self.segments), |segments| &segments[..segments.len().min(count as usize)])
+    }
+}
+
+impl Stage for EdgeRaster {
+    const KIND: &'static str = "edge_raster";
+    const DOC: &'static str = "Marks where edges that are not hidden cross the sides of pixels.";
+    type Params = EdgeRasterParams;
+
+    fn declare(params: &EdgeRasterParams, io: &mut Io) -> Self {
+        let silhouettes = List::declare(io, &SILHOUETTES, "Edges of objects.");
+        let shadows = List::declare(io, &SHADOWS, "Boundaries of shadows.");
+        let filtered =
+            io.read("filtered", "Distance behind which an edge is hidden, metres.", Extent::Frame(1));
+        let mask = io.write(
+            "mask",
+            "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15.",
+            Extent::Corners,
+        );
+        io.shader(shader!("edge_raster"));
+        io.dispatch("clear", mask);
+        let lists = [silhouettes.as_ref(), shadows.as_ref()].into_iter().flatten();
+        lists.clone().for_each(|list| list.define(io));
+        match params.method {
+            Method::Compute => {
+                let (long, long_count) = (Extent::Fixed([LONG_SEGMENTS, 1]), Extent::Fixed([1, 1]));
+                io.write::<Snapped>("long", "Scratch: segments with many crossings.", long);
+                io.write::<u32>("long_count", "Scratch: how many there are.", long_count);
+                lists.for_each(|list| io.dispatch(list.names.draw, list.segments));
+                io.compute("draw_long", Threads::Groups(LONG_GROUPS));
+            }
+            Method::Lines => {
+                io.define("LINES");
+                let visited: Out<texel::R32Uint> =
+                    io.write("visited", "Scratch: 1 where a line was drawn last.", Extent::Corners);
+                lists.for_each(|list| {
+                    io.pass(Pass::Lines {
+                        vertex: list.names.corner,
+                        fragment: "mark_pixel",
+                        count: list.segments.into(),
+                        target: visited.into(),
+                    });
+                });
+            }
+        }
+        Self { silhouettes, shadows, filtered, mask, drawn: Mutex::default() }
+    }
+
+    fn cpu(&self, params: &EdgeRasterParams, cx: &CpuContext) -> Result<(), String> {
+        let mut mask = cx.write(self.mask);
+        let mut drawn = self.drawn.lock().unwrap_or_else(PoisonError::into_inner);
+        drawn.resize_with(mask.len(), AtomicU32::default);
+        drawn.par_iter_mut().for_each(|word| *word.get_mut() = 0);
+
+        let filtered = cx.read(self.filtered);
+        let image = Image {
+            view: cx.frame().view,
+            size: cx.frame().size.map(|side| side as i32),
+            depth_test: params.depth_test,
+            max_penumbra: params.max_penumbra,
+            filtered: &filtered,
+            mask: &drawn,
+        };
+        for list in [&self.silhouettes, &self.shadows].into_iter().flatten() {
+            list.read(cx).par_chunks(CHUNK).for_each(|segments| {
+                for snapped in segments.iter().filter_map(|segment| image.snap(segment)) {
+                    image.draw(&snapped);
+                }
+            });
+        }
+        mask.par_iter_mut().zip(&*drawn).for_each(|(mask, drawn)| *mask = drawn.load(Relaxed));
+        Ok(())
+    }
+}
+
+/// What is drawn into.
+struct Image<'a> {
+    view: View,
+    size: [i32; 2],
+    depth_test: DepthTest,
+    max_penumbra: f32,
+    filtered: &'a [f32],
+    mask: &'a [AtomicU32],
+}
+
+impl Image<'_> {
+    /// The part of a segment in front of the near plane and in the space that is drawn, as pixels in fixed point.
+    fn snap(&self, segment: &Segment) -> Option<Snapped> {
+        let within = |p: [f32; 3]| p.iter().all(|c| c.abs() <= LIMIT);
+        if !(within(segment.a) && within(segment.b)) {
+            return None;
+        }
+        let near = self.view.near;
+        let half = self.size.map(|side| 0.5 * side as f32);
+        let scale = [half[0] / self.view.tan_x, half[1] / self.view.tan_y];
+        let limit = 0.5 * SPAN;
+        let a = self.to_view(segment.a, scale);
+        let b = self.to_view(segment.b, scale);
+
+        let mut t = [0.0, 1.0];
+        t = cut(t, a[2] - near, b[2] - near);
+        t = cut(t, limit * a[2] + a[0], limit * b[2] + b[0]);
+        t = cut(t, limit * a[2] - a[0], limit * b[2] - b[0]);
+        t = cut(t, limit * a[2] + a[1], limit * b[2] + b[1]);
+        t = cut(t, limit * a[2] - a[1], limit * b[2] - b[1]);
+        if t[0] > t[1] {
+            return None;
+        }
+        let between = |t: f32| [0, 1, 2].map(|axis| a[axis] + t * (b[axis] - a[axis]));
+        // An end that is not cut off keeps its very coordinates, so that edges go on meeting in it.
+        let start = if t[0] > 0.0 { between(t[0]) } else { a };
+        let end = if t[1] < 1.0 { between(t[1]) } else { b };
+        let inverse = [start, end].map(|p| 1.0 / p[2].max(near));
+        let fixed = |p: [f32; 3], inverse: f32, axis: usize| {
+            let (low, high) = (half[axis] - limit, half[axis] + limit);
+            let at = ((half[axis] + p[axis] * inverse) * PIXEL as f32 + 0.5).floor();
+            at.clamp(low * PIXEL as f32, high * PIXEL as f32) as i32
+        };
+        Some(Snapped {
+            ax: fixed(start, inverse[0], 0),
+            ay: fixed(start, inverse[0], 1),
+            bx: fixed(end, inverse[1], 0),
+            by: fixed(end, inverse[1], 1),
+            inverse_a: inverse[0],
+            inverse_b: inverse[1],
+            penumbra: penumbra_width(segment.flags) * scale[0],
+        })
+    }
+
+    /// Right and down, times the distance in pixels from the image's middle; and the distance along the axis, metres.
+    fn to_view(&self, position: [f32; 3], scale: [f32; 2]) -> [f32; 3] {
+        let p = Vec3::from(position) - Vec3::from(self.view.eye);
+        let along = |axis: [f32; 3]| p.dot(axis.into());
+        [along(self.view.right) * scale[0], -(along(self.view.up) * scale[1]), along(self.view.forward)]
+    }
+
+    /// Marks all crossings.
+    fn draw(&self, snapped: &Snapped) {
+        for axis in [0, 1] {
+            let lines = Lines::new(snapped, axis, self.size[axis]);
+            for line in lines.first..=lines.last {
+                let crossing = lines.crossing(line, axis == 0);
+                if snapped.penumbra <= self.max_penumbra * crossing.z {
+                    self.mark(axis, line, &crossing);
+                }
+            }
+        }
+    }
+
+    /// Marks a crossing with a line, if it lies in the image and is not hidden.
+    fn mark(&self, axis: usize, line: i32, crossing: &Crossing) {
+        let Crossing { slot, z } = *crossing;
+        let mut pixel = [line, slot >> 3];
+        if slot < 0 || pixel[1] >= self.size[1 - axis] {
+            return;
+        }
+        if axis == 1 {
+            pixel.swap(0, 1);
+        }
+        if self.is_shown(z, pixel, axis) {
+            let bit = (slot & 7) as usize + 8 * axis;
+            let corner = pixel[1] as usize * (self.size[0] as usize + 1) + pixel[0] as usize;
+            self.mask[corner].fetch_or(1 << bit, Relaxed);
+        }
+    }
+
+    /// Whether an edge at distance z shows at the left (axis 0) or top (axis 1) side of a pixel.
+    fn is_shown(&self, z: f32, owner: [i32; 2], axis: usize) -> bool {
+        let mut other = owner;
+        other[axis] -= 1;
+        let owner_exists = owner[axis] < self.size[axis];
+        let other_exists = other[axis] >= 0;
+        let at_owner = owner_exists && z <= self.depth(owner);
+        let at_other = other_exists && z <= self.depth(other);
+        match self.depth_test {
+            DepthTest::Either => at_owner || at_other,
+            DepthTest::Owner => {
+                if owner_exists {
+                    at_owner
+                } else {
+                    at_other
+                }
+            }
+            DepthTest::Both => (at_owner || !owner_exists) && (at_other || !other_exists),
+            DepthTest::Off => true,
+        }
+    }
+
+    fn depth(&self, pixel: [i32; 2]) -> f32 {
+        self.filtered[pixel[1] as usize * self.size[0] as usize + pixel[0] as usize]
+    }
+}
+
+/// The part of t where a distance that goes from `a` (t = 0) to `b` (t = 1) is not negative.
+fn cut(t: [f32; 2], a: f32, b: f32) -> [f32; 2] {
+    if a < 0.0 && b < 0.0 {
+        [1.0, 0.0]
+    } else if a < 0.0 {
+        [t[0].max(a / (a - b)), t[1]]
+    } else if b < 0.0 {
+        [t[0], t[1].min(a / (a - b))]
+    } else {
+        t
+    }
+}
+
+/// The lines of the pixel grid across one axis that a segment crosses in the image.
+struct Lines {
+    /// The end with the lesser coordinate along the axis: that coordinate, and the other one.
+    start: [i32; 2],
+    /// From there to the other end; the first is positive where there are lines.
+    delta: [i32; 2],
+    /// 1 / z there, and from there to the other end.
+    inverse: [f32; 2],
+    first: i32,
+    last: i32,
+}
+
+/// Where a segment crosses a line.
+struct Crossing {
+    /// In eighths of a pixel from the image's top or left edge.
+    slot: i32,
+    /// Distance along the view axis, metres.
+    z: f32,
+}
+
+impl Lines {
+    /// Vertical lines for axis 0, horizontal ones for axis 1, of an image with `size` pixels along the axis.
+    fn new(snapped: &Snapped, axis: usize, size: i32) -> Self {
+        let Snapped { ax, ay, bx, by, inverse_a, inverse_b, .. } = *snapped;
+        let (mut a, mut b) = if axis == 0 { ([ax, ay], [bx, by]) } else { ([ay, ax], [by, bx]) };
+        let mut inverse = [inverse_a, inverse_b];
+        if b[0] < a[0] {
+            (a, b) = (b, a);
+            inverse.swap(0, 1);
+        }
+        Self {
+            start: a,
+            delta: [b[0] - a[0], b[1] - a[1]],
+            inverse: [inverse[0], inverse[1] - inverse[0]],
+            // A vertex on a line lies beyond it.
+            first: ((a[0] >> PIXEL_SHIFT) + 1).max(0),
+            last: (b[0] >> PIXEL_SHIFT).min(size),
+        }
+    }
+
+    /// The crossing with a line.
+    fn crossing(&self, line: i32, vertical: bool) -> Crossing {
+        let along = (line * PIXEL - self.start[0]) as u32;
+        let length = self.delta[0] as u32;
+        // The crossing's other coordinate is start[1] +- (quotient + rest / length).
+        let product = u64::from(along) * u64::from(self.delta[1].unsigned_abs());
+        let quotient = (product / u64::from(length)) as i32;
+        let rest = product % u64::from(length);
+
+        // In a crossing with the very end of a slot the slot before counts on vertical lines, if the segment goes down:
+        // the perturbation that puts vertices beyond lines moves it there.
+        let (whole, before) = if self.delta[1] > 0 {
+            (self.start[1] + quotient, vertical && rest == 0)
+        } else {
+            (self.start[1] - quotient, rest != 0)
+        };
+        Crossing {
+            slot: (whole - i32::from(before)) >> SLOT_SHIFT,
+            z: 1.0 / (self.inverse[0] + self.inverse[1] * (along as f32 / length as f32)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::{
+        segments::{SHADOW_PENUMBRA, shadow_flags},
+        testing::{Random, run_both, run_cpu, settings},
+    };
+
+    /// A view in which a point at z = 1 has its pixel coordinates as x and y, from the image's middle.
+    fn view(size: [u32; 2]) -> View {
+        let [tan_x, tan_y] = size.map(|side| 0.5 * side as f32);
+        View { tan_x, tan_y, near: 0.5, far: 1000.0, ..View::default() }
+    }
+
+    /// The point at distance z whose image lies at (x, y) in 1/256 pixel.
+    fn point([x, y]: [i32; 2], z: f32, size: [u32; 2]) -> [f32; 3] {
+        let [x, y] = [x as f32 / 256.0 - 0.5 * size[0] as f32, y as f32 / 256.0 - 0.5 * size[1] as f32];
+        [x * z, -y * z, -z]
+    }
+
+    /// A segment at distance 1.
+    fn flat([ax, ay, bx, by]: [i32; 4], size: [u32; 2]) -> Segment {
+        let (a, b) = (point([ax, ay], 1.0, size), point([bx, by], 1.0, size));
+        Segment { a, b, ..Segment::default() }
+    }
+
+    fn harness(depth_test: DepthTest, size: [u32; 2], segments: &[Segment]) -> Harness<EdgeRaster> {
+        harness_of(EdgeRasterParams { depth_test, ..EdgeRasterParams::default() }, size, segments)
+    }
+
+    fn harness_of(params: EdgeRasterParams, size: [u32; 2], segments: &[Segment]) -> Harness<EdgeRaster> {
+        let mut harness = Harness::new(params, &settings(size, 0));
+        harness.frame.view = view(size);
+        harness.set("silhouettes", segments);
+        harness.set("silhouette_count", &[segments.len() as u32]);
+        harness.set("filtered", &vec![1000f32; (size[0] * size[1]) as usize]);
+        harness
+    }
+
+    fn mask(size: [u32; 2], segments: &[Segment]) -> Vec<u32> {
+        run_cpu(&mut harness(DepthTest::Either, size, segments)).get("mask")
+    }
+
+    /// Bits that are set: column, row, bit.
+    fn bits(mask: &[u32], size: [u32; 2]) -> Vec<[u32; 3]> {
+        let width = size[0] + 1;
+        let all = (0..mask.len() as u32).flat_map(|corner| (0..32).map(move |bit| [corner, bit]));
+        let set = all.filter(|&[corner, bit]| mask[corner as usize] >> bit & 1 == 1);
+        set.map(|[corner, bit]| [corner % width, corner / width, bit]).collect()
+    }
+
+    /// Crossings of each pixel's perimeter, row by row.
+    fn perimeters(mask: &[u32], [width, height]: [u32; 2]) -> Vec<u32> {
+        let at = |x: u32, y: u32| mask[(y * (width + 1) + x) as usize];
+        let count = |x, y| {
+            let own = (at(x, y) & 0xFFFF).count_ones();
+            own + (at(x + 1, y) & 0xFF).count_ones() + (at(x, y + 1) & 0xFF00).count_ones()
+        };
+        (0..height).flat_map(|y| (0..width).map(move |x| count(x, y))).collect()
+    }
+
+    /// The crossing rule of `algorithms.md` section 2.2 in plain integers, without clipping or depth.
+    fn model(size: [u32; 2], [x0, y0, x1, y1]: [i64; 4]) -> Vec<u32> {
+        let [width, height] = size.map(i64::from);
+        let mut mask = vec![0; ((width + 1) * (height + 1)) as usize];
+        if x0 != x1 {
+            let [ax, ay, bx, by] = if x0 < x1 { [x0, y0, x1, y1] } else { [x1, y1, x0, y0] };
+            let (dx, dy) = (bx - ax, by - ay);
+            for i in (0..=width).filter(|i| ax < 256 * i && 256 * i <= bx) {
+                let (n, d) = (8 * (ay * dx + (256 * i - ax) * dy), 256 * dx);
+                let slot = if dy > 0 { -(-n).div_euclid(d) - 1 } else { n.div_euclid(d) };
+                let row = slot.div_euclid(8);
+                if (0..height).contains(&row) {
+                    mask[(row * (width + 1) + i) as usize] |= 1 << slot.rem_euclid(8);
+                }
+            }
+        }
+        if y0 != y1 {
+            let [ax, ay, bx, by] = if y0 < y1 { [x0, y0, x1, y1] } else { [x1, y1, x0, y0] };
+            let (dx, dy) = (bx - ax, by - ay);
+            for j in (0..=height).filter(|j| ay < 256 * j && 256 * j <= by) {
+                let slot = (8 * (ax * dy + (256 * j - ay) * dx)).div_euclid(256 * dy);
+                let column = slot.div_euclid(8);
+                if (0..width).contains(&column) {
+                    mask[(j * (width + 1) + column) as usize] |= 256 << slot.rem_euclid(8);
+                }
+            }
+        }
+        mask
+    }
+
+    /// Asserts that both sides draw the segments as the model does.
+    #[track_caller]
+    fn assert_like_model(size: [u32; 2], ends: &[[i32; 4]]) {
+        let mut expected = vec![0; ((size[0] + 1) * (size[1] + 1)) as usize];
+        for ends in ends {
+            let one = model(size, ends.map(i64::from));
+            expected.iter_mut().zip(one).for_each(|(mask, one)| *mask |= one);
+        }
+        let segments: Vec<Segment> = ends.iter().map(|&ends| flat(ends, size)).collect();
+        for method in [Method::Compute, Method::Lines] {
+            let params = EdgeRasterParams { method, ..EdgeRasterParams::default() };
+            let both = run_both(&mut harness_of(params, size, &segments));
+            assert!(both.cpu.get::<u32>("mask") == expected, "{method:?} on the CPU");
+            assert!(both.gpu.get::<u32>("mask") == expected, "{method:?} on the GPU");
+        }
+    }
+
+    #[test]
+    fn golden_crossings() {
+        // algorithms.md section 2.6, E10.
+        let size = [7, 7];
+        let segment = [-256, 496, 2048, 1360];
+        let inside = |[x, y, _]: &[u32; 3]| (1..=5).contains(x) && (1..=5).contains(y);
+        let mut found: Vec<_> =
+            bits(&mask(size, &[flat(segment, size)]), size).into_iter().filter(inside).collect();
+        found.sort_unstable();
+        let expected = [[1, 2, 5], [1, 3, 8 + 6], [2, 3, 0], [3, 3, 3], [4, 3, 6], [4, 4, 8 + 4], [5, 4, 1]];
+        assert_eq!(found, expected);
+        assert_like_model(size, &[segment]);
+    }
+
+    #[test]
+    fn an_edge_on_a_side_marks_the_row_below() {
+        let size = [6, 6];
+        let expected: Vec<_> = (2..=5).map(|x| [x, 2, 0]).collect();
+        assert_eq!(bits(&mask(size, &[flat([256, 512, 1280, 512], size)]), size), expected);
+        // And one on a vertical side the column to the right.
+        let expected: Vec<_> = (2..=5).map(|y| [2, y, 8]).collect();
+        assert_eq!(bits(&mask(size, &[flat([512, 256, 512, 1280], size)]), size), expected);
+    }
+
+    #[test]
+    fn diagonals_through_corners_give_simple_pixels() {
+        let size = [6, 6];
+        for ends in [[-256, -256, 2048, 2048], [-256, 1792, 1792, -256], [2048, 2048, -512, -512]] {
+            let counts = perimeters(&mask(size, &[flat(ends, size)]), size);
+            assert!(counts.iter().all(|&count| count == 0 || count == 2), "{ends:?}: {counts:?}");
+            assert!(counts.iter().filter(|&&count| count == 2).count() >= 6, "{ends:?}: {counts:?}");
+        }
+    }
+
+    #[test]
+    fn a_line_crosses_a_perimeter_twice_or_never() {
+        let size = [10, 10];
+        let mut random = Random(2);
+        let mut lines = Vec::new();
+        for _ in 0..300 {
+            let mut y = || 32 * (random.below(120) as i32 - 24);
+            let ends = [-768, y(), 3328, y()];
+            lines.extend([ends, [ends[1], ends[0], ends[3], ends[2]]]);
+        }
+        for &ends in &lines {
+            let counts = perimeters(&mask(size, &[flat(ends, size)]), size);
+            assert!(counts.iter().all(|&count| count == 0 || count == 2), "{ends:?}");
+        }
+        assert_like_model(size, &lines);
+    }
+
+    #[test]
+    fn closed_polygons_cross_every_perimeter_evenly() {
+        let size = [10, 10];
+        let mut random = Random(3);
+        let mut edges = Vec::new();
+        for polygon in 0..120 {
+            // Half of them have their vertices on corners of pixels; some reach out of the image.
+            let (step, count) = if polygon % 2 == 0 { (256, 14) } else { (8, 14 * 32) };
+            let vertices: Vec<[i32; 2]> = (0..3 + random.below(4))
+                .map(|_| [0; 2].map(|_| step * random.below(count) as i32 - 512))
+                .collect();
+            let mut crossings = vec![0; 100];
+            for (i, &[ax, ay]) in vertices.iter().enumerate() {
+                let [bx, by] = vertices[(i + 1) % vertices.len()];
+                edges.push([ax, ay, bx, by]);
+                let counts = perimeters(&mask(size, &[flat([ax, ay, bx, by], size)]), size);
+                crossings.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+            }
+            assert!(crossings.iter().all(|count| count % 2 == 0), "{vertices:?}");
+        }
+        assert_like_model(size, &edges);
+    }
+
+    #[test]
+    fn long_segments_of_any_slope_are_exact() {
+        // The ends stay within the space that is drawn, so nothing is cut; most segments have many crossings.
+        let size = [256, 64];
+        let mut random = Random(4);
+        let ends: Vec<[i32; 4]> = (0..200)
+            .map(|i| {
+                let reach = if i % 2 == 0 { 16_000 } else { 8_000_000 };
+                [0; 4].map(|_| random.below(2 * reach) as i32 - reach as i32)
+            })
+            .chain([[-8_000_000, 8000, 8_000_000, 8001], [31, -8_000_000, 32, 8_000_000]])
+            .collect();
+        assert_like_model(size, &ends);
+    }
+
+    #[test]
+    fn long_segments_beyond_the_list_are_drawn_too() {
+        // One through each slot of the left sides, more of them than the list for long ones has places.
+        let size = [40, 8800];
+        let segments: Vec<Segment> =
+            (0..8 * 8800).map(|slot| flat([-256, 32 * slot + 16, 41 * 256, 32 * slot + 16], size)).collect();
+        assert!(segments.len() > LONG_SEGMENTS as usize);
+        let both = run_both(&mut harness(DepthTest::Either, size, &segments));
+        for out in [both.cpu, both.gpu] {
+            let mask = out.get::<u32>("mask");
+            let (rows, last) = mask.split_at(41 * 8800);
+            assert!(rows.iter().all(|&mask| mask == 0xFF) && last.iter().all(|&mask| mask == 0));
+        }
+    }
+
+    #[test]
+    fn a_segment_of_a_million_pixels_is_cut_without_a_trace() {
+        // In 1/256 pixel, so 4 million pixels each way.
+        let (size, reach) = ([64, 64], 1 << 30);
+        for (ends, near) in [
+            ([-reach, 5000, reach, 5000], [-256, 5000, 65536, 5000]),
+            ([7777, -reach, 7777, reach], [7777, -256, 7777, 65536]),
+            ([-reach, -reach, reach, reach], [-256, -256, 65536, 65536]),
+            ([-reach, 8192 - reach / 2, reach, 8192 + reach / 2], [-16384, 0, 32768, 24576]),
+        ] {
+            assert_eq!(mask(size, &[flat(ends, size)]), model(size, near.map(i64::from)), "{ends:?}");
+        }
+        // The same with the ends at distances that are far apart.
+        let segment = |reach: f32| Segment {
+            a: [-reach, 12.0, -1.0],
+            b: [reach, 12000.0, -1000.0],
+            ..Segment::default()
+        };
+        let counts = perimeters(&mask(size, &[segment(1e6)]), size);
+        assert!(counts.iter().all(|&count| count == 0 || count == 2));
+    }
+
+    #[test]
+    fn what_lies_before_the_near_plane_is_cut_off() {
+        // A straight line on a floor 2 m below the eye goes through under it; its image runs from the horizon's middle down.
+        let size = [64, 64];
+        let mut harness = harness(DepthTest::Off, size, &[]);
+        let segment = |z: f32| Segment { a: [1.0, -2.0, -1e6], b: [1.0, -2.0, z], ..Segment::default() };
+        harness.frame.view = View { near: 0.01, far: 1e9, ..View::default() };
+        let mut draw = |segment| {
+            harness.set("silhouettes", &[segment]);
+            harness.set("silhouette_count", &[1u32]);
+            let both = run_both(&mut harness);
+            both.assert_equal::<u32>("mask");
+            both.cpu.get::<u32>("mask")
+        };
+        let through = draw(segment(1e6));
+        // z = 2 is where the floor leaves the image at the bottom.
+        assert_eq!(draw(segment(-1.0)), through);
+        assert_eq!(bits(&through, size).iter().filter(|bit| bit[2] >= 8).count(), 32);
+        // By hand: at the bottom of row 47, y = 16 of 32, so z = 4 and x = 8 pixels from the middle.
+        assert!(bits(&through, size).contains(&[40, 48, 8]));
+        // Wholly before the near plane, and behind the eye.
+        for z in [-0.009, 5.0] {
+            let hidden = Segment { a: [-1.0, -0.001, z], b: [1.0, 0.001, z], ..Segment::default() };
+            assert!(draw(hidden).iter().all(|&mask| mask == 0), "{z}");
+        }
+    }
+    #[test]
+    fn depth_decides_at_each_crossing() {
+        let size = [4, 4];
+        // From the left edge to the right along the row of y = 1.5, at distances from 1 to 3: 1 / z is linear on the screen.
+        let segment =
+            Segment { a: point([0, 384], 1.0, size), b: point([1024, 384], 3.0, size), ..Segment::default() };
+        // At x = 2 the distance is 1 / (1 + 0.5 (1/3 - 1)) = 1.5.
+        let shown = |depth_test, left: f32, right: f32| {
+            let mut harness = harness(depth_test, size, &[segment]);
+            let mut filtered = [1000f32; 16];
+            (filtered[4 + 1], filtered[4 + 2]) = (left, right);
+            harness.set("filtered", &filtered);
+            let both = run_both(&mut harness);
+            both.assert_equal::<u32>("mask");
+            bits(&both.cpu.get::<u32>("mask"), size).contains(&[2, 1, 4])
+        };
+        for (depth_test, neither, left, right, both) in [
+            (DepthTest::Either, false, true, true, true),
+            (DepthTest::Owner, false, false, true, true),
+            (DepthTest::Both, false, false, false, true),
+            (DepthTest::Off, true, true, true, true),
+        ] {
+            let found = [(1.49, 1.49), (1.51, 1.49), (1.49, 1.51), (1.51, 1.51)]
+                .map(|(left, right)| shown(depth_test, left, right));
+            assert_eq!(found, [neither, left, right, both], "{depth_test:?}");
+        }
+    }
+
+    #[test]
+    fn boundaries_of_wide_penumbrae_are_no_edges() {
+        // The view has a pixel to a metre at 1 m, and the limit is 2 pixels: a penumbra of 2 m is narrow from 1 m on.
+        let size = [8, 8];
+        let ends = [point([-256, 1000], 0.6, size), point([2304, 1000], 8.0, size)];
+        for (penumbra, limit) in [(0.0, 0.0), (2.0, 1.0), (8.0, 4.0), (64.0, 32.0)] {
+            for method in [Method::Compute, Method::Lines] {
+                let flags = shadow_flags(SHADOW_PENUMBRA, penumbra);
+                let segment = Segment { a: ends[0], b: ends[1], flags, edge: 0 };
+                let params = EdgeRasterParams { method, ..EdgeRasterParams::default() };
+                let mut harness = harness_of(params, size, &[]);
+                harness.set("shadows", &[segment]);
+                harness.set("shadow_count", &[1u32]);
+                let both = run_both(&mut harness);
+                both.assert_equal::<u32>("mask");
+                // 1 / z is linear on the screen; the left side of column 0 is a tenth of the way.
+                let z = |x: u32| 1.0 / (1.0 / 0.6 + (1.0 / 8.0 - 1.0 / 0.6) * (x as f32 + 1.0) / 10.0);
+                let expected: Vec<u32> = (0..=8).filter(|&x| z(x) >= limit).collect();
+                let found: Vec<u32> =
+                    bits(&both.cpu.get::<u32>("mask"), size).iter().map(|bit| bit[0]).collect();
+                assert_eq!(found, expected, "{penumbra} {method:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn sides_of_the_image_have_one_pixel() {
+        let size = [3, 3];
+        let across = flat([-256, 384, 1024, 384], size);
+        let down = flat([384, -256, 384, 1024], size);
+        let ends = [[0, 1, 4], [3, 1, 4], [1, 0, 12], [1, 3, 12]];
+        for depth_test in [DepthTest::Either, DepthTest::Owner, DepthTest::Both] {
+            for (filtered, shown) in [(2f32, true), (0.5, false)] {
+                let mut harness = harness(depth_test, size, &[across, down]);
+                harness.set("filtered", &[filtered; 9]);
+                let both = run_both(&mut harness);
+                both.assert_equal::<u32>("mask");
+                let found = bits(&both.cpu.get::<u32>("mask"), size);
+                assert!(ends.iter().all(|end| found.contains(end) == shown), "{depth_test:?}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_is_not_drawn() {
+        let size = [32, 32];
+        let mut broken = Vec::new();
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 3e38] {
+            for axis in 0..3 {
+                let mut segment = flat([100, 100, 5000, 7000], size);
+                segment.a[axis] = bad;
+                let turned = Segment { a: segment.b, b: segment.a, ..segment };
+                broken.extend([segment, turned, Segment { a: [bad; 3], b: [bad; 3], ..segment }]);
+            }
+        }
+        let good = flat([100, 100, 5000, 7000], size);
+        broken.push(good);
+        let both = run_both(&mut harness(DepthTest::Either, size, &broken));
+        both.assert_equal::<u32>("mask");
+        assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &[good]));
+    }
+
+    #[test]
+    fn points_and_empty_lists_leave_no_mark_and_frames_start_afresh() {
+        let size = [8, 8];
+        let mut harness = harness(DepthTest::Either, size, &[flat([0, 100, 2000, 1900], size)]);
+        assert!(run_both(&mut harness).gpu.get::<u32>("mask").iter().any(|&mask| mask != 0));
+        harness.set("silhouette_count", &[0u32]);
+        let both = run_both(&mut harness);
+        for out in [both.cpu, both.gpu] {
+            assert_eq!(out.get::<u32>("mask"), [0; 81]);
+        }
+        assert_eq!(mask(size, &[flat([512; 4], size), flat([700, 300, 700, 300], size)]), [0; 81]);
+    }
+
+    #[test]
+    fn both_lists_are_drawn_as_far_as_they_are_filled() {
+        let size = [8, 8];
+        let segments = [[-256, 300, 4000, 1500], [300, -256, 900, 4000], [-256, 1900, 4000, 100]]
+            .map(|ends| flat(ends, size));
+        let mut harness = harness(DepthTest::Either, size, &segments[..1]);
+        harness.set("shadows", &segments[1..]);
+        harness.set("shadow_count", &[1u32]);
+        let both = run_both(&mut harness);
+        both.assert_equal::<u32>("mask");
+        assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &segments[..2]));
+
+        // Without a count all of a list is drawn; without lists nothing.
+        let mut harness = Harness::<EdgeRaster>::new(EdgeRasterParams::default(), &settings(size, 0));
+        harness.frame.view = view(size);
+        harness.set("filtered", &[1000f32; 64]);
+        let both = run_both(&mut harness);
+        for out in [both.cpu, both.gpu] {
+            assert_eq!(out.get::<u32>("mask"), [0; 81]);
+        }
+        harness.reset();
+        harness.set("shadows", &segments);
+        let both = run_both(&mut harness);
+        both.assert_equal::<u32>("mask");
+        assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &segments));
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let size = [120, 90];
+        let mut random = Random(6);
+        let mut end = |reach: f32| {
+            let z = random.between(-5.0, 60.0);
+            [reach * random.between(-z, z), reach * random.between(-z, z), -z]
+        };
+        let far: Vec<Segment> =
+            (0..400).map(|_| Segment { a: end(1.2), b: end(1.2), ..Segment::default() }).collect();
+        // A mesh has short edges that share vertices.
+        let near: Vec<Segment> = (0..4000)
+            .map(|_| {
+                let (a, step) = (end(1.0), end(0.005));
+                Segment { a, b: [a[0] + step[0], a[1] + step[1], a[2]], ..Segment::default() }
+            })
+            .collect();
+        let filtered: Vec<f32> = (0..120 * 90).map(|_| random.between(1.0, 60.0)).collect();
+        let lists = [("far", &far), ("near", &near)];
+        for method in [Method::Compute, Method::Lines] {
+            for depth_test in [DepthTest::Either, DepthTest::Owner, DepthTest::Both, DepthTest::Off] {
+                for (name, segments) in lists {
+                    let params = EdgeRasterParams { method, depth_test, ..EdgeRasterParams::default() };
+                    let mut harness = harness_of(params, size, segments);
+                    harness.frame.view = View { near: 0.5, tan_y: 0.75, ..View::default() };
+                    harness.set("filtered", &filtered);
+                    let both = run_both(&mut harness);
+                    let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<u32>("mask"));
+                    let count = cpu.iter().map(|mask| mask.count_ones()).sum::<u32>();
+                    let differing = cpu.iter().zip(&gpu).map(|(a, b)| (a ^ b).count_ones()).sum::<u32>();
+                    // A shader may fuse the products of the projection: an end near the middle between two units may
+                    // be rounded to the other one, and a crossing near the end of a slot then falls into the next. The
+                    // depth test compares floats.
+                    let what = format!("{name} {method:?} {depth_test:?}: {differing} of {count} differ");
+                    assert!(count > 500 && differing * 500 <= count, "{what}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,544 @@
+//! Colours every pixel from the samples in its 5x5 pixels that lie on the same side of all edges, and says how much a
+//! new sample there is worth (`algorithms.md` sections 1.6, 2.7 and 11.2).
+//!
+//! The colour is that of the pixel's primary region. The pixel's own sample counts, and those that `r24` says the
+//! primary region reaches. A complex pixel, in which edges leave no region to speak of, takes all samples around. Weights
+//! follow the distance from the pixel's centre to where in its pixel the sample really lies; the papers' fixed kernel
+//! is the alternative.
+//!
+//! Alpha is the sum of the weights, as a share of what it would be with a sample in the centre of each of the 25 pixels.
+//! Where it is 0 nothing could be reached, the colour is black, and `spread` has to find one.
+
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, choice, params, shader, texel};
+use rayon::prelude::*;
+
+pub use crate::fill::Priority;
+use crate::shared::{
+    cloud::{AGE, AGE_ONE, decode_radiance},
+    edge_pixel::{CLASS, COMPLEX},
+    requests::NO_POINT,
+};
+
+/// Pixels to each side of the centre.
+const REACH: usize = 2;
+/// Pixels on each side of the kernel.
+const SPAN: usize = 2 * REACH + 1;
+
+/// Rows of a task of the CPU.
+const BAND: usize = 32;
+/// Columns that a task goes down at a time.
+const TILE: usize = 64;
+/// Pixels that are summed side by side.
+const LANES: usize = 8;
+
+choice! {
+    /// How the weight of a sample follows from where it lies.
+    pub enum Kernel {
+        /// A Gaussian of the distance to the sample's place in its pixel.
+        Gaussian,
+        /// The papers' kind of kernel: 1, 4, 6, 4, 1 along each axis, wherever in its pixel the sample lies.
+        Binomial,
+    }
+}
+
+choice! {
+    /// What is averaged.
+    pub enum Space {
+        /// Linear radiance. Measured best.
+        Linear,
+        /// Radiance divided by 1 + luminance, which keeps a bright sample from outshining all others.
+        ToneMapped,
+    }
+}
+
+params! {
+    /// Parameters of [`Interpolate`].
+    pub struct InterpolateParams {
+        /// How the weight of a sample follows from where it lies.
+        kernel: Kernel = Kernel::Gaussian;
+        /// Standard deviation of the Gaussian. Between 0.6, which keeps detail, and 0.8, which hides noise.
+        sigma: f32 = 0.7, in 0.3..=2.0, unit "px";
+        /// Bits of the cells in `subpixel`, as `project` has them.
+        subpixel_bits: u32 = 8, in 2..=8, unit "bits";
+        /// What is averaged.
+        space: Space = Space::Linear;
+        /// How the priority of a pixel follows from its surroundings.
+        priority: Priority = Priority::Measured;
+    }
+}
+
+/// See the module.
+pub struct Interpolate {
+    radiance: In<u32>,
+    meta: In<u32>,
+    id: In<u32>,
+    cls: In<u32>,
+    r24: In<u32>,
+    subpixel: In<u32>,
+    color: Out<texel::Rgba32Float>,
+    priority: Out<u32>,
+}
+
+impl Stage for Interpolate {
+    const KIND: &'static str = "interpolate";
+    const DOC: &'static str = "Colours every pixel from the samples around it that no edge parts from it; says where new ones are worth most.";
+    type Params = InterpolateParams;
+
+    fn declare(_: &InterpolateParams, io: &mut Io) -> Self {
+        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        let (radiance, meta) = (cloud.read("radiance"), cloud.read("meta"));
+        let pixels = || Extent::Frame(1);
+        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", pixels());
+        let cls = io.read("cls", "Class and regions of each pixel.", pixels());
+        let r24 = io.read("r24", "Which of the 24 pixels around the primary region reaches.", pixels());
+        let subpixel = io.read("subpixel", "The point's cell in the pixel, row by row.", pixels());
+        let color = io.write(
+            "color",
+            "Linear radiance of the primary region; alpha: the share of the kernel's weight that was there.",
+            pixels(),
+        );
+        let priority = io.write("priority", "How much a sample is worth, 0 to 255.", pixels());
+        io.shader(shader!("interpolate"));
+        io.dispatch("interpolate", color);
+        Self { radiance, meta, id, cls, r24, subpixel, color, priority }
+    }
+
+    fn cpu(&self, params: &InterpolateParams, cx: &CpuContext) -> Result<(), String> {
+        let (width, height) = (cx.dims(self.color).width as usize, cx.dims(self.color).height as usize);
+        let (radiance, meta) = (&cx.read(self.radiance)[..], &cx.read(self.meta)[..]);
+        let (id, subpixel) = (&cx.read(self.id)[..], &cx.read(self.subpixel)[..]);
+        let (cls, r24) = (&cx.read(self.cls)[..], &cx.read(self.r24)[..]);
+        let (color, priority) = (&mut cx.write(self.color)[..], &mut cx.write(self.priority)[..]);
+
+        let weights = Weights::new(params);
+        let image = Image { radiance, id, subpixel, width, height, space: params.space };
+        let bands = color.par_chunks_mut(width * BAND).zip(priority.par_chunks_mut(width * BAND));
+        bands.enumerate().for_each(|(band, (color, priority))| {
+            let rows = band * BAND..band * BAND + color.len() / width;
+            for left in (0..width).step_by(TILE) {
+                let mut around = Around::new();
+                for y in 0..2 * REACH {
+                    around.load(&image, &weights, left, rows.start + y);
+                }
+                for (row, y) in rows.clone().enumerate() {
+                    around.load(&image, &weights, left, y + 2 * REACH);
+                    for x in (left..width.min(left + TILE)).step_by(LANES) {
+                        let lanes = LANES.min(width - x);
+                        let at = y * width + x;
+                        let mut reached = [0; LANES];
+                        for lane in 0..lanes {
+                            reached[lane] = taps(cls[at + lane], r24[at + lane]);
+                        }
+                        let means = around.sum(x - left, y, &reached).over(params.space, weights.full);
+                        for lane in 0..lanes {
+                            let [r, g, b, share] = means.map(|mean| mean[lane]);
+                            color[row * width + x + lane] = [r, g, b, share];
+                            let id = id[at + lane];
+                            let age = meta[(id as usize).min(meta.len() - 1)] & AGE;
+                            let priorities =
+                                [with_point(params.priority, age), without_point(params.priority, share)];
+                            priority[row * width + x + lane] = priorities[usize::from(id == NO_POINT)];
+                        }
+                    }
+                }
+            }
+        });
+        Ok(())
+    }
+}
+
+/// Which of the 25 pixels of the kernel count, bit 12 being the pixel itself.
+fn taps(cls: u32, r24: u32) -> u32 {
+    if cls & CLASS == COMPLEX {
+        return 0x1FF_FFFF;
+    }
+    // `r24` leaves out the centre.
+    (r24 & 0xFFF) | 1 << 12 | (r24 & 0xFF_F000) << 1
+}
+
+/// Priority of a pixel that shows a point of this age, in 8.8 fixed point.
+fn with_point(rule: Priority, age: u32) -> u32 {
+    match rule {
+        Priority::Measured => age / (2 * AGE_ONE),
+        Priority::Classic => (age / AGE_ONE).min(254),
+    }
+}
+
+/// Priority of a pixel without a point for which this share of the kernel's weight was there.
+fn without_point(rule: Priority, share: f32) -> u32 {
+    let missing = 1.0 - share;
+    match rule {
+        Priority::Measured => {
+            let cube = missing * missing * missing;
+            (255.0 * cube * cube + 0.5) as u32
+        }
+        Priority::Classic => (255.0 * missing) as u32,
+    }
+}
+
+/// Relative luminance of a linear Rec. 709 colour.
+fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// Radiance brought below luminance 1.
+fn compress(color: [f32; 3]) -> [f32; 3] {
+    let scale = 1.0 / (1.0 + luminance(color));
+    color.map(|channel| channel * scale)
+}
+
+/// Undoes [`compress`]. The largest radiance that the cloud holds leaves 1 - luminance at 1.5e-5.
+fn expand(color: [f32; 3]) -> [f32; 3] {
+    let scale = 1.0 / (1.0 - luminance(color)).max(1e-5);
+    color.map(|channel| channel * scale)
+}
+
+/// The kernel, as products of a weight for each axis.
+struct Weights {
+    /// For each row or column of cells, the weights of a sample in it at each offset + [`REACH`].
+    axis: [[f32; SPAN]; 16],
+    /// Bits of a row or column, and the mask of that many.
+    shift: u32,
+    mask: u32,
+    /// The sum of all 25 weights of samples in the centres.
+    full: f32,
+}
+
+impl Weights {
+    fn new(params: &InterpolateParams) -> Self {
+        let shift = params.subpixel_bits / 2;
+        let cells = 1u32 << shift;
+        let weight = |pixel: usize, aside: f32| match params.kernel {
+            Kernel::Gaussian => {
+                let distance = pixel as f32 - REACH as f32 + aside;
+                (-distance * distance / (2.0 * params.sigma * params.sigma)).exp()
+            }
+            Kernel::Binomial => [1.0, 4.0, 6.0, 4.0, 1.0][pixel],
+        };
+        let aside = |cell: usize| (cell as f32 + 0.5) / cells as f32 - 0.5;
+        let axis = std::array::from_fn(|cell| std::array::from_fn(|pixel| weight(pixel, aside(cell))));
+        let full = (0..SPAN).map(|pixel| weight(pixel, 0.0)).sum::<f32>();
+        Self { axis, shift, mask: cells - 1, full: full * full }
+    }
+}
+
+/// The samples as an image.
+struct Image<'a> {
+    radiance: &'a [u32],
+    id: &'a [u32],
+    subpixel: &'a [u32],
+    width: usize,
+    height: usize,
+    space: Space,
+}
+
+/// Columns of a row of samples: a tile and what its kernels reach.
+const COLUMNS: usize = TILE + 2 * REACH;
+
+/// A row of samples, as structures of arrays, so that neighbouring pixels are summed side by side.
+#[derive(Clone, Copy)]
+struct Row {
+    rgb: [[f32; COLUMNS]; 3],
+    /// The weight along x of each sample, seen from each offset; 0 where there is none.
+    x: [[f32; COLUMNS]; SPAN],
+    /// The weight along y.
+    y: [[f32; COLUMNS]; SPAN],
+}
+
+/// The five rows of samples that the kernels of a row of pixels reach.
+struct Around {
+    /// Row y - [`REACH`] of the image is at y modulo [`SPAN`].
+    rows: [Row; SPAN],
+}
+
+impl Around {
+    fn new() -> Self {
+        Self {
+            rows: [Row { rgb: [[0.0; COLUMNS]; 3], x: [[0.0; COLUMNS]; SPAN], y: [[0.0; COLUMNS]; SPAN] };
+                SPAN],
+        }
+    }
+
+    /// Takes in row `y` - [`REACH`] of the image, which may lie outside, from column `left` - [`REACH`] on.
+    fn load(&mut self, image: &Image, weights: &Weights, left: usize, y: usize) {
+        let row = &mut self.rows[y % SPAN];
+        row.x.iter_mut().for_each(|weights| weights.fill(0.0));
+        if !(REACH..image.height + REACH).contains(&y) {
+            return;
+        }
+        let first = (y - REACH) * image.width;
+        for column in REACH.saturating_sub(left)..COLUMNS.min(image.width + REACH - left) {
+            let at = first + left + column - REACH;
+            // A pixel without a sample takes any, with weight 0: a branch on that would be predicted badly.
+            let id = image.id[at];
+            let radiance = image.radiance[(id as usize).min(image.radiance.len() - 1)];
+            let there = u32::from(id != NO_POINT).wrapping_neg();
+            let rgb = match image.space {
+                Space::Linear => decode_radiance(radiance),
+                Space::ToneMapped => compress(decode_radiance(radiance)),
+            };
+            for (plane, channel) in row.rgb.iter_mut().zip(rgb) {
+                plane[column] = channel;
+            }
+            let cell = image.subpixel[at];
+            let [x, y] =
+                [cell, cell >> weights.shift].map(|place| &weights.axis[(place & weights.mask) as usize]);
+            for offset in 0..SPAN {
+                row.x[offset][column] = f32::from_bits(x[offset].to_bits() & there);
+                row.y[offset][column] = y[offset];
+            }
+        }
+    }
+
+    /// Weighted sums of red, green, blue and 1 for [`LANES`] pixels from column `x` of the tile on, of row `y`. Not inlined:
+    /// within the loop over rows the compiler does not find the lanes.
+    #[inline(never)]
+    fn sum(&self, x: usize, y: usize, taps: &[u32; LANES]) -> Sums {
+        let mut sums = [[0.0; LANES]; 4];
+        for dy in 0..SPAN {
+            let row = &self.rows[(y + dy) % SPAN];
+            for dx in 0..SPAN {
+                let of = |plane: &[f32; COLUMNS]| -> [f32; LANES] {
+                    std::array::from_fn(|lane| plane[x + dx..][..LANES][lane])
+                };
+                let (along_x, along_y) = (of(&row.x[dx]), of(&row.y[dy]));
+                let [r, g, b] = [of(&row.rgb[0]), of(&row.rgb[1]), of(&row.rgb[2])];
+                for lane in 0..LANES {
+                    // All ones where the pixel counts.
+                    let counts = (taps[lane] >> (dy * SPAN + dx) & 1).wrapping_neg();
+                    let weight = f32::from_bits((along_x[lane] * along_y[lane]).to_bits() & counts);
+                    sums[0][lane] += weight * r[lane];
+                    sums[1][lane] += weight * g[lane];
+                    sums[2][lane] += weight * b[lane];
+                    sums[3][lane] += weight;
+                }
+            }
+        }
+        Sums(sums)
+    }
+}
+
+/// Weighted sums of red, green and blue, and of the weights.
+struct Sums([[f32; LANES]; 4]);
+
+impl Sums {
+    /// The colours, and the share of the weight `full` that was there; zeros where there was none.
+    fn over(self, space: Space, full: f32) -> [[f32; LANES]; 4] {
+        let Self([r, g, b, weight]) = self;
+        let safe = weight.map(|weight| if weight > 0.0 { weight } else { 1.0 });
+        let mut means: [[f32; LANES]; 4] = [[0.0; LANES]; 4];
+        for lane in 0..LANES {
+            means[0][lane] = r[lane] / safe[lane];
+            means[1][lane] = g[lane] / safe[lane];
+            means[2][lane] = b[lane] / safe[lane];
+            means[3][lane] = (weight[lane] / full).min(1.0);
+        }
+        if space == Space::ToneMapped {
+            for lane in 0..LANES {
+                let [r, g, b] = expand([means[0][lane], means[1][lane], means[2][lane]]);
+                (means[0][lane], means[1][lane], means[2][lane]) = (r, g, b);
+            }
+        }
+        means
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::{
+        cloud::{LIVE, MAX_RADIANCE, encode_radiance},
+        edge_pixel::{EMPTY, SIMPLE},
+        testing::{Random, run_both, run_cpu, settings},
+    };
+
+    /// A pixel's sample: radiance, age, cell; its class; its 24 bits.
+    #[derive(Clone, Copy)]
+    struct Pixel {
+        sample: Option<([f32; 3], u32, u32)>,
+        cls: u32,
+        r24: u32,
+    }
+
+    /// The middle one of 16 x 16 cells is not one: this is the one below and right of the centre.
+    const CENTER: u32 = 8 * 16 + 8;
+    const OPEN: Pixel = Pixel { sample: None, cls: EMPTY, r24: 0xFF_FFFF };
+
+    fn harness(params: InterpolateParams, size: [u32; 2], pixels: &[Pixel]) -> Harness<Interpolate> {
+        let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
+        let mut next = 0..;
+        let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
+        let mut harness = Harness::new(params, &settings(size, 0));
+        harness.set("id", &pixels.iter().map(id).collect::<Vec<u32>>());
+        harness.set("cls", &pixels.iter().map(|pixel| pixel.cls).collect::<Vec<_>>());
+        harness.set("r24", &pixels.iter().map(|pixel| pixel.r24).collect::<Vec<_>>());
+        let cell = |pixel: &Pixel| pixel.sample.map_or(0, |sample| sample.2);
+        harness.set("subpixel", &pixels.iter().map(cell).collect::<Vec<_>>());
+        // A cloud has one slot at least.
+        let none = [0].into_iter().filter(|_| samples.is_empty());
+        let radiance = samples.iter().map(|sample| encode_radiance(sample.0)).chain(none.clone());
+        harness.set("cloud.radiance", &radiance.collect::<Vec<_>>());
+        harness
+            .set("cloud.meta", &samples.iter().map(|sample| sample.1 | LIVE).chain(none).collect::<Vec<_>>());
+        harness
+    }
+
+    fn binomial() -> InterpolateParams {
+        InterpolateParams { kernel: Kernel::Binomial, ..InterpolateParams::default() }
+    }
+
+    fn gray(value: f32) -> Option<([f32; 3], u32, u32)> {
+        Some(([value; 3], 0, CENTER))
+    }
+
+    #[test]
+    fn binomial_weights() {
+        // One sample at each place of 5x5 in turn: alpha is its weight in 256.
+        let row = [1, 4, 6, 4, 1];
+        for at in 0..25 {
+            let mut pixels = [OPEN; 25];
+            pixels[at].sample = gray(2.0);
+            let color = run_cpu(&mut harness(binomial(), [5, 5], &pixels)).get::<[f32; 4]>("color");
+            let share = (row[at % 5] * row[at / 5]) as f32 / 256.0;
+            assert_eq!(color[12], [2.0, 2.0, 2.0, share]);
+        }
+        let mut pixels = [OPEN; 25];
+        (0..).zip(&mut pixels).for_each(|(i, pixel)| pixel.sample = gray(i as f32));
+        let color = run_cpu(&mut harness(binomial(), [5, 5], &pixels)).get::<[f32; 4]>("color");
+        assert_eq!(color[12], [12.0, 12.0, 12.0, 1.0]);
+    }
+
+    #[test]
+    fn the_gaussian_follows_the_place_in_the_pixel() {
+        // Two samples in row 0 of a 3x1 image, seen from the middle: at 1 + 7.5/16 and 1 - 7.5/16 pixels along x, both
+        // 0.5/16 below the middle.
+        let mut pixels = [OPEN; 3];
+        pixels[0].sample = Some(([1.0; 3], 0, 8 * 16));
+        pixels[2].sample = Some(([3.0; 3], 0, 8 * 16));
+        for sigma in [0.3, 0.7, 2.0] {
+            let params = InterpolateParams { sigma, ..InterpolateParams::default() };
+            let color = run_cpu(&mut harness(params, [3, 1], &pixels)).get::<[f32; 4]>("color");
+            let gaussian = |x: f64, y: f64| (-(x * x + y * y) / (2.0 * f64::from(sigma).powi(2))).exp();
+            let y = 0.5 / 16.0;
+            let (far, near) = (gaussian(1.0 + 7.5 / 16.0, y), gaussian(1.0 - 7.5 / 16.0, y));
+            let mean = (far + 3.0 * near) / (far + near);
+            assert!((f64::from(color[1][0]) - mean).abs() < 1e-5, "{sigma}: {:?} {mean}", color[1]);
+            let full = (-2..=2).map(|x| gaussian(f64::from(x), 0.0)).sum::<f64>().powi(2);
+            assert!((f64::from(color[1][3]) - (far + near) / full).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn fewer_bits_of_the_place() {
+        // Two bits: 2 x 2 cells. Cell 1 is the upper right one, its middle a quarter pixel right of the pixel's.
+        let mut pixels = [OPEN; 2];
+        pixels[1].sample = Some(([1.0; 3], 0, 1));
+        let params = InterpolateParams { subpixel_bits: 2, sigma: 1.0, ..InterpolateParams::default() };
+        let both = run_both(&mut harness(params, [2, 1], &pixels));
+        let full = (1.0 + 2.0 * ((-0.5f32).exp() + (-2f32).exp())).powi(2);
+        let share = (-(1.25f32 * 1.25 + 0.25 * 0.25) / 2.0).exp() / full;
+        for out in [both.cpu, both.gpu] {
+            assert!((out.get::<[f32; 4]>("color")[0][3] - share).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn only_what_is_reached_counts() {
+        // Values 0 to 24 around the middle of 5x5. Bit k of the word is pixel k, or k + 1 from the centre on.
+        let mut pixels = [OPEN; 25];
+        (0..).zip(&mut pixels).for_each(|(i, pixel)| pixel.sample = gray(1.0 + i as f32));
+        let value = |pixels: &[Pixel; 25]| {
+            run_cpu(&mut harness(binomial(), [5, 5], pixels)).get::<[f32; 4]>("color")[12]
+        };
+        // Its own sample always counts.
+        pixels[12].r24 = 0;
+        assert_eq!(value(&pixels), [13.0, 13.0, 13.0, 36.0 / 256.0]);
+        pixels[12].sample = None;
+        assert_eq!(value(&pixels), [0.0; 4]);
+        for bit in 0..24 {
+            pixels[12].r24 = 1 << bit;
+            let expected = 1.0 + (bit + u32::from(bit >= 12)) as f32;
+            assert_eq!(value(&pixels)[0], expected, "bit {bit}");
+        }
+        // A complex pixel takes all.
+        pixels[12].r24 = 0;
+        pixels[12].cls = COMPLEX;
+        let [mean, .., share] = value(&pixels);
+        assert_eq!((mean, share), (13.0, 220.0 / 256.0));
+        pixels[12].cls = SIMPLE;
+        assert_eq!(value(&pixels), [0.0; 4]);
+    }
+
+    #[test]
+    fn tone_mapped_means() {
+        // 0 and 3: 0 and 3/4 once compressed. Their mean 3/8 expands to 3/5.
+        let mut pixels = [OPEN; 2];
+        pixels[0].sample = gray(0.0);
+        pixels[1].sample = gray(3.0);
+        let params = InterpolateParams { space: Space::ToneMapped, sigma: 2.0, ..binomial() };
+        let color = run_cpu(&mut harness(params.clone(), [2, 1], &pixels)).get::<[f32; 4]>("color");
+        // Weights 6 : 4 of the same row: (0.75 * 4 / 10) = 0.3, expanded 3/7.
+        assert!((color[0][0] - 3.0 / 7.0).abs() < 1e-6, "{color:?}");
+        // The brightest point there is survives both ways, to the digits that 1 - luminance has left.
+        pixels[0].sample = None;
+        pixels[1].sample = gray(MAX_RADIANCE);
+        let color = run_cpu(&mut harness(params, [2, 1], &pixels)).get::<[f32; 4]>("color");
+        assert!((color[0][0] / MAX_RADIANCE - 1.0).abs() < 0.02, "{color:?}");
+    }
+
+    #[test]
+    fn priorities() {
+        let mut pixels = [OPEN; 25];
+        pixels[12].sample = Some(([1.0; 3], 80 * AGE_ONE, CENTER));
+        for (rule, own, beside) in [
+            (Priority::Measured, 40, 255.0 * (232f64 / 256.0).powi(6)),
+            (Priority::Classic, 80, (255.0 * 232f64 / 256.0).floor()),
+        ] {
+            let params = InterpolateParams { priority: rule, ..binomial() };
+            let both = run_both(&mut harness(params, [5, 5], &pixels));
+            for out in [both.cpu, both.gpu] {
+                let priority = out.get::<u32>("priority");
+                assert_eq!((priority[12], priority[13]), (own, beside.round() as u32), "{rule:?}");
+            }
+        }
+        pixels[13].r24 = 0;
+        for rule in [Priority::Measured, Priority::Classic] {
+            let params = InterpolateParams { priority: rule, ..binomial() };
+            assert_eq!(run_cpu(&mut harness(params, [5, 5], &pixels)).get::<u32>("priority")[13], 255);
+        }
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(31);
+        // Wider than a tile and a run of lanes, with all classes and words, crowded on the left and sparse on the right.
+        let size = [151, 70];
+        let pixels: Vec<Pixel> = (0..size[0] * size[1])
+            .map(|p| {
+                let sample =
+                    ([0; 3].map(|_| random.between(0.0, 2.0)), random.below(AGE + 1), random.below(256));
+                Pixel {
+                    sample: (random.below(1 + (p % size[0]) / 8) == 0).then_some(sample),
+                    cls: random.below(3) | random.bits() << 2,
+                    r24: random.bits() & random.bits() & 0xFF_FFFF,
+                }
+            })
+            .collect();
+        for kernel in [Kernel::Gaussian, Kernel::Binomial] {
+            for space in [Space::Linear, Space::ToneMapped] {
+                for priority in [Priority::Measured, Priority::Classic] {
+                    let params = InterpolateParams { kernel, space, priority, ..Default::default() };
+                    let both = run_both(&mut harness(params, size, &pixels));
+                    // 25 sums, two exponentials each, a division of numbers up to 2.
+                    both.assert_close("color", 4e-6);
+                    // The share is a float, rounded to a whole number.
+                    both.assert_equal_but::<u32>("priority", 4);
+                    let color = both.cpu.get::<[f32; 4]>("color");
+                    assert!(color.iter().any(|color| color[3] == 0.0));
+                }
+            }
+        }
+    }
+}

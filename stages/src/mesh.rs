@@ -1,0 +1,272 @@
+//! Hands the triangles and edges of the scene to the stages that look for silhouettes and shadows.
+
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage, choice, params};
+use epigraph_scenes::{Edge, EdgeKind, Scene};
+use half::f16;
+
+use crate::{
+    World,
+    shared::segments::{BORDER, CREASE, MeshEdge, REGULAR},
+};
+
+choice! {
+    /// How the normals of faces are stored.
+    pub enum Normals {
+        /// Three f32 and one of padding: 16 bytes a face.
+        F32,
+        /// Three f16 and one of padding: 8 bytes.
+        F16,
+        /// Octahedral, two 16-bit integers: 4 bytes.
+        Oct16,
+    }
+}
+
+params! {
+    /// Parameters of [`Mesh`].
+    pub struct MeshParams {
+        /// How the normals of faces are stored. Stages that read them are to be set alike; the types of the port differ,
+        /// so a mismatch is an error.
+        normals: Normals = Normals::F32;
+    }
+}
+
+/// The scene's mesh as lists, from the [`World`] that the application provides. They are written in the first frame, and
+/// again only when the application shows another scene.
+pub struct Mesh {
+    vertices: Out<[f32; 4]>,
+    faces: Out<[u32; 4]>,
+    normals: NormalsOut,
+    edges: Out<MeshEdge>,
+    written: Mutex<Weak<Scene>>,
+}
+
+enum NormalsOut {
+    F32(Out<[f32; 4]>),
+    F16(Out<[u32; 2]>),
+    Oct16(Out<u32>),
+}
+
+impl Stage for Mesh {
+    const KIND: &'static str = "mesh";
+    const DOC: &'static str = "The scene's vertices, faces, normals and edges.";
+    type Params = MeshParams;
+
+    fn declare(params: &MeshParams, io: &mut Io) -> Self {
+        let vertices = io.persistent("vertices", "Positions, metres; w = 1.", Extent::Vertices);
+        let faces = io.persistent("faces", "Three vertices and the object of each triangle.", Extent::Faces);
+        let (name, doc) = ("normals", "Unit normals of the triangles, zero where one is degenerate.");
+        let normals = match params.normals {
+            Normals::F32 => NormalsOut::F32(io.persistent(name, doc, Extent::Faces)),
+            Normals::F16 => NormalsOut::F16(io.persistent(name, doc, Extent::Faces)),
+            Normals::Oct16 => NormalsOut::Oct16(io.persistent(name, doc, Extent::Faces)),
+        };
+        let edges =
+            io.persistent("edges", "Vertices, faces and kind of every edge, in rising order.", Extent::Edges);
+        Self { vertices, faces, normals, edges, written: Mutex::default() }
+    }
+
+    fn cpu(&self, _: &MeshParams, cx: &CpuContext) -> Result<(), String> {
+        let scene = cx.host::<World>()?.tracer.scene();
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        if written.upgrade().is_some_and(|before| Arc::ptr_eq(&before, scene)) {
+            cx.unchanged(self.vertices);
+            cx.unchanged(self.faces);
+            match self.normals {
+                NormalsOut::F32(normals) => cx.unchanged(normals),
+                NormalsOut::F16(normals) => cx.unchanged(normals),
+                NormalsOut::Oct16(normals) => cx.unchanged(normals),
+            }
+            cx.unchanged(self.edges);
+            return Ok(());
+        }
+        let mesh = &scene.mesh;
+        fill(&mut cx.write(self.vertices), &mesh.positions, |_, p| [p.x, p.y, p.z, 1.0])?;
+        fill(&mut cx.write(self.faces), &mesh.triangles, |face, &[a, b, c]| [a, b, c, mesh.object[face]])?;
+        let normals = &mesh.face_normals;
+        match self.normals {
+            NormalsOut::F32(out) => fill(&mut cx.write(out), normals, |_, n| [n.x, n.y, n.z, 0.0])?,
+            NormalsOut::F16(out) => fill(&mut cx.write(out), normals, |_, &n| encode_f16(n.into()))?,
+            NormalsOut::Oct16(out) => fill(&mut cx.write(out), normals, |_, &n| encode_oct16(n.into()))?,
+        }
+        fill(&mut cx.write(self.edges), &mesh.edges, |_, edge| mesh_edge(edge))?;
+        *written = Arc::downgrade(scene);
+        Ok(())
+    }
+
+    fn needless(_: &MeshParams, facts: &Facts) -> Option<&'static str> {
+        (facts.faces == 0).then_some("the scene has no faces")
+    }
+}
+
+/// Writes one element for each item; a list of none has one element, of zeros.
+fn fill<S, T: bytemuck::Pod>(
+    out: &mut [T],
+    items: &[S],
+    element: impl Fn(usize, &S) -> T,
+) -> Result<(), String> {
+    if out.len() != items.len().max(1) {
+        return Err(format!(
+            "the graph was compiled for a scene with a list of {} elements where this one has {}; compile it again",
+            out.len(),
+            items.len()
+        ));
+    }
+    out[0] = T::zeroed();
+    for (index, (out, item)) in out.iter_mut().zip(items).enumerate() {
+        *out = element(index, item);
+    }
+    Ok(())
+}
+
+fn mesh_edge(edge: &Edge) -> MeshEdge {
+    let kind = match edge.kind {
+        EdgeKind::Regular => REGULAR,
+        EdgeKind::Crease => CREASE,
+        EdgeKind::Border => BORDER,
+    };
+    MeshEdge { vertices: edge.vertices, faces: edge.faces, kind, pad: 0 }
+}
+
+/// A normal as three f16, the first in the low bits: what WGSL's `unpack2x16float` takes apart.
+pub fn encode_f16([x, y, z]: [f32; 3]) -> [u32; 2] {
+    let bits = |value| u32::from(f16::from_f32(value).to_bits());
+    [bits(x) | bits(y) << 16, bits(z)]
+}
+
+/// The normal of [`encode_f16`].
+pub fn decode_f16([xy, z]: [u32; 2]) -> [f32; 3] {
+    [xy & 0xFFFF, xy >> 16, z & 0xFFFF].map(|bits| f16::from_bits(bits as u16).to_f32())
+}
+
+/// Stands for a zero normal in [`encode_oct16`]: -32768 twice, which no unit vector gives.
+const NO_NORMAL: u32 = 0x8000_8000;
+
+/// A unit vector, or zero, as its place on an unfolded octahedron: x in the low 16 bits and y in the high ones, each from
+/// -32767 to 32767. It is off by less than 7e-5 radians.
+pub fn encode_oct16([x, y, z]: [f32; 3]) -> u32 {
+    let sum = x.abs() + y.abs() + z.abs();
+    if sum == 0.0 {
+        return NO_NORMAL;
+    }
+    let [x, y] = [x / sum, y / sum];
+    // The lower half is folded over the edges of the upper one.
+    let fold = |a: f32, b: f32| (1.0 - b.abs()).copysign(a);
+    let [x, y] = if z < 0.0 { [fold(x, y), fold(y, x)] } else { [x, y] };
+    let bits = |value: f32| (value * 32767.0).round() as i16 as u16;
+    u32::from(bits(x)) | u32::from(bits(y)) << 16
+}
+
+/// The direction of [`encode_oct16`], not of unit length: silhouettes need its sign only.
+pub fn decode_oct16(bits: u32) -> [f32; 3] {
+    if bits == NO_NORMAL {
+        return [0.0; 3];
+    }
+    let [x, y] = [bits as u16 as i16, (bits >> 16) as u16 as i16].map(|value| f32::from(value) / 32767.0);
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).max(0.0);
+    let unfold = |a: f32| if a < 0.0 { a + fold } else { a - fold };
+    [unfold(x), unfold(y), z]
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::{Harness, Host, Settings, Side};
+    use epigraph_scenes::{NO_FACE, Tracer};
+    use glam::Vec3;
+
+    use super::*;
+    use crate::{
+        Pace,
+        shared::testing::{Random, settings},
+    };
+
+    fn host(scene: &Arc<Scene>) -> Host {
+        let mut host = Host::default();
+        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact));
+        host
+    }
+
+    fn harness(normals: Normals, scene: &Scene) -> Harness<Mesh> {
+        let settings = Settings { facts: World::facts(scene, false), ..settings([4, 4], 1) };
+        Harness::new(MeshParams { normals }, &settings)
+    }
+
+    #[test]
+    fn lists_are_those_of_the_scene_in_every_frame() {
+        let scene = Arc::new(Scene::load("cornell").unwrap());
+        let mut harness = harness(Normals::F32, &scene);
+        for frame in 0..2 {
+            let out = harness.run(Side::Cpu, &crate::registry(), &host(&scene), None).unwrap();
+            let (vertices, faces) = (out.get::<[f32; 4]>("vertices"), out.get::<[u32; 4]>("faces"));
+            let (normals, edges) = (out.get::<[f32; 4]>("normals"), out.get::<MeshEdge>("edges"));
+            assert_eq!((faces.len(), edges.len()), (36, 58), "frame {frame}");
+            let at = |vertex: u32| {
+                let [x, y, z, w] = vertices[vertex as usize];
+                assert_eq!(w, 1.0);
+                Vec3::new(x, y, z)
+            };
+            for (face, normal) in faces.iter().zip(&normals) {
+                let [a, b, c] = [at(face[0]), at(face[1]), at(face[2])];
+                let n = (b - a).cross(c - a).normalize();
+                assert!(n.distance(Vec3::from_slice(&normal[..3])) < 1e-5);
+            }
+            for edge in &edges {
+                assert_eq!(edge.kind == BORDER, edge.faces[1] == NO_FACE);
+                for &face in edge.faces.iter().filter(|&&face| face != NO_FACE) {
+                    assert!(edge.vertices.iter().all(|vertex| faces[face as usize][..3].contains(vertex)));
+                }
+            }
+            assert_eq!(edges.iter().filter(|edge| edge.kind == BORDER).count(), 8);
+        }
+    }
+
+    #[test]
+    fn another_scene_is_written_and_one_of_another_size_is_refused() {
+        let scene = Arc::new(Scene::load("cornell").unwrap());
+        let mut harness = harness(Normals::F32, &scene);
+        harness.run(Side::Cpu, &crate::registry(), &host(&scene), None).unwrap();
+        let mut moved = Scene::load("cornell").unwrap();
+        moved.mesh.positions[3].x += 1.0;
+        let expected = moved.mesh.positions[3].x;
+        let out = harness.run(Side::Cpu, &crate::registry(), &host(&Arc::new(moved)), None).unwrap();
+        assert_eq!(out.get::<[f32; 4]>("vertices")[3][0], expected);
+
+        let other = Arc::new(Scene::load("chains").unwrap());
+        let error = harness.run(Side::Cpu, &crate::registry(), &host(&other), None).err().unwrap();
+        assert!(error.to_string().contains("compile it again"), "{error}");
+    }
+
+    /// The angle between a unit vector and another of any length, radians.
+    fn angle(a: Vec3, b: Vec3) -> f32 {
+        a.cross(b).length().atan2(a.dot(b))
+    }
+
+    #[test]
+    fn small_formats_are_accurate() {
+        let mut random = Random(11);
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
+        let random = (0..10_000).map(|_| {
+            let mut axis = || random.between(-1.0, 1.0);
+            Vec3::new(axis(), axis(), axis()).normalize_or_zero()
+        });
+        let (mut worst_f16, mut worst_oct16) = (0f32, 0f32);
+        for n in axes.into_iter().chain(random).filter(|&n| n != Vec3::ZERO) {
+            worst_f16 = worst_f16.max(angle(n, decode_f16(encode_f16(n.into())).into()));
+            worst_oct16 = worst_oct16.max(angle(n, decode_oct16(encode_oct16(n.into())).into()));
+        }
+        // Each of three numbers near 1 is off by half a unit of its last place at most: 2^-12.
+        assert!(worst_f16 < 3f32.sqrt() / 4096.0 && worst_f16 > 1e-4, "{worst_f16}");
+        assert!(worst_oct16 < 7e-5 && worst_oct16 > 1e-5, "{worst_oct16}");
+        for axis in axes {
+            assert_eq!(Vec3::from(decode_oct16(encode_oct16(axis.into()))), axis);
+        }
+    }
+
+    #[test]
+    fn zero_stays_zero() {
+        assert_eq!(decode_f16(encode_f16([0.0; 3])), [0.0; 3]);
+        assert_eq!(decode_oct16(encode_oct16([0.0; 3])), [0.0; 3]);
+    }
+}

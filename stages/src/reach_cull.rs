@@ -1,0 +1,314 @@
+//! Drops samples that shine through a nearer surface, after edges are known: a sample goes if at least half of those that
+//! it can be mixed with, the reachable ones of its 5x5 pixels, are clearly nearer (`algorithms.md` section 11.2). In a
+//! sparse image most such samples have no near neighbour in the 3x3 pixels that the depth cull looks at.
+//!
+//! Every pass judges by the samples that the pass before has left. A sample with none in reach stays; so do those of
+//! complex pixels, which reach nothing and are used by nobody but complex pixels.
+
+use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, params, shader};
+use rayon::prelude::*;
+
+use crate::{
+    project::EMPTY_DEPTH,
+    shared::{edge_pixel::VALID, requests::NO_POINT},
+};
+
+/// Pixels of a row that the CPU looks at together.
+const BLOCK: usize = 64;
+
+params! {
+    /// Parameters of [`ReachCull`].
+    pub struct ReachCullParams {
+        /// A sample is clearly nearer if (1 + threshold) times its distance is less.
+        threshold: f32 = 0.05, in 0.0..=10.0;
+        /// How often all samples are judged; 0 drops none.
+        passes: u32 = 2, in 0..=4;
+    }
+}
+
+/// See the module.
+pub struct ReachCull {
+    kept: In<u32>,
+    depth: In<u32>,
+    r24: In<u32>,
+    cls: Out<u32>,
+    id: Out<u32>,
+    spare: Out<u32>,
+}
+
+impl Stage for ReachCull {
+    const KIND: &'static str = "reach_cull";
+    const DOC: &'static str =
+        "Drops points that lie behind at least half of the points that they can be interpolated with.";
+    type Params = ReachCullParams;
+
+    fn declare(params: &ReachCullParams, io: &mut Io) -> Self {
+        let pixels = || Extent::Frame(1);
+        let kept = io.read("kept", "The point that each pixel shows, 0xFFFFFFFF for none.", pixels());
+        let depth = io.read("depth", "Bits of the points' distance along the axis, metres.", pixels());
+        let r24 = io.read("r24", "Which of the other 5x5 pixels each pixel reaches, as bits.", pixels());
+        let cls = io.update(
+            "cls",
+            "State of the pixels, as bits; those whose sample is dropped have none.",
+            pixels(),
+        );
+        let id = io.write("id", "The points without those that are dropped.", pixels());
+        let spare = io.write("spare", "Scratch: the points after every other pass.", pixels());
+        io.shader(shader!("reach_cull"));
+        for pass in 0..params.passes {
+            let entry = match (pass, writes_id(pass, params.passes)) {
+                (0, true) => "kept_to_id",
+                (0, false) => "kept_to_spare",
+                (_, true) => "spare_to_id",
+                (_, false) => "id_to_spare",
+            };
+            io.dispatch(entry, id);
+        }
+        if params.passes == 0 {
+            io.dispatch("copy", id);
+        }
+        Self { kept, depth, r24, cls, id, spare }
+    }
+
+    fn cpu(&self, params: &ReachCullParams, cx: &CpuContext) -> Result<(), String> {
+        let dims = cx.dims(self.id);
+        let (kept, depth, r24) = (&cx.read(self.kept)[..], &cx.read(self.depth)[..], &cx.read(self.r24)[..]);
+        let (id, spare) = (&mut cx.write(self.id)[..], &mut cx.write(self.spare)[..]);
+        let (width, height) = (dims.width as usize, dims.height as usize);
+
+        let pass = |from: &[u32], to: &mut [u32]| {
+            let samples = Samples { id: from, depth, r24, width, height, scale: 1.0 + params.threshold };
+            to.par_chunks_mut(width).enumerate().for_each(|(y, to)| samples.cull_row(y, to));
+        };
+        for number in 0..params.passes {
+            match (number, writes_id(number, params.passes)) {
+                (0, true) => pass(kept, id),
+                (0, false) => pass(kept, spare),
+                (_, true) => pass(spare, id),
+                (_, false) => pass(id, spare),
+            }
+        }
+        if params.passes == 0 {
+            id.copy_from_slice(kept);
+        }
+        let cls = &mut cx.write(self.cls)[..];
+        cls.par_chunks_mut(width).zip(id.par_chunks(width)).for_each(|(cls, id)| {
+            for (cls, id) in cls.iter_mut().zip(id) {
+                *cls &= if *id == NO_POINT { !VALID } else { !0 };
+            }
+        });
+        Ok(())
+    }
+}
+
+/// Whether a pass writes `id`: every other one, and the last.
+fn writes_id(pass: u32, passes: u32) -> bool {
+    (passes - pass) % 2 == 1
+}
+
+/// The samples that a pass judges.
+struct Samples<'a> {
+    id: &'a [u32],
+    depth: &'a [u32],
+    r24: &'a [u32],
+    width: usize,
+    height: usize,
+    scale: f32,
+}
+
+impl Samples<'_> {
+    /// The samples of row `y` that stay.
+    fn cull_row(&self, y: usize, to: &mut [u32]) {
+        to.copy_from_slice(&self.id[y * self.width..][..self.width]);
+        for (block, to) in to.chunks_mut(BLOCK).enumerate() {
+            let first = block * BLOCK;
+            let nearest = self.nearest(first, to.len(), y);
+            for (i, id) in to.iter_mut().enumerate() {
+                let z = f32::from_bits(self.depth[y * self.width + first + i]);
+                // Else nothing is clearly nearer; most of an image is smooth.
+                if nearest[i] * self.scale < z && *id != NO_POINT && self.is_behind(first + i, y) {
+                    *id = NO_POINT;
+                }
+            }
+        }
+    }
+
+    /// The distances of the nearest samples of the 5x5 pixels around each of `count` pixels of a row, in reach or not.
+    fn nearest(&self, first: usize, count: usize, y: usize) -> [f32; BLOCK] {
+        let nearer = |a: f32, b: f32| if a < b { a } else { b };
+        let mut columns = [f32::INFINITY; BLOCK + 4];
+        let (from, to) = (first.saturating_sub(2), (first + count + 2).min(self.width));
+        let inside = &mut columns[from + 2 - first..to + 2 - first];
+        for row in y.saturating_sub(2)..(y + 3).min(self.height) {
+            let range = row * self.width + from..row * self.width + to;
+            let samples = self.id[range.clone()].iter().zip(&self.depth[range]);
+            for (column, (&id, &depth)) in inside.iter_mut().zip(samples) {
+                // Without a branch, and so several at a time.
+                let none = 0u32.wrapping_sub(u32::from(id == NO_POINT));
+                *column = nearer(f32::from_bits(depth & !none | EMPTY_DEPTH & none), *column);
+            }
+        }
+        let mut nearest = [f32::INFINITY; BLOCK];
+        for dx in 0..5 {
+            let columns = &columns[dx..dx + BLOCK];
+            nearest
+                .iter_mut()
+                .zip(columns)
+                .for_each(|(nearest, column)| *nearest = nearer(*column, *nearest));
+        }
+        nearest
+    }
+
+    /// Whether at least half of the samples in reach are clearly nearer.
+    fn is_behind(&self, x: usize, y: usize) -> bool {
+        let p = y * self.width + x;
+        let z = f32::from_bits(self.depth[p]);
+        let (mut count, mut nearer) = (0, 0);
+        let mut rest = self.r24[p];
+        while rest != 0 {
+            let k = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let raw = k + usize::from(k >= 12);
+            let (x, y) = ((x + raw % 5).wrapping_sub(2), (y + raw / 5).wrapping_sub(2));
+            // Bits never lead out of the image; this keeps foreign data from doing harm.
+            if x < self.width && y < self.height {
+                let q = y * self.width + x;
+                let is_there = self.id[q] != NO_POINT;
+                count += u32::from(is_there);
+                nearer += u32::from(is_there && f32::from_bits(self.depth[q]) * self.scale < z);
+            }
+        }
+        count > 0 && 2 * nearer >= count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::testing::{Both, Random, run_both, settings};
+
+    /// Samples by their distances, none where that is infinite; every pixel reaches those of `r24`.
+    fn harness(params: ReachCullParams, size: [u32; 2], z: &[f32], r24: &[u32]) -> Harness<ReachCull> {
+        let mut harness = Harness::new(params, &settings(size, 0));
+        let id = |(p, z): (u32, &f32)| if z.is_infinite() { NO_POINT } else { 1000 + p };
+        let id: Vec<u32> = (0..).zip(z).map(id).collect();
+        let valid = |&id: &u32| if id == NO_POINT { 0x7F } else { 0x7F | VALID };
+        harness.set("cls", &id.iter().map(valid).collect::<Vec<u32>>());
+        harness.set("kept", &id);
+        harness.set("depth", &z.iter().map(|z| z.to_bits()).collect::<Vec<u32>>());
+        harness.set("r24", r24);
+        harness
+    }
+
+    /// Asserts that both sides agree and that the state follows the sample; gives which pixels have one.
+    fn stay(both: &Both) -> Vec<bool> {
+        both.assert_equal::<u32>("id");
+        both.assert_equal::<u32>("cls");
+        let stay = (0..).zip(both.cpu.get::<u32>("id")).map(|(p, id)| {
+            assert!(id == NO_POINT || id == 1000 + p);
+            id != NO_POINT
+        });
+        let stay: Vec<bool> = stay.collect();
+        let cls = both.cpu.get::<u32>("cls");
+        assert!(cls.iter().zip(&stay).all(|(&cls, &stay)| cls == if stay { 0x7F | VALID } else { 0x7F }));
+        stay
+    }
+
+    /// Whether a sample at `z` stays in one pass, that reaches others along a row.
+    fn stays(threshold: f32, z: f32, others: [f32; 4], r24: u32) -> bool {
+        let row = [others[0], others[1], z, others[2], others[3]];
+        let mut words = [0; 5];
+        words[2] = r24;
+        let params = ReachCullParams { threshold, passes: 1 };
+        stay(&run_both(&mut harness(params, [5, 1], &row, &words)))[2]
+    }
+
+    /// The pixels of the same row.
+    const ROW: u32 = 0b1111 << 10;
+    const NONE: f32 = f32::INFINITY;
+
+    #[test]
+    fn half_of_those_in_reach_decide() {
+        let all = |others| stays(0.05, 10.0, others, ROW);
+        assert!(all([10.0, 10.0, 10.0, 1.0]));
+        assert!(!all([10.0, 10.0, 1.0, 1.0]));
+        assert!(!all([10.0, 1.0, 1.0, 1.0]));
+        // Few are enough, as long as there is one.
+        assert!(all([10.0, NONE, 1.0, 20.0]));
+        assert!(!all([10.0, NONE, NONE, 1.0]));
+        assert!(!all([NONE, NONE, 1.0, NONE]));
+        assert!(all([NONE; 4]));
+        // What an edge hides does not count: bits 11 and 12 are the pixels beside it.
+        assert!(stays(0.05, 10.0, [1.0, 10.0, 10.0, 1.0], 0b11 << 11));
+        assert!(!stays(0.05, 10.0, [10.0, 1.0, 1.0, 10.0], 0b11 << 11));
+        // A complex pixel reaches nothing.
+        assert!(stays(0.05, 10.0, [1.0; 4], 0));
+    }
+
+    #[test]
+    fn how_much_nearer_is_clearly_nearer() {
+        for (z, stay) in [(1.0, true), (1.5, true), (1.5f32.next_up(), false)] {
+            assert_eq!(stays(0.5, z, [1.0; 4], ROW), stay, "{z}");
+        }
+        assert!(!stays(0.0, 1f32.next_up(), [1.0; 4], ROW) && stays(0.0, 1.0, [1.0; 4], ROW));
+        assert!(stays(10.0, 10.9, [1.0; 4], ROW) && !stays(10.0, 11.1, [1.0; 4], ROW));
+    }
+
+    #[test]
+    fn each_pass_judges_by_what_is_left() {
+        // The far samples 1 and 2 do not reach each other: beside 0 both are dropped, and that leaves 3 alone with 0.
+        let (size, z) = ([2, 2], [1.0, 10.0, 10.0, 10.0]);
+        // Offsets in reading order: (1, 0) is bit 12, (0, 1) bit 16, (1, 1) bit 17; the opposite of k is 23 - k.
+        let r24 =
+            [1 << 12 | 1 << 16 | 1 << 17, 1 << 11 | 1 << 16, 1 << 7 | 1 << 12, 1 << 6 | 1 << 7 | 1 << 11];
+        let left = |passes| {
+            stay(&run_both(&mut harness(ReachCullParams { passes, ..Default::default() }, size, &z, &r24)))
+        };
+        assert_eq!(left(0), [true; 4]);
+        assert_eq!(left(1), [true, false, false, true]);
+        for passes in 2..=4 {
+            assert_eq!(left(passes), [true, false, false, false], "{passes}");
+        }
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let mut random = Random(31);
+        for size in [[1, 1], [3, 2], [61, 47]] {
+            let pixels = size[0] * size[1];
+            // A near surface with holes before a far one, smooth in the left part and rough in the right.
+            let z = |p: u32| match random.below(6) {
+                0 | 1 => NONE,
+                2 if p % size[0] > size[0] / 3 => random.between(40.0, 50.0),
+                _ => random.between(10.0, 10.4),
+            };
+            let z: Vec<f32> = (0..pixels).map(z).collect();
+            // Some bits lead out of the image, which must do no harm.
+            let r24: Vec<u32> =
+                (0..pixels).map(|_| random.bits() & (random.bits() | 0xFF00) & 0xFF_FFFF).collect();
+            let mut before = usize::MAX;
+            for passes in 0..=4 {
+                let params = ReachCullParams { passes, ..ReachCullParams::default() };
+                let left = stay(&run_both(&mut harness(params, size, &z, &r24)));
+                let count = left.iter().filter(|&&stay| stay).count();
+                assert!(count <= before, "{passes}");
+                before = count;
+                if passes == 0 {
+                    assert!(left.iter().zip(&z).all(|(stay, z)| *stay == z.is_finite()));
+                } else if pixels > 1000 {
+                    let dropped = (0..pixels as usize).filter(|&p| z[p].is_finite() && !left[p]);
+                    let (far, near): (Vec<usize>, Vec<usize>) = dropped.partition(|&p| z[p] >= 40.0);
+                    assert!(far.len() > 250 && near.is_empty(), "{} {}", far.len(), near.len());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_samples() {
+        let both = run_both(&mut harness(ReachCullParams::default(), [4, 3], &[NONE; 12], &[0xFF_FFFF; 12]));
+        assert_eq!(stay(&both), [false; 12]);
+    }
+}

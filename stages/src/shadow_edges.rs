@@ -1,0 +1,345 @@
+//! Finds the boundaries of shadows as segments of the world (`algorithms.md` section 2.1). They do not depend on the view,
+//! so they are found once for a scene, on worker threads, and handed over once: on the CPU only.
+
+use std::sync::{
+    Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak,
+    atomic::{AtomicBool, Ordering},
+};
+
+use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage, params};
+use epigraph_scenes::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings, Tracer, shadow_segments};
+
+use crate::{
+    Pace, World,
+    shared::segments::{SHADOW_HARD, SHADOW_PENUMBRA, SHADOW_UMBRA, Segment, shadow_flags},
+};
+
+params! {
+    /// Parameters of [`ShadowEdges`].
+    pub struct ShadowEdgesParams {
+        /// Most segments; of more, the long ones with a narrow penumbra are kept.
+        capacity: u32 = 262144, in 1..=4194304, unit "segments";
+        /// How close to its blocker an object shows no boundary on itself; a share of the light's distance from the
+        /// blocker. A tenth of it for boundaries on other objects.
+        contact: f32 = 0.002, in 0.0..=1.0;
+        /// Boundaries of wider penumbrae are left out; a share of the diagonal of the scene's bounds. At the default, a
+        /// penumbra that is left out is narrower than two pixels only where the whole scene is smaller than 100 pixels.
+        max_penumbra: f32 = 0.02, in 0.0..=1.0;
+    }
+}
+
+/// Finds the hard boundaries of point lights and the umbra and penumbra boundaries of quad lights in the scene of the
+/// [`World`]; see [`shadow_segments`]. The flags of a segment are those of [`shadow_flags`].
+///
+/// With [`Pace::Exact`] the first frame waits for the result. With [`Pace::Async`] no frame waits: there are no segments until
+/// threads of their own have found them. The [`World`] keeps the result, so that a recompile finds it again.
+pub struct ShadowEdges {
+    segments: Out<Segment>,
+    count: Out<u32>,
+    dropped: Out<u32>,
+    written: Mutex<Written>,
+}
+
+/// What the outputs hold.
+#[derive(Default)]
+enum Written {
+    /// Whatever was there when the graph was compiled.
+    #[default]
+    Unknown,
+    /// No segments, because the search goes on.
+    Nothing,
+    /// The result of this search.
+    Result(Weak<Search>),
+}
+
+impl Stage for ShadowEdges {
+    const KIND: &'static str = "shadow_edges";
+    const DOC: &'static str = "Finds the boundaries of shadows, once for a scene.";
+    type Params = ShadowEdgesParams;
+
+    fn declare(params: &Self::Params, io: &mut Io) -> Self {
+        let number = Extent::Fixed([1, 1]);
+        Self {
+            segments: io.persistent(
+                "segments",
+                "The boundaries; flags have their kind in bits 0 and 1, and the penumbra's width in the high half.",
+                Extent::Fixed([params.capacity, 1]),
+            ),
+            count: io.persistent("count", "How many of them there are; 0 while they are sought.", number.clone()),
+            dropped: io.persistent("dropped", "How many more were found than there is room for.", number),
+            written: Mutex::default(),
+        }
+    }
+
+    fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
+        let settings = ShadowSettings {
+            capacity: params.capacity as usize,
+            contact: params.contact,
+            max_penumbra: params.max_penumbra,
+        };
+        let world = cx.host::<World>()?;
+        let search = world.shadows.search(&world.tracer, settings, &world.pace)?;
+        let found = search.found.get();
+        let mut written = lock(&self.written);
+        let unchanged = match (&*written, found) {
+            (Written::Nothing, None) => true,
+            (Written::Result(before), Some(_)) => Weak::as_ptr(before) == Arc::as_ptr(&search),
+            _ => false,
+        };
+        if unchanged {
+            cx.unchanged(self.segments);
+            cx.unchanged(self.count);
+            cx.unchanged(self.dropped);
+            return Ok(());
+        }
+        let (list, dropped) = found.map_or((&[][..], 0), |found| (&found.segments[..], found.dropped));
+        let mut segments = cx.write(self.segments);
+        segments.fill(Segment::default());
+        for (out, segment) in segments.iter_mut().zip(list) {
+            *out = flagged(segment);
+        }
+        // At most the capacity, which has 32 bits.
+        cx.write(self.count)[0] = list.len() as u32;
+        cx.write(self.dropped)[0] = u32::try_from(dropped).unwrap_or(u32::MAX);
+        *written = if found.is_some() { Written::Result(Arc::downgrade(&search)) } else { Written::Nothing };
+        Ok(())
+    }
+
+    fn needless(_: &Self::Params, facts: &Facts) -> Option<&'static str> {
+        (!facts.shadow_casters).then_some("no light casts shadows")
+    }
+}
+
+fn flagged(segment: &ShadowSegment) -> Segment {
+    let kind = match segment.kind {
+        ShadowKind::Hard => SHADOW_HARD,
+        ShadowKind::Umbra => SHADOW_UMBRA,
+        ShadowKind::Penumbra => SHADOW_PENUMBRA,
+    };
+    let [a, b] = segment.ends.map(Into::into);
+    Segment { a, flags: shadow_flags(kind, segment.penumbra), b, edge: segment.edge }
+}
+
+/// Searches kept at a time: a graph with two stages of different parameters, and some room to try others.
+const KEPT_SEARCHES: usize = 4;
+
+/// The shadow boundaries of a [`World`]'s scene, by how they are found: the searches last asked for, oldest first.
+#[derive(Default)]
+pub struct ShadowCache(Mutex<Vec<Arc<Search>>>);
+
+/// One search for shadow boundaries. Dropping it ends its thread at the next opportunity.
+struct Search {
+    settings: ShadowSettings,
+    found: Arc<OnceLock<ShadowSegments>>,
+    /// Tells the thread that nobody waits any more.
+    unwanted: Arc<AtomicBool>,
+}
+
+impl Drop for Search {
+    fn drop(&mut self) {
+        self.unwanted.store(true, Ordering::Relaxed);
+    }
+}
+
+impl ShadowCache {
+    /// The search with these settings, started if there is none; with [`Pace::Exact`] it is finished.
+    fn search(
+        &self,
+        tracer: &Arc<Tracer>,
+        settings: ShadowSettings,
+        pace: &Pace,
+    ) -> Result<Arc<Search>, String> {
+        let mut searches = lock(&self.0);
+        if let Some(known) = searches.iter().position(|search| search.settings == settings) {
+            return Ok(searches[known].clone());
+        }
+        let search = match pace {
+            Pace::Exact => Search::now(tracer, settings),
+            Pace::Async(_) => Search::start(tracer.clone(), settings)?,
+        };
+        if searches.len() == KEPT_SEARCHES {
+            searches.remove(0);
+        }
+        searches.push(Arc::new(search));
+        Ok(searches[searches.len() - 1].clone())
+    }
+}
+
+impl Search {
+    fn new(settings: ShadowSettings) -> Self {
+        Self { settings, found: Arc::default(), unwanted: Arc::default() }
+    }
+
+    /// A finished search.
+    fn now(tracer: &Tracer, settings: ShadowSettings) -> Self {
+        let search = Self::new(settings);
+        if let Some(result) = shadow_segments(tracer, &settings, &|_| true) {
+            // A new cell is empty.
+            let _ = search.found.set(result);
+        }
+        search
+    }
+
+    /// A search that has begun, on half of the machine's threads: the others are left to the frames.
+    fn start(tracer: Arc<Tracer>, settings: ShadowSettings) -> Result<Self, String> {
+        let search = Self::new(settings);
+        let (found, unwanted) = (search.found.clone(), search.unwanted.clone());
+        let work = move || {
+            let wanted = |_: f32| !unwanted.load(Ordering::Relaxed);
+            if let Some(result) = shadow_segments(&tracer, &settings, &wanted) {
+                // Nobody else writes to this cell.
+                let _ = found.set(result);
+            }
+        };
+        let fail = |error: &dyn std::fmt::Display| format!("no thread for the search for shadows: {error}");
+        let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|error| fail(&error))?;
+        let thread = std::thread::Builder::new().name("shadow edges".into());
+        thread.spawn(move || pool.install(work)).map_err(|error| fail(&error))?;
+        Ok(search)
+    }
+}
+
+/// Locks even after a panic elsewhere: no critical section here leaves half a change behind.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::{Harness, Host, Outputs, Settings, Side};
+    use epigraph_scenes::{AsyncTracer, Light, Scene};
+
+    use super::*;
+    use crate::shared::{segments::penumbra_width, testing::settings};
+
+    fn tracer() -> Arc<Tracer> {
+        Arc::new(Tracer::new(Arc::new(Scene::load("cornell").unwrap())))
+    }
+
+    fn host(tracer: &Arc<Tracer>, exact: bool) -> Host {
+        let pace = if exact { Pace::Exact } else { Pace::Async(AsyncTracer::new(tracer.clone(), 1)) };
+        let mut host = Host::default();
+        host.insert(World::new(tracer.clone(), pace));
+        host
+    }
+
+    fn params(capacity: u32) -> ShadowEdgesParams {
+        ShadowEdgesParams { capacity, max_penumbra: 1.0, ..ShadowEdgesParams::default() }
+    }
+
+    fn harness(params: ShadowEdgesParams) -> Harness<ShadowEdges> {
+        Harness::new(params, &settings([4, 4], 1))
+    }
+
+    fn run(harness: &mut Harness<ShadowEdges>, host: &Host) -> Outputs {
+        harness.run(Side::Cpu, &crate::registry(), host, None).unwrap()
+    }
+
+    /// What the stage is to write, as found by `scenes`.
+    fn expected(tracer: &Tracer) -> Vec<Segment> {
+        let settings = ShadowSettings { max_penumbra: 1.0, ..ShadowSettings::default() };
+        let found = shadow_segments(tracer, &settings, &|_| true).unwrap();
+        assert!(found.segments.len() > 50);
+        found.segments.iter().map(flagged).collect()
+    }
+
+    #[test]
+    fn the_first_exact_frame_has_them_and_so_have_all_others() {
+        let tracer = tracer();
+        let (expected, host) = (expected(&tracer), host(&tracer, true));
+        let mut harness = harness(params(1000));
+        for _ in 0..3 {
+            let out = run(&mut harness, &host);
+            let (segments, count) = (out.get::<Segment>("segments"), out.get::<u32>("count")[0] as usize);
+            assert_eq!(segments[..count], expected);
+            assert!(segments[count..].iter().all(|&segment| segment == Segment::default()));
+            assert_eq!(out.get::<u32>("dropped"), [0]);
+        }
+    }
+
+    #[test]
+    fn asynchronous_frames_have_none_until_all_are_there() {
+        let tracer = tracer();
+        let (expected, host) = (expected(&tracer), host(&tracer, false));
+        let mut harness = harness(params(1000));
+        // Ten seconds at most.
+        for _ in 0..1000 {
+            let out = run(&mut harness, &host);
+            let count = out.get::<u32>("count")[0] as usize;
+            if count > 0 {
+                assert_eq!(out.get::<Segment>("segments")[..count], expected);
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        panic!("no shadow edges");
+    }
+
+    #[test]
+    fn a_recompile_and_another_stage_search_no_more() {
+        let tracer = tracer();
+        let host = host(&tracer, true);
+        let world = host.get::<World>().unwrap();
+        let (mut one, mut other) = (harness(params(1000)), harness(params(10)));
+        run(&mut one, &host);
+        run(&mut other, &host);
+        let before: Vec<_> = lock(&world.shadows.0).clone();
+        assert_eq!(before.len(), 2);
+        one.reset();
+        run(&mut one, &host);
+        run(&mut other, &host);
+        let after = lock(&world.shadows.0);
+        assert!(before.iter().zip(&*after).all(|(a, b)| Arc::ptr_eq(a, b)) && after.len() == 2);
+    }
+
+    #[test]
+    fn old_searches_are_forgotten_and_ended() {
+        let tracer = tracer();
+        let host = host(&tracer, true);
+        for capacity in 1..10 {
+            let out = run(&mut harness(params(capacity)), &host);
+            assert_eq!(out.get::<u32>("count"), [capacity]);
+            assert!(out.get::<u32>("dropped")[0] > 0);
+        }
+        let kept = lock(&host.get::<World>().unwrap().shadows.0);
+        assert_eq!(kept.iter().map(|search| search.settings.capacity).collect::<Vec<_>>(), [6, 7, 8, 9]);
+        let settings = ShadowSettings::default();
+        let ended = Search::start(tracer, settings).unwrap();
+        let unwanted = ended.unwanted.clone();
+        drop(ended);
+        assert!(unwanted.load(Ordering::Relaxed));
+    }
+
+    #[test]
+    fn flags_tell_kind_and_width() {
+        let tracer = tracer();
+        let out = run(&mut harness(params(1000)), &host(&tracer, true));
+        let settings = ShadowSettings { max_penumbra: 1.0, ..ShadowSettings::default() };
+        let found = shadow_segments(&tracer, &settings, &|_| true).unwrap().segments;
+        for (segment, found) in out.get::<Segment>("segments").iter().zip(&found) {
+            let kind =
+                [ShadowKind::Hard, ShadowKind::Umbra, ShadowKind::Penumbra][segment.flags as usize & 3];
+            assert_eq!(kind, found.kind);
+            // Rounded up to 8 bits of precision.
+            let width = penumbra_width(segment.flags) / found.penumbra;
+            assert!((1.0..1.01).contains(&width), "{width}");
+        }
+    }
+
+    #[test]
+    fn needless_without_a_shadow() {
+        let mut scene = Scene::load("cornell").unwrap();
+        let facts = World::facts(&scene, false);
+        assert_eq!(ShadowEdges::needless(&params(1), &facts), None);
+        scene.lights.retain(|light| matches!(light, Light::Point { .. }));
+        let facts = World::facts(&scene, false);
+        assert_eq!(ShadowEdges::needless(&params(1), &facts), Some("no light casts shadows"));
+        // Where it runs nevertheless, it finds none.
+        let tracer = Arc::new(Tracer::new(Arc::new(scene)));
+        let settings = Settings { facts, ..settings([4, 4], 1) };
+        let mut harness = Harness::<ShadowEdges>::new(params(5), &settings);
+        assert_eq!(run(&mut harness, &host(&tracer, true)).get::<u32>("count"), [0]);
+    }
+}

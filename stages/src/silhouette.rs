@@ -1,0 +1,476 @@
+//! Finds the edges of the mesh that are silhouettes for the eye (`algorithms.md` section 2.1).
+//!
+//! A pass over the faces asks once for each whether it faces the eye; edges then look at nothing but the bits of their
+//! two faces. An edge between smoothly joined faces is a silhouette if just one of them faces the eye, a crease if either
+//! does, a border if its face does or always. As all edges of a face see the same bit, the silhouettes of a closed mesh
+//! are closed loops, whatever rounding did to the bit.
+//!
+//! A prefix sum puts the silhouettes into a list without gaps, in the order of the edges. The papers read the bits of the
+//! edges back and did this on the CPU: that is `compaction: Readback` with the stage [`crate::compact`] after it.
+
+use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage, Threads, choice, params, shader};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::{
+    compact::Compaction,
+    mesh::{Normals, decode_f16, decode_oct16},
+    shared::segments::{CREASE, MeshEdge, REGULAR},
+};
+
+/// Workgroups of a prefix sum, as in `shared/scan.wgsl`.
+const SCAN_BLOCKS: u32 = 256;
+
+choice! {
+    /// Where the silhouettes are collected.
+    pub enum Collect {
+        /// Here, by a prefix sum.
+        PrefixSum,
+        /// By a node of kind `compact` that reads `drawn`, on the CPU: the papers' way.
+        Readback,
+    }
+}
+
+params! {
+    /// Parameters of [`Silhouette`].
+    pub struct SilhouetteParams {
+        /// How the normals of faces are stored, as in the node of kind `mesh`.
+        normals: Normals = Normals::F32;
+        /// Where the silhouettes are collected.
+        compaction: Collect = Collect::PrefixSum;
+        /// Edges with one face are always drawn; else only where their face faces the eye.
+        two_sided_borders: bool = true;
+    }
+}
+
+/// See the module.
+pub struct Silhouette {
+    vertices: In<[f32; 4]>,
+    faces: In<[u32; 4]>,
+    normals: NormalsIn,
+    edges: In<MeshEdge>,
+    facing: Out<u32>,
+    drawn: Out<u32>,
+    compaction: Option<Compaction>,
+}
+
+enum NormalsIn {
+    F32(In<[f32; 4]>),
+    F16(In<[u32; 2]>),
+    Oct16(In<u32>),
+}
+
+impl Stage for Silhouette {
+    const KIND: &'static str = "silhouette";
+    const DOC: &'static str = "Finds the edges of the mesh that are silhouettes for the eye.";
+    type Params = SilhouetteParams;
+
+    fn declare(params: &SilhouetteParams, io: &mut Io) -> Self {
+        io.shader(shader!("silhouette"));
+        let vertices = io.read("vertices", "Positions, metres.", Extent::Vertices);
+        let faces = io.read("faces", "Three vertices and the object of each triangle.", Extent::Faces);
+        let (name, doc) = ("normals", "Normals of the triangles.");
+        let normals = match params.normals {
+            Normals::F32 => NormalsIn::F32(io.read(name, doc, Extent::Faces)),
+            Normals::F16 => {
+                io.define("F16");
+                NormalsIn::F16(io.read(name, doc, Extent::Faces))
+            }
+            Normals::Oct16 => {
+                io.define("OCT16");
+                NormalsIn::Oct16(io.read(name, doc, Extent::Faces))
+            }
+        };
+        let edges = io.read("edges", "Vertices, faces and kind of every edge.", Extent::Edges);
+        let facing =
+            io.write("facing", "Bits of the faces that face the eye, 32 to a number.", Extent::Faces);
+        let drawn =
+            io.write("drawn", "Bits of the edges that are silhouettes, 32 to a number.", Extent::Edges);
+
+        io.dispatch("face_eye", faces);
+        io.dispatch("choose", edges);
+        let compaction = (params.compaction == Collect::PrefixSum).then(|| {
+            let compaction = Compaction::declare(io, vertices, edges);
+            io.define("PREFIX_SUM");
+            io.write::<u32>("sums", "Scratch: silhouettes, by block.", Extent::Fixed([SCAN_BLOCKS, 1]));
+            io.compute("add_up", Threads::Groups(SCAN_BLOCKS));
+            io.compute("collect", Threads::Groups(SCAN_BLOCKS));
+            compaction
+        });
+        Self { vertices, faces, normals, edges, facing, drawn, compaction }
+    }
+
+    fn cpu(&self, params: &SilhouetteParams, cx: &CpuContext) -> Result<(), String> {
+        match self.normals {
+            NormalsIn::F32(normals) => {
+                let normals = &cx.read(normals)[..];
+                self.face_eye(cx, |face| Vec3::from_slice(&normals[face][..3]));
+            }
+            NormalsIn::F16(normals) => {
+                let normals = &cx.read(normals)[..];
+                self.face_eye(cx, |face| decode_f16(normals[face]).into());
+            }
+            NormalsIn::Oct16(normals) => {
+                let normals = &cx.read(normals)[..];
+                self.face_eye(cx, |face| decode_oct16(normals[face]).into());
+            }
+        }
+        self.choose(cx, params.two_sided_borders);
+        if let Some(compaction) = &self.compaction {
+            compaction.run(cx, &cx.write(self.drawn));
+        }
+        Ok(())
+    }
+
+    fn needless(_: &SilhouetteParams, facts: &Facts) -> Option<&'static str> {
+        (facts.faces == 0).then_some("the scene has no faces")
+    }
+}
+
+impl Silhouette {
+    /// A face faces the eye if the eye lies on the side of its plane to which its normal points, not in the plane.
+    fn face_eye(&self, cx: &CpuContext, normal: impl Fn(usize) -> Vec3 + Sync) {
+        let (vertices, faces) = (&cx.read(self.vertices)[..], &cx.read(self.faces)[..]);
+        let eye = Vec3::from(cx.frame().view.eye);
+        fill_bits(&mut cx.write(self.facing), faces, |face, &[v0, ..]| {
+            let p = Vec3::from_slice(&vertices[v0 as usize][..3]) - eye;
+            normal(face).dot(p) < 0.0
+        });
+    }
+
+    fn choose(&self, cx: &CpuContext, two_sided_borders: bool) {
+        let facing = &cx.write(self.facing)[..];
+        let faces_eye = |face: u32| facing[face as usize / 32] >> (face % 32) & 1 == 1;
+        fill_bits(&mut cx.write(self.drawn), &cx.read(self.edges), |_, edge| {
+            let first = faces_eye(edge.faces[0]);
+            match edge.kind {
+                REGULAR => first != faces_eye(edge.faces[1]),
+                CREASE => first || faces_eye(edge.faces[1]),
+                _ => first || two_sided_borders,
+            }
+        });
+    }
+}
+
+/// Writes a bit for each item, 32 to a word.
+fn fill_bits<T: Sync>(words: &mut [u32], items: &[T], bit: impl Fn(usize, &T) -> bool + Sync) {
+    let words = &mut words[..items.len().div_ceil(32)];
+    words.par_iter_mut().zip(items.par_chunks(32)).enumerate().with_min_len(64).for_each(
+        |(index, (word, items))| {
+            let bit = |(i, item)| u32::from(bit(32 * index + i, item)) << i;
+            *word = items.iter().enumerate().map(bit).fold(0, |word, bit| word | bit);
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::HashMap, f32::consts::TAU};
+
+    use epigraph_core::{Harness, Settings, View};
+    use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape, Surface};
+
+    use super::*;
+    use crate::{
+        World,
+        compact::Compact,
+        mesh::{encode_f16, encode_oct16},
+        shared::{
+            segments::{BORDER, NO_FACE, Segment},
+            testing::{Random, run_both, run_cpu, settings},
+        },
+    };
+
+    /// The lists of a mesh.
+    struct Lists {
+        settings: Settings,
+        vertices: Vec<[f32; 4]>,
+        faces: Vec<[u32; 4]>,
+        normals: Vec<Vec3>,
+        edges: Vec<MeshEdge>,
+    }
+
+    impl Lists {
+        fn of(scene: &Scene) -> Self {
+            let mesh = &scene.mesh;
+            Self {
+                settings: Settings { facts: World::facts(scene, false), ..settings([8, 8], 0) },
+                vertices: mesh.positions.iter().map(|p| p.extend(1.0).into()).collect(),
+                faces: mesh.triangles.iter().map(|&[a, b, c]| [a, b, c, 0]).collect(),
+                normals: mesh.face_normals.clone(),
+                edges: mesh
+                    .edges
+                    .iter()
+                    .map(|edge| MeshEdge {
+                        vertices: edge.vertices,
+                        faces: edge.faces,
+                        kind: edge.kind as u32,
+                        pad: 0,
+                    })
+                    .collect(),
+            }
+        }
+
+        fn of_shape(shape: &Shape) -> Self {
+            let mut builder = SceneBuilder::new();
+            let material = builder.material(Material {
+                name: String::new(),
+                color: Vec3::ONE,
+                surface: Surface::Diffuse,
+                emission: Vec3::ZERO,
+            });
+            builder.add(shape, material).unwrap();
+            let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+            Self::of(&builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap())
+        }
+
+        fn harness(&self, params: SilhouetteParams) -> Harness<Silhouette> {
+            let normals = params.normals;
+            let mut harness = Harness::new(params, &self.settings);
+            harness.set("vertices", &self.vertices);
+            harness.set("faces", &self.faces);
+            harness.set("edges", &self.edges);
+            match normals {
+                Normals::F32 => harness.set("normals", &self.list(|n| n.extend(0.0).to_array())),
+                Normals::F16 => harness.set("normals", &self.list(|n| encode_f16(n.into()))),
+                Normals::Oct16 => harness.set("normals", &self.list(|n| encode_oct16(n.into()))),
+            }
+            harness
+        }
+
+        fn list<T>(&self, encode: impl Fn(Vec3) -> T) -> Vec<T> {
+            self.normals.iter().map(|&n| encode(n)).collect()
+        }
+    }
+
+    /// The silhouettes of a frame as the twin lists them.
+    fn segments(harness: &mut Harness<Silhouette>) -> Vec<Segment> {
+        let out = run_cpu(harness);
+        let mut segments = out.get::<Segment>("segments");
+        segments.truncate(out.get::<u32>("count")[0] as usize);
+        segments
+    }
+
+    fn edges_of(segments: &[Segment]) -> Vec<u32> {
+        segments.iter().map(|segment| segment.edge).collect()
+    }
+
+    /// A quad in the plane z = 0 that faces +z: a regular edge and four borders.
+    fn quad() -> Lists {
+        Lists::of_shape(&Shape::quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]))
+    }
+
+    fn all_of(lists: &Lists, kind: u32) -> Vec<u32> {
+        (0..lists.edges.len() as u32).filter(|&edge| lists.edges[edge as usize].kind == kind).collect()
+    }
+
+    #[test]
+    fn borders_show_from_their_front_or_from_both_sides() {
+        let lists = quad();
+        let borders = all_of(&lists, BORDER);
+        assert_eq!(borders.len(), 4);
+        let seen = |two_sided_borders, z| {
+            let mut harness =
+                lists.harness(SilhouetteParams { two_sided_borders, ..SilhouetteParams::default() });
+            harness.frame.view.eye = [0.3, 0.2, z];
+            edges_of(&segments(&mut harness))
+        };
+        // z = 0: the eye lies exactly in the plane of the faces, which do not face it then.
+        for (two_sided, z, shown) in [
+            (true, 2.0, true),
+            (true, -2.0, true),
+            (true, 0.0, true),
+            (false, 2.0, true),
+            (false, -2.0, false),
+            (false, 0.0, false),
+        ] {
+            let expected = if shown { borders.clone() } else { vec![] };
+            assert_eq!(seen(two_sided, z), expected, "two-sided {two_sided}, z = {z}");
+        }
+    }
+
+    #[test]
+    fn creases_show_where_a_face_beside_them_does() {
+        // Diagonals of sides are regular edges between coplanar faces: never a silhouette.
+        let lists = Lists::of_shape(&Shape::cuboid(Vec3::ZERO, Vec3::ONE));
+        let creases = all_of(&lists, CREASE);
+        assert_eq!((lists.edges.len(), creases.len()), (18, 12));
+        let seen = |eye: [f32; 3]| {
+            let mut harness = lists.harness(SilhouetteParams::default());
+            harness.frame.view.eye = eye;
+            segments(&mut harness)
+        };
+        // One side, two, three; in the plane of one.
+        assert_eq!(seen([0.5, 0.5, 3.0]).len(), 4);
+        assert_eq!(seen([3.0, 0.5, 3.0]).len(), 7);
+        assert_eq!(seen([3.0, 3.0, 3.0]).len(), 9);
+        assert_eq!(seen([1.0, 0.5, 3.0]).len(), 4);
+        assert_eq!(seen([0.5, 0.5, 0.5]).len(), 0);
+        for segment in seen([3.0, 3.0, 3.0]) {
+            let edge = &lists.edges[segment.edge as usize];
+            let [a, b] = edge.vertices.map(|vertex| lists.vertices[vertex as usize]);
+            assert_eq!([segment.a, segment.b], [a, b].map(|[x, y, z, _]| [x, y, z]));
+        }
+    }
+
+    #[test]
+    fn degenerate_faces_do_not_face_the_eye() {
+        let mut lists = quad();
+        lists.normals.fill(Vec3::ZERO);
+        for normals in [Normals::F32, Normals::F16, Normals::Oct16] {
+            let params = SilhouetteParams { normals, two_sided_borders: false, ..Default::default() };
+            let mut harness = lists.harness(params);
+            harness.frame.view.eye = [0.0, 0.0, 5.0];
+            assert_eq!(segments(&mut harness), [], "{normals:?}");
+        }
+    }
+
+    /// Eyes around and inside, some in special places.
+    fn eyes(center: Vec3, reach: f32, count: usize) -> Vec<Vec3> {
+        let mut random = Random(9);
+        let mut eyes: Vec<Vec3> = (0..count)
+            .map(|_| center + reach * Vec3::from([0; 3].map(|_| random.between(-1.0, 1.0))))
+            .collect();
+        eyes.extend([center, center + reach * Vec3::Z, center + 1e6 * Vec3::X]);
+        eyes
+    }
+
+    #[test]
+    fn closed_meshes_have_closed_silhouettes() {
+        let torus = Shape::surface(48, 24, |u, v| {
+            let (u, v) = (TAU * (u % 48) as f32 / 48.0, TAU * (v % 24) as f32 / 24.0);
+            Vec3::new((1.0 + 0.4 * v.cos()) * u.cos(), 0.4 * v.sin(), (1.0 + 0.4 * v.cos()) * u.sin())
+        });
+        let shapes = [
+            (Lists::of_shape(&Shape::sphere(1.0, 40, 20)), Vec3::ZERO, 3.0),
+            (Lists::of_shape(&torus), Vec3::ZERO, 3.0),
+            (Lists::of(&Scene::load("chains").unwrap()), Vec3::Y, 3.0),
+        ];
+        for (index, (mut lists, center, reach)) in shapes.into_iter().enumerate() {
+            assert!(lists.edges.iter().all(|edge| edge.faces[1] != NO_FACE), "shape {index} is not closed");
+            // Creases are drawn inside of outlines too; outlines are what this test is about.
+            lists.edges.iter_mut().for_each(|edge| edge.kind = REGULAR);
+            for normals in [Normals::F32, Normals::F16, Normals::Oct16] {
+                let mut harness = lists.harness(SilhouetteParams { normals, ..Default::default() });
+                let mut seen = 0;
+                for eye in eyes(center, reach, 12) {
+                    harness.frame.view.eye = eye.into();
+                    let mut degree: HashMap<u32, u32> = HashMap::new();
+                    for edge in edges_of(&segments(&mut harness)) {
+                        for vertex in lists.edges[edge as usize].vertices {
+                            *degree.entry(vertex).or_default() += 1;
+                        }
+                    }
+                    seen += degree.len();
+                    assert!(degree.values().all(|degree| degree % 2 == 0), "shape {index}, eye {eye}");
+                }
+                assert!(seen > 100, "shape {index} has {seen} vertices on silhouettes");
+            }
+        }
+    }
+
+    /// Asserts that both sides list the same silhouettes, but for `allowed` bits of faces.
+    #[track_caller]
+    fn assert_sides_agree(lists: &Lists, params: SilhouetteParams, eye: Vec3, allowed: u32) {
+        let mut harness = lists.harness(params);
+        harness.frame.view = View { eye: eye.into(), ..View::default() };
+        let both = run_both(&mut harness);
+        let words = |name: &str, items: usize| {
+            let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<u32>(name));
+            cpu.into_iter().zip(gpu).take(items.div_ceil(32)).collect::<Vec<_>>()
+        };
+        let differing =
+            |name, items| words(name, items).iter().map(|(cpu, gpu)| (cpu ^ gpu).count_ones()).sum::<u32>();
+        let faces = differing("facing", lists.faces.len());
+        assert!(faces <= allowed, "{faces} faces differ");
+        // Edges follow from faces: three for each that differs.
+        assert!(differing("drawn", lists.edges.len()) <= 3 * faces);
+
+        // Each side's list holds just its own bits, in order.
+        for (out, gpu) in [(&both.cpu, false), (&both.gpu, true)] {
+            let count = out.get::<u32>("count")[0] as usize;
+            let words: Vec<u32> = words("drawn", lists.edges.len())
+                .into_iter()
+                .map(|(on_cpu, on_gpu)| if gpu { on_gpu } else { on_cpu })
+                .collect();
+            let drawn = |edge: &u32| words[*edge as usize / 32] >> (edge % 32) & 1 == 1;
+            let expected: Vec<u32> = (0..lists.edges.len() as u32).filter(drawn).collect();
+            let mut segments = out.get::<Segment>("segments");
+            segments.truncate(count);
+            assert_eq!(edges_of(&segments), expected, "gpu: {gpu}");
+            for segment in segments {
+                let edge = &lists.edges[segment.edge as usize];
+                let ends =
+                    edge.vertices.map(|vertex| Vec3::from_slice(&lists.vertices[vertex as usize][..3]));
+                assert_eq!([segment.a, segment.b].map(Vec3::from), ends);
+                assert_eq!(segment.flags, 0);
+            }
+        }
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        let lists = Lists::of(&Scene::load("chains").unwrap());
+        for normals in [Normals::F32, Normals::F16, Normals::Oct16] {
+            for eye in eyes(Vec3::Y, 3.0, 2) {
+                // A sum of three products may round to the other side of zero on a shader that fuses them.
+                let params = SilhouetteParams { normals, ..SilhouetteParams::default() };
+                assert_sides_agree(&lists, params, eye, 4);
+            }
+        }
+        let quad = quad();
+        for two_sided_borders in [true, false] {
+            let params = SilhouetteParams { two_sided_borders, ..SilhouetteParams::default() };
+            assert_sides_agree(&quad, params, Vec3::new(0.2, 0.3, 4.0), 0);
+        }
+    }
+
+    #[test]
+    fn small_normals_change_few_edges() {
+        let lists = Lists::of(&Scene::load("chains").unwrap());
+        let seen = |normals| {
+            let mut harness = lists.harness(SilhouetteParams { normals, ..Default::default() });
+            harness.frame.view.eye = [0.9, 1.85, 4.5];
+            edges_of(&segments(&mut harness))
+        };
+        let exact = seen(Normals::F32);
+        for normals in [Normals::F16, Normals::Oct16] {
+            let other = seen(normals);
+            let missing = exact.iter().filter(|edge| other.binary_search(edge).is_err()).count();
+            assert!(missing <= exact.len() / 50, "{normals:?}: {missing} of {}", exact.len());
+        }
+    }
+
+    #[test]
+    fn a_million_edges() {
+        // 672 x 500 quads: 672,000 faces and about a million edges.
+        let lists = Lists::of_shape(&Shape::sphere(1.0, 672, 502));
+        assert!(lists.edges.len() > 1_000_000, "{}", lists.edges.len());
+        let mut harness = lists.harness(SilhouetteParams::default());
+        harness.frame.view.eye = [0.0, 0.0, 3.0];
+        let edges = edges_of(&segments(&mut harness));
+        assert!(edges.is_sorted());
+        // The outline goes around once: at least as many edges as the sphere has rows, twice.
+        assert!(edges.len() > 900 && edges.len() < 5000, "{}", edges.len());
+    }
+
+    #[test]
+    fn collecting_on_the_cpu_gives_the_same_list() {
+        let lists = Lists::of(&Scene::load("chains").unwrap());
+        let eye = [0.9, 1.85, 4.5];
+        let mut whole = lists.harness(SilhouetteParams::default());
+        whole.frame.view.eye = eye;
+        let params = SilhouetteParams { compaction: Collect::Readback, ..SilhouetteParams::default() };
+        let mut marks = lists.harness(params);
+        marks.frame.view.eye = eye;
+        let drawn = run_both(&mut marks).gpu.get::<u32>("drawn");
+
+        let mut compact = Harness::<Compact>::new((), &lists.settings);
+        compact.set("vertices", &lists.vertices);
+        compact.set("edges", &lists.edges);
+        compact.set("drawn", &drawn);
+        let out = run_cpu(&mut compact);
+        let count = out.get::<u32>("count")[0] as usize;
+        assert_eq!(out.get::<Segment>("segments")[..count], segments(&mut whole));
+    }
+}

@@ -1,0 +1,481 @@
+//! Gives a colour to the pixels from which no sample could be reached: at the start, where something comes into view, at
+//! the smallest budgets (`algorithms.md` section 11.2).
+//!
+//! First colours spread: in each step a hole takes the mean colour of those of its eight neighbours that have one and
+//! whose primary region joins its own, so no colour crosses an edge. The steps come in rounds of eight; a round is a
+//! single pass of the GPU, which makes all its steps on tiles that overlap by eight pixels and leaves out tiles without
+//! a hole that anything joins. The result is that of the steps one by one.
+//!
+//! What remains are regions without any sample: enclosed by edges, or farther away than the steps reach. Each hole takes
+//! the mean of the smallest square around it that holds colours: 3, 5, 9 or 17 pixels wide, then aligned blocks of 16,
+//! 32, 64 and so on. It is the cheap relative of push-pull, without smoothing: nothing but specks needs it.
+
+use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, Threads, choice, params, shader, texel};
+use rayon::prelude::*;
+
+use crate::shared::edge_pixel::DIRECTIONS;
+
+/// Pixels on each side of a tile, the finest of the aligned blocks.
+const TILE: usize = 16;
+
+/// Steps of a round.
+const ROUND: u32 = 8;
+
+/// What `filled` holds for holes.
+const HOLE: u32 = u32::MAX;
+
+/// Pixels to each side of the squares around a hole.
+const SQUARES: [usize; 4] = [1, 2, 4, 8];
+
+/// Holes that are worth a task of their own.
+const CHUNK: usize = 512;
+
+choice! {
+    /// How holes are filled.
+    pub enum Method {
+        /// From what joins them, step by step; what is left over like `PushPull`.
+        Spread,
+        /// From what lies around them, edges or not.
+        PushPull,
+        /// Not at all: they stay black, with alpha 0.
+        Off,
+    }
+}
+
+params! {
+    /// Parameters of [`Spread`].
+    pub struct SpreadParams {
+        /// How holes are filled.
+        method: Method = Method::Spread;
+        /// How far colours spread, in rounds of eight steps.
+        rounds: u32 = 8, in 1..=64;
+    }
+}
+
+/// See the module.
+pub struct Spread {
+    primary: In<texel::Rgba32Float>,
+    n8: In<u32>,
+    color: Out<texel::Rgba32Float>,
+    pyramid: Out<[f32; 4]>,
+    filled: Out<u32>,
+}
+
+impl Stage for Spread {
+    const KIND: &'static str = "spread";
+    const DOC: &'static str = "Fills pixels that no sample reached, along what no edge parts.";
+    type Params = SpreadParams;
+
+    fn declare(params: &SpreadParams, io: &mut Io) -> Self {
+        let pixels = || Extent::Frame(1);
+        let primary = io.read("primary", "Linear radiance, not negative; alpha 0 in holes.", pixels());
+        let n8 = io.read("n8", "Which regions of each pixel join which of its eight neighbours'.", pixels());
+        let color = io.write("color", "Linear radiance; alpha 1, or 0 where no colour was found.", pixels());
+        let pyramid = io.write(
+            "pyramid",
+            "Scratch: sums of colours and how many, of tiles of 16x16 pixels, then of blocks of 2x2, 4x4 ... tiles.",
+            // A quarter of that would do, but for what rounding adds to images of a few tiles.
+            Extent::Frame(TILE as u32 / 4),
+        );
+        let _: Out<[f32; 4]> = io.write("found", "Scratch: the colours that holes took.", pixels());
+        let filled = io.write(
+            "filled",
+            "The round in which a hole was filled, 0xFFFFFFFF if in none; 0: no hole.",
+            pixels(),
+        );
+        let tiles: Out<[u32; 2]> = io.write(
+            "tiles",
+            "Scratch: holes of each tile that may be filled, and rounds done.",
+            Extent::Frame(TILE as u32),
+        );
+        io.shader(shader!("spread"));
+        match params.method {
+            Method::Off => io.dispatch("copy", color),
+            Method::PushPull | Method::Spread => {
+                io.dispatch("prepare", tiles);
+                if params.method == Method::Spread {
+                    (0..params.rounds).for_each(|_| io.dispatch("spread", tiles));
+                }
+                io.compute("pull", Threads::Groups(1));
+                io.dispatch("push", color);
+            }
+        }
+        Self { primary, n8, color, pyramid, filled }
+    }
+
+    fn cpu(&self, params: &SpreadParams, cx: &CpuContext) -> Result<(), String> {
+        let (width, height) = (cx.dims(self.color).width as usize, cx.dims(self.color).height as usize);
+        let (primary, n8) = (&cx.read(self.primary)[..], &cx.read(self.n8)[..]);
+        let (color, filled) = (&mut cx.write(self.color)[..], &mut cx.write(self.filled)[..]);
+
+        let rows =
+            color.par_chunks_mut(width).zip(filled.par_chunks_mut(width)).zip(primary.par_chunks(width));
+        let copy_row = |(y, ((color, filled), primary)): (usize, ((&mut [_], &mut [_]), &[[f32; 4]]))| {
+            let mut holes = Vec::new();
+            for (x, &[r, g, b, alpha]) in primary.iter().enumerate() {
+                let is_hole = alpha <= 0.0;
+                color[x] = if is_hole { [0.0; 4] } else { [r, g, b, 1.0] };
+                filled[x] = if is_hole { HOLE } else { 0 };
+                if is_hole {
+                    holes.push(y * width + x);
+                }
+            }
+            holes
+        };
+        let mut holes: Vec<usize> = rows.enumerate().flat_map_iter(copy_row).collect();
+        if holes.is_empty() || params.method == Method::Off {
+            return Ok(());
+        }
+
+        let mut image = Image { color, width, height };
+        if params.method == Method::Spread {
+            image.spread(n8, &holes, filled, params.rounds);
+            holes.retain(|&hole| filled[hole] == HOLE);
+        }
+        if !holes.is_empty() {
+            let mut sums = cx.write(self.pyramid);
+            let mut pyramid = Pyramid::new(&mut sums, width, height);
+            pyramid.pull(&image);
+            image.fill(&holes, |image, hole| image.mean_around(&pyramid, hole));
+        }
+        Ok(())
+    }
+}
+
+/// Colours with alpha 1, or zeros: an alpha of 0 or less is a hole's.
+struct Image<'a> {
+    color: &'a mut [[f32; 4]],
+    width: usize,
+    height: usize,
+}
+
+impl Image<'_> {
+    /// Spreads colours into the holes, in so many rounds.
+    fn spread(&mut self, n8: &[u32], holes: &[usize], filled: &mut [u32], rounds: u32) {
+        // The holes next to colours: those that the coming step fills.
+        let is_next_to_color = |&&hole: &&usize| self.joined(n8, hole).any(|p| self.color[p][3] > 0.0);
+        let mut front: Vec<usize> = holes.par_iter().filter(is_next_to_color).copied().collect();
+        for step in 0..rounds * ROUND {
+            if front.is_empty() {
+                break;
+            }
+            self.fill(&front, |image, hole| mean(image.joined(n8, hole).map(|p| image.color[p])));
+            let mut next = Vec::new();
+            for &hole in &front {
+                filled[hole] = step / ROUND + 1;
+                for p in joined(self.width, self.height, n8, hole) {
+                    if self.color[p][3] == 0.0 {
+                        // Listed, and still no colour.
+                        self.color[p][3] = -1.0;
+                        next.push(p);
+                    }
+                }
+            }
+            front = next;
+        }
+        // What the last step has listed stays a hole.
+        front.iter().for_each(|&hole| self.color[hole][3] = 0.0);
+    }
+
+    /// Gives colours to holes, each from the image without the others.
+    fn fill(&mut self, holes: &[usize], color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
+        let colors: Vec<[f32; 4]> =
+            holes.par_iter().with_min_len(CHUNK).map(|&hole| color(self, hole)).collect();
+        for (&hole, color) in holes.iter().zip(colors) {
+            self.color[hole] = color;
+        }
+    }
+
+    fn joined(&self, n8: &[u32], p: usize) -> impl Iterator<Item = usize> {
+        joined(self.width, self.height, n8, p)
+    }
+
+    /// The mean of the smallest square around a hole that holds colours.
+    fn mean_around(&self, pyramid: &Pyramid, hole: usize) -> [f32; 4] {
+        let (x, y) = (hole % self.width, hole / self.width);
+        for reach in SQUARES {
+            let mut sum = [0.0; 4];
+            for y in y.saturating_sub(reach)..(y + reach + 1).min(self.height) {
+                for x in x.saturating_sub(reach)..(x + reach + 1).min(self.width) {
+                    add(&mut sum, self.color[y * self.width + x]);
+                }
+            }
+            if sum[3] > 0.0 {
+                return over(sum);
+            }
+        }
+        over(pyramid.smallest(x / TILE, y / TILE))
+    }
+}
+
+/// The neighbours whose primary region joins that of pixel `p`.
+fn joined(width: usize, height: usize, n8: &[u32], p: usize) -> impl Iterator<Item = usize> {
+    let (x, y, word) = (p % width, p / width, n8[p]);
+    (0..8).filter(move |d| word >> (4 * d) & 1 != 0).filter_map(move |d| {
+        let [dx, dy] = DIRECTIONS[d];
+        let (x, y) = (x.checked_add_signed(dx as isize)?, y.checked_add_signed(dy as isize)?);
+        (x < width && y < height).then_some(y * width + x)
+    })
+}
+
+/// The mean of those colours that are no holes; a hole if all are.
+fn mean(colors: impl Iterator<Item = [f32; 4]>) -> [f32; 4] {
+    let mut sum = [0.0; 4];
+    colors.filter(|color| color[3] > 0.0).for_each(|color| add(&mut sum, color));
+    over(sum)
+}
+
+fn add(sum: &mut [f32; 4], color: [f32; 4]) {
+    (0..4).for_each(|channel| sum[channel] += color[channel]);
+}
+
+/// The mean of a sum of colours; zeros for a sum of none.
+fn over([r, g, b, count]: [f32; 4]) -> [f32; 4] {
+    if count > 0.0 { [r / count, g / count, b / count, 1.0] } else { [0.0; 4] }
+}
+
+/// Sums of colours and how many: of tiles, then of blocks of 2x2, of 4x4 tiles and so on, up to the whole image.
+struct Pyramid<'a> {
+    sums: &'a mut [[f32; 4]],
+    /// Of the finest level, in tiles.
+    width: usize,
+    height: usize,
+}
+
+impl<'a> Pyramid<'a> {
+    /// Of an image of this size in pixels.
+    fn new(sums: &'a mut [[f32; 4]], width: usize, height: usize) -> Self {
+        Self { sums, width: width.div_ceil(TILE), height: height.div_ceil(TILE) }
+    }
+
+    /// Adds up an image.
+    fn pull(&mut self, image: &Image) {
+        let (mut width, mut height) = (self.width, self.height);
+        let (tiles, mut coarser) = self.sums.split_at_mut(width * height);
+        tiles.par_chunks_mut(width).enumerate().for_each(|(tile_y, tiles)| {
+            for (tile_x, tile) in tiles.iter_mut().enumerate() {
+                *tile = [0.0; 4];
+                for y in tile_y * TILE..((tile_y + 1) * TILE).min(image.height) {
+                    let row = &image.color[y * image.width..][..image.width];
+                    let mut sum = [0.0; 4];
+                    row.iter().skip(tile_x * TILE).take(TILE).for_each(|&color| add(&mut sum, color));
+                    add(tile, sum);
+                }
+            }
+        });
+        let mut finer = tiles;
+        while width * height > 1 {
+            let (blocks_x, blocks_y) = (width.div_ceil(2), height.div_ceil(2));
+            let (blocks, rest) = coarser.split_at_mut(blocks_x * blocks_y);
+            for (i, block) in blocks.iter_mut().enumerate() {
+                let (left, top) = (i % blocks_x * 2, i / blocks_x * 2);
+                *block = [0.0; 4];
+                for y in top..(top + 2).min(height) {
+                    (left..(left + 2).min(width)).for_each(|x| add(block, finer[y * width + x]));
+                }
+            }
+            (finer, coarser) = (blocks, rest);
+            (width, height) = (blocks_x, blocks_y);
+        }
+    }
+
+    /// The sum of the smallest block around a tile that holds colours.
+    fn smallest(&self, mut x: usize, mut y: usize) -> [f32; 4] {
+        let (mut first, mut width, mut height) = (0, self.width, self.height);
+        loop {
+            let sum = self.sums[first + y * width + x];
+            if sum[3] > 0.0 || width * height == 1 {
+                return sum;
+            }
+            first += width * height;
+            (width, height) = (width.div_ceil(2), height.div_ceil(2));
+            (x, y) = (x / 2, y / 2);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::Harness;
+
+    use super::*;
+    use crate::shared::testing::{Random, run_both, run_cpu, settings};
+
+    const NONE: [f32; 4] = [0.0; 4];
+    const RED: [f32; 4] = [1.0, 0.0, 0.0, 0.5];
+    const BLUE: [f32; 4] = [0.0, 0.0, 1.0, 0.01];
+
+    fn params(method: Method, rounds: u32) -> SpreadParams {
+        SpreadParams { method, rounds }
+    }
+
+    fn harness(params: SpreadParams, size: [u32; 2], color: &[[f32; 4]], n8: &[u32]) -> Harness<Spread> {
+        let mut harness = Harness::new(params, &settings(size, 0));
+        harness.set("primary", color);
+        harness.set("n8", n8);
+        harness
+    }
+
+    /// N8 where `open` says whether two neighbours join; it is asked once for each pair.
+    fn reach(size: [u32; 2], mut open: impl FnMut([usize; 2], [usize; 2]) -> bool) -> Vec<u32> {
+        let [width, height] = size.map(|side| side as usize);
+        let mut n8 = vec![0; width * height];
+        for p in 0..width * height {
+            for d in 0..4 {
+                let [dx, dy] = DIRECTIONS[d];
+                let (x, y) = (p as i32 % size[0] as i32 + dx, p as i32 / size[0] as i32 + dy);
+                if (0..size[0] as i32).contains(&x) && (0..size[1] as i32).contains(&y) {
+                    let q = (x + y * size[0] as i32) as usize;
+                    if open([p % width, p / width], [q % width, q / width]) {
+                        n8[p] |= 1 << (4 * d);
+                        n8[q] |= 1 << (4 * (d + 4));
+                    }
+                }
+            }
+        }
+        n8
+    }
+
+    /// The definition: so many times, every hole takes the mean of the colours that it is joined to.
+    fn steps(size: [u32; 2], color: &[[f32; 4]], n8: &[u32], count: u32) -> Vec<[f32; 4]> {
+        let [width, height] = size.map(|side| side as usize);
+        let opaque = |&[r, g, b, a]: &[f32; 4]| if a > 0.0 { [r, g, b, 1.0] } else { NONE };
+        let mut color: Vec<_> = color.iter().map(opaque).collect();
+        for _ in 0..count {
+            let before = color.clone();
+            for (p, color) in color.iter_mut().enumerate().filter(|(_, color)| color[3] == 0.0) {
+                *color = mean(joined(width, height, n8, p).map(|q| before[q]));
+            }
+        }
+        color
+    }
+
+    #[test]
+    fn a_round_is_eight_steps() {
+        // A row of pixels, the first one red: as many steps as pixels that are filled.
+        let size = [200, 1];
+        let mut color = [NONE; 200];
+        color[0] = RED;
+        let n8 = reach(size, |_, _| true);
+        for rounds in [1, 2, 8, 20] {
+            let filled = (8 * rounds as usize + 1).min(200);
+            let expected = steps(size, &color, &n8, 8 * rounds);
+            assert_eq!(expected.iter().filter(|color| color[3] > 0.0).count(), filled);
+            let mut image = expected.clone();
+            image[filled..].fill([1.0, 0.0, 0.0, 1.0]);
+            let both = run_both(&mut harness(params(Method::Spread, rounds), size, &color, &n8));
+            assert!(both.cpu.get::<[f32; 4]>("color") == image, "{rounds}");
+            assert!(both.gpu.get::<[f32; 4]>("color") == image, "{rounds}");
+            let round = |p: usize| if p < filled { p.div_ceil(8) as u32 } else { HOLE };
+            assert_eq!(both.cpu.get::<u32>("filled"), (0..200).map(round).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn no_color_crosses_an_edge() {
+        // A wall between columns 19 and 20 with red on one side and blue on the other.
+        let size = [50, 40];
+        let n8 = reach(size, |p, q| (p[0] < 20) == (q[0] < 20));
+        let mut color = vec![NONE; 2000];
+        color[50 * 7 + 3] = RED;
+        color[50 * 33 + 47] = BLUE;
+        let both = run_both(&mut harness(params(Method::Spread, 8), size, &color, &n8));
+        for out in [both.cpu, both.gpu] {
+            for (p, color) in out.get::<[f32; 4]>("color").into_iter().enumerate() {
+                let expected = if p % 50 < 20 { [1.0, 0.0, 0.0, 1.0] } else { [0.0, 0.0, 1.0, 1.0] };
+                assert_eq!(color, expected, "{p}");
+            }
+        }
+    }
+
+    #[test]
+    fn closed_regions_take_what_lies_around() {
+        // 5x5 pixels with a closed middle in red and blue halves; the pixel in the corner is closed too.
+        let size = [5, 5];
+        let closed = |p: [usize; 2]| p == [2, 2] || p == [0, 0];
+        let n8 = reach(size, |p, q| !closed(p) && !closed(q));
+        let mut color: Vec<_> = (0..25).map(|p| if p % 5 < 2 { RED } else { BLUE }).collect();
+        color[12] = NONE;
+        color[0] = NONE;
+        for method in [Method::Spread, Method::PushPull] {
+            let out = run_cpu(&mut harness(params(method, 8), size, &color, &n8)).get::<[f32; 4]>("color");
+            assert_eq!(out[12], [3.0 / 8.0, 0.0, 5.0 / 8.0, 1.0]);
+            assert_eq!(out[0], [1.0, 0.0, 0.0, 1.0]);
+        }
+        let both = run_both(&mut harness(params(Method::Off, 8), size, &color, &n8));
+        for out in [both.cpu, both.gpu] {
+            let out = out.get::<[f32; 4]>("color");
+            assert_eq!((out[12], out[0], out[1]), (NONE, NONE, [1.0, 0.0, 0.0, 1.0]));
+        }
+    }
+
+    #[test]
+    fn one_color_anywhere_fills_the_image() {
+        // Sizes about tiles and blocks of tiles.
+        for size in [[1, 1], [16, 16], [17, 1], [33, 8], [3, 161], [300, 170]] {
+            let count = (size[0] * size[1]) as usize;
+            let mut harness = harness(params(Method::Spread, 1), size, &vec![NONE; count], &vec![0; count]);
+            for n8 in [vec![0; count], reach(size, |_, _| true)] {
+                harness.set("n8", &n8);
+                for at in [0, count / 2, count - 1] {
+                    let mut color = vec![NONE; count];
+                    color[at] = BLUE;
+                    harness.set("primary", &color);
+                    let both = run_both(&mut harness);
+                    for out in [both.cpu, both.gpu] {
+                        assert!(
+                            out.get::<[f32; 4]>("color") == vec![[0.0, 0.0, 1.0, 1.0]; count],
+                            "{size:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_empty_image_is_black() {
+        let size = [40, 30];
+        let n8 = reach(size, |_, _| true);
+        let both = run_both(&mut harness(params(Method::Spread, 2), size, &[NONE; 1200], &n8));
+        for out in [both.cpu, both.gpu] {
+            assert!(out.get::<[f32; 4]>("color") == [NONE; 1200]);
+        }
+    }
+
+    #[test]
+    fn both_sides_follow_the_definition() {
+        let mut random = Random(23);
+        for size in [[151, 70], [16, 96], [47, 33]] {
+            // Mazes, with more or fewer walls; the wall around a block stays shut.
+            for walls in [1, 3, 6] {
+                let n8 = reach(size, |p, q| {
+                    let is_block = |[x, y]: [usize; 2]| x / 20 == 1 && y / 10 == 1;
+                    is_block(p) == is_block(q) && random.below(8) >= walls
+                });
+                let color: Vec<[f32; 4]> = (0..size[0] * size[1])
+                    .map(|_| match random.below(120) {
+                        0 => [
+                            random.between(0.0, 1.0),
+                            random.between(0.0, 9.0),
+                            0.0,
+                            random.between(0.1, 1.0),
+                        ],
+                        _ => NONE,
+                    })
+                    .collect();
+                for rounds in [1, 3] {
+                    let both = run_both(&mut harness(params(Method::Spread, rounds), size, &color, &n8));
+                    // Means of means of numbers below 9, some hundred in the worst chain.
+                    both.assert_close("color", 1e-5);
+                    both.assert_equal::<u32>("filled");
+                    let cpu = both.cpu.get::<[f32; 4]>("color");
+                    for (expected, color) in steps(size, &color, &n8, 8 * rounds).into_iter().zip(cpu) {
+                        assert!(color == expected || expected == NONE);
+                        assert_eq!(color[3], 1.0);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The edge-and-point image: the same on both sides and split between them, poisoned too, and closer to a converged
+//! picture than the render cache at equal samples.
+
+use std::sync::Arc;
+
+use epigraph_core::{Settings, Side};
+use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
+use epigraph_tests::{Run, Stage, graph, tap};
+
+const SIZE: [u32; 2] = [96, 72];
+const FRAMES: u32 = 12;
+
+/// What the edges make of a frame: all integers.
+const INTEGERS: [&str; 5] =
+    ["edge_raster.mask", "reach_cull.cls", "reach_cull.id", "reach.r24", "interpolate.priority"];
+
+/// Pixels of an integer image that roundings may decide, of 6,912.
+const ROUNDING: usize = 4;
+
+fn start(name: &str, scene: &'static str, camera: &'static str, side: Side) -> Run {
+    let taps = INTEGERS.map(tap).to_vec();
+    let settings = Settings { side, poison: true, taps, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    Run::new(&graph(name), Stage { scene, camera, settings })
+}
+
+/// Mean absolute difference of two 8-bit images, in codes.
+fn difference(a: &[u8], b: &[u8]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
+}
+
+/// One unit of one priority shifts every later request, so that the sides part after some frames though nothing is wrong.
+/// Each frame therefore starts from the same state. Where an f32 rounding then decides, a pixel may differ: a few in any
+/// integer image, and next to nothing in the picture.
+#[test]
+fn both_sides_make_the_same_of_the_same_state() {
+    let mut worst = 0;
+    for (scene, camera) in [("cornell", "still"), ("cornell", "orbit"), ("chains", "orbit")] {
+        let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu].map(|side| start("epi.ron", scene, camera, side));
+        for frame in 0..FRAMES {
+            gpu.executor.inherit(&mut cpu.executor).unwrap_or_else(|error| panic!("{error}"));
+            cpu.frame(true);
+            gpu.frame(true);
+            for name in INTEGERS {
+                let [a, b] = [&mut cpu, &mut gpu].map(|run| run.captured(name).get::<u32>());
+                let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+                worst = worst.max(differ);
+                assert!(differ <= ROUNDING, "{scene}, {camera}, frame {frame}: {differ} differ in {name}");
+            }
+            let mean = difference(&cpu.captured("image").bytes, &gpu.captured("image").bytes);
+            assert!(mean <= 0.02, "{scene}, {camera}, frame {frame}: mean difference {mean} codes");
+        }
+    }
+    println!("at most {worst} pixels differ in an integer image");
+}
+
+#[test]
+fn the_comparison_can_fail() {
+    let mut file = graph("epi.ron");
+    file.set_param("edge_raster", "depth_test", "Off").unwrap();
+    let settings = Settings { taps: vec![tap("edge_raster.mask")], ..Settings::new(SIZE, 345) };
+    let mut other = Run::new(&file, Stage { scene: "chains", camera: "still", settings });
+    let mut same = start("epi.ron", "chains", "still", Side::Cpu);
+    let [a, b] = [&mut other, &mut same].map(|run| {
+        run.frames(FRAMES);
+        run.captured("edge_raster.mask").get::<u32>()
+    });
+    assert!(a.iter().zip(&b).filter(|(a, b)| a != b).count() > ROUNDING);
+}
+
+/// Its readbacks come a frame late, so the split asks for other samples: the pictures agree, their points do not.
+#[test]
+fn the_papers_split_shows_the_same_scene() {
+    let [mut split, mut whole] =
+        [Run::new(&graph("hybrid.ron"), still(Side::Gpu)), Run::new(&graph("epi.ron"), still(Side::Cpu))];
+    split.frames(30);
+    whole.frames(30);
+    let mean = difference(&split.captured("image").bytes, &whole.captured("image").bytes);
+    assert!(mean <= 3.0, "mean difference {mean} codes");
+}
+
+fn still(side: Side) -> Stage {
+    let settings = Settings { side, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    Stage { scene: "cornell", camera: "still", settings }
+}
+
+/// Root mean square of the difference to a converged picture, on radiance cut at 1.
+fn error(name: &str, color: &str, scene: &'static str, camera: &'static str) -> f64 {
+    let size = [128, 128];
+    let mut file = graph(name);
+    file.set_param("trace", "spp", "32").unwrap();
+    let settings = Settings { taps: vec![tap(color)], ..Settings::new(size, size[0] * size[1] / 50) };
+    let mut run = Run::new(&file, Stage { scene, camera, settings });
+    run.frames(25);
+    let picture = run.captured(color).get::<[f32; 4]>();
+    let scene = Arc::new(Scene::load(scene).expect("a built-in scene"));
+    let camera = CameraPath::parse(camera, &scene).expect("a camera path").camera(24);
+    let tracer = Tracer::new(scene);
+    let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
+    let converged = reference::render(&tracer, &camera, size, 64, &settings, 7, &|_| {});
+    let squares = picture.iter().zip(&converged).flat_map(|(a, b)| {
+        (0..3).map(move |channel| f64::from(a[channel].clamp(0.0, 1.0) - b[channel].clamp(0.0, 1.0)).powi(2))
+    });
+    (squares.sum::<f64>() / (3 * picture.len()) as f64).sqrt()
+}
+
+#[test]
+fn edges_bring_it_closer_than_the_render_cache() {
+    // The links of the chains are a few pixels wide here: most of their pixels are complex.
+    for (scene, camera, share) in
+        [("cornell", "still", 0.7), ("cornell", "orbit", 0.7), ("chains", "orbit", 0.95)]
+    {
+        let cache = error("render-cache.ron", "fill.color", scene, camera);
+        let epi = error("epi.ron", "antialias.color", scene, camera);
+        println!("{scene}, {camera}: {cache:.4} render cache, {epi:.4} EPI");
+        assert!(epi < share * cache, "{scene}, {camera}: {epi} against {cache}");
+    }
+}
