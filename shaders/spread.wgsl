@@ -2,7 +2,6 @@
 // and push; PushPull leaves out the rounds; Off only copies.
 
 #import frame
-#import index
 #import edge_pixel
 
 struct Params {
@@ -16,9 +15,9 @@ const TILE: u32 = 16u;
 const STEPS: u32 = 8u;
 const SIDE: u32 = 32u;
 
-// Threads of a workgroup, and pixels of each of them in a round. Few threads: most workgroups end at once.
-const THREADS: u32 = 64u;
-const EACH: u32 = 16u;
+// Threads of a workgroup, and pixels of each of them in a round.
+const THREADS: u32 = 256u;
+const EACH: u32 = 4u;
 
 // The red of a hole.
 const NONE: f32 = -1.0;
@@ -100,12 +99,6 @@ fn tiles_size() -> vec2<u32> {
     return (frame.size + TILE - 1u) / TILE;
 }
 
-// The top left pixel of a tile.
-fn tile_corner(t: u32) -> vec2<u32> {
-    let width = tiles_size().x;
-    return TILE * vec2(t % width, t / width);
-}
-
 // Writes down what the tile's pixels are now.
 fn add_up(t: u32, lane: u32, rounds: u32) {
     workgroupBarrier();
@@ -135,19 +128,20 @@ fn count_hole(p: u32) {
 }
 
 // Finds the holes.
-@compute @workgroup_size(1, 1, THREADS)
+@compute @workgroup_size(16, 16, 1)
 fn prepare(
-    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(workgroup_id) tile: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let t = linear_index(group, groups, 1u);
-    if t >= arrayLength(&tiles) {
-        return;
+    let t = tile.y * groups.x + tile.x;
+    if lane == 0u {
+        atomicStore(&open, 0u);
     }
+    workgroupBarrier();
     for (var i = lane; i < TILE * TILE; i += THREADS) {
         let local = vec2(i % TILE, i / TILE);
-        let pixel = tile_corner(t) + local;
+        let pixel = tile.xy * TILE + local;
         var c = vec3(NONE);
         if all(pixel < frame.size) {
             let p = pixel_index(pixel);
@@ -167,25 +161,24 @@ fn prepare(
 
 // A round of steps for one tile. Neighbouring tiles may write their pixels at the same time: what they fill in this round
 // bears its number and is taken for the hole that it was.
-@compute @workgroup_size(1, 1, THREADS)
+@compute @workgroup_size(16, 16, 1)
 fn spread(
-    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(workgroup_id) tile: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let t = linear_index(group, groups, 1u);
-    if t >= arrayLength(&tiles) {
-        return;
-    }
+    let t = tile.y * groups.x + tile.x;
     if lane == 0u {
         shared_state = tiles[t];
+        atomicStore(&open, 0u);
+        atomicStore(&grown, 0u);
     }
     let begun = workgroupUniformLoad(&shared_state);
     if begun.x == 0u {
         return;
     }
     let done = begun.y;
-    let corner = vec2<i32>(tile_corner(t)) - i32(STEPS);
+    let corner = vec2<i32>(tile.xy * TILE) - i32(STEPS);
     var joined: array<u32, EACH>;
     for (var k = 0u; k < EACH; k++) {
         let i = lane + k * THREADS;
@@ -229,7 +222,7 @@ fn spread(
 
     for (var i = lane; i < TILE * TILE; i += THREADS) {
         let local = vec2(i % TILE, i / TILE);
-        let pixel = tile_corner(t) + local;
+        let pixel = tile.xy * TILE + local;
         if any(pixel >= frame.size) {
             continue;
         }

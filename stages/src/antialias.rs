@@ -207,7 +207,7 @@ mod tests {
         let (mut worst, mut sum, mut count) = (0f64, 0.0, 0);
         while count < 3000 {
             // A line through the middle pixel of 3x3; white where x cos a + y sin a > d, black elsewhere.
-            let angle = f64::from(random.between(0.0, 6.2831));
+            let angle = f64::from(random.between(0.0, std::f32::consts::TAU));
             let (normal_x, normal_y) = (angle.cos(), angle.sin());
             let through = [0; 2].map(|_| f64::from(random.between(0.0, 1.0)));
             let side = |[x, y]: [f64; 2]| (x - through[0]) * normal_x + (y - through[1]) * normal_y;

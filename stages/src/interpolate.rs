@@ -325,21 +325,17 @@ impl Sums {
     /// The colours, and the share of the weight `full` that was there; zeros where there was none.
     fn over(self, space: Space, full: f32) -> [[f32; LANES]; 4] {
         let Self([r, g, b, weight]) = self;
-        let safe = weight.map(|weight| if weight > 0.0 { weight } else { 1.0 });
-        let mut means: [[f32; LANES]; 4] = [[0.0; LANES]; 4];
-        for lane in 0..LANES {
-            means[0][lane] = r[lane] / safe[lane];
-            means[1][lane] = g[lane] / safe[lane];
-            means[2][lane] = b[lane] / safe[lane];
-            means[3][lane] = (weight[lane] / full).min(1.0);
-        }
+        let over = |sum: [f32; LANES]| -> [f32; LANES] {
+            std::array::from_fn(|lane| if weight[lane] > 0.0 { sum[lane] / weight[lane] } else { 0.0 })
+        };
+        let mut means = [over(r), over(g), over(b)];
         if space == Space::ToneMapped {
-            for lane in 0..LANES {
-                let [r, g, b] = expand([means[0][lane], means[1][lane], means[2][lane]]);
-                (means[0][lane], means[1][lane], means[2][lane]) = (r, g, b);
-            }
+            let expanded = |lane: usize| expand(means.map(|mean| mean[lane]));
+            let colors: [[f32; 3]; LANES] = std::array::from_fn(expanded);
+            means = std::array::from_fn(|channel| colors.map(|color| color[channel]));
         }
-        means
+        let [r, g, b] = means;
+        [r, g, b, weight.map(|weight| (weight / full).min(1.0))]
     }
 }
 

@@ -83,7 +83,7 @@ impl Stage for Spread {
             "The round in which a hole was filled, 0xFFFFFFFF if in none; 0: no hole.",
             pixels(),
         );
-        let tiles: Out<[u32; 2]> = io.write(
+        let _: Out<[u32; 2]> = io.write(
             "tiles",
             "Scratch: holes of each tile that may be filled, and rounds done.",
             Extent::Frame(TILE as u32),
@@ -92,9 +92,9 @@ impl Stage for Spread {
         match params.method {
             Method::Off => io.dispatch("copy", color),
             Method::PushPull | Method::Spread => {
-                io.dispatch("prepare", tiles);
+                io.dispatch("prepare", color);
                 if params.method == Method::Spread {
-                    (0..params.rounds).for_each(|_| io.dispatch("spread", tiles));
+                    (0..params.rounds).for_each(|_| io.dispatch("spread", color));
                 }
                 io.compute("pull", Threads::Groups(1));
                 io.dispatch("push", color);
@@ -110,7 +110,7 @@ impl Stage for Spread {
 
         let rows =
             color.par_chunks_mut(width).zip(filled.par_chunks_mut(width)).zip(primary.par_chunks(width));
-        let copy_row = |(y, ((color, filled), primary)): (usize, ((&mut [_], &mut [_]), &[[f32; 4]]))| {
+        let holes_by_row = rows.enumerate().flat_map_iter(|(y, ((color, filled), primary))| {
             let mut holes = Vec::new();
             for (x, &[r, g, b, alpha]) in primary.iter().enumerate() {
                 let is_hole = alpha <= 0.0;
@@ -121,8 +121,8 @@ impl Stage for Spread {
                 }
             }
             holes
-        };
-        let mut holes: Vec<usize> = rows.enumerate().flat_map_iter(copy_row).collect();
+        });
+        let mut holes: Vec<usize> = holes_by_row.collect();
         if holes.is_empty() || params.method == Method::Off {
             return Ok(());
         }
@@ -321,8 +321,7 @@ mod tests {
         let [width, height] = size.map(|side| side as usize);
         let mut n8 = vec![0; width * height];
         for p in 0..width * height {
-            for d in 0..4 {
-                let [dx, dy] = DIRECTIONS[d];
+            for (d, [dx, dy]) in DIRECTIONS.into_iter().take(4).enumerate() {
                 let (x, y) = (p as i32 % size[0] as i32 + dx, p as i32 / size[0] as i32 + dy);
                 if (0..size[0] as i32).contains(&x) && (0..size[1] as i32).contains(&y) {
                     let q = (x + y * size[0] as i32) as usize;
