@@ -18,8 +18,16 @@ const TONE_MAPPED: u32 = 1u;
 const MEASURED: u32 = 0u;
 const NO_POINT: u32 = 0xFFFFFFFFu;
 
-// Pixels to each side of the centre.
+// Pixels to each side of the centre, and on each side of the kernel.
 const REACH: i32 = 2;
+const SPAN: u32 = 5u;
+
+// Most cells along an axis of a pixel.
+const CELLS: u32 = 16u;
+
+// The sum of the weights of five samples in the centres of their pixels along an axis, and of all 25.
+const AXIS: f32 = 2048.0;
+const FULL: f32 = 4194304.0;
 
 // Pixels on each side of a workgroup's tile, and of what its kernels reach.
 const TILE: u32 = 16u;
@@ -37,6 +45,8 @@ const SIDE: u32 = 20u;
 
 // The samples of the tile and around it: radiance, and the cell in the pixel; -1 where there is none.
 var<workgroup> samples: array<vec4<f32>, 400>;
+// For each row or column of cells, the weights along that axis of a sample in it at each offset + REACH.
+var<workgroup> axis: array<f32, 80>;
 
 // Relative luminance of a linear Rec. 709 colour.
 fn luminance(c: vec3<f32>) -> f32 {
@@ -67,33 +77,26 @@ fn taps(p: u32) -> u32 {
     return (r24[p] & 0xFFFu) | (1u << 12u) | ((r24[p] & 0xFFF000u) << 1u);
 }
 
-// The weight along both axes of a sample at these distances.
-fn gaussian(distance: vec2<f32>) -> f32 {
-    return exp(-dot(distance, distance) / (2.0 * params.sigma * params.sigma));
-}
-
-fn binomial(d: i32) -> f32 {
-    return select(select(1.0, 4.0, abs(d) == 1), 6.0, d == 0);
-}
-
-// The weight of a pixel at offset `d` whose sample lies in this cell.
-fn weight_of(d: vec2<i32>, cell: u32) -> f32 {
-    if params.kernel != GAUSSIAN {
-        return binomial(d.x) * binomial(d.y);
+// The weight along an axis at a distance in pixels, before it is scaled.
+fn kernel(distance: f32) -> f32 {
+    if params.kernel == GAUSSIAN {
+        return exp(-distance * distance / (2.0 * params.sigma * params.sigma));
     }
-    let shift = params.subpixel_bits / 2u;
-    let cells = 1u << shift;
-    let place = vec2(cell & (cells - 1u), (cell >> shift) & (cells - 1u));
-    return gaussian(vec2<f32>(d) + (vec2<f32>(place) + 0.5) / f32(cells) - 0.5);
+    let d = i32(round(abs(distance)));
+    return select(select(1.0, 4.0, d == 1), 6.0, d == 0);
 }
 
-// The sum of all 25 weights of samples in the centres.
-fn full_weight() -> f32 {
+// Entry `i` of `axis`.
+fn axis_weight(i: u32) -> f32 {
+    let cells = f32(1u << (params.subpixel_bits / 2u));
+    let pixel = f32(i % SPAN) - f32(REACH);
+    var aside = (f32(i / SPAN) + 0.5) / cells - 0.5;
     if params.kernel != GAUSSIAN {
-        return 256.0;
+        aside = 0.0;
     }
-    let axis = 1.0 + 2.0 * (gaussian(vec2(1.0, 0.0)) + gaussian(vec2(2.0, 0.0)));
-    return axis * axis;
+    let scale = AXIS / (kernel(0.0) + 2.0 * (kernel(1.0) + kernel(2.0)));
+    // However far it is, a sample that is reached counts.
+    return max(floor(kernel(pixel + aside) * scale + 0.5), 1.0);
 }
 
 @compute @workgroup_size(16, 16, 1)
@@ -103,6 +106,9 @@ fn interpolate(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let corner = vec2<i32>(tile.xy * TILE) - REACH;
+    if lane < CELLS * SPAN {
+        axis[lane] = axis_weight(lane);
+    }
     for (var i = lane; i < SIDE * SIDE; i += TILE * TILE) {
         samples[i] = load(corner + vec2<i32>(vec2(i % SIDE, i / SIDE)));
     }
@@ -115,17 +121,20 @@ fn interpolate(
     let p = pixel.y * frame.size.x + pixel.x;
     let counts = taps(p);
     var sum = vec4(0.0);
-    for (var dy = 0u; dy < 5u; dy++) {
-        for (var dx = 0u; dx < 5u; dx++) {
+    let shift = params.subpixel_bits / 2u;
+    let mask = (1u << shift) - 1u;
+    for (var dy = 0u; dy < SPAN; dy++) {
+        for (var dx = 0u; dx < SPAN; dx++) {
             let sample = samples[(local.y + dy) * SIDE + local.x + dx];
-            if sample.w >= 0.0 && ((counts >> (5u * dy + dx)) & 1u) != 0u {
-                let weight = weight_of(vec2<i32>(vec2(dx, dy)) - REACH, u32(sample.w));
+            if sample.w >= 0.0 && ((counts >> (SPAN * dy + dx)) & 1u) != 0u {
+                let cell = u32(sample.w);
+                let weight = axis[(cell & mask) * SPAN + dx] * axis[((cell >> shift) & mask) * SPAN + dy];
                 sum += weight * vec4(sample.rgb, 1.0);
             }
         }
     }
 
-    let share = min(sum.w / full_weight(), 1.0);
+    let share = min(sum.w / FULL, 1.0);
     var result = vec4(0.0);
     if sum.w > 0.0 {
         result = vec4(sum.rgb / sum.w, share);
@@ -152,10 +161,12 @@ fn with_point(age: u32) -> u32 {
 
 // Priority of a pixel without a point for which this share of the kernel's weight was there.
 fn without_point(share: f32) -> u32 {
-    let missing = 1.0 - share;
+    // In 1/256, to the nearest. Exact, as the share is a whole number of 1 / FULL.
+    let missing = u32((1.0 - share) * 256.0 + 0.5);
     if params.priority == MEASURED {
-        let cube = missing * missing * missing;
-        return u32(255.0 * cube * cube + 0.5);
+        // In whole numbers: 255 * (missing / 256)^6, to about the nearest.
+        let cube = (missing * missing * missing) >> 9u;
+        return (255u * ((cube * cube) >> 8u) + 0x200000u) >> 22u;
     }
-    return u32(255.0 * missing);
+    return 255u * missing / 256u;
 }
