@@ -88,8 +88,6 @@ pub struct Slot {
     pub element: Element,
     /// How many elements.
     pub dims: Dims,
-    /// Its users are transients.
-    pub pooled: bool,
 }
 
 impl Slot {
@@ -591,13 +589,9 @@ fn slots(
         let mut busy_until: Vec<(usize, usize)> = Vec::new();
         for (start, end, index) in by_start {
             let storage = &mut storages[index];
-            let mut new = |pooled| {
-                slots.push(Slot { element: storage.element.clone(), dims: storage.dims, pooled });
-                slots.len() - 1
-            };
             let pair = match storage.life {
-                Life::Persistent => [new(false); 2],
-                Life::History => [new(false), new(false)],
+                Life::Persistent => [add_slot(slots, storage); 2],
+                Life::History => [add_slot(slots, storage), add_slot(slots, storage)],
                 Life::Transient => {
                     let free = busy_until.iter_mut().find(|(slot, until)| {
                         let fits =
@@ -610,13 +604,9 @@ fn slots(
                             [*slot; 2]
                         }
                         None => {
-                            slots.push(Slot {
-                                element: storage.element.clone(),
-                                dims: storage.dims,
-                                pooled: true,
-                            });
-                            busy_until.push((slots.len() - 1, end));
-                            [slots.len() - 1; 2]
+                            let slot = add_slot(slots, storage);
+                            busy_until.push((slot, end));
+                            [slot; 2]
                         }
                     }
                 }
@@ -625,4 +615,10 @@ fn slots(
         }
     }
     all
+}
+
+/// A slot of its own for a storage; its index.
+fn add_slot(slots: &mut Vec<Slot>, storage: &Storage) -> usize {
+    slots.push(Slot { element: storage.element.clone(), dims: storage.dims });
+    slots.len() - 1
 }
