@@ -1,4 +1,5 @@
-// Drops points that lie behind the mean depth of their 3x3 pixels, and keeps the shifted mean.
+// Drops points that lie behind those around them, and keeps the shifted mean depth of 3x3 pixels. With MAJORITY `vote`,
+// then `cull`; else `cull`.
 
 #import frame
 
@@ -7,7 +8,7 @@ struct Params {
     threshold: f32,
 }
 
-const RELATIVE: u32 = 0u;
+const SEED_EXACT: u32 = 2u;
 
 // Bits of infinity.
 const EMPTY_DEPTH: u32 = 0x7F800000u;
@@ -17,6 +18,17 @@ const NO_POINT: u32 = 0xFFFFFFFFu;
 @group(0) @binding(2) var<storage, read_write> id: array<u32>;
 @group(0) @binding(3) var<storage, read> depth: array<u32>;
 @group(0) @binding(4) var<storage, read_write> filtered: array<f32>;
+#ifdef MAJORITY
+@group(0) @binding(5) var<storage, read_write> first_vote: array<u32>;
+#endif
+
+fn is_outside(pixel: vec2<i32>) -> bool {
+    return any(pixel < vec2(0)) || any(pixel >= vec2<i32>(frame.size));
+}
+
+fn pixel_index(pixel: vec2<i32>) -> u32 {
+    return u32(pixel.y) * frame.size.x + u32(pixel.x);
+}
 
 // The depth of a z-buffer with range 0 (near) to 1 (far).
 fn buffer_depth(z: f32) -> f32 {
@@ -50,28 +62,34 @@ fn buffer_shift(share: f32, d: f32) -> f32 {
 
 // What the rule compares: the distance or the z-buffer's depth.
 fn value(z: u32) -> f32 {
-    if params.rule == RELATIVE {
-        return bitcast<f32>(z);
+    if params.rule == SEED_EXACT {
+        return buffer_depth(bitcast<f32>(z));
     }
-    return buffer_depth(bitcast<f32>(z));
+    return bitcast<f32>(z);
 }
 
-@compute @workgroup_size(8, 8, 1)
-fn cull(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if any(pixel.xy >= frame.size) {
-        return;
-    }
+// The depths that are averaged: those of all points, or what the first vote leaves.
+fn averaged(p: u32) -> u32 {
+#ifdef MAJORITY
+    return first_vote[p];
+#else
+    return depth[p];
+#endif
+}
+
+// The mean value of the 3x3 pixels, negative where all are empty.
+fn mean_of(pixel: vec2<i32>) -> f32 {
     // Column by column: the twin adds each column up once.
     var sum = 0.0;
     var count = 0.0;
     for (var dx = -1; dx <= 1; dx++) {
         var column = 0.0;
         for (var dy = -1; dy <= 1; dy++) {
-            let q = vec2<i32>(pixel.xy) + vec2(dx, dy);
-            if any(q < vec2(0)) || any(q >= vec2<i32>(frame.size)) {
+            let q = pixel + vec2(dx, dy);
+            if is_outside(q) {
                 continue;
             }
-            let z = depth[u32(q.y) * frame.size.x + u32(q.x)];
+            let z = averaged(pixel_index(q));
             if z < EMPTY_DEPTH {
                 column += value(z);
                 count += 1.0;
@@ -79,21 +97,90 @@ fn cull(@builtin(global_invocation_id) pixel: vec3<u32>) {
         }
         sum += column;
     }
-    let p = pixel.y * frame.size.x + pixel.x;
-    if count == 0.0 {
+    return select(sum / count, -1.0, count == 0.0);
+}
+
+#ifdef MAJORITY
+const ALL: u32 = 0u;
+const FIRST_VOTE: u32 = 1u;
+
+fn voter(round: u32, p: u32) -> u32 {
+    if round == ALL {
+        return depth[p];
+    }
+    return first_vote[p];
+}
+
+// Whether at least half of the other points of the 5x5 pixels are clearly nearer, and there are any.
+fn is_outvoted(round: u32, pixel: vec2<i32>) -> bool {
+    let z = bitcast<f32>(voter(round, pixel_index(pixel)));
+    let scale = 1.0 + params.threshold;
+    // The point itself is no voter, and never nearer than itself.
+    var voters = -1;
+    var nearer = 0;
+    for (var dy = -2; dy <= 2; dy++) {
+        for (var dx = -2; dx <= 2; dx++) {
+            let q = pixel + vec2(dx, dy);
+            if is_outside(q) {
+                continue;
+            }
+            let other = voter(round, pixel_index(q));
+            if other < EMPTY_DEPTH {
+                voters += 1;
+                nearer += i32(bitcast<f32>(other) * scale < z);
+            }
+        }
+    }
+    return voters > 0 && 2 * nearer >= voters;
+}
+
+@compute @workgroup_size(8, 8, 1)
+fn vote(@builtin(global_invocation_id) thread: vec3<u32>) {
+    let pixel = vec2<i32>(thread.xy);
+    if is_outside(pixel) {
+        return;
+    }
+    let p = pixel_index(pixel);
+    let own = depth[p];
+    first_vote[p] = select(own, EMPTY_DEPTH, own < EMPTY_DEPTH && is_outvoted(ALL, pixel));
+}
+
+@compute @workgroup_size(8, 8, 1)
+fn cull(@builtin(global_invocation_id) thread: vec3<u32>) {
+    let pixel = vec2<i32>(thread.xy);
+    if is_outside(pixel) {
+        return;
+    }
+    let p = pixel_index(pixel);
+    if first_vote[p] >= EMPTY_DEPTH || is_outvoted(FIRST_VOTE, pixel) {
+        id[p] = NO_POINT;
+    }
+    let mean = mean_of(pixel);
+    filtered[p] = select(min(mean * (1.0 + params.threshold), frame.view.far), frame.view.far, mean < 0.0);
+}
+#else
+@compute @workgroup_size(8, 8, 1)
+fn cull(@builtin(global_invocation_id) thread: vec3<u32>) {
+    let pixel = vec2<i32>(thread.xy);
+    if is_outside(pixel) {
+        return;
+    }
+    let p = pixel_index(pixel);
+    let mean = mean_of(pixel);
+    if mean < 0.0 {
         filtered[p] = frame.view.far;
         return;
     }
-    let mean = sum / count;
     var shifted: f32;
-    if params.rule == RELATIVE {
-        shifted = mean * (1.0 + params.threshold);
-        filtered[p] = min(shifted, frame.view.far);
-    } else {
+    if params.rule == SEED_EXACT {
         shifted = buffer_shift(params.threshold, mean);
         filtered[p] = buffer_distance(shifted);
+    } else {
+        shifted = mean * (1.0 + params.threshold);
+        filtered[p] = min(shifted, frame.view.far);
     }
     if depth[p] < EMPTY_DEPTH && value(depth[p]) > shifted {
         id[p] = NO_POINT;
     }
 }
+#endif

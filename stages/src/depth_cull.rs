@@ -1,20 +1,30 @@
-//! Drops points that shine through a nearer surface: a pixel whose point lies clearly behind the mean depth of its 3x3
-//! neighbourhood becomes empty. The shifted mean is also the depth that later stages test against
-//! (`algorithms.md` sections 1.3 and 3).
+//! Drops points that shine through a nearer surface, and gives the depth that later stages test against: the mean of the
+//! 3x3 pixels, shifted back by the threshold (`algorithms.md` sections 1.3 and 3).
 //!
-//! *Relative*, the default, compares linear distances: z > (1 + threshold) * mean. *SeedExact* is the papers' rule: means
-//! of the depth zd of a 24-bit z-buffer, f (z - n) / (z (f - n)), shifted by threshold * (f - n) metres. The mean of zd
-//! is a harmonic mean of z, and near zd = 1 the shift loses its digits: it fits scenes with f / n of a few hundred.
+//! *Majority*, the default, lets the points of the 5x5 pixels vote: a point goes if at least half of the others are
+//! clearly nearer, z_q (1 + threshold) < z. They vote twice, the second time without those that went.
+//!
+//! The other two rules compare with a mean over 3x3 pixels, as the papers do. Hidden points lift that mean: where a
+//! surface has points in only half of its pixels, as after a quick turn, they hold each other up, and one at infinity
+//! holds up all around it. *Relative* compares linear distances: z > (1 + threshold) * mean. *SeedExact* is the papers'
+//! rule: means of the depth zd of a 24-bit z-buffer, f (z - n) / (z (f - n)), shifted by threshold * (f - n) metres. The
+//! mean of zd is a harmonic mean of z, and near zd = 1 the shift loses its digits: it fits scenes with f / n of a few
+//! hundred.
 
 use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
 use rayon::prelude::*;
 
 use crate::{project::EMPTY_DEPTH, shared::requests::NO_POINT};
 
+/// Pixels of a row that are looked at together.
+const BLOCK: usize = 64;
+
 choice! {
     /// When a point counts as hidden.
     pub enum Rule {
-        /// Farther than (1 + threshold) times the mean distance.
+        /// At least half of the other points of the 5x5 pixels are nearer by the threshold.
+        Majority,
+        /// Farther than (1 + threshold) times the mean distance of the 3x3 pixels.
         Relative,
         /// Farther than the mean z-buffer depth shifted by threshold * (far - near): the papers' rule.
         SeedExact,
@@ -25,8 +35,8 @@ params! {
     /// Parameters of [`DepthCull`].
     pub struct DepthCullParams {
         /// When a point counts as hidden.
-        rule: Rule = Rule::Relative;
-        /// How far behind the mean it may lie: a share of the mean, or of far - near.
+        rule: Rule = Rule::Majority;
+        /// How far behind it may lie: a share of the distance, or of far - near.
         threshold: f32 = 0.05, in 0.0..=10.0;
     }
 }
@@ -36,14 +46,15 @@ pub struct DepthCull {
     id: Out<u32>,
     depth: In<u32>,
     filtered: Out<f32>,
+    first_vote: Option<Out<u32>>,
 }
 
 impl Stage for DepthCull {
     const KIND: &'static str = "depth_cull";
-    const DOC: &'static str = "Drops points that lie behind the mean depth of their 3x3 pixels.";
+    const DOC: &'static str = "Drops points that lie behind the points around them.";
     type Params = DepthCullParams;
 
-    fn declare(_: &DepthCullParams, io: &mut Io) -> Self {
+    fn declare(params: &DepthCullParams, io: &mut Io) -> Self {
         let id = io.update(
             "id",
             "The point that each pixel shows; 0xFFFFFFFF where it is dropped.",
@@ -57,8 +68,15 @@ impl Stage for DepthCull {
             Extent::Frame(1),
         );
         io.shader(shader!("depth_cull"));
+        let first_vote = (params.rule == Rule::Majority).then(|| {
+            io.define("MAJORITY");
+            io.write("first_vote", "Scratch: the depths that the first vote leaves.", Extent::Frame(1))
+        });
+        if let Some(first_vote) = first_vote {
+            io.dispatch("vote", first_vote);
+        }
         io.dispatch("cull", id);
-        Self { id, depth, filtered }
+        Self { id, depth, filtered, first_vote }
     }
 
     fn cpu(&self, params: &DepthCullParams, cx: &CpuContext) -> Result<(), String> {
@@ -66,17 +84,29 @@ impl Stage for DepthCull {
         let depth = &cx.read(self.depth)[..];
         let (id, filtered) = (&mut cx.write(self.id)[..], &mut cx.write(self.filtered)[..]);
 
-        let image = Image { depth, width: dims.width as usize, height: dims.height as usize };
+        let image = |depth| Image { depth, width: dims.width as usize, height: dims.height as usize };
         let far = view.far;
+        let scale = 1.0 + params.threshold;
         match params.rule {
+            Rule::Majority => {
+                let first_vote = &mut cx.write(self.first_vote.expect("declared for this rule"))[..];
+                image(depth).vote(scale, first_vote);
+                image(first_vote).vote_again(scale, id, filtered, far);
+            }
             Rule::Relative => {
-                let threshold = 1.0 + params.threshold;
-                image.cull(id, filtered, far, |z| z, |mean| mean * threshold, |z| z.min(far));
+                image(depth).cull(id, filtered, far, |z| z, |mean| mean * scale, |z| z.min(far));
             }
             Rule::SeedExact => {
                 let buffer = ZBuffer { near: view.near, far };
                 let shift = |mean| buffer.shift(params.threshold, mean);
-                image.cull(id, filtered, far, |z| buffer.depth(z), shift, |value| buffer.distance(value));
+                image(depth).cull(
+                    id,
+                    filtered,
+                    far,
+                    |z| buffer.depth(z),
+                    shift,
+                    |value| buffer.distance(value),
+                );
             }
         }
         Ok(())
@@ -84,6 +114,7 @@ impl Stage for DepthCull {
 }
 
 /// Bits of distances.
+#[derive(Clone, Copy)]
 struct Image<'a> {
     depth: &'a [u32],
     width: usize,
@@ -91,8 +122,8 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// Applies a rule: `value` is what it compares, for a distance; `shift` gives the least value that is hidden where
-    /// the mean is its argument, and `distance` the distance of a value, at most `far`.
+    /// Applies a rule of means: `value` is what it compares, for a distance; `shift` gives the least value that is hidden
+    /// where the mean is its argument, and `distance` the distance of a value, at most `far`.
     fn cull(
         &self,
         id: &mut [u32],
@@ -104,23 +135,28 @@ impl Image<'_> {
     ) {
         let rows = id.par_chunks_mut(self.width).zip(filtered.par_chunks_mut(self.width));
         rows.enumerate().for_each(|(y, (id, filtered))| {
-            let (mut left, mut centre) = (Sum::default(), self.column(0, y, &value));
-            for x in 0..self.width {
-                let right = self.column(x + 1, y, &value);
-                let sum = left.plus(centre).plus(right);
-                (left, centre) = (centre, right);
-                if sum.count == 0.0 {
-                    filtered[x] = far;
-                    continue;
-                }
-                let shifted = shift(sum.sum / sum.count);
-                filtered[x] = distance(shifted);
-                let own = self.depth[y * self.width + x];
-                if own < EMPTY_DEPTH && value(f32::from_bits(own)) > shifted {
+            let depth = &self.depth[y * self.width..][..self.width];
+            self.means(y, &value, |x, mean| {
+                let shifted = mean.map(&shift);
+                filtered[x] = shifted.map_or(far, &distance);
+                let own = depth[x];
+                if shifted.is_some_and(|shifted| own < EMPTY_DEPTH && value(f32::from_bits(own)) > shifted) {
                     id[x] = NO_POINT;
                 }
-            }
+            });
         });
+    }
+
+    /// Calls `each` with the mean of the values of the 3x3 pixels around every pixel of a row; none where all are empty.
+    #[inline(always)]
+    fn means(&self, y: usize, value: impl Fn(f32) -> f32, mut each: impl FnMut(usize, Option<f32>)) {
+        let (mut left, mut centre) = (Sum::default(), self.column(0, y, &value));
+        for x in 0..self.width {
+            let right = self.column(x + 1, y, &value);
+            let sum = left.plus(centre).plus(right);
+            (left, centre) = (centre, right);
+            each(x, (sum.count > 0.0).then(|| sum.sum / sum.count));
+        }
     }
 
     /// The values of the pixels above, at and below (x, y), as far as they are there.
@@ -137,6 +173,81 @@ impl Image<'_> {
             }
         }
         column
+    }
+
+    /// The depths that the majority rule leaves.
+    fn vote(&self, scale: f32, kept: &mut [u32]) {
+        kept.par_chunks_mut(self.width).enumerate().for_each(|(y, kept)| {
+            kept.copy_from_slice(&self.depth[y * self.width..][..self.width]);
+            self.outvoted(y, scale, |x| kept[x] = EMPTY_DEPTH);
+        });
+    }
+
+    /// Drops what has gone before, and what the majority rule now drops; the filtered depth of what was there before.
+    fn vote_again(&self, scale: f32, id: &mut [u32], filtered: &mut [f32], far: f32) {
+        let rows = id.par_chunks_mut(self.width).zip(filtered.par_chunks_mut(self.width));
+        rows.enumerate().for_each(|(y, (id, filtered))| {
+            let depth = &self.depth[y * self.width..][..self.width];
+            id.iter_mut()
+                .zip(depth)
+                .filter(|(_, depth)| **depth == EMPTY_DEPTH)
+                .for_each(|(id, _)| *id = NO_POINT);
+            self.outvoted(y, scale, |x| id[x] = NO_POINT);
+            self.means(y, |z| z, |x, mean| filtered[x] = mean.map_or(far, |mean| (mean * scale).min(far)));
+        });
+    }
+
+    /// Calls `drop` for the pixels of a row whose point at least half of the others around are clearly nearer than.
+    fn outvoted(&self, y: usize, scale: f32, mut drop: impl FnMut(usize)) {
+        for first in (0..self.width).step_by(BLOCK) {
+            let count = BLOCK.min(self.width - first);
+            let nearest = self.nearest(first, count, y);
+            for (i, nearest) in nearest.iter().enumerate().take(count) {
+                let z = self.depth[y * self.width + first + i];
+                // Else nothing is clearly nearer; most of an image is smooth.
+                if z < EMPTY_DEPTH
+                    && nearest * scale < f32::from_bits(z)
+                    && self.is_outvoted(first + i, y, scale)
+                {
+                    drop(first + i);
+                }
+            }
+        }
+    }
+
+    /// The distances of the nearest points of the 5x5 pixels around each of `count` pixels of a row.
+    fn nearest(&self, first: usize, count: usize, y: usize) -> [f32; BLOCK] {
+        let nearer = |a: f32, b: f32| if a < b { a } else { b };
+        let mut columns = [f32::INFINITY; BLOCK + 4];
+        let (from, to) = (first.saturating_sub(2), (first + count + 2).min(self.width));
+        let inside = &mut columns[from + 2 - first..to + 2 - first];
+        for row in y.saturating_sub(2)..(y + 3).min(self.height) {
+            let row = &self.depth[row * self.width..][from..to];
+            inside.iter_mut().zip(row).for_each(|(column, z)| *column = nearer(f32::from_bits(*z), *column));
+        }
+        let mut nearest = [f32::INFINITY; BLOCK];
+        for dx in 0..5 {
+            let columns = &columns[dx..dx + BLOCK];
+            nearest
+                .iter_mut()
+                .zip(columns)
+                .for_each(|(nearest, column)| *nearest = nearer(*column, *nearest));
+        }
+        nearest
+    }
+
+    /// Whether at least half of the other points of the 5x5 pixels are clearly nearer, and there are any.
+    fn is_outvoted(&self, x: usize, y: usize, scale: f32) -> bool {
+        let z = f32::from_bits(self.depth[y * self.width + x]);
+        // The point itself is no voter, and never nearer than itself.
+        let (mut voters, mut nearer) = (-1, 0);
+        for y in y.saturating_sub(2)..(y + 3).min(self.height) {
+            for depth in &self.depth[y * self.width..][x.saturating_sub(2)..(x + 3).min(self.width)] {
+                voters += i32::from(*depth < EMPTY_DEPTH);
+                nearer += i32::from(f32::from_bits(*depth) * scale < z);
+            }
+        }
+        voters > 0 && 2 * nearer >= voters
     }
 }
 
@@ -202,6 +313,11 @@ mod tests {
         harness
     }
 
+    /// Parameters of the rule.
+    fn settled(rule: Rule) -> DepthCullParams {
+        DepthCullParams { rule, threshold: 0.05 }
+    }
+
     /// Whether a point at `z` in the middle of 3x3 pixels is dropped where `count` neighbours lie at `z0`.
     fn is_dropped(params: DepthCullParams, view: View, z: f32, count: usize, z0: f32) -> bool {
         let mut depths = [EMPTY; 9];
@@ -223,7 +339,7 @@ mod tests {
         for (count, ratio) in [(1, 1.1053), (2, 1.0769), (8, 1.0566)] {
             for z0 in [0.2, 7.0, 900.0] {
                 let dropped =
-                    |ratio| is_dropped(DepthCullParams::default(), view(0.1, 1000.0), ratio * z0, count, z0);
+                    |ratio| is_dropped(settled(Rule::Relative), view(0.1, 1000.0), ratio * z0, count, z0);
                 assert!(!dropped(ratio - 2e-4) && dropped(ratio + 2e-4), "{count} neighbours at {z0}");
             }
         }
@@ -231,12 +347,64 @@ mod tests {
 
     #[test]
     fn a_lone_point_stays() {
-        for rule in [Rule::Relative, Rule::SeedExact] {
+        for rule in [Rule::Majority, Rule::Relative, Rule::SeedExact] {
             for threshold in [0.0, 0.05] {
                 let params = DepthCullParams { rule, threshold };
                 assert!(!is_dropped(params, view(0.1, 1000.0), 999.0, 0, 0.0), "{rule:?}");
             }
         }
+    }
+
+    #[test]
+    fn half_of_the_others_outvote_a_point() {
+        // 5x5 pixels: n nearer, f a little farther, . empty; p lies at 10.
+        let dropped = |rows: [&str; 5], near: f32| {
+            let z = |c| match c {
+                'n' => near,
+                'f' => 10.2,
+                'p' => 10.0,
+                _ => EMPTY,
+            };
+            let depths: Vec<f32> = rows.iter().flat_map(|row| row.chars().map(z)).collect();
+            let both = run_both(&mut harness(settled(Rule::Majority), [5, 5], &depths));
+            both.assert_equal::<u32>("id");
+            both.cpu.get::<u32>("id")[12] == NO_POINT
+        };
+        // Clearly nearer: 9.5 * 1.05 < 10, but not 9.53 * 1.05.
+        assert!(dropped([".....", ".....", ".np..", ".....", "....."], 9.5));
+        assert!(!dropped([".....", ".....", ".np..", ".....", "....."], 9.53));
+        // Half is enough, less is not. Voters at the rim count like those beside the point.
+        assert!(dropped(["n...f", ".....", "..p..", ".....", "....."], 5.0));
+        assert!(!dropped(["n...f", ".....", "..p..", ".....", "f...."], 5.0));
+        // A straight border of a full surface, one pixel away: two columns of five, 10 of 24.
+        assert!(!dropped(["nnfff", "nnfff", "nnpff", "nnfff", "nnfff"], 5.0));
+    }
+
+    #[test]
+    fn what_was_outvoted_does_not_vote_again() {
+        // One row of pixels: two to the left and two to the right vote.
+        let row = |text: &str| -> Vec<f32> {
+            let z = |c| match c {
+                'n' => 1.0,
+                'f' => 9.0,
+                _ => EMPTY,
+            };
+            text.chars().map(z).collect()
+        };
+        let left = |text: &str| -> String {
+            let depths = row(text);
+            let both = run_both(&mut harness(settled(Rule::Majority), [depths.len() as u32, 1], &depths));
+            both.assert_equal::<u32>("id");
+            let id = both.cpu.get::<u32>("id");
+            text.chars().zip(id).map(|(c, id)| if id == NO_POINT { '.' } else { c }).collect()
+        };
+        // f at 2: voters n n f f, two of four, goes. f at 3: n f f f, stays, and again after the first vote has
+        // taken f at 2: one of three.
+        assert_eq!(left("nnffffff"), "nn.fffff");
+        // f at 3: voters n f f n, goes at once; f at 2 likewise; f at 4: f f n n.
+        assert_eq!(left("nnfffnn"), "nn...nn");
+        // The middle one of five has only friends at first; after the first vote it has no voter at all and stays.
+        assert_eq!(left("nnfffffnn"), "nn.fff.nn");
     }
 
     #[test]
@@ -260,7 +428,7 @@ mod tests {
     fn the_papers_rule_shifts_by_a_share_of_the_range() {
         // One neighbour at 1000. A point at z is dropped where z > m + 0.05 * 9900, m the harmonic mean of both distances:
         // z - 2000 z / (1000 + z) > 495.
-        let params = DepthCullParams { rule: Rule::SeedExact, threshold: 0.05 };
+        let params = settled(Rule::SeedExact);
         let dropped = |z| is_dropped(params.clone(), view(100.0, 1e4), z, 1, 1000.0);
         let least = (1495.0 + (1495.0f32.powi(2) + 4.0 * 495_000.0).sqrt()) / 2.0;
         assert!(!dropped(least * 0.999) && dropped(least * 1.001), "{least}");
@@ -271,19 +439,19 @@ mod tests {
         let far = 1e6;
         let view = view(0.1, far);
         for z in [1.0, 1e3, 1e5, 9e5] {
-            let dropped =
-                |rule, ratio| is_dropped(DepthCullParams { rule, threshold: 0.05 }, view, ratio * z, 8, z);
-            // Near to far is 1 : 10^7. The relative rule holds at every distance.
+            let dropped = |rule, ratio| is_dropped(settled(rule), view, ratio * z, 8, z);
+            // Near to far is 1 : 10^7. Relative rules hold at every distance.
+            assert!(!dropped(Rule::Majority, 1.049) && dropped(Rule::Majority, 1.051), "{z}");
             assert!(!dropped(Rule::Relative, 1.05) && dropped(Rule::Relative, 1.07), "{z}");
         }
         // The papers' has lost all its digits: what is a thousand times farther than its surroundings stays.
-        let params = DepthCullParams { rule: Rule::SeedExact, threshold: 0.05 };
+        let params = settled(Rule::SeedExact);
         assert!(!is_dropped(params, view, 8e5, 8, 800.0));
     }
 
     #[test]
     fn the_filtered_depth() {
-        let params = || DepthCullParams { threshold: 0.5, ..DepthCullParams::default() };
+        let params = || DepthCullParams { rule: Rule::Relative, threshold: 0.5 };
         let out = run_cpu(&mut harness(params(), [3, 1], &[2.0, EMPTY, 4.0]));
         assert_eq!(out.get::<f32>("filtered"), [3.0, 4.5, 6.0]);
         let out = run_cpu(&mut harness(params(), [2, 2], &[EMPTY; 4]));
@@ -302,8 +470,8 @@ mod tests {
             _ => random.between(10.0, 11.0),
         };
         let depths: Vec<f32> = (0..61 * 47).map(depth).collect();
-        for rule in [Rule::Relative, Rule::SeedExact] {
-            let mut harness = harness(DepthCullParams { rule, threshold: 0.05 }, [61, 47], &depths);
+        for rule in [Rule::Majority, Rule::Relative, Rule::SeedExact] {
+            let mut harness = harness(settled(rule), [61, 47], &depths);
             let both = run_both(&mut harness);
             let dropped = both.cpu.get::<u32>("id").iter().filter(|&&id| id == NO_POINT).count();
             assert!(dropped > 61 * 47 / 4, "{dropped} empty or dropped");
@@ -311,7 +479,7 @@ mod tests {
             both.assert_equal_but::<u32>("id", 2);
             match rule {
                 // Nine sums and a division, of numbers up to 1000: some ulps of 1000.
-                Rule::Relative => both.assert_close("filtered", 1e-3),
+                Rule::Majority | Rule::Relative => both.assert_close("filtered", 1e-3),
                 // The shift loses digits as z^2 / (c n f) ulps: 1e4 of them at a mean of 1000.
                 Rule::SeedExact => both.assert_close("filtered", 2.0),
             }
