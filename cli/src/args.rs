@@ -11,10 +11,10 @@ use crate::{
 
 const EXAMPLES: &str = "\
 Examples:
-  epigraph                                   the render cache on the Cornell box, to epigraph.png
+  epigraph                                   the edge-and-point image of the Cornell box, to epigraph.png
   epigraph --scene chains --camera fly --samples 10%
-  epigraph graphs/render-cache.ron --set cull.threshold=0.1 --save cull.depth=depth.exr
-  epigraph check graphs/render-cache.ron     what would run, in which order, with how much memory
+  epigraph graphs/render-cache.ron --set cull.threshold=0.1 --save project.depth=depth.exr
+  epigraph check graphs/epi.ron              what would run, in which order, with how much memory
   epigraph stages fill                       what a stage does: its ports and parameters
   epigraph reference --spp 256 --out reference.exr
   epigraph compare epigraph.png reference.exr --map difference.png
@@ -54,7 +54,7 @@ pub struct Cli {
 pub enum Command {
     /// Render frames along a camera path and write the last one (the default command)
     #[command(after_help = "The picture is the graph's output `image`, or its first one.\n\n\
-        Example:\n  epigraph render --frames 120 --camera orbit --sheet sheet.png --save fill.priority=priority.png")]
+        Example:\n  epigraph render --frames 120 --camera orbit --sheet sheet.png --save interpolate.priority=priority.png")]
     Render(RenderArgs),
     /// Check graphs and their shaders, and print the plan; needs no GPU
     #[command(
@@ -114,7 +114,7 @@ pub struct GraphArgs {
 /// Arguments of `render`.
 #[derive(Args, Clone, Debug)]
 pub struct RenderArgs {
-    /// Graph file, or the name of a graph that comes with the program [default: render-cache]
+    /// Graph file, or the name of a graph that comes with the program [default: epi]
     pub graph: Option<String>,
     #[command(flatten)]
     pub scene: SceneArgs,

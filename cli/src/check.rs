@@ -109,7 +109,7 @@ fn check_shaders(file: &GraphFile, graph: &Graph, registry: &Registry) -> Result
             Ok(reflected) => check_shader(&reflected, &shader.name, declaration, &node.stage.specs()),
             Err(error) => vec![error],
         };
-        let place = file.node(&node.name).map(|node| file.place(node.kind.span));
+        let place = file.node_at(&node.name).map(|(node, file)| file.place(node.kind.span));
         problems.0.extend(errors.into_iter().map(|error| {
             let problem = Problem::new(error).node(&node.name);
             place.iter().cloned().fold(problem, Problem::at)

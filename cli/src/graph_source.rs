@@ -1,13 +1,13 @@
 //! From what the user calls a graph to its text.
 
-use std::path::Path;
+use std::{io, path::Path};
 
 use epigraph_core::{GraphError, GraphFile, Problems};
 
 use crate::{error::CliError, values::Setting};
 
 /// The graph that is rendered where none is named.
-pub const DEFAULT_GRAPH: &str = "render-cache";
+pub const DEFAULT_GRAPH: &str = "epi";
 
 /// Graphs that come with the program, by name: `graphs/NAME.ron`.
 const EMBEDDED: &[(&str, &str)] = &[
@@ -15,6 +15,13 @@ const EMBEDDED: &[(&str, &str)] = &[
     ("epi", include_str!("../../graphs/epi.ron")),
     ("hybrid", include_str!("../../graphs/hybrid.ron")),
     ("render-cache-cpu-dither", include_str!("../../graphs/render-cache-cpu-dither.ron")),
+];
+
+/// The files that they are made of, by their paths.
+const PARTS: &[(&str, &str)] = &[
+    ("graphs/parts/cloud.ron", include_str!("../../graphs/parts/cloud.ron")),
+    ("graphs/parts/view.ron", include_str!("../../graphs/parts/view.ron")),
+    ("graphs/parts/edges.ron", include_str!("../../graphs/parts/edges.ron")),
 ];
 
 /// Reads a graph: the file of that name if there is one, else the graph that comes with the program under that name,
@@ -30,7 +37,10 @@ pub fn load(name: &str) -> Result<GraphFile, Problems> {
     let bare = name.strip_prefix("graphs/").unwrap_or(name);
     let bare = bare.strip_suffix(".ron").unwrap_or(bare);
     match EMBEDDED.iter().find(|(known, _)| *known == bare) {
-        Some((known, text)) => GraphFile::parse(&format!("graphs/{known}.ron"), text),
+        Some((known, text)) => GraphFile::parse(&format!("graphs/{known}.ron"), text)?.with_parts(&|path| {
+            let part = PARTS.iter().find(|(known, _)| Path::new(known) == path);
+            part.map(|(_, text)| (*text).to_owned()).ok_or_else(|| io::ErrorKind::NotFound.into())
+        }),
         None => {
             let mut problems = GraphFile::load(path).err().unwrap_or_default();
             // One word is as likely a mistyped name as a mistyped path.

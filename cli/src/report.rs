@@ -171,7 +171,7 @@ impl Report<'_> {
         }
         let [width, height] = args.scene.size.0;
         let mut text = format!("{table}\n");
-        let mut line = |name: &str, value: String| text += &format!("{name:<9}{value}\n");
+        let mut line = |name: &str, value: String| text += &format!("{name:<8} {value}\n");
         let frames = format!("{} frames of {} at {width}x{height}", args.frames, args.scene.scene);
         line("run", format!("{frames}, camera {}, graph {}", args.scene.camera, self.graph));
         line("backend", self.backend_text());

@@ -104,7 +104,7 @@ impl FromStr for Save {
         let parts = text.split_once('=').filter(|(_, file)| !file.is_empty());
         let save =
             parts.and_then(|(port, file)| Some(Self { source: port.parse().ok()?, file: file.into() }));
-        save.ok_or_else(|| "expected node.port=FILE, such as cull.depth=depth.exr".into())
+        save.ok_or_else(|| "expected node.port=FILE, such as project.depth=depth.exr".into())
     }
 }
 

@@ -54,6 +54,8 @@ pub struct NodeDef {
     pub inputs: Vec<InputDef>,
     /// Parameters in the order of the file; no name stands twice.
     pub params: Vec<ParamDef>,
+    /// For nodes of a part, by their addresses in it: parameters that hold instead of those in the part's file.
+    pub set: Vec<(Spanned<String>, Vec<ParamDef>)>,
 }
 
 /// A wire into a node.

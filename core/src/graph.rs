@@ -217,14 +217,14 @@ impl Checker<'_> {
     }
 
     fn make(&mut self, index: usize, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
-        let FlatNode { def: node, file, .. } = &self.flat.nodes[index];
+        let FlatNode { def: node, file, set_in, .. } = &self.flat.nodes[index];
         let Some(kind) = self.registry.get(&node.kind.value) else {
             let known = self.registry.kinds().map(|kind| kind.name());
             let error = GraphError::unknown("stage kind", &node.kind.value, known);
             self.problem(index, node.kind.span, None, error);
             return None;
         };
-        let cx = NodeContext { file, node, connected, library: &self.registry.library };
+        let cx = NodeContext { file, node, connected, library: &self.registry.library, set_in };
         match kind.make(&cx) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {

@@ -268,16 +268,20 @@ impl Plan {
 /// The plan as the table that `epigraph check` prints.
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let longest = |texts: &mut dyn Iterator<Item = &String>| texts.map(String::len).max().unwrap_or(0);
+        let names = longest(&mut self.nodes.iter().map(|(name, ..)| name));
+        let kinds = longest(&mut self.nodes.iter().map(|(_, kind, _)| kind));
         for (index, step) in self.steps.iter().enumerate() {
             match step {
                 Step::Run(node) => {
                     let (name, kind, side) = &self.nodes[*node];
                     let bytes = megabytes(self.node_bytes(*node));
-                    writeln!(f, "{:>3}  {name:<14} {kind:<14} {side}  {bytes:>10}", index + 1)?;
+                    writeln!(f, "{:>3}  {name:<names$} {kind:<kinds$} {side}  {bytes:>10}", index + 1)?;
                 }
                 Step::Upload(copy) | Step::Download(copy, _) => {
                     let bytes = megabytes(self.storages[copy.storage].bytes());
-                    writeln!(f, "{:>3}  {:<34} {bytes:>10}", index + 1, self.step_name(step))?;
+                    let width = names + kinds + 6;
+                    writeln!(f, "{:>3}  {:<width$} {bytes:>10}", index + 1, self.step_name(step))?;
                 }
                 Step::Tap(..) => {}
             }

@@ -4,7 +4,7 @@ use std::{borrow::Cow, collections::BTreeMap, marker::PhantomData, path::Path};
 
 use crate::{
     error::{GraphError, Problem, Problems, Span},
-    file::{GraphFile, NodeDef},
+    file::{GraphFile, NodeDef, ParamDef},
     params::{ParamSpec, Params},
     stage::{AnyStage, Bound, Declaration, Io, Stage},
 };
@@ -19,6 +19,8 @@ pub struct NodeContext<'a> {
     pub connected: &'a dyn Fn(&str) -> bool,
     /// The shader modules that shaders may import.
     pub library: &'a ShaderLibrary,
+    /// The files of parameters that do not stand in `file`, by the parameters' names.
+    pub set_in: &'a BTreeMap<String, &'a GraphFile>,
 }
 
 impl NodeContext<'_> {
@@ -27,9 +29,18 @@ impl NodeContext<'_> {
         Problem::new(error).at(self.file.place(span)).node(&self.node.name.value)
     }
 
-    /// The folder that relative paths in the file start from.
-    pub fn folder(&self) -> &Path {
-        Path::new(&self.file.path).parent().unwrap_or(Path::new(""))
+    /// A problem of one of the node's parameters, at a place of the file that sets it.
+    pub fn param_problem(&self, param: &ParamDef, error: GraphError, span: Span) -> Problem {
+        Problem::new(error).at(self.file_of(param).place(span)).node(&self.node.name.value)
+    }
+
+    /// The folder that a relative path in a parameter starts from: that of the file that sets it.
+    pub fn folder(&self, param: &ParamDef) -> &Path {
+        Path::new(&self.file_of(param).path).parent().unwrap_or(Path::new(""))
+    }
+
+    fn file_of(&self, param: &ParamDef) -> &GraphFile {
+        self.set_in.get(&param.name.value).copied().unwrap_or(self.file)
     }
 
     /// Sets each parameter that the node names by calling `set(index, text)`; reports unknown names, values that do
@@ -44,7 +55,7 @@ impl NodeContext<'_> {
             let Some(index) = specs.iter().position(|spec| spec.name == param.name.value) else {
                 let known = specs.iter().map(|spec| &spec.name);
                 let error = GraphError::unknown("parameter", &param.name.value, known);
-                problems.0.push(self.problem(error, param.name.span));
+                problems.0.push(self.param_problem(param, error, param.name.span));
                 continue;
             };
             let spec = &specs[index];
@@ -56,7 +67,7 @@ impl NodeContext<'_> {
                 } else {
                     GraphError::Value { name, expected: spec.kind.words(), cause: error.cause }
                 };
-                problems.0.push(self.problem(error, param.value.span));
+                problems.0.push(self.param_problem(param, error, param.value.span));
             }
         }
         problems

@@ -83,13 +83,13 @@ impl Kind for WgslKind {
             let message = "a `wgsl` node names its shader file: write params: (shader: \"FILE.wgsl\")";
             return Err(cx.problem(GraphError::Invalid(message.into()), cx.node.name.span).into());
         };
-        let problem = |error| cx.problem(error, param.value.span);
+        let problem = |error| cx.param_problem(param, error, param.value.span);
 
         let path: String = parse_ron(&param.value.value).map_err(|error| {
             let expected = ParamKind::Text.words();
             problem(GraphError::Value { name: "shader".into(), expected, cause: error.cause })
         })?;
-        let file = cx.folder().join(&path);
+        let file = cx.folder(param).join(&path);
         let source = fs::read_to_string(&file).map_err(|error| {
             problem(GraphError::Io { action: "read", cause: format!("{}: {error}", file.display()) })
         })?;

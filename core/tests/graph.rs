@@ -3,7 +3,7 @@
 
 use epigraph_core::{
     Access, CpuContext, Extent, Facts, GraphFile, Io, Problems, Registry, Settings, Side, Stage, Step,
-    compile, texel,
+    compile, params, texel,
 };
 
 macro_rules! stage {
@@ -77,8 +77,33 @@ stage!(Splat, "splat", |io| {
     io.write::<f32>("out", "a picture", Extent::Frame(1));
 });
 
+params! {
+    /// Parameters of [`Row`].
+    pub struct RowParams {
+        /// Numbers in it.
+        length: u32 = 1, in 1..=9;
+    }
+}
+
+/// A row of numbers.
+struct Row;
+
+impl Stage for Row {
+    const KIND: &'static str = "row";
+    const DOC: &'static str = "A stage of the tests.";
+    type Params = RowParams;
+    fn declare(params: &RowParams, io: &mut Io) -> Self {
+        io.write::<f32>("out", "numbers", Extent::Fixed([params.length, 1]));
+        Self
+    }
+    fn cpu(&self, _: &RowParams, _: &CpuContext) -> Result<(), String> {
+        Ok(())
+    }
+}
+
 fn registry() -> Registry {
     Registry::default()
+        .with::<Row>()
         .with::<Source>()
         .with::<Small>()
         .with::<Picture>()
@@ -411,6 +436,85 @@ fn faults_around_parts_are_told_where_they_stand() {
     // Read without its parts, the graph says so.
     let text = problems(&format!("{source}{include}"), "b.result").to_string();
     assert!(text.contains("its file has not been read"), "{text}");
+}
+
+#[test]
+fn a_node_of_a_part_may_be_called_by_its_own_name() {
+    let outer = r#"Graph(version: 1, nodes: {
+        "inner": (kind: "graph", params: (file: "part.ron"), inputs: { "picture": "inputs.picture" }),
+    }, outputs: { "result": "inner.result" })"#;
+    let nodes = r#"
+        "source": (kind: "source"),
+        "outer": (kind: "graph", params: (file: "outer.ron"), inputs: { "picture": "source.out" }),
+        "first": (kind: "filter", inputs: { "in": "outer.result" }),
+        "twice": (kind: "graph", params: (file: "part.ron"), inputs: { "picture": "first.out" }),"#;
+    let parts = [("outer.ron", outer), ("part.ron", PART)];
+    let file = with_parts(nodes, "twice.result", &parts).unwrap();
+    // Its own node comes first; what several parts have is nobody's.
+    for (name, address) in [
+        ("source", "source"),
+        ("inner", "outer/inner"),
+        ("first", "first"),
+        ("second", "second"),
+        ("outer/inner/second", "outer/inner/second"),
+        ("nobody", "nobody"),
+    ] {
+        assert_eq!(file.address_of(name), address);
+    }
+}
+
+/// A part whose one node has a parameter, and a graph of a part that holds it.
+const ROW: &str = r#"Graph(version: 1, nodes: {
+    "row": (kind: "row", params: (length: 2)),
+}, outputs: { "out": "row.out" })"#;
+const ROWS: &str = r#"Graph(version: 1, nodes: {
+    "one": (kind: "graph", params: (file: "row.ron"), set: { "row": (length: 3) }),
+}, outputs: { "out": "one.out" })"#;
+
+fn rows(set: &str) -> Result<GraphFile, Problems> {
+    let nodes = format!(r#""rows": (kind: "graph", params: (file: "rows.ron"), {set}),"#);
+    with_parts(&nodes, "rows.out", &[("rows.ron", ROWS), ("row.ron", ROW)])
+}
+
+fn row_length(file: &GraphFile) -> u32 {
+    let (_, plan) = compile(file, &registry(), &settings()).unwrap_or_else(|problems| panic!("{problems}"));
+    plan.storages.iter().find(|storage| storage.name == "rows/one/row.out").expect("it is there").dims.width
+}
+
+#[test]
+fn a_graph_sets_parameters_in_its_parts() {
+    assert_eq!(row_length(&rows("").unwrap()), 3);
+    // Outer files have the last word.
+    assert_eq!(row_length(&rows(r#"set: { "one/row": (length: 4) }"#).unwrap()), 4);
+    for set in ["", r#"set: { "one/row": (length: 4) }"#] {
+        let mut file = rows(set).unwrap();
+        file.set_param("rows/one/row", "length", "5").unwrap();
+        assert_eq!(row_length(&file), 5);
+        assert_eq!(file.text.contains("length: 5"), !set.is_empty(), "set where it was set: {}", file.text);
+    }
+}
+
+#[test]
+fn faults_in_what_is_set_are_told_where_it_is_set() {
+    for (set, wanted) in [
+        (
+            r#"set: { "one/row": (length: 0) }"#,
+            "test.ron:3:80: node `rows/one/row`: parameter `length` is 0, outside 1 to 9",
+        ),
+        (
+            r#"set: { "one/row": (lenght: 4) }"#,
+            "test.ron:3:72: node `rows/one/row`: unknown parameter `lenght`, did you mean `length`?",
+        ),
+        (r#"set: { "one/rows": (length: 4) }"#, "test.ron:3:60: node `rows`: unknown node `one/rows`"),
+    ] {
+        let file = rows(set).unwrap();
+        let text = compile(&file, &registry(), &settings()).err().expect("it is broken").to_string();
+        assert!(text.contains(wanted), "{wanted}\nnot in\n{text}");
+    }
+    let node = r#""s": (kind: "source", set: { "x": (a: 1) }),"#;
+    assert!(problems(node, "s.out").to_string().contains("`set` is for parts"));
+    let text = rows(r#"set: { "one/row": 4 }"#).err().expect("it is broken").to_string();
+    assert!(text.contains("expected (name: value, ...), found `4`"), "{text}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The kind `wgsl`: ports and parameters come from a user's file, and what is wrong with it is told where it stands.
 
 use std::{
+    collections::BTreeMap,
     fs,
     path::PathBuf,
     sync::atomic::{AtomicU32, Ordering},
@@ -87,6 +88,7 @@ fn make(shader: &str, params: &str) -> Result<Box<dyn AnyStage>, Problems> {
         node: file.node("mine").unwrap(),
         connected: &|_| true,
         library: &library,
+        set_in: &BTreeMap::new(),
     };
     wgsl_kind().make(&cx)
 }

@@ -1,18 +1,17 @@
 //! What the integration tests and benches share: a graph on a scene along a camera path, run as the command line does.
 
-use std::sync::{Arc, OnceLock};
+use std::{
+    path::Path,
+    sync::{Arc, OnceLock},
+};
 
 use epigraph_core::{AdapterChoice, Executor, Gpu, GraphFile, Host, Settings, Snapshot, Source, compile};
 use epigraph_scenes::{CameraPath, Scene, Tracer};
 use epigraph_stages::{Pace, World, registry};
 
-/// The shipped graph files: name and text.
-pub const GRAPHS: [(&str, &str); 4] = [
-    ("render-cache.ron", include_str!("../../graphs/render-cache.ron")),
-    ("epi.ron", include_str!("../../graphs/epi.ron")),
-    ("hybrid.ron", include_str!("../../graphs/hybrid.ron")),
-    ("render-cache-cpu-dither.ron", include_str!("../../graphs/render-cache-cpu-dither.ron")),
-];
+/// The shipped graph files.
+pub const GRAPHS: [&str; 5] =
+    ["render-cache.ron", "epi.ron", "hybrid.ron", "render-cache-cpu-dither.ron", "experiments/outline.ron"];
 
 /// The tests' GPU.
 ///
@@ -29,8 +28,8 @@ pub fn gpu() -> Arc<Gpu> {
 /// # Panics
 /// Where there is none or it does not parse.
 pub fn graph(name: &str) -> GraphFile {
-    let (_, text) = GRAPHS.iter().find(|(file, _)| *file == name).expect("a shipped graph");
-    GraphFile::parse(name, text).unwrap_or_else(|problems| panic!("{problems}"))
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name);
+    GraphFile::load(&path).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
 /// A graph that runs frame by frame.

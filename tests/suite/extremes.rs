@@ -47,10 +47,11 @@ fn a_budget_beyond_the_pixels_is_no_harm() {
 #[test]
 fn a_cloud_of_sixteen_million_points_runs() {
     let mut file = graph("render-cache.ron");
-    file.set_param("cloud", "points_per_pixel", "16.0").unwrap();
+    file.set_param("points", "points_per_pixel", "16.0").unwrap();
     let settings = Settings::new([1024, 1024], 20_000);
     let mut run = Run::new(&file, Stage { scene: "cornell", camera: "orbit", settings });
-    let cloud = run.executor.plan().storages.iter().find(|storage| storage.name == "cloud.cloud.position");
+    let cloud =
+        run.executor.plan().storages.iter().find(|storage| storage.name == "cloud/points.cloud.position");
     assert_eq!(cloud.expect("the cloud's positions").dims.count(), 1 << 24);
     run.frames(3);
     let image = run.captured("image").bytes;
@@ -61,14 +62,14 @@ fn a_cloud_of_sixteen_million_points_runs() {
 #[test]
 fn a_cloud_beyond_the_device_is_refused_with_its_name() {
     let mut file = graph("render-cache.ron");
-    file.set_param("cloud", "points_per_pixel", "16.0").unwrap();
+    file.set_param("points", "points_per_pixel", "16.0").unwrap();
     let facts = Facts { camera_moves: true, ..Facts::default() };
     let settings = Settings { side: Side::Gpu, facts, ..Settings::new([1024, 1024], 1000) };
     let registry = epigraph_stages::registry();
     let (graph, plan) = compile(&file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));
     // 256 MiB of positions: lavapipe binds 128. A device that binds them may run.
     match Executor::new(graph, plan, &settings, &registry, Some(gpu())) {
-        Err(RunError::Gpu(message)) => assert!(message.contains("cloud.cloud.position"), "{message}"),
+        Err(RunError::Gpu(message)) => assert!(message.contains("cloud/points.cloud.position"), "{message}"),
         Err(other) => panic!("{other}"),
         Ok(_) => assert!(!gpu().is_software()),
     }

@@ -7,7 +7,7 @@ use epigraph_tests::{GRAPHS, graph};
 #[test]
 fn shipped_graphs_compile_and_their_shaders_fit() {
     let registry = registry();
-    for (name, _) in GRAPHS {
+    for name in GRAPHS {
         for side in [Side::Cpu, Side::Gpu] {
             for camera_moves in [false, true] {
                 let facts = Facts { camera_moves, ..Facts::default() };

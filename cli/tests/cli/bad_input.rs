@@ -43,12 +43,12 @@ fn graphs_that_are_wrong() {
     assert_says(&place.fails("empty.ron"), &["error: empty.ron:"]);
     place.write("binary.ron", [0xFF, 0xFE, 0x00]);
     assert_says(&place.fails("binary.ron"), &["binary.ron"]);
-    assert_says(&place.fails("--set cull.treshold=1"), &["did you mean `threshold`", "node `cull`"]);
+    assert_says(&place.fails("--set cull.treshold=1"), &["did you mean `threshold`", "node `view/cull`"]);
     assert_says(&place.fails("--set culll.threshold=1"), &["did you mean `cull`"]);
     assert_says(&place.fails("--set cull.threshold=99"), &["99", "outside 0 to 10"]);
     assert_says(&place.fails("--save cull.nope=a.png"), &["--save", "unknown output port `nope`"]);
     assert_says(&place.fails("--save request.requests=a.png"), &["a list, not an image", ".csv"]);
-    assert_says(&place.fails("--save cloud.cloud=a.exr"), &["a bundle of lists, not an image", ".csv"]);
+    assert_says(&place.fails("--save points.cloud=a.exr"), &["a bundle of lists, not an image", ".csv"]);
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn files_that_cannot_be_written() {
     for words in [
         "--out none/a.png",
         "--sheet none/a.png",
-        "--save fill.color=none/a.exr",
+        "--save antialias.color=none/a.exr",
         "--json none/a.json",
         "reference --out none/a.exr",
         "check render-cache --dot none/a.dot",
@@ -108,7 +108,7 @@ fn files_that_cannot_be_written() {
     }
     assert_says(&place.fails("--out ."), &["cannot write ."]);
     assert_says(&place.fails("--out a.jpg"), &["cannot write a.jpg", ".png or .exr"]);
-    assert_says(&place.fails("--save fill.color=a.tif"), &["cannot write a.tif", ".png, .exr or .csv"]);
+    assert_says(&place.fails("--save antialias.color=a.tif"), &["cannot write a.tif", ".png, .exr or .csv"]);
 }
 
 #[test]

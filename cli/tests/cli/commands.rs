@@ -52,18 +52,21 @@ fn figures_as_json() {
     assert!(report["frame_ms"]["median"].as_f64() <= report["frame_ms"]["p95"].as_f64());
     assert!(report["trace_ms"].as_f64() > Some(0.0));
     let nodes = report["nodes"].as_array().expect("a list");
-    let fill = nodes.iter().find(|node| node["node"] == "fill").expect("the graph has it");
-    assert!(fill["bytes"].as_u64() > Some(0) && fill["kind"] == "fill" && fill["backend"] == "cpu");
+    let reach = nodes.iter().find(|node| node["node"] == "edges/reach").expect("the graph has it");
+    assert!(reach["bytes"].as_u64() > Some(0) && reach["kind"] == "reach" && reach["backend"] == "cpu");
     let culled = report["culled"].as_array().expect("a list");
-    assert!(culled.iter().any(|node| node["node"] == "predict" && node["why"].is_string()), "{culled:?}");
+    assert!(
+        culled.iter().any(|node| node["node"] == "view/predict" && node["why"].is_string()),
+        "{culled:?}"
+    );
 }
 
 #[test]
 fn ports_are_saved_in_every_format() {
     let place = Place::new();
     place.succeeds(&format!(
-        "{SMALL} --out a.exr --save fill.color=color.exr --save cull.id=id.exr --save fill.priority=priority.png \
-         --save cloud.cloud=cloud.csv --save fill.priority=priority.csv"
+        "{SMALL} --out a.exr --save spread.color=color.exr --save view/cull.id=id.exr --save interpolate.priority=priority.png \
+         --save points.cloud=cloud.csv --save interpolate.priority=priority.csv"
     ));
     let files = ["a.exr", "cloud.csv", "color.exr", "id.exr", "priority.csv", "priority.png"];
     assert_eq!(place.files(), files);
@@ -113,14 +116,14 @@ fn the_plan_is_printed_and_drawn() {
     let text = place.succeeds("check render-cache --camera still --dot plan.dot");
     for part in [
         "render-cache: no problems",
-        "left out: predict (predict): ",
-        "without predict: ",
+        "left out: view/predict (predict): ",
+        "without view/predict: ",
         "fit their stages",
     ] {
         assert!(text.contains(part), "`{part}` is not in:\n{text}");
     }
     let dot = std::fs::read_to_string(place.path("plan.dot")).expect("written");
-    assert!(dot.starts_with("digraph plan {") && dot.contains("\"project\" -> \"cull\""), "{dot}");
+    assert!(dot.starts_with("digraph plan {") && dot.contains("\"view/project\" -> \"view/cull\""), "{dot}");
     let gpu = json(&place.succeeds("check render-cache --backend gpu --json -"));
     let steps = gpu["plan"]["steps"].as_array().expect("a list");
     assert!(

@@ -70,19 +70,29 @@ impl Group {
 /// be a graph file (a name that stands twice, for one); then they give the problems of that text.
 impl GraphFile {
     /// Sets a parameter, adding it where the node has none of that name: `--set node.param=value`. `value` is RON.
-    /// `part/node` sets one in the text of a part.
+    /// `part/node`, or the inner name alone where it is clear ([`GraphFile::address_of`]), sets one in the text of a part,
+    /// or where the part's node sets it.
     /// Whether the stage has such a parameter is not known here.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node, [`GraphError::Invalid`] for a name that is no identifier,
     /// [`GraphError::Value`] for a value that is not one RON value.
     pub fn set_param(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
+        let node = &self.address_of(node)[..];
         if let Some((part, inner)) = node.split_once('/')
+            && !self.sets(part, inner, param)
             && let Some(part) = self.part_mut(part)
         {
             return part.set_param(inner, param, value);
         }
         let problem = |error| Problems::from(Problem::new(error).node(node));
+        if let Some(part) = self.part(node) {
+            let names = part.nodes.iter().map(|inner| format!("{node}/{}", inner.name.value));
+            let names = names.collect::<Vec<_>>().join(", ");
+            return Err(problem(GraphError::Invalid(format!(
+                "it stands for a part, whose nodes have the parameters: {names}"
+            ))));
+        }
         if !is_identifier(param) {
             return Err(problem(GraphError::Invalid(format!("`{param}` cannot name a parameter"))));
         }
@@ -95,7 +105,25 @@ impl GraphFile {
         }
         // A comment beside the value could swallow what follows it in the file.
         let span = scan::root(value).unwrap_or_default();
-        self.set_in(node, Group::Params, param, &value[span.start..span.end])
+        let value = &value[span.start..span.end];
+        match node.split_once('/') {
+            Some((part, inner)) if self.sets(part, inner, param) => {
+                let node = self.node_block(part)?;
+                let params = child(&self.text, &node, "set").and_then(|set| child(&self.text, &set, inner));
+                let params = params.unwrap_or(node);
+                let item = || Group::Params.item(param, value);
+                self.apply(put(&self.text, &params, find(&self.text, &params, param), value, item))
+            }
+            _ => self.set_in(node, Group::Params, param, value),
+        }
+    }
+
+    /// Whether the node of a part sets this parameter of a node in it.
+    fn sets(&self, part: &str, inner: &str, param: &str) -> bool {
+        let set = self.node(part).into_iter().flat_map(|node| &node.set);
+        set.filter(|(node, _)| node.value == inner)
+            .flat_map(|(_, params)| params)
+            .any(|known| known.name.value == param)
     }
 
     /// Removes a parameter, so that the stage's default holds.
@@ -265,10 +293,8 @@ impl GraphFile {
     }
 
     fn node_block(&self, name: &str) -> Result<Block, Problems> {
-        child(&self.text, &self.top("nodes")?, name).ok_or_else(|| {
-            let known = self.nodes.iter().map(|node| &node.name.value);
-            Problem::new(GraphError::unknown("node", name, known)).into()
-        })
+        child(&self.text, &self.top("nodes")?, name)
+            .ok_or_else(|| Problem::new(GraphError::unknown("node", name, self.names())).into())
     }
 
     /// Makes the changes, none of which overlap, and reads the result.

@@ -17,7 +17,7 @@ const VERSION: u32 = 1;
 const MOST_PROBLEMS: usize = 100;
 
 const GRAPH_FIELDS: [&str; 4] = ["version", "doc", "nodes", "outputs"];
-const NODE_FIELDS: [&str; 6] = ["kind", "on", "download", "bypass", "inputs", "params"];
+const NODE_FIELDS: [&str; 7] = ["kind", "on", "download", "bypass", "inputs", "params", "set"];
 
 impl GraphFile {
     /// Reads a file's text. `path` is its name for messages.
@@ -101,6 +101,7 @@ const NODES: Shape = Shape::map("node", "{ \"NODE\": (kind: \"KIND\"), ... }");
 const NODE: Shape = Shape::record("", "field", "(kind: \"KIND\", ...)");
 const INPUTS: Shape = Shape::map("input", "{ \"PORT\": \"NODE.PORT\", ... }");
 const PARAMS: Shape = Shape::record("", "parameter", "(name: value, ...)");
+const SET: Shape = Shape::map("node", "{ \"NODE\": (name: value, ...), ... }");
 const OUTPUTS: Shape = Shape::map("output", "{ \"NAME\": \"NODE.PORT\", ... }");
 
 /// A named value of a block.
@@ -289,7 +290,7 @@ impl Reader<'_> {
     fn node(&mut self, name: Spanned<String>, span: Span) -> Option<NodeDef> {
         let (mut kind, mut has_kind) = (None, false);
         let (mut on, mut download, mut bypass) = (None, None, false);
-        let (mut inputs, mut params) = (Vec::new(), Vec::new());
+        let (mut inputs, mut params, mut set) = (Vec::new(), Vec::new(), Vec::new());
         for (field, value) in self.entries(span, &NODE)? {
             match field.value.as_str() {
                 "kind" => {
@@ -304,13 +305,17 @@ impl Reader<'_> {
                 "bypass" => bypass = self.scalar(value, "true or false").is_some_and(|flag| flag.value),
                 "inputs" => inputs = self.inputs(value),
                 "params" => params = self.params(value),
+                "set" => {
+                    let entries = self.entries(value, &SET).unwrap_or_default();
+                    set = entries.into_iter().map(|(node, value)| (node, self.params(value))).collect();
+                }
                 _ => self.unknown_field(field, &NODE_FIELDS),
             }
         }
         if !has_kind {
             self.report(GraphError::Syntax("`kind` is missing; write kind: \"KIND\"".into()), name.span);
         }
-        Some(NodeDef { name, kind: kind?, on, download, bypass, inputs, params })
+        Some(NodeDef { name, kind: kind?, on, download, bypass, inputs, params, set })
     }
 
     fn inputs(&mut self, span: Span) -> Vec<InputDef> {

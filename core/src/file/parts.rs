@@ -1,18 +1,19 @@
 //! Graphs made of graphs. A node `"NAME": (kind: "graph", params: (file: "part.ron"), inputs: { "x": "NODE.PORT" })` stands
 //! for all nodes of another file. Within the part, `"inputs.x"` is what the including node connects to `x`; outside, the
 //! part's outputs are ports of the including node, and its nodes have addresses `NAME/NODE`. `on` and `download` of the
-//! including node hold for nodes of the part that do not say otherwise and can run there.
+//! including node hold for nodes of the part that do not say otherwise and can run there. What it says in
+//! `set: { "NODE": (param: value) }` holds instead of what the part says.
 //!
 //! [`GraphFile::flatten`] writes the whole out as one list of nodes, each with the file it comes from, so that checking
 //! and compiling know nothing of parts.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap},
     io,
     path::Path,
 };
 
-use super::{Download, GraphFile, NodeDef, OutputDef, Side, Source};
+use super::{Download, GraphFile, NodeDef, OutputDef, ParamDef, Side, Source};
 use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
 
 /// The kind of a node that stands for a file.
@@ -30,6 +31,8 @@ pub(crate) struct FlatNode<'f> {
     pub file: &'f GraphFile,
     /// What the node of its part says for nodes that do not say themselves.
     pub default: PartDefaults,
+    /// The files of parameters that an including node has set, by the parameters' names.
+    pub set_in: BTreeMap<String, &'f GraphFile>,
 }
 
 /// Placement that a part gives to its nodes.
@@ -114,15 +117,48 @@ impl GraphFile {
         self.parts.iter_mut().find(|(name, _)| name == node).map(|(_, part)| part)
     }
 
-    fn part(&self, node: &str) -> Option<&Self> {
+    pub(super) fn part(&self, node: &str) -> Option<&Self> {
         self.parts.iter().find(|(name, _)| name == node).map(|(_, part)| part)
+    }
+
+    /// The address of a node that is called by its own name alone: the name where the graph itself has such a node, or
+    /// else where its parts have exactly one. Other names are given back as they are.
+    pub fn address_of(&self, name: &str) -> String {
+        let mut found = Vec::new();
+        self.find(name, "", &mut found);
+        match &found[..] {
+            [address] if self.nodes.iter().all(|node| node.name.value != name) => address.clone(),
+            _ => name.to_owned(),
+        }
+    }
+
+    fn find(&self, name: &str, prefix: &str, found: &mut Vec<String>) {
+        let own = self.nodes.iter().filter(|node| node.name.value == name);
+        found.extend(own.map(|_| format!("{prefix}{name}")));
+        for (node, part) in &self.parts {
+            part.find(name, &format!("{prefix}{node}/"), found);
+        }
+    }
+
+    /// The names of all nodes, of parts and in them.
+    pub(super) fn names(&self) -> Vec<&str> {
+        let own = self.nodes.iter().map(|node| node.name.value.as_str());
+        own.chain(self.parts.iter().flat_map(|(_, part)| part.names())).collect()
+    }
+
+    /// The node of this address and the file that it stands in, a part or this one.
+    pub fn node_at(&self, address: &str) -> Option<(&NodeDef, &Self)> {
+        match address.split_once('/') {
+            Some((node, rest)) => self.part(node)?.node_at(rest),
+            None => Some((self.node(address)?, self)),
+        }
     }
 
     /// Writes the graph out: the nodes of parts in the place of the nodes that stand for them.
     pub(crate) fn flatten(&self) -> Result<Flat<'_>, Problems> {
         let mut flat = Flat { file: self, nodes: Vec::new(), outputs: Vec::new() };
         let mut problems = Problems::default();
-        let scope = Scope { file: self, prefix: String::new(), inputs: None };
+        let scope = Scope { file: self, prefix: String::new(), inputs: None, set: Vec::new() };
         add(&scope, PartDefaults::default(), &mut flat, &mut problems);
         for output in &self.outputs {
             match scope.resolve(&output.from.value) {
@@ -145,8 +181,9 @@ impl GraphFile {
 impl Flat<'_> {
     /// The port that a name means, through outputs of parts.
     pub fn resolve(&self, source: &Source) -> Result<Source, GraphError> {
-        let scope = Scope { file: self.file, prefix: String::new(), inputs: None };
-        Ok(scope.resolve(source)?.unwrap_or_else(|| source.clone()))
+        let scope = Scope { file: self.file, prefix: String::new(), inputs: None, set: Vec::new() };
+        let source = Source { node: self.file.address_of(&source.node), port: source.port.clone() };
+        Ok(scope.resolve(&source)?.unwrap_or(source))
     }
 
     /// The place of a node's name.
@@ -162,11 +199,33 @@ struct Scope<'f> {
     prefix: String,
     /// What the including node connects; none for the whole itself.
     inputs: Option<HashMap<String, Source>>,
+    /// Parameters that including nodes set, by the address of their node in this file; outer files last.
+    set: Vec<Set<'f>>,
+}
+
+/// A parameter that an including node sets.
+#[derive(Clone)]
+struct Set<'f> {
+    node: &'f str,
+    param: &'f ParamDef,
+    file: &'f GraphFile,
 }
 
 impl<'f> Scope<'f> {
     fn inner(&self, node: &str, file: &'f GraphFile, inputs: HashMap<String, Source>) -> Self {
-        Self { file, prefix: format!("{}{node}/", self.prefix), inputs: Some(inputs) }
+        Self { file, prefix: format!("{}{node}/", self.prefix), inputs: Some(inputs), set: Vec::new() }
+    }
+
+    /// What this file and those that include it set in the part of `node`.
+    fn set_within(&self, node: &'f NodeDef) -> Vec<Set<'f>> {
+        let own = node.set.iter().flat_map(|(address, params)| {
+            params.iter().map(|param| Set { node: &address.value, param, file: self.file })
+        });
+        let outer = self.set.iter().filter_map(|set| {
+            let rest = set.node.strip_prefix(node.name.value.as_str())?.strip_prefix('/')?;
+            Some(Set { node: rest, ..set.clone() })
+        });
+        own.chain(outer).collect()
     }
 
     /// The address of a port in the whole; `None` for a part's input that is not connected.
@@ -222,7 +281,17 @@ fn add<'f>(scope: &Scope<'f>, default: PartDefaults, flat: &mut Flat<'f>, proble
             }
         }
         if node.kind.value != PART_KIND {
-            flat.nodes.push(FlatNode { def, file: scope.file, default });
+            if let Some((address, _)) = node.set.first() {
+                let text = "`set` is for parts; a stage's own parameters are set in `params`";
+                problem(GraphError::Invalid(text.into()), address.span, None);
+            }
+            let mut set_in = BTreeMap::new();
+            for set in scope.set.iter().filter(|set| set.node == node.name.value) {
+                def.params.retain(|param| param.name.value != set.param.name.value);
+                def.params.push(set.param.clone());
+                set_in.insert(set.param.name.value.clone(), set.file);
+            }
+            flat.nodes.push(FlatNode { def, file: scope.file, default, set_in });
             continue;
         }
         if node.bypass {
@@ -236,6 +305,10 @@ fn add<'f>(scope: &Scope<'f>, default: PartDefaults, flat: &mut Flat<'f>, proble
             problem(GraphError::Invalid("its file has not been read".into()), node.kind.span, None);
             continue;
         };
+        for (address, _) in node.set.iter().filter(|(address, _)| part.node_at(&address.value).is_none()) {
+            let known = part.nodes.iter().map(|node| &node.name.value);
+            problem(GraphError::unknown("node", &address.value, known), address.span, None);
+        }
         let taken: BTreeSet<&str> = part
             .nodes
             .iter()
@@ -251,7 +324,7 @@ fn add<'f>(scope: &Scope<'f>, default: PartDefaults, flat: &mut Flat<'f>, proble
         }
         let inputs =
             def.inputs.iter().map(|input| (input.port.value.clone(), input.from.value.clone())).collect();
-        let inner = scope.inner(&node.name.value, part, inputs);
+        let inner = Scope { set: scope.set_within(node), ..scope.inner(&node.name.value, part, inputs) };
         let default = PartDefaults {
             side: def.on.map(|on| on.value).or(default.side),
             download: def.download.map(|download| download.value).or(default.download),
