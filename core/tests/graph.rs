@@ -513,7 +513,8 @@ fn faults_in_what_is_set_are_told_where_it_is_set() {
     }
     let node = r#""s": (kind: "source", set: { "x": (a: 1) }),"#;
     assert!(problems(node, "s.out").to_string().contains("`set` is for parts"));
-    let text = rows(r#"set: { "one/row": 4 }"#).err().expect("it is broken").to_string();
+    let node = r#"Graph(version: 1, nodes: { "b": (kind: "graph", set: { "x": 4 }) }, outputs: {})"#;
+    let text = GraphFile::parse("test.ron", node).expect_err("it is broken").to_string();
     assert!(text.contains("expected (name: value, ...), found `4`"), "{text}");
 }
 

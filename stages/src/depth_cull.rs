@@ -2,7 +2,9 @@
 //! 3x3 pixels, shifted back by the threshold (`algorithms.md` sections 1.3 and 3).
 //!
 //! *Majority*, the default, lets the points of the 5x5 pixels vote: a point goes if at least half of the others are
-//! clearly nearer, z_q (1 + threshold) < z. They vote twice, the second time without those that went.
+//! clearly nearer, z_q (1 + threshold) < z. They vote twice, the second time without those that went. On a surface so
+//! steep that its depth changes by the threshold from pixel to pixel, as in images a few pixels high, half of the others
+//! are nearer, and a larger threshold is needed.
 //!
 //! The other two rules compare with a mean over 3x3 pixels, as the papers do. Hidden points lift that mean: where a
 //! surface has points in only half of its pixels, as after a quick turn, they hold each other up, and one at infinity

@@ -157,3 +157,36 @@ fn help_and_version_succeed() {
         assert!(place.succeeds(&format!("{command} --help")).contains("Example"), "{command}");
     }
 }
+
+/// With the choices that make the papers' split exact: readbacks that wait, and the parallel dither. Each keeps its own
+/// state over all frames.
+#[test]
+fn cpu_gpu_and_the_split_show_the_same() {
+    let place = Place::new();
+    let graphs = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs");
+    let split = std::fs::read_to_string(format!("{graphs}/hybrid.ron")).expect("it is shipped");
+    let mut exact = split.clone();
+    for (from, to) in [
+        ("\"parts/", &format!("\"{graphs}/parts/")[..]),
+        ("download: Latent(1)", "download: Sync"),
+        ("set: { \"replace\": (reuse: false), \"integrate\": (threshold: 1.0) },", ""),
+        ("kind: Serpentine", "kind: Systematic"),
+    ] {
+        assert!(exact.contains(from), "`{from}` is not in hybrid.ron");
+        exact = exact.replace(from, to);
+    }
+    place.write("exact.ron", exact);
+    for scene in ["cornell", "chains"] {
+        for (graph, backend) in [("epi", "cpu"), ("epi", "gpu"), ("exact.ron", "gpu")] {
+            place.succeeds(&format!(
+                "{graph} --scene {scene} --camera orbit --size 128x96 --frames 20 --backend {backend} --out {graph}-{backend}.png"
+            ));
+        }
+        for other in ["epi-gpu.png", "exact.ron-gpu.png"] {
+            let flip = &json(&place.succeeds(&format!("compare epi-cpu.png {other} --json -")))["flip"];
+            println!("{scene}, {other}: {flip}");
+            // Where an f32 rounding decides over a pixel, later frames ask for other samples.
+            assert!(flip.as_f64().expect("a number") < 0.002, "{scene}: {other} has {flip}");
+        }
+    }
+}
