@@ -4,8 +4,18 @@
 #import frame
 #import index
 
-@group(0) @binding(1) var<storage, read_write> cloud_image_id: array<u32>;
-@group(0) @binding(2) var<storage, read> id: array<u32>;
+struct Params {
+    ids: u32,
+}
+
+const TEXEL: u32 = 1u;
+
+// Pixels that the papers' texel can tell apart.
+const TEXEL_PIXELS: u32 = 0x7FFFFFu;
+
+@group(0) @binding(1) var<uniform> params: Params;
+@group(0) @binding(2) var<storage, read_write> cloud_image_id: array<u32>;
+@group(0) @binding(3) var<storage, read> id: array<u32>;
 
 @compute @workgroup_size(256)
 fn clear(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -21,6 +31,9 @@ fn mark(@builtin(global_invocation_id) thread: vec3<u32>) {
         return;
     }
     let pixel = thread.y * frame.size.x + thread.x;
+    if params.ids == TEXEL && pixel >= TEXEL_PIXELS {
+        return;
+    }
     // A pixel without a point has an id beyond every slot. A point is in one pixel, so threads do not collide.
     if id[pixel] < arrayLength(&cloud_image_id) {
         cloud_image_id[id[pixel]] = pixel;

@@ -1,8 +1,30 @@
 //! Tells points where they are seen.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, shader};
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
 
 use crate::shared::cloud::NOT_DRAWN;
+
+/// Pixels that the papers' texel can tell apart (`algorithms.md` section 4).
+const TEXEL_PIXELS: usize = 0x7F_FFFF;
+
+choice! {
+    /// How large the number of a pixel may be.
+    pub enum Ids {
+        /// 32 bits: images are never too large.
+        Word,
+        /// The papers': 24 bits beside the age in an RGBA8 texel. The topmost marks a change of colour and 0x7FFFFF a
+        /// point that is not drawn, so a point seen at pixel 8,388,607 or later counts as not drawn.
+        Texel,
+    }
+}
+
+params! {
+    /// Parameters of [`ImageId`].
+    pub struct ImageIdParams {
+        /// How large the number of a pixel may be.
+        ids: Ids = Ids::Word;
+    }
+}
 
 /// Writes into every point the pixel that shows it, or [`NOT_DRAWN`] if none does: a point may lie outside the image, be
 /// hidden, culled, or share its pixel with a nearer one (`algorithms.md` section 1.5).
@@ -15,7 +37,7 @@ impl Stage for ImageId {
     const KIND: &'static str = "image_id";
     const DOC: &'static str =
         "Tells each point which pixel shows it, so that points that none shows can age faster.";
-    type Params = ();
+    type Params = ImageIdParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {
         let mut cloud = io.bundle(Access::Update, "cloud", "The points.", Extent::Any);
@@ -28,10 +50,14 @@ impl Stage for ImageId {
         Self { cloud_image_id, id }
     }
 
-    fn cpu(&self, _: &Self::Params, cx: &CpuContext) -> Result<(), String> {
+    fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
         let (mut image_id, id) = (cx.write(self.cloud_image_id), cx.read(self.id));
+        let told = match params.ids {
+            Ids::Word => id.len(),
+            Ids::Texel => id.len().min(TEXEL_PIXELS),
+        };
         image_id.fill(NOT_DRAWN);
-        for (pixel, &id) in id.iter().enumerate() {
+        for (pixel, &id) in id[..told].iter().enumerate() {
             // A pixel without a point has an id beyond every slot.
             if let Some(image_id) = image_id.get_mut(id as usize) {
                 *image_id = pixel as u32;
@@ -50,11 +76,34 @@ mod tests {
 
     #[test]
     fn points_know_their_pixels() {
-        let mut harness = Harness::<ImageId>::new((), &settings([3, 2], 1));
+        let mut harness = Harness::<ImageId>::new(ImageIdParams::default(), &settings([3, 2], 1));
         harness.set("cloud.image_id", &[4u32, 77, 0, 9]);
         let none = u32::MAX;
         harness.set("id", &[none, 2, none, none, 0, none]);
         assert_eq!(run_cpu(&mut harness).get::<u32>("cloud.image_id"), [4, NOT_DRAWN, 1, NOT_DRAWN]);
+    }
+
+    #[test]
+    fn golden_limits_of_the_papers_texel() {
+        // algorithms.md section 4: ids 0 to 0x7FFFFE.
+        assert_eq!(TEXEL_PIXELS, 8_388_607);
+        let fits = |width: usize, height: usize| width * height <= TEXEL_PIXELS;
+        assert!(fits(2896, 2896) && !fits(2897, 2897));
+        assert!(fits(3840, 2160) && !fits(4096, 2160));
+        // The last pixel that has an id, the first that has none, and the last of the image.
+        let (size, pixels) = ([4096, 2160], [0x7F_FFFE, 0x7F_FFFF, 4096 * 2160 - 1]);
+        let mut id = vec![u32::MAX; 4096 * 2160];
+        for (slot, pixel) in (0..).zip(pixels) {
+            id[pixel as usize] = slot;
+        }
+        for (ids, seen) in [(Ids::Word, pixels), (Ids::Texel, [pixels[0], NOT_DRAWN, NOT_DRAWN])] {
+            let mut harness = Harness::<ImageId>::new(ImageIdParams { ids }, &settings(size, 1));
+            harness.set("cloud.image_id", &[0u32; 3]);
+            harness.set("id", &id);
+            let both = run_both(&mut harness);
+            both.assert_equal::<u32>("cloud.image_id");
+            assert_eq!(both.cpu.get::<u32>("cloud.image_id"), seen);
+        }
     }
 
     #[test]
@@ -70,7 +119,7 @@ mod tests {
             .iter()
             .map(|&point| if random.below(4) == 0 { u32::MAX } else { point })
             .collect();
-        let mut harness = Harness::<ImageId>::new((), &settings(size, 1));
+        let mut harness = Harness::<ImageId>::new(ImageIdParams::default(), &settings(size, 1));
         harness.set("cloud.image_id", &vec![123u32; 1300]);
         harness.set("id", &id);
         run_both(&mut harness).assert_equal::<u32>("cloud.image_id");
