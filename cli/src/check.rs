@@ -175,6 +175,7 @@ fn step_json(plan: &Plan, step: &Step) -> Option<Value> {
             let (name, kind, side) = &plan.nodes[*node];
             Some(json!({
                 "node": name, "kind": kind, "backend": side.to_string(), "bytes": plan.node_bytes(*node),
+                "per_view": plan.per_view[*node],
             }))
         }
         Step::Upload(copy) | Step::Download(copy, _) => {

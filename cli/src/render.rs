@@ -177,6 +177,7 @@ fn run(
         let capture = index % PROBE_INTERVAL == 0 || index + 1 == args.frames;
         executor.run(&frame, host, capture)?;
         measured.times(index, executor.times());
+        measured.ran(executor.ran());
         if capture && !traced.is_empty() {
             measured.arrived(arrived(executor, traced)?);
         }

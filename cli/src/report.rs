@@ -16,6 +16,8 @@ pub struct Measured {
     frames: Vec<Vec<f32>>,
     /// Samples that arrived in each frame that was looked at.
     arrived: Vec<u64>,
+    /// In how many frames each of the plan's nodes ran.
+    runs: Vec<u32>,
     /// Seconds that all frames took, tracing included.
     pub seconds: f64,
 }
@@ -24,7 +26,7 @@ impl Measured {
     /// For a run of so many frames.
     pub fn new(frames: u32) -> Self {
         let warm_up = (frames / WARM_UP_SHARE).min(MOST_WARM_UP);
-        Self { warm_up, frames: Vec::new(), arrived: Vec::new(), seconds: 0.0 }
+        Self { warm_up, frames: Vec::new(), arrived: Vec::new(), runs: Vec::new(), seconds: 0.0 }
     }
 
     /// Notes the times of the plan's steps in frame `index`.
@@ -32,6 +34,12 @@ impl Measured {
         if index >= self.warm_up {
             self.frames.push(times.to_vec());
         }
+    }
+
+    /// Notes which nodes a frame ran.
+    pub fn ran(&mut self, ran: &[bool]) {
+        self.runs.resize(ran.len(), 0);
+        self.runs.iter_mut().zip(ran).for_each(|(runs, &ran)| *runs += u32::from(ran));
     }
 
     /// Notes how many samples a frame got.
@@ -131,6 +139,14 @@ impl Report<'_> {
         }
     }
 
+    /// The nodes that did not run in all frames because they would have done the same again: index, name and kind.
+    fn skipped(&self) -> impl Iterator<Item = (usize, &str, &str)> {
+        let (plan, runs) = (self.plan, &self.measured.runs);
+        let nodes = plan.nodes.iter().enumerate().filter(|(node, _)| plan.per_view[*node]);
+        let nodes = nodes.filter(|(node, _)| runs[*node] < self.args.frames);
+        nodes.map(|(node, (name, kind, _))| (node, name.as_str(), kind.as_str()))
+    }
+
     fn is_tracing(&self, step: usize) -> bool {
         matches!(self.plan.steps[step], Step::Run(node) if self.plan.nodes[node].1 == TRACE)
     }
@@ -187,6 +203,11 @@ impl Report<'_> {
         for culled in &self.plan.culled {
             line("left out", format!("{} ({}): {}", culled.node, culled.kind, culled.why));
         }
+        for (node, name, kind) in self.skipped() {
+            let (runs, frames) = (self.measured.runs[node], args.frames);
+            let why = "in the others, its inputs and the view were the same";
+            line("skipped", format!("{name} ({kind}): ran in {runs} of {frames} frames; {why}"));
+        }
         for (what, path) in &self.written {
             line(what, path.clone());
         }
@@ -236,6 +257,12 @@ impl Report<'_> {
             .iter()
             .map(|culled| json!({ "node": culled.node, "kind": culled.kind, "why": culled.why }))
             .collect();
+        let skipped: Vec<Value> = self
+            .skipped()
+            .map(|(node, name, kind)| {
+                json!({ "node": name, "kind": kind, "frames_run": self.measured.runs[node] })
+            })
+            .collect();
         let files: Vec<Value> =
             self.written.iter().map(|(what, path)| json!({ "what": what, "path": path })).collect();
         json!({
@@ -259,6 +286,7 @@ impl Report<'_> {
             "pooled_bytes": { "cpu": self.pooled_bytes[0], "gpu": self.pooled_bytes[1] },
             "nodes": nodes,
             "culled": culled,
+            "skipped": skipped,
             "files": files,
         })
     }

@@ -39,6 +39,9 @@ fn as_text(kind: &dyn Kind) -> String {
     let declaration = kind.declaration();
     let mut text = format!("{}: {}\n", kind.name(), kind.doc());
     text += &format!("runs on: {}\n", sides(declaration.as_ref()));
+    if declaration.as_ref().is_some_and(|declared| declared.per_view) {
+        text += "runs when: its inputs or the view have changed\n";
+    }
     match &declaration {
         None => {
             text += "\nports: those of the node's shader; see the manual of `wgsl` stages in the README\n"
@@ -119,7 +122,15 @@ fn as_json(kind: &dyn Kind) -> Value {
     };
     let ports: Vec<Value> = declaration.iter().flat_map(|declared| &declared.ports).map(port_json).collect();
     let params: Vec<Value> = kind.specs().iter().map(param_json).collect();
-    json!({ "kind": kind.name(), "doc": kind.doc(), "runs_on": runs_on, "ports": ports, "params": params })
+    let per_view = declaration.as_ref().is_some_and(|declared| declared.per_view);
+    json!({
+        "kind": kind.name(),
+        "doc": kind.doc(),
+        "runs_on": runs_on,
+        "per_view": per_view,
+        "ports": ports,
+        "params": params,
+    })
 }
 
 fn port_json(port: &Port) -> Value {

@@ -121,10 +121,13 @@ pub struct Plan {
     pub slots: [Vec<Slot>; 2],
     /// Ports that are read from outside: the settings' taps first, then the outputs.
     pub taps: Vec<Tap>,
-    /// For each node: the storages that it is the first to write in a frame, which poison mode fills beforehand.
+    /// For each node: the storages that it is the first to write in a frame.
     pub first_writes: Vec<Vec<usize>>,
     /// For each node: the storages that it changes in place.
     pub updates: Vec<Vec<usize>>,
+    /// For each node: whether it is skipped in frames in which neither its inputs nor the view have changed. Its outputs
+    /// are kept then.
+    pub per_view: Vec<bool>,
     /// Names and kinds of the nodes, and where they run.
     pub nodes: Vec<(String, String, Side)>,
     /// What was left out.
@@ -157,6 +160,7 @@ impl Plan {
         let taps = taps(graph, &bindings);
         let first_writes = with_access(graph, &bindings, Access::Write);
         let updates = with_access(graph, &bindings, Access::Update);
+        let per_view = per_view(graph, &first_writes, &updates, &mut storages, settings.prune);
         let steps = steps(graph, &order, &bindings, &mut storages, &taps);
         let slots = slots(&steps, &bindings, graph, &mut storages, &taps, settings.pooling);
         let nodes =
@@ -169,6 +173,7 @@ impl Plan {
             taps,
             first_writes,
             updates,
+            per_view,
             nodes,
             culled: graph.culled.clone(),
         })
@@ -193,6 +198,12 @@ impl Plan {
     /// Bytes that one node writes.
     pub fn node_bytes(&self, node: usize) -> u64 {
         self.first_writes[node].iter().map(|&storage| self.storages[storage].bytes()).sum()
+    }
+
+    /// The storages that a node fills whatever they held before, which poison mode makes sure of.
+    pub(crate) fn written_anew(&self, node: usize) -> impl Iterator<Item = usize> {
+        let kept = |storage: &usize| self.storages[*storage].life == Life::Persistent;
+        self.first_writes[node].iter().copied().filter(move |storage| self.per_view[node] || !kept(storage))
     }
 
     /// What a step is called in tables: the node's name, or the transfer's.
@@ -294,6 +305,11 @@ impl fmt::Display for Plan {
         }
         for culled in &self.culled {
             writeln!(f, "left out: {} ({}): {}", culled.node, culled.kind, culled.why)?;
+        }
+        for (node, (name, kind, _)) in self.nodes.iter().enumerate().filter(|(node, _)| self.per_view[*node])
+        {
+            let bytes = megabytes(self.node_bytes(node));
+            writeln!(f, "not again while its inputs and the view stay the same: {name} ({kind}), {bytes}")?;
         }
         Ok(())
     }
@@ -475,6 +491,27 @@ fn with_access(graph: &Graph, bindings: &Bindings, access: Access) -> Vec<Vec<us
             .collect()
     };
     (0..graph.nodes.len()).map(of_node).collect()
+}
+
+/// Which nodes may be skipped; their outputs become kept ones. A node that changes something in place must do so in every
+/// frame, and so must one whose outputs of the last frame are read, because these swap.
+fn per_view(
+    graph: &Graph,
+    first_writes: &[Vec<usize>],
+    updates: &[Vec<usize>],
+    storages: &mut [Storage],
+    prune: bool,
+) -> Vec<bool> {
+    let mut per_view = vec![false; graph.nodes.len()];
+    for (node, declared) in graph.nodes.iter().enumerate() {
+        let written = &first_writes[node];
+        let swaps = written.iter().any(|&storage| storages[storage].life == Life::History);
+        if prune && declared.declaration().per_view && updates[node].is_empty() && !swaps {
+            written.iter().for_each(|&storage| storages[storage].life = Life::Persistent);
+            per_view[node] = true;
+        }
+    }
+    per_view
 }
 
 /// Which sides hold a storage's present contents.

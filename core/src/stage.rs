@@ -52,6 +52,8 @@ pub struct Declaration {
     pub cpu: bool,
     /// Only owns memory: there is nothing to run.
     pub idle: bool,
+    /// Its outputs follow from its inputs and the frame's view alone.
+    pub per_view: bool,
 }
 
 impl Declaration {
@@ -191,6 +193,14 @@ impl<'a> Io<'a> {
         self.declared.idle = true;
     }
 
+    /// Says that the outputs follow from the inputs, the parameters and [`Frame::view`] alone: not from the rest of the
+    /// frame, from the host, or from what was there before. The stage is then skipped, and its outputs keep their values,
+    /// in frames in which neither the view nor any input has changed. An input is unchanged where its writer was skipped
+    /// too or said so ([`CpuContext::unchanged`]).
+    pub fn per_view(&mut self) {
+        self.declared.per_view = true;
+    }
+
     /// Says that the passes need 64-bit atomics.
     pub fn needs_atomic64(&mut self) {
         self.declared.needs.atomic64 = true;
@@ -302,7 +312,8 @@ impl CpuContext<'_> {
             .expect("a handle of an unconnected port is never given out")
     }
 
-    /// Says that a kept output has the same contents as in the frame before, so that it need not be uploaded again.
+    /// Says that a kept output has the same contents as in the frame before, so that it need not be uploaded again, and
+    /// stages that follow from it and the view ([`Io::per_view`]) need not run again.
     /// Only for [`Io::persistent`] outputs; pooled memory holds something else by now.
     pub fn unchanged(&self, port: impl Into<FieldRef>) {
         self.unchanged.borrow_mut().push(port.into());

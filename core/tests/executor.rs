@@ -174,6 +174,49 @@ impl Stage for Rarely {
     }
 }
 
+/// Says that it follows from its input and the view, but writes the frame's number too: that tells when it ran.
+struct Look {
+    input: In<u32>,
+    output: Out<u32>,
+}
+
+impl Stage for Look {
+    const KIND: &'static str = "look";
+    const DOC: &'static str = "Its input, and a thousand times the number of the frame in which it ran.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.per_view();
+        io.shader(shader(
+            "look.wgsl",
+            "
+#import frame
+#import index
+@group(0) @binding(1) var<storage, read> input: array<u32>;
+@group(0) @binding(2) var<storage, read_write> output: array<u32>;
+@compute @workgroup_size(64) fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = linear_index(id, groups, 64u);
+    if i < arrayLength(&output) { output[i] = input[i] + 1000u * frame.index; }
+}",
+        ));
+        let input = io.read("input", "read", Extent::Any);
+        let output = io.write("output", "written", Extent::Like("input".into()));
+        io.dispatch("main", output);
+        Self { input, output }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let frame = 1000 * cx.frame().index;
+        for (output, input) in cx.write(self.output).iter_mut().zip(&*cx.read(self.input)) {
+            *output = input + frame;
+        }
+        Ok(())
+    }
+}
+
 /// Fails or panics, as its parameter says.
 struct Faulty;
 
@@ -210,6 +253,7 @@ fn registry() -> Registry {
         .with::<Bump>()
         .with::<Faulty>()
         .with::<Rarely>()
+        .with::<Look>()
 }
 
 // 13x5: rows of textures need padding, the last workgroups stick out.
@@ -297,6 +341,121 @@ fn what_has_not_changed_is_not_uploaded_again() {
     let seen: Vec<u32> = run(&file, &Settings::new(SIZE, 0), 6).iter().map(|image| image[7]).collect();
     // The first frame uploads whatever there is.
     assert_eq!(seen, [99, 1, 1, 1, 4, 4]);
+}
+
+/// `rarely`, whose numbers change in frames 1 and 4, and what looks at them; `more` nodes, one of which writes `image`.
+fn looking(sides: [&str; 2], more: &str, image: &str) -> GraphFile {
+    let [first, second] = sides;
+    let text = format!(
+        r#"#![enable(implicit_some)]
+        Graph(version: 1, nodes: {{
+            "rarely": (kind: "rarely"),
+            "look": (kind: "look", on: {first}, inputs: {{ "input": "rarely.numbers" }}),
+            "again": (kind: "look", on: {second}, inputs: {{ "input": "look.output" }}),
+            {more}
+        }}, outputs: {{ "image": "{image}" }})"#
+    );
+    GraphFile::parse("looking.ron", &text).unwrap()
+}
+
+/// The eye's place in each frame: it stands, goes, stands elsewhere, comes back.
+const WALK: [f32; 10] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 2.0, 0.0];
+
+/// Walks; gives for each frame the names of the nodes that ran and an element of the image.
+fn walk(executor: &mut Executor) -> Vec<(Vec<String>, u32)> {
+    let frames = WALK.iter().enumerate().map(|(index, &x)| {
+        let mut frame = frame(index as u32);
+        frame.view.eye[0] = x;
+        executor.run(&frame, &Host::default(), true).unwrap();
+        let nodes = executor.plan().nodes.iter().zip(executor.ran());
+        let ran = nodes.filter(|(_, ran)| **ran).map(|((name, ..), _)| name.clone()).collect();
+        (ran, executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7])
+    });
+    frames.collect()
+}
+
+const SIDES: [[&str; 2]; 4] = [["Cpu", "Cpu"], ["Gpu", "Gpu"], ["Cpu", "Gpu"], ["Gpu", "Cpu"]];
+
+#[test]
+fn stages_of_the_view_run_only_when_it_or_their_inputs_change() {
+    for sides in SIDES {
+        for poison in [false, true] {
+            let settings = Settings { poison, ..Settings::new(SIZE, 0) };
+            let mut executor = executor(&looking(sides, "", "again.output"), &settings);
+            for (frame, (ran, value)) in walk(&mut executor).into_iter().enumerate() {
+                // The input changes in frames 1 and 4, the view from 6 on; the first frame has to run anyway.
+                let last = [0, 1, 1, 1, 4, 4, 6, 7, 7, 9][frame];
+                let expected: &[&str] =
+                    if last == frame { &["rarely", "look", "again"] } else { &["rarely"] };
+                assert_eq!(ran, expected, "{sides:?}, frame {frame}");
+                assert_eq!(value / 1000, 2 * last as u32, "{sides:?}, frame {frame}");
+            }
+        }
+    }
+}
+
+#[test]
+fn unpruned_every_node_runs_in_every_frame() {
+    for sides in SIDES {
+        let settings = Settings { prune: false, ..Settings::new(SIZE, 0) };
+        let mut executor = executor(&looking(sides, "", "again.output"), &settings);
+        assert!(executor.plan().per_view.iter().all(|per_view| !per_view));
+        for (frame, (ran, value)) in walk(&mut executor).into_iter().enumerate() {
+            assert_eq!(ran, ["rarely", "look", "again"], "{sides:?}, frame {frame}");
+            assert_eq!(value / 1000, 2 * frame as u32, "{sides:?}, frame {frame}");
+        }
+    }
+}
+
+#[test]
+fn what_is_changed_in_place_is_made_again_in_every_frame() {
+    for sides in SIDES {
+        for on in ["Cpu", "Gpu"] {
+            let bump = format!(r#""bump": (kind: "bump", on: {on}, inputs: {{ "list": "again.output" }}),"#);
+            let mut executor = executor(&looking(sides, &bump, "bump.list"), &Settings::new(SIZE, 0));
+            for (frame, (ran, value)) in walk(&mut executor).into_iter().enumerate() {
+                let last = [0, 1, 1, 1, 4, 4, 6, 7, 7, 9][frame];
+                // Where the other side changes its own copy, that is carried over again instead.
+                let again = if on == sides[1] { frame } else { last };
+                assert_eq!(ran.contains(&"again".into()), again == frame, "{sides:?}, {on}, frame {frame}");
+                assert_eq!(value / 1000, (last + again) as u32, "{sides:?}, {on}, frame {frame}");
+                // One of the input's numbers (99 is a lie of its writer's) and one more, never two.
+                assert!([100, 2, 5, 8].contains(&(value % 1000)), "{sides:?}, {on}, frame {frame}: {value}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stage_of_the_view_whose_last_output_is_read_swaps_and_runs() {
+    let mix = r#""mix": (kind: "mix", inputs: { "now": "again.output", "before": "look.output" }, params: (weight: 0)),"#;
+    let executor = executor(&looking(["Cpu", "Cpu"], mix, "mix.sum"), &Settings::new(SIZE, 0));
+    let per_view = |name| {
+        let node = executor.plan().nodes.iter().position(|(node, ..)| node == name).unwrap();
+        executor.plan().per_view[node]
+    };
+    assert_eq!([per_view("look"), per_view("again")], [false, true]);
+}
+
+#[test]
+fn a_recompiled_stage_of_the_view_runs_at_first() {
+    for (from, to) in SIDES.into_iter().zip(SIDES.into_iter().rev()) {
+        let [mut old, mut new] =
+            [from, to].map(|sides| executor(&looking(sides, "", "again.output"), &Settings::new(SIZE, 0)));
+        let run = |executor: &mut Executor, index, expected| {
+            executor.run(&frame(index), &Host::default(), true).unwrap();
+            assert_eq!(executor.ran(), [true, expected, expected], "frame {index}");
+            executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7] / 1000
+        };
+        assert_eq!(run(&mut old, 2, true), 4);
+        assert_eq!(run(&mut old, 3, false), 4);
+        new.inherit(&mut old).unwrap();
+        assert_eq!(run(&mut new, 5, true), 10);
+        assert_eq!(run(&mut new, 6, false), 10);
+        // One that runs already takes over what another has: that may be anything.
+        new.inherit(&mut old).unwrap();
+        assert_eq!(run(&mut new, 8, true), 16);
+    }
 }
 
 #[test]

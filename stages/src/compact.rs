@@ -85,6 +85,7 @@ impl Stage for Compact {
     type Params = ();
 
     fn declare(_: &(), io: &mut Io) -> Self {
+        io.per_view();
         let vertices = io.read("vertices", "Positions, metres.", Extent::Vertices);
         let edges = io.read("edges", "Vertices, faces and kind of every edge.", Extent::Edges);
         let drawn =

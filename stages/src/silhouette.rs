@@ -67,6 +67,7 @@ impl Stage for Silhouette {
 
     fn declare(params: &SilhouetteParams, io: &mut Io) -> Self {
         io.shader(shader!("silhouette"));
+        io.per_view();
         let vertices = io.read("vertices", "Positions, metres.", Extent::Vertices);
         let faces = io.read("faces", "Three vertices and the object of each triangle.", Extent::Faces);
         let (name, doc) = ("normals", "Normals of the triangles.");

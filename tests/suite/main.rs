@@ -5,4 +5,5 @@ mod epi;
 mod extremes;
 mod parity;
 mod shipped;
+mod still;
 mod user_shader;

@@ -418,14 +418,12 @@ impl GpuSide {
         let Some(built) = &self.nodes[node] else { return };
         if let Some(buffers) = &self.poison {
             let encoder = encoder(&self.gpu, &mut self.encoder);
-            for &storage in &plan.first_writes[node] {
+            for storage in plan.written_anew(node) {
                 let storage = &plan.storages[storage];
                 let Some(slots) = storage.slots[Side::Gpu as usize] else { continue };
-                if storage.life != crate::plan::Life::Persistent {
-                    let slot = slots[parity_index(parity, false)];
-                    let (from, _) = buffers.iter().find(|(_, at)| *at == slot).expect("made for every slot");
-                    copy_in(encoder, from, &self.memory[slot], Layout::new(&storage.element, storage.dims));
-                }
+                let slot = slots[parity_index(parity, false)];
+                let (from, _) = buffers.iter().find(|(_, at)| *at == slot).expect("made for every slot");
+                copy_in(encoder, from, &self.memory[slot], Layout::new(&storage.element, storage.dims));
             }
         }
         let encoder = encoder(&self.gpu, &mut self.encoder);

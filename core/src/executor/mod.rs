@@ -6,6 +6,7 @@
 mod device;
 mod gpu_side;
 mod readback;
+mod versions;
 
 use std::{
     cell::RefCell,
@@ -17,9 +18,10 @@ use std::{
 pub use device::{AdapterChoice, Gpu};
 use gpu_side::{GpuSide, Layout, poison_word, slot_of};
 use readback::Readback;
+use versions::Versions;
 
 use crate::{
-    file::Side,
+    file::{Download, Side},
     frame::Frame,
     graph::{Graph, Settings},
     plan::{Copy, Life, Plan, Step, tap_side},
@@ -101,8 +103,9 @@ pub struct Executor {
     gpu: Option<GpuSide>,
     taps: Vec<TapState>,
     times: Vec<f32>,
-    /// For each storage: whether the CPU has written it since it was last uploaded.
-    fresh: Vec<bool>,
+    versions: Versions,
+    /// For even and odd frames: whether each node ran.
+    ran: [Vec<bool>; 2],
     unchanged: RefCell<Vec<FieldRef>>,
     step_of_node: Vec<usize>,
     frame: u64,
@@ -139,7 +142,8 @@ impl Executor {
             }
         }
         let times = vec![0.0; plan.steps.len()];
-        let fresh = vec![true; plan.storages.len()];
+        let versions = Versions::new(&plan);
+        let ran = [0, 1].map(|_| vec![false; plan.nodes.len()]);
         let most_fields = plan.bindings.iter().map(|node| node.iter().flatten().count()).max().unwrap_or(0);
         let unchanged = RefCell::new(Vec::with_capacity(most_fields));
         Ok(Self {
@@ -151,7 +155,8 @@ impl Executor {
             gpu,
             taps,
             times,
-            fresh,
+            versions,
+            ran,
             unchanged,
             step_of_node,
             frame: 0,
@@ -175,6 +180,12 @@ impl Executor {
         &self.times
     }
 
+    /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never do, and those of
+    /// [`Plan::per_view`] only where there is something new.
+    pub fn ran(&self) -> &[bool] {
+        &self.ran[(self.frame % 2) as usize ^ 1]
+    }
+
     /// How many frames have run.
     pub fn frames(&self) -> u64 {
         self.frame
@@ -186,6 +197,8 @@ impl Executor {
     /// [`RunError::Stage`] where a stage fails or panics, [`RunError::Gpu`] where the device does.
     pub fn run(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
         let parity = (self.frame % 2) as usize;
+        self.versions.begin(&frame.view);
+        self.ran[parity].fill(false);
         if let Some(gpu) = &mut self.gpu {
             gpu.begin(frame);
         }
@@ -209,9 +222,11 @@ impl Executor {
             }
             if self.profile && self.frame > 0 {
                 let (times, step_of_node, nodes) = (&mut self.times, &self.step_of_node, &self.plan.nodes);
+                let ran_before = &self.ran[parity ^ 1];
                 gpu.node_times(self.frame - 1, |node, ms| {
                     if nodes[node].2 == Side::Gpu {
-                        times[step_of_node[node]] = ms;
+                        // A node that was skipped has left its timestamps of an earlier frame.
+                        times[step_of_node[node]] = if ran_before[node] { ms } else { 0.0 };
                     }
                 })?;
             }
@@ -245,26 +260,38 @@ impl Executor {
         capture: bool,
     ) -> Result<(), RunError> {
         match self.plan.steps[index] {
-            Step::Run(node) => match self.plan.nodes[node].2 {
-                Side::Gpu => {
-                    let gpu = self.gpu.as_mut().expect("made where a node needs it");
-                    gpu.run(&self.plan, node, parity, self.profile);
-                    Ok(())
-                }
-                Side::Cpu => self.run_cpu(node, frame, host, parity),
-            },
-            Step::Upload(copy) => {
-                if !self.fresh[copy.storage] {
+            Step::Run(node) => {
+                let idle = self.graph.nodes[node].declaration().idle;
+                if idle || self.versions.is_current(&self.plan, node) {
                     return Ok(());
                 }
-                // A transient's memory is shared, and a history pair swaps: only kept values stay uploaded.
-                self.fresh[copy.storage] = self.plan.storages[copy.storage].life != Life::Persistent;
+                self.unchanged.borrow_mut().clear();
+                match self.plan.nodes[node].2 {
+                    Side::Gpu => {
+                        let gpu = self.gpu.as_mut().expect("made where a node needs it");
+                        gpu.run(&self.plan, node, parity, self.profile);
+                    }
+                    Side::Cpu => self.run_cpu(node, frame, host, parity)?,
+                }
+                self.versions.ran(&self.plan, node, &self.unchanged.borrow());
+                self.ran[parity][node] = true;
+                Ok(())
+            }
+            Step::Upload(copy) => {
+                if !self.versions.transfer(&self.plan, copy.storage, Side::Gpu) {
+                    return Ok(());
+                }
                 let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
                 gpu.upload(&self.plan, copy, parity, block);
                 Ok(())
             }
-            Step::Download(copy, _) => {
+            Step::Download(copy, mode) => {
+                match mode {
+                    Download::Latent(_) => self.versions.late(copy.storage, Side::Cpu),
+                    Download::Sync if self.versions.transfer(&self.plan, copy.storage, Side::Cpu) => {}
+                    Download::Sync => return Ok(()),
+                }
                 let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
                 gpu.download(&self.plan, copy, parity, self.frame, block)
@@ -280,9 +307,6 @@ impl Executor {
 
     fn run_cpu(&mut self, node: usize, frame: &Frame, host: &Host, parity: usize) -> Result<(), RunError> {
         let stage = &self.graph.nodes[node].stage;
-        if stage.declaration().idle {
-            return Ok(());
-        }
         if self.poison {
             self.poison_cpu(node, parity);
         }
@@ -294,36 +318,20 @@ impl Executor {
             unchanged: &self.unchanged,
         };
         let fail = |message| RunError::Stage { node: self.plan.nodes[node].0.clone(), message };
-        self.unchanged.borrow_mut().clear();
         // A stage that panics is a bug, but it must not take the application's window and files with it.
         match catch_unwind(AssertUnwindSafe(|| stage.run_cpu(&cx))) {
-            Ok(result) => result.map_err(fail)?,
+            Ok(result) => result.map_err(fail),
             Err(panic) => {
                 let text = panic.downcast_ref::<String>().map(String::as_str);
                 let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-                return Err(fail(format!("the stage panicked: {text}")));
+                Err(fail(format!("the stage panicked: {text}")))
             }
         }
-        let unchanged = self.unchanged.borrow();
-        let bindings = &self.plan.bindings[node];
-        let kept = |storage: usize| {
-            let is = |field: &FieldRef| {
-                bindings[field.port as usize][field.field as usize].map(|copy| copy.storage)
-            };
-            unchanged.iter().any(|field| is(field) == Some(storage))
-        };
-        for &storage in self.plan.first_writes[node].iter().chain(&self.plan.updates[node]) {
-            self.fresh[storage] |= !kept(storage);
-        }
-        Ok(())
     }
 
     fn poison_cpu(&self, node: usize, parity: usize) {
-        for &index in &self.plan.first_writes[node] {
+        for index in self.plan.written_anew(node) {
             let storage = &self.plan.storages[index];
-            if storage.life == Life::Persistent {
-                continue;
-            }
             let slot = slot_of(&self.plan, Copy { storage: index, previous: false }, Side::Cpu, parity);
             let word = poison_word(&storage.element).to_le_bytes();
             let mut block = self.cpu[slot].borrow_mut();
@@ -413,6 +421,7 @@ impl Executor {
         if storage.bytes() != bytes.len() as u64 {
             return;
         }
+        self.versions.replaced(index);
         let parity = (self.frame % 2) as usize;
         let copy = Copy { storage: index, previous: storage.life == Life::History };
         if storage.slots[Side::Cpu as usize].is_some() {
