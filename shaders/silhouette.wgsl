@@ -73,15 +73,14 @@ fn face_eye(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let face = linear_index(id, groups, 256u);
-    let count = arrayLength(&faces);
     var bit = false;
-    if face < count {
+    if face < arrayLength(&faces) {
         let p = vertices[faces[face].x].xyz - frame.view.eye;
         bit = dot_in_order(normal_of(face), p) < 0.0;
     }
     let word = workgroup_bits(lane, bit);
     let at = (face - lane) / 32u + lane;
-    if lane < 8u && at < (count + 31u) / 32u {
+    if lane < 8u && at < arrayLength(&facing) {
         facing[at] = word;
     }
 }
@@ -93,14 +92,13 @@ fn choose(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let edge = linear_index(id, groups, 256u);
-    let count = arrayLength(&edges);
     var bit = false;
-    if edge < count {
+    if edge < arrayLength(&edges) {
         bit = is_drawn(edges[edge].faces, edges[edge].kind);
     }
     let word = workgroup_bits(lane, bit);
     let at = (edge - lane) / 32u + lane;
-    if lane < 8u && at < (count + 31u) / 32u {
+    if lane < 8u && at < arrayLength(&drawn) {
         drawn[at] = word;
     }
 }
@@ -131,7 +129,7 @@ fn faces_eye(face: u32) -> bool {
 
 @compute @workgroup_size(SCAN_THREADS)
 fn add_up(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let range = scan_block(group.x, (arrayLength(&edges) + 31u) / 32u);
+    let range = scan_block(group.x, arrayLength(&drawn));
     var sum = 0u;
     for (var word = range.x + lane; word < range.y; word += SCAN_THREADS) {
         sum += countOneBits(drawn[word]);
@@ -150,7 +148,7 @@ fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             count[0] = total;
         }
     }
-    let range = scan_block(group.x, (arrayLength(&edges) + 31u) / 32u);
+    let range = scan_block(group.x, arrayLength(&drawn));
     if range.x == range.y {
         return;
     }

@@ -767,12 +767,16 @@ impl Resolver<'_> {
                 Ok(Some(Dims { width: (*width).max(1), height: (*height).max(1) }))
             }
             Extent::Any => Ok(None),
-            Extent::Like(name) => {
-                let port = self.graph.nodes[node].declaration().port(name);
-                let port = port.ok_or_else(|| format!("extent like `{name}`, but there is no such port"))?;
-                self.dims(PortRef { node, port }).map(Some)
-            }
+            Extent::Like(name) => self.other(node, name).map(Some),
+            Extent::BitsOf(name) => list(self.other(node, name)?.count().div_ceil(32) as u64),
         }
+    }
+
+    /// The dims of the port that an extent names.
+    fn other(&mut self, node: usize, name: &str) -> Result<Dims, String> {
+        let port = self.graph.nodes[node].declaration().port(name);
+        let port = port.ok_or_else(|| format!("the extent names `{name}`, but there is no such port"))?;
+        self.dims(PortRef { node, port })
     }
 
     /// Compares a connected input with what it declares.

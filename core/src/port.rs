@@ -274,6 +274,8 @@ pub enum Extent {
     Faces,
     /// As many as another port of the same stage.
     Like(Cow<'static, str>),
+    /// A list of u32 with one bit for each element of another port of the same stage, the first in the lowest bit.
+    BitsOf(Cow<'static, str>),
     /// Exactly this many: width and height.
     Fixed([u32; 2]),
     /// Whatever is connected (inputs only).
@@ -292,6 +294,7 @@ impl fmt::Display for Extent {
             Self::Edges => write!(f, "a list of one per edge"),
             Self::Faces => write!(f, "a list of one per face"),
             Self::Like(port) => write!(f, "as many as `{port}`"),
+            Self::BitsOf(port) => write!(f, "a list of one per 32 of `{port}`"),
             Self::Fixed([n, 1]) => write!(f, "a list of {n}"),
             Self::Fixed([w, h]) => write!(f, "{w}x{h}"),
             Self::Any => write!(f, "any number"),

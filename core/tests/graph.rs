@@ -39,6 +39,15 @@ stage!(Shrink, "shrink", |io| {
     io.read::<f32>("in", "numbers", Extent::Any);
     io.write::<u32>("out", "whole numbers", Extent::Fixed([3, 2]));
 });
+stage!(Mark, "mark", |io| {
+    io.read::<f32>("in", "numbers", Extent::Any);
+    io.write::<u32>("bits", "one for each number", Extent::BitsOf("in".into()));
+});
+stage!(Pick, "pick", |io| {
+    io.read::<f32>("in", "numbers", Extent::Any);
+    io.read::<u32>("bits", "one for each number", Extent::BitsOf("in".into()));
+    io.write::<f32>("out", "the marked ones", Extent::Like("in".into()));
+});
 stage!(Change, "change", |io| io.update::<f32>("data", "changed in place", Extent::Any));
 stage!(Memory, "memory", |io| io.persistent::<f32>("out", "kept", Extent::PerPixel(0.5)));
 stage!(Delay, "delay", |io| {
@@ -109,6 +118,8 @@ fn registry() -> Registry {
         .with::<Picture>()
         .with::<Filter>()
         .with::<Shrink>()
+        .with::<Mark>()
+        .with::<Pick>()
         .with::<Change>()
         .with::<Memory>()
         .with::<Delay>()
@@ -275,6 +286,27 @@ fn extents_must_fit() {
     let nodes = r#""small": (kind: "small"), "f": (kind: "filter", inputs: { "in": "small.out" }),"#;
     let text = problems(nodes, "f.out").to_string();
     assert!(text.contains("`small.out` is 16x12, but `in` takes 64x48 (one per pixel)"), "{text}");
+}
+
+#[test]
+fn lists_of_bits_have_one_for_each_element() {
+    let nodes = r#"
+        "source": (kind: "source"),
+        "small": (kind: "small"),
+        "mark": (kind: "mark", inputs: { "in": "source.out" }),
+        "pick": (kind: "pick", inputs: { "in": "source.out", "bits": "mark.bits" }),"#;
+    for (size, words) in [([64, 48], 96), ([1, 1], 1), ([8, 4], 1), ([11, 3], 2)] {
+        let (graph, _) = compiled(nodes, "pick.out", &Settings::new(size, 10));
+        let mark = &graph.nodes[graph.node("mark").unwrap()];
+        assert_eq!((mark.dims[1].width, mark.dims[1].height), (words, 1), "{size:?}");
+    }
+    let wrong = nodes
+        .replace("\"mark\", inputs: { \"in\": \"source.out\"", "\"mark\", inputs: { \"in\": \"small.out\"");
+    let problems = problems(&wrong, "pick.out").to_string();
+    assert!(
+        problems.contains("96x1 (a list of one per 32 of `in`)") && problems.contains("6x1"),
+        "{problems}"
+    );
 }
 
 #[test]

@@ -24,10 +24,9 @@ impl Compaction {
         Self { vertices, edges, segments, count }
     }
 
-    /// Writes the segments of the edges whose bit of `drawn`, 32 to a word, is set.
+    /// Writes the segments of the edges whose bit of `drawn` is set.
     pub fn run(&self, cx: &CpuContext, drawn: &[u32]) {
         let (vertices, edges) = (&cx.read(self.vertices)[..], &cx.read(self.edges)[..]);
-        let drawn = &drawn[..edges.len().div_ceil(32)];
         let count = count_ones(drawn);
         cx.write(self.count)[0] = count as u32;
         let segment = |index: usize| {
@@ -89,7 +88,7 @@ impl Stage for Compact {
         let vertices = io.read("vertices", "Positions, metres.", Extent::Vertices);
         let edges = io.read("edges", "Vertices, faces and kind of every edge.", Extent::Edges);
         let drawn =
-            io.read("drawn", "Bits of the edges that are silhouettes, 32 to a number.", Extent::Edges);
+            io.read("drawn", "Bits of the edges that are silhouettes.", Extent::BitsOf("edges".into()));
         Self { drawn, compaction: Compaction::declare(io, vertices, edges) }
     }
 

@@ -83,10 +83,9 @@ impl Stage for Silhouette {
             }
         };
         let edges = io.read("edges", "Vertices, faces and kind of every edge.", Extent::Edges);
-        let facing =
-            io.write("facing", "Bits of the faces that face the eye, 32 to a number.", Extent::Faces);
-        let drawn =
-            io.write("drawn", "Bits of the edges that are silhouettes, 32 to a number.", Extent::Edges);
+        let bits_of = |list: &'static str| Extent::BitsOf(list.into());
+        let facing = io.write("facing", "Bits of the faces that face the eye.", bits_of("faces"));
+        let drawn = io.write("drawn", "Bits of the edges that are silhouettes.", bits_of("edges"));
 
         io.dispatch("face_eye", faces);
         io.dispatch("choose", edges);
@@ -155,7 +154,6 @@ impl Silhouette {
 
 /// Writes a bit for each item, 32 to a word.
 fn fill_bits<T: Sync>(words: &mut [u32], items: &[T], bit: impl Fn(usize, &T) -> bool + Sync) {
-    let words = &mut words[..items.len().div_ceil(32)];
     words.par_iter_mut().zip(items.par_chunks(32)).enumerate().with_min_len(64).for_each(
         |(index, (word, items))| {
             let bit = |(i, item)| u32::from(bit(32 * index + i, item)) << i;
@@ -168,7 +166,7 @@ fn fill_bits<T: Sync>(words: &mut [u32], items: &[T], bit: impl Fn(usize, &T) ->
 mod tests {
     use std::{collections::HashMap, f32::consts::TAU};
 
-    use epigraph_core::{Harness, Settings, View};
+    use epigraph_core::{Harness, Settings, Side, View};
     use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape, Surface};
 
     use super::*;
@@ -376,29 +374,29 @@ mod tests {
         let mut harness = lists.harness(params);
         harness.frame.view = View { eye: eye.into(), ..View::default() };
         let both = run_both(&mut harness);
-        let words = |name: &str, items: usize| {
-            let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<u32>(name));
-            cpu.into_iter().zip(gpu).take(items.div_ceil(32)).collect::<Vec<_>>()
+        let words = |name, items: usize| {
+            let words = [&both.cpu, &both.gpu].map(|out| out.get::<u32>(name));
+            assert!(words.iter().all(|words| words.len() == items.div_ceil(32)), "`{name}`");
+            words
         };
-        let differing =
-            |name, items| words(name, items).iter().map(|(cpu, gpu)| (cpu ^ gpu).count_ones()).sum::<u32>();
+        let differing = |name, items| {
+            let [cpu, gpu] = words(name, items);
+            cpu.iter().zip(gpu).map(|(cpu, gpu)| (cpu ^ gpu).count_ones()).sum::<u32>()
+        };
         let faces = differing("facing", lists.faces.len());
         assert!(faces <= allowed, "{faces} faces differ");
         // Edges follow from faces: three for each that differs.
         assert!(differing("drawn", lists.edges.len()) <= 3 * faces);
 
         // Each side's list holds just its own bits, in order.
-        for (out, gpu) in [(&both.cpu, false), (&both.gpu, true)] {
+        for (out, side) in [(&both.cpu, Side::Cpu), (&both.gpu, Side::Gpu)] {
             let count = out.get::<u32>("count")[0] as usize;
-            let words: Vec<u32> = words("drawn", lists.edges.len())
-                .into_iter()
-                .map(|(on_cpu, on_gpu)| if gpu { on_gpu } else { on_cpu })
-                .collect();
+            let words = out.get::<u32>("drawn");
             let drawn = |edge: &u32| words[*edge as usize / 32] >> (edge % 32) & 1 == 1;
             let expected: Vec<u32> = (0..lists.edges.len() as u32).filter(drawn).collect();
             let mut segments = out.get::<Segment>("segments");
             segments.truncate(count);
-            assert_eq!(edges_of(&segments), expected, "gpu: {gpu}");
+            assert_eq!(edges_of(&segments), expected, "on {side}");
             for segment in segments {
                 let edge = &lists.edges[segment.edge as usize];
                 let ends =

@@ -9,8 +9,8 @@ const FRAMES: u32 = 5;
 /// Graphs with the nodes that depend on the mesh and the view alone, and what must be the same with and without pruning.
 /// In the split graph, occupancy that comes a frame late asks for other samples than none, so that later images differ.
 const GRAPHS: [(&str, &[&str], &[&str]); 2] = [
-    ("epi.ron", &["silhouette"], &["silhouette.count", "edge_raster.mask", "image"]),
-    ("hybrid.ron", &["silhouette", "compact"], &["compact.count"]),
+    ("epi.ron", &["silhouette"], &["silhouette.drawn", "edge_raster.mask", "image"]),
+    ("hybrid.ron", &["silhouette", "compact"], &["silhouette.drawn", "compact.count"]),
 ];
 
 fn start(name: &str, camera: &'static str, ports: &[&str], settings: Settings) -> Run {
