@@ -59,10 +59,18 @@ impl Run {
     /// # Panics
     /// Where anything is wrong: tests give sound graphs.
     pub fn new(file: &GraphFile, on: Stage) -> Self {
-        let registry = registry();
         let scene = Arc::new(Scene::load(on.scene).expect("a built-in scene"));
-        let path = CameraPath::parse(on.camera, &scene).expect("a camera path");
-        let settings = Settings { facts: World::facts(&scene, path.moves()), ..on.settings };
+        Self::in_scene(file, &scene, on.camera, on.settings)
+    }
+
+    /// As [`Run::new`], in a scene that a test has made.
+    ///
+    /// # Panics
+    /// Where anything is wrong.
+    pub fn in_scene(file: &GraphFile, scene: &Arc<Scene>, camera: &str, settings: Settings) -> Self {
+        let registry = registry();
+        let path = CameraPath::parse(camera, scene).expect("a camera path");
+        let settings = Settings { facts: World::facts(scene, path.moves()), ..settings };
         let (graph, plan) =
             compile(file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));
         let gpu = plan.nodes.iter().any(|node| node.2 == epigraph_core::Side::Gpu).then(gpu);
@@ -70,7 +78,7 @@ impl Run {
             Executor::new(graph, plan, &settings, &registry, gpu).unwrap_or_else(|error| panic!("{error}"));
         executor.profile = false;
         let mut host = Host::default();
-        host.insert(World::new(Arc::new(Tracer::new(scene)), Pace::Exact));
+        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact));
         Self { executor, host, path, settings, seed: 1, next: 0 }
     }
 

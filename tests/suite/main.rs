@@ -3,6 +3,7 @@
 mod broken;
 mod epi;
 mod extremes;
+mod meshes;
 mod parity;
 mod shipped;
 mod still;
