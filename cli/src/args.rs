@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::{
     bench::{Choice, Sweep},
-    values::{Backend, Light, Pace, Samples, Save, Setting, Size},
+    values::{Backend, Light, Pace, Place, Samples, Save, Setting, Size},
 };
 
 const EXAMPLES: &str = "\
@@ -18,7 +18,8 @@ Examples:
   epigraph stages fill                       what a stage does: its ports and parameters
   epigraph reference --spp 256 --out reference.exr
   epigraph compare epigraph.png reference.exr --map difference.png
-  epigraph bench --quick                     what each step costs here, beside the papers' figures";
+  epigraph bench --quick                     what each step costs here, beside the papers' figures
+  epigraph gallery --out gallery             a page of pictures: what each step does, scene by scene";
 
 const BENCH_HELP: &str = "\
 Times are medians over many frames of a moving camera, after a warm-up that fills the point cloud; tracing runs beside
@@ -34,6 +35,17 @@ Examples:
   epigraph bench --plot bench.svg --json bench.json       everything, some minutes
   epigraph bench --scene dragon --backend gpu --size 1920x1080 --sweep none
   epigraph bench --graph render-cache --scene cornell --sweep pixels";
+
+const GALLERY_HELP: &str = "\
+For each scene: the last frame as an edge-and-point image and by the render cache, both from the same number of samples; an
+enlarged part of it in every step of the algorithm (points, edges, classes, reachability, priority, result), as in figure 4
+of the papers; and the same part by both and converged. gallery.md names the command line of every picture. Open it in
+anything that shows Markdown. Nothing is written before all is done.
+
+Examples:
+  epigraph gallery --out gallery                                     all scenes, a minute or two
+  epigraph gallery --out /tmp/g --scene chains --frames 90 --crop 230,110    one scene, and the part to enlarge
+  epigraph gallery --out /tmp/g --scene cornell --size 256x256 --samples 1%  what is left of it at one per cent";
 
 /// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
 ///
@@ -79,6 +91,9 @@ pub enum Command {
     /// Time the steps of a frame, beside the papers' own table, and how the frame grows
     #[command(after_help = BENCH_HELP)]
     Bench(BenchArgs),
+    /// Make a page of pictures: what each step does, and both algorithms side by side
+    #[command(after_help = GALLERY_HELP)]
+    Gallery(GalleryArgs),
 }
 
 /// The scene and the camera's way through it.
@@ -261,6 +276,41 @@ pub struct BenchArgs {
     /// Draw the tables as an SVG picture
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+}
+
+/// Arguments of `gallery`.
+#[derive(Args, Clone, Debug)]
+pub struct GalleryArgs {
+    /// Folder for gallery.md and its pictures; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Scene to show; may stand several times [default: cornell, chains and room; bust and dragon if fetched]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Vec<String>,
+    /// Camera path: still, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    #[arg(long, value_name = "PATH", default_value = "orbit")]
+    pub camera: String,
+    /// Width and height of the images in pixels
+    #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true)]
+    pub size: Size,
+    /// Samples a frame may ask for: a count, or a share of the image's pixels
+    #[arg(long, value_name = "N|P%", default_value = "5%", allow_hyphen_values = true)]
+    pub samples: Samples,
+    /// How many frames to run; the last one is shown
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]
+    pub frames: u32,
+    /// Where nodes run that do not say
+    #[arg(long, default_value = "auto")]
+    pub backend: Backend,
+    /// Samples for each pixel of the picture to compare with
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
+    pub spp: u32,
+    /// Top left pixel of the part that is enlarged [default: where there is most to see, for each scene]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
+    pub crop: Option<Place>,
+    /// Chooses the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u32,
 }
 
 fn scene_help() -> String {

@@ -1,5 +1,5 @@
 //! `epigraph`, the command line: renders graphs, checks them, lists stages, renders references, compares images,
-//! takes the time.
+//! takes the time, shows a gallery.
 //!
 //! Every command gives exit code 0 on success and 1 when its input is wrong. Progress goes to stderr, results to stdout.
 
@@ -10,6 +10,7 @@ mod columns;
 mod compare;
 mod error;
 mod flip;
+mod gallery;
 mod graph_source;
 mod image_file;
 mod memory;
@@ -62,5 +63,6 @@ fn run(cli: Cli) -> Result<ExitCode, CliError> {
         Some(Command::Reference(args)) => reference::reference(&args).map(done),
         Some(Command::Compare(args)) => compare::compare(&args).map(done),
         Some(Command::Bench(args)) => bench::bench(&args).map(done),
+        Some(Command::Gallery(args)) => gallery::gallery(&args).map(done),
     }
 }

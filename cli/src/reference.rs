@@ -2,7 +2,7 @@
 
 use std::{path::Path, sync::Arc, time::Instant};
 
-use epigraph_scenes::{CameraPath, Mode, Scene, TraceSettings, Tracer, reference};
+use epigraph_scenes::{Camera, CameraPath, Mode, Scene, TraceSettings, Tracer, reference};
 
 use crate::{
     args::{ReferenceArgs, SceneArgs},
@@ -29,7 +29,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let kind = Kinds::of_picture(&args.out)?;
     let target = Target::new(&args.out)?;
     let size = args.scene.size.0;
-    memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)?;
+    require_memory(size)?;
     let (scene, path) = load_scene(&args.scene)?;
     let tracer = progress::spinner("building the tracer".into(), || Tracer::new(scene));
     let mode = match args.mode {
@@ -38,15 +38,10 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     };
     let settings = TraceSettings { mode, ..TraceSettings::default() };
 
-    let bar = progress::bar(size[1].into(), "tracing", "rows");
     let start = Instant::now();
-    let camera = path.camera(args.frame);
-    let colors =
-        reference::render(&tracer, &camera, size, args.spp, &settings, args.seed.into(), &|_| bar.inc(1));
+    let colors = trace(&tracer, &path.camera(args.frame), size, args.spp, &settings, args.seed);
     let seconds = start.elapsed().as_secs_f64();
-    bar.finish_and_clear();
 
-    let colors: Vec<[f32; 3]> = colors.into_iter().map(Into::into).collect();
     target.write(&encode(kind, size.map(|side| side as usize), &colors, target.path())?)?;
     let samples = f64::from(size[0]) * f64::from(size[1]) * f64::from(args.spp);
     print(&format!(
@@ -55,6 +50,26 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
         samples / seconds / 1e6,
         args.out.display()
     ))
+}
+
+/// Makes sure that there is memory for a picture.
+pub fn require_memory(size: [u32; 2]) -> Result<(), CliError> {
+    memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)
+}
+
+/// The linear colours of a picture with many samples for each pixel, rows from the top.
+pub fn trace(
+    tracer: &Tracer,
+    camera: &Camera,
+    size: [u32; 2],
+    spp: u32,
+    settings: &TraceSettings,
+    seed: u32,
+) -> Vec<[f32; 3]> {
+    let bar = progress::bar(size[1].into(), "tracing", "rows");
+    let colors = reference::render(tracer, camera, size, spp, settings, seed.into(), &|_| bar.inc(1));
+    bar.finish_and_clear();
+    colors.into_iter().map(Into::into).collect()
 }
 
 /// A picture of linear colours as a file's bytes.

@@ -115,7 +115,7 @@ pub fn set_threads(wanted: Option<u16>) -> Result<usize, CliError> {
 }
 
 /// Where nodes run by default, and the GPU if it is that.
-fn placement(backend: Backend) -> Result<(Side, Option<Arc<Gpu>>), RunError> {
+pub fn placement(backend: Backend) -> Result<(Side, Option<Arc<Gpu>>), RunError> {
     match backend {
         Backend::Cpu => Ok((Side::Cpu, None)),
         Backend::Gpu => Ok((Side::Gpu, Some(Arc::new(Gpu::open(AdapterChoice::Any)?)))),

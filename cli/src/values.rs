@@ -1,6 +1,6 @@
 //! The values of flags.
 
-use std::{path::PathBuf, str::FromStr};
+use std::{fmt, path::PathBuf, str::FromStr};
 
 use clap::ValueEnum;
 use epigraph_core::{MAX_SIDE, Source};
@@ -18,6 +18,28 @@ impl FromStr for Size {
         let side =
             |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side)).ok_or_else(wrong);
         Ok(Self([side(width)?, side(height)?]))
+    }
+}
+
+/// A pixel, written `X,Y`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place(pub [u32; 2]);
+
+impl FromStr for Place {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once(',').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
+        parts
+            .map(Self)
+            .ok_or_else(|| "expected a pixel's column and row from the top left, such as 230,110".into())
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self([x, y]) = self;
+        write!(f, "{x},{y}")
     }
 }
 
@@ -40,6 +62,17 @@ impl Samples {
             }
             Self::Count(count) => Ok(count),
             Self::Share(share) => Ok(((f64::from(pixels) * share).round() as u32).max(1)),
+        }
+    }
+}
+
+impl fmt::Display for Samples {
+    /// As it is written on the command line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Count(count) => write!(f, "{count}"),
+            // Through f32, which hides the rounding of the division by 100.
+            Self::Share(share) => write!(f, "{}%", (share * 100.0) as f32),
         }
     }
 }
@@ -160,6 +193,17 @@ mod tests {
         assert!(of("101", [10, 10]).is_err());
         for wrong in ["", "-5", "0", "0%", "-5%", "101%", "NaN%", "inf%", "5 %%", "x", "1.5"] {
             assert!(wrong.parse::<Samples>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn samples_and_places_are_shown_as_they_are_written() {
+        for text in ["7", "5%", "0.1%", "33.3%", "100%"] {
+            assert_eq!(text.parse::<Samples>().unwrap().to_string(), text);
+        }
+        assert_eq!("230,0".parse::<Place>().unwrap().to_string(), "230,0");
+        for wrong in ["", "5", "-1,2", "1,2,3", "1x2"] {
+            assert!(wrong.parse::<Place>().is_err(), "{wrong}");
         }
     }
 

@@ -33,7 +33,7 @@ use crate::{
 };
 
 /// Scenes that are measured where none is named, in the order of the papers; the last two have to be fetched.
-const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];
+pub const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];
 
 /// The graph of the rows `cpu` and `gpu` where none is named, and its split between CPU and GPU for the rows `hybrid`.
 const GRAPH: &str = "epi";
@@ -295,6 +295,7 @@ fn sweeps(args: &BenchArgs) -> Vec<Sweep> {
     all.into_iter().filter(asked).collect()
 }
 
-fn needs_fetch(scene: &str) -> bool {
+/// Whether a scene has to be fetched before it can be shown.
+pub fn needs_fetch(scene: &str) -> bool {
     epigraph_scenes::scene_names().iter().any(|known| known.name == scene && known.needs_fetch)
 }

@@ -1,0 +1,177 @@
+//! `epigraph gallery`: a page of pictures that show what the graphs do, scene by scene, with the command lines that make
+//! them again.
+
+mod canvas;
+mod draw;
+mod folder;
+mod page;
+mod shot;
+mod window;
+
+use std::{path::Path, sync::Arc};
+
+use epigraph_core::{Gpu, GraphFile, Host, Registry, Side};
+use epigraph_scenes::{CameraPath, Mode, Scene, TraceSettings};
+use epigraph_stages::World;
+
+use self::{
+    draw::Panel,
+    folder::Folder,
+    page::{Page, Section},
+    shot::{Run, Shot},
+    window::Window,
+};
+use crate::{
+    args::{GalleryArgs, SceneArgs},
+    bench::{SCENES, needs_fetch},
+    error::CliError,
+    flip, graph_source, image_file,
+    output::print,
+    reference::{self, load_scene},
+    render, sheet, tone,
+    values::Pace,
+};
+
+/// The graphs that are shown: the second for comparison.
+const EPI: &str = "epi";
+const CACHE: &str = "render-cache";
+
+/// The page in the folder.
+const PAGE: &str = "gallery.md";
+
+/// Renders, draws and writes. The folder's files are written when all of them are there.
+pub fn gallery(args: &GalleryArgs) -> Result<(), CliError> {
+    let folder = Folder::new(&args.out)?;
+    let gallery = Gallery::new(args)?;
+    let mut files = Vec::new();
+    let mut sections: Vec<Section> = Vec::new();
+    let by_default = args.scene.is_empty();
+    let named = args.scene.iter().map(String::as_str);
+    let scenes: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
+    for scene in scenes {
+        let loaded =
+            load_scene(&SceneArgs { scene: scene.into(), camera: args.camera.clone(), size: args.size });
+        let loaded = match loaded {
+            // Who named it wants it; by default, a scene takes part when its mesh is there.
+            Err(error) if by_default && needs_fetch(scene) => {
+                eprintln!("note: without {scene}: {error}");
+                continue;
+            }
+            loaded => loaded?,
+        };
+        let section = gallery.scene(scene, loaded, &mut files)?;
+        if let Some(same) = sections.iter().find(|other| other.name == section.name) {
+            let text =
+                format!("--scene {scene}: its pictures would have the names of those of {}", same.scene);
+            return Err(CliError::Input(text));
+        }
+        sections.push(section);
+    }
+    let page = Page { args, side: gallery.side, samples: gallery.samples, sections: &sections };
+    files.push((PAGE.to_owned(), page.markdown().into_bytes()));
+    folder.write(&files)?;
+    let bytes: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
+    print(&format!(
+        "pictures  {}\nsize      {:.1} MB\npage      {}\n",
+        files.len() - 1,
+        bytes as f64 / 1e6,
+        args.out.join(PAGE).display()
+    ))
+}
+
+/// What is the same for all scenes.
+struct Gallery<'a> {
+    args: &'a GalleryArgs,
+    registry: Registry,
+    epi: GraphFile,
+    cache: GraphFile,
+    side: Side,
+    gpu: Option<Arc<Gpu>>,
+    /// Samples that a frame may ask for.
+    samples: u32,
+}
+
+impl<'a> Gallery<'a> {
+    fn new(args: &'a GalleryArgs) -> Result<Self, CliError> {
+        let samples = args.samples.of(args.size.0).map_err(CliError::Input)?;
+        Window::check(args.crop, args.size.0).map_err(CliError::Input)?;
+        let (epi, cache) = (graph_source::load(EPI)?, graph_source::load(CACHE)?);
+        let (side, gpu) = render::placement(args.backend)?;
+        Ok(Self { args, registry: epigraph_stages::registry(), epi, cache, side, gpu, samples })
+    }
+
+    /// All of one scene: its pictures are put to `files`.
+    fn scene(
+        &self,
+        name: &str,
+        (scene, path): (Arc<Scene>, CameraPath),
+        files: &mut Vec<(String, Vec<u8>)>,
+    ) -> Result<Section, CliError> {
+        let host = render::host(&scene, Pace::Exact, rayon::current_num_threads());
+        let run = Run {
+            label: name,
+            registry: &self.registry,
+            facts: World::facts(&scene, path.moves()),
+            side: self.side,
+            gpu: self.gpu.clone(),
+            host: &host,
+            path: &path,
+            args: self.args,
+            samples: self.samples,
+        };
+        let epi = run.dissect(&self.epi)?;
+        let cache = run.shoot(&self.cache)?;
+        let converged = self.converged(&host, &path)?;
+
+        let window = match self.args.crop {
+            Some(crop) => Window::at(crop, epi.layers.size),
+            None => Window::choose(&epi),
+        };
+        let section = Section::new(
+            name,
+            window,
+            &epi.layers,
+            [&cache, &epi.shot].map(|shot| {
+                flip::mean(&flip::flip(&unit(&converged.colors), &unit(&shot.colors), shot.size))
+            }),
+        );
+        let stages = Panel::ALL.map(|panel| panel.draw(window, &epi));
+        let detail = |label: &str, shot: &Shot| draw::magnified(label, window, shot);
+        let close_ups = [
+            detail("render cache", &cache),
+            detail("edge-and-point image", &epi.shot),
+            detail("reference", &converged),
+        ];
+        let whole = |shot: &Shot| (shot.size, shot.colors.clone());
+        let pictures = [
+            (section.picture(), whole(&epi.shot)),
+            (section.cache_picture(), whole(&cache)),
+            (section.stages(), sheet::sheet(&stages)),
+            (section.close_ups(), sheet::sheet(&close_ups)),
+        ];
+        for (name, (size, colors)) in pictures {
+            let png = image_file::png(size, &colors);
+            files.push((name.clone(), png.map_err(|error| CliError::write(Path::new(&name), error))?));
+        }
+        Ok(section)
+    }
+
+    /// The last frame with many samples for each pixel.
+    fn converged(&self, host: &Host, path: &CameraPath) -> Result<Shot, CliError> {
+        let size = self.args.size.0;
+        reference::require_memory(size)?;
+        let Some(world) = host.get::<World>() else {
+            return Err(CliError::Input("there is no tracer".into()));
+        };
+        let settings = TraceSettings { mode: Mode::Direct, ..TraceSettings::default() };
+        let camera = path.camera(self.args.frames - 1);
+        let colors = reference::trace(&world.tracer, &camera, size, self.args.spp, &settings, self.args.seed);
+        let colors = colors.into_iter().map(tone::to_srgb8).collect();
+        Ok(Shot { size: size.map(|side| side as usize), colors })
+    }
+}
+
+/// Bytes as values in [0, 1].
+fn unit(colors: &[[u8; 3]]) -> Vec<[f32; 3]> {
+    colors.iter().map(|color| color.map(|channel| f32::from(channel) / 255.0)).collect()
+}

@@ -1,0 +1,249 @@
+//! Runs a graph and takes its last frame: the picture, and what the drawings of the edge-and-point image show.
+//!
+//! What is drawn is found by the kinds of stages and the names of their ports, so the graph's names do not matter.
+
+use std::sync::Arc;
+
+use epigraph_core::{
+    Executor, Facts, Gpu, Graph, GraphFile, Host, Node, NodeDef, PortRef, Registry, Settings, Side, Snapshot,
+    Source, compile,
+};
+use epigraph_scenes::CameraPath;
+use epigraph_stages::{
+    World,
+    shared::{cloud::decode_radiance, requests::NO_POINT},
+};
+
+use crate::{
+    args::GalleryArgs,
+    error::CliError,
+    image_file, progress, render, tone,
+    visual::{self, Look},
+};
+
+/// The output that is the picture.
+const IMAGE: &str = "image";
+
+/// The stage whose inputs and results are what its picture is made of, and the stages that edges come from.
+const INTERPOLATE: &str = "interpolate";
+const REACH: &str = "reach";
+const EDGE_RASTER: &str = "edge_raster";
+
+/// The beginning of the names of ports that bring shadows to [`EDGE_RASTER`].
+const SHADOW: &str = "shadow";
+
+/// The node that draws edges once more, without those of shadows.
+const OUTLINES: &str = "gallery outlines";
+
+/// A picture.
+pub struct Shot {
+    /// Width and height in pixels.
+    pub size: [usize; 2],
+    /// sRGB, rows from the top.
+    pub colors: Vec<[u8; 3]>,
+}
+
+/// What an edge-and-point image is made of, row by row.
+pub struct Layers {
+    /// Width and height in pixels.
+    pub size: [usize; 2],
+    /// The sRGB colour of each pixel's point, if it shows one.
+    pub points: Vec<Option<[u8; 3]>>,
+    /// Crossings with the left and the top side of each pixel, in one more column and row than there are pixels.
+    pub mask: Vec<u32>,
+    /// The same of edges that bound no shadow.
+    pub outlines: Vec<u32>,
+    /// Class and regions, see `algorithms.md` section 2.4.
+    pub cls: Vec<u32>,
+    /// Which of the 5x5 pixels around are reached, section 2.5.
+    pub r24: Vec<u32>,
+    /// What a sample is worth, 0 to 255.
+    pub priority: Vec<u32>,
+}
+
+/// A picture with what it is made of.
+pub struct Dissected {
+    /// The picture.
+    pub shot: Shot,
+    /// What it is made of.
+    pub layers: Layers,
+}
+
+/// How graphs are run on a scene.
+pub struct Run<'a> {
+    /// What the progress bar says.
+    pub label: &'a str,
+    /// The stages.
+    pub registry: &'a Registry,
+    /// What the scene states.
+    pub facts: Facts,
+    /// Where nodes run that do not say.
+    pub side: Side,
+    /// The GPU, where it is open.
+    pub gpu: Option<Arc<Gpu>>,
+    /// The tracer.
+    pub host: &'a Host,
+    /// The camera's way.
+    pub path: &'a CameraPath,
+    /// The command line.
+    pub args: &'a GalleryArgs,
+    /// Samples that a frame may ask for.
+    pub samples: u32,
+}
+
+impl Run<'_> {
+    /// The last frame of a graph.
+    ///
+    /// # Errors
+    /// What is wrong with the graph for this scene, and stages that fail.
+    pub fn shoot(&self, file: &GraphFile) -> Result<Shot, CliError> {
+        let executor = &mut self.run(file, self.settings())?;
+        self.picture(file, executor)
+    }
+
+    /// The last frame of a graph that interpolates between edges, and what it is made of.
+    ///
+    /// # Errors
+    /// As [`Run::shoot`], and that the graph lacks a stage.
+    pub fn dissect(&self, file: &GraphFile) -> Result<Dissected, CliError> {
+        let mut settings = self.settings();
+        let (graph, _) = compile(file, self.registry, &settings)?;
+        let (ports, file) = (Ports::find(&graph, &file.path)?, &with_outlines(file, &graph)?);
+        settings.taps = ports.all();
+        let executor = &mut self.run(file, settings)?;
+        let shot = self.picture(file, executor)?;
+        let layers = ports.read(&executor.snapshots()?, shot.size);
+        Ok(Dissected { shot, layers })
+    }
+
+    fn settings(&self) -> Settings {
+        let size = self.args.size.0;
+        Settings { facts: self.facts, side: self.side, ..Settings::new(size, self.samples) }
+    }
+
+    /// Runs all frames; the last one is captured.
+    fn run(&self, file: &GraphFile, settings: Settings) -> Result<Executor, CliError> {
+        let (graph, plan) = compile(file, self.registry, &settings)?;
+        let gpu = render::gpu_for(&plan, self.gpu.clone())?;
+        render::require_memory(&plan, gpu.as_deref())?;
+        let mut executor = Executor::new(graph, plan, &settings, self.registry, gpu)?;
+        let frames = self.args.frames;
+        let bar = progress::bar(frames.into(), &format!("{}, {}", self.label, file.path), "frames");
+        for index in 0..frames {
+            let frame = World::frame(self.path, index, self.args.size.0, self.samples, self.args.seed);
+            executor.run(&frame, self.host, index + 1 == frames)?;
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(executor)
+    }
+
+    fn picture(&self, file: &GraphFile, executor: &mut Executor) -> Result<Shot, CliError> {
+        let look = Look { far: self.path.camera(self.args.frames - 1).far };
+        let image = executor.snapshot(IMAGE, "")?;
+        let image = image.ok_or_else(|| lacks(&file.path, &format!("output `{IMAGE}`")))?;
+        Ok(Shot { size: image_file::size(image.dims), colors: visual::show(image, &look) })
+    }
+}
+
+/// That a graph cannot be dissected.
+fn lacks(graph: &str, what: &str) -> CliError {
+    CliError::Input(format!("{graph} has no {what}, which the gallery shows"))
+}
+
+/// Where the layers come from.
+struct Ports {
+    cloud: Source,
+    id: Source,
+    cls: Source,
+    r24: Source,
+    mask: Source,
+    outlines: Source,
+    priority: Source,
+}
+
+impl Ports {
+    fn find(graph: &Graph, path: &str) -> Result<Self, CliError> {
+        let (interpolate, reach) = (find(graph, INTERPOLATE, path)?, find(graph, REACH, path)?);
+        let read = |node: &Node, port: &str| {
+            let index = node.declaration().port(port);
+            let from = index.and_then(|index| node.sources[index]);
+            let from = from.ok_or_else(|| lacks(path, &format!("input `{port}` of `{}`", node.name)))?;
+            Ok::<_, CliError>(source(graph, from))
+        };
+        Ok(Self {
+            cloud: read(interpolate, "cloud")?,
+            id: read(interpolate, "id")?,
+            cls: read(interpolate, "cls")?,
+            r24: read(interpolate, "r24")?,
+            mask: read(reach, "mask")?,
+            outlines: Source { node: OUTLINES.into(), port: "mask".into() },
+            priority: Source { node: interpolate.name.clone(), port: "priority".into() },
+        })
+    }
+
+    fn all(&self) -> Vec<Source> {
+        let ports = [&self.cloud, &self.id, &self.cls, &self.r24, &self.mask, &self.outlines, &self.priority];
+        ports.map(Clone::clone).into()
+    }
+
+    fn read(&self, snapshots: &[&Snapshot], size: [usize; 2]) -> Layers {
+        let words = |port: &Source, field: &str| -> Vec<u32> {
+            let name = port.to_string();
+            let found = snapshots.iter().find(|snapshot| snapshot.name == name && snapshot.field == field);
+            found.map(|snapshot| snapshot.get()).unwrap_or_default()
+        };
+        let radiance = words(&self.cloud, "radiance");
+        let color = |id: u32| {
+            let bits = (id != NO_POINT).then(|| radiance.get(id as usize)).flatten();
+            bits.map(|&bits| tone::to_srgb8(decode_radiance(bits)))
+        };
+        Layers {
+            size,
+            points: words(&self.id, "").into_iter().map(color).collect(),
+            mask: words(&self.mask, ""),
+            outlines: words(&self.outlines, ""),
+            cls: words(&self.cls, ""),
+            r24: words(&self.r24, ""),
+            priority: words(&self.priority, ""),
+        }
+    }
+}
+
+fn find<'g>(graph: &'g Graph, kind: &str, path: &str) -> Result<&'g Node, CliError> {
+    let found = graph.nodes.iter().find(|node| node.kind == kind);
+    found.ok_or_else(|| lacks(path, &format!("stage `{kind}`")))
+}
+
+fn source(graph: &Graph, at: PortRef) -> Source {
+    let node = &graph.nodes[at.node];
+    Source { node: node.name.clone(), port: node.declaration().ports[at.port].name.to_string() }
+}
+
+/// The graph with its edge raster twice, the second one without shadows: so one can tell both kinds of edges apart.
+fn with_outlines(file: &GraphFile, graph: &Graph) -> Result<GraphFile, CliError> {
+    let raster = find(graph, EDGE_RASTER, &file.path)?;
+    let mut file = file.clone();
+    file.add_node(OUTLINES, EDGE_RASTER)?;
+    for (port, from) in raster.declaration().ports.iter().zip(&raster.sources) {
+        if let Some(from) = from.filter(|_| !port.name.starts_with(SHADOW)) {
+            file.set_input(OUTLINES, &port.name, Some(&source(graph, from)))?;
+        }
+    }
+    let params = definition(&file, &raster.name).map(|node| node.params.clone()).unwrap_or_default();
+    for param in params {
+        file.set_param(OUTLINES, &param.name.value, &param.value.value)?;
+    }
+    Ok(file)
+}
+
+/// A node as it is written, be it in a part.
+fn definition<'f>(file: &'f GraphFile, name: &str) -> Option<&'f NodeDef> {
+    match name.split_once('/') {
+        Some((part, inner)) => {
+            let (_, part) = file.parts.iter().find(|(node, _)| node == part)?;
+            definition(part, inner)
+        }
+        None => file.node(name),
+    }
+}
