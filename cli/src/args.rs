@@ -39,13 +39,13 @@ Examples:
 const GALLERY_HELP: &str = "\
 For each scene: the last frame as an edge-and-point image and by the render cache, both from the same number of samples; an
 enlarged part of it in every step of the algorithm (points, edges, classes, reachability, priority, result), as in figure 4
-of the papers; and the same part by both and converged. gallery.md names the command line of every picture. Open it in
-anything that shows Markdown. Nothing is written before all is done.
+of the papers; and the same part by both and converged. The page, gallery.md, names the command line of every picture.
+Nothing is written before all is done.
 
 Examples:
-  epigraph gallery --out gallery                                     all scenes, a minute or two
-  epigraph gallery --out /tmp/g --scene chains --frames 90 --crop 230,110    one scene, and the part to enlarge
-  epigraph gallery --out /tmp/g --scene cornell --size 256x256 --samples 1%  what is left of it at one per cent";
+  epigraph gallery --out gallery                                 all scenes, some minutes
+  epigraph gallery --out chains --scene chains --crop 230,110    one scene, and the part to enlarge
+  epigraph gallery --out cornell --scene cornell --samples 1%    what is left of it at one per cent";
 
 /// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
 ///

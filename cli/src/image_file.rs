@@ -6,6 +6,10 @@ use epigraph_core::{Dims, Snapshot};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage,
 };
+use image::{
+    ExtendedColorType, ImageEncoder,
+    codecs::png::{CompressionType, FilterType, PngEncoder},
+};
 
 use crate::{
     columns::{self, Column, Kind, Value},
@@ -102,15 +106,9 @@ pub fn size(dims: Dims) -> [usize; 2] {
 /// A PNG file's bytes.
 pub fn png([width, height]: [usize; 2], colors: &[[u8; 3]]) -> Result<Vec<u8>, image::ImageError> {
     let mut bytes = Cursor::new(Vec::new());
-    let (width, height) = (width as u32, height as u32);
-    image::write_buffer_with_format(
-        &mut bytes,
-        colors.as_flattened(),
-        width,
-        height,
-        image::ExtendedColorType::Rgb8,
-        image::ImageFormat::Png,
-    )?;
+    // Against the fast level: half the size for drawings, a tenth less for noisy pictures, some 0.2 s more a megapixel.
+    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
+    encoder.write_image(colors.as_flattened(), width as u32, height as u32, ExtendedColorType::Rgb8)?;
     Ok(bytes.into_inner())
 }
 

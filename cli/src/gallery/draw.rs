@@ -1,5 +1,4 @@
-//! The papers' figure of the steps (Velázquez-Armendáriz et al. 2006, figure 4): a few pixels, enlarged, with what is
-//! known within each of them.
+//! The steps as in figure 4 of the papers: a few pixels, enlarged, with what is known within each of them.
 
 use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE, ring, slot_position};
 

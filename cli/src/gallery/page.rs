@@ -127,6 +127,8 @@ leads here that crosses no edge. Only those are mixed into its colour; complex p
 
     fn section(&self, page: &mut String, section: &Section) {
         let Section { name, scene, window, flip: [cache, epi], .. } = section;
+        let known = epigraph_scenes::scene_names().into_iter().find(|known| known.name == scene);
+        let doc = known.map(|known| format!("*{scene}* is {}.\n\n", known.doc)).unwrap_or_default();
         let percent = |share: f64| format!("{:.1}%", 100.0 * share);
         let [empty, simple, complex] = section.classes.map(percent);
         let points = percent(section.points);
@@ -140,7 +142,7 @@ leads here that crosses no edge. Only those are mixed into its colour; complex p
             "
 ## {name}
 
-| edge-and-point image, FLIP {epi:.3} | render cache, FLIP {cache:.3} |
+{doc}| edge-and-point image, FLIP {epi:.3} | render cache, FLIP {cache:.3} |
 |---|---|
 | ![{scene} as an edge-and-point image]({picture}) | ![{scene} by the render cache]({cache_picture}) |
 
