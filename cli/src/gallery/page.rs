@@ -118,7 +118,6 @@ leads here that crosses no edge. Only those are mixed into its colour; complex p
 - *result*: each simple pixel has the colours of both its sides, by area.
 
 **FLIP** is the mean difference that a person sees against {spp} samples for each pixel: 0 is none, 1 the most.
-
 ",
             all = self.gallery_command(None),
             side = super::window::SIDE,
@@ -147,7 +146,7 @@ leads here that crosses no edge. Only those are mixed into its colour; complex p
 | ![{scene} as an edge-and-point image]({picture}) | ![{scene} by the render cache]({cache_picture}) |
 
 *The same frame from equally many samples. The render cache mixes the samples around each pixel; the edge-and-point image \
-does so too, but never across an edge.*
+does so too, but not across an edge.*
 
 ![The steps of the edge-and-point image, enlarged]({stages})
 
@@ -185,7 +184,7 @@ does so too, but never across an edge.*
             ),
             format!("epigraph compare reference.png {epi}"),
             format!("epigraph compare reference.png {cache}"),
-            format!("{} --crop {x},{y}", self.gallery_command(Some(&section.scene))),
+            format!("{} --crop {x},{y}", self.gallery_command(Some(section))),
         ]
         .join("\n")
     }
@@ -196,13 +195,15 @@ does so too, but never across an edge.*
     }
 
     /// The command line of the gallery, of one scene or as it was given.
-    fn gallery_command(&self, scene: Option<&str>) -> String {
+    fn gallery_command(&self, section: Option<&Section>) -> String {
         let GalleryArgs { frames, seed, spp, samples, .. } = self.args;
         let all = self.args.scene.iter().map(String::as_str);
-        let scenes: Vec<&str> = scene.map_or(all.collect(), |scene| vec![scene]);
+        let scenes: Vec<&str> = section.map_or(all.collect(), |section| vec![&section.scene]);
         let scenes: String = scenes.iter().map(|scene| format!(" --scene {}", quoted(scene))).collect();
-        let out = quoted(&self.args.out.display().to_string());
-        let crop = match (scene, self.args.crop) {
+        // One scene's page must not take the place of the whole one.
+        let out = section.map_or(self.args.out.display().to_string(), |section| section.name.clone());
+        let out = quoted(&out);
+        let crop = match (section, self.args.crop) {
             (None, Some(crop)) => format!(" --crop {crop}"),
             _ => String::new(),
         };
