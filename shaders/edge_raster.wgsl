@@ -11,16 +11,26 @@ struct Params {
     method: u32,
     depth_test: u32,
     max_penumbra: f32,
+    middle: u32,
 }
 
 const EITHER: u32 = 0u;
 const OWNER: u32 = 1u;
 const BOTH: u32 = 2u;
+const OFF: u32 = 3u;
 
 // Fixed point: units of a pixel and of an eighth of it.
 const PIXEL: i32 = 256;
 const PIXEL_SHIFT: u32 = 8u;
 const SLOT_SHIFT: u32 = 5u;
+
+// The binary logarithm of the number of lines to a pixel: 1 if the middle ones are drawn too.
+#ifdef MIDDLE
+const HALVES: u32 = 1u;
+#else
+const HALVES: u32 = 0u;
+#endif
+const LINE_SHIFT: u32 = PIXEL_SHIFT - HALVES;
 
 // Pixels from one edge of the space in which segments are drawn to the other: coordinates differ by less than 2^24 units.
 const SPAN: f32 = 65535.0;
@@ -152,8 +162,8 @@ fn corner(segment: Segment, nth: u32) -> Corner {
     );
 }
 
-// Marks the crossings with the lines to the left of a pixel and above it. Pixels of a column have one such line together
-// and set the same bit, which does no harm.
+// Marks the crossings with the lines to the left of a pixel and above it, and with its middle lines. Pixels of a column
+// have such lines together and set the same bits, which does no harm.
 @fragment
 fn mark_pixel(in: Corner) -> @location(0) u32 {
     let rest = in.inverse_and_penumbra;
@@ -161,9 +171,11 @@ fn mark_pixel(in: Corner) -> @location(0) u32 {
     let pixel = vec2<i32>(in.position.xy);
     for (var axis = 0u; axis < 2u; axis++) {
         let lines = lines(snapped, axis);
-        let nth = pixel[axis] - lines.first;
-        if nth >= 0 && nth < lines.count {
-            mark(lines, axis, nth);
+        for (var half = 0; half <= i32(HALVES); half++) {
+            let nth = (pixel[axis] << HALVES) + half - lines.first;
+            if nth >= 0 && nth < lines.count {
+                mark(lines, axis, nth);
+            }
         }
     }
     return 1u;
@@ -295,7 +307,7 @@ fn cut(t: vec2<f32>, a: f32, b: f32) -> vec2<f32> {
 
 // ---- Crossings
 
-// The lines of the pixel grid across one axis that a segment crosses in the image.
+// The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top edge.
 struct Lines {
     // The end with the lesser coordinate along the axis: that coordinate, and the other one.
     start: vec2<i32>,
@@ -328,8 +340,8 @@ fn lines(snapped: Snapped, axis: u32) -> Lines {
         inverse = inverse.yx;
     }
     // A vertex on a line lies beyond it.
-    let first = max((a.x >> PIXEL_SHIFT) + 1, 0);
-    let last = min(b.x >> PIXEL_SHIFT, size);
+    let first = max((a.x >> LINE_SHIFT) + 1, 0);
+    let last = min(b.x >> LINE_SHIFT, size << HALVES);
     let count = max(last - first + 1, 0);
     return Lines(a, b - a, inverse.x, inverse.y - inverse.x, snapped.penumbra, first, count);
 }
@@ -337,7 +349,7 @@ fn lines(snapped: Snapped, axis: u32) -> Lines {
 // Marks the crossing with a line, if it lies in the image and is not hidden.
 fn mark(lines: Lines, axis: u32, nth: i32) {
     let line = lines.first + nth;
-    let along = u32(line * PIXEL - lines.start.x);
+    let along = u32((line << LINE_SHIFT) - lines.start.x);
     let length = u32(lines.delta.x);
     // The crossing's other coordinate is start.y +- (quotient + rest / length).
     let product = wide_multiply(along, u32(abs(lines.delta.y)));
@@ -358,24 +370,34 @@ fn mark(lines: Lines, axis: u32, nth: i32) {
     let slot = (whole - select(0, 1, before)) >> SLOT_SHIFT;
     let z = 1.0 / (lines.inverse + lines.inverse_delta * (f32(along) / f32(length)));
 
-    let pixel = select(vec2(slot >> 3u, line), vec2(line, slot >> 3u), axis == 0u);
+    let is_middle = (line & i32(HALVES)) == 1;
+    let at = vec2(line >> HALVES, slot >> 3u);
+    let pixel = select(at.yx, at, axis == 0u);
     let size = vec2<i32>(frame.size);
     if slot < 0 || (axis == 0u && pixel.y >= size.y) || (axis == 1u && pixel.x >= size.x) {
         return;
     }
-    if lines.penumbra <= params.max_penumbra * z && is_shown(z, pixel, axis) {
-        let bit = u32(slot & 7) + 8u * axis;
+    if lines.penumbra <= params.max_penumbra * z && is_shown(z, pixel, axis, is_middle) {
+        let bit = u32(slot & 7) + 8u * axis + 16u * u32(is_middle);
         atomicOr(&mask[u32(pixel.y) * (frame.size.x + 1u) + u32(pixel.x)], 1u << bit);
     }
 }
 
-// Whether an edge at distance z shows at the left (axis 0) or top (axis 1) side of a pixel.
-fn is_shown(z: f32, owner: vec2<i32>, axis: u32) -> bool {
-    let other = owner - select(vec2(0, 1), vec2(1, 0), axis == 0u);
+// Whether an edge at distance z shows at the left (axis 0) or top (axis 1) side of a pixel, or at its middle line.
+fn is_shown(z: f32, owner: vec2<i32>, axis: u32, is_middle: bool) -> bool {
+    let step = select(vec2(0, 1), vec2(1, 0), axis == 0u);
+    let other = owner - step;
     let owner_exists = all(owner < vec2<i32>(frame.size));
     let other_exists = all(other >= vec2(0));
     let at_owner = owner_exists && z <= depth(owner);
     let at_other = other_exists && z <= depth(other);
+#ifdef MIDDLE
+    if is_middle && params.depth_test != OFF {
+        let next = owner + step;
+        let at_next = all(next < vec2<i32>(frame.size)) && z <= depth(next);
+        return at_owner || (params.depth_test == EITHER && (at_other || at_next));
+    }
+#endif
     switch params.depth_test {
         case EITHER: {
             return at_owner || at_other;

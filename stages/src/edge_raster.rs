@@ -4,6 +4,10 @@
 //! of a pixel from the top, in bits 0 to 7, and those of its top side, from the left, in bits 8 to 15; right and bottom
 //! side are the left and top ones of the neighbours, for which the image has one more column and row.
 //!
+//! With `middle`, bits 16 to 23 hold the slots of the vertical line through the pixel's middle, from the top, and bits 24
+//! to 31 those of the horizontal one, from the left. The rule is the same: it is that of a grid of half pixels, with four
+//! slots to the side of each quarter of a pixel.
+//!
 //! **Exactness.** The ends of a segment are rounded to 1/256 of a pixel; from there on all is integers, so that both
 //! sides of the program agree and edges that share a vertex fit together. Vertices and edges that lie exactly on lines of
 //! the pixel grid are handled as if everything were moved to the right by an infinitely small distance and down by a
@@ -19,7 +23,8 @@
 //! taken as if it lay across the view.
 //!
 //! **Depth.** An edge is hidden where it lies behind the filtered depth of the pixels beside the crossing; 1 / z is
-//! interpolated linearly along the segment on the screen.
+//! interpolated linearly along the segment on the screen. Beside a middle line lies its own pixel on both sides; with
+//! `Either` those next to it count too, so that an edge that shows at a side of the pixel goes on within it.
 
 use std::{
     cell::Ref,
@@ -93,6 +98,8 @@ params! {
         /// The boundaries of a penumbra count as edges where it is narrower than this on the screen: a wider one is no step
         /// in the image (`algorithms.md` section 11.2).
         max_penumbra: f32 = 2.0, in 0.0..=1e6, unit "pixels";
+        /// Also mark the crossings with the lines through the pixels' middles, in bits 16 to 31: for `subdivide`.
+        middle: bool = false;
     }
 }
 
@@ -195,10 +202,13 @@ impl Stage for EdgeRaster {
             io.read("filtered", "Distance behind which an edge is hidden, metres.", Extent::Frame(1));
         let mask = io.write(
             "mask",
-            "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15.",
+            "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15; with its middle lines, 16 to 31.",
             Extent::Corners,
         );
         io.shader(shader!("edge_raster"));
+        if params.middle {
+            io.define("MIDDLE");
+        }
         io.dispatch("clear", mask);
         let lists = [silhouettes.as_ref(), shadows.as_ref()].into_iter().flatten();
         lists.clone().for_each(|list| list.define(io));
@@ -239,6 +249,7 @@ impl Stage for EdgeRaster {
             size: cx.frame().size.map(|side| side as i32),
             depth_test: params.depth_test,
             max_penumbra: params.max_penumbra,
+            halves: u32::from(params.middle),
             filtered: &filtered,
             mask: &drawn,
         };
@@ -260,6 +271,8 @@ struct Image<'a> {
     size: [i32; 2],
     depth_test: DepthTest,
     max_penumbra: f32,
+    /// The binary logarithm of the number of lines to a pixel: 1 if the middle ones are drawn too.
+    halves: u32,
     filtered: &'a [f32],
     mask: &'a [AtomicU32],
 }
@@ -318,7 +331,7 @@ impl Image<'_> {
     /// Marks all crossings.
     fn draw(&self, snapped: &Snapped) {
         for axis in [0, 1] {
-            let lines = Lines::new(snapped, axis, self.size[axis]);
+            let lines = Lines::new(snapped, axis, self.size[axis], self.halves);
             for line in lines.first..=lines.last {
                 let crossing = lines.crossing(line, axis == 0);
                 if snapped.penumbra <= self.max_penumbra * crossing.z {
@@ -331,15 +344,18 @@ impl Image<'_> {
     /// Marks a crossing with a line, if it lies in the image and is not hidden.
     fn mark(&self, axis: usize, line: i32, crossing: &Crossing) {
         let Crossing { slot, z } = *crossing;
-        let mut pixel = [line, slot >> 3];
+        let is_middle = line & self.halves as i32 == 1;
+        let mut pixel = [line >> self.halves, slot >> 3];
         if slot < 0 || pixel[1] >= self.size[1 - axis] {
             return;
         }
         if axis == 1 {
             pixel.swap(0, 1);
         }
-        if self.is_shown(z, pixel, axis) {
-            let bit = (slot & 7) as usize + 8 * axis;
+        let is_shown =
+            if is_middle { self.is_shown_within(z, pixel, axis) } else { self.is_shown(z, pixel, axis) };
+        if is_shown {
+            let bit = (slot & 7) as usize + 8 * axis + 16 * usize::from(is_middle);
             let corner = pixel[1] as usize * (self.size[0] as usize + 1) + pixel[0] as usize;
             self.mask[corner].fetch_or(1 << bit, Relaxed);
         }
@@ -367,6 +383,20 @@ impl Image<'_> {
         }
     }
 
+    /// Whether an edge at distance z shows at the vertical (axis 0) or horizontal (axis 1) middle line of a pixel.
+    fn is_shown_within(&self, z: f32, owner: [i32; 2], axis: usize) -> bool {
+        let shows_beside = |step: i32| {
+            let mut pixel = owner;
+            pixel[axis] += step;
+            (0..self.size[axis]).contains(&pixel[axis]) && z <= self.depth(pixel)
+        };
+        match self.depth_test {
+            DepthTest::Either => [-1, 0, 1].into_iter().any(shows_beside),
+            DepthTest::Owner | DepthTest::Both => shows_beside(0),
+            DepthTest::Off => true,
+        }
+    }
+
     fn depth(&self, pixel: [i32; 2]) -> f32 {
         self.filtered[pixel[1] as usize * self.size[0] as usize + pixel[0] as usize]
     }
@@ -385,8 +415,10 @@ fn cut(t: [f32; 2], a: f32, b: f32) -> [f32; 2] {
     }
 }
 
-/// The lines of the pixel grid across one axis that a segment crosses in the image.
+/// The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top edge.
 struct Lines {
+    /// The binary logarithm of the lines' distance in units.
+    shift: u32,
     /// The end with the lesser coordinate along the axis: that coordinate, and the other one.
     start: [i32; 2],
     /// From there to the other end; the first is positive where there are lines.
@@ -406,8 +438,10 @@ struct Crossing {
 }
 
 impl Lines {
-    /// Vertical lines for axis 0, horizontal ones for axis 1, of an image with `size` pixels along the axis.
-    fn new(snapped: &Snapped, axis: usize, size: i32) -> Self {
+    /// Vertical lines for axis 0, horizontal ones for axis 1, of an image with `size` pixels along the axis; `halves` is 0
+    /// for one line to a pixel, and 1 for two.
+    fn new(snapped: &Snapped, axis: usize, size: i32, halves: u32) -> Self {
+        let shift = PIXEL_SHIFT - halves;
         let Snapped { ax, ay, bx, by, inverse_a, inverse_b, .. } = *snapped;
         let (mut a, mut b) = if axis == 0 { ([ax, ay], [bx, by]) } else { ([ay, ax], [by, bx]) };
         let mut inverse = [inverse_a, inverse_b];
@@ -416,18 +450,19 @@ impl Lines {
             inverse.swap(0, 1);
         }
         Self {
+            shift,
             start: a,
             delta: [b[0] - a[0], b[1] - a[1]],
             inverse: [inverse[0], inverse[1] - inverse[0]],
             // A vertex on a line lies beyond it.
-            first: ((a[0] >> PIXEL_SHIFT) + 1).max(0),
-            last: (b[0] >> PIXEL_SHIFT).min(size),
+            first: ((a[0] >> shift) + 1).max(0),
+            last: (b[0] >> shift).min(size << halves),
         }
     }
 
     /// The crossing with a line.
     fn crossing(&self, line: i32, vertical: bool) -> Crossing {
-        let along = (line * PIXEL - self.start[0]) as u32;
+        let along = ((line << self.shift) - self.start[0]) as u32;
         let length = self.delta[0] as u32;
         // The crossing's other coordinate is start[1] +- (quotient + rest / length).
         let product = u64::from(along) * u64::from(self.delta[1].unsigned_abs());
@@ -511,30 +546,56 @@ mod tests {
         (0..height).flat_map(|y| (0..width).map(move |x| count(x, y))).collect()
     }
 
+    /// Crossings of the perimeter of each quarter of a pixel, row by row.
+    fn quarters(mask: &[u32], [width, height]: [u32; 2]) -> Vec<u32> {
+        // Bits of the line of half pixels that begins at a corner, x and y in half pixels.
+        let slots = |x: u32, y: u32, axis: u32| {
+            let corner = (y / 2 * (width + 1) + x / 2) as usize;
+            let (line, along) = if axis == 0 { (x, y) } else { (y, x) };
+            (mask[corner] >> (16 * (line % 2) + 8 * axis + 4 * (along % 2)) & 15).count_ones()
+        };
+        let count = |x, y| slots(x, y, 0) + slots(x + 1, y, 0) + slots(x, y, 1) + slots(x, y + 1, 1);
+        (0..2 * height).flat_map(|y| (0..2 * width).map(move |x| count(x, y))).collect()
+    }
+
+    fn mask_with_middle(size: [u32; 2], segments: &[Segment]) -> Vec<u32> {
+        let params = EdgeRasterParams { middle: true, ..EdgeRasterParams::default() };
+        run_cpu(&mut harness_of(params, size, segments)).get("mask")
+    }
+
     /// The crossing rule of `algorithms.md` section 2.2 in plain integers, without clipping or depth.
-    fn model(size: [u32; 2], [x0, y0, x1, y1]: [i64; 4]) -> Vec<u32> {
+    fn model(size: [u32; 2], ends: [i64; 4]) -> Vec<u32> {
+        model_of(size, ends, false)
+    }
+
+    /// The same, with the pixels' middle lines or without.
+    fn model_of(size: [u32; 2], [x0, y0, x1, y1]: [i64; 4], middle: bool) -> Vec<u32> {
+        let lines = if middle { 2 } else { 1 };
+        let step = 256 / lines;
         let [width, height] = size.map(i64::from);
         let mut mask = vec![0; ((width + 1) * (height + 1)) as usize];
         if x0 != x1 {
             let [ax, ay, bx, by] = if x0 < x1 { [x0, y0, x1, y1] } else { [x1, y1, x0, y0] };
             let (dx, dy) = (bx - ax, by - ay);
-            for i in (0..=width).filter(|i| ax < 256 * i && 256 * i <= bx) {
-                let (n, d) = (8 * (ay * dx + (256 * i - ax) * dy), 256 * dx);
+            for i in (0..=lines * width).filter(|i| ax < step * i && step * i <= bx) {
+                let (n, d) = (8 * (ay * dx + (step * i - ax) * dy), 256 * dx);
                 let slot = if dy > 0 { -(-n).div_euclid(d) - 1 } else { n.div_euclid(d) };
                 let row = slot.div_euclid(8);
                 if (0..height).contains(&row) {
-                    mask[(row * (width + 1) + i) as usize] |= 1 << slot.rem_euclid(8);
+                    let bit = slot.rem_euclid(8) + 16 * (i % lines);
+                    mask[(row * (width + 1) + i / lines) as usize] |= 1 << bit;
                 }
             }
         }
         if y0 != y1 {
             let [ax, ay, bx, by] = if y0 < y1 { [x0, y0, x1, y1] } else { [x1, y1, x0, y0] };
             let (dx, dy) = (bx - ax, by - ay);
-            for j in (0..=height).filter(|j| ay < 256 * j && 256 * j <= by) {
-                let slot = (8 * (ax * dy + (256 * j - ay) * dx)).div_euclid(256 * dy);
+            for j in (0..=lines * height).filter(|j| ay < step * j && step * j <= by) {
+                let slot = (8 * (ax * dy + (step * j - ay) * dx)).div_euclid(256 * dy);
                 let column = slot.div_euclid(8);
                 if (0..width).contains(&column) {
-                    mask[(j * (width + 1) + column) as usize] |= 256 << slot.rem_euclid(8);
+                    let bit = slot.rem_euclid(8) + 8 + 16 * (j % lines);
+                    mask[(j / lines * (width + 1) + column) as usize] |= 1 << bit;
                 }
             }
         }
@@ -544,17 +605,19 @@ mod tests {
     /// Asserts that both sides draw the segments as the model does.
     #[track_caller]
     fn assert_like_model(size: [u32; 2], ends: &[[i32; 4]]) {
-        let mut expected = vec![0; ((size[0] + 1) * (size[1] + 1)) as usize];
-        for ends in ends {
-            let one = model(size, ends.map(i64::from));
-            expected.iter_mut().zip(one).for_each(|(mask, one)| *mask |= one);
-        }
         let segments: Vec<Segment> = ends.iter().map(|&ends| flat(ends, size)).collect();
-        for method in [Method::Compute, Method::Lines] {
-            let params = EdgeRasterParams { method, ..EdgeRasterParams::default() };
-            let both = run_both(&mut harness_of(params, size, &segments));
-            assert!(both.cpu.get::<u32>("mask") == expected, "{method:?} on the CPU");
-            assert!(both.gpu.get::<u32>("mask") == expected, "{method:?} on the GPU");
+        for middle in [false, true] {
+            let mut expected = vec![0; ((size[0] + 1) * (size[1] + 1)) as usize];
+            for ends in ends {
+                let one = model_of(size, ends.map(i64::from), middle);
+                expected.iter_mut().zip(one).for_each(|(mask, one)| *mask |= one);
+            }
+            for method in [Method::Compute, Method::Lines] {
+                let params = EdgeRasterParams { method, middle, ..EdgeRasterParams::default() };
+                let both = run_both(&mut harness_of(params, size, &segments));
+                assert!(both.cpu.get::<u32>("mask") == expected, "{method:?}, {middle} on the CPU");
+                assert!(both.gpu.get::<u32>("mask") == expected, "{method:?}, {middle} on the GPU");
+            }
         }
     }
 
@@ -603,8 +666,10 @@ mod tests {
             lines.extend([ends, [ends[1], ends[0], ends[3], ends[2]]]);
         }
         for &ends in &lines {
-            let counts = perimeters(&mask(size, &[flat(ends, size)]), size);
-            assert!(counts.iter().all(|&count| count == 0 || count == 2), "{ends:?}");
+            let mask = mask_with_middle(size, &[flat(ends, size)]);
+            for counts in [perimeters(&mask, size), quarters(&mask, size)] {
+                assert!(counts.iter().all(|&count| count == 0 || count == 2), "{ends:?}");
+            }
         }
         assert_like_model(size, &lines);
     }
@@ -620,14 +685,16 @@ mod tests {
             let vertices: Vec<[i32; 2]> = (0..3 + random.below(4))
                 .map(|_| [0; 2].map(|_| step * random.below(count) as i32 - 512))
                 .collect();
-            let mut crossings = vec![0; 100];
+            let (mut crossings, mut in_quarters) = (vec![0; 100], vec![0; 400]);
             for (i, &[ax, ay]) in vertices.iter().enumerate() {
                 let [bx, by] = vertices[(i + 1) % vertices.len()];
                 edges.push([ax, ay, bx, by]);
-                let counts = perimeters(&mask(size, &[flat([ax, ay, bx, by], size)]), size);
-                crossings.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                let mask = mask_with_middle(size, &[flat([ax, ay, bx, by], size)]);
+                crossings.iter_mut().zip(perimeters(&mask, size)).for_each(|(sum, count)| *sum += count);
+                in_quarters.iter_mut().zip(quarters(&mask, size)).for_each(|(sum, count)| *sum += count);
             }
             assert!(crossings.iter().all(|count| count % 2 == 0), "{vertices:?}");
+            assert!(in_quarters.iter().all(|count| count % 2 == 0), "{vertices:?}");
         }
         assert_like_model(size, &edges);
     }
@@ -735,6 +802,43 @@ mod tests {
             let found = [(1.49, 1.49), (1.51, 1.49), (1.49, 1.51), (1.51, 1.51)]
                 .map(|(left, right)| shown(depth_test, left, right));
             assert_eq!(found, [neither, left, right, both], "{depth_test:?}");
+        }
+    }
+
+    #[test]
+    fn middle_lines_by_hand() {
+        // The crossing lines of algorithms.md section 2.6, in the pixel (3, 3) where they meet at about (832, 880): one
+        // crosses the middle line x = 896 at y = 832 + 128 / 2304 * (896 + 256) = 896, which on a slot's boundary is the slot
+        // above as it descends; the other y = 896 at x = 832 + 128 / 2304 * 1152 = 896, the slot to the right.
+        let size = [7, 7];
+        let segments = [flat([-256, 832, 2048, 960], size), flat([832, -256, 960, 2048], size)];
+        let mask = mask_with_middle(size, &segments);
+        assert_eq!(mask[3 * 8 + 3], 1 << 3 | 1 << (8 + 3) | 1 << (16 + 3) | 1 << (24 + 4));
+        // The last column and row have no middle lines.
+        assert!(bits(&mask, size).iter().all(|&[x, y, bit]| bit < 16 || (x < 7 && y < 7)));
+    }
+
+    #[test]
+    fn depth_decides_at_middle_lines() {
+        // A segment through the middle of pixel (1, 0) at distance 1, and what lies to the left of it, there, to the right.
+        let size = [3, 1];
+        let segment = flat([-256, 100, 1024, 100], size);
+        let shown = |depth_test, filtered: [f32; 3]| {
+            let params = EdgeRasterParams { depth_test, middle: true, ..EdgeRasterParams::default() };
+            let mut harness = harness_of(params, size, &[segment]);
+            harness.set("filtered", &filtered);
+            let both = run_both(&mut harness);
+            both.assert_equal::<u32>("mask");
+            bits(&both.cpu.get::<u32>("mask"), size).contains(&[1, 0, 16 + 3])
+        };
+        for (depth_test, expected) in [
+            (DepthTest::Either, [true, true, true, false]),
+            (DepthTest::Owner, [false, true, false, false]),
+            (DepthTest::Both, [false, true, false, false]),
+            (DepthTest::Off, [true; 4]),
+        ] {
+            let cases = [[2.0, 0.5, 0.5], [0.5, 2.0, 0.5], [0.5, 0.5, 2.0], [0.5; 3]];
+            assert_eq!(cases.map(|filtered| shown(depth_test, filtered)), expected, "{depth_test:?}");
         }
     }
 
