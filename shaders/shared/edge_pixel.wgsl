@@ -88,8 +88,11 @@ struct Chord {
 
 // The chord from slot p to slot q.
 fn chord_of(p: u32, q: u32) -> Chord {
-    let a = slot_position(p);
-    let b = slot_position(q);
+    return chord_between(slot_position(p), slot_position(q));
+}
+
+// The chord between two places on the perimeter, clockwise, in 1/16 pixel.
+fn chord_between(a: vec2<i32>, b: vec2<i32>) -> Chord {
     let normal = vec2(b.y - a.y, a.x - b.x);
     return Chord(normal, -(normal.x * b.x + normal.y * b.y));
 }

@@ -23,6 +23,7 @@ pub mod shadow_edges;
 pub mod shared;
 pub mod silhouette;
 pub mod spread;
+pub mod subdivide;
 pub mod tonemap;
 pub mod trace;
 
@@ -73,6 +74,7 @@ pub fn registry() -> Registry {
         .with::<shadow_edges::ShadowEdges>()
         .with::<silhouette::Silhouette>()
         .with::<spread::Spread>()
+        .with::<subdivide::Subdivide>()
         .with::<tonemap::Tonemap>()
         .with::<trace::Trace>()
         .with_kind(wgsl_kind());

@@ -101,7 +101,11 @@ pub struct Chord {
 impl Chord {
     /// The chord from slot p to slot q.
     pub fn new(p: u32, q: u32) -> Self {
-        let (p, q) = (slot_position(p), slot_position(q));
+        Self::between(slot_position(p), slot_position(q))
+    }
+
+    /// The chord between two places on the perimeter, clockwise, in 1/16 pixel.
+    pub fn between(p: [i32; 2], q: [i32; 2]) -> Self {
         let normal = [q[1] - p[1], p[0] - q[0]];
         Self { normal, offset: -(normal[0] * q[0] + normal[1] * q[1]) }
     }
@@ -244,17 +248,31 @@ pub mod testing {
         pub size: [u32; 2],
         /// Row by row.
         pub words: Vec<u32>,
+        /// Lines to a pixel: 1, or 2 with the middle ones.
+        lines: i64,
     }
 
     impl Mask {
         /// No edges.
         pub fn new(size: [u32; 2]) -> Self {
-            Self { size, words: vec![0; (size[0] as usize + 1) * (size[1] as usize + 1)] }
+            Self { size, words: vec![0; (size[0] as usize + 1) * (size[1] as usize + 1)], lines: 1 }
+        }
+
+        /// The same; crossings with the pixels' middle lines are marked too.
+        pub fn with_middle(self) -> Self {
+            Self { lines: 2, ..self }
         }
 
         /// Closed polygons, open polylines and their ends: `count` of them, from a third of a pixel to the image wide.
         pub fn random(size: [u32; 2], count: u32, random: &mut Random) -> Self {
             let mut mask = Self::new(size);
+            mask.random_lines(count, random);
+            mask
+        }
+
+        /// Marks the crossings of such polygons.
+        pub fn random_lines(&mut self, count: u32, random: &mut Random) {
+            let size = self.size;
             for _ in 0..count {
                 let corners = 2 + random.below(5);
                 let extent = [80 << random.below(9), 80 << random.below(9)].map(|e: u32| e.min(1 << 14));
@@ -269,12 +287,11 @@ pub mod testing {
                     at.map(|at| at / step * step)
                 };
                 let vertices: Vec<_> = (0..corners).map(|_| vertex()).collect();
-                vertices.windows(2).for_each(|pair| mask.line(pair[0], pair[1]));
+                vertices.windows(2).for_each(|pair| self.line(pair[0], pair[1]));
                 if corners > 2 {
-                    mask.line(vertices[vertices.len() - 1], vertices[0]);
+                    self.line(vertices[vertices.len() - 1], vertices[0]);
                 }
             }
-            mask
         }
 
         /// Marks the crossings of a segment, in 1/256 pixel: `algorithms.md` section 2.2.
@@ -283,8 +300,9 @@ pub mod testing {
                 let (a, b) = if a[axis] < b[axis] { (a, b) } else { (b, a) };
                 let (along, across) = (b[axis] - a[axis], b[1 - axis] - a[1 - axis]);
                 // A vertex on a line counts as behind it.
-                for line in a[axis].div_euclid(256) + 1..=b[axis].div_euclid(256) {
-                    let crossing = 8 * (a[1 - axis] * along + (256 * line - a[axis]) * across);
+                let step = 256 / self.lines;
+                for line in a[axis].div_euclid(step) + 1..=b[axis].div_euclid(step) {
+                    let crossing = 8 * (a[1 - axis] * along + (step * line - a[axis]) * across);
                     let unit = 256 * along;
                     // Vertices are moved by (e, e^2), e infinitesimal. That decides on a boundary of slots: a segment
                     // that descends crosses vertical lines a little higher up.
@@ -294,8 +312,12 @@ pub mod testing {
                         crossing.div_euclid(unit)
                     };
                     let (pixel, bit) = (slot.div_euclid(8), slot.rem_euclid(8));
+                    let (line, half) = (line.div_euclid(self.lines), line.rem_euclid(self.lines));
                     let at = if axis == 0 { [line, pixel] } else { [pixel, line] };
-                    self.mark(at, bit as u32 + 8 * axis as u32);
+                    // The corners beyond the last pixels have no middle lines.
+                    if half == 0 || line < i64::from(self.size[axis]) {
+                        self.mark(at, (bit + 8 * axis as i64 + 16 * half) as u32);
+                    }
                 }
             }
         }
