@@ -107,12 +107,10 @@ impl Stage for Subdivide {
             sigma: params.sigma,
         };
         cx.write(self.color).par_chunks_mut(width).enumerate().for_each(|(y, color)| {
-            let row = y * width;
-            color.copy_from_slice(&image.primary[row..][..width]);
-            for x in 0..width {
-                if image.cls[row + x] & CLASS == COMPLEX {
-                    color[x] = image.color([x, y]);
-                }
+            for (x, color) in color.iter_mut().enumerate() {
+                let p = y * width + x;
+                let is_complex = image.cls[p] & CLASS == COMPLEX;
+                *color = if is_complex { image.color([x, y]) } else { image.primary[p] };
             }
         });
         Ok(())
@@ -601,12 +599,11 @@ mod tests {
         let (mut parted, mut reached_both) = (0, 0);
         for window in windows(&mask) {
             let all: Vec<_> = (0..QUARTERS).map(|q| window.reached([q % SPAN, q / SPAN])).collect();
-            for p in 0..QUARTERS {
-                for q in 0..QUARTERS {
-                    assert_eq!(all[p][q], transpose(all[q][p]));
-                    parted += u32::from(all[p][q] == 0);
-                    reached_both += u32::from(all[p][q].count_ones() == 2);
-                }
+            let pairs = (0..QUARTERS).flat_map(|p| (0..QUARTERS).map(move |q| [p, q]));
+            for [p, q] in pairs {
+                assert_eq!(all[p][q], transpose(all[q][p]));
+                parted += u32::from(all[p][q] == 0);
+                reached_both += u32::from(all[p][q].count_ones() == 2);
             }
         }
         assert!(parted > 10_000 && reached_both > 5000, "{parted} {reached_both}");

@@ -1,6 +1,7 @@
 //! Integration tests: broken graphs and their messages, shipped graphs, parity of the sides.
 
 mod broken;
+mod complex;
 mod epi;
 mod extremes;
 mod meshes;

@@ -1,0 +1,60 @@
+//! Complex pixels by quarters: on both sides, and closer to a converged picture.
+
+use std::{path::Path, sync::Arc};
+
+use epigraph_core::{GraphFile, Settings, Side};
+use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
+use epigraph_tests::{Run, Stage, tap};
+
+const SIZE: [u32; 2] = [128, 128];
+const FRAMES: u32 = 20;
+const TAPS: [&str; 2] = ["antialias.color", "reach_cull.cls"];
+
+/// Colours and classes of the last frame of a graph.
+fn run(name: &str, side: Side) -> (Vec<[f32; 4]>, Vec<u32>) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
+    let mut file = GraphFile::load(&root.join("graphs").join(name)).unwrap_or_else(|p| panic!("{p}"));
+    file.set_param("trace", "spp", "32").unwrap_or_else(|problems| panic!("{problems}"));
+    let taps = TAPS.map(tap).to_vec();
+    let settings = Settings { side, taps, poison: true, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    let mut run = Run::new(&file, Stage { scene: "cornell", camera: "orbit", settings });
+    run.frames(FRAMES);
+    (run.captured(TAPS[0]).get(), run.captured(TAPS[1]).get())
+}
+
+fn converged() -> Vec<[f32; 4]> {
+    let scene = Arc::new(Scene::load("cornell").expect("a built-in scene"));
+    let camera = CameraPath::parse("orbit", &scene).expect("a camera path").camera(FRAMES - 1);
+    let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
+    let picture = reference::render(&Tracer::new(scene), &camera, SIZE, 64, &settings, 7, &|_| {});
+    picture.iter().map(|color| [color[0], color[1], color[2], 1.0]).collect()
+}
+
+/// The sum of the squared differences of some pixels, on radiance cut at 1.
+fn squares(a: &[[f32; 4]], b: &[[f32; 4]], pixels: &[usize]) -> f32 {
+    let square = |p: usize, channel: usize| (a[p][channel].min(1.0) - b[p][channel].min(1.0)).powi(2);
+    pixels.iter().map(|&p| (0..3).map(|channel| square(p, channel)).sum::<f32>()).sum()
+}
+
+#[test]
+fn quarters_bring_complex_pixels_closer_and_leave_the_others() {
+    let (before, classes) = run("epi.ron", Side::Cpu);
+    let (after, same) = run("experiments/complex-pixels.ron", Side::Cpu);
+    assert!(classes == same, "the stage changes no class");
+    // The lowest two bits are the class; 2 is a complex one.
+    let (complex, others): (Vec<_>, Vec<_>) = (0..classes.len()).partition(|&p| classes[p] & 3 == 2);
+    assert!(complex.len() > 10, "{} complex pixels", complex.len());
+    assert!(others.iter().all(|&p| before[p] == after[p]));
+    let converged = converged();
+    let [before, after] = [before, after].map(|color| squares(&color, &converged, &complex));
+    assert!(after < 0.7 * before, "{after} against {before}");
+}
+
+#[test]
+fn quarters_agree_on_both_sides() {
+    let [cpu, gpu] = [Side::Cpu, Side::Gpu].map(|side| run("experiments/complex-pixels.ron", side).0);
+    // One request that a rounding moves changes the samples from then on.
+    let all: Vec<usize> = (0..cpu.len()).collect();
+    let rms = (squares(&cpu, &gpu, &all) / (3 * cpu.len()) as f32).sqrt();
+    assert!(rms < 0.01, "{rms}");
+}
