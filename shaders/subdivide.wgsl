@@ -165,6 +165,9 @@ fn region_of_cell(quarter: u32, corner: vec2<i32>, size: i32) -> u32 {
 
 // Which regions of two quarters touch at the side that they share: the right one of P, or the lower one.
 fn joined(p: u32, q: u32, crossings: u32, is_right: bool) -> u32 {
+    if ((p | q) & CLASS) == EMPTY {
+        return 1u;
+    }
     if ((p | q) & COMPLEX) != 0u {
         return 0u;
     }

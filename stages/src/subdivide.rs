@@ -22,6 +22,8 @@
 //! across no edge either. If there is none of these, or the quarter is complex, it keeps the pixel's colour, the mean over
 //! 5x5. The pixel is the mean of the regions, by area; it needs no other anti-aliasing. No other pixel changes.
 
+use std::cell::LazyCell;
+
 use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, params, shader, texel};
 use rayon::prelude::*;
 
@@ -40,6 +42,10 @@ const PIXELS: usize = 3;
 const SPAN: usize = 2 * PIXELS;
 /// All of these quarters.
 const QUARTERS: usize = SPAN * SPAN;
+
+/// Distances along an axis of a tap from the centre of one of the pixel's own quarters, in 1/32 pixel: the window's sides
+/// lie 40 and 56 off.
+const DISTANCES: usize = 57;
 
 /// The four quarters of the pixel itself.
 const OWN: [[usize; 2]; 4] = [[2, 2], [3, 2], [2, 3], [3, 3]];
@@ -104,7 +110,7 @@ impl Stage for Subdivide {
             primary: &cx.read(self.primary),
             size: [width, height],
             cells_log2: params.subpixel_bits / 2,
-            sigma: params.sigma,
+            weights: weights(params.sigma),
         };
         cx.write(self.color).par_chunks_mut(width).enumerate().for_each(|(y, color)| {
             for (x, color) in color.iter_mut().enumerate() {
@@ -181,6 +187,9 @@ fn region_of_cell(quarter: u32, corner: [i32; 2], size: i32) -> Option<u32> {
 /// Which regions of two quarters touch at the side that they share. `places` gives the places on both rings, in quarters of
 /// a slot, of a place on the side.
 fn joined(p: u32, q: u32, crossings: u32, places: impl Fn(u32) -> [u32; 2]) -> u32 {
+    if (p | q) & CLASS == EMPTY {
+        return 1;
+    }
     if (p | q) & COMPLEX != 0 {
         return 0;
     }
@@ -256,7 +265,13 @@ struct Image<'a> {
     size: [usize; 2],
     /// Logarithm of the number of cells of an axis of a pixel, 1 to 4.
     cells_log2: u32,
-    sigma: f32,
+    weights: [f32; DISTANCES],
+}
+
+/// The Gaussian of each distance along an axis, in 1/32 pixel.
+fn weights(sigma: f32) -> [f32; DISTANCES] {
+    let scale = 0.5 / (32.0 * 32.0 * sigma * sigma);
+    std::array::from_fn(|distance| (-((distance * distance) as f32) * scale).exp())
 }
 
 impl Image<'_> {
@@ -265,8 +280,10 @@ impl Image<'_> {
         let window = self.window(pixel);
         let samples: [Option<Tap>; PIXELS * PIXELS] =
             std::array::from_fn(|place| self.sample(&window, pixel, place));
-        let corners: [Option<Tap>; QUARTERS] =
-            std::array::from_fn(|quarter| self.corner(&window, pixel, quarter));
+        // Where all regions reach samples these are not needed.
+        let corners = LazyCell::new(|| -> [Option<Tap>; QUARTERS] {
+            std::array::from_fn(|quarter| self.corner(&window, pixel, quarter))
+        });
 
         let [r, g, b, alpha] = self.primary[pixel[1] * self.size[0] + pixel[0]];
         let mut sum = [0.0; 3];
@@ -277,7 +294,7 @@ impl Image<'_> {
                     continue;
                 }
                 let mean = |taps: &[Option<Tap>]| self.mean(taps, &reached, [u, v], region);
-                let rgb = mean(&samples).or_else(|| mean(&corners)).unwrap_or([r, g, b]);
+                let rgb = mean(&samples).or_else(|| mean(&*corners)).unwrap_or([r, g, b]);
                 for (sum, channel) in sum.iter_mut().zip(rgb) {
                     *sum += area as f32 * channel;
                 }
@@ -296,14 +313,13 @@ impl Image<'_> {
         region: u32,
     ) -> Option<[f32; 3]> {
         let centre = quarter.map(|index| 16 * index as i32 + 8);
-        let scale = 0.5 / (32.0 * 32.0 * self.sigma * self.sigma);
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for tap in taps.iter().flatten() {
             if reached[tap.quarter] >> (2 * region + tap.region) & 1 == 0 {
                 continue;
             }
-            let [dx, dy] = [0, 1].map(|axis| tap.at[axis] - centre[axis]);
-            let weight = (-((dx * dx + dy * dy) as f32) * scale).exp();
+            let [x, y] = [0, 1].map(|axis| self.weights[tap.at[axis].abs_diff(centre[axis]) as usize]);
+            let weight = x * y;
             for (sum, channel) in sum.iter_mut().zip(tap.rgb) {
                 *sum += weight * channel;
             }
@@ -587,7 +603,7 @@ mod tests {
             primary: &[],
             size: [width, height],
             cells_log2: 4,
-            sigma: 0.5,
+            weights: weights(0.5),
         };
         (0..width * height).map(|p| image.window([p % width, p / width])).collect()
     }
