@@ -222,9 +222,11 @@ impl Window {
         let mut reached = [0; QUARTERS];
         let start = SPAN * row + column;
         reached[start] = [1, 9, 0][(self.quarters[start] & CLASS) as usize];
-        // Outwards, so that the quarters a step nearer are done.
-        for v in (row..SPAN).chain((0..row).rev()) {
-            for u in (column..SPAN).chain((0..column).rev()) {
+        // Outwards, so that the quarters a step nearer are done: from the start to the end, then back to the beginning.
+        for i in 0..SPAN {
+            let v = if row + i < SPAN { row + i } else { SPAN - 1 - i };
+            for j in 0..SPAN {
+                let u = if column + j < SPAN { column + j } else { SPAN - 1 - j };
                 let q = SPAN * v + u;
                 if u > column {
                     reached[q] |= chain(reached[q - 1], self.pairs[q - 1] & 15);
