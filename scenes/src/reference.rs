@@ -1,10 +1,13 @@
-//! Converged images to compare with.
+//! Converged images to compare with, and where their edges are.
+
+mod edges;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::Vec3;
 use rayon::prelude::*;
 
+pub use self::edges::{edges, within};
 use crate::{Camera, Rng, TraceSettings, Tracer};
 
 /// Renders an image of `size` pixels, rows from the top, each the mean of `spp` samples spread evenly over the

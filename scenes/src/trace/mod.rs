@@ -115,6 +115,19 @@ pub struct Tracer {
     non_finite: AtomicU64,
 }
 
+/// A point of a surface that a ray met first: where it is, not what light it sends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seen {
+    /// Where, metres.
+    pub position: Vec3,
+    /// Index of the triangle.
+    pub face: u32,
+    /// Unit normal of the triangle, on the viewer's side.
+    pub facing: Vec3,
+    /// Where shadow rays from it start: off the surface.
+    pub start: Vec3,
+}
+
 /// A point on a surface as seen by the ray that found it.
 #[derive(Clone, Copy)]
 struct Vertex {
@@ -156,6 +169,30 @@ impl Tracer {
     /// Whether no triangle lies between two points; the ends themselves do not count.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
         self.bvh.visible(from, to)
+    }
+
+    /// The nearest surface along a ray from `origin` in `direction` (of any length).
+    pub(crate) fn first_surface(&self, origin: Vec3, direction: Vec3) -> Option<Seen> {
+        let vertex = self.vertex(origin, direction.normalize_or_zero())?;
+        let Vertex { position, face, facing, .. } = vertex;
+        Some(Seen { position, face, facing, start: vertex.start() })
+    }
+
+    /// How many lights there are to ask [`Tracer::sees_center`] about.
+    pub(crate) fn light_count(&self) -> usize {
+        self.emitters.quads.len() + self.emitters.points.len()
+    }
+
+    /// Whether nothing lies between a surface and the centre of a light; `None` where the surface or the light faces away.
+    /// Lights are counted from 0.
+    pub(crate) fn sees_center(&self, surface: &Seen, light: usize) -> Option<bool> {
+        let Emitters { quads, points, .. } = &self.emitters;
+        let incident = match quads.get(light) {
+            Some(quad) => quad.towards(surface.position, [0.5; 2]),
+            None => points[light - quads.len()].towards(surface.position),
+        };
+        let incident = incident.filter(|light| surface.facing.dot(light.direction) > 0.0)?;
+        Some(self.bvh.visible(surface.start, incident.target))
     }
 
     /// How many samples so far had a radiance that was no finite number, and were made black.

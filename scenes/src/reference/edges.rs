@@ -1,0 +1,293 @@
+//! Where the edges of a converged image are: found by rays alone, so that no pipeline is measured against itself.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::{CREASE_ANGLE, Camera, Mesh, Tracer, trace::Seen};
+
+/// Rays from one side of a pixel to the opposite one are this many steps apart, both sides included.
+const STEPS: usize = 4;
+
+/// Which pixels of an image of `size` pixels (rows from the top) an edge cuts. Rays go through a lattice of 5 x 5 points of
+/// each pixel, the outermost on its sides; the pixel is cut where an edge separates two neighbours of the lattice:
+///
+/// - an outline: one ray meets a surface and the other none, or they meet different objects or materials, or either point
+///   lies farther off the plane of the other's triangle than a pixel is wide there, a step in depth that the slope of
+///   neither surface explains;
+/// - a crease: their triangles' normals (on the viewer's side) differ by more than [`CREASE_ANGLE`];
+/// - a shadow's boundary: the centre of a light is seen from one point and hidden from the other, though both triangles face
+///   it. For an area light this is the middle line of the penumbra; where a surface turns away from the light there
+///   is no such boundary.
+///
+/// Only what is seen directly counts: no edges within mirrors.
+pub fn edges(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
+    let [width, height] = size.map(|side| side as usize);
+    // Width of a pixel at unit distance along the axis.
+    let pixel = 2.0 * (0.5 * camera.fov_y).tan() / size[1] as f32;
+    let forward = camera.rotation * Vec3::NEG_Z;
+    let mut cut = vec![false; width * height];
+    cut.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, cut)| {
+        let lattice = Lattice::new(tracer, camera, size, y);
+        let parted = |a: usize, b: usize| {
+            let (Some(one), Some(other)) = (&lattice.seen[a], &lattice.seen[b]) else {
+                return lattice.seen[a].is_some() != lattice.seen[b].is_some();
+            };
+            let depth = forward.dot(one.position - camera.eye).min(forward.dot(other.position - camera.eye));
+            separated(&tracer.scene().mesh, one, other, pixel * depth) || lattice.shadow_between(a, b)
+        };
+        for (x, cut) in cut.iter_mut().enumerate() {
+            *cut = lattice.neighbours(x).any(|[a, b]| parted(a, b));
+        }
+    });
+    cut
+}
+
+/// Whether an outline or a crease lies between two points; a pixel is `width` metres wide there.
+fn separated(mesh: &Mesh, a: &Seen, b: &Seen, width: f32) -> bool {
+    let [i, j] = [a.face, b.face].map(|face| face as usize);
+    if i == j {
+        return false;
+    }
+    let step = b.position - a.position;
+    let off_plane = a.facing.dot(step).abs().max(b.facing.dot(step).abs());
+    mesh.object[i] != mesh.object[j]
+        || mesh.material[i] != mesh.material[j]
+        || a.facing.dot(b.facing) < CREASE_ANGLE.to_radians().cos()
+        || off_plane > width
+}
+
+/// What the rays of one row of pixels met.
+struct Lattice {
+    /// Points in a row.
+    stride: usize,
+    /// `STEPS + 1` rows from the top.
+    seen: Vec<Option<Seen>>,
+    /// For each light and point, whether the point sees the light's centre, if both face each other.
+    lit: Vec<Vec<Option<bool>>>,
+}
+
+impl Lattice {
+    fn new(tracer: &Tracer, camera: &Camera, size: [u32; 2], y: usize) -> Self {
+        let stride = size[0] as usize * STEPS + 1;
+        let at = |step: usize| step as f32 / STEPS as f32;
+        let seen: Vec<Option<Seen>> = (0..(STEPS + 1) * stride)
+            .map(|point| {
+                let direction = camera.direction(at(point % stride), y as f32 + at(point / stride), size);
+                tracer.first_surface(camera.eye, direction)
+            })
+            .collect();
+        let lit = |light| seen.iter().map(|seen| tracer.sees_center(seen.as_ref()?, light)).collect();
+        let lit = (0..tracer.light_count()).map(lit).collect();
+        Self { stride, seen, lit }
+    }
+
+    /// Pairs of neighbouring points of pixel `x`.
+    fn neighbours(&self, x: usize) -> impl Iterator<Item = [usize; 2]> {
+        let (stride, first) = (self.stride, x * STEPS);
+        let lines = (0..=STEPS).flat_map(|line| (0..STEPS).map(move |step| (line, step)));
+        lines.flat_map(move |(line, step)| {
+            let across = line * stride + first + step;
+            let down = step * stride + first + line;
+            [[across, across + 1], [down, down + stride]]
+        })
+    }
+
+    /// Whether the boundary of a shadow lies between two points.
+    fn shadow_between(&self, a: usize, b: usize) -> bool {
+        self.lit.iter().any(|lit| matches!((lit[a], lit[b]), (Some(a), Some(b)) if a != b))
+    }
+}
+
+/// Which pixels' centres lie at most `radius` pixels (Euclidean) from the centre of a marked one, in an image whose rows
+/// have `width` pixels.
+pub fn within(marked: &[bool], width: usize, radius: f32) -> Vec<bool> {
+    let reach = radius.max(0.0) as isize;
+    let disc: Vec<[isize; 2]> = (-reach..=reach)
+        .flat_map(|y| (-reach..=reach).map(move |x| [x, y]))
+        .filter(|[x, y]| (x * x + y * y) as f32 <= radius * radius)
+        .collect();
+    let height = marked.len() / width.max(1);
+    let mut near = vec![false; marked.len()];
+    for index in (0..marked.len()).filter(|&index| marked[index]) {
+        for [dx, dy] in &disc {
+            let (x, y) = ((index % width).wrapping_add_signed(*dx), (index / width).wrapping_add_signed(*dy));
+            // A step over the left or upper side wraps to a huge number.
+            if x < width && y < height {
+                near[y * width + x] = true;
+            }
+        }
+    }
+    near
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::{Material, SceneBuilder, Shape, Surface};
+
+    /// A view from 2 m above the floor's origin, straight down: 10 pixels to the metre on the floor, x to the left, z up.
+    const SIZE: [u32; 2] = [20, 20];
+
+    fn camera() -> Camera {
+        Camera::look_at(Vec3::Y * 2.0, Vec3::ZERO, 2.0 * 0.5f32.atan(), 0.1, 10.0)
+    }
+
+    fn material(builder: &mut SceneBuilder) -> u32 {
+        builder.material(Material {
+            name: String::new(),
+            color: Vec3::splat(0.5),
+            surface: Surface::Diffuse,
+            emission: Vec3::ZERO,
+        })
+    }
+
+    /// A horizontal rectangle at height `y`, front up, from corner to corner in x and z.
+    fn plate([x0, z0]: [f32; 2], [x1, z1]: [f32; 2], y: f32) -> Shape {
+        Shape::quad([(x0, z1), (x1, z1), (x1, z0), (x0, z0)].map(|(x, z)| Vec3::new(x, y, z)))
+    }
+
+    fn floor() -> Shape {
+        plate([-9.0, -9.0], [9.0, 9.0], 0.0)
+    }
+
+    /// Two shapes as one object, as meshes from files often are.
+    fn joined(a: &Shape, b: &Shape) -> Shape {
+        let base = a.positions.len() as u32;
+        let triangles = b.triangles.iter().map(|triangle| triangle.map(|i| i + base));
+        Shape {
+            positions: [a.positions.clone(), b.positions.clone()].concat(),
+            triangles: a.triangles.iter().copied().chain(triangles).collect(),
+            normals: vec![],
+        }
+    }
+
+    fn tracer(builder: SceneBuilder) -> Tracer {
+        let scene = builder.build("test", camera(), Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+        Tracer::new(Arc::new(scene))
+    }
+
+    /// The edges of objects of one material each.
+    fn edges_of(shapes: &[Shape]) -> Vec<bool> {
+        let mut builder = SceneBuilder::new();
+        for shape in shapes {
+            let material = material(&mut builder);
+            builder.add(shape, material).unwrap();
+        }
+        edges(&tracer(builder), &camera(), SIZE)
+    }
+
+    /// The columns that are marked in every row, and nothing else is.
+    fn columns(marked: &[bool]) -> Vec<usize> {
+        let columns: Vec<usize> = (0..20).filter(|&x| marked[x]).collect();
+        for (index, &marked) in marked.iter().enumerate() {
+            assert_eq!(marked, columns.contains(&(index % 20)), "column {}, row {}", index % 20, index / 20);
+        }
+        columns
+    }
+
+    #[test]
+    fn the_two_triangles_of_a_floor_are_one_surface() {
+        assert!(!edges_of(&[floor()]).contains(&true));
+    }
+
+    #[test]
+    fn a_pixel_is_cut_where_the_outline_passes() {
+        // The plate ends at x = 0.13 on the floor: in the pixel from 0.2 to 0.1, the 9th from the left.
+        let plate = plate([-9.0, -9.0], [0.13, 9.0], 1e-4);
+        assert_eq!(columns(&edges_of(&[floor(), plate])), [8]);
+    }
+
+    #[test]
+    fn a_step_of_one_object_is_an_edge_where_it_is_wider_than_a_pixel() {
+        // A plate at height 1 ends at x = 0.065 and hides the floor up to x = 0.13.
+        let high = plate([-9.0, -9.0], [0.065, 9.0], 1.0);
+        assert_eq!(columns(&edges_of(&[joined(&floor(), &high)])), [8]);
+        // A pixel is 0.1 wide on the floor.
+        let flat = plate([-9.0, -9.0], [0.13, 9.0], 0.05);
+        assert!(!edges_of(&[joined(&floor(), &flat)]).contains(&true));
+    }
+
+    #[test]
+    fn the_end_of_all_surfaces_is_an_edge() {
+        assert_eq!(columns(&edges_of(&[plate([-9.0, -9.0], [0.13, 9.0], 0.0)])), [8]);
+    }
+
+    #[test]
+    fn a_fold_is_an_edge_from_the_crease_angle_on() {
+        // Two halves of a roof that meet at x = 0.13, each sloping by half the angle between their normals.
+        let roof = |degrees: f32| {
+            let drop = 9.0 * (0.5 * degrees).to_radians().tan();
+            let [ridge, left, right] = [(0.13, 0.0), (-8.87, -drop), (9.13, -drop)];
+            let half = |(x0, y0): (f32, f32), (x1, y1): (f32, f32)| {
+                Shape::quad([(x0, y0, 9.0), (x1, y1, 9.0), (x1, y1, -9.0), (x0, y0, -9.0)].map(Vec3::from))
+            };
+            joined(&half(left, ridge), &half(ridge, right))
+        };
+        assert_eq!(columns(&edges_of(&[roof(CREASE_ANGLE + 2.0)])), [8]);
+        assert!(!edges_of(&[roof(CREASE_ANGLE - 2.0)]).contains(&true));
+    }
+
+    #[test]
+    fn a_smooth_sphere_has_only_its_outline() {
+        let (columns, rows) = (96, 48);
+        let sphere = Shape::surface(columns, rows, |i, j| {
+            let around = std::f32::consts::TAU * i as f32 / columns as f32;
+            let up = std::f32::consts::PI * (j as f32 / rows as f32 - 0.5);
+            0.5 * Vec3::new(up.cos() * around.sin(), up.sin(), up.cos() * around.cos())
+        });
+        let marked = edges_of(&[sphere]);
+        // The outline of a ball of radius 0.5 at distance 2: tangent 0.5 / sqrt(2^2 - 0.5^2) of the half angle, the image's
+        // half side being 0.5.
+        let radius = 10.0 * 0.5 / (4.0f32 - 0.25).sqrt() / 0.5;
+        for (index, &marked) in marked.iter().enumerate() {
+            let [x, y] = [(index % 20) as f32, (index / 20) as f32].map(|at| at + 0.5 - 10.0);
+            let off = (x.hypot(y) - radius).abs();
+            assert!(if marked { off < 1.0 } else { off > 0.2 }, "pixel {x}, {y}: {marked}, off by {off}");
+        }
+    }
+
+    /// The floor under a strip at height 0.5 that the camera does not see.
+    fn shaded(lights: impl FnOnce(&mut SceneBuilder)) -> Vec<bool> {
+        let mut builder = SceneBuilder::new();
+        let material = material(&mut builder);
+        builder.add(&floor(), material).unwrap();
+        builder.add(&plate([-9.0, -9.0], [-1.435, 9.0], 0.5), material).unwrap();
+        lights(&mut builder);
+        edges(&tracer(builder), &camera(), SIZE)
+    }
+
+    #[test]
+    fn the_boundary_of_a_shadow_is_an_edge() {
+        // From (-3, 1, 0) past the strip's end (-1.435, 0.5) to the floor: x = -3 + 2 * 1.565 = 0.13.
+        let light = Vec3::new(-3.0, 1.0, 0.0);
+        assert_eq!(columns(&shaded(|builder| builder.point_light(light, Vec3::ONE))), [8]);
+        let quad = |builder: &mut SceneBuilder, u, v| {
+            builder.quad_light(light - 0.5 * (Vec3::X + Vec3::Z), u, v, Vec3::ONE).unwrap();
+        };
+        // The middle of an area light that shines down; nothing of one that shines up.
+        assert_eq!(columns(&shaded(|builder| quad(builder, Vec3::X, Vec3::Z))), [8]);
+        assert!(!shaded(|builder| quad(builder, Vec3::Z, Vec3::X)).contains(&true));
+    }
+
+    #[test]
+    fn a_light_below_the_floor_draws_no_shadow() {
+        let light = Vec3::new(-3.0, -1.0, 0.0);
+        assert!(!shaded(|builder| builder.point_light(light, Vec3::ONE)).contains(&true));
+    }
+
+    #[test]
+    fn within_two_pixels_is_a_disc() {
+        let mut marked = vec![false; 7 * 5];
+        marked[2 * 7 + 1] = true;
+        let near = within(&marked, 7, 2.0);
+        let rows: Vec<String> = near
+            .chunks(7)
+            .map(|row| row.iter().map(|&near| if near { '#' } else { '.' }).collect())
+            .collect();
+        assert_eq!(rows, [".#.....", "###....", "####...", "###....", ".#....."]);
+        assert_eq!(within(&marked, 7, 0.0), marked);
+        assert!(within(&[], 0, 2.0).is_empty());
+    }
+}
