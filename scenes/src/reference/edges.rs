@@ -8,6 +8,10 @@ use crate::{CREASE_ANGLE, Camera, Mesh, Tracer, trace::Seen};
 /// Rays from one side of a pixel to the opposite one are this many steps apart, both sides included.
 const STEPS: usize = 4;
 
+/// Points of an area light.
+const CENTER: [f32; 2] = [0.5; 2];
+const EXTREMES: [[f32; 2]; 5] = [CENTER, [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+
 /// Which pixels of an image of `size` pixels (rows from the top) an edge cuts. Rays go through a lattice of 5 x 5 points of
 /// each pixel, the outermost on its sides; the pixel is cut where an edge separates two neighbours of the lattice:
 ///
@@ -15,9 +19,11 @@ const STEPS: usize = 4;
 ///   lies farther off the plane of the other's triangle than a pixel is wide there, a step in depth that the slope of
 ///   neither surface explains;
 /// - a crease: their triangles' normals (on the viewer's side) differ by more than [`CREASE_ANGLE`];
-/// - a shadow's boundary: the centre of a light is seen from one point and hidden from the other, though both triangles face
-///   it. For an area light this is the middle line of the penumbra; where a surface turns away from the light there
-///   is no such boundary.
+/// - the hard boundary of a shadow: the centre of a light is seen from one and hidden from the other, though both triangles
+///   face it; and of an area light, one point of the pixel and half a pixel around it sees the centre and all corners, and
+///   another none of them: the penumbra is at most about two pixels wide, as of those that stages take for barriers
+///   (`algorithms.md` section 11.2). Where a surface turns away from a light there is no such boundary: it grows dark by
+///   degrees.
 ///
 /// Only what is seen directly counts: no edges within mirrors.
 pub fn edges(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
@@ -28,15 +34,20 @@ pub fn edges(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
     let mut cut = vec![false; width * height];
     cut.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, cut)| {
         let lattice = Lattice::new(tracer, camera, size, y);
-        let parted = |a: usize, b: usize| {
-            let (Some(one), Some(other)) = (&lattice.seen[a], &lattice.seen[b]) else {
-                return lattice.seen[a].is_some() != lattice.seen[b].is_some();
-            };
-            let depth = forward.dot(one.position - camera.eye).min(forward.dot(other.position - camera.eye));
-            separated(&tracer.scene().mesh, one, other, pixel * depth) || lattice.shadow_between(a, b)
+        let outline = |a: &Option<Seen>, b: &Option<Seen>| match (a, b) {
+            (Some(a), Some(b)) => {
+                let depth = [a, b].map(|seen| forward.dot(seen.position - camera.eye));
+                separated(&tracer.scene().mesh, a, b, pixel * depth[0].min(depth[1]))
+            }
+            _ => a.is_some() != b.is_some(),
         };
         for (x, cut) in cut.iter_mut().enumerate() {
-            *cut = lattice.neighbours(x).any(|[a, b]| parted(a, b));
+            // A pixel without an outline shows one surface.
+            *cut = lattice.neighbours(x).any(|[a, b]| outline(&lattice.seen[a], &lattice.seen[b]))
+                || (0..tracer.light_count()).any(|light| {
+                    lattice.center_is_half_hidden(x, light)
+                        && penumbra_is_narrow(tracer, camera, size, [x, y], light)
+                });
         }
     });
     cut
@@ -76,7 +87,7 @@ impl Lattice {
                 tracer.first_surface(camera.eye, direction)
             })
             .collect();
-        let lit = |light| seen.iter().map(|seen| tracer.sees_center(seen.as_ref()?, light)).collect();
+        let lit = |light| seen.iter().map(|seen| tracer.sees_light(seen.as_ref()?, light, CENTER)).collect();
         let lit = (0..tracer.light_count()).map(lit).collect();
         Self { stride, seen, lit }
     }
@@ -92,10 +103,31 @@ impl Lattice {
         })
     }
 
-    /// Whether the boundary of a shadow lies between two points.
-    fn shadow_between(&self, a: usize, b: usize) -> bool {
-        self.lit.iter().any(|lit| matches!((lit[a], lit[b]), (Some(a), Some(b)) if a != b))
+    /// Whether a light's centre is seen from one point of pixel `x` and hidden from its neighbour.
+    fn center_is_half_hidden(&self, x: usize, light: usize) -> bool {
+        let lit = &self.lit[light];
+        self.neighbours(x).any(|[a, b]| matches!((lit[a], lit[b]), (Some(a), Some(b)) if a != b))
     }
+}
+
+/// Whether the light is wholly seen and wholly hidden within half a pixel around a pixel.
+fn penumbra_is_narrow(
+    tracer: &Tracer,
+    camera: &Camera,
+    size: [u32; 2],
+    [x, y]: [usize; 2],
+    light: usize,
+) -> bool {
+    let at = |pixel: usize, step: usize| pixel as f32 + 2.0 * step as f32 / STEPS as f32 - 0.5;
+    let points = (0..=STEPS).flat_map(|row| (0..=STEPS).map(move |step| [step, row]));
+    let views: Vec<Vec<bool>> = points
+        .filter_map(|[step, row]| {
+            let seen = tracer.first_surface(camera.eye, camera.direction(at(x, step), at(y, row), size))?;
+            Some(EXTREMES.iter().filter_map(|&point| tracer.sees_light(&seen, light, point)).collect())
+        })
+        .collect();
+    let all = |wanted| views.iter().any(|view| !view.is_empty() && view.iter().all(|&seen| seen == wanted));
+    all(true) && all(false)
 }
 
 /// Which pixels' centres lie at most `radius` pixels (Euclidean) from the centre of a marked one, in an image whose rows
@@ -263,12 +295,19 @@ mod tests {
         // From (-3, 1, 0) past the strip's end (-1.435, 0.5) to the floor: x = -3 + 2 * 1.565 = 0.13.
         let light = Vec3::new(-3.0, 1.0, 0.0);
         assert_eq!(columns(&shaded(|builder| builder.point_light(light, Vec3::ONE))), [8]);
-        let quad = |builder: &mut SceneBuilder, u, v| {
-            builder.quad_light(light - 0.5 * (Vec3::X + Vec3::Z), u, v, Vec3::ONE).unwrap();
+    }
+
+    #[test]
+    fn an_area_light_has_a_hard_shadow_where_the_penumbra_is_narrow() {
+        let light = |side: f32, up: bool| {
+            let corner = Vec3::new(-3.0, 1.0, 0.0) - 0.5 * side * (Vec3::X + Vec3::Z);
+            let [u, v] = if up { [Vec3::Z, Vec3::X] } else { [Vec3::X, Vec3::Z] };
+            shaded(|builder| builder.quad_light(corner, u * side, v * side, Vec3::ONE).unwrap())
         };
-        // The middle of an area light that shines down; nothing of one that shines up.
-        assert_eq!(columns(&shaded(|builder| quad(builder, Vec3::X, Vec3::Z))), [8]);
-        assert!(!shaded(|builder| quad(builder, Vec3::Z, Vec3::X)).contains(&true));
+        // The strip's end is halfway up to the light: the penumbra is as wide as the light. A pixel is 0.1.
+        assert_eq!(columns(&light(0.02, false)), [8]);
+        assert!(!light(0.2, false).contains(&true));
+        assert!(!light(0.02, true).contains(&true), "it shines up, away from the floor");
     }
 
     #[test]

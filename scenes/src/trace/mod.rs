@@ -178,17 +178,17 @@ impl Tracer {
         Some(Seen { position, face, facing, start: vertex.start() })
     }
 
-    /// How many lights there are to ask [`Tracer::sees_center`] about.
+    /// How many lights there are to ask [`Tracer::sees_light`] about.
     pub(crate) fn light_count(&self) -> usize {
         self.emitters.quads.len() + self.emitters.points.len()
     }
 
-    /// Whether nothing lies between a surface and the centre of a light; `None` where the surface or the light faces away.
-    /// Lights are counted from 0.
-    pub(crate) fn sees_center(&self, surface: &Seen, light: usize) -> Option<bool> {
+    /// Whether nothing lies between a surface and the point `at` in [0, 1]^2 of a light (a point light has only one); `None`
+    /// where the surface or the light faces away. Lights are counted from 0.
+    pub(crate) fn sees_light(&self, surface: &Seen, light: usize, at: [f32; 2]) -> Option<bool> {
         let Emitters { quads, points, .. } = &self.emitters;
         let incident = match quads.get(light) {
-            Some(quad) => quad.towards(surface.position, [0.5; 2]),
+            Some(quad) => quad.towards(surface.position, at),
             None => points[light - quads.len()].towards(surface.position),
         };
         let incident = incident.filter(|light| surface.facing.dot(light.direction) > 0.0)?;
