@@ -78,14 +78,15 @@ pub enum Command {
     Stages(StagesArgs),
     /// Trace a picture with many samples for each pixel, to compare with
     #[command(
-        after_help = "Example:\n  epigraph reference --scene cornell --camera orbit --frame 59 --spp 256 --out ref.exr"
+        after_help = "Example:\n  epigraph reference --scene cornell --camera orbit --frame 59 --spp 256 --out ref.exr --edges edges.png"
     )]
     Reference(ReferenceArgs),
     /// Measure how much two images differ: RMSE, PSNR, SSIM, FLIP
     #[command(
         after_help = "PNG counts as sRGB, EXR as linear light. RMSE is on the values as they stand in the files; for \
         the others, linear values are clamped to [0, 1] and sRGB-encoded first.\n\n\
-        Example:\n  epigraph compare epigraph.png reference.png --map flip.png"
+        Examples:\n  epigraph compare reference.exr epigraph.png --map flip.png\n  \
+        epigraph compare reference.exr epigraph.png --mask edges.png"
     )]
     Compare(CompareArgs),
     /// Time the steps of a frame, beside the papers' own table, and how the frame grows
@@ -218,6 +219,9 @@ pub struct ReferenceArgs {
     /// The picture, .exr (linear) or .png (sRGB)
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    /// Write the pixels within 2 pixels of an edge (outline, crease, shadow boundary) as white in a PNG
+    #[arg(long, value_name = "FILE.png")]
+    pub edges: Option<PathBuf>,
 }
 
 /// Arguments of `compare`.
@@ -230,6 +234,9 @@ pub struct CompareArgs {
     /// Write FLIP's error for each pixel as a PNG in the magma colours (black 0, white 1)
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
+    /// Compare a second time only the pixels that are white here, as `reference --edges` writes them: PSNR and FLIP
+    #[arg(long, value_name = "FILE.png")]
+    pub mask: Option<PathBuf>,
     /// Write the figures as JSON; - means stdout, without the text then
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

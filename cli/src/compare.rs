@@ -4,11 +4,12 @@ use serde_json::json;
 
 use crate::{
     args::CompareArgs,
+    difference::Difference,
+    edge_mask,
     error::CliError,
     flip, image_file, metrics,
     output::{JsonTarget, Target},
     picture::Picture,
-    tone,
 };
 
 /// Prints RMSE, PSNR, SSIM and FLIP.
@@ -26,25 +27,28 @@ pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
             size(&b)
         )));
     }
-    let (shown_a, shown_b) = (a.srgb(), b.srgb());
-    // Eight bits are what the eye gets to see, and what other tools compare.
-    let seen = |colors: &[[f32; 3]]| -> Vec<[f32; 3]> {
-        colors.iter().map(|color| color.map(|channel| f32::from(tone::to_byte(channel)) / 255.0)).collect()
-    };
-    let errors = flip::flip(&seen(&shown_a), &seen(&shown_b), a.size);
-    let rmse = metrics::rmse(&a.colors, &b.colors);
-    let psnr = metrics::psnr(&shown_a, &shown_b);
-    let ssim = metrics::ssim(&shown_a, &shown_b, a.size);
-    let mean_flip = flip::mean(&errors);
+    let mask = args.mask.as_deref().map(|path| edge_mask::read(path, a.size)).transpose()?;
+    let difference = Difference::new(&a, &b);
     if let Some(map) = map {
-        let png = image_file::png(a.size, &flip::magma(&errors));
+        let png = image_file::png(a.size, &flip::magma(&difference.errors));
         map.write(&png.map_err(|error| CliError::write(map.path(), error))?)?;
     }
-    let mut text = format!("RMSE  {rmse:.6}\nPSNR  {psnr:.3} dB\nSSIM  {ssim:.6}\nFLIP  {mean_flip:.6}\n");
+    let rmse = metrics::rmse(&a.colors, &b.colors);
+    let (psnr, ssim, flip) = (difference.psnr(), difference.ssim(), difference.flip());
+    let mut text = format!("RMSE  {rmse:.6}\nPSNR  {psnr:.3} dB\nSSIM  {ssim:.6}\nFLIP  {flip:.6}\n");
     if a.linear != b.linear {
         text += "One image is linear (EXR) and one sRGB (PNG): RMSE, on the values as read, mixes the two.\n";
     }
     // JSON has no infinity: equal images have no PSNR.
-    let value = json!({ "rmse": rmse, "psnr": psnr, "ssim": ssim, "flip": mean_flip, "size": a.size });
+    let mut value = json!({ "rmse": rmse, "psnr": psnr, "ssim": ssim, "flip": flip, "size": a.size });
+    if let Some(mask) = mask {
+        let share = edge_mask::share(&mask);
+        let (psnr, flip) = (difference.psnr_within(&mask), difference.flip_within(&mask));
+        text += &format!(
+            "within the mask, {:.1}% of the pixels:\nPSNR  {psnr:.3} dB\nFLIP  {flip:.6}\n",
+            100.0 * share
+        );
+        value["mask"] = json!({ "share": share, "psnr": psnr, "flip": flip });
+    }
     target.finish(&value, &text)
 }

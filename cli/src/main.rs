@@ -8,6 +8,8 @@ mod bench;
 mod check;
 mod columns;
 mod compare;
+mod difference;
+mod edge_mask;
 mod error;
 mod flip;
 mod gallery;

@@ -6,6 +6,7 @@ use epigraph_scenes::{Camera, CameraPath, Mode, Scene, TraceSettings, Tracer, re
 
 use crate::{
     args::{ReferenceArgs, SceneArgs},
+    edge_mask,
     error::CliError,
     image_file::{self, Kinds},
     memory,
@@ -28,15 +29,12 @@ pub fn load_scene(args: &SceneArgs) -> Result<(Arc<Scene>, CameraPath), CliError
 pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let kind = Kinds::of_picture(&args.out)?;
     let target = Target::new(&args.out)?;
+    let edges = args.edges.as_deref().map(mask_target).transpose()?;
     let size = args.scene.size.0;
     require_memory(size)?;
     let (scene, path) = load_scene(&args.scene)?;
     let tracer = progress::spinner("building the tracer".into(), || Tracer::new(scene));
-    let mode = match args.mode {
-        Light::Direct => Mode::Direct,
-        Light::Path => Mode::Path,
-    };
-    let settings = TraceSettings { mode, ..TraceSettings::default() };
+    let settings = trace_settings(args.mode);
 
     let start = Instant::now();
     let colors = trace(&tracer, &path.camera(args.frame), size, args.spp, &settings, args.seed);
@@ -44,12 +42,36 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
 
     target.write(&encode(kind, size.map(|side| side as usize), &colors, target.path())?)?;
     let samples = f64::from(size[0]) * f64::from(size[1]) * f64::from(args.spp);
-    print(&format!(
+    let mut text = format!(
         "{} samples a pixel in {seconds:.1} s, {:.2} million samples a second\npicture: {}\n",
         args.spp,
         samples / seconds / 1e6,
         args.out.display()
-    ))
+    );
+    if let Some(edges) = edges {
+        let mask = edge_mask::trace(&tracer, &camera, size);
+        let png = edge_mask::png(&mask, size.map(|side| side as usize));
+        edges.write(&png.map_err(|error| CliError::write(edges.path(), error))?)?;
+        let share = 100.0 * edge_mask::share(&mask);
+        text += &format!("edges: {}, {share:.1}% of the pixels\n", edges.path().display());
+    }
+    print(&text)
+}
+
+/// How samples of a reference that follows this light are traced.
+pub fn trace_settings(light: Light) -> TraceSettings {
+    let mode = match light {
+        Light::Direct => Mode::Direct,
+        Light::Path => Mode::Path,
+    };
+    TraceSettings { mode, ..TraceSettings::default() }
+}
+
+fn mask_target(path: &Path) -> Result<Target, CliError> {
+    match Kinds::of(path)? {
+        Kinds::Png => Target::new(path),
+        _ => Err(CliError::write(path, "the mask is black and white; name it FILE.png")),
+    }
 }
 
 /// Makes sure that there is memory for a picture.
