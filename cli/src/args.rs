@@ -19,7 +19,8 @@ Examples:
   epigraph reference --spp 256 --out reference.exr
   epigraph compare epigraph.png reference.exr --map difference.png
   epigraph bench --quick                     what each step costs here, beside the papers' figures
-  epigraph gallery --out gallery             a page of pictures: what each step does, scene by scene";
+  epigraph gallery --out gallery             a page of pictures: what each step does, scene by scene
+  epigraph quality --scene cornell           how good the pictures are at 1, 2, 5 and 10% of the pixels a frame";
 
 const BENCH_HELP: &str = "\
 Times are medians over many frames of a moving camera, after a warm-up that fills the point cloud; tracing runs beside
@@ -46,6 +47,27 @@ Examples:
   epigraph gallery --out gallery                                 all scenes, some minutes
   epigraph gallery --out chains --scene chains --crop 230,110    one scene, and the part to enlarge
   epigraph gallery --out cornell --scene cornell --samples 1%    what is left of it at one per cent";
+const QUALITY_HELP: &str = "\
+Each graph starts from nothing and runs along the camera's path; the frames of --frames are compared with converged
+pictures of the same views. A cell of the table holds
+
+  PSNR / PSNR near edges, FLIP / FLIP near edges
+
+PSNR in dB (more is better), FLIP as the mean over the pixels (0 is no difference), both as `compare` has them: of
+what is shown, in sRGB. References are clamped, as a graph's `tonemap` does by default: exposure and curve have to stay.
+Near are pixels within 2 pixels of an edge of the reference (`reference --edges` writes them): outlines, creases and
+hard shadow boundaries. The first graph is what the others are held against.
+
+With few light paths a sample (`trace.spp`, 4 by default) their noise hides how well edges are kept; 64 tell more.
+JSON: size, seed, backend, adapter, spp, mode, set, edge_reach (pixels), rows [{graph, scene, camera, samples (as given),
+samples_per_frame, psnr, flip, edges {share, psnr, flip}, frames [{frame, psnr, flip, edges}]}]; the figures of a row are
+means over its frames; share is that of the pixels near edges; null: pictures are equal, or there is no edge.
+
+Examples:
+  epigraph quality --set trace.spp=64 --plot quality.svg --json quality.json     everything: minutes
+  epigraph quality --scene cornell --camera orbit --samples 5% --size 256x256    a first impression
+  epigraph quality epi my.ron --frames 9,19,39,79                                a graph of one's own beside epi
+  epigraph quality epi --set interpolate.sigma=0.6 --scene chains                what a parameter does";
 
 /// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
 ///
@@ -95,6 +117,9 @@ pub enum Command {
     /// Make a page of pictures: what each step does, and both algorithms side by side
     #[command(after_help = GALLERY_HELP)]
     Gallery(GalleryArgs),
+    /// Measure how good graphs' pictures are: PSNR and FLIP against converged ones, and near their edges
+    #[command(after_help = QUALITY_HELP)]
+    Quality(QualityArgs),
 }
 
 /// The scene and the camera's way through it.
@@ -318,6 +343,59 @@ pub struct GalleryArgs {
     /// Chooses the random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u32,
+}
+
+/// Arguments of `quality`.
+#[derive(Args, Clone, Debug)]
+pub struct QualityArgs {
+    /// Graph files, or names of graphs that come with the program [default: render-cache and epi]
+    #[arg(value_name = "GRAPH")]
+    pub graphs: Vec<String>,
+    /// Scene to measure; may stand several times [default: cornell, chains and room]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Vec<String>,
+    /// Camera path, such as fly or orbit:2; may stand several times [default: still and orbit]
+    #[arg(long, value_name = "PATH")]
+    pub camera: Vec<String>,
+    /// Samples a frame may ask for: counts, or shares of the image's pixels
+    #[arg(
+        long,
+        value_name = "N|P%,...",
+        value_delimiter = ',',
+        default_value = "1%,2%,5%,10%",
+        allow_hyphen_values = true
+    )]
+    pub samples: Vec<Samples>,
+    /// Frames to compare, the first being 0 [default: 39 of a still camera; 19, 24 and 29 of a moving one]
+    #[arg(long, value_name = "N,...", value_delimiter = ',', allow_hyphen_values = true)]
+    pub frames: Vec<u32>,
+    /// Width and height of the image in pixels
+    #[arg(long, value_name = "WxH", default_value = "384x384", allow_hyphen_values = true)]
+    pub size: Size,
+    /// Set a parameter of a node, in all graphs; may stand several times
+    #[arg(long, value_name = "node.param=value")]
+    pub set: Vec<Setting>,
+    /// Samples for each pixel of the references
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
+    pub spp: u32,
+    /// Which light the references follow; with path, also --set trace.mode=Path
+    #[arg(long, default_value = "direct")]
+    pub mode: Light,
+    /// Where nodes run that do not say
+    #[arg(long, default_value = "auto")]
+    pub backend: Backend,
+    /// Chooses the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u32,
+    /// Threads that compute [default: one for each core]; the figures do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
+    pub threads: Option<u16>,
+    /// Write the figures as JSON; - means stdout, without the table then
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Draw FLIP over samples a frame as an SVG picture
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
 }
 
 fn scene_help() -> String {

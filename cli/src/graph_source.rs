@@ -56,7 +56,7 @@ pub fn load(name: &str) -> Result<GraphFile, Problems> {
 }
 
 fn known_words() -> impl Iterator<Item = &'static str> {
-    let commands = ["render", "check", "stages", "reference", "compare", "bench", "gallery"];
+    let commands = ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality"];
     EMBEDDED.iter().map(|(name, _)| *name).chain(commands)
 }
 

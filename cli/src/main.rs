@@ -1,9 +1,10 @@
 //! `epigraph`, the command line: renders graphs, checks them, lists stages, renders references, compares images,
-//! takes the time, shows a gallery.
+//! takes the time, shows a gallery, and measures how good pictures are.
 //!
 //! Every command gives exit code 0 on success and 1 when its input is wrong. Progress goes to stderr, results to stdout.
 
 mod args;
+mod axis;
 mod bench;
 mod check;
 mod columns;
@@ -20,11 +21,13 @@ mod metrics;
 mod output;
 mod picture;
 mod progress;
+mod quality;
 mod reference;
 mod render;
 mod report;
 mod sheet;
 mod stages;
+mod svg;
 mod table;
 mod tone;
 mod values;
@@ -66,5 +69,6 @@ fn run(cli: Cli) -> Result<ExitCode, CliError> {
         Some(Command::Compare(args)) => compare::compare(&args).map(done),
         Some(Command::Bench(args)) => bench::bench(&args).map(done),
         Some(Command::Gallery(args)) => gallery::gallery(&args).map(done),
+        Some(Command::Quality(args)) => quality::quality(&args).map(done),
     }
 }

@@ -85,6 +85,14 @@ impl Target {
         Ok(target)
     }
 
+    /// The same for a plot.
+    pub fn svg(path: &Path) -> Result<Self, CliError> {
+        if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("svg")) {
+            return Err(CliError::write(path, "the plot is drawn as SVG; name it FILE.svg"));
+        }
+        Self::new(path)
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path

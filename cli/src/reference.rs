@@ -37,7 +37,8 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let settings = trace_settings(args.mode);
 
     let start = Instant::now();
-    let colors = trace(&tracer, &path.camera(args.frame), size, args.spp, &settings, args.seed);
+    let camera = path.camera(args.frame);
+    let colors = trace(&tracer, &camera, size, args.spp, &settings, args.seed);
     let seconds = start.elapsed().as_secs_f64();
 
     target.write(&encode(kind, size.map(|side| side as usize), &colors, target.path())?)?;

@@ -59,11 +59,7 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
         ..Settings::new(size, samples)
     };
     let (graph, plan) = compile(&file, &registry, &settings)?;
-    let output = files
-        .picture
-        .as_ref()
-        .map(|picture| image_output(&file, &graph, size, picture.path()))
-        .transpose()?;
+    let output = files.picture.as_ref().map(|_| image_output(&file, &graph, size)).transpose()?;
     // Only now is it known which nodes run: taps would keep the others alive.
     let tiles = if files.sheet.is_some() { image_ports(&graph, &plan, size) } else { Vec::new() };
     let traced = traced_ports(&graph);
@@ -82,7 +78,7 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
     let pooled = [Side::Cpu, Side::Gpu].map(|side| plan.pooled_bytes(side));
 
     let mut executor = Executor::new(graph, plan, &settings, &registry, gpu.clone())?;
-    let host = host(&scene, args.pace, threads);
+    let host = host(tracer(&scene), args.pace, threads);
     let measured = run(&mut executor, &host, &path, args, samples, &traced)?;
     warn_of_bad_samples(&host);
 
@@ -148,9 +144,13 @@ pub fn require_memory(plan: &Plan, gpu: Option<&Gpu>) -> Result<(), CliError> {
     memory::require(plan.bytes(Side::Cpu) + gpu_bytes + tapped.sum::<u64>())
 }
 
-/// What the stages get beside their ports: the tracer of the scene.
-pub fn host(scene: &Arc<Scene>, pace: values::Pace, threads: usize) -> Host {
-    let tracer = progress::spinner("building the tracer".into(), || Arc::new(Tracer::new(scene.clone())));
+/// Builds the tracer of a scene.
+pub fn tracer(scene: &Arc<Scene>) -> Arc<Tracer> {
+    progress::spinner("building the tracer".into(), || Arc::new(Tracer::new(scene.clone())))
+}
+
+/// What the stages get beside their ports: the scene behind its tracer.
+pub fn host(tracer: Arc<Tracer>, pace: values::Pace, threads: usize) -> Host {
     let pace = match pace {
         values::Pace::Exact => Pace::Exact,
         values::Pace::Async => Pace::Async(AsyncTracer::new(tracer.clone(), threads)),
@@ -189,7 +189,7 @@ fn run(
 }
 
 /// A radiance that is no number is a fault of the scene or of the tracer, which the picture alone would not show.
-fn warn_of_bad_samples(host: &Host) {
+pub fn warn_of_bad_samples(host: &Host) {
     let count = host.get::<World>().map_or(0, |world| world.tracer.non_finite());
     if count > 0 {
         eprintln!("warning: {count} samples had a radiance that is not finite; they count as black");
@@ -218,11 +218,11 @@ fn arrived(executor: &mut Executor, traced: &[Source]) -> Result<u64, RunError> 
 }
 
 /// The output that is the picture: the one called `image`, else the first. Its name.
-fn image_output(file: &GraphFile, graph: &Graph, size: [u32; 2], out: &Path) -> Result<String, CliError> {
+pub fn image_output(file: &GraphFile, graph: &Graph, size: [u32; 2]) -> Result<String, CliError> {
     let outputs = &graph.outputs;
     let chosen = outputs.iter().find(|(name, _)| name == "image").or(outputs.first());
     // A graph without outputs does not compile.
-    let Some((name, at)) = chosen else { return Err(CliError::write(out, "the graph has no output")) };
+    let Some((name, at)) = chosen else { return Err(CliError::Input("the graph has no output".into())) };
     let port = &graph.nodes[at.node].declaration().ports[at.port];
     let dims = graph.nodes[at.node].dims[at.port];
     let is_image = port.fields.len() == 1 && visual::is_image(&port.fields[0].element, dims, size);
@@ -232,7 +232,7 @@ fn image_output(file: &GraphFile, graph: &Graph, size: [u32; 2], out: &Path) -> 
     let source = graph.name(*at);
     let text = format!(
         "the output `{name}` is no image but {dims} elements of `{source}` ({}); name an image as output, or save the \
-         list: --save {source}=FILE.csv",
+         list: epigraph render --save {source}=FILE.csv",
         port.extent
     );
     let problem = Problem::new(GraphError::Invalid(text));

@@ -71,8 +71,8 @@ impl fmt::Display for Samples {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Count(count) => write!(f, "{count}"),
-            // Through f32, which hides the rounding of the division by 100.
-            Self::Share(share) => write!(f, "{}%", (share * 100.0) as f32),
+            // Seven digits: 0.07 x 100 is not 7.
+            Self::Share(share) => write!(f, "{}%", (share * 1e7).round() / 1e5),
         }
     }
 }

@@ -8,10 +8,9 @@ mod measure;
 mod papers;
 mod plot;
 mod report;
-mod svg;
 mod times;
 
-use std::{path::Path, sync::Arc};
+use std::sync::Arc;
 
 use epigraph_core::{AdapterChoice, Gpu, GraphFile, Registry, Side};
 
@@ -87,7 +86,7 @@ pub struct Results {
 pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let threads = render::set_threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(plot_target).transpose()?;
+    let plot = args.plot.as_deref().map(Target::svg).transpose()?;
     let bench = Bench::new(args)?;
     let machine = Machine::new(threads, bench.gpu.as_ref().ok().and_then(Option::as_deref));
     if machine.software {
@@ -104,13 +103,6 @@ pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
 /// What must not be overlooked where the GPU is none.
 pub const SOFTWARE_WARNING: &str =
     "THE GPU IS SOFTWARE, it computes on the CPU: times of `gpu` and `hybrid` are not a GPU's";
-
-fn plot_target(path: &Path) -> Result<Target, CliError> {
-    if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("svg")) {
-        return Err(CliError::write(path, "the plot is drawn as SVG; name it FILE.svg"));
-    }
-    Target::new(path)
-}
 
 struct Bench<'a> {
     args: &'a BenchArgs,
@@ -171,7 +163,7 @@ impl<'a> Bench<'a> {
     fn load(&self, name: &str) -> Result<Loaded, CliError> {
         let args = SceneArgs { scene: name.into(), camera: self.args.camera.clone(), size: self.args.size };
         let (scene, path) = load_scene(&args)?;
-        let host = render::host(&scene, Pace::Exact, rayon::current_num_threads());
+        let host = render::host(render::tracer(&scene), Pace::Exact, rayon::current_num_threads());
         Ok(Loaded { name: name.into(), scene, path, host })
     }
 

@@ -5,8 +5,11 @@ use super::{
     column::COLUMNS,
     papers,
     report::{Report, by_backend, grouped, ms},
-    svg::{Anchor, Font, Svg},
     times::Times,
+};
+use crate::{
+    axis::{Log, number, span},
+    svg::{Anchor, Font, Svg},
 };
 
 /// Width of the picture, pixels.
@@ -234,54 +237,10 @@ fn panel(svg: &mut Svg, rows: &[(f64, &Row)], title: &str, [left, top]: [f64; 2]
     }
 }
 
-/// A logarithmic axis.
-struct Log {
-    low: f64,
-    high: f64,
-    screen: [f64; 2],
-}
-
-impl Log {
-    /// For these values, with a little room at both ends; at least a decade, so that noise does not look like growth.
-    fn new([low, high]: [f64; 2], screen: [f64; 2]) -> Self {
-        let span = high / low;
-        let room = span.powf(0.06).max((10.0 / span).sqrt());
-        Self { low: low / room, high: high * room, screen }
-    }
-
-    fn at(&self, value: f64) -> f64 {
-        let share = (value / self.low).ln() / (self.high / self.low).ln();
-        self.screen[0] + share * (self.screen[1] - self.screen[0])
-    }
-
-    /// Powers of ten, and twice and five times those unless that is too many.
-    fn ticks(&self) -> Vec<f64> {
-        let decades = (self.high / self.low).log10();
-        let mantissas: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
-        let from = self.low.log10().floor() as i32;
-        let to = self.high.log10().ceil() as i32;
-        let all = (from..=to).flat_map(|power| mantissas.iter().map(move |m| m * 10f64.powi(power)));
-        all.filter(|value| (self.low..=self.high).contains(value)).collect()
-    }
-}
-
-/// The smallest and the largest, where they can stand on a logarithmic axis.
-fn span(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
-    let [low, high] =
-        values.fold([f64::INFINITY, 0.0], |[low, high], value| [low.min(value), f64::max(high, value)]);
-    (low > 0.0 && low.is_finite()).then_some([low, high])
-}
-
 /// 1, 2 or 5 times a power of ten, at least `least`.
 fn nice_step(least: f64) -> f64 {
     let power = 10f64.powf(least.log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= least).unwrap_or(least)
-}
-
-/// A number without needless zeros.
-fn number(value: f64) -> String {
-    let text = format!("{value:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// A count in few letters: 1.3M.
@@ -300,13 +259,6 @@ mod tests {
     #[test]
     fn axes_have_round_numbers() {
         assert_eq!([0.7, 1.0, 13.0, 420.0].map(nice_step), [1.0, 1.0, 20.0, 500.0]);
-        assert_eq!([0.05, 100.0, 2.5].map(number), ["0.05", "100", "2.5"]);
         assert_eq!([500.0, 20_000.0, 1_300_000.0].map(short), ["500", "20k", "1.3M"]);
-        let axis = Log::new([10.0, 100.0], [0.0, 1.0]);
-        assert_eq!(axis.ticks(), [10.0, 20.0, 50.0, 100.0]);
-        assert!((axis.at(axis.low)).abs() < 1e-12 && (axis.at(axis.high) - 1.0).abs() < 1e-12);
-        assert_eq!(Log::new([30.0, 40.0], [0.0, 1.0]).ticks().len(), 3);
-        assert_eq!(span([3.0, 0.0].into_iter()), None);
-        assert_eq!(span([3.0, 1.0].into_iter()), Some([1.0, 3.0]));
     }
 }

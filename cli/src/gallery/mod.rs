@@ -10,8 +10,8 @@ mod window;
 
 use std::{path::Path, sync::Arc};
 
-use epigraph_core::{Gpu, GraphFile, Host, Registry, Side};
-use epigraph_scenes::{CameraPath, Mode, Scene, TraceSettings};
+use epigraph_core::{Gpu, GraphFile, Registry, Side};
+use epigraph_scenes::{CameraPath, Scene, Tracer};
 use epigraph_stages::World;
 
 use self::{
@@ -29,7 +29,7 @@ use crate::{
     output::print,
     reference::{self, load_scene},
     render, sheet, tone,
-    values::Pace,
+    values::{Light, Pace},
 };
 
 /// The graphs that are shown: the second for comparison.
@@ -107,7 +107,8 @@ impl<'a> Gallery<'a> {
         (scene, path): (Arc<Scene>, CameraPath),
         files: &mut Vec<(String, Vec<u8>)>,
     ) -> Result<Section, CliError> {
-        let host = render::host(&scene, Pace::Exact, rayon::current_num_threads());
+        let tracer = render::tracer(&scene);
+        let host = render::host(tracer.clone(), Pace::Exact, rayon::current_num_threads());
         let run = Run {
             label: name,
             registry: &self.registry,
@@ -121,7 +122,7 @@ impl<'a> Gallery<'a> {
         };
         let epi = run.dissect(&self.epi)?;
         let cache = run.shoot(&self.cache)?;
-        let converged = self.converged(&host, &path)?;
+        let converged = self.converged(&tracer, &path)?;
 
         let window = match self.args.crop {
             Some(crop) => Window::at(crop, epi.layers.size),
@@ -157,15 +158,12 @@ impl<'a> Gallery<'a> {
     }
 
     /// The last frame with many samples for each pixel.
-    fn converged(&self, host: &Host, path: &CameraPath) -> Result<Shot, CliError> {
+    fn converged(&self, tracer: &Tracer, path: &CameraPath) -> Result<Shot, CliError> {
         let size = self.args.size.0;
         reference::require_memory(size)?;
-        let Some(world) = host.get::<World>() else {
-            return Err(CliError::Input("there is no tracer".into()));
-        };
-        let settings = TraceSettings { mode: Mode::Direct, ..TraceSettings::default() };
+        let settings = reference::trace_settings(Light::Direct);
         let camera = path.camera(self.args.frames - 1);
-        let colors = reference::trace(&world.tracer, &camera, size, self.args.spp, &settings, self.args.seed);
+        let colors = reference::trace(tracer, &camera, size, self.args.spp, &settings, self.args.seed);
         let colors = colors.into_iter().map(tone::to_srgb8).collect();
         Ok(Shot { size: size.map(|side| side as usize), colors })
     }

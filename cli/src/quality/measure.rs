@@ -1,0 +1,120 @@
+//! Runs one graph and compares the pictures of some of its frames.
+
+use std::sync::Arc;
+
+use epigraph_core::{Executor, Gpu, Graph, GraphFile, Host, Plan, Registry, Settings, Side, compile};
+use epigraph_scenes::{CameraPath, Scene, Tracer};
+use epigraph_stages::World;
+
+use super::reference::References;
+use crate::{
+    args::SceneArgs,
+    error::CliError,
+    image_file,
+    picture::Picture,
+    progress, render,
+    visual::{self, Look},
+};
+
+/// A scene that is ready to be traced.
+pub struct Loaded<'a> {
+    /// What was asked for.
+    pub args: &'a SceneArgs,
+    /// Its mesh and lights.
+    pub scene: Arc<Scene>,
+    /// The camera's way through it.
+    pub path: CameraPath,
+    /// Traces it.
+    pub tracer: &'a Tracer,
+    /// The same for the stages.
+    pub host: &'a Host,
+}
+
+/// How far pictures are from their references.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// Peak signal-to-noise ratio, decibels.
+    pub psnr: f64,
+    /// Mean FLIP, 0 to 1.
+    pub flip: f64,
+}
+
+/// The figures of one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameFigures {
+    /// Its number, from 0.
+    pub frame: u32,
+    /// Of all pixels.
+    pub whole: Figures,
+    /// Of the pixels near edges; none where there are none.
+    pub edges: Option<Figures>,
+}
+
+/// A run of a graph.
+pub struct Job<'a> {
+    /// What the progress bar says.
+    pub label: String,
+    /// The stages.
+    pub registry: &'a Registry,
+    /// The graph.
+    pub graph: &'a GraphFile,
+    /// Where nodes run that do not say.
+    pub side: Side,
+    /// The GPU, where it is open.
+    pub gpu: Option<Arc<Gpu>>,
+    /// The scene.
+    pub loaded: &'a Loaded<'a>,
+    /// Samples that a frame may ask for.
+    pub samples: u32,
+    /// Chooses the random numbers.
+    pub seed: u32,
+}
+
+impl Job<'_> {
+    /// Makes sure that the graph compiles for the scene and shows a picture.
+    pub fn check(&self) -> Result<(), CliError> {
+        let (graph, plan) = self.compile()?;
+        render::image_output(self.graph, &graph, self.loaded.args.size.0)?;
+        render::require_memory(&plan, self.gpu.as_deref())
+    }
+
+    /// Runs all frames up to the last of `frames` (ascending), and compares those with their references.
+    pub fn run(&self, frames: &[u32], references: &References) -> Result<Vec<FrameFigures>, CliError> {
+        let Loaded { args, path, host, .. } = self.loaded;
+        let size = args.size.0;
+        let (graph, plan) = self.compile()?;
+        let output = render::image_output(self.graph, &graph, size)?;
+        let gpu = render::gpu_for(&plan, self.gpu.clone())?;
+        let mut executor = Executor::new(graph, plan, &self.settings(), self.registry, gpu)?;
+        let count = frames.last().map_or(0, |last| last + 1);
+        let bar = progress::bar(count.into(), &self.label, "frames");
+        let mut figures = Vec::with_capacity(frames.len());
+        for index in 0..count {
+            let compared = frames.binary_search(&index).ok();
+            let frame = World::frame(path, index, size, self.samples, self.seed);
+            executor.run(&frame, host, compared.is_some())?;
+            if let Some(nth) = compared
+                && let Some(image) = executor.snapshot(&output, "")?
+            {
+                let look = Look { far: path.camera(index).far };
+                let unit = |byte| f32::from(byte) / 255.0;
+                let colors = visual::show(image, &look).into_iter().map(|color| color.map(unit)).collect();
+                let picture = Picture { size: image_file::size(image.dims), colors, linear: false };
+                figures.push(references.compare(nth, index, &picture));
+            }
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(figures)
+    }
+
+    fn compile(&self) -> Result<(Graph, Plan), CliError> {
+        Ok(compile(self.graph, self.registry, &self.settings())?)
+    }
+
+    fn settings(&self) -> Settings {
+        let Loaded { args, scene, path, .. } = self.loaded;
+        let facts = World::facts(scene, path.moves());
+        Settings { facts, side: self.side, ..Settings::new(args.size.0, self.samples) }
+    }
+}

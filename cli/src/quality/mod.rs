@@ -1,0 +1,228 @@
+//! `epigraph quality`: how close the pictures of graphs come to converged ones, at equal samples a frame.
+
+mod measure;
+mod plot;
+mod reference;
+mod report;
+
+use std::sync::Arc;
+
+use epigraph_core::{Gpu, GraphFile, Registry, Side};
+
+use self::{
+    measure::{Figures, FrameFigures, Job, Loaded},
+    reference::References,
+    report::Report,
+};
+use crate::{
+    args::{QualityArgs, SceneArgs},
+    error::CliError,
+    graph_source,
+    output::{JsonTarget, Target},
+    reference::load_scene,
+    render,
+    values::{Pace, Samples},
+};
+
+/// What is measured where nothing is named. The first graph is what the others are held against.
+const GRAPHS: [&str; 2] = ["render-cache", "epi"];
+const SCENES: [&str; 3] = ["cornell", "chains", "room"];
+const CAMERAS: [&str; 2] = ["still", "orbit"];
+
+/// Frames that are compared: of a still camera one after the picture has settled; of a moving one three, since the error
+/// is not the same in every frame (`algorithms.md` section 11).
+const STILL_FRAMES: [u32; 1] = [39];
+const MOVING_FRAMES: [u32; 3] = [19, 24, 29];
+
+/// The figures of one graph in one setting.
+pub struct Row {
+    /// The graph's name.
+    pub graph: String,
+    /// The scene.
+    pub scene: String,
+    /// The camera's path.
+    pub camera: String,
+    /// Samples a frame, as the user has it.
+    pub samples: Samples,
+    /// The same as a number.
+    pub count: u32,
+    /// The share of pixels that are near edges, 0 to 1, mean over the frames.
+    pub edge_share: f64,
+    /// In the order of the frames.
+    pub frames: Vec<FrameFigures>,
+}
+
+impl Row {
+    /// Of all pixels, mean over the frames.
+    pub fn whole(&self) -> Figures {
+        let count = self.frames.len().max(1) as f64;
+        let mean = |pick: fn(&Figures) -> f64| {
+            self.frames.iter().map(|frame| pick(&frame.whole)).sum::<f64>() / count
+        };
+        Figures { psnr: mean(|figures| figures.psnr), flip: mean(|figures| figures.flip) }
+    }
+
+    /// Of the pixels near edges, mean over the frames that have any; none where none has.
+    pub fn edges(&self) -> Option<Figures> {
+        let edges: Vec<Figures> = self.frames.iter().filter_map(|frame| frame.edges).collect();
+        let mean = |pick: fn(&Figures) -> f64| edges.iter().map(pick).sum::<f64>() / edges.len() as f64;
+        let figures = || Figures { psnr: mean(|figures| figures.psnr), flip: mean(|figures| figures.flip) };
+        (!edges.is_empty()).then(figures)
+    }
+}
+
+/// Measures and tells.
+pub fn quality(args: &QualityArgs) -> Result<(), CliError> {
+    render::set_threads(args.threads)?;
+    let json = JsonTarget::new(args.json.as_deref())?;
+    let plot = args.plot.as_deref().map(Target::svg).transpose()?;
+    let quality = Quality::new(args)?;
+    let rows = quality.run()?;
+    let report = Report { args, side: quality.side, gpu: quality.gpu.as_deref(), rows: &rows };
+    if let Some(target) = &plot {
+        target.write(plot::svg(&report).as_bytes())?;
+    }
+    json.finish(&report.json(), &report.text())
+}
+
+/// A graph and what the user calls it.
+struct Named {
+    name: String,
+    file: GraphFile,
+}
+
+struct Quality<'a> {
+    args: &'a QualityArgs,
+    registry: Registry,
+    graphs: Vec<Named>,
+    /// Ascending and without repetition; empty for the defaults.
+    frames: Vec<u32>,
+    /// As given, and the number.
+    samples: Vec<(Samples, u32)>,
+    side: Side,
+    gpu: Option<Arc<Gpu>>,
+}
+
+impl<'a> Quality<'a> {
+    fn new(args: &'a QualityArgs) -> Result<Self, CliError> {
+        let mut graphs = Vec::new();
+        for name in named_or(&args.graphs, &GRAPHS) {
+            let mut file = graph_source::load(name)?;
+            graph_source::apply(&mut file, &args.set)?;
+            let name = name.trim_start_matches("graphs/").trim_end_matches(".ron");
+            graphs.push(Named { name: name.into(), file });
+        }
+        let count = |samples: &Samples| Ok((*samples, samples.of(args.size.0)?));
+        let samples: Result<Vec<_>, String> = args.samples.iter().map(count).collect();
+        let mut frames = args.frames.clone();
+        frames.sort_unstable();
+        frames.dedup();
+        let (side, gpu) = render::placement(args.backend)?;
+        Ok(Self {
+            args,
+            registry: epigraph_stages::registry(),
+            graphs,
+            frames,
+            samples: samples.map_err(CliError::Input)?,
+            side,
+            gpu,
+        })
+    }
+
+    fn run(&self) -> Result<Vec<Row>, CliError> {
+        let mut rows = Vec::new();
+        for scene in named_or(&self.args.scene, &SCENES) {
+            // The tracer and the shadow edges that stages keep are shared by all cameras.
+            let mut shared = None;
+            for camera in named_or(&self.args.camera, &CAMERAS) {
+                let args = SceneArgs { scene: scene.into(), camera: camera.into(), size: self.args.size };
+                let (scene, path) = load_scene(&args)?;
+                let (tracer, host) = shared.get_or_insert_with(|| {
+                    let tracer = render::tracer(&scene);
+                    (tracer.clone(), render::host(tracer, Pace::Exact, rayon::current_num_threads()))
+                });
+                self.camera(&Loaded { args: &args, scene, path, tracer, host }, &mut rows)?;
+            }
+            shared.iter().for_each(|(_, host)| render::warn_of_bad_samples(host));
+        }
+        Ok(rows)
+    }
+
+    /// All graphs at all numbers of samples, compared with the same references.
+    fn camera(&self, loaded: &Loaded, rows: &mut Vec<Row>) -> Result<(), CliError> {
+        let mut jobs = Vec::new();
+        for named in &self.graphs {
+            for &(samples, count) in &self.samples {
+                let job = self.job(loaded, named, samples, count);
+                // What is wrong with a graph should not show only after the references.
+                job.check()?;
+                jobs.push((named, samples, count, job));
+            }
+        }
+        let frames = self.frames(loaded);
+        let references = References::trace(self.args, loaded, &frames)?;
+        for (named, samples, count, job) in jobs {
+            rows.push(Row {
+                graph: named.name.clone(),
+                scene: loaded.args.scene.clone(),
+                camera: loaded.args.camera.clone(),
+                samples,
+                count,
+                edge_share: references.edge_share(),
+                frames: job.run(&frames, &references)?,
+            });
+        }
+        Ok(())
+    }
+
+    fn frames(&self, loaded: &Loaded) -> Vec<u32> {
+        match (self.frames.as_slice(), loaded.path.moves()) {
+            ([], false) => STILL_FRAMES.into(),
+            ([], true) => MOVING_FRAMES.into(),
+            (frames, _) => frames.into(),
+        }
+    }
+
+    fn job<'b>(&'b self, loaded: &'b Loaded, named: &'b Named, samples: Samples, count: u32) -> Job<'b> {
+        let SceneArgs { scene, camera, .. } = loaded.args;
+        Job {
+            label: format!("{scene}, {camera}, {}, {samples}", named.name),
+            registry: &self.registry,
+            graph: &named.file,
+            side: self.side,
+            gpu: self.gpu.clone(),
+            loaded,
+            samples: count,
+            seed: self.args.seed,
+        }
+    }
+}
+
+fn named_or<'a>(named: &'a [String], default: &'a [&'a str]) -> Vec<&'a str> {
+    if named.is_empty() { default.into() } else { named.iter().map(String::as_str).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_is_the_mean_of_its_frames() {
+        let figures = |psnr, flip| Figures { psnr, flip };
+        let frame = |frame, whole, edges| FrameFigures { frame, whole, edges };
+        let row = Row {
+            graph: "epi".into(),
+            scene: "cornell".into(),
+            camera: "orbit".into(),
+            samples: Samples::Count(7),
+            count: 7,
+            edge_share: 0.1,
+            frames: vec![
+                frame(3, figures(30.0, 0.25), Some(figures(20.0, 0.5))),
+                frame(5, figures(40.0, 0.75), None),
+            ],
+        };
+        assert_eq!((row.whole(), row.edges()), (figures(35.0, 0.5), Some(figures(20.0, 0.5))));
+        assert_eq!(Row { frames: vec![frame(3, figures(30.0, 0.25), None)], ..row }.edges(), None);
+    }
+}

@@ -1,0 +1,138 @@
+//! FLIP over samples a frame: a panel for each scene and camera, a line for each graph.
+
+use super::{Figures, Row, report::Report};
+use crate::{
+    axis::{Log, number, span},
+    edge_mask,
+    svg::{Anchor, Font, Svg},
+};
+
+/// Left and right margin, pixels.
+const MARGIN: f64 = 36.0;
+/// Of a panel's axes, and from one to the next.
+const PANEL: [f64; 2] = [300.0, 210.0];
+const STEP: [f64; 2] = [376.0, 292.0];
+/// Room for the numbers of the vertical axis.
+const NUMBERS: f64 = 40.0;
+/// Where the first row of panels begins.
+const TOP: f64 = 168.0;
+/// Panels in a row, at least so wide that the title fits.
+const LEAST_COLUMNS: usize = 2;
+
+/// Colours of the graphs, used again where there are more.
+const LINES: [&str; 6] = ["#c0392b", "#2563a8", "#2f8f4e", "#7d5ba6", "#c8760a", "#57606a"];
+
+const TITLE: Font = Font { size: 22.0, color: "#1b1f24", bold: true };
+const HEADING: Font = Font { size: 14.0, color: "#1b1f24", bold: true };
+const LABEL: Font = Font { size: 12.5, color: "#30363d", bold: false };
+const QUIET: Font = Font { size: 11.5, color: "#6e7781", bold: false };
+const GRID: &str = "#e3e6ea";
+
+/// What a line shows: how thick it is, the radius of its dots, and the figures.
+type Kind = (f64, f64, fn(&Row) -> Option<Figures>);
+const WHOLE: Kind = (2.4, 3.8, |row| Some(row.whole()));
+const EDGES: Kind = (1.1, 2.4, Row::edges);
+
+/// Draws all panels, scenes from left to right and cameras from top to bottom.
+pub fn svg(report: &Report) -> String {
+    let mut svg = Svg::default();
+    let scenes = distinct(report.rows, |row| &row.scene);
+    let cameras = distinct(report.rows, |row| &row.camera);
+    let graphs = distinct(report.rows, |row| &row.graph);
+    heading(&mut svg, report, &graphs);
+    let [pixels_wide, pixels_high] = report.args.size.0.map(f64::from);
+    let percent = |row: &Row| 100.0 * f64::from(row.count) / (pixels_wide * pixels_high);
+    let flips = |row: &Row| [WHOLE, EDGES].map(|(.., pick)| pick(row).map(|figures| figures.flip));
+    // One scale for all, so that panels can be compared. A figure of zero has no place on it.
+    let xs = span(report.rows.iter().map(percent));
+    let ys = span(report.rows.iter().flat_map(flips).flatten().filter(|flip| *flip > 0.0));
+    if let (Some(xs), Some(ys)) = (xs, ys) {
+        for rows in report.groups() {
+            let place = |names: &[&str], name: &str| {
+                names.iter().position(|known| *known == name).unwrap_or(0) as f64
+            };
+            let left = MARGIN + NUMBERS + STEP[0] * place(&scenes, &rows[0].scene);
+            let top = TOP + STEP[1] * place(&cameras, &rows[0].camera);
+            let across = Log::new(xs, [left, left + PANEL[0]]);
+            let down = Log::new(ys, [top + PANEL[1], top]);
+            axes(&mut svg, &across, &down, [left, top]);
+            svg.text(
+                [left, top - 9.0],
+                &format!("{}, {}", rows[0].scene, rows[0].camera),
+                Anchor::Start,
+                HEADING,
+            );
+            let lines = report
+                .lines()
+                .filter(|line| (&line[0].scene, &line[0].camera) == (&rows[0].scene, &rows[0].camera));
+            for line in lines {
+                let color = color(&graphs, &line[0].graph);
+                for (width, radius, pick) in [EDGES, WHOLE] {
+                    let mut points: Vec<[f64; 2]> = line
+                        .iter()
+                        .filter_map(|row| Some([percent(row), pick(row)?.flip]))
+                        .filter(|[_, flip]| *flip > 0.0)
+                        .map(|[x, y]| [across.at(x), down.at(y)])
+                        .collect();
+                    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                    svg.polyline(&points, color, width);
+                    points.into_iter().for_each(|point| svg.dot(point, radius, color));
+                }
+            }
+        }
+    }
+    let columns = scenes.len().max(LEAST_COLUMNS) as f64;
+    svg.finish([2.0 * MARGIN + STEP[0] * columns, TOP + STEP[1] * cameras.len() as f64])
+}
+
+fn heading(svg: &mut Svg, report: &Report, graphs: &[&str]) {
+    svg.text([MARGIN, 44.0], "Difference from a converged picture", Anchor::Start, TITLE);
+    svg.text([MARGIN, 66.0], &report.setting(), Anchor::Start, QUIET);
+    let frames = format!("mean FLIP (0: none) of frames {}; both axes logarithmic", report.frames());
+    svg.text([MARGIN, 83.0], &frames, Anchor::Start, QUIET);
+    let mut x = MARGIN;
+    let mut entry = |text: &str, color: &str, width: f64, radius: f64| {
+        svg.line([x, 107.0], [x + 24.0, 107.0], color, width);
+        svg.dot([x + 12.0, 107.0], radius, color);
+        svg.text([x + 31.0, 111.5], text, Anchor::Start, LABEL);
+        // Letters of the label's font are about this wide.
+        x += 31.0 + 7.0 * text.chars().count() as f64 + 18.0;
+    };
+    for graph in graphs {
+        entry(graph, color(graphs, graph), WHOLE.0, WHOLE.1);
+    }
+    let near = format!("thin: within {} pixels of reference edges", edge_mask::REACH);
+    entry(&near, QUIET.color, EDGES.0, EDGES.1);
+}
+
+fn axes(svg: &mut Svg, across: &Log, down: &Log, [left, top]: [f64; 2]) {
+    let [width, height] = PANEL;
+    for value in across.ticks() {
+        let x = across.at(value);
+        svg.line([x, top], [x, top + height], GRID, 1.0);
+        svg.text([x, top + height + 15.0], &format!("{}%", number(value)), Anchor::Middle, QUIET);
+    }
+    for value in down.ticks() {
+        let y = down.at(value);
+        svg.line([left, y], [left + width, y], GRID, 1.0);
+        svg.text([left - 6.0, y + 4.0], &number(value), Anchor::End, QUIET);
+    }
+    let middle = left + width / 2.0;
+    svg.text([middle, top + height + 33.0], "samples a frame, of the pixels", Anchor::Middle, LABEL);
+}
+
+fn color(graphs: &[&str], graph: &str) -> &'static str {
+    let nth = graphs.iter().position(|known| *known == graph).unwrap_or(0);
+    LINES[nth % LINES.len()]
+}
+
+/// The names that stand in the rows, each once, in their order.
+fn distinct(rows: &[Row], name: fn(&Row) -> &str) -> Vec<&str> {
+    let mut names = Vec::new();
+    for row in rows {
+        if !names.contains(&name(row)) {
+            names.push(name(row));
+        }
+    }
+    names
+}
