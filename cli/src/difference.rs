@@ -81,8 +81,8 @@ mod tests {
 
     #[test]
     fn linear_light_is_compared_as_it_is_shown() {
-        let linear = Picture { linear: true, ..grey(|i| if i < 512 { 0.214_041 } else { 7.0 }) };
-        let shown = grey(|i| if i < 512 { 0.5 } else { 1.0 });
+        let linear = Picture { linear: true, ..grey(|i| if i < 512 { 0.318_547 } else { 7.0 }) };
+        let shown = grey(|i| if i < 512 { 0.6 } else { 1.0 });
         let difference = Difference::new(&linear, &shown);
         assert!(difference.psnr() > 90.0);
         assert_eq!(difference.flip(), 0.0);

@@ -109,24 +109,18 @@ impl<'a> Quality<'a> {
         for name in named_or(&args.graphs, &GRAPHS) {
             let mut file = graph_source::load(name)?;
             graph_source::apply(&mut file, &args.set)?;
-            let name = name.trim_start_matches("graphs/").trim_end_matches(".ron");
+            let name = name.strip_prefix("graphs/").unwrap_or(name);
+            let name = name.strip_suffix(".ron").unwrap_or(name);
             graphs.push(Named { name: name.into(), file });
         }
         let count = |samples: &Samples| Ok((*samples, samples.of(args.size.0)?));
         let samples: Result<Vec<_>, String> = args.samples.iter().map(count).collect();
+        let samples = distinct(samples.map_err(CliError::Input)?);
         let mut frames = args.frames.clone();
         frames.sort_unstable();
         frames.dedup();
         let (side, gpu) = render::placement(args.backend)?;
-        Ok(Self {
-            args,
-            registry: epigraph_stages::registry(),
-            graphs,
-            frames,
-            samples: samples.map_err(CliError::Input)?,
-            side,
-            gpu,
-        })
+        Ok(Self { args, registry: epigraph_stages::registry(), graphs, frames, samples, side, gpu })
     }
 
     fn run(&self) -> Result<Vec<Row>, CliError> {
@@ -198,13 +192,32 @@ impl<'a> Quality<'a> {
     }
 }
 
-fn named_or<'a>(named: &'a [String], default: &'a [&'a str]) -> Vec<&'a str> {
-    if named.is_empty() { default.into() } else { named.iter().map(String::as_str).collect() }
+/// What is named, each once, or else the default.
+fn named_or<'a>(named: &'a [String], default: &[&'a str]) -> Vec<&'a str> {
+    if named.is_empty() { default.into() } else { distinct(named.iter().map(String::as_str)) }
+}
+
+/// Each value once, in the order in which they first come.
+fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut known = Vec::new();
+    for value in values {
+        if !known.contains(&value) {
+            known.push(value);
+        }
+    }
+    known
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_thing_is_measured_once() {
+        let named = ["room", "cornell", "room"].map(String::from);
+        assert_eq!(named_or(&named, &SCENES), ["room", "cornell"]);
+        assert_eq!(named_or(&[], &SCENES), SCENES);
+    }
 
     #[test]
     fn a_row_is_the_mean_of_its_frames() {

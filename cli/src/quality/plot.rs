@@ -1,6 +1,9 @@
 //! FLIP over samples a frame: a panel for each scene and camera, a line for each graph.
 
-use super::{Figures, Row, report::Report};
+use super::{
+    Figures, Row, distinct,
+    report::{Report, by_graph},
+};
 use crate::{
     axis::{Log, number, span},
     edge_mask,
@@ -33,56 +36,59 @@ type Kind = (f64, f64, fn(&Row) -> Option<Figures>);
 const WHOLE: Kind = (2.4, 3.8, |row| Some(row.whole()));
 const EDGES: Kind = (1.1, 2.4, Row::edges);
 
-/// Draws all panels, scenes from left to right and cameras from top to bottom.
+/// Draws all panels: scenes from left to right and cameras from top to bottom, or the cameras of the only scene from left
+/// to right.
 pub fn svg(report: &Report) -> String {
     let mut svg = Svg::default();
-    let scenes = distinct(report.rows, |row| &row.scene);
-    let cameras = distinct(report.rows, |row| &row.camera);
-    let graphs = distinct(report.rows, |row| &row.graph);
+    let names = |name: fn(&Row) -> &str| distinct(report.rows.iter().map(name));
+    let [graphs, scenes, cameras] =
+        [names(|row| &row.graph), names(|row| &row.scene), names(|row| &row.camera)];
     heading(&mut svg, report, &graphs);
-    let [pixels_wide, pixels_high] = report.args.size.0.map(f64::from);
-    let percent = |row: &Row| 100.0 * f64::from(row.count) / (pixels_wide * pixels_high);
     let flips = |row: &Row| [WHOLE, EDGES].map(|(.., pick)| pick(row).map(|figures| figures.flip));
     // One scale for all, so that panels can be compared. A figure of zero has no place on it.
-    let xs = span(report.rows.iter().map(percent));
+    let xs = span(report.rows.iter().map(|row| percent(report, row)));
     let ys = span(report.rows.iter().flat_map(flips).flatten().filter(|flip| *flip > 0.0));
+    let [columns, rows] = if scenes.len() > 1 { [&scenes, &cameras] } else { [&cameras, &scenes] };
     if let (Some(xs), Some(ys)) = (xs, ys) {
-        for rows in report.groups() {
-            let place = |names: &[&str], name: &str| {
-                names.iter().position(|known| *known == name).unwrap_or(0) as f64
+        for group in report.groups() {
+            let place = |names: &[&str]| {
+                let of_group =
+                    |name: &&str| [&group[0].scene, &group[0].camera].iter().any(|own| own == name);
+                names.iter().position(of_group).unwrap_or(0) as f64
             };
-            let left = MARGIN + NUMBERS + STEP[0] * place(&scenes, &rows[0].scene);
-            let top = TOP + STEP[1] * place(&cameras, &rows[0].camera);
+            let left = MARGIN + NUMBERS + STEP[0] * place(columns);
+            let top = TOP + STEP[1] * place(rows);
             let across = Log::new(xs, [left, left + PANEL[0]]);
             let down = Log::new(ys, [top + PANEL[1], top]);
             axes(&mut svg, &across, &down, [left, top]);
-            svg.text(
-                [left, top - 9.0],
-                &format!("{}, {}", rows[0].scene, rows[0].camera),
-                Anchor::Start,
-                HEADING,
-            );
-            let lines = report
-                .lines()
-                .filter(|line| (&line[0].scene, &line[0].camera) == (&rows[0].scene, &rows[0].camera));
-            for line in lines {
-                let color = color(&graphs, &line[0].graph);
-                for (width, radius, pick) in [EDGES, WHOLE] {
-                    let mut points: Vec<[f64; 2]> = line
-                        .iter()
-                        .filter_map(|row| Some([percent(row), pick(row)?.flip]))
-                        .filter(|[_, flip]| *flip > 0.0)
-                        .map(|[x, y]| [across.at(x), down.at(y)])
-                        .collect();
-                    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-                    svg.polyline(&points, color, width);
-                    points.into_iter().for_each(|point| svg.dot(point, radius, color));
-                }
+            let title = format!("{}, {}", group[0].scene, group[0].camera);
+            svg.text([left, top - 9.0], &title, Anchor::Start, HEADING);
+            for line in by_graph(group) {
+                let at = |row: &Row, flip: f64| [across.at(percent(report, row)), down.at(flip)];
+                draw(&mut svg, line, at, color(&graphs, &line[0].graph));
             }
         }
     }
-    let columns = scenes.len().max(LEAST_COLUMNS) as f64;
-    svg.finish([2.0 * MARGIN + STEP[0] * columns, TOP + STEP[1] * cameras.len() as f64])
+    let width = 2.0 * MARGIN + STEP[0] * columns.len().max(LEAST_COLUMNS) as f64;
+    svg.finish([width, TOP + STEP[1] * rows.len() as f64])
+}
+
+/// Samples a frame of each hundred pixels.
+fn percent(report: &Report, row: &Row) -> f64 {
+    let [width, height] = report.args.size.0.map(f64::from);
+    100.0 * f64::from(row.count) / (width * height)
+}
+
+/// Both lines of a graph.
+fn draw(svg: &mut Svg, rows: &[Row], at: impl Fn(&Row, f64) -> [f64; 2], color: &str) {
+    for (width, radius, pick) in [EDGES, WHOLE] {
+        let flips = rows.iter().filter_map(|row| Some((row, pick(row)?.flip)));
+        let mut points: Vec<[f64; 2]> =
+            flips.filter(|(_, flip)| *flip > 0.0).map(|(row, flip)| at(row, flip)).collect();
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        svg.polyline(&points, color, width);
+        points.into_iter().for_each(|point| svg.dot(point, radius, color));
+    }
 }
 
 fn heading(svg: &mut Svg, report: &Report, graphs: &[&str]) {
@@ -124,15 +130,4 @@ fn axes(svg: &mut Svg, across: &Log, down: &Log, [left, top]: [f64; 2]) {
 fn color(graphs: &[&str], graph: &str) -> &'static str {
     let nth = graphs.iter().position(|known| *known == graph).unwrap_or(0);
     LINES[nth % LINES.len()]
-}
-
-/// The names that stand in the rows, each once, in their order.
-fn distinct(rows: &[Row], name: fn(&Row) -> &str) -> Vec<&str> {
-    let mut names = Vec::new();
-    for row in rows {
-        if !names.contains(&name(row)) {
-            names.push(name(row));
-        }
-    }
-    names
 }

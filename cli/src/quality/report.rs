@@ -3,7 +3,7 @@
 use epigraph_core::{Gpu, Side};
 use serde_json::{Value, json};
 
-use super::{Figures, Row};
+use super::{Figures, FrameFigures, Row, distinct};
 use crate::{args::QualityArgs, edge_mask};
 
 /// Everything there is to tell.
@@ -36,19 +36,13 @@ impl Report<'_> {
         )
     }
 
-    /// Which frames each camera's figures are of: `still: 39; orbit: 19, 24, 29`.
+    /// Which frames the figures of each camera are of: `39 (still); 19, 24, 29 (orbit)`.
     pub fn frames(&self) -> String {
-        let mut cameras: Vec<&Row> = Vec::new();
-        for row in self.rows {
-            if cameras.iter().all(|known| known.camera != row.camera) {
-                cameras.push(row);
-            }
-        }
-        let one = |row: &&Row| {
+        let one = |row: &Row| {
             let frames: Vec<String> = row.frames.iter().map(|frame| frame.frame.to_string()).collect();
-            format!("{}: {}", row.camera, frames.join(", "))
+            format!("{} ({})", frames.join(", "), row.camera)
         };
-        cameras.iter().map(one).collect::<Vec<_>>().join("; ")
+        distinct(self.rows.iter().map(one)).join("; ")
     }
 
     /// Neighbouring rows of one scene and camera.
@@ -58,19 +52,14 @@ impl Report<'_> {
 
     /// The table and what it comes to.
     pub fn text(&self) -> String {
-        let mut table = vec![
-            std::iter::once(String::new())
-                .chain(self.args.samples.iter().map(ToString::to_string))
-                .collect::<Vec<_>>(),
-        ];
-        for row in self.lines() {
-            let [first, ..] = row else { continue };
-            let name = format!("{}, {}, {}", first.scene, first.camera, first.graph);
-            table.push(std::iter::once(name).chain(row.iter().map(cell)).collect());
+        let samples = distinct(self.rows.iter().map(|row| row.samples.to_string()));
+        let mut table = vec![[vec![String::new()], samples].concat()];
+        for line in self.groups().flat_map(by_graph) {
+            let name = format!("{}, {}, {}", line[0].scene, line[0].camera, line[0].graph);
+            table.push(std::iter::once(name).chain(line.iter().map(cell)).collect());
         }
         format!(
-            "PSNR / within {} pixels of reference edges (dB), mean FLIP / within {0} pixels of reference edges\n{}\n\
-             frames {}\n\n{}\n{}",
+            "PSNR in dB / of pixels within {} of reference edges, mean FLIP / of those pixels\n{}\nframes {}\n\n{}\n{}",
             edge_mask::REACH,
             self.setting(),
             self.frames(),
@@ -79,30 +68,16 @@ impl Report<'_> {
         )
     }
 
-    /// A graph's rows of one scene and camera: one for each number of samples.
-    pub fn lines(&self) -> impl Iterator<Item = &[Row]> {
-        self.rows.chunks(self.args.samples.len().max(1))
-    }
-
     /// For each graph but the first, in how many cases its FLIP is lower than the first one's.
     fn verdicts(&self) -> String {
-        let length = self.args.samples.len().max(1);
+        let graphs = distinct(self.rows.iter().map(|row| row.graph.as_str()));
+        let of = |graph| self.rows.iter().filter(move |row| row.graph == graph);
         let mut text = String::new();
-        let Some(group) = self.groups().next() else { return text };
-        let graphs = group.len() / length;
-        // Groups of equal scenes and cameras named twice in a row would run together.
-        let groups = || self.rows.chunks(length * graphs);
-        for nth in 1..graphs {
-            let pairs: Vec<(&Row, &Row)> = groups()
-                .flat_map(|group| group[..length].iter().zip(&group[nth * length..(nth + 1) * length]))
-                .collect();
-            let [first, other] = [&group[0].graph, &group[nth * length].graph];
-            for (what, pick) in [
-                ("FLIP", (|row| Some(row.whole())) as fn(&Row) -> Option<Figures>),
-                ("FLIP near edges", Row::edges),
-            ] {
-                text += &verdict(&format!("{other} against {first}: {what}"), &pairs, pick);
-            }
+        for other in graphs.iter().skip(1) {
+            let pairs: Vec<(&Row, &Row)> = of(graphs[0]).zip(of(other)).collect();
+            let what = format!("{other} against {}: FLIP", graphs[0]);
+            text += &verdict(&what, &pairs, |row| Some(row.whole()));
+            text += &verdict(&format!("{what} near edges"), &pairs, Row::edges);
         }
         text
     }
@@ -127,6 +102,11 @@ impl Report<'_> {
             "rows": self.rows.iter().map(of_row).collect::<Vec<_>>(),
         })
     }
+}
+
+/// Neighbouring rows of one graph: one for each number of samples.
+pub fn by_graph(rows: &[Row]) -> impl Iterator<Item = &[Row]> {
+    rows.chunk_by(|a, b| a.graph == b.graph)
 }
 
 /// In how many pairs the second row is the better one, by how much, and where it is not.
@@ -192,7 +172,7 @@ fn markdown(rows: &[Vec<String>]) -> String {
 }
 
 fn of_row(row: &Row) -> Value {
-    let frame = |frame: &super::FrameFigures| {
+    let frame = |frame: &FrameFigures| {
         let mut value = of_figures(frame.whole);
         value["frame"] = json!(frame.frame);
         value["edges"] = json!(frame.edges.map(of_figures));
@@ -220,7 +200,7 @@ fn of_figures(figures: Figures) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{quality::FrameFigures, values::Samples};
+    use crate::values::Samples;
 
     fn row(graph: &str, share: f64, whole: [f64; 2], edges: Option<[f64; 2]>) -> Row {
         let figures = |[psnr, flip]: [f64; 2]| Figures { psnr, flip };

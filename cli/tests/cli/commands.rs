@@ -153,7 +153,7 @@ fn help_and_version_succeed() {
     let place = Place::new();
     assert!(place.succeeds("--help").contains("Examples:"));
     assert!(place.succeeds("--version").starts_with("epigraph "));
-    for command in ["render", "check", "stages", "reference", "compare", "bench"] {
+    for command in ["render", "check", "stages", "reference", "compare", "bench", "quality"] {
         assert!(place.succeeds(&format!("{command} --help")).contains("Example"), "{command}");
     }
 }

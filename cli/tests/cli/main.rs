@@ -4,4 +4,5 @@ mod bad_input;
 mod bench;
 mod commands;
 mod gallery;
+mod quality;
 mod support;
