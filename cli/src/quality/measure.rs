@@ -3,31 +3,37 @@
 use std::sync::Arc;
 
 use epigraph_core::{Executor, Gpu, Graph, GraphFile, Host, Plan, Registry, Settings, Side, compile};
-use epigraph_scenes::{CameraPath, Scene, Tracer};
+use epigraph_scenes::{CameraPath, Scene};
 use epigraph_stages::World;
 
 use super::reference::References;
 use crate::{
-    args::SceneArgs,
     error::CliError,
     image_file,
     picture::Picture,
     progress, render,
+    values::Samples,
     visual::{self, Look},
 };
 
-/// A scene that is ready to be traced.
-pub struct Loaded<'a> {
-    /// What was asked for.
-    pub args: &'a SceneArgs,
+/// A graph and what the user calls it.
+pub struct Named {
+    /// The name.
+    pub name: String,
+    /// The graph.
+    pub file: GraphFile,
+}
+
+/// A scene and a camera's way through it.
+pub struct View {
+    /// What the user calls the scene.
+    pub scene_name: String,
+    /// What the user calls the path.
+    pub camera: String,
     /// Its mesh and lights.
     pub scene: Arc<Scene>,
-    /// The camera's way through it.
+    /// The path.
     pub path: CameraPath,
-    /// Traces it.
-    pub tracer: &'a Tracer,
-    /// The same for the stages.
-    pub host: &'a Host,
 }
 
 /// How far pictures are from their references.
@@ -52,20 +58,22 @@ pub struct FrameFigures {
 
 /// A run of a graph.
 pub struct Job<'a> {
-    /// What the progress bar says.
-    pub label: String,
     /// The stages.
     pub registry: &'a Registry,
     /// The graph.
-    pub graph: &'a GraphFile,
+    pub named: &'a Named,
     /// Where nodes run that do not say.
     pub side: Side,
     /// The GPU, where it is open.
     pub gpu: Option<Arc<Gpu>>,
-    /// The scene.
-    pub loaded: &'a Loaded<'a>,
-    /// Samples that a frame may ask for.
-    pub samples: u32,
+    /// The scene and the camera.
+    pub view: &'a View,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Samples that a frame may ask for, as the user has it.
+    pub samples: Samples,
+    /// The same as a number.
+    pub count: u32,
     /// Chooses the random numbers.
     pub seed: u32,
 }
@@ -74,24 +82,29 @@ impl Job<'_> {
     /// Makes sure that the graph compiles for the scene and shows a picture.
     pub fn check(&self) -> Result<(), CliError> {
         let (graph, plan) = self.compile()?;
-        render::image_output(self.graph, &graph, self.loaded.args.size.0)?;
+        render::image_output(&self.named.file, &graph, self.size)?;
         render::require_memory(&plan, self.gpu.as_deref())
     }
 
     /// Runs all frames up to the last of `frames` (ascending), and compares those with their references.
-    pub fn run(&self, frames: &[u32], references: &References) -> Result<Vec<FrameFigures>, CliError> {
-        let Loaded { args, path, host, .. } = self.loaded;
-        let size = args.size.0;
+    pub fn run(
+        &self,
+        host: &Host,
+        frames: &[u32],
+        references: &References,
+    ) -> Result<Vec<FrameFigures>, CliError> {
+        let View { scene_name, camera, path, .. } = self.view;
         let (graph, plan) = self.compile()?;
-        let output = render::image_output(self.graph, &graph, size)?;
+        let output = render::image_output(&self.named.file, &graph, self.size)?;
         let gpu = render::gpu_for(&plan, self.gpu.clone())?;
         let mut executor = Executor::new(graph, plan, &self.settings(), self.registry, gpu)?;
         let count = frames.last().map_or(0, |last| last + 1);
-        let bar = progress::bar(count.into(), &self.label, "frames");
+        let label = format!("{scene_name}, {camera}, {}, {}", self.named.name, self.samples);
+        let bar = progress::bar(count.into(), &label, "frames");
         let mut figures = Vec::with_capacity(frames.len());
         for index in 0..count {
             let compared = frames.binary_search(&index).ok();
-            let frame = World::frame(path, index, size, self.samples, self.seed);
+            let frame = World::frame(path, index, self.size, self.count, self.seed);
             executor.run(&frame, host, compared.is_some())?;
             if let Some(nth) = compared
                 && let Some(image) = executor.snapshot(&output, "")?
@@ -109,12 +122,11 @@ impl Job<'_> {
     }
 
     fn compile(&self) -> Result<(Graph, Plan), CliError> {
-        Ok(compile(self.graph, self.registry, &self.settings())?)
+        Ok(compile(&self.named.file, self.registry, &self.settings())?)
     }
 
     fn settings(&self) -> Settings {
-        let Loaded { args, scene, path, .. } = self.loaded;
-        let facts = World::facts(scene, path.moves());
-        Settings { facts, side: self.side, ..Settings::new(args.size.0, self.samples) }
+        let facts = World::facts(&self.view.scene, self.view.path.moves());
+        Settings { facts, side: self.side, ..Settings::new(self.size, self.count) }
     }
 }

@@ -7,20 +7,20 @@ mod report;
 
 use std::sync::Arc;
 
-use epigraph_core::{Gpu, GraphFile, Registry, Side};
+use epigraph_core::{Gpu, Registry, Side};
+use epigraph_scenes::{CameraPath, Scene};
 
 use self::{
-    measure::{Figures, FrameFigures, Job, Loaded},
+    measure::{Figures, FrameFigures, Job, Named, View},
     reference::References,
     report::Report,
 };
 use crate::{
-    args::{QualityArgs, SceneArgs},
+    args::QualityArgs,
     error::CliError,
     graph_source,
     output::{JsonTarget, Target},
-    reference::load_scene,
-    render,
+    progress, render,
     values::{Pace, Samples},
 };
 
@@ -85,12 +85,6 @@ pub fn quality(args: &QualityArgs) -> Result<(), CliError> {
     json.finish(&report.json(), &report.text())
 }
 
-/// A graph and what the user calls it.
-struct Named {
-    name: String,
-    file: GraphFile,
-}
-
 struct Quality<'a> {
     args: &'a QualityArgs,
     registry: Registry,
@@ -124,70 +118,76 @@ impl<'a> Quality<'a> {
     }
 
     fn run(&self) -> Result<Vec<Row>, CliError> {
+        // What is wrong with the last scene should not show only after the first was measured.
+        let views = self.views()?;
+        for job in views.iter().flat_map(|view| self.jobs(view)) {
+            job.check()?;
+        }
         let mut rows = Vec::new();
-        for scene in named_or(&self.args.scene, &SCENES) {
+        for views in views.chunk_by(|a, b| a.scene_name == b.scene_name) {
             // The tracer and the shadow edges that stages keep are shared by all cameras.
-            let mut shared = None;
-            for camera in named_or(&self.args.camera, &CAMERAS) {
-                let args = SceneArgs { scene: scene.into(), camera: camera.into(), size: self.args.size };
-                let (scene, path) = load_scene(&args)?;
-                let (tracer, host) = shared.get_or_insert_with(|| {
-                    let tracer = render::tracer(&scene);
-                    (tracer.clone(), render::host(tracer, Pace::Exact, rayon::current_num_threads()))
-                });
-                self.camera(&Loaded { args: &args, scene, path, tracer, host }, &mut rows)?;
+            let tracer = render::tracer(&views[0].scene);
+            let host = render::host(tracer.clone(), Pace::Exact, rayon::current_num_threads());
+            for view in views {
+                let frames = self.frames(view);
+                let references = References::trace(self.args, view, &tracer, &frames)?;
+                for job in self.jobs(view) {
+                    rows.push(Row {
+                        graph: job.named.name.clone(),
+                        scene: view.scene_name.clone(),
+                        camera: view.camera.clone(),
+                        samples: job.samples,
+                        count: job.count,
+                        edge_share: references.edge_share(),
+                        frames: job.run(&host, &frames, &references)?,
+                    });
+                }
             }
-            shared.iter().for_each(|(_, host)| render::warn_of_bad_samples(host));
+            render::warn_of_bad_samples(&host);
         }
         Ok(rows)
     }
 
-    /// All graphs at all numbers of samples, compared with the same references.
-    fn camera(&self, loaded: &Loaded, rows: &mut Vec<Row>) -> Result<(), CliError> {
-        let mut jobs = Vec::new();
-        for named in &self.graphs {
-            for &(samples, count) in &self.samples {
-                let job = self.job(loaded, named, samples, count);
-                // What is wrong with a graph should not show only after the references.
-                job.check()?;
-                jobs.push((named, samples, count, job));
+    /// Every scene with every camera path.
+    fn views(&self) -> Result<Vec<View>, CliError> {
+        let mut views = Vec::new();
+        for name in named_or(&self.args.scene, &SCENES) {
+            let scene = Arc::new(progress::spinner(format!("loading scene {name}"), || Scene::load(name))?);
+            for camera in named_or(&self.args.camera, &CAMERAS) {
+                let path = CameraPath::parse(camera, &scene)?;
+                views.push(View {
+                    scene_name: name.into(),
+                    camera: camera.into(),
+                    scene: scene.clone(),
+                    path,
+                });
             }
         }
-        let frames = self.frames(loaded);
-        let references = References::trace(self.args, loaded, &frames)?;
-        for (named, samples, count, job) in jobs {
-            rows.push(Row {
-                graph: named.name.clone(),
-                scene: loaded.args.scene.clone(),
-                camera: loaded.args.camera.clone(),
-                samples,
-                count,
-                edge_share: references.edge_share(),
-                frames: job.run(&frames, &references)?,
-            });
-        }
-        Ok(())
+        Ok(views)
     }
 
-    fn frames(&self, loaded: &Loaded) -> Vec<u32> {
-        match (self.frames.as_slice(), loaded.path.moves()) {
+    /// All graphs at all numbers of samples.
+    fn jobs<'b>(&'b self, view: &'b View) -> impl Iterator<Item = Job<'b>> {
+        self.graphs.iter().flat_map(move |named| {
+            self.samples.iter().map(move |&(samples, count)| Job {
+                registry: &self.registry,
+                named,
+                side: self.side,
+                gpu: self.gpu.clone(),
+                view,
+                size: self.args.size.0,
+                samples,
+                count,
+                seed: self.args.seed,
+            })
+        })
+    }
+
+    fn frames(&self, view: &View) -> Vec<u32> {
+        match (self.frames.as_slice(), view.path.moves()) {
             ([], false) => STILL_FRAMES.into(),
             ([], true) => MOVING_FRAMES.into(),
             (frames, _) => frames.into(),
-        }
-    }
-
-    fn job<'b>(&'b self, loaded: &'b Loaded, named: &'b Named, samples: Samples, count: u32) -> Job<'b> {
-        let SceneArgs { scene, camera, .. } = loaded.args;
-        Job {
-            label: format!("{scene}, {camera}, {}, {samples}", named.name),
-            registry: &self.registry,
-            graph: &named.file,
-            side: self.side,
-            gpu: self.gpu.clone(),
-            loaded,
-            samples: count,
-            seed: self.args.seed,
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Converged pictures of the frames to compare, kept while all graphs are compared with them.
 
-use epigraph_scenes::reference;
+use epigraph_scenes::{Tracer, reference};
 
-use super::measure::{Figures, FrameFigures, Loaded};
+use super::measure::{Figures, FrameFigures, View};
 use crate::{
     args::QualityArgs, difference::Difference, edge_mask, error::CliError, memory, picture::Picture,
     progress, reference::trace_settings,
@@ -15,10 +15,10 @@ const BYTES_TO_KEEP: u64 = 16;
 /// The references of one scene and camera path.
 pub struct References {
     /// In the order of the frames; a single one where the camera stands still.
-    views: Vec<View>,
+    views: Vec<Converged>,
 }
 
-struct View {
+struct Converged {
     picture: Picture,
     /// The pixels near edges.
     edges: Vec<bool>,
@@ -29,34 +29,27 @@ impl References {
     ///
     /// # Errors
     /// That there is not enough memory.
-    pub fn trace(args: &QualityArgs, loaded: &Loaded, frames: &[u32]) -> Result<Self, CliError> {
+    pub fn trace(args: &QualityArgs, view: &View, tracer: &Tracer, frames: &[u32]) -> Result<Self, CliError> {
         let size = args.size.0;
-        let frames = if loaded.path.moves() { frames } else { &frames[..frames.len().min(1)] };
+        let frames = if view.path.moves() { frames } else { &frames[..frames.len().min(1)] };
         let bytes = BYTES_TO_COMPARE + BYTES_TO_KEEP * frames.len() as u64;
         memory::require(u64::from(size[0]) * u64::from(size[1]) * bytes)?;
         let settings = trace_settings(args.mode);
-        let view = |&frame: &u32| {
-            let label = format!("{}, {}, reference {frame}", loaded.args.scene, loaded.args.camera);
+        let converged = |&frame: &u32| {
+            let label = format!("{}, {}, reference {frame}", view.scene_name, view.camera);
             let bar = progress::bar(size[1].into(), &label, "rows");
-            let camera = loaded.path.camera(frame);
-            let colors = reference::render(
-                loaded.tracer,
-                &camera,
-                size,
-                args.spp,
-                &settings,
-                args.seed.into(),
-                &|_| {
+            let camera = view.path.camera(frame);
+            let colors =
+                reference::render(tracer, &camera, size, args.spp, &settings, args.seed.into(), &|_| {
                     bar.inc(1);
-                },
-            );
-            let edges = edge_mask::trace(loaded.tracer, &camera, size);
+                });
+            let edges = edge_mask::trace(tracer, &camera, size);
             bar.finish_and_clear();
             let colors = colors.into_iter().map(Into::into).collect();
             let size = size.map(|side| side as usize);
-            View { picture: Picture { size, colors, linear: true }, edges }
+            Converged { picture: Picture { size, colors, linear: true }, edges }
         };
-        Ok(Self { views: frames.iter().map(view).collect() })
+        Ok(Self { views: frames.iter().map(converged).collect() })
     }
 
     /// The share of pixels that are near edges, 0 to 1, mean over the frames.
@@ -67,7 +60,7 @@ impl References {
 
     /// Compares the picture of the frame of that index in the list of frames.
     pub fn compare(&self, index: usize, frame: u32, picture: &Picture) -> FrameFigures {
-        let View { picture: reference, edges } = &self.views[index.min(self.views.len() - 1)];
+        let Converged { picture: reference, edges } = &self.views[index.min(self.views.len() - 1)];
         let difference = Difference::new(reference, picture);
         let near = || Figures { psnr: difference.psnr_within(edges), flip: difference.flip_within(edges) };
         FrameFigures {

@@ -85,6 +85,10 @@ fn wrong_input_is_told_before_anything_is_traced() {
     for (words, parts) in [
         ("quality epj", ["epj", "did you mean `epi`"]),
         ("quality --scene cornel", ["cornel", "did you mean `cornell`"]),
+        (
+            "quality --scene cornell --scene cornel --size 512x512 --spp 100000",
+            ["cornel", "did you mean `cornell`"],
+        ),
         ("quality --camera orbti", ["orbti", "did you mean `orbit`"]),
         ("quality --samples 5%,0", ["'0'", "a count from 1"]),
         ("quality --samples 65 --size 8x8", ["65", "64 pixels"]),
