@@ -34,7 +34,7 @@ pub const COLUMNS: [Column; COUNT] = [
     Column {
         name: "I2",
         doc: "reachability, interpolation, anti-aliasing",
-        kinds: &["reach", "reach_cull", "interpolate", "fill", "spread", "antialias"],
+        kinds: &["reach", "reach_cull", "interpolate", "fill", "spread", "subdivide", "antialias"],
     },
 ];
 
