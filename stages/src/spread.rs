@@ -24,6 +24,9 @@ const ROUND: u32 = 8;
 /// What `filled` holds for holes.
 const HOLE: u32 = u32::MAX;
 
+/// What ends the holes of a row in a list.
+const END: u32 = u32::MAX;
+
 /// Pixels to each side of the squares around a hole.
 const SQUARES: [usize; 4] = [1, 2, 4, 8];
 
@@ -58,6 +61,7 @@ pub struct Spread {
     n8: In<u32>,
     color: Out<texel::Rgba32Float>,
     pyramid: Out<[f32; 4]>,
+    found: Out<[f32; 4]>,
     filled: Out<u32>,
 }
 
@@ -77,7 +81,7 @@ impl Stage for Spread {
             // A quarter of that would do, but for what rounding adds to images of a few tiles.
             Extent::Frame(TILE as u32 / 4),
         );
-        let _: Out<[f32; 4]> = io.write("found", "Scratch: the colours that holes took.", pixels());
+        let found = io.write("found", "Scratch: the colours that holes took.", pixels());
         let filled = io.write(
             "filled",
             "The round in which a hole was filled, 0xFFFFFFFF if in none; 0: no hole.",
@@ -100,46 +104,82 @@ impl Stage for Spread {
                 io.dispatch("push", color);
             }
         }
-        Self { primary, n8, color, pyramid, filled }
+        Self { primary, n8, color, pyramid, found, filled }
     }
 
     fn cpu(&self, params: &SpreadParams, cx: &CpuContext) -> Result<(), String> {
         let (width, height) = (cx.dims(self.color).width as usize, cx.dims(self.color).height as usize);
         let (primary, n8) = (&cx.read(self.primary)[..], &cx.read(self.n8)[..]);
         let (color, filled) = (&mut cx.write(self.color)[..], &mut cx.write(self.filled)[..]);
+        let mut found = cx.write(self.found);
+        let list: &mut [Hole] = bytemuck::cast_slice_mut(&mut found);
 
         let rows =
             color.par_chunks_mut(width).zip(filled.par_chunks_mut(width)).zip(primary.par_chunks(width));
-        let holes_by_row = rows.enumerate().flat_map_iter(|(y, ((color, filled), primary))| {
-            let mut holes = Vec::new();
+        let has_holes = rows.map(|((color, filled), primary)| {
+            let mut has_holes = false;
             for (x, &[r, g, b, alpha]) in primary.iter().enumerate() {
                 let is_hole = alpha <= 0.0;
                 color[x] = if is_hole { [0.0; 4] } else { [r, g, b, 1.0] };
                 filled[x] = if is_hole { HOLE } else { 0 };
-                if is_hole {
-                    holes.push(y * width + x);
-                }
+                has_holes |= is_hole;
             }
-            holes
+            has_holes
         });
-        let mut holes: Vec<usize> = holes_by_row.collect();
-        if holes.is_empty() || params.method == Method::Off {
+        if !has_holes.reduce(|| false, |a, b| a | b) || params.method == Method::Off {
             return Ok(());
         }
 
         let mut image = Image { color, width, height };
         if params.method == Method::Spread {
-            image.spread(n8, &holes, filled, params.rounds);
-            holes.retain(|&hole| filled[hole] == HOLE);
+            image.spread(n8, filled, params.rounds, list);
         }
-        if !holes.is_empty() {
+        let left = list_holes(list, width, |p| filled[p] == HOLE);
+        if left > 0 {
             let mut sums = cx.write(self.pyramid);
             let mut pyramid = Pyramid::new(&mut sums, width, height);
-            pyramid.pull(&image);
-            image.fill(&holes, |image, hole| image.mean_around(&pyramid, hole));
+            if pyramid.pull(&image) {
+                image.fill(&mut list[..left], |image, hole| image.mean_around(&pyramid, hole));
+            }
         }
         Ok(())
     }
+}
+
+/// A hole and the colour that it takes: an element of `found` on the CPU, where it is a list.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Hole {
+    color: [f32; 3],
+    pixel: u32,
+}
+
+/// Lists the pixels for which `wanted` holds, in their order; gives how many. There must be room for all pixels.
+fn list_holes(list: &mut [Hole], width: usize, wanted: impl Fn(usize) -> bool + Sync) -> usize {
+    // Each row lists its own in its own place; then they move up.
+    list.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        let mut count = 0;
+        for p in y * width..(y + 1) * width {
+            if wanted(p) {
+                row[count].pixel = p as u32;
+                count += 1;
+            }
+        }
+        if let Some(next) = row.get_mut(count) {
+            next.pixel = END;
+        }
+    });
+    let mut count = 0;
+    for row in (0..list.len()).step_by(width) {
+        for at in row..row + width {
+            if list[at].pixel == END {
+                break;
+            }
+            list[count] = list[at];
+            count += 1;
+        }
+    }
+    count
 }
 
 /// Colours with alpha 1, or zeros: an alpha of 0 or less is a hole's.
@@ -151,38 +191,45 @@ struct Image<'a> {
 
 impl Image<'_> {
     /// Spreads colours into the holes, in so many rounds.
-    fn spread(&mut self, n8: &[u32], holes: &[usize], filled: &mut [u32], rounds: u32) {
-        // The holes next to colours: those that the coming step fills.
-        let is_next_to_color = |&&hole: &&usize| self.joined(n8, hole).any(|p| self.color[p][3] > 0.0);
-        let mut front: Vec<usize> = holes.par_iter().filter(is_next_to_color).copied().collect();
+    fn spread(&mut self, n8: &[u32], filled: &mut [u32], rounds: u32, list: &mut [Hole]) {
+        // The holes next to colours: those that the coming step fills. Each step lists those of the next behind its own;
+        // none is listed twice, so there is room.
+        let is_next_to_color =
+            |p: usize| filled[p] == HOLE && self.joined(n8, p).any(|q| self.color[q][3] > 0.0);
+        let mut front = 0..list_holes(list, self.width, is_next_to_color);
         for step in 0..rounds * ROUND {
             if front.is_empty() {
                 break;
             }
-            self.fill(&front, |image, hole| mean(image.joined(n8, hole).map(|p| image.color[p])));
-            let mut next = Vec::new();
-            for &hole in &front {
+            let mean_joined = |image: &Self, hole| mean(image.joined(n8, hole).map(|p| image.color[p]));
+            self.fill(&mut list[front.clone()], mean_joined);
+            let mut end = front.end;
+            for at in front.clone() {
+                let hole = list[at].pixel as usize;
                 filled[hole] = step / ROUND + 1;
                 for p in joined(self.width, self.height, n8, hole) {
                     if self.color[p][3] == 0.0 {
                         // Listed, and still no colour.
                         self.color[p][3] = -1.0;
-                        next.push(p);
+                        list[end].pixel = p as u32;
+                        end += 1;
                     }
                 }
             }
-            front = next;
+            front = front.end..end;
         }
         // What the last step has listed stays a hole.
-        front.iter().for_each(|&hole| self.color[hole][3] = 0.0);
+        list[front].iter().for_each(|hole| self.color[hole.pixel as usize][3] = 0.0);
     }
 
-    /// Gives colours to holes, each from the image without the others.
-    fn fill(&mut self, holes: &[usize], color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
-        let colors: Vec<[f32; 4]> =
-            holes.par_iter().with_min_len(CHUNK).map(|&hole| color(self, hole)).collect();
-        for (&hole, color) in holes.iter().zip(colors) {
-            self.color[hole] = color;
+    /// Gives colours to holes, each from the image without the others. There must be one for each.
+    fn fill(&mut self, holes: &mut [Hole], color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
+        holes.par_iter_mut().with_min_len(CHUNK).for_each(|hole| {
+            let [r, g, b, _] = color(self, hole.pixel as usize);
+            hole.color = [r, g, b];
+        });
+        for &Hole { color: [r, g, b], pixel } in &*holes {
+            self.color[pixel as usize] = [r, g, b, 1.0];
         }
     }
 
@@ -248,8 +295,8 @@ impl<'a> Pyramid<'a> {
         Self { sums, width: width.div_ceil(TILE), height: height.div_ceil(TILE) }
     }
 
-    /// Adds up an image.
-    fn pull(&mut self, image: &Image) {
+    /// Adds up an image; gives whether it holds any colour.
+    fn pull(&mut self, image: &Image) -> bool {
         let (mut width, mut height) = (self.width, self.height);
         let (tiles, mut coarser) = self.sums.split_at_mut(width * height);
         tiles.par_chunks_mut(width).enumerate().for_each(|(tile_y, tiles)| {
@@ -277,6 +324,7 @@ impl<'a> Pyramid<'a> {
             (finer, coarser) = (blocks, rest);
             (width, height) = (blocks_x, blocks_y);
         }
+        finer[0][3] > 0.0
     }
 
     /// The sum of the smallest block around a tile that holds colours.
