@@ -1,5 +1,5 @@
-// Gives a colour to the pixels from which no sample could be reached. Spread runs prepare, some rounds of spread, pull
-// and push; PushPull leaves out the rounds; Off only copies.
+// Gives a colour to the pixels from which no sample could be reached. Spread runs clear, prepare, some rounds of spread,
+// pull and push; PushPull leaves out the rounds; Off only copies.
 
 #import frame
 #import edge_pixel
@@ -36,6 +36,8 @@ const PRIMARY_TO_PRIMARY: u32 = 0x11111111u;
 @group(0) @binding(6) var<storage, read_write> found: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> filled: array<atomic<u32>>;
 @group(0) @binding(8) var<storage, read_write> tiles: array<vec2<u32>>;
+@group(0) @binding(9) var<storage, read_write> open_tiles: array<vec2<u32>>;
+@group(0) @binding(10) var<storage, read_write> open_count: array<atomic<u32>>;
 
 // The colours of SIDE x SIDE pixels with the tile in the middle.
 var<workgroup> red: array<f32, 1024>;
@@ -127,7 +129,12 @@ fn count_hole(p: u32) {
     }
 }
 
-// Finds the holes.
+@compute @workgroup_size(1, 1, 1)
+fn clear() {
+    atomicStore(&open_count[0], 0u);
+}
+
+// Finds the holes, and lists the tiles with holes that may be filled.
 @compute @workgroup_size(16, 16, 1)
 fn prepare(
     @builtin(workgroup_id) tile: vec3<u32>,
@@ -157,17 +164,32 @@ fn prepare(
         put_at(tile_place(local), c);
     }
     add_up(t, lane, 0u);
+    if lane == 0u && atomicLoad(&open) != 0u {
+        open_tiles[atomicAdd(&open_count[0], 1u)] = tile.xy;
+    }
 }
 
-// A round of steps for one tile. Neighbouring tiles may write their pixels at the same time: what they fill in this round
-// bears its number and is taken for the hole that it was.
-@compute @workgroup_size(16, 16, 1)
+// A round of steps: the workgroups share the listed tiles. Where few are open, starting a workgroup for each of the others
+// would cost more than all else.
+@compute @workgroup_size(THREADS, 1, 1)
 fn spread(
-    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let t = tile.y * groups.x + tile.x;
+    if lane == 0u {
+        shared_state.x = atomicLoad(&open_count[0]);
+    }
+    let count = workgroupUniformLoad(&shared_state).x;
+    for (var i = group.y * groups.x + group.x; i < count; i += groups.x * groups.y) {
+        spread_tile(open_tiles[i], lane);
+    }
+}
+
+// Neighbouring tiles may write their pixels at the same time: what they fill in this round bears its number and is taken
+// for the hole that it was.
+fn spread_tile(tile: vec2<u32>, lane: u32) {
+    let t = tile.y * tiles_size().x + tile.x;
     if lane == 0u {
         shared_state = tiles[t];
         atomicStore(&open, 0u);
@@ -178,7 +200,7 @@ fn spread(
         return;
     }
     let done = begun.y;
-    let corner = vec2<i32>(tile.xy * TILE) - i32(STEPS);
+    let corner = vec2<i32>(tile * TILE) - i32(STEPS);
     var joined: array<u32, EACH>;
     for (var k = 0u; k < EACH; k++) {
         let i = lane + k * THREADS;
@@ -222,7 +244,7 @@ fn spread(
 
     for (var i = lane; i < TILE * TILE; i += THREADS) {
         let local = vec2(i % TILE, i / TILE);
-        let pixel = tile.xy * TILE + local;
+        let pixel = tile * TILE + local;
         if any(pixel >= frame.size) {
             continue;
         }

@@ -3,8 +3,8 @@
 //!
 //! First colours spread: in each step a hole takes the mean colour of those of its eight neighbours that have one and
 //! whose primary region joins its own, so no colour crosses an edge. The steps come in rounds of eight; a round is a
-//! single pass of the GPU, which makes all its steps on tiles that overlap by eight pixels and leaves out tiles without
-//! a hole that anything joins. The result is that of the steps one by one.
+//! single pass of the GPU, which makes all its steps on tiles that overlap by eight pixels; tiles without a hole that
+//! anything joins are not on its list. The result is that of the steps one by one.
 //!
 //! What remains are regions without any sample: enclosed by edges, or farther away than the steps reach. Each hole takes
 //! the mean of the smallest square around it that holds colours: 3, 5, 9 or 17 pixels wide, then aligned blocks of 16,
@@ -20,6 +20,10 @@ const TILE: usize = 16;
 
 /// Steps of a round.
 const ROUND: u32 = 8;
+
+/// Pixels for each of the GPU's threads in a round, if all were holes. More would leave cores idle at the start, where
+/// most are; fewer would start threads for nothing later, where a few are.
+const PIXELS_PER_THREAD: u32 = 8;
 
 /// What `filled` holds for holes.
 const HOLE: u32 = u32::MAX;
@@ -87,18 +91,27 @@ impl Stage for Spread {
             "The round in which a hole was filled, 0xFFFFFFFF if in none; 0: no hole.",
             pixels(),
         );
-        let _: Out<[u32; 2]> = io.write(
+        let tiles = || Extent::Frame(TILE as u32);
+        io.write::<[u32; 2]>(
             "tiles",
             "Scratch: holes of each tile that may be filled, and rounds done.",
-            Extent::Frame(TILE as u32),
+            tiles(),
         );
+        io.write::<[u32; 2]>(
+            "open_tiles",
+            "Scratch: tiles with such holes at the start, in any order.",
+            tiles(),
+        );
+        io.write::<u32>("open_count", "Scratch: how many there are.", Extent::Fixed([1, 1]));
         io.shader(shader!("spread"));
         match params.method {
             Method::Off => io.dispatch("copy", color),
             Method::PushPull | Method::Spread => {
+                io.compute("clear", Threads::Groups(1));
                 io.dispatch("prepare", color);
                 if params.method == Method::Spread {
-                    (0..params.rounds).for_each(|_| io.dispatch("spread", color));
+                    let threads = Threads::Blocks(color.into(), PIXELS_PER_THREAD);
+                    (0..params.rounds).for_each(|_| io.compute("spread", threads));
                 }
                 io.compute("pull", Threads::Groups(1));
                 io.dispatch("push", color);
