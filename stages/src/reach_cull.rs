@@ -13,7 +13,14 @@ use crate::{
     shared::{edge_pixel::VALID, requests::NO_POINT},
 };
 
-/// Pixels of a row that the CPU looks at together.
+/// Pixels to each side of the centre.
+const REACH: usize = 2;
+/// Pixels on each side of what a sample is judged by.
+const SPAN: usize = 2 * REACH + 1;
+
+/// Rows of a task of the CPU.
+const BAND: usize = 32;
+/// Pixels of a row that a task looks at together, going down.
 const BLOCK: usize = 64;
 
 params! {
@@ -78,7 +85,7 @@ impl Stage for ReachCull {
 
         let pass = |from: &[u32], to: &mut [u32]| {
             let samples = Samples { id: from, depth, r24, width, height, scale: 1.0 + params.threshold };
-            to.par_chunks_mut(width).enumerate().for_each(|(y, to)| samples.cull_row(y, to));
+            to.par_chunks_mut(width * BAND).enumerate().for_each(|(band, to)| samples.cull(band * BAND, to));
         };
         for number in 0..params.passes {
             match (number, writes_id(number, params.passes)) {
@@ -106,6 +113,12 @@ fn writes_id(pass: u32, passes: u32) -> bool {
     (passes - pass) % 2 == 1
 }
 
+/// The lesser distance, as the processor's minimum has it.
+#[inline(always)]
+fn nearer(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// The samples that a pass judges.
 struct Samples<'a> {
     id: &'a [u32],
@@ -117,44 +130,52 @@ struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// The samples of row `y` that stay.
-    fn cull_row(&self, y: usize, to: &mut [u32]) {
-        to.copy_from_slice(&self.id[y * self.width..][..self.width]);
-        for (block, to) in to.chunks_mut(BLOCK).enumerate() {
-            let first = block * BLOCK;
-            let nearest = self.nearest(first, to.len(), y);
-            for (i, id) in to.iter_mut().enumerate() {
-                let z = f32::from_bits(self.depth[y * self.width + first + i]);
-                // Else nothing is clearly nearer; most of an image is smooth.
-                if nearest[i] * self.scale < z && *id != NO_POINT && self.is_behind(first + i, y) {
-                    *id = NO_POINT;
+    /// The samples that stay of the rows from `top` on.
+    fn cull(&self, top: usize, to: &mut [u32]) {
+        to.copy_from_slice(&self.id[top * self.width..][..to.len()]);
+        for left in (0..self.width).step_by(BLOCK) {
+            // Of row y - REACH of the image at y modulo SPAN.
+            let mut nearest_of_rows = [[f32::INFINITY; BLOCK]; SPAN];
+            for y in top..top + 2 * REACH {
+                nearest_of_rows[y % SPAN] = self.nearest_of_row(left, y);
+            }
+            for (y, to) in (top..).zip(to.chunks_mut(self.width)) {
+                nearest_of_rows[(y + 2 * REACH) % SPAN] = self.nearest_of_row(left, y + 2 * REACH);
+                let mut nearest = [f32::INFINITY; BLOCK];
+                for row in &nearest_of_rows {
+                    nearest.iter_mut().zip(row).for_each(|(nearest, z)| *nearest = nearer(*z, *nearest));
+                }
+                let to = &mut to[left..self.width.min(left + BLOCK)];
+                let depth = &self.depth[y * self.width + left..][..to.len()];
+                for (i, ((id, &z), nearest)) in to.iter_mut().zip(depth).zip(nearest).enumerate() {
+                    // Else nothing is clearly nearer; most of an image is smooth. One branch, as holes come at random.
+                    let may_be_behind = (nearest * self.scale < f32::from_bits(z)) & (*id != NO_POINT);
+                    if may_be_behind && self.is_behind(left + i, y) {
+                        *id = NO_POINT;
+                    }
                 }
             }
         }
     }
 
-    /// The distances of the nearest samples of the 5x5 pixels around each of `count` pixels of a row, in reach or not.
-    fn nearest(&self, first: usize, count: usize, y: usize) -> [f32; BLOCK] {
-        let nearer = |a: f32, b: f32| if a < b { a } else { b };
-        let mut columns = [f32::INFINITY; BLOCK + 4];
-        let (from, to) = (first.saturating_sub(2), (first + count + 2).min(self.width));
-        let inside = &mut columns[from + 2 - first..to + 2 - first];
-        for row in y.saturating_sub(2)..(y + 3).min(self.height) {
-            let range = row * self.width + from..row * self.width + to;
-            let samples = self.id[range.clone()].iter().zip(&self.depth[range]);
-            for (column, (&id, &depth)) in inside.iter_mut().zip(samples) {
+    /// The distances of the nearest samples of the [`SPAN`] pixels around each pixel, in reach or not, from column `left` on
+    /// in row `y` - [`REACH`] of the image, which may lie outside.
+    fn nearest_of_row(&self, left: usize, y: usize) -> [f32; BLOCK] {
+        let mut samples = [f32::INFINITY; BLOCK + 2 * REACH];
+        if (REACH..self.height + REACH).contains(&y) {
+            let (from, to) = (left.saturating_sub(REACH), (left + BLOCK + REACH).min(self.width));
+            let row = (y - REACH) * self.width;
+            let given = self.id[row + from..row + to].iter().zip(&self.depth[row + from..row + to]);
+            for (sample, (&id, &depth)) in samples[from + REACH - left..].iter_mut().zip(given) {
                 // Without a branch, and so several at a time.
                 let none = 0u32.wrapping_sub(u32::from(id == NO_POINT));
-                *column = nearer(f32::from_bits(depth & !none | EMPTY_DEPTH & none), *column);
+                *sample = f32::from_bits(depth & !none | EMPTY_DEPTH & none);
             }
         }
         let mut nearest = [f32::INFINITY; BLOCK];
-        for dx in 0..5 {
-            let columns = &columns[dx..dx + BLOCK];
-            nearest
-                .iter_mut()
-                .zip(columns)
-                .for_each(|(nearest, column)| *nearest = nearer(*column, *nearest));
+        for dx in 0..SPAN {
+            let samples = &samples[dx..dx + BLOCK];
+            nearest.iter_mut().zip(samples).for_each(|(nearest, z)| *nearest = nearer(*z, *nearest));
         }
         nearest
     }
