@@ -6,7 +6,10 @@ use std::sync::Mutex;
 use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage, shader};
 use rayon::prelude::*;
 
-use crate::shared::{cloud::LIVE, view::project};
+use crate::shared::{
+    cloud::LIVE,
+    view::{SEVERAL, Several},
+};
 
 /// Pixels on each side of a cell of `occupancy`.
 pub const CELL: u32 = 4;
@@ -56,13 +59,16 @@ impl Stage for Predict {
         position.par_chunks(CHUNK).zip(meta.par_chunks(CHUNK)).for_each(|(position, meta)| {
             let mut cells = [0; CHUNK];
             let mut count = 0;
-            for (&position, meta) in position.iter().zip(meta) {
-                if meta & LIVE != 0
-                    && let Some(point) = project(&frame.predicted, position, frame.size)
-                {
-                    let [x, y] = point.pixel();
-                    cells[count] = (y / CELL * width + x / CELL) as usize;
-                    count += 1;
+            for (position, meta) in position.chunks(SEVERAL).zip(meta.chunks(SEVERAL)) {
+                let several = Several::project(&frame.predicted, position, frame.size);
+                for (i, meta) in meta.iter().enumerate() {
+                    if meta & LIVE != 0
+                        && let Some(point) = several.get(i)
+                    {
+                        let [x, y] = point.pixel();
+                        cells[count] = (y / CELL * width + x / CELL) as usize;
+                        count += 1;
+                    }
                 }
             }
             let mut occupancy = occupancy.lock().expect("marking does not panic");

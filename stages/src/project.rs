@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::shared::{
     cloud::{AGE, AGE_ONE, LIVE},
     requests::NO_POINT,
-    view::project,
+    view::{SEVERAL, Several},
 };
 
 /// The `depth` of a pixel that shows no point: the bits of infinity.
@@ -124,14 +124,19 @@ impl Stage for Project {
         let points = position.par_chunks(CHUNK).zip(meta.par_chunks(CHUNK));
         let found = projected.par_chunks_mut(CHUNK).zip(cells.par_chunks_mut(CHUNK));
         points.zip(found).for_each(|((position, meta), (projected, cells))| {
-            for (i, projected) in projected.iter_mut().enumerate() {
-                *projected = [NO_PIXEL, EMPTY_DEPTH];
-                if is_drawn(meta[i], params.max_age)
-                    && let Some(point) = project(&frame.view, position[i], frame.size)
-                {
-                    let [x, y] = point.pixel();
-                    *projected = [y * pixels.width + x, point.z.to_bits()];
-                    cells[i] = point.cell(axis);
+            let points = position.chunks(SEVERAL).zip(meta.chunks(SEVERAL));
+            let found = projected.chunks_mut(SEVERAL).zip(cells.chunks_mut(SEVERAL));
+            for ((position, meta), (projected, cells)) in points.zip(found) {
+                let several = Several::project(&frame.view, position, frame.size);
+                for (i, projected) in projected.iter_mut().enumerate() {
+                    *projected = [NO_PIXEL, EMPTY_DEPTH];
+                    if is_drawn(meta[i], params.max_age)
+                        && let Some(point) = several.get(i)
+                    {
+                        let [x, y] = point.pixel();
+                        *projected = [y * pixels.width + x, point.z.to_bits()];
+                        cells[i] = point.cell(axis);
+                    }
                 }
             }
         });

@@ -13,14 +13,47 @@ pub struct Projected {
     pub z: f32,
 }
 
-/// Projects a point (w = 1) or a direction (w = 0) into an image of `size` pixels; none if it is not to be drawn, as it
-/// lies before the near plane or outside the image, or holds a NaN.
-///
-/// Points beyond the far plane are moved onto it and drawn, or else the background would look like missing samples
-/// (`algorithms.md` section 1.2). Directions are drawn on the far plane. The eye is subtracted before anything else, so
-/// that positions of 1e7 metres lose only what their own f32 has lost already.
+/// Several projected points, as a structure of arrays: most of the work is then done for four at a time.
+pub struct Several {
+    x: [f32; SEVERAL],
+    y: [f32; SEVERAL],
+    z: [f32; SEVERAL],
+    is_drawn: [bool; SEVERAL],
+}
+
+/// How many points [`Several`] has room for.
+pub const SEVERAL: usize = 64;
+
+impl Several {
+    /// Projects up to [`SEVERAL`] points (w = 1) and directions (w = 0) into an image of `size` pixels.
+    ///
+    /// Points beyond the far plane are moved onto it and drawn, or else the background would look like missing samples
+    /// (`algorithms.md` section 1.2). Directions are drawn on the far plane. The eye is subtracted before anything else,
+    /// so that positions of 1e7 metres lose only what their own f32 has lost already.
+    pub fn project(view: &View, positions: &[[f32; 4]], size: [u32; 2]) -> Self {
+        let [x, y, z] = [[0.0; SEVERAL]; 3];
+        let mut several = Self { x, y, z, is_drawn: [false; SEVERAL] };
+        let Self { x, y, z, is_drawn } = &mut several;
+        let found = x.iter_mut().zip(y).zip(z).zip(is_drawn);
+        for ((((x, y), z), is_drawn), &position) in found.zip(positions) {
+            let (point, drawn) = place(view, position, size);
+            (*x, *y, *z, *is_drawn) = (point.x, point.y, point.z, drawn);
+        }
+        several
+    }
+
+    /// The point of this index; none if it is not to be drawn, as it lies before the near plane or outside the image, or
+    /// holds a NaN.
+    #[inline(always)]
+    pub fn get(&self, index: usize) -> Option<Projected> {
+        let point = Projected { x: self.x[index], y: self.y[index], z: self.z[index] };
+        self.is_drawn[index].then_some(point)
+    }
+}
+
+/// Where a point is, and whether it is to be drawn. It has no branch, which would keep loops from placing four at a time.
 #[inline(always)]
-pub fn project(view: &View, position: [f32; 4], size: [u32; 2]) -> Option<Projected> {
+fn place(view: &View, position: [f32; 4], size: [u32; 2]) -> (Projected, bool) {
     let is_direction = position[3] == 0.0;
     let origin = if is_direction { [0.0; 3] } else { view.eye };
     let p = [position[0] - origin[0], position[1] - origin[1], position[2] - origin[2]];
@@ -33,9 +66,10 @@ pub fn project(view: &View, position: [f32; 4], size: [u32; 2]) -> Option<Projec
 
     let nearest = if is_direction { f32::MIN_POSITIVE } else { view.near };
     // Comparisons with NaN are false.
-    let drawn = z >= nearest && x >= 0.0 && x < size[0] as f32 && y >= 0.0 && y < size[1] as f32;
+    let is_within = (x >= 0.0) & (x < size[0] as f32) & (y >= 0.0) & (y < size[1] as f32);
+    let is_drawn = (z >= nearest) & is_within;
     let z = if is_direction { view.far } else { z.min(view.far) };
-    drawn.then_some(Projected { x, y, z })
+    (Projected { x, y, z }, is_drawn)
 }
 
 impl Projected {
@@ -62,6 +96,10 @@ mod tests {
     use super::*;
 
     const SIZE: [u32; 2] = [512, 256];
+
+    fn project(view: &View, position: [f32; 4], size: [u32; 2]) -> Option<Projected> {
+        Several::project(view, &[position], size).get(0)
+    }
 
     fn view() -> View {
         View { tan_x: 1.0, tan_y: 0.5, near: 1.0, far: 100.0, ..View::default() }
