@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 pub use crate::fill::Priority;
 use crate::shared::{
-    cloud::{AGE, AGE_ONE, decode_radiance},
+    cloud::{AGE, AGE_ONE, decode_radiance, gather},
     edge_pixel::{CLASS, COMPLEX},
     requests::NO_POINT,
 };
@@ -131,22 +131,31 @@ impl Stage for Interpolate {
                 }
                 for (row, y) in rows.clone().enumerate() {
                     around.load(&image, &weights, left, y + 2 * REACH);
-                    for x in (left..width.min(left + TILE)).step_by(LANES) {
+                    let columns = left..width.min(left + TILE);
+                    let mut metas = [0; TILE];
+                    gather(meta, &id[y * width..][columns.clone()], &mut metas);
+                    for x in columns.step_by(LANES) {
                         let lanes = LANES.min(width - x);
                         let at = y * width + x;
                         let mut reached = [0; LANES];
                         for lane in 0..lanes {
                             reached[lane] = taps(cls[at + lane], r24[at + lane]);
                         }
-                        let means = around.sum(x - left, y, &reached).over(params.space);
+                        // Far from all edges, as most pixels are, the test of each tap can be left out.
+                        let sums = if reached == [ALL; LANES] {
+                            around.sum::<true>(x - left, y, &reached)
+                        } else {
+                            around.sum::<false>(x - left, y, &reached)
+                        };
+                        let means = sums.over(params.space);
                         for lane in 0..lanes {
                             let [r, g, b, share] = means.map(|mean| mean[lane]);
                             color[row * width + x + lane] = [r, g, b, share];
-                            let id = id[at + lane];
-                            let age = meta[(id as usize).min(meta.len() - 1)] & AGE;
+                            let age = metas[x - left + lane] & AGE;
                             let priorities =
                                 [with_point(params.priority, age), without_point(params.priority, share)];
-                            priority[row * width + x + lane] = priorities[usize::from(id == NO_POINT)];
+                            let is_empty = id[at + lane] == NO_POINT;
+                            priority[row * width + x + lane] = priorities[usize::from(is_empty)];
                         }
                     }
                 }
@@ -156,10 +165,13 @@ impl Stage for Interpolate {
     }
 }
 
+/// The bits of all 25 pixels of the kernel.
+const ALL: u32 = 0x1FF_FFFF;
+
 /// Which of the 25 pixels of the kernel count, bit 12 being the pixel itself.
 fn taps(cls: u32, r24: u32) -> u32 {
     if cls & CLASS == COMPLEX {
-        return 0x1FF_FFFF;
+        return ALL;
     }
     // `r24` leaves out the centre.
     (r24 & 0xFFF) | 1 << 12 | (r24 & 0xFF_F000) << 1
@@ -274,25 +286,21 @@ impl Around {
     /// Takes in row `y` - [`REACH`] of the image, which may lie outside, from column `left` - [`REACH`] on.
     fn load(&mut self, image: &Image, weights: &Weights, left: usize, y: usize) {
         let row = &mut self.rows[y % SPAN];
-        row.x.iter_mut().for_each(|weights| weights.fill(0.0));
-        if !(REACH..image.height + REACH).contains(&y) {
+        let columns = REACH.saturating_sub(left)..COLUMNS.min(image.width + REACH - left);
+        let is_inside = (REACH..image.height + REACH).contains(&y);
+        if !is_inside || columns.len() < COLUMNS {
+            row.x.iter_mut().for_each(|weights| weights.fill(0.0));
+        }
+        if !is_inside {
             return;
         }
-        let first = (y - REACH) * image.width;
-        for column in REACH.saturating_sub(left)..COLUMNS.min(image.width + REACH - left) {
-            let at = first + left + column - REACH;
-            // A pixel without a sample takes any, with weight 0: a branch on that would be predicted badly.
-            let id = image.id[at];
-            let radiance = image.radiance[(id as usize).min(image.radiance.len() - 1)];
+        let first = (y - REACH) * image.width + left + columns.start - REACH;
+        let (id, subpixel) = (&image.id[first..][..columns.len()], &image.subpixel[first..][..columns.len()]);
+        let mut radiance = [0; COLUMNS];
+        gather(image.radiance, id, &mut radiance[columns.clone()]);
+        for ((column, &id), &cell) in columns.zip(id).zip(subpixel) {
+            // A pixel without a sample has weight 0: a branch on that would be predicted badly.
             let there = u32::from(id != NO_POINT).wrapping_neg();
-            let rgb = match image.space {
-                Space::Linear => decode_radiance(radiance),
-                Space::ToneMapped => compress(decode_radiance(radiance)),
-            };
-            for (plane, channel) in row.rgb.iter_mut().zip(rgb) {
-                plane[column] = channel;
-            }
-            let cell = image.subpixel[at];
             let [x, y] =
                 [cell, cell >> weights.shift].map(|place| &weights.axis[(place & weights.mask) as usize]);
             for offset in 0..SPAN {
@@ -300,12 +308,20 @@ impl Around {
                 row.y[offset][column] = y[offset];
             }
         }
+        // Over columns outside too, so that several are decoded at a time.
+        let [r, g, b] = &mut row.rgb;
+        for (((r, g), b), radiance) in r.iter_mut().zip(g).zip(b).zip(radiance) {
+            [*r, *g, *b] = match image.space {
+                Space::Linear => decode_radiance(radiance),
+                Space::ToneMapped => compress(decode_radiance(radiance)),
+            };
+        }
     }
 
-    /// Weighted sums of red, green, blue and 1 for [`LANES`] pixels from column `x` of the tile on, of row `y`. Not inlined:
-    /// within the loop over rows the compiler does not find the lanes.
+    /// Weighted sums of red, green, blue and 1 for [`LANES`] pixels from column `x` of the tile on, of row `y`; with
+    /// `EVERY`, `taps` are [`ALL`]. Not inlined: within the loop over rows the compiler does not find the lanes.
     #[inline(never)]
-    fn sum(&self, x: usize, y: usize, taps: &[u32; LANES]) -> Sums {
+    fn sum<const EVERY: bool>(&self, x: usize, y: usize, taps: &[u32; LANES]) -> Sums {
         let mut sums = [[0.0; LANES]; 4];
         for dy in 0..SPAN {
             let row = &self.rows[(y + dy) % SPAN];
@@ -317,7 +333,7 @@ impl Around {
                 let [r, g, b] = [of(&row.rgb[0]), of(&row.rgb[1]), of(&row.rgb[2])];
                 for lane in 0..LANES {
                     // All ones where the pixel counts.
-                    let counts = (taps[lane] >> (dy * SPAN + dx) & 1).wrapping_neg();
+                    let counts = if EVERY { !0 } else { (taps[lane] >> (dy * SPAN + dx) & 1).wrapping_neg() };
                     let weight = f32::from_bits((along_x[lane] * along_y[lane]).to_bits() & counts);
                     sums[0][lane] += weight * r[lane];
                     sums[1][lane] += weight * g[lane];

@@ -57,6 +57,13 @@ pub fn decode_radiance(bits: u32) -> [f32; 3] {
     [bits & 511, bits >> 9 & 511, bits >> 18 & 511].map(|mantissa| mantissa as f32 * scale)
 }
 
+/// Picks the value of each of `ids` from those of all points; for ids of no point, any. The time goes to cache misses, and a
+/// loop that does nothing else has many of them under way at once.
+pub fn gather(values: &[u32], ids: &[u32], to: &mut [u32]) {
+    let last = values.len() - 1;
+    to.iter_mut().zip(ids).for_each(|(to, &id)| *to = values[(id as usize).min(last)]);
+}
+
 /// 2^n for n from -126 to 127, exactly.
 fn power_of_two(n: i32) -> f32 {
     f32::from_bits(((n + 127) as u32) << 23)
