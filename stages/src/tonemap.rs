@@ -88,6 +88,7 @@ impl Srgb {
         Self { end, start: table.map(byte_of).collect() }
     }
 
+    #[inline(always)]
     fn encode(&self, value: f32) -> u8 {
         let value = value.clamp(Self::FIRST, 1.0);
         let byte = self.start[((value.to_bits() - Self::FIRST.to_bits()) >> Self::SHIFT) as usize];
@@ -103,14 +104,14 @@ impl Srgb {
         if color.contains(&f32::INFINITY) {
             return [255; 3];
         }
-        let color = match curve {
+        let [r, g, b] = match curve {
             Curve::Clamp => color,
             Curve::Reinhard => {
                 let scale = 1.0 / (1.0 + luminance(color).max(0.0));
                 color.map(|channel| channel * scale)
             }
         };
-        color.map(|channel| self.encode(channel))
+        [self.encode(r), self.encode(g), self.encode(b)]
     }
 }
 
