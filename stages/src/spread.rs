@@ -147,7 +147,7 @@ impl Stage for Spread {
         if params.method == Method::Spread {
             image.spread(n8, filled, params.rounds, list);
         }
-        let left = list_holes(list, width, |p| filled[p] == HOLE);
+        let left = list_holes(list, width, filled, |_| true);
         if left > 0 {
             let mut sums = cx.write(self.pyramid);
             let mut pyramid = Pyramid::new(&mut sums, width, height);
@@ -167,15 +167,26 @@ struct Hole {
     pixel: u32,
 }
 
-/// Lists the pixels for which `wanted` holds, in their order; gives how many. There must be room for all pixels.
-fn list_holes(list: &mut [Hole], width: usize, wanted: impl Fn(usize) -> bool + Sync) -> usize {
+/// Lists the holes for which `wanted` holds, in their order; gives how many. There must be room for all pixels.
+fn list_holes(
+    list: &mut [Hole],
+    width: usize,
+    filled: &[u32],
+    wanted: impl Fn(usize) -> bool + Sync,
+) -> usize {
     // Each row lists its own in its own place; then they move up.
-    list.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    list.par_chunks_mut(width).zip(filled.par_chunks(width)).enumerate().for_each(|(y, (row, filled))| {
         let mut count = 0;
-        for p in y * width..(y + 1) * width {
-            if wanted(p) {
-                row[count].pixel = p as u32;
-                count += 1;
+        for (block, filled) in filled.chunks(TILE).enumerate() {
+            // Most blocks have no hole. With one, all bits are found together, as holes have them all.
+            if filled.iter().fold(0, |bits, filled| bits | filled) != HOLE {
+                continue;
+            }
+            for (p, &filled) in (y * width + block * TILE..).zip(filled) {
+                if filled == HOLE && wanted(p) {
+                    row[count].pixel = p as u32;
+                    count += 1;
+                }
             }
         }
         if let Some(next) = row.get_mut(count) {
@@ -207,9 +218,8 @@ impl Image<'_> {
     fn spread(&mut self, n8: &[u32], filled: &mut [u32], rounds: u32, list: &mut [Hole]) {
         // The holes next to colours: those that the coming step fills. Each step lists those of the next behind its own;
         // none is listed twice, so there is room.
-        let is_next_to_color =
-            |p: usize| filled[p] == HOLE && self.joined(n8, p).any(|q| self.color[q][3] > 0.0);
-        let mut front = 0..list_holes(list, self.width, is_next_to_color);
+        let is_next_to_color = |p| self.joined(n8, p).any(|q| self.color[q][3] > 0.0);
+        let mut front = 0..list_holes(list, self.width, filled, is_next_to_color);
         for step in 0..rounds * ROUND {
             if front.is_empty() {
                 break;
