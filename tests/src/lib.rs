@@ -10,8 +10,14 @@ use epigraph_scenes::{CameraPath, Scene, Tracer};
 use epigraph_stages::{Pace, World, registry};
 
 /// The shipped graph files.
-pub const GRAPHS: [&str; 5] =
-    ["render-cache.ron", "epi.ron", "hybrid.ron", "render-cache-cpu-dither.ron", "experiments/outline.ron"];
+pub const GRAPHS: [&str; 6] = [
+    "render-cache.ron",
+    "epi.ron",
+    "hybrid.ron",
+    "render-cache-cpu-dither.ron",
+    "experiments/outline.ron",
+    "experiments/complex-pixels.ron",
+];
 
 /// The tests' GPU.
 ///

@@ -45,7 +45,7 @@ fn silhouettes_are_found_again_only_when_the_camera_moves() {
                             "{node} of {name} on {side}, {camera}, frame {frame}"
                         );
                     }
-                    assert!(ran(&run, "edge_raster"));
+                    assert!(ran(&run, "edges/edge_raster"));
                 }
             }
         }
