@@ -152,29 +152,26 @@ impl Image<'_> {
     /// Calls `each` with the mean of the values of the 3x3 pixels around every pixel of a row; none where all are empty.
     #[inline(always)]
     fn means(&self, y: usize, value: impl Fn(f32) -> f32, mut each: impl FnMut(usize, Option<f32>)) {
-        let (mut left, mut centre) = (Sum::default(), self.column(0, y, &value));
-        for x in 0..self.width {
-            let right = self.column(x + 1, y, &value);
-            let sum = left.plus(centre).plus(right);
-            (left, centre) = (centre, right);
-            each(x, (sum.count > 0.0).then(|| sum.sum / sum.count));
-        }
-    }
-
-    /// The values of the pixels above, at and below (x, y), as far as they are there.
-    #[inline(always)]
-    fn column(&self, x: usize, y: usize, value: impl Fn(f32) -> f32) -> Sum {
-        let mut column = Sum::default();
-        for y in [y.wrapping_sub(1), y, y + 1] {
-            if x < self.width && y < self.height {
-                let depth = self.depth[y * self.width + x];
-                // All ones where depth < EMPTY_DEPTH. A branch on whether a pixel is empty would be predicted badly.
-                let there = (depth.wrapping_sub(EMPTY_DEPTH) as i32 >> 31) as u32;
-                column.sum += f32::from_bits(value(f32::from_bits(depth)).to_bits() & there);
-                column.count += f32::from_bits(1f32.to_bits() & there);
+        for first in (0..self.width).step_by(BLOCK) {
+            // Of the columns from the one before the block to the one after it.
+            let (mut sums, mut counts) = ([0f32; BLOCK + 2], [0f32; BLOCK + 2]);
+            let (from, to) = (first.saturating_sub(1), (first + BLOCK + 1).min(self.width));
+            let inside = from + 1 - first..to + 1 - first;
+            for row in y.saturating_sub(1)..(y + 2).min(self.height) {
+                let row = &self.depth[row * self.width..][from..to];
+                let columns = sums[inside.clone()].iter_mut().zip(&mut counts[inside.clone()]);
+                for ((sum, count), depth) in columns.zip(row) {
+                    // All ones where depth < EMPTY_DEPTH. A branch on whether a pixel is empty would be predicted badly.
+                    let there = (depth.wrapping_sub(EMPTY_DEPTH) as i32 >> 31) as u32;
+                    *sum += f32::from_bits(value(f32::from_bits(*depth)).to_bits() & there);
+                    *count += f32::from_bits(1f32.to_bits() & there);
+                }
+            }
+            for i in 0..BLOCK.min(self.width - first) {
+                let [sum, count] = [&sums, &counts].map(|of| of[i] + of[i + 1] + of[i + 2]);
+                each(first + i, (count > 0.0).then(|| sum / count));
             }
         }
-        column
     }
 
     /// The depths that the majority rule leaves.
@@ -204,13 +201,14 @@ impl Image<'_> {
         for first in (0..self.width).step_by(BLOCK) {
             let count = BLOCK.min(self.width - first);
             let nearest = self.nearest(first, count, y);
-            for (i, nearest) in nearest.iter().enumerate().take(count) {
-                let z = self.depth[y * self.width + first + i];
-                // Else nothing is clearly nearer; most of an image is smooth.
-                if z < EMPTY_DEPTH
-                    && nearest * scale < f32::from_bits(z)
-                    && self.is_outvoted(first + i, y, scale)
-                {
+            let row = &self.depth[y * self.width + first..][..count];
+            // Else nothing is clearly nearer; most of an image is smooth.
+            let mut doubted = [false; BLOCK];
+            for ((doubted, z), nearest) in doubted.iter_mut().zip(row).zip(&nearest) {
+                *doubted = (*z < EMPTY_DEPTH) & (nearest * scale < f32::from_bits(*z));
+            }
+            for i in (0..count).filter(|i| doubted[*i]) {
+                if self.is_outvoted(first + i, y, scale) {
                     drop(first + i);
                 }
             }
@@ -250,19 +248,6 @@ impl Image<'_> {
             }
         }
         voters > 0 && 2 * nearer >= voters
-    }
-}
-
-/// The sum of some values, and how many there are.
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    sum: f32,
-    count: f32,
-}
-
-impl Sum {
-    fn plus(self, other: Self) -> Self {
-        Self { sum: self.sum + other.sum, count: self.count + other.count }
     }
 }
 
