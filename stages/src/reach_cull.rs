@@ -147,11 +147,14 @@ impl Samples<'_> {
                 }
                 let to = &mut to[left..self.width.min(left + BLOCK)];
                 let depth = &self.depth[y * self.width + left..][..to.len()];
-                for (i, ((id, &z), nearest)) in to.iter_mut().zip(depth).zip(nearest).enumerate() {
-                    // Else nothing is clearly nearer; most of an image is smooth. One branch, as holes come at random.
-                    let may_be_behind = (nearest * self.scale < f32::from_bits(z)) & (*id != NO_POINT);
-                    if may_be_behind && self.is_behind(left + i, y) {
-                        *id = NO_POINT;
+                // Else nothing is clearly nearer; most of an image is smooth.
+                let mut doubted = [false; BLOCK];
+                for (((doubted, &z), id), nearest) in doubted.iter_mut().zip(depth).zip(&*to).zip(nearest) {
+                    *doubted = (nearest * self.scale < f32::from_bits(z)) & (*id != NO_POINT);
+                }
+                for i in (0..to.len()).filter(|i| doubted[*i]) {
+                    if self.is_behind(left + i, y) {
+                        to[i] = NO_POINT;
                     }
                 }
             }
