@@ -18,6 +18,47 @@ const DROP: u32 = 0u;
 @group(0) @binding(5) var<storage, read_write> cls: array<u32>;
 @group(0) @binding(6) var<storage, read_write> kept: array<u32>;
 @group(0) @binding(7) var<storage, read_write> aim: array<u32>;
+#ifdef VERTEX
+@group(0) @binding(8) var<storage, read> vertex: array<u32>;
+#endif
+
+// An edge: the chord, or where it bends the halves from the first crossing to the vertex and on to the second, with the
+// chord's function at the vertex: negative if the edge bends into B. It is also the triangle's area, in 1/512 pixel.
+struct Edge {
+    chord: Chord,
+    halves: array<Chord, 2>,
+    side: i32,
+}
+
+fn edge_of(ends: vec2<u32>, p: u32) -> Edge {
+    let chord = chord_of(ends.x, ends.y);
+    var edge = Edge(chord, array(chord, chord), 0);
+#ifdef VERTEX
+    if vertex[p] != 0u {
+        let at = vec2<i32>((vec2(vertex[p]) >> vec2(0u, 8u)) & vec2(0xFFu));
+        edge.side = chord_side(chord, at);
+        // A vertex on the chord bends nothing.
+        if edge.side != 0 {
+            edge.halves[0] = chord_between(slot_position(ends.x), at);
+            edge.halves[1] = chord_between(at, slot_position(ends.y));
+        }
+    }
+#endif
+    return edge;
+}
+
+// Where a square lies, from the functions of both halves at its centre and how much they change in it at most: x is positive
+// for region A and negative for B, y is 0 if the edge does not touch the square.
+fn locate(edge: Edge, distance: vec2<i32>, reach: vec2<i32>) -> vec2<i32> {
+    if edge.side == 0 {
+        return vec2(distance.x, i32(abs(distance.x) <= reach.x));
+    }
+    // Inside of the corner lies region A where the edge bends into B.
+    let inwards = -sign(edge.side) * distance;
+    let is_inside = all(inwards > reach);
+    let is_outside = any(inwards < -reach);
+    return vec2(-sign(edge.side) * min(inwards.x, inwards.y), i32(!is_inside && !is_outside));
+}
 
 // Logarithm of the number of cells of an axis, 2 to 4.
 fn cells_log2() -> u32 {
@@ -37,15 +78,21 @@ fn reach_of(chord: Chord) -> i32 {
     return i32(16u >> cells_log2()) * (abs(chord.normal.x) + abs(chord.normal.y));
 }
 
-// Where to aim in a simple pixel with this chord.
-fn aim_of(chord: Chord, is_a: bool) -> u32 {
+// The same for both halves.
+fn reaches_of(edge: Edge) -> vec2<i32> {
+    return vec2(reach_of(edge.halves[0]), reach_of(edge.halves[1]));
+}
+
+// Where to aim in a simple pixel with this edge.
+fn aim_of(edge: Edge, is_a: bool) -> u32 {
     // The square of the four cells that meet at the centre is twice as wide as a cell.
-    if abs(chord_side(chord, vec2(8))) > reach_of(chord) {
+    let middle_distance = vec2(chord_side(edge.halves[0], vec2(8)), chord_side(edge.halves[1], vec2(8)));
+    if locate(edge, middle_distance, reaches_of(edge)).y == 0 {
         return AIM_CENTER;
     }
     // The chord's function grows towards A, so a corner cell is the farthest from the chord.
     let last = (1u << cells_log2()) - 1u;
-    let cell = select(vec2(0u), vec2(last), (chord.normal > vec2(0)) == vec2(is_a));
+    let cell = select(vec2(0u), vec2(last), (edge.chord.normal > vec2(0)) == vec2(is_a));
     let middle = (2u * cell + 1u) << vec2(15u - cells_log2());
     return middle.x | (middle.y << 16u);
 }
@@ -74,13 +121,16 @@ fn classify(@builtin(global_invocation_id) pixel: vec3<u32>) {
         bits |= PRIMARY_IS_A | (PIXEL_AREA << AREA_SHIFT);
     } else {
         let ends = vec2(firstTrailingBit(ring), firstLeadingBit(ring));
-        let chord = chord_of(ends.x, ends.y);
-        var area = area_of_a(ends.x, ends.y);
+        let edge = edge_of(ends, p);
+        // The triangle between chord and vertex changes sides.
+        var area = u32(i32(area_of_a(ends.x, ends.y)) - edge.side);
         // Without a sample the larger region is the primary one.
         var is_a = 2u * area >= PIXEL_AREA;
         if has_sample {
-            let distance = distance_of(chord, cell);
-            let is_ambiguous = abs(distance) <= reach_of(chord);
+            let distances = vec2(distance_of(edge.halves[0], cell), distance_of(edge.halves[1], cell));
+            let located = locate(edge, distances, reaches_of(edge));
+            let distance = located.x;
+            let is_ambiguous = located.y != 0;
             if is_ambiguous {
                 bits |= AMBIGUOUS;
             }
@@ -92,7 +142,7 @@ fn classify(@builtin(global_invocation_id) pixel: vec3<u32>) {
         }
         area = select(PIXEL_AREA - area, area, is_a);
         bits |= (ends.x << P_SHIFT) | (ends.y << Q_SHIFT) | (u32(is_a) * PRIMARY_IS_A) | (area << AREA_SHIFT);
-        aim[p] = aim_of(chord, is_a);
+        aim[p] = aim_of(edge, is_a);
     }
     cls[p] = bits;
     kept[p] = select(NO_POINT, id[p], (bits & VALID) != 0u);

@@ -38,6 +38,9 @@ const SPAN: f32 = 65535.0;
 // Metres beyond which a coordinate counts as no number.
 const LIMIT: f32 = 1e20;
 
+// Set in `vertex` where there is one.
+const VERTEX: u32 = 0x10000u;
+
 // Segments that cross more lines are drawn by a workgroup each.
 const LONG: i32 = 32;
 const LONG_GROUPS: u32 = 256u;
@@ -70,11 +73,15 @@ struct Snapped {
 #endif
 @group(0) @binding(6) var<storage, read> filtered: array<f32>;
 @group(0) @binding(7) var<storage, read_write> mask: array<atomic<u32>>;
+@group(0) @binding(10) var<storage, read_write> vertex: array<atomic<u32>>;
 
 @compute @workgroup_size(8, 8, 1)
 fn clear(@builtin(global_invocation_id) corner: vec3<u32>) {
     if all(corner.xy <= frame.size) {
         atomicStore(&mask[corner.y * (frame.size.x + 1u) + corner.x], 0u);
+    }
+    if all(corner.xy < frame.size) {
+        atomicStore(&vertex[corner.y * frame.size.x + corner.x], 0u);
     }
 #ifndef LINES
     if all(corner.xy == vec2(0u)) {
@@ -169,6 +176,12 @@ fn mark_pixel(in: Corner) -> @location(0) u32 {
     let rest = in.inverse_and_penumbra;
     let snapped = Snapped(in.ends.x, in.ends.y, in.ends.z, in.ends.w, rest.x, rest.y, rest.z);
     let pixel = vec2<i32>(in.position.xy);
+    if all((vec2(snapped.ax, snapped.ay) >> vec2(PIXEL_SHIFT)) == pixel) {
+        mark_end(vec2(snapped.ax, snapped.ay), snapped.inverse_a, snapped.penumbra);
+    }
+    if all((vec2(snapped.bx, snapped.by) >> vec2(PIXEL_SHIFT)) == pixel) {
+        mark_end(vec2(snapped.bx, snapped.by), snapped.inverse_b, snapped.penumbra);
+    }
     for (var axis = 0u; axis < 2u; axis++) {
         let lines = lines(snapped, axis);
         for (var half = 0; half <= i32(HALVES); half++) {
@@ -218,6 +231,10 @@ fn draw_or_defer(segment: Segment) {
     var snapped: Snapped;
     if !snap(segment, &snapped) {
         return;
+    }
+    if snapped.ax != snapped.bx || snapped.ay != snapped.by {
+        mark_end(vec2(snapped.ax, snapped.ay), snapped.inverse_a, snapped.penumbra);
+        mark_end(vec2(snapped.bx, snapped.by), snapped.inverse_b, snapped.penumbra);
     }
     if lines(snapped, 0u).count + lines(snapped, 1u).count > LONG {
         let place = atomicAdd(&long_count[0], 1u);
@@ -380,6 +397,19 @@ fn mark(lines: Lines, axis: u32, nth: i32) {
     if lines.penumbra <= params.max_penumbra * z && is_shown(z, pixel, axis, is_middle) {
         let bit = u32(slot & 7) + 8u * axis + 16u * u32(is_middle);
         atomicOr(&mask[u32(pixel.y) * (frame.size.x + 1u) + u32(pixel.x)], 1u << bit);
+    }
+}
+
+// Marks an end, if it lies in the image and is not hidden.
+fn mark_end(at: vec2<i32>, inverse: f32, penumbra: f32) {
+    let pixel = at >> vec2(PIXEL_SHIFT);
+    let z = 1.0 / inverse;
+    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(frame.size)) || penumbra > params.max_penumbra * z {
+        return;
+    }
+    if params.depth_test == OFF || z <= depth(pixel) {
+        let place = vec2<u32>(((at & vec2(PIXEL - 1)) + 8) >> vec2(4u));
+        atomicMax(&vertex[u32(pixel.y) * frame.size.x + u32(pixel.x)], VERTEX | (place.y << 8u) | place.x);
     }
 }
 

@@ -2,6 +2,10 @@
 //! region of a simple pixel is the primary one, that of its sample, and how large it is; and drops samples of which the
 //! sub-pixel cell does not tell the region (`algorithms.md` sections 2.3 and 2.4).
 //!
+//! Where one segment ends and the next begins within a pixel, its edge is no chord but bends at that vertex: at a corner of
+//! a lamp a sample beyond the chord would spread the lamp's light around. If `vertex` is connected, region and area are
+//! those of the bent edge.
+//!
 //! A pixel whose sample is dropped asks for another one. If that were always traced through the pixel's centre, and the
 //! chord passed there, it would be dropped again in every frame: `aim` leads it elsewhere. A sample aimed at the centre
 //! may come back in any of the four cells that meet there, by rounding; so where the chord touches one of these cells,
@@ -14,7 +18,7 @@ use rayon::prelude::*;
 use crate::shared::{
     edge_pixel::{
         AMBIGUOUS, AREA_SHIFT, CELL_SHIFT, CLASS, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT,
-        SIMPLE, VALID, area_of_a, class_of, ring,
+        SIMPLE, VALID, area_of_a, class_of, ring, slot_position,
     },
     requests::{AIM_CENTER, NO_POINT},
 };
@@ -44,6 +48,7 @@ pub struct Classify {
     mask: In<u32>,
     id: In<u32>,
     subpixel: In<u32>,
+    vertex: Option<In<u32>>,
     cls: Out<u32>,
     kept: Out<u32>,
     aim: Out<u32>,
@@ -63,6 +68,11 @@ impl Stage for Classify {
         );
         let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF for none.", pixels());
         let subpixel = io.read("subpixel", "Its cell in the pixel, row by row.", pixels());
+        let vertex = io.optional(
+            "vertex",
+            "Where in the pixel an edge turns: 0 for nowhere, else 0x10000 | y << 8 | x in 1/16 pixel.",
+            pixels(),
+        );
         let cls = io.write("cls", "Class, chord, primary region and state of the sample, as bits.", pixels());
         let kept =
             io.write("kept", "The point that the pixel shows, without those that are dropped.", pixels());
@@ -72,14 +82,19 @@ impl Stage for Classify {
             pixels(),
         );
         io.shader(shader!("classify"));
+        if vertex.is_some() {
+            io.define("VERTEX");
+        }
         io.dispatch("classify", cls);
-        Self { mask, id, subpixel, cls, kept, aim }
+        Self { mask, id, subpixel, vertex, cls, kept, aim }
     }
 
     fn cpu(&self, params: &ClassifyParams, cx: &CpuContext) -> Result<(), String> {
         let width = cx.dims(self.cls).width as usize;
         let (mask, id, subpixel) =
             (&cx.read(self.mask)[..], &cx.read(self.id)[..], &cx.read(self.subpixel)[..]);
+        let vertex = self.vertex.map(|vertex| cx.read(vertex));
+        let vertex = vertex.as_deref();
         let (mut cls, mut kept, mut aim) = (cx.write(self.cls), cx.write(self.kept), cx.write(self.aim));
 
         let grid = Grid { log2: params.subpixel_bits / 2, guess: params.ambiguous == Ambiguous::Guess };
@@ -87,7 +102,7 @@ impl Stage for Classify {
             cls.par_chunks_mut(width).zip(kept.par_chunks_mut(width)).zip(aim.par_chunks_mut(width));
         outputs.enumerate().for_each(|(y, ((cls, kept), aim))| {
             let row = y * width..(y + 1) * width;
-            let (id, subpixel) = (&id[row.clone()], &subpixel[row]);
+            let (id, subpixel) = (&id[row.clone()], &subpixel[row.clone()]);
             let above = &mask[y * (width + 1)..][..width + 1];
             let below = &mask[(y + 1) * (width + 1)..][..width];
             // As if no edge crossed; most pixels are done with that, several at a time.
@@ -101,7 +116,8 @@ impl Stage for Classify {
                 let [right, bottom] = [above[x + 1] & 0xFF, below[x] >> 8 & 0xFF];
                 if left | top | right | bottom != 0 {
                     let ring = ring(left, top, right, bottom);
-                    (cls[x], aim[x]) = grid.classify(ring, id[x] != NO_POINT, subpixel[x]);
+                    let vertex = vertex.map_or(0, |vertex| vertex[row.start + x]);
+                    (cls[x], aim[x]) = grid.classify(ring, vertex, id[x] != NO_POINT, subpixel[x]);
                     kept[x] = if cls[x] & VALID != 0 { id[x] } else { NO_POINT };
                 }
             }
@@ -136,20 +152,29 @@ impl Grid {
         [cell & last, cell >> self.log2 & last]
     }
 
-    /// The `cls` and `aim` of a pixel with this perimeter, and the cell of its sample if it has one.
-    fn classify(self, ring: u32, has_sample: bool, cell: u32) -> (u32, u32) {
+    /// The `cls` and `aim` of a pixel with this perimeter and vertex, and the cell of its sample if it has one.
+    fn classify(self, ring: u32, vertex: u32, has_sample: bool, cell: u32) -> (u32, u32) {
         let mut cls = class_of(ring) | self.state(has_sample, cell);
         if cls & CLASS != SIMPLE {
             return (cls | WHOLE, AIM_CENTER);
         }
 
         let (p, q) = (ring.trailing_zeros(), 31 - ring.leading_zeros());
-        let (chord, area) = (Chord::new(p, q), area_of_a(p, q));
+        let chord = Chord::new(p, q);
+        let bend = Bend::new(chord, [p, q].map(slot_position), vertex);
+        // The triangle between chord and vertex changes sides.
+        let area = (area_of_a(p, q) as i32 - bend.map_or(0, |bend| bend.side)) as u32;
         // Without a sample the larger region is the primary one.
         let mut is_a = 2 * area >= PIXEL_AREA;
         if has_sample {
-            let distance = self.distance(chord, self.place(cell));
-            let is_ambiguous = distance.abs() <= self.reach(chord);
+            let place = self.place(cell);
+            let (distance, is_ambiguous) = match bend {
+                Some(bend) => bend.locate(|half| self.distance(half, place), |half| self.reach(half)),
+                None => {
+                    let distance = self.distance(chord, place);
+                    (distance, distance.abs() <= self.reach(chord))
+                }
+            };
             if is_ambiguous {
                 cls |= AMBIGUOUS;
             }
@@ -162,7 +187,7 @@ impl Grid {
         let area = if is_a { area } else { PIXEL_AREA - area };
         let side = if is_a { PRIMARY_IS_A } else { 0 };
         cls |= p << P_SHIFT | q << Q_SHIFT | side | area << AREA_SHIFT;
-        (cls, self.aim(chord, is_a))
+        (cls, self.aim(chord, bend, is_a))
     }
 
     /// Twice the chord's function at the centre of a cell.
@@ -180,9 +205,13 @@ impl Grid {
     }
 
     /// Where to aim in a simple pixel with this chord.
-    fn aim(self, chord: Chord, is_a: bool) -> u32 {
+    fn aim(self, chord: Chord, bend: Option<Bend>, is_a: bool) -> u32 {
         // The square of the four cells that meet at the centre is twice as wide as a cell.
-        if chord.side([8, 8]).abs() > self.reach(chord) {
+        let is_near = match bend {
+            Some(bend) => bend.locate(|half| half.side([8, 8]), |half| self.reach(half)).1,
+            None => chord.side([8, 8]).abs() <= self.reach(chord),
+        };
+        if !is_near {
             return AIM_CENTER;
         }
         // The chord's function grows towards A, so a corner cell is the farthest from the chord.
@@ -190,6 +219,37 @@ impl Grid {
         let [x, y] = chord.normal.map(|towards_a| if (towards_a > 0) == is_a { last } else { 0 });
         let middle = |index: u32| (2 * index + 1) << (15 - self.log2);
         middle(x) | middle(y) << 16
+    }
+}
+
+/// An edge that turns at a vertex within the pixel: not the chord, but two halves by way of the vertex. The region inside of
+/// the corner is what lies on the inner side of both, as their ends lie on the pixel's perimeter.
+#[derive(Clone, Copy)]
+struct Bend {
+    /// From the first crossing to the vertex, and on to the second.
+    halves: [Chord; 2],
+    /// The chord's function at the vertex: negative if the edge bends into B. Also the triangle's area, in 1/512 pixel.
+    side: i32,
+}
+
+impl Bend {
+    /// None where there is no vertex or it lies on the chord.
+    fn new(chord: Chord, [p, q]: [[i32; 2]; 2], vertex: u32) -> Option<Self> {
+        let at = [vertex & 0xFF, vertex >> 8 & 0xFF].map(|along| along as i32);
+        let side = if vertex == 0 { 0 } else { chord.side(at) };
+        (side != 0).then(|| Self { halves: [Chord::between(p, at), Chord::between(at, q)], side })
+    }
+
+    /// Where a square lies, from the functions of both halves at its centre and how much they change in it at most: a
+    /// number that is positive for region A and negative for B, and whether the edge may touch the square.
+    fn locate(self, distance: impl Fn(Chord) -> i32, reach: impl Fn(Chord) -> i32) -> (i32, bool) {
+        // Inside of the corner lies region A where the edge bends into B.
+        let sign = -self.side.signum();
+        let inwards = self.halves.map(|half| sign * distance(half));
+        let reach = self.halves.map(reach);
+        let is_inside = inwards[0] > reach[0] && inwards[1] > reach[1];
+        let is_outside = inwards[0] < -reach[0] || inwards[1] < -reach[1];
+        (sign * inwards[0].min(inwards[1]), !is_inside && !is_outside)
     }
 }
 
@@ -233,13 +293,13 @@ mod tests {
         ];
         for ([left, top, right, bottom], slots, area, cells) in golden {
             let ring = ring(left, top, right, bottom);
-            let (cls, _) = COARSE.classify(ring, false, 0);
+            let (cls, _) = COARSE.classify(ring, 0, false, 0);
             let larger_is_a = 2 * area >= 512;
             let larger = if larger_is_a { area } else { 512 - area };
             assert_eq!((cls & CLASS, ends(cls), primary_area(cls)), (SIMPLE, slots, larger));
             assert_eq!(cls & (PRIMARY_IS_A | VALID), u32::from(larger_is_a) * PRIMARY_IS_A);
             for (cell, expected) in (0..).zip(cells.chars()) {
-                let (cls, _) = COARSE.classify(ring, true, cell);
+                let (cls, _) = COARSE.classify(ring, 0, true, cell);
                 let found = match (cls & AMBIGUOUS != 0, cls & PRIMARY_IS_A != 0) {
                     (true, is_a) => {
                         assert_eq!((cls & VALID, is_a), (0, larger_is_a));
@@ -259,9 +319,12 @@ mod tests {
     fn pixels_without_a_chord_have_one_region() {
         for (ring, class) in [(0, EMPTY), (8, EMPTY), (0x8000_0101, COMPLEX), (u32::MAX, COMPLEX)] {
             let whole = class | PRIMARY_IS_A | 512 << AREA_SHIFT;
-            assert_eq!(FINE.classify(ring, false, 77), (whole, AIM_CENTER));
+            assert_eq!(FINE.classify(ring, 0, false, 77), (whole, AIM_CENTER));
             // Row 10 and column 7 of 16 are row 2 and column 1 of 4.
-            assert_eq!(FINE.classify(ring, true, 10 * 16 + 7), (whole | VALID | 9 << CELL_SHIFT, AIM_CENTER));
+            assert_eq!(
+                FINE.classify(ring, 0, true, 10 * 16 + 7),
+                (whole | VALID | 9 << CELL_SHIFT, AIM_CENTER)
+            );
         }
     }
 
@@ -276,7 +339,7 @@ mod tests {
             for ring in rings {
                 for cell in 0..1 << (2 * log2) {
                     count += 1;
-                    ambiguous += u32::from(grid.classify(ring, true, cell).0 & AMBIGUOUS != 0);
+                    ambiguous += u32::from(grid.classify(ring, 0, true, cell).0 & AMBIGUOUS != 0);
                 }
             }
             let found = ambiguous as f32 / count as f32;
@@ -290,12 +353,12 @@ mod tests {
             let grid = Grid { log2, guess: false };
             let mut centres = 0;
             for ring in simple_rings() {
-                let (without, aim) = grid.classify(ring, false, 0);
+                let (without, aim) = grid.classify(ring, 0, false, 0);
                 // One that comes back a rounding off the target is not ambiguous either.
                 for (dx, dy) in [(0, 0), (0, -64), (-64, 0), (-64, -64), (64, 64)] {
                     let moved = |share: u32, by: i32| share.wrapping_add_signed(by);
                     let landed = moved(aim & 0xFFFF, dx) | moved(aim >> 16, dy) << 16;
-                    let (healed, _) = grid.classify(ring, true, cell_at(landed, log2));
+                    let (healed, _) = grid.classify(ring, 0, true, cell_at(landed, log2));
                     assert_eq!(healed & (VALID | AMBIGUOUS), VALID, "{ring:#x} {log2}");
                     // Away from the centre it aims at the region that was the primary one.
                     assert!(aim == AIM_CENTER || (healed ^ without) & PRIMARY_IS_A == 0, "{ring:#x} {log2}");
@@ -310,7 +373,7 @@ mod tests {
     #[test]
     fn a_sample_of_a_small_region_is_asked_for_again_there() {
         // Cells 14 of E1 are in A, the smaller region; the centre is ambiguous.
-        let (cls, aim) = COARSE.classify(0x1000_4000, true, 14);
+        let (cls, aim) = COARSE.classify(0x1000_4000, 0, true, 14);
         assert_eq!((cls & PRIMARY_IS_A, primary_area(cls)), (PRIMARY_IS_A, 192));
         assert_eq!(cell_at(aim, 2), 12);
     }
@@ -321,7 +384,7 @@ mod tests {
         for ring in simple_rings() {
             for cell in 0..16 {
                 let (guessed, dropped) =
-                    (guess.classify(ring, true, cell).0, COARSE.classify(ring, true, cell).0);
+                    (guess.classify(ring, 0, true, cell).0, COARSE.classify(ring, 0, true, cell).0);
                 if dropped & AMBIGUOUS == 0 {
                     assert_eq!(guessed, dropped);
                     continue;
@@ -333,6 +396,76 @@ mod tests {
                 assert!(side == 0 || (guessed & PRIMARY_IS_A != 0) == (side > 0));
             }
         }
+    }
+
+    /// Region A of an edge that bends at a vertex, as a polygon in 1/16 pixel.
+    fn polygon(p: u32, q: u32, vertex: [i32; 2]) -> Vec<[i32; 2]> {
+        let corners = [(8, [16, 0]), (16, [16, 16]), (24, [0, 16])];
+        let passed = corners.into_iter().filter(|(slot, _)| p < *slot && *slot <= q).map(|(_, at)| at);
+        [slot_position(p)].into_iter().chain(passed).chain([slot_position(q), vertex]).collect()
+    }
+
+    /// Whether a place in 1/32 pixel, odd in x, lies in a polygon: by the sides that a ray upwards crosses.
+    fn holds(polygon: &[[i32; 2]], [x, y]: [i32; 2]) -> bool {
+        let sides = polygon.iter().zip(polygon.iter().cycle().skip(1));
+        sides.fold(false, |inside, (a, b)| {
+            let ([ax, ay], [bx, by]) = (a.map(|c| 2 * c), b.map(|c| 2 * c));
+            let is_above = (by - ay) * (x - ax) * (bx - ax).signum() < (y - ay) * (bx - ax).abs();
+            inside ^ (((ax < x) != (bx < x)) && is_above)
+        })
+    }
+
+    #[test]
+    fn an_edge_that_bends_within_a_pixel() {
+        // A chord straight across at 9/16 from the top, and a vertex 8/16 above it: a quarter of the pixel goes over to A.
+        let (ring, vertex) = (0x0800_1000, 0x10000 | 1 << 8 | 8);
+        let area = |vertex, cell| {
+            let (cls, _) = FINE.classify(ring, vertex, true, cell);
+            (cls & VALID != 0).then(|| (cls & PRIMARY_IS_A != 0, primary_area(cls)))
+        };
+        let [below_the_tip, beside_it, on_the_slope] = [5 * 16 + 7, 2 * 16 + 1, 4 * 16 + 4];
+        assert_eq!(
+            [0, vertex].map(|vertex| area(vertex, below_the_tip)),
+            [Some((false, 288)), Some((true, 352))]
+        );
+        assert_eq!(
+            [0, vertex].map(|vertex| area(vertex, beside_it)),
+            [Some((false, 288)), Some((false, 160))]
+        );
+        assert_eq!([0, vertex].map(|vertex| area(vertex, on_the_slope)), [Some((false, 288)), None]);
+    }
+
+    #[test]
+    fn bent_edges_part_a_pixel_like_polygons() {
+        let mut random = Random(21);
+        let (mut ambiguous, mut lost) = (0, 0);
+        for ring in simple_rings() {
+            let (p, q) = (ring.trailing_zeros(), 31 - ring.leading_zeros());
+            for _ in 0..4 {
+                let at = [random.below(17), random.below(17)];
+                let polygon = polygon(p, q, at.map(|c| c as i32));
+                let vertex = 0x10000 | at[1] << 8 | at[0];
+                let cross = |(a, b): (&[i32; 2], &[i32; 2])| a[0] * b[1] - a[1] * b[0];
+                let area: i32 = polygon.iter().zip(polygon.iter().cycle().skip(1)).map(cross).sum();
+                for cell in 0..256 {
+                    let (cls, aim) = FINE.classify(ring, vertex, true, cell);
+                    let centre = [2 * (cell & 15) + 1, 2 * (cell >> 4) + 1].map(|c| c as i32);
+                    if cls & AMBIGUOUS == 0 {
+                        let is_a = cls & PRIMARY_IS_A != 0;
+                        assert_eq!(is_a, holds(&polygon, centre), "{ring:x} {at:?} {cell}");
+                        let primary = if is_a { area } else { 512 - area };
+                        assert_eq!(primary_area(cls) as i32, primary, "{ring:x} {at:?}");
+                    } else {
+                        ambiguous += 1;
+                        lost +=
+                            u32::from(FINE.classify(ring, vertex, true, cell_at(aim, 4)).0 & AMBIGUOUS != 0);
+                    }
+                }
+            }
+        }
+        // Where the region is a sliver at the vertex, the cell farthest from the chord may touch the edge: then a sample that
+        // is aimed there is lost too.
+        assert!(50 * lost < ambiguous, "{lost} of {ambiguous} are not told when aimed anew");
     }
 
     fn harness(params: ClassifyParams, mask: &Mask, id: &[u32], subpixel: &[u32]) -> Harness<Classify> {
@@ -374,7 +507,13 @@ mod tests {
                     let subpixel: Vec<u32> =
                         (0..pixels).map(|_| random.below(1 << (subpixel_bits / 2 * 2))).collect();
                     let params = ClassifyParams { subpixel_bits, ambiguous };
-                    let both = run_both(&mut harness(params, &mask, &id, &subpixel));
+                    let mut harness = harness(params, &mask, &id, &subpixel);
+                    if random.below(2) == 0 {
+                        let place = |random: &mut Random| random.below(17) << 8 | random.below(17);
+                        let vertex = |_| if random.below(3) == 0 { 0 } else { 0x10000 | place(&mut random) };
+                        harness.set("vertex", &(0..pixels).map(vertex).collect::<Vec<u32>>());
+                    }
+                    let both = run_both(&mut harness);
                     assert_agree(&both);
                     let (cls, kept) = (both.cpu.get::<u32>("cls"), both.cpu.get::<u32>("kept"));
                     for p in 0..pixels {

@@ -61,6 +61,9 @@ const LONG_GROUPS: u32 = 256;
 /// How many of these segments there may be; the rest is drawn by one thread each.
 const LONG_SEGMENTS: u32 = 65536;
 
+/// Set in `vertex` where there is one.
+pub const VERTEX: u32 = 0x10000;
+
 /// Segments of one task on the CPU.
 const CHUNK: usize = 16;
 
@@ -129,8 +132,9 @@ pub struct EdgeRaster {
     shadows: Option<List>,
     filtered: In<f32>,
     mask: Out<u32>,
-    /// The mask while it is drawn: threads set bits of it in any order.
-    drawn: Mutex<Vec<AtomicU32>>,
+    vertex: Out<u32>,
+    /// Mask and vertices while they are drawn: threads change them in any order.
+    drawn: Mutex<[Vec<AtomicU32>; 2]>,
 }
 
 /// Segments, and how many of them there are; without it, all of the list.
@@ -205,6 +209,11 @@ impl Stage for EdgeRaster {
             "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15; with its middle lines, 16 to 31.",
             Extent::Corners,
         );
+        let vertex = io.write(
+            "vertex",
+            "An end of a segment in the pixel: 0 if none, else 0x10000 | y << 8 | x in 1/16 pixel, the greatest such number.",
+            Extent::Frame(1),
+        );
         io.shader(shader!("edge_raster"));
         if params.middle {
             io.define("MIDDLE");
@@ -234,14 +243,16 @@ impl Stage for EdgeRaster {
                 });
             }
         }
-        Self { silhouettes, shadows, filtered, mask, drawn: Mutex::default() }
+        Self { silhouettes, shadows, filtered, mask, vertex, drawn: Mutex::default() }
     }
 
     fn cpu(&self, params: &EdgeRasterParams, cx: &CpuContext) -> Result<(), String> {
-        let mut mask = cx.write(self.mask);
+        let (mut mask, mut vertex) = (cx.write(self.mask), cx.write(self.vertex));
         let mut drawn = self.drawn.lock().unwrap_or_else(PoisonError::into_inner);
-        drawn.resize_with(mask.len(), AtomicU32::default);
-        drawn.par_iter_mut().for_each(|word| *word.get_mut() = 0);
+        for (drawn, count) in drawn.iter_mut().zip([mask.len(), vertex.len()]) {
+            drawn.resize_with(count, AtomicU32::default);
+            drawn.par_iter_mut().for_each(|word| *word.get_mut() = 0);
+        }
 
         let filtered = cx.read(self.filtered);
         let image = Image {
@@ -251,7 +262,8 @@ impl Stage for EdgeRaster {
             max_penumbra: params.max_penumbra,
             halves: u32::from(params.middle),
             filtered: &filtered,
-            mask: &drawn,
+            mask: &drawn[0],
+            vertex: &drawn[1],
         };
         for list in [&self.silhouettes, &self.shadows].into_iter().flatten() {
             list.read(cx).par_chunks(CHUNK).for_each(|segments| {
@@ -260,7 +272,9 @@ impl Stage for EdgeRaster {
                 }
             });
         }
-        mask.par_iter_mut().zip(&*drawn).for_each(|(mask, drawn)| *mask = drawn.load(Relaxed));
+        for (output, drawn) in [&mut mask, &mut vertex].into_iter().zip(&*drawn) {
+            output.par_iter_mut().zip(drawn).for_each(|(output, drawn)| *output = drawn.load(Relaxed));
+        }
         Ok(())
     }
 }
@@ -275,6 +289,7 @@ struct Image<'a> {
     halves: u32,
     filtered: &'a [f32],
     mask: &'a [AtomicU32],
+    vertex: &'a [AtomicU32],
 }
 
 impl Image<'_> {
@@ -328,8 +343,13 @@ impl Image<'_> {
         [along(self.view.right) * scale[0], -(along(self.view.up) * scale[1]), along(self.view.forward)]
     }
 
-    /// Marks all crossings.
+    /// Marks all crossings and both ends.
     fn draw(&self, snapped: &Snapped) {
+        let Snapped { ax, ay, bx, by, inverse_a, inverse_b, .. } = *snapped;
+        if [ax, ay] != [bx, by] {
+            self.mark_end([ax, ay], inverse_a, snapped.penumbra);
+            self.mark_end([bx, by], inverse_b, snapped.penumbra);
+        }
         for axis in [0, 1] {
             let lines = Lines::new(snapped, axis, self.size[axis], self.halves);
             for line in lines.first..=lines.last {
@@ -338,6 +358,21 @@ impl Image<'_> {
                     self.mark(axis, line, &crossing);
                 }
             }
+        }
+    }
+
+    /// Marks an end, if it lies in the image and is not hidden.
+    fn mark_end(&self, at: [i32; 2], inverse: f32, penumbra: f32) {
+        let pixel = at.map(|along| along >> PIXEL_SHIFT);
+        let is_inside = (0..2).all(|axis| (0..self.size[axis]).contains(&pixel[axis]));
+        let z = 1.0 / inverse;
+        if is_inside
+            && penumbra <= self.max_penumbra * z
+            && (self.depth_test == DepthTest::Off || z <= self.depth(pixel))
+        {
+            let [x, y] = at.map(|along| (((along & (PIXEL - 1)) + 8) >> 4) as u32);
+            let index = pixel[1] as usize * self.size[0] as usize + pixel[0] as usize;
+            self.vertex[index].fetch_max(VERTEX | y << 8 | x, Relaxed);
         }
     }
 
@@ -763,6 +798,7 @@ mod tests {
             harness.set("silhouette_count", &[1u32]);
             let both = run_both(&mut harness);
             both.assert_equal::<u32>("mask");
+            both.assert_equal::<u32>("vertex");
             both.cpu.get::<u32>("mask")
         };
         let through = draw(segment(1e6));
@@ -791,6 +827,7 @@ mod tests {
             harness.set("filtered", &filtered);
             let both = run_both(&mut harness);
             both.assert_equal::<u32>("mask");
+            both.assert_equal::<u32>("vertex");
             bits(&both.cpu.get::<u32>("mask"), size).contains(&[2, 1, 4])
         };
         for (depth_test, neither, left, right, both) in [
@@ -829,6 +866,7 @@ mod tests {
             harness.set("filtered", &filtered);
             let both = run_both(&mut harness);
             both.assert_equal::<u32>("mask");
+            both.assert_equal::<u32>("vertex");
             bits(&both.cpu.get::<u32>("mask"), size).contains(&[1, 0, 16 + 3])
         };
         for (depth_test, expected) in [
@@ -857,6 +895,7 @@ mod tests {
                 harness.set("shadow_count", &[1u32]);
                 let both = run_both(&mut harness);
                 both.assert_equal::<u32>("mask");
+                both.assert_equal::<u32>("vertex");
                 // 1 / z is linear on the screen; the left side of column 0 is a tenth of the way.
                 let z = |x: u32| 1.0 / (1.0 / 0.6 + (1.0 / 8.0 - 1.0 / 0.6) * (x as f32 + 1.0) / 10.0);
                 let expected: Vec<u32> = (0..=8).filter(|&x| z(x) >= limit).collect();
@@ -879,6 +918,7 @@ mod tests {
                 harness.set("filtered", &[filtered; 9]);
                 let both = run_both(&mut harness);
                 both.assert_equal::<u32>("mask");
+                both.assert_equal::<u32>("vertex");
                 let found = bits(&both.cpu.get::<u32>("mask"), size);
                 assert!(ends.iter().all(|end| found.contains(end) == shown), "{depth_test:?}: {found:?}");
             }
@@ -901,6 +941,7 @@ mod tests {
         broken.push(good);
         let both = run_both(&mut harness(DepthTest::Either, size, &broken));
         both.assert_equal::<u32>("mask");
+        both.assert_equal::<u32>("vertex");
         assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &[good]));
     }
 
@@ -927,6 +968,7 @@ mod tests {
         harness.set("shadow_count", &[1u32]);
         let both = run_both(&mut harness);
         both.assert_equal::<u32>("mask");
+        both.assert_equal::<u32>("vertex");
         assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &segments[..2]));
 
         // Without a count all of a list is drawn; without lists nothing.
@@ -941,6 +983,7 @@ mod tests {
         harness.set("shadows", &segments);
         let both = run_both(&mut harness);
         both.assert_equal::<u32>("mask");
+        both.assert_equal::<u32>("vertex");
         assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &segments));
     }
 
