@@ -1,0 +1,268 @@
+//! The open graph: its text and that of its parts, with undo and redo.
+//!
+//! The texts are the truth. Whatever changes them (typing, or one of core's edits, which touch only the characters
+//! concerned) ends up as a new set of texts; the one before goes to the past. Undo takes it back as it was, byte for byte.
+//! While a text is broken, [`Document::file`] is the last good one and [`Document::problems`] says what is wrong.
+
+mod params;
+#[cfg(test)]
+mod tests;
+
+use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
+
+use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
+
+pub use params::{param_text, remove_param};
+
+/// Texts by the path of their file, the graph's own and those of its parts.
+type Texts = BTreeMap<String, Arc<str>>;
+
+/// Says which changes belong together: those that follow each other with the same tag are undone in one go.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Tag {
+    /// A change of its own.
+    Once,
+    /// Typing in a file.
+    Typing(String),
+    /// Dragging a parameter: node and name.
+    Param(String, String),
+}
+
+/// An open graph file.
+pub struct Document {
+    path: String,
+    texts: Texts,
+    saved: Texts,
+    past: Vec<Texts>,
+    future: Vec<Texts>,
+    tag: Tag,
+    file: Option<Arc<GraphFile>>,
+    problems: Vec<Problem>,
+    revision: u64,
+}
+
+impl Document {
+    /// Opens a file with its parts. A file with problems opens too, to be mended.
+    ///
+    /// # Errors
+    /// That the file cannot be read.
+    pub fn open(path: &Path) -> Result<Self, Problems> {
+        let name = path.display().to_string();
+        let text = fs::read_to_string(path).map_err(|error| {
+            let error = GraphError::Io { action: "read", cause: error.to_string() };
+            Problem::new(error).at(Place::file(&name))
+        })?;
+        let mut document = Self {
+            texts: Texts::from([(name.clone(), text.into())]),
+            path: name,
+            saved: Texts::new(),
+            past: Vec::new(),
+            future: Vec::new(),
+            tag: Tag::Once,
+            file: None,
+            problems: Vec::new(),
+            revision: 0,
+        };
+        document.read();
+        document.saved = document.texts.clone();
+        Ok(document)
+    }
+
+    /// The graph's own path.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// The paths of all texts: the graph's own first, then its parts'.
+    pub fn paths(&self) -> impl Iterator<Item = &str> {
+        let parts = self.texts.keys().map(String::as_str).filter(|path| *path != self.path);
+        std::iter::once(self.path.as_str()).chain(parts)
+    }
+
+    /// The text of a file; empty where there is none of that path.
+    pub fn text(&self, path: &str) -> &str {
+        self.texts.get(path).map_or("", |text| text)
+    }
+
+    /// The graph as of the last texts without problems; none where there never were any.
+    pub fn file(&self) -> Option<&Arc<GraphFile>> {
+        self.file.as_ref()
+    }
+
+    /// What is wrong with the present texts. That a stage has no such port or parameter shows only on compiling.
+    pub fn problems(&self) -> &[Problem] {
+        &self.problems
+    }
+
+    /// Counted up by every change, undo and redo.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// Whether a text differs from its file as last read or written.
+    pub fn is_dirty(&self) -> bool {
+        self.texts.iter().any(|(path, text)| self.saved.get(path) != Some(text))
+    }
+
+    /// Whether there is something to undo.
+    pub fn can_undo(&self) -> bool {
+        !self.past.is_empty()
+    }
+
+    /// Whether there is something to redo.
+    pub fn can_redo(&self) -> bool {
+        !self.future.is_empty()
+    }
+
+    /// Replaces a text by what the user has typed.
+    pub fn type_text(&mut self, path: &str, text: &str) {
+        let mut texts = self.texts.clone();
+        texts.insert(path.to_owned(), text.into());
+        self.change(Tag::Typing(path.to_owned()), texts);
+    }
+
+    /// Makes one of core's edits. Parts that stand in the graph several times change in all places.
+    ///
+    /// # Errors
+    /// Those of the edit, or that the text has problems, so that it cannot be edited but by typing; nothing is changed.
+    pub fn edit(
+        &mut self,
+        tag: Tag,
+        edit: impl FnOnce(&mut GraphFile) -> Result<(), Problems>,
+    ) -> Result<(), Problems> {
+        let (Some(file), []) = (&self.file, self.problems.as_slice()) else {
+            let text = "the text has problems; mend them first";
+            return Err(Problem::new(GraphError::Invalid(text.into())).into());
+        };
+        let mut edited = GraphFile::clone(file);
+        edit(&mut edited)?;
+        let mut texts = self.texts.clone();
+        take_changed(&edited, &self.texts, &mut texts);
+        self.change(tag, texts);
+        Ok(())
+    }
+
+    /// Lets the next change be undone on its own, whatever its tag: a drag or a stretch of typing has ended.
+    pub fn seal(&mut self) {
+        self.tag = Tag::Once;
+    }
+
+    /// Takes back the last change.
+    pub fn undo(&mut self) {
+        if let Some(texts) = self.past.pop() {
+            self.future.push(std::mem::replace(&mut self.texts, texts));
+            self.moved();
+        }
+    }
+
+    /// Makes the change again that was taken back last.
+    pub fn redo(&mut self) {
+        if let Some(texts) = self.future.pop() {
+            self.past.push(std::mem::replace(&mut self.texts, texts));
+            self.moved();
+        }
+    }
+
+    /// Writes every changed text to its file, each whole or not at all.
+    ///
+    /// # Errors
+    /// That a file has been changed by somebody else since it was read, or cannot be written. Its text then stays
+    /// unsaved; files before it in [`Document::paths`] are written.
+    pub fn save(&mut self) -> Result<(), Problems> {
+        self.seal();
+        let changed: Vec<String> = self
+            .paths()
+            .filter(|path| self.texts.get(*path) != self.saved.get(*path))
+            .map(Into::into)
+            .collect();
+        for path in changed {
+            let Some(text) = self.texts.get(&path).cloned() else { continue };
+            if let (Some(saved), Ok(found)) = (self.saved.get(&path), fs::read_to_string(&path))
+                && found != **saved
+            {
+                let cause = "another program has changed it since it was read; nothing was overwritten";
+                let error = GraphError::Io { action: "write", cause: cause.into() };
+                return Err(Problem::new(error).at(Place::file(&path)).into());
+            }
+            bare(&path, &text).save(Path::new(&path))?;
+            self.saved.insert(path, text);
+        }
+        Ok(())
+    }
+
+    fn change(&mut self, tag: Tag, texts: Texts) {
+        if texts == self.texts {
+            return;
+        }
+        let before = std::mem::replace(&mut self.texts, texts);
+        if tag == Tag::Once || tag != self.tag {
+            self.past.push(before);
+        }
+        self.tag = tag;
+        self.future.clear();
+        self.read();
+        self.revision += 1;
+    }
+
+    fn moved(&mut self) {
+        self.seal();
+        self.read();
+        self.revision += 1;
+    }
+
+    /// Reads the texts anew. Parts that are not known yet come from their files.
+    fn read(&mut self) {
+        let texts = &self.texts;
+        let part = |path: &Path| -> io::Result<String> {
+            match texts.get(&path.display().to_string()) {
+                Some(text) => Ok(text.to_string()),
+                None => fs::read_to_string(path),
+            }
+        };
+        let read =
+            GraphFile::parse(&self.path, self.text(&self.path)).and_then(|file| file.with_parts(&part));
+        match read {
+            Ok(file) => {
+                add_parts(&file, &mut self.texts, &mut self.saved);
+                self.file = Some(Arc::new(file));
+                self.problems = Vec::new();
+            }
+            Err(problems) => self.problems = problems.0,
+        }
+    }
+}
+
+/// A file of which only the text counts, to be written.
+fn bare(path: &str, text: &str) -> GraphFile {
+    GraphFile {
+        path: path.into(),
+        text: text.into(),
+        version: 1,
+        doc: String::new(),
+        nodes: Vec::new(),
+        outputs: Vec::new(),
+        parts: Vec::new(),
+    }
+}
+
+/// The texts of `file` that differ from those of `before`.
+fn take_changed(file: &GraphFile, before: &Texts, texts: &mut Texts) {
+    if before.get(&file.path).is_none_or(|text| **text != *file.text) {
+        texts.insert(file.path.clone(), file.text.as_str().into());
+    }
+    for (_, part) in &file.parts {
+        take_changed(part, before, texts);
+    }
+}
+
+/// Remembers the texts of parts that were read for the first time.
+fn add_parts(file: &GraphFile, texts: &mut Texts, saved: &mut Texts) {
+    for (_, part) in &file.parts {
+        if !texts.contains_key(&part.path) {
+            let text: Arc<str> = part.text.as_str().into();
+            texts.insert(part.path.clone(), text.clone());
+            saved.insert(part.path.clone(), text);
+        }
+        add_parts(part, texts, saved);
+    }
+}

@@ -1,0 +1,39 @@
+//! Parameters by the address of their node, in the graph itself or in a part.
+
+use epigraph_core::{GraphFile, Problems};
+
+/// The text that holds for a parameter: what a node of a part is given from outside, else what it says itself. None where
+/// the stage's default holds.
+pub fn param_text<'f>(file: &'f GraphFile, address: &str, param: &str) -> Option<&'f str> {
+    let Some((part, inner)) = address.split_once('/') else {
+        let params = &file.node(address)?.params;
+        return params.iter().find(|def| def.name.value == param).map(|def| def.value.value.as_str());
+    };
+    if let Some(text) = set_text(file, part, inner, param) {
+        return Some(text);
+    }
+    let (_, part) = file.parts.iter().find(|(name, _)| name == part)?;
+    param_text(part, inner, param)
+}
+
+fn set_text<'f>(file: &'f GraphFile, part: &str, inner: &str, param: &str) -> Option<&'f str> {
+    let set = file.node(part)?.set.iter().find(|(node, _)| node.value == inner);
+    let (_, params) = set?;
+    params.iter().find(|def| def.name.value == param).map(|def| def.value.value.as_str())
+}
+
+/// Lets the stage's default hold: takes the parameter out of the text where it stands, or where it is set for a node of
+/// a part from outside, writes `default` there.
+///
+/// # Errors
+/// Those of [`GraphFile::remove_param`] and [`GraphFile::set_param`].
+pub fn remove_param(file: &mut GraphFile, address: &str, param: &str, default: &str) -> Result<(), Problems> {
+    let Some((part, inner)) = address.split_once('/') else { return file.remove_param(address, param) };
+    if set_text(file, part, inner, param).is_some() {
+        return file.set_param(address, param, default);
+    }
+    match file.parts.iter_mut().find(|(name, _)| name == part) {
+        Some((_, part)) => remove_param(part, inner, param, default),
+        None => file.remove_param(address, param),
+    }
+}

@@ -1,0 +1,220 @@
+use std::path::PathBuf;
+
+use epigraph_core::{ParamKind, ParamSpec, Side, Source};
+
+use super::*;
+
+/// Copies the shipped graphs to a folder of their own; the main files.
+fn shipped(folder: &Path) -> Vec<PathBuf> {
+    let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+    let mut files = Vec::new();
+    fs::create_dir(folder.join("parts")).unwrap();
+    for (from, to) in [(graphs.clone(), folder.to_owned()), (graphs.join("parts"), folder.join("parts"))] {
+        for entry in fs::read_dir(from).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|extension| extension == "ron") {
+                let copy = to.join(path.file_name().unwrap());
+                fs::copy(&path, &copy).unwrap();
+                files.extend((to == folder).then_some(copy));
+            }
+        }
+    }
+    files.sort();
+    assert!(files.len() >= 4, "{files:?}");
+    files
+}
+
+/// xorshift32 (Marsaglia 2003): enough to choose edits by.
+struct Random(u32);
+
+impl Random {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 17;
+        self.0 ^= self.0 << 5;
+        self.0 as usize % bound.max(1)
+    }
+
+    fn pick<'a, T>(&mut self, all: &'a [T]) -> Option<&'a T> {
+        all.get(self.below(all.len()))
+    }
+}
+
+fn value(spec: &ParamSpec, random: &mut Random) -> String {
+    let share = random.below(1000) as f64 / 1000.0;
+    let (low, high) = spec.range.unwrap_or((0.0, 10.0));
+    match &spec.kind {
+        ParamKind::Bool => (random.below(2) == 0).to_string(),
+        ParamKind::U32 | ParamKind::I32 => ((low + share * (high - low).min(100.0)) as i64).to_string(),
+        ParamKind::F32 => format!("{:?}", low + share * (high - low)),
+        ParamKind::Choice(names) => random.pick(names).cloned().unwrap_or_default(),
+        ParamKind::Text => "\"x.ron\"".into(),
+    }
+}
+
+/// All nodes with their addresses.
+fn addresses(file: &GraphFile, prefix: &str) -> Vec<(String, String)> {
+    let own = file.nodes.iter().map(|node| (format!("{prefix}{}", node.name.value), node.kind.value.clone()));
+    let parts = file.parts.iter().flat_map(|(name, part)| addresses(part, &format!("{prefix}{name}/")));
+    own.chain(parts).collect()
+}
+
+fn random_edit(document: &mut Document, random: &mut Random) {
+    let registry = epigraph_stages::registry();
+    let Some(file) = document.file().cloned() else { return };
+    let nodes = addresses(&file, "");
+    let own: Vec<String> = file.nodes.iter().map(|node| node.name.value.clone()).collect();
+    let (Some((address, kind)), Some(node), Some(other)) =
+        (random.pick(&nodes).cloned(), random.pick(&own).cloned(), random.pick(&own).cloned())
+    else {
+        return;
+    };
+    let specs = registry.get(&kind).map(|kind| kind.specs()).unwrap_or_default();
+    let source = Source { node: other, port: "color".into() };
+    let choice = random.below(12);
+    let number = random.below(1000);
+    // Many of these fail, as a user's would; what counts is that undo restores.
+    let _ = document.edit(Tag::Once, |file| match choice {
+        0..=3 => match random.pick(&specs) {
+            Some(spec) => file.set_param(&address, &spec.name, &value(spec, random)),
+            None => Ok(()),
+        },
+        4 => match random.pick(&specs) {
+            Some(spec) => remove_param(file, &address, &spec.name, &spec.default),
+            None => Ok(()),
+        },
+        5 => file.set_input(&node, "color", Some(&source)),
+        6 => file.set_input(&node, "cloud", None),
+        7 => file.set_on(&node, [None, Some(Side::Cpu), Some(Side::Gpu)][number % 3]),
+        8 => file.set_bypass(&node, number % 2 == 0),
+        9 => file.add_node(&format!("new{number}"), "fill"),
+        10 if own.len() > 3 => file.remove_node(&node),
+        10 => Ok(()),
+        _ => file.rename_node(&node, &format!("{node}_{number}")),
+    });
+    if number % 20 == 0 {
+        // Typing, which may well break the text, and more of it.
+        let paths: Vec<String> = document.paths().map(Into::into).collect();
+        let path = random.pick(&paths).unwrap().clone();
+        let mut text = document.text(&path).to_owned();
+        let places: Vec<usize> = text.char_indices().map(|(at, _)| at).collect();
+        text.insert(*random.pick(&places).unwrap(), ['x', ',', '\n', '}'][number / 20 % 4]);
+        document.type_text(&path, &text);
+        if !document.problems().is_empty() {
+            document.undo();
+        }
+    }
+}
+
+#[test]
+fn undoing_random_edits_gives_back_every_file_byte_for_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    for (seed, path) in shipped(folder.path()).iter().enumerate() {
+        let mut document = Document::open(path).unwrap();
+        assert_eq!(document.problems(), []);
+        let opened = document.texts.clone();
+        let mut random = Random(2_463_534_242 + seed as u32);
+        for _ in 0..500 {
+            random_edit(&mut document, &mut random);
+        }
+        assert!(document.past.len() > 200, "{}: {} edits", path.display(), document.past.len());
+        assert!(document.is_dirty());
+        let edited = document.texts.clone();
+        while document.can_undo() {
+            document.undo();
+        }
+        for (path, text) in &opened {
+            assert_eq!(document.text(path), &**text, "{path}");
+            assert_eq!(fs::read_to_string(path).unwrap(), **text, "{path}");
+        }
+        assert!(!document.is_dirty());
+        while document.can_redo() {
+            document.redo();
+        }
+        assert_eq!(document.texts, edited);
+    }
+}
+
+/// A document in a folder of its own, with a part that stands in it twice.
+fn small(folder: &Path) -> Document {
+    let part = r#"Graph(version: 1, nodes: { "in": (kind: "fill", params: (sigma: 0.5)) }, outputs: { "o": "in.color" })"#;
+    let main = "Graph(\n    version: 1,\n    nodes: {\n        // Kept.\n        \"a\": (kind: \"graph\", params: (file: \"part.ron\")),\n        \"b\": (kind: \"graph\", params: (file: \"part.ron\"), set: { \"in\": (radius: 2) }),\n        \"c\": (kind: \"fill\"),\n    },\n    outputs: { \"image\": \"a.o\" },\n)\n";
+    fs::write(folder.join("part.ron"), part).unwrap();
+    fs::write(folder.join("main.ron"), main).unwrap();
+    Document::open(&folder.join("main.ron")).unwrap()
+}
+
+#[test]
+fn a_drag_is_one_step_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let drag = |document: &mut Document, value: &str| {
+        let tag = Tag::Param("c".into(), "sigma".into());
+        document.edit(tag, |file| file.set_param("c", "sigma", value)).unwrap();
+    };
+    for value in ["0.1", "0.2", "0.3"] {
+        drag(&mut document, value);
+    }
+    document.seal();
+    drag(&mut document, "0.4");
+    document.undo();
+    assert_eq!(param_text(document.file().unwrap(), "c", "sigma"), Some("0.3"));
+    document.undo();
+    assert_eq!(param_text(document.file().unwrap(), "c", "sigma"), None);
+    assert!(!document.can_undo() && !document.is_dirty());
+    document.redo();
+    assert_eq!(param_text(document.file().unwrap(), "c", "sigma"), Some("0.3"));
+}
+
+#[test]
+fn a_part_changes_in_all_its_places_and_is_saved_to_its_own_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let main = fs::read_to_string(folder.path().join("main.ron")).unwrap();
+    document.edit(Tag::Once, |file| file.set_param("a/in", "sigma", "0.7")).unwrap();
+    let file = document.file().unwrap();
+    assert_eq!(param_text(file, "b/in", "sigma"), Some("0.7"));
+    assert_eq!(param_text(file, "b/in", "radius"), Some("2"));
+    document.save().unwrap();
+    assert!(!document.is_dirty());
+    assert_eq!(fs::read_to_string(folder.path().join("main.ron")).unwrap(), main);
+    assert!(fs::read_to_string(folder.path().join("part.ron")).unwrap().contains("sigma: 0.7"));
+    document.edit(Tag::Once, |file| remove_param(file, "a/in", "sigma", "1.0")).unwrap();
+    document.edit(Tag::Once, |file| remove_param(file, "b/in", "radius", "1")).unwrap();
+    let file = document.file().unwrap();
+    assert_eq!(param_text(file, "a/in", "sigma"), None);
+    assert_eq!(param_text(file, "b/in", "radius"), Some("1"));
+}
+
+#[test]
+fn a_broken_text_keeps_the_last_good_graph_and_can_be_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let path = document.path().to_owned();
+    let good = document.file().unwrap().clone();
+    let broken = document.text(&path).replace("version: 1,", "version: 1");
+    document.type_text(&path, &broken);
+    let place = document.problems()[0].place.clone().unwrap();
+    assert_eq!((place.line, place.file), (3, path.clone()));
+    assert_eq!(document.file(), Some(&good));
+    assert!(document.edit(Tag::Once, |file| file.set_on("c", Some(Side::Cpu))).is_err());
+    document.save().unwrap();
+    assert_eq!(fs::read_to_string(&path).unwrap(), broken);
+    let mut again = Document::open(Path::new(&path)).unwrap();
+    assert!(again.file().is_none() && !again.problems().is_empty());
+    let mended = broken.replace("version: 1", "version: 1,");
+    again.type_text(&path, &mended);
+    assert!(again.problems().is_empty() && again.file().is_some());
+}
+
+#[test]
+fn another_programs_work_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let path = document.path().to_owned();
+    document.edit(Tag::Once, |file| file.set_bypass("c", true)).unwrap();
+    fs::write(&path, "theirs").unwrap();
+    assert!(document.save().unwrap_err().to_string().contains("another program"));
+    assert!(document.is_dirty());
+    assert_eq!(fs::read_to_string(&path).unwrap(), "theirs");
+}

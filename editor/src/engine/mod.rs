@@ -1,0 +1,215 @@
+//! The engine: a thread of its own that owns the scene, its tracer, the graph and its memory, and runs frame after frame.
+//!
+//! The user interface sends [`Command`]s and looks at the [`State`] that was published last. Neither side waits for the
+//! other: commands queue up and of several of one kind the last counts; a state is a value that is replaced as a whole.
+//! What fails (a graph that does not compile, a stage that panics, a lost device) is told in the state, and what ran
+//! before runs on.
+
+mod info;
+mod running;
+#[cfg(test)]
+mod tests;
+mod worker;
+
+use std::{
+    sync::{Arc, Mutex, PoisonError, mpsc},
+    thread::{self, JoinHandle},
+};
+
+use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
+use epigraph_scenes::Camera;
+
+pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo};
+
+/// Most frames a second: more than a screen shows would only take the cores from the tracer.
+pub const MAX_RATE: f32 = 60.0;
+
+/// Where nodes run that do not say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backend {
+    /// A hardware GPU if there is one, else the CPU.
+    #[default]
+    Auto,
+    /// Native code.
+    Cpu,
+    /// Any GPU adapter, software ones included.
+    Gpu,
+}
+
+/// When samples arrive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pacing {
+    /// When they are done; no frame waits for them.
+    #[default]
+    Async,
+    /// All of them in the frame of their request: the same picture in every run, at the tracer's speed.
+    Exact,
+}
+
+/// What the engine starts with.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The scene's name or file.
+    pub scene: String,
+    /// Width and height of the frame, pixels.
+    pub size: [u32; 2],
+    /// Samples a frame may ask for, as a share of its pixels, above 0 to 1.
+    pub samples: f32,
+    /// Where nodes run that do not say.
+    pub backend: Backend,
+    /// When samples arrive.
+    pub pacing: Pacing,
+    /// Whether frames wait for [`Command::Step`].
+    pub paused: bool,
+    /// The run's seed.
+    pub seed: u32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            scene: "cornell".into(),
+            size: [512, 512],
+            samples: 0.05,
+            backend: Backend::default(),
+            pacing: Pacing::default(),
+            paused: false,
+            seed: 0,
+        }
+    }
+}
+
+/// What the user interface asks of the engine.
+#[derive(Clone, Debug)]
+pub enum Command {
+    /// Run this graph from now on, with what the present one keeps from frame to frame wherever that fits.
+    Graph(Arc<GraphFile>),
+    /// Look from here.
+    Camera(Camera),
+    /// Wait for [`Command::Step`], or go on.
+    Pause(bool),
+    /// Run so many frames even while paused.
+    Step(u32),
+    /// Forget all that is kept from frame to frame, and count frames from 0 again.
+    Reset,
+    /// Samples a frame may ask for, as a share of its pixels.
+    Samples(f32),
+    /// Width and height of the frame, pixels.
+    Size([u32; 2]),
+    /// Where nodes run that do not say.
+    Backend(Backend),
+    /// When samples arrive.
+    Pacing(Pacing),
+    /// Ports to take [`Snapshot`]s of, as `node.port`; the graph's outputs are always taken. Unknown ones are skipped.
+    Watch(Vec<String>),
+}
+
+/// How far the engine is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Phase {
+    /// The scene is being read and its tracer built.
+    #[default]
+    Loading,
+    /// Frames run, or would if there were a graph.
+    Ready,
+    /// There is no scene, for this reason.
+    Failed(String),
+}
+
+/// What the engine says of itself; a new one after every frame and every command.
+#[derive(Clone, Debug, Default)]
+pub struct State {
+    /// Whether there is a scene.
+    pub phase: Phase,
+    /// How many commands have been obeyed.
+    pub commands: u64,
+    /// The scene's own view, once it is loaded.
+    pub home: Option<Camera>,
+    /// Lowest and highest corner of the scene, metres.
+    pub bounds: [[f32; 3]; 2],
+    /// The graph that runs.
+    pub graph: Option<Arc<GraphInfo>>,
+    /// What is wrong with the graph that was given last; it then does not run, and [`State::graph`] is an earlier one.
+    pub problems: Vec<Problem>,
+    /// Why frames have stopped, or a setting could not be obeyed.
+    pub trouble: Option<String>,
+    /// Frames run since the start or the last reset.
+    pub frames: u32,
+    /// Whether frames wait.
+    pub paused: bool,
+    /// Milliseconds of each of the graph's steps in the last frame, in the order of [`GraphInfo::steps`].
+    pub times: Vec<f32>,
+    /// Milliseconds of the whole last frame.
+    pub frame_ms: f32,
+    /// Frames in the last second.
+    pub rate: f32,
+    /// Samples that the last frame could ask for.
+    pub samples: u32,
+    /// The watched ports and the outputs as of the last frame: one for each field.
+    pub snapshots: Vec<Arc<Snapshot>>,
+}
+
+impl State {
+    /// The fields of a watched port or output, in the port's order.
+    pub fn fields<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Arc<Snapshot>> {
+        self.snapshots.iter().filter(move |snapshot| snapshot.name == name)
+    }
+}
+
+/// The engine's end in the user interface. Dropping it ends the thread after the frame under way.
+pub struct Engine {
+    commands: Option<mpsc::Sender<Command>>,
+    published: Arc<Mutex<Arc<State>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Engine {
+    /// Starts the thread. `wake` is called from it whenever there is a new state.
+    pub fn start(options: Options, wake: impl Fn() + Send + 'static) -> Self {
+        Self::start_with(options, epigraph_stages::registry, wake)
+    }
+
+    fn start_with(options: Options, registry: fn() -> Registry, wake: impl Fn() + Send + 'static) -> Self {
+        let (sender, commands) = mpsc::channel();
+        let first = State { paused: options.paused, ..State::default() };
+        let published = Arc::new(Mutex::new(Arc::new(first)));
+        let shared = published.clone();
+        let publish = move |state: State| {
+            *shared.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(state);
+            wake();
+        };
+        let thread = thread::Builder::new()
+            .name("engine".into())
+            .spawn(move || worker::run(options, registry(), &commands, &publish))
+            .ok();
+        Self { commands: Some(sender), published, thread }
+    }
+
+    /// Queues a command.
+    pub fn send(&self, command: Command) {
+        // The thread ends only with this handle, or when it could not start, which `is_alive` tells.
+        if let Some(commands) = &self.commands {
+            let _ = commands.send(command);
+        }
+    }
+
+    /// What the engine said last.
+    pub fn state(&self) -> Arc<State> {
+        self.published.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Whether the thread still runs.
+    pub fn is_alive(&self) -> bool {
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+}
+
+impl Drop for Engine {
+    fn drop(&mut self) {
+        self.commands = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic has been printed; there is nobody left to tell.
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! A graph with its memory, ready to run, and how one is made from a file.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Arc,
+};
+
+use epigraph_core::{
+    Executor, Gpu, Graph, GraphError, GraphFile, Plan, Problem, Problems, Registry, RunError, Settings, Side,
+    Source, compile,
+};
+
+use super::GraphInfo;
+
+/// A graph that runs.
+pub struct Running {
+    pub executor: Executor,
+    pub info: Arc<GraphInfo>,
+}
+
+impl Running {
+    /// Compiles a file for `settings`, with the taps among `watched` that the graph has. `open` gives the GPU where the
+    /// plan needs one.
+    ///
+    /// # Errors
+    /// All problems of the file; those of a device or of memory stand without a place.
+    pub fn new(
+        file: &GraphFile,
+        registry: &Registry,
+        settings: &Settings,
+        watched: &[String],
+        open: &mut dyn FnMut() -> Result<Arc<Gpu>, RunError>,
+    ) -> Result<Self, Problems> {
+        // A panic here is a bug of the compiler; the window and the files outlive it.
+        let made = catch_unwind(AssertUnwindSafe(|| {
+            let (graph, plan, settings) = compile_watched(file, registry, settings, watched)?;
+            let needs_gpu = plan.nodes.iter().any(|(.., side)| *side == Side::Gpu);
+            let gpu = if needs_gpu { Some(open().map_err(|error| problems(&error))?) } else { None };
+            let info = GraphInfo::new(&graph, &plan, settings.size, gpu.as_ref().map(|gpu| gpu.name()));
+            let executor = Executor::new(graph, plan, &settings, registry, gpu);
+            Ok(Self { executor: executor.map_err(|error| problems(&error))?, info: Arc::new(info) })
+        }));
+        made.unwrap_or_else(|panic| {
+            let text = format!("compiling it panicked: {}", message(panic.as_ref()));
+            Err(Problem::new(GraphError::Invalid(text)).into())
+        })
+    }
+}
+
+/// What a panic says.
+pub fn message(panic: &(dyn std::any::Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
+}
+
+/// A failure to make memory or pipelines as a problem of the graph.
+fn problems(error: &RunError) -> Problems {
+    let problem = Problem::new(GraphError::Invalid(error.to_string()));
+    match error {
+        RunError::Stage { node, message } => {
+            Problem::new(GraphError::Invalid(message.clone())).node(node).into()
+        }
+        _ => problem.into(),
+    }
+}
+
+fn compile_watched(
+    file: &GraphFile,
+    registry: &Registry,
+    settings: &Settings,
+    watched: &[String],
+) -> Result<(Graph, Plan, Settings), Problems> {
+    let with = |taps: Vec<Source>| {
+        let settings = Settings { taps, ..settings.clone() };
+        compile(file, registry, &settings).map(|(graph, plan)| (graph, plan, settings))
+    };
+    let taps: Vec<Source> = watched.iter().filter_map(|name| name.parse().ok()).collect();
+    if let Ok(made) = with(taps.clone()) {
+        return Ok(made);
+    }
+    // Is it the graph, or a port that it no longer has?
+    with(Vec::new())?;
+    with(taps.into_iter().filter(|tap| with(vec![tap.clone()]).is_ok()).collect())
+}

@@ -1,0 +1,377 @@
+//! The engine's thread: obeys commands, runs frames, publishes states.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{
+        Arc,
+        mpsc::{Receiver, RecvTimeoutError, TryRecvError},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use epigraph_core::{
+    AdapterChoice, Frame, Gpu, GraphFile, Host, MAX_SIDE, Problems, Registry, RunError, Settings, Side,
+};
+use epigraph_scenes::{AsyncTracer, Camera, Scene, Tracer, predict};
+use epigraph_stages::{Pace, World, shared::world::PREDICTION_FRAMES};
+
+use super::{
+    Backend, Command, MAX_RATE, Options, Pacing, Phase, State,
+    running::{Running, message},
+};
+
+/// Runs until the sender of the commands is gone.
+pub fn run(options: Options, registry: Registry, commands: &Receiver<Command>, publish: &dyn Fn(State)) {
+    let scene = catch_unwind(|| Scene::load(&options.scene).map_err(|error| error.to_string()));
+    let scene = scene.unwrap_or_else(|panic| {
+        Err(format!("reading the scene {} panicked: {}", options.scene, message(panic.as_ref())))
+    });
+    match scene {
+        Ok(scene) => Worker::new(options, registry, Arc::new(scene)).run(commands, publish),
+        Err(error) => publish(State { phase: Phase::Failed(error), ..State::default() }),
+    }
+}
+
+/// Whether the memory of the running graph is still right.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Rebuild {
+    No,
+    /// Compile again and take over what is kept.
+    Keep,
+    /// Compile again and start anew.
+    Afresh,
+}
+
+struct Worker {
+    options: Options,
+    registry: Registry,
+    tracer: Arc<Tracer>,
+    host: Host,
+    gpu: Option<Arc<Gpu>>,
+    /// The graph that was given last.
+    file: Option<Arc<GraphFile>>,
+    /// The one that compiled last.
+    good: Option<Arc<GraphFile>>,
+    watched: Vec<String>,
+    rebuild: Rebuild,
+    running: Option<Running>,
+    /// What ran before, until the new one has shown that it runs.
+    before: Option<Running>,
+    camera: Camera,
+    /// The camera of the last frame.
+    shown: Option<Camera>,
+    /// Frames to run though paused.
+    owed: u32,
+    index: u32,
+    /// A frame has failed; nothing runs until something changes.
+    stopped: bool,
+    /// The ends of the frames of the last second.
+    ends: Vec<Instant>,
+    state: State,
+}
+
+impl Worker {
+    fn new(options: Options, registry: Registry, scene: Arc<Scene>) -> Self {
+        let (camera, bounds) = (scene.camera, scene.bounds);
+        let tracer = Arc::new(Tracer::new(scene));
+        let state = State {
+            phase: Phase::Ready,
+            home: Some(camera),
+            bounds: bounds.map(Into::into),
+            paused: options.paused,
+            ..State::default()
+        };
+        Self {
+            host: host(&tracer, options.pacing),
+            options,
+            registry,
+            tracer,
+            gpu: None,
+            file: None,
+            good: None,
+            watched: Vec::new(),
+            rebuild: Rebuild::No,
+            running: None,
+            before: None,
+            camera,
+            shown: None,
+            owed: 0,
+            index: 0,
+            stopped: false,
+            ends: Vec::new(),
+            state,
+        }
+    }
+
+    fn run(mut self, commands: &Receiver<Command>, publish: &dyn Fn(State)) {
+        publish(self.state.clone());
+        let interval = Duration::from_secs_f32(1.0 / MAX_RATE);
+        let mut next = Instant::now();
+        loop {
+            let first = if self.has_work() {
+                match commands.recv_timeout(next.saturating_duration_since(Instant::now())) {
+                    Ok(command) => Some(command),
+                    Err(RecvTimeoutError::Timeout) => None,
+                    Err(RecvTimeoutError::Disconnected) => return,
+                }
+            } else {
+                match commands.recv() {
+                    Ok(command) => Some(command),
+                    Err(_) => return,
+                }
+            };
+            let mut command = first;
+            let mut obeyed = false;
+            while let Some(given) = command {
+                self.obey(given);
+                obeyed = true;
+                command = match commands.try_recv() {
+                    Ok(command) => Some(command),
+                    Err(TryRecvError::Empty) => None,
+                    Err(TryRecvError::Disconnected) => return,
+                };
+            }
+            if self.rebuild != Rebuild::No {
+                self.build();
+            }
+            if self.has_work() && next <= Instant::now() {
+                next = Instant::now() + interval;
+                self.frame();
+                publish(self.state.clone());
+            } else if obeyed {
+                publish(self.state.clone());
+            }
+        }
+    }
+
+    fn has_work(&self) -> bool {
+        self.running.is_some() && !self.stopped && (!self.options.paused || self.owed > 0)
+    }
+
+    fn obey(&mut self, command: Command) {
+        self.state.commands += 1;
+        let rebuild = match command {
+            Command::Graph(file) => {
+                self.file = Some(file);
+                Rebuild::Keep
+            }
+            Command::Camera(camera) => {
+                self.camera = camera;
+                Rebuild::No
+            }
+            Command::Pause(paused) => {
+                self.options.paused = paused;
+                self.state.paused = paused;
+                self.owed = 0;
+                Rebuild::No
+            }
+            Command::Step(frames) => {
+                self.owed += frames;
+                Rebuild::No
+            }
+            Command::Reset => Rebuild::Afresh,
+            Command::Samples(share) => {
+                self.options.samples = share.clamp(0.0, 1.0);
+                Rebuild::Keep
+            }
+            Command::Size(size) => {
+                self.options.size = size.map(|side| side.clamp(1, MAX_SIDE));
+                Rebuild::Keep
+            }
+            Command::Backend(backend) => {
+                self.options.backend = backend;
+                Rebuild::Keep
+            }
+            Command::Pacing(pacing) => {
+                self.options.pacing = pacing;
+                self.host = host(&self.tracer, pacing);
+                Rebuild::No
+            }
+            Command::Watch(watched) if watched == self.watched => Rebuild::No,
+            Command::Watch(watched) => {
+                self.watched = watched;
+                Rebuild::Keep
+            }
+        };
+        self.rebuild = self.rebuild.max(rebuild);
+    }
+
+    /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
+    fn build(&mut self) {
+        let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
+        self.state.trouble = None;
+        self.state.problems = Vec::new();
+        for file in [self.file.clone(), self.good.clone()].into_iter().flatten() {
+            match self.compile(&file) {
+                Ok(made) => {
+                    self.good = Some(file);
+                    self.replace(made, rebuild);
+                    return;
+                }
+                // Those of the newest file count.
+                Err(problems) if self.state.problems.is_empty() => self.state.problems = problems.0,
+                Err(_) => {}
+            }
+        }
+    }
+
+    fn compile(&mut self, file: &GraphFile) -> Result<Running, Problems> {
+        let size = self.options.size;
+        let side = self.side();
+        let settings = Settings {
+            facts: World::facts(self.tracer.scene(), true),
+            side,
+            ..Settings::new(size, samples(size, self.options.samples))
+        };
+        let gpu = &mut self.gpu;
+        let mut open = || open_gpu(gpu);
+        Running::new(file, &self.registry, &settings, &self.watched, &mut open)
+    }
+
+    /// Lets a graph run from now on, with what the one before keeps.
+    fn replace(&mut self, mut made: Running, rebuild: Rebuild) {
+        self.stopped = false;
+        if rebuild == Rebuild::Afresh {
+            self.running = None;
+            self.before = None;
+            self.index = 0;
+            self.shown = None;
+            self.state.frames = 0;
+            // Samples of before the reset that are still under way belong to no frame.
+            self.host = host(&self.tracer, self.options.pacing);
+        }
+        // One that never ran a frame has nothing yet that its successor could not take from the one before.
+        let old = match (self.running.take(), self.before.take()) {
+            (Some(running), _) if running.executor.frames() > 0 => Some(running),
+            (running, before) => before.or(running),
+        };
+        if let Some(mut old) = old {
+            if let Err(error) = made.executor.inherit(&mut old.executor) {
+                self.state.trouble = Some(format!("the cloud could not be kept: {error}"));
+            }
+            self.before = Some(old);
+        }
+        self.run_graph(made);
+    }
+
+    fn run_graph(&mut self, running: Running) {
+        self.state.graph = Some(running.info.clone());
+        self.state.times = vec![0.0; running.info.steps.len()];
+        self.running = Some(running);
+    }
+
+    /// Where nodes run by default.
+    fn side(&mut self) -> Side {
+        match self.options.backend {
+            Backend::Cpu => Side::Cpu,
+            Backend::Gpu => Side::Gpu,
+            Backend::Auto => {
+                if self.gpu.is_none() {
+                    self.gpu = Gpu::open(AdapterChoice::Hardware).ok().map(Arc::new);
+                }
+                let hardware = self.gpu.as_ref().is_some_and(|gpu| !gpu.is_software());
+                if hardware { Side::Gpu } else { Side::Cpu }
+            }
+        }
+    }
+
+    fn frame(&mut self) {
+        let Some(running) = &mut self.running else { return };
+        let start = Instant::now();
+        let size = running.info.size;
+        let previous = self.shown.unwrap_or(self.camera);
+        let frame = Frame {
+            view: World::view(&self.camera, size),
+            previous: World::view(&previous, size),
+            predicted: World::view(&predict(&previous, &self.camera, PREDICTION_FRAMES), size),
+            size,
+            index: self.index,
+            seed: self.options.seed,
+            samples: samples(size, self.options.samples),
+            ..Frame::default()
+        };
+        let executor = &mut running.executor;
+        let host = &self.host;
+        let result = catch_unwind(AssertUnwindSafe(|| {
+            executor.run(&frame, host, true)?;
+            let snapshots = executor.snapshots()?;
+            Ok(snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect())
+        }));
+        let result = result.unwrap_or_else(|panic| {
+            Err(RunError::Gpu(format!("running it panicked: {}", message(panic.as_ref()))))
+        });
+        match result {
+            Ok(snapshots) => {
+                self.state.times.copy_from_slice(executor.times());
+                self.state.snapshots = snapshots;
+                self.succeeded(start, frame.samples);
+            }
+            Err(error) => self.failed(&error),
+        }
+    }
+
+    fn succeeded(&mut self, start: Instant, samples: u32) {
+        self.before = None;
+        self.shown = Some(self.camera);
+        self.index = self.index.wrapping_add(1);
+        self.owed = self.owed.saturating_sub(1);
+        let now = Instant::now();
+        self.ends.retain(|end| now - *end < Duration::from_secs(1));
+        self.ends.push(now);
+        self.state.frames = self.index;
+        self.state.samples = samples;
+        self.state.frame_ms = (now - start).as_secs_f32() * 1000.0;
+        self.state.rate = self.ends.len() as f32;
+    }
+
+    /// The graph before takes over where this one never ran; else frames stop until something changes.
+    fn failed(&mut self, error: &RunError) {
+        if matches!(error, RunError::Gpu(_)) {
+            self.gpu = None;
+        }
+        self.owed = self.owed.saturating_sub(1);
+        match self.before.take() {
+            Some(before) => {
+                self.state.trouble =
+                    Some(format!("the changed graph failed, so the one before runs on: {error}"));
+                self.run_graph(before);
+            }
+            None => {
+                self.state.trouble = Some(format!("stopped: {error}"));
+                self.stopped = true;
+                self.owed = 0;
+            }
+        }
+    }
+}
+
+/// What the stages get beside their ports.
+fn host(tracer: &Arc<Tracer>, pacing: Pacing) -> Host {
+    let pace = match pacing {
+        Pacing::Exact => Pace::Exact,
+        Pacing::Async => {
+            // One core stays for the frame and the window.
+            let cores = thread::available_parallelism().map_or(1, usize::from);
+            Pace::Async(AsyncTracer::new(tracer.clone(), (cores - 1).max(1)))
+        }
+    };
+    let mut host = Host::default();
+    host.insert(World::new(tracer.clone(), pace));
+    host
+}
+
+/// The samples of a frame of `size`: at least one, at most one for each pixel.
+fn samples(size: [u32; 2], share: f32) -> u32 {
+    let pixels = size[0] * size[1];
+    ((pixels as f32 * share).round() as u32).clamp(1, pixels)
+}
+
+fn open_gpu(open: &mut Option<Arc<Gpu>>) -> Result<Arc<Gpu>, RunError> {
+    if let Some(gpu) = open {
+        return Ok(gpu.clone());
+    }
+    let gpu = Arc::new(Gpu::open(AdapterChoice::Any)?);
+    *open = Some(gpu.clone());
+    Ok(gpu)
+}

@@ -1,0 +1,76 @@
+use epigraph_core::{Dims, PortElement, texel};
+
+use super::*;
+
+fn snapshot<T: Copy>(name: &str, element: Element, data: &[T], bytes: fn(T) -> Vec<u8>) -> Snapshot {
+    let dims = Dims { width: data.len() as u32, height: 1 };
+    let bytes = data.iter().flat_map(|value| bytes(*value)).collect();
+    Snapshot { name: name.into(), field: String::new(), element, dims, frame: 0, bytes }
+}
+
+fn floats(name: &str, data: &[f32]) -> Snapshot {
+    snapshot(name, f32::element(), data, |value| value.to_le_bytes().to_vec())
+}
+
+fn integers(name: &str, data: &[u32]) -> Snapshot {
+    snapshot(name, u32::element(), data, |value| value.to_le_bytes().to_vec())
+}
+
+fn shown(snapshot: &Snapshot) -> Vec<[u8; 3]> {
+    picture(snapshot, &Look::default()).colors
+}
+
+#[test]
+fn colours_are_encoded_and_what_is_no_number_is_loud() {
+    let data = [[0.18f32, 9.0, -1.0, 1.0], [f32::NAN, 0.0, 0.0, 1.0], [0.0, f32::INFINITY, 0.0, 1.0]];
+    let bytes = |value: [f32; 4]| value.iter().flat_map(|lane| lane.to_le_bytes()).collect();
+    let colors = snapshot("fill.color", texel::Rgba32Float::element(), &data, bytes);
+    assert_eq!(shown(&colors), [[118, 255, 0], NAN, INFINITE]);
+    assert_eq!(picture(&colors, &Look::default()).odd, 2);
+    assert_eq!(describe(&colors, [0, 0]).unwrap(), "r 0.18  g 9  b -1  a 1");
+    assert_eq!(describe(&colors, [3, 0]), None);
+    let bytes =
+        snapshot("t.image", texel::Rgba8Unorm::element(), &[[7u8, 8, 9, 255]], |texel| texel.to_vec());
+    assert_eq!(shown(&bytes), [[7, 8, 9]]);
+}
+
+#[test]
+fn depth_is_bright_where_near_also_as_bits() {
+    let depths = [1.0f32, 2.0, 4.0, f32::INFINITY];
+    let as_bits = integers("view.depth", &depths.map(f32::to_bits));
+    let as_floats = floats("cull.depth", &depths);
+    assert_eq!(shown(&as_bits), shown(&as_floats));
+    assert_eq!((shown(&as_bits)[0], shown(&as_bits)[3]), ([255; 3], EMPTY));
+    assert!(shown(&as_bits)[1] > shown(&as_bits)[2]);
+    assert_eq!(describe(&as_bits, [2, 0]).unwrap(), "4 m");
+    assert_eq!(shown(&integers("view.depth", &[POISON, NONE])), [POISONED, EMPTY]);
+}
+
+#[test]
+fn integers_are_amounts_or_names() {
+    assert_eq!(shown(&integers("a.priority", &[0, 100, 200])), [[0; 3], [128; 3], [255; 3]]);
+    let ids = shown(&integers("a.id", &[5, 5, 6, NONE, POISON]));
+    assert!(ids[0] == ids[1] && ids[0] != ids[2]);
+    assert_eq!(ids[3..], [EMPTY, POISONED]);
+    assert_eq!(describe(&integers("a.id", &[NONE]), [0, 0]).unwrap(), "none");
+}
+
+#[test]
+fn a_range_can_be_given_and_follow_the_logarithm() {
+    let values = floats("a.rate", &[1.0, 10.0, 100.0, f32::NAN]);
+    let look = Look { range: Some([1.0, 100.0]), log: true, ..Look::default() };
+    assert_eq!(picture(&values, &look).colors, [[0; 3], [128; 3], [255; 3], NAN]);
+    let automatic = picture(&values, &Look::default());
+    assert_eq!(automatic.range, Some([1.0, 100.0]));
+    let look = Look { mode: Some(Mode::FalseColor), ..look };
+    assert_eq!(picture(&values, &look).colors[2], ramp(1.0));
+    // Equal values are white, not a division by nothing.
+    assert_eq!(shown(&floats("a.rate", &[3.0, 3.0])), [[255; 3]; 2]);
+}
+
+#[test]
+fn the_ramp_gets_lighter_all_the_way() {
+    let luma = |[r, g, b]: [u8; 3]| 0.21 * f32::from(r) + 0.72 * f32::from(g) + 0.07 * f32::from(b);
+    let shades: Vec<f32> = (0..=16).map(|step| luma(ramp(step as f32 / 16.0))).collect();
+    assert!(shades.windows(2).all(|pair| pair[0] < pair[1]), "{shades:?}");
+}
