@@ -5,6 +5,7 @@
 //! While a text is broken, [`Document::file`] is the last good one and [`Document::problems`] says what is wrong.
 
 mod params;
+mod swap;
 #[cfg(test)]
 mod tests;
 
@@ -12,7 +13,8 @@ use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
 
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
 
-pub use params::{param_text, remove_param};
+pub use params::{home, param_text, remove_param};
+pub use swap::{fitting, swap};
 
 /// Texts by the path of their file, the graph's own and those of its parts.
 type Texts = BTreeMap<String, Arc<str>>;

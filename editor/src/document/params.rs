@@ -1,6 +1,6 @@
-//! Parameters by the address of their node, in the graph itself or in a part.
+//! Nodes and parameters by address, in the graph itself or in a part.
 
-use epigraph_core::{GraphFile, Problems};
+use epigraph_core::{GraphError, GraphFile, Problem, Problems};
 
 /// The text that holds for a parameter: what a node of a part is given from outside, else what it says itself. None where
 /// the stage's default holds.
@@ -22,18 +22,35 @@ fn set_text<'f>(file: &'f GraphFile, part: &str, inner: &str, param: &str) -> Op
     params.iter().find(|def| def.name.value == param).map(|def| def.value.value.as_str())
 }
 
+/// The file that a node stands in, the graph or a part, and the node's name there.
+///
+/// # Errors
+/// [`GraphError::Unknown`] part.
+pub fn home<'f, 'a>(
+    file: &'f mut GraphFile,
+    address: &'a str,
+) -> Result<(&'f mut GraphFile, &'a str), Problems> {
+    let Some((name, inner)) = address.split_once('/') else { return Ok((file, address)) };
+    let Some(index) = file.parts.iter().position(|(part, _)| part == name) else {
+        let known = file.parts.iter().map(|(part, _)| part);
+        return Err(Problem::new(GraphError::unknown("part", name, known)).into());
+    };
+    home(&mut file.parts[index].1, inner)
+}
+
 /// Lets the stage's default hold: takes the parameter out of the text where it stands, or where it is set for a node of
 /// a part from outside, writes `default` there.
 ///
 /// # Errors
 /// Those of [`GraphFile::remove_param`] and [`GraphFile::set_param`].
 pub fn remove_param(file: &mut GraphFile, address: &str, param: &str, default: &str) -> Result<(), Problems> {
-    let Some((part, inner)) = address.split_once('/') else { return file.remove_param(address, param) };
-    if set_text(file, part, inner, param).is_some() {
-        return file.set_param(address, param, default);
+    if let Some((part, inner)) = address.split_once('/') {
+        if set_text(file, part, inner, param).is_some() {
+            return file.set_param(address, param, default);
+        }
+        if let Some((_, part)) = file.parts.iter_mut().find(|(name, _)| name == part) {
+            return remove_param(part, inner, param, default);
+        }
     }
-    match file.parts.iter_mut().find(|(name, _)| name == part) {
-        Some((_, part)) => remove_param(part, inner, param, default),
-        None => file.remove_param(address, param),
-    }
+    file.remove_param(address, param)
 }

@@ -218,3 +218,23 @@ fn another_programs_work_is_not_overwritten() {
     assert!(document.is_dirty());
     assert_eq!(fs::read_to_string(&path).unwrap(), "theirs");
 }
+
+#[test]
+fn a_swap_keeps_the_wires_and_parameters_that_both_kinds_have() {
+    let folder = tempfile::tempdir().unwrap();
+    let epi = shipped(folder.path()).into_iter().find(|path| path.ends_with("epi.ron")).unwrap();
+    let registry = epigraph_stages::registry();
+    let mut document = Document::open(&epi).unwrap();
+    let fits = fitting(document.file().unwrap(), "interpolate", &registry);
+    assert!(fits.contains(&"fill") && fits.contains(&"interpolate"), "{fits:?}");
+    assert!(!fits.contains(&"mesh") && !fits.contains(&"tonemap"), "{fits:?}");
+    assert!(fitting(document.file().unwrap(), "view", &registry).is_empty());
+    document.edit(Tag::Once, |file| swap(file, "interpolate", "fill", &registry)).unwrap();
+    let node = document.file().unwrap().node("interpolate").unwrap().clone();
+    assert_eq!(node.kind.value, "fill");
+    let inputs: Vec<&str> = node.inputs.iter().map(|input| input.port.value.as_str()).collect();
+    assert_eq!(inputs, ["cloud", "id"]);
+    assert!(document.text(document.path()).contains("// Each pixel's primary region takes the mean"));
+    document.undo();
+    assert!(!document.can_undo() && !document.is_dirty());
+}

@@ -1,0 +1,58 @@
+//! Another stage in a node's place.
+
+use std::collections::BTreeSet;
+
+use epigraph_core::{GraphFile, Problems, Registry};
+
+use super::home;
+
+/// The stage kinds that can take a node's place: they have every output that is in use, of the same elements.
+/// Empty for nodes whose kind has no ports of its own, such as parts.
+pub fn fitting(file: &GraphFile, address: &str, registry: &Registry) -> Vec<&'static str> {
+    let Some((node, within)) = file.node_at(address) else { return Vec::new() };
+    let Some(present) = registry.get(&node.kind.value).and_then(|kind| kind.declaration()) else {
+        return Vec::new();
+    };
+    let inputs = within.nodes.iter().flat_map(|node| &node.inputs).map(|input| &input.from.value);
+    let outputs = within.outputs.iter().map(|output| &output.from.value);
+    let used = inputs.chain(outputs).filter(|source| source.node == node.name.value);
+    let used: BTreeSet<&str> = used.map(|source| source.port.as_str()).collect();
+    let fits = |kind: &&dyn epigraph_core::Kind| {
+        kind.declaration().is_some_and(|declared| {
+            used.iter().all(|name| {
+                let port = |of: &epigraph_core::Declaration| {
+                    of.ports
+                        .iter()
+                        .find(|port| port.is_output() && port.name == *name)
+                        .map(|port| port.fields.clone())
+                };
+                port(&present).is_some() && port(&present) == port(&declared)
+            })
+        })
+    };
+    registry.kinds().filter(fits).map(|kind| kind.name()).collect()
+}
+
+/// Gives a node another kind. Wires and parameters that both kinds have stay as they are written; the rest goes.
+///
+/// # Errors
+/// Those of core's edits.
+pub fn swap(file: &mut GraphFile, address: &str, kind: &str, registry: &Registry) -> Result<(), Problems> {
+    let (file, name) = home(file, address)?;
+    file.set_kind(name, kind)?;
+    let (Some(kind), Some(node)) = (registry.get(kind), file.node(name).cloned()) else { return Ok(()) };
+    let specs = kind.specs();
+    for param in &node.params {
+        if specs.iter().all(|spec| spec.name != param.name.value) {
+            file.remove_param(name, &param.name.value)?;
+        }
+    }
+    let Some(declared) = kind.declaration() else { return Ok(()) };
+    for input in &node.inputs {
+        let port = declared.ports.iter().find(|port| port.name == input.port.value);
+        if !port.is_some_and(|port| port.is_input()) {
+            file.set_input(name, &input.port.value, None)?;
+        }
+    }
+    Ok(())
+}

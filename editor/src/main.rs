@@ -1,0 +1,57 @@
+//! `epigraph-editor`: opens a graph on a scene.
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::Parser;
+use eframe::NativeOptions;
+use egui::ViewportBuilder;
+use epigraph_editor::{app::App, document::Document, engine::Options};
+
+/// Opens a render graph on a scene: see every image, change any parameter or wire, and save a file that is still yours.
+#[derive(Parser)]
+#[command(name = "epigraph-editor", version)]
+struct Args {
+    /// A graph file, or the name of one in the folder `graphs` here or above.
+    #[arg(default_value = "epi")]
+    graph: String,
+    /// A scene's name or file.
+    #[arg(long, default_value = "cornell")]
+    scene: String,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), String> {
+    let document = Document::open(&find(&args.graph)).map_err(|problems| problems.to_string())?;
+    let options = Options { scene: args.scene.clone(), ..Options::default() };
+    let native = NativeOptions {
+        viewport: ViewportBuilder::default().with_inner_size([1280.0, 720.0]).with_app_id("epigraph-editor"),
+        ..NativeOptions::default()
+    };
+    let open =
+        |creation: &eframe::CreationContext| Ok(Box::new(App::new(creation, document, options)) as Box<_>);
+    eframe::run_native("Epigraph", native, Box::new(open)).map_err(|error| error.to_string())
+}
+
+/// The file that is meant: of that path, or else `graphs/NAME.ron` here or in a folder above.
+fn find(name: &str) -> PathBuf {
+    let path = PathBuf::from(name);
+    let shipped = Path::new("graphs").join(format!("{name}.ron"));
+    let here = std::env::current_dir().unwrap_or_default();
+    let found = here.ancestors().map(|folder| folder.join(&shipped)).find(|path| path.is_file());
+    match found {
+        Some(found) if !path.is_file() => found.strip_prefix(&here).map(Path::to_owned).unwrap_or(found),
+        _ => path,
+    }
+}

@@ -1,0 +1,70 @@
+//! The panes, one file each.
+
+mod nodes;
+mod parameters;
+mod text;
+mod times;
+mod viewer;
+
+use egui::{Ui, WidgetText};
+use egui_tiles::{Behavior, SimplificationOptions, TileId, UiResponse};
+pub use nodes::NodesPane;
+pub use text::TextPane;
+pub use times::TimesPane;
+pub use viewer::Viewer;
+
+use crate::session::Session;
+
+/// What a tile shows.
+pub enum Pane {
+    /// An image.
+    Viewer(Viewer),
+    /// The list of nodes.
+    Nodes(NodesPane),
+    /// The selected node's parameters.
+    Parameters,
+    /// The graph's text.
+    Text(TextPane),
+    /// What each node costs.
+    Times(TimesPane),
+}
+
+/// The panes at work on a session.
+pub struct Panes<'a> {
+    /// What they share.
+    pub session: &'a mut Session,
+}
+
+impl Behavior<Pane> for Panes<'_> {
+    fn pane_ui(&mut self, ui: &mut Ui, _: TileId, pane: &mut Pane) -> UiResponse {
+        let frame = egui::Frame::new().inner_margin(6);
+        frame.show(ui, |ui| match pane {
+            Pane::Viewer(viewer) => viewer.show(ui, self.session),
+            Pane::Nodes(nodes) => nodes.show(ui, self.session),
+            Pane::Parameters => parameters::show(ui, self.session),
+            Pane::Text(text) => text.show(ui, self.session),
+            Pane::Times(times) => times.show(ui, self.session),
+        });
+        UiResponse::None
+    }
+
+    fn tab_title_for_pane(&mut self, pane: &Pane) -> WidgetText {
+        match pane {
+            Pane::Viewer(viewer) if viewer.port.is_empty() => "View".into(),
+            Pane::Viewer(viewer) => viewer.port.clone().into(),
+            Pane::Nodes(_) => "Nodes".into(),
+            Pane::Parameters => "Parameters".into(),
+            Pane::Text(_) => "Text".into(),
+            Pane::Times(_) => "Times".into(),
+        }
+    }
+
+    fn simplification_options(&self) -> SimplificationOptions {
+        // A pane alone keeps its tab, where others can be dropped.
+        SimplificationOptions { all_panes_must_have_tabs: true, ..SimplificationOptions::default() }
+    }
+
+    fn gap_width(&self, _: &egui::Style) -> f32 {
+        4.0
+    }
+}

@@ -1,0 +1,96 @@
+//! The list of nodes in the order in which they run, with what they cost and what they write.
+
+use egui::{Align, Button, Layout, RichText, ScrollArea, TextEdit, Ui};
+use epigraph_core::Side;
+
+use crate::{
+    engine::{GraphInfo, NodeInfo},
+    session::Session,
+    theme,
+};
+
+/// The list's own state.
+#[derive(Default)]
+pub struct NodesPane {
+    search: String,
+}
+
+impl NodesPane {
+    /// Shows it.
+    pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
+        let search = TextEdit::singleline(&mut self.search).hint_text("Search nodes and kinds");
+        ui.add(search.desired_width(f32::INFINITY));
+        ui.add_space(2.0);
+        let Some(graph) = session.state.graph.clone() else {
+            ui.weak("No graph runs yet.");
+            return;
+        };
+        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            let matches = |name: &str, kind: &str| name.contains(&self.search) || kind.contains(&self.search);
+            for node in graph.steps.iter().filter_map(|step| graph.node(step.node.as_deref()?)) {
+                if matches(&node.name, &node.kind) {
+                    row(ui, session, &graph, node);
+                }
+            }
+            let culled: Vec<_> =
+                graph.culled.iter().filter(|culled| matches(&culled.node, &culled.kind)).collect();
+            if !culled.is_empty() {
+                ui.add_space(6.0);
+                ui.weak("Left out, as the scene or the graph does not need them");
+            }
+            for culled in culled {
+                let selected = session.selected.as_ref() == Some(&culled.node);
+                let button = Button::selectable(selected, RichText::new(&culled.node).weak());
+                if ui.add(button).on_hover_text(&culled.why).clicked() {
+                    session.selected = Some(culled.node.clone());
+                }
+            }
+        });
+    }
+}
+
+fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
+    let selected = session.selected.as_deref() == Some(&node.name);
+    ui.horizontal(|ui| {
+        let (color, side) = match node.side {
+            Side::Cpu => (theme::CPU, "Runs on the CPU"),
+            Side::Gpu => (theme::GPU, "Runs on the GPU"),
+        };
+        ui.colored_label(color, "●").on_hover_text(side);
+        let doc = session.registry.get(&node.kind).map_or("", |kind| kind.doc());
+        let button = ui.add(Button::selectable(selected, &node.name));
+        if button.on_hover_text(format!("{}: {doc}", node.kind)).clicked() {
+            session.selected = if selected { None } else { Some(node.name.clone()) };
+        }
+        if !node.name.ends_with(&node.kind) {
+            ui.weak(&node.kind);
+        }
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            if let Some(ms) = graph.node_ms(&node.name, &session.state.times) {
+                ui.weak(format!("{ms:.2} ms"));
+            }
+        });
+    });
+    if selected {
+        ui.indent(&node.name, |ui| ports(ui, session, graph, node));
+    }
+}
+
+/// What the node writes; a click shows it.
+fn ports(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
+    for info in node.ports.iter().filter(|info| info.port.is_output()) {
+        let name = format!("{}.{}", node.name, info.port.name);
+        ui.horizontal(|ui| {
+            let elements = info.port.fields.first().map_or(String::new(), |field| field.element.to_string());
+            let doc = format!("{}\n{elements}, {}", info.port.doc, info.port.extent);
+            if info.is_image(graph.size) {
+                if ui.small_button(format!("View {}", info.port.name)).on_hover_text(doc).clicked() {
+                    session.wanted = Some(name);
+                }
+            } else {
+                ui.weak(info.port.name.as_ref()).on_hover_text(doc);
+            }
+            ui.weak(format!("{}", info.dims));
+        });
+    }
+}

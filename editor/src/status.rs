@@ -1,0 +1,94 @@
+//! The line at the bottom: what is wrong, else how fast it runs.
+
+use egui::{Align, Label, Layout, RichText, ScrollArea, Sense, Ui};
+
+use crate::{
+    engine::Phase,
+    session::{Jump, Session},
+    theme,
+};
+
+/// Most of the window's height that problems take.
+const MOST: f32 = 120.0;
+
+/// Shows it.
+pub fn show(ui: &mut Ui, session: &mut Session) {
+    ui.add_space(2.0);
+    problems(ui, session);
+    ui.horizontal(|ui| {
+        state(ui, session);
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| figures(ui, session));
+    });
+    ui.add_space(2.0);
+}
+
+/// All problems, each with its place; a click leads there.
+fn problems(ui: &mut Ui, session: &mut Session) {
+    if session.problems().is_empty() {
+        return;
+    }
+    let mut jump = None;
+    ScrollArea::vertical().max_height(MOST).show(ui, |ui| {
+        for problem in session.problems() {
+            let place = problem.place.as_ref();
+            let lead = place
+                .map_or(String::new(), |place| format!("{}:{}:{}  ", place.file, place.line, place.column));
+            let node = problem.node.as_ref().map_or(String::new(), |node| format!("{node}: "));
+            let text = RichText::new(format!("⚠ {lead}{node}{}", problem.error)).color(theme::BAD);
+            let response = ui.add(Label::new(text).wrap().sense(Sense::click()));
+            let response = response.on_hover_text("Go there");
+            if let (true, Some(place)) = (response.clicked(), place) {
+                jump = Some(Jump { path: place.file.clone(), at: (place.line, place.column) });
+            }
+        }
+    });
+    if jump.is_some() {
+        session.jump = jump;
+    }
+    ui.separator();
+}
+
+fn state(ui: &mut Ui, session: &Session) {
+    let state = &session.state;
+    if !session.engine.is_alive() {
+        let text = match &state.phase {
+            Phase::Failed(why) => why.clone(),
+            _ => "the engine has stopped; save and start again".into(),
+        };
+        ui.colored_label(theme::BAD, text);
+    } else if state.phase == Phase::Loading {
+        ui.spinner();
+        ui.label("reading the scene …");
+    } else if let Some(trouble) = &state.trouble {
+        ui.colored_label(theme::BAD, trouble);
+    } else if let Some(notice) = &session.notice {
+        ui.label(notice);
+    } else if !session.problems().is_empty() {
+        ui.label("the last good graph runs on");
+    } else {
+        let document = &session.document;
+        let dirty = if document.is_dirty() { "  (not saved)" } else { "" };
+        ui.weak(format!("{}{dirty}", document.path()));
+    }
+}
+
+fn figures(ui: &mut Ui, session: &Session) {
+    let state = &session.state;
+    let Some(graph) = &state.graph else { return };
+    let bytes: u64 = graph.bytes.iter().sum();
+    let mut figures = vec![
+        format!("frame {}", state.frames),
+        format!("{:.1} ms", state.frame_ms),
+        format!("{:.0} frames/s", state.rate),
+        format!("{} samples/frame", state.samples),
+        format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20)),
+        graph.gpu.clone().unwrap_or_else(|| "CPU".into()),
+    ];
+    if state.paused {
+        figures[2] = "paused".into();
+    }
+    // This layout runs from the right.
+    for figure in figures.into_iter().rev() {
+        ui.weak(figure);
+    }
+}

@@ -1,0 +1,131 @@
+//! The toolbar: running, sampling, placing, and the file.
+
+use egui::{Button, ComboBox, RichText, Slider, Ui};
+
+use crate::{
+    engine::{Backend, Command, Pacing},
+    session::Session,
+};
+
+/// Frames as people ask for them.
+const SIZES: [[u32; 2]; 6] = [[256, 256], [512, 512], [640, 480], [768, 768], [1024, 1024], [1280, 720]];
+
+const BACKENDS: [(Backend, &str, &str); 3] = [
+    (Backend::Auto, "Auto", "A hardware GPU if there is one, else the CPU."),
+    (Backend::Cpu, "CPU", "Native code."),
+    (Backend::Gpu, "GPU", "Any GPU adapter, software ones included."),
+];
+
+const PACINGS: [(Pacing, &str, &str); 2] = [
+    (Pacing::Async, "When traced", "Samples come when they are done; no frame waits for them."),
+    (
+        Pacing::Exact,
+        "Each frame",
+        "All samples come in the frame of their request: the same picture in every run.",
+    ),
+];
+
+/// Shows it.
+pub fn show(ui: &mut Ui, session: &mut Session) {
+    ui.add_space(3.0);
+    ui.horizontal(|ui| {
+        running(ui, session);
+        ui.separator();
+        sampling(ui, session);
+        ui.separator();
+        placing(ui, session);
+        ui.separator();
+        file(ui, session);
+    });
+    ui.add_space(3.0);
+}
+
+fn running(ui: &mut Ui, session: &mut Session) {
+    let paused = session.state.paused;
+    let label = if paused { "▶ Run" } else { "⏸ Pause" };
+    if ui.add(Button::new(label).min_size([72.0, 0.0].into())).on_hover_text("Run frames, or hold").clicked()
+    {
+        session.engine.send(Command::Pause(!paused));
+    }
+    let step = ui.add_enabled(paused, Button::new("Step"));
+    if step
+        .on_hover_text("Run one frame")
+        .on_disabled_hover_text("Pause first, to run one frame at a time")
+        .clicked()
+    {
+        session.engine.send(Command::Step(1));
+    }
+    if ui.button("Reset").on_hover_text("Forget the cloud of samples and start again from frame 0").clicked()
+    {
+        session.engine.send(Command::Reset);
+    }
+    if ui.button("Home").on_hover_text("Back to the scene's own view").clicked() {
+        session.move_camera(|rig| rig.go_home());
+    }
+}
+
+fn sampling(ui: &mut Ui, session: &mut Session) {
+    let label = ui.label("Samples");
+    let slider = Slider::new(&mut session.samples, 0.1..=100.0)
+        .logarithmic(true)
+        .suffix("%")
+        .max_decimals(1)
+        .clamping(egui::SliderClamping::Always);
+    let response = ui.add(slider).labelled_by(label.id);
+    if response.on_hover_text("Samples a frame may ask for, as a share of its pixels").changed() {
+        session.engine.send(Command::Samples(session.samples / 100.0));
+    }
+    let pacing = session.pacing;
+    let shown = PACINGS.iter().find(|(known, ..)| *known == pacing).map_or("", |(_, label, _)| label);
+    let combo = ComboBox::from_id_salt("pacing").selected_text(shown).width(96.0);
+    let response = combo.show_ui(ui, |ui| {
+        for (pacing, label, doc) in PACINGS {
+            if ui.selectable_value(&mut session.pacing, pacing, label).on_hover_text(doc).changed() {
+                session.engine.send(Command::Pacing(pacing));
+            }
+        }
+    });
+    response.response.on_hover_text("When samples arrive");
+}
+
+fn placing(ui: &mut Ui, session: &mut Session) {
+    let backend = session.backend;
+    let shown = BACKENDS.iter().find(|(known, ..)| *known == backend).map_or("", |(_, label, _)| label);
+    let combo = ComboBox::from_id_salt("backend").selected_text(shown);
+    let response = combo.show_ui(ui, |ui| {
+        for (backend, label, doc) in BACKENDS {
+            if ui.selectable_value(&mut session.backend, backend, label).on_hover_text(doc).changed() {
+                session.engine.send(Command::Backend(backend));
+            }
+        }
+    });
+    response.response.on_hover_text("Where nodes run that do not say");
+    let text = |[width, height]: [u32; 2]| format!("{width}×{height}");
+    let combo = ComboBox::from_id_salt("size").selected_text(text(session.size)).width(86.0);
+    let response = combo.show_ui(ui, |ui| {
+        for size in SIZES {
+            if ui.selectable_value(&mut session.size, size, text(size)).changed() {
+                session.engine.send(Command::Size(size));
+            }
+        }
+    });
+    response.response.on_hover_text("Width and height of the frame, pixels");
+}
+
+fn file(ui: &mut Ui, session: &mut Session) {
+    let document = &mut session.document;
+    let undo = ui.add_enabled(document.can_undo(), Button::new("⟲ Undo"));
+    if undo.on_hover_text("Ctrl+Z").clicked() {
+        document.undo();
+    }
+    let redo = ui.add_enabled(document.can_redo(), Button::new("⟳ Redo"));
+    if redo.on_hover_text("Ctrl+Shift+Z").clicked() {
+        document.redo();
+    }
+    let dirty = document.is_dirty();
+    let save = RichText::new(if dirty { "Save *" } else { "Save" });
+    let save = ui.add_enabled(dirty, Button::new(save));
+    if save.on_hover_text("Ctrl+S: only the characters that you edited change").clicked() {
+        session.save();
+    }
+}

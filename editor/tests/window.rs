@@ -1,0 +1,202 @@
+//! The window without a screen: widgets are found by name and used as a person would; the file's text and the engine's
+//! state say what came of it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    thread,
+    time::{Duration, Instant},
+};
+
+use egui::{Key, Modifiers};
+use egui_kittest::{Harness, kittest::Queryable};
+use epigraph_editor::{
+    app::App,
+    document::Document,
+    engine::{Backend, Command, Options, Pacing},
+};
+
+/// No test waits longer for what must come.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A shipped graph in a folder of its own.
+struct Opened {
+    harness: Harness<'static, App>,
+    path: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Opened {
+    fn new(graph: &str) -> Self {
+        Self::with(graph, false, [64, 48])
+    }
+
+    fn with(graph: &str, render: bool, size: [u32; 2]) -> Self {
+        let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("parts")).unwrap();
+        for part in fs::read_dir(graphs.join("parts")).unwrap() {
+            let part = part.unwrap().path();
+            fs::copy(&part, folder.path().join("parts").join(part.file_name().unwrap())).unwrap();
+        }
+        let path = folder.path().join(graph);
+        fs::copy(graphs.join(graph), &path).unwrap();
+        let document = Document::open(&path).unwrap();
+        let options = Options {
+            size,
+            samples: 0.25,
+            backend: Backend::Cpu,
+            pacing: Pacing::Exact,
+            paused: true,
+            ..Options::default()
+        };
+        let builder = Harness::builder().with_size([1280.0, 720.0]);
+        let builder = if render { builder.wgpu() } else { builder };
+        let harness = builder.build_eframe(|creation| App::new(creation, document, options));
+        Self { harness, path, _folder: folder }
+    }
+
+    fn app(&self) -> &App {
+        self.harness.state()
+    }
+
+    /// Shows frames of the window until something holds.
+    fn until(&mut self, what: &str, holds: impl Fn(&App) -> bool) {
+        let start = Instant::now();
+        loop {
+            self.harness.step();
+            if holds(self.harness.state()) {
+                // What the last step brought is laid out in the next.
+                return self.harness.run_steps(3);
+            }
+            assert!(
+                start.elapsed() < PATIENCE,
+                "waiting for {what}: {:?}",
+                self.app().session.state.problems
+            );
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Runs so many frames of the graph.
+    fn frames(&mut self, count: u32) {
+        let until = self.app().session.state.frames + count;
+        self.app().session.engine.send(Command::Step(count));
+        self.until("frames", move |app| app.session.state.frames >= until);
+    }
+
+    fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click();
+        self.harness.run_steps(3);
+    }
+
+    fn text(&self) -> &str {
+        let document = &self.app().session.document;
+        document.text(document.path())
+    }
+
+    fn shot(&mut self, name: &str) -> Vec<u8> {
+        let image = self.harness.render().unwrap();
+        image.save(Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"))).unwrap();
+        image.into_raw()
+    }
+}
+
+#[test]
+fn a_parameter_changes_only_its_characters_and_undo_takes_it_back() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(5);
+    let before = opened.text().to_owned();
+    opened.click("tonemap");
+    let slider = opened.harness.get_by_role_and_label(egui::accesskit::Role::Slider, "exposure");
+    slider.focus();
+    opened.harness.run_steps(2);
+    opened.harness.key_press(Key::ArrowRight);
+    opened.frames(1);
+    let after = opened.text().to_owned();
+    let added: String = after.replacen("inputs: { \"color\": \"antialias.color\" },", "", 1);
+    assert!(after.contains("exposure: "), "{after}");
+    let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
+    let new: Vec<String> = lines(&after).into_iter().filter(|line| !lines(&before).contains(line)).collect();
+    assert_eq!(new.len(), 1, "{new:?} {added}");
+    assert_eq!(opened.app().session.problems(), []);
+    opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    opened.harness.run_steps(3);
+    assert_eq!(opened.text(), before);
+    opened.harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    opened.harness.run_steps(3);
+    assert_eq!(opened.text(), after);
+    opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    opened.harness.run_steps(3);
+    assert_eq!(fs::read_to_string(&opened.path).unwrap(), after);
+}
+
+#[test]
+fn a_broken_text_is_underlined_and_the_picture_runs_on() {
+    let mut opened = Opened::new("render-cache.ron");
+    opened.frames(5);
+    opened.click("Text");
+    let path = opened.app().session.document.path().to_owned();
+    let wrong = opened.text().replace("exposure", "exposure").replace("kind: \"fill\"", "kind: \"fil\"");
+    opened.harness.state_mut().session.document.type_text(&path, &wrong);
+    opened.until("the problem", |app| !app.session.problems().is_empty());
+    let problem = opened.app().session.problems()[0].clone();
+    assert!(problem.error.to_string().contains("did you mean `fill`"), "{problem}");
+    assert!(opened.harness.query_by_label_contains("did you mean").is_some());
+    opened.frames(2);
+    assert!(opened.app().viewers().next().unwrap().picture().is_some());
+    opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    opened.until("no problem", |app| app.session.problems().is_empty());
+}
+
+#[test]
+fn another_port_is_another_picture() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(10);
+    let picture = |opened: &Opened| opened.app().viewers().next().unwrap().picture().unwrap().clone();
+    let output = picture(&opened);
+    opened.click("view/project");
+    opened.click("View depth");
+    opened.frames(1);
+    let depth = picture(&opened);
+    assert_eq!(opened.app().viewers().next().unwrap().port, "view/project.depth");
+    assert_eq!((depth.size, depth.mode.label()), ([64, 48], "Depth"));
+    assert_ne!(depth.colors, output.colors);
+    assert!(depth.colors.iter().any(|color| *color != epigraph_editor::reading::EMPTY));
+}
+
+#[test]
+fn another_stage_takes_a_nodes_place_in_one_step() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(2);
+    let before = opened.text().to_owned();
+    opened.click("interpolate");
+    opened.harness.get_by_value("interpolate").click();
+    opened.harness.run_steps(4);
+    opened.click("fill");
+    opened.frames(2);
+    assert!(opened.text().contains("kind: \"fill\""));
+    opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    opened.harness.run_steps(3);
+    assert_eq!(opened.text(), before);
+}
+
+#[test]
+fn every_pane_is_drawn() {
+    let mut opened = Opened::with("epi.ron", true, [512, 512]);
+    opened.frames(40);
+    let nodes = opened.shot("nodes");
+    assert!(nodes.chunks_exact(4).any(|pixel| pixel[0] > 200 && pixel[1] > 200));
+    opened.click("interpolate");
+    opened.frames(1);
+    opened.shot("selected");
+    opened.click("Text");
+    opened.frames(1);
+    let text = opened.shot("text");
+    assert_ne!(nodes, text);
+    let path = opened.app().session.document.path().to_owned();
+    let wrong = opened.text().replace("sigma: 0.7", "sigmo: 0.7");
+    opened.harness.state_mut().session.document.type_text(&path, &wrong);
+    opened.until("the problem", |app| !app.session.problems().is_empty());
+    opened.shot("broken");
+}
