@@ -99,7 +99,9 @@ fn layout() -> Tree<Pane> {
     let left = [Pane::Nodes(Default::default()), Pane::Text(Default::default())];
     let left = left.into_iter().map(|pane| tiles.insert_pane(pane)).collect::<Vec<_>>();
     let left = tiles.insert_tab_tile(left);
-    let middle = tabbed(&mut tiles, Pane::Viewer(Viewer::default()));
+    let middle = [Pane::Viewer(Viewer::default()), Pane::Canvas(Default::default())];
+    let middle = middle.into_iter().map(|pane| tiles.insert_pane(pane)).collect::<Vec<_>>();
+    let middle = tiles.insert_tab_tile(middle);
     let parameters = tabbed(&mut tiles, Pane::Parameters);
     let times = tabbed(&mut tiles, Pane::Times(Default::default()));
     let right = shares(&mut tiles, LinearDir::Vertical, &[parameters, times], &RIGHT);

@@ -31,8 +31,9 @@ fn problems(ui: &mut Ui, session: &mut Session) {
     ScrollArea::vertical().max_height(MOST).show(ui, |ui| {
         for problem in session.problems() {
             let place = problem.place.as_ref();
-            let lead = place
-                .map_or(String::new(), |place| format!("{}:{}:{}  ", place.file, place.line, place.column));
+            let lead = place.map_or(String::new(), |place| {
+                format!("{}:{}:{}  ", file_name(&place.file), place.line, place.column)
+            });
             let node = problem.node.as_ref().map_or(String::new(), |node| format!("{node}: "));
             let text = RichText::new(format!("⚠ {lead}{node}{}", problem.error)).color(theme::BAD);
             let response = ui.add(Label::new(text).wrap().sense(Sense::click()));
@@ -91,4 +92,9 @@ fn figures(ui: &mut Ui, session: &Session) {
     for figure in figures.into_iter().rev() {
         ui.weak(figure);
     }
+}
+
+/// The last part of a path.
+pub fn file_name(path: &str) -> &str {
+    path.rsplit(['/', '\\']).next().unwrap_or(path)
 }

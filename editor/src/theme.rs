@@ -16,7 +16,9 @@ pub fn apply(context: &Context) {
     context.all_styles_mut(|style| {
         style.spacing.item_spacing = vec2(8.0, 5.0);
         style.spacing.button_padding = vec2(7.0, 3.0);
-        style.spacing.slider_width = 96.0;
+        style.spacing.slider_width = 84.0;
+        // Buttons, sliders and boxes in a row are of one height.
+        style.spacing.interact_size.y = 22.0;
         style.spacing.combo_width = 60.0;
         // Plain steps where sliders snap, and no surprise while a graph runs.
         style.animation_time = 0.06;

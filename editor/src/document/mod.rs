@@ -5,6 +5,7 @@
 //! While a text is broken, [`Document::file`] is the last good one and [`Document::problems`] says what is wrong.
 
 mod params;
+mod pins;
 mod swap;
 #[cfg(test)]
 mod tests;
@@ -14,6 +15,7 @@ use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
 
 pub use params::{home, param_text, remove_param};
+pub use pins::{Pin, pins};
 pub use swap::{fitting, swap};
 
 /// Texts by the path of their file, the graph's own and those of its parts.

@@ -1,11 +1,13 @@
 //! The panes, one file each.
 
+mod canvas;
 mod nodes;
 mod parameters;
 mod text;
 mod times;
 mod viewer;
 
+pub use canvas::CanvasPane;
 use egui::{Ui, WidgetText};
 use egui_tiles::{Behavior, SimplificationOptions, TileId, UiResponse};
 pub use nodes::NodesPane;
@@ -25,6 +27,8 @@ pub enum Pane {
     Parameters,
     /// The graph's text.
     Text(TextPane),
+    /// The graph as boxes and wires.
+    Canvas(CanvasPane),
     /// What each node costs.
     Times(TimesPane),
 }
@@ -37,13 +41,18 @@ pub struct Panes<'a> {
 
 impl Behavior<Pane> for Panes<'_> {
     fn pane_ui(&mut self, ui: &mut Ui, _: TileId, pane: &mut Pane) -> UiResponse {
-        let frame = egui::Frame::new().inner_margin(6);
-        frame.show(ui, |ui| match pane {
-            Pane::Viewer(viewer) => viewer.show(ui, self.session),
-            Pane::Nodes(nodes) => nodes.show(ui, self.session),
-            Pane::Parameters => parameters::show(ui, self.session),
-            Pane::Text(text) => text.show(ui, self.session),
-            Pane::Times(times) => times.show(ui, self.session),
+        let frame = egui::Frame::new().inner_margin(6).fill(ui.visuals().panel_fill);
+        frame.show(ui, |ui| {
+            // The frame fills the tile, also where the pane has little to say.
+            ui.set_min_size(ui.available_size());
+            match pane {
+                Pane::Viewer(viewer) => viewer.show(ui, self.session),
+                Pane::Nodes(nodes) => nodes.show(ui, self.session),
+                Pane::Parameters => parameters::show(ui, self.session),
+                Pane::Text(text) => text.show(ui, self.session),
+                Pane::Canvas(canvas) => canvas.show(ui, self.session),
+                Pane::Times(times) => times.show(ui, self.session),
+            }
         });
         UiResponse::None
     }
@@ -55,6 +64,7 @@ impl Behavior<Pane> for Panes<'_> {
             Pane::Nodes(_) => "Nodes".into(),
             Pane::Parameters => "Parameters".into(),
             Pane::Text(_) => "Text".into(),
+            Pane::Canvas(_) => "Canvas".into(),
             Pane::Times(_) => "Times".into(),
         }
     }

@@ -1,6 +1,6 @@
 //! The list of nodes in the order in which they run, with what they cost and what they write.
 
-use egui::{Align, Button, Layout, RichText, ScrollArea, TextEdit, Ui};
+use egui::{Align, Button, Layout, RichText, ScrollArea, Sense, TextEdit, Ui, vec2};
 use epigraph_core::Side;
 
 use crate::{
@@ -56,7 +56,9 @@ fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
             Side::Cpu => (theme::CPU, "Runs on the CPU"),
             Side::Gpu => (theme::GPU, "Runs on the GPU"),
         };
-        ui.colored_label(color, "●").on_hover_text(side);
+        let (rect, dot) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
+        ui.painter().circle_filled(rect.center(), 3.5, color);
+        dot.on_hover_text(side);
         let doc = session.registry.get(&node.kind).map_or("", |kind| kind.doc());
         let button = ui.add(Button::selectable(selected, &node.name));
         if button.on_hover_text(format!("{}: {doc}", node.kind)).clicked() {

@@ -26,13 +26,13 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
         return;
     };
     let Some(kind) = session.registry.get(&node.kind.value) else {
-        ui.weak(format!("{} stands for a graph of its own; select one of its nodes.", address));
+        part(ui, session, &address);
         return;
     };
     let (doc, specs) = (kind.doc(), kind.specs());
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
-            ui.strong(&address);
+            ui.heading(&address);
             let place = within.place(node.name.span);
             if ui.small_button("Show in text").clicked() {
                 session.jump = Some(Jump { path: place.file, at: (place.line, place.column) });
@@ -58,12 +58,27 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     });
 }
 
+/// A node that stands for a graph of its own: its nodes.
+fn part(ui: &mut Ui, session: &mut Session, address: &str) {
+    ui.strong(address);
+    ui.weak("Stands for a graph of its own, with these nodes:");
+    let Some(graph) = session.state.graph.clone() else { return };
+    let prefix = format!("{address}/");
+    for node in graph.nodes.iter().filter(|node| node.name.starts_with(&prefix)) {
+        if ui.link(&node.name).clicked() {
+            session.selected = Some(node.name.clone());
+        }
+    }
+}
+
 /// The stage kind and the side.
 fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &str, node: &NodeDef) {
     let present = node.kind.value.as_str();
-    ui.label("stage").on_hover_text("What the node does; others that fit its wires can take its place");
+    let label =
+        ui.label("stage").on_hover_text("What the node does; others that fit its wires can take its place");
     let mut chosen = None;
-    ComboBox::from_id_salt("kind").selected_text(present).width(120.0).show_ui(ui, |ui| {
+    let combo = ComboBox::from_id_salt("kind").selected_text(present).width(120.0);
+    let combo = combo.show_ui(ui, |ui| {
         for kind in fitting(file, address, &session.registry) {
             let doc = session.registry.get(kind).map_or("", |kind| kind.doc());
             if ui.selectable_label(kind == present, kind).on_hover_text(doc).clicked() && kind != present {
@@ -71,6 +86,7 @@ fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &
             }
         }
     });
+    combo.response.labelled_by(label.id);
     ui.end_row();
     if let Some(kind) = chosen {
         let registry = epigraph_stages::registry();

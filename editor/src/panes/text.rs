@@ -11,6 +11,7 @@ use epigraph_core::Problem;
 
 use crate::{
     session::{Jump, Session},
+    status::file_name,
     theme,
 };
 
@@ -55,8 +56,12 @@ impl TextPane {
         let output = TextEdit::multiline(&mut self.buffer)
             .id(id)
             .code_editor()
-            .frame(egui::Frame::NONE)
-            .margin(Margin { left: GUTTER as i8, right: 4, top: 2, bottom: 2 })
+            .frame(egui::Frame::new().inner_margin(Margin {
+                left: GUTTER as i8,
+                right: 4,
+                top: 2,
+                bottom: 2,
+            }))
             .desired_width(f32::INFINITY)
             .layouter(&mut layouter)
             .show(ui);
@@ -81,10 +86,6 @@ impl TextPane {
             ui.scroll_to_rect(place.translate(output.galley_pos.to_vec2()), Some(Align::Center));
         }
     }
-}
-
-fn file_name(path: &str) -> &str {
-    path.rsplit(['/', '\\']).next().unwrap_or(path)
 }
 
 /// The index of a character by its line and column, from 1.
@@ -229,6 +230,6 @@ mod tests {
         let found = errors("a.ron", text, &problems);
         assert_eq!(found.iter().map(|range| &text[range.clone()]).collect::<Vec<_>>(), ["3"]);
         assert!(errors("b.ron", text, &problems).is_empty());
-        assert_eq!(character(text, (3, 14)), text[..text.find('é').unwrap()].chars().count());
+        assert_eq!(character(text, (3, 15)), text[..text.find('é').unwrap()].chars().count());
     }
 }
