@@ -6,7 +6,7 @@ use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
 
 use crate::{
     document::Document,
-    engine::Options,
+    engine::{Command, Options},
     panes::{Pane, Panes, Viewer},
     session::Session,
     status, theme, toolbar,
@@ -17,7 +17,7 @@ const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Mod
 const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
 
 /// Shares of the window's width that the three columns take.
-const COLUMNS: [f32; 3] = [0.26, 0.5, 0.24];
+const COLUMNS: [f32; 3] = [0.25, 0.49, 0.26];
 /// Shares of the right column's height: parameters, times.
 const RIGHT: [f32; 2] = [0.55, 0.45];
 
@@ -26,7 +26,17 @@ pub struct App {
     /// What the panes share.
     pub session: Session,
     tree: Tree<Pane>,
+    /// Viewers so far.
+    made: u64,
+    /// When the files were last looked at, seconds of the window's time.
+    looked: f64,
 }
+
+/// Seconds between looks at the files.
+const REFRESH: f64 = 1.0;
+
+const DIGITS: [Key; 9] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
 impl App {
     /// Opens a document on a scene.
@@ -34,12 +44,12 @@ impl App {
         theme::apply(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
         let session = Session::new(document, options, move || context.request_repaint());
-        Self { session, tree: layout() }
+        Self { session, tree: layout(), made: 1, looked: 0.0 }
     }
 
     fn shortcuts(&mut self, context: &Context) {
         // Taken before any widget sees them: a text field has an undo of its own.
-        let pressed = |shortcut| context.input_mut(|input| input.consume_shortcut(shortcut));
+        let pressed = |shortcut: &_| context.input_mut(|input| input.consume_shortcut(shortcut));
         if pressed(&REDO) {
             self.session.document.redo();
         } else if pressed(&UNDO) {
@@ -47,6 +57,21 @@ impl App {
         }
         if pressed(&SAVE) {
             self.session.save();
+        }
+        for (slot, key) in DIGITS.into_iter().enumerate() {
+            if pressed(&KeyboardShortcut::new(Modifiers::COMMAND, key)) {
+                self.session.assign(slot);
+            }
+        }
+        if context.egui_wants_keyboard_input() {
+            return;
+        }
+        let pressed = |key| context.input(|input| input.key_pressed(key) && input.modifiers.is_none());
+        if let Some(slot) = DIGITS.into_iter().position(pressed) {
+            self.session.recall(slot);
+        }
+        if pressed(Key::Space) {
+            self.session.engine.send(Command::Pause(!self.session.state.paused));
         }
     }
 
@@ -63,10 +88,40 @@ impl App {
         self.tree.make_active(|_, tile| matches!(tile, Tile::Pane(pane) if wanted(pane)));
     }
 
-    fn jump(&mut self) {
+    /// Brings the panes to the front that are asked for.
+    fn bring(&mut self) {
         if self.session.jump.is_some() {
             self.show(|pane| matches!(pane, Pane::Text(_)));
         }
+        if self.session.wanted.is_some() {
+            // The viewer in use may have been closed.
+            let first = self.viewers().map(|viewer| viewer.id).min().unwrap_or_default();
+            if self.viewers().all(|viewer| viewer.id != self.session.viewer) {
+                self.session.viewer = first;
+            }
+            let id = self.session.viewer;
+            self.show(|pane| matches!(pane, Pane::Viewer(viewer) if viewer.id == id));
+        }
+    }
+
+    fn add_viewer(&mut self, to: TileId) {
+        let viewer = Viewer::new(self.made, self.session.viewed.clone());
+        self.made += 1;
+        self.session.viewer = viewer.id;
+        let tile = self.tree.tiles.insert_pane(Pane::Viewer(viewer));
+        if let Some(Tile::Container(Container::Tabs(tabs))) = self.tree.tiles.get_mut(to) {
+            tabs.add_child(tile);
+            tabs.set_active(tile);
+        }
+    }
+
+    fn refresh(&mut self, context: &Context) {
+        let now = context.input(|input| input.time);
+        if now - self.looked > REFRESH {
+            self.looked = now;
+            self.session.refresh();
+        }
+        context.request_repaint_after_secs(REFRESH as f32);
     }
 
     fn title(&self) -> String {
@@ -78,6 +133,7 @@ impl App {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _: &mut Frame) {
         self.shortcuts(ui.ctx());
+        self.refresh(ui.ctx());
         let mut watched: Vec<String> = self.viewers().map(|viewer| viewer.port.clone()).collect();
         watched.sort();
         self.session.sync(watched);
@@ -85,10 +141,14 @@ impl eframe::App for App {
 
         egui::Panel::top("toolbar").show(ui, |ui| toolbar::show(ui, &mut self.session));
         egui::Panel::bottom("status").show(ui, |ui| status::show(ui, &mut self.session));
-        self.jump();
+        self.bring();
         egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
-            let mut panes = Panes { session: &mut self.session };
+            let viewers = self.viewers().count();
+            let mut panes = Panes { session: &mut self.session, viewers, add: None };
             self.tree.ui(&mut panes, ui);
+            if let Some(to) = panes.add {
+                self.add_viewer(to);
+            }
         });
     }
 }

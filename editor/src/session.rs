@@ -35,6 +35,12 @@ pub struct Session {
     pub selected: Option<String>,
     /// A port that the user wants to see; the viewer in use takes it.
     pub wanted: Option<String>,
+    /// Which viewer is in use, by [`crate::panes::Viewer::id`].
+    pub viewer: u64,
+    /// The port that it shows; empty for the output.
+    pub viewed: String,
+    /// Ports that the number keys 1 to 9 recall.
+    pub slots: [Option<String>; 9],
     /// A place that the user wants to see; the text pane takes it.
     pub jump: Option<Jump>,
     /// What became of the last action.
@@ -66,6 +72,9 @@ impl Session {
             rig: None,
             selected: None,
             wanted: None,
+            viewer: 0,
+            viewed: String::new(),
+            slots: Default::default(),
             jump: None,
             notice: None,
             samples,
@@ -121,6 +130,32 @@ impl Session {
             Ok(()) => "saved".into(),
             Err(problems) => problems.to_string(),
         });
+    }
+
+    /// Puts the port in view on a number key.
+    pub fn assign(&mut self, slot: usize) {
+        let shown = if self.viewed.is_empty() { "the output" } else { &self.viewed };
+        self.notice = Some(format!("key {} now shows {shown}", slot + 1));
+        self.slots[slot] = Some(self.viewed.clone());
+    }
+
+    /// Shows the port on a number key.
+    pub fn recall(&mut self, slot: usize) {
+        match &self.slots[slot] {
+            Some(port) => self.wanted = Some(port.clone()),
+            None => {
+                let key = slot + 1;
+                self.notice =
+                    Some(format!("nothing is on key {key} yet; Ctrl+{key} puts the port in view there"));
+            }
+        }
+    }
+
+    /// Takes over what other programs have written to the files since.
+    pub fn refresh(&mut self) {
+        if self.document.refresh() {
+            self.notice = Some("read again, as another program has changed it".into());
+        }
     }
 
     /// Moves the camera.

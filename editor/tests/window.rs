@@ -207,3 +207,28 @@ fn every_pane_is_drawn() {
     opened.harness.run_steps(10);
     opened.shot("broken");
 }
+
+#[test]
+fn number_keys_recall_ports_in_the_viewer_in_use() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(3);
+    opened.click("view/project");
+    opened.click("View id");
+    opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Num2);
+    opened.harness.run_steps(3);
+    opened.click("+ View");
+    opened.frames(1);
+    let ports = |opened: &Opened| {
+        let mut ports: Vec<_> =
+            opened.app().viewers().map(|viewer| (viewer.id, viewer.port.clone())).collect();
+        ports.sort();
+        ports
+    };
+    assert_eq!(ports(&opened).len(), 2);
+    opened.click("View depth");
+    assert_eq!(ports(&opened)[1].1, "view/project.depth");
+    opened.harness.key_press(Key::Num2);
+    opened.harness.run_steps(3);
+    assert_eq!(ports(&opened)[1].1, "view/project.id");
+    assert_eq!(ports(&opened)[0].1, "view/project.id");
+}

@@ -194,6 +194,24 @@ impl Document {
         Ok(())
     }
 
+    /// Reads files again that somebody else has changed, where nothing is unsaved in them; whether there were any.
+    /// Undo leads back to what they were.
+    pub fn refresh(&mut self) -> bool {
+        let mut texts = self.texts.clone();
+        for (path, saved) in &mut self.saved {
+            if texts.get(path) == Some(saved)
+                && let Ok(found) = fs::read_to_string(path)
+                && found != **saved
+            {
+                *saved = found.into();
+                texts.insert(path.clone(), saved.clone());
+            }
+        }
+        let changed = texts != self.texts;
+        self.change(Tag::Once, texts);
+        changed
+    }
+
     fn change(&mut self, tag: Tag, texts: Texts) {
         if texts == self.texts {
             return;

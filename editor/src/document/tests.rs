@@ -86,19 +86,19 @@ fn random_edit(document: &mut Document, random: &mut Random) {
         5 => file.set_input(&node, "color", Some(&source)),
         6 => file.set_input(&node, "cloud", None),
         7 => file.set_on(&node, [None, Some(Side::Cpu), Some(Side::Gpu)][number % 3]),
-        8 => file.set_bypass(&node, number % 2 == 0),
+        8 => file.set_bypass(&node, number < 500),
         9 => file.add_node(&format!("new{number}"), "fill"),
         10 if own.len() > 3 => file.remove_node(&node),
         10 => Ok(()),
         _ => file.rename_node(&node, &format!("{node}_{number}")),
     });
-    if number % 20 == 0 {
+    if random.below(20) == 0 {
         // Typing, which may well break the text, and more of it.
         let paths: Vec<String> = document.paths().map(Into::into).collect();
         let path = random.pick(&paths).unwrap().clone();
         let mut text = document.text(&path).to_owned();
         let places: Vec<usize> = text.char_indices().map(|(at, _)| at).collect();
-        text.insert(*random.pick(&places).unwrap(), ['x', ',', '\n', '}'][number / 20 % 4]);
+        text.insert(*random.pick(&places).unwrap(), ['x', ',', '\n', '}'][number % 4]);
         document.type_text(&path, &text);
         if !document.problems().is_empty() {
             document.undo();
@@ -237,4 +237,20 @@ fn a_swap_keeps_the_wires_and_parameters_that_both_kinds_have() {
     assert!(document.text(document.path()).contains("// Each pixel's primary region takes the mean"));
     document.undo();
     assert!(!document.can_undo() && !document.is_dirty());
+}
+
+#[test]
+fn files_that_others_change_are_read_again_unless_there_is_unsaved_work_in_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let part = folder.path().join("part.ron");
+    assert!(!document.refresh());
+    let changed = fs::read_to_string(&part).unwrap().replace("0.5", "0.25");
+    fs::write(&part, &changed).unwrap();
+    assert!(document.refresh() && !document.is_dirty());
+    assert_eq!(param_text(document.file().unwrap(), "a/in", "sigma"), Some("0.25"));
+    document.edit(Tag::Once, |file| file.set_param("a/in", "sigma", "0.75")).unwrap();
+    fs::write(&part, changed.replace("0.25", "0.1")).unwrap();
+    assert!(!document.refresh());
+    assert_eq!(param_text(document.file().unwrap(), "a/in", "sigma"), Some("0.75"));
 }

@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// From one column of boxes to the next, and between boxes of a column.
-const COLUMN: f32 = 250.0;
+const COLUMN: f32 = 215.0;
 const GAP: f32 = 36.0;
 /// Height of a box without pins, and of a row of pins.
 const BOX: f32 = 60.0;

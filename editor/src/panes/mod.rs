@@ -9,7 +9,7 @@ mod viewer;
 
 pub use canvas::CanvasPane;
 use egui::{Ui, WidgetText};
-use egui_tiles::{Behavior, SimplificationOptions, TileId, UiResponse};
+use egui_tiles::{Behavior, SimplificationOptions, Tabs, Tile, TileId, Tiles, UiResponse};
 pub use nodes::NodesPane;
 pub use text::TextPane;
 pub use times::TimesPane;
@@ -37,6 +37,10 @@ pub enum Pane {
 pub struct Panes<'a> {
     /// What they share.
     pub session: &'a mut Session,
+    /// How many viewers there are; the last one cannot be closed.
+    pub viewers: usize,
+    /// Where the user wants one more.
+    pub add: Option<TileId>,
 }
 
 impl Behavior<Pane> for Panes<'_> {
@@ -66,6 +70,21 @@ impl Behavior<Pane> for Panes<'_> {
             Pane::Text(_) => "Text".into(),
             Pane::Canvas(_) => "Canvas".into(),
             Pane::Times(_) => "Times".into(),
+        }
+    }
+
+    fn is_tab_closable(&self, tiles: &Tiles<Pane>, tile: TileId) -> bool {
+        self.viewers > 1 && matches!(tiles.get(tile), Some(Tile::Pane(Pane::Viewer(_))))
+    }
+
+    fn tab_bar_trailing_ui(&mut self, tiles: &Tiles<Pane>, ui: &mut Ui, tile: TileId, tabs: &Tabs) {
+        let is_viewer = |tile: &TileId| matches!(tiles.get(*tile), Some(Tile::Pane(Pane::Viewer(_))));
+        if tabs.children.iter().any(is_viewer) {
+            ui.add_space(4.0);
+            let more = ui.add(egui::Button::new("+ View").frame(false));
+            if more.on_hover_text("One more view; drag its tab to put it beside this one").clicked() {
+                self.add = Some(tile);
+            }
         }
     }
 

@@ -26,6 +26,8 @@ const WHEEL: f32 = 1.0 / 150.0;
 /// One view of a port.
 #[derive(Default)]
 pub struct Viewer {
+    /// Tells it from the others.
+    pub id: u64,
     /// The port as `node.port`; empty for the graph's first output.
     pub port: String,
     /// How it is shown.
@@ -46,6 +48,11 @@ struct Shown {
 }
 
 impl Viewer {
+    /// A view of a port, `node.port`, or of the graph's first output where it is empty.
+    pub fn new(id: u64, port: String) -> Self {
+        Self { id, port, ..Self::default() }
+    }
+
     /// The picture on screen.
     pub fn picture(&self) -> Option<&Picture> {
         self.shown.as_ref().map(|shown| &shown.picture)
@@ -53,8 +60,13 @@ impl Viewer {
 
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
-        if let Some(port) = session.wanted.take() {
+        if session.viewer == self.id
+            && let Some(port) = session.wanted.take()
+        {
             self.choose(port);
+        }
+        if session.viewer == self.id {
+            session.viewed.clone_from(&self.port);
         }
         let Some(graph) = session.state.graph.clone() else {
             ui.centered_and_justified(|ui| ui.weak("Nothing runs yet."));
@@ -67,7 +79,12 @@ impl Viewer {
             // Until its first frame, the picture before stays.
             None if self.shown.is_some() => {}
             None => {
-                ui.weak("Waiting for a frame …");
+                let hint = if session.state.paused {
+                    "Paused: Step or Run shows it."
+                } else {
+                    "Waiting for a frame …"
+                };
+                ui.weak(hint);
                 return;
             }
         }
@@ -77,6 +94,9 @@ impl Viewer {
         response.widget_info(|| {
             egui::WidgetInfo::labeled(egui::WidgetType::Image, true, format!("image of {name}"))
         });
+        if response.hovered() || response.clicked() {
+            session.viewer = self.id;
+        }
         let place = self.place(rect);
         self.paint(&ui.painter_at(rect), rect, place);
         self.zoom_and_pan(ui, &response, rect, place);
@@ -86,7 +106,7 @@ impl Viewer {
 
     fn choose(&mut self, port: String) {
         if port != self.port {
-            *self = Self { port, zoom: self.zoom, offset: self.offset, ..Self::default() };
+            *self = Self { id: self.id, port, zoom: self.zoom, offset: self.offset, ..Self::default() };
         }
     }
 
