@@ -45,7 +45,8 @@ impl Rig {
         self.camera.rotation = Quat::from_rotation_y(yaw) * Quat::from_rotation_x(pitch);
     }
 
-    /// Turns around the point ahead, by angles in radians to the right and down.
+    /// Turns around the point ahead, by angles in radians to the right and down: the scene follows the hand, so the eye
+    /// goes left and up.
     pub fn orbit(&mut self, right: f32, down: f32) {
         let pivot = self.camera.eye + self.camera.rotation * Vec3::NEG_Z * self.distance;
         self.look(right, down);
@@ -93,6 +94,7 @@ mod tests {
         assert!((rig.camera.eye + forward(&rig) * 4.0).distance(pivot) < 1e-4);
         assert!((rig.camera.eye.distance(pivot) - 4.0).abs() < 1e-4);
         assert!((rig.camera.rotation * Vec3::X).y.abs() < 1e-5, "the horizon is level");
+        assert!(rig.camera.eye.x < -1.0 && rig.camera.eye.y > 1.5);
         rig.go_home();
         assert_eq!(rig.camera, rig.home);
     }

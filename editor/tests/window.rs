@@ -232,3 +232,38 @@ fn number_keys_recall_ports_in_the_viewer_in_use() {
     assert_eq!(ports(&opened)[1].1, "view/project.id");
     assert_eq!(ports(&opened)[0].1, "view/project.id");
 }
+
+#[test]
+fn looking_at_parameters_changes_nothing() {
+    for graph in ["epi.ron", "hybrid.ron", "render-cache.ron", "render-cache-cpu-dither.ron"] {
+        let mut opened = Opened::new(graph);
+        opened.until("the graph", |app| app.session.state.graph.is_some());
+        let path = opened.app().session.document.path().to_owned();
+        // Outside its range, and with more digits than a slider shows.
+        let odd =
+            opened.text().replace("kind: \"tonemap\",", "kind: \"tonemap\", params: (exposure: 99.123456),");
+        assert_ne!(odd, opened.text());
+        opened.harness.state_mut().session.document.type_text(&path, &odd);
+        let revision = opened.app().session.document.revision();
+        let info = opened.app().session.state.graph.clone().unwrap();
+        for node in &info.nodes {
+            opened.harness.state_mut().session.selected = Some(node.name.clone());
+            opened.harness.run_steps(2);
+        }
+        opened.harness.state_mut().session.selected = Some("tonemap".into());
+        opened.harness.run_steps(3);
+        assert_eq!((opened.app().session.document.revision(), opened.text()), (revision, &odd[..]));
+    }
+}
+
+#[test]
+fn a_parameter_in_the_file_can_go_back_to_its_default() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(1);
+    opened.click("interpolate");
+    let before = opened.text().to_owned();
+    opened.click("default of sigma");
+    assert_eq!(opened.text(), before.replace("sigma: 0.7, ", ""));
+    opened.click("⟲ Undo");
+    assert_eq!(opened.text(), before);
+}

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{Checkbox, ComboBox, DragValue, Grid, RichText, ScrollArea, Slider, TextEdit, Ui};
+use egui::{Checkbox, ComboBox, DragValue, Grid, RichText, ScrollArea, Slider, SliderClamping, TextEdit, Ui};
 use epigraph_core::{GraphFile, NodeDef, ParamKind, ParamSpec, Side};
 
 use crate::{
@@ -126,13 +126,22 @@ fn parameter(ui: &mut Ui, session: &mut Session, file: &GraphFile, address: &str
     if response.drag_stopped() || response.lost_focus() {
         session.document.seal();
     }
-    let reset = ui.add_enabled(written.is_some(), egui::Button::new("Default").small());
-    let reset =
-        reset.on_hover_text(format!("Take it out of the file; the stage's default is {}", spec.default));
-    if reset.clicked() {
-        session.edit(Tag::Once, |file| remove_param(file, address, &spec.name, &spec.default));
-    }
+    ui.horizontal(|ui| {
+        let reset = reset(ui, spec, written.is_some());
+        if reset.clicked() {
+            session.edit(Tag::Once, |file| remove_param(file, address, &spec.name, &spec.default));
+        }
+        ui.weak(&spec.unit);
+    });
     ui.end_row();
+}
+
+/// Takes the parameter out of the file.
+fn reset(ui: &mut Ui, spec: &ParamSpec, enabled: bool) -> egui::Response {
+    let reset = ui.add_enabled(enabled, egui::Button::new("⟲").frame(false));
+    let name = format!("default of {}", spec.name);
+    reset.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, enabled, &name));
+    reset.on_hover_text(format!("Take it out of the file; the stage's default is {}", spec.default))
 }
 
 fn explain(spec: &ParamSpec) -> String {
@@ -178,14 +187,14 @@ fn number(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> egui::Response {
         return ui.add(TextEdit::singleline(value).desired_width(120.0));
     };
     let mut number = before;
-    let suffix = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
     let (low, high) = spec.range.unwrap_or((f64::MIN, f64::MAX));
+    // A value outside its range stays as it is written until somebody edits it.
     let response = if high - low <= WIDEST {
-        let slider = Slider::new(&mut number, low..=high).suffix(suffix);
+        let slider = Slider::new(&mut number, low..=high).clamping(SliderClamping::Edits);
         ui.add(if whole { slider.integer() } else { slider.max_decimals(4) })
     } else {
         let speed = if whole { 1.0 } else { (before.abs() * 0.01).max(0.001) };
-        let drag = DragValue::new(&mut number).range(low..=high).speed(speed).suffix(suffix);
+        let drag = DragValue::new(&mut number).range(low..=high).speed(speed).clamp_existing_to_range(false);
         ui.add(if whole { drag.fixed_decimals(0) } else { drag })
     };
     if response.changed() && number != before {

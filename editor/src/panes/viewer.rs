@@ -360,7 +360,7 @@ fn steer(ui: &Ui, session: &mut Session, response: &Response) {
     let shift = ui.input(|input| input.modifiers.shift);
     let drag = response.drag_delta() * TURN;
     if response.dragged_by(PointerButton::Primary) && !shift {
-        session.move_camera(|rig| rig.orbit(-drag.x, -drag.y));
+        session.move_camera(|rig| rig.orbit(drag.x, drag.y));
     }
     if response.dragged_by(PointerButton::Secondary) {
         session.move_camera(|rig| rig.look(drag.x, drag.y));
