@@ -175,6 +175,10 @@ fn another_stage_takes_a_nodes_place_in_one_step() {
     opened.click("fill");
     opened.frames(2);
     assert!(opened.text().contains("kind: \"fill\""));
+    assert_eq!(opened.app().session.problems(), []);
+    let kind =
+        |app: &App| app.session.state.graph.as_ref()?.node("interpolate").map(|node| node.kind.clone());
+    assert_eq!(kind(opened.app()).as_deref(), Some("fill"));
     opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     opened.harness.run_steps(3);
     assert_eq!(opened.text(), before);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use epigraph_core::{GraphFile, Problems, Registry};
+use epigraph_core::{Access, GraphFile, Port, Problems, Registry, Source};
 
 use super::home;
 
@@ -33,7 +33,8 @@ pub fn fitting(file: &GraphFile, address: &str, registry: &Registry) -> Vec<&'st
     registry.kinds().filter(fits).map(|kind| kind.name()).collect()
 }
 
-/// Gives a node another kind. Wires and parameters that both kinds have stay as they are written; the rest goes.
+/// Gives a node another kind. Wires and parameters that both kinds have stay as they are written; the rest goes. What the
+/// new kind needs of the frame before, it takes from its own output, where only one fits.
 ///
 /// # Errors
 /// Those of core's edits.
@@ -52,6 +53,15 @@ pub fn swap(file: &mut GraphFile, address: &str, kind: &str, registry: &Registry
         let port = declared.ports.iter().find(|port| port.name == input.port.value);
         if !port.is_some_and(|port| port.is_input()) {
             file.set_input(name, &input.port.value, None)?;
+        }
+    }
+    let wired = |port: &Port| node.inputs.iter().any(|input| input.port.value == port.name);
+    let needed = |port: &&Port| port.access == Access::History && !port.optional && !wired(port);
+    for port in declared.ports.iter().filter(needed) {
+        let mut fits = declared.ports.iter().filter(|own| own.is_output() && own.fields == port.fields);
+        if let (Some(own), None) = (fits.next(), fits.next()) {
+            let source = Source { node: name.to_owned(), port: own.name.to_string() };
+            file.set_input(name, &port.name, Some(&source))?;
         }
     }
     Ok(())
