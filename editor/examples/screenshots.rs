@@ -1,0 +1,56 @@
+//! Draws the pictures of `docs/editor.md`, without a screen: `docs/editor.png` and `docs/editor-text.png`.
+//! Run it from the repository's folder.
+
+use std::{error::Error, path::Path, thread, time::Duration};
+
+use egui_kittest::Harness;
+use epigraph_editor::{
+    app::App,
+    document::Document,
+    engine::{Backend, Command, Options, Pacing},
+    panes::Pane,
+    session::Jump,
+};
+
+/// Frames until the picture is full.
+const FRAMES: u32 = 120;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let document = Document::open(Path::new("graphs/epi.ron"))?;
+    let options = Options {
+        scene: "chains".into(),
+        backend: Backend::Cpu,
+        pacing: Pacing::Exact,
+        paused: true,
+        ..Options::default()
+    };
+    let builder = Harness::builder().with_size([1280.0, 720.0]).wgpu();
+    let mut window = builder.build_eframe(|creation| App::new(creation, document, options));
+    window.state_mut().session.selected = Some("interpolate".into());
+    run(&mut window, FRAMES);
+    window.render()?.save("docs/editor.png")?;
+
+    let session = &mut window.state_mut().session;
+    let path = session.document.path().to_owned();
+    let text = session.document.text(&path).replace("kernel: Gaussian", "kernel: Gausian");
+    session.document.type_text(&path, &text);
+    window.state_mut().show(|pane| matches!(pane, Pane::Text(_)));
+    run(&mut window, 1);
+    let session = &mut window.state_mut().session;
+    let place = session.problems().first().and_then(|problem| problem.place.clone());
+    session.jump = place.map(|place| Jump { path: place.file, at: (place.line, place.column) });
+    window.run_steps(20);
+    window.render()?.save("docs/editor-text.png")?;
+    Ok(())
+}
+
+/// Runs so many frames of the graph and shows the last.
+fn run(window: &mut Harness<App>, frames: u32) {
+    let until = window.state().session.state.frames + frames;
+    window.state().session.engine.send(Command::Step(frames));
+    while window.state().session.state.frames < until {
+        window.step();
+        thread::sleep(Duration::from_millis(20));
+    }
+    window.run_steps(4);
+}
