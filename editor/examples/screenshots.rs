@@ -35,7 +35,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let text = session.document.text(&path).replace("kernel: Gaussian", "kernel: Gausian");
     session.document.type_text(&path, &text);
     window.state_mut().show(|pane| matches!(pane, Pane::Text(_)));
-    run(&mut window, 1);
+    while window.state().session.problems().is_empty() {
+        window.step();
+        thread::sleep(Duration::from_millis(20));
+    }
     let session = &mut window.state_mut().session;
     let place = session.problems().first().and_then(|problem| problem.place.clone());
     session.jump = place.map(|place| Jump { path: place.file, at: (place.line, place.column) });

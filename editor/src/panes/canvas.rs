@@ -16,9 +16,12 @@ use crate::{
     theme,
 };
 
-/// From one column of boxes to the next, and between boxes of a column.
-const COLUMN: f32 = 215.0;
+/// Between columns of boxes, and between boxes of a column.
+const ALLEY: f32 = 56.0;
 const GAP: f32 = 36.0;
+/// Width of a box beside its texts, and of a letter.
+const RIM: f32 = 72.0;
+const LETTER: f32 = 7.0;
 /// Height of a box without pins, and of a row of pins.
 const BOX: f32 = 60.0;
 const ROW: f32 = 24.0;
@@ -104,21 +107,31 @@ impl CanvasPane {
 /// frame's values, do not count.
 fn arrange(file: &GraphFile, items: &[Item]) -> Vec<Pos2> {
     let mut columns: Vec<usize> = Vec::new();
-    let mut heights: Vec<f32> = Vec::new();
-    let place = |(index, node): (usize, &epigraph_core::NodeDef)| {
+    for (index, node) in file.nodes.iter().enumerate() {
         let before = |name: &str| file.nodes[..index].iter().position(|node| node.name.value == name);
         let sources = node.inputs.iter().filter_map(|input| before(&input.from.value.node));
-        let column = sources.map(|source| columns[source] + 1).max().unwrap_or(0);
-        columns.push(column);
-        if heights.len() <= column {
-            heights.resize(column + 1, 0.0);
-        }
-        let at = pos2(column as f32 * COLUMN, heights[column]);
-        let rows = items[index].inputs.len().max(items[index].outputs.len());
-        heights[column] += BOX + ROW * rows as f32 + GAP;
+        columns.push(sources.map(|source| columns[source] + 1).max().unwrap_or(0));
+    }
+    let count = columns.iter().max().map_or(0, |last| last + 1);
+    let mut widths = vec![0.0_f32; count];
+    for (item, column) in items.iter().zip(&columns) {
+        widths[*column] = widths[*column].max(width(item));
+    }
+    let left = |column: usize| widths[..column].iter().map(|width| width + ALLEY).sum::<f32>();
+    let mut heights = vec![0.0; count];
+    let place = |(item, column): (&Item, &usize)| {
+        let at = pos2(left(*column), heights[*column]);
+        heights[*column] += BOX + ROW * item.inputs.len().max(item.outputs.len()) as f32 + GAP;
         at
     };
-    file.nodes.iter().enumerate().map(place).collect()
+    items.iter().zip(&columns).map(place).collect()
+}
+
+/// About how wide a box is: its title with the milliseconds, or its longest pins side by side.
+fn width(item: &Item) -> f32 {
+    let longest = |pins: &[Pin]| pins.iter().map(|pin| pin.name.len()).max().unwrap_or(0);
+    let letters = (longest(&item.inputs) + longest(&item.outputs)).max(item.name.len() + 8);
+    RIM + LETTER * letters as f32
 }
 
 struct Canvas<'a> {
@@ -207,7 +220,8 @@ impl SnarlViewer<Item> for Canvas<'_> {
         let input = &snarl[pin.id.node].inputs[pin.id.input];
         let missing = pin.remotes.is_empty() && !input.optional;
         let text = egui::RichText::new(&input.name);
-        ui.label(if missing { text.color(theme::BAD) } else { text }).on_hover_text(explain(input));
+        let text = if missing { text.color(theme::BAD) } else { text };
+        ui.add(egui::Label::new(text).extend()).on_hover_text(explain(input));
         pin_info(input)
     }
 
@@ -218,7 +232,7 @@ impl SnarlViewer<Item> for Canvas<'_> {
     fn show_output(&mut self, pin: &OutPin, ui: &mut Ui, snarl: &mut Snarl<Item>) -> impl SnarlPin + 'static {
         let item = &snarl[pin.id.node];
         let output = &item.outputs[pin.id.output];
-        let label = ui.add(egui::Label::new(&output.name).sense(Sense::click()).selectable(false));
+        let label = ui.add(egui::Label::new(&output.name).sense(Sense::click()).selectable(false).extend());
         if label.on_hover_text(format!("{}\nClick to see it", explain(output))).clicked() {
             self.session.wanted = Some(format!("{}.{}", item.name, output.name));
         }
