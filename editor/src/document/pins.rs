@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use epigraph_core::{Element, GraphFile, NodeDef, Port, Registry, Source};
+use epigraph_core::{Field, GraphFile, NodeDef, Port, Registry, Source};
 
 /// The node of a part that stands for what the part is given.
 const INPUTS: &str = "inputs";
@@ -14,8 +14,8 @@ pub struct Pin {
     pub name: String,
     /// One sentence.
     pub doc: String,
-    /// The elements of its fields; none where only compiling tells.
-    pub elements: Option<Vec<Element>>,
+    /// Its fields; none where only compiling tells.
+    pub fields: Option<Vec<Field>>,
     /// Whether an input may stay without a wire.
     pub optional: bool,
 }
@@ -25,33 +25,32 @@ impl Pin {
         Self {
             name: port.name.to_string(),
             doc: port.doc.to_string(),
-            elements: Some(port.fields.iter().map(|field| field.element.clone()).collect()),
+            fields: Some(port.fields.clone()),
             optional: port.optional,
         }
     }
 
     fn unknown(name: &str) -> Self {
-        Self { name: name.to_owned(), doc: String::new(), elements: None, optional: true }
+        Self { name: name.to_owned(), doc: String::new(), fields: None, optional: true }
     }
 
     /// What it holds, in words.
     pub fn words(&self) -> Cow<'static, str> {
-        match self.elements.as_deref() {
+        match self.fields.as_deref() {
             None => "any elements".into(),
-            Some([only]) => only.to_string().into(),
+            Some([only]) => only.element.to_string().into(),
             Some(several) => format!("a bundle of {}", several.len()).into(),
         }
     }
 
-    /// Whether a wire from `output` may end here, as far as elements say.
+    /// Whether a wire from `output` may end here, as far as elements say. A bundle that was updated in place has fields
+    /// that its updater does not name, so those that are missing do not count against it.
     pub fn accepts(&self, output: &Self) -> bool {
-        match (&self.elements, &output.elements) {
-            (Some(taken), Some(given)) => {
-                taken.len() == given.len()
-                    && taken.iter().zip(given).all(|(taken, given)| taken.accepts(given))
-            }
-            _ => true,
-        }
+        let (Some(taken), Some(given)) = (&self.fields, &output.fields) else { return true };
+        taken.iter().all(|field| match given.iter().find(|other| other.name == field.name) {
+            Some(other) => field.element.accepts(&other.element),
+            None => !field.name.is_empty() && given.iter().all(|other| !other.name.is_empty()),
+        })
     }
 }
 

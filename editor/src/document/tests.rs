@@ -255,3 +255,27 @@ fn files_that_others_change_are_read_again_unless_there_is_unsaved_work_in_them(
     assert!(!document.refresh());
     assert_eq!(param_text(document.file().unwrap(), "a/in", "sigma"), Some("0.75"));
 }
+
+#[test]
+fn pins_of_stages_and_parts_have_types_that_wires_must_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let epi = shipped(folder.path()).into_iter().find(|path| path.ends_with("epi.ron")).unwrap();
+    let document = Document::open(&epi).unwrap();
+    let file = document.file().unwrap();
+    let registry = epigraph_stages::registry();
+    let pin = |node: &str, side: usize, name: &str| {
+        let pins = pins(file, file.node(node).unwrap(), &registry);
+        pins[side].iter().find(|pin| pin.name == name).cloned().unwrap()
+    };
+    // Every wire of the file fits, also those of parts.
+    for node in &file.nodes {
+        for input in &node.inputs {
+            let (to, from) = (&input.port.value, &input.from.value);
+            let (taken, given) = (pin(&node.name.value, 0, to), pin(&from.node, 1, &from.port));
+            assert!(taken.fields.is_some() && given.fields.is_some(), "{} {to}", node.name.value);
+            assert!(taken.accepts(&given), "{} {to}: {} {}", node.name.value, taken.words(), given.words());
+        }
+    }
+    assert!(!pin("tonemap", 0, "color").accepts(&pin("view", 1, "id")));
+    assert!(!pin("interpolate", 0, "cloud").accepts(&pin("view", 1, "depth")));
+}

@@ -6,7 +6,7 @@ use std::{collections::HashMap, sync::Arc};
 use egui::{Color32, Frame, Pos2, Sense, Stroke, Ui, pos2};
 use egui_snarl::{
     InPin, InPinId, NodeId, OutPin, OutPinId, Snarl,
-    ui::{PinInfo, SnarlPin, SnarlStyle, SnarlViewer},
+    ui::{PinInfo, PinPlacement, SnarlPin, SnarlStyle, SnarlViewer},
 };
 use epigraph_core::{Element, GraphFile, Source};
 
@@ -20,7 +20,7 @@ use crate::{
 const ALLEY: f32 = 56.0;
 const GAP: f32 = 36.0;
 /// Width of a box beside its texts, and of a letter.
-const RIM: f32 = 72.0;
+const RIM: f32 = 52.0;
 const LETTER: f32 = 7.0;
 /// Height of a box without pins, and of a row of pins.
 const BOX: f32 = 60.0;
@@ -57,7 +57,9 @@ impl CanvasPane {
             self.file = Some(file);
         }
         let mut viewer = Canvas { session, search: &mut self.search, places: &mut self.places };
-        let style = SnarlStyle { collapsible: Some(false), ..SnarlStyle::new() };
+        // Pins inside their box would push the names of outputs under them (egui-snarl 0.12).
+        let pins = Some(PinPlacement::Edge);
+        let style = SnarlStyle { collapsible: Some(false), pin_placement: pins, ..SnarlStyle::new() };
         egui_snarl::ui::SnarlWidget::new().id_salt("canvas").style(style).show(
             &mut self.snarl,
             &mut viewer,
@@ -163,10 +165,12 @@ impl Canvas<'_> {
 
 /// One colour for each kind of element, so that wires that fit look alike.
 fn pin_info(pin: &Pin) -> PinInfo {
-    let color = match pin.elements.as_deref() {
-        Some([Element::Texel(_) | Element::AnyFloatTexel]) => Color32::from_rgb(230, 180, 80),
-        Some([Element::Item { name, .. }]) if name == "u32" => Color32::from_rgb(120, 190, 220),
-        Some([Element::Item { .. }]) => Color32::from_rgb(150, 200, 120),
+    let color = match pin.fields.as_deref() {
+        Some([only]) => match &only.element {
+            Element::Texel(_) | Element::AnyFloatTexel => Color32::from_rgb(230, 180, 80),
+            Element::Item { name, .. } if name == "u32" => Color32::from_rgb(120, 190, 220),
+            Element::Item { .. } => Color32::from_rgb(150, 200, 120),
+        },
         Some(_) => Color32::from_rgb(200, 130, 200),
         None => Color32::GRAY,
     };
