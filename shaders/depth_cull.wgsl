@@ -145,20 +145,8 @@ fn vote(@builtin(global_invocation_id) thread: vec3<u32>) {
     first_vote[p] = select(own, EMPTY_DEPTH, own < EMPTY_DEPTH && is_outvoted(ALL, pixel));
 }
 
-@compute @workgroup_size(8, 8, 1)
-fn cull(@builtin(global_invocation_id) thread: vec3<u32>) {
-    let pixel = vec2<i32>(thread.xy);
-    if is_outside(pixel) {
-        return;
-    }
-    let p = pixel_index(pixel);
-    if first_vote[p] >= EMPTY_DEPTH || is_outvoted(FIRST_VOTE, pixel) {
-        id[p] = NO_POINT;
-    }
-    let mean = mean_of(pixel);
-    filtered[p] = select(min(mean * (1.0 + params.threshold), frame.view.far), frame.view.far, mean < 0.0);
-}
-#else
+#endif
+
 @compute @workgroup_size(8, 8, 1)
 fn cull(@builtin(global_invocation_id) thread: vec3<u32>) {
     let pixel = vec2<i32>(thread.xy);
@@ -167,20 +155,19 @@ fn cull(@builtin(global_invocation_id) thread: vec3<u32>) {
     }
     let p = pixel_index(pixel);
     let mean = mean_of(pixel);
-    if mean < 0.0 {
-        filtered[p] = frame.view.far;
-        return;
-    }
-    var shifted: f32;
+    var shifted = mean * (1.0 + params.threshold);
+    var distance = min(shifted, frame.view.far);
     if params.rule == SEED_EXACT {
         shifted = buffer_shift(params.threshold, mean);
-        filtered[p] = buffer_distance(shifted);
-    } else {
-        shifted = mean * (1.0 + params.threshold);
-        filtered[p] = min(shifted, frame.view.far);
+        distance = buffer_distance(shifted);
     }
-    if depth[p] < EMPTY_DEPTH && value(depth[p]) > shifted {
+    filtered[p] = select(distance, frame.view.far, mean < 0.0);
+#ifdef MAJORITY
+    let is_hidden = first_vote[p] >= EMPTY_DEPTH || is_outvoted(FIRST_VOTE, pixel);
+#else
+    let is_hidden = depth[p] < EMPTY_DEPTH && value(depth[p]) > shifted;
+#endif
+    if is_hidden {
         id[p] = NO_POINT;
     }
 }
-#endif

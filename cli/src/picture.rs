@@ -32,6 +32,12 @@ impl Picture {
         }
     }
 
+    /// What a screen shows: 8-bit sRGB.
+    pub fn shown(size: [usize; 2], colors: &[[u8; 3]]) -> Self {
+        let colors = colors.iter().map(|color| color.map(|byte| f32::from(byte) / 255.0)).collect();
+        Self { size, colors, linear: false }
+    }
+
     /// The colours in sRGB, clamped to [0, 1].
     pub fn srgb(&self) -> Vec<[f32; 3]> {
         let encode = |value: f32| if self.linear { tone::encode(value) } else { value };

@@ -38,7 +38,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
 
     let start = Instant::now();
     let camera = path.camera(args.frame);
-    let colors = trace(&tracer, &camera, size, args.spp, &settings, args.seed);
+    let colors = trace("tracing", &tracer, &camera, size, args.spp, &settings, args.seed);
     let seconds = start.elapsed().as_secs_f64();
 
     target.write(&encode(kind, size.map(|side| side as usize), &colors, target.path())?)?;
@@ -80,8 +80,10 @@ pub fn require_memory(size: [u32; 2]) -> Result<(), CliError> {
     memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)
 }
 
-/// The linear colours of a picture with many samples for each pixel, rows from the top.
+/// The linear colours of a picture with many samples for each pixel, rows from the top; `label` is what the progress bar
+/// says.
 pub fn trace(
+    label: &str,
     tracer: &Tracer,
     camera: &Camera,
     size: [u32; 2],
@@ -89,7 +91,7 @@ pub fn trace(
     settings: &TraceSettings,
     seed: u32,
 ) -> Vec<[f32; 3]> {
-    let bar = progress::bar(size[1].into(), "tracing", "rows");
+    let bar = progress::bar(size[1].into(), label, "rows");
     let colors = reference::render(tracer, camera, size, spp, settings, seed.into(), &|_| bar.inc(1));
     bar.finish_and_clear();
     colors.into_iter().map(Into::into).collect()

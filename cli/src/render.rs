@@ -3,8 +3,8 @@
 use std::{path::Path, sync::Arc, time::Instant};
 
 use epigraph_core::{
-    AdapterChoice, Executor, Gpu, Graph, GraphError, GraphFile, Host, Plan, Problem, RunError, Settings,
-    Side, Source, compile,
+    AdapterChoice, Executor, Gpu, Graph, GraphError, GraphFile, Host, Plan, Problem, Registry, RunError,
+    Settings, Side, Source, compile,
 };
 use epigraph_scenes::{AsyncTracer, CameraPath, Scene, Tracer};
 use epigraph_stages::{Pace, World};
@@ -74,10 +74,8 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
         .map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
     check_saves(&plan, size, &files)?;
     let gpu = gpu_for(&plan, gpu)?;
-    require_memory(&plan, gpu.as_deref())?;
     let pooled = [Side::Cpu, Side::Gpu].map(|side| plan.pooled_bytes(side));
-
-    let mut executor = Executor::new(graph, plan, &settings, &registry, gpu.clone())?;
+    let mut executor = executor(graph, plan, &settings, &registry, gpu.clone())?;
     let host = host(tracer(&scene), args.pace, threads);
     let measured = run(&mut executor, &host, &path, args, samples, &traced)?;
     warn_of_bad_samples(&host);
@@ -120,6 +118,19 @@ pub fn placement(backend: Backend) -> Result<(Side, Option<Arc<Gpu>>), RunError>
             Err(_) => Ok((Side::Cpu, None)),
         },
     }
+}
+
+/// Makes what runs a plan, if this machine has the GPU and the memory that it needs.
+pub fn executor(
+    graph: Graph,
+    plan: Plan,
+    settings: &Settings,
+    registry: &Registry,
+    open: Option<Arc<Gpu>>,
+) -> Result<Executor, CliError> {
+    let gpu = gpu_for(&plan, open)?;
+    require_memory(&plan, gpu.as_deref())?;
+    Ok(Executor::new(graph, plan, settings, registry, gpu)?)
 }
 
 /// The GPU that the plan needs: some stages have no other form.

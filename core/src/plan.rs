@@ -142,10 +142,9 @@ pub fn compile(
 ) -> Result<(Graph, Plan), Problems> {
     let graph = Graph::check(file, registry, settings)?;
     let plan = Plan::new(&graph, settings).map_err(|mut problems| {
-        if let Ok(flat) = file.flatten() {
-            for problem in &mut problems.0 {
-                problem.place = problem.node.as_ref().and_then(|name| flat.place_of(name));
-            }
+        for problem in &mut problems.0 {
+            let found = problem.node.as_ref().and_then(|name| file.node_at(name));
+            problem.place = found.map(|(node, file)| file.place(node.name.span));
         }
         problems
     })?;

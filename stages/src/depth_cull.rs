@@ -13,12 +13,20 @@
 //! mean of zd is a harmonic mean of z, and near zd = 1 the shift loses its digits: it fits scenes with f / n of a few
 //! hundred.
 
+use std::ops::Range;
+
 use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
 use rayon::prelude::*;
 
-use crate::{project::EMPTY_DEPTH, shared::requests::NO_POINT};
+use crate::{
+    project::EMPTY_DEPTH,
+    shared::{
+        nearer::{BAND, where_nearer},
+        requests::NO_POINT,
+    },
+};
 
-/// Pixels of a row that are looked at together.
+/// Pixels of a row whose means are made together.
 const BLOCK: usize = 64;
 
 choice! {
@@ -176,64 +184,48 @@ impl Image<'_> {
 
     /// The depths that the majority rule leaves.
     fn vote(&self, scale: f32, kept: &mut [u32]) {
-        kept.par_chunks_mut(self.width).enumerate().for_each(|(y, kept)| {
-            kept.copy_from_slice(&self.depth[y * self.width..][..self.width]);
-            self.outvoted(y, scale, |x| kept[x] = EMPTY_DEPTH);
+        kept.par_chunks_mut(self.width * BAND).enumerate().for_each(|(band, kept)| {
+            let first = band * BAND * self.width;
+            kept.copy_from_slice(&self.depth[first..][..kept.len()]);
+            self.outvoted(first..first + kept.len(), scale, |p| kept[p - first] = EMPTY_DEPTH);
         });
     }
 
     /// Drops what has gone before, and what the majority rule now drops; the filtered depth of what was there before.
     fn vote_again(&self, scale: f32, id: &mut [u32], filtered: &mut [f32], far: f32) {
-        let rows = id.par_chunks_mut(self.width).zip(filtered.par_chunks_mut(self.width));
-        rows.enumerate().for_each(|(y, (id, filtered))| {
-            let depth = &self.depth[y * self.width..][..self.width];
+        let band = self.width * BAND;
+        let bands = id.par_chunks_mut(band).zip(filtered.par_chunks_mut(band));
+        bands.enumerate().for_each(|(number, (id, filtered))| {
+            let first = number * band;
+            let depth = &self.depth[first..][..id.len()];
             id.iter_mut()
                 .zip(depth)
                 .filter(|(_, depth)| **depth == EMPTY_DEPTH)
                 .for_each(|(id, _)| *id = NO_POINT);
-            self.outvoted(y, scale, |x| id[x] = NO_POINT);
-            self.means(y, |z| z, |x, mean| filtered[x] = mean.map_or(far, |mean| (mean * scale).min(far)));
+            self.outvoted(first..first + id.len(), scale, |p| id[p - first] = NO_POINT);
+            for (y, filtered) in (number * BAND..).zip(filtered.chunks_mut(self.width)) {
+                self.means(
+                    y,
+                    |z| z,
+                    |x, mean| filtered[x] = mean.map_or(far, |mean| (mean * scale).min(far)),
+                );
+            }
         });
     }
 
-    /// Calls `drop` for the pixels of a row whose point at least half of the others around are clearly nearer than.
-    fn outvoted(&self, y: usize, scale: f32, mut drop: impl FnMut(usize)) {
-        for first in (0..self.width).step_by(BLOCK) {
-            let count = BLOCK.min(self.width - first);
-            let nearest = self.nearest(first, count, y);
-            let row = &self.depth[y * self.width + first..][..count];
-            // Else nothing is clearly nearer; most of an image is smooth.
-            let mut doubted = [false; BLOCK];
-            for ((doubted, z), nearest) in doubted.iter_mut().zip(row).zip(&nearest) {
-                *doubted = (*z < EMPTY_DEPTH) & (nearest * scale < f32::from_bits(*z));
+    /// Calls `drop` for the pixels of some whole rows, counted row by row, whose point at least half of the others around
+    /// are clearly nearer than.
+    fn outvoted(&self, pixels: Range<usize>, scale: f32, mut drop: impl FnMut(usize)) {
+        let rows = pixels.start / self.width..pixels.end / self.width;
+        let distances = |pixels: Range<usize>, distances: &mut [f32]| {
+            let depth = &self.depth[pixels];
+            distances.iter_mut().zip(depth).for_each(|(distance, bits)| *distance = f32::from_bits(*bits));
+        };
+        where_nearer([self.width, self.height], rows, scale, distances, |x, y| {
+            if self.is_outvoted(x, y, scale) {
+                drop(y * self.width + x);
             }
-            for i in (0..count).filter(|i| doubted[*i]) {
-                if self.is_outvoted(first + i, y, scale) {
-                    drop(first + i);
-                }
-            }
-        }
-    }
-
-    /// The distances of the nearest points of the 5x5 pixels around each of `count` pixels of a row.
-    fn nearest(&self, first: usize, count: usize, y: usize) -> [f32; BLOCK] {
-        let nearer = |a: f32, b: f32| if a < b { a } else { b };
-        let mut columns = [f32::INFINITY; BLOCK + 4];
-        let (from, to) = (first.saturating_sub(2), (first + count + 2).min(self.width));
-        let inside = &mut columns[from + 2 - first..to + 2 - first];
-        for row in y.saturating_sub(2)..(y + 3).min(self.height) {
-            let row = &self.depth[row * self.width..][from..to];
-            inside.iter_mut().zip(row).for_each(|(column, z)| *column = nearer(f32::from_bits(*z), *column));
-        }
-        let mut nearest = [f32::INFINITY; BLOCK];
-        for dx in 0..5 {
-            let columns = &columns[dx..dx + BLOCK];
-            nearest
-                .iter_mut()
-                .zip(columns)
-                .for_each(|(nearest, column)| *nearest = nearer(*column, *nearest));
-        }
-        nearest
+        });
     }
 
     /// Whether at least half of the other points of the 5x5 pixels are clearly nearer, and there are any.

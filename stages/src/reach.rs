@@ -10,7 +10,7 @@
 use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
 use rayon::prelude::*;
 
-use crate::shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, region, transpose};
+use crate::shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, joined, transpose};
 
 /// N8 of a pixel whose 3x3 pixels are all empty: the primary regions are joined.
 const ALL_NEIGHBOURS: u32 = 0x1111_1111;
@@ -176,35 +176,10 @@ impl Image<'_> {
         let cls = |i: usize| cls.get(i).copied().unwrap_or(COMPLEX);
         std::array::from_fn(|i| {
             let (own, right, below) = (cls(i), cls(i + 1), cls(i + SPAN));
-            let east = joined(own, right, || mask(i, 1, 0) & 0xFF, |place| [32 + place, 128 - place]);
-            let south = joined(own, below, || mask(i, 0, 1) >> 8 & 0xFF, |place| [96 - place, place]);
+            let east = joined(own, right, || mask(i, 1, 0) & 0xFF, 8, |place| [32 + place, 128 - place]);
+            let south = joined(own, below, || mask(i, 0, 1) >> 8 & 0xFF, 8, |place| [96 - place, place]);
             east | south << 4
         })
-    }
-}
-
-/// Which regions of two pixels touch at the side that they share. `crossings` gives the side's mask; `places` the places
-/// on both rings, in quarters of a slot, of a place on the side.
-#[inline(always)]
-fn joined(p: u32, q: u32, crossings: impl FnOnce() -> u32, places: impl Fn(u32) -> [u32; 2]) -> u32 {
-    if (p | q) & CLASS == EMPTY {
-        return 1;
-    }
-    if (p | q) & COMPLEX != 0 {
-        return 0;
-    }
-    // The crossings cut the side into intervals; each joins the regions at its middle.
-    let (mut rest, mut start, mut joined) = (crossings(), 0, 0);
-    loop {
-        // In half slots; the side's end is 16.
-        let end = if rest == 0 { 16 } else { 2 * rest.trailing_zeros() + 1 };
-        let [in_p, in_q] = places(start + end);
-        joined |= 1 << (2 * region(p, in_p) + region(q, in_q));
-        if rest == 0 {
-            return joined;
-        }
-        rest &= rest - 1;
-        start = end;
     }
 }
 

@@ -5,23 +5,19 @@
 //! Every pass judges by the samples that the pass before has left. A sample with none in reach stays; so do those of
 //! complex pixels, which reach nothing and are used by nobody but complex pixels.
 
+use std::ops::Range;
+
 use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, params, shader};
 use rayon::prelude::*;
 
 use crate::{
     project::EMPTY_DEPTH,
-    shared::{edge_pixel::VALID, requests::NO_POINT},
+    shared::{
+        edge_pixel::VALID,
+        nearer::{BAND, where_nearer},
+        requests::NO_POINT,
+    },
 };
-
-/// Pixels to each side of the centre.
-const REACH: usize = 2;
-/// Pixels on each side of what a sample is judged by.
-const SPAN: usize = 2 * REACH + 1;
-
-/// Rows of a task of the CPU.
-const BAND: usize = 32;
-/// Pixels of a row that a task looks at together, going down.
-const BLOCK: usize = 64;
 
 params! {
     /// Parameters of [`ReachCull`].
@@ -113,12 +109,6 @@ fn writes_id(pass: u32, passes: u32) -> bool {
     (passes - pass) % 2 == 1
 }
 
-/// The lesser distance, as the processor's minimum has it.
-#[inline(always)]
-fn nearer(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
 /// The samples that a pass judges.
 struct Samples<'a> {
     id: &'a [u32],
@@ -133,54 +123,20 @@ impl Samples<'_> {
     /// The samples that stay of the rows from `top` on.
     fn cull(&self, top: usize, to: &mut [u32]) {
         to.copy_from_slice(&self.id[top * self.width..][..to.len()]);
-        for left in (0..self.width).step_by(BLOCK) {
-            // Of row y - REACH of the image at y modulo SPAN.
-            let mut nearest_of_rows = [[f32::INFINITY; BLOCK]; SPAN];
-            for y in top..top + 2 * REACH {
-                nearest_of_rows[y % SPAN] = self.nearest_of_row(left, y);
-            }
-            for (y, to) in (top..).zip(to.chunks_mut(self.width)) {
-                nearest_of_rows[(y + 2 * REACH) % SPAN] = self.nearest_of_row(left, y + 2 * REACH);
-                let mut nearest = [f32::INFINITY; BLOCK];
-                for row in &nearest_of_rows {
-                    nearest.iter_mut().zip(row).for_each(|(nearest, z)| *nearest = nearer(*z, *nearest));
-                }
-                let to = &mut to[left..self.width.min(left + BLOCK)];
-                let depth = &self.depth[y * self.width + left..][..to.len()];
-                // Else nothing is clearly nearer; most of an image is smooth.
-                let mut doubted = [false; BLOCK];
-                for (((doubted, &z), id), nearest) in doubted.iter_mut().zip(depth).zip(&*to).zip(nearest) {
-                    *doubted = (nearest * self.scale < f32::from_bits(z)) & (*id != NO_POINT);
-                }
-                for i in (0..to.len()).filter(|i| doubted[*i]) {
-                    if self.is_behind(left + i, y) {
-                        to[i] = NO_POINT;
-                    }
-                }
-            }
-        }
-    }
-
-    /// The distances of the nearest samples of the [`SPAN`] pixels around each pixel, in reach or not, from column `left` on
-    /// in row `y` - [`REACH`] of the image, which may lie outside.
-    fn nearest_of_row(&self, left: usize, y: usize) -> [f32; BLOCK] {
-        let mut samples = [f32::INFINITY; BLOCK + 2 * REACH];
-        if (REACH..self.height + REACH).contains(&y) {
-            let (from, to) = (left.saturating_sub(REACH), (left + BLOCK + REACH).min(self.width));
-            let row = (y - REACH) * self.width;
-            let given = self.id[row + from..row + to].iter().zip(&self.depth[row + from..row + to]);
-            for (sample, (&id, &depth)) in samples[from + REACH - left..].iter_mut().zip(given) {
+        let rows = top..top + to.len() / self.width;
+        let distances = |pixels: Range<usize>, distances: &mut [f32]| {
+            let given = self.id[pixels.clone()].iter().zip(&self.depth[pixels]);
+            for (distance, (&id, &depth)) in distances.iter_mut().zip(given) {
                 // Without a branch, and so several at a time.
                 let none = 0u32.wrapping_sub(u32::from(id == NO_POINT));
-                *sample = f32::from_bits(depth & !none | EMPTY_DEPTH & none);
+                *distance = f32::from_bits(depth & !none | EMPTY_DEPTH & none);
             }
-        }
-        let mut nearest = [f32::INFINITY; BLOCK];
-        for dx in 0..SPAN {
-            let samples = &samples[dx..dx + BLOCK];
-            nearest.iter_mut().zip(samples).for_each(|(nearest, z)| *nearest = nearer(*z, *nearest));
-        }
-        nearest
+        };
+        where_nearer([self.width, self.height], rows, self.scale, distances, |x, y| {
+            if self.is_behind(x, y) {
+                to[(y - top) * self.width + x] = NO_POINT;
+            }
+        });
     }
 
     /// Whether at least half of the samples in reach are clearly nearer.

@@ -30,8 +30,8 @@ use rayon::prelude::*;
 use crate::shared::{
     cloud::decode_radiance,
     edge_pixel::{
-        CLASS, COMPLEX, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT, SIMPLE, chain, class_of,
-        ends, region, transpose,
+        CLASS, COMPLEX, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT, SIMPLE, area_of_arc, chain,
+        class_of, ends, joined, region, transpose,
     },
     requests::NO_POINT,
 };
@@ -155,18 +155,8 @@ fn areas(quarter: u32) -> [u32; 2] {
     if quarter & CLASS != SIMPLE {
         return [QUARTER_AREA, 0];
     }
-    let cross = |a: [i32; 2], b: [i32; 2]| a[0] * b[1] - b[0] * a[1];
-    let [p, q] = ends(quarter);
-    let (first, end) = (slot_position(p), slot_position(q));
-    // The polygon of A: along the ring from p over the corners to q, and back along the chord.
-    let (mut doubled, mut last) = (0, first);
-    for (position, corner) in [(4, [8, 0]), (8, [8, 8]), (12, [0, 8])] {
-        if p < position && position <= q {
-            doubled += cross(last, corner);
-            last = corner;
-        }
-    }
-    let a = (doubled + cross(last, end) + cross(end, first)) as u32;
+    let slots = ends(quarter);
+    let a = area_of_arc(slots, slots.map(slot_position), [(4, [8, 0]), (8, [8, 8]), (12, [0, 8])]);
     [a, QUARTER_AREA - a]
 }
 
@@ -182,30 +172,6 @@ fn region_of_cell(quarter: u32, corner: [i32; 2], size: i32) -> Option<u32> {
     let distance = chord.side(corner) + chord.side(corner.map(|at| at + size));
     let reach = size * (chord.normal[0].abs() + chord.normal[1].abs());
     (distance.abs() > reach).then_some(u32::from(distance < 0))
-}
-
-/// Which regions of two quarters touch at the side that they share. `places` gives the places on both rings, in quarters of
-/// a slot, of a place on the side.
-fn joined(p: u32, q: u32, crossings: u32, places: impl Fn(u32) -> [u32; 2]) -> u32 {
-    if (p | q) & CLASS == EMPTY {
-        return 1;
-    }
-    if (p | q) & COMPLEX != 0 {
-        return 0;
-    }
-    // The crossings cut the side into intervals; each joins the regions at its middle.
-    let (mut rest, mut start, mut joined) = (crossings, 0, 0);
-    loop {
-        // In half slots; the side's end is 8.
-        let end = if rest == 0 { 8 } else { 2 * rest.trailing_zeros() + 1 };
-        let [in_p, in_q] = places(start + end);
-        joined |= 1 << (2 * region(p, in_p) + region(q, in_q));
-        if rest == 0 {
-            return joined;
-        }
-        rest &= rest - 1;
-        start = end;
-    }
 }
 
 /// The quarters of the 3x3 pixels around one, row by row.
@@ -388,11 +354,11 @@ impl Image<'_> {
             let quarter = |q: usize| window.quarters[q];
             if q % SPAN + 1 < SPAN {
                 let right = self.side([x + 1, y], 0);
-                window.pairs[q] = joined(quarter(q), quarter(q + 1), right, |t| [16 + t, 64 - t]);
+                window.pairs[q] = joined(quarter(q), quarter(q + 1), || right, 4, |t| [16 + t, 64 - t]);
             }
             if q + SPAN < QUARTERS {
                 let bottom = self.side([x, y + 1], 1);
-                window.pairs[q] |= joined(quarter(q), quarter(q + SPAN), bottom, |t| [48 - t, t]) << 4;
+                window.pairs[q] |= joined(quarter(q), quarter(q + SPAN), || bottom, 4, |t| [48 - t, t]) << 4;
             }
         }
         window

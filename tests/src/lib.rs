@@ -19,6 +19,25 @@ pub const GRAPHS: [&str; 6] = [
     "experiments/complex-pixels.ron",
 ];
 
+/// Runs a frame of both from the CPU's state, and counts how many elements of each port of whole numbers differ; the most.
+/// A frame each from the same state: one unit of one priority shifts every later request, so that two runs part though
+/// nothing is wrong.
+///
+/// # Panics
+/// Where more than `allowed` differ.
+pub fn frame_on_both(cpu: &mut Run, gpu: &mut Run, ports: &[&str], allowed: usize, what: &str) -> usize {
+    gpu.executor.inherit(&mut cpu.executor).unwrap_or_else(|error| panic!("{error}"));
+    cpu.frame(true);
+    gpu.frame(true);
+    let differ = ports.iter().map(|port| {
+        let [a, b] = [&mut *cpu, &mut *gpu].map(|run| run.captured(port).get::<u32>());
+        let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+        assert!(differ <= allowed, "{what}: {differ} differ in {port}");
+        differ
+    });
+    differ.max().unwrap_or(0)
+}
+
 /// The tests' GPU.
 ///
 /// # Panics

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use epigraph_core::{Settings, Side};
 use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
-use epigraph_tests::{Run, Stage, graph, tap};
+use epigraph_tests::{Run, Stage, frame_on_both, graph, tap};
 
 const SIZE: [u32; 2] = [96, 72];
 const FRAMES: u32 = 12;
@@ -28,8 +28,7 @@ fn difference(a: &[u8], b: &[u8]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
 }
 
-/// One unit of one priority shifts every later request, so that the sides part after some frames though nothing is wrong.
-/// Each frame therefore starts from the same state. Where an f32 rounding then decides, a pixel may differ: a few in any
+/// Each frame starts from the same state. Where an f32 rounding then decides, a pixel may differ: a few in any
 /// integer image, and next to nothing in the picture.
 #[test]
 fn both_sides_make_the_same_of_the_same_state() {
@@ -37,17 +36,10 @@ fn both_sides_make_the_same_of_the_same_state() {
     for (scene, camera) in [("cornell", "still"), ("cornell", "orbit"), ("chains", "orbit")] {
         let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu].map(|side| start("epi.ron", scene, camera, side));
         for frame in 0..FRAMES {
-            gpu.executor.inherit(&mut cpu.executor).unwrap_or_else(|error| panic!("{error}"));
-            cpu.frame(true);
-            gpu.frame(true);
-            for name in INTEGERS {
-                let [a, b] = [&mut cpu, &mut gpu].map(|run| run.captured(name).get::<u32>());
-                let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count();
-                worst = worst.max(differ);
-                assert!(differ <= ROUNDING, "{scene}, {camera}, frame {frame}: {differ} differ in {name}");
-            }
+            let what = format!("{scene}, {camera}, frame {frame}");
+            worst = worst.max(frame_on_both(&mut cpu, &mut gpu, &INTEGERS, ROUNDING, &what));
             let mean = difference(&cpu.captured("image").bytes, &gpu.captured("image").bytes);
-            assert!(mean <= 0.02, "{scene}, {camera}, frame {frame}: mean difference {mean} codes");
+            assert!(mean <= 0.02, "{what}: mean difference {mean} codes");
         }
     }
     println!("at most {worst} pixels differ in an integer image");

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use epigraph_core::{Settings, Side};
 use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape, Surface};
-use epigraph_tests::{Run, graph, tap};
+use epigraph_tests::{Run, frame_on_both, graph, tap};
 use glam::Vec3;
 
 const SIZE: [u32; 2] = [96, 72];
@@ -38,14 +38,7 @@ fn both_sides(scene: &Arc<Scene>, frames: u32) -> (Vec<u32>, Vec<u8>) {
         Run::in_scene(&graph("epi.ron"), scene, "still", settings)
     });
     for frame in 0..frames {
-        gpu.executor.inherit(&mut cpu.executor).unwrap_or_else(|error| panic!("{error}"));
-        cpu.frame(true);
-        gpu.frame(true);
-        for name in INTEGERS {
-            let [a, b] = [&mut cpu, &mut gpu].map(|run| run.captured(name).get::<u32>());
-            let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count();
-            assert!(differ <= ROUNDING, "frame {frame}: {differ} differ in {name}");
-        }
+        frame_on_both(&mut cpu, &mut gpu, &INTEGERS, ROUNDING, &format!("frame {frame}"));
         let [a, b] = [&mut cpu, &mut gpu].map(|run| run.captured("image").bytes);
         let differ = a.iter().zip(&b).filter(|(a, b)| a.abs_diff(**b) > 1).count();
         assert!(differ <= a.len() / 200, "frame {frame}: {differ} of {} bytes differ", a.len());

@@ -24,8 +24,9 @@ use self::{
 use crate::{
     args::{GalleryArgs, SceneArgs},
     bench::{SCENES, needs_fetch},
+    difference::Difference,
     error::CliError,
-    flip, graph_source, image_file,
+    graph_source, image_file,
     output::print,
     reference::{self, load_scene},
     render, sheet, tone,
@@ -132,9 +133,7 @@ impl<'a> Gallery<'a> {
             name,
             window,
             &epi.layers,
-            [&cache, &epi.shot].map(|shot| {
-                flip::mean(&flip::flip(&unit(&converged.colors), &unit(&shot.colors), shot.size))
-            }),
+            [&cache, &epi.shot].map(|shot| Difference::new(&converged.picture(), &shot.picture()).flip()),
         );
         let stages = Panel::ALL.map(|panel| panel.draw(window, &epi));
         let detail = |label: &str, shot: &Shot| draw::magnified(label, window, shot);
@@ -163,13 +162,9 @@ impl<'a> Gallery<'a> {
         reference::require_memory(size)?;
         let settings = reference::trace_settings(Light::Direct);
         let camera = path.camera(self.args.frames - 1);
-        let colors = reference::trace(tracer, &camera, size, self.args.spp, &settings, self.args.seed);
+        let colors =
+            reference::trace("tracing", tracer, &camera, size, self.args.spp, &settings, self.args.seed);
         let colors = colors.into_iter().map(tone::to_srgb8).collect();
         Ok(Shot { size: size.map(|side| side as usize), colors })
     }
-}
-
-/// Bytes as values in [0, 1].
-fn unit(colors: &[[u8; 3]]) -> Vec<[f32; 3]> {
-    colors.iter().map(|color| color.map(|channel| f32::from(channel) / 255.0)).collect()
 }

@@ -17,7 +17,9 @@ use epigraph_stages::{
 use crate::{
     args::GalleryArgs,
     error::CliError,
-    image_file, progress, render, tone,
+    image_file,
+    picture::Picture,
+    progress, render, tone,
     visual::{self, Look},
 };
 
@@ -41,6 +43,13 @@ pub struct Shot {
     pub size: [usize; 2],
     /// sRGB, rows from the top.
     pub colors: Vec<[u8; 3]>,
+}
+
+impl Shot {
+    /// As what can be compared.
+    pub fn picture(&self) -> Picture {
+        Picture::shown(self.size, &self.colors)
+    }
 }
 
 /// What an edge-and-point image is made of, row by row.
@@ -124,9 +133,7 @@ impl Run<'_> {
     /// Runs all frames; the last one is captured.
     fn run(&self, file: &GraphFile, settings: Settings) -> Result<Executor, CliError> {
         let (graph, plan) = compile(file, self.registry, &settings)?;
-        let gpu = render::gpu_for(&plan, self.gpu.clone())?;
-        render::require_memory(&plan, gpu.as_deref())?;
-        let mut executor = Executor::new(graph, plan, &settings, self.registry, gpu)?;
+        let mut executor = render::executor(graph, plan, &settings, self.registry, self.gpu.clone())?;
         let frames = self.args.frames;
         let bar = progress::bar(frames.into(), &format!("{}, {}", self.label, file.path), "frames");
         for index in 0..frames {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use epigraph_core::{Executor, Gpu, Graph, GraphFile, Host, Plan, Registry, Settings, Side, compile};
+use epigraph_core::{Gpu, Graph, GraphFile, Host, Plan, Registry, Settings, Side, compile};
 use epigraph_scenes::{CameraPath, Scene};
 use epigraph_stages::World;
 
@@ -96,8 +96,7 @@ impl Job<'_> {
         let View { scene_name, camera, path, .. } = self.view;
         let (graph, plan) = self.compile()?;
         let output = render::image_output(&self.named.file, &graph, self.size)?;
-        let gpu = render::gpu_for(&plan, self.gpu.clone())?;
-        let mut executor = Executor::new(graph, plan, &self.settings(), self.registry, gpu)?;
+        let mut executor = render::executor(graph, plan, &self.settings(), self.registry, self.gpu.clone())?;
         let count = frames.last().map_or(0, |last| last + 1);
         let label = format!("{scene_name}, {camera}, {}, {}", self.named.name, self.samples);
         let bar = progress::bar(count.into(), &label, "frames");
@@ -110,9 +109,7 @@ impl Job<'_> {
                 && let Some(image) = executor.snapshot(&output, "")?
             {
                 let look = Look { far: path.camera(index).far };
-                let unit = |byte| f32::from(byte) / 255.0;
-                let colors = visual::show(image, &look).into_iter().map(|color| color.map(unit)).collect();
-                let picture = Picture { size: image_file::size(image.dims), colors, linear: false };
+                let picture = Picture::shown(image_file::size(image.dims), &visual::show(image, &look));
                 figures.push(references.compare(nth, index, &picture));
             }
             bar.inc(1);

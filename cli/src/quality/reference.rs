@@ -1,11 +1,16 @@
 //! Converged pictures of the frames to compare, kept while all graphs are compared with them.
 
-use epigraph_scenes::{Tracer, reference};
+use epigraph_scenes::Tracer;
 
 use super::measure::{Figures, FrameFigures, View};
 use crate::{
-    args::QualityArgs, difference::Difference, edge_mask, error::CliError, memory, picture::Picture,
-    progress, reference::trace_settings,
+    args::QualityArgs,
+    difference::Difference,
+    edge_mask,
+    error::CliError,
+    memory,
+    picture::Picture,
+    reference::{trace, trace_settings},
 };
 
 /// Bytes that a pixel takes while pictures are compared, and in each reference.
@@ -37,15 +42,9 @@ impl References {
         let settings = trace_settings(args.mode);
         let converged = |&frame: &u32| {
             let label = format!("{}, {}, reference {frame}", view.scene_name, view.camera);
-            let bar = progress::bar(size[1].into(), &label, "rows");
             let camera = view.path.camera(frame);
-            let colors =
-                reference::render(tracer, &camera, size, args.spp, &settings, args.seed.into(), &|_| {
-                    bar.inc(1);
-                });
+            let colors = trace(&label, tracer, &camera, size, args.spp, &settings, args.seed);
             let edges = edge_mask::trace(tracer, &camera, size);
-            bar.finish_and_clear();
-            let colors = colors.into_iter().map(Into::into).collect();
             let size = size.map(|side| side as usize);
             Converged { picture: Picture { size, colors, linear: true }, edges }
         };

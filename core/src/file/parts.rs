@@ -14,7 +14,7 @@ use std::{
 };
 
 use super::{Download, GraphFile, NodeDef, OutputDef, ParamDef, Side, Source};
-use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
+use crate::error::{GraphError, Problem, Problems, Span, Spanned};
 
 /// The kind of a node that stands for a file.
 pub(crate) const PART_KIND: &str = "graph";
@@ -158,7 +158,7 @@ impl GraphFile {
     pub(crate) fn flatten(&self) -> Result<Flat<'_>, Problems> {
         let mut flat = Flat { file: self, nodes: Vec::new(), outputs: Vec::new() };
         let mut problems = Problems::default();
-        let scope = Scope { file: self, prefix: String::new(), inputs: None, set: Vec::new() };
+        let scope = Scope::whole(self);
         add(&scope, PartDefaults::default(), &mut flat, &mut problems);
         for output in &self.outputs {
             match scope.resolve(&output.from.value) {
@@ -181,15 +181,9 @@ impl GraphFile {
 impl Flat<'_> {
     /// The port that a name means, through outputs of parts.
     pub fn resolve(&self, source: &Source) -> Result<Source, GraphError> {
-        let scope = Scope { file: self.file, prefix: String::new(), inputs: None, set: Vec::new() };
+        let scope = Scope::whole(self.file);
         let source = Source { node: self.file.address_of(&source.node), port: source.port.clone() };
         Ok(scope.resolve(&source)?.unwrap_or(source))
-    }
-
-    /// The place of a node's name.
-    pub fn place_of(&self, node: &str) -> Option<Place> {
-        let node = self.nodes.iter().find(|flat| flat.def.name.value == node)?;
-        Some(node.file.place(node.def.name.span))
     }
 }
 
@@ -212,6 +206,10 @@ struct Set<'f> {
 }
 
 impl<'f> Scope<'f> {
+    fn whole(file: &'f GraphFile) -> Self {
+        Self { file, prefix: String::new(), inputs: None, set: Vec::new() }
+    }
+
     fn inner(&self, node: &str, file: &'f GraphFile, inputs: HashMap<String, Source>) -> Self {
         Self { file, prefix: format!("{}{node}/", self.prefix), inputs: Some(inputs), set: Vec::new() }
     }
@@ -306,8 +304,7 @@ fn add<'f>(scope: &Scope<'f>, default: PartDefaults, flat: &mut Flat<'f>, proble
             continue;
         };
         for (address, _) in node.set.iter().filter(|(address, _)| part.node_at(&address.value).is_none()) {
-            let known = part.nodes.iter().map(|node| &node.name.value);
-            problem(GraphError::unknown("node", &address.value, known), address.span, None);
+            problem(GraphError::unknown("node", &address.value, part.names()), address.span, None);
         }
         let taken: BTreeSet<&str> = part
             .nodes

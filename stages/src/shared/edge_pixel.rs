@@ -76,11 +76,17 @@ pub fn slot_position(slot: u32) -> [i32; 2] {
 
 /// The area of region A of the chord from slot p to slot q, in 1/512 pixel.
 pub fn area_of_a(p: u32, q: u32) -> u32 {
+    let corners = [(8, [16, 0]), (16, [16, 16]), (24, [0, 16])];
+    area_of_arc([p, q], [p, q].map(slot_position), corners)
+}
+
+/// The area between a ring's arc from slot p to slot q, whose places are given, and the chord: in 1/512 pixel, where
+/// places are in 1/16. `corners` are the ring's corners, each with the slot that it lies before.
+pub fn area_of_arc([p, q]: [u32; 2], [first, end]: [[i32; 2]; 2], corners: [(u32, [i32; 2]); 3]) -> u32 {
     let cross = |a: [i32; 2], b: [i32; 2]| a[0] * b[1] - b[0] * a[1];
-    let (first, end) = (slot_position(p), slot_position(q));
-    // The polygon of A: along the ring from p over the corners to q, and back along the chord.
+    // The polygon: along the ring from p over the corners to q, and back along the chord.
     let (mut doubled, mut last) = (0, first);
-    for (position, corner) in [(8, [16, 0]), (16, [16, 16]), (24, [0, 16])] {
+    for (position, corner) in corners {
         if p < position && position <= q {
             doubled += cross(last, corner);
             last = corner;
@@ -123,6 +129,37 @@ pub fn region(cls: u32, place: u32) -> u32 {
     let [p, q] = ends(cls);
     let is_a = 4 * p + 2 < place && place < 4 * q + 2;
     u32::from(cls & CLASS == SIMPLE && is_a != (cls & PRIMARY_IS_A != 0))
+}
+
+/// Which regions of two pixels touch at the side that they share, as a matrix. `crossings` gives the side's mask of so many
+/// slots; `places` the places on both rings, in quarters of a slot, of a place on the side.
+#[inline(always)]
+pub fn joined(
+    p: u32,
+    q: u32,
+    crossings: impl FnOnce() -> u32,
+    slots: u32,
+    places: impl Fn(u32) -> [u32; 2],
+) -> u32 {
+    if (p | q) & CLASS == EMPTY {
+        return 1;
+    }
+    if (p | q) & COMPLEX != 0 {
+        return 0;
+    }
+    // The crossings cut the side into intervals; each joins the regions at its middle.
+    let (mut rest, mut start, mut joined) = (crossings(), 0, 0);
+    loop {
+        // In half slots.
+        let end = if rest == 0 { 2 * slots } else { 2 * rest.trailing_zeros() + 1 };
+        let [in_p, in_q] = places(start + end);
+        joined |= 1 << (2 * region(p, in_p) + region(q, in_q));
+        if rest == 0 {
+            return joined;
+        }
+        rest &= rest - 1;
+        start = end;
+    }
 }
 
 /// The Boolean product of two matrices: which regions of P and R are joined through Q, from those of P and Q and of Q and

@@ -2,6 +2,7 @@
 
 pub mod cloud;
 pub mod edge_pixel;
+pub mod nearer;
 pub mod requests;
 pub mod segments;
 #[cfg(test)]
