@@ -7,12 +7,14 @@
 #import index
 #import requests
 #import scan
+#import view
 #import wide
 
 struct Params {
     kind: u32,
     aim: u32,
     predicted_share: f32,
+    border: u32,
 }
 
 const AIM_AT_RANDOM: u32 = 1u;
@@ -22,6 +24,9 @@ const TILE: u32 = 16u;
 const CELL: u32 = 4u;
 
 const MAX_PRIORITY: u32 = 255u;
+
+// From this priority on a pixel without a point has next to no samples around it.
+const BARE: u32 = 200u;
 
 // 2^32 over the golden ratio.
 const GOLDEN: u32 = 0x9E3779B9u;
@@ -157,7 +162,19 @@ fn ask_cells(
     let noise = hash((cell.y << 16u) | cell.x);
     // The last cells may reach beyond the image.
     let pixel = min(cell * CELL + vec2(noise, noise / CELL) % CELL, frame.size - 1u);
-    requests[after - 1u] = Request(pixel.y * frame.size.x + pixel.x, hash(noise), NO_POINT, VIEW_PREDICTED);
+    requests[after - 1u] = ask_predicted(pixel.y * frame.size.x + pixel.x, noise);
+}
+
+// A request of the predicted view, somewhere in a pixel: `noise` says where.
+fn ask_predicted(pixel: u32, noise: u32) -> Request {
+    return Request(pixel, hash(noise), NO_POINT, VIEW_PREDICTED);
+}
+
+// Whether what a pixel shows may be out of the frame before a sample of it arrives.
+fn leaves(at: vec2<u32>, pixel: u32) -> bool {
+    let margin = min(at, frame.size - 1u - at);
+    return !same_view(frame.predicted, frame.view) && id[pixel] == NO_POINT && priority[pixel] >= BARE
+        && min(margin.x, margin.y) < params.border && (hash(pixel) & 1u) == 1u;
 }
 #endif
 
@@ -276,5 +293,12 @@ fn ask_pixels(
         return;
     }
     let pixel = at.y * frame.size.x + at.x;
-    requests[cells_wanted() + after - 1u] = Request(pixel, aim_of(pixel), id[pixel], VIEW_NOW);
+    let request = cells_wanted() + after - 1u;
+#ifdef OCCUPANCY
+    if leaves(at, pixel) {
+        requests[request] = ask_predicted(pixel, pixel);
+        return;
+    }
+#endif
+    requests[request] = Request(pixel, aim_of(pixel), id[pixel], VIEW_NOW);
 }

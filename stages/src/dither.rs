@@ -11,6 +11,10 @@
 //!
 //! Empty cells of `occupancy` ask first, for samples of the predicted view, up to their share of the budget: where there
 //! are more, about every n-th asks, picked systematically like pixels of equal priority.
+//!
+//! Near the frame's border half of the pixels in bare places ask for a sample of the predicted view as well: what moves
+//! out of the frame is gone before a sample of the present view arrives, so that a strip of background narrower than a
+//! cell, between an object and the border, would never get one.
 
 use std::ops::Range;
 
@@ -27,6 +31,9 @@ const TILE: u32 = 16;
 
 /// The highest priority.
 const MAX_PRIORITY: u32 = 255;
+
+/// From this priority on a pixel without a point has next to no samples around it.
+const BARE: u32 = 200;
 
 /// Tiles whose requests one task of the CPU finds.
 const TASK_TILES: usize = 16;
@@ -63,6 +70,9 @@ params! {
         aim: Aim = Aim::Center;
         /// The share of the samples that may go to empty cells of the predicted view.
         predicted_share: f32 = 0.5, in 0.0..=1.0;
+        /// How far from the frame's border half of the bare pixels ask for a sample of the predicted view while the camera
+        /// moves; 0: none.
+        border: u32 = 16, in 0..=256, unit "pixels";
     }
 }
 
@@ -181,7 +191,17 @@ impl Stage for Dither {
         }
 
         let wanted = rest.len() as u32;
-        let ask = |[x, y]: [u32; 2]| ask_pixel(frame, params.aim, y * pixels.width + x, id, aims);
+        let moving = self.prediction.is_some() && frame.predicted != frame.view;
+        let ask = |[x, y]: [u32; 2]| {
+            let pixel = y * pixels.width + x;
+            let bare = id[pixel as usize] == NO_POINT && priority[pixel as usize] >= BARE;
+            let margin = x.min(y).min(pixels.width - 1 - x).min(pixels.height - 1 - y);
+            if moving && bare && margin < params.border && hash(frame, pixel) & 1 == 1 {
+                ask_predicted(frame, pixel, pixel)
+            } else {
+                ask_pixel(frame, params.aim, pixel, id, aims)
+            }
+        };
         match self.by_kind {
             ByKind::Systematic { tiles } => {
                 let shift = shift(pixels);
@@ -212,7 +232,12 @@ fn ask_cell(frame: &Frame, [x, y]: [u32; 2]) -> Request {
     // The last cells may reach beyond the image.
     let x = (x * CELL + noise % CELL).min(frame.size[0] - 1);
     let y = (y * CELL + noise / CELL % CELL).min(frame.size[1] - 1);
-    Request { pixel: y * frame.size[0] + x, aim: hash(frame, noise), reuse: NO_POINT, view: VIEW_PREDICTED }
+    ask_predicted(frame, y * frame.size[0] + x, noise)
+}
+
+/// A request of the predicted view, somewhere in a pixel: `noise` says where.
+fn ask_predicted(frame: &Frame, pixel: u32, noise: u32) -> Request {
+    Request { pixel, aim: hash(frame, noise), reuse: NO_POINT, view: VIEW_PREDICTED }
 }
 
 /// The request of a pixel.
@@ -404,7 +429,7 @@ fn serpentine(
 mod tests {
     use std::collections::BTreeSet;
 
-    use epigraph_core::Harness;
+    use epigraph_core::{Harness, View};
 
     use super::*;
     use crate::shared::{
@@ -574,6 +599,35 @@ mod tests {
     }
 
     #[test]
+    fn bare_pixels_near_the_border_look_ahead_while_the_camera_moves() {
+        // 40x32 pixels, every second row bare, all of the highest priority; as many samples as pixels.
+        let id: Vec<u32> =
+            (0..40 * 32).map(|pixel| if pixel / 40 % 2 == 0 { NO_POINT } else { pixel }).collect();
+        for (border, moves) in [(8, true), (0, true), (8, false)] {
+            let params = DitherParams { border, ..DitherParams::default() };
+            let mut harness = harness(params, [40, 32], &[MAX_PRIORITY; 40 * 32], 40 * 32);
+            harness.set("id", &id);
+            harness.set("occupancy", &[1; 80]);
+            if moves {
+                harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..harness.frame.view };
+            }
+            let both = run_both(&mut harness);
+            both.assert_equal::<[u32; 4]>("requests");
+            let requests = both.cpu.get::<Request>("requests");
+            let ahead: Vec<&Request> =
+                requests.iter().filter(|request| request.view == VIEW_PREDICTED).collect();
+            // Of 40 * 32 - 24 * 16 pixels near the border half are bare.
+            let expected = if moves && border > 0 { 448 } else { 0 };
+            assert!(ahead.len().abs_diff(expected / 2) <= expected / 10, "{} of {expected}", ahead.len());
+            for request in ahead {
+                let [x, y] = [request.pixel % 40, request.pixel / 40];
+                assert!(x < 8 || y < 8 || x >= 32 || y >= 24);
+                assert_eq!((id[request.pixel as usize], request.reuse), (NO_POINT, NO_POINT));
+            }
+        }
+    }
+
+    #[test]
     fn both_sides_agree() {
         let mut random = Random(9);
         for size in [[1000u32, 3], [129, 257], [16, 16]] {
@@ -581,10 +635,13 @@ mod tests {
             let priority: Vec<u32> = (0..pixels).map(|_| random.below(256)).collect();
             let cells = size[0].div_ceil(CELL) * size[1].div_ceil(CELL);
             let occupancy: Vec<u32> = (0..cells).map(|_| random.below(2)).collect();
+            let id: Vec<u32> = (0..pixels).map(|_| NO_POINT * random.below(2)).collect();
             for samples in [1, 37, pixels / 7, pixels / 2] {
                 let params = DitherParams { aim: Aim::Random, ..DitherParams::default() };
                 let mut harness = harness(params, size, &priority, samples);
                 harness.set("occupancy", &occupancy);
+                harness.set("id", &id);
+                harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..harness.frame.view };
                 harness.frame.seed = samples;
                 for index in [0, 1, 1_000_003, u32::MAX] {
                     harness.frame.index = index;
