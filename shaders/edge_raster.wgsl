@@ -12,6 +12,7 @@ struct Params {
     depth_test: u32,
     max_penumbra: f32,
     middle: u32,
+    merge: u32,
 }
 
 const EITHER: u32 = 0u;
@@ -89,6 +90,18 @@ fn clear(@builtin(global_invocation_id) corner: vec3<u32>) {
     }
 #endif
 }
+
+#ifdef MERGE
+// Each side's runs of crossed slots as their first.
+@compute @workgroup_size(8, 8, 1)
+fn merge(@builtin(global_invocation_id) corner: vec3<u32>) {
+    if all(corner.xy <= frame.size) {
+        let index = corner.y * (frame.size.x + 1u) + corner.x;
+        let bits = atomicLoad(&mask[index]);
+        atomicStore(&mask[index], bits & ~((bits & 0x7F7F7F7Fu) << 1u));
+    }
+}
+#endif
 
 #ifdef SILHOUETTES
 fn silhouettes_to_draw() -> u32 {

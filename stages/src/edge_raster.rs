@@ -25,6 +25,10 @@
 //! **Depth.** An edge is hidden where it lies behind the filtered depth of the pixels beside the crossing; 1 / z is
 //! interpolated linearly along the segment on the screen. Beside a middle line lies its own pixel on both sides; with
 //! `Either` those next to it count too, so that an edge that shows at a side of the pixel goes on within it.
+//!
+//! **Merging.** Two edges a slot apart, such as a crease and the boundary of a shadow along it, part nothing that the eye
+//! could see, yet they make a pixel complex. With `merge` a run of crossed slots on one side counts as its first. Both
+//! pixels beside that side see the same, so regions are still joined alike from either.
 
 use std::{
     cell::Ref,
@@ -103,6 +107,9 @@ params! {
         max_penumbra: f32 = 2.0, in 0.0..=1e6, unit "pixels";
         /// Also mark the crossings with the lines through the pixels' middles, in bits 16 to 31: for `subdivide`.
         middle: bool = false;
+        /// Crossings in neighbouring slots of a side count as one, in the first of these slots. Closed outlines may then
+        /// cross a perimeter an odd number of times.
+        merge: bool = false;
     }
 }
 
@@ -243,6 +250,10 @@ impl Stage for EdgeRaster {
                 });
             }
         }
+        if params.merge {
+            io.define("MERGE");
+            io.dispatch("merge", mask);
+        }
         Self { silhouettes, shadows, filtered, mask, vertex, drawn: Mutex::default() }
     }
 
@@ -275,8 +286,16 @@ impl Stage for EdgeRaster {
         for (output, drawn) in [&mut mask, &mut vertex].into_iter().zip(&*drawn) {
             output.par_iter_mut().zip(drawn).for_each(|(output, drawn)| *output = drawn.load(Relaxed));
         }
+        if params.merge {
+            mask.par_iter_mut().for_each(|mask| *mask = merged(*mask));
+        }
         Ok(())
     }
+}
+
+/// Each byte's runs of set bits as their lowest bit.
+fn merged(mask: u32) -> u32 {
+    mask & !((mask & 0x7F7F_7F7F) << 1)
 }
 
 /// What is drawn into.
@@ -985,6 +1004,23 @@ mod tests {
         both.assert_equal::<u32>("mask");
         both.assert_equal::<u32>("vertex");
         assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &segments));
+    }
+
+    #[test]
+    fn runs_of_crossings_merge_within_a_side() {
+        assert_eq!(merged(0b0110_0001), 0b0010_0001);
+        assert_eq!(merged(0x0000_FF80), 0x0000_0180);
+        assert_eq!(merged(0xFFFF_FFFF), 0x0101_0101);
+        // Upright lines in slots 4 and 5 of column 2 and slot 0 of column 3.
+        let size = [8, 8];
+        let lines = [640, 672, 768].map(|x| flat([x, -10, x, 3000], size));
+        let expected: Vec<[u32; 3]> = (0..9).flat_map(|y| [[2, y, 8 + 4], [3, y, 8]]).collect();
+        for method in [Method::Compute, Method::Lines] {
+            let params = EdgeRasterParams { method, merge: true, ..EdgeRasterParams::default() };
+            let both = run_both(&mut harness_of(params, size, &lines));
+            both.assert_equal::<u32>("mask");
+            assert_eq!(bits(&both.cpu.get::<u32>("mask"), size), expected, "{method:?}");
+        }
     }
 
     #[test]
