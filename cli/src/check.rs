@@ -6,15 +6,12 @@ use epigraph_core::{
     Facts, Graph, GraphFile, Plan, Problem, Problems, Registry, Settings, Side, Step, check_shader, compile,
     compose_shader,
 };
+use epigraph_pictures::Target;
 use epigraph_stages::World;
 use serde_json::{Value, json};
 
 use crate::{
-    args::CheckArgs,
-    error::CliError,
-    graph_source, memory,
-    output::{JsonTarget, Target},
-    reference::load_scene,
+    args::CheckArgs, error::CliError, graph_source, memory, output::JsonTarget, reference::load_scene,
     values::Backend,
 };
 

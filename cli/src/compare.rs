@@ -1,16 +1,9 @@
 //! `epigraph compare`: how much two images differ.
 
+use epigraph_pictures::{Difference, Picture, Ramp, Target, metrics, png};
 use serde_json::json;
 
-use crate::{
-    args::CompareArgs,
-    difference::Difference,
-    edge_mask,
-    error::CliError,
-    flip, image_file, metrics,
-    output::{JsonTarget, Target},
-    picture::Picture,
-};
+use crate::{args::CompareArgs, edge_mask, error::CliError, output::JsonTarget};
 
 /// Prints RMSE, PSNR, SSIM and FLIP.
 pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
@@ -30,8 +23,8 @@ pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
     let mask = args.mask.as_deref().map(|path| edge_mask::read(path, a.size)).transpose()?;
     let difference = Difference::new(&a, &b);
     if let Some(map) = map {
-        let png = image_file::png(a.size, &flip::magma(&difference.errors));
-        map.write(&png.map_err(|error| CliError::write(map.path(), error))?)?;
+        let colors: Vec<[u8; 3]> = difference.errors.iter().map(|&error| Ramp::Magma.color(error)).collect();
+        map.write(&png(a.size, &colors).map_err(|error| CliError::write(map.path(), error))?)?;
     }
     let rmse = metrics::rmse(&a.colors, &b.colors);
     let (psnr, ssim, flip) = (difference.psnr(), difference.ssim(), difference.flip());

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use epigraph_pictures::{Picture, png as encode};
 use epigraph_scenes::{Camera, Tracer, reference};
 
-use crate::{error::CliError, image_file, picture::Picture};
+use crate::error::CliError;
 
 /// How far from an edge a pixel counts as near, in pixels.
 pub const REACH: f32 = 2.0;
@@ -15,9 +16,9 @@ pub fn trace(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
 }
 
 /// A PNG file's bytes: white where the mask is set, black elsewhere.
-pub fn png(mask: &[bool], size: [usize; 2]) -> Result<Vec<u8>, image::ImageError> {
+pub fn png(mask: &[bool], size: [usize; 2]) -> Result<Vec<u8>, String> {
     let colors: Vec<[u8; 3]> = mask.iter().map(|&set| if set { [255; 3] } else { [0; 3] }).collect();
-    image_file::png(size, &colors)
+    encode(size, &colors)
 }
 
 /// Reads a mask of an image of `size`: set where the file is brighter than middle grey.

@@ -1,6 +1,7 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use epigraph_core::{GraphError, Problem, Problems, RunError};
+use epigraph_pictures::FileError;
 use epigraph_scenes::{PathError, SceneError};
 
 /// Why a command failed. Its text says what is wrong, where, and what to do.
@@ -19,15 +20,8 @@ pub enum CliError {
     #[error("{0}")]
     Path(#[from] PathError),
     /// A file cannot be read or written.
-    #[error("cannot {action} {}: {cause}", path.display())]
-    File {
-        /// "read" or "write".
-        action: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        cause: String,
-    },
+    #[error("{0}")]
+    File(#[from] FileError),
     /// Anything else that the user can mend.
     #[error("{0}")]
     Input(String),
@@ -36,12 +30,12 @@ pub enum CliError {
 impl CliError {
     /// That `path` cannot be written.
     pub fn write(path: &Path, cause: impl ToString) -> Self {
-        Self::File { action: "write", path: path.to_owned(), cause: cause.to_string() }
+        FileError::write(path, cause).into()
     }
 
     /// That `path` cannot be read.
     pub fn read(path: &Path, cause: impl ToString) -> Self {
-        Self::File { action: "read", path: path.to_owned(), cause: cause.to_string() }
+        FileError::read(path, cause).into()
     }
 }
 

@@ -2,16 +2,16 @@
 
 use std::{path::Path, sync::Arc, time::Instant};
 
+use epigraph_pictures::{Kind, Target, exr, png, tone};
 use epigraph_scenes::{Camera, CameraPath, Mode, Scene, TraceSettings, Tracer, reference};
 
 use crate::{
     args::{ReferenceArgs, SceneArgs},
     edge_mask,
     error::CliError,
-    image_file::{self, Kinds},
     memory,
-    output::{Target, print},
-    progress, tone,
+    output::print,
+    progress,
     values::Light,
 };
 
@@ -27,7 +27,7 @@ pub fn load_scene(args: &SceneArgs) -> Result<(Arc<Scene>, CameraPath), CliError
 
 /// Traces and writes the picture.
 pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
-    let kind = Kinds::of_picture(&args.out)?;
+    let kind = Kind::of_picture(&args.out)?;
     let target = Target::new(&args.out)?;
     let edges = args.edges.as_deref().map(mask_target).transpose()?;
     let size = args.scene.size.0;
@@ -69,8 +69,8 @@ pub fn trace_settings(light: Light) -> TraceSettings {
 }
 
 fn mask_target(path: &Path) -> Result<Target, CliError> {
-    match Kinds::of(path)? {
-        Kinds::Png => Target::new(path),
+    match Kind::of(path)? {
+        Kind::Png => Ok(Target::new(path)?),
         _ => Err(CliError::write(path, "the mask is black and white; name it FILE.png")),
     }
 }
@@ -98,10 +98,10 @@ pub fn trace(
 }
 
 /// A picture of linear colours as a file's bytes.
-fn encode(kind: Kinds, size: [usize; 2], colors: &[[f32; 3]], path: &Path) -> Result<Vec<u8>, CliError> {
-    if kind == Kinds::Exr {
-        return image_file::exr_of_colors(size, colors).map_err(|cause| CliError::write(path, cause));
+fn encode(kind: Kind, size: [usize; 2], colors: &[[f32; 3]], path: &Path) -> Result<Vec<u8>, CliError> {
+    if kind == Kind::Exr {
+        return exr(size, colors).map_err(|cause| CliError::write(path, cause));
     }
     let bytes: Vec<[u8; 3]> = colors.iter().copied().map(tone::to_srgb8).collect();
-    image_file::png(size, &bytes).map_err(|error| CliError::write(path, error))
+    png(size, &bytes).map_err(|error| CliError::write(path, error))
 }

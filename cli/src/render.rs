@@ -6,22 +6,20 @@ use epigraph_core::{
     AdapterChoice, Executor, Gpu, Graph, GraphError, GraphFile, Host, Plan, Problem, Registry, RunError,
     Settings, Side, Source, compile,
 };
+use epigraph_pictures::{Look, Number, PortFile, Target, is_image, lanes, png, show, size};
 use epigraph_scenes::{AsyncTracer, CameraPath, Scene, Tracer};
-use epigraph_stages::{Pace, World};
+use epigraph_stages::{Pace, World, shared::requests::HIT_NONE};
 
 use crate::{
     args::RenderArgs,
     error::CliError,
-    graph_source,
-    image_file::{self, PortFile},
-    memory,
-    output::{JsonTarget, Target},
+    graph_source, memory,
+    output::JsonTarget,
     progress,
     reference::load_scene,
     report::{Measured, Report},
     sheet::{self, Tile},
     values::{self, Backend},
-    visual::{self, Look},
 };
 
 /// The picture where none is named, and the sheet beside it.
@@ -80,7 +78,7 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
     let measured = run(&mut executor, &host, &path, args, samples, &traced)?;
     warn_of_bad_samples(&host);
 
-    let look = Look { far: path.camera(args.frames - 1).far };
+    let look = Look { far: path.camera(args.frames - 1).far, ..Look::default() };
     files.write(&mut executor, output.as_deref(), &tiles, &look)?;
     let report = Report {
         args,
@@ -220,10 +218,8 @@ fn arrived(executor: &mut Executor, traced: &[Source]) -> Result<u64, RunError> 
     let snapshots = executor.snapshots()?;
     let lists = snapshots.into_iter().filter(|snapshot| names.contains(&snapshot.name));
     let count = |list: &epigraph_core::Snapshot| {
-        let hits = crate::columns::of(&list.element).into_iter().find(|column| column.name == "hit");
-        hits.map_or(0, |hit| {
-            hit.values(list).filter(|value| *value != crate::columns::Value::Unsigned(0)).count()
-        })
+        let hits = lanes(&list.element).into_iter().find(|lane| lane.name == "hit");
+        hits.map_or(0, |hit| hit.numbers(list).filter(|number| *number != Number::Unsigned(HIT_NONE)).count())
     };
     Ok(lists.map(|list| count(list) as u64).sum())
 }
@@ -236,7 +232,7 @@ pub fn image_output(file: &GraphFile, graph: &Graph, size: [u32; 2]) -> Result<S
     let Some((name, at)) = chosen else { return Err(CliError::Input("the graph has no output".into())) };
     let port = &graph.nodes[at.node].declaration().ports[at.port];
     let dims = graph.nodes[at.node].dims[at.port];
-    let is_image = port.fields.len() == 1 && visual::is_image(&port.fields[0].element, dims, size);
+    let is_image = port.fields.len() == 1 && is_image(&port.fields[0].element, dims, size);
     if is_image {
         return Ok(name.clone());
     }
@@ -258,7 +254,7 @@ fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliErro
         let storages: Vec<_> =
             tap.iter().flat_map(|tap| &tap.fields).map(|(_, at)| &plan.storages[*at]).collect();
         let what = match storages.as_slice() {
-            [only] if visual::is_image(&only.element, only.dims, size) => continue,
+            [only] if is_image(&only.element, only.dims, size) => continue,
             [_] => "a list",
             _ => "a bundle of lists",
         };
@@ -281,7 +277,7 @@ fn image_ports(graph: &Graph, plan: &Plan, size: [u32; 2]) -> Vec<Source> {
             if declared.doc.starts_with(SCRATCH) && [dims.width, dims.height] != size {
                 continue;
             }
-            if declared.is_output() && visual::is_image(&field.element, dims, size) {
+            if declared.is_output() && is_image(&field.element, dims, size) {
                 sources.push(Source { node: node.name.clone(), port: declared.name.to_string() });
             }
         }
@@ -338,13 +334,12 @@ impl Files {
         if let Some(target) = &self.sheet {
             let tile = |source: &Source| {
                 let name = source.to_string();
-                let colors = fields(&name).first().map(|field| (field.dims, visual::show(field, look)));
-                colors.map(|(dims, colors)| Tile { label: name, size: image_file::size(dims), colors })
+                let colors = fields(&name).first().map(|field| (field.dims, show(field, look).colors));
+                colors.map(|(dims, colors)| Tile { label: name, size: size(dims), colors })
             };
             let tiles: Vec<Tile> = tiles.iter().filter_map(tile).collect();
             let (size, colors) = sheet::sheet(&tiles);
-            let png =
-                image_file::png(size, &colors).map_err(|error| CliError::write(target.path(), error))?;
+            let png = png(size, &colors).map_err(|error| CliError::write(target.path(), error))?;
             target.write(&png)?;
         }
         Ok(())

@@ -161,7 +161,7 @@ fn another_port_is_another_picture() {
     assert_eq!(opened.app().viewers().next().unwrap().port, "view/project.depth");
     assert_eq!((depth.size, depth.mode.label()), ([64, 48], "Depth"));
     assert_ne!(depth.colors, output.colors);
-    assert!(depth.colors.iter().any(|color| *color != epigraph_editor::reading::EMPTY));
+    assert!(depth.colors.iter().any(|color| *color != epigraph_pictures::EMPTY));
 }
 
 #[test]

@@ -25,9 +25,9 @@ use crate::{
     args::{BenchArgs, SceneArgs},
     error::CliError,
     graph_source,
-    output::{JsonTarget, Target},
+    output::JsonTarget,
     reference::load_scene,
-    render,
+    render, svg,
     values::Pace,
 };
 
@@ -86,7 +86,7 @@ pub struct Results {
 pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let threads = render::set_threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(Target::svg).transpose()?;
+    let plot = args.plot.as_deref().map(svg::target).transpose()?;
     let bench = Bench::new(args)?;
     let machine = Machine::new(threads, bench.gpu.as_ref().ok().and_then(Option::as_deref));
     if machine.software {

@@ -5,7 +5,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{error::CliError, output::Target};
+use epigraph_pictures::Target;
+
+use crate::error::CliError;
 
 /// A folder to be filled later, and made then where there is none.
 #[derive(Debug)]
@@ -38,7 +40,7 @@ impl Folder {
         // All are seen to be writable before the first changes.
         let targets: Result<Vec<_>, _> =
             files.iter().map(|(name, _)| Target::new(&self.0.join(name))).collect();
-        targets?.iter().zip(files).try_for_each(|(target, (_, bytes))| target.write(bytes))
+        targets?.iter().zip(files).try_for_each(|(target, (_, bytes))| Ok(target.write(bytes)?))
     }
 }
 

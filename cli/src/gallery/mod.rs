@@ -11,6 +11,7 @@ mod window;
 use std::{path::Path, sync::Arc};
 
 use epigraph_core::{Gpu, GraphFile, Registry, Side};
+use epigraph_pictures::{Difference, png, tone};
 use epigraph_scenes::{CameraPath, Scene, Tracer};
 use epigraph_stages::World;
 
@@ -24,12 +25,11 @@ use self::{
 use crate::{
     args::{GalleryArgs, SceneArgs},
     bench::{SCENES, needs_fetch},
-    difference::Difference,
     error::CliError,
-    graph_source, image_file,
+    graph_source,
     output::print,
     reference::{self, load_scene},
-    render, sheet, tone,
+    render, sheet,
     values::{Light, Pace},
 };
 
@@ -150,7 +150,7 @@ impl<'a> Gallery<'a> {
             (section.close_ups(), sheet::sheet(&close_ups)),
         ];
         for (name, (size, colors)) in pictures {
-            let png = image_file::png(size, &colors);
+            let png = png(size, &colors);
             files.push((name.clone(), png.map_err(|error| CliError::write(Path::new(&name), error))?));
         }
         Ok(section)

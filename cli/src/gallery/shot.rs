@@ -8,20 +8,14 @@ use epigraph_core::{
     Executor, Facts, Gpu, Graph, GraphFile, Host, Node, NodeDef, PortRef, Registry, Settings, Side, Snapshot,
     Source, compile,
 };
+use epigraph_pictures::{Look, Picture, show, size, tone};
 use epigraph_scenes::CameraPath;
 use epigraph_stages::{
     World,
     shared::{cloud::decode_radiance, requests::NO_POINT},
 };
 
-use crate::{
-    args::GalleryArgs,
-    error::CliError,
-    image_file,
-    picture::Picture,
-    progress, render, tone,
-    visual::{self, Look},
-};
+use crate::{args::GalleryArgs, error::CliError, progress, render};
 
 /// The output that is the picture.
 const IMAGE: &str = "image";
@@ -146,10 +140,10 @@ impl Run<'_> {
     }
 
     fn picture(&self, file: &GraphFile, executor: &mut Executor) -> Result<Shot, CliError> {
-        let look = Look { far: self.path.camera(self.args.frames - 1).far };
+        let look = Look { far: self.path.camera(self.args.frames - 1).far, ..Look::default() };
         let image = executor.snapshot(IMAGE, "")?;
         let image = image.ok_or_else(|| lacks(&file.path, &format!("output `{IMAGE}`")))?;
-        Ok(Shot { size: image_file::size(image.dims), colors: visual::show(image, &look) })
+        Ok(Shot { size: size(image.dims), colors: show(image, &look).colors })
     }
 }
 

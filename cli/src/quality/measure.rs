@@ -3,18 +3,12 @@
 use std::sync::Arc;
 
 use epigraph_core::{Gpu, Graph, GraphFile, Host, Plan, Registry, Settings, Side, compile};
+use epigraph_pictures::{Look, Picture, show, size};
 use epigraph_scenes::{CameraPath, Scene};
 use epigraph_stages::World;
 
 use super::reference::References;
-use crate::{
-    error::CliError,
-    image_file,
-    picture::Picture,
-    progress, render,
-    values::Samples,
-    visual::{self, Look},
-};
+use crate::{error::CliError, progress, render, values::Samples};
 
 /// A graph and what the user calls it.
 pub struct Named {
@@ -108,8 +102,8 @@ impl Job<'_> {
             if let Some(nth) = compared
                 && let Some(image) = executor.snapshot(&output, "")?
             {
-                let look = Look { far: path.camera(index).far };
-                let picture = Picture::shown(image_file::size(image.dims), &visual::show(image, &look));
+                let look = Look { far: path.camera(index).far, ..Look::default() };
+                let picture = Picture::shown(size(image.dims), &show(image, &look).colors);
                 figures.push(references.compare(nth, index, &picture));
             }
             bar.inc(1);

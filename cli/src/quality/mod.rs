@@ -19,8 +19,8 @@ use crate::{
     args::QualityArgs,
     error::CliError,
     graph_source,
-    output::{JsonTarget, Target},
-    progress, render,
+    output::JsonTarget,
+    progress, render, svg,
     values::{Pace, Samples},
 };
 
@@ -75,7 +75,7 @@ impl Row {
 pub fn quality(args: &QualityArgs) -> Result<(), CliError> {
     render::set_threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(Target::svg).transpose()?;
+    let plot = args.plot.as_deref().map(svg::target).transpose()?;
     let quality = Quality::new(args)?;
     let rows = quality.run()?;
     let report = Report { args, side: quality.side, gpu: quality.gpu.as_deref(), rows: &rows };

@@ -1,15 +1,14 @@
 //! Converged pictures of the frames to compare, kept while all graphs are compared with them.
 
+use epigraph_pictures::{Difference, Picture};
 use epigraph_scenes::Tracer;
 
 use super::measure::{Figures, FrameFigures, View};
 use crate::{
     args::QualityArgs,
-    difference::Difference,
     edge_mask,
     error::CliError,
     memory,
-    picture::Picture,
     reference::{trace, trace_settings},
 };
 

@@ -1,6 +1,7 @@
 //! What is worth knowing of a graph that runs, as a value that any thread may keep.
 
-use epigraph_core::{Culled, Dims, Element, Graph, Plan, Port, Side, Step};
+use epigraph_core::{Culled, Dims, Graph, Plan, Port, Side, Step};
+use epigraph_pictures::is_image;
 
 /// A graph as compiled.
 #[derive(Clone, Debug)]
@@ -64,11 +65,6 @@ impl PortInfo {
         let [field] = self.port.fields.as_slice() else { return false };
         is_image(&field.element, self.dims, size)
     }
-}
-
-/// Whether elements of these dims make an image, in frames of `size`.
-pub fn is_image(element: &Element, dims: Dims, size: [u32; 2]) -> bool {
-    matches!(element, Element::Texel(_)) || dims.height > 1 || [dims.width, dims.height] == size
 }
 
 impl GraphInfo {

@@ -7,12 +7,9 @@ use egui::{
     Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, pos2, vec2,
 };
 use epigraph_core::Snapshot;
+use epigraph_pictures::{Look, Mode, Ramp, Shown as Picture, describe, lanes, show};
 
-use crate::{
-    engine::GraphInfo,
-    reading::{self, Look, Mode, Picture},
-    session::Session,
-};
+use crate::{engine::GraphInfo, session::Session};
 
 /// Points a pixel may take at most.
 const MAX_ZOOM: f32 = 256.0;
@@ -74,6 +71,7 @@ impl Viewer {
         };
         ui.horizontal(|ui| self.header(ui, &graph));
         let name = self.name(&graph);
+        self.look.far = session.rig.map_or(f32::INFINITY, |rig| rig.camera.far);
         match session.state.fields(&name).next().cloned() {
             Some(snapshot) => self.update(ui, snapshot),
             // Until its first frame, the picture before stays.
@@ -170,7 +168,7 @@ impl Viewer {
     /// Which lane, where there are several and the mode shows one.
     fn lanes(&mut self, ui: &mut Ui) {
         let Some(shown) = &self.shown else { return };
-        let lanes = reading::lanes(&shown.snapshot.element);
+        let lanes = lanes(&shown.snapshot.element);
         if lanes.len() < 2 || shown.picture.mode == Mode::Color {
             return;
         }
@@ -210,7 +208,7 @@ impl Viewer {
             return;
         }
         let look = self.look;
-        let picture = reading::picture(&snapshot, &look);
+        let picture = show(&snapshot, &look);
         let bytes: Vec<u8> = picture.colors.iter().flatten().copied().collect();
         let image = ColorImage::from_rgb(picture.size, &bytes);
         let texture = match self.shown.take() {
@@ -278,7 +276,7 @@ impl Viewer {
         let to = pixel(place, shown.picture.size, visible.max);
         for y in from[1]..=to[1].min(height.saturating_sub(1)) {
             for x in from[0]..=to[0].min(width.saturating_sub(1)) {
-                let Some(text) = reading::describe(&shown.snapshot, [x, y]) else { continue };
+                let Some(text) = describe(&shown.snapshot, [x, y]) else { continue };
                 let [r, g, b] = shown.picture.colors[y * width + x];
                 let light = 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) > 8 * 140;
                 let color = if light { Color32::BLACK } else { Color32::WHITE };
@@ -295,7 +293,7 @@ impl Viewer {
         let hovered = response.hover_pos().filter(|pointer| place.contains(*pointer));
         let text = match hovered.map(|pointer| pixel(place, size, pointer)) {
             Some([x, y]) => {
-                let value = reading::describe(&shown.snapshot, [x, y]).unwrap_or_default();
+                let value = describe(&shown.snapshot, [x, y]).unwrap_or_default();
                 format!("({x}, {y})  {value}")
             }
             None => {
@@ -337,7 +335,7 @@ fn legend(painter: &Painter, pane: Rect, picture: &Picture, log: bool) {
     );
     const STEPS: usize = 64;
     for step in 0..STEPS {
-        let [r, g, b] = reading::ramp(step as f32 / (STEPS - 1) as f32);
+        let [r, g, b] = Ramp::Spectrum.color(step as f32 / (STEPS - 1) as f32);
         let left = bar.left() + bar.width() * step as f32 / STEPS as f32;
         let slice =
             Rect::from_min_size(pos2(left, bar.top()), vec2(bar.width() / STEPS as f32 + 0.5, bar.height()));

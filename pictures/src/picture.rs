@@ -4,7 +4,7 @@ use std::{io::Cursor, path::Path};
 
 use exr::prelude::{ReadChannels, ReadLayers};
 
-use crate::{error::CliError, tone};
+use crate::{FileError, tone};
 
 /// An image's colours, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,13 +22,13 @@ impl Picture {
     ///
     /// # Errors
     /// That it cannot be read, or is no image of the kind that its ending promises.
-    pub fn read(path: &Path) -> Result<Self, CliError> {
-        let bytes = std::fs::read(path).map_err(|error| CliError::read(path, error))?;
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let bytes = std::fs::read(path).map_err(|error| FileError::read(path, error))?;
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match ending.as_str() {
-            "png" => read_png(&bytes).map_err(|cause| CliError::read(path, cause)),
-            "exr" => read_exr(&bytes).map_err(|cause| CliError::read(path, cause)),
-            _ => Err(CliError::read(path, "only .png and .exr images are read")),
+            "png" => read_png(&bytes).map_err(|cause| FileError::read(path, cause)),
+            "exr" => read_exr(&bytes).map_err(|cause| FileError::read(path, cause)),
+            _ => Err(FileError::read(path, "only .png and .exr images are read")),
         }
     }
 

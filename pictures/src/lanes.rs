@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use epigraph_core::{Element, Format, Scalar, Snapshot};
+use epigraph_core::{Dims, Element, Format, Scalar, Snapshot};
 use half::f16;
 
 /// A scalar's value.
@@ -25,15 +25,33 @@ impl Number {
             Self::Signed(value) => value as f32,
         }
     }
+
+    /// The 32 bits that it is stored in; those of an f32 for narrower floats.
+    pub fn bits(self) -> u32 {
+        match self {
+            Self::Float(value) => value.to_bits(),
+            Self::Unsigned(value) => value,
+            Self::Signed(value) => value as u32,
+        }
+    }
+
+    /// In few characters: very small and very large floats with an exponent.
+    pub fn brief(self) -> String {
+        match self {
+            Self::Float(value)
+                if value != 0.0 && value.is_finite() && !(1e-4..1e7).contains(&value.abs()) =>
+            {
+                format!("{value:.4e}")
+            }
+            number => number.to_string(),
+        }
+    }
 }
 
+/// All digits that it takes to read the same number again.
 impl fmt::Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            // Very small and large ones would fill the line with zeros.
-            Self::Float(value) if *value != 0.0 && !(1e-4..1e7).contains(&value.abs()) => {
-                write!(f, "{value:.4e}")
-            }
             Self::Float(value) => write!(f, "{value}"),
             Self::Unsigned(value) => write!(f, "{value}"),
             Self::Signed(value) => write!(f, "{value}"),
@@ -64,6 +82,11 @@ impl Lane {
     /// Whether its numbers are floats.
     pub fn is_float(&self) -> bool {
         matches!(self.storage, Storage::F32 | Storage::F16 | Storage::Unorm8)
+    }
+
+    /// Whether its numbers are natural numbers.
+    pub fn is_unsigned(&self) -> bool {
+        self.storage == Storage::U32
     }
 
     /// The number of an element; none past the end.
@@ -129,4 +152,65 @@ pub fn lanes(element: &Element) -> Vec<Lane> {
 /// One letter for each; nothing for the only one.
 fn letters(count: usize, letters: &'static str) -> impl Iterator<Item = String> {
     letters.chars().take(count).map(move |letter| if count == 1 { String::new() } else { letter.into() })
+}
+
+/// Whether elements of these dims make an image, in frames of `size`.
+pub fn is_image(element: &Element, dims: Dims, size: [u32; 2]) -> bool {
+    matches!(element, Element::Texel(_)) || dims.height > 1 || [dims.width, dims.height] == size
+}
+
+/// Dims as width and height.
+pub fn size(dims: Dims) -> [usize; 2] {
+    [dims.width as usize, dims.height as usize]
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::{PortElement, texel};
+
+    use super::*;
+
+    epigraph_core::item! {
+        struct Point {
+            position: [f32; 3],
+            age: u32,
+        }
+    }
+
+    fn snapshot(element: Element, bytes: Vec<u8>) -> Snapshot {
+        let dims = Dims { width: bytes.len() as u32 / element.bytes(), height: 1 };
+        Snapshot { name: "a.b".into(), field: String::new(), element, dims, frame: 0, bytes }
+    }
+
+    fn names(element: Element) -> Vec<String> {
+        lanes(&element).into_iter().map(|lane| lane.name).collect()
+    }
+
+    #[test]
+    fn members_and_lanes_have_names() {
+        assert_eq!(names(Point::element()), ["position.x", "position.y", "position.z", "age"]);
+        assert_eq!(names(<[f32; 2]>::element()), ["x", "y"]);
+        assert_eq!(names(u32::element()), [""]);
+        assert_eq!(names(texel::Rgba8Unorm::element()), ["r", "g", "b", "a"]);
+    }
+
+    #[test]
+    fn numbers_are_read_as_they_are_stored() {
+        let point = Point { position: [1.5, -2.0, f32::INFINITY], age: u32::MAX };
+        let points = snapshot(Point::element(), bytemuck::bytes_of(&[Point::default(), point]).to_vec());
+        let lanes_of = lanes(&points.element);
+        let second = lanes_of.iter().map(|lane| lane.number(&points, 1).unwrap().to_string());
+        assert_eq!(second.collect::<Vec<_>>(), ["1.5", "-2", "inf", "4294967295"]);
+        assert_eq!(lanes_of[3].number(&points, 2), None);
+
+        let texels = snapshot(texel::Rgba8Unorm::element(), vec![0, 51, 255, 0]);
+        let green = lanes(&texels.element)[1].numbers(&texels).next();
+        assert_eq!(green, Some(Number::Float(0.2)));
+    }
+
+    #[test]
+    fn numbers_can_be_brief() {
+        let brief = [0.0, 0.25, 1.5e-7, -2e30, f32::INFINITY].map(|value| Number::Float(value).brief());
+        assert_eq!(brief, ["0", "0.25", "1.5000e-7", "-2.0000e30", "inf"]);
+    }
 }

@@ -1,6 +1,6 @@
 //! How far a picture is from its reference, as a person sees both.
 
-use crate::{flip, metrics, picture::Picture, tone};
+use crate::{Picture, flip, metrics, tone};
 
 /// Two pictures as a screen shows them, and FLIP's error of each pixel.
 pub struct Difference {

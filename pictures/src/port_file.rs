@@ -1,26 +1,14 @@
 //! Ports and pictures as files: PNG to look at, EXR with raw values, CSV for lists.
 
-use std::{fmt::Write as _, io::Cursor, path::Path};
+use std::{fmt::Write as _, path::Path};
 
-use epigraph_core::{Dims, Snapshot};
-use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage,
-};
-use image::{
-    ExtendedColorType, ImageEncoder,
-    codecs::png::{CompressionType, FilterType, PngEncoder},
-};
+use epigraph_core::Snapshot;
 
-use crate::{
-    columns::{self, Column, Kind, Value},
-    error::CliError,
-    output::Target,
-    visual::{self, Look},
-};
+use crate::{FileError, Lane, Look, Target, encode, lanes, show, size};
 
-/// The kinds of file that a port can be saved to.
+/// A kind of file that a port can be saved to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kinds {
+pub enum Kind {
     /// 8-bit sRGB.
     Png,
     /// Raw values.
@@ -29,28 +17,28 @@ pub enum Kinds {
     Csv,
 }
 
-impl Kinds {
+impl Kind {
     /// The kind by the path's ending.
     ///
     /// # Errors
     /// For any other ending.
-    pub fn of(path: &Path) -> Result<Self, CliError> {
+    pub fn of(path: &Path) -> Result<Self, FileError> {
         match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
             "png" => Ok(Self::Png),
             "exr" => Ok(Self::Exr),
             "csv" => Ok(Self::Csv),
-            _ => Err(CliError::write(path, "the name must end in .png, .exr or .csv")),
+            _ => Err(FileError::write(path, "the name must end in .png, .exr or .csv")),
         }
     }
 
-    /// The kind of a picture's file, never [`Kinds::Csv`].
+    /// The kind of a picture's file, never [`Kind::Csv`].
     ///
     /// # Errors
     /// For endings other than `.png` and `.exr`.
-    pub fn of_picture(path: &Path) -> Result<Self, CliError> {
+    pub fn of_picture(path: &Path) -> Result<Self, FileError> {
         match Self::of(path) {
             Ok(kind @ (Self::Png | Self::Exr)) => Ok(kind),
-            _ => Err(CliError::write(path, "a picture's name must end in .png or .exr")),
+            _ => Err(FileError::write(path, "a picture's name must end in .png or .exr")),
         }
     }
 }
@@ -58,24 +46,30 @@ impl Kinds {
 /// A port's file to be.
 #[derive(Debug)]
 pub struct PortFile {
-    kind: Kinds,
+    kind: Kind,
     target: Target,
 }
 
 impl PortFile {
     /// Checks that the file can be written.
-    pub fn new(path: &Path) -> Result<Self, CliError> {
-        Ok(Self { kind: Kinds::of(path)?, target: Target::new(path)? })
+    ///
+    /// # Errors
+    /// That it cannot, or that its name has another ending.
+    pub fn new(path: &Path) -> Result<Self, FileError> {
+        Ok(Self { kind: Kind::of(path)?, target: Target::new(path)? })
     }
 
     /// Checks that the file can be written, and that its name is a picture's.
-    pub fn picture(path: &Path) -> Result<Self, CliError> {
-        Ok(Self { kind: Kinds::of_picture(path)?, target: Target::new(path)? })
+    ///
+    /// # Errors
+    /// That it cannot, or that its name has another ending.
+    pub fn picture(path: &Path) -> Result<Self, FileError> {
+        Ok(Self { kind: Kind::of_picture(path)?, target: Target::new(path)? })
     }
 
     /// Whether it holds an image.
     pub fn is_image(&self) -> bool {
-        self.kind != Kinds::Csv
+        self.kind != Kind::Csv
     }
 
     /// The file's path.
@@ -84,81 +78,21 @@ impl PortFile {
     }
 
     /// Writes a port. Images take the first field; a table has columns for all of them.
-    pub fn write(&self, fields: &[&Snapshot], look: &Look) -> Result<(), CliError> {
-        let fail = |cause: String| CliError::write(self.target.path(), cause);
+    ///
+    /// # Errors
+    /// What the system or the encoder says.
+    pub fn write(&self, fields: &[&Snapshot], look: &Look) -> Result<(), FileError> {
+        let fail = |cause: String| FileError::write(self.target.path(), cause);
         let bytes = match (self.kind, fields) {
-            (Kinds::Csv, fields) => csv(fields).into_bytes(),
+            (Kind::Csv, fields) => csv(fields).into_bytes(),
             (_, []) => return Err(fail("the port has no contents".into())),
-            (Kinds::Png, [first, ..]) => {
-                png(size(first.dims), &visual::show(first, look)).map_err(|error| fail(error.to_string()))?
+            (Kind::Png, [first, ..]) => {
+                encode::png(size(first.dims), &show(first, look).colors).map_err(fail)?
             }
-            (Kinds::Exr, [first, ..]) => exr_of(first).map_err(fail)?,
+            (Kind::Exr, [first, ..]) => encode::exr_of_port(first).map_err(fail)?,
         };
         self.target.write(&bytes)
     }
-}
-
-/// Dims as width and height.
-pub fn size(dims: Dims) -> [usize; 2] {
-    [dims.width as usize, dims.height as usize]
-}
-
-/// A PNG file's bytes.
-pub fn png([width, height]: [usize; 2], colors: &[[u8; 3]]) -> Result<Vec<u8>, image::ImageError> {
-    let mut bytes = Cursor::new(Vec::new());
-    // Against the fast level: half the size for drawings, a tenth less for noisy pictures, some 0.2 s more a megapixel.
-    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
-    encoder.write_image(colors.as_flattened(), width as u32, height as u32, ExtendedColorType::Rgb8)?;
-    Ok(bytes.into_inner())
-}
-
-/// An EXR file's bytes for linear colours.
-pub fn exr_of_colors(size: [usize; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, String> {
-    let lane = |lane: usize| FlatSamples::F32(colors.iter().map(|color| color[lane]).collect());
-    encode_exr(size, ["R", "G", "B"].into_iter().enumerate().map(|(i, name)| AnyChannel::new(name, lane(i))))
-}
-
-/// An EXR file's bytes: a channel for each scalar. Unsigned integers stay integers; signed ones become floats, exact up
-/// to 2^24.
-fn exr_of(snapshot: &Snapshot) -> Result<Vec<u8>, String> {
-    let columns = columns::of(&snapshot.element);
-    let single = columns.len() == 1;
-    let channels = columns.iter().map(|column| {
-        // OpenEXR's names: Y for the only channel, capitals for colours.
-        let name = if single { "Y".to_owned() } else { column.name.to_uppercase() };
-        AnyChannel::new(name.as_str(), samples(column, snapshot))
-    });
-    encode_exr(size(snapshot.dims), channels)
-}
-
-fn samples(column: &Column, snapshot: &Snapshot) -> FlatSamples {
-    let values = column.values(snapshot);
-    let float = |value| match value {
-        Value::Float(value) => value,
-        Value::Unsigned(value) => value as f32,
-        Value::Signed(value) => value as f32,
-    };
-    match column.kind {
-        Kind::U32 => FlatSamples::U32(
-            values.map(|value| if let Value::Unsigned(value) = value { value } else { 0 }).collect(),
-        ),
-        _ => FlatSamples::F32(values.map(float).collect()),
-    }
-}
-
-fn encode_exr(
-    [width, height]: [usize; 2],
-    channels: impl Iterator<Item = AnyChannel<FlatSamples>>,
-) -> Result<Vec<u8>, String> {
-    let layer = Layer::new(
-        (width, height),
-        LayerAttributes::default(),
-        Encoding::FAST_LOSSLESS,
-        AnyChannels::sort(channels.collect()),
-    );
-    let mut bytes = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
-    Ok(bytes.into_inner())
 }
 
 /// A table with a row for each element. Images have the columns x and y, lists the column index; then follow the scalars
@@ -166,20 +100,20 @@ fn encode_exr(
 fn csv(fields: &[&Snapshot]) -> String {
     let Some(first) = fields.first() else { return String::new() };
     let is_image = first.dims.height > 1;
-    let columns: Vec<(Column, &Snapshot)> = fields
+    let columns: Vec<(Lane, &Snapshot)> = fields
         .iter()
-        .flat_map(|field| columns::of(&field.element).into_iter().map(|column| (column, *field)))
+        .flat_map(|field| lanes(&field.element).into_iter().map(|lane| (lane, *field)))
         .collect();
     let mut text = String::from(if is_image { "x,y" } else { "index" });
-    for (column, field) in &columns {
-        let parts = [field.field.as_str(), column.name.as_str()];
+    for (lane, field) in &columns {
+        let parts = [field.field.as_str(), lane.name.as_str()];
         let parts: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         text += ",";
         text += if parts.is_empty() { "value" } else { "" };
         text += &parts.join(".");
     }
     text += "\n";
-    let mut values: Vec<_> = columns.iter().map(|(column, field)| column.values(field)).collect();
+    let mut values: Vec<_> = columns.iter().map(|(lane, field)| lane.numbers(field)).collect();
     let width = first.dims.width.max(1) as usize;
     for index in 0..first.dims.count() {
         // Writing to a string cannot fail.
@@ -198,10 +132,13 @@ fn csv(fields: &[&Snapshot]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use epigraph_core::{Element, PortElement, texel};
+    use std::io::Cursor;
+
+    use epigraph_core::{Dims, Element, PortElement, texel};
+    use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
 
     use super::*;
-    use crate::picture::Picture;
+    use crate::{Picture, tone};
 
     fn snapshot<T: bytemuck::Pod>(
         field: &str,
@@ -244,8 +181,7 @@ mod tests {
     #[test]
     fn exr_keeps_integers_that_floats_would_round() {
         let ids = snapshot("", u32::element(), [2, 1], &[0xFFFF_FFFFu32, 16_777_217]);
-        let bytes = exr_of(&ids).unwrap();
-        use exr::prelude::{ReadChannels, ReadLayers};
+        let bytes = encode::exr_of_port(&ids).unwrap();
         let image = exr::prelude::read()
             .no_deep_data()
             .largest_resolution_level()
@@ -266,7 +202,7 @@ mod tests {
         let image = snapshot("", texel::Rgba8Unorm::element(), [1, 2], &[[0u8, 128, 255, 255], [9, 8, 7, 0]]);
         PortFile::new(&path).unwrap().write(&[&image], &Look::default()).unwrap();
         let read = Picture::read(&path).unwrap();
-        let bytes: Vec<[u8; 3]> = read.colors.iter().map(|c| c.map(crate::tone::to_byte)).collect();
+        let bytes: Vec<[u8; 3]> = read.colors.iter().map(|c| c.map(tone::to_byte)).collect();
         assert_eq!((read.linear, bytes), (false, vec![[0, 128, 255], [9, 8, 7]]));
     }
 }

@@ -215,41 +215,6 @@ fn hybrid_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }
 
-/// Colours of the magma map at equal steps from 0 to 1; between them it is nearly straight.
-const MAGMA: [[u8; 3]; 17] = [
-    [0, 0, 4],
-    [10, 8, 34],
-    [29, 17, 71],
-    [54, 16, 107],
-    [81, 18, 124],
-    [106, 28, 129],
-    [131, 38, 129],
-    [156, 46, 127],
-    [183, 55, 121],
-    [207, 64, 112],
-    [229, 80, 100],
-    [244, 105, 92],
-    [251, 135, 97],
-    [254, 165, 113],
-    [254, 194, 135],
-    [253, 224, 161],
-    [252, 253, 191],
-];
-
-/// Errors as colours: black 0, purple, orange, pale yellow 1.
-pub fn magma(errors: &[f32]) -> Vec<[u8; 3]> {
-    let color = |error: &f32| {
-        let at = error.clamp(0.0, 1.0) * (MAGMA.len() - 1) as f32;
-        let low = (at as usize).min(MAGMA.len() - 2);
-        let mix = |i: usize| {
-            let (from, to) = (f32::from(MAGMA[low][i]), f32::from(MAGMA[low + 1][i]));
-            (from + (to - from) * (at - low as f32) + 0.5) as u8
-        };
-        [0, 1, 2].map(mix)
-    };
-    errors.iter().map(color).collect()
-}
-
 /// Mean of the errors.
 pub fn mean(errors: &[f32]) -> f64 {
     errors.iter().map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
@@ -306,15 +271,5 @@ mod tests {
         let (black, white) = (vec![[0.0; 3]; 192], vec![[1.0; 3]; 192]);
         assert_eq!(mean(&flip(&white, &white, [16, 12])), 0.0);
         assert!(mean(&flip(&black, &white, [16, 12])) > 0.9);
-    }
-
-    #[test]
-    fn the_colour_map_is_magma() {
-        let lut = nv_flip::magma_lut().to_vec();
-        let errors: Vec<f32> = (0..=255u8).map(|step| f32::from(step) / 255.0).collect();
-        for (ours, theirs) in magma(&errors).iter().zip(lut.chunks_exact(3)) {
-            let far = ours.iter().zip(theirs).map(|(a, b)| a.abs_diff(*b)).max();
-            assert!(far <= Some(4), "{ours:?} {theirs:?}");
-        }
     }
 }

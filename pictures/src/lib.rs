@@ -1,0 +1,33 @@
+//! From numbers to pictures: what a port holds as colours and words, how far pictures are apart, and the files that they
+//! are kept in. The command line and the editor show ports by the same rules; this crate knows neither of them.
+//!
+//! - [`lanes`]: the scalars that an element consists of.
+//! - [`show`]: an image as sRGB colours, with a [`Look`]; [`describe`]: a pixel in words.
+//! - [`edges`]: what the words of the edge-and-point image mean, drawn.
+//! - [`Difference`], [`flip`], [`metrics`]: how far two pictures are apart.
+//! - [`Picture`], [`PortFile`], [`Target`]: files.
+
+pub mod edges;
+pub mod flip;
+pub mod metrics;
+pub mod tone;
+
+mod describe;
+mod difference;
+mod encode;
+mod lanes;
+mod look;
+mod picture;
+mod port_file;
+mod ramp;
+mod target;
+
+pub use describe::describe;
+pub use difference::Difference;
+pub use encode::{exr, png};
+pub use lanes::{Lane, Number, is_image, lanes, size};
+pub use look::{EMPTY, INFINITE, Look, Mode, NAN, POISONED, Shown, show};
+pub use picture::Picture;
+pub use port_file::{Kind, PortFile};
+pub use ramp::Ramp;
+pub use target::{FileError, Target};

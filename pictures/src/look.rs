@@ -1,0 +1,337 @@
+//! Ports as pictures: what the numbers mean decides how they are shown.
+//!
+//! | mode | shown as | suits |
+//! |---|---|---|
+//! | [`Mode::Color`] | linear light, clamped and sRGB-encoded; bytes as they are; two lanes as red and green in their ranges | floats in two lanes or more |
+//! | [`Mode::Grey`] | black at the range's low end, white at its high end | all other ports |
+//! | [`Mode::FalseColor`] | the same along a [`Ramp`] | |
+//! | [`Mode::Depth`] | 1/z between the nearest and the farthest: bright is near | ports `depth`, `filtered`, `first_vote` |
+//! | [`Mode::Names`] | a colour for each number | integers at ports whose names end in `id`, `face`, `edge`, `slot` |
+//! | [`Mode::Edges`] | where edges cross a pixel's sides | ports `mask` with one more column and row than pixels |
+//! | [`Mode::Classes`] | empty, simple, complex | ports `cls` |
+//! | [`Mode::Reach`] | grey, white where all of the 5x5 pixels are reached | ports `r24` |
+//!
+//! What is no number is loud: NaN magenta, infinity cyan, poison orange. Elements that stand for nothing (0xFFFFFFFF, far
+//! or infinite depth) have the quiet colour [`EMPTY`].
+
+#[cfg(test)]
+mod tests;
+
+use epigraph_core::{Element, Format, Snapshot};
+use epigraph_stages::shared::edge_pixel::{SIMPLE, class_of};
+use rayon::prelude::*;
+
+use crate::{Lane, Number, Ramp, edges, lanes, size, tone};
+
+/// The colour of elements that stand for nothing.
+pub const EMPTY: [u8; 3] = [24, 28, 48];
+/// The colour of NaN.
+pub const NAN: [u8; 3] = [255, 0, 255];
+/// The colour of infinity where it is not a depth.
+pub const INFINITE: [u8; 3] = [0, 255, 255];
+/// The colour of memory that was never written, in poison mode.
+pub const POISONED: [u8; 3] = [255, 128, 0];
+
+/// The u32 that stands for nothing.
+pub(crate) const NONE: u32 = u32::MAX;
+/// What poison mode fills integers with.
+pub(crate) const POISON: u32 = 0xDEAD_BEEF;
+
+/// Ends of the names of ports whose numbers only tell things apart.
+const NAMING: [&str; 4] = ["id", "face", "edge", "slot"];
+/// Names of ports that hold distances.
+const DEPTHS: [&str; 3] = ["depth", "filtered", "first_vote"];
+
+/// Shares of the values that lie below the dark and the bright end of an automatic range.
+const PERCENTILES: [f64; 2] = [0.01, 0.99];
+
+/// Shade of the farthest depth, so that it differs from nothing.
+const DARKEST_DEPTH: f32 = 0.15;
+
+/// Bits of `r24`.
+const REACHABLE: f32 = 24.0;
+
+/// How numbers become colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Mode {
+    /// Three lanes as a colour.
+    Color,
+    /// One lane from black to white.
+    Grey,
+    /// One lane along a ramp of colours.
+    FalseColor,
+    /// One lane as a distance.
+    Depth,
+    /// One lane as a name.
+    Names,
+    /// Crossings of edges.
+    Edges,
+    /// Classes of pixels.
+    Classes,
+    /// How many of the 5x5 pixels are reached.
+    Reach,
+}
+
+impl Mode {
+    /// All, with what people call them.
+    pub const ALL: [(Self, &str); 8] = [
+        (Self::Color, "Colour"),
+        (Self::Grey, "Grey"),
+        (Self::FalseColor, "False colour"),
+        (Self::Depth, "Depth"),
+        (Self::Names, "Ids"),
+        (Self::Edges, "Edges"),
+        (Self::Classes, "Classes"),
+        (Self::Reach, "Reach"),
+    ];
+
+    /// What people call it.
+    pub fn label(self) -> &'static str {
+        Self::ALL.iter().find(|(mode, _)| *mode == self).map_or("", |(_, label)| label)
+    }
+
+    /// What suits a port: by its name, and by what its elements are.
+    pub fn of(snapshot: &Snapshot) -> Self {
+        let port = port_of(snapshot);
+        let lanes = lanes(&snapshot.element);
+        let floats = lanes.iter().all(Lane::is_float);
+        match (lanes.len(), port) {
+            (1, _) if is_depth(port) => Self::Depth,
+            (1, "cls") if !floats => Self::Classes,
+            (1, "mask") if !floats => Self::Edges,
+            (1, "r24") if !floats => Self::Reach,
+            (2.., _) if floats => Self::Color,
+            _ if !floats && NAMING.iter().any(|end| port.ends_with(end)) => Self::Names,
+            _ => Self::Grey,
+        }
+    }
+}
+
+/// How a port is to be shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// None: what suits the port.
+    pub mode: Option<Mode>,
+    /// Which lane, in modes of one lane.
+    pub lane: usize,
+    /// Values at the dark and the bright end; none: from the image's own values.
+    pub range: Option<[f32; 2]>,
+    /// Shades follow the logarithm of the value.
+    pub log: bool,
+    /// The colours of [`Mode::FalseColor`].
+    pub ramp: Ramp,
+    /// Depths from here on count as nothing, metres.
+    pub far: f32,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { mode: None, lane: 0, range: None, log: false, ramp: Ramp::default(), far: f32::INFINITY }
+    }
+}
+
+/// A port as a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    /// Width and height in pixels.
+    pub size: [usize; 2],
+    /// sRGB, row by row from the top.
+    pub colors: Vec<[u8; 3]>,
+    /// The mode in which it is shown.
+    pub mode: Mode,
+    /// Values at the dark and the bright end, where the mode has such.
+    pub range: Option<[f32; 2]>,
+    /// How many pixels are NaN, infinite or poisoned.
+    pub odd: usize,
+}
+
+/// A pixel's colour.
+#[derive(Clone, Copy)]
+enum Shade {
+    Plain([u8; 3]),
+    /// What is no number.
+    Odd([u8; 3]),
+}
+
+use Shade::{Odd, Plain};
+
+/// Shows an image.
+pub fn show(snapshot: &Snapshot, look: &Look) -> Shown {
+    let mode = look.mode.unwrap_or_else(|| Mode::of(snapshot));
+    let lanes = lanes(&snapshot.element);
+    let mut range = None;
+    let shades = match (mode, lanes.get(look.lane).or(lanes.first())) {
+        (_, None) => vec![Plain(EMPTY); snapshot.dims.count()],
+        (Mode::Color, Some(_)) if snapshot.element == Element::Texel(Format::Rgba8Unorm) => {
+            snapshot.bytes.par_chunks_exact(4).map(|texel| Plain([texel[0], texel[1], texel[2]])).collect()
+        }
+        (Mode::Color, Some(first)) => colors(snapshot, &lanes, first),
+        (Mode::Grey | Mode::FalseColor, Some(lane)) => {
+            range = look.range.or_else(|| automatic(snapshot, lane));
+            amounts(snapshot, lane, look, mode, range)
+        }
+        (Mode::Depth, Some(lane)) => {
+            let given = look.range.map(|ends| ends.map(f32::recip));
+            let ends = given.or_else(|| nearness_range(snapshot, lane, look.far));
+            range = look.range.or(ends.map(|ends| ends.map(f32::recip)));
+            depths(snapshot, lane, ends, look.far)
+        }
+        (Mode::Names, Some(lane)) => words(snapshot, lane, hashed),
+        (Mode::Classes, Some(lane)) => words(snapshot, lane, edges::class_color),
+        (Mode::Reach, Some(lane)) => {
+            words(snapshot, lane, |r24| [tone::to_byte((r24 & 0xFF_FFFF).count_ones() as f32 / REACHABLE); 3])
+        }
+        (Mode::Edges, Some(lane)) => crossings(snapshot, lane),
+    };
+    let odd = shades.iter().filter(|shade| matches!(shade, Odd(_))).count();
+    let colors = shades.into_iter().map(|(Plain(color) | Odd(color))| color).collect();
+    Shown { size: size(snapshot.dims), colors, mode, range, odd }
+}
+
+/// The port's name without its node's.
+pub(crate) fn port_of(snapshot: &Snapshot) -> &str {
+    snapshot.name.rsplit('.').next().unwrap_or_default()
+}
+
+/// Whether a port of that name holds distances.
+pub(crate) fn is_depth(port: &str) -> bool {
+    DEPTHS.contains(&port)
+}
+
+/// The shade of every element by its number.
+fn each(snapshot: &Snapshot, lane: &Lane, shade: impl Fn(Number) -> Shade + Sync) -> Vec<Shade> {
+    let shade = |index: usize| lane.number(snapshot, index).map_or(Plain(EMPTY), &shade);
+    (0..snapshot.dims.count()).into_par_iter().map(shade).collect()
+}
+
+fn colors(snapshot: &Snapshot, lanes: &[Lane], first: &Lane) -> Vec<Shade> {
+    let lane = |index: usize| if index == 0 { Some(first) } else { lanes.get(index) };
+    // Two lanes are no light but directions and the like.
+    let ranges = [0, 1].map(|index| lanes.get(index).and_then(|lane| automatic(snapshot, lane)));
+    let color = |pixel: usize| {
+        let value = |index: usize| {
+            lane(index).and_then(|lane| lane.number(snapshot, pixel)).map_or(0.0, Number::as_f32)
+        };
+        let values = [value(0), value(1), value(2)];
+        match (values, lanes.len(), ranges) {
+            _ if values.iter().any(|value| value.is_nan()) => Odd(NAN),
+            _ if values.iter().any(|value| value.is_infinite()) => Odd(INFINITE),
+            ([x, y, _], 2, [Some(in_x), Some(in_y)]) => {
+                Plain([tone::to_byte(between(x, in_x)), tone::to_byte(between(y, in_y)), 0])
+            }
+            _ => Plain(tone::to_srgb8(values)),
+        }
+    };
+    (0..snapshot.dims.count()).into_par_iter().map(color).collect()
+}
+
+/// The loud or quiet colour of what has no place in a range.
+fn special(number: Number) -> Option<Shade> {
+    match number {
+        Number::Unsigned(NONE) => Some(Plain(EMPTY)),
+        Number::Unsigned(POISON) => Some(Odd(POISONED)),
+        Number::Float(value) if value.is_nan() => Some(Odd(NAN)),
+        Number::Float(value) if value.is_infinite() => Some(Odd(INFINITE)),
+        _ => None,
+    }
+}
+
+fn words(snapshot: &Snapshot, lane: &Lane, color: impl Fn(u32) -> [u8; 3] + Sync) -> Vec<Shade> {
+    each(snapshot, lane, |number| special(number).unwrap_or_else(|| Plain(color(number.bits()))))
+}
+
+fn amounts(snapshot: &Snapshot, lane: &Lane, look: &Look, mode: Mode, range: Option<[f32; 2]>) -> Vec<Shade> {
+    let curve = |value: f32| if look.log { value.max(f32::MIN_POSITIVE).ln() } else { value };
+    let ends = range.map(|range| range.map(curve));
+    each(snapshot, lane, |number| {
+        special(number).unwrap_or_else(|| {
+            let share = ends.map_or(0.0, |ends| between(curve(number.as_f32()), ends));
+            Plain(if mode == Mode::FalseColor { look.ramp.color(share) } else { [tone::to_byte(share); 3] })
+        })
+    })
+}
+
+/// A distance; some are kept as their bits, where atomics compare them. None where there is nothing.
+fn distance(number: Number, far: f32) -> Option<f32> {
+    let z = f32::from_bits(number.bits());
+    // Stages may write `far` with a rounding error.
+    (z > 0.0 && z.is_finite() && z < 0.999 * far).then_some(z)
+}
+
+/// 1/z of the nearest and of the farthest.
+fn nearness_range(snapshot: &Snapshot, lane: &Lane, far: f32) -> Option<[f32; 2]> {
+    let nearness = lane.numbers(snapshot).filter_map(|number| distance(number, far)).map(f32::recip);
+    percentiles(nearness.collect()).map(|[far, near]| [near, far])
+}
+
+fn depths(snapshot: &Snapshot, lane: &Lane, ends: Option<[f32; 2]>, far: f32) -> Vec<Shade> {
+    each(snapshot, lane, |number| match (distance(number, far), ends) {
+        (Some(z), Some([nearest, farthest])) => {
+            let share = between(z.recip(), [farthest, nearest]);
+            Plain([tone::to_byte(DARKEST_DEPTH + (1.0 - DARKEST_DEPTH) * share); 3])
+        }
+        _ if number == Number::Unsigned(POISON) => Odd(POISONED),
+        // All bits set are a NaN as well: what no point has reached.
+        _ if f32::from_bits(number.bits()).is_nan() && number.bits() != NONE => Odd(NAN),
+        _ => Plain(EMPTY),
+    })
+}
+
+/// Pixels that edges cross: those that are cut in two, those where more happens, and dim, those that an edge ends in.
+fn crossings(snapshot: &Snapshot, lane: &Lane) -> Vec<Shade> {
+    let mask: Vec<u32> = lane.numbers(snapshot).map(Number::bits).collect();
+    let corners = size(snapshot.dims);
+    let pixels = corners.map(|side| side.saturating_sub(1));
+    let shade = |index: usize| {
+        if mask[index] == POISON {
+            return Odd(POISONED);
+        }
+        let ring = edges::perimeter(&mask, pixels, [index % corners[0], index / corners[0]]).unwrap_or(0);
+        Plain(match class_of(ring) {
+            _ if ring == 0 => EMPTY,
+            SIMPLE => edges::EDGE,
+            class => edges::class_color(class),
+        })
+    };
+    (0..mask.len()).into_par_iter().map(shade).collect()
+}
+
+/// The range that suits an image: from the lowest of the values to the highest, a hundredth at either end left out; from
+/// 0 for integers. None where there are no values.
+fn automatic(snapshot: &Snapshot, lane: &Lane) -> Option<[f32; 2]> {
+    let values = lane.numbers(snapshot).filter(|number| special(*number).is_none()).map(Number::as_f32);
+    if lane.is_float() {
+        return percentiles(values.collect());
+    }
+    // Zeros alone are dark.
+    Some([0.0, values.reduce(f32::max)?.max(1.0)])
+}
+
+/// The values at [`PERCENTILES`].
+fn percentiles(mut values: Vec<f32>) -> Option<[f32; 2]> {
+    let last = values.len().checked_sub(1)?;
+    let mut at = |share: f64| {
+        let (_, value, _) =
+            values.select_nth_unstable_by((share * last as f64).round() as usize, f32::total_cmp);
+        *value
+    };
+    Some(PERCENTILES.map(&mut at))
+}
+
+/// Where `value` lies between `low` (0) and `high` (1).
+fn between(value: f32, [low, high]: [f32; 2]) -> f32 {
+    if high > low {
+        ((value - low) / (high - low)).clamp(0.0, 1.0)
+    } else {
+        f32::from(u8::from(value >= high))
+    }
+}
+
+/// A colour that differs from those of other numbers nearby, never dark.
+fn hashed(value: u32) -> [u8; 3] {
+    // The output function of PCG (O'Neill 2014), RXS-M-XS of 32 bits.
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    let word = (word >> 22) ^ word;
+    [word, word >> 8, word >> 16].map(|bits| 64 + (bits & 0xFF) as u8 / 4 * 3)
+}
