@@ -127,7 +127,7 @@ pub enum Command {
 pub struct SceneArgs {
     #[arg(long, value_name = "SCENE", default_value = "cornell", help = scene_help())]
     pub scene: String,
-    /// Camera path: still, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    /// Camera path: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
     /// Width and height of the image in pixels
@@ -279,7 +279,7 @@ pub struct BenchArgs {
     /// Graph file, or the name of a graph that comes with the program, for the rows `cpu` and `gpu` [default: epi]
     #[arg(long)]
     pub graph: Option<String>,
-    /// Camera path: still, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    /// Camera path: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
     /// Width and height of the image in pixels; the papers' is the default
@@ -319,7 +319,7 @@ pub struct GalleryArgs {
     /// Scene to show; may stand several times [default: cornell, chains and room; bust and dragon if fetched]
     #[arg(long, value_name = "SCENE")]
     pub scene: Vec<String>,
-    /// Camera path: still, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    /// Camera path: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
     /// Width and height of the images in pixels

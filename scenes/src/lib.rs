@@ -31,7 +31,7 @@ pub use load::{
 };
 pub use material::{Material, Surface};
 pub use mesh::{Edge, EdgeKind, Mesh, NO_FACE};
-pub use path::{CameraPath, PathError};
+pub use path::{CameraPath, FRAMES_PER_SECOND, PathError, keyframes};
 pub use scene::{Scene, SceneError};
 pub use shadow::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings, shadow_segments};
 pub use shape::Shape;

@@ -8,12 +8,14 @@ use glam::{Quat, Vec3};
 
 use crate::{Camera, Rng, Scene};
 use flight::Flight;
+pub use flight::keyframes;
 
 /// Frames in a second of path time.
-const FRAMES_PER_SECOND: f32 = 30.0;
+pub const FRAMES_PER_SECOND: f32 = 30.0;
 
 /// What [`CameraPath::parse`] understands.
-const FORMS: [&str; 4] = ["still", "orbit[:DEGREES[:ARC]]", "fly[:FILE.ron]", "shake"];
+const FORMS: [&str; 5] =
+    ["still", "view:X,Y,Z:QX,QY,QZ,QW", "orbit[:DEGREES[:ARC]]", "fly[:FILE.ron]", "shake"];
 
 /// An orbit's default speed in degrees a frame, and its default arc in degrees: wide enough for every kind of
 /// disocclusion, narrow enough to keep the eye of the Cornell box within its opening: seen from beside it, the walls
@@ -23,6 +25,9 @@ const ORBIT_ARC: f32 = 28.0;
 
 /// How far an orbit's eye stays inside a scene that it began in, as a share of the scene's size.
 const ORBIT_MARGIN: f32 = 0.02;
+
+/// How far the squared length of a quaternion may be from 1, for numbers that a person has shortened.
+const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// Hand-held jitter: largest sway as a share of the distance to the target, largest turn in degrees, and the
 /// frequencies (Hz) of the two layers of noise, each half as strong as the one before.
@@ -106,6 +111,8 @@ impl CameraPath {
     /// Reads a path for the camera of `scene`:
     ///
     /// - `still`;
+    /// - `view:X,Y,Z:QX,QY,QZ,QW`: stands at a place of its own, with that rotation from camera to world space as a
+    ///   quaternion; the lens is the scene's. [`CameraPath::view`] writes it;
     /// - `orbit`, `orbit:DEGREES`, `orbit:DEGREES:ARC`: turns about what the camera looks at, `DEGREES` a frame
     ///   (1), to and fro on an arc of `ARC` degrees (28) with the scene's view in the middle; 360 goes full circle.
     ///   An eye that starts inside the scene's bounds stays inside;
@@ -118,7 +125,12 @@ impl CameraPath {
             None => (text, None),
         };
         let surplus = |path: &str| PathError::Surplus { text: text.into(), path: path.into() };
+        let mut base = scene.camera;
         let motion = match (name, rest) {
+            ("view", numbers) => {
+                (base.eye, base.rotation) = view(text, numbers.unwrap_or_default())?;
+                Motion::Still
+            }
             ("still", None) => Motion::Still,
             ("shake", None) => Motion::Shake { distance: target_distance(scene) },
             ("still" | "shake", Some(_)) => return Err(surplus(name)),
@@ -127,7 +139,34 @@ impl CameraPath {
             ("fly", Some(file)) => Motion::Fly(Flight::read(Path::new(file))?),
             _ => return Err(unknown(name)),
         };
-        Ok(Self { base: scene.camera, motion })
+        Ok(Self { base, motion })
+    }
+
+    /// The path through the keyframes of a text, as a file for `fly:FILE` holds it, with the lens of `scene`; errors name
+    /// `origin`.
+    pub fn through(text: &str, origin: &Path, scene: &Scene) -> Result<Self, PathError> {
+        Ok(Self { base: scene.camera, motion: Motion::Fly(Flight::parse(text, origin)?) })
+    }
+
+    /// The text from which [`CameraPath::parse`] makes this very view, for a camera with the scene's lens.
+    pub fn view(camera: &Camera) -> String {
+        let ([x, y, z], [qx, qy, qz, qw]) = (camera.eye.to_array(), camera.rotation.to_array());
+        format!("view:{x},{y},{z}:{qx},{qy},{qz},{qw}")
+    }
+
+    /// Frames until it stands still or begins anew, at least 1; none where it never does.
+    pub fn frames(&self) -> Option<u32> {
+        match &self.motion {
+            Motion::Still => Some(1),
+            Motion::Shake { .. } => None,
+            Motion::Orbit { speed, arc, .. } => {
+                let way = arc.map_or(std::f32::consts::TAU, |arc| 2.0 * arc);
+                let frames = (way / speed.abs()).round();
+                // A speed of 0 leads nowhere.
+                Some(if frames.is_finite() { (frames as u32).max(1) } else { 1 })
+            }
+            Motion::Fly(flight) => Some(flight.frames(FRAMES_PER_SECOND)),
+        }
     }
 
     /// Whether the camera of any frame differs from that of another.
@@ -158,12 +197,29 @@ impl CameraPath {
 }
 
 fn unknown(name: &str) -> PathError {
-    let names = FORMS.map(|form| form.split('[').next().unwrap_or(form));
+    let names = FORMS.map(|form| form.split(['[', ':']).next().unwrap_or(form));
     let nearest = names.into_iter().min_by_key(|known| strsim::damerau_levenshtein(known, name));
     let hint = nearest
         .filter(|known| strsim::damerau_levenshtein(known, name) <= 2)
         .map_or(String::new(), |known| format!(", did you mean `{known}`?"));
     PathError::Unknown { name: name.into(), hint }
+}
+
+/// Eye and rotation of `view:X,Y,Z:QX,QY,QZ,QW`.
+fn view(text: &str, numbers: &str) -> Result<(Vec3, Quat), PathError> {
+    let expected = "an eye X,Y,Z and, after a colon, a rotation as a quaternion of length 1, QX,QY,QZ,QW";
+    let wrong = || PathError::Number { text: text.into(), expected, found: numbers.into() };
+    let (eye, rotation) = numbers.split_once(':').ok_or_else(wrong)?;
+    let eye = Vec3::from_array(list(eye).ok_or_else(wrong)?);
+    let rotation = Quat::from_array(list(rotation).ok_or_else(wrong)?);
+    let valid = eye.is_finite() && (rotation.length_squared() - 1.0).abs() < UNIT_TOLERANCE;
+    if valid { Ok((eye, rotation)) } else { Err(wrong()) }
+}
+
+/// So many numbers between commas.
+fn list<const N: usize>(text: &str) -> Option<[f32; N]> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
 }
 
 /// How far along the view axis lies what the scene's camera looks at: level with the scene's centre, but, for an

@@ -52,6 +52,14 @@ struct KeyFile {
 }
 
 impl Flight {
+    /// Frames until it stays at its last key, or begins again, where so many make a second.
+    pub fn frames(&self, per_second: f32) -> u32 {
+        let (first, last) = (self.keys[0], self.keys[self.keys.len() - 1]);
+        let begin = if self.looped { first.time } else { 0.0 };
+        let frames = ((last.time - begin).max(0.0) * per_second).round() as u32;
+        if self.looped { frames.max(1) } else { frames + 1 }
+    }
+
     /// Whether it leads anywhere.
     pub fn moves(&self) -> bool {
         self.keys.len() > 1
@@ -76,8 +84,13 @@ impl Flight {
     pub fn read(path: &Path) -> Result<Self, PathError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| PathError::Io { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads the text of the file `path`.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, PathError> {
         let wrong = |message: String| PathError::Keyframes { path: path.into(), message };
-        let file: FlightFile = ron::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        let file: FlightFile = ron::from_str(text).map_err(|error| wrong(error.to_string()))?;
         if file.keys.is_empty() {
             return Err(wrong("`keys` is empty: give at least one keyframe".into()));
         }
@@ -157,6 +170,20 @@ impl Flight {
         let turn = scaled_axis_between(before.rotation, after.rotation);
         ((after.eye - before.eye) / interval, turn / interval)
     }
+}
+
+/// The text of a keyframe file through these cameras, each at its time in seconds, ascending. Of a camera its place and the
+/// direction of its view are kept: the horizon is level.
+pub fn keyframes(cameras: &[(f32, Camera)]) -> String {
+    let mut text = String::from("(\n    looped: false,\n    keys: [\n");
+    for (time, camera) in cameras {
+        let eye = camera.eye;
+        // As far from the eye as the eye is from the origin: closer, rounding of the sum would turn the view.
+        let target = eye + camera.rotation * Vec3::NEG_Z * eye.length().max(1.0);
+        let [eye, target] = [eye, target].map(|Vec3 { x, y, z }| format!("({x:?}, {y:?}, {z:?})"));
+        text += &format!("        (time: {time:?}, eye: {eye}, target: {target}),\n");
+    }
+    text + "    ],\n)\n"
 }
 
 /// De Casteljau's construction of a cubic, with `mix` for each step.

@@ -174,7 +174,7 @@ fn flight_has_no_jumps_in_velocity() {
 fn errors_say_what_to_write_instead() {
     assert_eq!(
         message("orbitt"),
-        "unknown camera path `orbitt`, did you mean `orbit`?; there are still, orbit[:DEGREES[:ARC]], \
+        "unknown camera path `orbitt`, did you mean `orbit`?; there are still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], \
          fly[:FILE.ron], shake"
     );
     assert!(!message("spiral").contains("did you mean"));
@@ -204,4 +204,42 @@ fn wrong_keyframes_are_errors() {
     let backwards = KEYS.replace("time: 3.0", "time: 0.5");
     let message = TempFile::new("backwards.ron", &backwards).fly().unwrap_err().to_string();
     assert!(message.contains("keyframe 2: its time is not after"), "{message}");
+}
+
+#[test]
+fn a_view_is_written_and_read_to_the_bit() {
+    let camera = Camera::look_at(Vec3::new(0.1, -1e-9, 3e7), Vec3::new(0.3, 0.2, -0.1), 0.8, 0.1, 10.0);
+    let path = path(&CameraPath::view(&camera));
+    assert_eq!(path.camera(5), camera);
+    assert!(!path.moves());
+    for wrong in ["view", "view:1,2,3", "view:1,2,3:0,0,0", "view:1,2,3:0,0,0,2", "view:1,2,x:0,0,0,1"] {
+        assert!(message(wrong).contains("quaternion of length 1"), "{wrong}: {}", message(wrong));
+    }
+}
+
+#[test]
+fn recorded_cameras_come_back_from_their_keyframes() {
+    let flown = path("orbit:3");
+    let keys: Vec<(f32, Camera)> = (0..40u8).map(|k| (f32::from(k) / 30.0, flown.camera(k.into()))).collect();
+    let text = keyframes(&keys);
+    let again = CameraPath::through(&text, Path::new("keys.ron"), &outside()).unwrap();
+    assert_eq!(again.frames(), Some(40));
+    for (frame, (_, camera)) in (0..).zip(&keys) {
+        assert!(again.camera(frame).eye.distance(camera.eye) < 1e-6, "frame {frame}");
+        assert!(again.camera(frame).rotation.angle_between(camera.rotation) < 2e-3, "frame {frame}");
+        assert!(forward(&again.camera(frame)).distance(forward(camera)) < 1e-5, "frame {frame}");
+    }
+    let file = TempFile::new("recorded.ron", &text);
+    let read = file.fly().unwrap();
+    assert!((0..60).all(|frame| read.camera(frame) == again.camera(frame)));
+}
+
+#[test]
+fn paths_know_when_they_begin_again() {
+    assert_eq!(path("orbit").frames(), Some(56));
+    assert_eq!(path("orbit:2:360").frames(), Some(180));
+    assert_eq!(path("orbit:0").frames(), Some(1));
+    assert_eq!(path("fly").frames(), Some(150));
+    assert_eq!(path("still").frames(), Some(1));
+    assert_eq!(path("shake").frames(), None);
 }
