@@ -1,106 +1,15 @@
 //! The window without a screen: widgets are found by name and used as a person would; the file's text and the engine's
 //! state say what came of it.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    thread,
-    time::{Duration, Instant},
-};
+mod snapshots;
+mod support;
+
+use std::fs;
 
 use egui::{Key, Modifiers};
-use egui_kittest::{Harness, kittest::Queryable};
-use epigraph_editor::{
-    app::App,
-    document::Document,
-    engine::{Backend, Command, Options, Pacing},
-};
-
-/// No test waits longer for what must come.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// A shipped graph in a folder of its own.
-struct Opened {
-    harness: Harness<'static, App>,
-    path: PathBuf,
-    _folder: tempfile::TempDir,
-}
-
-impl Opened {
-    fn new(graph: &str) -> Self {
-        Self::with(graph, false, [64, 48])
-    }
-
-    fn with(graph: &str, render: bool, size: [u32; 2]) -> Self {
-        let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
-        let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("parts")).unwrap();
-        for part in fs::read_dir(graphs.join("parts")).unwrap() {
-            let part = part.unwrap().path();
-            fs::copy(&part, folder.path().join("parts").join(part.file_name().unwrap())).unwrap();
-        }
-        let path = folder.path().join(graph);
-        fs::copy(graphs.join(graph), &path).unwrap();
-        let document = Document::open(&path).unwrap();
-        let options = Options {
-            size,
-            samples: 0.25,
-            backend: Backend::Cpu,
-            pacing: Pacing::Exact,
-            paused: true,
-            ..Options::default()
-        };
-        let builder = Harness::builder().with_size([1280.0, 720.0]);
-        let builder = if render { builder.wgpu() } else { builder };
-        let harness = builder.build_eframe(|creation| App::new(creation, document, options));
-        Self { harness, path, _folder: folder }
-    }
-
-    fn app(&self) -> &App {
-        self.harness.state()
-    }
-
-    /// Shows frames of the window until something holds.
-    fn until(&mut self, what: &str, holds: impl Fn(&App) -> bool) {
-        let start = Instant::now();
-        loop {
-            self.harness.step();
-            if holds(self.harness.state()) {
-                // What the last step brought is laid out in the next.
-                return self.harness.run_steps(3);
-            }
-            assert!(
-                start.elapsed() < PATIENCE,
-                "waiting for {what}: {:?}",
-                self.app().session.state.problems
-            );
-            thread::sleep(Duration::from_millis(5));
-        }
-    }
-
-    /// Runs so many frames of the graph.
-    fn frames(&mut self, count: u32) {
-        let until = self.app().session.state.frames + count;
-        self.app().session.engine.send(Command::Step(count));
-        self.until("frames", move |app| app.session.state.frames >= until);
-    }
-
-    fn click(&mut self, label: &str) {
-        self.harness.get_by_label(label).click();
-        self.harness.run_steps(3);
-    }
-
-    fn text(&self) -> &str {
-        let document = &self.app().session.document;
-        document.text(document.path())
-    }
-
-    fn shot(&mut self, name: &str) -> Vec<u8> {
-        let image = self.harness.render().unwrap();
-        image.save(Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"))).unwrap();
-        image.into_raw()
-    }
-}
+use egui_kittest::kittest::Queryable;
+use epigraph_editor::app::App;
+use support::Opened;
 
 #[test]
 fn a_parameter_changes_only_its_characters_and_undo_takes_it_back() {

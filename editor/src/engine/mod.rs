@@ -6,6 +6,7 @@
 //! before runs on.
 
 mod info;
+mod playback;
 mod running;
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
 use epigraph_scenes::Camera;
 
 pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo};
+pub use playback::{Playback, Playing, Sink, Way};
 
 /// Most frames a second: more than a screen shows would only take the cores from the tracer.
 pub const MAX_RATE: f32 = 60.0;
@@ -63,6 +65,9 @@ pub struct Options {
     pub paused: bool,
     /// The run's seed.
     pub seed: u32,
+    /// Whether times are measured. Where not, every step counts as a millisecond and rates as [`MAX_RATE`], so that a
+    /// picture of the window is the same in every run.
+    pub measured: bool,
 }
 
 impl Default for Options {
@@ -75,6 +80,7 @@ impl Default for Options {
             pacing: Pacing::default(),
             paused: false,
             seed: 0,
+            measured: true,
         }
     }
 }
@@ -96,6 +102,13 @@ pub enum Command {
     Samples(f32),
     /// Width and height of the frame, pixels.
     Size([u32; 2]),
+    /// Another scene, by its name or file. Where it cannot be read, the present one stays.
+    Scene(String),
+    /// Forget what is kept and run along a path, [`Pacing::Exact`] whatever is set; then wait. Where one is under way, it
+    /// is left.
+    Play(Playback),
+    /// Leave the path, and wait.
+    Stop,
     /// Where nodes run that do not say.
     Backend(Backend),
     /// When samples arrive.
@@ -123,6 +136,8 @@ pub struct State {
     pub phase: Phase,
     /// How many commands have been obeyed.
     pub commands: u64,
+    /// The scene's name or file, once it is loaded.
+    pub scene: String,
     /// The scene's own view, once it is loaded.
     pub home: Option<Camera>,
     /// Lowest and highest corner of the scene, metres.
@@ -137,6 +152,12 @@ pub struct State {
     pub frames: u32,
     /// Whether frames wait.
     pub paused: bool,
+    /// The path that the last frame is of, until the camera is moved or frames are counted anew.
+    pub playing: Option<Playing>,
+    /// What became of the last recording.
+    pub recorded: Option<Result<String, String>>,
+    /// The camera of the last frame.
+    pub camera: Option<Camera>,
     /// Milliseconds of each of the graph's steps in the last frame, in the order of [`GraphInfo::steps`].
     pub times: Vec<f32>,
     /// Milliseconds of the whole last frame.

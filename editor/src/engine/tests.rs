@@ -183,3 +183,108 @@ fn a_scene_that_does_not_exist_is_reported() {
     let state = wait(&engine, "the failure", |state| state.phase != Phase::Loading);
     assert!(matches!(&state.phase, Phase::Failed(why) if why.contains("cornell")), "{:?}", state.phase);
 }
+
+/// The outputs of a recording's frames, and whether it ended well.
+#[derive(Default)]
+struct Kept {
+    frames: Vec<(u32, Vec<u8>)>,
+    finished: bool,
+}
+
+impl Sink for Kept {
+    fn take(&mut self, index: u32, snapshots: &[Arc<Snapshot>]) -> Result<(), String> {
+        let image = snapshots.iter().find(|snapshot| snapshot.name == "image").unwrap();
+        self.frames.push((index, image.bytes.clone()));
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<String, String> {
+        self.finished = true;
+        Ok(format!("{} frames", self.frames.len()))
+    }
+}
+
+/// The frames of a path.
+fn play(engine: &Engine, way: Way, frames: u32) -> Vec<(u32, Vec<u8>)> {
+    let kept = Arc::new(Mutex::new(Kept::default()));
+    let playback = Playback { way, frames: Some(frames), sink: Some(kept.clone()) };
+    let commands = engine.state().commands;
+    engine.send(Command::Play(playback));
+    let state = wait(engine, "the path", |state| {
+        state.commands > commands && state.playing.as_ref().is_some_and(|playing| !playing.is_under_way())
+    });
+    assert_eq!(state.recorded, Some(Ok(format!("{frames} frames"))));
+    assert!(state.paused && kept.lock().unwrap().finished);
+    std::mem::take(&mut kept.lock().unwrap().frames)
+}
+
+#[test]
+fn a_path_plays_the_same_frames_each_time() {
+    let scene = epigraph_scenes::Scene::load("cornell").unwrap();
+    let orbit = Way::Named("orbit:3".into()).path(&scene).unwrap();
+    let keys: Vec<(f32, Camera)> = (0..9u8).map(|k| (f32::from(k) / 30.0, orbit.camera(k.into()))).collect();
+    let way = Way::Keys(epigraph_scenes::keyframes(&keys).into());
+
+    // Whatever was going on before, and though samples else come when they are traced.
+    let engine = Engine::start(Options { pacing: Pacing::Async, paused: false, ..options() }, || ());
+    engine.send(Command::Graph(graph("render-cache.ron")));
+    wait(&engine, "some frames", |state| state.frames > 5);
+    let first = play(&engine, way.clone(), 9);
+    assert_eq!(first.iter().map(|(index, _)| *index).collect::<Vec<_>>(), (0..9).collect::<Vec<_>>());
+    assert_eq!(engine.state().camera, Some(way.path(&scene).unwrap().camera(8)));
+    assert_ne!(first[7].1, first[8].1);
+    assert_eq!(first, play(&engine, way.clone(), 9));
+
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("keys.ron");
+    std::fs::write(&file, epigraph_scenes::keyframes(&keys)).unwrap();
+    assert_eq!(first, play(&engine, Way::Named(format!("fly:{}", file.display())), 9));
+}
+
+#[test]
+fn a_path_can_be_left_and_a_wrong_one_is_reported() {
+    let engine = Engine::start(options(), || ());
+    let kept = Arc::new(Mutex::new(Kept::default()));
+    let sink: Arc<Mutex<dyn Sink>> = kept.clone();
+    let endless = Playback { way: Way::Named("shake".into()), frames: None, sink: Some(sink) };
+    engine.send(Command::Graph(graph("render-cache.ron")));
+    engine.send(Command::Play(endless));
+    let state = wait(&engine, "two frames", |state| state.frames >= 2);
+    assert_eq!(state.playing.as_ref().unwrap().frames, Playback::ENDLESS);
+    engine.send(Command::Stop);
+    let state = wait(&engine, "the pause", |state| state.paused);
+    assert!(state.frames < Playback::ENDLESS && state.recorded.is_none());
+    wait(&engine, "the sink to be let go", |_| Arc::strong_count(&kept) == 1);
+    assert!(!kept.lock().unwrap().finished);
+
+    // Frames go on from where the path was left.
+    let view = engine.state().camera;
+    engine.send(Command::Step(1));
+    let next = wait(&engine, "a frame", |after| after.frames == state.frames + 1);
+    assert_eq!((next.camera, &next.playing), (view, &None));
+
+    engine.send(Command::Play(Playback { way: Way::Named("orbitt".into()), frames: None, sink: None }));
+    let state = wait(&engine, "the error", |state| state.trouble.is_some());
+    assert!(state.trouble.as_ref().unwrap().contains("did you mean `orbit`"));
+    assert!(state.paused && state.playing.is_none());
+}
+
+#[test]
+fn another_scene_takes_the_place_of_one_that_failed_or_ran() {
+    let engine = Engine::start(Options { scene: "cornel".into(), ..options() }, || ());
+    wait(&engine, "the failure", |state| matches!(state.phase, Phase::Failed(_)));
+    engine.send(Command::Graph(graph("render-cache.ron")));
+    engine.send(Command::Scene("cornell".into()));
+    engine.send(Command::Step(4));
+    let cornell = wait(&engine, "cornell", |state| state.frames == 4);
+    assert_eq!((&cornell.scene[..], &cornell.phase), ("cornell", &Phase::Ready));
+    engine.send(Command::Scene("chains".into()));
+    engine.send(Command::Step(4));
+    let chains = wait(&engine, "chains", |state| state.scene == "chains" && state.frames == 4);
+    assert_ne!(chains.home, cornell.home);
+    assert_ne!(image(&chains), image(&cornell));
+    engine.send(Command::Scene("no-such".into()));
+    let state = wait(&engine, "the error", |state| state.trouble.is_some());
+    assert_eq!((&state.scene[..], &state.phase), ("chains", &Phase::Ready));
+    assert!(engine.is_alive());
+}

@@ -3,7 +3,7 @@
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
-        Arc,
+        Arc, Mutex, PoisonError,
         mpsc::{Receiver, RecvTimeoutError, TryRecvError},
     },
     thread,
@@ -13,24 +13,49 @@ use std::{
 use epigraph_core::{
     AdapterChoice, Frame, Gpu, GraphFile, Host, MAX_SIDE, Problems, Registry, RunError, Settings, Side,
 };
-use epigraph_scenes::{AsyncTracer, Camera, Scene, Tracer, predict};
+use epigraph_scenes::{AsyncTracer, Camera, CameraPath, FRAMES_PER_SECOND, Scene, Tracer, predict};
 use epigraph_stages::{Pace, World, shared::world::PREDICTION_FRAMES};
 
 use super::{
-    Backend, Command, MAX_RATE, Options, Pacing, Phase, State,
+    Backend, Command, MAX_RATE, Options, Pacing, Phase, Playback, Playing, Sink, State,
     running::{Running, message},
 };
 
 /// Runs until the sender of the commands is gone.
 pub fn run(options: Options, registry: Registry, commands: &Receiver<Command>, publish: &dyn Fn(State)) {
-    let scene = catch_unwind(|| Scene::load(&options.scene).map_err(|error| error.to_string()));
-    let scene = scene.unwrap_or_else(|panic| {
-        Err(format!("reading the scene {} panicked: {}", options.scene, message(panic.as_ref())))
-    });
-    match scene {
-        Ok(scene) => Worker::new(options, registry, Arc::new(scene)).run(commands, publish),
-        Err(error) => publish(State { phase: Phase::Failed(error), ..State::default() }),
+    let mut options = options;
+    let mut early = Vec::new();
+    // Without a scene there is nothing to do but to wait for one.
+    let scene = loop {
+        match load(&options.scene) {
+            Ok(scene) => break scene,
+            Err(error) => publish(State { phase: Phase::Failed(error), ..State::default() }),
+        }
+        loop {
+            match commands.recv() {
+                Ok(Command::Scene(name)) => {
+                    options.scene = name;
+                    break;
+                }
+                Ok(command) => early.push(command),
+                Err(_) => return,
+            }
+        }
+        publish(State::default());
+    };
+    let mut worker = Worker::new(options, registry, scene);
+    for command in early {
+        worker.obey(command, publish);
     }
+    worker.run(commands, publish);
+}
+
+/// Reads a scene.
+fn load(name: &str) -> Result<Arc<Scene>, String> {
+    let read = || Scene::load(name).map(Arc::new).map_err(|error| error.to_string());
+    catch_unwind(read).unwrap_or_else(|panic| {
+        Err(format!("reading the scene {name} panicked: {}", message(panic.as_ref())))
+    })
 }
 
 /// Whether the memory of the running graph is still right.
@@ -61,6 +86,8 @@ struct Worker {
     camera: Camera,
     /// The camera of the last frame.
     shown: Option<Camera>,
+    /// The path under way.
+    path: Option<Path>,
     /// Frames to run though paused.
     owed: u32,
     index: u32,
@@ -71,18 +98,19 @@ struct Worker {
     state: State,
 }
 
+/// A playback under way.
+struct Path {
+    path: CameraPath,
+    frames: u32,
+    sink: Option<Arc<Mutex<dyn Sink>>>,
+}
+
 impl Worker {
     fn new(options: Options, registry: Registry, scene: Arc<Scene>) -> Self {
-        let (camera, bounds) = (scene.camera, scene.bounds);
+        let state = State { paused: options.paused, ..State::default() };
+        let camera = scene.camera;
         let tracer = Arc::new(Tracer::new(scene));
-        let state = State {
-            phase: Phase::Ready,
-            home: Some(camera),
-            bounds: bounds.map(Into::into),
-            paused: options.paused,
-            ..State::default()
-        };
-        Self {
+        let mut worker = Self {
             host: host(&tracer, options.pacing),
             options,
             registry,
@@ -98,15 +126,26 @@ impl Worker {
             shown: None,
             owed: 0,
             index: 0,
+            path: None,
             stopped: false,
             ends: Vec::new(),
             state,
-        }
+        };
+        worker.tell_scene();
+        worker
+    }
+
+    /// Says which scene it is.
+    fn tell_scene(&mut self) {
+        let scene = self.tracer.scene();
+        self.state.phase = Phase::Ready;
+        self.state.scene = self.options.scene.clone();
+        self.state.home = Some(scene.camera);
+        self.state.bounds = scene.bounds.map(Into::into);
     }
 
     fn run(mut self, commands: &Receiver<Command>, publish: &dyn Fn(State)) {
         publish(self.state.clone());
-        let interval = Duration::from_secs_f32(1.0 / MAX_RATE);
         let mut next = Instant::now();
         loop {
             let first = if self.has_work() {
@@ -124,7 +163,7 @@ impl Worker {
             let mut command = first;
             let mut obeyed = false;
             while let Some(given) = command {
-                self.obey(given);
+                self.obey(given, publish);
                 obeyed = true;
                 command = match commands.try_recv() {
                     Ok(command) => Some(command),
@@ -136,7 +175,7 @@ impl Worker {
                 self.build();
             }
             if self.has_work() && next <= Instant::now() {
-                next = Instant::now() + interval;
+                next = Instant::now() + self.interval();
                 self.frame();
                 publish(self.state.clone());
             } else if obeyed {
@@ -145,11 +184,21 @@ impl Worker {
         }
     }
 
+    /// From the beginning of a frame to that of the next, at least.
+    fn interval(&self) -> Duration {
+        let rate = match &self.path {
+            Some(Path { sink: Some(_), .. }) => return Duration::ZERO,
+            Some(_) => FRAMES_PER_SECOND,
+            None => MAX_RATE,
+        };
+        Duration::from_secs_f32(1.0 / rate)
+    }
+
     fn has_work(&self) -> bool {
         self.running.is_some() && !self.stopped && (!self.options.paused || self.owed > 0)
     }
 
-    fn obey(&mut self, command: Command) {
+    fn obey(&mut self, command: Command, publish: &dyn Fn(State)) {
         self.state.commands += 1;
         let rebuild = match command {
             Command::Graph(file) => {
@@ -157,20 +206,23 @@ impl Worker {
                 Rebuild::Keep
             }
             Command::Camera(camera) => {
+                self.leave_path();
+                self.state.playing = None;
                 self.camera = camera;
                 Rebuild::No
             }
             Command::Pause(paused) => {
-                self.options.paused = paused;
-                self.state.paused = paused;
-                self.owed = 0;
+                self.pause(paused);
                 Rebuild::No
             }
             Command::Step(frames) => {
                 self.owed += frames;
                 Rebuild::No
             }
-            Command::Reset => Rebuild::Afresh,
+            Command::Reset => {
+                self.leave_path();
+                Rebuild::Afresh
+            }
             Command::Samples(share) => {
                 self.options.samples = share.clamp(0.0, 1.0);
                 Rebuild::Keep
@@ -179,13 +231,22 @@ impl Worker {
                 self.options.size = size.map(|side| side.clamp(1, MAX_SIDE));
                 Rebuild::Keep
             }
+            Command::Scene(name) => self.change_scene(name, publish),
+            Command::Play(playback) => self.play(playback),
+            Command::Stop => {
+                self.leave_path();
+                self.pause(true);
+                Rebuild::No
+            }
             Command::Backend(backend) => {
                 self.options.backend = backend;
                 Rebuild::Keep
             }
             Command::Pacing(pacing) => {
                 self.options.pacing = pacing;
-                self.host = host(&self.tracer, pacing);
+                if self.path.is_none() {
+                    self.host = host(&self.tracer, pacing);
+                }
                 Rebuild::No
             }
             Command::Watch(watched) if watched == self.watched => Rebuild::No,
@@ -195,6 +256,55 @@ impl Worker {
             }
         };
         self.rebuild = self.rebuild.max(rebuild);
+    }
+
+    fn pause(&mut self, paused: bool) {
+        self.options.paused = paused;
+        self.state.paused = paused;
+        self.owed = 0;
+    }
+
+    fn change_scene(&mut self, name: String, publish: &dyn Fn(State)) -> Rebuild {
+        self.leave_path();
+        publish(State { phase: Phase::Loading, ..self.state.clone() });
+        match load(&name) {
+            Ok(scene) => {
+                self.camera = scene.camera;
+                self.tracer = Arc::new(Tracer::new(scene));
+                self.options.scene = name;
+                self.tell_scene();
+                Rebuild::Afresh
+            }
+            Err(error) => {
+                self.state.trouble = Some(error);
+                Rebuild::No
+            }
+        }
+    }
+
+    fn play(&mut self, Playback { way, frames, sink }: Playback) -> Rebuild {
+        self.leave_path();
+        let path = match way.path(self.tracer.scene()) {
+            Ok(path) => path,
+            Err(error) => {
+                self.state.trouble = Some(error.to_string());
+                return Rebuild::No;
+            }
+        };
+        let frames = frames.or(path.frames()).unwrap_or(Playback::ENDLESS);
+        self.state.recorded = None;
+        self.state.playing = Some(Playing { way, frame: 0, frames, recorded: sink.is_some() });
+        self.path = Some(Path { path, frames, sink });
+        self.pause(false);
+        Rebuild::Afresh
+    }
+
+    /// The camera stays where the path has led it.
+    fn leave_path(&mut self) {
+        if self.path.take().is_some() {
+            self.camera = self.shown.unwrap_or(self.camera);
+            self.host = host(&self.tracer, self.options.pacing);
+        }
     }
 
     /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
@@ -238,8 +348,12 @@ impl Worker {
             self.index = 0;
             self.shown = None;
             self.state.frames = 0;
+            if self.path.is_none() {
+                self.state.playing = None;
+            }
             // Samples of before the reset that are still under way belong to no frame.
-            self.host = host(&self.tracer, self.options.pacing);
+            let pacing = if self.path.is_some() { Pacing::Exact } else { self.options.pacing };
+            self.host = host(&self.tracer, pacing);
         }
         // One that never ran a frame has nothing yet that its successor could not take from the one before.
         let old = match (self.running.take(), self.before.take()) {
@@ -276,10 +390,15 @@ impl Worker {
         }
     }
 
-    fn frame(&mut self) {
-        let Some(running) = &mut self.running else { return };
-        let start = Instant::now();
-        let size = running.info.size;
+    /// The camera and what the stages get of this frame.
+    fn next_frame(&self, size: [u32; 2]) -> (Camera, Frame) {
+        let samples = samples(size, self.options.samples);
+        if let Some(Path { path, .. }) = &self.path {
+            return (
+                path.camera(self.index),
+                World::frame(path, self.index, size, samples, self.options.seed),
+            );
+        }
         let previous = self.shown.unwrap_or(self.camera);
         let frame = Frame {
             view: World::view(&self.camera, size),
@@ -288,9 +407,17 @@ impl Worker {
             size,
             index: self.index,
             seed: self.options.seed,
-            samples: samples(size, self.options.samples),
+            samples,
             ..Frame::default()
         };
+        (self.camera, frame)
+    }
+
+    fn frame(&mut self) {
+        let Some(running) = &self.running else { return };
+        let start = Instant::now();
+        let (camera, frame) = self.next_frame(running.info.size);
+        let Some(running) = &mut self.running else { return };
         let executor = &mut running.executor;
         let host = &self.host;
         let result = catch_unwind(AssertUnwindSafe(|| {
@@ -305,22 +432,61 @@ impl Worker {
             Ok(snapshots) => {
                 self.state.times.copy_from_slice(executor.times());
                 self.state.snapshots = snapshots;
-                self.succeeded(start, frame.samples);
+                self.succeeded(camera, frame.samples);
+                self.measure(start);
+                self.advance();
             }
             Err(error) => self.failed(&error),
         }
     }
 
-    fn succeeded(&mut self, start: Instant, samples: u32) {
+    fn succeeded(&mut self, camera: Camera, samples: u32) {
         self.before = None;
-        self.shown = Some(self.camera);
+        self.shown = Some(camera);
         self.index = self.index.wrapping_add(1);
         self.owed = self.owed.saturating_sub(1);
+        self.state.camera = self.shown;
+        if self.path.is_none() {
+            self.state.playing = None;
+        }
+        self.state.frames = self.index;
+        self.state.samples = samples;
+    }
+
+    /// Hands the frame to whoever records the path under way, and leaves the path at its end.
+    fn advance(&mut self) {
+        let Some(Path { frames, sink, .. }) = &self.path else { return };
+        let taken = sink.as_ref().map(|sink| {
+            // A sink that panicked has already stopped its playback.
+            let mut sink = sink.lock().unwrap_or_else(PoisonError::into_inner);
+            let taken = sink.take(self.index - 1, &self.state.snapshots);
+            taken.and_then(|()| if self.index == *frames { sink.finish().map(Some) } else { Ok(None) })
+        });
+        if let Some(playing) = &mut self.state.playing {
+            playing.frame = self.index;
+        }
+        let at_end = self.index == *frames;
+        match taken {
+            Some(Ok(Some(done))) => self.state.recorded = Some(Ok(done)),
+            Some(Err(error)) => self.state.recorded = Some(Err(error)),
+            Some(Ok(None)) | None if !at_end => return,
+            _ => {}
+        }
+        self.leave_path();
+        self.pause(true);
+    }
+
+    /// Notes how long the frame took that began at `start`.
+    fn measure(&mut self, start: Instant) {
+        if !self.options.measured {
+            self.state.times.fill(1.0);
+            self.state.frame_ms = self.state.times.len() as f32;
+            self.state.rate = MAX_RATE;
+            return;
+        }
         let now = Instant::now();
         self.ends.retain(|end| now - *end < Duration::from_secs(1));
         self.ends.push(now);
-        self.state.frames = self.index;
-        self.state.samples = samples;
         self.state.frame_ms = (now - start).as_secs_f32() * 1000.0;
         self.state.rate = self.ends.len() as f32;
     }
@@ -331,6 +497,7 @@ impl Worker {
             self.gpu = None;
         }
         self.owed = self.owed.saturating_sub(1);
+        self.leave_path();
         match self.before.take() {
             Some(before) => {
                 self.state.trouble =

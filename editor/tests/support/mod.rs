@@ -1,0 +1,135 @@
+//! A window without a screen on a graph of its own.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    thread,
+    time::{Duration, Instant},
+};
+
+use egui_kittest::{Harness, HarnessBuilder, kittest::Queryable};
+use epigraph_editor::{
+    app::App,
+    document::Document,
+    engine::{Backend, Command, Options, Pacing},
+};
+
+/// No test waits longer for what must come.
+pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Width and height of the window, points: the least that the editor is made for.
+pub const WINDOW: [f32; 2] = [1280.0, 720.0];
+
+/// A window on a shipped graph.
+pub struct Opened {
+    pub harness: Harness<'static, App>,
+    /// The graph's file.
+    pub path: PathBuf,
+    /// Where that is a copy: its folder.
+    _folder: Option<tempfile::TempDir>,
+}
+
+/// What pictures of the window need to be the same in every run: exact samples, no measured times, frames on demand.
+pub fn options(size: [u32; 2]) -> Options {
+    Options {
+        size,
+        samples: 0.25,
+        backend: Backend::Cpu,
+        pacing: Pacing::Exact,
+        paused: true,
+        measured: false,
+        ..Options::default()
+    }
+}
+
+impl Opened {
+    /// On a copy of a shipped graph, with frames of 64x48 pixels; nothing is drawn.
+    pub fn new(graph: &str) -> Self {
+        Self::with(graph, false, [64, 48])
+    }
+
+    /// On a copy of a shipped graph, with frames of `size` pixels; `render` gives it something to draw with.
+    pub fn with(graph: &str, render: bool, size: [u32; 2]) -> Self {
+        let (folder, path) = copy(graph);
+        let builder = Harness::builder().with_size(WINDOW);
+        let builder = if render { builder.wgpu() } else { builder };
+        Self::build(builder, path, Some(folder), options(size))
+    }
+
+    /// On the shipped graph itself, to be looked at: the same picture wherever the tests run.
+    pub fn shipped(graph: &str, builder: HarnessBuilder<App>, options: Options) -> Self {
+        Self::build(builder.wgpu(), Path::new("../graphs").join(graph), None, options)
+    }
+
+    fn build(
+        builder: HarnessBuilder<App>,
+        path: PathBuf,
+        folder: Option<tempfile::TempDir>,
+        options: Options,
+    ) -> Self {
+        let document = Document::open(&path).unwrap();
+        let harness = builder.build_eframe(|creation| App::new(creation, document, options));
+        Self { harness, path, _folder: folder }
+    }
+
+    pub fn app(&self) -> &App {
+        self.harness.state()
+    }
+
+    /// Shows frames of the window until something holds.
+    pub fn until(&mut self, what: &str, holds: impl Fn(&App) -> bool) {
+        let start = Instant::now();
+        loop {
+            self.harness.step();
+            if holds(self.harness.state()) {
+                // What the last step brought is laid out in the next.
+                return self.harness.run_steps(3);
+            }
+            assert!(
+                start.elapsed() < PATIENCE,
+                "waiting for {what}: {:?}",
+                self.app().session.state.problems
+            );
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Runs so many frames of the graph.
+    pub fn frames(&mut self, count: u32) {
+        let until = self.app().session.state.frames + count;
+        self.app().session.engine.send(Command::Step(count));
+        self.until("frames", move |app| app.session.state.frames >= until);
+    }
+
+    pub fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click();
+        self.harness.run_steps(3);
+    }
+
+    /// The text of the graph's own file.
+    pub fn text(&self) -> &str {
+        let document = &self.app().session.document;
+        document.text(document.path())
+    }
+
+    /// Draws the window into a picture beside the test programs, for people to look at; its bytes.
+    pub fn shot(&mut self, name: &str) -> Vec<u8> {
+        let image = self.harness.render().unwrap();
+        image.save(Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"))).unwrap();
+        image.into_raw()
+    }
+}
+
+/// A shipped graph with its parts in a folder of its own.
+fn copy(graph: &str) -> (tempfile::TempDir, PathBuf) {
+    let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("parts")).unwrap();
+    for part in fs::read_dir(graphs.join("parts")).unwrap() {
+        let part = part.unwrap().path();
+        fs::copy(&part, folder.path().join("parts").join(part.file_name().unwrap())).unwrap();
+    }
+    let path = folder.path().join(graph);
+    fs::copy(graphs.join(graph), &path).unwrap();
+    (folder, path)
+}
