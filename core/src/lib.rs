@@ -8,6 +8,7 @@ pub use serde;
 
 mod error;
 mod executor;
+mod explain;
 mod file;
 mod frame;
 mod graph;
@@ -23,6 +24,7 @@ mod wgsl;
 
 pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
 pub use executor::{AdapterChoice, Executor, Gpu, RunError, Snapshot};
+pub use explain::{Around, Capture, Cell, Finding, Mark, Role, Site};
 pub use file::*;
 pub use frame::{Facts, Frame, View};
 pub use graph::{Culled, Graph, MAX_LATENCY, MAX_SIDE, Node, PortRef, Settings};

@@ -9,6 +9,7 @@ use std::{
 };
 
 use crate::{
+    explain::{Finding, Site},
     file::Side,
     frame::{Facts, Frame},
     params::{ParamSpec, Params},
@@ -30,6 +31,12 @@ pub trait Stage: Sized + Send + Sync + 'static {
 
     /// The CPU twin: the same result as the shader on plain slices.
     fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String>;
+
+    /// What it did at a pixel, computed anew from what it read and wrote in a frame. None where it has nothing to tell, or
+    /// where what it would tell from was not captured.
+    fn explain(&self, _params: &Self::Params, _site: &Site) -> Option<Vec<Finding>> {
+        None
+    }
 
     /// Why the scene makes this stage needless, if it does. Its inputs are then passed through.
     fn needless(_params: &Self::Params, _facts: &Facts) -> Option<&'static str> {
@@ -350,6 +357,10 @@ pub trait AnyStage: Send + Sync {
     fn declaration(&self) -> &Declaration;
     /// Runs the CPU twin.
     fn run_cpu(&self, cx: &CpuContext) -> Result<(), String>;
+    /// What it did at a pixel; see [`Stage::explain`].
+    fn explain(&self, _site: &Site) -> Option<Vec<Finding>> {
+        None
+    }
     /// The words of its parameter uniform.
     fn words(&self) -> Vec<u32>;
     /// Its parameters, in the order of the words.
@@ -370,6 +381,9 @@ impl<S: Stage> AnyStage for Bound<S> {
     }
     fn run_cpu(&self, cx: &CpuContext) -> Result<(), String> {
         self.stage.cpu(&self.params, cx)
+    }
+    fn explain(&self, site: &Site) -> Option<Vec<Finding>> {
+        self.stage.explain(&self.params, site)
     }
     fn words(&self) -> Vec<u32> {
         self.params.words()

@@ -1,9 +1,12 @@
 //! Makes points older, and takes the oldest away.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, shader};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, shader};
 use rayon::prelude::*;
 
 use crate::shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN};
+
+#[path = "explain/age.rs"]
+mod explain;
 
 /// The age in 8.8 fixed point that a point reaches on average when it is replaced.
 const AGE_WHEN_REPLACED: f32 = 128.0 * AGE_ONE as f32;
@@ -105,6 +108,10 @@ impl Stage for Age {
         histogram.copy_from_slice(&counts);
         Ok(())
     }
+
+    fn explain(&self, params: &AgeParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
+    }
 }
 
 /// The moving average after one more frame; it starts with the first samples.
@@ -114,7 +121,7 @@ fn averaged(rate: f32, arrived: f32) -> f32 {
 
 /// What points age in a frame, 8.8 fixed point: with `rate` of `capacity` points replaced in a frame, oldest first, a
 /// point lives capacity / rate frames.
-fn increment(rate: f32, capacity: u32) -> u32 {
+pub(crate) fn increment(rate: f32, capacity: u32) -> u32 {
     (AGE_WHEN_REPLACED * rate / capacity as f32).round_ties_even().min(AGE as f32) as u32
 }
 

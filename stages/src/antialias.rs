@@ -6,12 +6,15 @@
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader, texel};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::{
     CLASS, Chord, DIRECTIONS, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, ends, primary_area,
 };
+
+#[path = "explain/antialias.rs"]
+mod explain;
 
 /// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary are one.
 const SECONDARY_TO_PRIMARY: u32 = 4;
@@ -81,30 +84,22 @@ impl Stage for Antialias {
         });
         Ok(())
     }
+
+    fn explain(&self, params: &AntialiasParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
+    }
 }
 
 /// The colour of a simple pixel, from that of its primary region and from its neighbours'.
 fn blend(rule: Neighbour, cls: u32, n8: u32, own: [f32; 4], neighbours: [Option<&[f32; 4]>; 8]) -> [f32; 4] {
-    let [p, q] = ends(cls);
-    let normal = Chord::new(p, q).normal;
-    let towards_secondary = if cls & PRIMARY_IS_A != 0 { normal.map(|n| -n) } else { normal };
+    let weights = weights(rule, cls, n8, neighbours.map(|neighbour| neighbour.is_some()));
     let (mut beyond, mut total) = ([0.0; 3], 0.0);
-    for (d, neighbour) in neighbours.into_iter().enumerate() {
-        let square = squareness(towards_secondary, d);
+    for (neighbour, weight) in neighbours.into_iter().zip(weights) {
         if let Some([r, g, b, _]) = neighbour
-            && n8 >> (4 * d) & SECONDARY_TO_PRIMARY != 0
-            && square > 0.0
+            && weight > 0.0
         {
-            match rule {
-                Neighbour::Best if square > total => {
-                    (beyond, total) = ([r * square, g * square, b * square], square)
-                }
-                Neighbour::Average => {
-                    beyond = [beyond[0] + r * square, beyond[1] + g * square, beyond[2] + b * square];
-                    total += square;
-                }
-                _ => {}
-            }
+            beyond = [beyond[0] + r * weight, beyond[1] + g * weight, beyond[2] + b * weight];
+            total += weight;
         }
     }
     if total == 0.0 {
@@ -113,6 +108,26 @@ fn blend(rule: Neighbour, cls: u32, n8: u32, own: [f32; 4], neighbours: [Option<
     let share = primary_area(cls) as f32 / PIXEL_AREA as f32;
     let mix = |channel: usize| own[channel] * share + beyond[channel] / total * (1.0 - share);
     [mix(0), mix(1), mix(2), own[3]]
+}
+
+/// What each neighbour contributes to the colour of a simple pixel's secondary region; 0 for those that lend nothing.
+fn weights(rule: Neighbour, cls: u32, n8: u32, exists: [bool; 8]) -> [f32; 8] {
+    let [p, q] = ends(cls);
+    let normal = Chord::new(p, q).normal;
+    let towards_secondary = if cls & PRIMARY_IS_A != 0 { normal.map(|n| -n) } else { normal };
+    let (mut weights, mut best) = ([0.0; 8], 0.0);
+    for d in (0..8).filter(|&d| exists[d] && n8 >> (4 * d) & SECONDARY_TO_PRIMARY != 0) {
+        let square = squareness(towards_secondary, d);
+        match rule {
+            Neighbour::Best if square > best => {
+                (weights, best) = ([0.0; 8], square);
+                weights[d] = square;
+            }
+            Neighbour::Average if square > 0.0 => weights[d] = square,
+            _ => {}
+        }
+    }
+    weights
 }
 
 /// How squarely across an edge the neighbour in direction `d` lies: the length of the edge's normal along it.

@@ -12,7 +12,7 @@
 //! `aim` is the middle of the cell of the primary region that lies farthest from the chord. As each cell reaches equally
 //! far, that one is unambiguous if any cell of the region is.
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
 use rayon::prelude::*;
 
 use crate::shared::{
@@ -22,6 +22,9 @@ use crate::shared::{
     },
     requests::{AIM_CENTER, NO_POINT},
 };
+
+#[path = "explain/classify.rs"]
+mod explain;
 
 choice! {
     /// What becomes of a sample whose cell touches the chord.
@@ -123,6 +126,10 @@ impl Stage for Classify {
             }
         });
         Ok(())
+    }
+
+    fn explain(&self, params: &ClassifyParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

@@ -15,7 +15,7 @@
 
 use std::ops::Range;
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
 use rayon::prelude::*;
 
 use crate::{
@@ -25,6 +25,9 @@ use crate::{
         requests::NO_POINT,
     },
 };
+
+#[path = "explain/depth_cull.rs"]
+mod explain;
 
 /// Pixels of a row whose means are made together.
 const BLOCK: usize = 64;
@@ -121,6 +124,10 @@ impl Stage for DepthCull {
         }
         Ok(())
     }
+
+    fn explain(&self, params: &DepthCullParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
+    }
 }
 
 /// Bits of distances.
@@ -182,6 +189,17 @@ impl Image<'_> {
         }
     }
 
+    /// The mean of the values of the 3x3 pixels around one; none where all are empty.
+    fn mean_at(&self, [x, y]: [u32; 2], value: impl Fn(f32) -> f32) -> Option<f32> {
+        let mut found = None;
+        self.means(y as usize, value, |column, mean| {
+            if column == x as usize {
+                found = mean;
+            }
+        });
+        found
+    }
+
     /// The depths that the majority rule leaves.
     fn vote(&self, scale: f32, kept: &mut [u32]) {
         kept.par_chunks_mut(self.width * BAND).enumerate().for_each(|(band, kept)| {
@@ -230,6 +248,13 @@ impl Image<'_> {
 
     /// Whether at least half of the other points of the 5x5 pixels are clearly nearer, and there are any.
     fn is_outvoted(&self, x: usize, y: usize, scale: f32) -> bool {
+        let [voters, nearer] = self.ballot(x, y, scale);
+        voters > 0 && 2 * nearer >= voters
+    }
+
+    /// How many other points the 5x5 pixels show, and how many of them are clearly nearer.
+    #[inline(always)]
+    fn ballot(&self, x: usize, y: usize, scale: f32) -> [i32; 2] {
         let z = f32::from_bits(self.depth[y * self.width + x]);
         // The point itself is no voter, and never nearer than itself.
         let (mut voters, mut nearer) = (-1, 0);
@@ -239,7 +264,7 @@ impl Image<'_> {
                 nearer += i32::from(f32::from_bits(*depth) * scale < z);
             }
         }
-        voters > 0 && 2 * nearer >= voters
+        [voters, nearer]
     }
 }
 

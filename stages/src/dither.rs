@@ -18,13 +18,18 @@
 
 use std::ops::Range;
 
-use epigraph_core::{CpuContext, Dims, Extent, Frame, In, Io, Out, Stage, Threads, choice, params, shader};
+use epigraph_core::{
+    CpuContext, Dims, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, choice, params, shader,
+};
 use rayon::prelude::*;
 
 use crate::{
     predict::CELL,
     shared::requests::{AIM_CENTER, NO_POINT, Request, VIEW_NOW, VIEW_PREDICTED},
 };
+
+#[path = "explain/dither.rs"]
+mod explain;
 
 /// Pixels on each side of a tile.
 const TILE: u32 = 16;
@@ -223,6 +228,10 @@ impl Stage for Dither {
             }
         }
         Ok(())
+    }
+
+    fn explain(&self, params: &DitherParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params.kind, site)
     }
 }
 

@@ -39,12 +39,16 @@ use std::{
 };
 
 use epigraph_core::{
-    CpuContext, Extent, In, Io, Out, Pass, Stage, Threads, View, choice, item, params, shader, texel,
+    CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, Threads, View, choice, item, params, shader,
+    texel,
 };
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::shared::segments::{Segment, penumbra_width};
+
+#[path = "explain/edge_raster.rs"]
+mod explain;
 
 /// Units of the fixed point in a pixel.
 const PIXEL: i32 = 256;
@@ -290,6 +294,10 @@ impl Stage for EdgeRaster {
             mask.par_iter_mut().for_each(|mask| *mask = merged(*mask));
         }
         Ok(())
+    }
+
+    fn explain(&self, params: &EdgeRasterParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

@@ -5,10 +5,15 @@
 //! where none does, the plain mean of the 7x7; where that is empty too, last frame's colour or black. Linear radiance
 //! is averaged, which measured better than tone-mapped.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, choice, params, shader, texel};
+use epigraph_core::{
+    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel,
+};
 use rayon::prelude::*;
 
 use crate::shared::cloud::{AGE, AGE_ONE, decode_radiance};
+
+#[path = "explain/fill.rs"]
+mod explain;
 
 /// Sum of the weights of the 3x3 pixels.
 const WEIGHTS_SUM: u32 = 16;
@@ -131,6 +136,10 @@ impl Stage for Fill {
             }
         });
         Ok(())
+    }
+
+    fn explain(&self, params: &FillParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

@@ -1,8 +1,11 @@
 //! Tells points where they are seen.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
 
 use crate::shared::cloud::NOT_DRAWN;
+
+#[path = "explain/image_id.rs"]
+mod explain;
 
 /// Pixels that the papers' texel can tell apart (`algorithms.md` section 4).
 const TEXEL_PIXELS: usize = 0x7F_FFFF;
@@ -64,6 +67,10 @@ impl Stage for ImageId {
             }
         }
         Ok(())
+    }
+
+    fn explain(&self, _: &ImageIdParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, site)
     }
 }
 

@@ -2,13 +2,16 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, shader};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, shader};
 use rayon::prelude::*;
 
 use crate::shared::{
     cloud::{CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
     requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
 };
+
+#[path = "explain/integrate.rs"]
+mod explain;
 
 /// Points seen at most this many pixels from a changed one are flagged, on each axis: a square of 7 x 7.
 const REACH: u32 = 3;
@@ -120,6 +123,10 @@ impl Stage for Integrate {
             },
         );
         Ok(())
+    }
+
+    fn explain(&self, params: &IntegrateParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

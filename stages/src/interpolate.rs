@@ -12,7 +12,9 @@
 //! Alpha is the sum of the weights, as a share of what it would be with a sample in the centre of each of the 25 pixels.
 //! Where it is 0 nothing could be reached, the colour is black, and `spread` has to find one.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, choice, params, shader, texel};
+use epigraph_core::{
+    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel,
+};
 use rayon::prelude::*;
 
 pub use crate::fill::Priority;
@@ -21,6 +23,9 @@ use crate::shared::{
     edge_pixel::{CLASS, COMPLEX},
     requests::NO_POINT,
 };
+
+#[path = "explain/interpolate.rs"]
+mod explain;
 
 /// Pixels to each side of the centre.
 const REACH: usize = 2;
@@ -162,6 +167,10 @@ impl Stage for Interpolate {
             }
         });
         Ok(())
+    }
+
+    fn explain(&self, params: &InterpolateParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

@@ -3,13 +3,16 @@
 
 use std::sync::Mutex;
 
-use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage, shader};
+use epigraph_core::{Access, CpuContext, Extent, Facts, Finding, In, Io, Out, Site, Stage, shader};
 use rayon::prelude::*;
 
 use crate::shared::{
     cloud::LIVE,
     view::{SEVERAL, Several},
 };
+
+#[path = "explain/predict.rs"]
+mod explain;
 
 /// Pixels on each side of a cell of `occupancy`.
 pub const CELL: u32 = 4;
@@ -81,6 +84,10 @@ impl Stage for Predict {
 
     fn needless(_: &(), facts: &Facts) -> Option<&'static str> {
         (!facts.camera_moves).then_some("the camera does not move")
+    }
+
+    fn explain(&self, (): &(), site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, site)
     }
 }
 

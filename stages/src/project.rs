@@ -7,7 +7,9 @@
 //! points with the depth test; its depth buffer holds z / far, so of two points whose z differ by a rounding of that
 //! quotient (a relative 1e-7) the lower id wins instead of the nearer point.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Pass, Stage, choice, params, shader, texel};
+use epigraph_core::{
+    Access, CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, choice, params, shader, texel,
+};
 use rayon::prelude::*;
 
 use crate::shared::{
@@ -15,6 +17,9 @@ use crate::shared::{
     requests::NO_POINT,
     view::{SEVERAL, Several},
 };
+
+#[path = "explain/project.rs"]
+mod explain;
 
 /// The `depth` of a pixel that shows no point: the bits of infinity.
 pub const EMPTY_DEPTH: u32 = f32::INFINITY.to_bits();
@@ -150,6 +155,10 @@ impl Stage for Project {
             band.claim(projected, cells);
         });
         Ok(())
+    }
+
+    fn explain(&self, params: &ProjectParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

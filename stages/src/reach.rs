@@ -7,10 +7,13 @@
 //! A complex pixel joins nothing, and neither does what lies outside the image. Both sides work on tiles, and skip those
 //! where all pixels are empty, as 85 to 95% of an image's are: every path is open there.
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, joined, transpose};
+
+#[path = "explain/reach.rs"]
+mod explain;
 
 /// N8 of a pixel whose 3x3 pixels are all empty: the primary regions are joined.
 const ALL_NEIGHBOURS: u32 = 0x1111_1111;
@@ -122,6 +125,10 @@ impl Stage for Reach {
         });
         Ok(())
     }
+
+    fn explain(&self, _: &ReachParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, site)
+    }
 }
 
 /// A word for each pixel of a tile and of those around it, row by row.
@@ -204,7 +211,7 @@ fn neighbours(pairs: &Span) -> Span {
 }
 
 /// The bit of R24 for an offset.
-fn bit_of([x, y]: [i32; 2]) -> u32 {
+pub(crate) fn bit_of([x, y]: [i32; 2]) -> u32 {
     let raw = (y + 2) * 5 + x + 2;
     1 << (raw - i32::from(raw > 12))
 }

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, params, shader};
 use rayon::prelude::*;
 
 use crate::{
@@ -18,6 +18,9 @@ use crate::{
         requests::NO_POINT,
     },
 };
+
+#[path = "explain/reach_cull.rs"]
+mod explain;
 
 params! {
     /// Parameters of [`ReachCull`].
@@ -102,6 +105,10 @@ impl Stage for ReachCull {
         });
         Ok(())
     }
+
+    fn explain(&self, params: &ReachCullParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
+    }
 }
 
 /// Whether a pass writes `id`: every other one, and the last.
@@ -141,6 +148,13 @@ impl Samples<'_> {
 
     /// Whether at least half of the samples in reach are clearly nearer.
     fn is_behind(&self, x: usize, y: usize) -> bool {
+        let [count, nearer] = self.ballot(x, y);
+        count > 0 && 2 * nearer >= count
+    }
+
+    /// How many samples are in reach, and how many of them are clearly nearer.
+    #[inline(always)]
+    fn ballot(&self, x: usize, y: usize) -> [u32; 2] {
         let p = y * self.width + x;
         let z = f32::from_bits(self.depth[p]);
         let (mut count, mut nearer) = (0, 0);
@@ -158,7 +172,7 @@ impl Samples<'_> {
                 nearer += u32::from(is_there && f32::from_bits(self.depth[q]) * self.scale < z);
             }
         }
-        count > 0 && 2 * nearer >= count
+        [count, nearer]
     }
 }
 

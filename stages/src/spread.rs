@@ -10,10 +10,15 @@
 //! the mean of the smallest square around it that holds colours: 3, 5, 9 or 17 pixels wide, then aligned blocks of 16,
 //! 32, 64 and so on. It is the cheap relative of push-pull, without smoothing: nothing but specks needs it.
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, Threads, choice, params, shader, texel};
+use epigraph_core::{
+    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, shader, texel,
+};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::DIRECTIONS;
+
+#[path = "explain/spread.rs"]
+mod explain;
 
 /// Pixels on each side of a tile, the finest of the aligned blocks.
 const TILE: usize = 16;
@@ -156,6 +161,10 @@ impl Stage for Spread {
             }
         }
         Ok(())
+    }
+
+    fn explain(&self, params: &SpreadParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

@@ -1,7 +1,10 @@
 //! The last step: linear radiance to the bytes that a screen shows.
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, choice, params, shader, texel};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel};
 use rayon::prelude::*;
+
+#[path = "explain/tonemap.rs"]
+mod explain;
 
 /// What shows a NaN: loud, so that it is found.
 const MAGENTA: [u8; 3] = [255, 0, 255];
@@ -58,6 +61,10 @@ impl Stage for Tonemap {
             }
         });
         Ok(())
+    }
+
+    fn explain(&self, params: &TonemapParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, params, site)
     }
 }
 

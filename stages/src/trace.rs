@@ -1,12 +1,15 @@
 //! Traces the requests of a frame.
 
-use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage};
 use epigraph_scenes::{Mode, TraceSettings};
 
 use crate::{
     World,
     shared::requests::{Request, Sample},
 };
+
+#[path = "explain/trace.rs"]
+mod explain;
 
 epigraph_core::choice! {
     /// Which light samples carry.
@@ -70,5 +73,9 @@ impl Stage for Trace {
             &mut cx.write(self.samples),
         );
         Ok(())
+    }
+
+    fn explain(&self, _: &TraceParams, site: &Site) -> Option<Vec<Finding>> {
+        explain::at(self, site)
     }
 }

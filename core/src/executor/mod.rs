@@ -89,6 +89,7 @@ struct TapState {
     storage: usize,
     snapshot: Snapshot,
     taken: bool,
+    wanted: bool,
     ring: Option<Readback>,
 }
 
@@ -162,6 +163,11 @@ impl Executor {
             frame: 0,
             profile: true,
         })
+    }
+
+    /// The graph that runs.
+    pub fn graph(&self) -> &Graph {
+        &self.graph
     }
 
     /// The plan that runs.
@@ -345,6 +351,9 @@ impl Executor {
         let storage = self.plan.taps[tap].fields[field].1;
         let state = self.taps.iter_mut().find(|state| state.tap == tap && state.storage == storage);
         let state = state.expect("made for every tapped field");
+        if !state.wanted {
+            return;
+        }
         state.snapshot.frame = self.frame;
         match &mut state.ring {
             None => {
@@ -361,9 +370,17 @@ impl Executor {
         }
     }
 
-    /// The tapped ports as of the last captured frame; waits for those still under way.
-    pub fn snapshots(&mut self) -> Result<Vec<&Snapshot>, RunError> {
+    /// Captures only those taps and outputs from now on for whose names `wanted` holds. A tap that is not wanted costs its
+    /// memory and no time.
+    pub fn want(&mut self, wanted: impl Fn(&str) -> bool) {
         for state in &mut self.taps {
+            state.wanted = wanted(&state.snapshot.name);
+        }
+    }
+
+    /// The wanted taps as of the last captured frame; waits for those still under way.
+    pub fn snapshots(&mut self) -> Result<Vec<&Snapshot>, RunError> {
+        for state in self.taps.iter_mut().filter(|state| state.wanted) {
             if let (Some(ring), Some(gpu), false) = (&mut state.ring, &self.gpu, state.taken) {
                 let layout = Layout::new(&state.snapshot.element, state.snapshot.dims);
                 let bytes = &mut state.snapshot.bytes;
@@ -371,7 +388,7 @@ impl Executor {
                 state.taken = true;
             }
         }
-        Ok(self.taps.iter().map(|state| &state.snapshot).collect())
+        Ok(self.taps.iter().filter(|state| state.wanted).map(|state| &state.snapshot).collect())
     }
 
     /// The captured field of a tap or output.
@@ -482,6 +499,7 @@ fn tap_states(plan: &Plan, gpu: Option<&GpuSide>) -> Vec<TapState> {
                     bytes: vec![0; stored.bytes() as usize],
                 },
                 taken: true,
+                wanted: true,
                 ring: on_gpu.map(|gpu| Readback::new(&gpu.gpu.device, layout.staged_bytes(), 2)),
             });
         }

@@ -44,6 +44,14 @@ pub fn ring(left: u32, top: u32, right: u32, bottom: u32) -> u32 {
     top | (right << 8) | (reversed(bottom) << 16) | (reversed(left) << 24)
 }
 
+/// The perimeter of a pixel of an image `width` pixels wide, from the crossings with the left (bits 0 to 7) and top (8 to
+/// 15) side of every pixel, one column and row more than there are pixels.
+pub fn ring_at(mask: &[u32], [x, y]: [u32; 2], width: usize) -> u32 {
+    let own = y as usize * (width + 1) + x as usize;
+    let [right, below] = [mask[own + 1], mask[own + width + 1]];
+    ring(mask[own] & 0xFF, mask[own] >> 8 & 0xFF, right & 0xFF, below >> 8 & 0xFF)
+}
+
 /// The class of a pixel with this perimeter.
 pub fn class_of(ring: u32) -> u32 {
     match ring.count_ones() {

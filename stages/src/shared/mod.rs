@@ -4,8 +4,10 @@ pub mod cloud;
 pub mod edge_pixel;
 pub mod nearer;
 pub mod requests;
+pub mod sample;
 pub mod segments;
 #[cfg(test)]
 pub mod testing;
 pub mod view;
+pub mod words;
 pub mod world;

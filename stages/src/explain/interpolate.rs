@@ -1,0 +1,98 @@
+//! Which samples a pixel's colour is made of, and why a new one is worth what it is.
+
+use epigraph_core::{Cell, Finding, Role, Site};
+
+use super::{Interpolate, InterpolateParams, Priority, REACH, SPAN, Weights, taps};
+use crate::shared::{
+    cloud::{AGE, AGE_ONE, decode_radiance},
+    edge_pixel::{CLASS, COMPLEX},
+    requests::NO_POINT,
+    words::{count, percent},
+};
+
+pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -> Option<Vec<Finding>> {
+    let at = site.at();
+    let [_, _, _, share] = site.wrote(stage.color)?[at];
+    let (id, subpixel) = (site.read(stage.id)?, site.read(stage.subpixel)?);
+    let (cls, r24) = (site.read(stage.cls)?[at], site.read(stage.r24)?[at]);
+    let radiance = site.read(stage.radiance)?;
+    let weights = Weights::new(params);
+    let taps = taps(cls, r24);
+
+    // Weight and colour of the sample at an offset, whether or not it counts.
+    let sample = |[dx, dy]: [i32; 2]| {
+        let other = site.beside([dx, dy]).filter(|other| id[*other] != NO_POINT)?;
+        let cell = subpixel[other];
+        let along = |cell: u32, offset: i32| {
+            weights.axis[(cell & weights.mask) as usize][(offset + REACH as i32) as usize]
+        };
+        let weight = along(cell, dx) * along(cell >> weights.shift, dy);
+        Some((weight, decode_radiance(*radiance.get(id[other] as usize)?)))
+    };
+    let counts = |[dx, dy]: [i32; 2]| {
+        let tap = (dy + REACH as i32) * SPAN as i32 + dx + REACH as i32;
+        taps >> tap & 1 != 0
+    };
+    let reach = REACH as i32;
+    let offsets = || (-reach..=reach).flat_map(move |dy| (-reach..=reach).map(move |dx| [dx, dy]));
+    let (mut total, mut used, mut apart) = (0.0, 0, 0);
+    for offset in offsets() {
+        match sample(offset) {
+            Some((weight, _)) if counts(offset) => (total, used) = (total + weight, used + 1),
+            Some(_) => apart += 1,
+            None => {}
+        }
+    }
+
+    let mut findings = vec![Finding::color("colour", &site.wrote(stage.color)?[at])];
+    let priority = site.wrote(stage.priority)?[at];
+    findings.push(Finding::value("weight found", format!("{} of the kernel's", percent(share))));
+    findings.push(Finding::value("priority", format!("{priority} of 255")));
+    let cell = |offset| match sample(offset) {
+        None => Cell::default(),
+        Some((weight, linear)) if counts(offset) => {
+            Cell { role: Role::Counts, linear: Some(linear), text: percent(weight / total) }
+        }
+        Some((_, linear)) => Cell { role: Role::Apart, linear: Some(linear), text: String::new() },
+    };
+    findings.push(site.around("Samples by weight; crossed out: not within reach", reach, cell));
+    let apart = match apart {
+        0 => String::new(),
+        apart => format!(" {} around cannot be reached.", count(apart, "sample")),
+    };
+    findings.push(Finding::Why(match used {
+        0 => format!("No sample within reach: the pixel is a hole.{apart}"),
+        _ if cls & CLASS == COMPLEX => {
+            format!("Complex: the mean of all {} around, as its regions are unknown.", count(used, "sample"))
+        }
+        _ => format!("The weighted mean of {}.{apart}", count(used, "sample")),
+    }));
+    let age = match id[at] {
+        NO_POINT => None,
+        point => Some(site.read(stage.meta)?.get(point as usize)? & AGE),
+    };
+    findings.push(Finding::Why(why_priority(params.priority, age, share)));
+    Some(findings)
+}
+
+/// How the priority comes about. The age is that of the pixel's own point, in 8.8 fixed point.
+fn why_priority(rule: Priority, age: Option<u32>, share: f32) -> String {
+    let missing = percent(1.0 - share);
+    match (rule, age) {
+        (Priority::Measured, Some(age)) => {
+            format!(
+                "It has a sample of age {:.1}: the priority is half that age.",
+                age as f32 / AGE_ONE as f32
+            )
+        }
+        (Priority::Classic, Some(age)) => {
+            format!("It has a sample of age {:.1}: that is the priority.", age as f32 / AGE_ONE as f32)
+        }
+        (Priority::Measured, None) => format!(
+            "It has no sample of its own, and {missing} of the weight is missing: the priority is 255 times the sixth power of that."
+        ),
+        (Priority::Classic, None) => format!(
+            "It has no sample of its own, and {missing} of the weight is missing: the priority is 255 times that."
+        ),
+    }
+}

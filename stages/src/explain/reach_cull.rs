@@ -1,0 +1,65 @@
+//! Why a sample was culled or stays, judged by those that it can be mixed with.
+
+use epigraph_core::{Cell, Finding, Role, Site};
+
+use super::{ReachCull, ReachCullParams, Samples};
+use crate::shared::{
+    requests::NO_POINT,
+    words::{metres, point},
+};
+
+pub(super) fn at(stage: &ReachCull, params: &ReachCullParams, site: &Site) -> Option<Vec<Finding>> {
+    let at = site.at();
+    let (kept, depth, r24) = (site.read(stage.kept)?, site.read(stage.depth)?, site.read(stage.r24)?);
+    let id = site.wrote(stage.id)?[at];
+    let mut findings = vec![Finding::value("point", point(id))];
+    if kept[at] == NO_POINT {
+        findings.push(Finding::Why("No sample that counts is left to judge.".into()));
+        return Some(findings);
+    }
+    // Each pass judges by what the one before has left, so they are run again up to the one that decides.
+    let [width, height] = site.size();
+    let scale = 1.0 + params.threshold;
+    let mut left = kept.to_vec();
+    let mut pass = 0;
+    while pass + 1 < params.passes {
+        let mut next = vec![NO_POINT; left.len()];
+        Samples { id: &left, depth: &depth, r24: &r24, width, height, scale }.cull(0, &mut next);
+        if next[at] == NO_POINT {
+            break;
+        }
+        left = next;
+        pass += 1;
+    }
+    let samples = Samples { id: &left, depth: &depth, r24: &r24, width, height, scale };
+    let [x, y] = site.pixel.map(|along| along as usize);
+    let [voters, nearer] = samples.ballot(x, y);
+    let z = f32::from_bits(depth[at]);
+    let limit = format!("clearly nearer than its {}: below {}", metres(z), metres(z / scale));
+    findings.push(Finding::Why(match (id == NO_POINT, voters) {
+        (true, _) => format!(
+            "Culled in pass {}: {nearer} of the {voters} samples within reach are {limit}. Half is enough.",
+            pass + 1
+        ),
+        _ if params.passes == 0 => "Stays: nothing is judged with passes: 0.".into(),
+        (false, 0) => "Stays: there is no other sample within reach.".into(),
+        (false, _) => {
+            format!("Stays: {nearer} of the {voters} samples within reach are {limit}. Half would cull it.")
+        }
+    }));
+    let cell = |offset: [i32; 2]| {
+        let Some(other) = site.beside(offset).filter(|other| left[*other] != NO_POINT) else {
+            return Cell::default();
+        };
+        let z_other = f32::from_bits(depth[other]);
+        let role = match offset {
+            [0, 0] => Role::Counts,
+            _ if r24[at] & crate::reach::bit_of(offset) == 0 => Role::Apart,
+            _ if z_other * scale < z => Role::Against,
+            _ => Role::Counts,
+        };
+        Cell { role, text: metres(z_other), linear: None }
+    };
+    findings.push(site.around("Samples around; red: clearly nearer, grey: not within reach", 2, cell));
+    Some(findings)
+}

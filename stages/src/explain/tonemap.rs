@@ -1,0 +1,19 @@
+//! The bytes that a pixel shows.
+
+use epigraph_core::{Finding, Site};
+
+use super::{Tonemap, TonemapParams};
+
+pub(super) fn at(stage: &Tonemap, params: &TonemapParams, site: &Site) -> Option<Vec<Finding>> {
+    let [r, g, b, _] = site.wrote(stage.image)?[site.at()];
+    let linear = site.read(stage.color)?[site.at()];
+    let gain = params.exposure.exp2();
+    let mut findings = vec![Finding::value("sRGB", format!("{r}, {g}, {b}"))];
+    let brightest = linear[..3].iter().fold(0f32, |most, channel| most.max(channel * gain));
+    if linear[..3].iter().any(|channel| channel.is_nan()) {
+        findings.push(Finding::Why("Its radiance is no number (NaN), which shows as magenta.".into()));
+    } else if brightest > 1.0 && [r, g, b].contains(&255) {
+        findings.push(Finding::Why(format!("Brighter than the screen shows: {brightest:.2} of 1, cut off.")));
+    }
+    Some(findings)
+}

@@ -1,0 +1,26 @@
+//! The sample that was traced for the pixel, if there was one.
+
+use epigraph_core::{Finding, Site};
+
+use super::Trace;
+use crate::shared::{
+    requests::{HIT_NONE, HIT_SURFACE, VIEW_PREDICTED},
+    words::place,
+};
+
+pub(super) fn at(stage: &Trace, site: &Site) -> Option<Vec<Finding>> {
+    let samples = site.wrote(stage.samples)?;
+    let mut findings = Vec::new();
+    for sample in samples.iter().filter(|sample| sample.hit != HIT_NONE && sample.pixel as usize == site.at())
+    {
+        let view = if sample.view == VIEW_PREDICTED { ", of the predicted view" } else { "" };
+        let what = match sample.hit {
+            HIT_SURFACE => format!("triangle {} at {}{view}", sample.face, place(sample.position)),
+            _ => format!("nothing in direction {}{view}", place(sample.position)),
+        };
+        findings.push(Finding::value("the ray met", what));
+        findings.push(Finding::color("radiance", &sample.radiance));
+        findings.push(Finding::Why("It comes into the cloud in the next frame.".into()));
+    }
+    (!findings.is_empty()).then_some(findings)
+}
