@@ -573,9 +573,27 @@ fn nodes_are_added_renamed_and_removed() {
 }
 
 #[test]
+fn a_copy_is_written_like_its_node() {
+    let text = "(version: 1, nodes: {\n  \"a\": (\n    kind: \"b\", // Why.\n    inputs: { \"x\": \"a.y\" },\n  ),\n}, outputs: {})";
+    let copy =
+        "  ),\n  \"a2\": (\n    kind: \"b\", // Why.\n    inputs: { \"x\": \"a.y\" },\n  ),\n}, outputs: {})";
+    assert_edit(text, |file| file.copy_node("a", "a2"), &with(text, "  ),\n}, outputs: {})", copy));
+}
+
+#[test]
+fn wires_from_within_a_part_follow_its_name_and_go_with_it() {
+    let text = r#"(version: 1, nodes: { "p": (kind: "graph", params: (file: "p.ron")), "q": (kind: "k", inputs: { "a": "p/n.c", "b": "pp.c" }) }, outputs: { "o": "p/n.c" })"#;
+    let renamed = with(&with(text, "{ \"p\":", "{ \"r\":"), "\"a\": \"p/n.c\"", "\"a\": \"r/n.c\"");
+    let renamed = with(&renamed, "\"o\": \"p/n.c\"", "\"o\": \"r/n.c\"");
+    assert_edit(text, |file| file.rename_node("p", "r"), &renamed);
+    let removed = r#"(version: 1, nodes: { "q": (kind: "k", inputs: { "b": "pp.c" }) }, outputs: {})"#;
+    assert_edit(text, |file| file.remove_node("p"), removed);
+}
+
+#[test]
 fn a_failed_edit_leaves_the_file_as_it_was() {
     type Edit = fn(&mut GraphFile) -> Result<(), Problems>;
-    let cases: [(Edit, &str); 16] = [
+    let cases: [(Edit, &str); 18] = [
         (|file| file.set_param("cul", "a", "1"), "unknown node `cul`, did you mean `cull`?"),
         (|file| file.set_kind("x", "k"), "unknown node `x`; known: cloud, project, cull, größe"),
         (|file| file.remove_node("x"), "unknown node `x`"),
@@ -589,6 +607,8 @@ fn a_failed_edit_leaves_the_file_as_it_was() {
         (|file| file.set_param("cull", "a", "/* 1"), "parameter `a`: Unclosed block comment"),
         (|file| file.add_node("cull", "k"), "node `cull` stands twice"),
         (|file| file.add_node("a.b", "k"), "`a.b` cannot name a node"),
+        (|file| file.copy_node("x", "y"), "unknown node `x`"),
+        (|file| file.copy_node("cull", "cloud"), "node `cloud` stands twice"),
         (|file| file.rename_node("cull", "cloud"), "node `cloud` stands twice"),
         (|file| file.rename_node("cull", ""), "`` cannot name a node"),
         (

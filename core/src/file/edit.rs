@@ -194,7 +194,26 @@ impl GraphFile {
         self.apply(insert(&self.text, &self.top("nodes")?, &item))
     }
 
-    /// Removes a node with every wire and output that takes from it.
+    /// Adds a node after all others that is written like `name`: the same kind, wires and parameters.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node, [`GraphError::Duplicate`] name.
+    pub fn copy_node(&mut self, name: &str, copy: &str) -> Result<(), Problems> {
+        self.node_block(name)?;
+        if self.node(copy).is_some() {
+            let error = GraphError::Duplicate { what: "node", name: copy.to_owned() };
+            return Err(Problem::new(error).node(copy).into());
+        }
+        let nodes = self.top("nodes")?;
+        let value = find(&self.text, &nodes, name).map_or(Span::default(), |index| nodes.items[index].value);
+        let item = format!("{}: {}", quoted(copy), &self.text[value.start..value.end]);
+        let part = self.part(name).cloned();
+        self.apply(insert(&self.text, &nodes, &item))?;
+        self.parts.extend(part.map(|part| (copy.to_owned(), part)));
+        Ok(())
+    }
+
+    /// Removes a node with every wire and output that takes from it, or from a node in it where it is a part.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node.
@@ -202,11 +221,11 @@ impl GraphFile {
         self.node_block(name)?;
         let mut edited = self.clone();
         for node in &self.nodes {
-            for input in node.inputs.iter().filter(|input| input.from.value.node == name) {
+            for input in node.inputs.iter().filter(|input| within(&input.from.value, name).is_some()) {
                 edited.set_input(&node.name.value, &input.port.value, None)?;
             }
         }
-        for output in self.outputs.iter().filter(|output| output.from.value.node == name) {
+        for output in self.outputs.iter().filter(|output| within(&output.from.value, name).is_some()) {
             edited.set_output(&output.name.value, None)?;
         }
         let nodes = edited.top("nodes")?;
@@ -217,7 +236,7 @@ impl GraphFile {
         Ok(())
     }
 
-    /// Renames a node, also in every wire and output that takes from it.
+    /// Renames a node, also in every wire and output that takes from it, or from a node in it where it is a part.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node.
@@ -225,14 +244,18 @@ impl GraphFile {
         self.node_block(old)?;
         let inputs = self.nodes.iter().flat_map(|node| &node.inputs).map(|input| &input.from);
         let outputs = self.outputs.iter().map(|output| &output.from);
-        let wires = inputs.chain(outputs).filter(|from| from.value.node == old);
-        let rewired = wires.map(|from| {
-            let source = Source { node: new.to_owned(), port: from.value.port.clone() };
-            Change::replace(from.span, quoted(&source.to_string()))
+        let rewired = inputs.chain(outputs).filter_map(|from| {
+            let inner = within(&from.value, old)?;
+            let source = Source { node: format!("{new}{inner}"), port: from.value.port.clone() };
+            Some(Change::replace(from.span, quoted(&source.to_string())))
         });
         let names = self.nodes.iter().map(|node| &node.name).filter(|name| name.value == old);
         let renamed = names.map(|name| Change::replace(name.span, quoted(new)));
-        self.apply(rewired.chain(renamed).collect())
+        self.apply(rewired.chain(renamed).collect())?;
+        if let Some((part, _)) = self.parts.iter_mut().find(|(part, _)| part == old) {
+            new.clone_into(part);
+        }
+        Ok(())
     }
 
     /// Sets an output, adding it where there is none of that name, or removes it.
@@ -312,6 +335,12 @@ impl GraphFile {
         *self = Self { parts: std::mem::take(&mut self.parts), ..parsed };
         Ok(())
     }
+}
+
+/// What follows the name of a node in the address that a wire takes from: nothing for the node itself, `/NODE` for one
+/// within it. None where the wire takes from another.
+fn within<'s>(source: &'s Source, node: &str) -> Option<&'s str> {
+    source.node.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
 }
 
 /// A string in RON, whose escapes are among those of Rust.
