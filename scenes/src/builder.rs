@@ -1,8 +1,12 @@
+use std::{ops::Range, sync::Arc};
+
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::edges::find_edges;
-use crate::weld::weld;
+use crate::mesh::bounds_of;
+use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
+use crate::weld::weld_bodies;
 use crate::{Camera, Light, Material, Mesh, Scene, Shape, Surface};
 
 /// Faces that meet at more than this angle, in degrees, make a crease if a scene does not say otherwise.
@@ -35,6 +39,19 @@ pub enum MeshError {
     /// Indices would not fit 32 bits.
     #[error("the mesh has too many vertices or triangles for 32-bit indices")]
     TooLarge,
+    /// More parts move on their own than can be told apart.
+    #[error("{0} bodies move, but there may be at most {MAX_BODIES}")]
+    TooManyBodies(usize),
+}
+
+/// A part that moves: what was added of it.
+#[derive(Clone, Debug)]
+struct Moving {
+    motion: Motion,
+    triangles: Range<usize>,
+    lights: Range<usize>,
+    /// A box around it in every frame.
+    swept: [Vec3; 2],
 }
 
 /// Gathers shapes, materials and lights and makes a [`Scene`] of them.
@@ -51,6 +68,7 @@ pub struct SceneBuilder {
     objects: u32,
     materials: Vec<Material>,
     lights: Vec<Light>,
+    moving: Vec<Moving>,
 }
 
 impl SceneBuilder {
@@ -86,6 +104,26 @@ impl SceneBuilder {
         self.material.resize(self.triangles.len(), material);
         self.object.resize(self.triangles.len(), self.objects);
         self.objects += 1;
+        Ok(())
+    }
+
+    /// What `add` adds moves as one body.
+    ///
+    /// # Errors
+    /// Those of `add`.
+    pub fn moving<E>(
+        &mut self,
+        motion: Motion,
+        add: impl FnOnce(&mut Self) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let [positions, triangles, lights] = [self.positions.len(), self.triangles.len(), self.lights.len()];
+        add(self)?;
+        self.moving.push(Moving {
+            swept: motion.swept(&self.positions[positions..]),
+            motion,
+            triangles: triangles..self.triangles.len(),
+            lights: lights..self.lights.len(),
+        });
         Ok(())
     }
 
@@ -132,9 +170,15 @@ impl SceneBuilder {
         &self.lights
     }
 
-    /// Lowest and highest corner of the box around all that was added.
+    /// Lowest and highest corner of the box around all that was added, wherever it moves.
     pub(crate) fn bounds(&self) -> [Vec3; 2] {
-        crate::mesh::bounds_of(&self.positions)
+        self.swept(bounds_of(&self.positions))
+    }
+
+    /// Widens a box to hold what moves, wherever it does.
+    fn swept(&self, bounds: [Vec3; 2]) -> [Vec3; 2] {
+        let boxes = self.moving.iter().map(|moving| moving.swept);
+        boxes.fold(bounds, |[low, high], swept| [low.min(swept[0]), high.max(swept[1])])
     }
 
     /// Welds the vertices (at most `weld_distance` metres apart; 0: equal ones), finds the edges (a crease where
@@ -144,7 +188,7 @@ impl SceneBuilder {
     /// three different vertices in one line stays, with a zero normal, because the edges around it need it.
     ///
     /// # Errors
-    /// [`MeshError::Empty`] if no triangle is left.
+    /// [`MeshError::Empty`] if no triangle is left, [`MeshError::TooManyBodies`].
     pub fn build(
         mut self,
         name: &str,
@@ -153,20 +197,25 @@ impl SceneBuilder {
         weld_distance: f32,
         crease_angle: f32,
     ) -> Result<Scene, MeshError> {
+        if self.moving.len() > MAX_BODIES {
+            return Err(MeshError::TooManyBodies(self.moving.len()));
+        }
         self.drop_unused_vertices();
-        let (map, positions) = weld(&self.positions, weld_distance);
+        let (map, positions) = weld_bodies(&self.positions, &self.body_of_vertices(), weld_distance);
         let mut mesh = Mesh { positions, ..Mesh::default() };
+        let mut triangles = Vec::with_capacity(self.triangles.len());
         let mut kept = Vec::with_capacity(self.triangles.len());
         for (face, triangle) in self.triangles.iter().enumerate() {
             let [a, b, c] = triangle.map(|i| map[i as usize]);
             if a != b && b != c && c != a {
-                mesh.triangles.push([a, b, c]);
+                triangles.push([a, b, c]);
                 kept.push(face);
             }
         }
-        if mesh.triangles.is_empty() {
+        if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
+        mesh.triangles = Arc::new(triangles);
         mesh.face_normals =
             (0..kept.len()).into_par_iter().map(|face| face_normal(mesh.corners(face))).collect();
         if self.has_normals {
@@ -176,10 +225,12 @@ impl SceneBuilder {
             mesh.corner_normals =
                 kept.iter().enumerate().map(|(new, &old)| self.normals[old].map(|n| flat(n, new))).collect();
         }
-        mesh.material = kept.iter().map(|&old| self.material[old]).collect();
-        mesh.object = kept.iter().map(|&old| self.object[old]).collect();
-        mesh.edges = find_edges(&mesh.triangles, &mesh.object, &mesh.face_normals, crease_angle.to_radians());
-        let bounds = mesh.bounds();
+        mesh.material = Arc::new(kept.iter().map(|&old| self.material[old]).collect());
+        mesh.object = Arc::new(kept.iter().map(|&old| self.object[old]).collect());
+        let edges = find_edges(&mesh.triangles, &mesh.object, &mesh.face_normals, crease_angle.to_radians());
+        mesh.edges = Arc::new(edges);
+        let bounds = self.swept(mesh.bounds());
+        let bodies: Vec<Body> = self.moving.iter().map(|moving| self.body(moving, &kept, &mesh)).collect();
         Ok(Scene {
             name: name.to_owned(),
             mesh,
@@ -188,7 +239,46 @@ impl SceneBuilder {
             background,
             camera,
             bounds,
+            poses: vec![Pose::REST; bodies.len()],
+            bodies: Arc::new(bodies),
         })
+    }
+
+    /// For each vertex its body, counted from 1; 0 for what stands still.
+    fn body_of_vertices(&self) -> Vec<u32> {
+        let mut body = vec![0; self.positions.len()];
+        for (number, moving) in (1..).zip(&self.moving) {
+            for &vertex in self.triangles[moving.triangles.clone()].iter().flatten() {
+                body[vertex as usize] = number;
+            }
+        }
+        body
+    }
+
+    /// A body of the finished mesh. Faces keep their order, welded vertices come in the order of the faces' own, edges in
+    /// that of their vertices: so the parts of a body lie side by side in every list.
+    fn body(&self, moving: &Moving, kept: &[usize], mesh: &Mesh) -> Body {
+        let Moving { motion, triangles, lights, .. } = moving;
+        let face = |old: usize| kept.partition_point(|&face| face < old);
+        let faces = face(triangles.start)..face(triangles.end);
+        let named = || mesh.triangles[faces.clone()].iter().flatten().map(|&vertex| vertex as usize);
+        let first = named().min().unwrap_or(0);
+        let vertices = first..named().max().map_or(first, |last| last + 1);
+        let edge = |vertex: usize| mesh.edges.partition_point(|edge| (edge.vertices[0] as usize) < vertex);
+        let rest = Rest {
+            positions: mesh.positions[vertices.clone()].to_vec(),
+            face_normals: mesh.face_normals[faces.clone()].to_vec(),
+            corner_normals: mesh.corner_normals.get(faces.clone()).map_or(vec![], <[_]>::to_vec),
+            lights: self.lights[lights.clone()].to_vec(),
+        };
+        Body {
+            edges: edge(vertices.start)..edge(vertices.end),
+            vertices,
+            faces,
+            lights: lights.clone(),
+            motion: motion.clone(),
+            rest,
+        }
     }
 
     /// Vertices that no triangle names would only widen the bounds.

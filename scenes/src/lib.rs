@@ -13,6 +13,7 @@ mod light;
 mod load;
 mod material;
 mod mesh;
+mod motion;
 mod path;
 pub mod reference;
 mod scene;
@@ -31,8 +32,11 @@ pub use load::{
 };
 pub use material::{Material, Surface};
 pub use mesh::{Edge, EdgeKind, Mesh, NO_FACE};
-pub use path::{CameraPath, FRAMES_PER_SECOND, PathError, keyframes};
+pub use motion::{Body, FRAMES_PER_SECOND, MAX_BODIES, Motion, MotionKey, Pose};
+pub use path::{CameraPath, PathError, keyframes};
 pub use scene::{Scene, SceneError};
-pub use shadow::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings, shadow_segments};
+pub use shadow::{
+    ShadowKind, ShadowSearch, ShadowSegment, ShadowSegments, ShadowSettings, ShadowWork, shadow_segments,
+};
 pub use shape::Shape;
 pub use trace::{AsyncTracer, Hit, Job, Mode, Rng, TaggedHit, TaggedJob, TraceSettings, Tracer};

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use glam::Vec3;
 
 /// Stands for "no face" in [`Edge::faces`].
@@ -25,23 +27,24 @@ pub struct Edge {
     pub kind: EdgeKind,
 }
 
-/// Every triangle of a scene, with welded vertices: equal positions have one index.
+/// Every triangle of a scene, with welded vertices: equal positions have one index, but for those of different bodies.
+/// What no motion changes is shared by all poses of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Vertex positions, metres.
     pub positions: Vec<Vec3>,
     /// Counter-clockwise seen from the front.
-    pub triangles: Vec<[u32; 3]>,
+    pub triangles: Arc<Vec<[u32; 3]>>,
     /// Unit normal of each triangle (zero for a degenerate one).
     pub face_normals: Vec<Vec3>,
     /// Shading normals per corner where the source has them (empty: flat shading for all).
     pub corner_normals: Vec<[Vec3; 3]>,
     /// Index into `Scene::materials` of each triangle.
-    pub material: Vec<u32>,
+    pub material: Arc<Vec<u32>>,
     /// Which object each triangle belongs to.
-    pub object: Vec<u32>,
+    pub object: Arc<Vec<u32>>,
     /// Every edge, in ascending order of its vertices.
-    pub edges: Vec<Edge>,
+    pub edges: Arc<Vec<Edge>>,
 }
 
 impl Mesh {

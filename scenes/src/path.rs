@@ -6,12 +6,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{Quat, Vec3};
 
+use crate::motion::FRAMES_PER_SECOND;
 use crate::{Camera, Rng, Scene};
 use flight::Flight;
 pub use flight::keyframes;
-
-/// Frames in a second of path time.
-pub const FRAMES_PER_SECOND: f32 = 30.0;
 
 /// What [`CameraPath::parse`] understands.
 const FORMS: [&str; 5] =

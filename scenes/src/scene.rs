@@ -1,11 +1,11 @@
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use glam::Vec3;
 
 use crate::builder::MeshError;
-use crate::{Camera, Light, Material, Mesh};
+use crate::{Body, Camera, Light, Material, Mesh, Pose};
 
-/// A scene as everything downstream sees it.
+/// A scene as everything downstream sees it: at rest, or with its bodies in the poses of a frame.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The name it was asked for.
@@ -20,8 +20,12 @@ pub struct Scene {
     pub background: Vec3,
     /// The scene's own view.
     pub camera: Camera,
-    /// Lowest and highest corner of the mesh's bounding box.
+    /// Lowest and highest corner of a box that holds the mesh in every frame.
     pub bounds: [Vec3; 2],
+    /// What moves, in ascending order of faces.
+    pub bodies: Arc<Vec<Body>>,
+    /// The present pose of each body.
+    pub poses: Vec<Pose>,
 }
 
 /// What can be wrong with a scene file or a mesh.

@@ -7,17 +7,23 @@ use glam::Vec3;
 /// Maps every position to its welded index and gives the welded positions, in order of first appearance.
 /// Positions at most `epsilon` apart become the one that came first; 0 welds exactly equal ones (0 equals -0).
 pub(crate) fn weld(positions: &[Vec3], epsilon: f32) -> (Vec<u32>, Vec<Vec3>) {
-    if epsilon > 0.0 { weld_near(positions, epsilon) } else { weld_equal(positions) }
+    weld_bodies(positions, &vec![0; positions.len()], epsilon)
 }
 
-fn weld_equal(positions: &[Vec3]) -> (Vec<u32>, Vec<Vec3>) {
+/// The same, but keeps apart the positions of different bodies.
+pub(crate) fn weld_bodies(positions: &[Vec3], body: &[u32], epsilon: f32) -> (Vec<u32>, Vec<Vec3>) {
+    if epsilon > 0.0 { weld_near(positions, body, epsilon) } else { weld_equal(positions, body) }
+}
+
+fn weld_equal(positions: &[Vec3], body: &[u32]) -> (Vec<u32>, Vec<Vec3>) {
     let mut index_of = HashMap::with_capacity(positions.len());
     let mut welded = Vec::new();
     let map = positions
         .iter()
-        .map(|&p| {
+        .zip(body)
+        .map(|(&p, &body)| {
             // Adding 0 turns -0 into 0, so that equal numbers have equal bits.
-            let key = (p + 0.0).to_array().map(f32::to_bits);
+            let key = ((p + 0.0).to_array().map(f32::to_bits), body);
             *index_of.entry(key).or_insert_with(|| {
                 welded.push(p);
                 welded.len() as u32 - 1
@@ -27,22 +33,21 @@ fn weld_equal(positions: &[Vec3]) -> (Vec<u32>, Vec<Vec3>) {
     (map, welded)
 }
 
-fn weld_near(positions: &[Vec3], epsilon: f32) -> (Vec<u32>, Vec<Vec3>) {
-    let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+fn weld_near(positions: &[Vec3], body: &[u32], epsilon: f32) -> (Vec<u32>, Vec<Vec3>) {
+    let mut cells: HashMap<([i64; 3], u32), Vec<u32>> = HashMap::new();
     let mut welded: Vec<Vec3> = Vec::new();
     let map = positions
         .iter()
-        .map(|&p| {
+        .zip(body)
+        .map(|(&p, &body)| {
             let cell = (p.as_dvec3() / f64::from(epsilon)).to_array().map(|c| c.floor() as i64);
             // A vertex within epsilon lies in this cell or one next to it; the lowest index is the first that came.
             let near = (-1..=1)
                 .flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| [x, y, z])))
                 .filter_map(|[x, y, z]| {
-                    cells.get(&[
-                        cell[0].saturating_add(x),
-                        cell[1].saturating_add(y),
-                        cell[2].saturating_add(z),
-                    ])
+                    let near =
+                        [cell[0].saturating_add(x), cell[1].saturating_add(y), cell[2].saturating_add(z)];
+                    cells.get(&(near, body))
                 })
                 .flatten()
                 .copied()
@@ -51,7 +56,7 @@ fn weld_near(positions: &[Vec3], epsilon: f32) -> (Vec<u32>, Vec<Vec3>) {
             near.unwrap_or_else(|| {
                 welded.push(p);
                 let index = welded.len() as u32 - 1;
-                cells.entry(cell).or_default().push(index);
+                cells.entry((cell, body)).or_default().push(index);
                 index
             })
         })
@@ -76,5 +81,6 @@ mod tests {
         let (map, welded) = weld(&points, 0.01);
         assert_eq!(map, [0, 0, 1, 2]);
         assert_eq!(welded[0], points[0]);
+        assert_eq!(weld_bodies(&points, &[0, 1, 1, 1], 0.01).0, [0, 1, 2, 3], "bodies stay apart");
     }
 }

@@ -10,6 +10,8 @@ fn scene(eye: Vec3, target: Vec3) -> Scene {
         background: Vec3::ZERO,
         camera: Camera::look_at(eye, target, 0.8, 0.1, 10.0),
         bounds: [Vec3::NEG_ONE, Vec3::ONE],
+        bodies: Default::default(),
+        poses: vec![],
     }
 }
 

@@ -11,7 +11,7 @@ use crate::Tracer;
 
 /// How far from the blocker's outline the rays of both sides pass, as a share of the largest coordinate. Rays in f32 are
 /// exact to about a tenth of it.
-const CLEARANCE: f64 = 2e-5;
+pub(super) const CLEARANCE: f64 = 2e-5;
 
 /// Rays end this share of the largest coordinate off the receiver's plane and the light's: 32 units in the last
 /// place, as the tracer's do.
@@ -34,7 +34,7 @@ const NARROWEST: f64 = -24.0;
 /// Finds the boundaries of one light's events.
 pub(super) struct Finder<'a> {
     tracer: &'a Tracer,
-    receivers: &'a Receivers<'a>,
+    receivers: &'a Receivers,
     source: &'a Source,
     contact: [f64; 2],
     /// Metres: the scene's diagonal, the widest penumbra of interest, the clearance of rays, their distance from surfaces.
@@ -60,7 +60,7 @@ impl<'a> Finder<'a> {
     /// `reach` is the largest coordinate of the scene.
     pub fn new(
         tracer: &'a Tracer,
-        receivers: &'a Receivers<'a>,
+        receivers: &'a Receivers,
         source: &'a Source,
         settings: &ShadowSettings,
         reach: f64,
@@ -86,7 +86,7 @@ impl<'a> Finder<'a> {
             return;
         }
         let mut cuts = Vec::new();
-        self.receivers.cut(event, self.contact, &mut cuts);
+        self.receivers.cut(self.tracer.scene(), event, self.contact, &mut cuts);
         join(&mut cuts, event);
         for cut in &cuts {
             self.divide(event, cut, found);

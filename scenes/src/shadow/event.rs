@@ -1,11 +1,13 @@
 //! Events: the planes in which a light's outline and a blocker's outline meet, and which parts of them lie in the shadow's
 //! boundary.
 
-use glam::DVec3;
+use std::ops::Range;
+
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::{ShadowKind, across};
-use crate::{Light, Mesh, NO_FACE};
+use crate::{Light, Mesh, NO_FACE, Pose};
 
 /// Two points count as one plane's if they lie within this share of the largest coordinate of it: some units in the
 /// last place of positions in f32.
@@ -52,7 +54,7 @@ pub(super) struct HalfSpace {
 
 impl HalfSpace {
     /// The function that is 0 at `origin`.
-    fn new(gradient: DVec3, origin: DVec3) -> Self {
+    pub fn new(gradient: DVec3, origin: DVec3) -> Self {
         Self { gradient, offset: -gradient.dot(origin) }
     }
 
@@ -62,6 +64,27 @@ impl HalfSpace {
         let gradient = normal.cross(direction).normalize_or_zero();
         let sign = gradient.dot(inside - origin).signum();
         Self::new(gradient * sign, origin)
+    }
+
+    /// The sum with a number.
+    pub fn plus(&self, number: f64) -> Self {
+        Self { offset: self.offset + number, ..*self }
+    }
+
+    /// The function times a number.
+    pub fn times(&self, factor: f64) -> Self {
+        Self { gradient: self.gradient * factor, offset: self.offset * factor }
+    }
+
+    /// The sum of two functions.
+    pub fn and(&self, other: &Self) -> Self {
+        Self { gradient: self.gradient + other.gradient, offset: self.offset + other.offset }
+    }
+
+    /// The function of positions at rest whose value is that of this one where the pose takes them.
+    pub fn at_rest(&self, pose: &Pose) -> Self {
+        let turn = DMat3::from_quat(pose.rotation.as_dquat());
+        Self { gradient: turn.transpose() * self.gradient, offset: self.at(pose.translation.as_dvec3()) }
     }
 
     /// The function's value.
@@ -139,6 +162,19 @@ impl Event {
         }
     }
 
+    /// How much more than [`reach`](Self::reach) says a distance at the blocker may grow on the way to a receiver; `None`
+    /// without a bound.
+    pub fn magnification(&self) -> Option<f64> {
+        let Touch::Parallel { light, edge } = self.touch else { return Some(1.0) };
+        // Heights of the blocker above the points of the light's edge, of which that of the farthest is 1.
+        let height = |light: DVec3| {
+            let above = edge.map(|end| self.reach.gradient.dot(end - light));
+            above[0].min(above[1])
+        };
+        let least = height(light[0]).min(height(light[1]));
+        (least > 0.01).then(|| 1.0 / least)
+    }
+
     /// Where the line from `point` through `through`, both in the plane, meets the line of the light's edge: the place, and as
     /// a share of the edge's length.
     fn on_light(&self, [start, end]: [DVec3; 2], point: DVec3, through: DVec3) -> (DVec3, f64) {
@@ -150,66 +186,85 @@ impl Event {
     }
 }
 
+/// Which faces show their front to each corner of a light.
+pub(super) struct Facing {
+    first: usize,
+    /// A bit for each corner.
+    bits: Vec<u8>,
+}
+
+impl Facing {
+    fn of(&self, face: u32) -> u8 {
+        self.bits[face as usize - self.first]
+    }
+}
+
 /// The scene's edges and vertices as blockers.
 pub(super) struct Blockers<'a> {
     mesh: &'a Mesh,
-    /// The edges at each vertex: `edges_at[first[v]..first[v + 1]]`. Empty unless asked for.
-    first: Vec<u32>,
-    edges_at: Vec<u32>,
+    around: &'a Around,
     /// Distance within which a point counts as in a plane, metres.
     tolerance: f64,
 }
 
-impl<'a> Blockers<'a> {
-    /// `with_vertices` if events of vertices will be asked for; `reach` is the largest coordinate.
-    pub fn new(mesh: &'a Mesh, with_vertices: bool, reach: f64) -> Self {
-        let mut blockers = Self { mesh, first: vec![], edges_at: vec![], tolerance: COPLANAR * reach };
-        if with_vertices {
-            blockers.first = vec![0; mesh.positions.len() + 1];
-            let ends =
-                || mesh.edges.iter().enumerate().flat_map(|(e, edge)| edge.vertices.map(|v| (v as usize, e)));
-            ends().for_each(|(vertex, _)| blockers.first[vertex + 1] += 1);
-            for vertex in 0..mesh.positions.len() {
-                blockers.first[vertex + 1] += blockers.first[vertex];
-            }
-            let mut next = blockers.first.clone();
-            blockers.edges_at = vec![0; 2 * mesh.edges.len()];
-            for (vertex, edge) in ends() {
-                blockers.edges_at[next[vertex] as usize] = edge as u32;
-                next[vertex] += 1;
-            }
-        }
-        blockers
-    }
+/// The edges at each vertex.
+#[derive(Default)]
+pub(super) struct Around {
+    /// Those of vertex v are `edges[first[v]..first[v + 1]]`.
+    first: Vec<u32>,
+    edges: Vec<u32>,
+}
 
-    /// How many edges and vertices have to be looked at for a light.
-    pub fn count(&self, source: &Source) -> usize {
-        self.mesh.edges.len() + if source.has_area() { self.mesh.positions.len() } else { 0 }
+impl Around {
+    pub fn new(mesh: &Mesh) -> Self {
+        let mut first = vec![0; mesh.positions.len() + 1];
+        let ends =
+            || mesh.edges.iter().enumerate().flat_map(|(e, edge)| edge.vertices.map(|v| (v as usize, e)));
+        ends().for_each(|(vertex, _)| first[vertex + 1] += 1);
+        for vertex in 0..mesh.positions.len() {
+            first[vertex + 1] += first[vertex];
+        }
+        let mut next = first.clone();
+        let mut edges = vec![0; 2 * mesh.edges.len()];
+        for (vertex, edge) in ends() {
+            edges[next[vertex] as usize] = edge as u32;
+            next[vertex] += 1;
+        }
+        Self { first, edges }
+    }
+}
+
+impl<'a> Blockers<'a> {
+    /// `around` knows the edges at the vertices whose events will be asked for; `reach` is the largest coordinate.
+    pub fn new(mesh: &'a Mesh, around: &'a Around, reach: f64) -> Self {
+        Self { mesh, around, tolerance: COPLANAR * reach }
     }
 
     fn position(&self, vertex: u32) -> DVec3 {
         self.mesh.positions[vertex as usize].as_dvec3()
     }
 
-    /// Which faces show their front to each corner of a light, as bits.
-    pub fn facing(&self, source: &Source) -> Vec<u8> {
-        let faces = self.mesh.triangles.par_iter().zip(&self.mesh.face_normals);
-        faces
+    /// Which of some faces show their front to each corner of a light.
+    pub fn facing(&self, source: &Source, faces: Range<usize>) -> Facing {
+        let first = faces.start;
+        let faces = self.mesh.triangles[faces.clone()].par_iter().zip(&self.mesh.face_normals[faces]);
+        let bits = faces
             .map(|(triangle, normal)| {
                 let (base, normal) = (self.position(triangle[0]), normal.as_dvec3());
                 let bits = source.corners.iter().enumerate();
                 bits.map(|(corner, &light)| u8::from(normal.dot(light - base) > 0.0) << corner).sum()
             })
-            .collect()
+            .collect();
+        Facing { first, bits }
     }
 
-    /// The events of one edge with the corners of a light.
-    pub fn edge_events(&self, source: &Source, facing: &[u8], index: usize) -> Vec<Event> {
+    /// The events of one edge with the corners of a light; `facing` knows its faces.
+    pub fn edge_events(&self, source: &Source, facing: &Facing, index: usize) -> Vec<Event> {
         let mut events = Vec::new();
         let edge = &self.mesh.edges[index];
         let [first, second] = edge.faces;
         // From which corners it is a silhouette.
-        let outline = if second == NO_FACE { 0xF } else { facing[first as usize] ^ facing[second as usize] };
+        let outline = if second == NO_FACE { 0xF } else { facing.of(first) ^ facing.of(second) };
         if outline == 0 {
             return events;
         }
@@ -274,7 +329,8 @@ impl<'a> Blockers<'a> {
     /// The events of one vertex with the edges of a quad light.
     pub fn vertex_events(&self, source: &Source, index: usize) -> Vec<Event> {
         let mut events = Vec::new();
-        let around = &self.edges_at[self.first[index] as usize..self.first[index + 1] as usize];
+        let Around { first, edges } = self.around;
+        let around = &edges[first[index] as usize..first[index + 1] as usize];
         let index = index as u32;
         let vertex = self.position(index);
         if source.in_front(vertex) <= self.tolerance || around.is_empty() {

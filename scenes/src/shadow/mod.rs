@@ -6,22 +6,20 @@
 //! seen, and the penumbra, where part of it is. Each such pair spans a plane (`event`), the plane cuts
 //! the receivers (`receivers`), and shadow rays decide which parts of the cuts are boundaries (`boundary`).
 //!
-//! Nothing here depends on a view. Left out: events of three edges (curved boundaries between the others), boundaries
+//! Nothing here depends on a view. Where bodies move, only what they touch is searched again (`search`, `region`). Left
+//! out: events of three edges (curved boundaries between the others), boundaries
 //! within a penumbra, penumbrae wider than [`ShadowSettings::max_penumbra`], and edges where meshes interpenetrate.
 
 mod boundary;
 mod event;
 mod receivers;
-
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+mod region;
+mod search;
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
-use crate::{Light, Scene, Tracer};
-use boundary::Finder;
-use event::{Blockers, Event, Source};
-use receivers::Receivers;
+use crate::Tracer;
+pub use search::{ShadowSearch, ShadowWork};
 
 /// What a shadow boundary separates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -77,10 +75,8 @@ pub struct ShadowSegments {
     pub dropped: usize,
 }
 
-/// Blocker's edges or vertices between two calls of `progress`.
-const PROGRESS_STEP: usize = 4096;
-
-/// Finds the shadow boundaries of the tracer's scene on rayon's threads; the same for any number of them.
+/// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads; the same for any number of them.
+/// [`ShadowSearch`] does so pose after pose.
 ///
 /// `progress` is told the finished share, in [0, 1), now and then and from any thread; when it returns `false`, the
 /// search ends and gives `None`.
@@ -89,87 +85,7 @@ pub fn shadow_segments(
     settings: &ShadowSettings,
     progress: &(dyn Fn(f32) -> bool + Sync),
 ) -> Option<ShadowSegments> {
-    let scene: &Scene = tracer.scene();
-    if scene.lights.is_empty() {
-        return Some(ShadowSegments::default());
-    }
-    let sources: Vec<Source> = scene.lights.iter().filter_map(Source::new).collect();
-    let receivers = Receivers::new(scene);
-    let blockers = Blockers::new(&scene.mesh, sources.iter().any(Source::has_area), reach_of(scene));
-    let work = Work::new(sources.iter().map(|source| blockers.count(source)).sum(), progress);
-    let mut segments = Vec::new();
-    for source in &sources {
-        let finder = Finder::new(tracer, &receivers, source, settings, reach_of(scene));
-        let facing = blockers.facing(source);
-        let find = |events: Vec<Event>| {
-            let mut found = Vec::new();
-            events.iter().for_each(|event| finder.find(event, &mut found));
-            found
-        };
-        let edges = (0..scene.mesh.edges.len()).into_par_iter().filter(|_| work.step());
-        segments.par_extend(edges.flat_map_iter(|edge| find(blockers.edge_events(source, &facing, edge))));
-        if source.has_area() {
-            let vertices = (0..scene.mesh.positions.len()).into_par_iter().filter(|_| work.step());
-            segments
-                .par_extend(vertices.flat_map_iter(|vertex| find(blockers.vertex_events(source, vertex))));
-        }
-    }
-    if work.stopped.into_inner() {
-        return None;
-    }
-    let dropped = segments.len().saturating_sub(settings.capacity);
-    keep_important(&mut segments, settings.capacity, scene.bounds[0].distance(scene.bounds[1]));
-    Some(ShadowSegments { segments, dropped })
-}
-
-/// The largest coordinate of the scene and its lights: what the rounding of rays is relative to.
-fn reach_of(scene: &Scene) -> f64 {
-    let lights = scene.lights.iter().map(|light| match *light {
-        Light::Point { position, .. } => position.abs(),
-        Light::Quad { corner, u, v, .. } => corner.abs() + u.abs() + v.abs(),
-    });
-    let points = scene.bounds.iter().map(|bound| bound.abs()).chain(lights);
-    f64::from(points.map(Vec3::max_element).fold(f32::MIN_POSITIVE, f32::max))
-}
-
-/// Keeps the `capacity` most important segments in their order. A penumbra counts against a segment's length from a
-/// thousandth of the scene's `diagonal` on.
-fn keep_important(segments: &mut Vec<ShadowSegment>, capacity: usize, diagonal: f32) {
-    if segments.len() <= capacity {
-        return;
-    }
-    let importance = |segment: &ShadowSegment| {
-        let [a, b] = segment.ends;
-        a.distance(b) / (segment.penumbra + 1e-3 * diagonal)
-    };
-    let mut order: Vec<usize> = (0..segments.len()).collect();
-    order.par_sort_by(|&a, &b| importance(&segments[b]).total_cmp(&importance(&segments[a])));
-    order.truncate(capacity);
-    order.par_sort_unstable();
-    *segments = order.into_iter().map(|index| segments[index]).collect();
-}
-
-/// How much is done, and whether to go on.
-struct Work<'a> {
-    done: AtomicUsize,
-    all: usize,
-    progress: &'a (dyn Fn(f32) -> bool + Sync),
-    stopped: AtomicBool,
-}
-
-impl<'a> Work<'a> {
-    fn new(all: usize, progress: &'a (dyn Fn(f32) -> bool + Sync)) -> Self {
-        Self { done: AtomicUsize::new(0), all, progress, stopped: AtomicBool::new(false) }
-    }
-
-    /// Counts an edge or vertex; whether it is still wanted.
-    fn step(&self) -> bool {
-        let done = self.done.fetch_add(1, Ordering::Relaxed);
-        if done.is_multiple_of(PROGRESS_STEP) && !(self.progress)(done as f32 / self.all as f32) {
-            self.stopped.store(true, Ordering::Relaxed);
-        }
-        !self.stopped.load(Ordering::Relaxed)
-    }
+    ShadowSearch::new(*settings).find(tracer, progress)
 }
 
 /// A direction of unit length across `a` and `b`; `None` where they are (nearly) parallel.

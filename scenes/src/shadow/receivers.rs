@@ -1,4 +1,5 @@
-//! The scene's triangles as receivers, under a hierarchy of boxes that is searched with the planes of events.
+//! The scene's triangles as receivers, under hierarchies of boxes that are searched with the planes of events: one of what
+//! stands still, and one for each body, of its triangles at rest, to which planes are taken by the body's pose.
 
 use std::{collections::HashMap, time::Duration};
 
@@ -10,11 +11,14 @@ use obvhs::{
 };
 use rayon::prelude::*;
 
-use super::event::Event;
-use crate::{Mesh, NO_FACE, Scene, Surface};
+use super::event::{Event, HalfSpace};
+use crate::{Mesh, NO_FACE, Pose, Scene, Surface};
 
 /// Receivers whose normals have a larger cosine are in one plane where they meet.
 const ONE_PLANE: f64 = 1.0 - 1e-9;
+
+/// Vertices of bodies lie within this share of the largest coordinate of where their pose takes them.
+const ROUNDING: f64 = 1e-6;
 
 /// The line in which an event's plane cuts a receiver.
 #[derive(Clone, Copy, Debug)]
@@ -27,26 +31,68 @@ pub(super) struct Cut {
     pub face: u32,
 }
 
-/// Everything that can receive a shadow.
-pub(super) struct Receivers<'a> {
-    mesh: &'a Mesh,
-    boxes: Bvh2,
+/// Boxes around some faces, and how far from them their faces may be, metres: rounding of poses.
+struct Boxes {
+    tree: Bvh2,
+    slack: f64,
+}
+
+impl Boxes {
+    fn new(faces: Vec<u32>, corners: impl Fn(u32) -> [Vec3; 3] + Sync, slack: f64) -> Self {
+        let bounds = |&face: &u32| Aabb::from_points(&corners(face).map(Into::into));
+        let bounds: Vec<Aabb> = faces.par_iter().map(bounds).collect();
+        let mut tree = build_bvh2(&bounds, BvhBuildParams::fast_build(), &mut Duration::default());
+        tree.primitive_indices.iter_mut().for_each(|index| *index = faces[*index as usize]);
+        Self { tree, slack }
+    }
+}
+
+/// The part of space in which an event may meet its receivers, as the boxes see it.
+struct Reached {
+    plane: HalfSpace,
+    sides: [HalfSpace; 2],
+    reach: HalfSpace,
+}
+
+impl Reached {
+    fn new(event: &Event) -> Self {
+        let plane = HalfSpace::new(event.normal, event.middle);
+        Self { plane, sides: event.sides, reach: event.reach }
+    }
+
+    fn at_rest(&self, pose: &Pose) -> Self {
+        Self {
+            plane: self.plane.at_rest(pose),
+            sides: self.sides.each_ref().map(|side| side.at_rest(pose)),
+            reach: self.reach.at_rest(pose),
+        }
+    }
+}
+
+/// Everything that can receive a shadow: the same for all poses of a scene.
+pub(super) struct Receivers {
+    still: Boxes,
+    bodies: Vec<Boxes>,
     /// Of each material: whether it scatters light, so that a shadow shows.
     scatters: Vec<bool>,
     /// Of each object: whether it has no border, so that nothing sees the backs of its faces.
     closed: Vec<bool>,
 }
 
-impl<'a> Receivers<'a> {
-    /// Builds the hierarchy; takes about half a second for a million triangles.
-    pub fn new(scene: &'a Scene) -> Self {
+impl Receivers {
+    /// Builds the hierarchies; takes about half a second for a million triangles. `reach` is the largest coordinate.
+    pub fn new(scene: &Scene, reach: f64) -> Self {
         let mesh = &scene.mesh;
-        let bounds = |face: usize| {
-            let corners = mesh.corners(face).map(Into::into);
-            Aabb::from_points(&corners)
-        };
-        let bounds: Vec<Aabb> = (0..mesh.triangles.len()).into_par_iter().map(bounds).collect();
-        let boxes = build_bvh2(&bounds, BvhBuildParams::fast_build(), &mut Duration::default());
+        let mut moves = vec![false; mesh.triangles.len()];
+        let bodies = scene.bodies.iter().map(|body| {
+            moves[body.faces.clone()].fill(true);
+            let position = |vertex: u32| body.rest.positions[vertex as usize - body.vertices.start];
+            let faces = body.faces.clone().map(|face| face as u32).collect();
+            Boxes::new(faces, |face| mesh.triangles[face as usize].map(position), ROUNDING * reach)
+        });
+        let bodies = bodies.collect();
+        let still = (0..mesh.triangles.len() as u32).filter(|&face| !moves[face as usize]).collect();
+        let still = Boxes::new(still, |face| mesh.corners(face as usize), 0.0);
         let scatters = scene.materials.iter();
         let scatters = scatters
             .map(|m| m.surface != Surface::Mirror && (m.color != Vec3::ZERO || glossy(m.surface)))
@@ -56,53 +102,70 @@ impl<'a> Receivers<'a> {
         for edge in mesh.edges.iter().filter(|edge| edge.faces[1] == NO_FACE) {
             closed[mesh.object[edge.faces[0] as usize] as usize] = false;
         }
-        Self { mesh, boxes, scatters, closed }
+        Self { still, bodies, scatters, closed }
     }
 
     /// The cuts of an event's plane with the receivers behind the blocker, in no order of meaning, but always the same.
     /// `contact` is the least reach on the blocker's own object and on others.
-    pub fn cut(&self, event: &Event, contact: [f64; 2], cuts: &mut Vec<Cut>) {
-        let Some(root) = self.boxes.nodes.first() else { return };
-        let blocker = self.mesh.object[self.mesh.edges[event.edge as usize].faces[0] as usize];
+    pub fn cut(&self, scene: &Scene, event: &Event, contact: [f64; 2], cuts: &mut Vec<Cut>) {
+        let reached = Reached::new(event);
+        self.cut_boxes(&self.still, &reached, scene, event, contact, cuts);
+        for (boxes, pose) in self.bodies.iter().zip(&scene.poses) {
+            self.cut_boxes(boxes, &reached.at_rest(pose), scene, event, contact, cuts);
+        }
+    }
+
+    fn cut_boxes(
+        &self,
+        Boxes { tree, slack: rounding }: &Boxes,
+        Reached { plane, sides, reach }: &Reached,
+        scene: &Scene,
+        event: &Event,
+        contact: [f64; 2],
+        cuts: &mut Vec<Cut>,
+    ) {
+        let Some(root) = tree.nodes.first() else { return };
+        let mesh = &scene.mesh;
+        let blocker = mesh.object[mesh.edges[event.edge as usize].faces[0] as usize];
         let mut stack = vec![*root];
         while let Some(node) = stack.pop() {
             let bounds = node.aabb();
             let center = Vec3::from((bounds.min + bounds.max) * 0.5).as_dvec3();
             // Rounding of the centre in f32 must not lose what touches the box from outside.
             let slack = 1e-6 * (bounds.max.abs().max(bounds.min.abs())).max_element();
-            let half = Vec3::from((bounds.max - bounds.min) * 0.5 + slack).as_dvec3();
-            if event.distance(center).abs() > event.normal.abs().dot(half)
-                || event.sides.iter().any(|side| side.most(center, half) < 0.0)
-                || event.reach.most(center, half) < contact[0].min(contact[1])
+            let half = Vec3::from((bounds.max - bounds.min) * 0.5 + slack).as_dvec3() + *rounding;
+            if plane.at(center).abs() > plane.gradient.abs().dot(half)
+                || sides.iter().any(|side| side.most(center, half) < 0.0)
+                || reach.most(center, half) < contact[0].min(contact[1])
             {
                 continue;
             }
             let first = node.first_index as usize;
             if node.is_leaf() {
-                let faces = &self.boxes.primitive_indices[first..first + node.prim_count as usize];
+                let faces = &tree.primitive_indices[first..first + node.prim_count as usize];
                 cuts.extend(faces.iter().filter_map(|&face| {
-                    let own = self.mesh.object[face as usize] == blocker;
-                    self.cut_face(event, face, contact[usize::from(!own)])
+                    let own = mesh.object[face as usize] == blocker;
+                    self.cut_face(mesh, event, face, contact[usize::from(!own)])
                 }));
             } else {
-                stack.extend([self.boxes.nodes[first + 1], self.boxes.nodes[first]]);
+                stack.extend([tree.nodes[first + 1], tree.nodes[first]]);
             }
         }
     }
 
-    fn cut_face(&self, event: &Event, face: u32, contact: f64) -> Option<Cut> {
+    fn cut_face(&self, mesh: &Mesh, event: &Event, face: u32, contact: f64) -> Option<Cut> {
         let index = face as usize;
-        let triangle = self.mesh.triangles[index];
+        let triangle = mesh.triangles[index];
         if event.own_faces.contains(&face)
             || triangle.contains(&event.own_vertex)
-            || !self.scatters[self.mesh.material[index] as usize]
+            || !self.scatters[mesh.material[index] as usize]
         {
             return None;
         }
         // From the lower to the higher vertex along each side, so that neighbours find the same point.
         let mut sorted = triangle;
         sorted.sort_unstable();
-        let corners = sorted.map(|vertex| self.mesh.positions[vertex as usize].as_dvec3());
+        let corners = sorted.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
         let distances = corners.map(|corner| event.distance(corner));
         let crossing = |[from, to]: [usize; 2]| {
             let [a, b] = [distances[from], distances[to]];
@@ -119,9 +182,9 @@ impl<'a> Receivers<'a> {
         }
         ends = clip(ends, event.reach.at(ends[0]) - contact, event.reach.at(ends[1]) - contact)?;
 
-        let front = self.mesh.face_normals[index].as_dvec3();
+        let front = mesh.face_normals[index].as_dvec3();
         let towards_light = front.dot(event.light() - ends[0]);
-        let open = !self.closed[self.mesh.object[index] as usize];
+        let open = !self.closed[mesh.object[index] as usize];
         let normal = if towards_light > 0.0 { front } else { -front };
         (towards_light > 0.0 || open && towards_light < 0.0).then_some(Cut { ends, normal, face })
     }

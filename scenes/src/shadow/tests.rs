@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::{Camera, Material, Rng, SceneBuilder, Shape, Surface};
+use crate::{Camera, Light, Material, Rng, Scene, SceneBuilder, Shape, Surface};
 
 /// A scene under construction, in a frame scaled by `scale`.
 struct World {

@@ -1,7 +1,10 @@
-//! The scene's triangles under an eight-wide bounding volume hierarchy (obvhs), in coordinates scaled to a common
+//! The scene's triangles under eight-wide bounding volume hierarchies (obvhs), in coordinates scaled to a common
 //! size, with a triangle test that lets no ray slip through a shared edge.
+//!
+//! What stands still has one hierarchy, and each body its own, over its triangles at rest: rays are taken there by the
+//! body's pose. So nothing is built again when bodies move.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -10,7 +13,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 
-use crate::Mesh;
+use crate::{Mesh, Pose, Scene};
 
 /// The largest coordinate is scaled to [2^9, 2^10): the hierarchy's own tolerances are absolute (1e-4), so that
 /// the scene has to be large against them.
@@ -59,8 +62,66 @@ impl Triangle {
     }
 }
 
-/// The hierarchy and its triangles.
-pub(super) struct Bvh {
+/// The hierarchies of a scene, each body's in its present pose.
+#[derive(Clone)]
+pub(super) struct Bvhs {
+    still: Arc<Bvh>,
+    bodies: Vec<(Arc<Bvh>, Pose)>,
+}
+
+impl Bvhs {
+    /// Builds the hierarchies; takes about a second for a million triangles.
+    pub fn new(scene: &Scene) -> Self {
+        let mesh = &scene.mesh;
+        let largest = mesh.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        let moving = scene.bodies.iter().flat_map(|_| scene.bounds);
+        let scale = power_of_two_scale(moving.map(|p| p.abs().max_element()).fold(largest, f32::max));
+        let mut moves = vec![false; mesh.triangles.len()];
+        let bodies = scene.bodies.iter().map(|body| {
+            moves[body.faces.clone()].fill(true);
+            let first = body.vertices.start;
+            let position = |vertex: u32| body.rest.positions[vertex as usize - first];
+            let faces = body.faces.clone().map(|face| face as u32).collect();
+            (Arc::new(Bvh::new(mesh, faces, position, scale)), Pose::REST)
+        });
+        let bodies = bodies.collect();
+        let still = (0..mesh.triangles.len() as u32).filter(|&face| !moves[face as usize]).collect();
+        let still = Arc::new(Bvh::new(mesh, still, |vertex| mesh.positions[vertex as usize], scale));
+        Self { still, bodies }.posed(&scene.poses)
+    }
+
+    /// The same with the bodies in other poses.
+    pub fn posed(&self, poses: &[Pose]) -> Self {
+        let bodies = self.bodies.iter().zip(poses);
+        // Rays are taken from the world to the body.
+        let bodies = bodies.map(|((bvh, _), pose)| (bvh.clone(), pose.inverse())).collect();
+        Self { still: self.still.clone(), bodies }
+    }
+
+    /// The nearest triangle along the ray; `direction` is of unit length.
+    pub fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
+        let mut nearest = self.still.closest(origin, direction, f32::INFINITY);
+        for (bvh, pose) in &self.bodies {
+            let limit = nearest.map_or(f32::INFINITY, |(distance, _)| distance);
+            let nearer = bvh.closest(pose.point(origin), pose.vector(direction), limit);
+            nearest = nearer.or(nearest);
+        }
+        nearest.map(|(_, intersection)| intersection)
+    }
+
+    /// Whether nothing lies between two points.
+    pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
+        let (direction, distance) = (to - from).normalize_and_length();
+        self.still.visible(from, direction, distance)
+            && self
+                .bodies
+                .iter()
+                .all(|(bvh, pose)| bvh.visible(pose.point(from), pose.vector(direction), distance))
+    }
+}
+
+/// A hierarchy and its triangles.
+struct Bvh {
     nodes: CwBvh,
     /// In the order of the hierarchy's leaves.
     triangles: Vec<Triangle>,
@@ -69,33 +130,32 @@ pub(super) struct Bvh {
 }
 
 impl Bvh {
-    /// Builds the hierarchy; takes about a second for a million triangles.
-    pub fn new(mesh: &Mesh) -> Self {
-        let largest = mesh.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
-        let scale = power_of_two_scale(largest);
-        let scaled =
-            |face: &[u32; 3]| Triangle(face.map(|i| Vec3A::from(mesh.positions[i as usize]) * scale));
-        let boxes: Vec<Aabb> = mesh.triangles.iter().map(|face| padded_box(&scaled(face))).collect();
-        let nodes = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
-        let triangles =
-            nodes.primitive_indices.iter().map(|&i| scaled(&mesh.triangles[i as usize])).collect();
+    /// Builds the hierarchy of some faces.
+    fn new(mesh: &Mesh, faces: Vec<u32>, position: impl Fn(u32) -> Vec3, scale: f32) -> Self {
+        let scaled = |&face: &u32| {
+            Triangle(mesh.triangles[face as usize].map(|vertex| Vec3A::from(position(vertex)) * scale))
+        };
+        let boxes: Vec<Aabb> = faces.iter().map(|face| padded_box(&scaled(face))).collect();
+        let mut nodes = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        nodes.primitive_indices.iter_mut().for_each(|index| *index = faces[*index as usize]);
+        let triangles = nodes.primitive_indices.iter().map(scaled).collect();
         Self { nodes, triangles, scale }
     }
 
-    /// The nearest triangle along the ray; `direction` is of unit length.
-    pub fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
-        let ray = self.ray(origin, direction, f32::INFINITY);
+    /// The nearest triangle along the ray, closer than `limit`, and its distance, both in scaled units; `direction` is of
+    /// unit length.
+    fn closest(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<(f32, Intersection)> {
+        let ray = self.ray(origin, direction, limit);
         let mut hit = RayHit::none();
         self.nodes.ray_traverse(ray, &mut hit, |ray, i| self.triangles[i].intersect(ray));
         let triangle = self.triangles.get(hit.primitive_id as usize)?;
         let (_, v) = triangle.volumes(&ray);
         let face = self.nodes.primitive_indices[hit.primitive_id as usize];
-        Some(Intersection { face, weights: v / (v.x + v.y + v.z) })
+        Some((hit.t, Intersection { face, weights: v / (v.x + v.y + v.z) }))
     }
 
-    /// Whether nothing lies between two points.
-    pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
-        let (direction, distance) = (to - from).normalize_and_length();
+    /// Whether nothing lies within `distance` metres along the ray; `direction` is of unit length.
+    fn visible(&self, from: Vec3, direction: Vec3, distance: f32) -> bool {
         let ray = self.ray(from, direction, distance * self.scale);
         self.nodes.ray_traverse_miss(ray, |ray, i| self.triangles[i].intersect(ray))
     }

@@ -1,6 +1,6 @@
 //! The lights of a scene as the tracer samples them.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, sync::Arc};
 
 use glam::Vec3;
 
@@ -78,11 +78,26 @@ impl Quad {
 pub(super) struct Emitters {
     pub quads: Vec<Quad>,
     pub points: Vec<Point>,
-    faces: HashMap<u32, usize>,
+    faces: Arc<HashMap<u32, usize>>,
 }
 
 impl Emitters {
     pub fn new(scene: &Scene) -> Self {
+        let mut emitters = Self::of_lights(scene);
+        emitters.find_faces(scene);
+        emitters
+    }
+
+    /// The emitters of the same scene in another pose.
+    pub fn posed(&self, scene: &Scene) -> Self {
+        let mut emitters = Self { faces: self.faces.clone(), ..Self::of_lights(scene) };
+        for (quad, before) in emitters.quads.iter_mut().zip(&self.quads) {
+            quad.in_mesh = before.in_mesh;
+        }
+        emitters
+    }
+
+    fn of_lights(scene: &Scene) -> Self {
         let mut emitters = Self::default();
         for light in &scene.lights {
             match *light {
@@ -95,7 +110,6 @@ impl Emitters {
                 }
             }
         }
-        emitters.find_faces(scene);
         emitters
     }
 
@@ -107,6 +121,7 @@ impl Emitters {
     /// A face belongs to a quad light if it emits, faces the same way and all its vertices are corners of the quad.
     fn find_faces(&mut self, scene: &Scene) {
         let mesh = &scene.mesh;
+        let mut faces = HashMap::new();
         for (face, &material) in mesh.material.iter().enumerate() {
             if scene.materials[material as usize].emission == Vec3::ZERO {
                 continue;
@@ -120,8 +135,9 @@ impl Emitters {
             });
             if let Some(quad) = owner {
                 self.quads[quad].in_mesh = true;
-                self.faces.insert(face as u32, quad);
+                faces.insert(face as u32, quad);
             }
         }
+        self.faces = Arc::new(faces);
     }
 }

@@ -20,8 +20,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::{Material, Scene};
-use bvh::{Bvh, Intersection};
+use crate::{Material, Pose, Scene};
+use bvh::{Bvhs, Intersection};
 use emitter::{Emitters, Incident};
 pub use queue::{AsyncTracer, TaggedHit, TaggedJob};
 pub use rng::Rng;
@@ -110,9 +110,10 @@ pub struct Job {
 /// Traces rays through a scene.
 pub struct Tracer {
     scene: Arc<Scene>,
-    bvh: Bvh,
+    bvh: Bvhs,
     emitters: Emitters,
-    non_finite: AtomicU64,
+    /// Shared by all poses of the scene.
+    non_finite: Arc<AtomicU64>,
 }
 
 /// A point of a surface that a ray met first: where it is, not what light it sends.
@@ -154,11 +155,29 @@ struct Origin {
 }
 
 impl Tracer {
-    /// Builds the bounding volume hierarchy of `scene`.
+    /// Builds the bounding volume hierarchies of `scene`.
     pub fn new(scene: Arc<Scene>) -> Self {
-        let bvh = Bvh::new(&scene.mesh);
+        let bvh = Bvhs::new(&scene);
         let emitters = Emitters::new(&scene);
-        Self { scene, bvh, emitters, non_finite: AtomicU64::new(0) }
+        Self { scene, bvh, emitters, non_finite: Arc::default() }
+    }
+
+    /// The tracer of the scene in a frame: this one where nothing has another pose then. Hierarchies are shared and not
+    /// built again; see [`Scene::posed`] for what is written anew.
+    pub fn at(self: &Arc<Self>, frame: u32) -> Arc<Self> {
+        let poses = self.scene.poses_at(frame);
+        if poses == self.scene.poses { self.clone() } else { Arc::new(self.posed(&poses)) }
+    }
+
+    /// The tracer of the scene with its bodies in these poses.
+    pub fn posed(&self, poses: &[Pose]) -> Self {
+        let scene = Arc::new(self.scene.posed(poses));
+        Self {
+            bvh: self.bvh.posed(&scene.poses),
+            emitters: self.emitters.posed(&scene),
+            non_finite: self.non_finite.clone(),
+            scene,
+        }
     }
 
     /// The scene that it traces.
@@ -195,7 +214,7 @@ impl Tracer {
         Some(self.bvh.visible(surface.start, incident.target))
     }
 
-    /// How many samples so far had a radiance that was no finite number, and were made black.
+    /// How many samples so far, in any pose of the scene, had a radiance that was no finite number, and were made black.
     pub fn non_finite(&self) -> u64 {
         self.non_finite.load(Ordering::Relaxed)
     }

@@ -49,6 +49,7 @@ struct State<T> {
 }
 
 struct Batch<T> {
+    tracer: Arc<Tracer>,
     jobs: Vec<TaggedJob<T>>,
     /// Index of the first job that no worker has taken.
     next: usize,
@@ -58,7 +59,7 @@ struct Batch<T> {
 
 impl<T: Copy + Send + 'static> AsyncTracer<T> {
     /// Starts `workers` threads, at least one.
-    pub fn new(tracer: Arc<Tracer>, workers: usize) -> Self {
+    pub fn new(workers: usize) -> Self {
         let shared = Arc::new(Shared {
             state: Mutex::new(State { waiting: VecDeque::new(), stop: false }),
             changed: Condvar::new(),
@@ -66,18 +67,24 @@ impl<T: Copy + Send + 'static> AsyncTracer<T> {
         });
         let workers = (0..workers.max(1))
             .map(|_| {
-                let (shared, tracer) = (shared.clone(), tracer.clone());
-                std::thread::spawn(move || shared.work(&tracer))
+                let shared = shared.clone();
+                std::thread::spawn(move || shared.work())
             })
             .collect();
         Self { shared, workers }
     }
 
-    /// Queues a batch and returns at once. If the workers are behind, the oldest batches that no worker has begun
+    /// Queues a batch for `tracer` and returns at once. If the workers are behind, the oldest batches that no worker has begun
     /// are dropped; returns how many jobs that were.
-    pub fn submit(&self, jobs: Vec<TaggedJob<T>>, settings: TraceSettings, seed: u64) -> usize {
+    pub fn submit(
+        &self,
+        tracer: &Arc<Tracer>,
+        jobs: Vec<TaggedJob<T>>,
+        settings: TraceSettings,
+        seed: u64,
+    ) -> usize {
         let mut state = lock(&self.shared.state);
-        state.waiting.push_back(Batch { jobs, next: 0, settings, seed });
+        state.waiting.push_back(Batch { tracer: tracer.clone(), jobs, next: 0, settings, seed });
         let mut dropped = 0;
         while state.waiting.iter().filter(|batch| batch.next == 0).count() > MAX_WAITING {
             let oldest = state.waiting.iter().position(|batch| batch.next == 0);
@@ -103,10 +110,10 @@ impl<T: Copy + Send + 'static> AsyncTracer<T> {
 
 impl<T: Copy> Shared<T> {
     /// A worker's life.
-    fn work(&self, tracer: &Tracer) {
+    fn work(&self) {
         let mut chunk = Vec::with_capacity(CHUNK);
         let mut hits = Vec::with_capacity(CHUNK);
-        while let Some((settings, seed)) = self.take(&mut chunk) {
+        while let Some((tracer, settings, seed)) = self.take(&mut chunk) {
             hits.extend(chunk.drain(..).map(|TaggedJob { job, tag }: TaggedJob<T>| {
                 let hit = tracer.trace_job(&job, &settings, seed);
                 TaggedHit { hit, tag }
@@ -116,7 +123,7 @@ impl<T: Copy> Shared<T> {
     }
 
     /// Waits for work and moves some of it to `chunk`; `None` at the end.
-    fn take(&self, chunk: &mut Vec<TaggedJob<T>>) -> Option<(TraceSettings, u64)> {
+    fn take(&self, chunk: &mut Vec<TaggedJob<T>>) -> Option<(Arc<Tracer>, TraceSettings, u64)> {
         let idle = |state: &mut State<T>| !state.stop && state.waiting.is_empty();
         let mut state =
             self.changed.wait_while(lock(&self.state), idle).unwrap_or_else(PoisonError::into_inner);
@@ -127,7 +134,7 @@ impl<T: Copy> Shared<T> {
         let end = (batch.next + CHUNK).min(batch.jobs.len());
         chunk.extend_from_slice(&batch.jobs[batch.next..end]);
         batch.next = end;
-        let how = (batch.settings, batch.seed);
+        let how = (batch.tracer.clone(), batch.settings, batch.seed);
         if end == batch.jobs.len() {
             state.waiting.pop_front();
         }

@@ -1,0 +1,324 @@
+//! Rigid motion: bodies, the poses that they take, and scenes in which they have taken them.
+
+use std::ops::Range;
+
+use glam::{Quat, Vec3};
+
+use crate::mesh::bounds_of;
+use crate::{Light, Scene};
+
+/// Frames in a second of the time in which cameras and bodies move.
+pub const FRAMES_PER_SECOND: f32 = 30.0;
+
+/// Most bodies of a scene: points of a cloud note theirs in 8 bits, of which 0 stands for what does not move.
+pub const MAX_BODIES: usize = 255;
+
+/// A rotation about the origin, then a translation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// The rotation, of unit length.
+    pub rotation: Quat,
+    /// The translation, metres.
+    pub translation: Vec3,
+}
+
+impl Pose {
+    /// Where things are declared.
+    pub const REST: Self = Self { rotation: Quat::IDENTITY, translation: Vec3::ZERO };
+
+    /// Where it takes a point.
+    pub fn point(&self, point: Vec3) -> Vec3 {
+        self.rotation * point + self.translation
+    }
+
+    /// Where it takes a direction.
+    pub fn vector(&self, vector: Vec3) -> Vec3 {
+        self.rotation * vector
+    }
+
+    /// The way back.
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.conjugate();
+        Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    /// This pose after `first`.
+    pub fn after(&self, first: &Self) -> Self {
+        Self {
+            rotation: (self.rotation * first.rotation).normalize(),
+            translation: self.point(first.translation),
+        }
+    }
+
+    fn light(&self, light: &Light) -> Light {
+        match *light {
+            Light::Point { position, intensity } => {
+                Light::Point { position: self.point(position), intensity }
+            }
+            Light::Quad { corner, u, v, radiance } => {
+                Light::Quad { corner: self.point(corner), u: self.vector(u), v: self.vector(v), radiance }
+            }
+        }
+    }
+}
+
+/// Where a body is at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionKey {
+    /// Seconds.
+    pub time: f32,
+    /// How far it has moved, metres.
+    pub translate: Vec3,
+    /// How it has turned about [`Motion::pivot`].
+    pub rotate: Quat,
+}
+
+/// A path through key poses, a function of the frame's number alone: 30 frames to a second.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// The point about which keys rotate, metres, where the body is declared.
+    pub pivot: Vec3,
+    /// In ascending order of time, at least one.
+    pub keys: Vec<MotionKey>,
+    /// Whether it begins again after the last key; otherwise it stays there.
+    pub looped: bool,
+}
+
+impl Motion {
+    /// The pose of a frame: between two keys translations are mixed linearly and rotations along the shorter arc.
+    pub fn pose(&self, frame: u32) -> Pose {
+        let (first, last) = (&self.keys[0], &self.keys[self.keys.len() - 1]);
+        // In f64, so that it runs evenly after hours of frames, too.
+        let seconds = f64::from(frame) / f64::from(FRAMES_PER_SECOND);
+        let [begin, end] = [first.time, last.time].map(f64::from);
+        let seconds = if self.looped && end > begin {
+            begin + (seconds - begin).rem_euclid(end - begin)
+        } else {
+            seconds.clamp(begin, end)
+        };
+        let next = self.keys.partition_point(|key| f64::from(key.time) <= seconds);
+        let before = &self.keys[next.saturating_sub(1)];
+        let after = self.keys.get(next).unwrap_or(before);
+        let interval = f64::from(after.time) - f64::from(before.time);
+        let t = if interval > 0.0 { ((seconds - f64::from(before.time)) / interval) as f32 } else { 0.0 };
+        let rotation = before.rotate.slerp(after.rotate, t).normalize();
+        let translate = before.translate.lerp(after.translate, t);
+        Pose { rotation, translation: translate + (self.pivot - rotation * self.pivot) }
+    }
+
+    /// A box around wherever it takes these points, in any frame and at rest.
+    pub(crate) fn swept(&self, points: &[Vec3]) -> [Vec3; 2] {
+        let [low, high] = bounds_of(points);
+        let [from, to] = self
+            .keys
+            .iter()
+            .fold([Vec3::ZERO; 2], |[from, to], key| [from.min(key.translate), to.max(key.translate)]);
+        if self.keys.iter().all(|key| key.rotate == Quat::IDENTITY) {
+            return [low + from, high + to];
+        }
+        // However it turns, a point stays as far from the pivot as it is.
+        let radius = points.iter().map(|point| point.distance(self.pivot)).fold(0.0, f32::max);
+        [low.min(self.pivot + from - radius), high.max(self.pivot + to + radius)]
+    }
+}
+
+/// A part of a scene that moves as one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Its vertices; no face outside of it has one of them.
+    pub vertices: Range<usize>,
+    /// Its triangles.
+    pub faces: Range<usize>,
+    /// Its edges.
+    pub edges: Range<usize>,
+    /// Its lights.
+    pub lights: Range<usize>,
+    /// How it moves.
+    pub motion: Motion,
+    /// Its geometry before it moves.
+    pub(crate) rest: Rest,
+}
+
+/// What of a body depends on its pose, before it moves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Rest {
+    pub positions: Vec<Vec3>,
+    pub face_normals: Vec<Vec3>,
+    pub corner_normals: Vec<[Vec3; 3]>,
+    pub lights: Vec<Light>,
+}
+
+impl Scene {
+    /// The poses of its bodies in a frame.
+    pub fn poses_at(&self, frame: u32) -> Vec<Pose> {
+        self.bodies.iter().map(|body| body.motion.pose(frame)).collect()
+    }
+
+    /// The scene with its bodies in these poses: one for each, or those left out stay where they are. It shares all that
+    /// stands still, and writes anew the vertices, normals and lights of bodies whose pose is another.
+    pub fn posed(&self, poses: &[Pose]) -> Self {
+        let mut scene = self.clone();
+        for ((body, now), &pose) in self.bodies.iter().zip(&mut scene.poses).zip(poses) {
+            if *now == pose {
+                continue;
+            }
+            *now = pose;
+            let mesh = &mut scene.mesh;
+            let rest = &body.rest;
+            set(&mut mesh.positions[body.vertices.clone()], &rest.positions, |&p| pose.point(p));
+            set(&mut mesh.face_normals[body.faces.clone()], &rest.face_normals, |&n| pose.vector(n));
+            if let Some(normals) = mesh.corner_normals.get_mut(body.faces.clone()) {
+                set(normals, &rest.corner_normals, |n| n.map(|n| pose.vector(n)));
+            }
+            set(&mut scene.lights[body.lights.clone()], &rest.lights, |light| pose.light(light));
+        }
+        scene
+    }
+
+    /// Which body a triangle belongs to, counted from 1; 0 for what stands still.
+    pub fn body_of_face(&self, face: u32) -> u32 {
+        let body = self.bodies.iter().position(|body| body.faces.contains(&(face as usize)));
+        // There are at most `MAX_BODIES`.
+        body.map_or(0, |body| body as u32 + 1)
+    }
+}
+
+fn set<T, S>(to: &mut [T], from: &[S], element: impl Fn(&S) -> T) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = element(from);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CREASE_ANGLE, Camera, Material, SceneBuilder, Shape, Surface};
+
+    fn key(time: f32, translate: [f32; 3], degrees: f32) -> MotionKey {
+        let rotate = Quat::from_rotation_y(degrees.to_radians());
+        MotionKey { time, translate: translate.into(), rotate }
+    }
+
+    fn motion(looped: bool) -> Motion {
+        let keys = vec![key(0.5, [0.0; 3], 0.0), key(1.5, [2.0, 0.0, 0.0], 90.0), key(2.5, [0.0; 3], 0.0)];
+        Motion { pivot: Vec3::new(1.0, 5.0, 0.0), keys, looped }
+    }
+
+    #[test]
+    fn poses_go_from_key_to_key() {
+        let motion = motion(false);
+        assert_eq!(motion.pose(0), Pose::REST);
+        assert_eq!(motion.pose(15), Pose::REST);
+        // A quarter turn about (1, y, 0) takes the origin from -x to +z of it; then it is moved.
+        assert!(motion.pose(45).point(Vec3::ZERO).distance(Vec3::new(3.0, 0.0, 1.0)) < 1e-6);
+        let half = motion.pose(30).point(Vec3::new(1.0, 7.0, 0.0));
+        assert!(half.distance(Vec3::new(2.0, 7.0, 0.0)) < 1e-6, "the pivot is only moved: {half}");
+        assert_eq!(motion.pose(75), motion.pose(9999));
+    }
+
+    #[test]
+    fn a_loop_repeats() {
+        let motion = motion(true);
+        for frame in [15, 20, 47, 74] {
+            let (now, later) = (motion.pose(frame), motion.pose(frame + 60));
+            let distance = |p: Vec3| now.point(p).distance(later.point(p));
+            assert!(distance(Vec3::ZERO) < 1e-5 && distance(Vec3::ONE) < 1e-5);
+        }
+        assert_ne!(motion.pose(15), motion.pose(40));
+    }
+
+    #[test]
+    fn the_way_back_and_one_after_the_other() {
+        let motion = motion(false);
+        let (one, other) = (motion.pose(33), motion.pose(41));
+        let p = Vec3::new(0.3, -2.0, 7.0);
+        assert!(one.inverse().point(one.point(p)).distance(p) < 1e-5);
+        let step = other.after(&one.inverse());
+        assert!(step.point(one.point(p)).distance(other.point(p)) < 1e-5);
+    }
+
+    #[test]
+    fn swept_boxes_hold_every_frame() {
+        let points = [Vec3::ZERO, Vec3::new(0.5, 1.0, -2.0), Vec3::ONE];
+        let mut slide = motion(true);
+        slide.keys.iter_mut().for_each(|key| key.rotate = Quat::IDENTITY);
+        for motion in [motion(true), motion(false), slide] {
+            let [low, high] = motion.swept(&points);
+            for p in (0..90).flat_map(|frame| points.map(|p| motion.pose(frame).point(p))) {
+                assert!(p.cmpge(low - 1e-5).all() && p.cmple(high + 1e-5).all(), "{p}");
+            }
+        }
+    }
+
+    /// A floor, a box that slides along it, a quad light that turns, another box; both boxes and the floor touch.
+    fn scene() -> Scene {
+        let mut builder = SceneBuilder::new();
+        let material = builder.material(Material {
+            name: String::new(),
+            color: Vec3::ONE,
+            surface: Surface::Diffuse,
+            emission: Vec3::ZERO,
+        });
+        let floor = Shape::quad([Vec3::ZERO, Vec3::Z, Vec3::X + Vec3::Z, Vec3::X]);
+        let cube = Shape::cuboid(Vec3::ZERO, Vec3::ONE);
+        builder.add(&floor, material).unwrap();
+        builder.moving(motion(false), |b| b.add(&cube, material)).unwrap();
+        builder.add(&cube.moved(Vec3::X), material).unwrap();
+        builder.moving(motion(true), |b| b.quad_light(Vec3::Y * 4.0, Vec3::X, Vec3::Z, Vec3::ONE)).unwrap();
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap()
+    }
+
+    #[test]
+    fn bodies_are_whole_and_apart() {
+        let scene = scene();
+        assert_eq!(scene.bodies.len(), 2);
+        let Body { vertices, faces, edges, lights, .. } = &scene.bodies[0];
+        assert_eq!((vertices.len(), faces.len(), edges.len(), lights.len()), (8, 12, 18, 0));
+        assert_eq!(scene.bodies[1].lights, 0..1);
+        for body in scene.bodies.iter() {
+            for (face, triangle) in scene.mesh.triangles.iter().enumerate() {
+                let inside = triangle.map(|vertex| body.vertices.contains(&(vertex as usize)));
+                assert_eq!(inside, [body.faces.contains(&face); 3]);
+            }
+            for (index, edge) in scene.mesh.edges.iter().enumerate() {
+                let inside = edge.vertices.map(|vertex| body.vertices.contains(&(vertex as usize)));
+                assert_eq!(inside, [body.edges.contains(&index); 2]);
+            }
+        }
+        // 8 + 4 + 2 faces in the order in which they were added, the floor first.
+        assert_eq!([0, 2, 13, 14, 26].map(|face| scene.body_of_face(face)), [0, 1, 1, 0, 2]);
+    }
+
+    #[test]
+    fn a_posed_scene_is_the_one_moved_by_hand() {
+        let rest = scene();
+        let poses = rest.poses_at(45);
+        let posed = rest.posed(&poses);
+        assert_eq!(posed.poses, poses);
+        for (vertex, (&before, &after)) in rest.mesh.positions.iter().zip(&posed.mesh.positions).enumerate() {
+            let body = rest.bodies.iter().position(|body| body.vertices.contains(&vertex));
+            assert_eq!(after, body.map_or(before, |body| poses[body].point(before)));
+        }
+        for face in 0..posed.mesh.triangles.len() {
+            let [a, b, c] = posed.mesh.corners(face);
+            assert!((b - a).cross(c - a).normalize().distance(posed.mesh.face_normals[face]) < 1e-5);
+        }
+        let (Light::Quad { corner, u, v, .. }, body) = (posed.lights[0], &rest.bodies[1]) else {
+            panic!("a quad light")
+        };
+        for point in [corner, corner + u, corner + v, corner + u + v] {
+            let near = |p: &Vec3| p.distance(point) < 1e-5;
+            assert!(posed.mesh.positions[body.vertices.clone()].iter().any(near));
+        }
+        // From one pose to the next it is the same as from rest, and back.
+        assert_eq!(
+            posed.posed(&rest.poses_at(50)).mesh.positions,
+            rest.posed(&rest.poses_at(50)).mesh.positions
+        );
+        assert_eq!(posed.posed(&[Pose::REST; 2]).lights, rest.lights);
+        for point in &posed.mesh.positions {
+            assert!(point.cmpge(rest.bounds[0] - 1e-5).all() && point.cmple(rest.bounds[1] + 1e-5).all());
+        }
+    }
+}

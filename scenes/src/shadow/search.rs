@@ -1,0 +1,325 @@
+//! The search for a scene's shadow boundaries, and the search anew where something has moved.
+//!
+//! An event's boundaries depend on its light, its blocker, and what lies in the region where its rays run (`region`).
+//! So a search keeps all events with what was found of them. After bodies have moved it searches the events of
+//! their own edges and of their lights, and those of others whose region holds a moved body, where it was or where it
+//! is: whatever of it was a receiver or stood between light and receiver, and whatever it uncovers. All others are as they
+//! were, to the bit.
+
+use std::{
+    ops::Range,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+};
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{
+    ShadowSegment, ShadowSegments, ShadowSettings,
+    boundary::Finder,
+    event::{Around, Blockers, Event, Source},
+    receivers::Receivers,
+    region::{PosedBox, Region},
+};
+use crate::{Body, Light, Pose, Scene, Tracer};
+
+/// Blocker's edges or vertices between two calls of `progress`.
+const PROGRESS_STEP: usize = 4096;
+
+/// What the last search did, in events: pairs of a light and a blocker's edge or vertex that may cast a boundary.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShadowWork {
+    /// Searched because their light or their blocker has moved, or for the first time.
+    pub own: usize,
+    /// Searched because something that has moved may be or have been among their receivers, or before them.
+    pub touched: usize,
+    /// Not searched.
+    pub kept: usize,
+}
+
+/// Finds the shadow boundaries of a scene, pose after pose. What it found last is kept where bodies move, so that it
+/// searches only where something has changed; the result is that of a search from nothing.
+pub struct ShadowSearch {
+    settings: ShadowSettings,
+    known: Option<Known>,
+    work: ShadowWork,
+}
+
+/// What is known of a scene after a search.
+struct Known {
+    /// Tells the scene, in whatever pose.
+    bodies: Arc<Vec<Body>>,
+    receivers: Receivers,
+    around: Around,
+    reach: f64,
+    /// As of the last search; none before the first.
+    poses: Vec<Pose>,
+    lights: Vec<Light>,
+    /// For each light its events, by place.
+    found: Vec<Vec<Found>>,
+}
+
+/// An event, and the boundaries that it causes.
+struct Found {
+    /// Index of the blocker's edge; or of its vertex, plus the number of edges.
+    place: usize,
+    event: Event,
+    segments: Vec<ShadowSegment>,
+}
+
+/// The bodies that have moved since the last search.
+struct Moved<'a> {
+    bodies: Vec<&'a Body>,
+    /// Where they were and where they are.
+    boxes: Vec<PosedBox>,
+}
+
+impl ShadowSearch {
+    /// A search that knows nothing yet.
+    pub fn new(settings: ShadowSettings) -> Self {
+        Self { settings, known: None, work: ShadowWork::default() }
+    }
+
+    /// What the last search did.
+    pub fn work(&self) -> ShadowWork {
+        self.work
+    }
+
+    /// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads; the same for any number of them.
+    /// Searches everything if the last scene was no pose of this one.
+    ///
+    /// `progress` is told the finished share, in [0, 1), now and then and from any thread; when it returns `false`, the
+    /// search ends and gives `None`.
+    pub fn find(
+        &mut self,
+        tracer: &Tracer,
+        progress: &(dyn Fn(f32) -> bool + Sync),
+    ) -> Option<ShadowSegments> {
+        let scene: &Scene = tracer.scene();
+        self.work = ShadowWork::default();
+        if scene.lights.is_empty() {
+            return Some(ShadowSegments::default());
+        }
+        // Taken, so that a search that ends early leaves nothing half done.
+        let known = self.known.take().filter(|known| Arc::ptr_eq(&known.bodies, &scene.bodies));
+        let mut known = known.unwrap_or_else(|| Known::new(scene));
+        let moved = Moved::new(scene, &known.poses);
+        let mesh = &scene.mesh;
+        let work = Work::new(scene.lights.len() * (mesh.edges.len() + mesh.positions.len()), progress);
+        let blockers = Blockers::new(mesh, &known.around, known.reach);
+        for (index, (light, found)) in scene.lights.iter().zip(&mut known.found).enumerate() {
+            let Some(source) = Source::new(light) else { continue };
+            let search = OfLight {
+                scene,
+                finder: Finder::new(tracer, &known.receivers, &source, &self.settings, known.reach),
+                source: &source,
+                blockers: &blockers,
+                reach: known.reach,
+                work: &work,
+            };
+            if known.lights.get(index) == Some(light) {
+                let touched = search.again(found, &moved);
+                let own = found.iter().filter(|found| moved.owns(found.place, mesh.edges.len())).count();
+                self.work.own += own;
+                self.work.touched += touched;
+                self.work.kept += found.len() - own - touched;
+            } else {
+                *found = search.all();
+                self.work.own += found.len();
+            }
+        }
+        if work.stopped.into_inner() {
+            return None;
+        }
+        let found = known.found.iter().flatten();
+        let mut segments: Vec<_> = found.flat_map(|found| &found.segments).copied().collect();
+        if !scene.bodies.is_empty() {
+            known.poses.clone_from(&scene.poses);
+            known.lights.clone_from(&scene.lights);
+            self.known = Some(known);
+        }
+        let dropped = segments.len().saturating_sub(self.settings.capacity);
+        keep_important(&mut segments, self.settings.capacity, scene.bounds[0].distance(scene.bounds[1]));
+        Some(ShadowSegments { segments, dropped })
+    }
+}
+
+impl Known {
+    fn new(scene: &Scene) -> Self {
+        let reach = reach_of(scene);
+        let quads = scene.lights.iter().any(|light| matches!(light, Light::Quad { .. }));
+        Self {
+            bodies: scene.bodies.clone(),
+            receivers: Receivers::new(scene, reach),
+            around: if quads { Around::new(&scene.mesh) } else { Around::default() },
+            reach,
+            poses: Vec::new(),
+            lights: Vec::new(),
+            found: scene.lights.iter().map(|_| Vec::new()).collect(),
+        }
+    }
+}
+
+impl<'a> Moved<'a> {
+    fn new(scene: &'a Scene, before: &[Pose]) -> Self {
+        let poses = before.iter().zip(&scene.poses);
+        let moved: Vec<_> = scene.bodies.iter().zip(poses).filter(|(_, (was, is))| was != is).collect();
+        Self {
+            boxes: moved
+                .iter()
+                .flat_map(|(body, (was, is))| [PosedBox::new(body, was), PosedBox::new(body, is)])
+                .flatten()
+                .collect(),
+            bodies: moved.into_iter().map(|(body, _)| body).collect(),
+        }
+    }
+
+    /// Whether a place, counted after so many edges if it is a vertex, belongs to one of them.
+    fn owns(&self, place: usize, edges: usize) -> bool {
+        let of = |body: &&Body| match place.checked_sub(edges) {
+            Some(vertex) => body.vertices.contains(&vertex),
+            None => body.edges.contains(&place),
+        };
+        self.bodies.iter().any(of)
+    }
+}
+
+/// The search for one light's boundaries.
+struct OfLight<'a> {
+    scene: &'a Scene,
+    source: &'a Source,
+    blockers: &'a Blockers<'a>,
+    finder: Finder<'a>,
+    reach: f64,
+    work: &'a Work<'a>,
+}
+
+impl OfLight<'_> {
+    /// Searches all events.
+    fn all(&self) -> Vec<Found> {
+        let mesh = &self.scene.mesh;
+        let mut found = Vec::new();
+        self.search(0..mesh.edges.len(), 0..mesh.positions.len(), 0..mesh.triangles.len(), &mut found);
+        found
+    }
+
+    /// Searches the events that what has moved may have changed. How many of them are not its own.
+    fn again(&self, found: &mut Vec<Found>, moved: &Moved) -> usize {
+        if moved.bodies.is_empty() {
+            return 0;
+        }
+        let edges = self.scene.mesh.edges.len();
+        found.retain(|found| !moved.owns(found.place, edges));
+        let touched = found.par_iter_mut().filter(|_| self.work.step()).filter_map(|found| {
+            let region = Region::new(&found.event, self.source, self.reach);
+            let touches = |region: Region| moved.boxes.iter().any(|posed| region.touches(posed));
+            region.is_none_or(touches).then(|| found.segments = self.boundaries(&found.event))
+        });
+        let touched = touched.count();
+        for body in &moved.bodies {
+            self.search(body.edges.clone(), body.vertices.clone(), body.faces.clone(), found);
+        }
+        // Stable: the events of one place stay in order.
+        found.par_sort_by_key(|found| found.place);
+        touched
+    }
+
+    /// Appends the events of some edges and vertices, whose faces are given, and what they cause.
+    fn search(
+        &self,
+        edges: Range<usize>,
+        vertices: Range<usize>,
+        faces: Range<usize>,
+        into: &mut Vec<Found>,
+    ) {
+        let moves = !self.scene.bodies.is_empty();
+        let find = |place: usize, events: Vec<Event>| {
+            events.into_iter().filter_map(move |event| {
+                let segments = self.boundaries(&event);
+                // Where nothing moves, nobody asks again.
+                (moves || !segments.is_empty()).then_some(Found { place, event, segments })
+            })
+        };
+        let facing = &self.blockers.facing(self.source, faces);
+        let edges = edges.into_par_iter().filter(|_| self.work.step());
+        let of_edge = |edge| find(edge, self.blockers.edge_events(self.source, facing, edge));
+        into.par_extend(edges.flat_map_iter(of_edge));
+        if self.source.has_area() {
+            let first = self.scene.mesh.edges.len();
+            let vertices = vertices.into_par_iter().filter(|_| self.work.step());
+            let of_vertex = |vertex| find(first + vertex, self.blockers.vertex_events(self.source, vertex));
+            into.par_extend(vertices.flat_map_iter(of_vertex));
+        }
+    }
+
+    fn boundaries(&self, event: &Event) -> Vec<ShadowSegment> {
+        let mut segments = Vec::new();
+        self.finder.find(event, &mut segments);
+        segments
+    }
+}
+
+/// The largest coordinate of the scene and its lights, wherever they move: what the rounding of rays is relative to.
+fn reach_of(scene: &Scene) -> f64 {
+    let still = |index: &usize| !scene.bodies.iter().any(|body| body.lights.contains(index));
+    let lights = (0..scene.lights.len()).filter(still).map(|index| match scene.lights[index] {
+        Light::Point { position, .. } => position.abs(),
+        Light::Quad { corner, u, v, .. } => corner.abs() + u.abs() + v.abs(),
+    });
+    let corners = |light: &Light| match *light {
+        Light::Point { position, .. } => vec![position],
+        Light::Quad { corner, u, v, .. } => vec![corner, corner + u, corner + u + v, corner + v],
+    };
+    let moving = scene.bodies.iter().filter(|body| !body.lights.is_empty()).flat_map(|body| {
+        let points: Vec<Vec3> = body.rest.lights.iter().flat_map(corners).collect();
+        body.motion.swept(&points).map(Vec3::abs)
+    });
+    let points = scene.bounds.iter().map(|bound| bound.abs()).chain(lights).chain(moving);
+    f64::from(points.map(Vec3::max_element).fold(f32::MIN_POSITIVE, f32::max))
+}
+
+/// Keeps the `capacity` most important segments in their order. A penumbra counts against a segment's length from a
+/// thousandth of the scene's `diagonal` on.
+fn keep_important(segments: &mut Vec<ShadowSegment>, capacity: usize, diagonal: f32) {
+    if segments.len() <= capacity {
+        return;
+    }
+    let importance = |segment: &ShadowSegment| {
+        let [a, b] = segment.ends;
+        a.distance(b) / (segment.penumbra + 1e-3 * diagonal)
+    };
+    let mut order: Vec<usize> = (0..segments.len()).collect();
+    order.par_sort_by(|&a, &b| importance(&segments[b]).total_cmp(&importance(&segments[a])));
+    order.truncate(capacity);
+    order.par_sort_unstable();
+    *segments = order.into_iter().map(|index| segments[index]).collect();
+}
+
+/// How much is done, and whether to go on.
+struct Work<'a> {
+    done: AtomicUsize,
+    all: usize,
+    progress: &'a (dyn Fn(f32) -> bool + Sync),
+    stopped: AtomicBool,
+}
+
+impl<'a> Work<'a> {
+    fn new(all: usize, progress: &'a (dyn Fn(f32) -> bool + Sync)) -> Self {
+        Self { done: AtomicUsize::new(0), all, progress, stopped: AtomicBool::new(false) }
+    }
+
+    /// Counts an edge or vertex; whether it is still wanted.
+    fn step(&self) -> bool {
+        let done = self.done.fetch_add(1, Ordering::Relaxed);
+        if done.is_multiple_of(PROGRESS_STEP) && !(self.progress)(done as f32 / self.all as f32) {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+        !self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,177 @@
+use glam::{Affine3A, Quat};
+
+use super::*;
+use crate::{Camera, Material, Motion, MotionKey, Rng, SceneBuilder, Shape, Surface, shadow_segments};
+
+/// Penumbrae of some width.
+const SETTINGS: ShadowSettings = ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 0.2 };
+
+fn builder() -> SceneBuilder {
+    let mut builder = SceneBuilder::new();
+    let (name, surface) = (String::new(), Surface::Diffuse);
+    builder.material(Material { name, color: Vec3::ONE, surface, emission: Vec3::ZERO });
+    builder
+}
+
+fn built(builder: SceneBuilder) -> Tracer {
+    let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+    Tracer::new(Arc::new(builder.build("test", camera, Vec3::ZERO, 0.0, 40.0).unwrap()))
+}
+
+/// A motion of which only the poses given by the tests count.
+fn motion() -> Motion {
+    let key = MotionKey { time: 0.0, translate: Vec3::ZERO, rotate: Quat::IDENTITY };
+    Motion { pivot: Vec3::ZERO, keys: vec![key], looped: false }
+}
+
+fn shift(x: f32, y: f32, z: f32) -> Pose {
+    Pose { translation: Vec3::new(x, y, z), ..Pose::REST }
+}
+
+fn floor() -> Shape {
+    Shape::cuboid(Vec3::new(-6.0, -0.2, -6.0), Vec3::new(6.0, 0.0, 6.0))
+}
+
+fn cube(center: [f32; 3], half: f32) -> Shape {
+    Shape::cuboid(Vec3::splat(-half), Vec3::splat(half)).moved(center.into())
+}
+
+/// A floor, boxes of which every third one moves, a lamp and a point light that stand still, and a lamp that moves.
+fn random_scene(rng: &mut Rng) -> Tracer {
+    let mut builder = builder();
+    builder.add(&floor(), 0).unwrap();
+    let mut between = |low: f32, high: f32| low + (high - low) * rng.next_f32();
+    for index in 0..9 {
+        let place = Vec3::new(between(-2.5, 2.5), between(0.3, 2.0), between(-2.5, 2.5));
+        let turn = Quat::from_euler(glam::EulerRot::XYZ, between(0.0, 6.0), between(0.0, 6.0), 1.0);
+        let size = Vec3::new(between(0.1, 0.4), between(0.1, 0.4), between(0.1, 0.6));
+        let shape = Shape::cuboid(-size, size).transformed(Affine3A::from_rotation_translation(turn, place));
+        if index % 3 == 0 {
+            builder.moving(motion(), |builder| builder.add(&shape, 0)).unwrap();
+        } else {
+            builder.add(&shape, 0).unwrap();
+        }
+    }
+    builder.point_light(Vec3::new(between(-2.0, 2.0), 5.0, between(-2.0, 2.0)), Vec3::ONE);
+    let corner = Vec3::new(between(-2.0, 2.0), 4.5, between(-2.0, 2.0));
+    builder.quad_light(corner, 0.3 * Vec3::X, 0.2 * Vec3::Z, Vec3::ONE).unwrap();
+    let lamp = Vec3::new(between(-2.0, 2.0), 4.0, between(-2.0, 2.0));
+    builder.moving(motion(), |b| b.quad_light(lamp, 0.2 * Vec3::X, 0.3 * Vec3::Z, Vec3::ONE)).unwrap();
+    built(builder)
+}
+
+#[test]
+fn after_any_move_it_is_the_search_from_nothing_to_the_bit() {
+    let (mut work, mut changes) = (ShadowWork::default(), 0);
+    for seed in 0..6 {
+        let mut rng = Rng::new(seed, 0);
+        let mut tracer = random_scene(&mut rng);
+        let mut search = ShadowSearch::new(SETTINGS);
+        let mut last = search.find(&tracer, &|_| true).unwrap();
+        for _ in 0..8 {
+            let mut poses = tracer.scene().poses.clone();
+            for pose in &mut poses {
+                // Some stay, some move a little, some far.
+                let size = [0.0, 0.0, 0.1, 2.0][(rng.next_f32() * 4.0) as usize];
+                let mut between = || size * (2.0 * rng.next_f32() - 1.0);
+                let turn = Quat::from_euler(glam::EulerRot::XYZ, between(), between(), between());
+                let step = Vec3::new(between(), 0.3 * between(), between());
+                *pose = Pose { rotation: turn, translation: step }.after(pose);
+            }
+            tracer = tracer.posed(&poses);
+            let now = search.find(&tracer, &|_| true).unwrap();
+            let from_nothing = shadow_segments(&Tracer::new(tracer.scene().clone()), &SETTINGS, &|_| true);
+            assert_eq!(Some(&now), from_nothing.as_ref(), "seed {seed}");
+            assert!(now.segments.len() > 50);
+            let ShadowWork { own, touched, kept } = search.work();
+            work =
+                ShadowWork { own: work.own + own, touched: work.touched + touched, kept: work.kept + kept };
+            changes += usize::from(now != last);
+            last = now;
+        }
+    }
+    // Each kind of event came up, or this would show little.
+    assert!(
+        changes > 20 && work.own > 1000 && work.touched > 1000 && work.kept > 1000,
+        "{changes}, {work:?}"
+    );
+}
+
+#[test]
+fn a_body_far_from_everything_searches_its_own_events_only() {
+    let mut builder = builder();
+    builder.add(&floor(), 0).unwrap();
+    builder.add(&cube([0.0, 1.0, 0.0], 0.3), 0).unwrap();
+    builder.add(&cube([0.5, 2.0, 0.4], 0.2), 0).unwrap();
+    builder.moving(motion(), |builder| builder.add(&cube([0.0, 1.0, 0.0], 0.2), 0)).unwrap();
+    builder.point_light(Vec3::new(0.0, 5.0, 0.0), Vec3::ONE);
+    builder.quad_light(Vec3::new(0.3, 4.0, 0.1), 0.2 * Vec3::X, 0.2 * Vec3::Z, Vec3::ONE).unwrap();
+    let tracer = built(builder);
+    let mut search = ShadowSearch::new(SETTINGS);
+    search.find(&tracer.posed(&[shift(4.5, -0.7, 4.5)]), &|_| true).unwrap();
+    let all = search.work();
+    assert!(all.own > 20 && all.touched + all.kept == 0, "{all:?}");
+
+    let there = tracer.posed(&[shift(4.6, -0.6, 4.5)]);
+    let found = search.find(&there, &|_| true).unwrap();
+    let ShadowWork { own, touched, kept } = search.work();
+    assert!(own > 0 && own < all.own / 2 && touched == 0 && kept > 10, "{:?}", search.work());
+    // Its own shadow is among what was found.
+    let body = &there.scene().bodies[0].edges;
+    assert!(found.segments.iter().any(|segment| body.contains(&(segment.edge as usize))));
+
+    // Into the light of the others, and out again.
+    for pose in [shift(0.2, 1.8, 0.2), shift(4.6, -0.6, 4.5)] {
+        search.find(&tracer.posed(&[pose]), &|_| true).unwrap();
+        assert!(search.work().touched > 5, "{:?}", search.work());
+    }
+    // Where nothing has moved, nothing is searched.
+    search.find(&tracer.posed(&[shift(4.6, -0.6, 4.5)]), &|_| true).unwrap();
+    assert_eq!((search.work().own, search.work().touched), (0, 0));
+}
+
+#[test]
+fn a_light_that_moves_searches_its_own_events_only() {
+    let mut builder = builder();
+    builder.add(&floor(), 0).unwrap();
+    builder.add(&cube([0.0, 1.0, 0.0], 0.3), 0).unwrap();
+    builder.point_light(Vec3::new(1.0, 5.0, 0.0), Vec3::ONE);
+    let light = Vec3::new(-1.0, 4.0, 0.0);
+    let moving = |b: &mut SceneBuilder| {
+        b.point_light(light, Vec3::ONE);
+        Ok::<_, crate::MeshError>(())
+    };
+    builder.moving(motion(), moving).unwrap();
+    let tracer = built(builder);
+    let mut search = ShadowSearch::new(SETTINGS);
+    let before = search.find(&tracer, &|_| true).unwrap().segments;
+    let moved = tracer.posed(&[shift(0.0, 0.5, 0.3)]);
+    let after = search.find(&moved, &|_| true).unwrap().segments;
+    let ShadowWork { own, touched, kept } = search.work();
+    assert!(own > 0 && touched == 0 && kept > 0, "{:?}", search.work());
+    // By light: the first one's boundaries are as they were.
+    let same = before.iter().zip(&after).take_while(|(a, b)| a == b).count();
+    assert!(same > 0 && same < after.len());
+    assert_eq!(after, shadow_segments(&moved, &SETTINGS, &|_| true).unwrap().segments);
+}
+
+#[test]
+fn a_search_that_was_given_up_begins_anew() {
+    let mut rng = Rng::new(77, 0);
+    let tracer = random_scene(&mut rng);
+    let mut search = ShadowSearch::new(SETTINGS);
+    search.find(&tracer, &|_| true).unwrap();
+    let moved = tracer.posed(&vec![shift(0.3, 0.0, 0.1); tracer.scene().bodies.len()]);
+    assert_eq!(search.find(&moved, &|_| false), None);
+    let found = search.find(&tracer, &|_| true).unwrap();
+    assert_eq!(found, shadow_segments(&tracer, &SETTINGS, &|_| true).unwrap());
+}
+
+#[test]
+fn another_scene_is_searched_from_nothing() {
+    let mut rng = Rng::new(5, 0);
+    let (one, other) = (random_scene(&mut rng), random_scene(&mut rng));
+    let mut search = ShadowSearch::new(SETTINGS);
+    search.find(&one, &|_| true).unwrap();
+    assert_eq!(search.find(&other, &|_| true), shadow_segments(&other, &SETTINGS, &|_| true));
+}
