@@ -127,6 +127,21 @@ impl SceneBuilder {
         Ok(())
     }
 
+    /// What `add` adds moves as one body if there is a motion.
+    ///
+    /// # Errors
+    /// Those of `add`.
+    pub(crate) fn moving_if<E>(
+        &mut self,
+        motion: Option<Motion>,
+        add: impl FnOnce(&mut Self) -> Result<(), E>,
+    ) -> Result<(), E> {
+        match motion {
+            Some(motion) => self.moving(motion, add),
+            None => add(self),
+        }
+    }
+
     /// Adds a point light of the given radiant intensity (W/sr).
     pub fn point_light(&mut self, position: Vec3, intensity: Vec3) {
         self.lights.push(Light::Point { position, intensity });

@@ -17,6 +17,10 @@ pub struct SceneFacts {
     pub border_edges: usize,
     /// Number of triangles.
     pub faces: usize,
+    /// Number of bodies that move.
+    pub bodies: usize,
+    /// Whether a light moves.
+    pub lights_move: bool,
 }
 
 impl SceneFacts {
@@ -33,6 +37,8 @@ impl SceneFacts {
             crease_edges: edges(EdgeKind::Crease),
             border_edges: edges(EdgeKind::Border),
             faces: scene.mesh.triangles.len(),
+            bodies: scene.bodies.iter().filter(|body| body.motion.moves()).count(),
+            lights_move: scene.bodies.iter().any(|body| !body.lights.is_empty() && body.motion.moves()),
         }
     }
 }
@@ -48,5 +54,12 @@ mod tests {
         assert_eq!((facts.point_lights, facts.quad_lights, facts.faces), (0, 1, 36));
         assert_eq!(facts.regular_edges + facts.crease_edges + facts.border_edges, 58);
         assert_eq!(facts.border_edges, 8);
+        assert!(facts.bodies == 0 && !facts.lights_move);
+    }
+
+    #[test]
+    fn facts_of_motion() {
+        let facts = SceneFacts::of(&Scene::load("cornell-moving").unwrap());
+        assert!(facts.bodies == 4 && facts.lights_move);
     }
 }

@@ -28,7 +28,8 @@ pub use camera::{Camera, predict};
 pub use facts::SceneFacts;
 pub use light::Light;
 pub use load::{
-    CameraSpec, LightSpec, MaterialSpec, ObjectSpec, RepeatSpec, SceneFile, ShapeSpec, SurfaceSpec,
+    CameraSpec, LightSpec, MaterialSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile,
+    ShapeSpec, SurfaceSpec,
 };
 pub use material::{Material, Surface};
 pub use mesh::{Edge, EdgeKind, Mesh, NO_FACE};

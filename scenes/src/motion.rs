@@ -106,6 +106,13 @@ impl Motion {
         Pose { rotation, translation: translate + (self.pivot - rotation * self.pivot) }
     }
 
+    /// Whether the pose of any frame differs from that of another.
+    pub fn moves(&self) -> bool {
+        self.keys
+            .windows(2)
+            .any(|pair| (pair[0].translate, pair[0].rotate) != (pair[1].translate, pair[1].rotate))
+    }
+
     /// A box around wherever it takes these points, in any frame and at rest.
     pub(crate) fn swept(&self, points: &[Vec3]) -> [Vec3; 2] {
         let [low, high] = bounds_of(points);

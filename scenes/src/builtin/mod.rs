@@ -1,4 +1,5 @@
-//! The scenes that come with the crate: those made by code, and the scene files over meshes that `scenes/fetch` brings.
+//! The scenes that come with the crate: those made by code, and scene files, most of them over meshes that `scenes/fetch`
+//! brings.
 
 mod chains;
 mod cornell;
@@ -24,8 +25,10 @@ pub struct SceneInfo {
 enum Source {
     /// Made by this function.
     Code(fn() -> Result<Scene, MeshError>),
-    /// Described by the text of this scene file in the crate's folder, over meshes that `scenes/fetch` brings.
+    /// Described by the text of this scene file in the crate's folder.
     File(&'static str),
+    /// Likewise, over meshes that `scenes/fetch` brings.
+    Fetched(&'static str),
 }
 
 struct Builtin {
@@ -41,6 +44,11 @@ const BUILTINS: &[Builtin] = &[
         source: Source::Code(cornell::scene),
     },
     Builtin {
+        name: "cornell-moving",
+        doc: "the Cornell box in motion: a box slides, a cube turns, the lamp swings: 60 triangles",
+        source: Source::File(include_str!("../../cornell-moving.ron")),
+    },
+    Builtin {
         name: "chains",
         doc: "three chains on a frame that shadow each other: 73,728 triangles, two point lights",
         source: Source::Code(chains::scene),
@@ -53,22 +61,22 @@ const BUILTINS: &[Builtin] = &[
     Builtin {
         name: "dragon",
         doc: "the Stanford dragon, 871,414 triangles, in the shadow of a grid",
-        source: Source::File(include_str!("../../dragon.ron")),
+        source: Source::Fetched(include_str!("../../dragon.ron")),
     },
     Builtin {
         name: "dragon-small",
         doc: "the same with 202,520 triangles",
-        source: Source::File(include_str!("../../dragon-small.ron")),
+        source: Source::Fetched(include_str!("../../dragon-small.ron")),
     },
     Builtin {
         name: "bust",
         doc: "a bust of 109,259 triangles on a pedestal",
-        source: Source::File(include_str!("../../bust.ron")),
+        source: Source::Fetched(include_str!("../../bust.ron")),
     },
     Builtin {
         name: "kitchen",
         doc: "a kitchen of 56,939 triangles and 33 materials for global illumination",
-        source: Source::File(include_str!("../../kitchen.ron")),
+        source: Source::Fetched(include_str!("../../kitchen.ron")),
     },
 ];
 
@@ -76,18 +84,20 @@ const BUILTINS: &[Builtin] = &[
 pub fn scene_names() -> Vec<SceneInfo> {
     BUILTINS
         .iter()
-        .map(|b| SceneInfo { name: b.name, doc: b.doc, needs_fetch: !matches!(b.source, Source::Code(_)) })
+        .map(|b| SceneInfo { name: b.name, doc: b.doc, needs_fetch: matches!(b.source, Source::Fetched(_)) })
         .collect()
 }
 
 /// The scene called `name`, or nothing if no scene is called so.
 pub(crate) fn load(name: &str) -> Option<Result<Scene, SceneError>> {
-    let Builtin { source: Source::File(text), .. } = BUILTINS.iter().find(|b| b.name == name)? else {
-        return by_code(name);
+    let (text, fetch) = match BUILTINS.iter().find(|b| b.name == name)?.source {
+        Source::Code(_) => return by_code(name),
+        Source::File(text) => (text, None),
+        Source::Fetched(text) => (text, Some(name)),
     };
     let path = PathBuf::from(format!("scenes/{name}.ron"));
     let file = SceneFile::parse(text).map_err(|message| SceneError::Invalid { path: path.clone(), message });
-    Some(file.and_then(|file| file.into_scene(name, &path, &scene_folders(), Some(name))))
+    Some(file.and_then(|file| file.into_scene(name, &path, &scene_folders(), fetch)))
 }
 
 /// The scene called `name` if it is one that is made by code.
@@ -128,9 +138,23 @@ mod tests {
         let fetched: Vec<_> = scene_names().into_iter().filter(|info| info.needs_fetch).collect();
         assert_eq!(fetched.len(), 4);
         for builtin in BUILTINS {
-            if let Source::File(text) = builtin.source {
+            if let Source::File(text) | Source::Fetched(text) = builtin.source {
                 let file = SceneFile::parse(text).unwrap_or_else(|error| panic!("{}: {error}", builtin.name));
                 assert!(!file.lights.is_empty() && file.camera.is_some());
+            }
+        }
+    }
+
+    #[test]
+    fn cornell_moving_has_four_bodies_that_stay_in_the_box() {
+        let scene = Scene::load("cornell-moving").unwrap();
+        assert_eq!((scene.mesh.triangles.len(), scene.bodies.len(), scene.lights.len()), (60, 4, 1));
+        // Away from the walls, not counting the lowest face of what stands on the floor.
+        let walls = [glam::Vec3::new(0.01, 0.0, 0.01), glam::Vec3::new(0.54, 0.548, 0.55)];
+        for frame in 0..240 {
+            let posed = scene.posed(&scene.poses_at(frame));
+            for p in posed.bodies.iter().flat_map(|body| &posed.mesh.positions[body.vertices.clone()]) {
+                assert!(p.cmpge(walls[0] - 1e-5).all() && p.cmple(walls[1]).all(), "{p} in frame {frame}");
             }
         }
     }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::model::{self, Model};
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
-use crate::{Camera, Material, Scene, SceneError, Shape, Surface};
+use crate::{Camera, Material, Motion, MotionKey, Scene, SceneError, Shape, Surface};
 
 /// What stands in a scene's `.ron` file. Lengths in metres, angles in degrees, colours linear Rec. 709.
 ///
@@ -17,6 +17,9 @@ use crate::{Camera, Material, Scene, SceneError, Shape, Surface};
 /// Scene(
 ///     version: 1,
 ///     camera: (eye: (0, 1, 4), target: (0, 0.5, 0), fov: 35),
+///     motions: {
+///         "to and fro": (keys: [(time: 0), (time: 2, translate: (1, 0, 0)), (time: 4)], looped: true),
+///     },
 ///     materials: {
 ///         "clay": (color: (0.7, 0.4, 0.3)),
 ///         "metal": (color: (0.2, 0.2, 0.2), surface: Glossy(roughness: 0.3, f0: 0.4)),
@@ -24,6 +27,7 @@ use crate::{Camera, Material, Scene, SceneError, Shape, Surface};
 ///     objects: [
 ///         (shape: Quad(corner: (-2, 0, 2), u: (4, 0, 0), v: (0, 0, -4)), material: "clay"),
 ///         (shape: File("statue.ply"), material: "metal", height: 1, rotate: (0, 30, 0)),
+///         (shape: Sphere(center: (0, 1, 1), radius: 0.2), material: "clay", motion: "to and fro"),
 ///     ],
 ///     lights: [ Quad(corner: (-1, 3, -1), u: (2, 0, 0), v: (0, 0, 2), radiance: (9, 9, 9)) ],
 /// )
@@ -48,6 +52,9 @@ pub struct SceneFile {
     /// Materials by the name that objects use.
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialSpec>,
+    /// How things move, by the name that objects and lights use.
+    #[serde(default)]
+    pub motions: BTreeMap<String, MotionSpec>,
     /// What the scene consists of.
     pub objects: Vec<ObjectSpec>,
     /// Lights beside those that the objects' files bring; if there is none at all, one is put in front.
@@ -69,6 +76,35 @@ pub struct CameraSpec {
     pub target: Vec3,
     /// Full vertical field of view, between 0 and 180 degrees.
     pub fov: f32,
+}
+
+/// A motion of a scene file: rigid, from key to key, a function of the frame's number at 30 frames a second.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct MotionSpec {
+    /// The point about which it rotates, where things are before they move. Default the origin.
+    #[serde(default)]
+    pub pivot: Vec3,
+    /// Poses in ascending order of time, at least one. Between two, translations are mixed linearly and rotations along
+    /// the shorter arc.
+    pub keys: Vec<MotionKeySpec>,
+    /// Whether it begins again after the last key; otherwise it stays there. Default no.
+    #[serde(default)]
+    pub looped: bool,
+}
+
+/// A key of a motion of a scene file.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct MotionKeySpec {
+    /// Seconds.
+    pub time: f32,
+    /// How far things have moved from their place. Default not at all.
+    #[serde(default)]
+    pub translate: Vec3,
+    /// How they have turned about the pivot: about z, then x, then y, degrees. Default not at all.
+    #[serde(default)]
+    pub rotate: Vec3,
 }
 
 /// A material of a scene file.
@@ -132,6 +168,9 @@ pub struct ObjectSpec {
     /// Smooth shading across edges of at most this angle, where the shape has no normals. Default 0: flat.
     #[serde(default)]
     pub smooth: f32,
+    /// A name in `motions`; left out: it stands still.
+    #[serde(default)]
+    pub motion: Option<String>,
     /// Copies in a row. Default one.
     #[serde(default)]
     pub repeat: RepeatSpec,
@@ -200,7 +239,7 @@ pub enum ShapeSpec {
 }
 
 /// A light of a scene file; see [`Light`](crate::Light).
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub enum LightSpec {
     /// A point.
@@ -209,6 +248,9 @@ pub enum LightSpec {
         position: Vec3,
         /// Radiant intensity, W/sr.
         intensity: Vec3,
+        /// A name in `motions`; left out: it stands still.
+        #[serde(default)]
+        motion: Option<String>,
     },
     /// A one-sided parallelogram that shines towards `u x v`.
     Quad {
@@ -220,6 +262,9 @@ pub enum LightSpec {
         v: Vec3,
         /// Emitted radiance.
         radiance: Vec3,
+        /// A name in `motions`; left out: it stands still.
+        #[serde(default)]
+        motion: Option<String>,
     },
 }
 
@@ -264,6 +309,9 @@ impl SceneFile {
                 ));
             }
         }
+        for (name, motion) in &self.motions {
+            motion.check().map_err(|message| format!("motion `{name}`: {message}"))?;
+        }
         for (index, object) in self.objects.iter().enumerate() {
             let scale = object.height.unwrap_or(object.scale);
             if !(scale.is_finite() && scale != 0.0 && (0.0..=180.0).contains(&object.smooth)) {
@@ -277,12 +325,12 @@ impl SceneFile {
             }
         }
         for (index, light) in self.lights.iter().enumerate() {
-            let finite = match *light {
-                LightSpec::Point { position, intensity } => position.is_finite() && intensity.is_finite(),
-                LightSpec::Quad { corner, u, v, radiance } => {
+            let finite = match light {
+                LightSpec::Point { position, intensity, .. } => position.is_finite() && intensity.is_finite(),
+                LightSpec::Quad { corner, u, v, radiance, .. } => {
                     corner.is_finite()
-                        && u.cross(v).is_finite()
-                        && u.cross(v) != Vec3::ZERO
+                        && u.cross(*v).is_finite()
+                        && u.cross(*v) != Vec3::ZERO
                         && radiance.is_finite()
                 }
             };
@@ -313,6 +361,15 @@ impl SceneFile {
         for (material_name, spec) in &self.materials {
             materials.insert(material_name.as_str(), builder.material(spec.to_material(material_name)));
         }
+        let motions: BTreeMap<&str, Motion> =
+            self.motions.iter().map(|(name, spec)| (name.as_str(), spec.to_motion())).collect();
+        let motion_of = |what: &str, index: usize, name: &Option<String>| match name {
+            None => Ok(None),
+            Some(name) => motions.get(name.as_str()).cloned().map(Some).ok_or_else(|| {
+                let hint = super::nearest(name, motions.keys().copied());
+                invalid(format!("{what} {index}: no motion is called `{name}`{hint}"))
+            }),
+        };
         let mut file_camera = None;
         for (index, object) in self.objects.iter().enumerate() {
             let material = match &object.material {
@@ -330,18 +387,30 @@ impl SceneFile {
                 shape.smooth(object.smooth);
             }
             let place = object.placement(&model);
-            for copy in 0..object.repeat.count {
-                let step = Affine3A::from_translation(copy as f32 * object.repeat.step);
-                model.add_to(&mut builder, step * place, material).map_err(unusable)?;
-            }
+            let motion = motion_of("object", index, &object.motion)?;
+            let add = |builder: &mut SceneBuilder| {
+                (0..object.repeat.count).try_for_each(|copy| {
+                    let step = Affine3A::from_translation(copy as f32 * object.repeat.step);
+                    model.add_to(builder, step * place, material)
+                })
+            };
+            builder.moving_if(motion, add).map_err(unusable)?;
         }
-        for light in &self.lights {
-            match *light {
-                LightSpec::Point { position, intensity } => builder.point_light(position, intensity),
-                LightSpec::Quad { corner, u, v, radiance } => {
-                    builder.quad_light(corner, u, v, radiance).map_err(unusable)?;
+        for (index, light) in self.lights.iter().enumerate() {
+            match light {
+                LightSpec::Point { position, intensity, motion } => {
+                    let add = |builder: &mut SceneBuilder| {
+                        builder.point_light(*position, *intensity);
+                        Ok(())
+                    };
+                    builder.moving_if(motion_of("light", index, motion)?, add)
+                }
+                LightSpec::Quad { corner, u, v, radiance, motion } => {
+                    let add = |builder: &mut SceneBuilder| builder.quad_light(*corner, *u, *v, *radiance);
+                    builder.moving_if(motion_of("light", index, motion)?, add)
                 }
             }
+            .map_err(unusable)?;
         }
         let bounds = builder.bounds();
         if builder.lights().is_empty() {
@@ -363,6 +432,38 @@ impl CameraSpec {
     }
 }
 
+impl MotionSpec {
+    fn check(&self) -> Result<(), String> {
+        if self.keys.is_empty() {
+            return Err("`keys` is empty: give at least one key".to_owned());
+        }
+        let finite =
+            |key: &MotionKeySpec| key.time.is_finite() && key.translate.is_finite() && key.rotate.is_finite();
+        if !self.pivot.is_finite() || !self.keys.iter().all(finite) {
+            return Err("every number is finite".to_owned());
+        }
+        match self.keys.windows(2).position(|pair| pair[0].time >= pair[1].time) {
+            Some(index) => Err(format!("the time of key {} is not after that of key {index}", index + 1)),
+            None => Ok(()),
+        }
+    }
+
+    fn to_motion(&self) -> Motion {
+        let key = |key: &MotionKeySpec| MotionKey {
+            time: key.time,
+            translate: key.translate,
+            rotate: rotation(key.rotate),
+        };
+        Motion { pivot: self.pivot, keys: self.keys.iter().map(key).collect(), looped: self.looped }
+    }
+}
+
+/// Rotation about z, then x, then y, degrees.
+fn rotation(degrees: Vec3) -> Quat {
+    let [x, y, z] = degrees.to_array().map(f32::to_radians);
+    Quat::from_euler(EulerRot::YXZ, y, x, z)
+}
+
 impl MaterialSpec {
     fn to_material(self, name: &str) -> Material {
         let surface = match self.surface {
@@ -376,8 +477,7 @@ impl MaterialSpec {
 
 impl ObjectSpec {
     fn placement(&self, model: &Model) -> Affine3A {
-        let [x, y, z] = self.rotate.to_array().map(f32::to_radians);
-        let turn = Affine3A::from_quat(Quat::from_euler(EulerRot::YXZ, y, x, z));
+        let turn = Affine3A::from_quat(rotation(self.rotate));
         let Some(height) = self.height else {
             return Affine3A::from_translation(self.translate)
                 * turn

@@ -13,7 +13,8 @@ use crate::builtin::{self, scene_names};
 use crate::{Scene, SceneError};
 
 pub use file::{
-    CameraSpec, LightSpec, MaterialSpec, ObjectSpec, RepeatSpec, SceneFile, ShapeSpec, SurfaceSpec,
+    CameraSpec, LightSpec, MaterialSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile,
+    ShapeSpec, SurfaceSpec,
 };
 use model::Model;
 

@@ -1,6 +1,6 @@
 use super::*;
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 
 use crate::{Light, Surface};
 
@@ -94,6 +94,9 @@ const SCENE: &str = r#"Scene(
     version: 1,
     camera: (eye: (0, 1, 4), target: (0, 0.5, 0), fov: 35),
     background: (0.1, 0.2, 0.3),
+    motions: {
+        "rise": (keys: [(time: 0), (time: 2, translate: (0, 1, 0), rotate: (0, 90, 0))], pivot: (0, 0, 1)),
+    },
     materials: {
         "clay": (color: (0.7, 0.4, 0.3)),
         "panel": (color: (0, 0, 0), emission: (5, 5, 5)),
@@ -125,6 +128,31 @@ fn a_scene_file_places_shapes_and_lights() {
 }
 
 #[test]
+fn objects_and_lights_of_a_scene_file_move() {
+    let folder = Folder::new("motion");
+    folder.file("a.obj", TETRAHEDRON);
+    let text = SCENE
+        .replace("repeat: (count", "motion: \"rise\", repeat: (count")
+        .replace("intensity: (1, 1, 1)", "intensity: (1, 1, 1), motion: \"rise\"");
+    let scene = Scene::load(&folder.file("scene.ron", text)).unwrap();
+    assert_eq!(scene.bodies.len(), 2);
+    assert_eq!((scene.bodies[0].faces.clone(), scene.bodies[1].faces.len()), (4..4 + 3 * 12, 0));
+    // Half a second, an eighth of the way: the shape of the three boxes, and the light, rise and turn as one.
+    let posed = scene.posed(&scene.poses_at(15));
+    let before = &scene.mesh.positions[scene.bodies[0].vertices.clone()];
+    let after = &posed.mesh.positions[scene.bodies[0].vertices.clone()];
+    let turn = Affine3A::from_rotation_y(22.5_f32.to_radians());
+    let moved = |p: Vec3| turn.transform_point3(p - Vec3::Z) + Vec3::new(0.0, 0.25, 1.0);
+    assert!(before.iter().zip(after).all(|(&before, after)| moved(before).distance(*after) < 1e-5));
+    let lights = [&scene, &posed].map(|scene| match scene.lights[scene.bodies[1].lights.start] {
+        Light::Point { position, .. } => position,
+        Light::Quad { .. } => panic!("a point light"),
+    });
+    assert!(moved(lights[0]).distance(lights[1]) < 1e-5);
+    assert!(posed.mesh.positions[..4] == scene.mesh.positions[..4], "the tetrahedron stands still");
+}
+
+#[test]
 fn errors_in_a_scene_file_say_where() {
     let folder = Folder::new("scene-errors");
     folder.file("a.obj", TETRAHEDRON);
@@ -139,6 +167,11 @@ fn errors_in_a_scene_file_say_where() {
         ("count: 3", "count: 4000000000", "repeat.count"),
         ("Glossy(roughness: 0.3", "Glossy(roughness: 0", "material `metal`"),
         ("(0, 5, 0), int", "(0, inf, 0), int", "light 0"),
+        ("time: 2", "time: 0", "motion `rise`: the time of key 1 is not after that of key 0"),
+        ("(0, 90, 0)", "(0, inf, 0)", "motion `rise`: every number is finite"),
+        ("[(time: 0), (time: 2, translate: (0, 1, 0), rotate: (0, 90, 0))]", "[]", "`keys` is empty"),
+        ("smooth: 100", "motion: \"raise\"", "object 0: no motion is called `raise`, did you mean `rise`?"),
+        ("intensity: (1, 1, 1)", "intensity: (1, 1, 1), motion: \"x\"", "light 0: no motion is called `x`"),
         ("high: (1, 1, 1)", "high: (1, 1, NaN)", "not finite"),
     ] {
         let text = SCENE.replacen(from, to, 1);
