@@ -64,7 +64,7 @@ fn insert(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     cloud_position[slot] = vec4(samples[index].position, select(0.0, 1.0, is_point));
     cloud_radiance[slot] = encode_radiance(samples[index].radiance);
     cloud_image_id[slot] = NOT_DRAWN;
-    cloud_meta[slot] = LIVE | FRESH;
+    cloud_meta[slot] = LIVE | FRESH | (samples[index].body << BODY_SHIFT);
 }
 
 // Whether there is a sample that has a slot.

@@ -33,7 +33,8 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let size = args.scene.size.0;
     require_memory(size)?;
     let (scene, path) = load_scene(&args.scene)?;
-    let tracer = progress::spinner("building the tracer".into(), || Tracer::new(scene));
+    let tracer = progress::spinner("building the tracer".into(), || Arc::new(Tracer::new(scene)));
+    let tracer = tracer.at(args.frame);
     let settings = trace_settings(args.mode);
 
     let start = Instant::now();

@@ -162,7 +162,7 @@ pub fn tracer(scene: &Arc<Scene>) -> Arc<Tracer> {
 pub fn host(tracer: Arc<Tracer>, pace: values::Pace, threads: usize) -> Host {
     let pace = match pace {
         values::Pace::Exact => Pace::Exact,
-        values::Pace::Async => Pace::Async(AsyncTracer::new(tracer.clone(), threads)),
+        values::Pace::Async => Pace::Async(AsyncTracer::new(threads)),
     };
     let mut host = Host::default();
     host.insert(World::new(tracer, pace));

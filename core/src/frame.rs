@@ -113,6 +113,10 @@ pub struct Facts {
     pub border_edges: u32,
     /// Number of triangles.
     pub faces: u32,
+    /// Number of bodies that move.
+    pub bodies: u32,
+    /// Some light moves.
+    pub lights_move: bool,
 }
 
 impl Facts {

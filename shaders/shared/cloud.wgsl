@@ -15,6 +15,9 @@ const CHANGED: u32 = 0x20000u;
 // The point came into the cloud in this frame.
 const FRESH: u32 = 0x40000u;
 
+// Where the number of the body begins, 0 for what does not move.
+const BODY_SHIFT: u32 = 24u;
+
 // The image_id of a point that no pixel shows.
 const NOT_DRAWN: u32 = 0xFFFFFFFFu;
 

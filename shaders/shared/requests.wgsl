@@ -36,8 +36,8 @@ struct Sample {
     hit: u32,
     // Linear radiance towards the eye.
     radiance: vec3<f32>,
-    // Index of the triangle, 0xFFFFFFFF for none.
-    face: u32,
+    // Number of the body that it met, 0 for what does not move.
+    body: u32,
     // The rest as in the request.
     pixel: u32,
     aim: u32,

@@ -6,7 +6,7 @@ use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stag
 use rayon::prelude::*;
 
 use crate::shared::{
-    cloud::{CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
+    cloud::{BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
     requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
 };
 
@@ -118,7 +118,7 @@ impl Stage for Integrate {
                     let slot = slot as usize;
                     radiance[slot] = encode_radiance(sample.radiance);
                     image_id[slot] = NOT_DRAWN;
-                    meta[slot] = LIVE | FRESH;
+                    meta[slot] = LIVE | FRESH | sample.body << BODY_SHIFT;
                 }
             },
         );
@@ -219,6 +219,9 @@ mod tests {
         assert_eq!((position[2], meta[2]), ([1.0, 2.0, 3.0, 0.0], LIVE | FRESH));
         // An entry that holds no sample has no effect, whatever its slot.
         assert_eq!((position[3], meta[3]), ([1.0; 4], LIVE | 3));
+        let of_body = Sample { body: 200, ..sample(4, GREY) };
+        let meta = run_cpu(&mut harness(16, &[of_body], &[9])).get::<u32>("cloud.meta")[9];
+        assert_eq!(meta, LIVE | FRESH | 200 << BODY_SHIFT);
         let image_id = out.get::<u32>("cloud.image_id");
         assert_eq!([image_id[9], image_id[2], image_id[3]], [NOT_DRAWN, NOT_DRAWN, 3]);
         assert_eq!(out.get::<u32>("arrived"), [2]);
@@ -283,6 +286,7 @@ mod tests {
         let samples: Vec<Sample> = (0..300)
             .map(|_| Sample {
                 hit: random.below(3),
+                body: random.below(256),
                 radiance: std::array::from_fn(|_| random.between(0.0, 1.0)),
                 reuse: random.below(2 * capacity),
                 view: random.below(2),

@@ -3,6 +3,7 @@
 
 pub mod age;
 pub mod antialias;
+pub mod carry;
 pub mod classify;
 pub mod compact;
 pub mod depth_cull;
@@ -13,6 +14,7 @@ pub mod image_id;
 pub mod integrate;
 pub mod interpolate;
 pub mod mesh;
+pub mod motion;
 pub mod point_cloud;
 pub mod predict;
 pub mod project;
@@ -46,6 +48,7 @@ pub fn registry() -> Registry {
         module!("edge_pixel"),
         module!("frame"),
         module!("index"),
+        module!("moves"),
         module!("requests"),
         module!("scan"),
         module!("segments"),
@@ -55,6 +58,7 @@ pub fn registry() -> Registry {
     let registry = Registry::default()
         .with::<age::Age>()
         .with::<antialias::Antialias>()
+        .with::<carry::Carry>()
         .with::<classify::Classify>()
         .with::<compact::Compact>()
         .with::<depth_cull::DepthCull>()
@@ -65,6 +69,7 @@ pub fn registry() -> Registry {
         .with::<integrate::Integrate>()
         .with::<interpolate::Interpolate>()
         .with::<mesh::Mesh>()
+        .with::<motion::Motion>()
         .with::<point_cloud::PointCloud>()
         .with::<predict::Predict>()
         .with::<project::Project>()

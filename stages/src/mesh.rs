@@ -1,9 +1,12 @@
 //! Hands the triangles and edges of the scene to the stages that look for silhouettes and shadows.
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::{
+    ops::Range,
+    sync::{Arc, Mutex, PoisonError},
+};
 
-use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage, choice, params};
-use epigraph_scenes::{Edge, EdgeKind, Scene};
+use epigraph_core::{CpuContext, Extent, Facts, Io, Out, PortElement, Stage, choice, params};
+use epigraph_scenes::{Body, Edge, EdgeKind, Scene};
 use half::f16;
 
 use crate::{
@@ -33,13 +36,14 @@ params! {
 }
 
 /// The scene's mesh as lists, from the [`World`] that the application provides. They are written in the first frame, and
-/// again only when the application shows another scene.
+/// again when the application shows another scene; vertices and normals of bodies that move, whenever they have moved.
 pub struct Mesh {
     vertices: Out<[f32; 4]>,
     faces: Out<[u32; 4]>,
     normals: NormalsOut,
     edges: Out<MeshEdge>,
-    written: Mutex<Weak<Scene>>,
+    /// The scene that was written last, in its pose.
+    written: Mutex<Option<Arc<Scene>>>,
 }
 
 enum NormalsOut {
@@ -68,30 +72,34 @@ impl Stage for Mesh {
     }
 
     fn cpu(&self, _: &MeshParams, cx: &CpuContext) -> Result<(), String> {
-        let scene = cx.host::<World>()?.tracer.scene();
-        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        if written.upgrade().is_some_and(|before| Arc::ptr_eq(&before, scene)) {
-            cx.unchanged(self.vertices);
-            cx.unchanged(self.faces);
-            match self.normals {
-                NormalsOut::F32(normals) => cx.unchanged(normals),
-                NormalsOut::F16(normals) => cx.unchanged(normals),
-                NormalsOut::Oct16(normals) => cx.unchanged(normals),
-            }
-            cx.unchanged(self.edges);
-            return Ok(());
-        }
+        let tracer = cx.host::<World>()?.at(cx.frame().index);
+        let scene = tracer.scene();
         let mesh = &scene.mesh;
-        fill(&mut cx.write(self.vertices), &mesh.positions, |_, p| [p.x, p.y, p.z, 1.0])?;
-        fill(&mut cx.write(self.faces), &mesh.triangles, |face, &[a, b, c]| [a, b, c, mesh.object[face]])?;
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        let moved = written.as_ref().and_then(|before| moved_since(before, scene));
+        let everything = [0..usize::MAX];
+        let (vertices, faces): (Vec<_>, Vec<_>) = match &moved {
+            None => {
+                fill(&mut cx.write(self.faces), &everything, &mesh.triangles, |face, &[a, b, c]| {
+                    [a, b, c, mesh.object[face]]
+                })?;
+                fill(&mut cx.write(self.edges), &everything, &mesh.edges, |_, edge| mesh_edge(edge))?;
+                (everything.to_vec(), everything.to_vec())
+            }
+            Some(bodies) => {
+                cx.unchanged(self.faces);
+                cx.unchanged(self.edges);
+                bodies.iter().map(|body| (body.vertices.clone(), body.faces.clone())).unzip()
+            }
+        };
+        write(cx, self.vertices, &vertices, &mesh.positions, |p| [p.x, p.y, p.z, 1.0])?;
         let normals = &mesh.face_normals;
         match self.normals {
-            NormalsOut::F32(out) => fill(&mut cx.write(out), normals, |_, n| [n.x, n.y, n.z, 0.0])?,
-            NormalsOut::F16(out) => fill(&mut cx.write(out), normals, |_, &n| encode_f16(n.into()))?,
-            NormalsOut::Oct16(out) => fill(&mut cx.write(out), normals, |_, &n| encode_oct16(n.into()))?,
+            NormalsOut::F32(out) => write(cx, out, &faces, normals, |n| [n.x, n.y, n.z, 0.0])?,
+            NormalsOut::F16(out) => write(cx, out, &faces, normals, |&n| encode_f16(n.into()))?,
+            NormalsOut::Oct16(out) => write(cx, out, &faces, normals, |&n| encode_oct16(n.into()))?,
         }
-        fill(&mut cx.write(self.edges), &mesh.edges, |_, edge| mesh_edge(edge))?;
-        *written = Arc::downgrade(scene);
+        *written = Some(scene.clone());
         Ok(())
     }
 
@@ -100,9 +108,36 @@ impl Stage for Mesh {
     }
 }
 
-/// Writes one element for each item; a list of none has one element, of zeros.
+/// The bodies that have another pose in a scene than `before`; `None` for another scene.
+fn moved_since<'a>(before: &Arc<Scene>, scene: &'a Arc<Scene>) -> Option<Vec<&'a Body>> {
+    if Arc::ptr_eq(before, scene) {
+        return Some(Vec::new());
+    }
+    // Poses of one scene share what they are poses of.
+    let same = !scene.bodies.is_empty() && Arc::ptr_eq(&before.bodies, &scene.bodies);
+    let poses = before.poses.iter().zip(&scene.poses);
+    same.then(|| scene.bodies.iter().zip(poses).filter(|(_, (a, b))| a != b).map(|(body, _)| body).collect())
+}
+
+/// Writes the elements of some ranges of items; a list of which no range is given is unchanged.
+fn write<S, T: PortElement>(
+    cx: &CpuContext,
+    out: Out<T>,
+    ranges: &[Range<usize>],
+    items: &[S],
+    element: impl Fn(&S) -> T::Cpu,
+) -> Result<(), String> {
+    if ranges.is_empty() {
+        cx.unchanged(out);
+        return Ok(());
+    }
+    fill(&mut cx.write(out), ranges, items, |_, item| element(item))
+}
+
+/// Writes one element for each item of some ranges; a list of none has one element, of zeros.
 fn fill<S, T: bytemuck::Pod>(
     out: &mut [T],
+    ranges: &[Range<usize>],
     items: &[S],
     element: impl Fn(usize, &S) -> T,
 ) -> Result<(), String> {
@@ -113,9 +148,14 @@ fn fill<S, T: bytemuck::Pod>(
             items.len()
         ));
     }
-    out[0] = T::zeroed();
-    for (index, (out, item)) in out.iter_mut().zip(items).enumerate() {
-        *out = element(index, item);
+    if items.is_empty() {
+        out[0] = T::zeroed();
+    }
+    for range in ranges {
+        let range = range.start..range.end.min(items.len());
+        for (index, (out, item)) in range.clone().zip(out[range.clone()].iter_mut().zip(&items[range])) {
+            *out = element(index, item);
+        }
     }
     Ok(())
 }
@@ -236,6 +276,33 @@ mod tests {
         let other = Arc::new(Scene::load("chains").unwrap());
         let error = harness.run(Side::Cpu, &crate::registry(), &host(&other), None).err().unwrap();
         assert!(error.to_string().contains("compile it again"), "{error}");
+    }
+
+    #[test]
+    fn what_moves_is_written_again() {
+        let scene = Arc::new(Scene::load("cornell-moving").unwrap());
+        let host = host(&scene);
+        let mut harness = harness(Normals::F32, &scene);
+        for index in [0, 9, 9, 70] {
+            harness.frame.index = index;
+            let out = harness.run(Side::Cpu, &crate::registry(), &host, None).unwrap();
+            let posed = scene.posed(&scene.poses_at(index)).mesh;
+            let lists = |name, expected: &[Vec3]| {
+                let list = out.get::<[f32; 4]>(name);
+                assert!(
+                    list.iter().zip(expected).all(|(a, b)| Vec3::from_slice(a) == *b),
+                    "{name}, frame {index}"
+                );
+                assert_eq!(list.len(), expected.len());
+            };
+            lists("vertices", &posed.positions);
+            lists("normals", &posed.face_normals);
+            assert_eq!(out.get::<u32>("edges"), scene.mesh.edges.iter().flat_map(words).collect::<Vec<_>>());
+        }
+    }
+
+    fn words(edge: &Edge) -> Vec<u32> {
+        bytemuck::cast_slice(&[mesh_edge(edge)]).to_vec()
     }
 
     /// The angle between a unit vector and another of any length, radians.

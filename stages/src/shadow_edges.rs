@@ -1,16 +1,14 @@
 //! Finds the boundaries of shadows as segments of the world (`algorithms.md` section 2.1). They do not depend on the view,
-//! so they are found once for a scene, on worker threads, and handed over once: on the CPU only.
+//! so they are found once for a scene, again only where something has moved, and handed over only when they are others: on
+//! the CPU only.
 
-use std::sync::{
-    Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak,
-    atomic::{AtomicBool, Ordering},
-};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage, params};
-use epigraph_scenes::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings, Tracer, shadow_segments};
+use epigraph_scenes::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings};
 
 use crate::{
-    Pace, World,
+    World,
     shared::segments::{SHADOW_HARD, SHADOW_PENUMBRA, SHADOW_UMBRA, Segment, shadow_flags},
 };
 
@@ -29,10 +27,12 @@ params! {
 }
 
 /// Finds the hard boundaries of point lights and the umbra and penumbra boundaries of quad lights in the scene of the
-/// [`World`]; see [`shadow_segments`]. The flags of a segment are those of [`shadow_flags`].
+/// [`World`]; see [`epigraph_scenes::ShadowSearch`]. The flags of a segment are those of [`shadow_flags`].
 ///
-/// With [`Pace::Exact`] the first frame waits for the result. With [`Pace::Async`] no frame waits: there are no segments until
-/// threads of their own have found them. The [`World`] keeps the result, so that a recompile finds it again.
+/// With [`Pace::Exact`](crate::Pace::Exact) a frame waits for the result of its scene. With
+/// [`Pace::Async`](crate::Pace::Async) no frame waits: there are no segments until threads of their own have found them,
+/// and after something has moved the old ones stay until then. The [`World`] keeps the result, so that a recompile finds it
+/// again.
 pub struct ShadowEdges {
     segments: Out<Segment>,
     count: Out<u32>,
@@ -48,13 +48,13 @@ enum Written {
     Unknown,
     /// No segments, because the search goes on.
     Nothing,
-    /// The result of this search.
-    Result(Weak<Search>),
+    /// What a search has found.
+    Found(Weak<ShadowSegments>),
 }
 
 impl Stage for ShadowEdges {
     const KIND: &'static str = "shadow_edges";
-    const DOC: &'static str = "Finds the boundaries of shadows, once for a scene.";
+    const DOC: &'static str = "Finds the boundaries of shadows: once, and again where something has moved.";
     type Params = ShadowEdgesParams;
 
     fn declare(params: &Self::Params, io: &mut Io) -> Self {
@@ -78,12 +78,11 @@ impl Stage for ShadowEdges {
             max_penumbra: params.max_penumbra,
         };
         let world = cx.host::<World>()?;
-        let search = world.shadows.search(&world.tracer, settings, &world.pace)?;
-        let found = search.found.get();
-        let mut written = lock(&self.written);
-        let unchanged = match (&*written, found) {
+        let found = world.shadows.find(&world.at(cx.frame().index), settings, &world.pace)?;
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        let unchanged = match (&*written, &found) {
             (Written::Nothing, None) => true,
-            (Written::Result(before), Some(_)) => Weak::as_ptr(before) == Arc::as_ptr(&search),
+            (Written::Found(before), Some(found)) => Weak::as_ptr(before) == Arc::as_ptr(found),
             _ => false,
         };
         if unchanged {
@@ -92,7 +91,8 @@ impl Stage for ShadowEdges {
             cx.unchanged(self.dropped);
             return Ok(());
         }
-        let (list, dropped) = found.map_or((&[][..], 0), |found| (&found.segments[..], found.dropped));
+        let (list, dropped) =
+            found.as_ref().map_or((&[][..], 0), |found| (&found.segments[..], found.dropped));
         let mut segments = cx.write(self.segments);
         segments.fill(Segment::default());
         for (out, segment) in segments.iter_mut().zip(list) {
@@ -101,7 +101,7 @@ impl Stage for ShadowEdges {
         // At most the capacity, which has 32 bits.
         cx.write(self.count)[0] = list.len() as u32;
         cx.write(self.dropped)[0] = u32::try_from(dropped).unwrap_or(u32::MAX);
-        *written = if found.is_some() { Written::Result(Arc::downgrade(&search)) } else { Written::Nothing };
+        *written = found.map_or(Written::Nothing, |found| Written::Found(Arc::downgrade(&found)));
         Ok(())
     }
 
@@ -120,106 +120,23 @@ fn flagged(segment: &ShadowSegment) -> Segment {
     Segment { a, flags: shadow_flags(kind, segment.penumbra), b, edge: segment.edge }
 }
 
-/// Searches kept at a time: a graph with two stages of different parameters, and some room to try others.
-const KEPT_SEARCHES: usize = 4;
-
-/// The shadow boundaries of a [`World`]'s scene, by how they are found: the searches last asked for, oldest first.
-#[derive(Default)]
-pub struct ShadowCache(Mutex<Vec<Arc<Search>>>);
-
-/// One search for shadow boundaries. Dropping it ends its thread at the next opportunity.
-struct Search {
-    settings: ShadowSettings,
-    found: Arc<OnceLock<ShadowSegments>>,
-    /// Tells the thread that nobody waits any more.
-    unwanted: Arc<AtomicBool>,
-}
-
-impl Drop for Search {
-    fn drop(&mut self) {
-        self.unwanted.store(true, Ordering::Relaxed);
-    }
-}
-
-impl ShadowCache {
-    /// The search with these settings, started if there is none; with [`Pace::Exact`] it is finished.
-    fn search(
-        &self,
-        tracer: &Arc<Tracer>,
-        settings: ShadowSettings,
-        pace: &Pace,
-    ) -> Result<Arc<Search>, String> {
-        let mut searches = lock(&self.0);
-        if let Some(known) = searches.iter().position(|search| search.settings == settings) {
-            return Ok(searches[known].clone());
-        }
-        let search = match pace {
-            Pace::Exact => Search::now(tracer, settings),
-            Pace::Async(_) => Search::start(tracer.clone(), settings)?,
-        };
-        if searches.len() == KEPT_SEARCHES {
-            searches.remove(0);
-        }
-        searches.push(Arc::new(search));
-        Ok(searches[searches.len() - 1].clone())
-    }
-}
-
-impl Search {
-    fn new(settings: ShadowSettings) -> Self {
-        Self { settings, found: Arc::default(), unwanted: Arc::default() }
-    }
-
-    /// A finished search.
-    fn now(tracer: &Tracer, settings: ShadowSettings) -> Self {
-        let search = Self::new(settings);
-        if let Some(result) = shadow_segments(tracer, &settings, &|_| true) {
-            // A new cell is empty.
-            let _ = search.found.set(result);
-        }
-        search
-    }
-
-    /// A search that has begun, on half of the machine's threads: the others are left to the frames.
-    fn start(tracer: Arc<Tracer>, settings: ShadowSettings) -> Result<Self, String> {
-        let search = Self::new(settings);
-        let (found, unwanted) = (search.found.clone(), search.unwanted.clone());
-        let work = move || {
-            let wanted = |_: f32| !unwanted.load(Ordering::Relaxed);
-            if let Some(result) = shadow_segments(&tracer, &settings, &wanted) {
-                // Nobody else writes to this cell.
-                let _ = found.set(result);
-            }
-        };
-        let fail = |error: &dyn std::fmt::Display| format!("no thread for the search for shadows: {error}");
-        let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let pool = pool.map_err(|error| fail(&error))?;
-        let thread = std::thread::Builder::new().name("shadow edges".into());
-        thread.spawn(move || pool.install(work)).map_err(|error| fail(&error))?;
-        Ok(search)
-    }
-}
-
-/// Locks even after a panic elsewhere: no critical section here leaves half a change behind.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 #[cfg(test)]
 mod tests {
     use epigraph_core::{Harness, Host, Outputs, Settings, Side};
-    use epigraph_scenes::{AsyncTracer, Light, Scene};
+    use epigraph_scenes::{AsyncTracer, Light, Scene, Tracer, shadow_segments};
 
     use super::*;
-    use crate::shared::{segments::penumbra_width, testing::settings};
+    use crate::{
+        Pace,
+        shared::{segments::penumbra_width, testing::settings},
+    };
 
     fn tracer() -> Arc<Tracer> {
         Arc::new(Tracer::new(Arc::new(Scene::load("cornell").unwrap())))
     }
 
     fn host(tracer: &Arc<Tracer>, exact: bool) -> Host {
-        let pace = if exact { Pace::Exact } else { Pace::Async(AsyncTracer::new(tracer.clone(), 1)) };
+        let pace = if exact { Pace::Exact } else { Pace::Async(AsyncTracer::new(1)) };
         let mut host = Host::default();
         host.insert(World::new(tracer.clone(), pace));
         host
@@ -282,20 +199,25 @@ mod tests {
         let tracer = tracer();
         let host = host(&tracer, true);
         let world = host.get::<World>().unwrap();
+        let find = |capacity| {
+            let settings = ShadowSettings { capacity, max_penumbra: 1.0, ..ShadowSettings::default() };
+            world.shadows.find(&tracer, settings, &world.pace).unwrap().unwrap()
+        };
         let (mut one, mut other) = (harness(params(1000)), harness(params(10)));
         run(&mut one, &host);
         run(&mut other, &host);
-        let before: Vec<_> = lock(&world.shadows.0).clone();
-        assert_eq!(before.len(), 2);
+        let before = [1000, 10].map(find);
+        assert_eq!(world.shadows.kept().len(), 2);
         one.reset();
         run(&mut one, &host);
         run(&mut other, &host);
-        let after = lock(&world.shadows.0);
-        assert!(before.iter().zip(&*after).all(|(a, b)| Arc::ptr_eq(a, b)) && after.len() == 2);
+        let after = [1000, 10].map(find);
+        assert!(before.iter().zip(&after).all(|(a, b)| Arc::ptr_eq(a, b)));
+        assert_eq!(world.shadows.kept().len(), 2);
     }
 
     #[test]
-    fn old_searches_are_forgotten_and_ended() {
+    fn old_searches_are_forgotten() {
         let tracer = tracer();
         let host = host(&tracer, true);
         for capacity in 1..10 {
@@ -303,13 +225,21 @@ mod tests {
             assert_eq!(out.get::<u32>("count"), [capacity]);
             assert!(out.get::<u32>("dropped")[0] > 0);
         }
-        let kept = lock(&host.get::<World>().unwrap().shadows.0);
-        assert_eq!(kept.iter().map(|search| search.settings.capacity).collect::<Vec<_>>(), [6, 7, 8, 9]);
-        let settings = ShadowSettings::default();
-        let ended = Search::start(tracer, settings).unwrap();
-        let unwanted = ended.unwanted.clone();
-        drop(ended);
-        assert!(unwanted.load(Ordering::Relaxed));
+        let kept = host.get::<World>().unwrap().shadows.kept();
+        assert_eq!(kept.iter().map(|settings| settings.capacity).collect::<Vec<_>>(), [6, 7, 8, 9]);
+    }
+
+    #[test]
+    fn each_frame_has_the_shadows_of_its_scene() {
+        let tracer = Arc::new(Tracer::new(Arc::new(Scene::load("cornell-moving").unwrap())));
+        let host = host(&tracer, true);
+        let mut harness = harness(params(1000));
+        for index in [0, 1, 50, 50] {
+            harness.frame.index = index;
+            let out = run(&mut harness, &host);
+            let count = out.get::<u32>("count")[0] as usize;
+            assert_eq!(out.get::<Segment>("segments")[..count], expected(&tracer.at(index)), "frame {index}");
+        }
     }
 
     #[test]

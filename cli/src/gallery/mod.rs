@@ -123,7 +123,7 @@ impl<'a> Gallery<'a> {
         };
         let epi = run.dissect(&self.epi)?;
         let cache = run.shoot(&self.cache)?;
-        let converged = self.converged(&tracer, &path)?;
+        let converged = self.converged(&tracer.at(self.args.frames - 1), &path)?;
 
         let window = match self.args.crop {
             Some(crop) => Window::at(crop, epi.layers.size),

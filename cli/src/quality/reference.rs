@@ -1,5 +1,7 @@
 //! Converged pictures of the frames to compare, kept while all graphs are compared with them.
 
+use std::sync::Arc;
+
 use epigraph_pictures::{Difference, Picture};
 use epigraph_scenes::Tracer;
 
@@ -18,7 +20,7 @@ const BYTES_TO_KEEP: u64 = 16;
 
 /// The references of one scene and camera path.
 pub struct References {
-    /// In the order of the frames; a single one where the camera stands still.
+    /// In the order of the frames; a single one where nothing moves.
     views: Vec<Converged>,
 }
 
@@ -33,17 +35,27 @@ impl References {
     ///
     /// # Errors
     /// That there is not enough memory.
-    pub fn trace(args: &QualityArgs, view: &View, tracer: &Tracer, frames: &[u32]) -> Result<Self, CliError> {
+    pub fn trace(
+        args: &QualityArgs,
+        view: &View,
+        tracer: &Arc<Tracer>,
+        frames: &[u32],
+    ) -> Result<Self, CliError> {
         let size = args.size.0;
-        let frames = if view.path.moves() { frames } else { &frames[..frames.len().min(1)] };
+        let frames = if view.path.moves() || !view.scene.bodies.is_empty() {
+            frames
+        } else {
+            &frames[..frames.len().min(1)]
+        };
         let bytes = BYTES_TO_COMPARE + BYTES_TO_KEEP * frames.len() as u64;
         memory::require(u64::from(size[0]) * u64::from(size[1]) * bytes)?;
         let settings = trace_settings(args.mode);
         let converged = |&frame: &u32| {
             let label = format!("{}, {}, reference {frame}", view.scene_name, view.camera);
             let camera = view.path.camera(frame);
-            let colors = trace(&label, tracer, &camera, size, args.spp, &settings, args.seed);
-            let edges = edge_mask::trace(tracer, &camera, size);
+            let tracer = tracer.at(frame);
+            let colors = trace(&label, &tracer, &camera, size, args.spp, &settings, args.seed);
+            let edges = edge_mask::trace(&tracer, &camera, size);
             let size = size.map(|side| side as usize);
             Converged { picture: Picture { size, colors, linear: true }, edges }
         };

@@ -520,7 +520,7 @@ fn host(tracer: &Arc<Tracer>, pacing: Pacing) -> Host {
         Pacing::Async => {
             // One core stays for the frame and the window.
             let cores = thread::available_parallelism().map_or(1, usize::from);
-            Pace::Async(AsyncTracer::new(tracer.clone(), (cores - 1).max(1)))
+            Pace::Async(AsyncTracer::new((cores - 1).max(1)))
         }
     };
     let mut host = Host::default();

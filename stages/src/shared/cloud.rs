@@ -6,7 +6,7 @@
 //! | `position` | `vec4<f32>` | w = 1: xyz is a point, metres. w = 0: xyz is the unit direction of a ray that met nothing |
 //! | `radiance` | `u32` | RGB9E5, see [`encode_radiance`] |
 //! | `image_id` | `u32` | pixel index y * W + x at which the point was last seen, or [`NOT_DRAWN`] |
-//! | `meta` | `u32` | bits 0 to 15: age in frames' increments, 8.8 fixed point; then [`LIVE`], [`CHANGED`], [`FRESH`] |
+//! | `meta` | `u32` | bits 0 to 15: age in frames' increments, 8.8 fixed point; then [`LIVE`], [`CHANGED`], [`FRESH`]; bits 24 to 31: number of the body on which it lies, 0 for what does not move |
 
 /// The bits of `meta` that hold the age.
 pub const AGE: u32 = 0xFFFF;
@@ -22,6 +22,9 @@ pub const CHANGED: u32 = 1 << 17;
 
 /// Bit of `meta`: the point came into the cloud in this frame.
 pub const FRESH: u32 = 1 << 18;
+
+/// Where the number of the body begins in `meta`.
+pub const BODY_SHIFT: u32 = 24;
 
 /// The `image_id` of a point that no pixel shows.
 pub const NOT_DRAWN: u32 = u32::MAX;

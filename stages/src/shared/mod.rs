@@ -2,10 +2,12 @@
 
 pub mod cloud;
 pub mod edge_pixel;
+pub mod moves;
 pub mod nearer;
 pub mod requests;
 pub mod sample;
 pub mod segments;
+pub mod shadow_cache;
 #[cfg(test)]
 pub mod testing;
 pub mod view;

@@ -44,8 +44,8 @@ epigraph_core::item! {
         hit: u32,
         /// Linear radiance towards the eye.
         radiance: [f32; 3],
-        /// Index of the triangle, `u32::MAX` for none.
-        face: u32,
+        /// Number of the body that it met, 0 for what does not move.
+        body: u32,
         /// As in the request.
         pixel: u32,
         /// As in the request.

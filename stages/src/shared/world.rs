@@ -10,10 +10,11 @@ use epigraph_scenes::{
 };
 use glam::Vec3;
 
+use super::shadow_cache::ShadowCache;
+
 use super::requests::{
     HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, NO_POINT, Request, Sample, VIEW_NOW, VIEW_PREDICTED,
 };
-use crate::shadow_edges::ShadowCache;
 
 /// Frames from the request of a sample to the frame for which the predicted view stands: samples enter the cloud one
 /// frame after they were asked for, and one more (`algorithms.md` section 1.8).
@@ -24,17 +25,26 @@ pub enum Pace {
     /// In the frame itself, all of them: the same bits in every run.
     Exact,
     /// When they come: requests go to threads of their own, and a frame takes what they have finished, without waiting.
-    Async(AsyncTracer<Request>),
+    Async(AsyncTracer<Asked>),
+}
+
+/// A request, and the frame in whose scene it is traced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Asked {
+    request: Request,
+    frame: u32,
 }
 
 /// The scene, as the stage `trace` sees it: insert one into the [`epigraph_core::Host`].
 pub struct World {
-    /// Answers requests.
+    /// Answers requests: in the scene before anything has moved. See [`World::at`].
     pub tracer: Arc<Tracer>,
     /// When it does.
     pub pace: Pace,
     /// The shadow boundaries of the scene, kept for all graphs.
     pub(crate) shadows: ShadowCache,
+    /// The tracer of the frame asked for last.
+    posed: Mutex<Arc<Tracer>>,
     scratch: Mutex<Scratch>,
 }
 
@@ -44,13 +54,24 @@ struct Scratch {
     asked: Vec<Request>,
     jobs: Vec<Job>,
     hits: Vec<Hit>,
-    finished: Vec<TaggedHit<Request>>,
+    finished: Vec<TaggedHit<Asked>>,
 }
 
 impl World {
     /// A world seen through `tracer`.
     pub fn new(tracer: Arc<Tracer>, pace: Pace) -> Self {
-        Self { tracer, pace, shadows: ShadowCache::default(), scratch: Mutex::default() }
+        let posed = Mutex::new(tracer.clone());
+        Self { tracer, pace, shadows: ShadowCache::default(), posed, scratch: Mutex::default() }
+    }
+
+    /// The tracer of the scene in a frame: the same value as for the frame before where nothing has moved.
+    pub fn at(&self, frame: u32) -> Arc<Tracer> {
+        let mut posed = self.posed.lock().unwrap_or_else(PoisonError::into_inner);
+        let poses = self.tracer.scene().poses_at(frame);
+        if posed.scene().poses != poses {
+            *posed = Arc::new(self.tracer.posed(&poses));
+        }
+        posed.clone()
     }
 
     /// The facts of a scene that a graph is compiled for; `path_moves` is [`CameraPath::moves`].
@@ -68,6 +89,8 @@ impl World {
             crease_edges: count(facts.crease_edges),
             border_edges: count(facts.border_edges),
             faces: count(facts.faces),
+            bodies: count(facts.bodies),
+            lights_move: facts.lights_move,
         }
     }
 
@@ -101,7 +124,8 @@ impl World {
         }
     }
 
-    /// Traces the valid requests of a frame. The samples lie at the beginning of `samples`, in the order of their
+    /// Traces the valid requests of a frame, in the scene of that frame. What comes later, and has moved by then, has moved
+    /// with its body. The samples lie at the beginning of `samples`, in the order of their
     /// requests ([`Pace::Exact`]) or in that of their completion ([`Pace::Async`]); the rest of it is zero.
     pub fn answer(
         &self,
@@ -112,6 +136,8 @@ impl World {
     ) {
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
         let Scratch { asked, jobs, hits, finished } = &mut *scratch;
+        let tracer = self.at(frame.index);
+        let scene = tracer.scene();
         let valid = requests.iter().filter(|request| request.pixel != NO_PIXEL);
         samples.fill(Sample::default());
         match &self.pace {
@@ -125,20 +151,25 @@ impl World {
                 hits.clear();
                 hits.reserve(requests.len());
                 hits.resize(jobs.len(), Hit::default());
-                self.tracer.trace_batch(jobs, settings, frame.seed.into(), hits);
+                tracer.trace_batch(jobs, settings, frame.seed.into(), hits);
                 for ((sample, request), hit) in samples.iter_mut().zip(&*asked).zip(&*hits) {
-                    *sample = answered(request, hit);
+                    *sample = answered(scene, request, hit);
                 }
             }
-            Pace::Async(tracer) => {
+            Pace::Async(queue) => {
                 // By the time of the answer the slot may hold another point.
-                let tag = |request: &Request| Request { reuse: NO_POINT, ..*request };
+                let tag = |request: &Request| Asked {
+                    request: Request { reuse: NO_POINT, ..*request },
+                    frame: frame.index,
+                };
                 let batch = valid.map(|request| TaggedJob { job: job(frame, request), tag: tag(request) });
-                tracer.submit(batch.collect(), *settings, frame.seed.into());
+                queue.submit(&tracer, batch.collect(), *settings, frame.seed.into());
                 finished.clear();
-                tracer.collect(samples.len(), finished);
+                queue.collect(samples.len(), finished);
                 for (sample, finished) in samples.iter_mut().zip(&*finished) {
-                    *sample = answered(&finished.tag, &finished.hit);
+                    let Asked { request, frame } = finished.tag;
+                    *sample = answered(scene, &request, &finished.hit);
+                    move_along(scene, frame, sample);
                 }
             }
         }
@@ -157,16 +188,25 @@ fn job(frame: &Frame, request: &Request) -> Job {
     Job { origin: view.eye.into(), direction, key }
 }
 
-fn answered(request: &Request, hit: &Hit) -> Sample {
+fn answered(scene: &Scene, request: &Request, hit: &Hit) -> Sample {
     Sample {
         position: hit.position.into(),
         hit: if hit.hit { HIT_SURFACE } else { HIT_BACKGROUND },
         radiance: hit.radiance.into(),
-        face: hit.face,
+        body: scene.body_of_face(hit.face),
         pixel: request.pixel,
         aim: request.aim,
         reuse: request.reuse,
         view: request.view,
+    }
+}
+
+/// Moves a sample that was traced in the scene of some frame to where its body is in this scene.
+fn move_along(scene: &Scene, frame: u32, sample: &mut Sample) {
+    let Some(body) = sample.body.checked_sub(1).map(|body| body as usize) else { return };
+    let (then, now) = (scene.bodies[body].motion.pose(frame), &scene.poses[body]);
+    if then != *now {
+        sample.position = now.after(&then.inverse()).point(sample.position.into()).into();
     }
 }
 
@@ -228,7 +268,7 @@ mod tests {
     #[test]
     fn samples_of_threads_come_late_and_renew_nothing() {
         let (scene, World { tracer, .. }) = world();
-        let world = World::new(tracer.clone(), Pace::Async(AsyncTracer::new(tracer, 1)));
+        let world = World::new(tracer, Pace::Async(AsyncTracer::new(1)));
         let path = CameraPath::parse("still", &scene).unwrap();
         let mut samples = [Sample::default(); 2];
         let mut seen = Vec::new();
@@ -247,5 +287,76 @@ mod tests {
             seen.iter().map(|sample| (sample.pixel, sample.reuse)).collect::<Vec<_>>(),
             [(700, NO_POINT), (701, NO_POINT)]
         );
+    }
+
+    #[test]
+    fn a_frame_sees_its_own_scene() {
+        let scene = Arc::new(Scene::load("cornell-moving").unwrap());
+        let world = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact);
+        assert!(Arc::ptr_eq(&world.at(3), &world.at(3)) && !Arc::ptr_eq(&world.at(3), &world.at(4)));
+        let path = CameraPath::parse("still", &scene).unwrap();
+        let size = [64, 64];
+        let requests: Vec<Request> = (0..64 * 64).map(request).collect();
+        let answer = |index: u32| {
+            let mut samples = vec![Sample::default(); requests.len()];
+            let frame = World::frame(&path, index, size, 1, 7);
+            world.answer(&frame, &requests, &TraceSettings::default(), &mut samples);
+            samples
+        };
+        // Of the sliding box, frame 0 and frame 30 see other points, each on its surface.
+        let seen = [0, 30].map(|index| {
+            let posed = scene.posed(&scene.poses_at(index));
+            let body = &posed.bodies[0];
+            let [low, high] = posed.mesh.positions[body.vertices.clone()]
+                .iter()
+                .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)]);
+            let samples = answer(index);
+            let on_box: Vec<_> = samples.iter().filter(|sample| sample.body == 1).collect();
+            let inside = |p: Vec3| p.cmpge(low - 1e-5).all() && p.cmple(high + 1e-5).all();
+            assert!(on_box.len() > 50 && on_box.iter().all(|sample| inside(sample.position.into())));
+            low.x
+        });
+        assert!(seen[1] - seen[0] > 0.05);
+    }
+
+    #[test]
+    fn late_samples_have_moved_with_their_body() {
+        let scene = Arc::new(Scene::load("cornell-moving").unwrap());
+        let exact = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact);
+        let late = World::new(exact.tracer.clone(), Pace::Async(AsyncTracer::new(1)));
+        let path = CameraPath::parse("still", &scene).unwrap();
+        let size = [32, 32];
+        let requests: Vec<Request> = (0..32 * 32).map(request).collect();
+        let nothing = vec![Request::NONE; requests.len()];
+        let answer = |world: &World, index: u32, requests: &[Request]| {
+            let mut samples = vec![Sample::default(); requests.len()];
+            let frame = World::frame(&path, index, size, 1, 7);
+            world.answer(&frame, requests, &TraceSettings::default(), &mut samples);
+            samples.into_iter().filter(|sample| sample.hit != HIT_NONE).collect::<Vec<_>>()
+        };
+        let expected = answer(&exact, 5, &requests);
+        // Asked in frame 5; whatever comes then is let pass by.
+        let mut seen = answer(&late, 5, &requests).len();
+        let mut checked = 0;
+        for _ in 0..1000 {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+            for sample in answer(&late, 20, &nothing) {
+                seen += 1;
+                let then = expected.iter().find(|other| other.pixel == sample.pixel).unwrap();
+                assert_eq!(then.body, sample.body);
+                let pose = |frame| match sample.body {
+                    0 => epigraph_scenes::Pose::REST,
+                    body => scene.bodies[body as usize - 1].motion.pose(frame),
+                };
+                let at_rest = |position: [f32; 3], frame| pose(frame).inverse().point(position.into());
+                let distance = at_rest(then.position, 5).distance(at_rest(sample.position, 20));
+                assert!(distance < 1e-5, "{distance}");
+                checked += u32::from(sample.body > 0);
+            }
+            if seen == requests.len() {
+                break;
+            }
+        }
+        assert!(seen == requests.len() && checked > 20, "{seen} seen, {checked} on bodies");
     }
 }

@@ -1,0 +1,83 @@
+//! How the bodies of the scene have moved since the last frame; the stage `carry` takes the points along.
+
+use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage};
+use epigraph_scenes::MAX_BODIES;
+
+use crate::{World, shared::moves::Move};
+
+/// Elements of the list: one for each number of a body, of which 0 stands for what does not move.
+const NUMBERS: u32 = MAX_BODIES as u32 + 1;
+
+/// Hands the motion of a frame from the [`World`] to other stages: on the CPU only.
+pub struct Motion {
+    moves: Out<Move>,
+}
+
+impl Stage for Motion {
+    const KIND: &'static str = "motion";
+    const DOC: &'static str = "How each body of the scene has moved since the last frame.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        let doc = "By number of the body; 0, which stands for what does not move, and numbers of none rest.";
+        Self { moves: io.write("moves", doc, Extent::Fixed([NUMBERS, 1])) }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let scene = cx.host::<World>()?.tracer.scene();
+        let index = cx.frame().index;
+        // The first frame has no points that could have moved.
+        let [now, before] = [index, index.saturating_sub(1)].map(|frame| scene.poses_at(frame));
+        let mut moves = cx.write(self.moves);
+        moves.fill(Move::REST);
+        for ((to, now), before) in moves[1..].iter_mut().zip(&now).zip(&before) {
+            if now != before {
+                *to = Move::of(&now.after(&before.inverse()));
+            }
+        }
+        Ok(())
+    }
+
+    fn needless((): &(), facts: &Facts) -> Option<&'static str> {
+        (facts.bodies == 0).then_some("nothing moves")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use epigraph_core::{Harness, Host, Side};
+    use epigraph_scenes::{Scene, Tracer};
+    use glam::Vec3;
+
+    use super::*;
+    use crate::{Pace, shared::testing::settings};
+
+    #[test]
+    fn moves_lead_from_the_last_frame_to_this_one() {
+        let scene = Arc::new(Scene::load("cornell-moving").unwrap());
+        let mut host = Host::default();
+        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact));
+        let mut harness = Harness::<Motion>::new((), &settings([4, 4], 1));
+        let point = Vec3::new(0.3, 0.2, 0.1);
+        for index in [0, 1, 2, 17, 59, 60] {
+            harness.frame.index = index;
+            let out = harness.run(Side::Cpu, &crate::registry(), &host, None).unwrap();
+            let moves = out.get::<Move>("moves");
+            assert_eq!((moves.len(), moves[0], moves[5]), (256, Move::REST, Move::REST));
+            for (body, of) in scene.bodies.iter().enumerate() {
+                let [now, before] = [index, index.saturating_sub(1)].map(|frame| of.motion.pose(frame));
+                let moved = moves[body + 1].point(before.point(point).to_array());
+                assert!(Vec3::from(moved).distance(now.point(point)) < 1e-6, "frame {index}");
+                assert_eq!(moves[body + 1] != Move::REST, now != before, "frame {index}");
+            }
+        }
+    }
+
+    #[test]
+    fn needless_where_nothing_moves() {
+        assert!(Motion::needless(&(), &Facts::default()).is_some());
+        assert!(Motion::needless(&(), &Facts { bodies: 1, ..Facts::default() }).is_none());
+    }
+}

@@ -1,0 +1,282 @@
+//! The shadow boundaries of a world, found when somebody asks and kept: in the frame that asks, or on threads of their own.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use epigraph_scenes::{Scene, ShadowSearch, ShadowSegments, ShadowSettings, Tracer};
+
+use super::world::Pace;
+
+/// Searches kept at a time: a graph with two stages of different parameters, and some room to try others.
+const KEPT_SEARCHES: usize = 4;
+
+/// Shadow boundaries by how they are found: the searches last begun, oldest first.
+#[derive(Default)]
+pub struct ShadowCache(Mutex<Vec<Arc<Search>>>);
+
+/// A search through the poses of a scene.
+pub struct Search {
+    settings: ShadowSettings,
+    how: How,
+}
+
+enum How {
+    Exact(Mutex<Exact>),
+    Async(Worker),
+}
+
+/// A search in the frame that asks.
+struct Exact {
+    search: ShadowSearch,
+    /// The scene that was searched last, in its pose, and what was found.
+    last: Option<(Arc<Scene>, Arc<ShadowSegments>)>,
+}
+
+/// A search on a thread of its own, which dropping this ends at the next opportunity.
+struct Worker(Arc<Shared>);
+
+#[derive(Default)]
+struct Shared {
+    state: Mutex<State>,
+    /// Signalled when there is a pose to search, or the end has come.
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    /// The pose asked for last.
+    asked: Option<Arc<Scene>>,
+    /// Its tracer, until the thread takes it.
+    waiting: Option<Arc<Tracer>>,
+    found: Option<Arc<ShadowSegments>>,
+    stop: bool,
+}
+
+impl ShadowCache {
+    /// The shadow boundaries of the tracer's scene in its pose. With [`Pace::Async`] those found last, or none yet: where
+    /// something has moved since, they are searched anew meanwhile. The same value until others are found.
+    ///
+    /// # Errors
+    /// Where the system has no thread for the search.
+    pub fn find(
+        &self,
+        tracer: &Arc<Tracer>,
+        settings: ShadowSettings,
+        pace: &Pace,
+    ) -> Result<Option<Arc<ShadowSegments>>, String> {
+        let search = self.search(settings, pace)?;
+        Ok(match &search.how {
+            How::Exact(exact) => lock(exact).find(tracer),
+            How::Async(worker) => worker.ask(tracer),
+        })
+    }
+
+    /// The search with these settings, begun if there is none.
+    fn search(&self, settings: ShadowSettings, pace: &Pace) -> Result<Arc<Search>, String> {
+        let mut searches = lock(&self.0);
+        if let Some(known) = searches.iter().find(|search| search.settings == settings) {
+            return Ok(known.clone());
+        }
+        let how = match pace {
+            Pace::Exact => How::Exact(Mutex::new(Exact { search: ShadowSearch::new(settings), last: None })),
+            Pace::Async(_) => How::Async(Worker::start(settings)?),
+        };
+        let search = Arc::new(Search { settings, how });
+        if searches.len() == KEPT_SEARCHES {
+            searches.remove(0);
+        }
+        searches.push(search.clone());
+        Ok(search)
+    }
+
+    /// The settings of the searches that are kept.
+    #[cfg(test)]
+    pub fn kept(&self) -> Vec<ShadowSettings> {
+        lock(&self.0).iter().map(|search| search.settings).collect()
+    }
+}
+
+impl Exact {
+    fn find(&mut self, tracer: &Tracer) -> Option<Arc<ShadowSegments>> {
+        let scene = tracer.scene();
+        let before = self.last.take();
+        let found = match before {
+            Some((of, found)) if Arc::ptr_eq(&of, scene) => found,
+            before => {
+                let found = self.search.find(tracer, &|_| true)?;
+                same_or(before.map(|(_, found)| found), found)
+            }
+        };
+        self.last = Some((scene.clone(), found.clone()));
+        Some(found)
+    }
+}
+
+/// What was found before if it is the same: whoever has it need not take it again.
+fn same_or(before: Option<Arc<ShadowSegments>>, found: ShadowSegments) -> Arc<ShadowSegments> {
+    before.filter(|before| **before == found).unwrap_or_else(|| Arc::new(found))
+}
+
+impl Worker {
+    /// Starts the thread, which computes on half of the machine's: the others are left to the frames.
+    fn start(settings: ShadowSettings) -> Result<Self, String> {
+        let fail = |error: &dyn std::fmt::Display| format!("no thread for the search for shadows: {error}");
+        let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|error| fail(&error))?;
+        let worker = Self(Arc::default());
+        let shared = worker.0.clone();
+        let thread = std::thread::Builder::new().name("shadow edges".into());
+        thread.spawn(move || pool.install(|| shared.work(settings))).map_err(|error| fail(&error))?;
+        Ok(worker)
+    }
+
+    /// What was found last; a pose that was not asked for before takes the place of one that still waits.
+    fn ask(&self, tracer: &Arc<Tracer>) -> Option<Arc<ShadowSegments>> {
+        let mut state = lock(&self.0.state);
+        if !state.asked.as_ref().is_some_and(|asked| Arc::ptr_eq(asked, tracer.scene())) {
+            state.asked = Some(tracer.scene().clone());
+            state.waiting = Some(tracer.clone());
+            self.0.changed.notify_one();
+        }
+        state.found.clone()
+    }
+}
+
+impl Shared {
+    /// The thread's life: it searches the newest pose, again and again. Poses that came and went meanwhile are left out. A
+    /// search is not given up for a newer pose, though: while things move, one would come in every frame, and none be
+    /// finished.
+    fn work(&self, settings: ShadowSettings) {
+        let mut search = ShadowSearch::new(settings);
+        while let Some(tracer) = self.next() {
+            let wanted = |_: f32| !lock(&self.state).stop;
+            let Some(found) = search.find(&tracer, &wanted) else { return };
+            let mut state = lock(&self.state);
+            let before = state.found.take();
+            state.found = Some(same_or(before, found));
+            if tracer.scene().bodies.is_empty() {
+                // It has one pose.
+                return;
+            }
+        }
+    }
+
+    /// Waits for a pose; `None` at the end.
+    fn next(&self) -> Option<Arc<Tracer>> {
+        let idle = |state: &mut State| !state.stop && state.waiting.is_none();
+        let state = self.changed.wait_while(lock(&self.state), idle);
+        let mut state = state.unwrap_or_else(PoisonError::into_inner);
+        if state.stop { None } else { state.waiting.take() }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        lock(&self.0.state).stop = true;
+        self.0.changed.notify_one();
+    }
+}
+
+/// Locks even after a panic elsewhere: no critical section here leaves half a change behind.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use epigraph_scenes::{AsyncTracer, Pose, shadow_segments};
+
+    use super::*;
+
+    fn moving() -> Arc<Tracer> {
+        Arc::new(Tracer::new(Arc::new(Scene::load("cornell-moving").unwrap())))
+    }
+
+    fn expected(tracer: &Tracer) -> ShadowSegments {
+        shadow_segments(tracer, &ShadowSettings::default(), &|_| true).unwrap()
+    }
+
+    /// Asks until there is something that counts, for ten seconds at most.
+    fn ask_until(
+        cache: &ShadowCache,
+        tracer: &Arc<Tracer>,
+        counts: impl Fn(&ShadowSegments) -> bool,
+    ) -> Arc<ShadowSegments> {
+        let pace = Pace::Async(AsyncTracer::new(1));
+        for _ in 0..1000 {
+            let found = cache.find(tracer, ShadowSettings::default(), &pace).unwrap();
+            if let Some(found) = found.filter(|found| counts(found)) {
+                return found;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        panic!("not found in ten seconds")
+    }
+
+    #[test]
+    fn each_exact_pose_has_its_own() {
+        let (cache, tracer) = (ShadowCache::default(), moving());
+        let find = |tracer: &Arc<Tracer>| {
+            cache.find(tracer, ShadowSettings::default(), &Pace::Exact).unwrap().unwrap()
+        };
+        for frame in [0, 1, 2, 40, 7] {
+            let posed = tracer.at(frame);
+            let found = find(&posed);
+            assert_eq!(*found, expected(&posed), "frame {frame}");
+            assert!(found.segments.len() > 20);
+            assert!(Arc::ptr_eq(&found, &find(&posed)), "the same pose is not searched again");
+        }
+    }
+
+    #[test]
+    fn what_stays_the_same_is_the_same_value() {
+        let (cache, tracer) = (ShadowCache::default(), moving());
+        let rest = tracer.scene().poses.clone();
+        // The light and what hangs with it stay; a box goes far away, and then farther.
+        let away = |x: f32| {
+            let mut poses = rest.clone();
+            poses[0] = Pose { translation: glam::Vec3::new(x, 0.0, 0.0), ..Pose::REST };
+            Arc::new(tracer.posed(&poses))
+        };
+        let find = |tracer: &Arc<Tracer>| {
+            cache.find(tracer, ShadowSettings::default(), &Pace::Exact).unwrap().unwrap()
+        };
+        let [here, far, farther] = [find(&away(0.0)), find(&away(40.0)), find(&away(41.0))];
+        assert!(!Arc::ptr_eq(&here, &far) && Arc::ptr_eq(&far, &farther));
+    }
+
+    #[test]
+    fn asynchronous_poses_get_the_old_ones_until_theirs_are_found() {
+        let (cache, tracer) = (ShadowCache::default(), moving());
+        let first = tracer.at(0);
+        let found = ask_until(&cache, &first, |_| true);
+        assert_eq!(*found, expected(&first));
+        // A pose a frame: the first answer is the old one, and in the end the newest pose has its own.
+        let pace = Pace::Async(AsyncTracer::new(1));
+        for frame in 1..30 {
+            let now = cache.find(&tracer.at(frame), ShadowSettings::default(), &pace).unwrap().unwrap();
+            assert!(frame > 1 || Arc::ptr_eq(&now, &found));
+        }
+        let last = tracer.at(30);
+        let expected = expected(&last);
+        ask_until(&cache, &last, |found| *found == expected);
+    }
+
+    #[test]
+    fn a_dropped_search_ends() {
+        let worker = Worker::start(ShadowSettings::default()).unwrap();
+        let shared = worker.0.clone();
+        worker.ask(&moving());
+        drop(worker);
+        for _ in 0..1000 {
+            // The thread holds the other one.
+            if Arc::strong_count(&shared) == 1 {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        panic!("it goes on");
+    }
+}
