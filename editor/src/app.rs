@@ -5,16 +5,30 @@ use egui::{Context, Key, KeyboardShortcut, Modifiers, Ui};
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
 
 use crate::{
+    dialog::{Answer, Ask, Dialog},
     document::Document,
     engine::{Command, Options},
+    help,
     panes::{Pane, Panes, Viewer},
     session::Session,
     status, theme, toolbar,
 };
 
+const SHIFTED: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
-const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
+const REDO: KeyboardShortcut = KeyboardShortcut::new(SHIFTED, Key::Z);
 const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
+const COPY: KeyboardShortcut = KeyboardShortcut::new(SHIFTED, Key::C);
+const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
+const RECORD: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F9);
+const PLAY: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F10);
+
+/// Keys that open a dialog.
+const DIALOGS: [(KeyboardShortcut, Ask); 3] = [
+    (KeyboardShortcut::new(SHIFTED, Key::S), Ask::SaveGraph),
+    (KeyboardShortcut::new(Modifiers::COMMAND, Key::O), Ask::OpenGraph),
+    (KeyboardShortcut::new(Modifiers::COMMAND, Key::E), Ask::SaveImage),
+];
 
 /// Shares of the window's width that the three columns take.
 const COLUMNS: [f32; 3] = [0.25, 0.49, 0.26];
@@ -26,6 +40,7 @@ pub struct App {
     /// What the panes share.
     pub session: Session,
     tree: Tree<Pane>,
+    dialog: Option<Dialog>,
     /// Viewers so far.
     made: u64,
     /// When the files were last looked at, seconds of the window's time.
@@ -44,12 +59,33 @@ impl App {
         theme::apply(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
         let session = Session::new(document, options, move || context.request_repaint());
-        Self { session, tree: layout(), made: 1, looked: 0.0 }
+        Self { session, tree: layout(), dialog: None, made: 1, looked: 0.0 }
     }
 
     fn shortcuts(&mut self, context: &Context) {
         // Taken before any widget sees them: a text field has an undo of its own.
         let pressed = |shortcut: &_| context.input_mut(|input| input.consume_shortcut(shortcut));
+        if pressed(&HELP) {
+            self.session.help = !self.session.help;
+        }
+        if self.dialog.is_some() {
+            return;
+        }
+        // Those with more modifiers first: they would also do for those with fewer.
+        for (shortcut, ask) in &DIALOGS {
+            if pressed(shortcut) {
+                self.session.ask = Some(*ask);
+            }
+        }
+        if pressed(&COPY) {
+            self.session.copy_command_line(context);
+        }
+        if pressed(&RECORD) {
+            self.session.toggle_recorder();
+        }
+        if pressed(&PLAY) {
+            self.session.toggle_playback();
+        }
         if pressed(&REDO) {
             self.session.document.redo();
         } else if pressed(&UNDO) {
@@ -72,6 +108,12 @@ impl App {
         }
         if pressed(Key::Space) {
             self.session.engine.send(Command::Pause(!self.session.state.paused));
+        }
+        if pressed(Key::Period) && self.session.state.paused {
+            self.session.engine.send(Command::Step(1));
+        }
+        if pressed(Key::Home) {
+            self.session.move_camera(|rig| rig.go_home());
         }
     }
 
@@ -124,6 +166,25 @@ impl App {
         context.request_repaint_after_secs(REFRESH as f32);
     }
 
+    /// Shows the dialog that is open or asked for, and does what it is for.
+    fn dialog(&mut self, ui: &Ui) {
+        if let Some(ask) = self.session.ask.take() {
+            self.dialog = Some(Dialog::new(ask, &self.session));
+        }
+        let Some(mut dialog) = self.dialog.take() else { return };
+        match dialog.show(ui, &mut self.session) {
+            Answer::Open => self.dialog = Some(dialog),
+            Answer::Cancel => self.session.extra.clear(),
+            Answer::Accept => match self.perform(&dialog) {
+                Ok(()) => self.session.extra.clear(),
+                Err(error) => {
+                    dialog.fail(error);
+                    self.dialog = Some(dialog);
+                }
+            },
+        }
+    }
+
     fn title(&self) -> String {
         let star = if self.session.document.is_dirty() { "*" } else { "" };
         format!("{star}{} - Epigraph", self.session.document.path())
@@ -136,7 +197,10 @@ impl eframe::App for App {
         self.refresh(ui.ctx());
         let mut watched: Vec<String> = self.viewers().map(|viewer| viewer.port.clone()).collect();
         watched.sort();
-        self.session.sync(watched);
+        self.session.sync(watched, ui.input(|input| input.time));
+        if std::mem::take(&mut self.session.reset_layout) {
+            self.tree = layout();
+        }
         ui.ctx().send_viewport_cmd(egui::ViewportCommand::Title(self.title()));
 
         egui::Panel::top("toolbar").show(ui, |ui| toolbar::show(ui, &mut self.session));
@@ -150,6 +214,8 @@ impl eframe::App for App {
                 self.add_viewer(to);
             }
         });
+        self.dialog(ui);
+        help::show(ui.ctx(), &mut self.session.help);
     }
 }
 

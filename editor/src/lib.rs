@@ -5,9 +5,17 @@
 
 pub mod app;
 pub mod camera;
+pub mod dialog;
 pub mod document;
 pub mod engine;
+pub mod files;
+mod help;
+pub mod jobs;
+mod menu;
+pub mod output;
 pub mod panes;
+mod perform;
+pub mod route;
 pub mod session;
 mod status;
 mod theme;

@@ -1,14 +1,11 @@
 //! `epigraph-editor`: opens a graph on a scene.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::process::ExitCode;
 
 use clap::Parser;
 use eframe::NativeOptions;
 use egui::ViewportBuilder;
-use epigraph_editor::{app::App, document::Document, engine::Options};
+use epigraph_editor::{app::App, document::Document, engine::Options, files::find_graph};
 
 /// Opens a render graph on a scene: see every image, change any parameter or wire, and save a file that is still yours.
 #[derive(Parser)]
@@ -33,7 +30,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), String> {
-    let document = Document::open(&find(&args.graph)).map_err(|problems| problems.to_string())?;
+    let document = Document::open(&find_graph(&args.graph)).map_err(|problems| problems.to_string())?;
     let options = Options { scene: args.scene.clone(), ..Options::default() };
     let native = NativeOptions {
         viewport: ViewportBuilder::default().with_inner_size([1280.0, 720.0]).with_app_id("epigraph-editor"),
@@ -42,16 +39,4 @@ fn run(args: &Args) -> Result<(), String> {
     let open =
         |creation: &eframe::CreationContext| Ok(Box::new(App::new(creation, document, options)) as Box<_>);
     eframe::run_native("Epigraph", native, Box::new(open)).map_err(|error| error.to_string())
-}
-
-/// The file that is meant: of that path, or else `graphs/NAME.ron` here or in a folder above.
-fn find(name: &str) -> PathBuf {
-    let path = PathBuf::from(name);
-    let shipped = Path::new("graphs").join(format!("{name}.ron"));
-    let here = std::env::current_dir().unwrap_or_default();
-    let found = here.ancestors().map(|folder| folder.join(&shipped)).find(|path| path.is_file());
-    match found {
-        Some(found) if !path.is_file() => found.strip_prefix(&here).map(Path::to_owned).unwrap_or(found),
-        _ => path,
-    }
 }

@@ -1,9 +1,9 @@
 //! The line at the bottom: what is wrong, else how fast it runs.
 
-use egui::{Align, Label, Layout, RichText, ScrollArea, Sense, Ui};
+use egui::{Align, Label, Layout, ProgressBar, RichText, ScrollArea, Sense, Ui};
 
 use crate::{
-    engine::Phase,
+    engine::{Command, Phase, Playing},
     session::{Jump, Session},
     theme,
 };
@@ -52,16 +52,18 @@ fn problems(ui: &mut Ui, session: &mut Session) {
 fn state(ui: &mut Ui, session: &Session) {
     let state = &session.state;
     if !session.engine.is_alive() {
-        let text = match &state.phase {
-            Phase::Failed(why) => why.clone(),
-            _ => "the engine has stopped; save and start again".into(),
-        };
-        ui.colored_label(theme::BAD, text);
+        ui.colored_label(theme::BAD, "the engine has stopped; save and start again");
+    } else if let Phase::Failed(why) = &state.phase {
+        ui.colored_label(theme::BAD, format!("{why}; File, Open scene, takes another"));
     } else if state.phase == Phase::Loading {
         ui.spinner();
         ui.label("reading the scene …");
     } else if let Some(trouble) = &state.trouble {
         ui.colored_label(theme::BAD, trouble);
+    } else if let Some(recorder) = &session.recorder {
+        ui.label(format!("recording the camera's path, {:.1} s", recorder.seconds()));
+    } else if let (Some(playing), true) = (&state.playing, session.is_playing()) {
+        progress(ui, session, playing);
     } else if let Some(notice) = &session.notice {
         ui.label(notice);
     } else if !session.problems().is_empty() {
@@ -70,6 +72,17 @@ fn state(ui: &mut Ui, session: &Session) {
         let document = &session.document;
         let dirty = if document.is_dirty() { "  (not saved)" } else { "" };
         ui.weak(format!("{}{dirty}", document.path()));
+    }
+}
+
+/// How far a path is.
+fn progress(ui: &mut Ui, session: &Session, playing: &Playing) {
+    let what = if playing.recorded { "recording frame" } else { "playing frame" };
+    ui.label(format!("{what} {} of {}", playing.frame, playing.frames));
+    let bar = ProgressBar::new(playing.frame as f32 / playing.frames as f32);
+    ui.add(bar.desired_width(160.0).desired_height(10.0));
+    if ui.small_button("Cancel").clicked() {
+        session.engine.send(Command::Stop);
     }
 }
 

@@ -1,10 +1,12 @@
-//! The toolbar: running, sampling, placing, and the file.
+//! The toolbar: menus, running, the camera's path, sampling, placing, and the file.
 
-use egui::{Button, ComboBox, RichText, Slider, Ui};
+use egui::{Button, ComboBox, DragValue, Response, RichText, Slider, Ui, WidgetInfo, WidgetType};
 
 use crate::{
     engine::{Backend, Command, Pacing},
-    session::Session,
+    menu,
+    session::{SCALES, Session},
+    theme,
 };
 
 /// Frames as people ask for them.
@@ -29,7 +31,12 @@ const PACINGS: [(Pacing, &str, &str); 2] = [
 pub fn show(ui: &mut Ui, session: &mut Session) {
     ui.add_space(3.0);
     ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 6.0;
+        menu::show(ui, session);
+        ui.separator();
         running(ui, session);
+        ui.separator();
+        path(ui, session);
         ui.separator();
         sampling(ui, session);
         ui.separator();
@@ -38,6 +45,13 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
         file(ui, session);
     });
     ui.add_space(3.0);
+}
+
+/// A button that is a sign; `name` is what it is called where it cannot be seen.
+fn sign(ui: &mut Ui, enabled: bool, sign: impl Into<RichText>, name: &str) -> Response {
+    let button = ui.add_enabled(enabled, Button::new(sign.into()).min_size([24.0, 0.0].into()));
+    button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, enabled, name));
+    button
 }
 
 fn running(ui: &mut Ui, session: &mut Session) {
@@ -59,8 +73,35 @@ fn running(ui: &mut Ui, session: &mut Session) {
     {
         session.engine.send(Command::Reset);
     }
-    if ui.button("Home").on_hover_text("Back to the scene's own view").clicked() {
-        session.move_camera(|rig| rig.go_home());
+}
+
+/// Recording and playing the camera's path.
+fn path(ui: &mut Ui, session: &mut Session) {
+    let recording = session.recorder.as_ref().map(crate::route::Recorder::seconds);
+    let (text, name) = match recording {
+        Some(_) => (RichText::new("⏹").color(theme::BAD), "Stop recording the path"),
+        None => (RichText::new("⏺"), "Record a path"),
+    };
+    let hint = match recording {
+        Some(seconds) => format!("Recording the camera's path, {seconds:.1} s. Stop (F9)"),
+        None => "Record the camera's path while you fly (F9)".into(),
+    };
+    if sign(ui, session.rig.is_some(), text, name).on_hover_text(hint).clicked() {
+        session.toggle_recorder();
+    }
+    let playing = session.is_playing();
+    let (text, name) = if playing { ("⏹", "Stop playing") } else { ("⏵", "Play the path") };
+    let hint = match &session.route {
+        _ if playing => "Leave the path (F10)".into(),
+        Some(route) => {
+            format!("Play {} from its beginning: the same frames each time (F10)", route.label())
+        }
+        None => String::new(),
+    };
+    let enabled = playing || session.route.is_some() && session.rig.is_some();
+    let button = sign(ui, enabled, text, name).on_hover_text(hint);
+    if button.on_disabled_hover_text("Record a path, or choose one in the menu Camera").clicked() {
+        session.toggle_playback();
     }
 }
 
@@ -105,26 +146,33 @@ fn placing(ui: &mut Ui, session: &mut Session) {
     let response = combo.show_ui(ui, |ui| {
         for size in SIZES {
             if ui.selectable_value(&mut session.size, size, text(size)).changed() {
-                session.engine.send(Command::Size(size));
+                session.resize();
             }
         }
     });
     response.response.on_hover_text("Width and height of the frame, pixels");
+    let before = session.scale;
+    let scale = DragValue::new(&mut session.scale).range(SCALES).speed(0.01).fixed_decimals(2).prefix("× ");
+    let scale = ui.add(scale);
+    scale.widget_info(|| WidgetInfo::labeled(WidgetType::DragValue, true, "Resolution scale"));
+    let [width, height] = session.frame_size();
+    if scale.on_hover_text(format!("Resolution scale: frames are {width}×{height}")).changed()
+        && session.scale != before
+    {
+        session.resize();
+    }
 }
 
 fn file(ui: &mut Ui, session: &mut Session) {
     let document = &mut session.document;
-    let undo = ui.add_enabled(document.can_undo(), Button::new("⟲ Undo"));
-    if undo.on_hover_text("Ctrl+Z").clicked() {
+    if sign(ui, document.can_undo(), "⟲", "Undo").on_hover_text("Undo (Ctrl+Z)").clicked() {
         document.undo();
     }
-    let redo = ui.add_enabled(document.can_redo(), Button::new("⟳ Redo"));
-    if redo.on_hover_text("Ctrl+Shift+Z").clicked() {
+    if sign(ui, document.can_redo(), "⟳", "Redo").on_hover_text("Redo (Ctrl+Shift+Z)").clicked() {
         document.redo();
     }
     let dirty = document.is_dirty();
-    let save = RichText::new(if dirty { "Save *" } else { "Save" });
-    let save = ui.add_enabled(dirty, Button::new(save));
+    let save = ui.add_enabled(dirty, Button::new(if dirty { "Save *" } else { "Save" }));
     if save.on_hover_text("Ctrl+S: only the characters that you edited change").clicked() {
         session.save();
     }

@@ -4,6 +4,7 @@
 //! concerned) ends up as a new set of texts; the one before goes to the past. Undo takes it back as it was, byte for byte.
 //! While a text is broken, [`Document::file`] is the last good one and [`Document::problems`] says what is wrong.
 
+mod moved;
 mod params;
 mod pins;
 mod swap;

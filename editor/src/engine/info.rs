@@ -103,6 +103,14 @@ impl GraphInfo {
         }
     }
 
+    /// The ports that are images, as `node.port`, in the order in which they are written.
+    pub fn images(&self) -> Vec<String> {
+        let nodes = self.steps.iter().filter_map(|step| self.node(step.node.as_deref()?));
+        let ports = nodes.flat_map(|node| node.ports.iter().map(move |info| (node, info)));
+        let images = ports.filter(|(_, info)| info.port.is_output() && info.is_image(self.size));
+        images.map(|(node, info)| format!("{}.{}", node.name, info.port.name)).collect()
+    }
+
     /// The node of that address.
     pub fn node(&self, name: &str) -> Option<&NodeInfo> {
         self.nodes.iter().find(|node| node.name == name)

@@ -79,7 +79,7 @@ impl Default for Options {
             backend: Backend::default(),
             pacing: Pacing::default(),
             paused: false,
-            seed: 0,
+            seed: 1,
             measured: true,
         }
     }

@@ -302,6 +302,9 @@ impl Worker {
     /// The camera stays where the path has led it.
     fn leave_path(&mut self) {
         if self.path.take().is_some() {
+            if let Some(playing) = &mut self.state.playing {
+                playing.frames = playing.frame;
+            }
             self.camera = self.shown.unwrap_or(self.camera);
             self.host = host(&self.tracer, self.options.pacing);
         }

@@ -3,15 +3,17 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    process::Command,
     thread,
     time::{Duration, Instant},
 };
 
+use egui::{Event, Key, Modifiers, accesskit::Role};
 use egui_kittest::{Harness, HarnessBuilder, kittest::Queryable};
 use epigraph_editor::{
     app::App,
     document::Document,
-    engine::{Backend, Command, Options, Pacing},
+    engine::{self, Backend, Options, Pacing},
 };
 
 /// No test waits longer for what must come.
@@ -97,13 +99,66 @@ impl Opened {
     /// Runs so many frames of the graph.
     pub fn frames(&mut self, count: u32) {
         let until = self.app().session.state.frames + count;
-        self.app().session.engine.send(Command::Step(count));
+        self.app().session.engine.send(engine::Command::Step(count));
         self.until("frames", move |app| app.session.state.frames >= until);
     }
 
     pub fn click(&mut self, label: &str) {
         self.harness.get_by_label(label).click();
         self.harness.run_steps(3);
+    }
+
+    /// Chooses an entry of a menu, and sees what comes of it.
+    pub fn choose(&mut self, menu: &[&str; 2]) {
+        self.choose_first(menu);
+        self.harness.run_steps(4);
+    }
+
+    /// Points at an entry of a menu; the click is in the next frame of the window.
+    pub fn choose_first(&mut self, [menu, entry]: &[&str; 2]) {
+        self.harness.get_by_label(menu).click();
+        self.harness.run_steps(4);
+        self.harness.get_by_label_contains(entry).click();
+    }
+
+    /// Picks an entry of a list of that name.
+    pub fn pick(&mut self, list: &str, entry: &str) {
+        self.harness.get_by_role_and_label(Role::ComboBox, list).click();
+        self.harness.run_steps(4);
+        self.harness.get_all_by_label(entry).last().unwrap().click();
+        self.harness.run_steps(3);
+    }
+
+    /// Types a number in place of another.
+    pub fn fill(&mut self, number: &str, text: &str) {
+        self.harness.get_by_role_and_label(Role::SpinButton, number).click();
+        self.harness.run_steps(3);
+        self.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        self.harness.event(Event::Text(text.into()));
+        self.harness.key_press(Key::Enter);
+        self.harness.run_steps(3);
+    }
+
+    /// Names a file in the dialog that is open, and presses Enter.
+    pub fn name(&mut self, path: &Path) {
+        self.harness.get_all_by_role(Role::TextInput).last().unwrap().focus();
+        self.harness.run_steps(2);
+        self.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        self.harness.event(Event::Text(path.display().to_string()));
+        self.harness.run_steps(2);
+        self.harness.key_press(Key::Enter);
+        self.harness.run_steps(4);
+    }
+
+    /// The folder of the graph.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap()
+    }
+
+    /// The picture of the viewer in use.
+    pub fn shown(&self) -> Vec<[u8; 3]> {
+        let viewer = self.app().viewers().next().unwrap();
+        viewer.picture().unwrap().colors.clone()
     }
 
     /// The text of the graph's own file.
@@ -118,6 +173,25 @@ impl Opened {
         image.save(Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"))).unwrap();
         image.into_raw()
     }
+}
+
+/// The command line `epigraph`: as it lies beside the tests where all of the workspace is built, else built for it.
+pub fn command() -> Command {
+    let programs = std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned();
+    let program = programs.join(format!("epigraph{}", std::env::consts::EXE_SUFFIX));
+    if !program.is_file() {
+        let built =
+            Command::new(env!("CARGO")).args(["build", "--release", "-p", "epigraph"]).status().unwrap();
+        assert!(built.success());
+    }
+    Command::new(program)
+}
+
+/// The words of a command line as a shell takes them.
+pub fn words(line: &str) -> Vec<String> {
+    let script = format!("printf '%s\\n' {line}");
+    let output = Command::new("sh").args(["-c", &script]).output().unwrap();
+    String::from_utf8(output.stdout).unwrap().lines().map(Into::into).collect()
 }
 
 /// A shipped graph with its parts in a folder of its own.

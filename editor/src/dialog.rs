@@ -1,0 +1,270 @@
+//! The dialog that asks for a file or a name: for what is opened and for what is saved.
+
+use std::path::Path;
+
+use egui::{Button, ComboBox, DragValue, Id, Key, Modal, RichText, ScrollArea, TextEdit, Ui, vec2};
+
+use crate::{
+    files::{self, Choice, PATH_ENDING},
+    output::Format,
+    session::Session,
+    theme,
+};
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// A graph to copy, then a name for the copy.
+    NewGraph,
+    /// A graph to open.
+    OpenGraph,
+    /// A scene to open.
+    OpenScene,
+    /// A recorded path to open.
+    OpenPath,
+    /// A name for the graph.
+    SaveGraph,
+    /// A name for the path at hand.
+    SavePath,
+    /// A port, and a name for its image.
+    SaveImage,
+    /// A name for the frames of the path at hand.
+    RecordFrames,
+}
+
+impl Ask {
+    /// Title, what the field is for, and the button.
+    fn words(self) -> [&'static str; 3] {
+        match self {
+            Self::NewGraph => ["New graph", "Name of the new file", "Create"],
+            Self::OpenGraph => ["Open graph", "File", "Open"],
+            Self::OpenScene => ["Open scene", "Name, or a .glb, .gltf, .obj, .ply or .ron file", "Open"],
+            Self::OpenPath => ["Open path", "File of keyframes", "Open"],
+            Self::SaveGraph => ["Save graph as", "File", "Save"],
+            Self::SavePath => ["Save path", "File; the command line takes it as --camera fly:FILE", "Save"],
+            Self::SaveImage => ["Save image", "File: .png as shown, .exr with raw values", "Save"],
+            Self::RecordFrames => ["Record the path's frames", "File", "Record"],
+        }
+    }
+
+    /// Whether it writes the file that is named.
+    fn writes(self) -> bool {
+        matches!(
+            self,
+            Self::NewGraph | Self::SaveGraph | Self::SavePath | Self::SaveImage | Self::RecordFrames
+        )
+    }
+}
+
+/// An open dialog.
+pub struct Dialog {
+    /// What it asks for.
+    pub ask: Ask,
+    /// What the field says.
+    pub text: String,
+    /// What else can be chosen: a graph to copy, the port to save.
+    pub source: String,
+    /// How frames are recorded.
+    pub format: Format,
+    /// How many frames.
+    pub frames: u32,
+    choices: Vec<Choice>,
+    error: Option<String>,
+    /// A file that is there already and that a second click replaces.
+    replaces: Option<String>,
+    opened: bool,
+}
+
+/// What the user did with a dialog.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Nothing yet.
+    Open,
+    /// It is to go away.
+    Cancel,
+    /// It is to be done.
+    Accept,
+}
+
+impl Dialog {
+    /// Asks.
+    pub fn new(ask: Ask, session: &Session) -> Self {
+        let document = Path::new(session.document.path());
+        let stem = document.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let port =
+            if session.viewed.is_empty() { stem.clone() } else { session.viewed.replace(['/', '.'], "-") };
+        let (text, source, choices) = match ask {
+            Ask::NewGraph => {
+                let graphs = files::graphs(document);
+                let first = graphs.first().map_or(String::new(), |choice| choice.text.clone());
+                ("new.ron".into(), first, graphs)
+            }
+            Ask::OpenGraph => (session.document.path().into(), String::new(), files::graphs(document)),
+            Ask::OpenScene => (session.scene.clone(), String::new(), files::scenes()),
+            Ask::OpenPath => {
+                let paths = files::paths();
+                (paths.first().map_or(String::new(), |choice| choice.text.clone()), String::new(), paths)
+            }
+            Ask::SaveGraph => (session.document.path().into(), String::new(), Vec::new()),
+            Ask::SavePath => (format!("{}{PATH_ENDING}", session.scene_stem()), String::new(), Vec::new()),
+            Ask::SaveImage => (format!("{port}.png"), session.viewed.clone(), Vec::new()),
+            Ask::RecordFrames => (format!("{stem}.png"), String::new(), Vec::new()),
+        };
+        Self {
+            ask,
+            text,
+            source,
+            format: Format::Animation,
+            frames: session.route_frames(),
+            choices,
+            error: None,
+            replaces: None,
+            opened: false,
+        }
+    }
+
+    /// Says why it could not be done.
+    pub fn fail(&mut self, error: String) {
+        self.error = Some(error);
+    }
+
+    /// Shows it.
+    pub fn show(&mut self, ui: &Ui, session: &mut Session) -> Answer {
+        let [title, doc, accept] = self.ask.words();
+        let mut answer = Answer::Open;
+        let modal = Modal::new(Id::new("dialog")).show(ui.ctx(), |ui| {
+            ui.set_width(460.0);
+            ui.heading(title);
+            ui.add_space(4.0);
+            self.choices(ui, &mut answer);
+            self.more(ui, session);
+            let label = ui.label(RichText::new(doc).weak());
+            let field = ui.add(TextEdit::singleline(&mut self.text).desired_width(f32::INFINITY));
+            let field = field.labelled_by(label.id);
+            if !self.opened {
+                self.opened = true;
+                field.request_focus();
+            }
+            if field.changed() {
+                (self.error, self.replaces) = (None, None);
+            }
+            if field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter)) {
+                answer = Answer::Accept;
+            }
+            if let Some(error) = &self.error {
+                ui.colored_label(theme::BAD, error);
+            }
+            ui.add_space(6.0);
+            ui.horizontal(|ui| {
+                let word = if self.replaces.as_ref() == Some(&self.text) { "Replace" } else { accept };
+                let ready = !self.text.trim().is_empty() && self.is_ready(session);
+                if ui.add_enabled(ready, Button::new(word).min_size(vec2(80.0, 0.0))).clicked() {
+                    answer = Answer::Accept;
+                }
+                if ui.add(Button::new("Cancel").min_size(vec2(80.0, 0.0))).clicked() {
+                    answer = Answer::Cancel;
+                }
+            });
+        });
+        if answer == Answer::Open && modal.should_close() {
+            answer = Answer::Cancel;
+        }
+        if answer == Answer::Accept && !(self.is_ready(session) && self.may_write()) {
+            answer = Answer::Open;
+        }
+        answer
+    }
+
+    /// What can be picked; a double click is enough.
+    fn choices(&mut self, ui: &mut Ui, answer: &mut Answer) {
+        if self.choices.is_empty() {
+            return;
+        }
+        let picked = if self.ask == Ask::NewGraph { &mut self.source } else { &mut self.text };
+        ScrollArea::vertical().max_height(220.0).auto_shrink([false, true]).show(ui, |ui| {
+            for choice in &self.choices {
+                let button = ui.add(Button::selectable(*picked == choice.text, &choice.text));
+                if button.clicked() {
+                    picked.clone_from(&choice.text);
+                    (self.error, self.replaces) = (None, None);
+                }
+                if button.double_clicked() && !self.ask.writes() {
+                    *answer = Answer::Accept;
+                }
+                ui.indent(&choice.text, |ui| {
+                    ui.add(egui::Label::new(RichText::new(&choice.doc).weak()).wrap())
+                });
+            }
+        });
+        ui.add_space(4.0);
+    }
+
+    /// What an image and a recording need beside their name.
+    fn more(&mut self, ui: &mut Ui, session: &mut Session) {
+        match self.ask {
+            Ask::SaveImage => self.port(ui, session),
+            Ask::RecordFrames => self.recording(ui, session),
+            _ => {}
+        }
+    }
+
+    fn port(&mut self, ui: &mut Ui, session: &mut Session) {
+        let Some(graph) = session.state.graph.clone() else { return };
+        let shown =
+            |port: &str| if port.is_empty() { "the graph's output".to_owned() } else { port.to_owned() };
+        ui.horizontal(|ui| {
+            let label = ui.label("Port");
+            let combo = ComboBox::from_id_salt("saved port").selected_text(shown(&self.source)).width(260.0);
+            let combo = combo.show_ui(ui, |ui| {
+                ui.selectable_value(&mut self.source, String::new(), shown(""));
+                for name in graph.images() {
+                    ui.selectable_value(&mut self.source, name.clone(), name);
+                }
+            });
+            combo.response.labelled_by(label.id);
+        });
+        session.extra.clone_from(&self.source);
+        if session.snapshot(&self.source).is_none() {
+            ui.horizontal(|ui| {
+                ui.weak("This port is taken from the next frame on.");
+                if session.state.paused && ui.button("Run one frame").clicked() {
+                    session.engine.send(crate::engine::Command::Step(1));
+                }
+            });
+        }
+        ui.add_space(4.0);
+    }
+
+    fn recording(&mut self, ui: &mut Ui, session: &Session) {
+        let path = session.route.as_ref().map_or(String::new(), crate::route::Route::label);
+        ui.label(format!("{path}, in the view in use, every frame with all of its samples"));
+        ui.horizontal(|ui| {
+            let label = ui.label("Frames");
+            ui.add(DragValue::new(&mut self.frames).range(1..=100_000)).labelled_by(label.id);
+            ui.weak(format!("{:.1} s", self.frames as f32 / epigraph_scenes::FRAMES_PER_SECOND));
+        });
+        for (format, text) in [
+            (Format::Animation, "One animated PNG"),
+            (Format::Numbered, "A PNG for each frame: NAME-0000.png and on"),
+        ] {
+            ui.radio_value(&mut self.format, format, text);
+        }
+        ui.add_space(4.0);
+    }
+
+    fn is_ready(&self, session: &Session) -> bool {
+        self.ask != Ask::SaveImage || session.snapshot(&self.source).is_some()
+    }
+
+    /// A file that is there is replaced only when that was said twice.
+    fn may_write(&mut self) -> bool {
+        let numbered = self.ask == Ask::RecordFrames && self.format == Format::Numbered;
+        let there = self.ask.writes() && !numbered && Path::new(&self.text).is_file();
+        if !there || self.ask == Ask::NewGraph || self.replaces.as_ref() == Some(&self.text) {
+            return true;
+        }
+        self.replaces = Some(self.text.clone());
+        self.error = Some("There is such a file already.".into());
+        false
+    }
+}

@@ -1,0 +1,145 @@
+//! A graph under another path: what it refers to stays what it is.
+
+use std::{fs, path::Path};
+
+use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
+
+use super::{Document, Texts, bare};
+use crate::files::relative;
+
+/// Kinds of stage that name a file, and the parameter that does.
+const REFERENCES: [(&str, &str); 2] = [("graph", "file"), ("wgsl", "shader")];
+
+impl Document {
+    /// Writes a copy of a graph file under another path, where it refers to the same files, and opens it.
+    ///
+    /// # Errors
+    /// That the graph has problems, that there is such a file already, or that it cannot be written.
+    pub fn copy(source: &Path, path: &Path) -> Result<Self, Problems> {
+        let text = moved(&GraphFile::load(source)?, path);
+        if path.exists() {
+            let cause = "there is such a file already; choose another name";
+            let error = GraphError::Io { action: "write", cause: cause.into() };
+            return Err(Problem::new(error).at(Place::file(&path.display().to_string())).into());
+        }
+        write(path, &text)?;
+        Self::open(path)
+    }
+
+    /// Saves the graph under another path, where it refers to the same files, and goes on with that. Within a folder the
+    /// past can still be undone.
+    ///
+    /// # Errors
+    /// That parts have unsaved changes and the folder is another, that the text has problems and would have to be
+    /// changed, or that the file cannot be written. The document is then as it was.
+    pub fn save_as(&mut self, path: &Path) -> Result<(), Problems> {
+        let name = path.display().to_string();
+        let folder = |path: &Path| {
+            fs::canonicalize(path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new(".")))
+        };
+        let beside = folder(path).ok() == folder(Path::new(&self.path)).ok();
+        if beside {
+            let text = self.text(&self.path).to_owned();
+            write(path, &text)?;
+            let old = std::mem::replace(&mut self.path, name);
+            let rename = |texts: &mut Texts| {
+                if let Some(text) = texts.remove(&old) {
+                    texts.insert(self.path.clone(), text);
+                }
+            };
+            self.past.iter_mut().chain(&mut self.future).chain([&mut self.texts]).for_each(rename);
+            self.saved.remove(&old);
+            self.saved.insert(self.path.clone(), text.into());
+            self.moved();
+            return Ok(());
+        }
+        let (Some(file), []) = (&self.file, self.problems.as_slice()) else {
+            return Err(refused("the text has problems; mend them before it goes to another folder"));
+        };
+        let unsaved = |part: &&str| self.texts.get(*part) != self.saved.get(*part);
+        if let Some(part) = self.paths().skip(1).find(unsaved) {
+            return Err(refused(&format!("{part} has unsaved changes; save first")));
+        }
+        write(path, &moved(file, path))?;
+        let revision = self.revision;
+        *self = Self::open(path)?;
+        self.revision = revision + 1;
+        Ok(())
+    }
+}
+
+fn refused(why: &str) -> Problems {
+    Problem::new(GraphError::Invalid(why.into())).into()
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Problems> {
+    bare(&path.display().to_string(), text).save(path)
+}
+
+/// The text of a graph for a file at `path`: names of files lead from there to where they led.
+fn moved(file: &GraphFile, path: &Path) -> String {
+    let folder = |path: &Path| path.parent().unwrap_or(Path::new("")).to_owned();
+    let (from, to) = (folder(Path::new(&file.path)), folder(path));
+    let mut names = Vec::new();
+    for node in &file.nodes {
+        for (_, param) in REFERENCES.iter().filter(|(kind, _)| node.kind.value == *kind) {
+            names.extend(node.params.iter().filter(|def| def.name.value == *param).map(|def| &def.value));
+        }
+    }
+    // From the end, so that the places of those before stay right.
+    names.sort_by_key(|name| std::cmp::Reverse(name.span.start));
+    let mut text = file.text.clone();
+    for name in names {
+        if let Ok(named) = ron::from_str::<String>(&name.value) {
+            let leads = relative(&to, &from.join(&named)).display().to_string().replace('\\', "/");
+            if leads != named {
+                text.replace_range(name.span.start..name.span.end, &format!("{leads:?}"));
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_in_another_folder_is_the_same_graph() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mine.ron");
+        let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+        let copy = Document::copy(&graphs.join("epi.ron"), &path).unwrap();
+        assert_eq!(copy.problems(), []);
+        let parts = copy.file().unwrap().parts.len();
+        assert!(parts > 1 && !copy.is_dirty());
+        let kept = |text: &str| {
+            text.lines().filter(|line| !line.contains("file:")).map(str::to_owned).collect::<Vec<_>>()
+        };
+        let source = fs::read_to_string(graphs.join("epi.ron")).unwrap();
+        assert_eq!(kept(copy.text(copy.path())), kept(&source));
+        assert!(Document::copy(&graphs.join("epi.ron"), &path).is_err(), "it is there already");
+    }
+
+    #[test]
+    fn saving_under_another_name_keeps_the_past_and_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let old = folder.path().join("a.ron");
+        let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+        let mut document = Document::copy(&graphs.join("render-cache.ron"), &old).unwrap();
+        let before = document.text(document.path()).to_owned();
+        let path = document.path().to_owned();
+        document.type_text(&path, &format!("{before}// more\n"));
+        let new = folder.path().join("b.ron");
+        document.save_as(&new).unwrap();
+        assert_eq!(fs::read_to_string(&old).unwrap(), before);
+        assert_eq!(fs::read_to_string(&new).unwrap(), format!("{before}// more\n"));
+        assert!(!document.is_dirty() && document.path().ends_with("b.ron"));
+        document.undo();
+        assert_eq!(document.text(document.path()), before);
+        fs::create_dir(folder.path().join("deep")).unwrap();
+        document.save_as(&folder.path().join("deep/c.ron")).unwrap();
+        assert_eq!(document.problems(), []);
+        assert!(document.text(document.path()).contains("file: \"../"), "{}", document.text(document.path()));
+    }
+}

@@ -1,0 +1,104 @@
+//! The menus at the left of the toolbar. What they do more than once stands in [`Session`].
+
+use egui::{Button, Ui};
+
+use crate::{dialog::Ask, route::Route, session::Session};
+
+/// Paths that come with the program.
+const ROUTES: [(&str, &str); 3] = [
+    ("orbit", "To and fro around what the scene's camera looks at"),
+    ("fly", "A gentle loop forwards and sideways"),
+    ("shake", "As if held by hand"),
+];
+
+/// Shows them.
+pub fn show(ui: &mut Ui, session: &mut Session) {
+    ui.menu_button("File", |ui| file(ui, session));
+    ui.menu_button("Camera", |ui| camera(ui, session));
+    ui.menu_button("Output", |ui| output(ui, session));
+    ui.menu_button("Window", |ui| window(ui, session));
+}
+
+/// An entry with the keys that do the same; whether it was chosen.
+fn entry(ui: &mut Ui, enabled: bool, text: &str, keys: &str) -> bool {
+    ui.add_enabled(enabled, Button::new(text).shortcut_text(keys)).clicked()
+}
+
+fn ask(ui: &mut Ui, session: &mut Session, enabled: bool, text: &str, keys: &str, ask: Ask) {
+    if entry(ui, enabled, text, keys) {
+        session.ask = Some(ask);
+    }
+}
+
+fn file(ui: &mut Ui, session: &mut Session) {
+    ask(ui, session, true, "New from a graph …", "", Ask::NewGraph);
+    ask(ui, session, true, "Open graph …", "Ctrl+O", Ask::OpenGraph);
+    ask(ui, session, true, "Open scene …", "", Ask::OpenScene);
+    ui.separator();
+    if entry(ui, session.document.is_dirty(), "Save", "Ctrl+S") {
+        session.save();
+    }
+    ask(ui, session, true, "Save as …", "Ctrl+Shift+S", Ask::SaveGraph);
+    ui.separator();
+    if entry(ui, session.document.can_undo(), "Undo", "Ctrl+Z") {
+        session.document.undo();
+    }
+    if entry(ui, session.document.can_redo(), "Redo", "Ctrl+Shift+Z") {
+        session.document.redo();
+    }
+}
+
+fn camera(ui: &mut Ui, session: &mut Session) {
+    let ready = session.rig.is_some();
+    if entry(ui, ready, "Home", "Home") {
+        session.move_camera(|rig| rig.go_home());
+    }
+    ui.separator();
+    if session.recorder.is_some() {
+        if entry(ui, true, "Stop recording the path", "F9") {
+            session.toggle_recorder();
+        }
+    } else if entry(ui, ready, "Record a path while flying", "F9") {
+        session.toggle_recorder();
+    }
+    if session.is_playing() {
+        if entry(ui, true, "Stop playing", "F10") {
+            session.toggle_playback();
+        }
+    } else {
+        let what = session.route.as_ref().map_or("a path".into(), Route::label);
+        if entry(ui, ready && session.route.is_some(), &format!("Play {what}"), "F10") {
+            session.toggle_playback();
+        }
+    }
+    for (name, doc) in ROUTES {
+        if ui.add_enabled(ready, Button::new(format!("Play {name}"))).on_hover_text(doc).clicked() {
+            session.route = Some(Route::named(name));
+            session.play();
+        }
+    }
+    ui.separator();
+    ask(ui, session, ready, "Open path …", "", Ask::OpenPath);
+    ask(ui, session, session.route.is_some(), "Save path …", "", Ask::SavePath);
+}
+
+fn output(ui: &mut Ui, session: &mut Session) {
+    let runs = session.state.graph.is_some();
+    ask(ui, session, runs, "Save image …", "Ctrl+E", Ask::SaveImage);
+    ask(ui, session, runs && session.route.is_some(), "Record the path's frames …", "", Ask::RecordFrames);
+    ui.separator();
+    if entry(ui, runs, "Copy as a command line", "Ctrl+Shift+C") {
+        session.copy_command_line(ui.ctx());
+    }
+}
+
+fn window(ui: &mut Ui, session: &mut Session) {
+    egui::widgets::global_theme_preference_buttons(ui);
+    ui.separator();
+    if entry(ui, true, "Panes as at first", "") {
+        session.reset_layout = true;
+    }
+    if entry(ui, true, "Keys and mouse", "F1") {
+        session.help = true;
+    }
+}

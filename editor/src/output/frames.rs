@@ -1,0 +1,151 @@
+//! The frames of a path as files: an animated PNG, or a PNG for each.
+
+use std::{
+    fs::{self, File},
+    io::BufWriter,
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex},
+};
+
+use epigraph_core::Snapshot;
+use epigraph_pictures::{Look, Shown, Target, png as still, show};
+use epigraph_scenes::FRAMES_PER_SECOND;
+use png::{BitDepth, ColorType, Encoder, Writer};
+
+use crate::engine::Sink;
+
+/// How frames are recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// One animated PNG.
+    Animation,
+    /// A PNG for each frame.
+    Numbered,
+}
+
+/// Records the port `name` of so many frames under `path`, shown as `look` says.
+///
+/// # Errors
+/// That the file cannot be written.
+pub fn sink(
+    format: Format,
+    path: &Path,
+    frames: u32,
+    name: String,
+    look: Look,
+) -> Result<Arc<Mutex<dyn Sink>>, String> {
+    // An animation is written into another file, which takes its place when it is whole.
+    let target = match format {
+        Format::Animation => path.to_owned(),
+        Format::Numbered => frame_path(path, 0),
+    };
+    Target::new(&target).map_err(|error| error.to_string())?;
+    let port = Port { name, look };
+    Ok(match format {
+        Format::Animation => {
+            Arc::new(Mutex::new(Animation { port, path: path.to_owned(), frames, writer: None }))
+        }
+        Format::Numbered => Arc::new(Mutex::new(Numbered { port, path: path.to_owned(), written: 0 })),
+    })
+}
+
+/// What is recorded.
+struct Port {
+    /// As snapshots are called.
+    name: String,
+    look: Look,
+}
+
+impl Port {
+    fn picture(&self, snapshots: &[Arc<Snapshot>]) -> Result<Shown, String> {
+        let found = snapshots.iter().find(|snapshot| snapshot.name == self.name);
+        let snapshot =
+            found.ok_or_else(|| format!("{} does not run, so there is nothing to record", self.name))?;
+        Ok(show(snapshot, &self.look))
+    }
+}
+
+/// A PNG for each frame.
+struct Numbered {
+    port: Port,
+    path: PathBuf,
+    written: u32,
+}
+
+/// `NAME-0000.png` for `NAME.png` and frame 0.
+fn frame_path(path: &Path, index: u32) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}-{index:04}.png"))
+}
+
+impl Sink for Numbered {
+    fn take(&mut self, index: u32, snapshots: &[Arc<Snapshot>]) -> Result<(), String> {
+        let picture = self.port.picture(snapshots)?;
+        let bytes = still(picture.size, &picture.colors)?;
+        let target = Target::new(&frame_path(&self.path, index)).map_err(|error| error.to_string())?;
+        target.write(&bytes).map_err(|error| error.to_string())?;
+        self.written += 1;
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<String, String> {
+        let last = self.written.saturating_sub(1);
+        Ok(format!("wrote {} to {last:04}", frame_path(&self.path, 0).display()))
+    }
+}
+
+/// An animated PNG at the path's pace, round and round.
+struct Animation {
+    port: Port,
+    path: PathBuf,
+    frames: u32,
+    writer: Option<Writer<BufWriter<File>>>,
+}
+
+impl Animation {
+    /// The file while it is not whole.
+    fn partial(&self) -> PathBuf {
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        self.path.with_file_name(format!(".{name}.{}.tmp", std::process::id()))
+    }
+
+    fn open(&self, [width, height]: [usize; 2]) -> Result<Writer<BufWriter<File>>, String> {
+        let file = File::create(self.partial()).map_err(|error| error.to_string())?;
+        let mut encoder = Encoder::new(BufWriter::new(file), width as u32, height as u32);
+        encoder.set_color(ColorType::Rgb);
+        encoder.set_depth(BitDepth::Eight);
+        let made = encoder
+            .set_animated(self.frames, 0)
+            .and_then(|()| encoder.set_frame_delay(1, FRAMES_PER_SECOND as u16))
+            .and_then(|()| encoder.write_header());
+        made.map_err(|error| error.to_string())
+    }
+}
+
+impl Sink for Animation {
+    fn take(&mut self, _: u32, snapshots: &[Arc<Snapshot>]) -> Result<(), String> {
+        let picture = self.port.picture(snapshots)?;
+        if self.writer.is_none() {
+            self.writer = Some(self.open(picture.size)?);
+        }
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        // Where the size has changed under way, this is what refuses it.
+        writer.write_image_data(picture.colors.as_flattened()).map_err(|error| error.to_string())
+    }
+
+    fn finish(&mut self) -> Result<String, String> {
+        let writer = self.writer.take().ok_or("there was no frame")?;
+        writer.finish().map_err(|error| error.to_string())?;
+        fs::rename(self.partial(), &self.path).map_err(|error| error.to_string())?;
+        Ok(format!("wrote {}, {} frames", self.path.display(), self.frames))
+    }
+}
+
+impl Drop for Animation {
+    fn drop(&mut self) {
+        // Cancelled: half a file is of no use. Where none was begun, there is none to remove.
+        if self.writer.take().is_some() {
+            let _ = fs::remove_file(self.partial());
+        }
+    }
+}

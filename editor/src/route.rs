@@ -1,0 +1,116 @@
+//! The camera's way in the user's hand: recorded while flying, opened from a file, saved to one, played again.
+
+use std::path::{Path, PathBuf};
+
+use epigraph_scenes::{Camera, FRAMES_PER_SECOND, keyframes};
+
+use crate::engine::Way;
+
+/// Notes where the camera is, at most once for each frame of path time.
+#[derive(Debug)]
+pub struct Recorder {
+    /// When it began, seconds of the window's time.
+    start: f64,
+    /// Seconds since then, and the camera.
+    keys: Vec<(f32, Camera)>,
+}
+
+impl Recorder {
+    /// Begins at `now`, seconds of the window's time.
+    pub fn new(now: f64, camera: Camera) -> Self {
+        Self { start: now, keys: vec![(0.0, camera)] }
+    }
+
+    /// Notes the camera at `now`.
+    pub fn note(&mut self, now: f64, camera: Camera) {
+        // A little less than a frame: the window's frames do not come quite evenly.
+        let interval = 0.9 / FRAMES_PER_SECOND;
+        let time = (now - self.start) as f32;
+        if self.keys.last().is_none_or(|(last, _)| time - last >= interval) {
+            self.keys.push((time, camera));
+        }
+    }
+
+    /// Seconds so far.
+    pub fn seconds(&self) -> f32 {
+        self.keys.last().map_or(0.0, |(time, _)| *time)
+    }
+
+    /// The path.
+    pub fn finish(self) -> Route {
+        let frames = (self.seconds() * FRAMES_PER_SECOND).round() as u32 + 1;
+        Route { way: Way::Keys(keyframes(&self.keys).into()), file: None, frames: Some(frames) }
+    }
+}
+
+/// A path at hand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Route {
+    /// The path.
+    pub way: Way,
+    /// The file that holds it, where there is one.
+    pub file: Option<PathBuf>,
+    /// How many frames it has, where that is known.
+    pub frames: Option<u32>,
+}
+
+impl Route {
+    /// One that goes by a name, such as `orbit`.
+    pub fn named(name: &str) -> Self {
+        Self { way: Way::Named(name.into()), file: None, frames: None }
+    }
+
+    /// One in a file of keyframes.
+    pub fn of_file(path: &Path) -> Self {
+        Self { way: Way::Named(format!("fly:{}", path.display())), file: Some(path.to_owned()), frames: None }
+    }
+
+    /// What people call it.
+    pub fn label(&self) -> String {
+        match (&self.file, &self.way) {
+            (Some(file), _) => file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            (None, Way::Named(name)) => name.clone(),
+            (None, Way::Keys(_)) => "recorded path".into(),
+        }
+    }
+
+    /// What the command line's `--camera` takes for it; none for a recorded path that no file holds yet.
+    pub fn argument(&self) -> Option<String> {
+        match (&self.file, &self.way) {
+            (Some(file), _) => Some(format!("fly:{}", file.display())),
+            (None, Way::Named(name)) => Some(name.clone()),
+            (None, Way::Keys(_)) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_scenes::Scene;
+
+    use super::*;
+
+    #[test]
+    fn a_recording_notes_a_camera_for_each_frame_of_the_path() {
+        let scene = Scene::load("cornell").unwrap();
+        let at = |x: f32| {
+            let mut camera = scene.camera;
+            camera.eye.x += x;
+            camera
+        };
+        let mut recorder = Recorder::new(100.0, at(0.0));
+        // Two frames of the window for each of the path.
+        for step in 1..=20u8 {
+            recorder.note(100.0 + f64::from(step) / 60.0, at(f32::from(step)));
+        }
+        assert!((recorder.seconds() - 1.0 / 3.0).abs() < 1e-5);
+        let route = recorder.finish();
+        assert_eq!(route.argument(), None);
+        let path = route.way.path(&scene).unwrap();
+        assert_eq!(path.frames(), Some(11));
+        for frame in 0..=10u8 {
+            let moved = path.camera(frame.into()).eye.x - scene.camera.eye.x;
+            assert!((moved - 2.0 * f32::from(frame)).abs() < 1e-2, "frame {frame}: {moved}");
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! What a person does from beginning to end.
+
+mod output;
+mod paths;
