@@ -7,11 +7,14 @@ use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
 use crate::{
     dialog::{Answer, Ask, Dialog},
     document::Document,
-    engine::{Command, Options},
+    engine::Command,
     help,
+    opening::Opening,
     panes::{Pane, Panes, Viewer},
-    session::Session,
-    status, theme, toolbar,
+    session::{SCALES, Session},
+    status,
+    store::{Recovery, Seen, Store, Stored},
+    theme, toolbar,
 };
 
 const SHIFTED: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
@@ -41,6 +44,9 @@ pub struct App {
     pub session: Session,
     tree: Tree<Pane>,
     dialog: Option<Dialog>,
+    store: Option<Store>,
+    /// Unsaved text of last time that the user has not decided about.
+    recovery: Option<Recovery>,
     /// Viewers so far.
     made: u64,
     /// When the files were last looked at, seconds of the window's time.
@@ -54,12 +60,26 @@ const DIGITS: [Key; 9] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
 impl App {
-    /// Opens a document on a scene.
-    pub fn new(creation: &CreationContext, document: Document, options: Options) -> Self {
+    /// Shows what is to be opened.
+    pub fn new(creation: &CreationContext, opening: Opening) -> Self {
+        let Opening { document, options, stored, store, notice } = opening;
         theme::apply(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
-        let session = Session::new(document, options, move || context.request_repaint());
-        Self { session, tree: layout(), dialog: None, made: 1, looked: 0.0 }
+        let recovery = store.as_ref().and_then(|store| store.recovery(&document));
+        let mut session = Session::new(document, options, move || context.request_repaint());
+        session.notice = notice;
+        let mut tree = layout();
+        if let Some(stored) = stored {
+            creation.egui_ctx.set_theme(stored.theme);
+            session.slots = stored.slots;
+            session.look = stored.seen;
+            session.scale = stored.scale.clamp(*SCALES.start(), *SCALES.end());
+            session.resize();
+            tree = whole(stored.panes).unwrap_or(tree);
+        }
+        let made = viewers(&tree).map(|viewer| viewer.id + 1).max().unwrap_or_default();
+        session.viewer = viewers(&tree).map(|viewer| viewer.id).min().unwrap_or_default();
+        Self { session, tree, dialog: None, store, recovery, made, looked: 0.0 }
     }
 
     fn shortcuts(&mut self, context: &Context) {
@@ -119,10 +139,76 @@ impl App {
 
     /// The viewers in the window.
     pub fn viewers(&self) -> impl Iterator<Item = &Viewer> {
-        self.tree.tiles.iter().filter_map(|(_, tile)| match tile {
-            Tile::Pane(Pane::Viewer(viewer)) => Some(viewer),
-            _ => None,
-        })
+        viewers(&self.tree)
+    }
+
+    /// Goes on with another graph. What is unsaved of the one before is kept for when it is opened again.
+    pub fn open(&mut self, document: Document) {
+        self.keep();
+        if let Some(store) = &mut self.store {
+            store.change_document();
+            self.recovery = store.recovery(&document);
+        }
+        self.session.open(document);
+    }
+
+    /// Keeps what is to come back when the program starts again.
+    fn keep(&mut self) {
+        let Some(store) = &mut self.store else { return };
+        // While the user has not decided about what is kept, it must not be overwritten.
+        if self.recovery.is_none() {
+            store.keep_unsaved(&self.session.document);
+        }
+        let session = &self.session;
+        let camera = session.rig.map(|rig| rig.camera);
+        store.keep_session(&Stored {
+            graph: session.document.path().into(),
+            scene: session.scene.clone(),
+            seen: camera.map(|camera| Seen {
+                scene: session.scene.clone(),
+                eye: camera.eye,
+                rotation: camera.rotation,
+            }),
+            size: session.size,
+            scale: session.scale,
+            samples: session.samples,
+            backend: session.backend,
+            pacing: session.pacing,
+            theme: session.theme,
+            slots: session.slots.clone(),
+            panes: &self.tree,
+        });
+    }
+
+    /// Offers unsaved text of last time.
+    fn offer(&mut self, ui: &mut Ui) {
+        let Some(recovery) = &self.recovery else { return };
+        let files = recovery.texts.len();
+        let mut decided = None;
+        egui::Panel::top("recovery").show(ui, |ui| {
+            ui.add_space(3.0);
+            ui.horizontal_wrapped(|ui| {
+                let name = status::file_name(&recovery.graph);
+                let files = if files == 1 { String::new() } else { format!(" and its parts ({files} files)") };
+                ui.strong(format!("{name}{files} had unsaved changes when the program ended."));
+                if ui.button("Take over").on_hover_text("Undo leads back to what the file says").clicked() {
+                    decided = Some(true);
+                }
+                if ui.button("Discard").on_hover_text("They are lost then").clicked() {
+                    decided = Some(false);
+                }
+            });
+            ui.add_space(3.0);
+        });
+        match (decided, self.recovery.take_if(|_| decided.is_some())) {
+            (Some(true), Some(recovery)) => recovery.take_over(&mut self.session.document),
+            (Some(false), Some(_)) => {
+                if let Some(store) = &mut self.store {
+                    store.discard(&self.session.document);
+                }
+            }
+            _ => {}
+        }
     }
 
     /// Shows a pane that lies behind another tab.
@@ -162,6 +248,8 @@ impl App {
         if now - self.looked > REFRESH {
             self.looked = now;
             self.session.refresh();
+            self.session.theme = context.options(|options| options.theme_preference);
+            self.keep();
         }
         context.request_repaint_after_secs(REFRESH as f32);
     }
@@ -192,6 +280,10 @@ impl App {
 }
 
 impl eframe::App for App {
+    fn on_exit(&mut self) {
+        self.keep();
+    }
+
     fn ui(&mut self, ui: &mut Ui, _: &mut Frame) {
         self.shortcuts(ui.ctx());
         self.refresh(ui.ctx());
@@ -205,6 +297,7 @@ impl eframe::App for App {
 
         egui::Panel::top("toolbar").show(ui, |ui| toolbar::show(ui, &mut self.session));
         egui::Panel::bottom("status").show(ui, |ui| status::show(ui, &mut self.session));
+        self.offer(ui);
         self.bring();
         egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
             let viewers = self.viewers().count();
@@ -217,6 +310,27 @@ impl eframe::App for App {
         self.dialog(ui);
         help::show(ui.ctx(), &mut self.session.help);
     }
+}
+
+/// The viewers among the panes.
+fn viewers(tree: &Tree<Pane>) -> impl Iterator<Item = &Viewer> {
+    tree.tiles.iter().filter_map(|(_, tile)| match tile {
+        Tile::Pane(Pane::Viewer(viewer)) => Some(viewer),
+        _ => None,
+    })
+}
+
+/// Panes of a session, where none is missing of those that cannot be opened again.
+fn whole(tree: Tree<Pane>) -> Option<Tree<Pane>> {
+    let kinds = |tree: &Tree<Pane>| -> Vec<_> {
+        let panes = tree.tiles.iter().filter_map(|(_, tile)| match tile {
+            Tile::Pane(pane) => Some(std::mem::discriminant(pane)),
+            Tile::Container(_) => None,
+        });
+        panes.collect()
+    };
+    let there = kinds(&tree);
+    (tree.root.is_some() && kinds(&layout()).iter().all(|kind| there.contains(kind))).then_some(tree)
 }
 
 /// The panes as they stand at first.

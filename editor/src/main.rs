@@ -5,18 +5,21 @@ use std::process::ExitCode;
 use clap::Parser;
 use eframe::NativeOptions;
 use egui::ViewportBuilder;
-use epigraph_editor::{app::App, document::Document, engine::Options, files::find_graph};
+use epigraph_editor::{app::App, engine::Options, opening::Opening, store::Store};
 
 /// Opens a render graph on a scene: see every image, change any parameter or wire, and save a file that is still yours.
 #[derive(Parser)]
 #[command(name = "epigraph-editor", version)]
 struct Args {
     /// A graph file, or the name of one in the folder `graphs` here or above.
-    #[arg(default_value = "epi")]
-    graph: String,
-    /// A scene's name or file.
-    #[arg(long, default_value = "cornell")]
-    scene: String,
+    /// Without one, what was open last; at first epi.
+    graph: Option<String>,
+    /// A scene's name or file; without one, that of last time, at first cornell.
+    #[arg(long)]
+    scene: Option<String>,
+    /// Bring nothing back of the last session, and keep nothing of this one.
+    #[arg(long)]
+    fresh: bool,
 }
 
 fn main() -> ExitCode {
@@ -30,13 +33,16 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), String> {
-    let document = Document::open(&find_graph(&args.graph)).map_err(|problems| problems.to_string())?;
-    let options = Options { scene: args.scene.clone(), ..Options::default() };
+    let opening = Opening::new(
+        Store::of_user().filter(|_| !args.fresh),
+        args.graph.as_deref(),
+        args.scene.as_deref(),
+        Options::default(),
+    )?;
     let native = NativeOptions {
         viewport: ViewportBuilder::default().with_inner_size([1280.0, 720.0]).with_app_id("epigraph-editor"),
         ..NativeOptions::default()
     };
-    let open =
-        |creation: &eframe::CreationContext| Ok(Box::new(App::new(creation, document, options)) as Box<_>);
+    let open = |creation: &eframe::CreationContext| Ok(Box::new(App::new(creation, opening)) as Box<_>);
     eframe::run_native("Epigraph", native, Box::new(open)).map_err(|error| error.to_string())
 }

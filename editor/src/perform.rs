@@ -8,6 +8,7 @@ use crate::{
     app::App,
     dialog::{Ask, Dialog},
     document::Document,
+    files::find_graph,
     engine::{Command, Playback, Way},
     output,
     route::Route,
@@ -24,8 +25,8 @@ impl App {
         let path = Path::new(name);
         let words = |problems: epigraph_core::Problems| problems.to_string();
         match dialog.ask {
-            Ask::NewGraph => session.open(Document::copy(Path::new(&dialog.source), path).map_err(words)?),
-            Ask::OpenGraph => session.open(Document::open(&crate::files::find_graph(name)).map_err(words)?),
+            Ask::NewGraph => self.open(Document::copy(Path::new(&dialog.source), path).map_err(words)?),
+            Ask::OpenGraph => self.open(Document::open(&find_graph(name)).map_err(words)?),
             Ask::OpenScene => session.open_scene(name.into()),
             Ask::OpenPath => {
                 // What is wrong with it shows when it is played; that there is none shows here.

@@ -2,6 +2,7 @@
 
 use std::{path::Path, sync::Arc};
 
+use egui::ThemePreference;
 use epigraph_core::{GraphFile, MAX_SIDE, Problem, Problems, Registry, Snapshot};
 use epigraph_scenes::Camera;
 
@@ -13,6 +14,7 @@ use crate::{
     jobs::Jobs,
     output::CommandLine,
     route::{Recorder, Route},
+    store::Seen,
 };
 
 /// Frames of a still view on a command line, at most: more change little of the picture.
@@ -82,12 +84,14 @@ pub struct Session {
     pub extra: String,
     /// Work beside this thread.
     pub jobs: Jobs,
+    /// Light, dark, or as the system has it.
+    pub theme: ThemePreference,
     /// Whether the help is open.
     pub help: bool,
     /// The panes are to be put back as they stood at first.
     pub reset_layout: bool,
     /// Where to look once the scene of that name is there.
-    pub look: Option<(String, Camera)>,
+    pub look: Option<Seen>,
     /// The window's time, seconds.
     now: f64,
     sent: u64,
@@ -134,6 +138,7 @@ impl Session {
             ask: None,
             extra: String::new(),
             jobs,
+            theme: ThemePreference::default(),
             help: false,
             reset_layout: false,
             look: None,
@@ -181,8 +186,8 @@ impl Session {
         {
             self.within.clone_from(&self.state.scene);
             self.rig = Some(Rig::new(home, self.state.bounds));
-            if let Some((_, camera)) = self.look.take_if(|(scene, _)| *scene == self.within) {
-                self.move_camera(|rig| rig.camera = camera);
+            if let Some(Seen { eye, rotation, .. }) = self.look.take_if(|seen| seen.scene == self.within) {
+                self.move_camera(|rig| rig.camera = Camera { eye, rotation, ..home });
             }
         }
         let playing = self.is_playing();

@@ -20,6 +20,7 @@ mod tests;
 use epigraph_core::{Element, Format, Snapshot};
 use epigraph_stages::shared::edge_pixel::{SIMPLE, class_of};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::{Lane, Number, Ramp, edges, lanes, size, tone};
 
@@ -52,7 +53,7 @@ const DARKEST_DEPTH: f32 = 0.15;
 const REACHABLE: f32 = 24.0;
 
 /// How numbers become colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Mode {
     /// Three lanes as a colour.
     Color,
@@ -108,7 +109,8 @@ impl Mode {
 }
 
 /// How a port is to be shown.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Look {
     /// None: what suits the port.
     pub mode: Option<Mode>,

@@ -6,7 +6,7 @@ use std::{f32::consts::TAU, sync::OnceLock};
 use crate::tone;
 
 /// A ramp of colours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Ramp {
     /// From violet by blue and green to yellow.
     #[default]

@@ -8,6 +8,7 @@ mod moved;
 mod params;
 mod pins;
 mod swap;
+mod unsaved;
 #[cfg(test)]
 mod tests;
 

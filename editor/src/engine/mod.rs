@@ -19,6 +19,7 @@ use std::{
 
 use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
 use epigraph_scenes::Camera;
+use serde::{Deserialize, Serialize};
 
 pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo};
 pub use playback::{Playback, Playing, Sink, Way};
@@ -27,7 +28,7 @@ pub use playback::{Playback, Playing, Sink, Way};
 pub const MAX_RATE: f32 = 60.0;
 
 /// Where nodes run that do not say.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Backend {
     /// A hardware GPU if there is one, else the CPU.
     #[default]
@@ -39,7 +40,7 @@ pub enum Backend {
 }
 
 /// When samples arrive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Pacing {
     /// When they are done; no frame waits for them.
     #[default]

@@ -9,6 +9,7 @@ mod viewer;
 
 pub use canvas::CanvasPane;
 use egui::{Ui, WidgetText};
+use serde::{Deserialize, Serialize};
 use egui_tiles::{Behavior, SimplificationOptions, Tabs, Tile, TileId, Tiles, UiResponse};
 pub use nodes::NodesPane;
 pub use text::TextPane;
@@ -17,20 +18,21 @@ pub use viewer::Viewer;
 
 use crate::session::Session;
 
-/// What a tile shows.
+/// What a tile shows. Of it, sessions keep what the user has set.
+#[derive(Serialize, Deserialize)]
 pub enum Pane {
     /// An image.
     Viewer(Viewer),
     /// The list of nodes.
-    Nodes(NodesPane),
+    Nodes(#[serde(skip)] NodesPane),
     /// The selected node's parameters.
     Parameters,
     /// The graph's text.
-    Text(TextPane),
+    Text(#[serde(skip)] TextPane),
     /// The graph as boxes and wires.
-    Canvas(CanvasPane),
+    Canvas(#[serde(skip)] CanvasPane),
     /// What each node costs.
-    Times(TimesPane),
+    Times(#[serde(skip)] TimesPane),
 }
 
 /// The panes at work on a session.

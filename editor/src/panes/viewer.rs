@@ -7,6 +7,7 @@ use egui::{
     Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, pos2, vec2,
 };
 use epigraph_core::Snapshot;
+use serde::{Deserialize, Serialize};
 use epigraph_pictures::{Look, Mode, Ramp, Shown as Picture, describe, lanes, show};
 
 use crate::{engine::GraphInfo, session::Session};
@@ -21,7 +22,8 @@ const TURN: f32 = 0.006;
 const WHEEL: f32 = 1.0 / 150.0;
 
 /// One view of a port.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Viewer {
     /// Tells it from the others.
     pub id: u64,
@@ -34,6 +36,7 @@ pub struct Viewer {
     /// The image's middle from the pane's middle, points.
     offset: Vec2,
     /// The picture on screen, and what it was made of.
+    #[serde(skip)]
     shown: Option<Shown>,
 }
 

@@ -14,6 +14,7 @@ use epigraph_editor::{
     app::App,
     document::Document,
     engine::{self, Backend, Options, Pacing},
+    opening::Opening,
 };
 
 /// No test waits longer for what must come.
@@ -70,7 +71,7 @@ impl Opened {
         options: Options,
     ) -> Self {
         let document = Document::open(&path).unwrap();
-        let harness = builder.build_eframe(|creation| App::new(creation, document, options));
+        let harness = builder.build_eframe(|creation| App::new(creation, Opening::bare(document, options)));
         Self { harness, path, _folder: folder }
     }
 

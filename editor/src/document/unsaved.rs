@@ -1,0 +1,20 @@
+//! Texts that no file holds yet.
+
+use super::{Document, Tag};
+
+impl Document {
+    /// The files whose texts are not saved, with these.
+    pub fn unsaved(&self) -> impl Iterator<Item = (&str, &str)> {
+        let differs = |path: &&str| self.texts.get(*path) != self.saved.get(*path);
+        self.paths().filter(differs).map(|path| (path, self.text(path)))
+    }
+
+    /// Gives files of the document other texts, as one change.
+    pub fn replace_texts(&mut self, replaced: Vec<(String, String)>) {
+        let mut texts = self.texts.clone();
+        for (path, text) in replaced {
+            texts.insert(path, text.into());
+        }
+        self.change(Tag::Once, texts);
+    }
+}

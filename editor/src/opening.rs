@@ -1,0 +1,69 @@
+//! What the program opens when it starts: what is asked for, and else what was open last.
+
+use crate::{
+    document::Document,
+    engine::Options,
+    files::find_graph,
+    store::{Store, Stored},
+};
+
+/// The graph that is opened where none is named.
+const FIRST: &str = "epi";
+
+/// Ready to be opened in a window.
+pub struct Opening {
+    /// The graph.
+    pub document: Document,
+    /// What the engine starts with.
+    pub options: Options,
+    /// The session of last time.
+    pub stored: Option<Stored>,
+    /// Where the session is kept.
+    pub store: Option<Store>,
+    /// What the user should know.
+    pub notice: Option<String>,
+}
+
+impl Opening {
+    /// A graph on its own: nothing is brought back, nothing kept.
+    pub fn bare(document: Document, options: Options) -> Self {
+        Self { document, options, stored: None, store: None, notice: None }
+    }
+
+    /// The graph and the scene that are named, else those of the last session, else the first ones; with the last
+    /// session's settings, unless there is none or it cannot be read. A notice then says so.
+    ///
+    /// # Errors
+    /// That the graph that is named cannot be read.
+    pub fn new(store: Option<Store>, graph: Option<&str>, scene: Option<&str>, options: Options) -> Result<Self, String> {
+        let (stored, mut notice) = match store.as_ref().map_or(Ok(None), Store::session) {
+            Ok(stored) => (stored, None),
+            Err(error) => (None, Some(format!("the last session could not be read, so this is a new one: {error}"))),
+        };
+        let open = |name: &str| Document::open(&find_graph(name)).map_err(|problems| problems.to_string());
+        let last = stored.as_ref().map(|stored| stored.graph.as_str());
+        let document = match (graph, last) {
+            (Some(name), _) => open(name)?,
+            (None, None) => open(FIRST)?,
+            (None, Some(last)) => match open(last) {
+                Ok(document) => document,
+                Err(error) => {
+                    notice = Some(error);
+                    open(FIRST)?
+                }
+            },
+        };
+        let mut options = options;
+        if let Some(stored) = &stored {
+            options.scene.clone_from(&stored.scene);
+            options.size = stored.size;
+            options.samples = stored.samples / 100.0;
+            options.backend = stored.backend;
+            options.pacing = stored.pacing;
+        }
+        if let Some(scene) = scene {
+            options.scene = scene.into();
+        }
+        Ok(Self { document, options, stored, store, notice })
+    }
+}

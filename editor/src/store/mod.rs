@@ -1,0 +1,95 @@
+//! What outlives the window: the session, and text that was never saved.
+//!
+//! Both lie in a folder of the user's configuration, as RON. Files are written whole or not at all, on a thread of
+//! their own; one that cannot be read counts as none, and is said to be so.
+
+mod keeper;
+mod recovery;
+mod session;
+
+use std::{
+    env, fs, io,
+    path::{Path, PathBuf},
+};
+
+use serde::{Serialize, de::DeserializeOwned};
+
+use keeper::Keeper;
+pub use recovery::Recovery;
+pub use session::{Seen, Stored};
+
+/// The session's file.
+const SESSION: &str = "session.ron";
+
+/// The folder in which things are kept.
+pub struct Store {
+    folder: PathBuf,
+    keeper: Keeper,
+    /// The session as it was kept last.
+    session: String,
+    /// The document's revision and path as of the last recovery file, where there is one.
+    kept: Option<(u64, String)>,
+}
+
+impl Store {
+    /// In the user's folder for configuration: `XDG_CONFIG_HOME` or `~/.config` on Linux, its like elsewhere. None where
+    /// there is no such folder.
+    pub fn of_user() -> Option<Self> {
+        let of = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+        let folder = if cfg!(target_os = "windows") {
+            of("APPDATA")?
+        } else if cfg!(target_os = "macos") {
+            of("HOME")?.join("Library/Application Support")
+        } else {
+            of("XDG_CONFIG_HOME").or_else(|| Some(of("HOME")?.join(".config")))?
+        };
+        Some(Self::at(folder.join("epigraph-editor")))
+    }
+
+    /// In this folder, which is made when something is kept.
+    pub fn at(folder: PathBuf) -> Self {
+        Self { folder, keeper: Keeper::start(), session: String::new(), kept: None }
+    }
+
+    /// The session of last time.
+    ///
+    /// # Errors
+    /// That there is one that cannot be read.
+    pub fn session(&self) -> Result<Option<Stored>, String> {
+        self.read(SESSION)
+    }
+
+    /// Keeps the session, where it is not what was kept last.
+    pub fn keep_session(&mut self, stored: &Stored<impl Serialize>) {
+        let Ok(text) = text(stored) else { return };
+        if text != self.session {
+            self.session.clone_from(&text);
+            self.keeper.write(self.folder.join(SESSION), text);
+        }
+    }
+
+    /// Waits until all that was kept is written.
+    pub fn flush(&mut self) {
+        self.keeper.flush();
+    }
+
+    fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, String> {
+        let path = self.folder.join(name);
+        let wrong = |why: String| format!("{}: {why}", path.display());
+        match fs::read_to_string(&path) {
+            Ok(text) => ron::from_str(&text).map(Some).map_err(|error| wrong(error.to_string())),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(wrong(error.to_string())),
+        }
+    }
+}
+
+fn text(value: &impl Serialize) -> ron::Result<String> {
+    ron::ser::to_string_pretty(value, ron::ser::PrettyConfig::default())
+}
+
+/// The one path of a file, whatever folder the program runs in.
+fn real(path: &str) -> String {
+    let path = Path::new(path);
+    path.canonicalize().or_else(|_| std::path::absolute(path)).map_or(path.to_owned(), |path| path).display().to_string()
+}

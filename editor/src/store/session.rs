@@ -1,0 +1,49 @@
+//! The session as a value that can be kept.
+
+use egui::ThemePreference;
+use egui_tiles::Tree;
+use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    engine::{Backend, Pacing},
+    panes::Pane,
+};
+
+/// Where the user looked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Seen {
+    /// In which scene.
+    pub scene: String,
+    /// The eye, metres.
+    pub eye: Vec3,
+    /// From camera to world space.
+    pub rotation: Quat,
+}
+
+/// What comes back when the program starts again. It is kept from a borrowed tree of panes.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Stored<Panes = Tree<Pane>> {
+    /// The graph's file.
+    pub graph: String,
+    /// The scene's name or file.
+    pub scene: String,
+    /// Where the user looked.
+    pub seen: Option<Seen>,
+    /// Width and height of the frame, pixels.
+    pub size: [u32; 2],
+    /// The resolution's scale.
+    pub scale: f32,
+    /// Samples a frame may ask for, percent of its pixels.
+    pub samples: f32,
+    /// Where nodes run that do not say.
+    pub backend: Backend,
+    /// When samples arrive.
+    pub pacing: Pacing,
+    /// Light, dark, or as the system has it.
+    pub theme: ThemePreference,
+    /// Ports on the number keys.
+    pub slots: [Option<String>; 9],
+    /// Panes and viewers.
+    pub panes: Panes,
+}
