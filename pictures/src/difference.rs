@@ -51,6 +51,12 @@ impl Difference {
     }
 }
 
+/// Differences of shown colours, channel by channel, enlarged: black where they are equal.
+pub fn apart(a: &[[u8; 3]], b: &[[u8; 3]], gain: f32) -> Vec<[u8; 3]> {
+    let channel = |a: u8, b: u8| (gain * f32::from(a.abs_diff(b)) + 0.5) as u8;
+    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|lane| channel(a[lane], b[lane]))).collect()
+}
+
 fn chosen<T: Copy>(values: &[T], mask: &[bool]) -> Vec<T> {
     values.iter().zip(mask).filter(|(_, set)| **set).map(|(value, _)| *value).collect()
 }
@@ -77,6 +83,12 @@ mod tests {
         let halves = [mask(&right), mask(&|i| !right(i))].map(|mask| difference.flip_within(&mask));
         assert!(halves[0] > 2.0 * halves[1], "{halves:?}");
         assert!((0.5 * (halves[0] + halves[1]) - difference.flip()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn differences_are_enlarged_and_end_at_white() {
+        let found = apart(&[[10, 20, 30], [0, 200, 7]], &[[10, 25, 20], [90, 0, 7]], 4.0);
+        assert_eq!(found, [[0, 20, 40], [255, 255, 0]]);
     }
 
     #[test]

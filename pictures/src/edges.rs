@@ -1,7 +1,7 @@
 //! What the words of the edge-and-point image mean, as strokes and colours: crossings, classes, reachability
 //! (`algorithms.md` sections 2.2 to 2.5).
 
-use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE, ring, slot_position};
+use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE, ends, ring, slot_position};
 
 /// Colours of pixels that no edge crosses or one ends in, those that one cuts in two, and those where more happens.
 pub const CLASSES: [(&str, [u8; 3]); 3] =
@@ -60,14 +60,24 @@ pub fn strokes(ring: u32) -> Vec<Stroke> {
     slots.iter().map(stroke).collect()
 }
 
-/// The colour of a class, from a word of `cls`.
-pub fn class_color(cls: u32) -> [u8; 3] {
-    let class = match cls & CLASS {
+/// The class in a word of `cls`, as an index of [`CLASSES`].
+pub fn class(cls: u32) -> usize {
+    match cls & CLASS {
         SIMPLE => 1,
         COMPLEX => 2,
         _ => 0,
-    };
-    CLASSES[class].1
+    }
+}
+
+/// The colour of the class in a word of `cls`.
+pub fn class_color(cls: u32) -> [u8; 3] {
+    CLASSES[class(cls)].1
+}
+
+/// The perimeter of a pixel with the chord of a word of `cls`; without crossings where that has none.
+pub fn chord(cls: u32) -> u32 {
+    let [p, q] = ends(cls);
+    if cls & CLASS == SIMPLE { 1 << p | 1 << q } else { 0 }
 }
 
 /// The colours of the 5x5 pixels around one, row by row, from its word of `r24`.

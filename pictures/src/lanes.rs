@@ -46,6 +46,20 @@ impl Number {
             number => number.to_string(),
         }
     }
+
+    /// In hardly more than three digits.
+    pub fn short(self) -> String {
+        match self {
+            Self::Float(value) if value == 0.0 || !value.is_finite() => value.to_string(),
+            Self::Float(value) if !(1e-3..1e5).contains(&value.abs()) => format!("{value:.1e}"),
+            Self::Float(value) => {
+                let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 5) as usize;
+                let text = format!("{value:.digits$}");
+                if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
+            }
+            number => number.to_string(),
+        }
+    }
 }
 
 /// All digits that it takes to read the same number again.
@@ -212,5 +226,7 @@ mod tests {
     fn numbers_can_be_brief() {
         let brief = [0.0, 0.25, 1.5e-7, -2e30, f32::INFINITY].map(|value| Number::Float(value).brief());
         assert_eq!(brief, ["0", "0.25", "1.5000e-7", "-2.0000e30", "inf"]);
+        let short = [0.0, 0.123_456, -12.3456, 100.0, 1.5, 2e-9].map(|value| Number::Float(value).short());
+        assert_eq!(short, ["0", "0.123", "-12.3", "100", "1.5", "2.0e-9"]);
     }
 }

@@ -3,6 +3,7 @@
 //!
 //! - [`lanes`]: the scalars that an element consists of.
 //! - [`show`]: an image as sRGB colours, with a [`Look`]; [`describe`]: a pixel in words.
+//! - [`Scale`], [`Histogram`]: what shades mean, and how often which values occur; [`Table`]: a list's elements.
 //! - [`edges`]: what the words of the edge-and-point image mean, drawn.
 //! - [`Difference`], [`flip`], [`metrics`]: how far two pictures are apart.
 //! - [`Picture`], [`PortFile`], [`Target`]: files.
@@ -12,22 +13,30 @@ pub mod flip;
 pub mod metrics;
 pub mod tone;
 
+mod ages;
 mod describe;
 mod difference;
 mod encode;
+mod histogram;
 mod lanes;
 mod look;
 mod picture;
 mod port_file;
 mod ramp;
+mod scale;
+mod table;
 mod target;
 
-pub use describe::describe;
-pub use difference::Difference;
+pub use ages::ages;
+pub use describe::{describe, in_pixel};
+pub use difference::{Difference, apart};
 pub use encode::{exr, png};
+pub use histogram::Histogram;
 pub use lanes::{Lane, Number, is_image, lanes, size};
 pub use look::{EMPTY, INFINITE, Look, Mode, NAN, POISONED, Shown, show};
 pub use picture::Picture;
 pub use port_file::{Kind, PortFile};
 pub use ramp::Ramp;
+pub use scale::{Curve, Paint, Scale};
+pub use table::Table;
 pub use target::{FileError, Target};

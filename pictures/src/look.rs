@@ -2,10 +2,10 @@
 //!
 //! | mode | shown as | suits |
 //! |---|---|---|
-//! | [`Mode::Color`] | linear light, clamped and sRGB-encoded; bytes as they are; two lanes as red and green in their ranges | floats in two lanes or more |
-//! | [`Mode::Grey`] | black at the range's low end, white at its high end | all other ports |
+//! | [`Mode::Color`] | linear light, exposed, clamped and sRGB-encoded; bytes as they are; two lanes as red and green in their ranges | floats in two lanes or more |
+//! | [`Mode::Grey`] | black at the range's dark end, white at its bright end | all other ports |
 //! | [`Mode::FalseColor`] | the same along a [`Ramp`] | |
-//! | [`Mode::Depth`] | 1/z between the nearest and the farthest: bright is near | ports `depth`, `filtered`, `first_vote` |
+//! | [`Mode::Depth`] | 1/z between the farthest and the nearest: bright is near | ports `depth`, `filtered`, `first_vote` |
 //! | [`Mode::Names`] | a colour for each number | integers at ports whose names end in `id`, `face`, `edge`, `slot` |
 //! | [`Mode::Edges`] | where edges cross a pixel's sides | ports `mask` with one more column and row than pixels |
 //! | [`Mode::Classes`] | empty, simple, complex | ports `cls` |
@@ -22,7 +22,7 @@ use epigraph_stages::shared::edge_pixel::{SIMPLE, class_of};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::{Lane, Number, Ramp, edges, lanes, size, tone};
+use crate::{Curve, Lane, Number, Paint, Ramp, Scale, edges, lanes, size, tone};
 
 /// The colour of elements that stand for nothing.
 pub const EMPTY: [u8; 3] = [24, 28, 48];
@@ -46,8 +46,9 @@ const DEPTHS: [&str; 3] = ["depth", "filtered", "first_vote"];
 /// Shares of the values that lie below the dark and the bright end of an automatic range.
 const PERCENTILES: [f64; 2] = [0.01, 0.99];
 
-/// Shade of the farthest depth, so that it differs from nothing.
-const DARKEST_DEPTH: f32 = 0.15;
+/// The port of priorities, and the highest of them.
+const PRIORITY: &str = "priority";
+const MOST_PRIORITY: f32 = 255.0;
 
 /// Bits of `r24`.
 const REACHABLE: f32 = 24.0;
@@ -116,6 +117,10 @@ pub struct Look {
     pub mode: Option<Mode>,
     /// Which lane, in modes of one lane.
     pub lane: usize,
+    /// Which lanes are red, green and blue in [`Mode::Color`].
+    pub channels: [usize; 3],
+    /// Float colours are multiplied by two to the power of this.
+    pub exposure: f32,
     /// Values at the dark and the bright end; none: from the image's own values.
     pub range: Option<[f32; 2]>,
     /// Shades follow the logarithm of the value.
@@ -128,7 +133,42 @@ pub struct Look {
 
 impl Default for Look {
     fn default() -> Self {
-        Self { mode: None, lane: 0, range: None, log: false, ramp: Ramp::default(), far: f32::INFINITY }
+        Self {
+            mode: None,
+            lane: 0,
+            channels: [0, 1, 2],
+            exposure: 0.0,
+            range: None,
+            log: false,
+            ramp: Ramp::default(),
+            far: f32::INFINITY,
+        }
+    }
+}
+
+impl Look {
+    /// The mode for a port.
+    pub fn mode_for(&self, snapshot: &Snapshot) -> Mode {
+        self.mode.unwrap_or_else(|| Mode::of(snapshot))
+    }
+
+    /// What values of a port become which shades, in modes that have a range; none where there are no values either.
+    pub fn scale(&self, snapshot: &Snapshot) -> Option<Scale> {
+        let lanes = lanes(&snapshot.element);
+        let lane = lanes.get(self.lane).or(lanes.first())?;
+        let curve = if self.log { Curve::Log } else { Curve::Linear };
+        let (curve, paint) = match self.mode_for(snapshot) {
+            Mode::Grey => (curve, Paint::Grey),
+            Mode::FalseColor => (curve, Paint::Ramp(self.ramp)),
+            Mode::Depth => (Curve::Reciprocal, Paint::Depth),
+            _ => return None,
+        };
+        let range = match (self.range, curve) {
+            (Some(range), _) => range,
+            (None, Curve::Reciprocal) => farthest_and_nearest(snapshot, lane, self.far)?,
+            (None, _) => automatic(snapshot, lane)?,
+        };
+        Some(Scale { range, curve, paint })
     }
 }
 
@@ -141,8 +181,8 @@ pub struct Shown {
     pub colors: Vec<[u8; 3]>,
     /// The mode in which it is shown.
     pub mode: Mode,
-    /// Values at the dark and the bright end, where the mode has such.
-    pub range: Option<[f32; 2]>,
+    /// What values became which shades, where the mode has a range.
+    pub scale: Option<Scale>,
     /// How many pixels are NaN, infinite or poisoned.
     pub odd: usize,
 }
@@ -159,25 +199,14 @@ use Shade::{Odd, Plain};
 
 /// Shows an image.
 pub fn show(snapshot: &Snapshot, look: &Look) -> Shown {
-    let mode = look.mode.unwrap_or_else(|| Mode::of(snapshot));
+    let mode = look.mode_for(snapshot);
     let lanes = lanes(&snapshot.element);
-    let mut range = None;
+    let scale = look.scale(snapshot);
     let shades = match (mode, lanes.get(look.lane).or(lanes.first())) {
         (_, None) => vec![Plain(EMPTY); snapshot.dims.count()],
-        (Mode::Color, Some(_)) if snapshot.element == Element::Texel(Format::Rgba8Unorm) => {
-            snapshot.bytes.par_chunks_exact(4).map(|texel| Plain([texel[0], texel[1], texel[2]])).collect()
-        }
-        (Mode::Color, Some(first)) => colors(snapshot, &lanes, first),
-        (Mode::Grey | Mode::FalseColor, Some(lane)) => {
-            range = look.range.or_else(|| automatic(snapshot, lane));
-            amounts(snapshot, lane, look, mode, range)
-        }
-        (Mode::Depth, Some(lane)) => {
-            let given = look.range.map(|ends| ends.map(f32::recip));
-            let ends = given.or_else(|| nearness_range(snapshot, lane, look.far));
-            range = look.range.or(ends.map(|ends| ends.map(f32::recip)));
-            depths(snapshot, lane, ends, look.far)
-        }
+        (Mode::Color, Some(_)) => colors(snapshot, &lanes, look),
+        (Mode::Grey | Mode::FalseColor, Some(lane)) => amounts(snapshot, lane, scale),
+        (Mode::Depth, Some(lane)) => depths(snapshot, lane, scale, look.far),
         (Mode::Names, Some(lane)) => words(snapshot, lane, hashed),
         (Mode::Classes, Some(lane)) => words(snapshot, lane, edges::class_color),
         (Mode::Reach, Some(lane)) => {
@@ -187,7 +216,7 @@ pub fn show(snapshot: &Snapshot, look: &Look) -> Shown {
     };
     let odd = shades.iter().filter(|shade| matches!(shade, Odd(_))).count();
     let colors = shades.into_iter().map(|(Plain(color) | Odd(color))| color).collect();
-    Shown { size: size(snapshot.dims), colors, mode, range, odd }
+    Shown { size: size(snapshot.dims), colors, mode, scale, odd }
 }
 
 /// The port's name without its node's.
@@ -206,23 +235,26 @@ fn each(snapshot: &Snapshot, lane: &Lane, shade: impl Fn(Number) -> Shade + Sync
     (0..snapshot.dims.count()).into_par_iter().map(shade).collect()
 }
 
-fn colors(snapshot: &Snapshot, lanes: &[Lane], first: &Lane) -> Vec<Shade> {
-    let lane = |index: usize| if index == 0 { Some(first) } else { lanes.get(index) };
+fn colors(snapshot: &Snapshot, lanes: &[Lane], look: &Look) -> Vec<Shade> {
+    let chosen = look.channels.map(|lane| lanes.get(lane));
+    let values = |pixel: usize| {
+        chosen.map(|lane| lane.and_then(|lane| lane.number(snapshot, pixel)).map_or(0.0, Number::as_f32))
+    };
+    let is_encoded = snapshot.element == Element::Texel(Format::Rgba8Unorm);
     // Two lanes are no light but directions and the like.
-    let ranges = [0, 1].map(|index| lanes.get(index).and_then(|lane| automatic(snapshot, lane)));
-    let color = |pixel: usize| {
-        let value = |index: usize| {
-            lane(index).and_then(|lane| lane.number(snapshot, pixel)).map_or(0.0, Number::as_f32)
-        };
-        let values = [value(0), value(1), value(2)];
-        match (values, lanes.len(), ranges) {
-            _ if values.iter().any(|value| value.is_nan()) => Odd(NAN),
-            _ if values.iter().any(|value| value.is_infinite()) => Odd(INFINITE),
-            ([x, y, _], 2, [Some(in_x), Some(in_y)]) => {
-                Plain([tone::to_byte(between(x, in_x)), tone::to_byte(between(y, in_y)), 0])
-            }
-            _ => Plain(tone::to_srgb8(values)),
-        }
+    let ranges =
+        chosen.map(|lane| lane.filter(|_| lanes.len() == 2).and_then(|lane| automatic(snapshot, lane)));
+    let gain = look.exposure.exp2();
+    let color = |pixel: usize| match values(pixel) {
+        values if values.iter().any(|value| value.is_nan()) => Odd(NAN),
+        values if values.iter().any(|value| value.is_infinite()) => Odd(INFINITE),
+        values if is_encoded => Plain(values.map(tone::to_byte)),
+        values if lanes.len() == 2 => Plain(std::array::from_fn(|channel| {
+            let scale =
+                ranges[channel].map(|range| Scale { range, curve: Curve::Linear, paint: Paint::Grey });
+            scale.map_or(0, |scale| tone::to_byte(scale.share(values[channel])))
+        })),
+        values => Plain(tone::to_srgb8(values.map(|value| gain * value))),
     };
     (0..snapshot.dims.count()).into_par_iter().map(color).collect()
 }
@@ -242,36 +274,27 @@ fn words(snapshot: &Snapshot, lane: &Lane, color: impl Fn(u32) -> [u8; 3] + Sync
     each(snapshot, lane, |number| special(number).unwrap_or_else(|| Plain(color(number.bits()))))
 }
 
-fn amounts(snapshot: &Snapshot, lane: &Lane, look: &Look, mode: Mode, range: Option<[f32; 2]>) -> Vec<Shade> {
-    let curve = |value: f32| if look.log { value.max(f32::MIN_POSITIVE).ln() } else { value };
-    let ends = range.map(|range| range.map(curve));
-    each(snapshot, lane, |number| {
-        special(number).unwrap_or_else(|| {
-            let share = ends.map_or(0.0, |ends| between(curve(number.as_f32()), ends));
-            Plain(if mode == Mode::FalseColor { look.ramp.color(share) } else { [tone::to_byte(share); 3] })
-        })
-    })
+fn amounts(snapshot: &Snapshot, lane: &Lane, scale: Option<Scale>) -> Vec<Shade> {
+    let color = |number: Number| scale.map_or(EMPTY, |scale| scale.color(number.as_f32()));
+    each(snapshot, lane, |number| special(number).unwrap_or_else(|| Plain(color(number))))
 }
 
 /// A distance; some are kept as their bits, where atomics compare them. None where there is nothing.
-fn distance(number: Number, far: f32) -> Option<f32> {
+pub(crate) fn distance(number: Number, far: f32) -> Option<f32> {
     let z = f32::from_bits(number.bits());
     // Stages may write `far` with a rounding error.
     (z > 0.0 && z.is_finite() && z < 0.999 * far).then_some(z)
 }
 
-/// 1/z of the nearest and of the farthest.
-fn nearness_range(snapshot: &Snapshot, lane: &Lane, far: f32) -> Option<[f32; 2]> {
+fn farthest_and_nearest(snapshot: &Snapshot, lane: &Lane, far: f32) -> Option<[f32; 2]> {
+    // By 1/z, as they are shaded.
     let nearness = lane.numbers(snapshot).filter_map(|number| distance(number, far)).map(f32::recip);
-    percentiles(nearness.collect()).map(|[far, near]| [near, far])
+    percentiles(nearness.collect()).map(|ends| ends.map(f32::recip))
 }
 
-fn depths(snapshot: &Snapshot, lane: &Lane, ends: Option<[f32; 2]>, far: f32) -> Vec<Shade> {
-    each(snapshot, lane, |number| match (distance(number, far), ends) {
-        (Some(z), Some([nearest, farthest])) => {
-            let share = between(z.recip(), [farthest, nearest]);
-            Plain([tone::to_byte(DARKEST_DEPTH + (1.0 - DARKEST_DEPTH) * share); 3])
-        }
+fn depths(snapshot: &Snapshot, lane: &Lane, scale: Option<Scale>, far: f32) -> Vec<Shade> {
+    each(snapshot, lane, |number| match (distance(number, far), scale) {
+        (Some(z), Some(scale)) => Plain(scale.color(z)),
         _ if number == Number::Unsigned(POISON) => Odd(POISONED),
         // All bits set are a NaN as well: what no point has reached.
         _ if f32::from_bits(number.bits()).is_nan() && number.bits() != NONE => Odd(NAN),
@@ -299,8 +322,11 @@ fn crossings(snapshot: &Snapshot, lane: &Lane) -> Vec<Shade> {
 }
 
 /// The range that suits an image: from the lowest of the values to the highest, a hundredth at either end left out; from
-/// 0 for integers. None where there are no values.
+/// 0 for integers; all that can be for priorities. None where there are no values.
 fn automatic(snapshot: &Snapshot, lane: &Lane) -> Option<[f32; 2]> {
+    if port_of(snapshot) == PRIORITY {
+        return Some([0.0, MOST_PRIORITY]);
+    }
     let values = lane.numbers(snapshot).filter(|number| special(*number).is_none()).map(Number::as_f32);
     if lane.is_float() {
         return percentiles(values.collect());
@@ -318,15 +344,6 @@ fn percentiles(mut values: Vec<f32>) -> Option<[f32; 2]> {
         *value
     };
     Some(PERCENTILES.map(&mut at))
-}
-
-/// Where `value` lies between `low` (0) and `high` (1).
-fn between(value: f32, [low, high]: [f32; 2]) -> f32 {
-    if high > low {
-        ((value - low) / (high - low)).clamp(0.0, 1.0)
-    } else {
-        f32::from(u8::from(value >= high))
-    }
 }
 
 /// A colour that differs from those of other numbers nearby, never dark.

@@ -2,9 +2,10 @@
 
 use std::{io::Cursor, path::Path};
 
+use epigraph_core::{Dims, Element, Format, Snapshot};
 use exr::prelude::{ReadChannels, ReadLayers};
 
-use crate::{FileError, tone};
+use crate::{FileError, Mode, Number, Shown, lanes, tone};
 
 /// An image's colours, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +37,37 @@ impl Picture {
     pub fn shown(size: [usize; 2], colors: &[[u8; 3]]) -> Self {
         let colors = colors.iter().map(|color| color.map(|byte| f32::from(byte) / 255.0)).collect();
         Self { size, colors, linear: false }
+    }
+
+    /// A port's image to compare: floats in three lanes or more as they are, everything else as it is shown.
+    pub fn of_port(snapshot: &Snapshot, shown: &Shown) -> Self {
+        let lanes = lanes(&snapshot.element);
+        let is_light = shown.mode == Mode::Color && snapshot.element != Element::Texel(Format::Rgba8Unorm);
+        match lanes.as_slice() {
+            [r, g, b, ..] if is_light && [r, g, b].iter().all(|lane| lane.is_float()) => {
+                let channels = [r, g, b].map(|lane| lane.numbers(snapshot).map(Number::as_f32));
+                let [r, g, b] = channels;
+                let colors = r.zip(g).zip(b).map(|((r, g), b)| [r, g, b]).collect();
+                Self { size: shown.size, colors, linear: true }
+            }
+            _ => Self::shown(shown.size, &shown.colors),
+        }
+    }
+
+    /// The image as a port's, to be shown like one.
+    pub fn to_port(&self, name: &str) -> Snapshot {
+        let (format, bytes) = if self.linear {
+            let texel = |[r, g, b]: &[f32; 3]| [*r, *g, *b, 1.0];
+            let texels: Vec<[f32; 4]> = self.colors.iter().map(texel).collect();
+            (Format::Rgba32Float, bytemuck::cast_slice(&texels).to_vec())
+        } else {
+            let texel = |color: &[f32; 3]| color.map(tone::to_byte);
+            let texels = self.colors.iter().map(texel).flat_map(|[r, g, b]| [r, g, b, u8::MAX]);
+            (Format::Rgba8Unorm, texels.collect())
+        };
+        let [width, height] = self.size.map(|side| side as u32);
+        let (name, element, dims) = (name.to_owned(), Element::Texel(format), Dims { width, height });
+        Snapshot { name, field: String::new(), element, dims, frame: 0, bytes }
     }
 
     /// The colours in sRGB, clamped to [0, 1].
@@ -82,4 +114,28 @@ fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
     };
     let colors = (0..size[0] * size[1]).map(|i| [lanes[0][i], lanes[1][i], lanes[2][i]]).collect();
     Ok(Picture { size, colors, linear: true })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Look, show};
+
+    #[test]
+    fn pictures_become_ports_and_back() {
+        let light = Picture { size: [2, 1], colors: vec![[0.18, 2.5, 0.0], [1.0; 3]], linear: true };
+        let bytes = Picture::shown([1, 2], &[[1, 2, 3], [255, 0, 128]]);
+        for picture in [light, bytes] {
+            let port = picture.to_port("a file");
+            assert_eq!(Picture::of_port(&port, &show(&port, &Look::default())), picture);
+        }
+    }
+
+    #[test]
+    fn what_is_no_light_is_compared_as_it_is_shown() {
+        let port = Picture { size: [2, 1], colors: vec![[0.0; 3], [4.0; 3]], linear: true }.to_port("a file");
+        let look = Look { mode: Some(Mode::Grey), ..Look::default() };
+        let picture = Picture::of_port(&port, &show(&port, &look));
+        assert_eq!(picture, Picture::shown([2, 1], &[[0; 3], [255; 3]]));
+    }
 }

@@ -52,7 +52,8 @@ fn depth_is_bright_where_near_also_as_bits() {
 
 #[test]
 fn integers_are_amounts_or_names() {
-    assert_eq!(shown(&integers("a.priority", &[0, 100, 200])), [[0; 3], [128; 3], [255; 3]]);
+    assert_eq!(shown(&integers("a.sum", &[0, 100, 200])), [[0; 3], [128; 3], [255; 3]]);
+    assert_eq!(shown(&integers("a.priority", &[0, 51, 102])), [[0; 3], [51; 3], [102; 3]]);
     let ids = shown(&integers("a.id", &[5, 5, 6, NONE, POISON]));
     assert!(ids[0] == ids[1] && ids[0] != ids[2]);
     assert_eq!(ids[3..], [EMPTY, POISONED]);
@@ -65,11 +66,23 @@ fn a_range_can_be_given_and_follow_the_logarithm() {
     let look = Look { range: Some([1.0, 100.0]), log: true, ..Look::default() };
     assert_eq!(show(&values, &look).colors, [[0; 3], [128; 3], [255; 3], NAN]);
     let automatic = show(&values, &Look::default());
-    assert_eq!(automatic.range, Some([1.0, 100.0]));
+    assert_eq!(automatic.scale.unwrap().range, [1.0, 100.0]);
     let look = Look { mode: Some(Mode::FalseColor), ..look };
     assert_eq!(show(&values, &look).colors[2], Ramp::Spectrum.color(1.0));
     // Equal values are white, not a division by nothing.
     assert_eq!(shown(&floats("a.rate", &[3.0, 3.0])), [[255; 3]; 2]);
+}
+
+#[test]
+fn channels_can_be_exchanged_and_exposed() {
+    let bytes = |value: [f32; 4]| value.iter().flat_map(|lane| lane.to_le_bytes()).collect();
+    let colors = snapshot("fill.color", texel::Rgba32Float::element(), &[[0.18f32, 0.0, 1.0, 0.5]], bytes);
+    let with = |channels| show(&colors, &Look { channels, ..Look::default() }).colors[0];
+    assert_eq!(with([2, 1, 0]), [255, 0, 118]);
+    assert_eq!(with([0, 0, 0]), [118; 3]);
+    assert_eq!(with([3, 3, 3]), [188; 3]);
+    let exposed = show(&colors, &Look { exposure: -1.0, ..Look::default() }).colors[0];
+    assert_eq!(exposed, tone::to_srgb8([0.09, 0.0, 0.5]));
 }
 
 #[test]
