@@ -189,7 +189,8 @@ impl App {
             ui.add_space(3.0);
             ui.horizontal_wrapped(|ui| {
                 let name = status::file_name(&recovery.graph);
-                let files = if files == 1 { String::new() } else { format!(" and its parts ({files} files)") };
+                let files =
+                    if files == 1 { String::new() } else { format!(" and its parts ({files} files)") };
                 ui.strong(format!("{name}{files} had unsaved changes when the program ended."));
                 if ui.button("Take over").on_hover_text("Undo leads back to what the file says").clicked() {
                     decided = Some(true);
@@ -287,8 +288,9 @@ impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _: &mut Frame) {
         self.shortcuts(ui.ctx());
         self.refresh(ui.ctx());
-        let mut watched: Vec<String> = self.viewers().map(|viewer| viewer.port.clone()).collect();
+        let mut watched: Vec<String> = self.viewers().flat_map(Viewer::watched).collect();
         watched.sort();
+        watched.dedup();
         self.session.sync(watched, ui.input(|input| input.time));
         if std::mem::take(&mut self.session.reset_layout) {
             self.tree = layout();

@@ -35,10 +35,17 @@ impl Opening {
     ///
     /// # Errors
     /// That the graph that is named cannot be read.
-    pub fn new(store: Option<Store>, graph: Option<&str>, scene: Option<&str>, options: Options) -> Result<Self, String> {
+    pub fn new(
+        store: Option<Store>,
+        graph: Option<&str>,
+        scene: Option<&str>,
+        options: Options,
+    ) -> Result<Self, String> {
         let (stored, mut notice) = match store.as_ref().map_or(Ok(None), Store::session) {
             Ok(stored) => (stored, None),
-            Err(error) => (None, Some(format!("the last session could not be read, so this is a new one: {error}"))),
+            Err(error) => {
+                (None, Some(format!("the last session could not be read, so this is a new one: {error}")))
+            }
         };
         let open = |name: &str| Document::open(&find_graph(name)).map_err(|problems| problems.to_string());
         let last = stored.as_ref().map(|stored| stored.graph.as_str());

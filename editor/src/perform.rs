@@ -8,8 +8,8 @@ use crate::{
     app::App,
     dialog::{Ask, Dialog},
     document::Document,
-    files::find_graph,
     engine::{Command, Playback, Way},
+    files::find_graph,
     output,
     route::Route,
 };

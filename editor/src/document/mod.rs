@@ -8,9 +8,9 @@ mod moved;
 mod params;
 mod pins;
 mod swap;
-mod unsaved;
 #[cfg(test)]
 mod tests;
+mod unsaved;
 
 use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
 

@@ -5,13 +5,13 @@ mod nodes;
 mod parameters;
 mod text;
 mod times;
-mod viewer;
+pub mod viewer;
 
 pub use canvas::CanvasPane;
 use egui::{Ui, WidgetText};
-use serde::{Deserialize, Serialize};
 use egui_tiles::{Behavior, SimplificationOptions, Tabs, Tile, TileId, Tiles, UiResponse};
 pub use nodes::NodesPane;
+use serde::{Deserialize, Serialize};
 pub use text::TextPane;
 pub use times::TimesPane;
 pub use viewer::Viewer;

@@ -74,23 +74,19 @@ fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
         });
     });
     if selected {
-        ui.indent(&node.name, |ui| ports(ui, session, graph, node));
+        ui.indent(&node.name, |ui| ports(ui, session, node));
     }
 }
 
 /// What the node writes; a click shows it.
-fn ports(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
+fn ports(ui: &mut Ui, session: &mut Session, node: &NodeInfo) {
     for info in node.ports.iter().filter(|info| info.port.is_output()) {
         let name = format!("{}.{}", node.name, info.port.name);
         ui.horizontal(|ui| {
             let elements = info.port.fields.first().map_or(String::new(), |field| field.element.to_string());
             let doc = format!("{}\n{elements}, {}", info.port.doc, info.port.extent);
-            if info.is_image(graph.size) {
-                if ui.small_button(format!("View {}", info.port.name)).on_hover_text(doc).clicked() {
-                    session.wanted = Some(name);
-                }
-            } else {
-                ui.weak(info.port.name.as_ref()).on_hover_text(doc);
+            if ui.small_button(format!("View {}", info.port.name)).on_hover_text(doc).clicked() {
+                session.wanted = Some(name);
             }
             ui.weak(format!("{}", info.dims));
         });

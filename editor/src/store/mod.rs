@@ -91,5 +91,9 @@ fn text(value: &impl Serialize) -> ron::Result<String> {
 /// The one path of a file, whatever folder the program runs in.
 fn real(path: &str) -> String {
     let path = Path::new(path);
-    path.canonicalize().or_else(|_| std::path::absolute(path)).map_or(path.to_owned(), |path| path).display().to_string()
+    path.canonicalize()
+        .or_else(|_| std::path::absolute(path))
+        .map_or(path.to_owned(), |path| path)
+        .display()
+        .to_string()
 }

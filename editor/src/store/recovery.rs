@@ -44,7 +44,9 @@ impl Store {
     pub fn recovery(&self, document: &Document) -> Option<Recovery> {
         let name = self.recovery_file(document.path());
         let recovery: Recovery = self.read(name.file_name()?.to_str()?).ok()??;
-        let differs = |path: &str| recovery.texts.iter().any(|(of, text)| *of == real(path) && document.text(path) != text);
+        let differs = |path: &str| {
+            recovery.texts.iter().any(|(of, text)| *of == real(path) && document.text(path) != text)
+        };
         (recovery.graph == real(document.path()) && document.paths().any(differs)).then_some(recovery)
     }
 

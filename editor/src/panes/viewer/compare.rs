@@ -1,0 +1,458 @@
+//! Two images side by side in time: the one in view against another port, a file, or what was held of it before a change.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use egui::{
+    Align2, Color32, ComboBox, CursorIcon, DragValue, FontId, Key, Painter, Rect, Sense, Stroke, TextEdit,
+    TextureHandle, Ui, WidgetInfo, WidgetType, pos2, vec2,
+};
+use epigraph_core::Snapshot;
+use epigraph_pictures::{Difference, Look, Picture, Ramp, apart, metrics, show};
+
+use super::{
+    header,
+    layer::{Layer, upload},
+    place::{Placed, WHOLE},
+    task::Task,
+};
+use crate::{
+    engine::{GraphInfo, State},
+    theme,
+};
+
+/// How far an arrow key moves the wipe's line, as a share of the image.
+const WIPE_STEP: f32 = 0.01;
+
+/// What the image in view is held against.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum With {
+    /// What was held.
+    Held,
+    /// A port, `node.port`, or the graph's first output where it is empty.
+    Port(String),
+    /// An image file.
+    File,
+}
+
+/// How both are shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Way {
+    /// One left of a line, the other right of it.
+    #[default]
+    Wipe,
+    /// How far their shown colours are apart.
+    Difference,
+    /// What a person sees of that.
+    Flip,
+}
+
+const WAYS: [(Way, &str, &str); 3] = [
+    (Way::Wipe, "Wipe", "One left of the line, the other right of it; drag the line"),
+    (Way::Difference, "Difference", "How far the shown colours are apart, channel by channel"),
+    (Way::Flip, "FLIP map", "What a person sees of the difference: black nothing, pale yellow everything"),
+];
+
+/// How far two images are apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figures {
+    /// Root of the mean squared difference: of linear light where both are, else of shown colours.
+    pub rmse: f64,
+    /// Peak signal-to-noise ratio of shown colours, decibels.
+    pub psnr: f64,
+    /// Mean structural similarity.
+    pub ssim: f64,
+    /// Mean FLIP.
+    pub flip: f64,
+    /// FLIP's map as colours.
+    map: Vec<[u8; 3]>,
+}
+
+/// The two images that figures are of.
+#[derive(Clone)]
+struct Pair {
+    images: [Arc<Snapshot>; 2],
+    looks: [Look; 2],
+}
+
+impl PartialEq for Pair {
+    fn eq(&self, other: &Self) -> bool {
+        let same = |index: usize| Arc::ptr_eq(&self.images[index], &other.images[index]);
+        same(0) && same(1) && self.looks == other.looks
+    }
+}
+
+/// A comparison.
+pub struct Compare {
+    /// What the image is held against.
+    pub with: With,
+    /// How both are shown.
+    pub way: Way,
+    /// Where the wipe's line is, as a share of the image's width.
+    pub wipe: f32,
+    /// What differences are multiplied by.
+    gain: f32,
+    held: Option<Arc<Snapshot>>,
+    path: String,
+    /// The file that was asked for, and how often.
+    asked: Option<(PathBuf, u32)>,
+    file: Task<(PathBuf, u32), Result<Arc<Snapshot>, String>>,
+    other: Option<Layer>,
+    figures: Task<Pair, Figures>,
+    /// What the texture shows: the images, and the gain of differences or 0 for FLIP.
+    map: Option<(Pair, f32, TextureHandle)>,
+    trouble: Option<String>,
+}
+
+impl Compare {
+    /// Holds an image, to be compared with what becomes of it.
+    pub fn holding(image: Option<Arc<Snapshot>>) -> Self {
+        Self {
+            with: With::Held,
+            way: Way::Wipe,
+            wipe: 0.5,
+            gain: 4.0,
+            held: image,
+            path: String::new(),
+            asked: None,
+            file: Task::default(),
+            other: None,
+            figures: Task::default(),
+            map: None,
+            trouble: None,
+        }
+    }
+
+    /// Holds another image.
+    pub fn hold(&mut self, image: Arc<Snapshot>) {
+        (self.held, self.with) = (Some(image), With::Held);
+    }
+
+    /// Reads a file, to be compared with.
+    pub fn open(&mut self, path: &Path) {
+        let times = self.asked.as_ref().map_or(0, |(_, times)| times + 1);
+        self.path = path.display().to_string();
+        self.asked = Some((path.to_owned(), times));
+        self.with = With::File;
+    }
+
+    /// The port that is compared with, if it is one.
+    pub fn port(&self) -> Option<&str> {
+        if let With::Port(port) = &self.with { Some(port) } else { None }
+    }
+
+    /// The figures of the newest pair of images that there are.
+    pub fn figures(&self) -> Option<&Figures> {
+        self.figures.result().map(|(_, figures)| figures).filter(|_| self.trouble.is_none())
+    }
+
+    /// Why nothing is compared.
+    pub fn trouble(&self) -> Option<&str> {
+        self.trouble.as_deref()
+    }
+
+    /// The controls and the figures.
+    pub fn header(&mut self, ui: &mut Ui, graph: &GraphInfo, shown: Option<&Layer>) {
+        ui.horizontal_wrapped(|ui| {
+            ui.label("against");
+            self.choose(ui, graph);
+            let hold = ui.add_enabled(shown.is_some(), egui::Button::new("Hold"));
+            if hold.on_hover_text("Keep this image, and compare what becomes of it").clicked()
+                && let Some(layer) = shown
+            {
+                self.hold(layer.snapshot.clone());
+            }
+            for (way, label, doc) in WAYS {
+                ui.selectable_value(&mut self.way, way, label).on_hover_text(doc);
+            }
+            if self.way == Way::Difference {
+                let gain =
+                    DragValue::new(&mut self.gain).range(1.0..=256.0).speed(0.1).prefix("× ").max_decimals(1);
+                ui.add(gain).on_hover_text("What differences are multiplied by");
+            }
+        });
+        if self.with == With::File {
+            self.file_row(ui);
+        }
+        self.figures_row(ui);
+    }
+
+    fn choose(&mut self, ui: &mut Ui, graph: &GraphInfo) {
+        let mut chosen = self.with.clone();
+        let combo =
+            ComboBox::from_id_salt("against").selected_text(self.name(graph)).width(190.0).height(420.0);
+        let response = combo.show_ui(ui, |ui| {
+            if self.held.is_some() {
+                ui.selectable_value(&mut chosen, With::Held, self.held_name());
+            }
+            ui.selectable_value(&mut chosen, With::File, "an image file …");
+            ui.separator();
+            header::ports(ui, graph, true, |ui, name, label, doc| {
+                ui.selectable_value(&mut chosen, With::Port(name), label).on_hover_text(doc);
+            });
+        });
+        response.response.on_hover_text("What the image is held against");
+        self.with = chosen;
+    }
+
+    fn file_row(&mut self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            let edit = TextEdit::singleline(&mut self.path)
+                .hint_text("reference.exr or .png; or drop a file on the window")
+                .desired_width(ui.available_width() - 60.0);
+            let edit = ui.add(edit);
+            edit.widget_info(|| WidgetInfo::labeled(WidgetType::TextEdit, true, "image file"));
+            let entered = edit.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+            if ui.button("Open").clicked() || entered {
+                self.open(&PathBuf::from(self.path.trim()));
+            }
+        });
+    }
+
+    fn figures_row(&self, ui: &mut Ui) {
+        ui.horizontal_wrapped(|ui| {
+            if let Some(trouble) = &self.trouble {
+                ui.colored_label(theme::BAD, trouble);
+                return;
+            }
+            match self.figures.result() {
+                Some((_, figures)) => {
+                    for (name, value, doc) in figures.named() {
+                        ui.weak(name).on_hover_text(doc);
+                        ui.label(value).on_hover_text(doc);
+                    }
+                }
+                None => {
+                    ui.weak("comparing …");
+                }
+            }
+            if self.figures.is_busy() {
+                ui.add(egui::Spinner::new().size(12.0));
+            }
+        });
+    }
+
+    fn held_name(&self) -> String {
+        self.held
+            .as_ref()
+            .map_or("nothing".into(), |held| format!("held: {}, frame {}", held.name, held.frame))
+    }
+
+    fn name(&self, graph: &GraphInfo) -> String {
+        match &self.with {
+            With::Held => self.held_name(),
+            With::Port(port) if port.is_empty() => header::output(graph),
+            With::Port(port) => port.clone(),
+            With::File => match &self.asked {
+                Some((path, _)) => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                None => "an image file …".into(),
+            },
+        }
+    }
+
+    /// Takes the other image and compares; once for each frame of the window.
+    pub fn update(&mut self, ui: &Ui, graph: &GraphInfo, state: &State, layer: &Layer) {
+        let context = ui.ctx();
+        let other = match self.source(ui, graph, state) {
+            Ok(Some(other)) => other,
+            // Until the first is there.
+            Ok(None) => return,
+            Err(trouble) => {
+                (self.trouble, self.other, self.map) = (Some(trouble), None, None);
+                return;
+            }
+        };
+        // The same numbers have the same colours on both sides.
+        let shown = &layer.shown;
+        let range = shown.scale.map(|scale| scale.range).or(layer.look.range);
+        let look = Look { mode: Some(shown.mode), range, ..layer.look };
+        let sizes = [&layer.snapshot, &other].map(|image| image.dims);
+        if sizes[0] != sizes[1] {
+            let trouble = format!(
+                "this image is {} pixels and the other one {}: only images of one size can be compared",
+                sizes[0], sizes[1]
+            );
+            (self.trouble, self.other, self.map) = (Some(trouble), None, None);
+            return;
+        }
+        self.trouble = None;
+        Layer::update(&mut self.other, context, other.clone(), look);
+        let pair = Pair { images: [layer.snapshot.clone(), other], looks: [layer.look, look] };
+        let asked = pair.clone();
+        self.figures.want(context, pair.clone(), move || Figures::of(&asked));
+        self.draw_map(ui, layer, pair);
+    }
+
+    fn source(&mut self, ui: &Ui, graph: &GraphInfo, state: &State) -> Result<Option<Arc<Snapshot>>, String> {
+        match &self.with {
+            With::Held => self.held.clone().map(Some).ok_or_else(|| "nothing is held yet".into()),
+            With::Port(port) => {
+                let name = header::name(graph, port);
+                Ok(state
+                    .fields(&name)
+                    .next()
+                    .cloned()
+                    .or(self.other.as_ref().map(|other| other.snapshot.clone())))
+            }
+            With::File => {
+                let Some(asked) = self.asked.clone() else {
+                    return Err("name an image file, .png or .exr, or drop one on the window".into());
+                };
+                let path = asked.0.clone();
+                self.file.want(ui.ctx(), asked, move || {
+                    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                    let picture = Picture::read(&path).map_err(|error| error.to_string())?;
+                    Ok(Arc::new(picture.to_port(&name)))
+                });
+                match self.file.result() {
+                    Some((_, read)) => read.clone().map(Some),
+                    None => Ok(None),
+                }
+            }
+        }
+    }
+
+    /// The map of differences; that of FLIP as soon as it is there.
+    fn draw_map(&mut self, ui: &Ui, layer: &Layer, pair: Pair) {
+        let (pair, gain) = match self.way {
+            Way::Wipe => return,
+            Way::Difference => (pair, self.gain),
+            Way::Flip => match self.figures.result() {
+                Some((pair, _)) => (pair.clone(), 0.0),
+                None => return,
+            },
+        };
+        if self.map.as_ref().is_some_and(|(of, by, _)| *of == pair && *by == gain) {
+            return;
+        }
+        let (Some(other), figures) = (&self.other, self.figures.result()) else { return };
+        let colors = match (self.way, figures) {
+            (Way::Flip, Some((_, figures))) => figures.map.clone(),
+            _ => apart(&layer.shown.colors, &other.shown.colors, gain),
+        };
+        let size = [pair.images[0].dims.width as usize, pair.images[0].dims.height as usize];
+        let texture = upload(self.map.take().map(|(.., texture)| texture), ui.ctx(), size, &colors);
+        self.map = Some((pair, gain, texture));
+    }
+
+    /// Draws over the image in view.
+    pub fn paint(&self, painter: &Painter, graph: &GraphInfo, placed: &Placed, layer: &Layer) {
+        match (self.way, &self.other, &self.map) {
+            (_, None, _) => {}
+            (Way::Wipe, Some(other), _) => {
+                let right = placed.pane.with_min_x(self.line(placed));
+                let clipped = painter.with_clip_rect(right.intersect(painter.clip_rect()));
+                clipped.image(other.texture.id(), placed.image, WHOLE, Color32::WHITE);
+                tag(painter, placed, Align2::LEFT_TOP, &layer.snapshot);
+                tag(painter, placed, Align2::RIGHT_TOP, &other.snapshot);
+            }
+            (_, Some(_), Some((_, _, map))) => {
+                painter.image(map.id(), placed.image, WHOLE, Color32::WHITE);
+            }
+            (_, Some(_), None) => {
+                let font = FontId::proportional(13.0);
+                let text = format!("comparing with {} …", self.name(graph));
+                painter.text(placed.pane.center(), Align2::CENTER_CENTER, text, font, Color32::WHITE);
+            }
+        }
+    }
+
+    /// The line between both images, which can be dragged.
+    pub fn wipe_line(&mut self, ui: &Ui, placed: &Placed) {
+        if self.way != Way::Wipe || self.other.is_none() {
+            return;
+        }
+        let x = self.line(placed);
+        let visible = placed.visible();
+        let grip = Rect::from_center_size(pos2(x, visible.center().y), vec2(13.0, visible.height()));
+        let response = ui.interact(grip, ui.id().with("wipe"), Sense::click_and_drag());
+        response.widget_info(|| WidgetInfo::slider(true, f64::from(self.wipe), "wipe line"));
+        let response = response.on_hover_cursor(CursorIcon::ResizeHorizontal);
+        if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged()) {
+            self.wipe = (pointer.x - placed.image.left()) / placed.image.width();
+        }
+        if response.clicked() {
+            response.request_focus();
+        }
+        if response.has_focus() {
+            let step = ui.input(|input| {
+                f32::from(input.key_pressed(Key::ArrowRight)) - f32::from(input.key_pressed(Key::ArrowLeft))
+            });
+            self.wipe += step * WIPE_STEP;
+        }
+        self.wipe = self.wipe.clamp(0.0, 1.0);
+        let lit = response.hovered() || response.dragged() || response.has_focus();
+        let painter = ui.painter_at(placed.pane);
+        painter.vline(x, visible.y_range(), Stroke::new(3.0, Color32::from_black_alpha(120)));
+        let color = if lit { theme::ACCENT } else { Color32::WHITE };
+        painter.vline(x, visible.y_range(), Stroke::new(1.0, color));
+        let knob = Rect::from_center_size(pos2(x, visible.center().y), vec2(9.0, 26.0));
+        painter.rect(
+            knob,
+            4.0,
+            color,
+            Stroke::new(1.0, Color32::from_black_alpha(160)),
+            egui::StrokeKind::Outside,
+        );
+    }
+
+    /// Where the line is on screen; never out of it.
+    fn line(&self, placed: &Placed) -> f32 {
+        let visible = placed.visible();
+        (placed.image.left() + self.wipe * placed.image.width())
+            .clamp(visible.left(), visible.right().max(visible.left()))
+    }
+}
+
+impl Figures {
+    fn of(pair: &Pair) -> Self {
+        let picture = |index: usize| {
+            let (image, look) = (&pair.images[index], &pair.looks[index]);
+            Picture::of_port(image, &show(image, look))
+        };
+        let (a, b) = (picture(0), picture(1));
+        let difference = Difference::new(&b, &a);
+        let rmse = if a.linear == b.linear {
+            metrics::rmse(&a.colors, &b.colors)
+        } else {
+            metrics::rmse(&a.srgb(), &b.srgb())
+        };
+        Self {
+            rmse,
+            psnr: difference.psnr(),
+            ssim: difference.ssim(),
+            flip: difference.flip(),
+            map: difference.errors.iter().map(|error| Ramp::Magma.color(*error)).collect(),
+        }
+    }
+
+    /// What stands in the pane: name, value, explanation.
+    fn named(&self) -> [(&'static str, String, &'static str); 4] {
+        [
+            (
+                "FLIP",
+                format!("{:.4}", self.flip),
+                "Mean FLIP at 67 pixels a degree: 0 no difference, 1 the largest",
+            ),
+            ("PSNR", format!("{:.2} dB", self.psnr), "Peak signal-to-noise ratio of the shown colours"),
+            ("SSIM", format!("{:.4}", self.ssim), "Mean structural similarity: 1 is the same"),
+            (
+                "RMSE",
+                format!("{:.5}", self.rmse),
+                "Root mean square difference; of linear light where both images are",
+            ),
+        ]
+    }
+}
+
+/// What an image is, in a corner of it.
+fn tag(painter: &Painter, placed: &Placed, corner: Align2, image: &Snapshot) {
+    let font = FontId::proportional(11.0);
+    let frame = if image.frame > 0 { format!("  frame {}", image.frame) } else { String::new() };
+    let text = painter.layout_no_wrap(format!("{}{frame}", image.name), font, Color32::WHITE);
+    let area = corner.align_size_within_rect(text.size() + vec2(12.0, 6.0), placed.visible().shrink(6.0));
+    painter.rect_filled(area, 3.0, Color32::from_black_alpha(190));
+    painter.galley(area.min + vec2(6.0, 3.0), text, Color32::WHITE);
+}

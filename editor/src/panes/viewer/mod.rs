@@ -1,0 +1,281 @@
+//! A port as an image: pan, zoom to pixels, read values, compare; or as a table, where it is a list. And the camera, flown
+//! with mouse and keys.
+
+mod compare;
+mod header;
+mod histogram;
+mod layer;
+mod legend;
+mod list;
+mod overlay;
+mod place;
+mod steer;
+mod task;
+
+use std::sync::Arc;
+
+use egui::{Color32, Response, Sense, Ui, vec2};
+use epigraph_core::Snapshot;
+use epigraph_pictures::{Look, Shown, ages, describe};
+use serde::{Deserialize, Serialize};
+
+pub use self::{
+    compare::{Compare, Figures, Way, With},
+    list::{List, Sorting},
+};
+use self::{
+    histogram::HistogramView,
+    layer::Layer,
+    place::{Place, Placed, WHOLE},
+};
+use crate::{
+    engine::{GraphInfo, State},
+    session::Session,
+};
+
+/// What lies behind and beside images.
+const GROUND: Color32 = Color32::from_gray(14);
+
+/// The field of a cloud that holds ages.
+const META: &str = "meta";
+/// Names of ports of ids of points.
+const POINTS: [&str; 3] = ["id", "kept", "spare"];
+
+/// One view of a port.
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Viewer {
+    /// Tells it from the others.
+    pub id: u64,
+    /// The port as `node.port`; empty for the graph's first output.
+    pub port: String,
+    /// How it is shown.
+    pub look: Look,
+    /// The comparison with another image, while there is one.
+    #[serde(skip)]
+    pub compare: Option<Compare>,
+    /// The table, where the port is a list.
+    #[serde(skip)]
+    pub list: Option<List>,
+    place: Place,
+    #[serde(skip)]
+    layer: Option<Layer>,
+    #[serde(skip)]
+    histogram: HistogramView,
+    histogram_open: bool,
+    /// Whether ids are shown as the ages of their points.
+    ages: bool,
+    /// The port of the cloud that has the ages, while they are shown.
+    #[serde(skip)]
+    cloud: Option<String>,
+    #[serde(skip)]
+    aged: Option<Aged>,
+}
+
+/// The ages of an image's points, and what they were made of.
+struct Aged {
+    sources: [Arc<Snapshot>; 2],
+    ages: Arc<Snapshot>,
+}
+
+impl Viewer {
+    /// A view of a port, `node.port`, or of the graph's first output where it is empty.
+    pub fn new(id: u64, port: String) -> Self {
+        Self { id, port, ..Self::default() }
+    }
+
+    /// The picture on screen.
+    pub fn picture(&self) -> Option<&Shown> {
+        self.layer.as_ref().map(|layer| &layer.shown)
+    }
+
+    /// The ports that it needs to see.
+    pub fn watched(&self) -> impl Iterator<Item = String> {
+        let against = self.compare.as_ref().and_then(Compare::port).map(str::to_owned);
+        [Some(self.port.clone()), against, self.cloud.clone()].into_iter().flatten()
+    }
+
+    /// Shows it.
+    pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
+        if session.viewer == self.id
+            && let Some(port) = session.wanted.take()
+        {
+            self.choose(port);
+        }
+        if session.viewer == self.id {
+            session.viewed.clone_from(&self.port);
+            self.take_dropped(ui);
+        }
+        let Some(graph) = session.state.graph.clone() else {
+            ui.centered_and_justified(|ui| ui.weak("Nothing runs yet."));
+            return;
+        };
+        let state = session.state.clone();
+        let name = header::name(&graph, &self.port);
+        self.look.far = session.rig.map_or(f32::INFINITY, |rig| rig.camera.far);
+        self.take(ui, &graph, &state, &name);
+        self.header(ui, &graph);
+        if let Some(list) = &mut self.list {
+            let response = ui.interact(ui.max_rect(), ui.id().with("list"), Sense::hover());
+            if response.contains_pointer() && ui.input(|input| input.pointer.any_pressed()) {
+                session.viewer = self.id;
+            }
+            return list.show(ui);
+        }
+        if self.layer.is_none() {
+            let hint = if state.paused { "Paused: Step or Run shows it." } else { "Waiting for a frame …" };
+            ui.weak(hint);
+            return;
+        }
+        self.look_row(ui);
+        if let (true, Some(layer)) = (self.histogram_open, &self.layer) {
+            self.histogram.show(ui, layer, &mut self.look);
+        }
+        if let Some(compare) = &mut self.compare {
+            compare.header(ui, &graph, self.layer.as_ref());
+        }
+        self.image(ui, session, &graph, &name);
+    }
+
+    /// Takes the newest elements of the port.
+    fn take(&mut self, ui: &Ui, graph: &GraphInfo, state: &State, name: &str) {
+        let fields: Vec<Arc<Snapshot>> = state.fields(name).cloned().collect();
+        let Some(first) = fields.first().cloned() else { return };
+        let is_image =
+            fields.len() == 1 && epigraph_pictures::is_image(&first.element, first.dims, graph.size);
+        if !is_image {
+            self.layer = None;
+            return self.list.get_or_insert_default().update(fields);
+        }
+        self.list = None;
+        self.cloud = (self.ages && self.is_of_points()).then(|| cloud_of(graph, name)).flatten();
+        let image = self.aged(state, &first).unwrap_or(first);
+        Layer::update(&mut self.layer, ui.ctx(), image, self.look);
+        if let (Some(compare), Some(layer)) = (&mut self.compare, &self.layer) {
+            compare.update(ui, graph, state, layer);
+        }
+    }
+
+    /// Whether the port holds ids of points.
+    fn is_of_points(&self) -> bool {
+        POINTS.contains(&self.port.rsplit('.').next().unwrap_or_default())
+    }
+
+    /// The ages of the image's points, where they are to be shown.
+    fn aged(&mut self, state: &State, id: &Arc<Snapshot>) -> Option<Arc<Snapshot>> {
+        let meta = state.fields(self.cloud.as_deref()?).find(|field| field.field == META)?;
+        let fresh = |aged: &Aged| Arc::ptr_eq(&aged.sources[0], id) && Arc::ptr_eq(&aged.sources[1], meta);
+        if !self.aged.as_ref().is_some_and(fresh) {
+            let ages = Arc::new(ages(id, meta)?);
+            self.aged = Some(Aged { sources: [id.clone(), meta.clone()], ages });
+        }
+        self.aged.as_ref().map(|aged| aged.ages.clone())
+    }
+
+    fn choose(&mut self, port: String) {
+        if port != self.port {
+            let compare = self.compare.take();
+            let (id, place, histogram_open) = (self.id, self.place, self.histogram_open);
+            *self = Self { id, port, place, compare, histogram_open, ..Self::default() };
+        }
+    }
+
+    /// An image file that is dropped on the window is compared with.
+    fn take_dropped(&mut self, ui: &Ui) {
+        let dropped = ui.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
+        let Some(path) = dropped else { return };
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        if ["png", "exr"].iter().any(|known| ending == *known) {
+            self.compare.get_or_insert_with(|| Compare::holding(None)).open(&path);
+        }
+    }
+
+    /// The image and what lies over it.
+    fn image(&mut self, ui: &mut Ui, session: &mut Session, graph: &GraphInfo, name: &str) {
+        let Some(layer) = &self.layer else { return };
+        let footer = ui.text_style_height(&egui::TextStyle::Body) + 6.0;
+        let size = vec2(ui.available_width(), (ui.available_height() - footer).max(16.0));
+        let (pane, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+        response.widget_info(|| {
+            egui::WidgetInfo::labeled(egui::WidgetType::Image, true, format!("image of {name}"))
+        });
+        if response.hovered() || response.clicked() {
+            session.viewer = self.id;
+        }
+        let placed = self.place.put(pane, layer.shown.size);
+        paint(ui, graph, &placed, layer, self.compare.as_ref(), &response);
+        if let Some(compare) = &mut self.compare {
+            compare.wipe_line(ui, &placed);
+        }
+        self.place.steer(ui, &response, &placed);
+        steer::steer(ui, session, &response);
+        foot(ui, &response, &placed, layer);
+    }
+}
+
+/// The port of the cloud that a node takes its points from, or any.
+fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
+    let node = graph.node(port.rsplit_once('.')?.0);
+    let source = |node: &crate::engine::NodeInfo| {
+        let has_ages = |info: &&crate::engine::PortInfo| {
+            info.source.is_some() && info.port.fields.iter().any(|field| field.name == META)
+        };
+        node.ports.iter().find(has_ages).and_then(|info| info.source.clone())
+    };
+    node.and_then(source).or_else(|| graph.nodes.iter().find_map(source))
+}
+
+fn paint(
+    ui: &Ui,
+    graph: &GraphInfo,
+    placed: &Placed,
+    layer: &Layer,
+    compare: Option<&Compare>,
+    response: &Response,
+) {
+    let painter = ui.painter_at(placed.pane);
+    painter.rect_filled(placed.pane, 0.0, GROUND);
+    painter.image(layer.texture.id(), placed.image, WHOLE, overlay::tint(layer, placed));
+    match compare {
+        Some(compare) => compare.paint(&painter, graph, placed, layer),
+        None => {
+            overlay::draw(&painter, placed, layer);
+            if let Some(pixel) = hovered(response, placed) {
+                overlay::reach_of(&painter, placed, layer, pixel);
+            }
+        }
+    }
+    if compare.is_none_or(|compare| compare.way == Way::Wipe) {
+        legend::draw(&painter, placed.pane, layer);
+    }
+}
+
+/// The pixel under the pointer.
+fn hovered(response: &Response, placed: &Placed) -> Option<[usize; 2]> {
+    let pointer = response.hover_pos().filter(|pointer| placed.image.contains(*pointer))?;
+    Some(placed.pixel(pointer))
+}
+
+/// The line below the image: the pixel under the pointer, or what the mouse does.
+fn foot(ui: &mut Ui, response: &Response, placed: &Placed, layer: &Layer) {
+    let text = match hovered(response, placed) {
+        Some([x, y]) => {
+            let value = describe(&layer.snapshot, [x, y]).unwrap_or_default();
+            format!("({x}, {y})  {value}")
+        }
+        None => "Drag: orbit   Right drag: look   W A S D Q E: fly   Wheel: zoom   Shift drag: pan".into(),
+    };
+    ui.horizontal(|ui| {
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let [width, height] = placed.size;
+            ui.weak(format!("{width}×{height}  {:.0}%", 100.0 * placed.zoom()));
+            if layer.shown.odd > 0 {
+                let text = format!("{} pixels are no number", layer.shown.odd);
+                ui.colored_label(crate::theme::BAD, text);
+            }
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                ui.add(egui::Label::new(egui::RichText::new(text).weak()).truncate());
+            });
+        });
+    });
+}

@@ -1,0 +1,140 @@
+//! What is drawn into large pixels: their values, strokes of edges, maps of what they reach.
+
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
+use epigraph_pictures::{Mode, edges, in_pixel};
+
+use super::{layer::Layer, place::Placed};
+
+/// Points a pixel takes from which on its values are written into it.
+const LEGIBLE: f32 = 44.0;
+/// Points a pixel takes from which on strokes are drawn into it.
+const STROKES: f32 = 6.0;
+/// Points a pixel takes from which on a map of what it reaches is drawn into it.
+const MAPS: f32 = 14.0;
+
+/// How much of the image shows behind strokes.
+const FAINT: u8 = 70;
+const GRID: Color32 = Color32::from_rgb(44, 49, 72);
+
+/// An sRGB colour.
+pub fn rgb([r, g, b]: [u8; 3]) -> Color32 {
+    Color32::from_rgb(r, g, b)
+}
+
+/// What the image's own colours are multiplied by, so that what is drawn over them stands out.
+pub fn tint(layer: &Layer, placed: &Placed) -> Color32 {
+    match layer.shown.mode {
+        Mode::Edges if placed.zoom() >= STROKES => Color32::from_gray(FAINT),
+        _ => Color32::WHITE,
+    }
+}
+
+/// Draws into the pixels that show.
+pub fn draw(painter: &Painter, placed: &Placed, layer: &Layer) {
+    let zoom = placed.zoom();
+    match layer.shown.mode {
+        Mode::Edges if zoom >= STROKES => crossings(painter, placed, layer),
+        Mode::Classes if zoom >= STROKES => chords(painter, placed, layer),
+        Mode::Reach if zoom >= MAPS => maps(painter, placed, layer),
+        Mode::Edges | Mode::Classes | Mode::Reach => {}
+        _ if zoom >= LEGIBLE => values(painter, placed, layer),
+        _ => {}
+    }
+}
+
+fn values(painter: &Painter, placed: &Placed, layer: &Layer) {
+    let size = (placed.zoom() / 4.5).clamp(9.0, 14.0);
+    for pixel in placed.pixels() {
+        let text = in_pixel(&layer.snapshot, &layer.look, pixel).join("\n");
+        let color = layer.shown.colors.get(pixel[1] * placed.size[0] + pixel[0]).copied().unwrap_or_default();
+        let middle = placed.square(pixel).center();
+        painter.text(middle, Align2::CENTER_CENTER, text, FontId::proportional(size), legible_on(color));
+    }
+}
+
+/// Black or white, whichever reads better on a colour.
+fn legible_on([r, g, b]: [u8; 3]) -> Color32 {
+    let light = 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) > 8 * 140;
+    if light { Color32::BLACK } else { Color32::WHITE }
+}
+
+fn crossings(painter: &Painter, placed: &Placed, layer: &Layer) {
+    let pixels = placed.size.map(|side| side.saturating_sub(1));
+    grid(painter, placed);
+    for pixel in placed.pixels() {
+        let ring = edges::perimeter(&layer.words, pixels, pixel).unwrap_or(0);
+        let color = if ring.count_ones() > 2 { edges::CLASSES[2].1 } else { edges::EDGE };
+        strokes(painter, placed, pixel, ring, rgb(color));
+    }
+}
+
+fn chords(painter: &Painter, placed: &Placed, layer: &Layer) {
+    for pixel in placed.pixels() {
+        let word = layer.words.get(pixel[1] * placed.size[0] + pixel[0]).copied().unwrap_or(0);
+        strokes(painter, placed, pixel, edges::chord(word), Color32::from_gray(20));
+    }
+}
+
+fn strokes(painter: &Painter, placed: &Placed, pixel: [usize; 2], ring: u32, color: Color32) {
+    let point = |place: [f32; 2]| placed.point([pixel[0] as f32 + place[0], pixel[1] as f32 + place[1]]);
+    let stroke = Stroke::new((placed.zoom() / 10.0).clamp(1.0, 3.0), color);
+    for edge in edges::strokes(ring) {
+        painter.line_segment([point(edge.from), point(edge.to)], stroke);
+    }
+}
+
+/// Lines between pixels.
+fn grid(painter: &Painter, placed: &Placed) {
+    let visible = placed.visible();
+    let [from, to] = [placed.pixel(visible.min), placed.pixel(visible.max)];
+    let stroke = Stroke::new(1.0, GRID);
+    for x in from[0]..=to[0] {
+        painter.vline(placed.point([x as f32, 0.0]).x, visible.y_range(), stroke);
+    }
+    for y in from[1]..=to[1] {
+        painter.hline(visible.x_range(), placed.point([0.0, y as f32]).y, stroke);
+    }
+}
+
+/// In each pixel a small map of the 5x5 pixels around it.
+fn maps(painter: &Painter, placed: &Placed, layer: &Layer) {
+    for pixel in placed.pixels() {
+        let word = layer.words.get(pixel[1] * placed.size[0] + pixel[0]).copied().unwrap_or(0);
+        let square = placed.square(pixel);
+        painter.rect_filled(square, 0.0, Color32::from_gray(12));
+        map(painter, square.shrink(0.06 * square.width()), word);
+    }
+}
+
+/// The 5x5 pixels around one: itself, those that it reaches, and those that it does not.
+pub fn map(painter: &Painter, within: Rect, r24: u32) {
+    let side = within.width() / 5.0;
+    for (index, color) in edges::reach_glyph(r24).into_iter().enumerate() {
+        let corner = within.min + vec2((index % 5) as f32, (index / 5) as f32) * side;
+        painter.rect_filled(Rect::from_min_size(corner, vec2(side, side) * 0.94), 0.0, rgb(color));
+    }
+}
+
+/// Marks in the image what the pixel under the pointer reaches; where pixels are small, in a corner of the pane.
+pub fn reach_of(painter: &Painter, placed: &Placed, layer: &Layer, [x, y]: [usize; 2]) {
+    let Some(word) = layer.words.get(y * placed.size[0] + x).filter(|_| layer.shown.mode == Mode::Reach)
+    else {
+        return;
+    };
+    if placed.zoom() < STROKES {
+        const SIDE: f32 = 90.0;
+        let corner = placed.pane.right_bottom() - vec2(SIDE + 10.0, SIDE + 10.0);
+        let within = Rect::from_min_size(corner, vec2(SIDE, SIDE));
+        painter.rect_filled(within.expand(4.0), 3.0, Color32::from_black_alpha(200));
+        return map(painter, within, *word);
+    }
+    for (index, color) in edges::reach_glyph(*word).into_iter().enumerate() {
+        let corner = [x as f32 + (index % 5) as f32 - 2.0, y as f32 + (index / 5) as f32 - 2.0];
+        let min: Pos2 = placed.point(corner);
+        let max = min + vec2(placed.zoom(), placed.zoom());
+        let square = Rect::from_min_max(min, pos2(max.x, max.y)).shrink(1.0);
+        let stroke =
+            Stroke::new(2.0, if color == edges::BARRED { rgb(edges::CLASSES[2].1) } else { rgb(color) });
+        painter.rect_stroke(square, 0.0, stroke, egui::StrokeKind::Inside);
+    }
+}

@@ -1,0 +1,117 @@
+//! Work that is too long for the window's thread.
+
+use std::{
+    sync::mpsc::{self, TryRecvError},
+    thread,
+    time::{Duration, Instant},
+};
+
+use egui::Context;
+
+/// One piece of work at a time on a thread of its own, told apart by a key; the newest finished one counts.
+pub struct Task<K, T> {
+    running: Option<Running<K, T>>,
+    /// No result where the work has panicked: it is not tried again.
+    done: Option<(K, Option<T>)>,
+    /// Until then other threads have their turn.
+    rest: Option<Instant>,
+}
+
+struct Running<K, T> {
+    key: K,
+    since: Instant,
+    result: mpsc::Receiver<T>,
+}
+
+impl<K, T> Default for Task<K, T> {
+    fn default() -> Self {
+        Self { running: None, done: None, rest: None }
+    }
+}
+
+impl<K: PartialEq, T: Send + 'static> Task<K, T> {
+    /// Sees to it that there will be a result for a key: call it in every frame of the window while one is wanted. Work
+    /// that is done again and again takes half of the time at most.
+    pub fn want(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
+        self.poll();
+        if self.running.is_some() || self.done.as_ref().is_some_and(|(done, _)| *done == key) {
+            return;
+        }
+        let rest = self.rest.map_or(Duration::ZERO, |rest| rest.saturating_duration_since(Instant::now()));
+        if !rest.is_zero() {
+            context.request_repaint_after(rest);
+            return;
+        }
+        let (tell, result) = mpsc::channel();
+        let woken = context.clone();
+        let started = thread::Builder::new().name("viewer".into()).spawn(move || {
+            // Nobody may want it any more.
+            let _ = tell.send(work());
+            drop(tell);
+            woken.request_repaint();
+        });
+        if started.is_ok() {
+            self.running = Some(Running { key, since: Instant::now(), result });
+        }
+    }
+
+    /// The newest result there is, and what it is of.
+    pub fn result(&self) -> Option<(&K, &T)> {
+        let (key, result) = self.done.as_ref()?;
+        Some((key, result.as_ref()?))
+    }
+
+    /// Whether work is under way.
+    pub fn is_busy(&self) -> bool {
+        self.running.is_some()
+    }
+
+    fn poll(&mut self) {
+        let Some(running) = &self.running else { return };
+        let result = match running.result.try_recv() {
+            Ok(result) => Some(result),
+            Err(TryRecvError::Disconnected) => None,
+            Err(TryRecvError::Empty) => return,
+        };
+        if let Some(Running { key, since, .. }) = self.running.take() {
+            self.rest = Some(Instant::now() + since.elapsed());
+            self.done = Some((key, result));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wait(task: &mut Task<u32, u32>, key: u32, work: fn(u32) -> u32) {
+        let start = Instant::now();
+        while task.done.as_ref().is_none_or(|(done, _)| *done != key) {
+            task.want(&Context::default(), key, move || work(key));
+            assert!(start.elapsed() < Duration::from_secs(60));
+            thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn the_newest_result_stays_until_the_next_is_there() {
+        let mut task = Task::default();
+        assert_eq!(task.result(), None);
+        wait(&mut task, 3, |key| 2 * key);
+        assert_eq!(task.result(), Some((&3, &6)));
+        // The same key is not worked on again.
+        task.want(&Context::default(), 3, || panic!("again"));
+        assert!(!task.is_busy());
+        wait(&mut task, 4, |key| 2 * key);
+        assert_eq!(task.result(), Some((&4, &8)));
+    }
+
+    #[test]
+    fn a_panic_ends_only_its_work() {
+        let mut task = Task::default();
+        wait(&mut task, 1, |_| panic!("as this test wants it"));
+        assert_eq!(task.result(), None);
+        wait(&mut task, 2, |key| key);
+        assert_eq!(task.result(), Some((&2, &2)));
+    }
+}
