@@ -136,13 +136,24 @@ pub enum GraphError {
     #[error("{0}")]
     Invalid(String),
     /// A shader that does not parse, validate or fit its ports.
-    #[error("shader {shader}: {message}")]
+    #[error("shader {shader}: {}", placed(message, place))]
     Shader {
         /// The shader file's name.
         shader: String,
         /// What naga says, or what differs from the ports.
         message: String,
+        /// Where in the shader's file, or in that of a module that it imports, unless the problem tells.
+        place: Option<Box<Place>>,
     },
+}
+
+fn placed(message: &str, place: &Option<Box<Place>>) -> String {
+    match place {
+        Some(place) => {
+            format!("line {}, column {}: {message}, in `{}`", place.line, place.column, place.text.trim())
+        }
+        None => message.to_owned(),
+    }
 }
 
 fn hint(nearest: &Option<String>, known: &[String]) -> String {

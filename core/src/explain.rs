@@ -3,7 +3,7 @@
 //! Only a stage knows what its numbers mean and by which rule they came about. [`Stage::explain`](crate::Stage::explain)
 //! decodes them and applies the rule anew to what the stage read; the application shows the [`Finding`]s.
 
-use std::borrow::Cow;
+use std::{borrow::Cow, sync::Arc};
 
 use bytemuck::Pod;
 
@@ -21,13 +21,14 @@ pub struct Capture {
     /// The frame.
     pub frame: Frame,
     /// The copies, named `node.port`.
-    pub snapshots: Vec<Snapshot>,
+    pub snapshots: Vec<Arc<Snapshot>>,
 }
 
 impl Capture {
     /// The copy of one field of `node.port`; the field of a port of one variable has no name.
     pub fn field(&self, port: &str, field: &str) -> Option<&Snapshot> {
-        self.snapshots.iter().find(|snapshot| snapshot.name == port && snapshot.field == field)
+        let found = self.snapshots.iter().find(|snapshot| snapshot.name == port && snapshot.field == field);
+        found.map(Arc::as_ref)
     }
 
     /// Bytes of all copies.

@@ -39,4 +39,4 @@ pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, comp
 pub use registry::{Kind, NodeContext, Registry, ShaderLibrary};
 pub use shader::{Needs, Pass, Shader, Threads};
 pub use stage::{AnyStage, Block, Bundle, CpuContext, Declaration, Host, Io, Stage};
-pub use wgsl::wgsl_kind;
+pub use wgsl::{wgsl_kind, wgsl_kind_from};

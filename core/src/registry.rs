@@ -36,7 +36,7 @@ impl NodeContext<'_> {
 
     /// The folder that a relative path in a parameter starts from: that of the file that sets it.
     pub fn folder(&self, param: &ParamDef) -> &Path {
-        Path::new(&self.file_of(param).path).parent().unwrap_or(Path::new(""))
+        folder(self.file_of(param))
     }
 
     fn file_of(&self, param: &ParamDef) -> &GraphFile {
@@ -72,6 +72,11 @@ impl NodeContext<'_> {
         }
         problems
     }
+}
+
+/// The folder of a file.
+pub(crate) fn folder(file: &GraphFile) -> &Path {
+    Path::new(&file.path).parent().unwrap_or(Path::new(""))
 }
 
 /// Makes stages of one kind.

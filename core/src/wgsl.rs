@@ -34,17 +34,21 @@
 //! Every `@compute` entry point is a pass, in the order of the file, with one thread for each element of the first port
 //! that it uses and may write.
 
-use std::fs;
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 use naga::{ShaderStage, StorageAccess};
 
 use crate::{
-    error::{GraphError, Problem, Problems},
+    error::{GraphError, Place, Problem, Problems},
+    file::{FlatNode, GraphFile},
     frame::Facts,
     params::{ParamError, ParamKind, ParamSpec, ParamValue, parse_ron, parse_value},
     port::{Access, Element, Extent, Field, FieldRef, Format, Lifetime, Member, Port, Scalar},
     reflect::{self, Reflected, Space, Variable},
-    registry::{Kind, NodeContext},
+    registry::{Kind, NodeContext, folder},
     shader::{Needs, Pass, Shader, Threads},
     stage::{AnyStage, CpuContext, Declaration},
 };
@@ -53,14 +57,43 @@ use crate::{
 ///
 /// The syntax of a parameter's default and range is a line of its comment, `/// = 0.5 in 0..2 unit m`.
 pub fn wgsl_kind() -> Box<dyn Kind> {
-    Box::new(WgslKind)
+    wgsl_kind_from(|path| fs::read_to_string(path))
 }
 
-struct WgslKind;
+/// [`wgsl_kind`] with shaders whose texts `read` gives by their paths: for an editor, which has texts that no file holds
+/// yet.
+pub fn wgsl_kind_from(read: impl Fn(&Path) -> io::Result<String> + Send + Sync + 'static) -> Box<dyn Kind> {
+    Box::new(WgslKind { read: Box::new(read) })
+}
+
+impl GraphFile {
+    /// The shader files of its nodes of kind `wgsl`, those of parts included, each with its node's address.
+    pub fn shaders(&self) -> Vec<(String, PathBuf)> {
+        // What is wrong with the parts is told on compiling.
+        let nodes = self.flatten().map(|flat| flat.nodes).unwrap_or_default();
+        let shader = |node: FlatNode| {
+            let param = node.def.params.iter().find(|param| param.name.value == "shader")?;
+            let file = node.set_in.get("shader").copied().unwrap_or(node.file);
+            let path: String = parse_ron(&param.value.value).ok()?;
+            Some((node.def.name.value.clone(), folder(file).join(path)))
+        };
+        nodes.into_iter().filter(|node| node.def.kind.value == KIND).filter_map(shader).collect()
+    }
+}
+
+/// The name in graph files.
+const KIND: &str = "wgsl";
+
+/// Gives the text of a file.
+type Read = dyn Fn(&Path) -> io::Result<String> + Send + Sync;
+
+struct WgslKind {
+    read: Box<Read>,
+}
 
 impl Kind for WgslKind {
     fn name(&self) -> &'static str {
-        "wgsl"
+        KIND
     }
     fn doc(&self) -> &'static str {
         "Runs a shader file of your own; its variables are the ports and parameters."
@@ -90,20 +123,25 @@ impl Kind for WgslKind {
             problem(GraphError::Value { name: "shader".into(), expected, cause: error.cause })
         })?;
         let file = cx.folder(param).join(&path);
-        let source = fs::read_to_string(&file).map_err(|error| {
+        let source = (self.read)(&file).map_err(|error| {
             problem(GraphError::Io { action: "read", cause: format!("{}: {error}", file.display()) })
         })?;
 
         let shader = Shader { name: path.into(), source: source.into(), defines: Vec::new() };
-        let reflected = reflect::compose(&shader, cx.library, Needs { atomic64: true }).map_err(problem)?;
+        let reflected = reflect::compose(&shader, cx.library, Needs { atomic64: true });
+        let reflected = reflected
+            .map_err(|error| at_its_line(error, &file, &cx.node.name.value).unwrap_or_else(problem))?;
         let name = shader.name.clone();
         let mut messages = Vec::new();
         let declaration = declare(shader, &reflected, &mut messages);
         let own = parameters(&reflected, &mut messages);
         let mut specs = self.specs();
         specs.extend(own.iter().map(|(spec, _)| spec.clone()));
-        let errors =
-            messages.into_iter().map(|message| GraphError::Shader { shader: name.to_string(), message });
+        let errors = messages.into_iter().map(|message| GraphError::Shader {
+            shader: name.to_string(),
+            message,
+            place: None,
+        });
         let mut errors: Vec<GraphError> = errors.collect();
         if errors.is_empty() {
             errors = reflect::check(&reflected, &name, &declaration, &specs);
@@ -119,6 +157,17 @@ impl Kind for WgslKind {
         })
         .into_result()?;
         Ok(Box::new(WgslStage { declaration, specs, words }))
+    }
+}
+
+/// A problem in a user's file, at its line there; the error itself where the line is in another file.
+fn at_its_line(error: GraphError, file: &Path, node: &str) -> Result<Problem, GraphError> {
+    match error {
+        GraphError::Shader { shader, message, place: Some(place) } if place.file == shader => {
+            let place = Place { file: file.display().to_string(), ..*place };
+            Ok(Problem::new(GraphError::Shader { shader, message, place: None }).at(place).node(node))
+        }
+        error => Err(error),
     }
 }
 

@@ -231,7 +231,9 @@ fn the_file_is_named_and_found() {
 #[test]
 fn shader_errors_have_the_shaders_line() {
     let broken = GLOW.replace("* params.strength", "* params.strenth");
-    assert_problem(&broken, USER, &["graph.ron:4:49", "shader user.wgsl: line 28, column 55", "strenth"]);
+    assert_problem(&broken, USER, &["user.wgsl:28:55: node `mine`: shader user.wgsl:", "strenth"]);
+    // What is wrong without a line of its own stands where the file is named.
+    assert_problem("", USER, &["graph.ron:4:49"]);
 }
 
 #[test]

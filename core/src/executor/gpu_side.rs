@@ -594,14 +594,25 @@ impl GpuSide {
         self.gpu.check()
     }
 
-    /// Milliseconds of each node in the frame before `frame`, where the device keeps time.
-    pub fn node_times(&mut self, frame: u64, mut each: impl FnMut(usize, f32)) -> Result<(), RunError> {
+    /// For each node of frame `frame`, where the device keeps time: when it began, from the first of those that `ran`, and
+    /// how long it took, both in milliseconds; zeros for those that did not run.
+    pub fn node_times(
+        &mut self,
+        frame: u64,
+        ran: impl Fn(usize) -> bool,
+        mut each: impl FnMut(usize, [f32; 2]),
+    ) -> Result<(), RunError> {
         let Some(clock) = &mut self.clock else { return Ok(()) };
-        let nanoseconds = clock.nanoseconds;
+        let milliseconds = |ticks: u64| ticks as f32 * clock.nanoseconds * 1e-6;
         clock.readback.take(&self.gpu, frame, |bytes| {
-            for (node, ticks) in bytes.chunks_exact(16).enumerate() {
-                let tick = |at: usize| u64::from_le_bytes(ticks[at..at + 8].try_into().expect("eight bytes"));
-                each(node, tick(8).saturating_sub(tick(0)) as f32 * nanoseconds * 1e-6);
+            let ticks: &[[u8; 8]] = bytemuck::cast_slice(bytes);
+            let tick = |at: usize| u64::from_le_bytes(ticks[at]);
+            let nodes = || 0..ticks.len() / 2;
+            let first = nodes().filter(|node| ran(*node)).map(|node| tick(2 * node)).min().unwrap_or(0);
+            for node in nodes() {
+                let [begin, end] = [tick(2 * node), tick(2 * node + 1)];
+                let span = [begin.saturating_sub(first), end.saturating_sub(begin)].map(milliseconds);
+                each(node, if ran(node) { span } else { [0.0; 2] });
             }
         })
     }

@@ -104,6 +104,8 @@ pub struct Executor {
     gpu: Option<GpuSide>,
     taps: Vec<TapState>,
     times: Vec<f32>,
+    starts: Vec<f32>,
+    moved: Vec<u64>,
     versions: Versions,
     /// For even and odd frames: whether each node ran.
     ran: [Vec<bool>; 2],
@@ -155,6 +157,8 @@ impl Executor {
             bindings,
             gpu,
             taps,
+            starts: times.clone(),
+            moved: vec![0; times.len()],
             times,
             versions,
             ran,
@@ -186,6 +190,18 @@ impl Executor {
         &self.times
     }
 
+    /// When each of the plan's steps began, milliseconds since the frame did. Steps on a GPU that keeps time are of the
+    /// frame before, as [`Executor::times`], from the first of them on.
+    pub fn starts(&self) -> &[f32] {
+        &self.starts
+    }
+
+    /// Bytes that each of the plan's steps moved between CPU and GPU in the last frame: none where the other side had them
+    /// already.
+    pub fn moved(&self) -> &[u64] {
+        &self.moved
+    }
+
     /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never do, and those of
     /// [`Plan::per_view`] only where there is something new.
     pub fn ran(&self) -> &[bool] {
@@ -205,6 +221,8 @@ impl Executor {
         let parity = (self.frame % 2) as usize;
         self.versions.begin(&frame.view);
         self.ran[parity].fill(false);
+        self.moved.fill(0);
+        let begin = Instant::now();
         if let Some(gpu) = &mut self.gpu {
             gpu.begin(frame);
         }
@@ -216,6 +234,7 @@ impl Executor {
                 let on_device_clock = self.gpu_has_clock() && self.is_gpu_step(index);
                 if !on_device_clock {
                     self.times[index] = start.elapsed().as_secs_f32() * 1000.0;
+                    self.starts[index] = (start - begin).as_secs_f32() * 1000.0;
                 }
             }
         }
@@ -227,14 +246,20 @@ impl Executor {
                 }
             }
             if self.profile && self.frame > 0 {
-                let (times, step_of_node, nodes) = (&mut self.times, &self.step_of_node, &self.plan.nodes);
+                let (times, starts) = (&mut self.times, &mut self.starts);
+                let (step_of_node, nodes) = (&self.step_of_node, &self.plan.nodes);
+                // A node that was skipped has left its timestamps of an earlier frame.
                 let ran_before = &self.ran[parity ^ 1];
-                gpu.node_times(self.frame - 1, |node, ms| {
-                    if nodes[node].2 == Side::Gpu {
-                        // A node that was skipped has left its timestamps of an earlier frame.
-                        times[step_of_node[node]] = if ran_before[node] { ms } else { 0.0 };
-                    }
-                })?;
+                let on_gpu = |node: usize| nodes[node].2 == Side::Gpu;
+                gpu.node_times(
+                    self.frame - 1,
+                    |node| on_gpu(node) && ran_before[node],
+                    |node, span| {
+                        if on_gpu(node) {
+                            [starts[step_of_node[node]], times[step_of_node[node]]] = span;
+                        }
+                    },
+                )?;
             }
         }
         self.frame += 1;
@@ -287,6 +312,7 @@ impl Executor {
                 if !self.versions.transfer(&self.plan, copy.storage, Side::Gpu) {
                     return Ok(());
                 }
+                self.moved[index] = self.plan.storages[copy.storage].bytes();
                 let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
                 gpu.upload(&self.plan, copy, parity, block);
@@ -298,6 +324,7 @@ impl Executor {
                     Download::Sync if self.versions.transfer(&self.plan, copy.storage, Side::Cpu) => {}
                     Download::Sync => return Ok(()),
                 }
+                self.moved[index] = self.plan.storages[copy.storage].bytes();
                 let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
                 gpu.download(&self.plan, copy, parity, self.frame, block)

@@ -315,6 +315,12 @@ impl GraphFile {
         block.ok_or_else(|| Problem::new(GraphError::Syntax(format!("`{field}` is missing"))).into())
     }
 
+    /// The stretch of the text that defines a node, from its name to its closing bracket.
+    pub fn node_span(&self, name: &str) -> Option<Span> {
+        let start = self.node(name)?.name.span.start;
+        Some(Span { start, end: self.node_block(name).ok()?.close + 1 })
+    }
+
     fn node_block(&self, name: &str) -> Result<Block, Problems> {
         child(&self.text, &self.top("nodes")?, name)
             .ok_or_else(|| Problem::new(GraphError::unknown("node", name, self.names())).into())

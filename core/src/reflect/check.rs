@@ -48,7 +48,7 @@ pub fn check(
     for entry in &reflected.entries {
         check.limits(entry);
     }
-    let shader_error = |message| GraphError::Shader { shader: shader.to_owned(), message };
+    let shader_error = |message| GraphError::Shader { shader: shader.to_owned(), message, place: None };
     check.errors.into_iter().map(shader_error).collect()
 }
 

@@ -35,15 +35,14 @@ impl Composed {
 
     /// A problem of the whole.
     pub fn error_anywhere(&self, message: &str) -> GraphError {
-        GraphError::Shader { shader: self.parts[0].name.clone(), message: message.to_owned() }
+        let (shader, message) = (self.parts[0].name.clone(), message.to_owned());
+        GraphError::Shader { shader, message, place: None }
     }
 }
 
 fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
-    let place = Place::of(name, source, at);
-    let message =
-        format!("line {}, column {}: {message}, in `{}`", place.line, place.column, place.text.trim());
-    GraphError::Shader { shader: name.to_owned(), message }
+    let place = Some(Box::new(Place::of(name, source, at)));
+    GraphError::Shader { shader: name.to_owned(), message: message.to_owned(), place }
 }
 
 /// Puts a shader together: `#import NAME` brings in the library's module of that name, `#ifdef NAME`, `#ifndef NAME`,

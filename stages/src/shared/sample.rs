@@ -3,11 +3,22 @@
 use epigraph_core::{Access, Capture, Extent, Finding, Graph, Node, Port, PortElement, Snapshot};
 
 use super::{
-    cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, decode_radiance},
+    cloud::{AGE, AGE_ONE, CHANGED, FRESH, decode_radiance},
     requests::NO_POINT,
     words::place,
 };
 use crate::age::increment;
+
+/// A point of the cloud.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Its slot.
+    pub point: usize,
+    /// Where it lies, metres; none for one whose ray met nothing.
+    pub surface: Option<[f32; 3]>,
+    /// What the cloud knows of it.
+    pub findings: Vec<Finding>,
+}
 
 /// The point of the cloud that a pixel first shows, before any is culled, with what the cloud knows of it; `order` are the
 /// graph's nodes in the order in which they run. None where no node gives a point to each pixel, or this pixel has none.
@@ -16,20 +27,20 @@ pub fn behind(
     order: impl Iterator<Item = usize>,
     capture: &Capture,
     pixel: [u32; 2],
-) -> Option<(usize, Vec<Finding>)> {
+) -> Option<Sample> {
     let (node, port) = order.map(|node| &graph.nodes[node]).find_map(|node| Some((node, id_port(node)?)))?;
     let at = (pixel[1] * capture.frame.size[0] + pixel[0]) as usize;
     let id = element::<u32>(capture.field(&format!("{}.{}", node.name, port.name), "")?, at)?;
     if id == NO_POINT {
         return None;
     }
-    let mut findings = vec![Finding::value("point", id.to_string())];
-    let cloud = node.sources.iter().flatten().map(|source| graph.name(*source));
-    let cloud = cloud.into_iter().find(|name| capture.field(name, "meta").is_some());
-    if let Some(cloud) = cloud {
-        findings.extend(known(graph, capture, &cloud, id as usize).unwrap_or_default());
+    let mut sample =
+        Sample { point: id as usize, surface: None, findings: vec![Finding::value("point", id.to_string())] };
+    let mut sources = node.sources.iter().flatten().map(|source| graph.name(*source));
+    if let Some(cloud) = sources.find(|name| capture.field(name, "meta").is_some()) {
+        know(graph, capture, &cloud, &mut sample);
     }
-    Some((id as usize, findings))
+    Some(sample)
 }
 
 /// The output that says which point each pixel shows.
@@ -43,29 +54,26 @@ fn id_port(node: &Node) -> Option<&Port> {
     node.declaration().ports.iter().find(is_id)
 }
 
-/// What the cloud knows of a point.
-fn known(graph: &Graph, capture: &Capture, cloud: &str, id: usize) -> Option<Vec<Finding>> {
+/// Adds what the cloud knows of a point.
+fn know(graph: &Graph, capture: &Capture, cloud: &str, sample: &mut Sample) -> Option<()> {
     let meta = capture.field(cloud, "meta")?;
-    let bits: u32 = element(meta, id)?;
-    let [x, y, z, w]: [f32; 4] = element(capture.field(cloud, "position")?, id)?;
-    let radiance: u32 = element(capture.field(cloud, "radiance")?, id)?;
-    let mut findings = vec![
-        if w == 0.0 {
-            Finding::value("direction", format!("{}; its ray met nothing", place([x, y, z])))
-        } else {
-            Finding::value("position", format!("{} m", place([x, y, z])))
+    let bits: u32 = element(meta, sample.point)?;
+    let [x, y, z, w]: [f32; 4] = element(capture.field(cloud, "position")?, sample.point)?;
+    let radiance: u32 = element(capture.field(cloud, "radiance")?, sample.point)?;
+    sample.surface = (w != 0.0).then_some([x, y, z]);
+    sample.findings.extend([
+        match sample.surface {
+            Some(position) => Finding::value("position", format!("{} m", place(position))),
+            None => Finding::value("direction", format!("{}; its ray met nothing", place([x, y, z]))),
         },
         Finding::color("radiance", &decode_radiance(radiance)),
         Finding::value("age", format!("{:.2} of 255", (bits & AGE) as f32 / AGE_ONE as f32)),
         Finding::value("traced", traced(graph, capture, bits, meta.dims.count())),
-    ];
+    ]);
     if bits & CHANGED != 0 {
-        findings.push(Finding::value("flagged", "a colour changed near it"));
+        sample.findings.push(Finding::value("flagged", "a colour changed near it"));
     }
-    if bits & LIVE == 0 {
-        findings.push(Finding::value("slot", "empty by now"));
-    }
-    Some(findings)
+    Some(())
 }
 
 /// When a point was traced, as far as its age tells: the cloud keeps no date.
