@@ -14,8 +14,9 @@ pub(super) fn at(stage: &Trace, site: &Site) -> Option<Vec<Finding>> {
     for sample in samples.iter().filter(|sample| sample.hit != HIT_NONE && sample.pixel as usize == site.at())
     {
         let view = if sample.view == VIEW_PREDICTED { ", of the predicted view" } else { "" };
-        let what = match sample.hit {
-            HIT_SURFACE => format!("triangle {} at {}{view}", sample.face, place(sample.position)),
+        let what = match (sample.hit, sample.body) {
+            (HIT_SURFACE, 0) => format!("a surface at {}{view}", place(sample.position)),
+            (HIT_SURFACE, body) => format!("moving body {body} at {}{view}", place(sample.position)),
             _ => format!("nothing in direction {}{view}", place(sample.position)),
         };
         findings.push(Finding::value("the ray met", what));
