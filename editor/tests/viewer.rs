@@ -1,24 +1,20 @@
 //! The viewer, used as a person would: compared, counted, sorted, looked at from near.
 
 use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
+    path::Path,
     thread,
     time::{Duration, Instant},
 };
 
-use egui::{Event, Key, Modifiers, MouseWheelUnit, Pos2, Rect, TouchPhase, accesskit::Role, vec2};
+use egui::{Event, Modifiers, MouseWheelUnit, Pos2, Rect, TouchPhase, accesskit::Role, vec2};
 use egui_kittest::{Harness, kittest::Queryable};
 use epigraph_editor::{
     app::App,
     document::Document,
     engine::{Backend, Command, Options, Pacing},
-    panes::{
-        Viewer,
-        viewer::{Figures, Way, With},
-    },
+    opening::Opening,
+    panes::{Viewer, viewer::Figures},
 };
-use epigraph_pictures::{EMPTY, Mode, edges, png};
 
 /// No test waits longer for what must come.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -42,7 +38,9 @@ impl Window {
         };
         let builder = Harness::builder().with_size([1280.0, 720.0]);
         let builder = if render { builder.wgpu() } else { builder };
-        Self { harness: builder.build_eframe(|creation| App::new(creation, document, options)) }
+        Self {
+            harness: builder.build_eframe(|creation| App::new(creation, Opening::bare(document, options))),
+        }
     }
 
     /// After some frames of the graph.
