@@ -70,7 +70,7 @@ impl App {
         session.notice = notice;
         let mut tree = layout();
         if let Some(stored) = stored {
-            creation.egui_ctx.set_theme(stored.theme);
+            session.theme = stored.theme;
             session.slots = stored.slots;
             session.look = stored.seen;
             session.scale = stored.scale.clamp(*SCALES.start(), *SCALES.end());
@@ -249,7 +249,6 @@ impl App {
         if now - self.looked > REFRESH {
             self.looked = now;
             self.session.refresh();
-            self.session.theme = context.options(|options| options.theme_preference);
             self.keep();
         }
         context.request_repaint_after_secs(REFRESH as f32);
@@ -286,6 +285,9 @@ impl eframe::App for App {
     }
 
     fn ui(&mut self, ui: &mut Ui, _: &mut Frame) {
+        if ui.ctx().options(|options| options.theme_preference) != self.session.theme {
+            ui.ctx().set_theme(self.session.theme);
+        }
         self.shortcuts(ui.ctx());
         self.refresh(ui.ctx());
         let mut watched: Vec<String> = self.viewers().flat_map(Viewer::watched).collect();

@@ -1,6 +1,6 @@
 //! The menus at the left of the toolbar. What they do more than once stands in [`Session`].
 
-use egui::{Button, Ui};
+use egui::{Button, ThemePreference, Ui, containers::menu::menu_style};
 
 use crate::{dialog::Ask, route::Route, session::Session};
 
@@ -13,10 +13,13 @@ const ROUTES: [(&str, &str); 3] = [
 
 /// Shows them.
 pub fn show(ui: &mut Ui, session: &mut Session) {
-    ui.menu_button("File", |ui| file(ui, session));
-    ui.menu_button("Camera", |ui| camera(ui, session));
-    ui.menu_button("Output", |ui| output(ui, session));
-    ui.menu_button("Window", |ui| window(ui, session));
+    ui.scope(|ui| {
+        menu_style(ui.style_mut());
+        ui.menu_button("File", |ui| file(ui, session));
+        ui.menu_button("Camera", |ui| camera(ui, session));
+        ui.menu_button("Output", |ui| output(ui, session));
+        ui.menu_button("Window", |ui| window(ui, session));
+    });
 }
 
 /// An entry with the keys that do the same; whether it was chosen.
@@ -93,7 +96,13 @@ fn output(ui: &mut Ui, session: &mut Session) {
 }
 
 fn window(ui: &mut Ui, session: &mut Session) {
-    egui::widgets::global_theme_preference_buttons(ui);
+    for (theme, text) in [
+        (ThemePreference::Light, "Light"),
+        (ThemePreference::Dark, "Dark"),
+        (ThemePreference::System, "As the system has it"),
+    ] {
+        ui.radio_value(&mut session.theme, theme, text);
+    }
     ui.separator();
     if entry(ui, true, "Panes as at first", "") {
         session.reset_layout = true;

@@ -3,13 +3,19 @@ use crate::support::{Opened, words};
 use egui::{Key, pos2};
 use egui_kittest::kittest::Queryable;
 
+/// Waits for the end of a path that was begun by a command after so many.
+fn played(opened: &mut Opened, commands: u64) {
+    opened.until("the path", |app| {
+        let state = &app.session.state;
+        state.commands > commands && state.playing.as_ref().is_some_and(|playing| !playing.is_under_way())
+    });
+}
+
 /// Runs what a click has begun until its last frame; the picture's bytes in each of the window's frames that saw a new one.
 fn play(opened: &mut Opened) -> (u32, Vec<u8>) {
+    let before = opened.app().session.state.commands;
     opened.click("Play the path");
-    opened.until("the path", |app| {
-        let playing = app.session.state.playing.as_ref();
-        playing.is_some_and(|playing| playing.frame > 0 && !playing.is_under_way())
-    });
+    played(opened, before);
     let state = &opened.app().session.state;
     (state.frames, opened.app().session.snapshot("").unwrap().bytes.clone())
 }
@@ -51,11 +57,11 @@ fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
 
     // Opened again, it is the same path.
     opened.click("Reset");
+    opened.until("the reset", |app| app.session.state.frames == 0);
+    let before = opened.app().session.state.commands;
     opened.choose(&["Camera", "Open path …"]);
     opened.name(&file);
-    opened.until("the path", |app| {
-        app.session.state.playing.as_ref().is_some_and(|p| p.frame > 0 && !p.is_under_way())
-    });
+    played(&mut opened, before);
     assert!(first.1 == opened.app().session.snapshot("").unwrap().bytes);
 }
 

@@ -4,8 +4,9 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::Command,
+    sync::LazyLock,
     thread,
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 
 use egui::{Event, Key, Modifiers, accesskit::Role};
@@ -15,6 +16,7 @@ use epigraph_editor::{
     document::Document,
     engine::{self, Backend, Options, Pacing},
     opening::Opening,
+    store::Store,
 };
 
 /// No test waits longer for what must come.
@@ -73,6 +75,17 @@ impl Opened {
         let document = Document::open(&path).unwrap();
         let harness = builder.build_eframe(|creation| App::new(creation, Opening::bare(document, options)));
         Self { harness, path, _folder: folder }
+    }
+
+    /// As the program starts, with sessions in a folder; `graph` and `scene` as they may be named.
+    pub fn started(sessions: &Path, graph: Option<&Path>, scene: Option<&str>) -> Self {
+        let graph = graph.map(|path| path.display().to_string());
+        let store = Store::at(sessions.to_owned());
+        let opening = Opening::new(Some(store), graph.as_deref(), scene, options([64, 48])).unwrap();
+        let path = PathBuf::from(opening.document.path());
+        let harness =
+            Harness::builder().with_size(WINDOW).build_eframe(|creation| App::new(creation, opening));
+        Self { harness, path, _folder: None }
     }
 
     pub fn app(&self) -> &App {
@@ -176,16 +189,32 @@ impl Opened {
     }
 }
 
-/// The command line `epigraph`: as it lies beside the tests where all of the workspace is built, else built for it.
+/// The command line `epigraph`: as it lies beside the tests where all of the workspace is built, else built for them.
 pub fn command() -> Command {
-    let programs = std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned();
-    let program = programs.join(format!("epigraph{}", std::env::consts::EXE_SUFFIX));
-    if !program.is_file() {
-        let built =
-            Command::new(env!("CARGO")).args(["build", "--release", "-p", "epigraph"]).status().unwrap();
-        assert!(built.success());
-    }
-    Command::new(program)
+    static PROGRAM: LazyLock<PathBuf> = LazyLock::new(|| {
+        let programs = std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned();
+        let program = programs.join(format!("epigraph{}", std::env::consts::EXE_SUFFIX));
+        let built = fs::metadata(&program).and_then(|data| data.modified());
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let sources = ["cli", "core", "graphs", "pictures", "scenes/src", "shaders", "stages"];
+        let newest = sources.into_iter().map(|folder| newest(&root.join(folder))).max().unwrap();
+        if built.ok().is_none_or(|built| built < newest) {
+            let cargo = Command::new(env!("CARGO")).args(["build", "--release", "-p", "epigraph"]).status();
+            assert!(cargo.unwrap().success());
+        }
+        program
+    });
+    Command::new(&*PROGRAM)
+}
+
+/// When the newest file under a folder was changed.
+fn newest(folder: &Path) -> SystemTime {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    let times = entries.map(|entry| match entry.metadata().unwrap() {
+        data if data.is_dir() => newest(&entry.path()),
+        data => data.modified().unwrap(),
+    });
+    times.max().unwrap_or(SystemTime::UNIX_EPOCH)
 }
 
 /// The words of a command line as a shell takes them.
@@ -196,7 +225,7 @@ pub fn words(line: &str) -> Vec<String> {
 }
 
 /// A shipped graph with its parts in a folder of its own.
-fn copy(graph: &str) -> (tempfile::TempDir, PathBuf) {
+pub fn copy(graph: &str) -> (tempfile::TempDir, PathBuf) {
     let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("parts")).unwrap();

@@ -1,0 +1,187 @@
+use std::fs;
+
+use egui::ThemePreference;
+use egui_kittest::kittest::Queryable;
+
+use crate::support::{Opened, copy};
+
+/// Lets the window keep what it keeps every second or so.
+fn rest(opened: &mut Opened) {
+    opened.harness.run_steps(90);
+}
+
+#[test]
+fn a_session_comes_back_when_the_program_starts_again() {
+    let sessions = tempfile::tempdir().unwrap();
+    let (_folder, graph) = copy("epi.ron");
+    let mut opened = Opened::started(sessions.path(), Some(&graph), Some("chains"));
+    opened.until("the scene", |app| app.session.rig.is_some() && app.session.state.graph.is_some());
+    opened.frames(1);
+    opened.click("view/project");
+    opened.click("View depth");
+    opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::Num3);
+    opened.click("+ View");
+    let session = &mut opened.harness.state_mut().session;
+    session.move_camera(|rig| rig.orbit(0.3, 0.1));
+    session.theme = ThemePreference::Light;
+    (session.size, session.scale, session.samples) = ([96, 64], 0.5, 12.0);
+    session.resize();
+    rest(&mut opened);
+    let look = |opened: &Opened| {
+        let session = &opened.app().session;
+        let mut ports: Vec<_> =
+            opened.app().viewers().map(|viewer| (viewer.id, viewer.port.clone())).collect();
+        ports.sort();
+        let camera = session.rig.unwrap().camera;
+        let settings = (session.size, session.scale, session.samples, session.slots.clone());
+        (session.document.path().to_owned(), session.scene.clone(), camera, settings, ports)
+    };
+    let before = look(&opened);
+    assert_eq!(before.4.len(), 2);
+    drop(opened);
+
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.until("the scene", |app| app.session.rig.is_some() && app.session.state.graph.is_some());
+    assert_eq!(look(&opened), before);
+    assert_eq!(opened.harness.ctx.options(|options| options.theme_preference), ThemePreference::Light);
+    opened.frames(1);
+    assert_eq!(opened.app().session.state.graph.as_ref().unwrap().size, [48, 32]);
+    assert_eq!(opened.app().session.state.camera, Some(before.2));
+
+    // What is named counts more.
+    let (_other, other) = copy("render-cache.ron");
+    let opened = Opened::started(sessions.path(), Some(&other), Some("cornell"));
+    assert!(opened.app().session.document.path().ends_with("render-cache.ron"));
+    assert_eq!(opened.app().session.scene, "cornell");
+}
+
+#[test]
+fn a_broken_session_file_gives_a_new_session_and_says_so() {
+    let sessions = tempfile::tempdir().unwrap();
+    fs::write(sessions.path().join("session.ron"), "(graph: \"a.ron\", scene: 7)").unwrap();
+    let (_folder, graph) = copy("epi.ron");
+    let mut opened = Opened::started(sessions.path(), Some(&graph), None);
+    opened.until("the graph", |app| app.session.state.graph.is_some());
+    assert!(opened.app().session.notice.as_ref().unwrap().contains("could not be read"));
+    assert!(opened.harness.query_by_label_contains("could not be read").is_some());
+    assert_eq!(opened.app().session.scene, "cornell");
+    rest(&mut opened);
+    drop(opened);
+    // From now on there is a sound one.
+    let opened = Opened::started(sessions.path(), None, None);
+    assert_eq!(opened.app().session.notice, None);
+}
+
+#[test]
+fn unsaved_text_is_offered_after_the_program_has_ended_however_it_did() {
+    let sessions = tempfile::tempdir().unwrap();
+    let (_folder, graph) = copy("epi.ron");
+    let (saved, typed) = {
+        let mut opened = Opened::started(sessions.path(), Some(&graph), None);
+        opened.until("the graph", |app| app.session.state.graph.is_some());
+        let saved = opened.text().to_owned();
+        let path = opened.app().session.document.path().to_owned();
+        // Half a thought, which is no graph.
+        let typed = saved.replace("kind: \"fill\"", "kind: \"fi").replace("sigma: 0.7", "sigma: 0.8, x");
+        assert_ne!(saved, typed);
+        opened.harness.state_mut().session.document.type_text(&path, &typed);
+        rest(&mut opened);
+        (saved, typed)
+    };
+    assert_eq!(fs::read_to_string(&graph).unwrap(), saved);
+    let offered = |opened: &Opened| opened.harness.query_by_label("Take over").is_some();
+
+    // Not decided about: it is offered again.
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.harness.run_steps(5);
+    assert!(offered(&opened) && opened.text() == saved);
+    rest(&mut opened);
+    drop(opened);
+
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.harness.run_steps(5);
+    opened.click("Take over");
+    assert!(!offered(&opened) && opened.text() == typed);
+    opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::Z);
+    opened.harness.run_steps(3);
+    assert_eq!(opened.text(), saved);
+    opened.harness.key_press_modifiers(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::Z);
+    rest(&mut opened);
+    drop(opened);
+
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.harness.run_steps(5);
+    opened.click("Discard");
+    assert!(opened.text() == saved);
+    rest(&mut opened);
+    drop(opened);
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.harness.run_steps(5);
+    assert!(!offered(&opened));
+}
+
+#[test]
+fn what_is_saved_is_not_offered() {
+    let sessions = tempfile::tempdir().unwrap();
+    let (_folder, graph) = copy("epi.ron");
+    let mut opened = Opened::started(sessions.path(), Some(&graph), None);
+    let text = format!("{}// more\n", opened.text());
+    let path = opened.app().session.document.path().to_owned();
+    opened.harness.state_mut().session.document.type_text(&path, &text);
+    rest(&mut opened);
+    let unsaved = || {
+        fs::read_dir(sessions.path())
+            .unwrap()
+            .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().starts_with("unsaved"))
+            .count()
+    };
+    opened.until("the recovery file", |_| unsaved() == 1);
+    opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::S);
+    rest(&mut opened);
+    drop(opened);
+    assert_eq!(unsaved(), 0);
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.harness.run_steps(5);
+    assert!(opened.harness.query_by_label("Take over").is_none());
+    assert_eq!(opened.text(), text);
+}
+
+#[test]
+fn graphs_and_scenes_are_opened_made_and_saved_elsewhere_without_a_restart() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(2);
+    let folder = opened.folder().to_owned();
+    opened.choose(&["File", "Open graph …"]);
+    opened.name(&folder.join("no-such.ron"));
+    assert!(
+        opened.harness.query_by_label_contains("no-such.ron").is_some(),
+        "the dialog says why, and stays"
+    );
+    let (_other, other) = copy("render-cache.ron");
+    opened.name(&other);
+    opened.until("the other graph", |app| {
+        app.session.state.graph.as_ref().is_some_and(|graph| graph.node("interpolate").is_none())
+    });
+    assert!(opened.app().session.document.path().ends_with("render-cache.ron"));
+    opened.until("the reset", |app| app.session.state.frames == 0);
+    opened.frames(1);
+
+    opened.choose(&["File", "Open scene …"]);
+    opened.click("chains");
+    opened.click("Open");
+    opened.until("the scene", |app| app.session.state.scene == "chains" && app.session.state.frames == 0);
+    opened.frames(2);
+    assert_eq!(opened.app().session.state.frames, 2);
+
+    let mine = folder.join("deep");
+    fs::create_dir(&mine).unwrap();
+    opened.choose(&["File", "New from a graph …"]);
+    opened.name(&mine.join("mine.ron"));
+    opened.until("the new graph", |app| app.session.document.path().ends_with("mine.ron"));
+    assert_eq!(opened.app().session.problems(), []);
+
+    opened.choose(&["File", "Save as …"]);
+    opened.name(&mine.join("other.ron"));
+    opened.until("the file", |app| app.session.document.path().ends_with("other.ron"));
+    assert_eq!(fs::read(mine.join("mine.ron")).unwrap(), fs::read(mine.join("other.ron")).unwrap());
+}
