@@ -8,7 +8,6 @@ use epigraph_editor::{
     app::App,
     document::Document,
     engine::{Backend, Command, Options, Pacing},
-    opening::Opening,
     panes::Pane,
     session::Jump,
 };
@@ -26,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..Options::default()
     };
     let builder = Harness::builder().with_size([1280.0, 720.0]).wgpu();
-    let mut window = builder.build_eframe(|creation| App::new(creation, Opening::bare(document, options)));
+    let mut window = builder.build_eframe(|creation| App::new(creation, document, options));
     window.state_mut().session.selected = Some("interpolate".into());
     run(&mut window, FRAMES);
     window.render()?.save("docs/editor.png")?;

@@ -7,7 +7,7 @@ use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
 use crate::{
     dialog::{Answer, Ask, Dialog},
     document::Document,
-    engine::Command,
+    engine::{Command, Options},
     help,
     opening::Opening,
     panes::{Pane, Panes, Viewer},
@@ -60,8 +60,13 @@ const DIGITS: [Key; 9] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
 impl App {
-    /// Shows what is to be opened.
-    pub fn new(creation: &CreationContext, opening: Opening) -> Self {
+    /// Opens a document on a scene: nothing is brought back of a session before, nothing kept.
+    pub fn new(creation: &CreationContext, document: Document, options: Options) -> Self {
+        Self::open(creation, Opening { document, options, stored: None, store: None, notice: None })
+    }
+
+    /// Opens what the program starts with.
+    pub fn open(creation: &CreationContext, opening: Opening) -> Self {
         let Opening { document, options, stored, store, notice } = opening;
         theme::apply(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
@@ -143,7 +148,7 @@ impl App {
     }
 
     /// Goes on with another graph. What is unsaved of the one before is kept for when it is opened again.
-    pub fn open(&mut self, document: Document) {
+    pub fn go_on(&mut self, document: Document) {
         self.keep();
         if let Some(store) = &mut self.store {
             store.change_document();

@@ -43,6 +43,6 @@ fn run(args: &Args) -> Result<(), String> {
         viewport: ViewportBuilder::default().with_inner_size([1280.0, 720.0]).with_app_id("epigraph-editor"),
         ..NativeOptions::default()
     };
-    let open = |creation: &eframe::CreationContext| Ok(Box::new(App::new(creation, opening)) as Box<_>);
+    let open = |creation: &eframe::CreationContext| Ok(Box::new(App::open(creation, opening)) as Box<_>);
     eframe::run_native("Epigraph", native, Box::new(open)).map_err(|error| error.to_string())
 }

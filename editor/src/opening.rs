@@ -25,11 +25,6 @@ pub struct Opening {
 }
 
 impl Opening {
-    /// A graph on its own: nothing is brought back, nothing kept.
-    pub fn bare(document: Document, options: Options) -> Self {
-        Self { document, options, stored: None, store: None, notice: None }
-    }
-
     /// The graph and the scene that are named, else those of the last session, else the first ones; with the last
     /// session's settings, unless there is none or it cannot be read. A notice then says so.
     ///

@@ -25,8 +25,8 @@ impl App {
         let path = Path::new(name);
         let words = |problems: epigraph_core::Problems| problems.to_string();
         match dialog.ask {
-            Ask::NewGraph => self.open(Document::copy(Path::new(&dialog.source), path).map_err(words)?),
-            Ask::OpenGraph => self.open(Document::open(&find_graph(name)).map_err(words)?),
+            Ask::NewGraph => self.go_on(Document::copy(Path::new(&dialog.source), path).map_err(words)?),
+            Ask::OpenGraph => self.go_on(Document::open(&find_graph(name)).map_err(words)?),
             Ask::OpenScene => session.open_scene(name.into()),
             Ask::OpenPath => {
                 // What is wrong with it shows when it is played; that there is none shows here.

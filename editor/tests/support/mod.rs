@@ -73,7 +73,7 @@ impl Opened {
         options: Options,
     ) -> Self {
         let document = Document::open(&path).unwrap();
-        let harness = builder.build_eframe(|creation| App::new(creation, Opening::bare(document, options)));
+        let harness = builder.build_eframe(|creation| App::new(creation, document, options));
         Self { harness, path, _folder: folder }
     }
 
@@ -84,7 +84,7 @@ impl Opened {
         let opening = Opening::new(Some(store), graph.as_deref(), scene, options([64, 48])).unwrap();
         let path = PathBuf::from(opening.document.path());
         let harness =
-            Harness::builder().with_size(WINDOW).build_eframe(|creation| App::new(creation, opening));
+            Harness::builder().with_size(WINDOW).build_eframe(|creation| App::open(creation, opening));
         Self { harness, path, _folder: None }
     }
 
