@@ -177,9 +177,18 @@ impl Scene {
             if let Some(normals) = mesh.corner_normals.get_mut(body.faces.clone()) {
                 set(normals, &rest.corner_normals, |n| n.map(|n| pose.vector(n)));
             }
-            set(&mut scene.lights[body.lights.clone()], &rest.lights, |light| pose.light(light));
         }
+        scene.lights = self.posed_lights(&scene.poses);
         scene
+    }
+
+    /// The lights with the bodies in these poses, one for each.
+    pub fn posed_lights(&self, poses: &[Pose]) -> Vec<Light> {
+        let mut lights = self.lights.clone();
+        for (body, pose) in self.bodies.iter().zip(poses) {
+            set(&mut lights[body.lights.clone()], &body.rest.lights, |light| pose.light(light));
+        }
+        lights
     }
 
     /// Which body a triangle belongs to, counted from 1; 0 for what stands still.

@@ -2,6 +2,7 @@
 
 use std::{
     ops::Range,
+    slice,
     sync::{Arc, Mutex, PoisonError},
 };
 
@@ -77,14 +78,18 @@ impl Stage for Mesh {
         let mesh = &scene.mesh;
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         let moved = written.as_ref().and_then(|before| moved_since(before, scene));
-        let everything = [0..usize::MAX];
         let (vertices, faces): (Vec<_>, Vec<_>) = match &moved {
             None => {
-                fill(&mut cx.write(self.faces), &everything, &mesh.triangles, |face, &[a, b, c]| {
-                    [a, b, c, mesh.object[face]]
+                fill(
+                    &mut cx.write(self.faces),
+                    slice::from_ref(&EVERYTHING),
+                    &mesh.triangles,
+                    |face, &[a, b, c]| [a, b, c, mesh.object[face]],
+                )?;
+                fill(&mut cx.write(self.edges), slice::from_ref(&EVERYTHING), &mesh.edges, |_, edge| {
+                    mesh_edge(edge)
                 })?;
-                fill(&mut cx.write(self.edges), &everything, &mesh.edges, |_, edge| mesh_edge(edge))?;
-                (everything.to_vec(), everything.to_vec())
+                (vec![EVERYTHING], vec![EVERYTHING])
             }
             Some(bodies) => {
                 cx.unchanged(self.faces);
@@ -107,6 +112,9 @@ impl Stage for Mesh {
         (facts.faces == 0).then_some("the scene has no faces")
     }
 }
+
+/// All of a list, however long it is.
+const EVERYTHING: Range<usize> = 0..usize::MAX;
 
 /// The bodies that have another pose in a scene than `before`; `None` for another scene.
 fn moved_since<'a>(before: &Arc<Scene>, scene: &'a Arc<Scene>) -> Option<Vec<&'a Body>> {

@@ -1,30 +1,51 @@
-//! How the bodies of the scene have moved since the last frame; the stage `carry` takes the points along.
+//! How bodies and lights of the scene have moved since the last frame; the stage `carry` takes the points along.
 
 use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage};
 use epigraph_scenes::MAX_BODIES;
 
-use crate::{World, shared::moves::Move};
+use crate::{
+    World,
+    shared::moves::{Lamp, Move},
+};
 
 /// Elements of the list: one for each number of a body, of which 0 stands for what does not move.
 const NUMBERS: u32 = MAX_BODIES as u32 + 1;
 
+/// Most lights of the list; of more, the first count.
+const LIGHTS: u32 = 16;
+
 /// Hands the motion of a frame from the [`World`] to other stages: on the CPU only.
 pub struct Motion {
     moves: Out<Move>,
+    lights_before: Out<Lamp>,
+    lights: Out<Lamp>,
 }
 
 impl Stage for Motion {
     const KIND: &'static str = "motion";
-    const DOC: &'static str = "How each body of the scene has moved since the last frame.";
+    const DOC: &'static str = "How bodies and lights of the scene have moved since the last frame.";
     type Params = ();
 
     fn declare((): &(), io: &mut Io) -> Self {
         let doc = "By number of the body; 0, which stands for what does not move, and numbers of none rest.";
-        Self { moves: io.write("moves", doc, Extent::Fixed([NUMBERS, 1])) }
+        Self {
+            moves: io.write("moves", doc, Extent::Fixed([NUMBERS, 1])),
+            lights_before: io.write(
+                "lights_before",
+                "The lights of the last frame.",
+                Extent::Fixed([LIGHTS, 1]),
+            ),
+            lights: io.write(
+                "lights",
+                "The lights of this frame, in the same order.",
+                Extent::Fixed([LIGHTS, 1]),
+            ),
+        }
     }
 
     fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
-        let scene = cx.host::<World>()?.tracer.scene();
+        let world = cx.host::<World>()?;
+        let scene = world.tracer.scene();
         let index = cx.frame().index;
         // The first frame has no points that could have moved.
         let [now, before] = [index, index.saturating_sub(1)].map(|frame| scene.poses_at(frame));
@@ -34,6 +55,11 @@ impl Stage for Motion {
             if now != before {
                 *to = Move::of(&now.after(&before.inverse()));
             }
+        }
+        for (out, poses) in [(self.lights_before, before), (self.lights, now)] {
+            let mut out = cx.write(out);
+            out.fill(Lamp::NONE);
+            out.iter_mut().zip(scene.posed_lights(&poses)).for_each(|(out, light)| *out = Lamp::of(&light));
         }
         Ok(())
     }
@@ -66,6 +92,9 @@ mod tests {
             let out = harness.run(Side::Cpu, &crate::registry(), &host, None).unwrap();
             let moves = out.get::<Move>("moves");
             assert_eq!((moves.len(), moves[0], moves[5]), (256, Move::REST, Move::REST));
+            let lamp = |frame| Lamp::of(&scene.posed_lights(&scene.poses_at(frame))[0]);
+            assert_eq!(out.get::<Lamp>("lights_before")[..2], [lamp(index.saturating_sub(1)), Lamp::NONE]);
+            assert_eq!(out.get::<Lamp>("lights")[..2], [lamp(index), Lamp::NONE]);
             for (body, of) in scene.bodies.iter().enumerate() {
                 let [now, before] = [index, index.saturating_sub(1)].map(|frame| of.motion.pose(frame));
                 let moved = moves[body + 1].point(before.point(point).to_array());

@@ -20,7 +20,7 @@ pub struct Search {
 }
 
 enum How {
-    Exact(Mutex<Exact>),
+    Exact(Box<Mutex<Exact>>),
     Async(Worker),
 }
 
@@ -77,7 +77,9 @@ impl ShadowCache {
             return Ok(known.clone());
         }
         let how = match pace {
-            Pace::Exact => How::Exact(Mutex::new(Exact { search: ShadowSearch::new(settings), last: None })),
+            Pace::Exact => {
+                How::Exact(Box::new(Mutex::new(Exact { search: ShadowSearch::new(settings), last: None })))
+            }
             Pace::Async(_) => How::Async(Worker::start(settings)?),
         };
         let search = Arc::new(Search { settings, how });
