@@ -4,6 +4,7 @@
 mod flows;
 mod snapshots;
 mod support;
+mod viewer;
 
 use std::fs;
 

@@ -1,7 +1,7 @@
 //! What the words of the edge-and-point image mean, as strokes and colours: crossings, classes, reachability
 //! (`algorithms.md` sections 2.2 to 2.5).
 
-use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE, ends, ring, slot_position};
+use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE, ends, ring_at, slot_position};
 
 /// Colours of pixels that no edge crosses or one ends in, those that one cuts in two, and those where more happens.
 pub const CLASSES: [(&str, [u8; 3]); 3] =
@@ -37,10 +37,9 @@ pub fn perimeter(mask: &[u32], pixels: [usize; 2], [x, y]: [usize; 2]) -> Option
     if x >= pixels[0] || y >= pixels[1] {
         return None;
     }
-    let stride = pixels[0] + 1;
-    let word = |x: usize, y: usize| mask.get(y * stride + x).copied();
-    let (own, right, below) = (word(x, y)?, word(x + 1, y)?, word(x, y + 1)?);
-    Some(ring(own & 0xFF, own >> 8 & 0xFF, right & 0xFF, below >> 8 & 0xFF))
+    // The word below is the last one that counts.
+    let is_there = (y + 1) * (pixels[0] + 1) + x < mask.len();
+    is_there.then(|| ring_at(mask, [x as u32, y as u32], pixels[0]))
 }
 
 /// What to draw of the edges in a pixel with this perimeter: both halves of a simple pixel's chord, ticks at all other

@@ -115,6 +115,7 @@ pub enum Command {
     /// When samples arrive.
     Pacing(Pacing),
     /// Ports to take [`Snapshot`]s of, as `node.port`; the graph's outputs are always taken. Unknown ones are skipped.
+    /// For those that the last frame was not asked for, one more is run while frames wait.
     Watch(Vec<String>),
 }
 

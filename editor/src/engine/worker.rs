@@ -251,11 +251,25 @@ impl Worker {
             }
             Command::Watch(watched) if watched == self.watched => Rebuild::No,
             Command::Watch(watched) => {
+                // Memory of the last frame holds no port any more as it was when it was written; during a pause, it
+                // takes one more frame to see a port that was not watched.
+                if self.options.paused && self.index > 0 && watched.iter().any(|name| self.is_unseen(name)) {
+                    self.owed = self.owed.max(1);
+                }
                 self.watched = watched;
                 Rebuild::Keep
             }
         };
         self.rebuild = self.rebuild.max(rebuild);
+    }
+
+    /// Whether the graph has a port of that name, `node.port`, that the last frame was not asked for.
+    fn is_unseen(&self, name: &str) -> bool {
+        let has = |running: &Running| {
+            let node = name.rsplit_once('.').and_then(|(node, port)| Some((running.info.node(node)?, port)));
+            node.is_some_and(|(node, port)| node.ports.iter().any(|info| info.port.name == port))
+        };
+        self.running.as_ref().is_some_and(has) && self.state.fields(name).next().is_none()
     }
 
     fn pause(&mut self, paused: bool) {

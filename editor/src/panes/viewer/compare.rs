@@ -84,6 +84,13 @@ impl PartialEq for Pair {
     }
 }
 
+/// An image that is kept, and how many frames had run by then.
+#[derive(Clone)]
+struct Held {
+    image: Arc<Snapshot>,
+    frames: u32,
+}
+
 /// A comparison.
 pub struct Compare {
     /// What the image is held against.
@@ -94,7 +101,7 @@ pub struct Compare {
     pub wipe: f32,
     /// What differences are multiplied by.
     gain: f32,
-    held: Option<Arc<Snapshot>>,
+    held: Option<Held>,
     path: String,
     /// The file that was asked for, and how often.
     asked: Option<(PathBuf, u32)>,
@@ -107,14 +114,14 @@ pub struct Compare {
 }
 
 impl Compare {
-    /// Holds an image, to be compared with what becomes of it.
-    pub fn holding(image: Option<Arc<Snapshot>>) -> Self {
+    /// Holds an image of the last of so many frames, to be compared with what becomes of it.
+    pub fn holding(image: Option<Arc<Snapshot>>, frames: u32) -> Self {
         Self {
             with: With::Held,
             way: Way::Wipe,
             wipe: 0.5,
             gain: 4.0,
-            held: image,
+            held: image.map(|image| Held { image, frames }),
             path: String::new(),
             asked: None,
             file: Task::default(),
@@ -126,8 +133,8 @@ impl Compare {
     }
 
     /// Holds another image.
-    pub fn hold(&mut self, image: Arc<Snapshot>) {
-        (self.held, self.with) = (Some(image), With::Held);
+    pub fn hold(&mut self, image: Arc<Snapshot>, frames: u32) {
+        (self.held, self.with) = (Some(Held { image, frames }), With::Held);
     }
 
     /// Reads a file, to be compared with.
@@ -154,7 +161,7 @@ impl Compare {
     }
 
     /// The controls and the figures.
-    pub fn header(&mut self, ui: &mut Ui, graph: &GraphInfo, shown: Option<&Layer>) {
+    pub fn header(&mut self, ui: &mut Ui, graph: &GraphInfo, frames: u32, shown: Option<&Layer>) {
         ui.horizontal_wrapped(|ui| {
             ui.label("against");
             self.choose(ui, graph);
@@ -162,7 +169,7 @@ impl Compare {
             if hold.on_hover_text("Keep this image, and compare what becomes of it").clicked()
                 && let Some(layer) = shown
             {
-                self.hold(layer.snapshot.clone());
+                self.hold(layer.snapshot.clone(), frames);
             }
             for (way, label, doc) in WAYS {
                 ui.selectable_value(&mut self.way, way, label).on_hover_text(doc);
@@ -235,9 +242,8 @@ impl Compare {
     }
 
     fn held_name(&self) -> String {
-        self.held
-            .as_ref()
-            .map_or("nothing".into(), |held| format!("held: {}, frame {}", held.name, held.frame))
+        let name = |held: &Held| format!("held: {}, frame {}", held.image.name, held.frames);
+        self.held.as_ref().map_or("nothing".into(), name)
     }
 
     fn name(&self, graph: &GraphInfo) -> String {
@@ -287,7 +293,10 @@ impl Compare {
 
     fn source(&mut self, ui: &Ui, graph: &GraphInfo, state: &State) -> Result<Option<Arc<Snapshot>>, String> {
         match &self.with {
-            With::Held => self.held.clone().map(Some).ok_or_else(|| "nothing is held yet".into()),
+            With::Held => match &self.held {
+                Some(held) => Ok(Some(held.image.clone())),
+                None => Err("nothing is held yet".into()),
+            },
             With::Port(port) => {
                 let name = header::name(graph, port);
                 Ok(state
@@ -345,8 +354,8 @@ impl Compare {
                 let right = placed.pane.with_min_x(self.line(placed));
                 let clipped = painter.with_clip_rect(right.intersect(painter.clip_rect()));
                 clipped.image(other.texture.id(), placed.image, WHOLE, Color32::WHITE);
-                tag(painter, placed, Align2::LEFT_TOP, &layer.snapshot);
-                tag(painter, placed, Align2::RIGHT_TOP, &other.snapshot);
+                tag(painter, placed, Align2::LEFT_TOP, format!("now: {}", layer.snapshot.name));
+                tag(painter, placed, Align2::RIGHT_TOP, self.name(graph));
             }
             (_, Some(_), Some((_, _, map))) => {
                 painter.image(map.id(), placed.image, WHOLE, Color32::WHITE);
@@ -448,10 +457,8 @@ impl Figures {
 }
 
 /// What an image is, in a corner of it.
-fn tag(painter: &Painter, placed: &Placed, corner: Align2, image: &Snapshot) {
-    let font = FontId::proportional(11.0);
-    let frame = if image.frame > 0 { format!("  frame {}", image.frame) } else { String::new() };
-    let text = painter.layout_no_wrap(format!("{}{frame}", image.name), font, Color32::WHITE);
+fn tag(painter: &Painter, placed: &Placed, corner: Align2, text: String) {
+    let text = painter.layout_no_wrap(text, FontId::proportional(11.0), Color32::WHITE);
     let area = corner.align_size_within_rect(text.size() + vec2(12.0, 6.0), placed.visible().shrink(6.0));
     painter.rect_filled(area, 3.0, Color32::from_black_alpha(190));
     painter.galley(area.min + vec2(6.0, 3.0), text, Color32::WHITE);

@@ -52,7 +52,7 @@ pub fn ports(
 
 impl Viewer {
     /// The first row: what is shown, and what can be opened beside it.
-    pub(super) fn header(&mut self, ui: &mut Ui, graph: &GraphInfo) {
+    pub(super) fn header(&mut self, ui: &mut Ui, graph: &GraphInfo, frames: u32) {
         ui.horizontal_wrapped(|ui| {
             self.choose_port(ui, graph);
             if self.list.is_some() {
@@ -65,7 +65,7 @@ impl Viewer {
             let doc = "Hold this image and compare what becomes of it, another port, or a file";
             if ui.toggle_value(&mut comparing, "Compare").on_hover_text(doc).changed() {
                 let image = self.layer.as_ref().map(|layer| layer.snapshot.clone());
-                self.compare = comparing.then(|| Compare::holding(image));
+                self.compare = comparing.then(|| Compare::holding(image, frames));
             }
             let zoom = |ui: &mut Ui, place: &mut Place, zoom, label, doc| {
                 if ui.selectable_label(place.zoom == zoom, label).on_hover_text(doc).clicked() {

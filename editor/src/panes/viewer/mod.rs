@@ -114,7 +114,7 @@ impl Viewer {
         let name = header::name(&graph, &self.port);
         self.look.far = session.rig.map_or(f32::INFINITY, |rig| rig.camera.far);
         self.take(ui, &graph, &state, &name);
-        self.header(ui, &graph);
+        self.header(ui, &graph, state.frames);
         if let Some(list) = &mut self.list {
             let response = ui.interact(ui.max_rect(), ui.id().with("list"), Sense::hover());
             if response.contains_pointer() && ui.input(|input| input.pointer.any_pressed()) {
@@ -132,7 +132,7 @@ impl Viewer {
             self.histogram.show(ui, layer, &mut self.look);
         }
         if let Some(compare) = &mut self.compare {
-            compare.header(ui, &graph, self.layer.as_ref());
+            compare.header(ui, &graph, state.frames, self.layer.as_ref());
         }
         self.image(ui, session, &graph, &name);
     }
@@ -186,7 +186,7 @@ impl Viewer {
         let Some(path) = dropped else { return };
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         if ["png", "exr"].iter().any(|known| ending == *known) {
-            self.compare.get_or_insert_with(|| Compare::holding(None)).open(&path);
+            self.compare.get_or_insert_with(|| Compare::holding(None, 0)).open(&path);
         }
     }
 

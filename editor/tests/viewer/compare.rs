@@ -1,0 +1,159 @@
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use egui::{DroppedFile, Event, Key, vec2};
+use egui_kittest::kittest::Queryable;
+use epigraph_editor::panes::viewer::{Figures, Way, With};
+use epigraph_pictures::png;
+
+use super::*;
+
+impl View {
+    fn against(&self) -> &epigraph_editor::panes::viewer::Compare {
+        self.viewer().compare.as_ref().unwrap()
+    }
+
+    /// The figures as soon as they are those of the images in view.
+    fn figures(&mut self, fit: impl Fn(&Figures) -> bool) -> Figures {
+        let fits =
+            |viewer: &Viewer| viewer.compare.as_ref().and_then(|compare| compare.figures()).is_some_and(&fit);
+        self.opened.until("figures", |app| app.viewers().any(fits));
+        self.against().figures().unwrap().clone()
+    }
+
+    fn trouble(&mut self) -> String {
+        let troubled =
+            |viewer: &Viewer| viewer.compare.as_ref().is_some_and(|compare| compare.trouble().is_some());
+        self.opened.until("trouble", |app| app.viewers().any(troubled));
+        self.against().trouble().unwrap().to_owned()
+    }
+
+    fn type_path(&mut self, path: &Path) {
+        self.opened.harness.get_by_label("image file").focus();
+        self.settle();
+        self.opened.harness.event(Event::Text(path.display().to_string()));
+        self.settle();
+        self.opened.harness.key_press(Key::Enter);
+        self.settle();
+    }
+}
+
+#[test]
+fn an_image_is_held_against_what_becomes_of_it() {
+    let mut view = View::new([64, 48], false, 5);
+    view.click("Compare");
+    assert_eq!((&view.against().with, view.against().way), (&With::Held, Way::Wipe));
+    let same = view.figures(|_| true);
+    assert_eq!((same.rmse, same.flip, same.psnr, same.ssim), (0.0, 0.0, f64::INFINITY, 1.0));
+
+    // A change of a stage: twice as bright.
+    let session = &mut view.opened.harness.state_mut().session;
+    session.edit(epigraph_editor::document::Tag::Once, |file| file.set_param("tonemap", "exposure", "1.0"));
+    view.opened.frames(1);
+    let changed = view.figures(|figures| figures.flip > 0.0);
+    assert!(changed.flip > 0.05 && changed.psnr < 30.0 && changed.rmse > 0.02, "{changed:?}");
+    assert!(changed.ssim < 1.0);
+
+    // What is held now is what it is held against.
+    view.click("Hold");
+    view.figures(|figures| figures.flip == 0.0);
+    view.click("Compare");
+    assert!(view.viewer().compare.is_none());
+}
+
+#[test]
+fn the_line_of_a_wipe_can_be_dragged_and_moved_by_keys() {
+    let mut view = View::new([64, 48], false, 3);
+    view.click("Compare");
+    let camera = view.opened.app().session.rig.unwrap().camera;
+    let line = view.rect("wipe line").center();
+    let image = view.image();
+    view.drag(line, line + vec2(-0.25 * image.width(), 0.0));
+    let moved = view.against().wipe;
+    assert!((0.2..0.3).contains(&moved), "{moved}");
+    view.opened.harness.get_by_label("wipe line").focus();
+    view.settle();
+    view.opened.harness.key_press(Key::ArrowRight);
+    view.settle();
+    assert!((view.against().wipe - moved - 0.01).abs() < 1e-4);
+    // The camera is not orbited by that.
+    assert_eq!(view.opened.app().session.rig.unwrap().camera, camera);
+}
+
+#[test]
+fn another_port_is_watched_and_compared_with() {
+    let mut view = View::new([64, 48], false, 3);
+    view.see("spread.color");
+    view.click("Compare");
+    view.choose("held: spread.color, frame 4", "antialias.color");
+    assert_eq!(view.against().port(), Some("antialias.color"));
+    let figures = view.figures(|figures| figures.flip > 0.0);
+    assert!(figures.psnr > 10.0 && figures.psnr.is_finite(), "{figures:?}");
+    for way in ["Difference", "FLIP map", "Wipe"] {
+        view.click(way);
+    }
+    assert_eq!(view.against().way, Way::Wipe);
+}
+
+#[test]
+fn a_file_is_compared_with_by_its_path() {
+    let mut view = View::new([64, 48], false, 3);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let colors = view.viewer().picture().unwrap().colors.clone();
+    fs::write(path("same.png"), png([64, 48], &colors).unwrap()).unwrap();
+    fs::write(path("small.png"), png([1, 1], &[[0; 3]]).unwrap()).unwrap();
+    view.click("Compare");
+    view.choose("held: image, frame 3", "an image file …");
+    assert!(view.trouble().contains("name an image file"));
+    view.type_path(&path("same.png"));
+    assert_eq!(view.figures(|_| true).flip, 0.0);
+    view.opened.harness.get_by_label("image file").focus();
+    view.settle();
+    view.opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    view.type_path(&path("small.png"));
+    let trouble = view.trouble();
+    assert!(trouble.contains("64x48") && trouble.contains("1x1"), "{trouble}");
+    view.opened.harness.get_by_label("image file").focus();
+    view.settle();
+    view.opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    view.type_path(&path("none.png"));
+    view.opened.until("the error", |app| {
+        let trouble = |viewer: &Viewer| viewer.compare.as_ref()?.trouble().map(str::to_owned);
+        app.viewers()
+            .find_map(trouble)
+            .is_some_and(|text| text.contains("cannot read") && text.contains("none.png"))
+    });
+}
+
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+#[test]
+fn a_file_that_is_dropped_on_the_window_is_compared_with() {
+    let mut view = View::new([64, 48], false, 3);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("reference.png");
+    fs::write(&path, png([64, 48], &vec![[255, 0, 0]; 64 * 48]).unwrap()).unwrap();
+    let files = &mut view.opened.harness.input_mut().dropped_files;
+    files.push(Arc::new(Dropped(folder.path().join("notes.txt"))));
+    view.settle();
+    assert!(view.viewer().compare.is_none(), "a text is no image");
+    view.opened.harness.input_mut().dropped_files.push(Arc::new(Dropped(path)));
+    view.settle();
+    assert_eq!(view.against().with, With::File);
+    assert!(view.figures(|_| true).flip > 0.2);
+}

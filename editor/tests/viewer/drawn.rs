@@ -1,0 +1,76 @@
+use egui::vec2;
+
+use super::*;
+
+/// Pictures of everything that the viewer can look like lie beside the test programs, for people to look at.
+#[test]
+fn every_state_is_drawn() {
+    let mut view = View::new([512, 512], true, 20);
+    let mut shots: Vec<Vec<u8>> = Vec::new();
+    let mut shot = |view: &mut View, name: &str| {
+        view.opened.harness.remove_cursor();
+        view.settle();
+        shots.push(view.opened.shot(&format!("viewer-{name}")));
+    };
+    view.click("Histogram");
+    shot(&mut view, "histogram");
+    view.click("Compare");
+    let session = &mut view.opened.harness.state_mut().session;
+    session.edit(epigraph_editor::document::Tag::Once, |file| file.set_param("tonemap", "exposure", "0.5"));
+    view.opened.frames(1);
+    view.opened.until("figures", |app| {
+        let flip = |viewer: &Viewer| Some(viewer.compare.as_ref()?.figures()?.flip);
+        app.viewers().find_map(flip).is_some_and(|flip| flip > 0.0)
+    });
+    shot(&mut view, "wipe");
+    view.click("Histogram");
+    view.click("FLIP map");
+    shot(&mut view, "flip");
+    view.click("Difference");
+    shot(&mut view, "difference");
+    view.choose("held: image, frame 20", "an image file …");
+    shot(&mut view, "file");
+    view.click("Compare");
+    let middle = view.image().center();
+    view.see("interpolate.color");
+    view.wheel(middle, 960.0);
+    shot(&mut view, "values");
+    view.click("Fit");
+    view.see("view/cull.filtered");
+    view.click("Histogram");
+    shot(&mut view, "depth");
+    view.choose("Depth", "False colour");
+    shot(&mut view, "false-colour");
+    view.click("Histogram");
+    view.see("edges/edge_raster.mask");
+    shot(&mut view, "edges");
+    let edge = middle + vec2(-86.0, 22.0);
+    view.wheel(edge, 520.0);
+    shot(&mut view, "edges-near");
+    view.see("edges/classify.cls");
+    shot(&mut view, "classes-near");
+    view.click("Fit");
+    shot(&mut view, "classes");
+    view.see("edges/reach.r24");
+    view.hover(edge);
+    shots_of_hover(&mut view, "reach");
+    view.wheel(edge, 500.0);
+    view.hover(edge);
+    shots_of_hover(&mut view, "reach-near");
+    view.click("Fit");
+    view.see("view/project.id");
+    view.click("Ages");
+    view.opened.frames(1);
+    view.settle();
+    view.opened.shot("viewer-ages");
+    view.see("cloud/age.cloud");
+    view.click("age");
+    view.opened.until("the order", |app| {
+        app.viewers().any(|viewer| viewer.list.as_ref().is_some_and(|list| list.page(4) != [0, 1, 2, 3]))
+    });
+    view.opened.shot("viewer-list");
+}
+
+fn shots_of_hover(view: &mut View, name: &str) {
+    view.opened.shot(&format!("viewer-{name}"));
+}

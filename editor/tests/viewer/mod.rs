@@ -1,0 +1,95 @@
+//! The viewer, used as a person would: compared, counted, sorted, looked at from near.
+
+mod compare;
+mod drawn;
+mod list;
+mod look;
+
+use egui::{Event, Modifiers, MouseWheelUnit, Pos2, Rect, TouchPhase, accesskit::Role, vec2};
+use egui_kittest::kittest::Queryable;
+use epigraph_editor::panes::Viewer;
+
+use crate::support::Opened;
+
+/// The one viewer of a window on the edge-and-point image.
+struct View {
+    opened: Opened,
+}
+
+impl View {
+    /// After some frames of the graph.
+    fn new(size: [u32; 2], render: bool, frames: u32) -> Self {
+        let mut opened = Opened::with("epi.ron", render, size);
+        opened.frames(frames);
+        Self { opened }
+    }
+
+    fn viewer(&self) -> &Viewer {
+        self.opened.app().viewers().min_by_key(|viewer| viewer.id).unwrap()
+    }
+
+    fn click(&mut self, label: &str) {
+        self.opened.click(label);
+        self.settle();
+    }
+
+    fn settle(&mut self) {
+        self.opened.harness.run_steps(4);
+    }
+
+    /// Shows a port in the viewer in use.
+    fn see(&mut self, port: &str) {
+        self.opened.harness.state_mut().session.wanted = Some(port.into());
+        self.opened.harness.run_steps(2);
+        self.opened.frames(1);
+    }
+
+    /// Chooses from the box that shows `from`.
+    fn choose(&mut self, from: &str, label: &str) {
+        let boxes = self.opened.harness.query_all_by_role(Role::ComboBox);
+        let found = boxes.into_iter().find(|node| node.value().as_deref() == Some(from));
+        found.unwrap_or_else(|| panic!("no box shows {from}")).click();
+        self.settle();
+        self.click(label);
+    }
+
+    fn rect(&self, label: &str) -> Rect {
+        self.opened.harness.get_by_label(label).rect()
+    }
+
+    fn image(&self) -> Rect {
+        self.opened.harness.get_by_label_contains("image of ").rect()
+    }
+
+    fn drag(&mut self, from: Pos2, to: Pos2) {
+        let harness = &mut self.opened.harness;
+        harness.hover_at(from);
+        harness.run_steps(2);
+        harness.drag_at(from);
+        harness.run_steps(1);
+        for share in [0.3, 0.7, 1.0] {
+            harness.hover_at(from.lerp(to, share));
+            harness.run_steps(1);
+        }
+        harness.drop_at(to);
+        self.settle();
+    }
+
+    fn hover(&mut self, at: Pos2) {
+        self.opened.harness.hover_at(at);
+        self.opened.harness.run_steps(3);
+    }
+
+    /// Turns the wheel over a point; 150 points are a doubling.
+    fn wheel(&mut self, at: Pos2, points: f32) {
+        self.hover(at);
+        self.opened.harness.event(Event::MouseWheel {
+            unit: MouseWheelUnit::Point,
+            delta: vec2(0.0, points),
+            phase: TouchPhase::Move,
+            modifiers: Modifiers::NONE,
+        });
+        // Scrolling is smooth.
+        self.opened.harness.run_steps(30);
+    }
+}
