@@ -10,7 +10,7 @@ use crate::{
     engine::{Command, Options},
     help,
     opening::Opening,
-    panes::{Pane, Panes, Viewer},
+    panes::{Language, Pane, Panes, TextPane, Viewer},
     session::{SCALES, Session},
     status,
     store::{Recovery, Seen, Store, Stored},
@@ -224,8 +224,15 @@ impl App {
 
     /// Brings the panes to the front that are asked for.
     fn bring(&mut self) {
-        if self.session.jump.is_some() {
-            self.show(|pane| matches!(pane, Pane::Text(_)));
+        if let Some(jump) = &self.session.jump {
+            let language = Language::of(&jump.path);
+            self.show(|pane| match language {
+                Language::Ron => matches!(pane, Pane::Text(_)),
+                Language::Wgsl => matches!(pane, Pane::Shader(_)),
+            });
+        }
+        if std::mem::take(&mut self.session.inspection.wanted) {
+            self.show(|pane| matches!(pane, Pane::Inspector(_)));
         }
         if self.session.wanted.is_some() {
             // The viewer in use may have been closed.
@@ -345,7 +352,12 @@ fn whole(tree: Tree<Pane>) -> Option<Tree<Pane>> {
 /// The panes as they stand at first.
 fn layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
-    let left = [Pane::Nodes(Default::default()), Pane::Text(Default::default())];
+    let left = [
+        Pane::Nodes(Default::default()),
+        Pane::Text(Default::default()),
+        Pane::Shader(TextPane::shaders()),
+        Pane::Inspector(Default::default()),
+    ];
     let left = left.into_iter().map(|pane| tiles.insert_pane(pane)).collect::<Vec<_>>();
     let left = tiles.insert_tab_tile(left);
     let middle = [Pane::Viewer(Viewer::default()), Pane::Canvas(Default::default())];

@@ -10,6 +10,7 @@ pub mod document;
 pub mod engine;
 pub mod files;
 mod help;
+pub mod inspect;
 pub mod jobs;
 mod menu;
 pub mod opening;

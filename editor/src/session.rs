@@ -11,6 +11,7 @@ use crate::{
     dialog::Ask,
     document::{Document, Tag},
     engine::{Backend, Command, Engine, Options, Pacing, Playback, Playing, State},
+    inspect::Picked,
     jobs::Jobs,
     output::CommandLine,
     route::{Recorder, Route},
@@ -54,6 +55,10 @@ pub struct Session {
     pub viewed: String,
     /// Ports that the number keys 1 to 9 recall.
     pub slots: [Option<String>; 9],
+    /// The pixel that the user has picked.
+    pub inspection: Picked,
+    /// Ports that panes want snapshots of beside those in view; they ask anew in each frame of the window.
+    pub asides: Vec<String>,
     /// A place that the user wants to see; the text pane takes it.
     pub jump: Option<Jump>,
     /// What became of the last action.
@@ -123,6 +128,8 @@ impl Session {
             viewer: 0,
             viewed: String::new(),
             slots: Default::default(),
+            inspection: Picked::default(),
+            asides: Vec::new(),
             jump: None,
             notice: None,
             scene,
@@ -168,10 +175,14 @@ impl Session {
             self.notice = None;
             self.send_graph();
         }
+        if let Some(pixel) = self.inspection.news() {
+            self.engine.send(Command::Inspect(pixel));
+        }
         if !self.extra.is_empty() {
             watched.push(self.extra.clone());
-            watched.sort();
         }
+        watched.append(&mut self.asides);
+        watched.sort();
         watched.dedup();
         if watched != self.watched {
             self.watched = watched;
@@ -347,6 +358,8 @@ impl Session {
     fn send_graph(&self) {
         // While the text is broken the last good graph runs on.
         if let (Some(file), true) = (self.document.file(), self.document.problems().is_empty()) {
+            let shaders = self.document.shaders().map(|(path, text)| (path.into(), text.clone()));
+            self.engine.send(Command::Shaders(Arc::new(shaders.collect())));
             self.engine.send(Command::Graph(file.clone()));
         }
     }

@@ -2,6 +2,7 @@
 //! state say what came of it.
 
 mod flows;
+mod panes;
 mod snapshots;
 mod support;
 mod viewer;

@@ -12,7 +12,12 @@ mod swap;
 mod tests;
 mod unsaved;
 
-use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
+use std::{
+    collections::BTreeMap,
+    fs, io,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
 
@@ -43,6 +48,8 @@ pub struct Document {
     future: Vec<Texts>,
     tag: Tag,
     file: Option<Arc<GraphFile>>,
+    /// Nodes of kind `wgsl` and the paths of their shaders.
+    shaders: Vec<(String, String)>,
     problems: Vec<Problem>,
     revision: u64,
 }
@@ -66,6 +73,7 @@ impl Document {
             future: Vec::new(),
             tag: Tag::Once,
             file: None,
+            shaders: Vec::new(),
             problems: Vec::new(),
             revision: 0,
         };
@@ -88,6 +96,24 @@ impl Document {
     /// The text of a file; empty where there is none of that path.
     pub fn text(&self, path: &str) -> &str {
         self.texts.get(path).map_or("", |text| text)
+    }
+
+    /// The shader files of the graph's nodes of kind `wgsl` that could be read, with their texts.
+    pub fn shaders(&self) -> impl Iterator<Item = (&str, &Arc<str>)> {
+        self.texts
+            .iter()
+            .filter(|(path, _)| self.user_of(path).is_some())
+            .map(|(path, text)| (path.as_str(), text))
+    }
+
+    /// The path of the shader file of a node, by the node's address.
+    pub fn shader_of(&self, address: &str) -> Option<&str> {
+        self.shaders.iter().find(|(node, _)| node == address).map(|(_, path)| path.as_str())
+    }
+
+    /// The first node that uses a shader file.
+    pub fn user_of(&self, shader: &str) -> Option<&str> {
+        self.shaders.iter().find(|(_, path)| path == shader).map(|(node, _)| node.as_str())
     }
 
     /// The graph as of the last texts without problems; none where there never were any.
@@ -199,6 +225,8 @@ impl Document {
     /// Reads files again that somebody else has changed, where nothing is unsaved in them; whether there were any.
     /// Undo leads back to what they were.
     pub fn refresh(&mut self) -> bool {
+        // A shader's file may have come only now.
+        let mut changed = self.add_shaders();
         let mut texts = self.texts.clone();
         for (path, saved) in &mut self.saved {
             if texts.get(path) == Some(saved)
@@ -209,9 +237,26 @@ impl Document {
                 texts.insert(path.clone(), saved.clone());
             }
         }
-        let changed = texts != self.texts;
+        self.revision += u64::from(changed);
+        changed |= texts != self.texts;
         self.change(Tag::Once, texts);
         changed
+    }
+
+    /// Reads the shaders that are not known yet; whether there were any. One that cannot be read is told on compiling.
+    fn add_shaders(&mut self) -> bool {
+        let mut found = false;
+        for (_, path) in &self.shaders {
+            if !self.texts.contains_key(path)
+                && let Ok(text) = fs::read_to_string(path)
+            {
+                let text: Arc<str> = text.into();
+                self.texts.insert(path.clone(), text.clone());
+                self.saved.insert(path.clone(), text);
+                found = true;
+            }
+        }
+        found
     }
 
     fn change(&mut self, tag: Tag, texts: Texts) {
@@ -248,12 +293,19 @@ impl Document {
         match read {
             Ok(file) => {
                 add_parts(&file, &mut self.texts, &mut self.saved);
+                self.shaders = file.shaders().into_iter().map(name_shader).collect();
+                self.add_shaders();
                 self.file = Some(Arc::new(file));
                 self.problems = Vec::new();
             }
             Err(problems) => self.problems = problems.0,
         }
     }
+}
+
+/// A shader's path as texts are named.
+fn name_shader((node, path): (String, PathBuf)) -> (String, String) {
+    (node, path.display().to_string())
 }
 
 /// A file of which only the text counts, to be written.

@@ -7,12 +7,15 @@
 
 mod info;
 mod playback;
+mod record;
 mod running;
 #[cfg(test)]
 mod tests;
 mod worker;
 
 use std::{
+    collections::BTreeMap,
+    path::PathBuf,
     sync::{Arc, Mutex, PoisonError, mpsc},
     thread::{self, JoinHandle},
 };
@@ -21,8 +24,11 @@ use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
 use epigraph_scenes::Camera;
 use serde::{Deserialize, Serialize};
 
+use crate::inspect::Inspection;
+
 pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo};
 pub use playback::{Playback, Playing, Sink, Way};
+pub use record::{RECORDED, Record, StepCost};
 
 /// Most frames a second: more than a screen shows would only take the cores from the tracer.
 pub const MAX_RATE: f32 = 60.0;
@@ -86,11 +92,16 @@ impl Default for Options {
     }
 }
 
+/// Texts of shader files that hold instead of what the files hold, by path.
+pub type Shaders = BTreeMap<PathBuf, Arc<str>>;
+
 /// What the user interface asks of the engine.
 #[derive(Clone, Debug)]
 pub enum Command {
     /// Run this graph from now on, with what the present one keeps from frame to frame wherever that fits.
     Graph(Arc<GraphFile>),
+    /// Compile the graph anew, with these texts for its shaders.
+    Shaders(Arc<Shaders>),
     /// Look from here.
     Camera(Camera),
     /// Wait for [`Command::Step`], or go on.
@@ -117,6 +128,10 @@ pub enum Command {
     /// Ports to take [`Snapshot`]s of, as `node.port`; the graph's outputs are always taken. Unknown ones are skipped.
     /// For those that the last frame was not asked for, one more is run while frames wait.
     Watch(Vec<String>),
+    /// Tell what every node did at this pixel, column and row, in the next frame. While frames wait, the last one counts if
+    /// it was captured for inspection, else one more is run; from then on every step is captured, and the frame with
+    /// which a pause begins. None ends it, and with it all its cost.
+    Inspect(Option<[u32; 2]>),
 }
 
 /// How far the engine is.
@@ -162,12 +177,16 @@ pub struct State {
     pub camera: Option<Camera>,
     /// Milliseconds of each of the graph's steps in the last frame, in the order of [`GraphInfo::steps`].
     pub times: Vec<f32>,
+    /// What the last [`RECORDED`] frames cost, the oldest first.
+    pub records: Arc<[Arc<Record>]>,
     /// Milliseconds of the whole last frame.
     pub frame_ms: f32,
     /// Frames in the last second.
     pub rate: f32,
     /// Samples that the last frame could ask for.
     pub samples: u32,
+    /// The inspected pixel, as of the last frame that was captured for it.
+    pub inspection: Option<Arc<Inspection>>,
     /// The watched ports and the outputs as of the last frame: one for each field.
     pub snapshots: Vec<Arc<Snapshot>>,
 }

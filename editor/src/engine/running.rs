@@ -11,6 +11,7 @@ use epigraph_core::{
 };
 
 use super::GraphInfo;
+use crate::inspect;
 
 /// A graph that runs.
 pub struct Running {
@@ -19,8 +20,8 @@ pub struct Running {
 }
 
 impl Running {
-    /// Compiles a file for `settings`, with the taps among `watched` that the graph has. `open` gives the GPU where the
-    /// plan needs one.
+    /// Compiles a file for `settings`, with the taps among `watched` that the graph has, or with `all` that there can be.
+    /// `open` gives the GPU where the plan needs one.
     ///
     /// # Errors
     /// All problems of the file; those of a device or of memory stand without a place.
@@ -29,11 +30,12 @@ impl Running {
         registry: &Registry,
         settings: &Settings,
         watched: &[String],
+        all: bool,
         open: &mut dyn FnMut() -> Result<Arc<Gpu>, RunError>,
     ) -> Result<Self, Problems> {
         // A panic here is a bug of the compiler; the window and the files outlive it.
         let made = catch_unwind(AssertUnwindSafe(|| {
-            let (graph, plan, settings) = compile_watched(file, registry, settings, watched)?;
+            let (graph, plan, settings) = compile_watched(file, registry, settings, watched, all)?;
             let needs_gpu = plan.nodes.iter().any(|(.., side)| *side == Side::Gpu);
             let gpu = if needs_gpu { Some(open().map_err(|error| problems(&error))?) } else { None };
             let info = GraphInfo::new(&graph, &plan, settings.size, gpu.as_ref().map(|gpu| gpu.name()));
@@ -69,16 +71,23 @@ fn compile_watched(
     registry: &Registry,
     settings: &Settings,
     watched: &[String],
+    all: bool,
 ) -> Result<(Graph, Plan, Settings), Problems> {
     let with = |taps: Vec<Source>| {
         let settings = Settings { taps, ..settings.clone() };
         compile(file, registry, &settings).map(|(graph, plan)| (graph, plan, settings))
     };
-    let taps: Vec<Source> = watched.iter().filter_map(|name| name.parse().ok()).collect();
-    if let Ok(made) = with(taps.clone()) {
-        return Ok(made);
+    let mut taps: Vec<Source> = watched.iter().filter_map(|name| name.parse().ok()).collect();
+    let mut made = with(taps.clone());
+    if made.is_err() {
+        // Is it the graph, or a port that it no longer has?
+        with(Vec::new())?;
+        taps.retain(|tap| with(vec![tap.clone()]).is_ok());
+        made = with(taps.clone());
     }
-    // Is it the graph, or a port that it no longer has?
-    with(Vec::new())?;
-    with(taps.into_iter().filter(|tap| with(vec![tap.clone()]).is_ok()).collect())
+    match made {
+        // Only of nodes that run anyway: looking must not change what is left out.
+        Ok((graph, ..)) if all => with([taps, inspect::taps(&graph)].concat()),
+        made => made,
+    }
 }

@@ -1,6 +1,10 @@
 //! The engine's thread: obeys commands, runs frames, publishes states.
 
+mod inspected;
+
 use std::{
+    collections::VecDeque,
+    fs,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc, Mutex, PoisonError,
@@ -11,13 +15,17 @@ use std::{
 };
 
 use epigraph_core::{
-    AdapterChoice, Frame, Gpu, GraphFile, Host, MAX_SIDE, Problems, Registry, RunError, Settings, Side,
+    AdapterChoice, Frame, Gpu, GraphFile, Host, Kind, MAX_SIDE, Problems, Registry, RunError, Settings, Side,
+    wgsl_kind_from,
 };
 use epigraph_scenes::{AsyncTracer, Camera, CameraPath, FRAMES_PER_SECOND, Scene, Tracer, predict};
 use epigraph_stages::{Pace, World, shared::world::PREDICTION_FRAMES};
 
+use inspected::Inspected;
+
 use super::{
-    Backend, Command, MAX_RATE, Options, Pacing, Phase, Playback, Playing, Sink, State,
+    Backend, Command, GraphInfo, MAX_RATE, Options, Pacing, Phase, Playback, Playing, RECORDED, Record,
+    Shaders, Sink, State, StepCost,
     running::{Running, message},
 };
 
@@ -76,8 +84,12 @@ struct Worker {
     gpu: Option<Arc<Gpu>>,
     /// The graph that was given last.
     file: Option<Arc<GraphFile>>,
-    /// The one that compiled last.
-    good: Option<Arc<GraphFile>>,
+    /// The texts of its shaders.
+    shaders: Arc<Shaders>,
+    /// The graph that compiled last, and its shaders.
+    good: Option<(Arc<GraphFile>, Arc<Shaders>)>,
+    /// The shaders that a graph is compiled with, where the registry finds them.
+    read: Arc<Mutex<Arc<Shaders>>>,
     watched: Vec<String>,
     rebuild: Rebuild,
     running: Option<Running>,
@@ -93,6 +105,12 @@ struct Worker {
     index: u32,
     /// A frame has failed; nothing runs until something changes.
     stopped: bool,
+    /// What is inspected.
+    inspected: Option<Inspected>,
+    /// What the last frames cost.
+    records: VecDeque<Arc<Record>>,
+    /// When the engine began.
+    began: Instant,
     /// The ends of the frames of the last second.
     ends: Vec<Instant>,
     state: State,
@@ -110,10 +128,13 @@ impl Worker {
         let state = State { paused: options.paused, ..State::default() };
         let camera = scene.camera;
         let tracer = Arc::new(Tracer::new(scene));
+        let read = Arc::default();
         let mut worker = Self {
             host: host(&tracer, options.pacing),
             options,
-            registry,
+            registry: registry.with_kind(shader_kind(&read)),
+            read,
+            shaders: Arc::default(),
             tracer,
             gpu: None,
             file: None,
@@ -127,6 +148,9 @@ impl Worker {
             owed: 0,
             index: 0,
             path: None,
+            inspected: None,
+            records: VecDeque::with_capacity(RECORDED),
+            began: Instant::now(),
             stopped: false,
             ends: Vec::new(),
             state,
@@ -205,6 +229,10 @@ impl Worker {
                 self.file = Some(file);
                 Rebuild::Keep
             }
+            Command::Shaders(shaders) => {
+                self.shaders = shaders;
+                Rebuild::Keep
+            }
             Command::Camera(camera) => {
                 self.leave_path();
                 self.state.playing = None;
@@ -212,7 +240,10 @@ impl Worker {
                 Rebuild::No
             }
             Command::Pause(paused) => {
+                let begins = paused && !self.options.paused;
                 self.pause(paused);
+                // What is seen during a pause should be what can be inspected.
+                self.owed = u32::from(begins && self.inspected.is_some());
                 Rebuild::No
             }
             Command::Step(frames) => {
@@ -259,6 +290,7 @@ impl Worker {
                 self.watched = watched;
                 Rebuild::Keep
             }
+            Command::Inspect(pixel) => self.inspect(pixel),
         };
         self.rebuild = self.rebuild.max(rebuild);
     }
@@ -329,10 +361,12 @@ impl Worker {
         let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
         self.state.trouble = None;
         self.state.problems = Vec::new();
-        for file in [self.file.clone(), self.good.clone()].into_iter().flatten() {
+        let newest = self.file.clone().map(|file| (file, self.shaders.clone()));
+        for (file, shaders) in [newest, self.good.clone()].into_iter().flatten() {
+            *self.read.lock().unwrap_or_else(PoisonError::into_inner) = shaders.clone();
             match self.compile(&file) {
                 Ok(made) => {
-                    self.good = Some(file);
+                    self.good = Some((file, shaders));
                     self.replace(made, rebuild);
                     return;
                 }
@@ -353,7 +387,8 @@ impl Worker {
         };
         let gpu = &mut self.gpu;
         let mut open = || open_gpu(gpu);
-        Running::new(file, &self.registry, &settings, &self.watched, &mut open)
+        let all = self.inspected.is_some();
+        Running::new(file, &self.registry, &settings, &self.watched, all, &mut open)
     }
 
     /// Lets a graph run from now on, with what the one before keeps.
@@ -390,6 +425,7 @@ impl Worker {
         self.state.graph = Some(running.info.clone());
         self.state.times = vec![0.0; running.info.steps.len()];
         self.running = Some(running);
+        self.drop_capture();
     }
 
     /// Where nodes run by default.
@@ -434,23 +470,43 @@ impl Worker {
         let Some(running) = &self.running else { return };
         let start = Instant::now();
         let (camera, frame) = self.next_frame(running.info.size);
+        let captures = self.captures();
         let Some(running) = &mut self.running else { return };
+        let info = running.info.clone();
+        let is_watched = |watched: &[String], name: &str| {
+            watched.iter().any(|watched| watched == name)
+                || info.outputs.iter().any(|(output, _)| output == name)
+        };
         let executor = &mut running.executor;
+        if self.inspected.is_some() {
+            executor.want(|name| captures || is_watched(&self.watched, name));
+        }
         let host = &self.host;
         let result = catch_unwind(AssertUnwindSafe(|| {
             executor.run(&frame, host, true)?;
             let snapshots = executor.snapshots()?;
-            Ok(snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect())
+            Ok(snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect::<Vec<_>>())
         }));
         let result = result.unwrap_or_else(|panic| {
             Err(RunError::Gpu(format!("running it panicked: {}", message(panic.as_ref()))))
         });
         match result {
-            Ok(snapshots) => {
+            Ok(mut snapshots) => {
                 self.state.times.copy_from_slice(executor.times());
+                let cost = |((&start, &ms), &moved)| StepCost { start, ms, moved };
+                let costs = executor.starts().iter().zip(executor.times()).zip(executor.moved());
+                let costs = costs.map(cost).collect();
+                let captured = captures.then(|| snapshots.clone());
+                if captures {
+                    snapshots.retain(|snapshot| is_watched(&self.watched, &snapshot.name));
+                }
                 self.state.snapshots = snapshots;
                 self.succeeded(camera, frame.samples);
                 self.measure(start);
+                self.record(info, costs);
+                if let Some(snapshots) = captured {
+                    self.keep_capture(frame, snapshots);
+                }
                 self.advance();
             }
             Err(error) => self.failed(&error),
@@ -508,6 +564,24 @@ impl Worker {
         self.state.rate = self.ends.len() as f32;
     }
 
+    /// Remembers what the frame that has just ended cost.
+    fn record(&mut self, graph: Arc<GraphInfo>, steps: Vec<StepCost>) {
+        while self.records.len() >= RECORDED {
+            self.records.pop_front();
+        }
+        let (frame, ms) = (self.state.frames.saturating_sub(1), self.state.frame_ms);
+        let (mut at, mut steps) = (self.began.elapsed().as_secs_f64(), steps);
+        if !self.options.measured {
+            at = f64::from(self.state.frames) / f64::from(MAX_RATE);
+            let one = |(index, step): (usize, &mut StepCost)| {
+                *step = StepCost { start: index as f32, ms: 1.0, moved: step.moved };
+            };
+            steps.iter_mut().enumerate().for_each(one);
+        }
+        self.records.push_back(Arc::new(Record { frame, at, ms, graph, steps }));
+        self.state.records = self.records.iter().cloned().collect();
+    }
+
     /// The graph before takes over where this one never ran; else frames stop until something changes.
     fn failed(&mut self, error: &RunError) {
         if matches!(error, RunError::Gpu(_)) {
@@ -528,6 +602,15 @@ impl Worker {
             }
         }
     }
+}
+
+/// The kind `wgsl` with texts that stand in for files.
+fn shader_kind(read: &Arc<Mutex<Arc<Shaders>>>) -> Box<dyn Kind> {
+    let read = read.clone();
+    wgsl_kind_from(move |path| {
+        let text = read.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned();
+        text.map_or_else(|| fs::read_to_string(path), |text| Ok(text.to_string()))
+    })
 }
 
 /// What the stages get beside their ports.

@@ -1,6 +1,7 @@
 //! The panes, one file each.
 
 mod canvas;
+mod inspector;
 mod nodes;
 mod parameters;
 mod text;
@@ -10,9 +11,10 @@ pub mod viewer;
 pub use canvas::CanvasPane;
 use egui::{Ui, WidgetText};
 use egui_tiles::{Behavior, SimplificationOptions, Tabs, Tile, TileId, Tiles, UiResponse};
+pub use inspector::InspectorPane;
 pub use nodes::NodesPane;
 use serde::{Deserialize, Serialize};
-pub use text::TextPane;
+pub use text::{Language, TextPane};
 pub use times::TimesPane;
 pub use viewer::Viewer;
 
@@ -31,6 +33,10 @@ pub enum Pane {
     Text(#[serde(skip)] TextPane),
     /// The graph as boxes and wires.
     Canvas(#[serde(skip)] CanvasPane),
+    /// The text of its shaders.
+    Shader(#[serde(skip, default = "TextPane::shaders")] TextPane),
+    /// One pixel through the graph.
+    Inspector(#[serde(skip)] InspectorPane),
     /// What each node costs.
     Times(#[serde(skip)] TimesPane),
 }
@@ -55,8 +61,9 @@ impl Behavior<Pane> for Panes<'_> {
                 Pane::Viewer(viewer) => viewer.show(ui, self.session),
                 Pane::Nodes(nodes) => nodes.show(ui, self.session),
                 Pane::Parameters => parameters::show(ui, self.session),
-                Pane::Text(text) => text.show(ui, self.session),
+                Pane::Text(text) | Pane::Shader(text) => text.show(ui, self.session),
                 Pane::Canvas(canvas) => canvas.show(ui, self.session),
+                Pane::Inspector(inspector) => inspector.show(ui, self.session),
                 Pane::Times(times) => times.show(ui, self.session),
             }
         });
@@ -70,7 +77,9 @@ impl Behavior<Pane> for Panes<'_> {
             Pane::Nodes(_) => "Nodes".into(),
             Pane::Parameters => "Parameters".into(),
             Pane::Text(_) => "Text".into(),
+            Pane::Shader(_) => "Shader".into(),
             Pane::Canvas(_) => "Canvas".into(),
+            Pane::Inspector(_) => "Pixel".into(),
             Pane::Times(_) => "Times".into(),
         }
     }

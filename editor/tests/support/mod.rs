@@ -224,16 +224,22 @@ pub fn words(line: &str) -> Vec<String> {
     String::from_utf8(output.stdout).unwrap().lines().map(Into::into).collect()
 }
 
-/// A shipped graph with its parts in a folder of its own.
+/// A copy of the shipped graphs, and the path of one of them in it.
 pub fn copy(graph: &str) -> (tempfile::TempDir, PathBuf) {
-    let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
     let folder = tempfile::tempdir().unwrap();
-    fs::create_dir(folder.path().join("parts")).unwrap();
-    for part in fs::read_dir(graphs.join("parts")).unwrap() {
-        let part = part.unwrap().path();
-        fs::copy(&part, folder.path().join("parts").join(part.file_name().unwrap())).unwrap();
-    }
+    copy_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs"), folder.path());
     let path = folder.path().join(graph);
-    fs::copy(graphs.join(graph), &path).unwrap();
     (folder, path)
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    for entry in fs::read_dir(from).unwrap() {
+        let (path, to) = (entry.as_ref().unwrap().path(), to.join(entry.as_ref().unwrap().file_name()));
+        if path.is_dir() {
+            fs::create_dir(&to).unwrap();
+            copy_folder(&path, &to);
+        } else {
+            fs::copy(&path, &to).unwrap();
+        }
+    }
 }

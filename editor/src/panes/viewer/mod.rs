@@ -8,6 +8,7 @@ mod layer;
 mod legend;
 mod list;
 mod overlay;
+mod pick;
 mod place;
 mod steer;
 mod task;
@@ -207,6 +208,7 @@ impl Viewer {
         if let Some(compare) = &mut self.compare {
             compare.wipe_line(ui, &placed);
         }
+        pick::pick(ui, session, &response, &placed, graph.size);
         self.place.steer(ui, &response, &placed);
         steer::steer(ui, session, &response);
         foot(ui, &response, &placed, layer);
@@ -263,7 +265,7 @@ fn foot(ui: &mut Ui, response: &Response, placed: &Placed, layer: &Layer) {
             let value = describe(&layer.snapshot, [x, y]).unwrap_or_default();
             format!("({x}, {y})  {value}")
         }
-        None => "Drag: orbit   Right drag: look   W A S D Q E: fly   Wheel: zoom   Shift drag: pan".into(),
+        None => "Click: inspect   Drag: orbit   Right drag: look   W A S D Q E: fly   Wheel: zoom   Shift drag: pan".into(),
     };
     ui.horizontal(|ui| {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

@@ -1,0 +1,108 @@
+//! What the last frames cost.
+
+use std::sync::Arc;
+
+use super::GraphInfo;
+
+/// How many frames are remembered.
+pub const RECORDED: usize = 300;
+
+/// What a frame cost.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Its number.
+    pub frame: u32,
+    /// When it ended, in seconds since the engine began.
+    pub at: f64,
+    /// Milliseconds of the whole.
+    pub ms: f32,
+    /// Its graph.
+    pub graph: Arc<GraphInfo>,
+    /// What each of the graph's steps cost, in the order of [`GraphInfo::steps`].
+    pub steps: Vec<StepCost>,
+}
+
+/// What a step cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepCost {
+    /// When it began, in milliseconds since the frame did. Nodes on a GPU that keeps time are of the frame before.
+    pub start: f32,
+    /// Milliseconds.
+    pub ms: f32,
+    /// Bytes that went from one side to the other.
+    pub moved: u64,
+}
+
+impl StepCost {
+    /// When it ended, in milliseconds since the frame began.
+    pub fn end(&self) -> f32 {
+        self.start + self.ms
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{
+        path::Path,
+        thread,
+        time::{Duration, Instant},
+    };
+
+    use epigraph_core::{GraphFile, Side};
+
+    use super::*;
+    use crate::engine::{Backend, Command, Engine, Options, Pacing};
+
+    fn run(graph: &str, frames: u32) -> Arc<[Arc<Record>]> {
+        let options = Options {
+            size: [48, 32],
+            backend: Backend::Cpu,
+            pacing: Pacing::Exact,
+            paused: true,
+            ..Options::default()
+        };
+        let engine = Engine::start(options, || ());
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph);
+        engine.send(Command::Graph(Arc::new(GraphFile::load(&path).unwrap())));
+        engine.send(Command::Step(frames));
+        let start = Instant::now();
+        while engine.state().frames < frames {
+            assert!(start.elapsed() < Duration::from_secs(120), "{:?}", engine.state().trouble);
+            thread::sleep(Duration::from_millis(2));
+        }
+        engine.state().records.clone()
+    }
+
+    #[test]
+    fn steps_on_the_cpu_run_one_after_the_other() {
+        let records = run("render-cache.ron", RECORDED as u32 + 3);
+        assert_eq!((records.len(), records[0].frame), (RECORDED, 3));
+        let last = records.last().unwrap();
+        assert_eq!(last.steps.len(), last.graph.steps.len());
+        for pair in last.steps.windows(2) {
+            // Roundings of milliseconds as f32.
+            assert!(pair[1].start >= pair[0].end() - 1e-3, "{pair:?}");
+        }
+        assert!(last.steps.last().unwrap().end() <= last.ms + 1e-3);
+        assert!(last.steps.iter().all(|step| step.moved == 0));
+        assert!(records.windows(2).all(|pair| pair[0].at < pair[1].at));
+    }
+
+    #[test]
+    fn what_moves_between_the_sides_is_counted() {
+        let records = run("hybrid.ron", 3);
+        let last = records.last().unwrap();
+        let moved = |name: &str| {
+            let steps = last.graph.steps.iter().zip(&last.steps);
+            steps.filter(|(step, _)| step.name.starts_with(name)).map(|(_, cost)| cost.moved).sum::<u64>()
+        };
+        // Priorities, 4 bytes a pixel, come down in every frame; the mesh went up in the first.
+        assert!(moved("download interpolate.priority") == 48 * 32 * 4, "{:?}", last.graph.steps);
+        assert_eq!(moved("upload mesh."), 0);
+        let first = &records[0];
+        let of_mesh =
+            first.graph.steps.iter().zip(&first.steps).filter(|(step, _)| step.name.contains("mesh."));
+        assert!(of_mesh.map(|(_, cost)| cost.moved).sum::<u64>() > 0);
+        assert!(last.graph.steps.iter().any(|step| step.side == Side::Gpu));
+    }
+}

@@ -1,0 +1,150 @@
+//! One pixel through the whole graph: what every node did there in one frame, in the order in which they run.
+//!
+//! That needs copies of all that all nodes wrote ([`Capture`]). The engine takes them only while somebody inspects, and
+//! then only in frames that are asked for; what they mean, the stages say themselves.
+
+mod picked;
+#[cfg(test)]
+mod tests;
+
+use epigraph_core::{Capture, Extent, Finding, Graph, Plan, Port, Side, Site, Snapshot, Source, Step};
+use epigraph_scenes::{Rng, TraceSettings, Tracer};
+use epigraph_stages::shared::sample::{self, Sample};
+use glam::Vec3;
+
+pub use picked::Picked;
+
+/// How far the place where a ray meets the scene may lie from the point that it is aimed at, as a share of the distance.
+const SAME_PLACE: f32 = 1e-3;
+
+/// A pixel through the graph, in one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inspection {
+    /// Column and row.
+    pub pixel: [u32; 2],
+    /// The frame's number, from 0.
+    pub frame: u32,
+    /// Bytes that were copied for it.
+    pub bytes: u64,
+    /// The point of the cloud that the pixel first shows; none where there is no such thing.
+    pub sample: Option<Vec<Finding>>,
+    /// The nodes that run, in their order.
+    pub nodes: Vec<Visit>,
+}
+
+/// What one node did at the pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visit {
+    /// Its address.
+    pub node: String,
+    /// Its stage kind.
+    pub kind: String,
+    /// Where it ran.
+    pub side: Side,
+    /// What the stage tells of it; empty where it has nothing to tell.
+    pub findings: Vec<Finding>,
+    /// What it wrote there, as plain numbers: port and values.
+    pub values: Vec<(String, String)>,
+}
+
+impl Visit {
+    /// Whether there is anything to show.
+    pub fn is_silent(&self) -> bool {
+        self.findings.is_empty() && self.values.is_empty()
+    }
+}
+
+/// The ports to copy: all outputs of all nodes.
+pub fn taps(graph: &Graph) -> Vec<Source> {
+    let ports = |node: &epigraph_core::Node| {
+        let outputs = node.declaration().ports.iter().filter(|port| port.is_output());
+        outputs
+            .map(|port| Source { node: node.name.clone(), port: port.name.to_string() })
+            .collect::<Vec<_>>()
+    };
+    graph.nodes.iter().flat_map(ports).collect()
+}
+
+/// Looks at one pixel of a captured frame.
+pub fn inspect(
+    graph: &Graph,
+    plan: &Plan,
+    capture: &Capture,
+    pixel: [u32; 2],
+    tracer: &Tracer,
+) -> Inspection {
+    let order: Vec<usize> = plan.steps.iter().filter_map(run).collect();
+    let sample = sample::behind(graph, order.iter().copied(), capture, pixel);
+    let point = sample.as_ref().map(|sample| sample.point);
+    let visit = |node: usize| {
+        let site = Site::new(graph, node, capture, pixel, point);
+        let node = &graph.nodes[node];
+        let outputs = node.declaration().ports.iter().filter(|port| port.is_output());
+        let values = outputs.filter(|port| !is_scratch(port)).filter_map(|port| {
+            let snapshot = capture.field(&format!("{}.{}", node.name, port.name), "")?;
+            Some((port.name.to_string(), value(snapshot, &port.extent, capture.frame.size, pixel)?))
+        });
+        Visit {
+            node: node.name.clone(),
+            kind: node.kind.clone(),
+            side: node.side,
+            findings: node.stage.explain(&site).unwrap_or_default(),
+            values: values.collect(),
+        }
+    };
+    Inspection {
+        pixel,
+        frame: capture.frame.index,
+        bytes: capture.bytes(),
+        nodes: order.iter().map(|node| visit(*node)).collect(),
+        sample: sample.map(|sample| with_surface(sample, capture, tracer)),
+    }
+}
+
+fn run(step: &Step) -> Option<usize> {
+    match step {
+        Step::Run(node) => Some(*node),
+        _ => None,
+    }
+}
+
+/// Stages call an output so that only they themselves work with.
+fn is_scratch(port: &Port) -> bool {
+    port.doc.starts_with("Scratch")
+}
+
+/// What a port holds at a pixel; none for lists.
+fn value(snapshot: &Snapshot, extent: &Extent, size: [u32; 2], [x, y]: [u32; 2]) -> Option<String> {
+    let scale = match extent {
+        Extent::Frame(scale) => (*scale).max(1),
+        _ => 1,
+    };
+    let dims = [snapshot.dims.width, snapshot.dims.height];
+    let fits = (0..2).all(|axis| dims[axis] >= size[axis].div_ceil(scale));
+    fits.then(|| epigraph_pictures::describe(snapshot, [x / scale, y / scale].map(|along| along as usize)))?
+}
+
+/// Adds the surface on which the sample lies. The cloud does not keep it, so a ray is sent to the point.
+fn with_surface(sample: Sample, capture: &Capture, tracer: &Tracer) -> Vec<Finding> {
+    let mut findings = sample.findings;
+    let Some(position) = sample.surface.map(Vec3::from) else { return findings };
+    let eye = Vec3::from(capture.frame.view.eye);
+    let distance = eye.distance(position);
+    let hit = tracer.trace(eye, position - eye, &TraceSettings::default(), &mut Rng::new(0, 0));
+    if !hit.hit || hit.position.distance(position) > SAME_PLACE * distance.max(1.0) {
+        findings
+            .push(Finding::value("surface", "not seen from here: something lies before it, or it has moved"));
+        return findings;
+    }
+    let scene = tracer.scene();
+    let material = scene.mesh.material.get(hit.face as usize).copied();
+    let name =
+        material.and_then(|index| scene.materials.get(index as usize)).map_or("", |material| &material.name);
+    let material = match (name, material) {
+        ("", Some(index)) => format!(", material {index}"),
+        ("", None) => String::new(),
+        (name, _) => format!(", material {name}"),
+    };
+    findings.push(Finding::value("surface", format!("triangle {}{material}", hit.face)));
+    findings
+}

@@ -1,0 +1,61 @@
+//! The pixel that the user has picked, and when the engine is to look at it.
+
+/// A picked pixel. The engine is asked to look only while a pane shows what it finds.
+#[derive(Default)]
+pub struct Picked {
+    /// Column and row of the frame's pixel.
+    pub pixel: Option<[u32; 2]>,
+    /// Set by the pane in every frame of the window in which it is drawn.
+    pub is_shown: bool,
+    /// Whether the pane is to come to the front.
+    pub wanted: bool,
+    /// Counted up by everything that asks for a new look.
+    looks: u64,
+    sent: Option<([u32; 2], u64)>,
+}
+
+impl Picked {
+    /// Picks a pixel, and brings up the pane that shows it.
+    pub fn pick(&mut self, pixel: [u32; 2]) {
+        self.pixel = Some(pixel);
+        self.wanted = true;
+        self.look();
+    }
+
+    /// Asks for a new look at the same pixel.
+    pub fn look(&mut self) {
+        self.looks += 1;
+    }
+
+    /// What the engine is to be told, if anything; once for each frame of the window.
+    pub fn news(&mut self) -> Option<Option<[u32; 2]>> {
+        let shown = std::mem::take(&mut self.is_shown);
+        let wish = self.pixel.filter(|_| shown || self.wanted).map(|pixel| (pixel, self.looks));
+        (wish != self.sent).then(|| {
+            self.sent = wish;
+            wish.map(|(pixel, _)| pixel)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_engine_looks_only_while_a_pane_shows_it() {
+        let mut picked = Picked::default();
+        assert_eq!(picked.news(), None);
+        picked.pick([3, 4]);
+        // The pane is on its way to the front.
+        assert_eq!(picked.news(), Some(Some([3, 4])));
+        (picked.wanted, picked.is_shown) = (false, true);
+        assert_eq!(picked.news(), None);
+        picked.is_shown = true;
+        picked.look();
+        assert_eq!(picked.news(), Some(Some([3, 4])));
+        // Now another pane lies before it.
+        assert_eq!(picked.news(), Some(None));
+        assert_eq!(picked.news(), None);
+    }
+}

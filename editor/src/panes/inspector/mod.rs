@@ -1,0 +1,236 @@
+//! One pixel through the whole graph: the sample behind it, and what each node did there.
+
+mod drawing;
+
+use egui::{
+    Align, Button, Checkbox, Color32, Grid, Layout, RichText, ScrollArea, Sense, Ui, UiBuilder, WidgetInfo,
+    WidgetType, vec2,
+};
+use epigraph_core::{Finding, Side};
+
+use crate::{
+    engine::Command,
+    inspect::{Inspection, Visit},
+    session::Session,
+    theme,
+};
+
+/// Seconds between looks while frames run and the pane follows them.
+const FOLLOW: f64 = 0.5;
+
+/// Points between what is told of a node and its drawing.
+const GAP: f32 = 8.0;
+
+/// The pane's own state.
+#[derive(Default)]
+pub struct InspectorPane {
+    /// Look again and again while frames run.
+    follow: bool,
+    /// Show the plain numbers too.
+    numbers: bool,
+    /// When it looked last, seconds of the window's time.
+    looked: f64,
+}
+
+impl InspectorPane {
+    /// Shows it.
+    pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
+        session.inspection.is_shown = true;
+        let Some(pixel) = session.inspection.pixel else {
+            empty(ui);
+            return;
+        };
+        self.header(ui, session, pixel);
+        let Some(inspection) = session.state.inspection.clone() else {
+            ui.weak("Waiting for a frame …");
+            return;
+        };
+        ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+            ui.spacing_mut().item_spacing.y = 3.0;
+            self.body(ui, session, &inspection);
+        });
+    }
+
+    fn header(&mut self, ui: &mut Ui, session: &mut Session, [x, y]: [u32; 2]) {
+        let paused = session.state.paused;
+        ui.horizontal(|ui| {
+            ui.strong(format!("({x}, {y})"));
+            if let Some(inspection) = &session.state.inspection {
+                let text = format!("frame {}", inspection.frame);
+                let mib = inspection.bytes as f64 / f64::from(1 << 20);
+                let cost = format!(
+                    "While this pane is open, memory for copies of what all nodes write is kept: {mib:.1} MiB. They are \
+                     taken in the frames that are looked at: one for a click while frames run, every step during a \
+                     pause. Close the pane or show another in its place to end that."
+                );
+                ui.weak(text).on_hover_text(cost);
+            }
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                let stop = ui.add(Button::new("✕").frame(false)).on_hover_text("Forget the pixel");
+                stop.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "forget the pixel"));
+                if stop.clicked() {
+                    session.inspection.pixel = None;
+                }
+                ui.add(Checkbox::new(&mut self.numbers, "numbers"))
+                    .on_hover_text("Also what each port holds there, as plain numbers");
+                if paused {
+                    return;
+                }
+                ui.add(Checkbox::new(&mut self.follow, "follow"))
+                    .on_hover_text("Look again twice a second. Each look copies what all nodes write");
+                if ui.small_button("Pause").on_hover_text("Hold, with the last frame laid open").clicked() {
+                    session.engine.send(Command::Pause(true));
+                }
+            });
+        });
+        if self.follow && !paused {
+            let now = ui.input(|input| input.time);
+            if now - self.looked > FOLLOW {
+                self.looked = now;
+                session.inspection.look();
+            }
+            ui.ctx().request_repaint_after_secs(FOLLOW as f32);
+        }
+    }
+
+    fn body(&self, ui: &mut Ui, session: &mut Session, inspection: &Inspection) {
+        section(ui, |ui| {
+            ui.label(RichText::new("Sample").strong().color(theme::ACCENT))
+                .on_hover_text("The point of the cloud that falls into the pixel, nearest to the eye");
+            match &inspection.sample {
+                Some(findings) => show_findings(ui, "sample", findings),
+                None => {
+                    ui.label("No point of the cloud falls into this pixel.");
+                }
+            }
+        });
+        for visit in inspection.nodes.iter().filter(|visit| !visit.is_silent()) {
+            section(ui, |ui| {
+                title(ui, session, visit);
+                show_findings(ui, &visit.node, &visit.findings);
+                if self.numbers || visit.findings.is_empty() {
+                    numbers(ui, visit);
+                }
+            });
+        }
+        let silent: Vec<&str> = inspection
+            .nodes
+            .iter()
+            .filter(|visit| visit.is_silent())
+            .map(|visit| visit.node.as_str())
+            .collect();
+        if !silent.is_empty() {
+            ui.add_space(4.0);
+            ui.weak(format!("Nothing to tell of a pixel: {}", silent.join(", ")));
+        }
+    }
+}
+
+fn empty(ui: &mut Ui) {
+    ui.strong("Click a pixel in a view.");
+    ui.weak(
+        "Here you then see it through the whole graph: the sample behind it, what each node wrote there, and why: culled \
+         by which neighbours, cut by which edge, filled from where.",
+    );
+}
+
+/// A part of the pane, set off from the one before.
+fn section(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
+    ui.add_space(2.0);
+    ui.separator();
+    show(ui);
+}
+
+/// The node's name, which selects it.
+fn title(ui: &mut Ui, session: &mut Session, visit: &Visit) {
+    ui.horizontal(|ui| {
+        let (color, side) = match visit.side {
+            Side::Cpu => (theme::CPU, "Ran on the CPU"),
+            Side::Gpu => (theme::GPU, "Ran on the GPU"),
+        };
+        let (rect, dot) = ui.allocate_exact_size(vec2(8.0, 10.0), Sense::hover());
+        ui.painter().circle_filled(rect.center(), 3.5, color);
+        dot.on_hover_text(side);
+        let doc = session.registry.get(&visit.kind).map_or("", |kind| kind.doc());
+        let name = ui.add(Button::new(RichText::new(&visit.node).strong()).frame(false));
+        if name.on_hover_text(format!("{}: {doc}", visit.kind)).clicked() {
+            session.selected = Some(visit.node.clone());
+        }
+        if !visit.node.ends_with(&visit.kind) {
+            ui.weak(&visit.kind);
+        }
+    });
+}
+
+/// Values and reasons on the left, drawings on the right.
+fn show_findings(ui: &mut Ui, id: &str, findings: &[Finding]) {
+    let is_drawing = |finding: &&Finding| matches!(finding, Finding::Around(_) | Finding::Sketch(_));
+    let drawings: Vec<&Finding> = findings.iter().filter(is_drawing).collect();
+    let taken = if drawings.is_empty() { 0.0 } else { drawing::SIDE + GAP };
+    let width = (ui.available_width() - taken).max(80.0);
+    ui.horizontal_top(|ui| {
+        let left = UiBuilder::new().layout(Layout::top_down(Align::Min));
+        ui.scope_builder(left, |ui| {
+            ui.set_width(width);
+            values(ui, id, findings);
+            for finding in findings {
+                if let Finding::Why(why) = finding {
+                    ui.label(why);
+                }
+            }
+        });
+        ui.vertical(|ui| drawings.iter().for_each(|finding| drawing::show(ui, finding)));
+    });
+}
+
+fn values(ui: &mut Ui, id: &str, findings: &[Finding]) {
+    let mut named = findings.iter().filter_map(|finding| match finding {
+        Finding::Value { name, text } => Some((name, Shown::Text(text))),
+        Finding::Color { name, linear } => Some((name, Shown::Color(*linear))),
+        _ => None,
+    });
+    let Some(first) = named.next() else { return };
+    Grid::new(("values", id)).num_columns(2).spacing([8.0, 2.0]).show(ui, |ui| {
+        for (name, shown) in std::iter::once(first).chain(named) {
+            ui.weak(name.as_ref());
+            match shown {
+                Shown::Text(text) => {
+                    ui.label(text);
+                }
+                Shown::Color(linear) => color(ui, linear),
+            }
+            ui.end_row();
+        }
+    });
+}
+
+enum Shown<'a> {
+    Text(&'a str),
+    Color([f32; 3]),
+}
+
+/// A swatch with the numbers beside it.
+fn color(ui: &mut Ui, linear: [f32; 3]) {
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 6.0;
+        let (rect, _) = ui.allocate_exact_size(vec2(22.0, 12.0), Sense::hover());
+        let edge = ui.visuals().widgets.noninteractive.bg_stroke;
+        ui.painter().rect(rect, 2.0, drawing::screen(linear), edge, egui::StrokeKind::Inside);
+        let [r, g, b] = linear;
+        ui.label(format!("{r:.3} {g:.3} {b:.3}"));
+    });
+}
+
+/// What the node's ports hold, as plain numbers.
+fn numbers(ui: &mut Ui, visit: &Visit) {
+    for (port, value) in &visit.values {
+        ui.horizontal_wrapped(|ui| {
+            ui.label(RichText::new(port).weak().small());
+            ui.label(RichText::new(value).monospace().size(11.0).color(muted(ui)));
+        });
+    }
+}
+
+fn muted(ui: &Ui) -> Color32 {
+    ui.visuals().text_color().gamma_multiply(0.85)
+}

@@ -1,0 +1,270 @@
+//! Texts that run as soon as they are sound, with errors where they are: the graph with its parts, and its shaders.
+
+mod places;
+mod search;
+mod syntax;
+
+use std::ops::Range;
+
+use egui::{
+    Align, Align2, ComboBox, FontId, Galley, Margin, Rect, ScrollArea, Shape, TextBuffer, TextEdit, Ui, pos2,
+    text::{CCursor, CCursorRange},
+    text_edit::TextEditOutput,
+    vec2,
+};
+use epigraph_core::Problem;
+use search::Search;
+pub use syntax::Language;
+use syntax::{Highlight, HighlightKind};
+
+use crate::{session::Session, status::file_name, theme};
+
+/// Room for line numbers, points.
+const GUTTER: f32 = 34.0;
+
+/// A text pane's own state.
+#[derive(Default)]
+pub struct TextPane {
+    /// What its texts are written in.
+    pub language: Language,
+    /// The file shown; empty for the first.
+    path: String,
+    buffer: String,
+    search: Search,
+    /// The selected node as of the last look.
+    selected: Option<String>,
+    /// Where the cursor was last, as a character.
+    cursor: Option<usize>,
+}
+
+/// A stretch of text to be brought into view.
+struct View {
+    bytes: Range<usize>,
+    /// Whether the cursor goes there, to type.
+    focus: bool,
+}
+
+impl TextPane {
+    /// A pane for shaders.
+    pub fn shaders() -> Self {
+        Self { language: Language::Wgsl, ..Self::default() }
+    }
+
+    /// Shows it.
+    pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
+        let jump = session.jump.take_if(|jump| Language::of(&jump.path) == self.language);
+        if let Some(jump) = &jump {
+            self.path = jump.path.clone();
+        }
+        let chosen = session.selected != self.selected;
+        self.selected.clone_from(&session.selected);
+        if let (true, Some(path)) = (chosen && jump.is_none(), self.home(session)) {
+            self.path = path;
+        }
+        let paths = self.paths(session);
+        let Some(first) = paths.first() else {
+            ui.strong("No shader of your own here.");
+            ui.weak(
+                "A node of kind `wgsl` runs a shader file: its variables are the node's ports and parameters. Add one on \
+                 the canvas, and name a file: params: (shader: \"mine.wgsl\").",
+            );
+            return;
+        };
+        if !paths.contains(&self.path) {
+            self.path.clone_from(first);
+        }
+        if session.document.text(&self.path) != self.buffer {
+            self.buffer = session.document.text(&self.path).to_owned();
+        }
+        let mut view = None;
+        ui.horizontal(|ui| {
+            ComboBox::from_id_salt(("file", self.language == Language::Wgsl))
+                .selected_text(file_name(&self.path))
+                .width(96.0)
+                .show_ui(ui, |ui| {
+                    for path in paths {
+                        let name = file_name(&path).to_owned();
+                        ui.selectable_value(&mut self.path, path, name);
+                    }
+                });
+            view = self.search.show(ui, &self.buffer).map(|bytes| View { bytes, focus: false });
+        });
+        if let Some(jump) = jump {
+            let at = places::byte(&self.buffer, places::character(&self.buffer, jump.at));
+            view = Some(View { bytes: at..at, focus: true });
+        } else if chosen && let Some(bytes) = self.node_lines(session) {
+            view = view.or(Some(View { bytes, focus: false }));
+        }
+        ScrollArea::both().auto_shrink(false).show(ui, |ui| self.editor(ui, session, view));
+    }
+
+    /// The files of its language: the graph's own first, or the shaders.
+    fn paths(&self, session: &Session) -> Vec<String> {
+        match self.language {
+            Language::Ron => {
+                let paths = session.document.paths().filter(|path| Language::of(path) == self.language);
+                paths.map(Into::into).collect()
+            }
+            Language::Wgsl => session.document.shaders().map(|(path, _)| path.to_owned()).collect(),
+        }
+    }
+
+    /// The file that the selected node stands in, or its shader.
+    fn home(&self, session: &Session) -> Option<String> {
+        let selected = session.selected.as_deref()?;
+        match self.language {
+            Language::Ron => Some(session.document.file()?.node_at(selected)?.1.path.clone()),
+            Language::Wgsl => session.document.shader_of(selected).map(str::to_owned),
+        }
+    }
+
+    /// The lines of the selected node, if they are in view and the text is as it was read.
+    fn node_lines(&self, session: &Session) -> Option<Range<usize>> {
+        let is_sound = session.document.problems().is_empty() && self.language == Language::Ron;
+        let file = session.document.file().filter(|_| is_sound)?;
+        places::of_node(file, session.selected.as_deref()?, &self.path)
+    }
+
+    fn editor(&mut self, ui: &mut Ui, session: &mut Session, view: Option<View>) {
+        let path = self.path.clone();
+        let problems = places::wrong(&path, &self.buffer, session.problems());
+        let problems: Vec<(Range<usize>, Problem)> =
+            problems.into_iter().map(|(range, problem)| (range, problem.clone())).collect();
+        let mut highlights: Vec<Highlight> = Vec::new();
+        let mut highlight =
+            |range: &Range<usize>, kind| highlights.push(Highlight { range: range.clone(), kind });
+        self.search.found.iter().for_each(|range| highlight(range, HighlightKind::Found));
+        self.search.current().into_iter().for_each(|range| highlight(range, HighlightKind::Current));
+        problems.iter().for_each(|(range, _)| highlight(range, HighlightKind::Wrong));
+
+        let lines = self.node_lines(session);
+        let behind = ui.painter().add(Shape::Noop);
+        let language = self.language;
+        let mut layouter =
+            |ui: &Ui, text: &dyn TextBuffer, _: f32| syntax::layout(ui, language, text.as_str(), &highlights);
+        let id = ui.make_persistent_id(("text", &self.path));
+        let output = TextEdit::multiline(&mut self.buffer)
+            .id(id)
+            .code_editor()
+            .frame(egui::Frame::new().inner_margin(Margin {
+                left: GUTTER as i8,
+                right: 4,
+                top: 2,
+                bottom: 2,
+            }))
+            .desired_width(f32::INFINITY)
+            .layouter(&mut layouter)
+            .show(ui);
+        if let Some(lines) = lines {
+            ui.painter().set(behind, self.behind(ui, &output, lines));
+        }
+        let left = output.response.rect.left();
+        numbers(ui, &output.galley, output.galley_pos.y, left);
+        self.tell(ui, &output, &problems);
+        if output.response.changed() {
+            session.document.type_text(&self.path, &self.buffer);
+            // Each line of typing can be undone on its own.
+            if ui.input(|input| input.key_pressed(egui::Key::Enter)) {
+                session.document.seal();
+            }
+        }
+        if output.response.lost_focus() {
+            session.document.seal();
+        }
+        self.follow_cursor(session, &output);
+        if let Some(view) = view {
+            self.bring(ui, output, &view);
+        }
+    }
+
+    /// A band behind the lines of the selected node.
+    fn behind(&self, ui: &Ui, output: &TextEditOutput, bytes: Range<usize>) -> Shape {
+        let [top, bottom] = [bytes.start, bytes.end].map(|at| self.place(output, at));
+        let rows = top.top()..=bottom.bottom();
+        let across = output.response.rect.left()..=ui.clip_rect().right();
+        let band = Rect::from_x_y_ranges(across.start() + GUTTER - 5.0..=*across.end(), rows.clone());
+        let bar = Rect::from_x_y_ranges(across.start() + GUTTER - 6.0..=across.start() + GUTTER - 3.5, rows);
+        Shape::Vec(vec![
+            Shape::rect_filled(band, 0.0, theme::ACCENT.gamma_multiply(0.1)),
+            Shape::rect_filled(bar, 0.0, theme::ACCENT.gamma_multiply(0.8)),
+        ])
+    }
+
+    /// Where a byte is drawn.
+    fn place(&self, output: &TextEditOutput, at: usize) -> Rect {
+        let character = self.buffer[..at.min(self.buffer.len())].chars().count();
+        output.galley.pos_from_cursor(CCursor::new(character)).translate(output.galley_pos.to_vec2())
+    }
+
+    /// What is wrong, behind the end of the line where it is.
+    fn tell(&self, ui: &Ui, output: &TextEditOutput, problems: &[(Range<usize>, Problem)]) {
+        for (range, problem) in problems {
+            let rest = &self.buffer[range.end..];
+            let end = range.end + rest.find('\n').unwrap_or(rest.len());
+            let place = self.place(output, end);
+            let text = problem.error.to_string();
+            let font = FontId::proportional(11.5);
+            let galley = ui.painter().layout_no_wrap(format!("⚠ {text}"), font, theme::BAD);
+            let at = place.center() + vec2(14.0, -0.5 * galley.size().y);
+            let back = Rect::from_min_size(at, galley.size()).expand2(vec2(4.0, 1.0));
+            ui.painter().rect_filled(back, 2.0, theme::BAD.gamma_multiply(0.12));
+            ui.painter().galley(at, galley, theme::BAD);
+        }
+    }
+
+    /// Selects the node in whose lines the user has put the cursor.
+    fn follow_cursor(&mut self, session: &mut Session, output: &TextEditOutput) {
+        let cursor =
+            output.cursor_range.filter(|_| output.response.has_focus()).map(|range| range.primary.index.0);
+        let moved = cursor != self.cursor;
+        self.cursor = cursor;
+        // Typing moves the cursor too, but not to another node.
+        let Some(at) = cursor.filter(|_| moved && !output.response.changed()) else { return };
+        let node = match self.language {
+            Language::Wgsl => session.document.user_of(&self.path).map(str::to_owned),
+            Language::Ron if session.document.problems().is_empty() => {
+                let file = session.document.file();
+                file.and_then(|file| places::node_at(file, &self.path, places::byte(&self.buffer, at)))
+            }
+            Language::Ron => None,
+        };
+        if node.is_some() {
+            // It is in view: there is no need to scroll to it.
+            self.selected.clone_from(&node);
+            session.selected = node;
+        }
+    }
+
+    fn bring(&self, ui: &mut Ui, output: TextEditOutput, view: &View) {
+        if view.focus {
+            let character = self.buffer[..view.bytes.start].chars().count();
+            let mut state = output.state.clone();
+            state.cursor.set_char_range(Some(CCursorRange::one(CCursor::new(character))));
+            state.store(ui.ctx(), output.response.id);
+            output.response.request_focus();
+        }
+        let [start, end] = [view.bytes.start, view.bytes.end].map(|at| self.place(&output, at));
+        // What is higher than the pane is shown from its beginning.
+        let fits = end.bottom() - start.top() < ui.clip_rect().height();
+        let align = if fits { Align::Center } else { Align::Min };
+        ui.scroll_to_rect(if fits { start.union(end) } else { start }, Some(align));
+    }
+}
+
+/// Line numbers beside the text.
+fn numbers(ui: &Ui, galley: &Galley, top: f32, left: f32) {
+    let font = FontId::monospace(10.0);
+    let color = ui.visuals().weak_text_color();
+    let mut begins = true;
+    let mut number = 0;
+    for row in &galley.rows {
+        if begins {
+            number += 1;
+            let at = pos2(left + GUTTER - 8.0, top + row.pos.y + 0.5 * row.size.y);
+            if ui.clip_rect().y_range().contains(at.y) {
+                ui.painter().text(at, Align2::RIGHT_CENTER, number, font.clone(), color);
+            }
+        }
+        begins = row.ends_with_newline;
+    }
+}

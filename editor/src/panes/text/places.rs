@@ -1,0 +1,104 @@
+//! Places in texts: of problems, of nodes, of what is searched for.
+
+use std::ops::Range;
+
+use epigraph_core::{GraphFile, Place, Problem, Span};
+
+/// The index of a character by its line and column, from 1.
+pub fn character(text: &str, (line, column): (usize, usize)) -> usize {
+    let before: usize =
+        text.split_inclusive('\n').take(line.saturating_sub(1)).map(|line| line.chars().count()).sum();
+    before + column.saturating_sub(1)
+}
+
+/// The byte of a character by its index.
+pub fn byte(text: &str, character: usize) -> usize {
+    text.char_indices().nth(character).map_or(text.len(), |(at, _)| at)
+}
+
+/// Problems of a file with the bytes that they concern.
+pub fn wrong<'p>(path: &str, text: &str, problems: &'p [Problem]) -> Vec<(Range<usize>, &'p Problem)> {
+    let placed = problems.iter().filter_map(|problem| Some((problem.place.as_ref()?, problem)));
+    let here = placed.filter(|(place, _)| place.file == path && place.line > 0);
+    here.map(|(place, problem)| (range(text, place), problem)).collect()
+}
+
+fn range(text: &str, place: &Place) -> Range<usize> {
+    let line: usize = text.split_inclusive('\n').take(place.line - 1).map(str::len).sum();
+    let rest = text[line..].lines().next().unwrap_or("");
+    let (start, end) =
+        (byte(rest, place.column.saturating_sub(1)), byte(rest, place.column - 1 + place.length));
+    // At a line's end there is nothing to underline but its last character.
+    let start = if start == end { rest.char_indices().next_back().map_or(0, |(at, _)| at) } else { start };
+    line + start..line + end
+}
+
+/// Where a text holds another, whatever the case of ASCII letters; none for an empty one.
+pub fn found(text: &str, wanted: &str) -> Vec<Range<usize>> {
+    if wanted.is_empty() {
+        return Vec::new();
+    }
+    // Lower case of ASCII letters leaves every byte in its place.
+    let (lower, wanted) = (text.to_ascii_lowercase(), wanted.to_ascii_lowercase());
+    lower.match_indices(&wanted).map(|(at, found)| at..at + found.len()).collect()
+}
+
+/// The lines of a node in a file, as bytes; none where the node stands in another one.
+pub fn of_node(file: &GraphFile, address: &str, path: &str) -> Option<Range<usize>> {
+    let (node, within) = file.node_at(address)?;
+    let Span { start, end } = within.node_span(&node.name.value).filter(|_| within.path == path)?;
+    Some(start..end)
+}
+
+/// The address of the node whose lines hold a byte of a file: where a part stands several times, in the first of them.
+pub fn node_at(file: &GraphFile, path: &str, at: usize) -> Option<String> {
+    if file.path == path {
+        let holds =
+            |name: &&str| file.node_span(name).is_some_and(|span| (span.start..span.end).contains(&at));
+        return file.nodes.iter().map(|node| node.name.value.as_str()).find(holds).map(str::to_owned);
+    }
+    file.parts.iter().find_map(|(name, part)| Some(format!("{name}/{}", node_at(part, path, at)?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_the_bytes_of_their_place() {
+        let text = "Graph(\n    version: 1,\n    nodes: { \"é\": (kind: 3) },\n    outputs: {},\n)\n";
+        let problems = GraphFile::parse("a.ron", text).unwrap_err().0;
+        let found = wrong("a.ron", text, &problems);
+        assert_eq!(found.iter().map(|(range, _)| &text[range.clone()]).collect::<Vec<_>>(), ["3"]);
+        assert!(wrong("b.ron", text, &problems).is_empty());
+        assert_eq!(character(text, (3, 15)), text[..text.find('é').unwrap()].chars().count());
+        assert_eq!(byte(text, character(text, (3, 15))), text.find('é').unwrap());
+    }
+
+    #[test]
+    fn searching_ignores_case() {
+        assert_eq!(found("Aé aÉ aa", "a"), [0..1, 4..5, 8..9, 9..10]);
+        assert!(found("text", "").is_empty());
+    }
+
+    #[test]
+    fn nodes_have_their_lines_also_those_of_parts() {
+        let inner = "Graph(version: 1, nodes: {\n \"in\": (kind: \"fill\"),\n}, outputs: { \"color\": \"in.color\" })";
+        let outer = "Graph(version: 1, nodes: {\n  \"a\": (kind: \"graph\", params: (file: \"p.ron\")),\n  // why\n  \"b\": (\n    kind: \"tonemap\",\n  ),\n}, outputs: { \"image\": \"b.image\" })";
+        let file = GraphFile::parse("g.ron", outer).unwrap();
+        let file = file.with_parts(&|_| Ok(inner.to_owned())).unwrap();
+        let b = of_node(&file, "b", "g.ron").unwrap();
+        assert!(
+            outer[b.clone()].starts_with("\"b\": (") && outer[b.clone()].ends_with("\n  )"),
+            "{}",
+            &outer[b]
+        );
+        let part = &file.parts[0].1;
+        let inside = of_node(&file, "a/in", &part.path).unwrap();
+        assert_eq!(&inner[inside.clone()], "\"in\": (kind: \"fill\")");
+        assert_eq!(of_node(&file, "a/in", "g.ron"), None);
+        assert_eq!(node_at(&file, &part.path, inside.start + 3).as_deref(), Some("a/in"));
+        assert_eq!(node_at(&file, "g.ron", outer.find("tonemap").unwrap()).as_deref(), Some("b"));
+        assert_eq!(node_at(&file, "g.ron", outer.find("why").unwrap()), None);
+    }
+}

@@ -1,0 +1,101 @@
+//! How full the cloud is, how old its points are, and how many samples come.
+
+use std::sync::Arc;
+
+use egui::{ProgressBar, Ui};
+use egui_plot::{Bar, BarChart, Plot};
+
+use crate::{
+    engine::{GraphInfo, NodeInfo, Record},
+    session::Session,
+    theme,
+};
+
+/// Ages of one bar.
+const BIN: usize = 8;
+
+/// Shows it.
+pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
+    let Some(graph) = session.state.graph.clone() else { return };
+    let Some(ages) = output(&graph, "age", "histogram") else {
+        ui.weak("This graph has no stage `age`, which counts the points of the cloud.");
+        return;
+    };
+    // Small lists, and copied only while they are shown.
+    let arrived = output(&graph, "integrate", "arrived");
+    session
+        .asides
+        .extend([Some(ages.1.clone()), arrived.as_ref().map(|found| found.1.clone())].into_iter().flatten());
+
+    let counts = session.state.fields(&ages.1).next().map(|snapshot| snapshot.get::<u32>());
+    let Some(counts) = counts else {
+        ui.weak(if session.state.paused {
+            "Step or run to see the cloud."
+        } else {
+            "Waiting for a frame …"
+        });
+        return;
+    };
+    let slots =
+        ages.0.ports.iter().find(|info| info.port.name == "cloud").map_or(0, |info| info.dims.count());
+    let live: u32 = counts.iter().sum();
+    let share = live as f32 / slots.max(1) as f32;
+    ui.add(
+        ProgressBar::new(share)
+            .text(format!("{live} of {slots} slots, {:.1}%", 100.0 * share))
+            .fill(theme::CPU.gamma_multiply(0.6)),
+    )
+    .on_hover_text("Slots of the cloud that hold a point");
+    samples(ui, session, arrived.as_ref().map(|found| found.1.as_str()), records);
+
+    let bar = |(index, ages): (usize, &[u32])| {
+        let count = f64::from(ages.iter().sum::<u32>());
+        Bar::new((index * BIN) as f64 + 0.5 * BIN as f64, count).width(BIN as f64 * 0.9).name(format!(
+            "age {} to {}",
+            index * BIN,
+            (index + 1) * BIN - 1
+        ))
+    };
+    let bars: Vec<Bar> = counts.chunks(BIN).enumerate().map(bar).collect();
+    ui.weak("points by age, 0 to 255");
+    Plot::new("ages")
+        .height((ui.available_height() - 4.0).max(60.0))
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .include_x(0.0)
+        .include_x(256.0)
+        .include_y(0.0)
+        .show(ui, |plot| plot.bar_chart(BarChart::new("points", bars).color(theme::CPU)));
+}
+
+/// How many samples came in the last frame and come in a second.
+fn samples(ui: &mut Ui, session: &Session, arrived: Option<&str>, records: &[Arc<Record>]) {
+    let Some(count) =
+        arrived.and_then(|name| session.state.fields(name).next()?.get::<u32>().first().copied())
+    else {
+        return;
+    };
+    ui.horizontal(|ui| {
+        ui.label(format!("{count} samples came in the last frame"));
+        if let Some(rate) = rate(records).filter(|_| !session.state.paused) {
+            ui.weak(format!("{:.1} thousand a second", f64::from(count) * rate / 1000.0))
+                .on_hover_text("As many in each frame, at the present frames a second");
+        }
+    });
+}
+
+/// Frames a second over the last ones.
+fn rate(records: &[Arc<Record>]) -> Option<f64> {
+    const FRAMES: usize = 30;
+    let recent = &records[records.len().saturating_sub(FRAMES)..];
+    let seconds = recent.last()?.at - recent.first()?.at;
+    (seconds > 0.0).then(|| (recent.len() - 1) as f64 / seconds)
+}
+
+/// An output of the first node of a kind, with its node.
+fn output<'a>(graph: &'a GraphInfo, kind: &str, port: &str) -> Option<(&'a NodeInfo, String)> {
+    let node = graph.nodes.iter().find(|node| node.kind == kind)?;
+    let found = node.ports.iter().find(|info| info.port.name == port && info.port.is_output())?;
+    Some((node, format!("{}.{}", node.name, found.port.name)))
+}

@@ -1,0 +1,100 @@
+//! The last frames, step by step.
+
+use std::sync::Arc;
+
+use epigraph_core::Side;
+
+use crate::engine::{Record, StepCost};
+
+/// A step of the graph over the last frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepSummary {
+    /// The node's name, or the transfer's.
+    pub name: String,
+    /// The node that runs; none for transfers.
+    pub node: Option<String>,
+    /// Where it runs.
+    pub side: Side,
+    /// Of the last frame.
+    pub last: StepCost,
+    /// Milliseconds: the median over the frames.
+    pub median: f32,
+    /// Milliseconds in each frame, the oldest first.
+    pub series: Vec<f32>,
+}
+
+/// The steps of the graph of the last record, in their order, over the frames of this graph: those since it was changed.
+pub fn summarize(records: &[Arc<Record>]) -> Vec<StepSummary> {
+    let Some(last) = records.last() else { return Vec::new() };
+    // Watching another port compiles the graph anew, but its steps stay.
+    let same = |record: &&Arc<Record>| {
+        Arc::ptr_eq(&record.graph, &last.graph)
+            || record.graph.steps.iter().map(|step| &step.name).eq(last
+                .graph
+                .steps
+                .iter()
+                .map(|step| &step.name))
+    };
+    let frames: Vec<&Arc<Record>> = records.iter().filter(same).collect();
+    let step = |(index, step): (usize, &crate::engine::StepInfo)| {
+        let series: Vec<f32> = frames.iter().map(|record| record.steps[index].ms).collect();
+        StepSummary {
+            name: step.name.clone(),
+            node: step.node.clone(),
+            side: step.side,
+            last: last.steps[index],
+            median: median(&series),
+            series,
+        }
+    };
+    last.graph.steps.iter().enumerate().map(step).collect()
+}
+
+/// The median; of an even number the lower of the two in the middle, of none 0.
+pub fn median(values: &[f32]) -> f32 {
+    let mut values = values.to_vec();
+    let Some(middle) = values.len().checked_sub(1).map(|last| last / 2) else { return 0.0 };
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::{GraphInfo, StepInfo};
+
+    fn graph(names: &[&str]) -> Arc<GraphInfo> {
+        let step = |name: &&str| StepInfo { name: (*name).into(), node: None, side: Side::Cpu };
+        let steps = names.iter().map(step).collect();
+        Arc::new(GraphInfo {
+            nodes: Vec::new(),
+            culled: Vec::new(),
+            outputs: Vec::new(),
+            steps,
+            bytes: [0; 2],
+            size: [1, 1],
+            gpu: None,
+        })
+    }
+
+    fn record(graph: &Arc<GraphInfo>, ms: &[f32]) -> Arc<Record> {
+        let steps = ms.iter().map(|&ms| StepCost { ms, ..StepCost::default() }).collect();
+        Arc::new(Record { frame: 0, at: 0.0, ms: 0.0, graph: graph.clone(), steps })
+    }
+
+    #[test]
+    fn medians_are_of_the_present_graph() {
+        let (old, new) = (graph(&["a"]), graph(&["a", "b"]));
+        let records = [
+            record(&old, &[100.0]),
+            record(&new, &[1.0, 7.0]),
+            record(&graph(&["a", "b"]), &[9.0, 8.0]),
+            record(&new, &[2.0, 9.0]),
+        ];
+        let steps = summarize(&records);
+        assert_eq!((steps[0].median, steps[1].median), (2.0, 8.0));
+        assert_eq!(steps[0].series, [1.0, 9.0, 2.0]);
+        assert_eq!(steps[1].last.ms, 9.0);
+        assert_eq!(median(&[]), 0.0);
+        assert_eq!(median(&[4.0, 1.0, 3.0, 2.0]), 2.0);
+    }
+}

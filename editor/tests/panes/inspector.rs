@@ -1,0 +1,108 @@
+use egui::{Event, PointerButton, Pos2, pos2};
+use egui_kittest::kittest::Queryable;
+
+use crate::support::Opened;
+
+/// The middle of the view.
+fn middle(opened: &Opened) -> Pos2 {
+    opened.harness.get_by_label("image of image").rect().center()
+}
+
+fn press(opened: &mut Opened, at: Pos2, pressed: bool) {
+    let modifiers = egui::Modifiers::NONE;
+    opened.harness.event(Event::PointerButton {
+        pos: at,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers,
+    });
+    opened.harness.run_steps(2);
+}
+
+fn go(opened: &mut Opened, at: Pos2) {
+    opened.harness.event(Event::PointerMoved(at));
+    opened.harness.run_steps(2);
+}
+
+#[test]
+fn a_click_lays_a_pixel_open_and_a_drag_does_not() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(8);
+    let at = middle(&opened);
+    go(&mut opened, at);
+    press(&mut opened, at, true);
+    press(&mut opened, at, false);
+    opened.until("the pixel", |app| app.session.state.inspection.is_some());
+    let inspection = opened.app().session.state.inspection.clone().unwrap();
+    assert_eq!(inspection.pixel, [32, 24]);
+    // The pane came to the front, and tells of each node.
+    assert!(opened.harness.query_by_label("(32, 24)").is_some());
+    assert!(opened.harness.query_by_label_contains("votes").is_none());
+    assert!(opened.harness.query_by_label("view/project").is_some());
+    // Nothing was run but the frame that was captured, and a second look runs none.
+    let frames = opened.app().session.state.frames;
+    assert_eq!(frames, 9);
+    let next = at + egui::vec2(30.0, 0.0);
+    go(&mut opened, next);
+    press(&mut opened, next, true);
+    press(&mut opened, next, false);
+    opened.until("the next pixel", |app| {
+        app.session.state.inspection.as_ref().is_some_and(|found| found.pixel[0] > 32)
+    });
+    assert_eq!(opened.app().session.state.frames, frames);
+
+    let picked = opened.app().session.inspection.pixel;
+    let camera = opened.app().session.rig.unwrap().camera;
+    go(&mut opened, at);
+    press(&mut opened, at, true);
+    (1..6).for_each(|step| go(&mut opened, at + egui::vec2(12.0 * step as f32, 0.0)));
+    press(&mut opened, at + egui::vec2(60.0, 0.0), false);
+    assert_eq!(opened.app().session.inspection.pixel, picked, "a drag picks nothing");
+    assert_ne!(opened.app().session.rig.unwrap().camera, camera, "it orbits");
+}
+
+#[test]
+fn a_hidden_inspector_costs_nothing() {
+    let mut opened = Opened::new("render-cache.ron");
+    opened.frames(4);
+    opened.harness.state_mut().session.inspection.pick([10, 10]);
+    opened.until("the pixel", |app| app.session.state.inspection.is_some());
+    opened.click("fill");
+    assert_eq!(opened.app().session.selected.as_deref(), Some("fill"));
+    opened.click("Nodes");
+    opened.until("the end of it", |app| app.session.state.inspection.is_none());
+    // Back at the pane, the pixel is still picked.
+    opened.click("Pixel");
+    opened.until("the pixel again", |app| app.session.state.inspection.is_some());
+    opened.click("forget the pixel");
+    opened.until("the end of it", |app| app.session.state.inspection.is_none());
+    assert_eq!(opened.app().session.inspection.pixel, None);
+}
+
+/// For people to look at.
+#[test]
+fn the_inspector_is_drawn() {
+    let mut opened = Opened::with("epi.ron", true, [512, 512]);
+    opened.frames(30);
+    for (index, pixel) in [[212, 180], [300, 330], [150, 256], [256, 400]].into_iter().enumerate() {
+        opened.harness.state_mut().session.inspection.pick(pixel);
+        opened.until("the pixel", move |app| {
+            app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == pixel)
+        });
+        opened.harness.run_steps(4);
+        opened.shot(&format!("inspector-{index}"));
+    }
+    let pane = pos2(150.0, 500.0);
+    go(&mut opened, pane);
+    for page in 0..3 {
+        opened.harness.event(Event::MouseWheel {
+            unit: egui::MouseWheelUnit::Point,
+            delta: egui::vec2(0.0, -480.0),
+            modifiers: egui::Modifiers::NONE,
+            phase: egui::TouchPhase::Move,
+        });
+        opened.harness.run_steps(20);
+        let shot = opened.shot(&format!("inspector-page-{page}"));
+        assert!(!shot.is_empty());
+    }
+}

@@ -1,0 +1,5 @@
+//! Panes by themselves.
+
+mod inspector;
+mod texts;
+mod times;
