@@ -57,6 +57,8 @@ pub struct StepInfo {
     pub node: Option<String>,
     /// Where it runs.
     pub side: Side,
+    /// Whether it only copies something for whoever looks at it.
+    pub is_tap: bool,
 }
 
 impl PortInfo {
@@ -90,7 +92,7 @@ impl GraphInfo {
                 Step::Upload(_) => (None, Side::Gpu),
                 Step::Download(..) | Step::Tap(..) => (None, Side::Cpu),
             };
-            StepInfo { name: plan.step_name(step), node, side }
+            StepInfo { name: plan.step_name(step), node, side, is_tap: matches!(step, Step::Tap(..)) }
         };
         Self {
             nodes: graph.nodes.iter().enumerate().map(node).collect(),

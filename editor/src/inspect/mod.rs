@@ -41,8 +41,8 @@ pub struct Visit {
     pub kind: String,
     /// Where it ran.
     pub side: Side,
-    /// What the stage tells of it; empty where it has nothing to tell.
-    pub findings: Vec<Finding>,
+    /// What the stage tells of it; none where it cannot tell anything.
+    pub findings: Option<Vec<Finding>>,
     /// What it wrote there, as plain numbers: port and values.
     pub values: Vec<(String, String)>,
 }
@@ -50,7 +50,10 @@ pub struct Visit {
 impl Visit {
     /// Whether there is anything to show.
     pub fn is_silent(&self) -> bool {
-        self.findings.is_empty() && self.values.is_empty()
+        match &self.findings {
+            Some(findings) => findings.is_empty(),
+            None => self.values.is_empty(),
+        }
     }
 }
 
@@ -88,7 +91,7 @@ pub fn inspect(
             node: node.name.clone(),
             kind: node.kind.clone(),
             side: node.side,
-            findings: node.stage.explain(&site).unwrap_or_default(),
+            findings: node.stage.explain(&site),
             values: values.collect(),
         }
     };

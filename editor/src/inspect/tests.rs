@@ -77,8 +77,12 @@ fn visit<'a>(inspection: &'a Inspection, node: &str) -> &'a Visit {
     inspection.nodes.iter().find(|visit| visit.node == node).unwrap()
 }
 
+fn told<'a>(inspection: &'a Inspection, node: &str) -> &'a [Finding] {
+    visit(inspection, node).findings.as_deref().unwrap_or_default()
+}
+
 fn why(inspection: &Inspection, node: &str) -> String {
-    let whys = visit(inspection, node).findings.iter().filter_map(|finding| match finding {
+    let whys = told(inspection, node).iter().filter_map(|finding| match finding {
         Finding::Why(why) => Some(why.as_str()),
         _ => None,
     });
@@ -93,7 +97,7 @@ fn said<'a>(findings: &'a [Finding], wanted: &str) -> Option<&'a str> {
 }
 
 fn around<'a>(inspection: &'a Inspection, node: &str) -> &'a [Cell] {
-    let found = visit(inspection, node).findings.iter().find_map(|finding| match finding {
+    let found = told(inspection, node).iter().find_map(|finding| match finding {
         Finding::Around(around) => Some(around.cells.as_slice()),
         _ => None,
     });
@@ -167,7 +171,7 @@ fn a_culled_point_is_told_with_those_that_hide_it() {
     // The sample is the culled point.
     let sample = inspection.sample.as_ref().unwrap();
     assert_eq!(said(sample, "point"), Some(before[at(pixel)].to_string().as_str()));
-    assert_eq!(said(&visit(&inspection, "view/cull").findings, "point"), Some("none"));
+    assert_eq!(said(told(&inspection, "view/cull"), "point"), Some("none"));
     // A point that stays says so.
     let kept = pixels().find(|pixel| after[at(*pixel)] != NONE && votes(*pixel).0 > 0).unwrap();
     let (_, inspection) = run.look(kept);
@@ -220,7 +224,7 @@ fn an_ambiguous_sample_is_told_where_its_cell_touches_the_edge() {
             continue;
         }
         let (_, inspection) = run.look(pixel);
-        let findings = &visit(&inspection, "edges/classify").findings;
+        let findings = told(&inspection, "edges/classify");
         assert_eq!(said(findings, "class"), Some("simple: an edge cuts it in two"));
         // Edges that bend at a vertex are no straight line.
         if findings.iter().any(|finding| {
@@ -257,7 +261,7 @@ fn pixels_beyond_an_edge_are_told_apart() {
     let complex = pixels().find(|pixel| cls[at(*pixel)] & 3 == 2).expect("chains meet");
     let (_, inspection) = run.look(complex);
     assert!(why(&inspection, "edges/reach").contains("is complex"), "{}", why(&inspection, "edges/reach"));
-    assert!(said(&visit(&inspection, "edges/classify").findings, "class").unwrap().starts_with("complex: "));
+    assert!(said(told(&inspection, "edges/classify"), "class").unwrap().starts_with("complex: "));
 }
 
 #[test]
@@ -314,7 +318,7 @@ fn the_render_cache_tells_what_it_mixes() {
     let (_, inspection) = run.look(pixel);
     let text = why(&inspection, "fill");
     assert!(text.starts_with("The mean of 3 points in the 3×3 pixels"), "{text}");
-    let told = said(&visit(&inspection, "fill").findings, "priority").unwrap();
+    let told = said(told(&inspection, "fill"), "priority").unwrap();
     assert_eq!(told, format!("{} of 255", priority[at(pixel)]));
     let order: Vec<&str> = inspection.nodes.iter().map(|visit| visit.node.as_str()).collect();
     let place = |node: &str| order.iter().position(|other| *other == node).unwrap();
@@ -329,6 +333,8 @@ fn looking_costs_only_while_it_lasts_and_changes_nothing() {
             let (state, inspection) = run.look([40, 30]);
             assert_eq!((state.frames, inspection.frame), (4, 3));
             assert!(inspection.bytes > 1 << 20);
+            // A sample of this frame or not, `trace` is one of those that can tell.
+            assert!(visit(&inspection, "trace").findings.is_some());
             // Only outputs are published.
             assert!(
                 state.snapshots.iter().all(|snapshot| snapshot.name == "image"),
@@ -380,7 +386,7 @@ fn the_papers_split_and_shaders_of_ones_own_are_told_too() {
     let run = Run::new("experiments/outline.ron", "cornell", Backend::Gpu, &["outline.outlined"], 4);
     let (state, inspection) = run.look([40, 30]);
     let outline = visit(&inspection, "outline");
-    assert_eq!(outline.findings, []);
+    assert_eq!(outline.findings, None);
     let linear = &state.fields("outline.outlined").next().unwrap().get::<[f32; 4]>()[at([40, 30])];
     assert_eq!(outline.values[0].0, "outlined");
     let red = format!("r {}", epigraph_pictures::Number::Float(linear[0]).brief());

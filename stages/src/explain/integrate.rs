@@ -32,5 +32,5 @@ pub(super) fn at(stage: &Integrate, params: &IntegrateParams, site: &Site) -> Op
             findings.push(Finding::value("point", "flagged as changed"));
         }
     }
-    (!findings.is_empty()).then_some(findings)
+    Some(findings)
 }

@@ -23,5 +23,5 @@ pub(super) fn at(stage: &Trace, site: &Site) -> Option<Vec<Finding>> {
         findings.push(Finding::color("radiance", &sample.radiance));
         findings.push(Finding::Why("It comes into the cloud in the next frame.".into()));
     }
-    (!findings.is_empty()).then_some(findings)
+    Some(findings)
 }

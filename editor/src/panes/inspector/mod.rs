@@ -3,7 +3,7 @@
 mod drawing;
 
 use egui::{
-    Align, Button, Checkbox, Color32, Grid, Layout, RichText, ScrollArea, Sense, Ui, UiBuilder, WidgetInfo,
+    Align, Button, Color32, Label, Layout, RichText, ScrollArea, Sense, Ui, UiBuilder, WidgetInfo,
     WidgetType, vec2,
 };
 use epigraph_core::{Finding, Side};
@@ -20,6 +20,10 @@ const FOLLOW: f64 = 0.5;
 
 /// Points between what is told of a node and its drawing.
 const GAP: f32 = 8.0;
+/// Room for the names of values, points.
+const NAMES: f32 = 84.0;
+/// Room for the scroll bar.
+const MARGIN: f32 = 6.0;
 
 /// The pane's own state.
 #[derive(Default)]
@@ -47,6 +51,9 @@ impl InspectorPane {
         };
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 3.0;
+            ui.spacing_mut().interact_size.y = 16.0;
+            // Nothing makes it wider than it is: what does not fit is wrapped.
+            ui.set_max_width(ui.available_width() - MARGIN);
             self.body(ui, session, &inspection);
         });
     }
@@ -56,32 +63,31 @@ impl InspectorPane {
         ui.horizontal(|ui| {
             ui.strong(format!("({x}, {y})"));
             if let Some(inspection) = &session.state.inspection {
-                let text = format!("frame {}", inspection.frame);
                 let mib = inspection.bytes as f64 / f64::from(1 << 20);
-                let cost = format!(
-                    "While this pane is open, memory for copies of what all nodes write is kept: {mib:.1} MiB. They are \
-                     taken in the frames that are looked at: one for a click while frames run, every step during a \
-                     pause. Close the pane or show another in its place to end that."
-                );
-                ui.weak(text).on_hover_text(cost);
+                let cost = "While this pane is open, memory for copies of what all nodes write is kept. They are taken \
+                            in the frames that are looked at: one for a click while frames run, every step during a \
+                            pause. Close the pane or show another in its place to end that.";
+                ui.weak(format!("frame {}, {mib:.0} MiB copied", inspection.frame)).on_hover_text(cost);
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                let stop = ui.add(Button::new("✕").frame(false)).on_hover_text("Forget the pixel");
-                stop.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "forget the pixel"));
-                if stop.clicked() {
+                let forget = ui.add(Button::new("×").frame(false)).on_hover_text("Forget the pixel");
+                forget.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "forget the pixel"));
+                if forget.clicked() {
                     session.inspection.pixel = None;
                 }
-                ui.add(Checkbox::new(&mut self.numbers, "numbers"))
-                    .on_hover_text("Also what each port holds there, as plain numbers");
-                if paused {
-                    return;
-                }
-                ui.add(Checkbox::new(&mut self.follow, "follow"))
-                    .on_hover_text("Look again twice a second. Each look copies what all nodes write");
-                if ui.small_button("Pause").on_hover_text("Hold, with the last frame laid open").clicked() {
-                    session.engine.send(Command::Pause(true));
-                }
             });
+        });
+        ui.horizontal(|ui| {
+            ui.checkbox(&mut self.numbers, "numbers")
+                .on_hover_text("Also what each port holds there, as plain numbers");
+            if paused {
+                return;
+            }
+            ui.checkbox(&mut self.follow, "follow")
+                .on_hover_text("Look again twice a second. Each look copies what all nodes write");
+            if ui.small_button("Pause").on_hover_text("Hold, with the last frame laid open").clicked() {
+                session.engine.send(Command::Pause(true));
+            }
         });
         if self.follow && !paused {
             let now = ui.input(|input| input.time);
@@ -98,7 +104,7 @@ impl InspectorPane {
             ui.label(RichText::new("Sample").strong().color(theme::ACCENT))
                 .on_hover_text("The point of the cloud that falls into the pixel, nearest to the eye");
             match &inspection.sample {
-                Some(findings) => show_findings(ui, "sample", findings),
+                Some(findings) => show_findings(ui, findings),
                 None => {
                     ui.label("No point of the cloud falls into this pixel.");
                 }
@@ -107,8 +113,8 @@ impl InspectorPane {
         for visit in inspection.nodes.iter().filter(|visit| !visit.is_silent()) {
             section(ui, |ui| {
                 title(ui, session, visit);
-                show_findings(ui, &visit.node, &visit.findings);
-                if self.numbers || visit.findings.is_empty() {
+                show_findings(ui, visit.findings.as_deref().unwrap_or_default());
+                if self.numbers || visit.findings.is_none() {
                     numbers(ui, visit);
                 }
             });
@@ -163,50 +169,41 @@ fn title(ui: &mut Ui, session: &mut Session, visit: &Visit) {
 }
 
 /// Values and reasons on the left, drawings on the right.
-fn show_findings(ui: &mut Ui, id: &str, findings: &[Finding]) {
+fn show_findings(ui: &mut Ui, findings: &[Finding]) {
     let is_drawing = |finding: &&Finding| matches!(finding, Finding::Around(_) | Finding::Sketch(_));
     let drawings: Vec<&Finding> = findings.iter().filter(is_drawing).collect();
     let taken = if drawings.is_empty() { 0.0 } else { drawing::SIDE + GAP };
     let width = (ui.available_width() - taken).max(80.0);
     ui.horizontal_top(|ui| {
+        ui.spacing_mut().item_spacing.x = GAP;
         let left = UiBuilder::new().layout(Layout::top_down(Align::Min));
         ui.scope_builder(left, |ui| {
             ui.set_width(width);
-            values(ui, id, findings);
-            for finding in findings {
-                if let Finding::Why(why) = finding {
-                    ui.label(why);
-                }
-            }
+            findings.iter().for_each(|finding| show_finding(ui, finding));
         });
         ui.vertical(|ui| drawings.iter().for_each(|finding| drawing::show(ui, finding)));
     });
 }
 
-fn values(ui: &mut Ui, id: &str, findings: &[Finding]) {
-    let mut named = findings.iter().filter_map(|finding| match finding {
-        Finding::Value { name, text } => Some((name, Shown::Text(text))),
-        Finding::Color { name, linear } => Some((name, Shown::Color(*linear))),
-        _ => None,
-    });
-    let Some(first) = named.next() else { return };
-    Grid::new(("values", id)).num_columns(2).spacing([8.0, 2.0]).show(ui, |ui| {
-        for (name, shown) in std::iter::once(first).chain(named) {
-            ui.weak(name.as_ref());
-            match shown {
-                Shown::Text(text) => {
-                    ui.label(text);
-                }
-                Shown::Color(linear) => color(ui, linear),
-            }
-            ui.end_row();
+/// A value with its name before it, or a reason.
+fn show_finding(ui: &mut Ui, finding: &Finding) {
+    let named = |ui: &mut Ui, name: &str, show: &mut dyn FnMut(&mut Ui)| {
+        ui.horizontal_top(|ui| {
+            let (rect, _) = ui.allocate_exact_size(vec2(NAMES, 16.0), Sense::hover());
+            ui.put(rect, Label::new(RichText::new(name).weak()).truncate().halign(Align::Min));
+            show(ui);
+        });
+    };
+    match finding {
+        Finding::Value { name, text } => named(ui, name, &mut |ui| {
+            ui.add(Label::new(text).wrap());
+        }),
+        Finding::Color { name, linear } => named(ui, name, &mut |ui| color(ui, *linear)),
+        Finding::Why(why) => {
+            ui.add(Label::new(why).wrap());
         }
-    });
-}
-
-enum Shown<'a> {
-    Text(&'a str),
-    Color([f32; 3]),
+        Finding::Around(_) | Finding::Sketch(_) => {}
+    }
 }
 
 /// A swatch with the numbers beside it.

@@ -7,7 +7,8 @@ mod syntax;
 use std::ops::Range;
 
 use egui::{
-    Align, Align2, ComboBox, FontId, Galley, Margin, Rect, ScrollArea, Shape, TextBuffer, TextEdit, Ui, pos2,
+    Align, Align2, ComboBox, FontId, Galley, Margin, Rect, ScrollArea, Shape, Stroke, StrokeKind, TextBuffer,
+    TextEdit, Ui, pos2,
     text::{CCursor, CCursorRange},
     text_edit::TextEditOutput,
     vec2,
@@ -196,18 +197,26 @@ impl TextPane {
         output.galley.pos_from_cursor(CCursor::new(character)).translate(output.galley_pos.to_vec2())
     }
 
-    /// What is wrong, behind the end of the line where it is.
+    /// What is wrong: behind the end of the line where it is, or below it where there is no room.
     fn tell(&self, ui: &Ui, output: &TextEditOutput, problems: &[(Range<usize>, Problem)]) {
+        let seen = ui.clip_rect();
         for (range, problem) in problems {
             let rest = &self.buffer[range.end..];
-            let end = range.end + rest.find('\n').unwrap_or(rest.len());
-            let place = self.place(output, end);
-            let text = problem.error.to_string();
+            let end = self.place(output, range.end + rest.find('\n').unwrap_or(rest.len()));
             let font = FontId::proportional(11.5);
-            let galley = ui.painter().layout_no_wrap(format!("⚠ {text}"), font, theme::BAD);
-            let at = place.center() + vec2(14.0, -0.5 * galley.size().y);
-            let back = Rect::from_min_size(at, galley.size()).expand2(vec2(4.0, 1.0));
-            ui.painter().rect_filled(back, 2.0, theme::BAD.gamma_multiply(0.12));
+            let room = (seen.width() - GUTTER - 16.0).max(80.0);
+            let galley = ui.painter().layout(format!("⚠ {}", problem.error), font, theme::BAD, room);
+            let beside = end.right_center() + vec2(14.0, -0.5 * galley.size().y);
+            let fits = galley.rows.len() == 1 && beside.x + galley.size().x + 8.0 < seen.right();
+            let at = if fits { beside } else { pos2(seen.left() + GUTTER + 4.0, end.bottom() + 3.0) };
+            let back = Rect::from_min_size(at, galley.size()).expand2(vec2(5.0, 2.0));
+            ui.painter().rect(
+                back,
+                3.0,
+                ui.visuals().window_fill,
+                Stroke::new(1.0, theme::BAD.gamma_multiply(0.6)),
+                StrokeKind::Outside,
+            );
             ui.painter().galley(at, galley, theme::BAD);
         }
     }
@@ -244,10 +253,14 @@ impl TextPane {
             output.response.request_focus();
         }
         let [start, end] = [view.bytes.start, view.bytes.end].map(|at| self.place(&output, at));
-        // What is higher than the pane is shown from its beginning.
-        let fits = end.bottom() - start.top() < ui.clip_rect().height();
-        let align = if fits { Align::Center } else { Align::Min };
-        ui.scroll_to_rect(if fits { start.union(end) } else { start }, Some(align));
+        let (seen, content) = (ui.clip_rect().size(), output.response.rect.left());
+        // What is higher than the pane is shown from its beginning, and lines from theirs if that does.
+        let fits = end.bottom() - start.top() < seen.y;
+        let left =
+            if start.right() - content + 60.0 < seen.x { content } else { start.left() - 0.5 * seen.x };
+        let rows = start.top()..=if fits { end.bottom() } else { start.bottom() };
+        let shown = Rect::from_x_y_ranges(left..=left + seen.x, rows);
+        ui.scroll_to_rect(shown, Some(if fits { Align::Center } else { Align::Min }));
     }
 }
 

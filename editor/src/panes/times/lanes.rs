@@ -3,9 +3,9 @@
 use egui::{Align2, Color32, FontId, Painter, Rect, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2};
 use epigraph_core::Side;
 
-use super::bytes;
+use super::{bytes, summary};
 use crate::{
-    engine::{Record, StepCost, StepInfo},
+    engine::{Record, StepInfo},
     session::Session,
     theme,
 };
@@ -23,9 +23,8 @@ const LANES: [&str; 3] = ["CPU", "transfers", "GPU"];
 
 /// Shows it.
 pub fn show(ui: &mut Ui, session: &mut Session, record: &Record) {
-    let graph = &record.graph;
-    let steps: Vec<(&StepInfo, &StepCost)> =
-        graph.steps.iter().zip(&record.steps).filter(|(_, cost)| cost.ms > 0.0 || cost.moved > 0).collect();
+    let mut steps = summary::steps(record);
+    steps.retain(|(_, cost)| cost.ms > 0.0 || cost.moved > 0);
     let used: Vec<usize> =
         (0..LANES.len()).filter(|lane| steps.iter().any(|(step, _)| lane_of(step) == *lane)).collect();
     let end = steps.iter().map(|(_, cost)| cost.end()).fold(record.ms, f32::max).max(0.01);
@@ -60,7 +59,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, record: &Record) {
             let is_selected = step.node.is_some() && session.selected == step.node;
             draw(&painter, bar, step, is_hovered, is_selected);
             if is_hovered {
-                hovered = Some((*step, **cost));
+                hovered = Some((*step, *cost));
             }
         }
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use epigraph_core::Side;
 
-use crate::engine::{Record, StepCost};
+use crate::engine::{Record, StepCost, StepInfo};
 
 /// A step of the graph over the last frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,30 +24,33 @@ pub struct StepSummary {
 }
 
 /// The steps of the graph of the last record, in their order, over the frames of this graph: those since it was changed.
+/// Copies for whoever looks at them are left out.
 pub fn summarize(records: &[Arc<Record>]) -> Vec<StepSummary> {
     let Some(last) = records.last() else { return Vec::new() };
+    let wanted = steps(last);
     // Watching another port compiles the graph anew, but its steps stay.
-    let same = |record: &&Arc<Record>| {
-        Arc::ptr_eq(&record.graph, &last.graph)
-            || record.graph.steps.iter().map(|step| &step.name).eq(last
-                .graph
-                .steps
-                .iter()
-                .map(|step| &step.name))
+    let same = |own: &Vec<(&StepInfo, StepCost)>| {
+        own.iter().map(|step| &step.0.name).eq(wanted.iter().map(|step| &step.0.name))
     };
-    let frames: Vec<&Arc<Record>> = records.iter().filter(same).collect();
-    let step = |(index, step): (usize, &crate::engine::StepInfo)| {
-        let series: Vec<f32> = frames.iter().map(|record| record.steps[index].ms).collect();
+    let frames: Vec<_> = records.iter().map(|record| steps(record)).filter(same).collect();
+    let step = |(index, (step, last)): (usize, &(&StepInfo, StepCost))| {
+        let series: Vec<f32> = frames.iter().map(|steps| steps[index].1.ms).collect();
         StepSummary {
             name: step.name.clone(),
             node: step.node.clone(),
             side: step.side,
-            last: last.steps[index],
+            last: *last,
             median: median(&series),
             series,
         }
     };
-    last.graph.steps.iter().enumerate().map(step).collect()
+    wanted.iter().enumerate().map(step).collect()
+}
+
+/// The steps of a frame that belong to its graph, with their costs.
+pub fn steps(record: &Record) -> Vec<(&StepInfo, StepCost)> {
+    let steps = record.graph.steps.iter().zip(record.steps.iter().copied());
+    steps.filter(|(step, _)| !step.is_tap).collect()
 }
 
 /// The median; of an even number the lower of the two in the middle, of none 0.
@@ -60,10 +63,15 @@ pub fn median(values: &[f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::{GraphInfo, StepInfo};
+    use crate::engine::GraphInfo;
 
     fn graph(names: &[&str]) -> Arc<GraphInfo> {
-        let step = |name: &&str| StepInfo { name: (*name).into(), node: None, side: Side::Cpu };
+        let step = |name: &&str| StepInfo {
+            name: (*name).into(),
+            node: None,
+            side: Side::Cpu,
+            is_tap: name.starts_with("tap"),
+        };
         let steps = names.iter().map(step).collect();
         Arc::new(GraphInfo {
             nodes: Vec::new(),
@@ -83,12 +91,12 @@ mod tests {
 
     #[test]
     fn medians_are_of_the_present_graph() {
-        let (old, new) = (graph(&["a"]), graph(&["a", "b"]));
+        let (old, new) = (graph(&["a"]), graph(&["a", "tap a", "b"]));
         let records = [
             record(&old, &[100.0]),
-            record(&new, &[1.0, 7.0]),
+            record(&new, &[1.0, 50.0, 7.0]),
             record(&graph(&["a", "b"]), &[9.0, 8.0]),
-            record(&new, &[2.0, 9.0]),
+            record(&new, &[2.0, 50.0, 9.0]),
         ];
         let steps = summarize(&records);
         assert_eq!((steps[0].median, steps[1].median), (2.0, 8.0));
