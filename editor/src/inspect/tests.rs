@@ -392,3 +392,54 @@ fn the_papers_split_and_shaders_of_ones_own_are_told_too() {
     let red = format!("r {}", epigraph_pictures::Number::Float(linear[0]).brief());
     assert!(outline.values[0].1.contains(&red), "{:?} {red}", outline.values);
 }
+
+/// All that a pixel is told must agree with what was written, wherever it is.
+#[test]
+fn every_pixel_agrees_with_what_was_written() {
+    let watched = [&EPI[..], &["edges/classify.kept", "edges/reach_cull.id", "interpolate.color"]].concat();
+    let run = Run::new("epi.ron", "cornell", Backend::Cpu, &watched, 6);
+    let mut camera = run.engine.state().home.unwrap();
+    camera.eye.x += 0.2;
+    run.engine.send(Command::Camera(camera));
+    let (state, _) = run.look([0, 0]);
+    let names =
+        ["view/project.id", "view/cull.id", "edges/classify.kept", "edges/reach_cull.id", "spread.filled"];
+    let [projected, culled, kept, reached, filled] = names.map(|name| port(&state, name));
+    let color = state.fields("interpolate.color").next().unwrap().get::<[f32; 4]>();
+    let mut seen = [0; 4];
+    // Every seventh pixel, so that all columns have their turn.
+    for pixel in pixels().step_by(7) {
+        let (_, inspection) = run.look(pixel);
+        let p = at(pixel);
+        let cull = |node: &str, before: u32, after: u32| {
+            let text = why(&inspection, node);
+            let told = (text.starts_with("Culled"), text.starts_with("Stays"));
+            assert_eq!(told, (before != after, before == after && before != NONE), "{node} {pixel:?} {text}");
+            usize::from(told.0)
+        };
+        seen[0] += cull("view/cull", projected[p], culled[p]);
+        seen[1] += cull("edges/reach_cull", kept[p], reached[p]);
+        let is_hole = filled[p] != 0;
+        seen[2] += usize::from(is_hole);
+        assert_eq!(!why(&inspection, "spread").starts_with("No hole"), is_hole, "{pixel:?}");
+        // The samples around, weighted as told, are the colour; weights are told to a per cent.
+        let cells = around(&inspection, "interpolate").iter().filter(|cell| cell.role == Role::Counts);
+        let share = |cell: &Cell| cell.text.trim_end_matches('%').parse::<f32>().unwrap() / 100.0;
+        let (mut sum, mut red, mut most) = (0.0, 0.0, 0f32);
+        for cell in cells {
+            sum += share(cell);
+            red += share(cell) * cell.linear.unwrap()[0];
+            most = most.max(cell.linear.unwrap()[0]);
+        }
+        if color[p][3] > 0.0 {
+            assert!(
+                (sum - 1.0).abs() < 0.13 && (red - color[p][0]).abs() < 0.13 * most + 1e-6,
+                "{pixel:?} {sum} {red}"
+            );
+            seen[3] += 1;
+        } else {
+            assert_eq!(sum, 0.0);
+        }
+    }
+    assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
+}

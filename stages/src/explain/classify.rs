@@ -41,7 +41,7 @@ pub(super) fn at(stage: &Classify, params: &ClassifyParams, site: &Site) -> Opti
     if cls & CLASS == SIMPLE {
         let share = primary_area(cls) as f32 / PIXEL_AREA as f32;
         let side = if cls & VALID != 0 { "its sample's side" } else { "the larger side" };
-        findings.push(Finding::value("primary region", format!("{} of the pixel, {side}", percent(share))));
+        findings.push(Finding::value("primary", format!("{} of the pixel, {side}", percent(share))));
         marks.extend(edge(cls, vertex));
         let [x, y] = aim(target);
         findings.push(Finding::value("next sample", format!("at ({x:.2}, {y:.2}) of the pixel")));

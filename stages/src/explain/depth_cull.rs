@@ -17,7 +17,7 @@ pub(super) fn at(stage: &DepthCull, params: &DepthCullParams, site: &Site) -> Op
     let depth = &site.read(stage.depth)?[..];
     let mut findings = vec![
         Finding::value("point", point(id)),
-        Finding::value("depth for edges", metres(site.wrote(stage.filtered)?[at])),
+        Finding::value("edge depth", metres(site.wrote(stage.filtered)?[at])),
     ];
     if before == NO_POINT {
         findings.push(Finding::Why("No point here that could be hidden.".into()));

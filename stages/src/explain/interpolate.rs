@@ -46,7 +46,7 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
 
     let mut findings = vec![Finding::color("colour", &site.wrote(stage.color)?[at])];
     let priority = site.wrote(stage.priority)?[at];
-    findings.push(Finding::value("weight found", format!("{} of the kernel's", percent(share))));
+    findings.push(Finding::value("weight", format!("{} of the kernel's", percent(share))));
     findings.push(Finding::value("priority", format!("{priority} of 255")));
     let cell = |offset| match sample(offset) {
         None => Cell::default(),

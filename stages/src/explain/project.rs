@@ -24,7 +24,7 @@ pub(super) fn at(stage: &Project, params: &ProjectParams, site: &Site) -> Option
     let cell = site.wrote(stage.subpixel)?[site.at()];
     findings.push(Finding::value("distance", metres(f32::from_bits(depth))));
     let place = format!("({}, {}) of {cells}×{cells}", cell % cells, cell / cells);
-    findings.push(Finding::value("cell in the pixel", place));
+    findings.push(Finding::value("cell", place));
     let behind: Vec<_> = fallen.iter().filter(|(_, other)| *other != id).collect();
     findings.push(Finding::Why(match behind.len() {
         0 => "The only point that falls into this pixel.".into(),

@@ -3,8 +3,7 @@
 mod drawing;
 
 use egui::{
-    Align, Button, Color32, Label, Layout, RichText, ScrollArea, Sense, Ui, UiBuilder, WidgetInfo,
-    WidgetType, vec2,
+    Align, Button, Color32, Label, Layout, RichText, ScrollArea, Sense, Ui, WidgetInfo, WidgetType, vec2,
 };
 use epigraph_core::{Finding, Side};
 
@@ -21,9 +20,9 @@ const FOLLOW: f64 = 0.5;
 /// Points between what is told of a node and its drawing.
 const GAP: f32 = 8.0;
 /// Room for the names of values, points.
-const NAMES: f32 = 84.0;
+const NAMES: f32 = 80.0;
 /// Room for the scroll bar.
-const MARGIN: f32 = 6.0;
+const MARGIN: f32 = 10.0;
 
 /// The pane's own state.
 #[derive(Default)]
@@ -67,7 +66,7 @@ impl InspectorPane {
                 let cost = "While this pane is open, memory for copies of what all nodes write is kept. They are taken \
                             in the frames that are looked at: one for a click while frames run, every step during a \
                             pause. Close the pane or show another in its place to end that.";
-                ui.weak(format!("frame {}, {mib:.0} MiB copied", inspection.frame)).on_hover_text(cost);
+                ui.weak(format!("frame {}, {mib:.0} MiB", inspection.frame)).on_hover_text(cost);
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 let forget = ui.add(Button::new("×").frame(false)).on_hover_text("Forget the pixel");
@@ -75,20 +74,19 @@ impl InspectorPane {
                 if forget.clicked() {
                     session.inspection.pixel = None;
                 }
+                ui.checkbox(&mut self.numbers, "numbers")
+                    .on_hover_text("Also what each port holds there, as plain numbers");
             });
         });
-        ui.horizontal(|ui| {
-            ui.checkbox(&mut self.numbers, "numbers")
-                .on_hover_text("Also what each port holds there, as plain numbers");
-            if paused {
-                return;
-            }
-            ui.checkbox(&mut self.follow, "follow")
-                .on_hover_text("Look again twice a second. Each look copies what all nodes write");
-            if ui.small_button("Pause").on_hover_text("Hold, with the last frame laid open").clicked() {
-                session.engine.send(Command::Pause(true));
-            }
-        });
+        if !paused {
+            ui.horizontal(|ui| {
+                ui.checkbox(&mut self.follow, "follow")
+                    .on_hover_text("Look again twice a second. Each look copies what all nodes write");
+                if ui.small_button("Pause").on_hover_text("Hold, with the last frame laid open").clicked() {
+                    session.engine.send(Command::Pause(true));
+                }
+            });
+        }
         if self.follow && !paused {
             let now = ui.input(|input| input.time);
             if now - self.looked > FOLLOW {
@@ -173,11 +171,11 @@ fn show_findings(ui: &mut Ui, findings: &[Finding]) {
     let is_drawing = |finding: &&Finding| matches!(finding, Finding::Around(_) | Finding::Sketch(_));
     let drawings: Vec<&Finding> = findings.iter().filter(is_drawing).collect();
     let taken = if drawings.is_empty() { 0.0 } else { drawing::SIDE + GAP };
-    let width = (ui.available_width() - taken).max(80.0);
+    // Of what the pane has, not of what something above may have stretched it to.
+    let width = (ui.clip_rect().right() - MARGIN - ui.cursor().left() - taken).max(80.0);
     ui.horizontal_top(|ui| {
         ui.spacing_mut().item_spacing.x = GAP;
-        let left = UiBuilder::new().layout(Layout::top_down(Align::Min));
-        ui.scope_builder(left, |ui| {
+        ui.allocate_ui_with_layout(vec2(width, 0.0), Layout::top_down(Align::Min), |ui| {
             ui.set_width(width);
             findings.iter().for_each(|finding| show_finding(ui, finding));
         });
@@ -189,8 +187,10 @@ fn show_findings(ui: &mut Ui, findings: &[Finding]) {
 fn show_finding(ui: &mut Ui, finding: &Finding) {
     let named = |ui: &mut Ui, name: &str, show: &mut dyn FnMut(&mut Ui)| {
         ui.horizontal_top(|ui| {
-            let (rect, _) = ui.allocate_exact_size(vec2(NAMES, 16.0), Sense::hover());
-            ui.put(rect, Label::new(RichText::new(name).weak()).truncate().halign(Align::Min));
+            ui.allocate_ui_with_layout(vec2(NAMES, 16.0), Layout::left_to_right(Align::Center), |ui| {
+                ui.set_width(NAMES);
+                ui.add(Label::new(RichText::new(name).weak()).truncate());
+            });
             show(ui);
         });
     };
