@@ -7,6 +7,7 @@
 struct Params {
     penalty: f32,
     relight: f32,
+    shadow: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -15,6 +16,8 @@ struct Params {
 @group(0) @binding(3) var<storage, read> moves: array<Move>;
 @group(0) @binding(4) var<storage, read> lights_before: array<Lamp>;
 @group(0) @binding(5) var<storage, read> lights: array<Lamp>;
+@group(0) @binding(6) var<storage, read> blockers_before: array<Blocker>;
+@group(0) @binding(7) var<storage, read> blockers: array<Blocker>;
 
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -28,9 +31,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     let motion = moves[bits >> BODY_SHIFT];
     let is_resting = rests(motion);
-    if is_resting && same_lights() {
-        return;
-    }
     let point = cloud_position[slot];
     var there = point.xyz;
     if !is_resting {
@@ -43,25 +43,47 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     var before = 0.0;
     var now = 0.0;
-    for (var i = 0u; i < arrayLength(&lights); i++) {
+    for (var i = 0u; i < arrayLength(&lights) && lights[i].power > 0.0; i++) {
         before += light_at(lights_before[i], point.xyz);
         now += light_at(lights[i], there);
     }
     let turn = select(params.penalty, 0.0, is_resting);
-    let penalty = min(turn + params.relight * 100.0 * change(before, now), 255.0) * f32(AGE_ONE);
+    let shadow = params.shadow * shadowed(point.xyz, there, bits >> BODY_SHIFT);
+    let penalty = min(turn + params.relight * 100.0 * change(before, now) + shadow, 255.0) * f32(AGE_ONE);
     cloud_meta[slot] = (bits & ~AGE) | min((bits & AGE) + u32(round(penalty)), AGE);
 }
 
-// Whether no light has moved.
-fn same_lights() -> bool {
-    for (var i = 0u; i < arrayLength(&lights); i++) {
-        let same = all(lights[i].position == lights_before[i].position)
+// The share of a point's light of which a part is or was covered by a body, other than its own, that moves against the lamp.
+fn shadowed(here: vec3<f32>, there: vec3<f32>, own: u32) -> f32 {
+    var light = 0.0;
+    var covered = 0.0;
+    for (var i = 0u; i < arrayLength(&lights) && lights[i].power > 0.0; i++) {
+        let luminance = light_at(lights[i], there);
+        if luminance == 0.0 {
+            continue;
+        }
+        light += luminance;
+        let same_lamp = all(lights[i].position == lights_before[i].position)
             && all(lights[i].normal == lights_before[i].normal);
-        if !same {
-            return false;
+        for (var k = 0u; k < arrayLength(&blockers) && blockers[k].body != 0u; k++) {
+            let body = blockers[k].body;
+            if body == own || (same_lamp && same_box(k)) {
+                continue;
+            }
+            if covers(blockers_before[k], lights_before[i], here) || covers(blockers[k], lights[i], there) {
+                covered += luminance;
+                break;
+            }
         }
     }
-    return true;
+    return select(0.0, covered / light, light > 0.0);
+}
+
+// Whether a body is where it was.
+fn same_box(k: u32) -> bool {
+    return all(blockers[k].x == blockers_before[k].x)
+        && all(blockers[k].y == blockers_before[k].y)
+        && all(blockers[k].z == blockers_before[k].z);
 }
 
 // How far two luminances are apart, as a share of the larger.

@@ -155,6 +155,13 @@ pub(crate) struct Rest {
     pub lights: Vec<Light>,
 }
 
+impl Body {
+    /// Lowest and highest corner of the box around it before it moves (an inverted infinite box if it has no surface).
+    pub fn bounds_at_rest(&self) -> [Vec3; 2] {
+        bounds_of(&self.rest.positions)
+    }
+}
+
 impl Scene {
     /// The poses of its bodies in a frame.
     pub fn poses_at(&self, frame: u32) -> Vec<Pose> {

@@ -5,20 +5,23 @@ use epigraph_scenes::MAX_BODIES;
 
 use crate::{
     World,
-    shared::moves::{Lamp, Move},
+    shared::moves::{Blocker, Lamp, Move},
 };
 
 /// Elements of the list: one for each number of a body, of which 0 stands for what does not move.
 const NUMBERS: u32 = MAX_BODIES as u32 + 1;
 
-/// Most lights of the list; of more, the first count.
+/// Most lights and most blockers of the lists; of more, the first count.
 const LIGHTS: u32 = 16;
+const BLOCKERS: u32 = 16;
 
 /// Hands the motion of a frame from the [`World`] to other stages: on the CPU only.
 pub struct Motion {
     moves: Out<Move>,
     lights_before: Out<Lamp>,
     lights: Out<Lamp>,
+    blockers_before: Out<Blocker>,
+    blockers: Out<Blocker>,
 }
 
 impl Stage for Motion {
@@ -34,6 +37,16 @@ impl Stage for Motion {
                 "lights_before",
                 "The lights of the last frame.",
                 Extent::Fixed([LIGHTS, 1]),
+            ),
+            blockers_before: io.write(
+                "blockers_before",
+                "The boxes of the bodies in the last frame.",
+                Extent::Fixed([BLOCKERS, 1]),
+            ),
+            blockers: io.write(
+                "blockers",
+                "The boxes of the bodies in this frame, in the same order.",
+                Extent::Fixed([BLOCKERS, 1]),
             ),
             lights: io.write(
                 "lights",
@@ -56,10 +69,19 @@ impl Stage for Motion {
                 *to = Move::of(&now.after(&before.inverse()));
             }
         }
-        for (out, poses) in [(self.lights_before, before), (self.lights, now)] {
-            let mut out = cx.write(out);
+        let of_frame =
+            [(self.lights_before, self.blockers_before, before), (self.lights, self.blockers, now)];
+        for (lights, blockers, poses) in of_frame {
+            let mut blockers = cx.write(blockers);
+            blockers.fill(Blocker::NONE);
+            let bodies = (1..).zip(scene.bodies.iter().zip(&poses));
+            let boxes = bodies.map(|(number, (body, pose))| Blocker::of(body, number, pose));
+            blockers.iter_mut().zip(boxes.filter(|new| new.body != 0)).for_each(|(out, new)| *out = new);
+            let mut out = cx.write(lights);
             out.fill(Lamp::NONE);
-            out.iter_mut().zip(scene.posed_lights(&poses)).for_each(|(out, light)| *out = Lamp::of(&light));
+            let lamps = scene.posed_lights(&poses);
+            let lamps = lamps.iter().map(Lamp::of).filter(|lamp| lamp.power > 0.0);
+            out.iter_mut().zip(lamps).for_each(|(out, lamp)| *out = lamp);
         }
         Ok(())
     }
@@ -95,6 +117,8 @@ mod tests {
             let lamp = |frame| Lamp::of(&scene.posed_lights(&scene.poses_at(frame))[0]);
             assert_eq!(out.get::<Lamp>("lights_before")[..2], [lamp(index.saturating_sub(1)), Lamp::NONE]);
             assert_eq!(out.get::<Lamp>("lights")[..2], [lamp(index), Lamp::NONE]);
+            let blockers = out.get::<Blocker>("blockers");
+            assert_eq!((blockers[0].body, blockers[3].body, blockers[4]), (1, 4, Blocker::NONE));
             for (body, of) in scene.bodies.iter().enumerate() {
                 let [now, before] = [index, index.saturating_sub(1)].map(|frame| of.motion.pose(frame));
                 let moved = moves[body + 1].point(before.point(point).to_array());

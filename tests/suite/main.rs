@@ -5,6 +5,7 @@ mod complex;
 mod epi;
 mod extremes;
 mod meshes;
+mod moving;
 mod parity;
 mod shipped;
 mod still;

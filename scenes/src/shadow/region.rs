@@ -6,7 +6,7 @@ use super::{
     boundary::CLEARANCE,
     event::{Event, HalfSpace, Source},
 };
-use crate::{Body, Pose, mesh::bounds_of};
+use crate::{Body, Pose};
 
 /// The least sine at which receivers are looked at is 1/100: so much farther than off the event's plane, rays may end beside
 /// the event's part of it.
@@ -26,10 +26,10 @@ pub(super) struct PosedBox {
 impl PosedBox {
     /// `None` for a body without a surface.
     pub fn new(body: &Body, pose: &Pose) -> Option<Self> {
-        if body.rest.positions.is_empty() {
+        let [low, high] = body.bounds_at_rest().map(|corner| corner.as_dvec3());
+        if low.x > high.x {
             return None;
         }
-        let [low, high] = bounds_of(&body.rest.positions).map(|corner| corner.as_dvec3());
         let turn = DMat3::from_quat(pose.rotation.as_dquat());
         let half = 0.5 * (high - low);
         Some(Self {

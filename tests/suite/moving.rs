@@ -1,0 +1,86 @@
+//! A scene in motion: its points, edges and shadows move, on both sides, and only what depends on it runs again.
+
+use std::sync::Arc;
+
+use epigraph_core::{GraphFile, Settings, Side};
+use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
+use epigraph_tests::{Run, Stage, frame_on_both, graph, tap};
+use glam::Vec3;
+
+const SCENE: &str = "cornell-moving";
+const SIZE: [u32; 2] = [96, 96];
+
+fn start(file: &GraphFile, scene: &'static str, settings: Settings) -> Run {
+    Run::new(file, Stage { scene, camera: "still", settings })
+}
+
+fn settings(side: Side, ports: &[&str]) -> Settings {
+    let taps = ports.iter().map(|port| tap(port)).collect();
+    Settings { side, taps, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) }
+}
+
+#[test]
+fn both_sides_see_the_same_motion() {
+    let ports = ["silhouette.drawn", "edge_raster.mask", "cull.id"];
+    let [mut cpu, mut gpu] =
+        [Side::Cpu, Side::Gpu].map(|side| start(&graph("epi.ron"), SCENE, settings(side, &ports)));
+    for frame in 0..12 {
+        // A point that a matrix in f32 has rounded otherwise may be seen by the next pixel.
+        frame_on_both(&mut cpu, &mut gpu, &ports, 20, &format!("frame {frame}"));
+    }
+}
+
+#[test]
+fn what_moves_runs_again_and_nothing_is_left_out_that_counts() {
+    let ran = |run: &Run, name: &str| {
+        run.executor.plan().nodes.iter().position(|node| node.0 == name).map(|node| run.executor.ran()[node])
+    };
+    let [mut moving, mut still] =
+        [SCENE, "cornell"].map(|scene| start(&graph("epi.ron"), scene, settings(Side::Cpu, &[])));
+    for frame in 0..4 {
+        moving.frame(false);
+        still.frame(false);
+        assert_eq!(ran(&moving, "silhouette"), Some(true));
+        assert_eq!(ran(&still, "silhouette"), Some(frame == 0));
+        assert_eq!((ran(&moving, "cloud/carry"), ran(&moving, "cloud/motion")), (Some(true), Some(true)));
+        assert_eq!((ran(&still, "cloud/carry"), ran(&still, "cloud/motion")), (None, None));
+    }
+    let image = |prune| {
+        let settings = Settings { prune, poison: true, ..settings(Side::Cpu, &["carry.cloud"]) };
+        let mut run = start(&graph("epi.ron"), "cornell", Settings { taps: vec![], ..settings });
+        run.frames(8);
+        run.captured("image")
+    };
+    assert!(image(true) == image(false), "where nothing moves, both stages change nothing");
+}
+
+/// Root mean square of the difference of a frame to a converged picture of its scene, on radiance cut at 1.
+fn error(file: &GraphFile, color: &str) -> f64 {
+    const FRAME: u32 = 24;
+    let mut run = start(file, SCENE, settings(Side::Cpu, &[color]));
+    run.frames(FRAME + 1);
+    let picture = run.captured(color).get::<[f32; 4]>();
+    let scene = Arc::new(Scene::load(SCENE).expect("a built-in scene"));
+    let camera = CameraPath::parse("still", &scene).expect("a camera path").camera(FRAME);
+    let tracer = Arc::new(Tracer::new(scene)).at(FRAME);
+    let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
+    let converged: Vec<Vec3> = reference::render(&tracer, &camera, SIZE, 64, &settings, 7, &|_| {});
+    let squares = picture.iter().zip(&converged).flat_map(|(a, b)| {
+        (0..3).map(move |channel| f64::from(a[channel].clamp(0.0, 1.0) - b[channel].clamp(0.0, 1.0)).powi(2))
+    });
+    (squares.sum::<f64>() / (3 * picture.len()) as f64).sqrt()
+}
+
+#[test]
+fn points_that_go_along_bring_it_closer() {
+    for (name, color, share) in [("render-cache.ron", "fill.color", 0.9), ("epi.ron", "antialias.color", 0.6)]
+    {
+        let mut carried = graph(name);
+        carried.set_param("trace", "spp", "16").unwrap();
+        let mut left = carried.clone();
+        left.set_bypass("cloud/carry", true).unwrap();
+        let [carried, left] = [carried, left].map(|file| error(&file, color));
+        println!("{name}: {carried:.4} carried, {left:.4} left behind");
+        assert!(carried < share * left, "{name}: {carried} against {left}");
+    }
+}
