@@ -5,8 +5,9 @@ use epigraph_stages::shared::cloud::{AGE, AGE_ONE, LIVE};
 
 use crate::{Number, lanes, look::NONE};
 
-/// The age in whole frames of the point that each pixel shows, from an image of ids and the `meta` of the cloud; nothing
-/// where there is no live point. None if one of them is no list of words.
+/// The whole age, 0 to 255, of the point that each pixel shows, from an image of ids and the `meta` of the cloud; nothing
+/// where there is no live point. On average, a point is 128 old when its turn to be replaced comes. None if one of both
+/// is no list of words.
 pub fn ages(id: &Snapshot, meta: &Snapshot) -> Option<Snapshot> {
     let words = |snapshot: &Snapshot| -> Option<Vec<u32>> {
         match lanes(&snapshot.element).as_slice() {

@@ -16,7 +16,7 @@ use crate::{
 enum Reading {
     /// As they are.
     Plain,
-    /// A point's age in frames.
+    /// A point's age, 0 to 256.
     Age,
     /// A point's flags.
     State,

@@ -50,11 +50,9 @@ fn an_image_is_held_against_what_becomes_of_it() {
     assert_eq!((same.rmse, same.flip, same.psnr, same.ssim), (0.0, 0.0, f64::INFINITY, 1.0));
 
     // A change of a stage: twice as bright.
-    let session = &mut view.opened.harness.state_mut().session;
-    session.edit(epigraph_editor::document::Tag::Once, |file| file.set_param("tonemap", "exposure", "1.0"));
-    view.opened.frames(1);
-    let changed = view.figures(|figures| figures.flip > 0.0);
-    assert!(changed.flip > 0.05 && changed.psnr < 30.0 && changed.rmse > 0.02, "{changed:?}");
+    view.set("tonemap", "exposure", "1.0");
+    let changed = view.figures(|figures| figures.flip > 0.1);
+    assert!(changed.psnr < 30.0 && changed.rmse > 0.02, "{changed:?}");
     assert!(changed.ssim < 1.0);
 
     // What is held now is what it is held against.
@@ -86,12 +84,12 @@ fn the_line_of_a_wipe_can_be_dragged_and_moved_by_keys() {
 #[test]
 fn another_port_is_watched_and_compared_with() {
     let mut view = View::new([64, 48], false, 3);
-    view.see("spread.color");
+    view.see("view/cull.id");
     view.click("Compare");
-    view.choose("held: spread.color, frame 4", "antialias.color");
-    assert_eq!(view.against().port(), Some("antialias.color"));
+    view.choose("held: view/cull.id, frame 4", "view/project.id");
+    assert_eq!(view.against().port(), Some("view/project.id"));
     let figures = view.figures(|figures| figures.flip > 0.0);
-    assert!(figures.psnr > 10.0 && figures.psnr.is_finite(), "{figures:?}");
+    assert!(figures.psnr > 5.0 && figures.psnr.is_finite(), "{figures:?}");
     for way in ["Difference", "FLIP map", "Wipe"] {
         view.click(way);
     }
@@ -108,7 +106,7 @@ fn a_file_is_compared_with_by_its_path() {
     fs::write(path("small.png"), png([1, 1], &[[0; 3]]).unwrap()).unwrap();
     view.click("Compare");
     view.choose("held: image, frame 3", "an image file …");
-    assert!(view.trouble().contains("name an image file"));
+    assert!(view.opened.harness.query_by_label_contains("drop one on the window").is_some());
     view.type_path(&path("same.png"));
     assert_eq!(view.figures(|_| true).flip, 0.0);
     view.opened.harness.get_by_label("image file").focus();

@@ -7,7 +7,7 @@ mod look;
 
 use egui::{Event, Modifiers, MouseWheelUnit, Pos2, Rect, TouchPhase, accesskit::Role, vec2};
 use egui_kittest::kittest::Queryable;
-use epigraph_editor::panes::Viewer;
+use epigraph_editor::{document::Tag, panes::Viewer};
 
 use crate::support::Opened;
 
@@ -37,11 +37,30 @@ impl View {
         self.opened.harness.run_steps(4);
     }
 
-    /// Shows a port in the viewer in use.
+    /// Shows a port in the viewer in use; the engine runs a frame for it.
     fn see(&mut self, port: &str) {
-        self.opened.harness.state_mut().session.wanted = Some(port.into());
-        self.opened.harness.run_steps(2);
+        let session = &mut self.opened.harness.state_mut().session;
+        let id = session.viewer;
+        session.wanted = Some(port.into());
+        self.opened.until(port, |app| {
+            let viewer = app.viewers().find(|viewer| viewer.id == id).unwrap();
+            viewer.port == port && (viewer.picture().is_some() || viewer.list.is_some())
+        });
+        self.settle();
+    }
+
+    /// Changes a parameter and runs a frame with it.
+    fn set(&mut self, node: &str, param: &str, value: &str) {
+        let session = &mut self.opened.harness.state_mut().session;
+        session.edit(Tag::Once, |file| file.set_param(node, param, value));
+        // The window hands it to the engine.
+        self.settle();
         self.opened.frames(1);
+    }
+
+    fn press(&mut self, role: Role, label: &str) {
+        self.opened.harness.get_by_role_and_label(role, label).click();
+        self.settle();
     }
 
     /// Chooses from the box that shows `from`.

@@ -56,7 +56,7 @@ const WAYS: [(Way, &str, &str); 3] = [
 ];
 
 /// How far two images are apart.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// Root of the mean squared difference: of linear light where both are, else of shown colours.
     pub rmse: f64,
@@ -66,6 +66,11 @@ pub struct Figures {
     pub ssim: f64,
     /// Mean FLIP.
     pub flip: f64,
+}
+
+/// What is measured away from the window's thread.
+struct Measured {
+    figures: Figures,
     /// FLIP's map as colours.
     map: Vec<[u8; 3]>,
 }
@@ -107,7 +112,7 @@ pub struct Compare {
     asked: Option<(PathBuf, u32)>,
     file: Task<(PathBuf, u32), Result<Arc<Snapshot>, String>>,
     other: Option<Layer>,
-    figures: Task<Pair, Figures>,
+    measured: Task<Pair, Measured>,
     /// What the texture shows: the images, and the gain of differences or 0 for FLIP.
     map: Option<(Pair, f32, TextureHandle)>,
     trouble: Option<String>,
@@ -126,7 +131,7 @@ impl Compare {
             asked: None,
             file: Task::default(),
             other: None,
-            figures: Task::default(),
+            measured: Task::default(),
             map: None,
             trouble: None,
         }
@@ -152,7 +157,7 @@ impl Compare {
 
     /// The figures of the newest pair of images that there are.
     pub fn figures(&self) -> Option<&Figures> {
-        self.figures.result().map(|(_, figures)| figures).filter(|_| self.trouble.is_none())
+        self.measured.result().map(|(_, measured)| &measured.figures).filter(|_| self.trouble.is_none())
     }
 
     /// Why nothing is compared.
@@ -224,8 +229,11 @@ impl Compare {
                 ui.colored_label(theme::BAD, trouble);
                 return;
             }
-            match self.figures.result() {
-                Some((_, figures)) => {
+            match self.measured.result() {
+                _ if self.with == With::File && self.asked.is_none() => {
+                    ui.weak("Name a PNG or EXR file of this image's size, or drop one on the window.");
+                }
+                Some((_, Measured { figures, .. })) => {
                     for (name, value, doc) in figures.named() {
                         ui.weak(name).on_hover_text(doc);
                         ui.label(value).on_hover_text(doc);
@@ -235,7 +243,7 @@ impl Compare {
                     ui.weak("comparing …");
                 }
             }
-            if self.figures.is_busy() {
+            if self.measured.is_busy() {
                 ui.add(egui::Spinner::new().size(12.0));
             }
         });
@@ -263,10 +271,8 @@ impl Compare {
         let context = ui.ctx();
         let other = match self.source(ui, graph, state) {
             Ok(Some(other)) => other,
-            // Until the first is there.
-            Ok(None) => return,
-            Err(trouble) => {
-                (self.trouble, self.other, self.map) = (Some(trouble), None, None);
+            other => {
+                (self.trouble, self.other, self.map) = (other.err(), None, None);
                 return;
             }
         };
@@ -287,7 +293,7 @@ impl Compare {
         Layer::update(&mut self.other, context, other.clone(), look);
         let pair = Pair { images: [layer.snapshot.clone(), other], looks: [layer.look, look] };
         let asked = pair.clone();
-        self.figures.want(context, pair.clone(), move || Figures::of(&asked));
+        self.measured.want(context, pair.clone(), move || Measured::of(&asked));
         self.draw_map(ui, layer, pair);
     }
 
@@ -299,16 +305,12 @@ impl Compare {
             },
             With::Port(port) => {
                 let name = header::name(graph, port);
-                Ok(state
-                    .fields(&name)
-                    .next()
-                    .cloned()
-                    .or(self.other.as_ref().map(|other| other.snapshot.clone())))
+                // Until it comes, the last one of it stays.
+                let last = || self.other.as_ref().map(|other| other.snapshot.clone());
+                Ok(state.fields(&name).next().cloned().or_else(|| last().filter(|last| last.name == name)))
             }
             With::File => {
-                let Some(asked) = self.asked.clone() else {
-                    return Err("name an image file, .png or .exr, or drop one on the window".into());
-                };
+                let Some(asked) = self.asked.clone() else { return Ok(None) };
                 let path = asked.0.clone();
                 self.file.want(ui.ctx(), asked, move || {
                     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -328,7 +330,7 @@ impl Compare {
         let (pair, gain) = match self.way {
             Way::Wipe => return,
             Way::Difference => (pair, self.gain),
-            Way::Flip => match self.figures.result() {
+            Way::Flip => match self.measured.result() {
                 Some((pair, _)) => (pair.clone(), 0.0),
                 None => return,
             },
@@ -336,9 +338,9 @@ impl Compare {
         if self.map.as_ref().is_some_and(|(of, by, _)| *of == pair && *by == gain) {
             return;
         }
-        let (Some(other), figures) = (&self.other, self.figures.result()) else { return };
-        let colors = match (self.way, figures) {
-            (Way::Flip, Some((_, figures))) => figures.map.clone(),
+        let Some(other) = &self.other else { return };
+        let colors = match (self.way, self.measured.result()) {
+            (Way::Flip, Some((_, measured))) => measured.map.clone(),
             _ => apart(&layer.shown.colors, &other.shown.colors, gain),
         };
         let size = [pair.images[0].dims.width as usize, pair.images[0].dims.height as usize];
@@ -415,7 +417,7 @@ impl Compare {
     }
 }
 
-impl Figures {
+impl Measured {
     fn of(pair: &Pair) -> Self {
         let picture = |index: usize| {
             let (image, look) = (&pair.images[index], &pair.looks[index]);
@@ -428,15 +430,15 @@ impl Figures {
         } else {
             metrics::rmse(&a.srgb(), &b.srgb())
         };
+        let (psnr, ssim, flip) = (difference.psnr(), difference.ssim(), difference.flip());
         Self {
-            rmse,
-            psnr: difference.psnr(),
-            ssim: difference.ssim(),
-            flip: difference.flip(),
+            figures: Figures { rmse, psnr, ssim, flip },
             map: difference.errors.iter().map(|error| Ramp::Magma.color(*error)).collect(),
         }
     }
+}
 
+impl Figures {
     /// What stands in the pane: name, value, explanation.
     fn named(&self) -> [(&'static str, String, &'static str); 4] {
         [

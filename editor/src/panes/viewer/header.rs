@@ -195,7 +195,9 @@ impl Viewer {
         }
         let before = self.ages;
         ui.selectable_value(&mut self.ages, false, "Ids").on_hover_text("Which point each pixel shows");
-        ui.selectable_value(&mut self.ages, true, "Ages").on_hover_text("How many frames old that point is");
+        ui.selectable_value(&mut self.ages, true, "Ages").on_hover_text(
+            "How old that point is: about 128 when its turn to be replaced comes, at most 255",
+        );
         if self.ages != before {
             (self.look.mode, self.look.range) = (None, None);
             self.look.mode = self.ages.then_some(Mode::FalseColor);

@@ -40,7 +40,7 @@ pub fn draw(painter: &Painter, pane: Rect, layer: &Layer) {
 }
 
 fn unit(layer: &Layer) -> &'static str {
-    if layer.snapshot.name.ends_with(" age") { "frames" } else { "" }
+    if layer.snapshot.name.ends_with(" age") { "age; 255 is the oldest" } else { "" }
 }
 
 fn swatches(painter: &Painter, pane: Rect, entries: &[(String, [u8; 3])]) {
