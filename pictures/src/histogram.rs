@@ -2,10 +2,7 @@
 
 use epigraph_core::Snapshot;
 
-use crate::{
-    Curve, Lane, Look, Mode, Number, Paint, Scale, lanes,
-    look::{NONE, POISON, distance},
-};
+use crate::{Curve, Lane, Look, Mode, Paint, Scale, lanes};
 
 /// How many bins there are.
 pub const BINS: usize = 128;
@@ -37,14 +34,7 @@ impl Histogram {
             }
             _ => vec![one],
         };
-        let values = |lane: &Lane| -> Vec<f32> {
-            let value = |number| match (mode, number) {
-                (Mode::Depth, number) => distance(number, look.far),
-                (_, Number::Unsigned(NONE | POISON)) => None,
-                (_, number) => Some(number.as_f32()).filter(|value| value.is_finite()),
-            };
-            lane.numbers(snapshot).filter_map(value).collect()
-        };
+        let values = |lane: &Lane| -> Vec<f32> { look.amounts(snapshot, lane) };
         let values: Vec<Vec<f32>> = shown.into_iter().map(values).collect();
         let axis = axis(&values, mode, look, snapshot)?;
         let counts = values.iter().map(|values| count(values, &axis)).collect();
@@ -92,7 +82,7 @@ mod tests {
 
     #[test]
     fn numbers_are_counted_where_they_lie() {
-        let data = [0u32, 0, 127, 127, 127, 64, NONE];
+        let data = [0u32, 0, 127, 127, 127, 64, u32::MAX];
         let histogram = Histogram::new(&snapshot("a.sum", u32::element(), &data), &Look::default()).unwrap();
         assert_eq!((histogram.axis.range, histogram.counts.len()), ([0.0, 127.0], 1));
         let counts = &histogram.counts[0];

@@ -49,13 +49,21 @@ impl Number {
 
     /// In hardly more than three digits.
     pub fn short(self) -> String {
+        self.rounded(3)
+    }
+
+    /// In so many significant digits, integers in all of theirs.
+    pub fn rounded(self, digits: usize) -> String {
         match self {
             Self::Float(value) if value == 0.0 || !value.is_finite() => value.to_string(),
-            Self::Float(value) if !(1e-3..1e5).contains(&value.abs()) => format!("{value:.1e}"),
+            Self::Float(value) if !(1e-3..1e5).contains(&value.abs()) => {
+                format!("{value:.*e}", digits.saturating_sub(2))
+            }
             Self::Float(value) => {
-                let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 5) as usize;
-                let text = format!("{value:.digits$}");
-                if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
+                let before = value.abs().log10().floor() as i32 + 1;
+                let after = (digits as i32 - before).clamp(0, digits as i32 + 2) as usize;
+                let text = format!("{value:.after$}");
+                if after == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
             }
             number => number.to_string(),
         }
@@ -228,5 +236,7 @@ mod tests {
         assert_eq!(brief, ["0", "0.25", "1.5000e-7", "-2.0000e30", "inf"]);
         let short = [0.0, 0.123_456, -12.3456, 100.0, 1.5, 2e-9].map(|value| Number::Float(value).short());
         assert_eq!(short, ["0", "0.123", "-12.3", "100", "1.5", "2.0e-9"]);
+        assert_eq!(Number::Float(-0.001_971_152_1).rounded(6), "-0.00197115");
+        assert_eq!(Number::Unsigned(1_234_567).rounded(3), "1234567");
     }
 }

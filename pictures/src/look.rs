@@ -163,12 +163,58 @@ impl Look {
             Mode::Depth => (Curve::Reciprocal, Paint::Depth),
             _ => return None,
         };
-        let range = match (self.range, curve) {
-            (Some(range), _) => range,
-            (None, Curve::Reciprocal) => farthest_and_nearest(snapshot, lane, self.far)?,
-            (None, _) => automatic(snapshot, lane)?,
+        let range = match self.range {
+            Some(range) => range,
+            None => self.automatic(snapshot, lane, curve)?,
         };
         Some(Scale { range, curve, paint })
+    }
+
+    /// The number that is shown of an element; else the loud or quiet colour of what is no amount.
+    fn amount(&self, snapshot: &Snapshot) -> impl Fn(Number) -> Result<f32, Shade> + Sync + use<> {
+        let depth = self.mode_for(snapshot) == Mode::Depth || is_depth(port_of(snapshot));
+        let far = self.far;
+        move |number| {
+            if !depth {
+                return special(number).map_or(Ok(number.as_f32()), Err);
+            }
+            // Some are kept as their bits, where atomics compare them.
+            let z = f32::from_bits(number.bits());
+            match number {
+                // Stages may write `far` with a rounding error.
+                _ if z > 0.0 && z.is_finite() && z < 0.999 * far => Ok(z),
+                Number::Unsigned(POISON) => Err(Odd(POISONED)),
+                // All bits set are a NaN as well: what no point has reached.
+                _ if z.is_nan() && number.bits() != NONE => Err(Odd(NAN)),
+                _ => Err(Plain(EMPTY)),
+            }
+        }
+    }
+
+    /// The numbers of a lane that are shown.
+    pub(crate) fn amounts(&self, snapshot: &Snapshot, lane: &Lane) -> Vec<f32> {
+        let amount = self.amount(snapshot);
+        lane.numbers(snapshot).filter_map(|number| amount(number).ok()).collect()
+    }
+
+    /// The range that suits an image: from the lowest of the values to the highest, a hundredth at either end left out;
+    /// from 0 for integers; all that can be for priorities. None where there are no values.
+    fn automatic(&self, snapshot: &Snapshot, lane: &Lane, curve: Curve) -> Option<[f32; 2]> {
+        let port = port_of(snapshot);
+        let values = || self.amounts(snapshot, lane);
+        if curve == Curve::Reciprocal {
+            // From far to near, by 1/z as they are shaded.
+            let nearness = values().into_iter().map(f32::recip).collect();
+            return percentiles(nearness).map(|ends| ends.map(f32::recip));
+        }
+        if port == PRIORITY {
+            return Some([0.0, MOST_PRIORITY]);
+        }
+        if lane.is_float() || is_depth(port) {
+            return percentiles(values());
+        }
+        // Zeros alone are dark.
+        Some([0.0, values().into_iter().reduce(f32::max)?.max(1.0)])
     }
 }
 
@@ -205,8 +251,13 @@ pub fn show(snapshot: &Snapshot, look: &Look) -> Shown {
     let shades = match (mode, lanes.get(look.lane).or(lanes.first())) {
         (_, None) => vec![Plain(EMPTY); snapshot.dims.count()],
         (Mode::Color, Some(_)) => colors(snapshot, &lanes, look),
-        (Mode::Grey | Mode::FalseColor, Some(lane)) => amounts(snapshot, lane, scale),
-        (Mode::Depth, Some(lane)) => depths(snapshot, lane, scale, look.far),
+        (Mode::Grey | Mode::FalseColor | Mode::Depth, Some(lane)) => {
+            let (amount, color) =
+                (look.amount(snapshot), |value| scale.map_or(EMPTY, |scale| scale.color(value)));
+            each(snapshot, lane, |number| {
+                amount(number).map_or_else(|shade| shade, |value| Plain(color(value)))
+            })
+        }
         (Mode::Names, Some(lane)) => words(snapshot, lane, hashed),
         (Mode::Classes, Some(lane)) => words(snapshot, lane, edges::class_color),
         (Mode::Reach, Some(lane)) => {
@@ -243,7 +294,7 @@ fn colors(snapshot: &Snapshot, lanes: &[Lane], look: &Look) -> Vec<Shade> {
     let is_encoded = snapshot.element == Element::Texel(Format::Rgba8Unorm);
     // Two lanes are no light but directions and the like.
     let ranges =
-        chosen.map(|lane| lane.filter(|_| lanes.len() == 2).and_then(|lane| automatic(snapshot, lane)));
+        chosen.map(|lane| look.automatic(snapshot, lane.filter(|_| lanes.len() == 2)?, Curve::Linear));
     let gain = look.exposure.exp2();
     let color = |pixel: usize| match values(pixel) {
         values if values.iter().any(|value| value.is_nan()) => Odd(NAN),
@@ -274,34 +325,6 @@ fn words(snapshot: &Snapshot, lane: &Lane, color: impl Fn(u32) -> [u8; 3] + Sync
     each(snapshot, lane, |number| special(number).unwrap_or_else(|| Plain(color(number.bits()))))
 }
 
-fn amounts(snapshot: &Snapshot, lane: &Lane, scale: Option<Scale>) -> Vec<Shade> {
-    let color = |number: Number| scale.map_or(EMPTY, |scale| scale.color(number.as_f32()));
-    each(snapshot, lane, |number| special(number).unwrap_or_else(|| Plain(color(number))))
-}
-
-/// A distance; some are kept as their bits, where atomics compare them. None where there is nothing.
-pub(crate) fn distance(number: Number, far: f32) -> Option<f32> {
-    let z = f32::from_bits(number.bits());
-    // Stages may write `far` with a rounding error.
-    (z > 0.0 && z.is_finite() && z < 0.999 * far).then_some(z)
-}
-
-fn farthest_and_nearest(snapshot: &Snapshot, lane: &Lane, far: f32) -> Option<[f32; 2]> {
-    // By 1/z, as they are shaded.
-    let nearness = lane.numbers(snapshot).filter_map(|number| distance(number, far)).map(f32::recip);
-    percentiles(nearness.collect()).map(|ends| ends.map(f32::recip))
-}
-
-fn depths(snapshot: &Snapshot, lane: &Lane, scale: Option<Scale>, far: f32) -> Vec<Shade> {
-    each(snapshot, lane, |number| match (distance(number, far), scale) {
-        (Some(z), Some(scale)) => Plain(scale.color(z)),
-        _ if number == Number::Unsigned(POISON) => Odd(POISONED),
-        // All bits set are a NaN as well: what no point has reached.
-        _ if f32::from_bits(number.bits()).is_nan() && number.bits() != NONE => Odd(NAN),
-        _ => Plain(EMPTY),
-    })
-}
-
 /// Pixels that edges cross: those that are cut in two, those where more happens, and dim, those that an edge ends in.
 fn crossings(snapshot: &Snapshot, lane: &Lane) -> Vec<Shade> {
     let mask: Vec<u32> = lane.numbers(snapshot).map(Number::bits).collect();
@@ -319,20 +342,6 @@ fn crossings(snapshot: &Snapshot, lane: &Lane) -> Vec<Shade> {
         })
     };
     (0..mask.len()).into_par_iter().map(shade).collect()
-}
-
-/// The range that suits an image: from the lowest of the values to the highest, a hundredth at either end left out; from
-/// 0 for integers; all that can be for priorities. None where there are no values.
-fn automatic(snapshot: &Snapshot, lane: &Lane) -> Option<[f32; 2]> {
-    if port_of(snapshot) == PRIORITY {
-        return Some([0.0, MOST_PRIORITY]);
-    }
-    let values = lane.numbers(snapshot).filter(|number| special(*number).is_none()).map(Number::as_f32);
-    if lane.is_float() {
-        return percentiles(values.collect());
-    }
-    // Zeros alone are dark.
-    Some([0.0, values.reduce(f32::max)?.max(1.0)])
 }
 
 /// The values at [`PERCENTILES`].

@@ -11,6 +11,9 @@ use crate::{
     look::{NONE, POISON},
 };
 
+/// Significant digits of floats.
+const DIGITS: usize = 6;
+
 /// What a column makes of its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reading {
@@ -63,10 +66,10 @@ impl Table {
         let Some((column, number)) = self.number(row, column) else { return String::new() };
         match (column.reading, number) {
             (Reading::State, number) => state(number.bits()).to_owned(),
-            (Reading::Age | Reading::Radiance(_), number) => number.brief(),
+            (Reading::Age | Reading::Radiance(_), number) => number.rounded(DIGITS),
             (_, Number::Unsigned(NONE)) => "none".to_owned(),
             (_, Number::Unsigned(POISON)) => "poison".to_owned(),
-            (_, number) => number.brief(),
+            (_, number) => number.rounded(DIGITS),
         }
     }
 

@@ -23,11 +23,13 @@ fn every_state_is_drawn() {
     view.click("Histogram");
     view.click("FLIP map");
     shot(&mut view, "flip");
+    view.wheel(view.image().center(), 400.0);
     view.click("Difference");
     shot(&mut view, "difference");
     view.choose("held: image, frame 20", "an image file …");
     shot(&mut view, "file");
     view.click("Compare");
+    view.click("Fit");
     let middle = view.image().center();
     view.see("interpolate.color");
     view.wheel(middle, 960.0);
@@ -41,8 +43,10 @@ fn every_state_is_drawn() {
     view.click("Histogram");
     view.see("edges/edge_raster.mask");
     shot(&mut view, "edges");
-    let edge = middle + vec2(-86.0, 22.0);
-    view.wheel(edge, 520.0);
+    // The corner of a box, as it lies in the fitted image.
+    let image = view.image();
+    let edge = image.center() + vec2(-0.196, 0.36) * image.height();
+    view.wheel(edge, 640.0);
     shot(&mut view, "edges-near");
     view.see("edges/classify.cls");
     shot(&mut view, "classes-near");
@@ -52,7 +56,8 @@ fn every_state_is_drawn() {
     view.hover(edge);
     shot(&mut view, "reach");
     view.wheel(edge, 500.0);
-    view.hover(edge);
+    shot(&mut view, "reach-middle");
+    view.wheel(edge, 140.0);
     shot(&mut view, "reach-near");
     view.click("Fit");
     view.see("view/project.id");

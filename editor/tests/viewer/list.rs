@@ -42,10 +42,11 @@ fn rows_are_sorted_by_a_click_on_a_heading() {
         |view: &View| view.list().page(40).into_iter().map(|row| positions[row][0]).collect::<Vec<_>>();
     let rising = sorted(&view);
     assert!(rising[0] < 0.0 && rising.windows(2).all(|pair| pair[0] <= pair[1]), "{rising:?}");
+    let largest = positions.iter().map(|[x, ..]| *x).fold(f32::MIN, f32::max);
     view.click("position.x ⏶");
     view.opened.until("the order", |app| {
         let first = |viewer: &Viewer| Some(*viewer.list.as_ref()?.page(1).first()?);
-        app.viewers().find_map(first).is_some_and(|row| positions[row][0] > 0.0)
+        app.viewers().find_map(first).is_some_and(|row| positions[row][0] == largest)
     });
     let falling = sorted(&view);
     assert!(falling.windows(2).all(|pair| pair[0] >= pair[1]), "{falling:?}");

@@ -69,7 +69,10 @@ impl View {
         let found = boxes.into_iter().find(|node| node.value().as_deref() == Some(from));
         found.unwrap_or_else(|| panic!("no box shows {from}")).click();
         self.settle();
-        self.click(label);
+        // What is open is drawn last.
+        let offered = self.opened.harness.query_all_by_label(label);
+        offered.last().unwrap_or_else(|| panic!("{label} is not offered")).click();
+        self.settle();
     }
 
     fn rect(&self, label: &str) -> Rect {

@@ -42,6 +42,10 @@ fn depth_is_bright_where_near_also_as_bits() {
     let as_floats = floats("cull.depth", &depths);
     assert_eq!(shown(&as_bits), shown(&as_floats));
     assert_eq!((shown(&as_bits)[0], &shown(&as_bits)[3..]), ([255; 3], &[EMPTY; 2][..]));
+    // Other modes know as well what is a distance, and what is none.
+    let grey = Look { mode: Some(Mode::Grey), far: 100.0, ..Look::default() };
+    assert_eq!(show(&as_bits, &grey).colors, show(&as_floats, &grey).colors);
+    assert_eq!(show(&as_bits, &grey).colors[2..], [[255; 3], EMPTY, EMPTY]);
     // Without a far plane, its distance is one like any other.
     assert!(show(&as_bits, &Look::default()).colors[4] != EMPTY);
     assert!(shown(&as_bits)[1] > shown(&as_bits)[2]);

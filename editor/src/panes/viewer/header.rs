@@ -94,7 +94,7 @@ impl Viewer {
         let mode = self.look.mode;
         let automatic = self.picture().map_or("", |picture| picture.mode.label());
         let text = mode.map_or(automatic, Mode::label);
-        let combo = ComboBox::from_id_salt("mode").selected_text(text).width(92.0).height(420.0);
+        let combo = ComboBox::from_id_salt("mode").selected_text(text).width(104.0).height(420.0);
         let response = combo.show_ui(ui, |ui| {
             ui.selectable_value(&mut self.look.mode, None, "What suits the port");
             for (mode, label) in Mode::ALL {

@@ -33,7 +33,7 @@ pub fn draw(painter: &Painter, pane: Rect, layer: &Layer) {
             bar(painter, pane, &scale, "of 24 pixels reached");
         }
         (mode, Some(scale), _) => {
-            bar(painter, pane, &scale, if mode == Mode::Depth { "m" } else { unit(layer) })
+            bar(painter, pane, &scale, if mode == Mode::Depth { "distance, m" } else { unit(layer) })
         }
         _ => {}
     }
@@ -70,35 +70,32 @@ fn swatches(painter: &Painter, pane: Rect, entries: &[(String, [u8; 3])]) {
 
 /// The shades from the dark to the bright end, with round values at their places.
 fn bar(painter: &Painter, pane: Rect, scale: &Scale, unit: &str) {
-    let area = Rect::from_min_size(
-        pane.left_bottom() + vec2(MARGIN, -MARGIN - 44.0),
-        vec2(BAR.x.min(pane.width() - 4.0 * MARGIN) + 28.0, 44.0),
-    );
+    let title =
+        if scale.curve == Curve::Log { format!("{unit} log").trim().to_owned() } else { unit.to_owned() };
+    let title_height = if title.is_empty() { 0.0 } else { 15.0 };
+    let size = vec2(BAR.x.min(pane.width() - 4.0 * MARGIN) + 28.0, 38.0 + title_height);
+    let area = Rect::from_min_size(pane.left_bottom() + vec2(MARGIN, -MARGIN - size.y), size);
     painter.rect_filled(area, 3.0, Color32::from_black_alpha(190));
-    let bar = Rect::from_min_size(area.min + vec2(14.0, 8.0), vec2(area.width() - 28.0, BAR.y));
-    gradient(painter, bar, scale);
+    let corner = area.min + vec2(14.0, 6.0);
     let font = FontId::proportional(FONT);
+    painter.text(corner - vec2(0.0, 2.0), Align2::LEFT_TOP, title, font.clone(), Color32::from_gray(190));
+    let bar = Rect::from_min_size(corner + vec2(0.0, title_height), vec2(area.width() - 28.0, BAR.y));
+    gradient(painter, bar, scale);
     let mut free = f32::NEG_INFINITY;
     let mut labels = scale.ticks(TICKS);
     labels.sort_by(|a, b| scale.share(*a).total_cmp(&scale.share(*b)));
     for value in labels {
         let x = bar.left() + scale.share(value) * bar.width();
-        painter.vline(x, bar.bottom()..=bar.bottom() + 4.0, Stroke::new(1.0, Color32::from_gray(200)));
+        painter.vline(x, bar.bottom()..=bar.bottom() + 3.0, Stroke::new(1.0, Color32::from_gray(200)));
         let text =
             painter.layout_no_wrap(Number::Float(value).short(), font.clone(), Color32::from_gray(225));
         let left = x - 0.5 * text.size().x;
         // Ticks that are close together share one label.
         if left > free + 4.0 {
             free = left + text.size().x;
-            painter.galley(pos2(left, bar.bottom() + 4.0), text, Color32::WHITE);
+            painter.galley(pos2(left, bar.bottom() + 3.0), text, Color32::WHITE);
         }
     }
-    let note = match scale.curve {
-        Curve::Log => format!("{unit} log").trim().to_owned(),
-        _ => unit.to_owned(),
-    };
-    let right = pos2(bar.right(), area.bottom() - 2.0);
-    painter.text(right, Align2::RIGHT_BOTTOM, note, FontId::proportional(9.0), Color32::from_gray(170));
 }
 
 /// The shades from left to right.

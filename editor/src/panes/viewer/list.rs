@@ -67,8 +67,7 @@ impl List {
 
     /// The table in view and the order of its rows: the newest one, or the last one that is sorted.
     fn shown(&self) -> Option<(&Table, Option<&[u32]>)> {
-        let sorted = self.sorted.result().filter(|(sorted, _)| Some(sorted.sorting) == self.sorting);
-        match sorted {
+        match self.sorted.result().filter(|_| self.sorting.is_some()) {
             Some((_, (table, order))) => Some((table, Some(order))),
             None => Some((self.newest.as_ref()?, None)),
         }
