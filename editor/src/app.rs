@@ -1,5 +1,7 @@
 //! The window: a toolbar, panes that can be dragged about, a line that says how things stand.
 
+use std::time::Instant;
+
 use eframe::{CreationContext, Frame};
 use egui::{Context, Key, KeyboardShortcut, Modifiers, Ui};
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
@@ -8,7 +10,7 @@ use crate::{
     dialog::{Answer, Ask, Dialog},
     document::Document,
     engine::{Command, Options},
-    help,
+    help, keyboard,
     opening::Opening,
     panes::{Language, Pane, Panes, TextPane, Viewer},
     session::{SCALES, Session},
@@ -25,6 +27,9 @@ const COPY: KeyboardShortcut = KeyboardShortcut::new(SHIFTED, Key::C);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 const RECORD: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F9);
 const PLAY: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F10);
+
+const NEXT_PANE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F6);
+const PANE_BEFORE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::SHIFT, Key::F6);
 
 /// Keys that open a dialog.
 const DIALOGS: [(KeyboardShortcut, Ask); 3] = [
@@ -124,7 +129,12 @@ impl App {
                 self.session.assign(slot);
             }
         }
-        if context.egui_wants_keyboard_input() {
+        for (key, back) in [(PANE_BEFORE, true), (NEXT_PANE, false)] {
+            if pressed(&key) {
+                keyboard::next_pane(context, &self.tree, back);
+            }
+        }
+        if context.egui_wants_keyboard_input() && !keyboard::is_on_pane(context, &self.tree) {
             return;
         }
         let pressed = |key| context.input(|input| input.key_pressed(key) && input.modifiers.is_none());
@@ -300,6 +310,7 @@ impl eframe::App for App {
         if ui.ctx().options(|options| options.theme_preference) != self.session.theme {
             ui.ctx().set_theme(self.session.theme);
         }
+        self.session.pulse.beat(Instant::now());
         self.shortcuts(ui.ctx());
         self.refresh(ui.ctx());
         let mut watched: Vec<String> = self.viewers().flat_map(Viewer::watched).collect();

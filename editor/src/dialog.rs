@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use egui::{Button, ComboBox, DragValue, Id, Key, Modal, RichText, ScrollArea, TextEdit, Ui, vec2};
+use egui::{
+    Button, ComboBox, DragValue, Frame, Id, Key, Label, Modal, RichText, ScrollArea, TextEdit, Ui, vec2,
+};
 
 use crate::{
     files::{self, Choice, PATH_ENDING},
@@ -10,6 +12,9 @@ use crate::{
     session::Session,
     theme,
 };
+
+/// Width of what a dialog holds, points.
+const WIDTH: f32 = 540.0;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,10 +137,11 @@ impl Dialog {
     pub fn show(&mut self, ui: &Ui, session: &mut Session) -> Answer {
         let [title, doc, accept] = self.ask.words();
         let mut answer = Answer::Open;
-        let modal = Modal::new(Id::new("dialog")).show(ui.ctx(), |ui| {
-            ui.set_width(460.0);
+        let frame = Frame::popup(ui.style()).inner_margin(12.0);
+        let modal = Modal::new(Id::new("dialog")).frame(frame).show(ui.ctx(), |ui| {
+            ui.set_width(WIDTH);
             ui.heading(title);
-            ui.add_space(4.0);
+            ui.add_space(6.0);
             self.choices(ui, &mut answer);
             self.more(ui, session);
             let label = ui.label(RichText::new(doc).weak());
@@ -152,7 +158,7 @@ impl Dialog {
                 answer = Answer::Accept;
             }
             if let Some(error) = &self.error {
-                ui.colored_label(theme::BAD, error);
+                ui.colored_label(theme::palette(ui).bad, error);
             }
             ui.add_space(6.0);
             ui.horizontal(|ui| {
@@ -181,19 +187,22 @@ impl Dialog {
             return;
         }
         let picked = if self.ask == Ask::NewGraph { &mut self.source } else { &mut self.text };
-        ScrollArea::vertical().max_height(220.0).auto_shrink([false, true]).show(ui, |ui| {
+        ScrollArea::vertical().max_height(300.0).auto_shrink([false, true]).show(ui, |ui| {
+            ui.spacing_mut().item_spacing.y = 2.0;
             for choice in &self.choices {
-                let button = ui.add(Button::selectable(*picked == choice.text, &choice.text));
-                if button.clicked() {
+                let row = ui.horizontal(|ui| {
+                    let name = files::short(&choice.text);
+                    let button = ui.add(Button::selectable(*picked == choice.text, name));
+                    ui.add(Label::new(RichText::new(&choice.doc).weak()).truncate());
+                    button.on_hover_text(format!("{}\n{}", choice.text, choice.doc))
+                });
+                if row.inner.clicked() {
                     picked.clone_from(&choice.text);
                     (self.error, self.replaces) = (None, None);
                 }
-                if button.double_clicked() && !self.ask.writes() {
+                if row.inner.double_clicked() && !self.ask.writes() {
                     *answer = Answer::Accept;
                 }
-                ui.indent(&choice.text, |ui| {
-                    ui.add(egui::Label::new(RichText::new(&choice.doc).weak()).wrap())
-                });
             }
         });
         ui.add_space(4.0);

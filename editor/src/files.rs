@@ -19,6 +19,11 @@ pub struct Choice {
     pub doc: String,
 }
 
+/// A path without its folders, a name as it is.
+pub fn short(text: &str) -> &str {
+    Path::new(text).file_name().and_then(|name| name.to_str()).unwrap_or(text)
+}
+
 /// The folder of the graphs that come with the program: `graphs` here or in a folder above.
 pub fn shipped_folder() -> Option<PathBuf> {
     let here = std::env::current_dir().ok()?;

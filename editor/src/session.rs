@@ -14,6 +14,7 @@ use crate::{
     inspect::Picked,
     jobs::Jobs,
     output::CommandLine,
+    pulse::Pulse,
     route::{Recorder, Route},
     store::Seen,
 };
@@ -89,6 +90,8 @@ pub struct Session {
     pub extra: String,
     /// Work beside this thread.
     pub jobs: Jobs,
+    /// How often the window is drawn.
+    pub pulse: Pulse,
     /// Light, dark, or as the system has it.
     pub theme: ThemePreference,
     /// Whether the help is open.
@@ -145,6 +148,7 @@ impl Session {
             ask: None,
             extra: String::new(),
             jobs,
+            pulse: Pulse::default(),
             theme: ThemePreference::default(),
             help: false,
             reset_layout: false,

@@ -35,7 +35,8 @@ fn problems(ui: &mut Ui, session: &mut Session) {
                 format!("{}:{}:{}  ", file_name(&place.file), place.line, place.column)
             });
             let node = problem.node.as_ref().map_or(String::new(), |node| format!("{node}: "));
-            let text = RichText::new(format!("⚠ {lead}{node}{}", problem.error)).color(theme::BAD);
+            let text =
+                RichText::new(format!("⚠ {lead}{node}{}", problem.error)).color(theme::palette(ui).bad);
             let response = ui.add(Label::new(text).wrap().sense(Sense::click()));
             let response = response.on_hover_text("Go there");
             if let (true, Some(place)) = (response.clicked(), place) {
@@ -52,14 +53,14 @@ fn problems(ui: &mut Ui, session: &mut Session) {
 fn state(ui: &mut Ui, session: &Session) {
     let state = &session.state;
     if !session.engine.is_alive() {
-        ui.colored_label(theme::BAD, "the engine has stopped; save and start again");
+        ui.colored_label(theme::palette(ui).bad, "the engine has stopped; save and start again");
     } else if let Phase::Failed(why) = &state.phase {
-        ui.colored_label(theme::BAD, format!("{why}; File, Open scene, takes another"));
+        ui.colored_label(theme::palette(ui).bad, format!("{why}; File, Open scene, takes another"));
     } else if state.phase == Phase::Loading {
         ui.spinner();
         ui.label("reading the scene …");
     } else if let Some(trouble) = &state.trouble {
-        ui.colored_label(theme::BAD, trouble);
+        ui.colored_label(theme::palette(ui).bad, trouble);
     } else if let Some(recorder) = &session.recorder {
         ui.label(format!("recording the camera's path, {:.1} s", recorder.seconds()));
     } else if let (Some(playing), true) = (&state.playing, session.is_playing()) {
@@ -100,6 +101,8 @@ fn figures(ui: &mut Ui, session: &Session) {
     ];
     if state.paused {
         figures[2] = "paused".into();
+    } else if session.measured {
+        figures.insert(3, format!("window {}/s", session.pulse.rate()));
     }
     // This layout runs from the right.
     for figure in figures.into_iter().rev() {

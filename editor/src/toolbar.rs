@@ -1,10 +1,11 @@
 //! The toolbar: menus, running, the camera's path, sampling, placing, and the file.
 
-use egui::{Button, ComboBox, DragValue, Response, RichText, Slider, Ui, WidgetInfo, WidgetType};
+use egui::{Button, ComboBox, DragValue, Response, RichText, Slider, Ui, WidgetType};
 
 use crate::{
     engine::{Backend, Command, Pacing},
     menu,
+    name::Named,
     session::{SCALES, Session},
     theme,
 };
@@ -50,8 +51,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
 /// A button that is a sign; `name` is what it is called where it cannot be seen.
 fn sign(ui: &mut Ui, enabled: bool, sign: impl Into<RichText>, name: &str) -> Response {
     let button = ui.add_enabled(enabled, Button::new(sign.into()).min_size([24.0, 0.0].into()));
-    button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, enabled, name));
-    button
+    button.named(WidgetType::Button, name)
 }
 
 fn running(ui: &mut Ui, session: &mut Session) {
@@ -79,7 +79,7 @@ fn running(ui: &mut Ui, session: &mut Session) {
 fn path(ui: &mut Ui, session: &mut Session) {
     let recording = session.recorder.as_ref().map(crate::route::Recorder::seconds);
     let (text, name) = match recording {
-        Some(_) => (RichText::new("⏹").color(theme::BAD), "Stop recording the path"),
+        Some(_) => (RichText::new("⏹").color(theme::palette(ui).bad), "Stop recording the path"),
         None => (RichText::new("⏺"), "Record a path"),
     };
     let hint = match recording {
@@ -126,7 +126,7 @@ fn sampling(ui: &mut Ui, session: &mut Session) {
             }
         }
     });
-    response.response.on_hover_text("When samples arrive");
+    response.response.named(WidgetType::ComboBox, "Samples arrive").on_hover_text("When samples arrive");
 }
 
 fn placing(ui: &mut Ui, session: &mut Session) {
@@ -140,7 +140,7 @@ fn placing(ui: &mut Ui, session: &mut Session) {
             }
         }
     });
-    response.response.on_hover_text("Where nodes run that do not say");
+    response.response.named(WidgetType::ComboBox, "Backend").on_hover_text("Where nodes run that do not say");
     let text = |[width, height]: [u32; 2]| format!("{width}×{height}");
     let combo = ComboBox::from_id_salt("size").selected_text(text(session.size)).width(86.0);
     let response = combo.show_ui(ui, |ui| {
@@ -150,11 +150,13 @@ fn placing(ui: &mut Ui, session: &mut Session) {
             }
         }
     });
-    response.response.on_hover_text("Width and height of the frame, pixels");
+    response
+        .response
+        .named(WidgetType::ComboBox, "Frame size")
+        .on_hover_text("Width and height of the frame, pixels");
     let before = session.scale;
     let scale = DragValue::new(&mut session.scale).range(SCALES).speed(0.01).fixed_decimals(2).prefix("× ");
-    let scale = ui.add(scale);
-    scale.widget_info(|| WidgetInfo::labeled(WidgetType::DragValue, true, "Resolution scale"));
+    let scale = ui.add(scale).named(WidgetType::DragValue, "Resolution scale");
     let [width, height] = session.frame_size();
     if scale.on_hover_text(format!("Resolution scale: frames are {width}×{height}")).changed()
         && session.scale != before

@@ -21,7 +21,7 @@ pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
-    failure: Arc<Mutex<Option<String>>>,
+    failure: Arc<Mutex<Option<RunError>>>,
 }
 
 impl Gpu {
@@ -62,13 +62,11 @@ impl Gpu {
             adapter.request_device(&descriptor).await.map_err(|error| RunError::Gpu(error.to_string()))?;
         let failure = Arc::new(Mutex::new(None));
         let first = failure.clone();
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&first, error.to_string())));
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            note(&first, RunError::Gpu(error.to_string()));
+        }));
         let first = failure.clone();
-        device.set_device_lost_callback(move |reason, message| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                note(&first, format!("the device was lost: {message}"));
-            }
-        });
+        device.set_device_lost_callback(move |_, message| note(&first, RunError::Lost(message)));
         Ok(Self { device, queue, info: adapter.get_info(), failure })
     }
 
@@ -94,8 +92,11 @@ impl Gpu {
 
     /// The first error since the last call that no call returned.
     pub(crate) fn check(&self) -> Result<(), RunError> {
-        match self.failure.lock().expect("no panic while noting a failure").take() {
-            Some(message) => Err(RunError::Gpu(message)),
+        let mut failure = self.failure.lock().expect("no panic while noting a failure");
+        match &*failure {
+            // For good: no call succeeds any more.
+            Some(lost @ RunError::Lost(_)) => Err(lost.clone()),
+            Some(_) => Err(failure.take().expect("seen")),
             None => Ok(()),
         }
     }
@@ -104,8 +105,15 @@ impl Gpu {
     pub(crate) fn wait(&self) -> Result<(), RunError> {
         // A minute is far beyond any frame: then the device hangs, which the user should hear of.
         let poll = wgpu::PollType::Wait { submission_index: None, timeout: Some(Duration::from_secs(60)) };
-        self.device.poll(poll).map_err(|error| RunError::Gpu(error.to_string()))?;
-        self.check()
+        let polled = self.device.poll(poll).map_err(|error| RunError::Gpu(error.to_string()));
+        // What the device itself says of a loss counts more than that it could not be waited for.
+        self.check().and(polled.map(|_| ()))
+    }
+
+    /// Gives the device up, as when a driver is updated or a cable pulled: every later call fails with
+    /// [`RunError::Lost`].
+    pub fn lose(&self) {
+        self.device.destroy();
     }
 
     /// Runs `make` and turns validation and out-of-memory errors in it into an error.
@@ -122,7 +130,10 @@ impl Gpu {
     }
 }
 
-fn note(first: &Mutex<Option<String>>, message: String) {
+fn note(first: &Mutex<Option<RunError>>, failure: RunError) {
     let mut first = first.lock().expect("no panic while noting a failure");
-    first.get_or_insert(message);
+    // A loss explains whatever failed before it was told.
+    if first.is_none() || matches!(failure, RunError::Lost(_)) {
+        *first = Some(failure);
+    }
 }

@@ -39,9 +39,12 @@ pub enum RunError {
          Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1"
     )]
     NoGpu,
-    /// Out of memory, a lost device, or a call that the device refuses.
+    /// Out of memory, or a call that the device refuses.
     #[error("GPU: {0}")]
     Gpu(String),
+    /// The device is gone, and with it all that was on it; another may be opened.
+    #[error("the GPU was lost: {0}")]
+    Lost(String),
     /// A stage failed.
     #[error("node `{node}`: {message}")]
     Stage {

@@ -288,3 +288,51 @@ fn another_scene_takes_the_place_of_one_that_failed_or_ran() {
     assert_eq!((&state.scene[..], &state.phase), ("chains", &Phase::Ready));
     assert!(engine.is_alive());
 }
+
+/// Held by a test to keep the stage [`Stuck`] from ending.
+static GATE: Mutex<()> = Mutex::new(());
+
+/// Waits for [`GATE`] in each frame.
+struct Stuck {
+    out: Out<texel::R32Float>,
+}
+
+epigraph_core::params! {
+    /// Parameters of [`Stuck`]: none.
+    pub struct StuckParams {}
+}
+
+impl Stage for Stuck {
+    const KIND: &'static str = "stuck";
+    const DOC: &'static str = "Waits.";
+    type Params = StuckParams;
+    fn declare(_: &StuckParams, io: &mut Io) -> Self {
+        Self { out: io.write("out", "Ones.", Extent::Frame(1)) }
+    }
+    fn cpu(&self, _: &StuckParams, cx: &CpuContext) -> Result<(), String> {
+        let _open = GATE.lock().map_err(|error| error.to_string())?;
+        cx.write(self.out).fill(1.0);
+        Ok(())
+    }
+}
+
+#[test]
+fn nothing_that_the_window_asks_waits_for_a_frame_that_takes_long() {
+    let registry = || Registry::default().with::<Stuck>();
+    let text = r#"Graph(version: 1, nodes: { "a": (kind: "stuck") }, outputs: { "image": "a.out" })"#;
+    let graph = Arc::new(GraphFile::parse("stuck.ron", text).unwrap());
+    let closed = GATE.lock().unwrap();
+    let engine = Engine::start_with(options(), registry, || ());
+    engine.send(Command::Graph(graph.clone()));
+    let ready = wait(&engine, "the graph", |state| state.graph.is_some());
+    engine.send(Command::Step(1));
+    // The frame cannot end before this thread lets it; were any of these to wait for it, the test would never end.
+    for pass in 0..1000 {
+        engine.send(Command::Samples(0.1));
+        engine.send(Command::Watch(vec![format!("a.out{pass}")]));
+        let state = engine.state();
+        assert_eq!((state.frames, engine.is_alive()), (0, true));
+    }
+    drop(closed);
+    wait(&engine, "all of them", |state| state.frames == 1 && state.commands == ready.commands + 2001);
+}

@@ -111,6 +111,8 @@ struct Worker {
     records: VecDeque<Arc<Record>>,
     /// When the engine began.
     began: Instant,
+    /// The GPU was lost, and no frame has run since.
+    lost: bool,
     /// The ends of the frames of the last second.
     ends: Vec<Instant>,
     state: State,
@@ -152,6 +154,7 @@ impl Worker {
             records: VecDeque::with_capacity(RECORDED),
             began: Instant::now(),
             stopped: false,
+            lost: false,
             ends: Vec::new(),
             state,
         };
@@ -172,7 +175,7 @@ impl Worker {
         publish(self.state.clone());
         let mut next = Instant::now();
         loop {
-            let first = if self.has_work() {
+            let first = if self.has_work() || self.rebuild != Rebuild::No {
                 match commands.recv_timeout(next.saturating_duration_since(Instant::now())) {
                     Ok(command) => Some(command),
                     Err(RecvTimeoutError::Timeout) => None,
@@ -359,7 +362,9 @@ impl Worker {
     /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
     fn build(&mut self) {
         let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
-        self.state.trouble = None;
+        if !self.lost {
+            self.state.trouble = None;
+        }
         self.state.problems = Vec::new();
         let newest = self.file.clone().map(|file| (file, self.shaders.clone()));
         for (file, shaders) in [newest, self.good.clone()].into_iter().flatten() {
@@ -515,6 +520,7 @@ impl Worker {
 
     fn succeeded(&mut self, camera: Camera, samples: u32) {
         self.before = None;
+        self.lost = false;
         self.shown = Some(camera);
         self.index = self.index.wrapping_add(1);
         self.owed = self.owed.saturating_sub(1);
@@ -584,11 +590,13 @@ impl Worker {
 
     /// The graph before takes over where this one never ran; else frames stop until something changes.
     fn failed(&mut self, error: &RunError) {
-        if matches!(error, RunError::Gpu(_)) {
-            self.gpu = None;
-        }
         self.owed = self.owed.saturating_sub(1);
         self.leave_path();
+        match error {
+            RunError::Lost(_) => return self.lose(error),
+            RunError::Gpu(_) => self.gpu = None,
+            _ => {}
+        }
         match self.before.take() {
             Some(before) => {
                 self.state.trouble =
@@ -600,6 +608,21 @@ impl Worker {
                 self.stopped = true;
                 self.owed = 0;
             }
+        }
+    }
+
+    /// What was on the GPU is gone. Another device is opened once; a loss before its first frame stops everything.
+    fn lose(&mut self, error: &RunError) {
+        self.gpu = None;
+        self.running = None;
+        self.before = None;
+        if self.lost {
+            self.state.trouble =
+                Some(format!("stopped, as it happened again: {error}; the CPU can be chosen instead"));
+        } else {
+            self.state.trouble = Some(format!("{error}; a new start was made"));
+            self.lost = true;
+            self.rebuild = Rebuild::Afresh;
         }
     }
 }
@@ -642,3 +665,6 @@ fn open_gpu(open: &mut Option<Arc<Gpu>>) -> Result<Arc<Gpu>, RunError> {
     *open = Some(gpu.clone());
     Ok(gpu)
 }
+
+#[cfg(test)]
+mod tests;

@@ -18,7 +18,7 @@ pub use text::{Language, TextPane};
 pub use times::TimesPane;
 pub use viewer::Viewer;
 
-use crate::session::Session;
+use crate::{keyboard, session::Session};
 
 /// What a tile shows. Of it, sessions keep what the user has set.
 #[derive(Serialize, Deserialize)]
@@ -52,7 +52,8 @@ pub struct Panes<'a> {
 }
 
 impl Behavior<Pane> for Panes<'_> {
-    fn pane_ui(&mut self, ui: &mut Ui, _: TileId, pane: &mut Pane) -> UiResponse {
+    fn pane_ui(&mut self, ui: &mut Ui, tile: TileId, pane: &mut Pane) -> UiResponse {
+        keyboard::pane(ui, tile, self.tab_title_for_pane(pane).text());
         let frame = egui::Frame::new().inner_margin(6).fill(ui.visuals().panel_fill);
         frame.show(ui, |ui| {
             // The frame fills the tile, also where the pane has little to say.

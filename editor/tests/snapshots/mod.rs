@@ -37,6 +37,14 @@ pub fn window(graph: &str) -> Opened {
     opened
 }
 
+/// The same in the light theme.
+pub fn light_window(graph: &str) -> Opened {
+    let mut opened = window(graph);
+    opened.harness.state_mut().session.theme = egui::ThemePreference::Light;
+    opened.harness.run_steps(3);
+    opened
+}
+
 /// Compares the window with the stored picture of that name.
 ///
 /// # Panics

@@ -11,6 +11,35 @@ fn the_window() {
 }
 
 #[test]
+fn the_window_in_the_light_theme() {
+    compare(&mut light_window("epi.ron"), "window-light");
+}
+
+#[test]
+fn the_help_on_a_screen_of_high_density() {
+    let builder = egui_kittest::Harness::builder().with_size(WINDOW).with_pixels_per_point(2.0);
+    let mut opened = Opened::shipped("render-cache.ron", builder, support::options([256, 192]));
+    (0..FRAMES).for_each(|_| opened.frames(1));
+    opened.harness.key_press(egui::Key::F1);
+    opened.harness.run_steps(4);
+    compare(&mut opened, "help-high-density");
+}
+
+#[test]
+fn a_menu_and_dialogs() {
+    let mut opened = window("epi.ron");
+    opened.click("Camera");
+    compare(&mut opened, "menu");
+    opened.harness.key_press(egui::Key::Escape);
+    opened.choose(&["File", "Open scene …"]);
+    compare(&mut opened, "dialog-scene");
+    opened.click("Cancel");
+    let mut opened = light_window("epi.ron");
+    opened.choose(&["Output", "Save image …"]);
+    compare(&mut opened, "dialog-image-light");
+}
+
+#[test]
 fn one_letter_of_the_status_line_is_a_difference() {
     // Updating writes what is found, so that nothing could differ.
     if std::env::var_os("UPDATE_SNAPSHOTS").is_some() {

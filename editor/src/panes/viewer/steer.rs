@@ -19,7 +19,7 @@ pub fn steer(ui: &Ui, session: &mut Session, response: &Response) {
     }
     // Keys belong to a text field while one has the focus.
     let typing = ui.ctx().memory(|memory| memory.focused().is_some_and(|id| id != response.id));
-    if !response.hovered() || typing || ui.input(|input| input.modifiers.command) {
+    if !(response.hovered() || response.has_focus()) || typing || ui.input(|input| input.modifiers.command) {
         return;
     }
     let (held, seconds) = ui.input(|input| {

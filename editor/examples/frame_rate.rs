@@ -1,0 +1,105 @@
+//! Measures how often the window is drawn while the tracer has all the cores it can get, as a person meets it: the graph
+//! runs, samples come when they are traced, and the window is drawn again as soon as it was.
+//!
+//! `cargo run --release -p epigraph-editor --example frame_rate -- [GRAPH] [SCENE] [SECONDS]`, from the repository's
+//! folder. It needs a display; Xvfb is one.
+
+use std::{
+    path::Path,
+    process::ExitCode,
+    time::{Duration, Instant},
+};
+
+use eframe::{Frame, NativeOptions};
+use egui::{Ui, ViewportBuilder, ViewportCommand};
+use epigraph_editor::{app::App, document::Document, engine::Options, files::find_graph};
+
+/// Time for the scene, the first frames and the window's first pictures.
+const WARM_UP: Duration = Duration::from_secs(5);
+
+/// The editor, drawn without a rest.
+struct Measured {
+    app: App,
+    seconds: Duration,
+    start: Instant,
+    /// When counting began, and the engine's frames then.
+    counting: Option<(Instant, u32)>,
+    drawn: u32,
+    /// The longest time from one drawing of the window to the next.
+    longest: Duration,
+    last: Instant,
+}
+
+impl eframe::App for Measured {
+    fn ui(&mut self, ui: &mut Ui, frame: &mut Frame) {
+        self.app.ui(ui, frame);
+        ui.ctx().request_repaint();
+        let now = Instant::now();
+        let state = &self.app.session.state;
+        match self.counting {
+            None if now - self.start > WARM_UP && state.frames > 0 => {
+                self.counting = Some((now, state.frames));
+            }
+            Some((begin, frames)) => {
+                self.drawn += 1;
+                self.longest = self.longest.max(now - self.last);
+                let elapsed = now - begin;
+                if elapsed > self.seconds {
+                    let rate = |count: u32| f64::from(count) / elapsed.as_secs_f64();
+                    println!(
+                        "window {:.1} frames/s, longest pause {:.0} ms; graph {:.1} frames/s of {} samples at {:?}",
+                        rate(self.drawn),
+                        self.longest.as_secs_f64() * 1000.0,
+                        rate(state.frames - frames),
+                        state.samples,
+                        self.app.session.frame_size(),
+                    );
+                    ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+                }
+            }
+            None => {}
+        }
+        self.last = now;
+    }
+}
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    let graph = arguments.next().unwrap_or_else(|| "epi".into());
+    let scene = arguments.next().unwrap_or_else(|| "chains".into());
+    let seconds = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(10);
+    let document = match Document::open(Path::new(&find_graph(&graph))) {
+        Ok(document) => document,
+        Err(problems) => {
+            eprintln!("error: {problems}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let options = Options { scene, ..Options::default() };
+    let native = NativeOptions {
+        viewport: ViewportBuilder::default().with_inner_size([1280.0, 720.0]),
+        ..NativeOptions::default()
+    };
+    let now = Instant::now();
+    let open = move |creation: &eframe::CreationContext| {
+        let app = App::new(creation, document, options);
+        let seconds = Duration::from_secs(seconds);
+        let measured = Measured {
+            app,
+            seconds,
+            start: now,
+            counting: None,
+            drawn: 0,
+            longest: Duration::ZERO,
+            last: now,
+        };
+        Ok(Box::new(measured) as Box<_>)
+    };
+    match eframe::run_native("Epigraph", native, Box::new(open)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,66 @@
+use std::path;
+
+use super::*;
+
+/// A worker on a graph, all of it on the GPU.
+fn worker() -> Worker {
+    let options = Options {
+        size: [48, 32],
+        samples: 0.25,
+        backend: Backend::Gpu,
+        pacing: Pacing::Exact,
+        paused: true,
+        ..Options::default()
+    };
+    let scene = load("cornell").unwrap();
+    let mut worker = Worker::new(options, epigraph_stages::registry(), scene);
+    let graph = path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/render-cache.ron");
+    worker.obey(Command::Graph(Arc::new(GraphFile::load(&graph).unwrap())), &|_| ());
+    worker.build();
+    worker
+}
+
+#[test]
+fn a_lost_device_is_reported_and_another_takes_its_place() {
+    let mut worker = worker();
+    worker.frame();
+    worker.frame();
+    assert_eq!((worker.state.frames, &worker.state.trouble), (2, &None));
+    worker.gpu.as_ref().unwrap().lose();
+    worker.frame();
+    let trouble = worker.state.trouble.clone().unwrap();
+    assert!(
+        trouble.starts_with("the GPU was lost: ") && trouble.ends_with("a new start was made"),
+        "{trouble}"
+    );
+    assert!(worker.rebuild != Rebuild::No);
+    worker.build();
+    worker.frame();
+    assert_eq!(worker.state.frames, 1);
+    assert_eq!(worker.state.trouble, Some(trouble), "it stays to be read");
+    assert!(worker.state.snapshots.iter().any(|snapshot| snapshot.bytes.iter().any(|byte| *byte != 0)));
+    // The next change has been read by then.
+    worker.obey(Command::Reset, &|_| ());
+    worker.build();
+    assert_eq!(worker.state.trouble, None);
+}
+
+#[test]
+fn a_device_that_is_lost_again_at_once_stops_the_graph_until_something_changes() {
+    let mut worker = worker();
+    worker.frame();
+    for _ in 0..2 {
+        worker.gpu.as_ref().unwrap().lose();
+        worker.frame();
+        if worker.rebuild != Rebuild::No {
+            worker.build();
+        }
+    }
+    assert!(worker.state.trouble.as_ref().unwrap().starts_with("stopped"), "{:?}", worker.state.trouble);
+    worker.options.paused = false;
+    assert!(!worker.has_work());
+    worker.obey(Command::Backend(Backend::Cpu), &|_| ());
+    worker.build();
+    worker.frame();
+    assert_eq!(worker.state.frames, 1);
+}
