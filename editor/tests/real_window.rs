@@ -57,6 +57,8 @@ impl Desk {
             .current_dir(folder.path())
             .env("DISPLAY", &display)
             .env_remove("WAYLAND_DISPLAY")
+            // A session of its own, which nothing is brought back from.
+            .env("XDG_CONFIG_HOME", folder.path().join("config"))
             .stderr(Stdio::null())
             .spawn();
         let desk = Self { display, editor: Running(editor.unwrap()), _server: server, folder };

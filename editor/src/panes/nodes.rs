@@ -1,6 +1,6 @@
 //! The list of nodes in the order in which they run, with what they cost and what they write.
 
-use egui::{Align, Button, Layout, RichText, ScrollArea, Sense, TextEdit, Ui, vec2};
+use egui::{Align, Button, Layout, RichText, ScrollArea, Sense, TextEdit, Ui, WidgetInfo, WidgetType, vec2};
 use epigraph_core::Side;
 
 use crate::{
@@ -19,7 +19,8 @@ impl NodesPane {
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
         let search = TextEdit::singleline(&mut self.search).hint_text("Search nodes and kinds");
-        ui.add(search.desired_width(f32::INFINITY));
+        let search = ui.add(search.desired_width(f32::INFINITY));
+        search.widget_info(|| WidgetInfo::labeled(WidgetType::TextEdit, true, "Search nodes and kinds"));
         ui.add_space(2.0);
         let Some(graph) = session.state.graph.clone() else {
             ui.weak("No graph runs yet.");
@@ -53,8 +54,8 @@ fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
     let selected = session.selected.as_deref() == Some(&node.name);
     ui.horizontal(|ui| {
         let (color, side) = match node.side {
-            Side::Cpu => (theme::CPU, "Runs on the CPU"),
-            Side::Gpu => (theme::GPU, "Runs on the GPU"),
+            Side::Cpu => (theme::palette(ui).cpu, "Runs on the CPU"),
+            Side::Gpu => (theme::palette(ui).gpu, "Runs on the GPU"),
         };
         let (rect, dot) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
         ui.painter().circle_filled(rect.center(), 3.5, color);

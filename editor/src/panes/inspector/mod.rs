@@ -99,7 +99,7 @@ impl InspectorPane {
 
     fn body(&self, ui: &mut Ui, session: &mut Session, inspection: &Inspection) {
         section(ui, |ui| {
-            ui.label(RichText::new("Sample").strong().color(theme::ACCENT))
+            ui.label(RichText::new("Sample").strong().color(theme::palette(ui).accent))
                 .on_hover_text("The point of the cloud that falls into the pixel, nearest to the eye");
             match &inspection.sample {
                 Some(findings) => show_findings(ui, findings),
@@ -149,8 +149,8 @@ fn section(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
 fn title(ui: &mut Ui, session: &mut Session, visit: &Visit) {
     ui.horizontal(|ui| {
         let (color, side) = match visit.side {
-            Side::Cpu => (theme::CPU, "Ran on the CPU"),
-            Side::Gpu => (theme::GPU, "Ran on the GPU"),
+            Side::Cpu => (theme::palette(ui).cpu, "Ran on the CPU"),
+            Side::Gpu => (theme::palette(ui).gpu, "Ran on the GPU"),
         };
         let (rect, dot) = ui.allocate_exact_size(vec2(8.0, 10.0), Sense::hover());
         ui.painter().circle_filled(rect.center(), 3.5, color);

@@ -186,8 +186,8 @@ impl TextPane {
         let band = Rect::from_x_y_ranges(across.start() + GUTTER - 5.0..=*across.end(), rows.clone());
         let bar = Rect::from_x_y_ranges(across.start() + GUTTER - 6.0..=across.start() + GUTTER - 3.5, rows);
         Shape::Vec(vec![
-            Shape::rect_filled(band, 0.0, theme::ACCENT.gamma_multiply(0.1)),
-            Shape::rect_filled(bar, 0.0, theme::ACCENT.gamma_multiply(0.8)),
+            Shape::rect_filled(band, 0.0, theme::palette(ui).accent.gamma_multiply(0.1)),
+            Shape::rect_filled(bar, 0.0, theme::palette(ui).accent.gamma_multiply(0.8)),
         ])
     }
 
@@ -205,7 +205,8 @@ impl TextPane {
             let end = self.place(output, range.end + rest.find('\n').unwrap_or(rest.len()));
             let font = FontId::proportional(11.5);
             let room = (seen.width() - GUTTER - 16.0).max(80.0);
-            let galley = ui.painter().layout(format!("⚠ {}", problem.error), font, theme::BAD, room);
+            let galley =
+                ui.painter().layout(format!("⚠ {}", problem.error), font, theme::palette(ui).bad, room);
             let beside = end.right_center() + vec2(14.0, -0.5 * galley.size().y);
             let fits = galley.rows.len() == 1 && beside.x + galley.size().x + 8.0 < seen.right();
             let at = if fits { beside } else { pos2(seen.left() + GUTTER + 4.0, end.bottom() + 3.0) };
@@ -214,10 +215,10 @@ impl TextPane {
                 back,
                 3.0,
                 ui.visuals().window_fill,
-                Stroke::new(1.0, theme::BAD.gamma_multiply(0.6)),
+                Stroke::new(1.0, theme::palette(ui).bad.gamma_multiply(0.6)),
                 StrokeKind::Outside,
             );
-            ui.painter().galley(at, galley, theme::BAD);
+            ui.painter().galley(at, galley, theme::palette(ui).bad);
         }
     }
 

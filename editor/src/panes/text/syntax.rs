@@ -73,6 +73,7 @@ pub enum HighlightKind {
 
 /// The text in colours, with highlights.
 pub fn layout(ui: &Ui, language: Language, text: &str, highlights: &[Highlight]) -> Arc<Galley> {
+    let palette = theme::palette(ui);
     let font = FontId::monospace(12.0);
     let mut job = LayoutJob::default();
     job.wrap.max_width = f32::INFINITY;
@@ -89,7 +90,7 @@ pub fn layout(ui: &Ui, language: Language, text: &str, highlights: &[Highlight])
             let over = highlights
                 .iter()
                 .filter(|highlight| highlight.range.start <= start && end <= highlight.range.end);
-            over.for_each(|highlight| mark(&mut format, highlight.kind));
+            over.for_each(|highlight| mark(&mut format, highlight.kind, palette));
             job.append(&text[start..end], 0.0, format);
             start = end;
         }
@@ -97,14 +98,14 @@ pub fn layout(ui: &Ui, language: Language, text: &str, highlights: &[Highlight])
     ui.fonts_mut(|fonts| fonts.layout_job(job))
 }
 
-fn mark(format: &mut TextFormat, kind: HighlightKind) {
+fn mark(format: &mut TextFormat, kind: HighlightKind, palette: &theme::Palette) {
     match kind {
         HighlightKind::Wrong => {
-            format.underline = Stroke::new(2.0, theme::BAD);
-            format.background = theme::BAD.gamma_multiply(0.2);
+            format.underline = Stroke::new(2.0, palette.bad);
+            format.background = palette.bad.gamma_multiply(0.2);
         }
-        HighlightKind::Found => format.background = theme::ACCENT.gamma_multiply(0.25),
-        HighlightKind::Current => format.background = theme::ACCENT.gamma_multiply(0.6),
+        HighlightKind::Found => format.background = palette.accent.gamma_multiply(0.25),
+        HighlightKind::Current => format.background = palette.accent.gamma_multiply(0.6),
     }
 }
 

@@ -39,11 +39,12 @@ pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
     let slots =
         ages.0.ports.iter().find(|info| info.port.name == "cloud").map_or(0, |info| info.dims.count());
     let live: u32 = counts.iter().sum();
+    let color = theme::palette(ui).cpu;
     let share = live as f32 / slots.max(1) as f32;
     ui.add(
         ProgressBar::new(share)
             .text(format!("{live} of {slots} slots, {:.1}%", 100.0 * share))
-            .fill(theme::CPU.gamma_multiply(0.6)),
+            .fill(color.gamma_multiply(0.6)),
     )
     .on_hover_text("Slots of the cloud that hold a point");
     samples(ui, session, arrived.as_ref().map(|found| found.1.as_str()), records);
@@ -66,7 +67,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
         .include_x(0.0)
         .include_x(256.0)
         .include_y(0.0)
-        .show(ui, |plot| plot.bar_chart(BarChart::new("points", bars).color(theme::CPU)));
+        .show(ui, |plot| plot.bar_chart(BarChart::new("points", bars).color(color)));
 }
 
 /// How many samples came in the last frame and come in a second.

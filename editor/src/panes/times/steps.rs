@@ -39,7 +39,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, steps: &[StepSummary]) {
 /// A bar with a name and figures; whether it was clicked.
 fn bar(ui: &mut Ui, step: &StepSummary, share: f32) -> bool {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 18.0), Sense::click());
-    let color = if step.side == Side::Cpu { theme::CPU } else { theme::GPU };
+    let color = if step.side == Side::Cpu { theme::palette(ui).cpu } else { theme::palette(ui).gpu };
     let width = (rect.width() * share.clamp(0.0, 1.0)).max(1.0);
     let filled = Rect::from_min_size(rect.min, vec2(width, rect.height()));
     ui.painter().rect_filled(filled, 2.0, color.gamma_multiply(0.35));

@@ -20,6 +20,7 @@ use super::{
 };
 use crate::{
     engine::{GraphInfo, State},
+    name::Named,
     theme,
 };
 
@@ -205,7 +206,10 @@ impl Compare {
                 ui.selectable_value(&mut chosen, With::Port(name), label).on_hover_text(doc);
             });
         });
-        response.response.on_hover_text("What the image is held against");
+        response
+            .response
+            .named(WidgetType::ComboBox, "Held against")
+            .on_hover_text("What the image is held against");
         self.with = chosen;
     }
 
@@ -226,7 +230,7 @@ impl Compare {
     fn figures_row(&self, ui: &mut Ui) {
         ui.horizontal_wrapped(|ui| {
             if let Some(trouble) = &self.trouble {
-                ui.colored_label(theme::BAD, trouble);
+                ui.colored_label(theme::palette(ui).bad, trouble);
                 return;
             }
             match self.measured.result() {

@@ -1,10 +1,13 @@
 //! What a view shows and how: the rows above the image.
 
-use egui::{ComboBox, DragValue, Ui};
+use egui::{ComboBox, DragValue, Ui, WidgetType};
 use epigraph_pictures::{Lane, Mode, Ramp, lanes};
 
 use super::{Viewer, compare::Compare, place::Place};
-use crate::engine::{GraphInfo, NodeInfo};
+use crate::{
+    engine::{GraphInfo, NodeInfo},
+    name::Named,
+};
 
 const STOPS: std::ops::RangeInclusive<f32> = -16.0..=16.0;
 
@@ -86,7 +89,7 @@ impl Viewer {
                 ui.selectable_value(&mut chosen, name, label).on_hover_text(doc);
             });
         });
-        response.response.on_hover_text("Which port to see");
+        response.response.named(WidgetType::ComboBox, "Port").on_hover_text("Which port to see");
         self.choose(chosen);
     }
 
@@ -101,7 +104,7 @@ impl Viewer {
                 ui.selectable_value(&mut self.look.mode, Some(mode), label);
             }
         });
-        response.response.on_hover_text("How numbers become colours");
+        response.response.named(WidgetType::ComboBox, "Shown as").on_hover_text("How numbers become colours");
         if self.look.mode != mode {
             // A range in the old mode's numbers would mean nothing.
             self.look.range = None;
@@ -121,14 +124,13 @@ impl Viewer {
                     self.ages_toggle(ui);
                     self.lane(ui, &lanes);
                     if mode == Mode::FalseColor {
-                        ComboBox::from_id_salt("ramp")
-                            .selected_text(self.look.ramp.label())
-                            .width(84.0)
-                            .show_ui(ui, |ui| {
-                                for (ramp, label) in Ramp::ALL {
-                                    ui.selectable_value(&mut self.look.ramp, ramp, label);
-                                }
-                            });
+                        let combo = ComboBox::from_id_salt("ramp").selected_text(self.look.ramp.label());
+                        let response = combo.width(84.0).show_ui(ui, |ui| {
+                            for (ramp, label) in Ramp::ALL {
+                                ui.selectable_value(&mut self.look.ramp, ramp, label);
+                            }
+                        });
+                        response.response.named(WidgetType::ComboBox, "Ramp").on_hover_text("Which colours");
                     }
                     self.range(ui, mode);
                 });
@@ -165,7 +167,8 @@ impl Viewer {
                     ui.selectable_value(&mut look.channels[channel], lane, letter(lane));
                 }
             });
-            response.response.on_hover_text(format!("What is shown as {name}"));
+            let what = format!("What is shown as {name}");
+            response.response.named(WidgetType::ComboBox, &what).on_hover_text(&what);
         }
         let is_light = lanes.iter().all(Lane::is_float) && count > 2 && !self.is_encoded();
         if is_light {
@@ -175,7 +178,7 @@ impl Viewer {
                 .speed(0.02)
                 .max_decimals(2)
                 .prefix("exposure ");
-            let exposure = ui.add(exposure.suffix(" stops"));
+            let exposure = ui.add(exposure.suffix(" stops")).named(WidgetType::DragValue, "Exposure");
             exposure.on_hover_text("Twice as bright for each; only in this view. Double click to type");
             if self.look.exposure != 0.0 && ui.button("0").on_hover_text("As it is").clicked() {
                 self.look.exposure = 0.0;
@@ -215,7 +218,7 @@ impl Viewer {
                 ui.selectable_value(&mut self.look.lane, index, &lane.name);
             }
         });
-        response.response.on_hover_text("Which lane");
+        response.response.named(WidgetType::ComboBox, "Lane").on_hover_text("Which lane");
     }
 
     /// The ends of the range.
@@ -224,8 +227,10 @@ impl Viewer {
         let mut ends = range;
         let speed = ((range[1] - range[0]).abs() * 0.005).max(1e-4);
         let low = ui.add(DragValue::new(&mut ends[0]).speed(speed).max_decimals(3));
+        let low = low.named(WidgetType::DragValue, "Value at the dark end");
         ui.weak("to");
         let high = ui.add(DragValue::new(&mut ends[1]).speed(speed).max_decimals(3));
+        let high = high.named(WidgetType::DragValue, "Value at the bright end");
         let changed = low.on_hover_text("Value at the dark end").changed()
             | high.on_hover_text("Value at the bright end").changed();
         if changed {

@@ -98,7 +98,7 @@ impl HistogramView {
                 look.range = Some(range);
             }
             let lit = response.hovered() || response.dragged();
-            let color = if lit { theme::ACCENT } else { ui.visuals().text_color() };
+            let color = if lit { theme::palette(ui).accent } else { ui.visuals().text_color() };
             let painter = ui.painter();
             painter.vline(x, plot.y_range(), Stroke::new(if lit { 2.0 } else { 1.0 }, color));
             let grip = Rect::from_center_size(pos2(x, plot.top() + 3.0), vec2(7.0, 7.0));

@@ -187,7 +187,7 @@ impl List {
         let width = INDEX_WIDTH + table.columns.len() as f32 * (COLUMN_WIDTH + GAP);
         let (rect, _) = ui.allocate_exact_size(vec2(width.max(ui.available_width()), ROW), Sense::hover());
         let fill = match () {
-            () if self.marked == Some(element) => theme::ACCENT.gamma_multiply(0.35),
+            () if self.marked == Some(element) => theme::palette(ui).accent.gamma_multiply(0.35),
             () if index % 2 == 1 => ui.visuals().faint_bg_color,
             () => egui::Color32::TRANSPARENT,
         };

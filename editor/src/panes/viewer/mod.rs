@@ -273,7 +273,7 @@ fn foot(ui: &mut Ui, response: &Response, placed: &Placed, layer: &Layer) {
             ui.weak(format!("{width}×{height}  {:.0}%", 100.0 * placed.zoom()));
             if layer.shown.odd > 0 {
                 let text = format!("{} pixels are no number", layer.shown.odd);
-                ui.colored_label(crate::theme::BAD, text);
+                ui.colored_label(crate::theme::palette(ui).bad, text);
             }
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                 ui.add(egui::Label::new(egui::RichText::new(text).weak()).truncate());
