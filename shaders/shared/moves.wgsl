@@ -23,6 +23,9 @@ fn moved_axis(row: vec4<f32>, p: vec3<f32>) -> f32 {
     return row.x * p.x + row.y * p.y + row.z * p.z + row.w;
 }
 
+// A quad's light at less than this cosine to its normal counts as none: that of its own points would be a rounding.
+const GRAZING: f32 = 1e-3;
+
 // A light, or the middle of one with an area, seen from afar.
 struct Lamp {
     // Where it is, metres.
@@ -43,7 +46,8 @@ struct Lamp {
 fn light_at(lamp: Lamp, p: vec3<f32>) -> f32 {
     let towards = p - lamp.position;
     let squared = max(dot(towards, towards), 1e-12);
-    let share = lamp.uniform_share + max(dot(lamp.normal, towards), 0.0) / sqrt(squared);
+    let cosine = dot(lamp.normal, towards) / sqrt(squared);
+    let share = lamp.uniform_share + max(cosine - GRAZING, 0.0);
     return lamp.power * share / squared;
 }
 

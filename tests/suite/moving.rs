@@ -46,8 +46,8 @@ fn what_moves_runs_again_and_nothing_is_left_out_that_counts() {
         assert_eq!((ran(&still, "cloud/carry"), ran(&still, "cloud/motion")), (None, None));
     }
     let image = |prune| {
-        let settings = Settings { prune, poison: true, ..settings(Side::Cpu, &["carry.cloud"]) };
-        let mut run = start(&graph("epi.ron"), "cornell", Settings { taps: vec![], ..settings });
+        let settings = Settings { prune, poison: true, ..settings(Side::Cpu, &[]) };
+        let mut run = start(&graph("epi.ron"), "cornell", settings);
         run.frames(8);
         run.captured("image")
     };
@@ -72,15 +72,14 @@ fn error(file: &GraphFile, color: &str) -> f64 {
 }
 
 #[test]
-fn points_that_go_along_bring_it_closer() {
-    for (name, color, share) in [("render-cache.ron", "fill.color", 0.9), ("epi.ron", "antialias.color", 0.6)]
-    {
-        let mut carried = graph(name);
-        carried.set_param("trace", "spp", "16").unwrap();
-        let mut left = carried.clone();
-        left.set_bypass("cloud/carry", true).unwrap();
-        let [carried, left] = [carried, left].map(|file| error(&file, color));
-        println!("{name}: {carried:.4} carried, {left:.4} left behind");
-        assert!(carried < share * left, "{name}: {carried} against {left}");
+fn ageing_by_the_change_of_light_brings_it_closer() {
+    let mut aged = graph("epi.ron");
+    aged.set_param("trace", "spp", "16").unwrap();
+    let mut not = aged.clone();
+    for param in ["penalty", "relight", "shadow"] {
+        not.set_param("carry", param, "0.0").unwrap();
     }
+    let [aged, not] = [aged, not].map(|file| error(&file, "antialias.color"));
+    println!("{aged:.4} aged by the light, {not:.4} not");
+    assert!(aged < 0.8 * not, "{aged} against {not}");
 }
