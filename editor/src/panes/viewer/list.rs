@@ -115,8 +115,7 @@ impl List {
 
     /// Turning pages, jumping, and how many rows there are.
     fn bar(&mut self, ui: &mut Ui, page: usize) {
-        let Some((table, order)) = self.shown() else { return };
-        let (count, order) = (table.rows, order.map(<[u32]>::to_vec));
+        let Some(count) = self.shown().map(|(table, _)| table.rows) else { return };
         ui.horizontal(|ui| {
             let top = self.top as i64;
             let last = count.saturating_sub(page) as i64;
@@ -139,16 +138,20 @@ impl List {
             let jump = DragValue::new(&mut self.wanted).range(0..=count.saturating_sub(1)).speed(1.0);
             let jump = ui.add(jump).labelled_by(label.id);
             if jump.on_hover_text("Jump to the element of this number. Click to type").changed() {
-                let at = |order: &Vec<u32>| order.iter().position(|row| *row as usize == self.wanted);
-                let row = order.as_ref().and_then(at).unwrap_or(self.wanted);
                 self.marked = Some(self.wanted);
-                self.go(row as i64 - page as i64 / 3, count, page);
+                self.go(self.row_of(self.wanted) as i64 - page as i64 / 3, count, page);
             }
             if self.sorted.is_busy() {
                 ui.add(egui::Spinner::new().size(13.0));
                 ui.weak("sorting …");
             }
         });
+    }
+
+    /// The row that an element is in.
+    fn row_of(&self, element: usize) -> usize {
+        let order = self.shown().and_then(|(_, order)| order);
+        order.and_then(|order| order.iter().position(|row| *row as usize == element)).unwrap_or(element)
     }
 
     fn go(&mut self, row: i64, count: usize, page: usize) {
