@@ -41,7 +41,7 @@ mod tests {
             frame: 5,
             bytes: bytemuck::cast_slice(data).to_vec(),
         };
-        let meta = snapshot("a.cloud", &[LIVE | 3 * AGE_ONE + 17, 9 * AGE_ONE, LIVE]);
+        let meta = snapshot("a.cloud", &[LIVE | (3 * AGE_ONE + 17), 9 * AGE_ONE, LIVE]);
         let found = ages(&snapshot("b.id", &[2, 0, 1, NONE, 7]), &meta).unwrap();
         assert_eq!(found.get::<u32>(), [0, 3, NONE, NONE, NONE]);
         assert_eq!((found.name.as_str(), found.frame), ("b.id age", 5));

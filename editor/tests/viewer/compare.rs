@@ -21,7 +21,7 @@ impl View {
         let fits =
             |viewer: &Viewer| viewer.compare.as_ref().and_then(|compare| compare.figures()).is_some_and(&fit);
         self.opened.until("figures", |app| app.viewers().any(fits));
-        self.against().figures().unwrap().clone()
+        *self.against().figures().unwrap()
     }
 
     fn trouble(&mut self) -> String {

@@ -97,6 +97,15 @@ struct Held {
     frames: u32,
 }
 
+/// A map of differences on the graphics card, and what it was made of.
+struct Map {
+    pair: Pair,
+    /// 0 for FLIP.
+    gain: f32,
+    small: bool,
+    texture: TextureHandle,
+}
+
 /// A comparison.
 pub struct Compare {
     /// What the image is held against.
@@ -112,10 +121,9 @@ pub struct Compare {
     /// The file that was asked for, and how often.
     asked: Option<(PathBuf, u32)>,
     file: Task<(PathBuf, u32), Result<Arc<Snapshot>, String>>,
-    other: Option<Layer>,
+    other: Option<Box<Layer>>,
     measured: Task<Pair, Measured>,
-    /// What the texture shows: the images, and the gain of differences or 0 for FLIP.
-    map: Option<(Pair, f32, TextureHandle)>,
+    map: Option<Map>,
     trouble: Option<String>,
 }
 
@@ -294,7 +302,7 @@ impl Compare {
             return;
         }
         self.trouble = None;
-        Layer::update(&mut self.other, context, other.clone(), look);
+        Layer::update(&mut self.other, context, other.clone(), look, layer.small);
         let pair = Pair { images: [layer.snapshot.clone(), other], looks: [layer.look, look] };
         let asked = pair.clone();
         self.measured.want(context, pair.clone(), move || Measured::of(&asked));
@@ -339,7 +347,9 @@ impl Compare {
                 None => return,
             },
         };
-        if self.map.as_ref().is_some_and(|(of, by, _)| *of == pair && *by == gain) {
+        let small = layer.small;
+        let fits = |map: &Map| map.pair == pair && (map.gain, map.small) == (gain, small);
+        if self.map.as_ref().is_some_and(fits) {
             return;
         }
         let Some(other) = &self.other else { return };
@@ -348,8 +358,9 @@ impl Compare {
             _ => apart(&layer.shown.colors, &other.shown.colors, gain),
         };
         let size = [pair.images[0].dims.width as usize, pair.images[0].dims.height as usize];
-        let texture = upload(self.map.take().map(|(.., texture)| texture), ui.ctx(), size, &colors);
-        self.map = Some((pair, gain, texture));
+        let texture = self.map.take().map(|map| map.texture);
+        let texture = upload(texture, ui.ctx(), size, &colors, small);
+        self.map = Some(Map { pair, gain, small, texture });
     }
 
     /// Draws over the image in view.
@@ -363,8 +374,8 @@ impl Compare {
                 tag(painter, placed, Align2::LEFT_TOP, format!("now: {}", layer.snapshot.name));
                 tag(painter, placed, Align2::RIGHT_TOP, self.name(graph));
             }
-            (_, Some(_), Some((_, _, map))) => {
-                painter.image(map.id(), placed.image, WHOLE, Color32::WHITE);
+            (_, Some(_), Some(map)) => {
+                painter.image(map.texture.id(), placed.image, WHOLE, Color32::WHITE);
             }
             (_, Some(_), None) => {
                 let font = FontId::proportional(13.0);

@@ -68,7 +68,7 @@ impl Viewer {
             let doc = "Hold this image and compare what becomes of it, another port, or a file";
             if ui.toggle_value(&mut comparing, "Compare").on_hover_text(doc).changed() {
                 let image = self.layer.as_ref().map(|layer| layer.snapshot.clone());
-                self.compare = comparing.then(|| Compare::holding(image, frames));
+                self.compare = comparing.then(|| Box::new(Compare::holding(image, frames)));
             }
             let zoom = |ui: &mut Ui, place: &mut Place, zoom, label, doc| {
                 if ui.selectable_label(place.zoom == zoom, label).on_hover_text(doc).clicked() {

@@ -54,13 +54,16 @@ pub struct Viewer {
     pub look: Look,
     /// The comparison with another image, while there is one.
     #[serde(skip)]
-    pub compare: Option<Compare>,
+    pub compare: Option<Box<Compare>>,
     /// The table, where the port is a list.
     #[serde(skip)]
-    pub list: Option<List>,
+    pub list: Option<Box<List>>,
     place: Place,
+    /// Whether the image's pixels were smaller than the screen's when it was drawn last.
     #[serde(skip)]
-    layer: Option<Layer>,
+    small: bool,
+    #[serde(skip)]
+    layer: Option<Box<Layer>>,
     #[serde(skip)]
     histogram: HistogramView,
     histogram_open: bool,
@@ -92,7 +95,7 @@ impl Viewer {
 
     /// The ports that it needs to see.
     pub fn watched(&self) -> impl Iterator<Item = String> {
-        let against = self.compare.as_ref().and_then(Compare::port).map(str::to_owned);
+        let against = self.compare.as_deref().and_then(Compare::port).map(str::to_owned);
         [Some(self.port.clone()), against, self.cloud.clone()].into_iter().flatten()
     }
 
@@ -133,7 +136,7 @@ impl Viewer {
             self.histogram.show(ui, layer, &mut self.look);
         }
         if let Some(compare) = &mut self.compare {
-            compare.header(ui, &graph, state.frames, self.layer.as_ref());
+            compare.header(ui, &graph, state.frames, self.layer.as_deref());
         }
         self.image(ui, session, &graph, &name);
     }
@@ -151,7 +154,7 @@ impl Viewer {
         self.list = None;
         self.cloud = (self.ages && self.is_of_points()).then(|| cloud_of(graph, name)).flatten();
         let image = self.aged(state, &first).unwrap_or(first);
-        Layer::update(&mut self.layer, ui.ctx(), image, self.look);
+        Layer::update(&mut self.layer, ui.ctx(), image, self.look, self.small);
         if let (Some(compare), Some(layer)) = (&mut self.compare, &self.layer) {
             compare.update(ui, graph, state, layer);
         }
@@ -187,7 +190,7 @@ impl Viewer {
         let Some(path) = dropped else { return };
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         if ["png", "exr"].iter().any(|known| ending == *known) {
-            self.compare.get_or_insert_with(|| Compare::holding(None, 0)).open(&path);
+            self.compare.get_or_insert_with(|| Box::new(Compare::holding(None, 0))).open(&path);
         }
     }
 
@@ -204,7 +207,11 @@ impl Viewer {
             session.viewer = self.id;
         }
         let placed = self.place.put(pane, layer.shown.size);
-        paint(ui, graph, &placed, layer, self.compare.as_ref(), &response);
+        self.small = placed.zoom() * ui.ctx().pixels_per_point() < 1.0;
+        if self.small != layer.small {
+            ui.ctx().request_repaint();
+        }
+        paint(ui, graph, &placed, layer, self.compare.as_deref(), &response);
         if let Some(compare) = &mut self.compare {
             compare.wipe_line(ui, &placed);
         }

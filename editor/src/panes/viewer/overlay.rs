@@ -4,6 +4,7 @@ use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use epigraph_pictures::{Mode, edges, in_pixel};
 
 use super::{layer::Layer, place::Placed};
+use crate::theme;
 
 /// Points a pixel takes from which on its values are written into it.
 const LEGIBLE: f32 = 44.0;
@@ -108,10 +109,13 @@ fn maps(painter: &Painter, placed: &Placed, layer: &Layer) {
 
 /// The 5x5 pixels around one: itself, those that it reaches, and those that it does not.
 pub fn map(painter: &Painter, within: Rect, r24: u32) {
-    let side = within.width() / 5.0;
+    // Whole points: fractions of them would make stripes of many maps.
+    let side = (within.width() / 5.0).floor().max(1.0);
+    let first = (within.center() - vec2(2.5, 2.5) * side).round();
+    let gap = if side < 5.0 { 0.0 } else { 1.0 };
     for (index, color) in edges::reach_glyph(r24).into_iter().enumerate() {
-        let corner = within.min + vec2((index % 5) as f32, (index / 5) as f32) * side;
-        painter.rect_filled(Rect::from_min_size(corner, vec2(side, side) * 0.94), 0.0, rgb(color));
+        let corner = first + vec2((index % 5) as f32, (index / 5) as f32) * side;
+        painter.rect_filled(Rect::from_min_size(corner, vec2(side - gap, side - gap)), 0.0, rgb(color));
     }
 }
 
@@ -133,8 +137,12 @@ pub fn reach_of(painter: &Painter, placed: &Placed, layer: &Layer, [x, y]: [usiz
         let min: Pos2 = placed.point(corner);
         let max = min + vec2(placed.zoom(), placed.zoom());
         let square = Rect::from_min_max(min, pos2(max.x, max.y)).shrink(1.0);
-        let stroke =
-            Stroke::new(2.0, if color == edges::BARRED { rgb(edges::CLASSES[2].1) } else { rgb(color) });
+        let color = match color {
+            edges::BARRED => rgb(edges::CLASSES[2].1),
+            edges::SELF => theme::ACCENT,
+            color => rgb(color),
+        };
+        let stroke = Stroke::new(2.0, color);
         painter.rect_stroke(square, 0.0, stroke, egui::StrokeKind::Inside);
     }
 }
