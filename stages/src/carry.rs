@@ -21,7 +21,7 @@ epigraph_core::params! {
         relight: f32 = 32.0, in 0.0..=255.0, unit "age";
         /// Age added in each frame in which a body moves, as its box tells, between a point and all of its light, or light
         /// moves behind it; in proportion where that is a part of the light.
-        shadow: f32 = 128.0, in 0.0..=255.0, unit "age";
+        shadow: f32 = 64.0, in 0.0..=255.0, unit "age";
     }
 }
 

