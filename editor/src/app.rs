@@ -227,6 +227,15 @@ impl App {
         }
     }
 
+    /// The ports that canvases show as thumbnails.
+    fn thumbnails(&self, context: &Context) -> Vec<String> {
+        let canvases = self.tree.tiles.iter().filter_map(|(_, tile)| match tile {
+            Tile::Pane(Pane::Canvas(canvas)) => Some(canvas),
+            _ => None,
+        });
+        canvases.flat_map(|canvas| canvas.watched(context)).cloned().collect()
+    }
+
     /// Shows a pane that lies behind another tab.
     pub fn show(&mut self, wanted: impl Fn(&Pane) -> bool) {
         self.tree.make_active(|_, tile| matches!(tile, Tile::Pane(pane) if wanted(pane)));
@@ -314,6 +323,7 @@ impl eframe::App for App {
         self.shortcuts(ui.ctx());
         self.refresh(ui.ctx());
         let mut watched: Vec<String> = self.viewers().flat_map(Viewer::watched).collect();
+        watched.extend(self.thumbnails(ui.ctx()));
         watched.sort();
         watched.dedup();
         self.session.sync(watched, ui.input(|input| input.time));

@@ -9,7 +9,7 @@ use epigraph_scenes::Camera;
 use crate::{
     camera::Rig,
     dialog::Ask,
-    document::{Document, Tag},
+    document::{Document, Places, Tag},
     engine::{Backend, Command, Engine, Options, Pacing, Playback, Playing, State},
     inspect::Picked,
     jobs::Jobs,
@@ -111,7 +111,7 @@ pub struct Session {
 impl Session {
     /// Runs a document. `wake` is called from the engine's thread when there is something new to show.
     pub fn new(
-        document: Document,
+        mut document: Document,
         options: Options,
         wake: impl Fn() + Clone + Send + Sync + 'static,
     ) -> Self {
@@ -122,7 +122,6 @@ impl Session {
         let session = Self {
             state: engine.state(),
             sent: document.revision(),
-            document,
             engine,
             registry: epigraph_stages::registry(),
             rig: None,
@@ -134,7 +133,7 @@ impl Session {
             inspection: Picked::default(),
             asides: Vec::new(),
             jump: None,
-            notice: None,
+            notice: document.take_notice(),
             scene,
             samples,
             size,
@@ -156,6 +155,7 @@ impl Session {
             now: 0.0,
             watched: Vec::new(),
             within: String::new(),
+            document,
         };
         session.send_graph();
         session
@@ -379,6 +379,15 @@ impl Session {
     /// Makes one of core's edits; where it fails, the notice says why.
     pub fn edit(&mut self, tag: Tag, edit: impl FnOnce(&mut GraphFile) -> Result<(), Problems>) {
         self.notice = self.document.edit(tag, edit).err().map(|problems| problems.to_string());
+    }
+
+    /// The same, with places of the canvas that change in the same step.
+    pub fn edit_placed(
+        &mut self,
+        edit: impl FnOnce(&mut GraphFile, &mut Places) -> Result<(), Problems>,
+    ) -> bool {
+        self.notice = self.document.edit_placed(Tag::Once, edit).err().map(|problems| problems.to_string());
+        self.notice.is_none()
     }
 
     /// Saves; the notice says what became of it.

@@ -31,8 +31,6 @@ const LIGHT: Palette = Palette {
     gpu: Color32::from_rgb(36, 112, 28),
 };
 
-/// Says: wrong.
-pub const BAD: Color32 = DARK.bad;
 /// Says: this is the one in use.
 pub const ACCENT: Color32 = DARK.accent;
 /// Nodes that run on the CPU.

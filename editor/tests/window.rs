@@ -1,6 +1,7 @@
 //! The window without a screen: widgets are found by name and used as a person would; the file's text and the engine's
 //! state say what came of it.
 
+mod canvas;
 mod flows;
 mod panes;
 mod snapshots;

@@ -7,10 +7,12 @@
 //! - [`edges`]: what the words of the edge-and-point image mean, drawn.
 //! - [`Difference`], [`flip`], [`metrics`]: how far two pictures are apart.
 //! - [`Picture`], [`PortFile`], [`Target`]: files.
+//! - [`svg`]: drawings of lines and words.
 
 pub mod edges;
 pub mod flip;
 pub mod metrics;
+pub mod svg;
 pub mod tone;
 
 mod ages;

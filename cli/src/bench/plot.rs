@@ -1,5 +1,7 @@
 //! The tables as a picture: stacked bars for each scene beside the papers', and lines of how the frame grows.
 
+use epigraph_pictures::svg::{Anchor, Font, Svg};
+
 use super::{
     Backend, Row, SOFTWARE_WARNING, Sweep,
     column::COLUMNS,
@@ -7,10 +9,7 @@ use super::{
     report::{Report, by_backend, grouped, ms},
     times::Times,
 };
-use crate::{
-    axis::{Log, number, span},
-    svg::{Anchor, Font, Svg},
-};
+use crate::axis::{Log, number, span};
 
 /// Width of the picture, pixels.
 const WIDTH: f64 = 1280.0;

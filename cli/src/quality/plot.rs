@@ -1,5 +1,7 @@
 //! FLIP over samples a frame: a panel for each scene and camera, a line for each graph.
 
+use epigraph_pictures::svg::{Anchor, Font, Svg};
+
 use super::{
     Figures, Row, distinct,
     report::{Report, by_graph},
@@ -7,7 +9,6 @@ use super::{
 use crate::{
     axis::{Log, number, span},
     edge_mask,
-    svg::{Anchor, Font, Svg},
 };
 
 /// Left and right margin, pixels.

@@ -3,10 +3,13 @@
 //! The texts are the truth. Whatever changes them (typing, or one of core's edits, which touch only the characters
 //! concerned) ends up as a new set of texts; the one before goes to the past. Undo takes it back as it was, byte for byte.
 //! While a text is broken, [`Document::file`] is the last good one and [`Document::problems`] says what is wrong.
+//! Where the boxes of the canvas stand is part of that history, and has a file of its own ([`places`]).
 
 mod moved;
+pub mod nodes;
 mod params;
 mod pins;
+pub mod places;
 mod swap;
 #[cfg(test)]
 mod tests;
@@ -22,7 +25,8 @@ use std::{
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
 
 pub use params::{home, param_text, remove_param};
-pub use pins::{Pin, pins};
+pub use pins::{INPUTS, Pin, ends, output_port, pins};
+pub use places::Places;
 pub use swap::{fitting, swap};
 
 /// Texts by the path of their file, the graph's own and those of its parts.
@@ -37,16 +41,26 @@ pub enum Tag {
     Typing(String),
     /// Dragging a parameter: node and name.
     Param(String, String),
+    /// Moving boxes of the canvas key by key.
+    Moving,
+}
+
+/// What undo and redo lead back to.
+#[derive(Clone, PartialEq)]
+struct Contents {
+    texts: Texts,
+    places: Arc<Places>,
 }
 
 /// An open graph file.
 pub struct Document {
     path: String,
-    texts: Texts,
-    saved: Texts,
-    past: Vec<Texts>,
-    future: Vec<Texts>,
+    contents: Contents,
+    saved: Contents,
+    past: Vec<Contents>,
+    future: Vec<Contents>,
     tag: Tag,
+    notice: Option<String>,
     file: Option<Arc<GraphFile>>,
     /// Nodes of kind `wgsl` and the paths of their shaders.
     shaders: Vec<(String, String)>,
@@ -65,10 +79,15 @@ impl Document {
             let error = GraphError::Io { action: "read", cause: error.to_string() };
             Problem::new(error).at(Place::file(&name))
         })?;
+        let (places, notice) = match places::read(&name) {
+            Ok(places) => (Arc::new(places), None),
+            Err(why) => (Arc::default(), Some(why)),
+        };
         let mut document = Self {
-            texts: Texts::from([(name.clone(), text.into())]),
+            contents: Contents { texts: Texts::from([(name.clone(), text.into())]), places: places.clone() },
             path: name,
-            saved: Texts::new(),
+            saved: Contents { texts: Texts::new(), places },
+            notice,
             past: Vec::new(),
             future: Vec::new(),
             tag: Tag::Once,
@@ -78,7 +97,7 @@ impl Document {
             revision: 0,
         };
         document.read();
-        document.saved = document.texts.clone();
+        document.saved.texts.clone_from(&document.contents.texts);
         Ok(document)
     }
 
@@ -89,18 +108,19 @@ impl Document {
 
     /// The paths of all texts: the graph's own first, then its parts'.
     pub fn paths(&self) -> impl Iterator<Item = &str> {
-        let parts = self.texts.keys().map(String::as_str).filter(|path| *path != self.path);
+        let parts = self.contents.texts.keys().map(String::as_str).filter(|path| *path != self.path);
         std::iter::once(self.path.as_str()).chain(parts)
     }
 
     /// The text of a file; empty where there is none of that path.
     pub fn text(&self, path: &str) -> &str {
-        self.texts.get(path).map_or("", |text| text)
+        self.contents.texts.get(path).map_or("", |text| text)
     }
 
     /// The shader files of the graph's nodes of kind `wgsl` that could be read, with their texts.
     pub fn shaders(&self) -> impl Iterator<Item = (&str, &Arc<str>)> {
-        self.texts
+        self.contents
+            .texts
             .iter()
             .filter(|(path, _)| self.user_of(path).is_some())
             .map(|(path, text)| (path.as_str(), text))
@@ -131,9 +151,21 @@ impl Document {
         self.revision
     }
 
-    /// Whether a text differs from its file as last read or written.
+    /// Where the boxes of the canvas stand that somebody has placed.
+    pub fn places(&self) -> &Arc<Places> {
+        &self.contents.places
+    }
+
+    /// What there is to tell of opening, once.
+    pub fn take_notice(&mut self) -> Option<String> {
+        self.notice.take()
+    }
+
+    /// Whether a text or a place differs from its file as last read or written.
     pub fn is_dirty(&self) -> bool {
-        self.texts.iter().any(|(path, text)| self.saved.get(path) != Some(text))
+        let (present, saved) = (&self.contents, &self.saved);
+        let changed = |(path, text): (&String, &Arc<str>)| saved.texts.get(path) != Some(text);
+        present.texts.iter().any(changed) || present.places != saved.places
     }
 
     /// Whether there is something to undo.
@@ -148,9 +180,9 @@ impl Document {
 
     /// Replaces a text by what the user has typed.
     pub fn type_text(&mut self, path: &str, text: &str) {
-        let mut texts = self.texts.clone();
+        let mut texts = self.contents.texts.clone();
         texts.insert(path.to_owned(), text.into());
-        self.change(Tag::Typing(path.to_owned()), texts);
+        self.change_texts(Tag::Typing(path.to_owned()), texts);
     }
 
     /// Makes one of core's edits. Parts that stand in the graph several times change in all places.
@@ -162,16 +194,36 @@ impl Document {
         tag: Tag,
         edit: impl FnOnce(&mut GraphFile) -> Result<(), Problems>,
     ) -> Result<(), Problems> {
+        self.edit_placed(tag, |file, _| edit(file))
+    }
+
+    /// The same, with places that change in the same step.
+    ///
+    /// # Errors
+    /// Those of [`Document::edit`].
+    pub fn edit_placed(
+        &mut self,
+        tag: Tag,
+        edit: impl FnOnce(&mut GraphFile, &mut Places) -> Result<(), Problems>,
+    ) -> Result<(), Problems> {
         let (Some(file), []) = (&self.file, self.problems.as_slice()) else {
             let text = "the text has problems; mend them first";
             return Err(Problem::new(GraphError::Invalid(text.into())).into());
         };
         let mut edited = GraphFile::clone(file);
-        edit(&mut edited)?;
-        let mut texts = self.texts.clone();
-        take_changed(&edited, &self.texts, &mut texts);
-        self.change(tag, texts);
+        let mut places = Places::clone(&self.contents.places);
+        edit(&mut edited, &mut places)?;
+        let mut texts = self.contents.texts.clone();
+        take_changed(&edited, &self.contents.texts, &mut texts);
+        self.change(tag, texts, places);
         Ok(())
+    }
+
+    /// Moves boxes of the canvas.
+    pub fn place(&mut self, tag: Tag, change: impl FnOnce(&mut Places)) {
+        let mut places = Places::clone(&self.contents.places);
+        change(&mut places);
+        self.change(tag, self.contents.texts.clone(), places);
     }
 
     /// Lets the next change be undone on its own, whatever its tag: a drag or a stretch of typing has ended.
@@ -181,21 +233,21 @@ impl Document {
 
     /// Takes back the last change.
     pub fn undo(&mut self) {
-        if let Some(texts) = self.past.pop() {
-            self.future.push(std::mem::replace(&mut self.texts, texts));
-            self.moved();
+        if let Some(contents) = self.past.pop() {
+            let present = self.restore(contents);
+            self.future.push(present);
         }
     }
 
     /// Makes the change again that was taken back last.
     pub fn redo(&mut self) {
-        if let Some(texts) = self.future.pop() {
-            self.past.push(std::mem::replace(&mut self.texts, texts));
-            self.moved();
+        if let Some(contents) = self.future.pop() {
+            let present = self.restore(contents);
+            self.past.push(present);
         }
     }
 
-    /// Writes every changed text to its file, each whole or not at all.
+    /// Writes every changed text, and the places where they changed, to its file, each whole or not at all.
     ///
     /// # Errors
     /// That a file has been changed by somebody else since it was read, or cannot be written. Its text then stays
@@ -204,20 +256,25 @@ impl Document {
         self.seal();
         let changed: Vec<String> = self
             .paths()
-            .filter(|path| self.texts.get(*path) != self.saved.get(*path))
+            .filter(|path| self.contents.texts.get(*path) != self.saved.texts.get(*path))
             .map(Into::into)
             .collect();
         for path in changed {
-            let Some(text) = self.texts.get(&path).cloned() else { continue };
-            if let (Some(saved), Ok(found)) = (self.saved.get(&path), fs::read_to_string(&path))
+            let Some(text) = self.contents.texts.get(&path).cloned() else { continue };
+            if let (Some(saved), Ok(found)) = (self.saved.texts.get(&path), fs::read_to_string(&path))
                 && found != **saved
             {
                 let cause = "another program has changed it since it was read; nothing was overwritten";
                 let error = GraphError::Io { action: "write", cause: cause.into() };
                 return Err(Problem::new(error).at(Place::file(&path)).into());
             }
-            bare(&path, &text).save(Path::new(&path))?;
-            self.saved.insert(path, text);
+            write(Path::new(&path), &text)?;
+            self.saved.texts.insert(path, text);
+        }
+        if self.contents.places != self.saved.places {
+            let text = places::write(&self.contents.places, self.file.as_deref());
+            write(&places::layout_path(&self.path), &text)?;
+            self.saved.places = self.contents.places.clone();
         }
         Ok(())
     }
@@ -227,8 +284,8 @@ impl Document {
     pub fn refresh(&mut self) -> bool {
         // A shader's file may have come only now.
         let mut changed = self.add_shaders();
-        let mut texts = self.texts.clone();
-        for (path, saved) in &mut self.saved {
+        let mut texts = self.contents.texts.clone();
+        for (path, saved) in &mut self.saved.texts {
             if texts.get(path) == Some(saved)
                 && let Ok(found) = fs::read_to_string(path)
                 && found != **saved
@@ -238,8 +295,8 @@ impl Document {
             }
         }
         self.revision += u64::from(changed);
-        changed |= texts != self.texts;
-        self.change(Tag::Once, texts);
+        changed |= texts != self.contents.texts;
+        self.change_texts(Tag::Once, texts);
         changed
     }
 
@@ -247,41 +304,53 @@ impl Document {
     fn add_shaders(&mut self) -> bool {
         let mut found = false;
         for (_, path) in &self.shaders {
-            if !self.texts.contains_key(path)
+            if !self.contents.texts.contains_key(path)
                 && let Ok(text) = fs::read_to_string(path)
             {
                 let text: Arc<str> = text.into();
-                self.texts.insert(path.clone(), text.clone());
-                self.saved.insert(path.clone(), text);
+                self.contents.texts.insert(path.clone(), text.clone());
+                self.saved.texts.insert(path.clone(), text);
                 found = true;
             }
         }
         found
     }
 
-    fn change(&mut self, tag: Tag, texts: Texts) {
-        if texts == self.texts {
+    fn change_texts(&mut self, tag: Tag, texts: Texts) {
+        self.change(tag, texts, Places::clone(&self.contents.places));
+    }
+
+    fn change(&mut self, tag: Tag, texts: Texts, places: Places) {
+        if texts == self.contents.texts && places == *self.contents.places {
             return;
         }
-        let before = std::mem::replace(&mut self.texts, texts);
+        let before = self.replace(Contents { texts, places: Arc::new(places) });
         if tag == Tag::Once || tag != self.tag {
             self.past.push(before);
         }
         self.tag = tag;
         self.future.clear();
-        self.read();
-        self.revision += 1;
     }
 
-    fn moved(&mut self) {
+    fn restore(&mut self, contents: Contents) -> Contents {
         self.seal();
-        self.read();
-        self.revision += 1;
+        self.replace(contents)
+    }
+
+    /// Takes over new contents; the ones before.
+    fn replace(&mut self, contents: Contents) -> Contents {
+        let before = std::mem::replace(&mut self.contents, contents);
+        // Where boxes stand is no matter of the graph's.
+        if before.texts != self.contents.texts {
+            self.read();
+            self.revision += 1;
+        }
+        before
     }
 
     /// Reads the texts anew. Parts that are not known yet come from their files.
     fn read(&mut self) {
-        let texts = &self.texts;
+        let texts = &self.contents.texts;
         let part = |path: &Path| -> io::Result<String> {
             match texts.get(&path.display().to_string()) {
                 Some(text) => Ok(text.to_string()),
@@ -292,7 +361,7 @@ impl Document {
             GraphFile::parse(&self.path, self.text(&self.path)).and_then(|file| file.with_parts(&part));
         match read {
             Ok(file) => {
-                add_parts(&file, &mut self.texts, &mut self.saved);
+                add_parts(&file, &mut self.contents.texts, &mut self.saved.texts);
                 self.shaders = file.shaders().into_iter().map(name_shader).collect();
                 self.add_shaders();
                 self.file = Some(Arc::new(file));
@@ -308,17 +377,21 @@ fn name_shader((node, path): (String, PathBuf)) -> (String, String) {
     (node, path.display().to_string())
 }
 
-/// A file of which only the text counts, to be written.
-fn bare(path: &str, text: &str) -> GraphFile {
-    GraphFile {
-        path: path.into(),
+/// Writes a file, whole or not at all.
+///
+/// # Errors
+/// That it cannot be written.
+pub fn write(path: &Path, text: &str) -> Result<(), Problems> {
+    let bare = GraphFile {
+        path: path.display().to_string(),
         text: text.into(),
         version: 1,
         doc: String::new(),
         nodes: Vec::new(),
         outputs: Vec::new(),
         parts: Vec::new(),
-    }
+    };
+    bare.save(path)
 }
 
 /// The texts of `file` that differ from those of `before`.

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
 
-use super::{Document, Texts, bare};
+use super::{Contents, Document, Places, places, write};
 use crate::files::relative;
 
 /// Kinds of stage that name a file, and the parameter that does.
@@ -23,6 +23,10 @@ impl Document {
             return Err(Problem::new(error).at(Place::file(&path.display().to_string())).into());
         }
         write(path, &text)?;
+        // One that cannot be used was not worth a copy.
+        if let Ok(found) = places::read(&source.display().to_string()) {
+            write_places(path, &found)?;
+        }
         Self::open(path)
     }
 
@@ -41,26 +45,30 @@ impl Document {
         if beside {
             let text = self.text(&self.path).to_owned();
             write(path, &text)?;
+            write_places(path, &self.contents.places)?;
             let old = std::mem::replace(&mut self.path, name);
-            let rename = |texts: &mut Texts| {
-                if let Some(text) = texts.remove(&old) {
-                    texts.insert(self.path.clone(), text);
+            let rename = |contents: &mut Contents| {
+                if let Some(text) = contents.texts.remove(&old) {
+                    contents.texts.insert(self.path.clone(), text);
                 }
             };
-            self.past.iter_mut().chain(&mut self.future).chain([&mut self.texts]).for_each(rename);
-            self.saved.remove(&old);
-            self.saved.insert(self.path.clone(), text.into());
-            self.moved();
+            let mut present = self.contents.clone();
+            self.past.iter_mut().chain(&mut self.future).chain([&mut present]).for_each(rename);
+            self.saved.texts.remove(&old);
+            self.saved.texts.insert(self.path.clone(), text.into());
+            self.saved.places = self.contents.places.clone();
+            self.restore(present);
             return Ok(());
         }
         let (Some(file), []) = (&self.file, self.problems.as_slice()) else {
             return Err(refused("the text has problems; mend them before it goes to another folder"));
         };
-        let unsaved = |part: &&str| self.texts.get(*part) != self.saved.get(*part);
+        let unsaved = |part: &&str| self.contents.texts.get(*part) != self.saved.texts.get(*part);
         if let Some(part) = self.paths().skip(1).find(unsaved) {
             return Err(refused(&format!("{part} has unsaved changes; save first")));
         }
         write(path, &moved(file, path))?;
+        write_places(path, &self.contents.places)?;
         let revision = self.revision;
         *self = Self::open(path)?;
         self.revision = revision + 1;
@@ -72,8 +80,10 @@ fn refused(why: &str) -> Problems {
     Problem::new(GraphError::Invalid(why.into())).into()
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Problems> {
-    bare(&path.display().to_string(), text).save(path)
+/// Writes the layout of a graph, where there is one.
+fn write_places(graph: &Path, places: &Places) -> Result<(), Problems> {
+    let graph = graph.display().to_string();
+    if places.is_empty() { Ok(()) } else { write(&places::layout_path(&graph), &places::write(places, None)) }
 }
 
 /// The text of a graph for a file at `path`: names of files lead from there to where they led.

@@ -2,36 +2,51 @@
 
 use std::borrow::Cow;
 
-use epigraph_core::{Field, GraphFile, NodeDef, Port, Registry, Source};
+use epigraph_core::{Access, Extent, Field, GraphFile, NodeDef, Port, Registry, Source};
 
 /// The node of a part that stands for what the part is given.
-const INPUTS: &str = "inputs";
+pub const INPUTS: &str = "inputs";
 
 /// A place where wires end or begin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pin {
-    /// The port.
+    /// The port; of a node within a part, `NODE.PORT`.
     pub name: String,
     /// One sentence.
     pub doc: String,
     /// Its fields; none where only compiling tells.
     pub fields: Option<Vec<Field>>,
+    /// How many elements; none where only compiling tells.
+    pub extent: Option<Extent>,
     /// Whether an input may stay without a wire.
     pub optional: bool,
+    /// Whether an input takes the value of the frame before, so that it may close a cycle.
+    pub history: bool,
 }
 
 impl Pin {
-    fn of(port: &Port) -> Self {
+    /// That of a declared port.
+    pub fn of(port: &Port) -> Self {
         Self {
             name: port.name.to_string(),
             doc: port.doc.to_string(),
             fields: Some(port.fields.clone()),
+            extent: Some(port.extent.clone()),
             optional: port.optional,
+            history: port.access == Access::History,
         }
     }
 
-    fn unknown(name: &str) -> Self {
-        Self { name: name.to_owned(), doc: String::new(), fields: None, optional: true }
+    /// One of which nothing is declared.
+    pub fn unknown(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            doc: String::new(),
+            fields: None,
+            extent: None,
+            optional: true,
+            history: false,
+        }
     }
 
     /// What it holds, in words.
@@ -58,7 +73,7 @@ impl Pin {
 pub fn pins(file: &GraphFile, node: &NodeDef, registry: &Registry) -> [Vec<Pin>; 2] {
     let part = file.parts.iter().find(|(name, _)| *name == node.name.value);
     let mut pins = match part {
-        Some((_, part)) => part_pins(part, registry),
+        Some((_, part)) => ends(part, registry),
         None => {
             let declared =
                 registry.get(&node.kind.value).and_then(|kind| kind.declaration()).unwrap_or_default();
@@ -74,10 +89,44 @@ pub fn pins(file: &GraphFile, node: &NodeDef, registry: &Registry) -> [Vec<Pin>;
     }
     let wires = file.nodes.iter().flat_map(|node| &node.inputs).map(|input| &input.from.value);
     let outputs = file.outputs.iter().map(|output| &output.from.value);
-    for source in wires.chain(outputs).filter(|source| source.node == node.name.value) {
-        add(&mut pins[1], &source.port);
+    for source in wires.chain(outputs) {
+        match source.node.split_once('/') {
+            None if source.node == node.name.value => add(&mut pins[1], &source.port),
+            Some((outer, inner)) if outer == node.name.value => {
+                let name = format!("{inner}.{}", source.port);
+                if pins[1].iter().all(|pin| pin.name != name) {
+                    let at = Source { node: inner.to_owned(), port: source.port.clone() };
+                    let pin = part.and_then(|(_, part)| pin_at(part, 1, &at, &name, registry));
+                    pins[1].push(pin.unwrap_or_else(|| Pin::unknown(&name)));
+                }
+            }
+            _ => {}
+        }
     }
     pins
+}
+
+/// The pin of a node in a graph or in its parts, under another name.
+fn pin_at(file: &GraphFile, side: usize, at: &Source, name: &str, registry: &Registry) -> Option<Pin> {
+    let (node, file) = file.node_at(&at.node)?;
+    let pin = pins(file, node, registry)[side].iter().find(|pin| pin.name == at.port).cloned()?;
+    Some(Pin { name: name.to_owned(), ..pin })
+}
+
+/// The port of a stage behind an output, through outputs of parts.
+pub fn output_port(file: &GraphFile, source: &Source) -> Source {
+    let (head, rest) =
+        source.node.split_once('/').map_or((source.node.as_str(), None), |(head, rest)| (head, Some(rest)));
+    let Some((_, part)) = file.parts.iter().find(|(name, _)| name == head) else { return source.clone() };
+    let inner = match rest {
+        Some(rest) => Some(Source { node: rest.to_owned(), port: source.port.clone() }),
+        None => {
+            let output = part.outputs.iter().find(|output| output.name.value == source.port);
+            output.map(|output| output.from.value.clone())
+        }
+    };
+    let Some(inner) = inner.map(|inner| output_port(part, &inner)) else { return source.clone() };
+    Source { node: format!("{head}/{}", inner.node), port: inner.port }
 }
 
 fn add(pins: &mut Vec<Pin>, name: &str) {
@@ -86,24 +135,27 @@ fn add(pins: &mut Vec<Pin>, name: &str) {
     }
 }
 
-fn part_pins(part: &GraphFile, registry: &Registry) -> [Vec<Pin>; 2] {
-    let pin = |side: usize, at: &Source, name: &str| {
-        let node = part.node(&at.node)?;
-        let pin = pins(part, node, registry)[side].iter().find(|pin| pin.name == at.port).cloned()?;
-        Some(Pin { name: name.to_owned(), ..pin })
-    };
+/// What a graph is given and what it gives: the pins of a node that stands for it.
+pub fn ends(part: &GraphFile, registry: &Registry) -> [Vec<Pin>; 2] {
     let mut inputs: Vec<Pin> = Vec::new();
     for node in &part.nodes {
         for input in node.inputs.iter().filter(|input| input.from.value.node == INPUTS) {
             let name = &input.from.value.port;
-            if inputs.iter().all(|known| known.name != *name) {
-                let at = Source { node: node.name.value.clone(), port: input.port.value.clone() };
-                inputs.push(pin(0, &at, name).unwrap_or_else(|| Pin::unknown(name)));
+            let at = Source { node: node.name.value.clone(), port: input.port.value.clone() };
+            let pin = pin_at(part, 0, &at, name, registry).unwrap_or_else(|| Pin::unknown(name));
+            match inputs.iter_mut().find(|known| known.name == *name) {
+                // One reader of this frame's value, or one that cannot do without it, decides.
+                Some(known) => {
+                    known.history &= pin.history;
+                    known.optional &= pin.optional;
+                }
+                None => inputs.push(pin),
             }
         }
     }
     let output = |output: &epigraph_core::OutputDef| {
-        pin(1, &output.from.value, &output.name.value).unwrap_or_else(|| Pin::unknown(&output.name.value))
+        let name = &output.name.value;
+        pin_at(part, 1, &output.from.value, name, registry).unwrap_or_else(|| Pin::unknown(name))
     };
     [inputs, part.outputs.iter().map(output).collect()]
 }

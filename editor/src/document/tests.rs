@@ -70,11 +70,11 @@ fn random_edit(document: &mut Document, random: &mut Random) {
         return;
     };
     let specs = registry.get(&kind).map(|kind| kind.specs()).unwrap_or_default();
-    let source = Source { node: other, port: "color".into() };
-    let choice = random.below(12);
+    let source = Source { node: other.clone(), port: "color".into() };
+    let choice = random.below(18);
     let number = random.below(1000);
     // Many of these fail, as a user's would; what counts is that undo restores.
-    let _ = document.edit(Tag::Once, |file| match choice {
+    let _ = document.edit_placed(Tag::Once, |file, places| match choice {
         0..=3 => match random.pick(&specs) {
             Some(spec) => file.set_param(&address, &spec.name, &value(spec, random)),
             None => Ok(()),
@@ -90,7 +90,18 @@ fn random_edit(document: &mut Document, random: &mut Random) {
         9 => file.add_node(&format!("new{number}"), "fill"),
         10 if own.len() > 3 => file.remove_node(&node),
         10 => Ok(()),
-        _ => file.rename_node(&node, &format!("{node}_{number}")),
+        11 => file.rename_node(&node, &format!("{node}_{number}")),
+        12 => nodes::duplicate(file, &[node, other]).map(|_| ()),
+        13 if own.len() > 20 => nodes::remove(file, &[node, other]),
+        13 => Ok(()),
+        14 => nodes::bypass(file, &[address.clone(), address], number < 500),
+        15 => nodes::rename(file, &address, &format!("n{number}"))
+            .map(|new| places::rename(places, &address, &new)),
+        16 => nodes::add(file, nodes::split(&address).0, "fill").map(|_| ()),
+        _ => {
+            places.insert(address, [number as f32, 10.0]);
+            Ok(())
+        }
     });
     if random.below(20) == 0 {
         // Typing, which may well break the text, and more of it.
@@ -112,14 +123,15 @@ fn undoing_random_edits_gives_back_every_file_byte_for_byte() {
     for (seed, path) in shipped(folder.path()).iter().enumerate() {
         let mut document = Document::open(path).unwrap();
         assert_eq!(document.problems(), []);
-        let opened = document.texts.clone();
+        let opened = document.contents.texts.clone();
+        let places = document.places().clone();
         let mut random = Random(2_463_534_242 + seed as u32);
         for _ in 0..500 {
             random_edit(&mut document, &mut random);
         }
         assert!(document.past.len() > 200, "{}: {} edits", path.display(), document.past.len());
         assert!(document.is_dirty());
-        let edited = document.texts.clone();
+        let edited = document.contents.texts.clone();
         while document.can_undo() {
             document.undo();
         }
@@ -127,11 +139,11 @@ fn undoing_random_edits_gives_back_every_file_byte_for_byte() {
             assert_eq!(document.text(path), &**text, "{path}");
             assert_eq!(fs::read_to_string(path).unwrap(), **text, "{path}");
         }
-        assert!(!document.is_dirty());
+        assert!(!document.is_dirty() && *document.places() == places);
         while document.can_redo() {
             document.redo();
         }
-        assert_eq!(document.texts, edited);
+        assert_eq!(document.contents.texts, edited);
     }
 }
 
@@ -278,4 +290,109 @@ fn pins_of_stages_and_parts_have_types_that_wires_must_fit() {
     }
     assert!(!pin("tonemap", 0, "color").accepts(&pin("view", 1, "id")));
     assert!(!pin("interpolate", 0, "cloud").accepts(&pin("view", 1, "depth")));
+}
+
+#[test]
+fn places_are_kept_beside_the_graph_and_belong_to_its_history() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let layout = folder.path().join("main.layout.ron");
+    let main = document.text(document.path()).to_owned();
+    document.save().unwrap();
+    assert!(!layout.exists(), "nothing was moved");
+
+    let revision = document.revision();
+    document.place(Tag::Once, |places| {
+        places.insert("c".into(), [10.4, -20.0]);
+        places.insert("a/in".into(), [3.0, 4.0]);
+        places.insert("gone".into(), [5.0, 6.0]);
+    });
+    assert_eq!(document.revision(), revision, "the graph is the same");
+    assert!(document.is_dirty() && !layout.exists());
+    document
+        .edit_placed(Tag::Once, |file, places| {
+            let new = nodes::rename(file, "a", "z")?;
+            places::rename(places, "a", &new);
+            Ok(())
+        })
+        .unwrap();
+    assert!(document.places().contains_key("z/in") && !document.places().contains_key("a/in"));
+    document.undo();
+    assert!(document.places().contains_key("a/in"));
+    document.save().unwrap();
+    assert!(!document.is_dirty());
+    assert_eq!(fs::read_to_string(folder.path().join("main.ron")).unwrap(), main);
+
+    let again = Document::open(&folder.path().join("main.ron")).unwrap();
+    assert_eq!(**again.places(), Places::from([("a/in".into(), [3.0, 4.0]), ("c".into(), [10.0, -20.0])]));
+    assert!(!again.is_dirty());
+    document.undo();
+    assert!(document.places().is_empty() && document.is_dirty());
+}
+
+#[test]
+fn a_layout_that_cannot_be_used_is_told_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    small(folder.path());
+    let layout = folder.path().join("main.layout.ron");
+    let broken = [
+        "Layout(",
+        "Layout(version: 2, nodes: {})",
+        "Layout(version: 1, nodes: {\"a\": (inf, 1)})",
+        "Layout(version: 1, places: {})",
+    ];
+    for text in broken {
+        fs::write(&layout, text).unwrap();
+        let mut document = Document::open(&folder.path().join("main.ron")).unwrap();
+        assert!(document.file().is_some() && document.places().is_empty());
+        let notice = document.take_notice().unwrap();
+        assert!(notice.contains("main.layout.ron") && notice.contains("arranged anew"), "{notice}");
+        document.edit(Tag::Once, |file| file.set_bypass("c", true)).unwrap();
+        document.save().unwrap();
+        assert_eq!(fs::read_to_string(&layout).unwrap(), text);
+    }
+}
+
+#[test]
+fn copies_are_wired_among_themselves_and_comments_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let epi = shipped(folder.path()).into_iter().find(|path| path.ends_with("epi.ron")).unwrap();
+    let mut document = Document::open(&epi).unwrap();
+    let before = document.text(document.path()).to_owned();
+    let chosen = ["spread".to_owned(), "antialias".into(), "edges".into()];
+    let mut copies = Vec::new();
+    document
+        .edit(Tag::Once, |file| {
+            copies = nodes::duplicate(file, &chosen)?;
+            Ok(())
+        })
+        .unwrap();
+    assert_eq!(copies, ["spread2", "antialias2", "edges2"]);
+    let file = document.file().unwrap().clone();
+    let from = |node: &str, port: &str| {
+        let input = file.node(node).unwrap().inputs.iter().find(|input| input.port.value == port).unwrap();
+        input.from.value.to_string()
+    };
+    assert_eq!(from("antialias2", "primary"), "spread2.color");
+    assert_eq!(from("antialias2", "cls"), "edges2.cls");
+    assert_eq!(from("spread2", "primary"), "interpolate.color");
+    assert_eq!(from("antialias", "primary"), "spread.color");
+    let after = document.text(document.path());
+    assert!(before.lines().all(|line| after.contains(line)));
+    document.edit(Tag::Once, |file| nodes::remove(file, &copies)).unwrap();
+    assert_eq!(document.text(document.path()), before);
+    document.undo();
+    document.undo();
+    assert!(!document.can_undo() && !document.is_dirty());
+}
+
+#[test]
+fn a_name_that_others_call_cannot_change_behind_their_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let told = document.edit(Tag::Once, |file| nodes::rename(file, "b/in", "x").map(|_| ())).unwrap_err();
+    assert!(told.to_string().contains("main.ron calls it by its name"), "{told}");
+    assert!(!document.is_dirty());
+    let free = nodes::free_name(document.file().unwrap(), "c");
+    assert_eq!(free, "c2");
 }

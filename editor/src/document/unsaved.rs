@@ -5,16 +5,16 @@ use super::{Document, Tag};
 impl Document {
     /// The files whose texts are not saved, with these.
     pub fn unsaved(&self) -> impl Iterator<Item = (&str, &str)> {
-        let differs = |path: &&str| self.texts.get(*path) != self.saved.get(*path);
+        let differs = |path: &&str| self.contents.texts.get(*path) != self.saved.texts.get(*path);
         self.paths().filter(differs).map(|path| (path, self.text(path)))
     }
 
     /// Gives files of the document other texts, as one change.
     pub fn replace_texts(&mut self, replaced: Vec<(String, String)>) {
-        let mut texts = self.texts.clone();
+        let mut texts = self.contents.texts.clone();
         for (path, text) in replaced {
             texts.insert(path, text.into());
         }
-        self.change(Tag::Once, texts);
+        self.change_texts(Tag::Once, texts);
     }
 }

@@ -1,6 +1,6 @@
 //! What is worth knowing of a graph that runs, as a value that any thread may keep.
 
-use epigraph_core::{Culled, Dims, Graph, Plan, Port, Side, Step};
+use epigraph_core::{Access, Copy, Culled, Dims, Download, Graph, Plan, Port, Side, Step};
 use epigraph_pictures::is_image;
 
 /// A graph as compiled.
@@ -20,6 +20,8 @@ pub struct GraphInfo {
     pub size: [u32; 2],
     /// The GPU in use.
     pub gpu: Option<String>,
+    /// The plan as a Graphviz graph.
+    pub dot: String,
 }
 
 /// A node that runs.
@@ -59,6 +61,21 @@ pub struct StepInfo {
     pub side: Side,
     /// Whether it only copies something for whoever looks at it.
     pub is_tap: bool,
+    /// What crosses from side to side; none for nodes.
+    pub transfer: Option<Transfer>,
+}
+
+/// A value that crosses from one side to the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transfer {
+    /// How a download waits; none for an upload.
+    pub download: Option<Download>,
+    /// The `node.port` that wrote it.
+    pub from: String,
+    /// The inputs that it is for, as `node.port`.
+    pub to: Vec<String>,
+    /// Bytes.
+    pub bytes: u64,
 }
 
 impl PortInfo {
@@ -86,22 +103,30 @@ impl GraphInfo {
                 ports: node.declaration().ports.iter().enumerate().map(port).collect(),
             }
         };
-        let step = |step: &Step| {
+        let crossing = Crossing { graph, plan };
+        let step = |(index, step): (usize, &Step)| {
             let (node, side) = match step {
                 Step::Run(node) => (Some(plan.nodes[*node].0.clone()), plan.nodes[*node].2),
                 Step::Upload(_) => (None, Side::Gpu),
                 Step::Download(..) | Step::Tap(..) => (None, Side::Cpu),
             };
-            StepInfo { name: plan.step_name(step), node, side, is_tap: matches!(step, Step::Tap(..)) }
+            StepInfo {
+                name: plan.step_name(step),
+                node,
+                side,
+                is_tap: matches!(step, Step::Tap(..)),
+                transfer: crossing.transfer(index),
+            }
         };
         Self {
             nodes: graph.nodes.iter().enumerate().map(node).collect(),
             culled: plan.culled.clone(),
             outputs: graph.outputs.iter().map(|(name, at)| (name.clone(), graph.name(*at))).collect(),
-            steps: plan.steps.iter().map(step).collect(),
+            steps: plan.steps.iter().enumerate().map(step).collect(),
             bytes: [plan.bytes(Side::Cpu), plan.bytes(Side::Gpu)],
             size,
             gpu,
+            dot: plan.dot(),
         }
     }
 
@@ -122,5 +147,60 @@ impl GraphInfo {
     pub fn node_ms(&self, name: &str, times: &[f32]) -> Option<f32> {
         let of_node = |(step, ms): (&StepInfo, &f32)| (step.node.as_deref() == Some(name)).then_some(*ms);
         self.steps.iter().zip(times).find_map(of_node)
+    }
+}
+
+/// Finds out between which ports the transfers of a plan stand.
+struct Crossing<'a> {
+    graph: &'a Graph,
+    plan: &'a Plan,
+}
+
+impl Crossing<'_> {
+    /// What the step at `index` carries across; none where it carries nothing.
+    fn transfer(&self, index: usize) -> Option<Transfer> {
+        let (copy, download, side) = match self.plan.steps[index] {
+            Step::Upload(copy) => (copy, None, Side::Gpu),
+            Step::Download(copy, download) => (copy, Some(download), Side::Cpu),
+            Step::Run(_) | Step::Tap(..) => return None,
+        };
+        // Values of the frame before were written after all steps of this one up to here.
+        let steps = &self.plan.steps;
+        let before = if copy.previous { &steps[..0] } else { &steps[..index] };
+        let writer = before.iter().rev().chain(steps.iter().rev());
+        let from = writer.filter_map(run).find_map(|node| self.writes(node, copy.storage))?;
+        let mut to = Vec::new();
+        for node in steps[index..].iter().filter_map(run) {
+            if self.graph.nodes[node].side == side {
+                to.extend(self.readers(node, copy));
+            }
+            if !copy.previous && self.writes(node, copy.storage).is_some() {
+                break;
+            }
+        }
+        Some(Transfer { download, from, to, bytes: self.plan.storages[copy.storage].bytes() })
+    }
+
+    /// The port through which a node writes a storage, if it does.
+    fn writes(&self, node: usize, storage: usize) -> Option<String> {
+        let copy = Copy { storage, previous: false };
+        let ports = self.graph.nodes[node].declaration().ports.iter().zip(&self.plan.bindings[node]);
+        let mut found = ports.filter(|(port, copies)| port.is_output() && copies.contains(&Some(copy)));
+        found.next().map(|(port, _)| format!("{}.{}", self.graph.nodes[node].name, port.name))
+    }
+
+    fn readers(&self, node: usize, copy: Copy) -> impl Iterator<Item = String> {
+        let node_name = &self.graph.nodes[node].name;
+        let ports = self.graph.nodes[node].declaration().ports.iter().zip(&self.plan.bindings[node]);
+        ports
+            .filter(move |(port, copies)| port.access != Access::Write && copies.contains(&Some(copy)))
+            .map(move |(port, _)| format!("{node_name}.{}", port.name))
+    }
+}
+
+fn run(step: &Step) -> Option<usize> {
+    match step {
+        Step::Run(node) => Some(*node),
+        _ => None,
     }
 }

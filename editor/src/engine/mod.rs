@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::inspect::Inspection;
 
-pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo};
+pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo, Transfer};
 pub use playback::{Playback, Playing, Sink, Way};
 pub use record::{RECORDED, Record, StepCost};
 

@@ -8,6 +8,7 @@
 //! `UPDATE_SNAPSHOTS=1 cargo test --release -p epigraph-editor --test window` writes those anew that no longer fit; look
 //! at each before it is committed.
 
+mod canvas;
 mod whole;
 
 use egui_kittest::{SnapshotOptions, SnapshotResult, try_image_snapshot_options};

@@ -71,6 +71,7 @@ mod tests {
             node: None,
             side: Side::Cpu,
             is_tap: name.starts_with("tap"),
+            transfer: None,
         };
         let steps = names.iter().map(step).collect();
         Arc::new(GraphInfo {
@@ -81,6 +82,7 @@ mod tests {
             bytes: [0; 2],
             size: [1, 1],
             gpu: None,
+            dot: String::new(),
         })
     }
 

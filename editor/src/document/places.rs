@@ -1,0 +1,95 @@
+//! Where the boxes of the canvas stand: a file beside the graph's, `NAME.layout.ron`, so that the graph itself stays
+//! clean of what does not change its pictures.
+
+use std::{
+    collections::BTreeMap,
+    fmt::Write,
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use epigraph_core::GraphFile;
+use serde::Deserialize;
+
+/// The name that stands for what a part is given, within the part's address. No node can have it.
+pub const INPUTS_BOX: &str = ".inputs";
+/// The name that stands for a graph's outputs.
+pub const OUTPUTS_BOX: &str = ".outputs";
+
+/// Upper left corners of boxes in the canvas's points, by the nodes' addresses.
+pub type Places = BTreeMap<String, [f32; 2]>;
+
+/// The only version of the format so far.
+const VERSION: u32 = 1;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Layout {
+    version: u32,
+    nodes: Places,
+}
+
+/// The path of a graph's layout.
+pub fn layout_path(graph: &str) -> PathBuf {
+    Path::new(graph).with_extension("layout.ron")
+}
+
+/// Reads the places of a graph; none where there is no such file.
+///
+/// # Errors
+/// Why the file cannot be used, in words.
+pub fn read(graph: &str) -> Result<Places, String> {
+    let path = layout_path(graph);
+    let unusable =
+        |why: String| format!("{} cannot be used, so the boxes are arranged anew: {why}", path.display());
+    let text = match fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Places::new()),
+        Err(error) => return Err(unusable(error.to_string())),
+    };
+    let layout: Layout = ron::from_str(&text).map_err(|error| unusable(error.to_string()))?;
+    if layout.version != VERSION {
+        return Err(unusable(format!("its version is {}, not {VERSION}", layout.version)));
+    }
+    if layout.nodes.values().flatten().any(|at| !at.is_finite()) {
+        return Err(unusable("a place is not a number".into()));
+    }
+    Ok(layout.nodes)
+}
+
+/// The text of a layout file, with the nodes that the graph still has.
+pub fn write(places: &Places, file: Option<&GraphFile>) -> String {
+    let is_there = |address: &str| file.is_none_or(|file| has_box(file, address));
+    let mut text = format!(
+        "// Where the editor shows the nodes of the graph beside this file.\nLayout(\n    version: {VERSION},\n    nodes: {{\n"
+    );
+    for (address, [x, y]) in places.iter().filter(|(address, _)| is_there(address)) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "        {address:?}: ({x:.0}, {y:.0}),");
+    }
+    text + "    },\n)\n"
+}
+
+/// Whether the canvas shows a box of this address.
+fn has_box(file: &GraphFile, address: &str) -> bool {
+    let (part, name) = address.rsplit_once('/').map_or((None, address), |(part, name)| (Some(part), name));
+    match (part, name) {
+        (None, OUTPUTS_BOX) => true,
+        (Some(part), INPUTS_BOX | OUTPUTS_BOX) => file.node_at(part).is_some(),
+        _ => file.node_at(address).is_some(),
+    }
+}
+
+/// Lets the places of a node, and of all in it, follow its new address.
+pub fn rename(places: &mut Places, old: &str, new: &str) {
+    let moved: Vec<String> = places.keys().filter(|address| inner(address, old).is_some()).cloned().collect();
+    for address in moved {
+        if let (Some(place), Some(inner)) = (places.remove(&address), inner(&address, old)) {
+            places.insert(format!("{new}{inner}"), place);
+        }
+    }
+}
+
+fn inner<'a>(address: &'a str, node: &str) -> Option<&'a str> {
+    address.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
+}

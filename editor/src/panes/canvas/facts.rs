@@ -1,0 +1,209 @@
+//! What the engine says of blocks: what they cost, where they run, why they do not.
+
+use epigraph_core::{Download, Element, Field, GraphFile, Side, Source};
+
+use super::model::{Block, Model, PinRef, Role};
+use crate::{
+    document::{INPUTS, nodes, output_port},
+    engine::{GraphInfo, PortInfo, Transfer},
+};
+
+/// What is known of a block.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facts {
+    /// Milliseconds of it, or of all that is in it.
+    pub ms: Option<f32>,
+    /// Bytes that it writes.
+    pub bytes: u64,
+    /// Whether something of it runs on the CPU, on the GPU.
+    pub sides: [bool; 2],
+    /// How many nodes it stands for that run, and how many that do not.
+    pub nodes: [usize; 2],
+    /// Why it does not run.
+    pub why: Option<String>,
+    /// What its thumbnail shows.
+    pub picture: Option<PictureOf>,
+}
+
+/// The image that stands for a block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PictureOf {
+    /// The port, `node.port`.
+    pub port: String,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+}
+
+impl Facts {
+    /// What is known of a block. `file` is the whole graph, `times` are milliseconds of the graph's steps.
+    pub fn new(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo, times: &[f32]) -> Self {
+        if !block.is_node() {
+            return Self::default();
+        }
+        let is_in = |address: &str| contains(&block.address, address);
+        let mut facts = Self::default();
+        for (step, ms) in graph.steps.iter().zip(times) {
+            if step.node.as_deref().is_some_and(is_in) {
+                facts.ms = Some(facts.ms.unwrap_or(0.0) + ms);
+            }
+        }
+        for node in graph.nodes.iter().filter(|node| is_in(&node.name)) {
+            facts.bytes += node.bytes;
+            facts.sides[node.side as usize] = true;
+            facts.nodes[0] += 1;
+        }
+        let culled: Vec<_> = graph.culled.iter().filter(|culled| is_in(&culled.node)).collect();
+        facts.nodes[1] = culled.len();
+        if facts.nodes[0] == 0 {
+            facts.why = culled.first().map(|culled| culled.why.clone());
+        }
+        facts.picture = picture(block, model, file, graph);
+        facts
+    }
+
+    /// The line below the block's name.
+    pub fn info(&self, block: &Block) -> String {
+        let mut words = Vec::new();
+        match block.role {
+            Role::Part => {
+                let nodes = self.nodes[0] + self.nodes[1];
+                words.push(format!("part of {nodes} nodes"));
+            }
+            Role::Stage if block.kind != block.name => words.push(block.kind.clone()),
+            Role::Stage => {}
+            Role::Inputs => return "given from outside".into(),
+            Role::Outputs => return "what the graph gives".into(),
+        }
+        match self.sides {
+            [true, false] => words.push("CPU".into()),
+            [false, true] => words.push("GPU".into()),
+            [true, true] => words.push("CPU + GPU".into()),
+            [false, false] => {}
+        }
+        if self.bytes > 0 {
+            words.push(readable(self.bytes));
+        }
+        words.join(" · ")
+    }
+}
+
+/// Whether a node is the block's, or in it.
+pub fn contains(block: &str, node: &str) -> bool {
+    node.strip_prefix(block).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+}
+
+/// Bytes for people.
+pub fn readable(bytes: u64) -> String {
+    let units = [(1 << 20, "MiB"), (1 << 10, "KiB")];
+    match units.into_iter().find(|(unit, _)| bytes >= *unit) {
+        Some((unit, name)) => format!("{:.1} {name}", bytes as f64 / unit as f64),
+        None => format!("{bytes} B"),
+    }
+}
+
+/// The first texture that a block writes, or else its first list of one element per pixel.
+fn picture(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo) -> Option<PictureOf> {
+    let index = model.block(&block.address)?;
+    let outputs = (0..block.outputs.len()).filter_map(|pin| {
+        let source = origin(file, &model.part, &model.source(PinRef { block: index, output: true, pin }))?;
+        let info = port(graph, &source.node, &source.port)?;
+        let size = [info.dims.width, info.dims.height];
+        let texture = matches!(info.port.fields[..], [Field { element: Element::Texel(_), .. }]);
+        let rank = if texture { 0 } else { 1 };
+        let whole = texture || (info.is_image(graph.size) && size == graph.size);
+        whole.then(|| (rank, PictureOf { port: source.to_string(), size }))
+    });
+    outputs.min_by_key(|(rank, _)| *rank).map(|(_, picture)| picture)
+}
+
+fn port<'g>(graph: &'g GraphInfo, node: &str, port: &str) -> Option<&'g PortInfo> {
+    graph.node(node)?.ports.iter().find(|info| info.port.name == port)
+}
+
+/// The port of a stage that a wire in a part takes from, by its address in the whole graph; none for what the part is not
+/// given.
+fn origin(file: &GraphFile, part: &str, source: &Source) -> Option<Source> {
+    if source.node == INPUTS && !part.is_empty() {
+        let (outer, name) = nodes::split(part);
+        let node = nodes::scope(file, outer)?.node(name)?;
+        let input = node.inputs.iter().find(|input| input.port.value == source.port)?;
+        return origin(file, outer, &input.from.value);
+    }
+    let found = output_port(nodes::scope(file, part)?, source);
+    Some(Source { node: nodes::join(part, &found.node), port: found.port })
+}
+
+/// A value that crosses between the sides on a wire.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Crossing {
+    /// Index of the wire in the model: the first of those that carry it.
+    pub wire: usize,
+    /// To which side.
+    pub to: Side,
+    /// How a download waits.
+    pub download: Option<Download>,
+    /// Bytes.
+    pub bytes: u64,
+    /// Milliseconds.
+    pub ms: f32,
+}
+
+impl Crossing {
+    /// All of the model's: one for each output and direction, whatever the number of wires.
+    pub fn all(model: &Model, file: &GraphFile, graph: &GraphInfo, times: &[f32]) -> Vec<Self> {
+        let mut found: Vec<Self> = Vec::new();
+        for (step, ms) in graph.steps.iter().zip(times) {
+            let Some(transfer) = &step.transfer else { continue };
+            let carries = |wire: &super::model::Wire| is_on(wire, transfer, model, file, graph);
+            let Some(wire) = model.wires.iter().position(carries) else { continue };
+            let from = model.wires[wire].from;
+            match found.iter_mut().find(|one| model.wires[one.wire].from == from && one.to == step.side) {
+                Some(one) => {
+                    one.bytes += transfer.bytes;
+                    one.ms += ms;
+                }
+                None => found.push(Self {
+                    wire,
+                    to: step.side,
+                    download: transfer.download,
+                    bytes: transfer.bytes,
+                    ms: *ms,
+                }),
+            }
+        }
+        found
+    }
+
+    /// What it is called.
+    pub fn verb(&self) -> &'static str {
+        if self.to == Side::Gpu { "upload" } else { "download" }
+    }
+
+    /// How long what reads it waits, in words.
+    pub fn waits(&self) -> String {
+        match self.download {
+            None => "before its first reader runs".into(),
+            Some(Download::Sync) => "the frame waits for it".into(),
+            Some(Download::Latent(1)) => "1 frame late, and nobody waits".into(),
+            Some(Download::Latent(frames)) => format!("{frames} frames late, and nobody waits"),
+        }
+    }
+}
+
+/// Whether a transfer is for the end of a wire, and comes from its beginning.
+fn is_on(
+    wire: &super::model::Wire,
+    transfer: &Transfer,
+    model: &Model,
+    file: &GraphFile,
+    graph: &GraphInfo,
+) -> bool {
+    let target = &model.blocks[wire.to.block];
+    let Some(origin) = origin(file, &model.part, &model.source(wire.from)) else { return false };
+    let origin = origin.to_string();
+    transfer.to.iter().filter_map(|to| to.rsplit_once('.')).any(|(node, name)| {
+        let ends_here =
+            contains(&target.address, node) && (target.role == Role::Part || name == model.at(wire.to).name);
+        ends_here && port(graph, node, name).is_some_and(|info| info.source.as_deref() == Some(&origin))
+    })
+}

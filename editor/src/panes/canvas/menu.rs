@@ -1,0 +1,167 @@
+//! The row above the canvas, and what a right click on a block offers.
+
+use egui::{Button, RichText, Ui};
+use epigraph_core::Side;
+
+use super::{CanvasPane, model::Role, sight::Sight};
+use crate::{
+    document::{Tag, fitting, home, nodes, swap, write},
+    session::Session,
+    status::file_name,
+};
+
+impl CanvasPane {
+    /// Where one is, and what can be done with all of it.
+    pub(super) fn header(&mut self, ui: &mut Ui, session: &mut Session, sight: &Sight) {
+        ui.horizontal(|ui| {
+            self.breadcrumb(ui, session);
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                export(ui, session, sight);
+                let thumbnails = ui.selectable_label(self.thumbnails, "Thumbnails");
+                if thumbnails.on_hover_text("What each node writes, as a small live image. Copying them takes a little of each frame").clicked() {
+                    self.thumbnails = !self.thumbnails;
+                }
+                let heat = ui.selectable_label(self.heat, "Cost");
+                if heat.on_hover_text("Tint nodes by their milliseconds").clicked() {
+                    self.heat = !self.heat;
+                }
+                if ui.button("Fit").on_hover_text("Show all of it: F").clicked() {
+                    self.wants_fit = true;
+                }
+                if ui.button("Arrange").on_hover_text("Put all boxes in order along the wires").clicked() {
+                    self.arrange(session, sight);
+                }
+                if ui.button("+ Add").on_hover_text("Add a stage: a right click on the ground does it at the pointer").clicked() {
+                    self.search_at(self.view.pane.center());
+                }
+            });
+        });
+    }
+
+    fn breadcrumb(&mut self, ui: &mut Ui, session: &Session) {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let name = file_name(session.document.path()).to_owned();
+        if self.part.is_empty() {
+            ui.label(RichText::new(name).strong());
+            return;
+        }
+        let mut target = None;
+        if ui.link(name).on_hover_text("Back to the whole graph: Backspace goes one up").clicked() {
+            target = Some(String::new());
+        }
+        let parts: Vec<&str> = self.part.split('/').collect();
+        for (index, part) in parts.iter().enumerate() {
+            ui.weak("/");
+            if index + 1 == parts.len() {
+                ui.label(RichText::new(*part).strong());
+            } else if ui.link(*part).clicked() {
+                target = Some(parts[..=index].join("/"));
+            }
+        }
+        if let Some(target) = target {
+            self.open(target);
+        }
+    }
+
+    /// What can be done with a block, and with all that are selected.
+    pub(super) fn block_menu(&mut self, ui: &mut Ui, session: &mut Session, sight: &Sight, index: usize) {
+        let block = &sight.model.blocks[index];
+        if block.role == Role::Part && ui.button("Open").on_hover_text("Double click").clicked() {
+            self.open(block.address.clone());
+            ui.close();
+        }
+        let several = self.selection.len() > 1;
+        if block.role == Role::Stage {
+            let label = if block.bypass { "Run again" } else { "Bypass" };
+            let hint = "Hand its input on as its output, where the types fit: B";
+            if ui.button(label).on_hover_text(hint).clicked() {
+                self.bypass(session, sight);
+                ui.close();
+            }
+        }
+        if block.is_node() {
+            if ui.add_enabled(!several, Button::new("Rename").shortcut_text("F2")).clicked() {
+                self.start_renaming(block);
+                ui.close();
+            }
+            if ui.add(Button::new("Duplicate").shortcut_text("Ctrl+D")).clicked() {
+                self.duplicate(session, sight);
+                ui.close();
+            }
+        }
+        if block.role == Role::Stage {
+            let address = block.address.clone();
+            ui.menu_button("Swap for", |ui| swap_menu(ui, session, &address, &block.kind));
+            ui.menu_button("Run on", |ui| side_menu(ui, session, &address));
+        }
+        if block.is_node() {
+            ui.separator();
+            if ui.add(Button::new("Delete").shortcut_text("Del")).clicked() {
+                self.delete(session, sight);
+                ui.close();
+            }
+        }
+    }
+}
+
+/// The stages that fit a node's wires.
+fn swap_menu(ui: &mut Ui, session: &mut Session, address: &str, present: &str) {
+    let Some(file) = session.document.file().cloned() else { return };
+    let kinds: Vec<&str> =
+        fitting(&file, address, &session.registry).into_iter().filter(|kind| *kind != present).collect();
+    if kinds.is_empty() {
+        ui.weak("No other stage fits its wires.");
+    }
+    for kind in kinds {
+        let doc = session.registry.get(kind).map_or("", |kind| kind.doc());
+        if ui.button(kind).on_hover_text(doc).clicked() {
+            let registry = epigraph_stages::registry();
+            session.edit(Tag::Once, |file| swap(file, address, kind, &registry));
+            ui.close();
+        }
+    }
+}
+
+fn side_menu(ui: &mut Ui, session: &mut Session, address: &str) {
+    let Some(file) = session.document.file().cloned() else { return };
+    let (part, name) = nodes::split(address);
+    let node = nodes::scope(&file, part).and_then(|file| file.node(name));
+    let present = node.and_then(|node| node.on.as_ref()).map(|on| on.value);
+    for (on, label) in [(None, "what the toolbar says"), (Some(Side::Cpu), "CPU"), (Some(Side::Gpu), "GPU")] {
+        if ui.selectable_label(on == present, label).clicked() {
+            session
+                .edit(Tag::Once, |file| home(file, address).and_then(|(file, name)| file.set_on(name, on)));
+            ui.close();
+        }
+    }
+}
+
+/// Writes the graph as a drawing.
+fn export(ui: &mut Ui, session: &mut Session, sight: &Sight) {
+    let menu = ui.menu_button("Export", |ui| {
+        let path = std::path::Path::new(session.document.path());
+        let mut save = |ending: &str, text: &str| {
+            let path = path.with_extension(ending);
+            session.notice = Some(match write(&path, text) {
+                Ok(()) => format!("written to {}", path.display()),
+                Err(problems) => problems.to_string(),
+            });
+        };
+        let svg = format!("As {}", file_name(&path.with_extension("svg").display().to_string()));
+        if ui.button(svg).on_hover_text("This canvas as a drawing, beside the graph's file").clicked() {
+            save("svg", &super::vector::svg(sight));
+            ui.close();
+        }
+        let dot = format!("As {}", file_name(&path.with_extension("dot").display().to_string()));
+        let graph = session.state.graph.clone();
+        let button = ui.add_enabled(graph.is_some(), Button::new(dot));
+        if button
+            .on_hover_text("The plan that runs, for Graphviz, as `epigraph check --dot` writes it")
+            .clicked()
+        {
+            save("dot", graph.as_ref().map_or("", |graph| &graph.dot));
+            ui.close();
+        }
+    });
+    menu.response.on_hover_text("Write the graph as a drawing");
+}

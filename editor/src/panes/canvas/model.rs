@@ -1,0 +1,250 @@
+//! What the canvas shows of a graph or of a part: blocks and wires. A projection of the document, made anew whenever
+//! that changes; places are not in it.
+
+use epigraph_core::{GraphFile, Port, Registry, Source};
+
+use crate::document::{
+    INPUTS, Pin, ends,
+    nodes::{join, scope, split},
+    pins,
+    places::{INPUTS_BOX, OUTPUTS_BOX},
+};
+use crate::engine::GraphInfo;
+
+/// What a block stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// A node with a stage.
+    Stage,
+    /// A node that is a graph of its own.
+    Part,
+    /// What the part is given.
+    Inputs,
+    /// What the graph gives.
+    Outputs,
+}
+
+/// A box on the canvas.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// The node's address in the whole graph.
+    pub address: String,
+    /// Its name in its file.
+    pub name: String,
+    /// Its stage kind.
+    pub kind: String,
+    /// What it does, one line.
+    pub doc: String,
+    /// What it stands for.
+    pub role: Role,
+    /// Whether the file asks to pass its input through.
+    pub bypass: bool,
+    /// Where wires end.
+    pub inputs: Vec<Pin>,
+    /// Where wires begin.
+    pub outputs: Vec<Pin>,
+}
+
+impl Block {
+    /// Whether it is a node, which can be edited; else it stands for the surroundings.
+    pub fn is_node(&self) -> bool {
+        matches!(self.role, Role::Stage | Role::Part)
+    }
+
+    /// What it is called in the whole graph.
+    pub fn label(&self) -> String {
+        join(split(&self.address).0, &self.name)
+    }
+
+    /// The pins of one side.
+    pub fn pins(&self, output: bool) -> &[Pin] {
+        if output { &self.outputs } else { &self.inputs }
+    }
+}
+
+/// A pin of the model, by index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PinRef {
+    /// Index in [`Model::blocks`].
+    pub block: usize,
+    /// Whether wires begin there.
+    pub output: bool,
+    /// Index in the block's outputs, or else its inputs.
+    pub pin: usize,
+}
+
+/// A wire from an output to an input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wire {
+    /// Where it begins.
+    pub from: PinRef,
+    /// Where it ends.
+    pub to: PinRef,
+    /// Whether it carries last frame's value.
+    pub history: bool,
+}
+
+/// Blocks and wires.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The address of the part that is shown; empty for the graph itself.
+    pub part: String,
+    /// Nodes in the order of the file, with what stands for the surroundings at the ends.
+    pub blocks: Vec<Block>,
+    /// Wires in the order of the file.
+    pub wires: Vec<Wire>,
+}
+
+impl Model {
+    /// The graph itself, where `part` is empty, or the part of that address; none where there is no such part. Ports that
+    /// only compiling tells are taken from what runs.
+    pub fn new(file: &GraphFile, part: &str, registry: &Registry, graph: Option<&GraphInfo>) -> Option<Self> {
+        let within = scope(file, part)?;
+        let [inputs, outputs] = ends(within, registry);
+        let around = |name: &str, title: &str, role, inputs, outputs| Block {
+            address: join(part, name),
+            name: title.into(),
+            kind: String::new(),
+            doc: match role {
+                Role::Inputs => "What the graph around this part connects to it.".into(),
+                _ => "What the graph gives.".into(),
+            },
+            role,
+            bypass: false,
+            inputs,
+            outputs,
+        };
+        let mut blocks = Vec::new();
+        if !inputs.is_empty() {
+            blocks.push(around(INPUTS_BOX, "inputs", Role::Inputs, Vec::new(), inputs));
+        }
+        for node in &within.nodes {
+            let mut sides = pins(within, node, registry);
+            let running = graph.and_then(|graph| graph.node(&join(part, &node.name.value)));
+            for (pins, is_such) in
+                sides.iter_mut().zip([Port::is_input as fn(&Port) -> bool, Port::is_output])
+            {
+                let ports = running.into_iter().flat_map(|node| &node.ports).map(|info| &info.port);
+                learn(pins, ports.filter(|port| is_such(port)));
+            }
+            let [inputs, outputs] = sides;
+            let inner = within.parts.iter().find(|(name, _)| *name == node.name.value);
+            let kind = registry.get(&node.kind.value);
+            blocks.push(Block {
+                address: join(part, &node.name.value),
+                name: node.name.value.clone(),
+                kind: node.kind.value.clone(),
+                doc: inner
+                    .map_or_else(|| kind.map_or("", |kind| kind.doc()).into(), |(_, part)| part.doc.clone()),
+                role: if inner.is_some() { Role::Part } else { Role::Stage },
+                bypass: node.bypass,
+                inputs,
+                outputs,
+            });
+        }
+        if !outputs.is_empty() {
+            blocks.push(around(OUTPUTS_BOX, "outputs", Role::Outputs, outputs, Vec::new()));
+        }
+        let mut model = Self { part: part.into(), blocks, wires: Vec::new() };
+        for node in &within.nodes {
+            for input in &node.inputs {
+                model.join(&input.from.value, &join(part, &node.name.value), &input.port.value);
+            }
+        }
+        for output in &within.outputs {
+            model.join(&output.from.value, &join(part, OUTPUTS_BOX), &output.name.value);
+        }
+        Some(model)
+    }
+
+    fn join(&mut self, from: &Source, to: &str, port: &str) {
+        let source = (0..self.blocks.len()).find_map(|block| {
+            let pins = 0..self.blocks[block].outputs.len();
+            let pin =
+                pins.map(|pin| PinRef { block, output: true, pin }).find(|pin| self.source(*pin) == *from);
+            pin.filter(|_| self.blocks[block].role != Role::Outputs)
+        });
+        let target = self.pin(to, false, port);
+        if let (Some(from), Some(to)) = (source, target) {
+            let history = self.at(to).history;
+            self.wires.push(Wire { from, to, history });
+        }
+    }
+
+    /// The block of that address.
+    pub fn block(&self, address: &str) -> Option<usize> {
+        self.blocks.iter().position(|block| block.address == address)
+    }
+
+    /// The pin of that name.
+    pub fn pin(&self, address: &str, output: bool, name: &str) -> Option<PinRef> {
+        let block = self.block(address)?;
+        let pin = self.blocks[block].pins(output).iter().position(|pin| pin.name == name)?;
+        Some(PinRef { block, output, pin })
+    }
+
+    /// What is known of a pin.
+    pub fn at(&self, at: PinRef) -> &Pin {
+        &self.blocks[at.block].pins(at.output)[at.pin]
+    }
+
+    /// What a wire from this output says in the file.
+    pub fn source(&self, at: PinRef) -> Source {
+        let (block, pin) = (&self.blocks[at.block], self.at(at));
+        if block.role == Role::Inputs {
+            return Source { node: INPUTS.into(), port: pin.name.clone() };
+        }
+        // Ports of nodes within a part are named with their node.
+        match pin.name.rsplit_once('.') {
+            Some((inner, port)) => Source { node: format!("{}/{inner}", block.name), port: port.into() },
+            None => Source { node: block.name.clone(), port: pin.name.clone() },
+        }
+    }
+
+    /// A pin for people: `node.port`.
+    pub fn name(&self, at: PinRef) -> String {
+        format!("{}.{}", self.blocks[at.block].name, self.at(at).name)
+    }
+
+    /// The wire into an input.
+    pub fn wire_to(&self, to: PinRef) -> Option<&Wire> {
+        self.wires.iter().find(|wire| wire.to == to)
+    }
+
+    /// Why a wire cannot join two pins, in words; none where it can.
+    pub fn refusal(&self, a: PinRef, b: PinRef) -> Option<String> {
+        let (from, to) = match (a.output, b.output) {
+            (true, false) => (a, b),
+            (false, true) => (b, a),
+            (true, true) => return Some("a wire ends at an input, and both are outputs".into()),
+            (false, false) => return Some("a wire begins at an output, and both are inputs".into()),
+        };
+        let (output, input) = (self.at(from), self.at(to));
+        (!input.accepts(output)).then(|| {
+            let (given, taken) = (output.words(), input.words());
+            format!("{} gives {given}, but {} takes {taken}", self.name(from), self.name(to))
+        })
+    }
+
+    /// The nodes that both ends of wires know: for each block, those that feed it and those that it feeds.
+    pub fn neighbours(&self, block: usize) -> impl Iterator<Item = usize> {
+        self.wires.iter().filter_map(move |wire| match (wire.from.block, wire.to.block) {
+            (from, to) if from == block => Some(to),
+            (from, to) if to == block => Some(from),
+            _ => None,
+        })
+    }
+}
+
+/// Completes the pins of a node by its ports as compiled, where its kind declares none.
+fn learn<'p>(pins: &mut Vec<Pin>, ports: impl Iterator<Item = &'p Port>) {
+    if pins.iter().any(|pin| pin.fields.is_some()) {
+        return;
+    }
+    for port in ports {
+        match pins.iter_mut().find(|pin| pin.name == port.name) {
+            Some(pin) => *pin = Pin::of(port),
+            None => pins.push(Pin::of(port)),
+        }
+    }
+}

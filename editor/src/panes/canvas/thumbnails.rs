@@ -1,0 +1,96 @@
+//! Small live images of what nodes write.
+
+use std::{collections::HashMap, sync::Arc};
+
+use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
+use epigraph_core::{Dims, Snapshot};
+use epigraph_pictures::{Look, show};
+
+/// Largest width or height, pixels.
+const SIDE: u32 = 160;
+/// Seconds between two images of a port.
+const PAUSE: f64 = 0.25;
+
+/// The images by port.
+#[derive(Default)]
+pub struct Thumbnails {
+    shown: HashMap<String, Shown>,
+}
+
+struct Shown {
+    frame: u64,
+    at: f64,
+    texture: TextureHandle,
+}
+
+impl Thumbnails {
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.shown.clear();
+    }
+
+    /// The image of a port.
+    pub fn get(&self, port: &str) -> Option<&TextureHandle> {
+        self.shown.get(port).map(|shown| &shown.texture)
+    }
+
+    /// Takes the newest values of one port whose image is oldest: a window's frame has no time for all.
+    pub fn update<'s>(&mut self, context: &Context, snapshots: impl Iterator<Item = &'s Arc<Snapshot>>) {
+        let now = context.input(|input| input.time);
+        let age = |snapshot: &&Arc<Snapshot>| match self.shown.get(&snapshot.name) {
+            None => Some(f64::INFINITY),
+            Some(shown) if shown.frame != snapshot.frame && now - shown.at > PAUSE => Some(now - shown.at),
+            Some(_) => None,
+        };
+        let due = snapshots.filter_map(|snapshot| Some((age(&snapshot)?, snapshot)));
+        let Some((_, snapshot)) = due.max_by(|a, b| a.0.total_cmp(&b.0)) else { return };
+        let picture = show(&reduced(snapshot), &Look::default());
+        let pixels = picture.colors.iter().map(|[r, g, b]| Color32::from_rgb(*r, *g, *b)).collect();
+        let image = ColorImage::new(picture.size, pixels);
+        let texture = context.load_texture(&snapshot.name, image, TextureOptions::LINEAR);
+        self.shown.insert(snapshot.name.clone(), Shown { frame: snapshot.frame, at: now, texture });
+    }
+}
+
+/// An image of fewer pixels: every second, third or so of its own.
+fn reduced(snapshot: &Snapshot) -> Snapshot {
+    let Dims { width, height } = snapshot.dims;
+    let step = width.max(height).div_ceil(SIDE).max(1);
+    let dims = Dims { width: width / step, height: height / step };
+    let bytes = snapshot.element.bytes() as usize;
+    let mut picked = Vec::with_capacity(dims.count() * bytes);
+    for y in 0..dims.height {
+        for x in 0..dims.width {
+            let at = (y * step * width + x * step) as usize * bytes;
+            picked.extend_from_slice(snapshot.bytes.get(at..at + bytes).unwrap_or_default());
+        }
+    }
+    let Snapshot { name, field, element, frame, .. } = snapshot;
+    Snapshot {
+        name: name.clone(),
+        field: field.clone(),
+        element: element.clone(),
+        dims,
+        frame: *frame,
+        bytes: picked,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use epigraph_core::{Element, Format};
+
+    use super::*;
+
+    #[test]
+    fn a_large_image_is_thinned_and_keeps_its_corners_in_place() {
+        let dims = Dims { width: 640, height: 320 };
+        let bytes = (0..dims.count() as u32).flat_map(u32::to_le_bytes).collect();
+        let element = Element::Texel(Format::R32Uint);
+        let snapshot = Snapshot { name: "a.b".into(), field: String::new(), element, dims, frame: 3, bytes };
+        let small = reduced(&snapshot);
+        assert_eq!((small.dims.width, small.dims.height, small.bytes.len()), (160, 80, 160 * 80 * 4));
+        assert_eq!(small.get::<u32>()[..2], [0, 4]);
+        assert_eq!(small.get::<u32>()[160], 4 * 640);
+    }
+}
