@@ -1,5 +1,6 @@
 use egui::{Event, PointerButton, Pos2, pos2};
 use egui_kittest::kittest::Queryable;
+use epigraph_core::{Finding, Mark};
 
 use crate::support::Opened;
 
@@ -91,6 +92,18 @@ fn the_inspector_is_drawn() {
         opened.harness.run_steps(4);
         opened.shot(&format!("inspector-{index}"));
     }
+    // A pixel that an edge of the box cuts in two.
+    let is_cut = |finding: &Finding| matches!(finding, Finding::Sketch(marks) if marks.iter().any(|mark| matches!(mark, Mark::Edge(_))));
+    let cut = (236..256).find(|x| {
+        let pixel = [*x, 362];
+        opened.harness.state_mut().session.inspection.pick(pixel);
+        opened.until("the pixel", move |app| {
+            app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == pixel)
+        });
+        let inspection = opened.app().session.state.inspection.clone().unwrap();
+        inspection.nodes.iter().flat_map(|visit| visit.findings.iter().flatten()).any(is_cut)
+    });
+    assert!(cut.is_some(), "the box has an edge");
     let pane = pos2(150.0, 500.0);
     go(&mut opened, pane);
     for page in 0..3 {

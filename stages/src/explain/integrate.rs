@@ -22,7 +22,7 @@ pub(super) fn at(stage: &Integrate, params: &IntegrateParams, site: &Site) -> Op
         let meta = *site.wrote(stage.cloud_meta)?.get(point)?;
         if meta & FRESH != 0 {
             let [x, y, z, _] = site.wrote(stage.cloud_position)?[point];
-            findings.push(Finding::value("new sample", place([x, y, z])));
+            findings.push(Finding::value("sample", place([x, y, z])));
             findings
                 .push(Finding::color("radiance", &decode_radiance(site.wrote(stage.cloud_radiance)?[point])));
             findings.push(Finding::Why(

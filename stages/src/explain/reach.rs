@@ -20,9 +20,9 @@ pub(super) fn at(stage: &Reach, site: &Site) -> Option<Vec<Finding>> {
         // The first row of each neighbour's matrix: what its primary region joins of theirs.
         let [primary, secondary] = [joined(0b0011), joined(0b1100)];
         let or_none = |names: String| if names.is_empty() { "nothing".into() } else { names };
-        findings.push(Finding::value("primary joins", or_none(primary)));
+        findings.push(Finding::value("joins", or_none(primary)));
         if cls[at] & CLASS == SIMPLE {
-            findings.push(Finding::value("other joins", or_none(secondary)));
+            findings.push(Finding::value("other side", or_none(secondary)));
         }
     }
     let cell = |offset: [i32; 2]| {

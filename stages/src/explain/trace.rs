@@ -19,7 +19,7 @@ pub(super) fn at(stage: &Trace, site: &Site) -> Option<Vec<Finding>> {
             (HIT_SURFACE, body) => format!("moving body {body} at {}{view}", place(sample.position)),
             _ => format!("nothing in direction {}{view}", place(sample.position)),
         };
-        findings.push(Finding::value("the ray met", what));
+        findings.push(Finding::value("ray met", what));
         findings.push(Finding::color("radiance", &sample.radiance));
         findings.push(Finding::Why("It comes into the cloud in the next frame.".into()));
     }

@@ -20,7 +20,7 @@ const FOLLOW: f64 = 0.5;
 /// Points between what is told of a node and its drawing.
 const GAP: f32 = 8.0;
 /// Room for the names of values, points.
-const NAMES: f32 = 80.0;
+const NAMES: f32 = 68.0;
 /// Room for the scroll bar.
 const MARGIN: f32 = 10.0;
 
@@ -63,9 +63,10 @@ impl InspectorPane {
             ui.strong(format!("({x}, {y})"));
             if let Some(inspection) = &session.state.inspection {
                 let mib = inspection.bytes as f64 / f64::from(1 << 20);
-                let cost = "While this pane is open, memory for copies of what all nodes write is kept. They are taken \
-                            in the frames that are looked at: one for a click while frames run, every step during a \
-                            pause. Close the pane or show another in its place to end that.";
+                let cost = "The size of the copies of what all nodes wrote. While this pane is open, memory of \
+                            twice that is held. They are taken in the frames that are looked at: one for a click \
+                            while frames run, every step during a pause. Close the pane or show another in its \
+                            place to end that.";
                 ui.weak(format!("frame {}, {mib:.0} MiB", inspection.frame)).on_hover_text(cost);
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
@@ -209,8 +210,8 @@ fn show_finding(ui: &mut Ui, finding: &Finding) {
 /// A swatch with the numbers beside it.
 fn color(ui: &mut Ui, linear: [f32; 3]) {
     ui.horizontal(|ui| {
-        ui.spacing_mut().item_spacing.x = 6.0;
-        let (rect, _) = ui.allocate_exact_size(vec2(22.0, 12.0), Sense::hover());
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let (rect, _) = ui.allocate_exact_size(vec2(16.0, 12.0), Sense::hover());
         let edge = ui.visuals().widgets.noninteractive.bg_stroke;
         ui.painter().rect(rect, 2.0, drawing::screen(linear), edge, egui::StrokeKind::Inside);
         let [r, g, b] = linear;
