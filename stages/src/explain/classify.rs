@@ -44,7 +44,7 @@ pub(super) fn at(stage: &Classify, params: &ClassifyParams, site: &Site) -> Opti
         findings.push(Finding::value("primary", format!("{} of the pixel, {side}", percent(share))));
         marks.extend(edge(cls, vertex));
         let [x, y] = aim(target);
-        findings.push(Finding::value("next sample", format!("at ({x:.2}, {y:.2}) of the pixel")));
+        findings.push(Finding::value("next aim", format!("at ({x:.2}, {y:.2}) of the pixel")));
         marks.push(Mark::Aim([x, y]));
     }
     if ring != 0 {
