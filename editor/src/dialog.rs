@@ -234,12 +234,7 @@ impl Dialog {
         });
         session.extra.clone_from(&self.source);
         if session.snapshot(&self.source).is_none() {
-            ui.horizontal(|ui| {
-                ui.weak("This port is taken from the next frame on.");
-                if session.state.paused && ui.button("Run one frame").clicked() {
-                    session.engine.send(crate::engine::Command::Step(1));
-                }
-            });
+            ui.weak("This port is taken from the next frame on.");
         }
         ui.add_space(4.0);
     }

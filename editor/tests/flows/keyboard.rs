@@ -119,32 +119,28 @@ fn every_widget_has_a_name_for_those_who_hear_the_window() {
         Role::Link,
         Role::Image,
     ];
-    let mut nameless = Vec::new();
+    let mut nameless = BTreeSet::new();
     let mut named = 0;
     let mut look = |opened: &Opened, place: &str| {
-        let all: Vec<Node> = opened.harness.root().children_recursive().collect();
+        let all: Vec<_> = opened.harness.root().children_recursive().collect();
+        // The number beside a slider is the slider's; egui gives it no name of its own.
+        let is_of_slider = |number: &Node| {
+            let bounds = |node: &Node| node.accesskit_node().bounding_box();
+            let beside = |slider: &Node| {
+                let (Some(slider), Some(number)) = (bounds(slider), bounds(number)) else { return false };
+                slider.y0 == number.y0 && (0.0..16.0).contains(&(number.x0 - slider.x1))
+            };
+            number.accesskit_node().role() == Role::SpinButton
+                && all.iter().any(|other| other.accesskit_node().role() == Role::Slider && beside(other))
+        };
         for node in &all {
-            let rect = node.rect();
-            let node = node.accesskit_node();
-            if !roles.contains(&node.role()) || node.is_disabled() && node.role() == Role::Image {
+            let access = node.accesskit_node();
+            if !roles.contains(&access.role()) || is_of_slider(node) {
                 continue;
             }
-            let name = node.label().unwrap_or_default();
-            // The number beside a slider is the slider's; egui gives it no name of its own.
-            let is_of_slider = |other: &Node| {
-                let (slider, number) = (other.rect(), rect);
-                other.accesskit_node().role() == Role::Slider
-                    && slider.y_range() == number.y_range()
-                    && (0.0..16.0).contains(&(number.left() - slider.right()))
-            };
-            let is_number = node.role() == Role::SpinButton && all.iter().any(is_of_slider);
-            if name.trim().is_empty() && !is_number {
-                nameless.push(format!(
-                    "{place}: {:?} {:?} at {:?}",
-                    node.role(),
-                    node.value(),
-                    node.bounding_box()
-                ));
+            if access.label().is_none_or(|name| name.trim().is_empty()) {
+                let at = access.bounding_box().map(|at| (at.x0, at.y0));
+                nameless.insert(format!("{place}: {:?} {:?} at {at:?}", access.role(), access.value()));
             } else {
                 named += 1;
             }

@@ -87,7 +87,6 @@ fn an_image_is_saved_as_shown_or_with_its_raw_values() {
     let exr = opened.folder().join("depths.exr");
     opened.choose(&["Output", "Save image …"]);
     opened.pick("Port", "view/cull.filtered");
-    opened.click("Run one frame");
     opened.until("the port", |app| app.session.snapshot("view/cull.filtered").is_some());
     opened.name(&exr);
     opened.until("the file", |_| exr.is_file());

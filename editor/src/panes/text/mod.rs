@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use egui::{
     Align, Align2, ComboBox, FontId, Galley, Margin, Rect, ScrollArea, Shape, Stroke, StrokeKind, TextBuffer,
-    TextEdit, Ui, pos2,
+    TextEdit, Ui, WidgetInfo, WidgetType, pos2,
     text::{CCursor, CCursorRange},
     text_edit::TextEditOutput,
     vec2,
@@ -79,7 +79,7 @@ impl TextPane {
         }
         let mut view = None;
         ui.horizontal(|ui| {
-            ComboBox::from_id_salt(("file", self.language == Language::Wgsl))
+            let files = ComboBox::from_id_salt(("file", self.language == Language::Wgsl))
                 .selected_text(file_name(&self.path))
                 .width(96.0)
                 .show_ui(ui, |ui| {
@@ -88,6 +88,7 @@ impl TextPane {
                         ui.selectable_value(&mut self.path, path, name);
                     }
                 });
+            files.response.widget_info(|| WidgetInfo::labeled(WidgetType::ComboBox, true, "File"));
             view = self.search.show(ui, &self.buffer).map(|bytes| View { bytes, focus: false });
         });
         if let Some(jump) = jump {
@@ -159,6 +160,8 @@ impl TextPane {
         if let Some(lines) = lines {
             ui.painter().set(behind, self.behind(ui, &output, lines));
         }
+        let name = format!("Text of {}", file_name(&self.path));
+        ui.ctx().accesskit_node_builder(output.response.id, |node| node.set_label(name));
         let left = output.response.rect.left();
         numbers(ui, &output.galley, output.galley_pos.y, left);
         self.tell(ui, &output, &problems);

@@ -24,6 +24,7 @@ impl Search {
         self.found = places::found(text, &self.wanted);
         let field = TextEdit::singleline(&mut self.wanted).hint_text("Search").desired_width(WIDTH);
         let response = ui.add(field).on_hover_text("Ctrl+F; Enter goes on to the next, Shift+Enter back");
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::TextEdit, true, "Search the text"));
         if ui.input_mut(|input| input.consume_key(Modifiers::COMMAND, Key::F)) {
             response.request_focus();
         }

@@ -89,7 +89,7 @@ impl Viewer {
                 ui.selectable_value(&mut chosen, name, label).on_hover_text(doc);
             });
         });
-        response.response.named(WidgetType::ComboBox, "Port").on_hover_text("Which port to see");
+        response.response.named(WidgetType::ComboBox, "Port in view").on_hover_text("Which port to see");
         self.choose(chosen);
     }
 
