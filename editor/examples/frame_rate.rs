@@ -55,6 +55,8 @@ impl eframe::App for Measured {
                         self.app.session.frame_size(),
                     );
                     ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+                    // The window goes a frame or two later.
+                    self.seconds = Duration::MAX;
                 }
             }
             None => {}
