@@ -102,7 +102,6 @@ struct Map {
     pair: Pair,
     /// 0 for FLIP.
     gain: f32,
-    small: bool,
     texture: TextureHandle,
 }
 
@@ -302,7 +301,7 @@ impl Compare {
             return;
         }
         self.trouble = None;
-        Layer::update(&mut self.other, context, other.clone(), look, layer.small);
+        Layer::update(&mut self.other, context, other.clone(), look);
         let pair = Pair { images: [layer.snapshot.clone(), other], looks: [layer.look, look] };
         let asked = pair.clone();
         self.measured.want(context, pair.clone(), move || Measured::of(&asked));
@@ -347,8 +346,7 @@ impl Compare {
                 None => return,
             },
         };
-        let small = layer.small;
-        let fits = |map: &Map| map.pair == pair && (map.gain, map.small) == (gain, small);
+        let fits = |map: &Map| map.pair == pair && map.gain == gain;
         if self.map.as_ref().is_some_and(fits) {
             return;
         }
@@ -359,8 +357,8 @@ impl Compare {
         };
         let size = [pair.images[0].dims.width as usize, pair.images[0].dims.height as usize];
         let texture = self.map.take().map(|map| map.texture);
-        let texture = upload(texture, ui.ctx(), size, &colors, small);
-        self.map = Some(Map { pair, gain, small, texture });
+        let texture = upload(texture, ui.ctx(), size, &colors);
+        self.map = Some(Map { pair, gain, texture });
     }
 
     /// Draws over the image in view.

@@ -2,9 +2,13 @@
 
 use std::sync::Arc;
 
-use egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use egui::{ColorImage, Context, TextureFilter, TextureHandle, TextureOptions};
 use epigraph_core::Snapshot;
 use epigraph_pictures::{Look, Mode, Shown, edges, show};
+
+/// Pixels are squares when they are large, and means when they are small.
+const OPTIONS: TextureOptions =
+    TextureOptions { magnification: TextureFilter::Nearest, ..TextureOptions::LINEAR };
 
 /// A port's image as it is shown.
 pub struct Layer {
@@ -12,8 +16,6 @@ pub struct Layer {
     pub snapshot: Arc<Snapshot>,
     /// How they became colours.
     pub look: Look,
-    /// Whether pixels are smaller than those of the screen.
-    pub small: bool,
     /// The colours.
     pub shown: Shown,
     /// The words of pixels, where the mode draws what they mean.
@@ -26,16 +28,10 @@ pub struct Layer {
 
 impl Layer {
     /// Makes a layer show an image; nothing where it does already.
-    pub fn update(
-        layer: &mut Option<Box<Self>>,
-        context: &Context,
-        snapshot: Arc<Snapshot>,
-        look: Look,
-        small: bool,
-    ) {
+    pub fn update(layer: &mut Option<Box<Self>>, context: &Context, snapshot: Arc<Snapshot>, look: Look) {
         if let Some(old) = layer
             && Arc::ptr_eq(&old.snapshot, &snapshot)
-            && (old.look, old.small) == (look, small)
+            && old.look == look
         {
             return;
         }
@@ -49,27 +45,24 @@ impl Layer {
         };
         let classes = (shown.mode == Mode::Classes).then(|| [0, 1, 2].map(share));
         let texture = layer.take().map(|layer| layer.texture);
-        let texture = upload(texture, context, shown.size, &shown.colors, small);
-        *layer = Some(Box::new(Self { snapshot, look, small, shown, words, classes, texture }));
+        let texture = upload(texture, context, shown.size, &shown.colors);
+        *layer = Some(Box::new(Self { snapshot, look, shown, words, classes, texture }));
     }
 }
 
-/// Puts colours into a texture: the one that there is, or a new one. Large pixels are squares, small ones are mixed;
-/// drivers are not asked which they are, since some get that wrong.
+/// Puts colours into a texture: the one that there is, or a new one.
 pub fn upload(
     texture: Option<TextureHandle>,
     context: &Context,
     size: [usize; 2],
     colors: &[[u8; 3]],
-    small: bool,
 ) -> TextureHandle {
-    let options = if small { TextureOptions::LINEAR } else { TextureOptions::NEAREST };
     let image = ColorImage::from_rgb(size, colors.as_flattened());
     match texture {
         Some(mut texture) => {
-            texture.set(image, options);
+            texture.set(image, OPTIONS);
             texture
         }
-        None => context.load_texture("viewer", image, options),
+        None => context.load_texture("viewer", image, OPTIONS),
     }
 }

@@ -59,9 +59,6 @@ pub struct Viewer {
     #[serde(skip)]
     pub list: Option<Box<List>>,
     place: Place,
-    /// Whether the image's pixels were smaller than the screen's when it was drawn last.
-    #[serde(skip)]
-    small: bool,
     #[serde(skip)]
     layer: Option<Box<Layer>>,
     #[serde(skip)]
@@ -154,7 +151,7 @@ impl Viewer {
         self.list = None;
         self.cloud = (self.ages && self.is_of_points()).then(|| cloud_of(graph, name)).flatten();
         let image = self.aged(state, &first).unwrap_or(first);
-        Layer::update(&mut self.layer, ui.ctx(), image, self.look, self.small);
+        Layer::update(&mut self.layer, ui.ctx(), image, self.look);
         if let (Some(compare), Some(layer)) = (&mut self.compare, &self.layer) {
             compare.update(ui, graph, state, layer);
         }
@@ -207,10 +204,6 @@ impl Viewer {
             session.viewer = self.id;
         }
         let placed = self.place.put(pane, layer.shown.size);
-        self.small = placed.zoom() * ui.ctx().pixels_per_point() < 1.0;
-        if self.small != layer.small {
-            ui.ctx().request_repaint();
-        }
         paint(ui, graph, &placed, layer, self.compare.as_deref(), &response);
         if let Some(compare) = &mut self.compare {
             compare.wipe_line(ui, &placed);
