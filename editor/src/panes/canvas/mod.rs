@@ -156,15 +156,16 @@ impl CanvasPane {
 
         let ground = ui.interact(self.view.pane, ui.id().with("canvas"), Sense::CLICK | Sense::DRAG);
         ground.widget_info(|| WidgetInfo::labeled(WidgetType::Other, true, "canvas"));
-        let mut ui = ui.new_child(UiBuilder::new().max_rect(pane));
-        ui.set_clip_rect(pane.intersect(ui.clip_rect()));
-        if std::mem::take(&mut self.wants_fit) {
-            self.view.fit(sight.bounds());
-        }
-        let over = self.handle(&mut ui, session, &sight, &ground);
-        self.paint(&ui, session, &sight, &over, pane);
-        self.rename_field(&mut ui, session, &sight);
-        self.search_list(&ui, session, &sight);
+        ui.scope_builder(UiBuilder::new().max_rect(pane), |ui| {
+            ui.set_clip_rect(pane.intersect(ui.clip_rect()));
+            if std::mem::take(&mut self.wants_fit) {
+                self.view.fit(sight.bounds());
+            }
+            let over = self.handle(ui, session, &sight, &ground);
+            self.paint(ui, session, &sight, &over, pane);
+            self.rename_field(ui, session, &sight);
+            self.search_list(ui, session, &sight);
+        });
     }
 
     /// The ports that thumbnails show at present, for the engine to take.
