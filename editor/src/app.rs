@@ -268,7 +268,7 @@ impl App {
         let viewer = Viewer::new(self.made, self.session.viewed.clone());
         self.made += 1;
         self.session.viewer = viewer.id;
-        let tile = self.tree.tiles.insert_pane(Pane::Viewer(viewer));
+        let tile = self.tree.tiles.insert_pane(Pane::Viewer(Box::new(viewer)));
         if let Some(Tile::Container(Container::Tabs(tabs))) = self.tree.tiles.get_mut(to) {
             tabs.add_child(tile);
             tabs.set_active(tile);
@@ -352,7 +352,7 @@ impl eframe::App for App {
 /// The viewers among the panes.
 fn viewers(tree: &Tree<Pane>) -> impl Iterator<Item = &Viewer> {
     tree.tiles.iter().filter_map(|(_, tile)| match tile {
-        Tile::Pane(Pane::Viewer(viewer)) => Some(viewer),
+        Tile::Pane(Pane::Viewer(viewer)) => Some(viewer.as_ref()),
         _ => None,
     })
 }
@@ -381,7 +381,7 @@ fn layout() -> Tree<Pane> {
     ];
     let left = left.into_iter().map(|pane| tiles.insert_pane(pane)).collect::<Vec<_>>();
     let left = tiles.insert_tab_tile(left);
-    let middle = [Pane::Viewer(Viewer::default()), Pane::Canvas(Default::default())];
+    let middle = [Pane::Viewer(Box::default()), Pane::Canvas(Default::default())];
     let middle = middle.into_iter().map(|pane| tiles.insert_pane(pane)).collect::<Vec<_>>();
     let middle = tiles.insert_tab_tile(middle);
     let parameters = tabbed(&mut tiles, Pane::Parameters);

@@ -24,7 +24,7 @@ use crate::{keyboard, session::Session};
 #[derive(Serialize, Deserialize)]
 pub enum Pane {
     /// An image.
-    Viewer(Viewer),
+    Viewer(Box<Viewer>),
     /// The list of nodes.
     Nodes(#[serde(skip)] NodesPane),
     /// The selected node's parameters.
