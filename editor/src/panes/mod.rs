@@ -32,7 +32,7 @@ pub enum Pane {
     /// The graph's text.
     Text(#[serde(skip)] TextPane),
     /// The graph as boxes and wires.
-    Canvas(#[serde(skip)] CanvasPane),
+    Canvas(#[serde(skip)] Box<CanvasPane>),
     /// The text of its shaders.
     Shader(#[serde(skip, default = "TextPane::shaders")] TextPane),
     /// One pixel through the graph.
