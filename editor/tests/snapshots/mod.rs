@@ -9,6 +9,7 @@
 //! at each before it is committed.
 
 mod canvas;
+mod panes;
 mod whole;
 
 use egui_kittest::{SnapshotOptions, SnapshotResult, try_image_snapshot_options};

@@ -1,0 +1,48 @@
+use super::*;
+
+/// Moves the pointer to where nothing explains itself, as after a look around.
+fn rest(opened: &mut Opened) {
+    opened.harness.hover_at(egui::pos2(640.0, 705.0));
+    opened.harness.run_steps(4);
+}
+
+#[test]
+fn text_and_parameters() {
+    let mut opened = window("epi.ron");
+    opened.click("interpolate");
+    opened.click("Text");
+    rest(&mut opened);
+    compare(&mut opened, "text-and-parameters");
+}
+
+#[test]
+fn a_shader() {
+    let mut opened = window("experiments/outline.ron");
+    opened.click("Shader");
+    rest(&mut opened);
+    compare(&mut opened, "shader");
+}
+
+#[test]
+fn a_pixel() {
+    let mut opened = window("epi.ron");
+    let pixel = [150, 118];
+    opened.harness.state_mut().session.inspection.pick(pixel);
+    opened.until("the pixel", |app| {
+        app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == pixel)
+    });
+    rest(&mut opened);
+    compare(&mut opened, "pixel");
+}
+
+#[test]
+fn the_cloud_over_time_and_classes_with_their_shares() {
+    let mut opened = window("epi.ron");
+    opened.click("Cloud");
+    opened.frames(1);
+    opened.harness.state_mut().session.wanted = Some("edges/classify.cls".into());
+    opened.until("the classes", |app| app.session.viewed == "edges/classify.cls");
+    opened.click("Histogram");
+    rest(&mut opened);
+    compare(&mut opened, "cloud-and-classes");
+}
