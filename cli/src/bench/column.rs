@@ -19,7 +19,7 @@ pub const COLUMNS: [Column; COUNT] = [
     Column {
         name: "P1",
         doc: "update points, request samples",
-        kinds: &["point_cloud", "replace", "integrate", "age", "dither"],
+        kinds: &["point_cloud", "replace", "integrate", "motion", "carry", "age", "dither"],
     },
     Column { name: "P2", doc: "project points", kinds: &["project", "image_id"] },
     Column { name: "P3", doc: "predicted projection", kinds: &["predict"] },
