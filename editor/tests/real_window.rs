@@ -7,6 +7,7 @@ use std::{
     io::{BufRead, BufReader},
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
+    sync::{Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
 };
@@ -16,6 +17,12 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// From an event to what it shows, on a machine that is busy with tracing.
 const PAUSE: Duration = Duration::from_millis(1500);
+
+/// Where the button to take over unsaved text lies.
+const TAKE_OVER: (i32, i32) = (370, 54);
+
+/// Two editors at a time would make each other wait.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// A program that ends with the test.
 struct Running(Child);
@@ -33,11 +40,25 @@ struct Desk {
     editor: Running,
     _server: Running,
     folder: tempfile::TempDir,
+    _turn: MutexGuard<'static, ()>,
+}
+
+/// Starts the editor, with a session of its own.
+fn start(display: &str, folder: &Path) -> Running {
+    let editor = Command::new(env!("CARGO_BIN_EXE_epigraph-editor"))
+        .current_dir(folder)
+        .env("DISPLAY", display)
+        .env_remove("WAYLAND_DISPLAY")
+        .env("XDG_CONFIG_HOME", folder.join("config"))
+        .stderr(Stdio::null())
+        .spawn();
+    Running(editor.unwrap())
 }
 
 impl Desk {
     /// A window of 1280x720 on a copy of the shipped graphs.
     fn new() -> Self {
+        let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
         fs::create_dir_all(folder.path().join("graphs/parts")).unwrap();
@@ -53,20 +74,26 @@ impl Desk {
         let mut number = String::new();
         BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut number).unwrap();
         let display = format!(":{}", number.trim());
-        let editor = Command::new(env!("CARGO_BIN_EXE_epigraph-editor"))
-            .current_dir(folder.path())
-            .env("DISPLAY", &display)
-            .env_remove("WAYLAND_DISPLAY")
-            // A session of its own, which nothing is brought back from.
-            .env("XDG_CONFIG_HOME", folder.path().join("config"))
-            .stderr(Stdio::null())
-            .spawn();
-        let desk = Self { display, editor: Running(editor.unwrap()), _server: server, folder };
-        let window = desk.xdotool(&["search", "--sync", "--onlyvisible", "--name", "Epigraph"]);
-        // Without a window manager nobody else hands out the focus.
-        desk.xdotool(&["windowfocus", window.lines().next().unwrap()]);
-        thread::sleep(4 * PAUSE);
+        let editor = start(&display, folder.path());
+        let desk = Self { display, editor, _server: server, folder, _turn: turn };
+        desk.focus();
         desk
+    }
+
+    /// Waits for the window and lets it have the keys.
+    fn focus(&self) {
+        let window = self.xdotool(&["search", "--sync", "--onlyvisible", "--name", "Epigraph"]);
+        // Without a window manager nobody else hands out the focus.
+        self.xdotool(&["windowfocus", window.lines().next().unwrap()]);
+        thread::sleep(4 * PAUSE);
+    }
+
+    /// Ends the editor without a warning, and starts it again.
+    fn crash(&mut self) {
+        self.editor.0.kill().unwrap();
+        self.editor.0.wait().unwrap();
+        self.editor = start(&self.display, self.folder.path());
+        self.focus();
     }
 
     fn xdotool(&self, arguments: &[&str]) -> String {
@@ -168,4 +195,31 @@ fn fly_view_swap_change_undo_and_save() {
     let kept: Vec<&String> = after.iter().filter(|line| *line != added[0]).collect();
     assert_eq!(kept, before.iter().collect::<Vec<_>>());
     assert!(desk.editor.0.try_wait().unwrap().is_none(), "the editor still runs");
+}
+
+#[test]
+fn what_was_not_saved_outlives_a_program_that_is_killed() {
+    let mut desk = Desk::new();
+    let opened = fs::read_to_string(desk.graph()).unwrap();
+    desk.select("tonemap");
+    desk.drag((1059, 201), (1064, 201));
+    let config = desk.folder.path().join("config");
+    let start = Instant::now();
+    while !holds_text(&config, "exposure") {
+        assert!(start.elapsed() < PATIENCE, "the unsaved text is kept nowhere");
+        thread::sleep(PAUSE);
+    }
+    desk.crash();
+    assert_eq!(fs::read_to_string(desk.graph()).unwrap(), opened);
+    // Take over.
+    desk.click(TAKE_OVER.0, TAKE_OVER.1);
+    desk.save("the unsaved exposure", |text| text.contains("exposure"));
+}
+
+/// Whether a file in a folder, or in a folder in it, has some text.
+fn holds_text(path: &Path, text: &str) -> bool {
+    if let Ok(entries) = fs::read_dir(path) {
+        return entries.flatten().any(|entry| holds_text(&entry.path(), text));
+    }
+    fs::read_to_string(path).is_ok_and(|found| found.contains(text))
 }

@@ -66,7 +66,10 @@ impl Gpu {
             note(&first, RunError::Gpu(error.to_string()));
         }));
         let first = failure.clone();
-        device.set_device_lost_callback(move |_, message| note(&first, RunError::Lost(message)));
+        device.set_device_lost_callback(move |_, message| {
+            let reason = if message.is_empty() { "its driver gives no reason".into() } else { message };
+            note(&first, RunError::Lost(reason));
+        });
         Ok(Self { device, queue, info: adapter.get_info(), failure })
     }
 

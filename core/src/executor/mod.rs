@@ -583,10 +583,10 @@ mod tests {
         let mut executor = build().unwrap();
         executor.run(&frame, &Host::default(), true).unwrap();
         assert_eq!(executor.snapshot("image", "").unwrap().unwrap().get::<u32>(), [7; 64]);
-        gpu.device.destroy();
+        gpu.lose();
         let result =
             executor.run(&frame, &Host::default(), true).and_then(|()| executor.snapshots().map(|_| ()));
-        assert!(matches!(result, Err(RunError::Gpu(_))), "{result:?}");
-        assert!(matches!(build(), Err(RunError::Gpu(_) | RunError::Stage { .. })));
+        assert!(matches!(result, Err(RunError::Lost(_))), "{result:?}");
+        assert!(matches!(build(), Err(RunError::Lost(_) | RunError::Gpu(_) | RunError::Stage { .. })));
     }
 }
