@@ -1,4 +1,4 @@
-//! Draws the pictures of `docs/editor.md`, without a screen: `docs/editor.png` and `docs/editor-text.png`.
+//! Draws the pictures of `docs/editor.md`, without a screen: `docs/editor.png` and its fellows.
 //! Run it from the repository's folder.
 
 use std::{error::Error, path::Path, thread, time::Duration};
@@ -15,6 +15,9 @@ use epigraph_editor::{
 /// Frames until the picture is full.
 const FRAMES: u32 = 120;
 
+/// A pixel on the rim of a link, where most stages have something to tell.
+const PIXEL: [u32; 2] = [262, 338];
+
 fn main() -> Result<(), Box<dyn Error>> {
     let document = Document::open(Path::new("graphs/epi.ron"))?;
     let options = Options {
@@ -30,15 +33,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     run(&mut window, FRAMES);
     window.render()?.save("docs/editor.png")?;
 
+    window.state_mut().show(|pane| matches!(pane, Pane::Canvas(_)));
+    window.run_steps(8);
+    window.render()?.save("docs/editor-canvas.png")?;
+
+    window.state_mut().show(|pane| matches!(pane, Pane::Viewer(_)));
+    window.state_mut().session.inspection.pick(PIXEL);
+    until(&mut window, |app| app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == PIXEL));
+    window.run_steps(8);
+    window.render()?.save("docs/editor-pixel.png")?;
+
     let session = &mut window.state_mut().session;
     let path = session.document.path().to_owned();
     let text = session.document.text(&path).replace("kernel: Gaussian", "kernel: Gausian");
     session.document.type_text(&path, &text);
     window.state_mut().show(|pane| matches!(pane, Pane::Text(_)));
-    while window.state().session.problems().is_empty() {
-        window.step();
-        thread::sleep(Duration::from_millis(20));
-    }
+    until(&mut window, |app| !app.session.problems().is_empty());
     let session = &mut window.state_mut().session;
     let place = session.problems().first().and_then(|problem| problem.place.clone());
     session.jump = place.map(|place| Jump { path: place.file, at: (place.line, place.column) });
@@ -49,11 +59,16 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Runs so many frames of the graph and shows the last.
 fn run(window: &mut Harness<App>, frames: u32) {
-    let until = window.state().session.state.frames + frames;
+    let last = window.state().session.state.frames + frames;
     window.state().session.engine.send(Command::Step(frames));
-    while window.state().session.state.frames < until {
+    until(window, |app| app.session.state.frames >= last);
+    window.run_steps(4);
+}
+
+/// Shows frames of the window until something holds.
+fn until(window: &mut Harness<App>, holds: impl Fn(&App) -> bool) {
+    while !holds(window.state()) {
         window.step();
         thread::sleep(Duration::from_millis(20));
     }
-    window.run_steps(4);
 }
