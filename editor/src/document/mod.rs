@@ -12,7 +12,7 @@ mod pins;
 pub mod places;
 mod swap;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod unsaved;
 
 use std::{

@@ -5,7 +5,7 @@ use epigraph_core::{ParamKind, ParamSpec, Side, Source};
 use super::*;
 
 /// Copies the shipped graphs to a folder of their own; the main files.
-fn shipped(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn shipped(folder: &Path) -> Vec<PathBuf> {
     let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
     let mut files = Vec::new();
     fs::create_dir(folder.join("parts")).unwrap();
@@ -25,7 +25,7 @@ fn shipped(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// xorshift32 (Marsaglia 2003): enough to choose edits by.
-struct Random(u32);
+pub(crate) struct Random(pub u32);
 
 impl Random {
     fn below(&mut self, bound: usize) -> usize {
@@ -59,7 +59,8 @@ fn addresses(file: &GraphFile, prefix: &str) -> Vec<(String, String)> {
     own.chain(parts).collect()
 }
 
-fn random_edit(document: &mut Document, random: &mut Random) {
+/// An edit as a user might make it; many fail.
+pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
     let registry = epigraph_stages::registry();
     let Some(file) = document.file().cloned() else { return };
     let nodes = addresses(&file, "");
@@ -145,6 +146,43 @@ fn undoing_random_edits_gives_back_every_file_byte_for_byte() {
         }
         assert_eq!(document.contents.texts, edited);
     }
+}
+
+#[test]
+fn every_parameter_of_every_stage_goes_into_the_text_and_out_again() {
+    let registry = epigraph_stages::registry();
+    let mut random = Random(99);
+    let mut parameters = 0;
+    for kind in registry.kinds() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("one.ron");
+        let text = format!(
+            "Graph(\n    version: 1,\n    nodes: {{\n        // The only one.\n        \"node\": (kind: \"{}\"),\n    }},\n    outputs: {{}},\n)\n",
+            kind.name()
+        );
+        fs::write(&path, &text).unwrap();
+        let mut document = Document::open(&path).unwrap();
+        assert_eq!(document.problems(), []);
+        for spec in kind.specs() {
+            parameters += 1;
+            let given = value(&spec, &mut random);
+            document.edit(Tag::Once, |file| file.set_param("node", &spec.name, &given)).unwrap();
+            // What was written is what is read, by the document and by whoever opens the file.
+            let written = document.text(document.path()).to_owned();
+            let file = GraphFile::parse("one.ron", &written).unwrap();
+            assert_eq!(param_text(&file, "node", &spec.name), Some(given.as_str()), "{}", kind.name());
+            let held = document.file().and_then(|file| param_text(file, "node", &spec.name));
+            assert_eq!(held, Some(given.as_str()));
+            assert!(written.contains("// The only one."));
+            document.edit(Tag::Once, |file| remove_param(file, "node", &spec.name, &spec.default)).unwrap();
+            let held = document.file().and_then(|file| param_text(file, "node", &spec.name));
+            assert_eq!((held, document.problems()), (None, &[][..]), "{}.{}", kind.name(), spec.name);
+            document.undo();
+            document.undo();
+            assert_eq!(document.text(document.path()), text);
+        }
+    }
+    assert!(parameters > 40, "{parameters}");
 }
 
 /// A document in a folder of its own, with a part that stands in it twice.

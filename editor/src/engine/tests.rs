@@ -6,6 +6,10 @@ use std::{
 use epigraph_core::{CpuContext, Extent, Io, Out, Registry, Stage, texel};
 
 use super::*;
+use crate::document::{
+    Document,
+    tests::{Random, random_edit, shipped},
+};
 
 /// No test waits longer for what must come.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -36,6 +40,46 @@ fn wait(engine: &Engine, what: &str, done: impl Fn(&State) -> bool) -> Arc<State
         assert!(start.elapsed() < PATIENCE, "waiting for {what}: {state:?}");
         thread::sleep(Duration::from_millis(2));
     }
+}
+
+#[test]
+fn random_edits_never_end_the_engine_nor_take_its_graph() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ran = 0;
+    for (seed, path) in shipped(folder.path()).iter().enumerate() {
+        let mut document = Document::open(path).unwrap();
+        let engine = Engine::start(options(), || {});
+        engine.send(Command::Graph(document.file().unwrap().clone()));
+        engine.send(Command::Step(1));
+        wait(&engine, "the first frame", |state| state.frames == 1);
+        let mut random = Random(77_777 + seed as u32);
+        for _ in 0..40 {
+            random_edit(&mut document, &mut random);
+            let before = engine.state();
+            let Some(file) = document.file().filter(|_| document.problems().is_empty()) else { continue };
+            engine.send(Command::Graph(file.clone()));
+            engine.send(Command::Step(1));
+            // Each frame runs, or what is wrong is said.
+            let state = wait(&engine, "a frame or a reason", |state| {
+                state.commands == before.commands + 2
+                    && (state.frames > before.frames || state.trouble.is_some())
+            });
+            assert!(engine.is_alive() && state.graph.is_some() && state.phase == Phase::Ready);
+            ran += usize::from(state.frames > before.frames);
+        }
+        // And at last it is as it was.
+        while document.can_undo() {
+            document.undo();
+        }
+        engine.send(Command::Graph(document.file().unwrap().clone()));
+        engine.send(Command::Step(1));
+        let commands = engine.state().commands;
+        let state = wait(&engine, "the graph that was opened", |state| {
+            state.commands >= commands && state.problems.is_empty() && state.trouble.is_none()
+        });
+        assert!(state.graph.is_some());
+    }
+    assert!(ran > 60, "{ran} edited graphs ran");
 }
 
 /// Sends commands and waits until all are obeyed and so many frames have run.
