@@ -111,7 +111,15 @@ fn voter(round: u32, p: u32) -> u32 {
     return first_vote[p];
 }
 
-// Whether at least half of the other points of the 5x5 pixels are clearly nearer, and there are any.
+// How many of so many voters are enough: half; pixels outside of the image count as points that are not nearer, but 7 of 8
+// are always enough.
+fn majority(pixel: vec2<i32>, voters: i32) -> i32 {
+    let span = min(pixel + 3, vec2<i32>(frame.size)) - max(pixel - 2, vec2(0));
+    let inside = max(span.x * span.y - 1, 1);
+    return (voters * min(inside * 7 / 4, 24) + 2 * inside - 1) / (2 * inside);
+}
+
+// Whether enough of the other points of the 5x5 pixels are clearly nearer, and there are any.
 fn is_outvoted(round: u32, pixel: vec2<i32>) -> bool {
     let z = bitcast<f32>(voter(round, pixel_index(pixel)));
     let scale = 1.0 + params.threshold;
@@ -131,7 +139,7 @@ fn is_outvoted(round: u32, pixel: vec2<i32>) -> bool {
             }
         }
     }
-    return voters > 0 && 2 * nearer >= voters;
+    return voters > 0 && nearer >= majority(pixel, voters);
 }
 
 @compute @workgroup_size(8, 8, 1)

@@ -4,7 +4,8 @@
 //! *Majority*, the default, lets the points of the 5x5 pixels vote: a point goes if at least half of the others are
 //! clearly nearer, z_q (1 + threshold) < z. They vote twice, the second time without those that went. On a surface so
 //! steep that its depth changes by the threshold from pixel to pixel, as in images a few pixels high, half of the others
-//! are nearer, and a larger threshold is needed.
+//! are nearer, and a larger threshold is needed. Along the image's border, where part of the square is missing, more than
+//! half are needed.
 //!
 //! The other two rules compare with a mean over 3x3 pixels, as the papers do. Hidden points lift that mean: where a
 //! surface has points in only half of its pixels, as after a quick turn, they hold each other up, and one at infinity
@@ -231,8 +232,7 @@ impl Image<'_> {
         });
     }
 
-    /// Calls `drop` for the pixels of some whole rows, counted row by row, whose point at least half of the others around
-    /// are clearly nearer than.
+    /// Calls `drop` for the pixels of some whole rows, counted row by row, whose point the others around outvote.
     fn outvoted(&self, pixels: Range<usize>, scale: f32, mut drop: impl FnMut(usize)) {
         let rows = pixels.start / self.width..pixels.end / self.width;
         let distances = |pixels: Range<usize>, distances: &mut [f32]| {
@@ -246,10 +246,20 @@ impl Image<'_> {
         });
     }
 
-    /// Whether at least half of the other points of the 5x5 pixels are clearly nearer, and there are any.
+    /// Whether enough of the other points of the 5x5 pixels are clearly nearer, and there are any.
     fn is_outvoted(&self, x: usize, y: usize, scale: f32) -> bool {
         let [voters, nearer] = self.ballot(x, y, scale);
-        voters > 0 && 2 * nearer >= voters
+        voters > 0 && nearer >= self.majority(x, y, voters)
+    }
+
+    /// How many of so many voters are enough: half. Of pixels outside of the image nothing is known; they count as if they
+    /// showed points that are not nearer, or else a strip of background along the border, narrower than what hides it,
+    /// would lose its points. But 7 of 8 are always enough.
+    fn majority(&self, x: usize, y: usize, voters: i32) -> i32 {
+        let span = |at: usize, size: usize| ((at + 3).min(size) - at.saturating_sub(2)) as i32;
+        // Without the pixel itself. With none there are no voters either.
+        let inside = (span(x, self.width) * span(y, self.height) - 1).max(1);
+        (voters * (inside * 7 / 4).min(24) + 2 * inside - 1) / (2 * inside)
     }
 
     /// How many other points the 5x5 pixels show, and how many of them are clearly nearer.
@@ -384,23 +394,42 @@ mod tests {
         assert!(!dropped(["nnfff", "nnfff", "nnpff", "nnfff", "nnfff"], 5.0));
     }
 
+    /// What is left of rows of points: n near, f far, . none.
+    fn voted(rows: &[&str]) -> Vec<String> {
+        let z = |c| match c {
+            'n' => 1.0,
+            'f' => 9.0,
+            _ => EMPTY,
+        };
+        let depths: Vec<f32> = rows.iter().flat_map(|row| row.chars().map(z)).collect();
+        let size = [rows[0].len(), rows.len()].map(|side| side as u32);
+        let both = run_both(&mut harness(settled(Rule::Majority), size, &depths));
+        both.assert_equal::<u32>("id");
+        let id = both.cpu.get::<u32>("id");
+        let left = |(row, id): (&&str, &[u32])| {
+            row.chars().zip(id).map(|(c, id)| if *id == NO_POINT { '.' } else { c }).collect()
+        };
+        rows.iter().zip(id.chunks(rows[0].len())).map(left).collect()
+    }
+
+    #[test]
+    fn a_strip_along_the_border_keeps_its_points() {
+        // The same strip, one pixel wide, is outvoted anywhere else: by 20 of 24.
+        assert_eq!(voted(&["fnnnnnnn"; 7])[3], "fnnnnnnn");
+        assert_eq!(voted(&["nnnnnnnf"; 7])[3], "nnnnnnnf");
+        assert_eq!(voted(&["nnnfnnnn"; 7])[3], "nnn.nnnn");
+        // One that is alone goes there too, and in the corner.
+        let all = "nnnnnnnn";
+        assert_eq!(voted(&[all, all, "fnnnnnnn", all, all])[2], ".nnnnnnn");
+        assert_eq!(voted(&["fnnnnnnn", all, all])[0], ".nnnnnnn");
+    }
+
     #[test]
     fn what_was_outvoted_does_not_vote_again() {
-        // One row of pixels: two to the left and two to the right vote.
-        let row = |text: &str| -> Vec<f32> {
-            let z = |c| match c {
-                'n' => 1.0,
-                'f' => 9.0,
-                _ => EMPTY,
-            };
-            text.chars().map(z).collect()
-        };
+        // One row of points between empty ones: two to the left and two to the right vote.
         let left = |text: &str| -> String {
-            let depths = row(text);
-            let both = run_both(&mut harness(settled(Rule::Majority), [depths.len() as u32, 1], &depths));
-            both.assert_equal::<u32>("id");
-            let id = both.cpu.get::<u32>("id");
-            text.chars().zip(id).map(|(c, id)| if id == NO_POINT { '.' } else { c }).collect()
+            let empty = ".".repeat(text.len());
+            voted(&[&empty, &empty, text, &empty, &empty]).swap_remove(2)
         };
         // f at 2: voters n n f f, two of four, goes. f at 3: n f f f, stays, and again after the first vote has
         // taken f at 2: one of three.

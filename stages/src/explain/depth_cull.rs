@@ -60,17 +60,18 @@ fn vote(image: Image, threshold: f32, z: f32, is_dropped: bool, first: bool, sit
     let scale = 1.0 + threshold;
     let [x, y] = site.pixel.map(|along| along as usize);
     let [voters, nearer] = image.ballot(x, y, scale);
+    let enough = image.majority(x, y, voters);
     let limit = format!("clearly nearer than its {}: below {}", metres(z), metres(z / scale));
     let why = match (is_dropped, voters) {
         (true, _) => {
             let vote = if first { "first" } else { "second" };
             format!(
-                "Culled in the {vote} vote: {nearer} of the {voters} other points in the 5×5 pixels are {limit}. Half is enough."
+                "Culled in the {vote} vote: {nearer} of the {voters} other points in the 5×5 pixels are {limit}. {enough} are enough."
             )
         }
         (false, 0) => "Stays: no other point in the 5×5 pixels to compare with.".into(),
         (false, _) => format!(
-            "Stays: {nearer} of the {voters} other points in the 5×5 pixels are {limit}. Half would cull it."
+            "Stays: {nearer} of the {voters} other points in the 5×5 pixels are {limit}. {enough} would cull it."
         ),
     };
     let cell = |offset| {
