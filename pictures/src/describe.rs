@@ -1,4 +1,4 @@
-//! Pixels in words.
+//! Pixels and numbers in words.
 
 use epigraph_core::Snapshot;
 use epigraph_stages::shared::edge_pixel::{
@@ -65,6 +65,19 @@ pub fn in_pixel(snapshot: &Snapshot, look: &Look, at: [usize; 2]) -> Vec<String>
     }
 }
 
+/// 1305164 as 1,305,164.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
 fn index(snapshot: &Snapshot, [x, y]: [usize; 2]) -> Option<usize> {
     let [width, height] = size(snapshot.dims);
     (x < width && y < height).then_some(y * width + x)
@@ -121,6 +134,12 @@ mod tests {
         assert_eq!(told("a.mask", 1 << 3 | 1 << 14), "left 3  top 6");
         assert_eq!(told("a.mask", 0), "no crossing at the left or top");
         assert_eq!(told("a.cls", POISON), "poison");
+    }
+
+    #[test]
+    fn thousands_are_set_apart() {
+        let texts = [0, 999, 1000, 75, 110_592, 1_305_164].map(grouped);
+        assert_eq!(texts, ["0", "999", "1,000", "75", "110,592", "1,305,164"]);
     }
 
     #[test]

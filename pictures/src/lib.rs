@@ -30,7 +30,7 @@ mod table;
 mod target;
 
 pub use ages::ages;
-pub use describe::{describe, in_pixel};
+pub use describe::{describe, grouped, in_pixel};
 pub use difference::{Difference, apart};
 pub use encode::{exr, png};
 pub use histogram::Histogram;

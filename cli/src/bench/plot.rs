@@ -1,12 +1,15 @@
 //! The tables as a picture: stacked bars for each scene beside the papers', and lines of how the frame grows.
 
-use epigraph_pictures::svg::{Anchor, Font, Svg};
+use epigraph_pictures::{
+    grouped,
+    svg::{Anchor, Font, Svg},
+};
 
 use super::{
     Backend, Row, SOFTWARE_WARNING, Sweep,
     column::COLUMNS,
     papers,
-    report::{Report, by_backend, grouped, ms},
+    report::{Report, by_backend, ms},
     times::Times,
 };
 use crate::axis::{Log, number, span};

@@ -1,5 +1,7 @@
 //! What the benchmark tells people: text tables.
 
+use epigraph_pictures::grouped;
+
 use super::{
     Backend, Results, Row, SOFTWARE_WARNING, Sweep,
     column::{self, COLUMNS},
@@ -236,19 +238,6 @@ pub fn ms(value: f64) -> String {
     }
 }
 
-/// 1305164 as 1,305,164.
-pub fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 fn pixels(size: [u32; 2]) -> f64 {
     f64::from(size[0]) * f64::from(size[1])
 }
@@ -259,8 +248,6 @@ mod tests {
 
     #[test]
     fn numbers_are_readable() {
-        let texts = [0, 999, 1000, 75, 110_592, 1_305_164].map(grouped);
-        assert_eq!(texts, ["0", "999", "1,000", "75", "110,592", "1,305,164"]);
         assert_eq!([0.1234, 5.678, 134.73].map(ms), ["0.123", "5.68", "134.7"]);
     }
 }

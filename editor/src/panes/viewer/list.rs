@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::{Align, Button, DragValue, Layout, RichText, ScrollArea, Sense, Ui, vec2};
 use epigraph_core::Snapshot;
-use epigraph_pictures::Table;
+use epigraph_pictures::{Table, grouped};
 
 use super::task::Task;
 use crate::theme;
@@ -132,7 +132,8 @@ impl List {
                 }
             }
             let to = (self.top + page).min(count);
-            ui.label(format!("{}–{} of {}", grouped((self.top + 1).min(to)), grouped(to), grouped(count)));
+            let [from, until, all] = [(self.top + 1).min(to), to, count].map(|row| grouped(row as u64));
+            ui.label(format!("{from}–{until} of {all}"));
             ui.separator();
             let label = ui.label("row");
             let jump = DragValue::new(&mut self.wanted).range(0..=count.saturating_sub(1)).speed(1.0);
@@ -216,27 +217,4 @@ fn cell(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
         ui.set_max_width(width);
         contents(ui);
     });
-}
-
-/// Thousands apart.
-fn grouped(number: usize) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn thousands_are_set_apart() {
-        assert_eq!([0, 999, 1000, 1_048_576].map(grouped), ["0", "999", "1,000", "1,048,576"]);
-    }
 }
