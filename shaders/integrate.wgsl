@@ -1,6 +1,7 @@
 // Puts new samples into the cloud. Twin: `stages/src/integrate.rs`.
 
 #import cloud
+#import color
 #import frame
 #import index
 #import requests
@@ -101,6 +102,6 @@ fn stamp_around(pixel_index: u32) {
 
 // Y / (1 + Y) with Rec. 709 luminance Y: from 0 to 1, and never steeper than Y.
 fn tone_mapped_luma(color: vec3<f32>) -> f32 {
-    let luminance = 0.2126 * color.r + 0.7152 * color.g + 0.0722 * color.b;
-    return luminance / (1.0 + luminance);
+    let y = luminance(color);
+    return y / (1.0 + y);
 }

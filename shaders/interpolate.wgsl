@@ -3,6 +3,7 @@
 
 #import frame
 #import cloud
+#import color
 #import edge_pixel
 
 struct Params {
@@ -47,11 +48,6 @@ const SIDE: u32 = 20u;
 var<workgroup> samples: array<vec4<f32>, 400>;
 // For each row or column of cells, the weights along that axis of a sample in it at each offset + REACH.
 var<workgroup> axis: array<f32, 80>;
-
-// Relative luminance of a linear Rec. 709 colour.
-fn luminance(c: vec3<f32>) -> f32 {
-    return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b;
-}
 
 fn load(q: vec2<i32>) -> vec4<f32> {
     if any(q < vec2(0)) || any(q >= vec2<i32>(frame.size)) {

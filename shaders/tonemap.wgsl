@@ -1,5 +1,6 @@
 // Linear Rec. 709 radiance to sRGB bytes.
 
+#import color
 #import frame
 
 struct Params {
@@ -15,11 +16,6 @@ const INFINITY: u32 = 0x7F800000u;
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var color: texture_2d<f32>;
 @group(0) @binding(3) var image: texture_storage_2d<rgba8unorm, write>;
-
-// Relative luminance of a linear Rec. 709 colour.
-fn luminance(c: vec3<f32>) -> f32 {
-    return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b;
-}
 
 // The sRGB encoding of values between 0 and 1 (IEC 61966-2-1).
 fn encode(value: vec3<f32>) -> vec3<f32> {

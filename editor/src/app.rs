@@ -324,8 +324,6 @@ impl eframe::App for App {
         self.refresh(ui.ctx());
         let mut watched: Vec<String> = self.viewers().flat_map(Viewer::watched).collect();
         watched.extend(self.thumbnails(ui.ctx()));
-        watched.sort();
-        watched.dedup();
         self.session.sync(watched, ui.input(|input| input.time));
         if std::mem::take(&mut self.session.reset_layout) {
             self.tree = layout();

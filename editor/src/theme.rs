@@ -105,7 +105,7 @@ mod tests {
     /// Relative luminance (WCAG 2.2) of an opaque colour.
     fn luminance(color: Color32) -> f32 {
         let [r, g, b, _] = color.to_array().map(egui::ecolor::linear_f32_from_gamma_u8);
-        0.2126 * r + 0.7152 * g + 0.0722 * b
+        epigraph_stages::shared::color::luminance([r, g, b])
     }
 
     fn contrast(a: Color32, b: Color32) -> f32 {

@@ -3,7 +3,7 @@
 use std::{io::Cursor, path::Path};
 
 use epigraph_core::{Dims, Element, Format, Snapshot};
-use exr::prelude::{ReadChannels, ReadLayers};
+use exr::prelude::{AnyChannels, FlatSamples, Layer, ReadChannels, ReadLayers};
 
 use crate::{FileError, Mode, Number, Shown, lanes, tone};
 
@@ -85,16 +85,20 @@ fn read_png(bytes: &[u8]) -> Result<Picture, String> {
     Ok(Picture { size, colors: bytemuck::cast_vec(image.into_raw()), linear: false })
 }
 
-fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
+/// The first layer of an EXR file, with its channels as they are stored.
+pub(crate) fn exr_layer(bytes: &[u8]) -> exr::error::Result<Layer<AnyChannels<FlatSamples>>> {
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
         .first_valid_layer()
         .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|error| error.to_string())?;
-    let layer = image.layer_data;
+        .from_buffered(Cursor::new(bytes))?;
+    Ok(image.layer_data)
+}
+
+fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
+    let layer = exr_layer(bytes).map_err(|error| error.to_string())?;
     let size = [layer.size.width(), layer.size.height()];
     let channels = &layer.channel_data.list;
     let named = |name: &str| {

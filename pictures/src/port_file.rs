@@ -132,13 +132,11 @@ fn csv(fields: &[&Snapshot]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Cursor;
-
     use epigraph_core::{Dims, Element, PortElement, texel};
-    use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
+    use exr::prelude::FlatSamples;
 
     use super::*;
-    use crate::{Picture, tone};
+    use crate::{Picture, picture::exr_layer, tone};
 
     fn snapshot<T: bytemuck::Pod>(
         field: &str,
@@ -182,15 +180,8 @@ mod tests {
     fn exr_keeps_integers_that_floats_would_round() {
         let ids = snapshot("", u32::element(), [2, 1], &[0xFFFF_FFFFu32, 16_777_217]);
         let bytes = encode::exr_of_port(&ids).unwrap();
-        let image = exr::prelude::read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .first_valid_layer()
-            .all_attributes()
-            .from_buffered(Cursor::new(bytes.as_slice()))
-            .unwrap();
-        let channel = &image.layer_data.channel_data.list[0];
+        let layer = exr_layer(&bytes).unwrap();
+        let channel = &layer.channel_data.list[0];
         assert_eq!(channel.name.to_string(), "Y");
         assert_eq!(channel.sample_data, FlatSamples::U32(vec![0xFFFF_FFFF, 16_777_217]));
     }

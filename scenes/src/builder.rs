@@ -7,7 +7,7 @@ use crate::edges::find_edges;
 use crate::mesh::bounds_of;
 use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
 use crate::weld::weld_bodies;
-use crate::{Camera, Light, Material, Mesh, Scene, Shape, Surface};
+use crate::{Camera, Light, Material, Mesh, Scene, Shape};
 
 /// Faces that meet at more than this angle, in degrees, make a crease if a scene does not say otherwise.
 pub const CREASE_ANGLE: f32 = 40.0;
@@ -152,12 +152,8 @@ impl SceneBuilder {
     /// # Errors
     /// As [`add`](Self::add).
     pub fn quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: Vec3) -> Result<(), MeshError> {
-        let material = self.material(Material {
-            name: format!("light {}", self.lights.len()),
-            color: Vec3::ZERO,
-            surface: Surface::Diffuse,
-            emission: radiance,
-        });
+        let name = format!("light {}", self.lights.len());
+        let material = self.material(Material { emission: radiance, ..Material::diffuse(name, Vec3::ZERO) });
         self.register_quad_light(corner, u, v, radiance);
         self.add(&Shape::quad([corner, corner + u, corner + u + v, corner + v]), material)
     }

@@ -28,3 +28,10 @@ pub struct Material {
     /// Emitted radiance of the front side; zero for all but emissive surfaces.
     pub emission: Vec3,
 }
+
+impl Material {
+    /// A Lambertian surface that emits nothing.
+    pub fn diffuse(name: impl Into<String>, color: Vec3) -> Self {
+        Self { name: name.into(), color, surface: Surface::Diffuse, emission: Vec3::ZERO }
+    }
+}

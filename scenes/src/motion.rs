@@ -215,7 +215,7 @@ fn set<T, S>(to: &mut [T], from: &[S], element: impl Fn(&S) -> T) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CREASE_ANGLE, Camera, Material, SceneBuilder, Shape, Surface};
+    use crate::{CREASE_ANGLE, Camera, Material, SceneBuilder, Shape};
 
     fn key(time: f32, translate: [f32; 3], degrees: f32) -> MotionKey {
         let rotate = Quat::from_rotation_y(degrees.to_radians());
@@ -276,12 +276,7 @@ mod tests {
     /// A floor, a box that slides along it, a quad light that turns, another box; both boxes and the floor touch.
     fn scene() -> Scene {
         let mut builder = SceneBuilder::new();
-        let material = builder.material(Material {
-            name: String::new(),
-            color: Vec3::ONE,
-            surface: Surface::Diffuse,
-            emission: Vec3::ZERO,
-        });
+        let material = builder.material(Material::diffuse("", Vec3::ONE));
         let floor = Shape::quad([Vec3::ZERO, Vec3::Z, Vec3::X + Vec3::Z, Vec3::X]);
         let cube = Shape::cuboid(Vec3::ZERO, Vec3::ONE);
         builder.add(&floor, material).unwrap();

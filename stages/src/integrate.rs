@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::shared::{
     cloud::{BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
+    color::luminance,
     requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
 };
 
@@ -168,7 +169,7 @@ fn stamp_around(pixel: u32, [width, height]: [u32; 2], stamp: u32, changed: &mut
 
 /// Y / (1 + Y) with Rec. 709 luminance Y: from 0 to 1, and never steeper than Y.
 fn tone_mapped_luma(color: [f32; 3]) -> f32 {
-    let luminance = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
+    let luminance = luminance(color);
     luminance / (1.0 + luminance)
 }
 

@@ -20,6 +20,7 @@ use rayon::prelude::*;
 pub use crate::fill::Priority;
 use crate::shared::{
     cloud::{AGE, AGE_ONE, decode_radiance, gather},
+    color::luminance,
     edge_pixel::{CLASS, COMPLEX},
     requests::NO_POINT,
 };
@@ -206,11 +207,6 @@ fn without_point(rule: Priority, share: f32) -> u32 {
         }
         Priority::Classic => 255 * missing / 256,
     }
-}
-
-/// Relative luminance of a linear Rec. 709 colour.
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Radiance brought below luminance 1.

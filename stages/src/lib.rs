@@ -45,6 +45,7 @@ pub fn registry() -> Registry {
     }
     let modules = [
         module!("cloud"),
+        module!("color"),
         module!("edge_pixel"),
         module!("frame"),
         module!("index"),

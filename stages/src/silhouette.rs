@@ -167,7 +167,7 @@ mod tests {
     use std::{collections::HashSet, f32::consts::TAU};
 
     use epigraph_core::{Harness, Outputs, Settings, Side, View};
-    use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape, Surface};
+    use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape};
 
     use super::*;
     use crate::{
@@ -212,12 +212,7 @@ mod tests {
 
         fn of_shape(shape: &Shape) -> Self {
             let mut builder = SceneBuilder::new();
-            let material = builder.material(Material {
-                name: String::new(),
-                color: Vec3::ONE,
-                surface: Surface::Diffuse,
-                emission: Vec3::ZERO,
-            });
+            let material = builder.material(Material::diffuse("", Vec3::ONE));
             builder.add(shape, material).unwrap();
             let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
             Self::of(&builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap())

@@ -3,6 +3,8 @@
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel};
 use rayon::prelude::*;
 
+use crate::shared::color::luminance;
+
 #[path = "explain/tonemap.rs"]
 mod explain;
 
@@ -120,11 +122,6 @@ impl Srgb {
         };
         [self.encode(r), self.encode(g), self.encode(b)]
     }
-}
-
-/// Relative luminance of a linear Rec. 709 colour.
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// The linear value of an sRGB code between 0 and 1 (IEC 61966-2-1).

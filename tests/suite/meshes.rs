@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use epigraph_core::{Settings, Side};
-use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape, Surface};
+use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape};
 use epigraph_tests::{Run, frame_on_both, graph, tap};
 use glam::Vec3;
 
@@ -17,12 +17,7 @@ const ROUNDING: usize = 4;
 /// A shape under a lamp, seen from `eye`, which looks at the origin.
 fn scene(shape: &Shape, eye: Vec3) -> Arc<Scene> {
     let mut builder = SceneBuilder::new();
-    let material = builder.material(Material {
-        name: "clay".into(),
-        color: Vec3::splat(0.7),
-        surface: Surface::Diffuse,
-        emission: Vec3::ZERO,
-    });
+    let material = builder.material(Material::diffuse("clay", Vec3::splat(0.7)));
     builder.add(shape, material).unwrap();
     builder.point_light(Vec3::new(1.0, 3.0, 2.0), Vec3::splat(30.0));
     let camera = Camera::look_at(eye, Vec3::ZERO, 0.9, 0.05, 50.0);

@@ -1,6 +1,8 @@
 //! The engine's thread: obeys commands, runs frames, publishes states.
 
+mod costs;
 mod inspected;
+mod playback;
 
 use std::{
     collections::VecDeque,
@@ -18,14 +20,14 @@ use epigraph_core::{
     AdapterChoice, Frame, Gpu, GraphFile, Host, Kind, MAX_SIDE, Problems, Registry, RunError, Settings, Side,
     wgsl_kind_from,
 };
-use epigraph_scenes::{AsyncTracer, Camera, CameraPath, FRAMES_PER_SECOND, Scene, Tracer, predict};
+use epigraph_scenes::{AsyncTracer, Camera, FRAMES_PER_SECOND, Scene, Tracer, predict};
 use epigraph_stages::{Pace, World, shared::world::PREDICTION_FRAMES};
 
 use inspected::Inspected;
+use playback::Path;
 
 use super::{
-    Backend, Command, GraphInfo, MAX_RATE, Options, Pacing, Phase, Playback, Playing, RECORDED, Record,
-    Shaders, Sink, State, StepCost,
+    Backend, Command, MAX_RATE, Options, Pacing, Phase, RECORDED, Record, Shaders, State, StepCost,
     running::{Running, message},
 };
 
@@ -116,13 +118,6 @@ struct Worker {
     /// The ends of the frames of the last second.
     ends: Vec<Instant>,
     state: State,
-}
-
-/// A playback under way.
-struct Path {
-    path: CameraPath,
-    frames: u32,
-    sink: Option<Arc<Mutex<dyn Sink>>>,
 }
 
 impl Worker {
@@ -331,34 +326,6 @@ impl Worker {
         }
     }
 
-    fn play(&mut self, Playback { way, frames, sink }: Playback) -> Rebuild {
-        self.leave_path();
-        let path = match way.path(self.tracer.scene()) {
-            Ok(path) => path,
-            Err(error) => {
-                self.state.trouble = Some(error.to_string());
-                return Rebuild::No;
-            }
-        };
-        let frames = frames.or(path.frames()).unwrap_or(Playback::ENDLESS);
-        self.state.recorded = None;
-        self.state.playing = Some(Playing { way, frame: 0, frames, recorded: sink.is_some() });
-        self.path = Some(Path { path, frames, sink });
-        self.pause(false);
-        Rebuild::Afresh
-    }
-
-    /// The camera stays where the path has led it.
-    fn leave_path(&mut self) {
-        if self.path.take().is_some() {
-            if let Some(playing) = &mut self.state.playing {
-                playing.frames = playing.frame;
-            }
-            self.camera = self.shown.unwrap_or(self.camera);
-            self.host = host(&self.tracer, self.options.pacing);
-        }
-    }
-
     /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
     fn build(&mut self) {
         let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
@@ -530,62 +497,6 @@ impl Worker {
         }
         self.state.frames = self.index;
         self.state.samples = samples;
-    }
-
-    /// Hands the frame to whoever records the path under way, and leaves the path at its end.
-    fn advance(&mut self) {
-        let Some(Path { frames, sink, .. }) = &self.path else { return };
-        let taken = sink.as_ref().map(|sink| {
-            // A sink that panicked has already stopped its playback.
-            let mut sink = sink.lock().unwrap_or_else(PoisonError::into_inner);
-            let taken = sink.take(self.index - 1, &self.state.snapshots);
-            taken.and_then(|()| if self.index == *frames { sink.finish().map(Some) } else { Ok(None) })
-        });
-        if let Some(playing) = &mut self.state.playing {
-            playing.frame = self.index;
-        }
-        let at_end = self.index == *frames;
-        match taken {
-            Some(Ok(Some(done))) => self.state.recorded = Some(Ok(done)),
-            Some(Err(error)) => self.state.recorded = Some(Err(error)),
-            Some(Ok(None)) | None if !at_end => return,
-            _ => {}
-        }
-        self.leave_path();
-        self.pause(true);
-    }
-
-    /// Notes how long the frame took that began at `start`.
-    fn measure(&mut self, start: Instant) {
-        if !self.options.measured {
-            self.state.times.fill(1.0);
-            self.state.frame_ms = self.state.times.len() as f32;
-            self.state.rate = MAX_RATE;
-            return;
-        }
-        let now = Instant::now();
-        self.ends.retain(|end| now - *end < Duration::from_secs(1));
-        self.ends.push(now);
-        self.state.frame_ms = (now - start).as_secs_f32() * 1000.0;
-        self.state.rate = self.ends.len() as f32;
-    }
-
-    /// Remembers what the frame that has just ended cost.
-    fn record(&mut self, graph: Arc<GraphInfo>, steps: Vec<StepCost>) {
-        while self.records.len() >= RECORDED {
-            self.records.pop_front();
-        }
-        let (frame, ms) = (self.state.frames.saturating_sub(1), self.state.frame_ms);
-        let (mut at, mut steps) = (self.began.elapsed().as_secs_f64(), steps);
-        if !self.options.measured {
-            at = f64::from(self.state.frames) / f64::from(MAX_RATE);
-            let one = |(index, step): (usize, &mut StepCost)| {
-                *step = StepCost { start: index as f32, ms: 1.0, moved: step.moved };
-            };
-            steps.iter_mut().enumerate().for_each(one);
-        }
-        self.records.push_back(Arc::new(Record { frame, at, ms, graph, steps }));
-        self.state.records = self.records.iter().cloned().collect();
     }
 
     /// The graph before takes over where this one never ran; else frames stop until something changes.

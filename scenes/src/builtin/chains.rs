@@ -41,12 +41,7 @@ pub(super) fn scene() -> Result<Scene, MeshError> {
     let brass = glossy("brass", [0.62, 0.42, 0.13], 0.35, 0.25);
     let copper = glossy("copper", [0.60, 0.24, 0.13], 0.35, 0.25);
     let frame = glossy("frame", [0.10, 0.13, 0.18], 0.4, 0.04);
-    let floor = builder.material(Material {
-        name: "floor".to_owned(),
-        color: Vec3::new(0.62, 0.60, 0.56),
-        surface: Surface::Diffuse,
-        emission: Vec3::ZERO,
-    });
+    let floor = builder.material(Material::diffuse("floor", Vec3::new(0.62, 0.60, 0.56)));
 
     builder.add(&round_floor(), floor)?;
     let post = rod(0.055, BEAM_HEIGHT - BEAM_RADIUS - 2.0 * GAP);

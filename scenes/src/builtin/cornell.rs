@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
-use crate::{Camera, Material, Scene, Shape, Surface};
+use crate::{Camera, Material, Scene, Shape};
 
 const WHITE: Vec3 = Vec3::new(0.725, 0.71, 0.68);
 const RED: Vec3 = Vec3::new(0.63, 0.065, 0.05);
@@ -20,14 +20,8 @@ const LIGHT_DROP: f32 = 1.0;
 
 pub(super) fn scene() -> Result<Scene, MeshError> {
     let mut builder = SceneBuilder::new();
-    let [white, red, green] = [("white", WHITE), ("red", RED), ("green", GREEN)].map(|(name, color)| {
-        builder.material(Material {
-            name: name.to_owned(),
-            color,
-            surface: Surface::Diffuse,
-            emission: Vec3::ZERO,
-        })
-    });
+    let [white, red, green] = [("white", WHITE), ("red", RED), ("green", GREEN)]
+        .map(|(name, color)| builder.material(Material::diffuse(name, color)));
 
     let floor = [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]];
     let ceiling = [[556.0, 548.8, 0.0], [556.0, 548.8, 559.2], [0.0, 548.8, 559.2], [0.0, 548.8, 0.0]];

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{Affine3A, Vec3};
 
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
-use crate::{Camera, Light, Material, Scene, Shape, Surface};
+use crate::{Camera, Light, Material, Scene, Shape};
 
 /// An emissive shape of more parallelograms than this is a finely divided surface: each of its parts as a light of its own
 /// would cost more than it gains, so only paths that happen to hit it see its light.
@@ -129,12 +129,7 @@ impl Model {
 
 /// What a surface without a material is made of.
 fn plain_material() -> Material {
-    Material {
-        name: "plain".to_owned(),
-        color: Vec3::splat(0.7),
-        surface: Surface::Diffuse,
-        emission: Vec3::ZERO,
-    }
+    Material::diffuse("plain", Vec3::splat(0.7))
 }
 
 /// Pairs of consecutive triangles that make a parallelogram, as (corner, u, v) with the front towards `u x v`. Files

@@ -157,7 +157,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::{Material, SceneBuilder, Shape, Surface};
+    use crate::{Material, SceneBuilder, Shape};
 
     /// A view from 2 m above the floor's origin, straight down: 10 pixels to the metre on the floor, x to the left, z up.
     const SIZE: [u32; 2] = [20, 20];
@@ -167,12 +167,7 @@ mod tests {
     }
 
     fn material(builder: &mut SceneBuilder) -> u32 {
-        builder.material(Material {
-            name: String::new(),
-            color: Vec3::splat(0.5),
-            surface: Surface::Diffuse,
-            emission: Vec3::ZERO,
-        })
+        builder.material(Material::diffuse("", Vec3::splat(0.5)))
     }
 
     /// A horizontal rectangle at height `y`, front up, from corner to corner in x and z.

@@ -1,6 +1,7 @@
 //! What several stages share: element types, codecs and helpers, mirrored by `shaders/shared/`.
 
 pub mod cloud;
+pub mod color;
 pub mod edge_pixel;
 pub mod moves;
 pub mod nearer;

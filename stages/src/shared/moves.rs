@@ -3,6 +3,8 @@
 use epigraph_scenes::{Body, Light, Pose};
 use glam::{Mat3, Vec3};
 
+use super::{color::luminance, view::dot};
+
 epigraph_core::item! {
     /// A rigid motion.
     pub struct Move {
@@ -71,11 +73,10 @@ impl Lamp {
 
     /// A light of a scene.
     pub fn of(light: &Light) -> Self {
-        let luminance = |color: Vec3| color.dot(Vec3::new(0.2126, 0.7152, 0.0722));
         match *light {
             Light::Point { position, intensity } => Self {
                 position: position.into(),
-                power: luminance(intensity),
+                power: luminance(intensity.into()),
                 uniform_share: 1.0,
                 ..Self::NONE
             },
@@ -83,7 +84,7 @@ impl Lamp {
                 let (normal, area) = u.cross(v).normalize_and_length();
                 Self {
                     position: (corner + 0.5 * (u + v)).into(),
-                    power: area * luminance(radiance),
+                    power: area * luminance(radiance.into()),
                     normal: normal.into(),
                     radius: 0.5 * (u + v).length().max((u - v).length()),
                     ..Self::NONE
@@ -159,10 +160,6 @@ impl Blocker {
         }
         enter <= leave
     }
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {

@@ -87,7 +87,8 @@ impl Projected {
     }
 }
 
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+/// The sum of the products, in the order of the axes.
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

@@ -1,0 +1,44 @@
+//! What frames cost: the last one, those of the last second, and a record of each.
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use super::Worker;
+use crate::engine::{GraphInfo, MAX_RATE, RECORDED, Record, StepCost};
+
+impl Worker {
+    /// Notes how long the frame took that began at `start`.
+    pub(super) fn measure(&mut self, start: Instant) {
+        if !self.options.measured {
+            self.state.times.fill(1.0);
+            self.state.frame_ms = self.state.times.len() as f32;
+            self.state.rate = MAX_RATE;
+            return;
+        }
+        let now = Instant::now();
+        self.ends.retain(|end| now - *end < Duration::from_secs(1));
+        self.ends.push(now);
+        self.state.frame_ms = (now - start).as_secs_f32() * 1000.0;
+        self.state.rate = self.ends.len() as f32;
+    }
+
+    /// Remembers what the frame that has just ended cost.
+    pub(super) fn record(&mut self, graph: Arc<GraphInfo>, steps: Vec<StepCost>) {
+        while self.records.len() >= RECORDED {
+            self.records.pop_front();
+        }
+        let (frame, ms) = (self.state.frames.saturating_sub(1), self.state.frame_ms);
+        let (mut at, mut steps) = (self.began.elapsed().as_secs_f64(), steps);
+        if !self.options.measured {
+            at = f64::from(self.state.frames) / f64::from(MAX_RATE);
+            let one = |(index, step): (usize, &mut StepCost)| {
+                *step = StepCost { start: index as f32, ms: 1.0, moved: step.moved };
+            };
+            steps.iter_mut().enumerate().for_each(one);
+        }
+        self.records.push_back(Arc::new(Record { frame, at, ms, graph, steps }));
+        self.state.records = self.records.iter().cloned().collect();
+    }
+}
