@@ -4,6 +4,7 @@
 //! knows the window. A [`session`] holds them together, and [`app`] shows it in [`panes`].
 
 pub mod app;
+pub mod beside;
 pub mod camera;
 pub mod dialog;
 pub mod document;

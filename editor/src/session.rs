@@ -7,6 +7,7 @@ use epigraph_core::{GraphFile, MAX_SIDE, Problem, Problems, Registry, Snapshot};
 use epigraph_scenes::Camera;
 
 use crate::{
+    beside::Beside,
     camera::Rig,
     dialog::Ask,
     document::{Document, Places, Tag},
@@ -58,6 +59,8 @@ pub struct Session {
     pub slots: [Option<String>; 9],
     /// The pixel that the user has picked.
     pub inspection: Picked,
+    /// The graph that views are compared with.
+    pub beside: Beside,
     /// Ports that panes want snapshots of beside those in view; they ask anew in each frame of the window.
     pub asides: Vec<String>,
     /// A place that the user wants to see; the text pane takes it.
@@ -131,6 +134,7 @@ impl Session {
             viewed: String::new(),
             slots: Default::default(),
             inspection: Picked::default(),
+            beside: Beside::default(),
             asides: Vec::new(),
             jump: None,
             notice: document.take_notice(),
@@ -181,6 +185,9 @@ impl Session {
         }
         if let Some(pixel) = self.inspection.news() {
             self.engine.send(Command::Inspect(pixel));
+        }
+        if let Some(other) = self.beside.news(&self.document) {
+            self.engine.send(Command::Other(other));
         }
         if !self.extra.is_empty() {
             watched.push(self.extra.clone());
@@ -422,6 +429,7 @@ impl Session {
         if self.document.refresh() {
             self.notice = Some("read again, as another program has changed it".into());
         }
+        self.beside.refresh();
     }
 
     /// Moves the camera.

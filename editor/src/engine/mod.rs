@@ -99,6 +99,32 @@ impl Default for Options {
 /// Texts of shader files that hold instead of what the files hold, by path.
 pub type Shaders = BTreeMap<PathBuf, Arc<str>>;
 
+/// Another graph to run beside the one in hand, with the same views and as many samples, to be compared with.
+#[derive(Clone, Debug)]
+pub struct Other {
+    /// The graph.
+    pub file: Arc<GraphFile>,
+    /// The texts of its shaders.
+    pub shaders: Arc<Shaders>,
+    /// Ports to take [`Snapshot`]s of, as `node.port`, beside its outputs. Unknown ones are skipped.
+    pub watched: Vec<String>,
+}
+
+/// What the engine says of the graph beside.
+#[derive(Clone, Debug, Default)]
+pub struct OtherState {
+    /// Its file.
+    pub path: String,
+    /// As compiled.
+    pub graph: Option<Arc<GraphInfo>>,
+    /// Why it does not run.
+    pub trouble: Option<String>,
+    /// Milliseconds of its last frame.
+    pub frame_ms: f32,
+    /// The watched ports and the outputs as of its last frame.
+    pub snapshots: Vec<Arc<Snapshot>>,
+}
+
 /// What the user interface asks of the engine.
 #[derive(Clone, Debug)]
 pub enum Command {
@@ -130,11 +156,12 @@ pub enum Command {
     /// When samples arrive.
     Pacing(Pacing),
     /// Ports to take [`Snapshot`]s of, as `node.port`; the graph's outputs are always taken. Unknown ones are skipped.
-    /// For those that the last frame was not asked for, one more is run while frames wait.
+    /// While frames wait, all ports of the last one can be had, unless it was too large for that: then one more is run.
     Watch(Vec<String>),
-    /// Tell what every node did at this pixel, column and row, in the next frame. While frames wait, the last one counts if
-    /// it was captured for inspection, else one more is run; from then on every step is captured, and the frame with
-    /// which a pause begins. None ends it, and with it all its cost.
+    /// Run this graph beside the one in hand, frame for frame; none ends that.
+    Other(Option<Other>),
+    /// Tell what every node did at this pixel, column and row, in the next frame; while frames wait, in the last one, if
+    /// copies of all of it were made, else in one more. None ends that.
     Inspect(Option<[u32; 2]>),
 }
 
@@ -191,6 +218,8 @@ pub struct State {
     pub samples: u32,
     /// The inspected pixel, as of the last frame that was captured for it.
     pub inspection: Option<Arc<Inspection>>,
+    /// What becomes of the graph beside, where there is one.
+    pub other: Option<OtherState>,
     /// The watched ports and the outputs as of the last frame: one for each field.
     pub snapshots: Vec<Arc<Snapshot>>,
 }

@@ -17,11 +17,23 @@ use crate::inspect;
 pub struct Running {
     pub executor: Executor,
     pub info: Arc<GraphInfo>,
+    /// The taps that it was compiled with.
+    pub taps: Taps,
+    /// Whether it can capture all that its nodes write.
+    pub is_open: bool,
+}
+
+/// Which ports can be captured beside the outputs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Taps {
+    /// These, as `node.port`, as far as the graph has them.
+    pub watched: Vec<String>,
+    /// And all that nodes write, unless copies of that would be larger than so many bytes.
+    pub all: u64,
 }
 
 impl Running {
-    /// Compiles a file for `settings`, with the taps among `watched` that the graph has, or with `all` that there can be.
-    /// `open` gives the GPU where the plan needs one.
+    /// Compiles a file for `settings`. `open` gives the GPU where the plan needs one.
     ///
     /// # Errors
     /// All problems of the file; those of a device or of memory stand without a place.
@@ -29,18 +41,18 @@ impl Running {
         file: &GraphFile,
         registry: &Registry,
         settings: &Settings,
-        watched: &[String],
-        all: bool,
+        taps: Taps,
         open: &mut dyn FnMut() -> Result<Arc<Gpu>, RunError>,
     ) -> Result<Self, Problems> {
         // A panic here is a bug of the compiler; the window and the files outlive it.
         let made = catch_unwind(AssertUnwindSafe(|| {
-            let (graph, plan, settings) = compile_watched(file, registry, settings, watched, all)?;
+            let (graph, plan, settings, is_open) = compile_tapped(file, registry, settings, &taps)?;
             let needs_gpu = plan.nodes.iter().any(|(.., side)| *side == Side::Gpu);
             let gpu = if needs_gpu { Some(open().map_err(|error| problems(&error))?) } else { None };
             let info = GraphInfo::new(&graph, &plan, settings.size, gpu.as_ref().map(|gpu| gpu.name()));
             let executor = Executor::new(graph, plan, &settings, registry, gpu);
-            Ok(Self { executor: executor.map_err(|error| problems(&error))?, info: Arc::new(info) })
+            let executor = executor.map_err(|error| problems(&error))?;
+            Ok(Self { executor, info: Arc::new(info), taps, is_open })
         }));
         made.unwrap_or_else(|panic| {
             let text = format!("compiling it panicked: {}", message(panic.as_ref()));
@@ -66,28 +78,30 @@ fn problems(error: &RunError) -> Problems {
     }
 }
 
-fn compile_watched(
+fn compile_tapped(
     file: &GraphFile,
     registry: &Registry,
     settings: &Settings,
-    watched: &[String],
-    all: bool,
-) -> Result<(Graph, Plan, Settings), Problems> {
+    taps: &Taps,
+) -> Result<(Graph, Plan, Settings, bool), Problems> {
     let with = |taps: Vec<Source>| {
         let settings = Settings { taps, ..settings.clone() };
         compile(file, registry, &settings).map(|(graph, plan)| (graph, plan, settings))
     };
-    let mut taps: Vec<Source> = watched.iter().filter_map(|name| name.parse().ok()).collect();
-    let mut made = with(taps.clone());
+    let mut watched: Vec<Source> = taps.watched.iter().filter_map(|name| name.parse().ok()).collect();
+    let mut made = with(watched.clone());
     if made.is_err() {
         // Is it the graph, or a port that it no longer has?
         with(Vec::new())?;
-        taps.retain(|tap| with(vec![tap.clone()]).is_ok());
-        made = with(taps.clone());
+        watched.retain(|tap| with(vec![tap.clone()]).is_ok());
+        made = with(watched.clone());
     }
-    match made {
-        // Only of nodes that run anyway: looking must not change what is left out.
-        Ok((graph, ..)) if all => with([taps, inspect::taps(&graph)].concat()),
-        made => made,
+    let (graph, plan, settings) = made?;
+    let bytes: u64 = (0..graph.nodes.len()).map(|node| plan.node_bytes(node)).sum();
+    if bytes > taps.all {
+        return Ok((graph, plan, settings, false));
     }
+    // Only of nodes that run anyway: looking must not change what is left out.
+    with([watched, inspect::taps(&graph)].concat())
+        .map(|(graph, plan, settings)| (graph, plan, settings, true))
 }

@@ -98,6 +98,105 @@ fn steps_are_exact_and_a_pause_holds() {
 }
 
 #[test]
+fn all_ports_of_the_frame_can_be_seen_while_frames_wait() {
+    let ids = |state: &State| state.fields("view/cull.id").next().map(|ids| ids.bytes.clone());
+    let watch = |ports: &[&str]| Command::Watch(ports.iter().map(ToString::to_string).collect());
+    let engine = Engine::start(options(), || ());
+    let before = send(
+        &engine,
+        [Command::Graph(graph("render-cache.ron")), watch(&["view/cull.id"]), Command::Step(3)],
+        3,
+    );
+    let engine = Engine::start(options(), || ());
+    let unwatched = send(&engine, [Command::Graph(graph("render-cache.ron")), Command::Step(3)], 3);
+    assert_eq!(ids(&unwatched), None);
+    let after = send(&engine, [watch(&["view/cull.id"])], 3);
+    assert!(ids(&after).is_some());
+    assert_eq!(ids(&after), ids(&before));
+    assert_eq!(image(&after), image(&unwatched));
+
+    // Of the frame with which a pause begins, too, and of the last one of a path.
+    let commands = engine.state().commands;
+    engine.send(watch(&[]));
+    engine.send(Command::Pause(false));
+    wait(&engine, "some frames", |state| state.frames > 5);
+    engine.send(Command::Pause(true));
+    let paused = wait(&engine, "the pause", |state| state.commands == commands + 3 && state.paused);
+    // The last frame is under way by then.
+    let still = wait(&engine, "its frame", |state| state.frames == paused.frames + 1);
+    assert_eq!(ids(&still), None);
+    let after = send(&engine, [watch(&["view/cull.id"])], still.frames);
+    assert_eq!(ids(&after).unwrap().len(), 48 * 32 * 4);
+    send(&engine, [watch(&[])], still.frames);
+    play(&engine, Way::Named("orbit:5".into()), 5);
+    assert!(ids(&send(&engine, [watch(&["view/cull.id"])], 5)).is_some());
+    // What is watched goes on to be.
+    assert!(ids(&send(&engine, [Command::Step(1)], 6)).is_some());
+}
+
+fn beside(file: Arc<GraphFile>) -> Command {
+    Command::Other(Some(Other { file, shaders: Arc::default(), watched: vec!["view.id".into()] }))
+}
+
+/// The image of the graph beside.
+fn other_image(state: &State) -> &[u8] {
+    let other = state.other.as_ref().unwrap();
+    assert_eq!(other.trouble, None);
+    &other.snapshots.iter().find(|snapshot| snapshot.name == "image").unwrap().bytes
+}
+
+#[test]
+fn another_graph_runs_beside_with_the_same_views() {
+    let file = graph("render-cache.ron");
+    let engine = Engine::start(options(), || ());
+    let state = send(&engine, [Command::Graph(file.clone()), beside(file.clone()), Command::Step(4)], 4);
+    assert_eq!(other_image(&state), image(&state));
+    let other = state.other.as_ref().unwrap();
+    assert!(other.snapshots.iter().any(|snapshot| snapshot.name == "view.id"));
+    assert!(other.frame_ms > 0.0 && other.path == file.path);
+
+    // What is changed in one changes nothing in the other; settings and a path hold for both.
+    let brighter = changed(&file, |file| file.set_param("tonemap", "exposure", "2.0").unwrap());
+    let state = send(&engine, [brighter, Command::Step(1)], 5);
+    assert_ne!(other_image(&state), image(&state));
+    let state = send(&engine, [Command::Graph(file.clone()), Command::Step(1)], 6);
+    assert_eq!(other_image(&state), image(&state));
+    let state = send(&engine, [Command::Size([40, 24]), Command::Samples(0.5), Command::Step(2)], 8);
+    assert_eq!((other_image(&state).len(), other_image(&state)), (40 * 24 * 4, &image(&state)[..]));
+    play(&engine, Way::Named("orbit:3".into()), 5);
+    let state = engine.state();
+    assert_eq!(other_image(&state), image(&state));
+    let state = send(&engine, [Command::Scene("chains".into()), Command::Step(2)], 2);
+    assert_eq!(other_image(&state), image(&state));
+
+    let state = send(&engine, [Command::Other(None), Command::Step(1)], 3);
+    assert!(state.other.is_none());
+}
+
+#[test]
+fn a_graph_beside_that_fails_is_reported_and_the_one_in_hand_runs_on() {
+    let registry = || Registry::default().with::<Unruly>();
+    let text = r#"Graph(version: 1, nodes: { "a": (kind: "unruly", params: (panic: false)) }, outputs: { "image": "a.out" })"#;
+    let calm = Arc::new(GraphFile::parse("unruly.ron", text).unwrap());
+    let with = |edit: fn(&mut GraphFile)| {
+        let mut file = GraphFile::clone(&calm);
+        edit(&mut file);
+        Arc::new(file)
+    };
+    let trouble = |state: &State| state.other.as_ref().unwrap().trouble.clone().unwrap_or_default();
+    let engine = Engine::start_with(options(), registry, || ());
+    let panics = with(|file| file.set_param("a", "panic", "true").unwrap());
+    let state = send(&engine, [Command::Graph(calm.clone()), beside(panics), Command::Step(2)], 2);
+    assert!(trouble(&state).contains("as told"), "{}", trouble(&state));
+    let unknown = with(|file| file.set_kind("a", "unrulier").unwrap());
+    let state = send(&engine, [beside(unknown), Command::Step(1)], 3);
+    assert!(trouble(&state).contains("unrulier"), "{}", trouble(&state));
+    let state = send(&engine, [beside(calm.clone()), Command::Step(1)], 4);
+    assert_eq!((trouble(&state), &state.trouble), (String::new(), &None));
+    assert_eq!(other_image(&state), image(&state));
+}
+
+#[test]
 fn a_changed_parameter_keeps_the_cloud_and_a_reset_forgets_it() {
     let engine = Engine::start(options(), || ());
     let file = graph("render-cache.ron");

@@ -1,7 +1,9 @@
 //! The engine's thread: obeys commands, runs frames, publishes states.
 
+mod capture;
 mod costs;
 mod inspected;
+mod other;
 mod playback;
 
 use std::{
@@ -17,18 +19,20 @@ use std::{
 };
 
 use epigraph_core::{
-    AdapterChoice, Frame, Gpu, GraphFile, Host, Kind, MAX_SIDE, Problems, Registry, RunError, Settings, Side,
-    wgsl_kind_from,
+    AdapterChoice, Capture, Frame, Gpu, GraphFile, Host, Kind, MAX_SIDE, Problems, Registry, RunError,
+    Settings, Side, wgsl_kind_from,
 };
 use epigraph_scenes::{AsyncTracer, Camera, FRAMES_PER_SECOND, Scene, Tracer, predict};
 use epigraph_stages::{Pace, World, shared::world::PREDICTION_FRAMES};
 
+use capture::is_watched;
 use inspected::Inspected;
+use other::Other;
 use playback::Path;
 
 use super::{
     Backend, Command, MAX_RATE, Options, Pacing, Phase, RECORDED, Record, Shaders, State, StepCost,
-    running::{Running, message},
+    running::{Running, Taps, message},
 };
 
 /// Runs until the sender of the commands is gone.
@@ -72,6 +76,8 @@ fn load(name: &str) -> Result<Arc<Scene>, String> {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Rebuild {
     No,
+    /// Compile the same graph again, for other ports to be captured.
+    Taps,
     /// Compile again and take over what is kept.
     Keep,
     /// Compile again and start anew.
@@ -109,6 +115,10 @@ struct Worker {
     stopped: bool,
     /// What is inspected.
     inspected: Option<Inspected>,
+    /// All that the graph's nodes wrote in the last frame, where that was captured.
+    capture: Option<Capture>,
+    /// The graph beside.
+    other: Option<Other>,
     /// What the last frames cost.
     records: VecDeque<Arc<Record>>,
     /// When the engine began.
@@ -146,6 +156,8 @@ impl Worker {
             index: 0,
             path: None,
             inspected: None,
+            capture: None,
+            other: None,
             records: VecDeque::with_capacity(RECORDED),
             began: Instant::now(),
             stopped: false,
@@ -193,6 +205,7 @@ impl Worker {
                     Err(TryRecvError::Disconnected) => return,
                 };
             }
+            self.follow_taps();
             if self.rebuild != Rebuild::No {
                 self.build();
             }
@@ -240,8 +253,8 @@ impl Worker {
             Command::Pause(paused) => {
                 let begins = paused && !self.options.paused;
                 self.pause(paused);
-                // What is seen during a pause should be what can be inspected.
-                self.owed = u32::from(begins && self.inspected.is_some());
+                // One more, of which all can be seen while frames wait.
+                self.owed = u32::from(begins && self.index > 0);
                 Rebuild::No
             }
             Command::Step(frames) => {
@@ -278,28 +291,20 @@ impl Worker {
                 }
                 Rebuild::No
             }
-            Command::Watch(watched) if watched == self.watched => Rebuild::No,
-            Command::Watch(watched) => {
-                // Memory of the last frame holds no port any more as it was when it was written; during a pause, it
-                // takes one more frame to see a port that was not watched.
-                if self.options.paused && self.index > 0 && watched.iter().any(|name| self.is_unseen(name)) {
-                    self.owed = self.owed.max(1);
-                }
-                self.watched = watched;
-                Rebuild::Keep
+            Command::Other(other) => {
+                self.set_other(other);
+                Rebuild::No
             }
-            Command::Inspect(pixel) => self.inspect(pixel),
+            Command::Watch(watched) => {
+                self.watch(watched);
+                Rebuild::No
+            }
+            Command::Inspect(pixel) => {
+                self.inspect(pixel);
+                Rebuild::No
+            }
         };
         self.rebuild = self.rebuild.max(rebuild);
-    }
-
-    /// Whether the graph has a port of that name, `node.port`, that the last frame was not asked for.
-    fn is_unseen(&self, name: &str) -> bool {
-        let has = |running: &Running| {
-            let node = name.rsplit_once('.').and_then(|(node, port)| Some((running.info.node(node)?, port)));
-            node.is_some_and(|(node, port)| node.ports.iter().any(|info| info.port.name == port))
-        };
-        self.running.as_ref().is_some_and(has) && self.state.fields(name).next().is_none()
     }
 
     fn pause(&mut self, paused: bool) {
@@ -329,14 +334,17 @@ impl Worker {
     /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
     fn build(&mut self) {
         let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
-        if !self.lost {
+        // Whoever only looks has not read yet what was said.
+        if !self.lost && rebuild > Rebuild::Taps {
             self.state.trouble = None;
         }
         self.state.problems = Vec::new();
+        self.rebuild_other(rebuild);
         let newest = self.file.clone().map(|file| (file, self.shaders.clone()));
         for (file, shaders) in [newest, self.good.clone()].into_iter().flatten() {
             *self.read.lock().unwrap_or_else(PoisonError::into_inner) = shaders.clone();
-            match self.compile(&file) {
+            let taps = self.taps();
+            match self.compile(&file, taps) {
                 Ok(made) => {
                     self.good = Some((file, shaders));
                     self.replace(made, rebuild);
@@ -349,7 +357,7 @@ impl Worker {
         }
     }
 
-    fn compile(&mut self, file: &GraphFile) -> Result<Running, Problems> {
+    fn compile(&mut self, file: &GraphFile, taps: Taps) -> Result<Running, Problems> {
         let size = self.options.size;
         let side = self.side();
         let settings = Settings {
@@ -359,8 +367,7 @@ impl Worker {
         };
         let gpu = &mut self.gpu;
         let mut open = || open_gpu(gpu);
-        let all = self.inspected.is_some();
-        Running::new(file, &self.registry, &settings, &self.watched, all, &mut open)
+        Running::new(file, &self.registry, &settings, taps, &mut open)
     }
 
     /// Lets a graph run from now on, with what the one before keeps.
@@ -376,8 +383,7 @@ impl Worker {
                 self.state.playing = None;
             }
             // Samples of before the reset that are still under way belong to no frame.
-            let pacing = if self.path.is_some() { Pacing::Exact } else { self.options.pacing };
-            self.host = host(&self.tracer, pacing);
+            self.host = host(&self.tracer, self.pacing());
         }
         // One that never ran a frame has nothing yet that its successor could not take from the one before.
         let old = match (self.running.take(), self.before.take()) {
@@ -397,7 +403,12 @@ impl Worker {
         self.state.graph = Some(running.info.clone());
         self.state.times = vec![0.0; running.info.steps.len()];
         self.running = Some(running);
-        self.drop_capture();
+        self.capture = None;
+    }
+
+    /// When samples arrive now: along a path, all of them in the frame of their request.
+    fn pacing(&self) -> Pacing {
+        if self.path.is_some() { Pacing::Exact } else { self.options.pacing }
     }
 
     /// Where nodes run by default.
@@ -445,13 +456,10 @@ impl Worker {
         let captures = self.captures();
         let Some(running) = &mut self.running else { return };
         let info = running.info.clone();
-        let is_watched = |watched: &[String], name: &str| {
-            watched.iter().any(|watched| watched == name)
-                || info.outputs.iter().any(|(output, _)| output == name)
-        };
+        let is_watched = |name: &str| is_watched(&info, &self.watched, name);
         let executor = &mut running.executor;
-        if self.inspected.is_some() {
-            executor.want(|name| captures || is_watched(&self.watched, name));
+        if running.is_open {
+            executor.want(|name| captures || is_watched(name));
         }
         let host = &self.host;
         let result = catch_unwind(AssertUnwindSafe(|| {
@@ -470,15 +478,15 @@ impl Worker {
                 let costs = costs.map(cost).collect();
                 let captured = captures.then(|| snapshots.clone());
                 if captures {
-                    snapshots.retain(|snapshot| is_watched(&self.watched, &snapshot.name));
+                    snapshots.retain(|snapshot| is_watched(&snapshot.name));
                 }
                 self.state.snapshots = snapshots;
                 self.succeeded(camera, frame.samples);
                 self.measure(start);
                 self.record(info, costs);
-                if let Some(snapshots) = captured {
-                    self.keep_capture(frame, snapshots);
-                }
+                self.run_other(&frame);
+                self.capture = captured.map(|snapshots| Capture { frame, snapshots });
+                self.tell_capture();
                 self.advance();
             }
             Err(error) => self.failed(&error),

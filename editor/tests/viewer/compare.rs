@@ -86,7 +86,7 @@ fn another_port_is_watched_and_compared_with() {
     let mut view = View::new([64, 48], false, 3);
     view.see("view/cull.id");
     view.click("Compare");
-    view.choose("held: view/cull.id, frame 4", "view/project.id");
+    view.choose("held: view/cull.id, frame 3", "view/project.id");
     assert_eq!(view.against().port(), Some("view/project.id"));
     let figures = view.figures(|figures| figures.flip > 0.0);
     assert!(figures.psnr > 5.0 && figures.psnr.is_finite(), "{figures:?}");
@@ -94,6 +94,35 @@ fn another_port_is_watched_and_compared_with() {
         view.click(way);
     }
     assert_eq!(view.against().way, Way::Wipe);
+}
+
+#[test]
+fn another_graph_runs_beside_and_is_compared_with() {
+    let mut view = View::new([64, 48], false, 3);
+    view.click("Compare");
+    view.choose("held: image, frame 3", "another graph …");
+    let anew = |view: &mut View| {
+        view.opened.app().session.engine.send(epigraph_editor::engine::Command::Reset);
+        view.opened.until("the reset", |app| app.session.state.frames == 0);
+        view.opened.frames(5);
+    };
+    // At first, this one as it was saved.
+    anew(&mut view);
+    view.figures(|figures| figures.flip == 0.0);
+    view.set("tonemap", "exposure", "1.0");
+    view.figures(|figures| figures.flip > 0.1);
+    view.opened.app().session.state.other.as_ref().unwrap();
+    view.opened.harness.get_by_label_contains("as saved");
+
+    // Then one from the list.
+    view.opened.pick("Graph beside", "render-cache.ron");
+    anew(&mut view);
+    view.opened.until("the other", |app| {
+        app.session.state.other.as_ref().is_some_and(|other| other.path.ends_with("render-cache.ron"))
+    });
+    view.figures(|figures| figures.flip > 0.0);
+    view.click("Compare");
+    view.opened.until("its end", |app| app.session.state.other.is_none());
 }
 
 #[test]

@@ -10,7 +10,7 @@ use crate::engine::{Playback, Playing, Sink};
 /// A playback under way.
 pub(super) struct Path {
     pub path: CameraPath,
-    frames: u32,
+    pub frames: u32,
     pub sink: Option<Arc<Mutex<dyn Sink>>>,
 }
 

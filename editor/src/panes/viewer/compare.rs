@@ -1,4 +1,5 @@
-//! Two images side by side in time: the one in view against another port, a file, or what was held of it before a change.
+//! Two images side by side in time: the one in view against another port, another graph's, a file, or what was held of it
+//! before a change.
 
 use std::{
     path::{Path, PathBuf},
@@ -13,7 +14,7 @@ use epigraph_core::Snapshot;
 use epigraph_pictures::{Difference, Look, Picture, Ramp, apart, metrics, show};
 
 use super::{
-    header,
+    beside, header,
     layer::{Layer, upload},
     place::{Placed, WHOLE},
     task::Task,
@@ -21,6 +22,7 @@ use super::{
 use crate::{
     engine::{GraphInfo, State},
     name::Named,
+    session::Session,
     theme,
 };
 
@@ -34,6 +36,8 @@ pub enum With {
     Held,
     /// A port, `node.port`, or the graph's first output where it is empty.
     Port(String),
+    /// The same port of the graph beside, or its first output where it has none of that name.
+    Graph,
     /// An image file.
     File,
 }
@@ -124,6 +128,8 @@ pub struct Compare {
     measured: Task<Pair, Measured>,
     map: Option<Map>,
     trouble: Option<String>,
+    /// The graph beside and its port.
+    beside: Option<String>,
 }
 
 impl Compare {
@@ -142,6 +148,7 @@ impl Compare {
             measured: Task::default(),
             map: None,
             trouble: None,
+            beside: None,
         }
     }
 
@@ -174,7 +181,8 @@ impl Compare {
     }
 
     /// The controls and the figures.
-    pub fn header(&mut self, ui: &mut Ui, graph: &GraphInfo, frames: u32, shown: Option<&Layer>) {
+    pub fn header(&mut self, ui: &mut Ui, session: &mut Session, graph: &GraphInfo, shown: Option<&Layer>) {
+        let frames = session.state.frames;
         ui.horizontal_wrapped(|ui| {
             ui.label("against");
             self.choose(ui, graph);
@@ -193,8 +201,10 @@ impl Compare {
                 ui.add(gain).on_hover_text("What differences are multiplied by");
             }
         });
-        if self.with == With::File {
-            self.file_row(ui);
+        match self.with {
+            With::File => self.file_row(ui),
+            With::Graph => beside::row(ui, session),
+            With::Held | With::Port(_) => {}
         }
         self.figures_row(ui);
     }
@@ -207,6 +217,8 @@ impl Compare {
             if self.held.is_some() {
                 ui.selectable_value(&mut chosen, With::Held, self.held_name());
             }
+            ui.selectable_value(&mut chosen, With::Graph, "another graph …")
+                .on_hover_text("It runs beside this one, with the same views and as many samples");
             ui.selectable_value(&mut chosen, With::File, "an image file …");
             ui.separator();
             header::ports(ui, graph, true, |ui, name, label, doc| {
@@ -270,6 +282,7 @@ impl Compare {
             With::Held => self.held_name(),
             With::Port(port) if port.is_empty() => header::output(graph),
             With::Port(port) => port.clone(),
+            With::Graph => self.beside.clone().unwrap_or_else(|| "another graph".into()),
             With::File => match &self.asked {
                 Some((path, _)) => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
                 None => "an image file …".into(),
@@ -280,7 +293,7 @@ impl Compare {
     /// Takes the other image and compares; once for each frame of the window.
     pub fn update(&mut self, ui: &Ui, graph: &GraphInfo, state: &State, layer: &Layer) {
         let context = ui.ctx();
-        let other = match self.source(ui, graph, state) {
+        let other = match self.source(ui, graph, state, &layer.snapshot.name) {
             Ok(Some(other)) => other,
             other => {
                 (self.trouble, self.other, self.map) = (other.err(), None, None);
@@ -308,7 +321,13 @@ impl Compare {
         self.draw_map(ui, layer, pair);
     }
 
-    fn source(&mut self, ui: &Ui, graph: &GraphInfo, state: &State) -> Result<Option<Arc<Snapshot>>, String> {
+    fn source(
+        &mut self,
+        ui: &Ui,
+        graph: &GraphInfo,
+        state: &State,
+        shown: &str,
+    ) -> Result<Option<Arc<Snapshot>>, String> {
         match &self.with {
             With::Held => match &self.held {
                 Some(held) => Ok(Some(held.image.clone())),
@@ -319,6 +338,11 @@ impl Compare {
                 // Until it comes, the last one of it stays.
                 let last = || self.other.as_ref().map(|other| other.snapshot.clone());
                 Ok(state.fields(&name).next().cloned().or_else(|| last().filter(|last| last.name == name)))
+            }
+            With::Graph => {
+                let image = beside::image(state, shown)?;
+                self.beside = image.as_ref().map(|image| beside::name(state, image));
+                Ok(image)
             }
             With::File => {
                 let Some(asked) = self.asked.clone() else { return Ok(None) };

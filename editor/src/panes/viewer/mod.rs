@@ -1,6 +1,7 @@
 //! A port as an image: pan, zoom to pixels, read values, compare; or as a table, where it is a list. And the camera, flown
 //! with mouse and keys.
 
+mod beside;
 mod compare;
 mod header;
 mod histogram;
@@ -113,6 +114,9 @@ impl Viewer {
         };
         let state = session.state.clone();
         let name = header::name(&graph, &self.port);
+        if self.compare.as_ref().is_some_and(|compare| compare.with == With::Graph) {
+            session.beside.want(&name);
+        }
         self.look.far = session.rig.map_or(f32::INFINITY, |rig| rig.camera.far);
         self.take(ui, &graph, &state, &name);
         self.header(ui, &graph, state.frames);
@@ -133,7 +137,7 @@ impl Viewer {
             self.histogram.show(ui, layer, &mut self.look);
         }
         if let Some(compare) = &mut self.compare {
-            compare.header(ui, &graph, state.frames, self.layer.as_deref());
+            compare.header(ui, session, &graph, self.layer.as_deref());
         }
         self.image(ui, session, &graph, &name);
     }

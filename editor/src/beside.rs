@@ -1,0 +1,140 @@
+//! The graph that views compare theirs with: it runs beside the one in hand while any of them wants it.
+
+use std::{mem, path::Path, sync::Arc};
+
+use crate::{
+    document::Document,
+    engine::Other,
+    files::{self, Choice},
+};
+
+/// Which graph, and what panes want to see of it.
+#[derive(Default)]
+pub struct Beside {
+    /// Its file; none for the one in hand as it was saved.
+    pub path: Option<String>,
+    /// Ports that panes want; they ask anew in each frame of the window.
+    wanted: Option<Vec<String>>,
+    /// The file that was opened last while one is wanted.
+    open: Option<(String, Result<Document, String>)>,
+    choices: Vec<Choice>,
+    /// What the engine knows: the file, its revision, the ports.
+    sent: Option<(String, u64, Vec<String>)>,
+}
+
+impl Beside {
+    /// Asks for a port of it, `node.port`, beside its outputs; once for each frame of the window.
+    pub fn want(&mut self, port: &str) {
+        let wanted = self.wanted.get_or_insert_default();
+        if !wanted.iter().any(|known| known == port) {
+            wanted.push(port.to_owned());
+        }
+    }
+
+    /// Graphs that can be chosen.
+    pub fn choices(&self) -> &[Choice] {
+        &self.choices
+    }
+
+    /// Why it cannot be read.
+    pub fn trouble(&self) -> Option<String> {
+        match &self.open.as_ref()?.1 {
+            Ok(open) => open.problems().first().map(ToString::to_string),
+            Err(error) => Some(error.clone()),
+        }
+    }
+
+    /// What the engine is to be told, if anything; once for each frame of the window.
+    pub fn news(&mut self, document: &Document) -> Option<Option<Other>> {
+        let end = |sent: &mut Option<_>| sent.take().map(|_| None);
+        let Some(mut wanted) = mem::take(&mut self.wanted) else {
+            self.open = None;
+            return end(&mut self.sent);
+        };
+        let path = self.path.as_deref().unwrap_or(document.path());
+        if self.open.as_ref().is_none_or(|(open, _)| open != path) {
+            self.choices = files::graphs(Path::new(document.path()));
+            let open = Document::open(Path::new(path)).map_err(|problems| problems.to_string());
+            self.open = Some((path.to_owned(), open));
+        }
+        let Some((_, Ok(open))) = &self.open else { return end(&mut self.sent) };
+        let Some(file) = open.file() else { return end(&mut self.sent) };
+        wanted.sort();
+        let now = (path.to_owned(), open.revision(), wanted);
+        if self.sent.as_ref() == Some(&now) {
+            return None;
+        }
+        let shaders = open.shaders().map(|(path, text)| (path.into(), text.clone())).collect();
+        let other = Other { file: file.clone(), shaders: Arc::new(shaders), watched: now.2.clone() };
+        self.sent = Some(now);
+        Some(Some(other))
+    }
+
+    /// Reads its files again where they have changed.
+    pub fn refresh(&mut self) {
+        match &mut self.open {
+            Some((_, Ok(open))) => _ = open.refresh(),
+            open => *open = None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    const EMPTY: &str = "Graph(version: 1, nodes: {}, outputs: {})";
+
+    fn told(beside: &mut Beside, document: &Document, ports: &[&str]) -> Option<Option<Other>> {
+        ports.iter().for_each(|port| beside.want(port));
+        beside.news(document)
+    }
+
+    #[test]
+    fn the_engine_is_told_of_each_change_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let text = |name: &str| path(name).display().to_string();
+        fs::write(path("a.ron"), EMPTY).unwrap();
+        fs::write(path("b.ron"), EMPTY).unwrap();
+        let document = Document::open(&path("a.ron")).unwrap();
+        let mut beside = Beside::default();
+        assert!(beside.news(&document).is_none(), "nobody asks for one");
+
+        // As saved.
+        let other = told(&mut beside, &document, &["y.z", "x.y", "y.z"]).unwrap().unwrap();
+        assert_eq!(other.file.path, text("a.ron"));
+        assert_eq!(other.watched, ["x.y", "y.z"]);
+        assert!(told(&mut beside, &document, &["x.y", "y.z"]).is_none());
+        assert!(beside.choices().iter().any(|choice| choice.text == text("b.ron")));
+
+        // Another file, which then changes, breaks and is mended.
+        beside.path = Some(text("b.ron"));
+        assert_eq!(told(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.path, text("b.ron"));
+        fs::write(path("b.ron"), format!("// More\n{EMPTY}")).unwrap();
+        beside.refresh();
+        assert!(told(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.text.starts_with("// More"));
+        fs::write(path("b.ron"), "Graph(").unwrap();
+        beside.refresh();
+        told(&mut beside, &document, &["x.y"]);
+        assert!(beside.trouble().unwrap().contains("b.ron"));
+        fs::write(path("b.ron"), EMPTY).unwrap();
+        beside.refresh();
+        assert_eq!(told(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.text, EMPTY);
+        assert_eq!(beside.trouble(), None);
+
+        // One that is not there ends the one before, until it comes.
+        beside.path = Some(text("c.ron"));
+        assert!(told(&mut beside, &document, &["x.y"]).unwrap().is_none());
+        assert!(beside.trouble().unwrap().contains("c.ron"));
+        fs::write(path("c.ron"), EMPTY).unwrap();
+        beside.refresh();
+        assert!(told(&mut beside, &document, &["x.y"]).unwrap().is_some());
+
+        // Nobody wants it any more.
+        assert!(beside.news(&document).unwrap().is_none());
+        assert!(beside.news(&document).is_none());
+    }
+}

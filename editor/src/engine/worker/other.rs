@@ -1,0 +1,108 @@
+//! Another graph, run beside the one in hand: the same views, as many samples, a cloud and a tracer's queue of its own.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{Arc, PoisonError},
+    time::Instant,
+};
+
+use epigraph_core::{Frame, Host, RunError};
+
+use super::{Rebuild, Worker, host, message};
+use crate::engine::{
+    self, OtherState, Pacing,
+    running::{Running, Taps},
+};
+
+/// The graph beside.
+pub(super) struct Other {
+    asked: engine::Other,
+    /// Where it stands, until it is compiled again.
+    running: Option<Running>,
+    host: Host,
+    pacing: Pacing,
+    /// What it is compiled for has changed since.
+    stale: bool,
+    /// It cannot run until something changes.
+    failed: bool,
+}
+
+impl Worker {
+    /// Runs this graph beside from the next frame on; none ends that.
+    pub(super) fn set_other(&mut self, asked: Option<engine::Other>) {
+        let Some(asked) = asked else {
+            (self.other, self.state.other) = (None, None);
+            return;
+        };
+        if self.options.paused && self.index > 0 {
+            // Something is to be seen of it.
+            self.owed = self.owed.max(1);
+        }
+        match &mut self.other {
+            Some(other) if other.asked.file.path == asked.file.path => {
+                (other.asked, other.stale, other.failed) = (asked, true, false);
+            }
+            _ => {
+                let pacing = self.pacing();
+                self.state.other =
+                    Some(OtherState { path: asked.file.path.clone(), ..OtherState::default() });
+                let host = host(&self.tracer, pacing);
+                self.other = Some(Other { asked, running: None, host, pacing, stale: true, failed: false });
+            }
+        }
+    }
+
+    /// The graph in hand is compiled anew.
+    pub(super) fn rebuild_other(&mut self, rebuild: Rebuild) {
+        let (tracer, pacing) = (self.tracer.clone(), self.pacing());
+        let Some(other) = self.other.as_mut().filter(|_| rebuild > Rebuild::Taps) else { return };
+        (other.stale, other.failed) = (true, false);
+        if rebuild == Rebuild::Afresh {
+            (other.running, other.host, other.pacing) = (None, host(&tracer, pacing), pacing);
+        }
+    }
+
+    /// Runs its share of a frame.
+    pub(super) fn run_other(&mut self, frame: &Frame) {
+        let Some(mut other) = self.other.take_if(|other| !other.failed) else { return };
+        let start = Instant::now();
+        let ran = catch_unwind(AssertUnwindSafe(|| self.try_other(&mut other, frame)));
+        let ran =
+            ran.unwrap_or_else(|panic| Err(format!("running it panicked: {}", message(panic.as_ref()))));
+        other.failed = ran.is_err();
+        if let Some(state) = &mut self.state.other {
+            state.trouble = ran.err();
+            state.graph = other.running.as_ref().map(|running| running.info.clone());
+            let steps = state.graph.as_ref().map_or(0, |graph| graph.steps.len());
+            let measured = self.options.measured;
+            state.frame_ms = if measured { start.elapsed().as_secs_f32() * 1000.0 } else { steps as f32 };
+        }
+        self.other = Some(other);
+    }
+
+    fn try_other(&mut self, other: &mut Other, frame: &Frame) -> Result<(), String> {
+        if other.pacing != self.pacing() {
+            other.pacing = self.pacing();
+            other.host = host(&self.tracer, other.pacing);
+        }
+        if other.stale || other.running.is_none() {
+            other.stale = false;
+            *self.read.lock().unwrap_or_else(PoisonError::into_inner) = other.asked.shaders.clone();
+            let taps = Taps { watched: other.asked.watched.clone(), all: 0 };
+            let mut made = self.compile(&other.asked.file, taps).map_err(|problems| problems.to_string())?;
+            if let Some(mut old) = other.running.take() {
+                made.executor.inherit(&mut old.executor).map_err(|error| error.to_string())?;
+            }
+            other.running = Some(made);
+        }
+        let Some(running) = &mut other.running else { return Ok(()) };
+        let told = |error: RunError| error.to_string();
+        running.executor.run(frame, &other.host, true).map_err(told)?;
+        let snapshots = running.executor.snapshots().map_err(told)?;
+        let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect();
+        if let Some(state) = &mut self.state.other {
+            state.snapshots = snapshots;
+        }
+        Ok(())
+    }
+}

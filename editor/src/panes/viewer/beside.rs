@@ -1,0 +1,61 @@
+//! A view against another graph: which one, and what it costs.
+
+use std::sync::Arc;
+
+use egui::{ComboBox, Ui, WidgetType};
+use epigraph_core::Snapshot;
+
+use crate::{engine::State, files::short, name::Named, session::Session, theme};
+
+/// The choice of the graph, and what a frame of either costs.
+pub fn row(ui: &mut Ui, session: &mut Session) {
+    ui.horizontal_wrapped(|ui| {
+        let saved = format!("{} as saved", short(session.document.path()));
+        let beside = &mut session.beside;
+        let mut chosen = beside.path.clone();
+        let shown = chosen.as_deref().map_or(saved.as_str(), short);
+        let combo = ComboBox::from_id_salt("beside").selected_text(shown).width(190.0).height(420.0);
+        let response = combo.show_ui(ui, |ui| {
+            ui.selectable_value(&mut chosen, None, &saved)
+                .on_hover_text("What your changes do to the picture, and to its cost");
+            for choice in beside.choices() {
+                ui.selectable_value(&mut chosen, Some(choice.text.clone()), short(&choice.text))
+                    .on_hover_text(&choice.doc);
+            }
+        });
+        response.response.named(WidgetType::ComboBox, "Graph beside").on_hover_text("Which graph");
+        beside.path = chosen;
+        if let (None, Some(other)) = (beside.trouble(), &session.state.other)
+            && other.graph.is_some()
+        {
+            let doc = "One frame of this graph, and one of the other";
+            ui.weak("frame").on_hover_text(doc);
+            let (own, other) = (session.state.frame_ms, other.frame_ms);
+            ui.label(format!("{own:.1} ms, {other:.1} ms")).on_hover_text(doc);
+        }
+    });
+    if let Some(trouble) = session.beside.trouble() {
+        ui.colored_label(theme::palette(ui).bad, trouble);
+    }
+}
+
+/// What the graph beside wrote to the port of that name, else to its first output; nothing as long as it has run no frame.
+///
+/// # Errors
+/// Why it does not run.
+pub fn image(state: &State, port: &str) -> Result<Option<Arc<Snapshot>>, String> {
+    let Some(other) = &state.other else { return Ok(None) };
+    if let Some(trouble) = &other.trouble {
+        return Err(format!("{} does not run: {trouble}", short(&other.path)));
+    }
+    let output = other.graph.as_ref().and_then(|graph| graph.outputs.first());
+    let named = |name: &str| other.snapshots.iter().find(|snapshot| snapshot.name == name);
+    let image = named(port).or_else(|| output.and_then(|(name, _)| named(name)));
+    Ok(image.cloned())
+}
+
+/// The graph beside and its port, in words.
+pub fn name(state: &State, image: &Snapshot) -> String {
+    let graph = state.other.as_ref().map_or("", |other| short(&other.path));
+    format!("{graph}: {}", image.name)
+}
