@@ -119,7 +119,7 @@ pub struct OtherState {
     pub graph: Option<Arc<GraphInfo>>,
     /// Why it does not run.
     pub trouble: Option<String>,
-    /// Milliseconds of its last frame.
+    /// Milliseconds of its last frame, as [`State::frame_ms`].
     pub frame_ms: f32,
     /// The watched ports and the outputs as of its last frame.
     pub snapshots: Vec<Arc<Snapshot>>,
@@ -210,7 +210,7 @@ pub struct State {
     pub times: Vec<f32>,
     /// What the last [`RECORDED`] frames cost, the oldest first.
     pub records: Arc<[Arc<Record>]>,
-    /// Milliseconds of the whole last frame.
+    /// Milliseconds of the whole last frame, but for copies for those who look.
     pub frame_ms: f32,
     /// Frames in the last second.
     pub rate: f32,

@@ -482,7 +482,7 @@ impl Worker {
                 }
                 self.state.snapshots = snapshots;
                 self.succeeded(camera, frame.samples);
-                self.measure(start);
+                self.measure(start, &info);
                 self.record(info, costs);
                 self.run_other(&frame);
                 self.capture = captured.map(|snapshots| Capture { frame, snapshots });

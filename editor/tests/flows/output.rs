@@ -83,14 +83,14 @@ fn an_image_is_saved_as_shown_or_with_its_raw_values() {
     let saved: Vec<[u8; 3]> = image::open(&png).unwrap().to_rgb8().pixels().map(|pixel| pixel.0).collect();
     assert!(saved == opened.shown());
 
-    // A port that is in no view is taken from the next frame on.
+    // A port that is in no view is taken of the same frame.
     let exr = opened.folder().join("depths.exr");
     opened.choose(&["Output", "Save image …"]);
     opened.pick("Port", "view/cull.filtered");
     opened.until("the port", |app| app.session.snapshot("view/cull.filtered").is_some());
+    let depths: Vec<f32> = opened.app().session.snapshot("view/cull.filtered").unwrap().get();
     opened.name(&exr);
     opened.until("the file", |_| exr.is_file());
-    let depths: Vec<f32> = opened.app().session.snapshot("view/cull.filtered").unwrap().get();
     let values = Picture::read(&exr).unwrap();
     assert_eq!(values.size, [64, 48]);
     let read: Vec<f32> = values.colors.iter().map(|color| color[0]).collect();

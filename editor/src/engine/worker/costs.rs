@@ -9,18 +9,18 @@ use super::Worker;
 use crate::engine::{GraphInfo, MAX_RATE, RECORDED, Record, StepCost};
 
 impl Worker {
-    /// Notes how long the frame took that began at `start`.
-    pub(super) fn measure(&mut self, start: Instant) {
+    /// Notes how long the frame took that began at `start`, but for copies for those who look.
+    pub(super) fn measure(&mut self, start: Instant, graph: &GraphInfo) {
         if !self.options.measured {
             self.state.times.fill(1.0);
-            self.state.frame_ms = self.state.times.len() as f32;
+            self.state.frame_ms = graph.steps.iter().filter(|step| !step.is_tap).count() as f32;
             self.state.rate = MAX_RATE;
             return;
         }
         let now = Instant::now();
         self.ends.retain(|end| now - *end < Duration::from_secs(1));
         self.ends.push(now);
-        self.state.frame_ms = (now - start).as_secs_f32() * 1000.0;
+        self.state.frame_ms = own_ms(start, graph, &self.state.times);
         self.state.rate = self.ends.len() as f32;
     }
 
@@ -41,4 +41,10 @@ impl Worker {
         self.records.push_back(Arc::new(Record { frame, at, ms, graph, steps }));
         self.state.records = self.records.iter().cloned().collect();
     }
+}
+
+/// Milliseconds since `start` without the steps that only copy something for whoever looks.
+pub(super) fn own_ms(start: Instant, graph: &GraphInfo, times: &[f32]) -> f32 {
+    let taps = graph.steps.iter().zip(times).filter(|(step, _)| step.is_tap).map(|(_, ms)| ms);
+    (start.elapsed().as_secs_f32() * 1000.0 - taps.sum::<f32>()).max(0.0)
 }

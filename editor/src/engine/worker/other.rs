@@ -8,7 +8,7 @@ use std::{
 
 use epigraph_core::{Frame, Host, RunError};
 
-use super::{Rebuild, Worker, host, message};
+use super::{Rebuild, Worker, costs::own_ms, host, message};
 use crate::engine::{
     self, OtherState, Pacing,
     running::{Running, Taps},
@@ -73,9 +73,9 @@ impl Worker {
         if let Some(state) = &mut self.state.other {
             state.trouble = ran.err();
             state.graph = other.running.as_ref().map(|running| running.info.clone());
-            let steps = state.graph.as_ref().map_or(0, |graph| graph.steps.len());
-            let measured = self.options.measured;
-            state.frame_ms = if measured { start.elapsed().as_secs_f32() * 1000.0 } else { steps as f32 };
+            if let Some(running) = other.running.as_ref().filter(|_| self.options.measured) {
+                state.frame_ms = own_ms(start, &running.info, running.executor.times());
+            }
         }
         self.other = Some(other);
     }
