@@ -19,6 +19,7 @@ struct Params {
 @group(0) @binding(7) var<storage, read> slots: array<u32>;
 @group(0) @binding(8) var<storage, read_write> arrived: array<atomic<u32>>;
 @group(0) @binding(9) var<storage, read_write> changed: array<atomic<u32>>;
+@group(0) @binding(10) var<storage, read_write> dates: array<u32>;
 
 // Points seen at most this many pixels from a changed one are flagged, on each axis: a square of 7 x 7.
 const REACH: u32 = 3u;
@@ -66,6 +67,7 @@ fn insert(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     cloud_radiance[slot] = encode_radiance(samples[index].radiance);
     cloud_image_id[slot] = NOT_DRAWN;
     cloud_meta[slot] = LIVE | FRESH | (samples[index].body << BODY_SHIFT);
+    dates[slot] = frame.index + 1u;
 }
 
 // Whether there is a sample that has a slot.

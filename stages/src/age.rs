@@ -121,7 +121,7 @@ fn averaged(rate: f32, arrived: f32) -> f32 {
 
 /// What points age in a frame, 8.8 fixed point: with `rate` of `capacity` points replaced in a frame, oldest first, a
 /// point lives capacity / rate frames.
-pub(crate) fn increment(rate: f32, capacity: u32) -> u32 {
+fn increment(rate: f32, capacity: u32) -> u32 {
     (AGE_WHEN_REPLACED * rate / capacity as f32).round_ties_even().min(AGE as f32) as u32
 }
 

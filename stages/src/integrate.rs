@@ -26,7 +26,7 @@ epigraph_core::params! {
     }
 }
 
-/// Writes each sample into its slot, as a fresh point of age 0. Where a sample has another colour than the point that
+/// Writes each sample into its slot, as a fresh point of age 0, and keeps in which frame it came. Where a sample has another colour than the point that
 /// its pixel showed, the points seen in the 7 x 7 pixels around it are flagged as changed, which makes them age faster
 /// (`algorithms.md` section 1.5).
 pub struct Integrate {
@@ -38,6 +38,7 @@ pub struct Integrate {
     slots: In<u32>,
     arrived: Out<u32>,
     changed: Out<u32>,
+    dates: Out<u32>,
 }
 
 impl Stage for Integrate {
@@ -62,13 +63,28 @@ impl Stage for Integrate {
             "Frame number + 1 in which a colour last changed nearby.",
             Extent::Frame(1),
         );
+        let dates = io.persistent(
+            "dates",
+            "Frame number + 1 in which the sample of each slot came, 0 where that is not known.",
+            Extent::Like("cloud".into()),
+        );
 
         io.shader(shader!("integrate"));
         io.compute("clear", Threads::Groups(1));
         io.dispatch("compare", slots);
         io.dispatch("flag", cloud_meta);
         io.dispatch("insert", slots);
-        Self { cloud_position, cloud_radiance, cloud_image_id, cloud_meta, samples, slots, arrived, changed }
+        Self {
+            cloud_position,
+            cloud_radiance,
+            cloud_image_id,
+            cloud_meta,
+            samples,
+            slots,
+            arrived,
+            changed,
+            dates,
+        }
     }
 
     fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
@@ -76,6 +92,7 @@ impl Stage for Integrate {
         let (mut position, mut radiance) = (cx.write(self.cloud_position), cx.write(self.cloud_radiance));
         let (mut image_id, mut meta) = (cx.write(self.cloud_image_id), cx.write(self.cloud_meta));
         let (mut arrived, mut changed) = (cx.write(self.arrived), cx.write(self.changed));
+        let mut dates = cx.write(self.dates);
         let (samples, slots, changed) = (&samples[..], &slots[..], &mut changed[..]);
         let (size, stamp) = (cx.frame().size, cx.frame().index.wrapping_add(1));
         let capacity = meta.len();
@@ -107,6 +124,7 @@ impl Stage for Integrate {
         // insert
         let position = &mut position[..];
         let (radiance, image_id, meta) = (&mut radiance[..], &mut image_id[..], &mut meta[..]);
+        let dates = &mut dates[..];
         rayon::join(
             || {
                 for (sample, &slot) in arrivals() {
@@ -120,6 +138,7 @@ impl Stage for Integrate {
                     radiance[slot] = encode_radiance(sample.radiance);
                     image_id[slot] = NOT_DRAWN;
                     meta[slot] = LIVE | FRESH | sample.body << BODY_SHIFT;
+                    dates[slot] = stamp;
                 }
             },
         );
@@ -229,6 +248,19 @@ mod tests {
     }
 
     #[test]
+    fn a_slot_keeps_the_date_of_its_last_sample() {
+        let mut harness = harness(8, &[sample(4, GREY), sample(5, GREY)], &[6, 2]);
+        assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 1, 0]);
+        // Neither frames without samples nor samples without a slot touch it.
+        harness.frame.index = 4;
+        harness.set("slots", &[6, NO_POINT]);
+        assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 5, 0]);
+        harness.frame.index = 5;
+        harness.set("samples", &[Sample::default(); 2]);
+        assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 5, 0]);
+    }
+
+    #[test]
     fn points_are_fresh_in_their_first_frame_only() {
         let mut harness = harness(4, &[Sample::default()], &[NO_POINT]);
         harness.set("cloud.meta", &[LIVE | FRESH, 0, LIVE | CHANGED | 7, LIVE]);
@@ -299,7 +331,7 @@ mod tests {
         let mut harness = harness(capacity, &samples, &slots);
         harness.frame.index = 17;
         let both = run_both(&mut harness);
-        for output in ["cloud.radiance", "cloud.image_id", "cloud.meta", "arrived", "changed"] {
+        for output in ["cloud.radiance", "cloud.image_id", "cloud.meta", "arrived", "changed", "dates"] {
             // The comparison of lumas rounds, but none of these lies that close to the threshold.
             both.assert_equal::<u32>(output);
         }

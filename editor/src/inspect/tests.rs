@@ -1,6 +1,7 @@
 //! Pixels whose truth is computed here, from what the nodes wrote, by means of their own.
 
 use std::{
+    collections::BTreeMap,
     path::Path,
     sync::Arc,
     thread,
@@ -183,6 +184,71 @@ fn a_culled_point_is_told_with_those_that_hide_it() {
     let kept = pixels().find(|pixel| after[at(*pixel)] != NONE && votes(*pixel).0 > 0).unwrap();
     let (_, inspection) = run.look(kept);
     assert!(why(&inspection, "view/cull").starts_with("Stays: "), "{}", why(&inspection, "view/cull"));
+}
+
+#[test]
+fn a_sample_is_told_with_the_frame_in_which_it_came() {
+    let run = Run::new("epi.ron", "cornell", Backend::Cpu, &["view/project.id"], 3);
+    let shown = |state: &State| {
+        let id = port(state, "view/project.id");
+        pixels()
+            .step_by(7)
+            .map(|pixel| (pixel, id[at(pixel)]))
+            .filter(|(_, id)| *id != NONE)
+            .collect::<Vec<_>>()
+    };
+    let look = |pixel: [u32; 2]| {
+        let (_, inspection) = run.look(pixel);
+        let came = said(inspection.sample.as_ref().unwrap(), "came").unwrap().to_owned();
+        (came, inspection)
+    };
+    // The first samples were asked for in frame 0 and come in frame 1. Three frames have run.
+    let (state, _) = run.look([0, 0]);
+    assert_eq!(state.frames, 4, "one more, to be captured");
+    let mut dates = BTreeMap::new();
+    for (pixel, point) in shown(&state) {
+        let (came, inspection) = look(pixel);
+        let frame = (1..4).find(|frame| {
+            came == match 3 - frame {
+                0 => "in this frame, 3".to_owned(),
+                1 => "in frame 2, the one before".to_owned(),
+                ago => format!("in frame {frame}, {ago} frames ago"),
+            }
+        });
+        let frame: u32 = frame.unwrap_or_else(|| panic!("{came}"));
+        // `integrate` tells the same of those that it has just written.
+        assert_eq!(said(told(&inspection, "cloud/integrate"), "sample").is_some(), frame == 3);
+        dates.insert(point, frame);
+    }
+    assert!((1..4).all(|frame| dates.values().any(|date| *date == frame)), "{dates:?}");
+    // A changed graph goes on with the dates.
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/epi.ron");
+    let mut file = GraphFile::load(&path).unwrap();
+    file.set_param("tonemap", "exposure", "2.0").unwrap();
+    run.engine.send(Command::Graph(Arc::new(file)));
+    run.engine.send(Command::Step(5));
+    run.wait("frames", |state| state.frames == 9);
+    let (state, _) = run.look([0, 0]);
+    let now = state.frames - 1;
+    let mut old = 0;
+    for (pixel, point) in shown(&state) {
+        let (came, _) = look(pixel);
+        // Points that are renewed have a later date.
+        if let Some(date) = dates.get(&point) {
+            old += usize::from(came == format!("in frame {date}, {} frames ago", now - date));
+        }
+    }
+    assert!(old > dates.len() / 4, "{old} of {}", dates.len());
+    // One that starts anew has none.
+    run.engine.send(Command::Reset);
+    run.engine.send(Command::Step(2));
+    run.wait("frames", |state| state.frames == 2);
+    let (state, _) = run.look([0, 0]);
+    for (pixel, _) in shown(&state) {
+        let (came, _) = look(pixel);
+        let frames = state.frames - 1;
+        assert!(came == format!("in this frame, {frames}") || came == "in frame 1, the one before", "{came}");
+    }
 }
 
 #[test]

@@ -25,9 +25,8 @@ pub(super) fn at(stage: &Integrate, params: &IntegrateParams, site: &Site) -> Op
             findings.push(Finding::value("sample", place([x, y, z])));
             findings
                 .push(Finding::color("radiance", &decode_radiance(site.wrote(stage.cloud_radiance)?[point])));
-            findings.push(Finding::Why(
-                "The sample was traced since the last frame and takes this slot now.".into(),
-            ));
+            findings
+                .push(Finding::Why("The sample arrived in the last frame and takes this slot now.".into()));
         } else if meta & CHANGED != 0 {
             findings.push(Finding::value("point", "flagged as changed"));
         }

@@ -1,13 +1,15 @@
 //! The sample behind a pixel: which point of the cloud it shows, and what is known of it.
 
-use epigraph_core::{Access, Capture, Extent, Finding, Graph, Node, Port, PortElement, Snapshot};
+use epigraph_core::{Access, Capture, Extent, Finding, Graph, Node, Port, PortElement, PortRef, Snapshot};
 
 use super::{
-    cloud::{AGE, AGE_ONE, CHANGED, FRESH, decode_radiance},
+    cloud::{AGE, AGE_ONE, CHANGED, decode_radiance},
     requests::NO_POINT,
     words::place,
 };
-use crate::age::increment;
+
+/// The port in which a stage that puts samples into the cloud keeps the frame number + 1 in which each came.
+pub const DATES: &str = "dates";
 
 /// A point of the cloud.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,9 +38,9 @@ pub fn behind(
     }
     let mut sample =
         Sample { point: id as usize, surface: None, findings: vec![Finding::value("point", id.to_string())] };
-    let mut sources = node.sources.iter().flatten().map(|source| graph.name(*source));
-    if let Some(cloud) = sources.find(|name| capture.field(name, "meta").is_some()) {
-        know(graph, capture, &cloud, &mut sample);
+    let mut sources = node.sources.iter().flatten().copied();
+    if let Some(cloud) = sources.find(|source| capture.field(&graph.name(*source), "meta").is_some()) {
+        know(graph, capture, cloud, &mut sample);
     }
     Some(sample)
 }
@@ -55,11 +57,11 @@ fn id_port(node: &Node) -> Option<&Port> {
 }
 
 /// Adds what the cloud knows of a point.
-fn know(graph: &Graph, capture: &Capture, cloud: &str, sample: &mut Sample) -> Option<()> {
-    let meta = capture.field(cloud, "meta")?;
-    let bits: u32 = element(meta, sample.point)?;
-    let [x, y, z, w]: [f32; 4] = element(capture.field(cloud, "position")?, sample.point)?;
-    let radiance: u32 = element(capture.field(cloud, "radiance")?, sample.point)?;
+fn know(graph: &Graph, capture: &Capture, cloud: PortRef, sample: &mut Sample) -> Option<()> {
+    let name = graph.name(cloud);
+    let bits: u32 = element(capture.field(&name, "meta")?, sample.point)?;
+    let [x, y, z, w]: [f32; 4] = element(capture.field(&name, "position")?, sample.point)?;
+    let radiance: u32 = element(capture.field(&name, "radiance")?, sample.point)?;
     sample.surface = (w != 0.0).then_some([x, y, z]);
     sample.findings.extend([
         match sample.surface {
@@ -68,7 +70,7 @@ fn know(graph: &Graph, capture: &Capture, cloud: &str, sample: &mut Sample) -> O
         },
         Finding::color("radiance", &decode_radiance(radiance)),
         Finding::value("age", format!("{:.2} of 255", (bits & AGE) as f32 / AGE_ONE as f32)),
-        Finding::value("traced", traced(graph, capture, bits, meta.dims.count())),
+        Finding::value("came", came(graph, capture, cloud, sample.point)),
     ]);
     if bits & CHANGED != 0 {
         sample.findings.push(Finding::value("flagged", "a colour changed near it"));
@@ -76,26 +78,31 @@ fn know(graph: &Graph, capture: &Capture, cloud: &str, sample: &mut Sample) -> O
     Some(())
 }
 
-/// When a point was traced, as far as its age tells: the cloud keeps no date.
-fn traced(graph: &Graph, capture: &Capture, meta: u32, slots: usize) -> String {
-    if meta & FRESH != 0 {
-        return "since the last frame; it came into the cloud in this one".into();
+/// In which frame a point came into the cloud. Its sample was traced before that: at the earliest in the frame before, and
+/// where frames do not wait for samples, as many frames earlier as tracing took.
+fn came(graph: &Graph, capture: &Capture, cloud: PortRef, point: usize) -> String {
+    let known = dates(graph, capture, cloud).and_then(|dates| element::<u32>(dates, point));
+    let Some(frame) = known.and_then(|date| date.checked_sub(1)) else {
+        return "not known; the cloud had it before dates were kept".into();
+    };
+    match capture.frame.index.saturating_sub(frame) {
+        0 => format!("in this frame, {frame}"),
+        1 => format!("in frame {frame}, the one before"),
+        ago => format!("in frame {frame}, {ago} frames ago"),
     }
-    let rate = graph
-        .nodes
-        .iter()
-        .filter(|node| node.kind == "age")
-        .find_map(|node| element::<f32>(capture.field(&format!("{}.rate", node.name), "")?, 0));
-    match rate.map(|rate| increment(rate, slots as u32)).filter(|step| *step > 0) {
-        Some(step) => {
-            let frames = (meta & AGE) as f32 / step as f32;
-            format!(
-                "about {:.0} frames ago at most, by its age at {:.2} a frame",
-                frames.ceil() + 1.0,
-                step as f32 / AGE_ONE as f32
-            )
+}
+
+/// The dates that a stage on the way from the cloud's memory to here writes down.
+fn dates<'a>(graph: &Graph, capture: &'a Capture, mut cloud: PortRef) -> Option<&'a Snapshot> {
+    loop {
+        let node = &graph.nodes[cloud.node];
+        if let Some(dates) = capture.field(&format!("{}.{DATES}", node.name), "") {
+            return Some(dates);
         }
-        None => "earlier; the cloud keeps no date".into(),
+        if node.declaration().ports[cloud.port].access != Access::Update {
+            return None;
+        }
+        cloud = node.sources[cloud.port]?;
     }
 }
 
