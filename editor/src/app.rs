@@ -50,7 +50,7 @@ pub struct App {
     tree: Tree<Pane>,
     dialog: Option<Dialog>,
     store: Option<Store>,
-    /// Unsaved text of last time that the user has not decided about.
+    /// What was unsaved last time, while the user has not decided about it.
     recovery: Option<Recovery>,
     /// Viewers so far.
     made: u64,
@@ -195,19 +195,15 @@ impl App {
         });
     }
 
-    /// Offers unsaved text of last time.
+    /// Offers what was unsaved last time.
     fn offer(&mut self, ui: &mut Ui) {
         let Some(recovery) = &self.recovery else { return };
-        let files = recovery.texts.len();
         let mut decided = None;
         egui::Panel::top("recovery").show(ui, |ui| {
             ui.add_space(3.0);
             ui.horizontal_wrapped(|ui| {
-                let name = status::file_name(&recovery.graph);
-                let files =
-                    if files == 1 { String::new() } else { format!(" and its parts ({files} files)") };
-                ui.strong(format!("{name}{files} had unsaved changes when the program ended."));
-                if ui.button("Take over").on_hover_text("Undo leads back to what the file says").clicked() {
+                ui.strong(format!("{} when the program ended.", recovery.what()));
+                if ui.button("Take over").on_hover_text("Undo leads back to what is saved").clicked() {
                     decided = Some(true);
                 }
                 if ui.button("Discard").on_hover_text("They are lost then").clicked() {

@@ -51,10 +51,15 @@ pub fn read(graph: &str) -> Result<Places, String> {
     if layout.version != VERSION {
         return Err(unusable(format!("its version is {}, not {VERSION}", layout.version)));
     }
-    if layout.nodes.values().flatten().any(|at| !at.is_finite()) {
+    if !are_finite(&layout.nodes) {
         return Err(unusable("a place is not a number".into()));
     }
     Ok(layout.nodes)
+}
+
+/// Whether all are numbers with which one can draw.
+pub fn are_finite(places: &Places) -> bool {
+    places.values().flatten().all(|at| at.is_finite())
 }
 
 /// The text of a layout file, with the nodes that the graph still has.

@@ -1,6 +1,6 @@
-//! Texts that no file holds yet.
+//! Texts and places that no file holds yet.
 
-use super::{Document, Tag};
+use super::{Document, Places, Tag};
 
 impl Document {
     /// The files whose texts are not saved, with these.
@@ -9,12 +9,18 @@ impl Document {
         self.paths().filter(differs).map(|path| (path, self.text(path)))
     }
 
-    /// Gives files of the document other texts, as one change.
-    pub fn replace_texts(&mut self, replaced: Vec<(String, String)>) {
+    /// Where the boxes of the canvas stand, if that is not saved.
+    pub fn unsaved_places(&self) -> Option<&Places> {
+        (self.contents.places != self.saved.places).then_some(&self.contents.places)
+    }
+
+    /// Gives files of the document other texts, and the boxes other places if there are any, as one change.
+    pub fn take_over(&mut self, replaced: Vec<(String, String)>, places: Option<Places>) {
         let mut texts = self.contents.texts.clone();
         for (path, text) in replaced {
             texts.insert(path, text.into());
         }
-        self.change_texts(Tag::Once, texts);
+        let places = places.unwrap_or_else(|| Places::clone(&self.contents.places));
+        self.change(Tag::Once, texts, places);
     }
 }

@@ -1,4 +1,4 @@
-//! What outlives the window: the session, and text that was never saved.
+//! What outlives the window: the session, and what was never saved.
 //!
 //! Both lie in a folder of the user's configuration, as RON. Files are written whole or not at all, on a thread of
 //! their own; one that cannot be read counts as none, and is said to be so.
@@ -15,6 +15,7 @@ use std::{
 use serde::{Serialize, de::DeserializeOwned};
 
 use keeper::Keeper;
+use recovery::Kept;
 pub use recovery::Recovery;
 pub use session::{Seen, Stored};
 
@@ -27,8 +28,8 @@ pub struct Store {
     keeper: Keeper,
     /// The session as it was kept last.
     session: String,
-    /// The document's revision and path as of the last recovery file, where there is one.
-    kept: Option<(u64, String)>,
+    /// The document as of the last recovery file, where there is one.
+    kept: Option<Kept>,
 }
 
 impl Store {

@@ -1,34 +1,57 @@
-//! Text that was not saved when the program ended, whatever ended it.
+//! What was not saved when the program ended, whatever ended it.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 
 use super::{Store, real, text};
-use crate::document::Document;
+use crate::{
+    document::{Document, Places, places},
+    status::file_name,
+};
 
-/// Unsaved texts of a graph and its parts.
+/// What is unsaved of a graph and its parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recovery {
     /// The graph's file.
     pub graph: String,
     /// Files and their texts.
     pub texts: Vec<(String, String)>,
+    /// Where the boxes of the canvas stand; none where that is saved.
+    #[serde(default)]
+    pub places: Option<Places>,
+}
+
+/// Tells one state of a document from the others.
+#[derive(PartialEq)]
+pub(super) struct Kept {
+    revision: u64,
+    places: Arc<Places>,
+    path: String,
+}
+
+impl Kept {
+    fn of(document: &Document) -> Self {
+        Self {
+            revision: document.revision(),
+            places: document.places().clone(),
+            path: document.path().to_owned(),
+        }
+    }
 }
 
 impl Store {
     /// Keeps what is unsaved in a document, and forgets it once it is saved; nothing happens while neither has changed.
     pub fn keep_unsaved(&mut self, document: &Document) {
-        let now = (document.revision(), document.path().to_owned());
-        let dirty = document.is_dirty();
-        if !dirty {
-            if let Some((_, path)) = self.kept.take() {
-                self.keeper.remove(self.recovery_file(&path));
+        if !document.is_dirty() {
+            if let Some(kept) = self.kept.take() {
+                self.keeper.remove(self.recovery_file(&kept.path));
             }
-        } else if self.kept.as_ref() != Some(&now) {
-            let texts = document.unsaved().map(|(path, text)| (real(path), text.to_owned())).collect();
-            let recovery = Recovery { graph: real(document.path()), texts };
-            if let Ok(text) = text(&recovery) {
+            return;
+        }
+        let now = Kept::of(document);
+        if self.kept.as_ref() != Some(&now) {
+            if let Ok(text) = text(&Recovery::of(document)) {
                 self.keeper.write(self.recovery_file(document.path()), text);
             }
             self.kept = Some(now);
@@ -44,10 +67,9 @@ impl Store {
     pub fn recovery(&self, document: &Document) -> Option<Recovery> {
         let name = self.recovery_file(document.path());
         let recovery: Recovery = self.read(name.file_name()?.to_str()?).ok()??;
-        let differs = |path: &str| {
-            recovery.texts.iter().any(|(of, text)| *of == real(path) && document.text(path) != text)
-        };
-        (recovery.graph == real(document.path()) && document.paths().any(differs)).then_some(recovery)
+        let is_sound = recovery.graph == real(document.path())
+            && recovery.places.as_ref().is_none_or(places::are_finite);
+        (is_sound && recovery.differs_from(document)).then_some(recovery)
     }
 
     /// Forgets what was unsaved.
@@ -65,6 +87,33 @@ impl Store {
 }
 
 impl Recovery {
+    fn of(document: &Document) -> Self {
+        Self {
+            graph: real(document.path()),
+            texts: document.unsaved().map(|(path, text)| (real(path), text.to_owned())).collect(),
+            places: document.unsaved_places().cloned(),
+        }
+    }
+
+    fn differs_from(&self, document: &Document) -> bool {
+        let text =
+            |path: &str| self.texts.iter().any(|(of, text)| *of == real(path) && document.text(path) != text);
+        // As a file would say it: the program may have died between saving and forgetting, and files have whole points.
+        let written = |places: &Places| places::write(places, None);
+        document.paths().any(text)
+            || self.places.as_ref().is_some_and(|places| written(places) != written(document.places()))
+    }
+
+    /// What there is, as a sentence without its end.
+    pub fn what(&self) -> String {
+        let name = file_name(&self.graph);
+        match self.texts.len() {
+            0 => format!("{name} had boxes that were moved and not saved"),
+            1 => format!("{name} had unsaved changes"),
+            files => format!("{name} and its parts ({files} files) had unsaved changes"),
+        }
+    }
+
     /// Makes the document say it, as one change.
     pub fn take_over(self, document: &mut Document) {
         let paths: Vec<String> = document.paths().map(Into::into).collect();
@@ -72,6 +121,83 @@ impl Recovery {
             let (_, text) = self.texts.iter().find(|(of, _)| *of == real(&path))?;
             Some((path, text.clone()))
         });
-        document.replace_texts(texts.collect());
+        document.take_over(texts.collect(), self.places);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{fs, path::Path};
+
+    use super::*;
+    use crate::document::Tag;
+
+    /// A folder with a graph, and its document.
+    fn document() -> (tempfile::TempDir, Document) {
+        let folder = tempfile::tempdir().unwrap();
+        let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/render-cache.ron");
+        let document = Document::copy(&graph, &folder.path().join("mine.ron")).unwrap();
+        (folder, document)
+    }
+
+    fn again(document: &Document) -> Document {
+        Document::open(Path::new(document.path())).unwrap()
+    }
+
+    fn put(document: &mut Document, node: &str, at: [f32; 2]) {
+        document.place(Tag::Once, |places| {
+            places.insert(node.into(), at);
+        });
+    }
+
+    #[test]
+    fn moved_boxes_come_back_and_are_one_change_with_the_texts() {
+        let (folder, mut document) = document();
+        let mut store = Store::at(folder.path().join("kept"));
+        put(&mut document, "fill", [10.0, 20.0]);
+        store.keep_unsaved(&document);
+        store.flush();
+        let recovery = store.recovery(&again(&document)).unwrap();
+        assert!(recovery.texts.is_empty() && recovery.what().contains("boxes"), "{recovery:?}");
+
+        // Moving again is kept too, though the graph's texts are what they were.
+        put(&mut document, "fill", [30.0, 40.25]);
+        let path = document.path().to_owned();
+        let typed = format!("{}// more\n", document.text(&path));
+        store.keep_unsaved(&document);
+        document.type_text(&path, &typed);
+        store.keep_unsaved(&document);
+        store.flush();
+        let mut opened = again(&document);
+        let before = opened.text(&path).to_owned();
+        store.recovery(&opened).unwrap().take_over(&mut opened);
+        assert_eq!((opened.places(), opened.text(&path)), (document.places(), typed.as_str()));
+        opened.undo();
+        assert!(opened.places().is_empty() && opened.text(&path) == before && !opened.can_undo());
+
+        // What is saved is not offered, even where the program ends before it forgets.
+        document.save().unwrap();
+        assert_eq!(store.recovery(&again(&document)), None);
+        store.keep_unsaved(&document);
+        store.flush();
+        assert!(!store.recovery_file(&path).exists());
+    }
+
+    #[test]
+    fn files_without_places_are_read_and_places_that_are_no_numbers_are_not() {
+        let (folder, document) = document();
+        let store = Store::at(folder.path().to_owned());
+        let file = store.recovery_file(document.path());
+        let graph = real(document.path());
+        fs::write(&file, format!("(graph: {graph:?}, texts: [({graph:?}, \"Graph(\")])")).unwrap();
+        let recovery = store.recovery(&document).unwrap();
+        assert_eq!((recovery.texts.len(), recovery.places), (1, None));
+        let with = |at: &str| {
+            let text = format!("(graph: {graph:?}, texts: [], places: Some({{\"fill\": ({at}, 2.0)}}))");
+            fs::write(&file, text).unwrap();
+            store.recovery(&document)
+        };
+        assert!(with("1.0").is_some());
+        assert_eq!(with("inf"), None);
     }
 }

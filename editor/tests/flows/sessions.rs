@@ -1,4 +1,4 @@
-use std::fs;
+use std::{fs, path::Path};
 
 use egui::ThemePreference;
 use egui_kittest::kittest::Queryable;
@@ -118,6 +118,38 @@ fn unsaved_text_is_offered_after_the_program_has_ended_however_it_did() {
     let mut opened = Opened::started(sessions.path(), None, None);
     opened.harness.run_steps(5);
     assert!(!offered(&opened));
+}
+
+#[test]
+fn boxes_that_were_moved_and_not_saved_are_offered_too() {
+    let sessions = tempfile::tempdir().unwrap();
+    let (_folder, graph) = copy("render-cache.ron");
+    let places = |opened: &Opened| opened.app().session.document.places().clone();
+    let canvas = |graph: Option<&Path>| {
+        let mut opened = Opened::started(sessions.path(), graph, None);
+        opened.until("the graph", |app| app.session.state.graph.is_some());
+        opened
+    };
+    let mut opened = canvas(Some(&graph));
+    opened.click("Canvas");
+    opened.click("node fill");
+    for _ in 0..3 {
+        opened.harness.key_press(egui::Key::ArrowDown);
+        opened.harness.run_steps(2);
+    }
+    let moved = places(&opened);
+    assert!(!moved.is_empty());
+    rest(&mut opened);
+    drop(opened);
+
+    let mut opened = canvas(None);
+    assert!(places(&opened).is_empty());
+    assert!(opened.harness.query_by_label_contains("boxes that were moved").is_some());
+    opened.click("Take over");
+    assert_eq!(places(&opened), moved);
+    opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::Z);
+    opened.harness.run_steps(3);
+    assert!(places(&opened).is_empty() && !opened.app().session.document.is_dirty());
 }
 
 #[test]
