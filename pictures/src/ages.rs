@@ -9,20 +9,39 @@ use crate::{Number, lanes, look::NONE};
 /// where there is no live point. On average, a point is 128 old when its turn to be replaced comes. None if one of both
 /// is no list of words.
 pub fn ages(id: &Snapshot, meta: &Snapshot) -> Option<Snapshot> {
-    let words = |snapshot: &Snapshot| -> Option<Vec<u32>> {
-        match lanes(&snapshot.element).as_slice() {
-            [only] if only.is_unsigned() => Some(only.numbers(snapshot).map(Number::bits).collect()),
-            _ => None,
-        }
-    };
     let meta = words(meta)?;
-    let age = |id: u32| match meta.get(id as usize) {
-        Some(meta) if meta & LIVE != 0 => (meta & AGE) / AGE_ONE,
-        _ => NONE,
-    };
-    let bytes = words(id)?.into_iter().flat_map(|id| age(id).to_le_bytes()).collect();
+    of_points(id, "age", |point| is_live(*meta.get(point)?).then_some((meta[point] & AGE) / AGE_ONE))
+}
+
+/// How many frames before the frame `now` the point came that each pixel shows, from an image of ids, the `meta` of the
+/// cloud, and its `dates`: frame numbers + 1. Nothing where there is no live point, or none that has a date. None if one
+/// of the three is no list of words.
+pub fn frames_ago(id: &Snapshot, meta: &Snapshot, dates: &Snapshot, now: u32) -> Option<Snapshot> {
+    let (meta, dates) = (words(meta)?, words(dates)?);
+    of_points(id, "frames ago", |point| {
+        let came = dates.get(point)?.checked_sub(1)?;
+        is_live(*meta.get(point)?).then_some(now.saturating_sub(came))
+    })
+}
+
+fn is_live(meta: u32) -> bool {
+    meta & LIVE != 0
+}
+
+/// An image of what is known of the point that each pixel shows.
+fn of_points(id: &Snapshot, what: &str, known: impl Fn(usize) -> Option<u32>) -> Option<Snapshot> {
+    let known = |id: u32| known(id as usize).unwrap_or(NONE);
+    let bytes = words(id)?.into_iter().flat_map(|id| known(id).to_le_bytes()).collect();
     let element: Element = u32::element();
-    Some(Snapshot { name: format!("{} age", id.name), element, bytes, ..id.clone() })
+    Some(Snapshot { name: format!("{} {what}", id.name), element, bytes, ..id.clone() })
+}
+
+/// The elements, where each is one u32.
+fn words(snapshot: &Snapshot) -> Option<Vec<u32>> {
+    match lanes(&snapshot.element).as_slice() {
+        [only] if only.is_unsigned() => Some(only.numbers(snapshot).map(Number::bits).collect()),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -31,21 +50,37 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn pixels_have_the_age_of_their_point() {
-        let snapshot = |name: &str, data: &[u32]| Snapshot {
+    fn snapshot(name: &str, data: &[u32]) -> Snapshot {
+        Snapshot {
             name: name.into(),
             field: String::new(),
             element: u32::element(),
             dims: Dims { width: data.len() as u32, height: 1 },
             frame: 5,
             bytes: bytemuck::cast_slice(data).to_vec(),
-        };
+        }
+    }
+
+    #[test]
+    fn pixels_have_the_age_of_their_point() {
         let meta = snapshot("a.cloud", &[LIVE | (3 * AGE_ONE + 17), 9 * AGE_ONE, LIVE]);
         let found = ages(&snapshot("b.id", &[2, 0, 1, NONE, 7]), &meta).unwrap();
         assert_eq!(found.get::<u32>(), [0, 3, NONE, NONE, NONE]);
         assert_eq!((found.name.as_str(), found.frame), ("b.id age", 5));
         let floats = Snapshot { element: f32::element(), ..meta.clone() };
         assert!(ages(&meta, &floats).is_none());
+    }
+
+    #[test]
+    fn pixels_tell_how_many_frames_ago_their_point_came() {
+        let meta = snapshot("a.cloud", &[LIVE, 0, LIVE, LIVE]);
+        // Frames 2 and 9; no date; frame 11.
+        let dates = snapshot("a.dates", &[3, 10, 0, 12]);
+        let id = snapshot("b.id", &[3, 0, 1, 2, NONE, 7]);
+        let found = frames_ago(&id, &meta, &dates, 11).unwrap();
+        assert_eq!(found.get::<u32>(), [0, 9, NONE, NONE, NONE, NONE]);
+        assert_eq!(found.name, "b.id frames ago");
+        let floats = Snapshot { element: f32::element(), ..dates.clone() };
+        assert!(frames_ago(&id, &meta, &floats, 11).is_none());
     }
 }

@@ -29,7 +29,7 @@ mod scale;
 mod table;
 mod target;
 
-pub use ages::ages;
+pub use ages::{ages, frames_ago};
 pub use describe::{describe, grouped, in_pixel};
 pub use difference::{Difference, apart};
 pub use encode::{exr, png};

@@ -109,6 +109,17 @@ fn ids_can_be_seen_as_ages() {
     assert_ne!(ages.colors, ids);
     assert!(range(&view).unwrap()[1] >= 1.0);
     assert!(ages.colors.iter().any(|color| *color != EMPTY));
+    view.click("Frames");
+    view.opened.until("the dates", |app| app.session.state.fields("cloud/integrate.dates").next().is_some());
+    view.settle();
+    // What was asked for in the first frame came in the second.
+    let oldest_possible = view.opened.app().session.state.frames - 2;
+    let [youngest, oldest] = range(&view).unwrap();
+    assert!(
+        youngest >= 0.0 && oldest > youngest && oldest <= oldest_possible as f32,
+        "{youngest} to {oldest}"
+    );
+    assert_ne!(view.viewer().picture().unwrap().colors, ages.colors);
     view.click("Ids");
     assert_eq!(view.viewer().picture().unwrap().mode, Mode::Names);
 }

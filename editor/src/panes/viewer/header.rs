@@ -112,7 +112,7 @@ impl Viewer {
     }
 
     /// The second row: how the mode shows numbers, where there is something to choose.
-    pub(super) fn look_row(&mut self, ui: &mut Ui) {
+    pub(super) fn look_row(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) {
         let Some(layer) = &self.layer else { return };
         let (mode, lanes) = (layer.shown.mode, lanes(&layer.snapshot.element));
         match mode {
@@ -121,7 +121,7 @@ impl Viewer {
             }
             Mode::Grey | Mode::FalseColor | Mode::Depth => {
                 ui.horizontal_wrapped(|ui| {
-                    self.ages_toggle(ui);
+                    self.ages_row(ui, graph, name);
                     self.lane(ui, &lanes);
                     if mode == Mode::FalseColor {
                         let combo = ComboBox::from_id_salt("ramp").selected_text(self.look.ramp.label());
@@ -137,7 +137,7 @@ impl Viewer {
             }
             Mode::Names if self.is_of_points() || lanes.len() > 1 => {
                 ui.horizontal_wrapped(|ui| {
-                    self.ages_toggle(ui);
+                    self.ages_row(ui, graph, name);
                     self.lane(ui, &lanes);
                 });
             }
@@ -192,18 +192,12 @@ impl Viewer {
     }
 
     /// Ids can be shown as the ages of their points.
-    fn ages_toggle(&mut self, ui: &mut Ui) {
-        if !self.is_of_points() {
-            return;
-        }
-        let before = self.ages;
-        ui.selectable_value(&mut self.ages, false, "Ids").on_hover_text("Which point each pixel shows");
-        ui.selectable_value(&mut self.ages, true, "Ages").on_hover_text(
-            "How old that point is: about 128 when its turn to be replaced comes, at most 255",
-        );
-        if self.ages != before {
-            (self.look.mode, self.look.range) = (None, None);
-            self.look.mode = self.ages.then_some(Mode::FalseColor);
+    fn ages_row(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) {
+        if self.is_of_points()
+            && let Some(is_number) = self.ages.choose(ui, graph, name)
+        {
+            self.look.range = None;
+            self.look.mode = is_number.then_some(Mode::FalseColor);
         }
     }
 

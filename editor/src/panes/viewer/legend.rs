@@ -40,7 +40,11 @@ pub fn draw(painter: &Painter, pane: Rect, layer: &Layer) {
 }
 
 fn unit(layer: &Layer) -> &'static str {
-    if layer.snapshot.name.ends_with(" age") { "age; 255 is the oldest" } else { "" }
+    match layer.snapshot.name.as_str() {
+        name if name.ends_with(" age") => "age; 255 is the oldest",
+        name if name.ends_with(" frames ago") => "frames ago",
+        _ => "",
+    }
 }
 
 fn swatches(painter: &Painter, pane: Rect, entries: &[(String, [u8; 3])]) {

@@ -1,6 +1,7 @@
 //! A port as an image: pan, zoom to pixels, read values, compare; or as a table, where it is a list. And the camera, flown
 //! with mouse and keys.
 
+mod ages;
 mod beside;
 mod compare;
 mod header;
@@ -18,17 +19,18 @@ use std::sync::Arc;
 
 use egui::{Color32, Response, Sense, Ui, vec2};
 use epigraph_core::Snapshot;
-use epigraph_pictures::{Look, Shown, ages, describe};
+use epigraph_pictures::{Look, Shown, describe};
 use serde::{Deserialize, Serialize};
 
-pub use self::{
-    compare::{Compare, Figures, Way, With},
-    list::{List, Sorting},
-};
 use self::{
+    ages::Ages,
     histogram::HistogramView,
     layer::Layer,
     place::{Place, Placed, WHOLE},
+};
+pub use self::{
+    compare::{Compare, Figures, Way, With},
+    list::{List, Sorting},
 };
 use crate::{
     engine::{GraphInfo, State},
@@ -38,8 +40,6 @@ use crate::{
 /// What lies behind and beside images.
 const GROUND: Color32 = Color32::from_gray(14);
 
-/// The field of a cloud that holds ages.
-const META: &str = "meta";
 /// Names of ports of ids of points.
 const POINTS: [&str; 3] = ["id", "kept", "spare"];
 
@@ -65,19 +65,7 @@ pub struct Viewer {
     #[serde(skip)]
     histogram: HistogramView,
     histogram_open: bool,
-    /// Whether ids are shown as the ages of their points.
-    ages: bool,
-    /// The port of the cloud that has the ages, while they are shown.
-    #[serde(skip)]
-    cloud: Option<String>,
-    #[serde(skip)]
-    aged: Option<Aged>,
-}
-
-/// The ages of an image's points, and what they were made of.
-struct Aged {
-    sources: [Arc<Snapshot>; 2],
-    ages: Arc<Snapshot>,
+    ages: Ages,
 }
 
 impl Viewer {
@@ -94,7 +82,7 @@ impl Viewer {
     /// The ports that it needs to see.
     pub fn watched(&self) -> impl Iterator<Item = String> {
         let against = self.compare.as_deref().and_then(Compare::port).map(str::to_owned);
-        [Some(self.port.clone()), against, self.cloud.clone()].into_iter().flatten()
+        [Some(self.port.clone()), against].into_iter().flatten().chain(self.ages.watched())
     }
 
     /// Shows it.
@@ -132,7 +120,7 @@ impl Viewer {
             ui.weak(hint);
             return;
         }
-        self.look_row(ui);
+        self.look_row(ui, &graph, &name);
         if let (true, Some(layer)) = (self.histogram_open, &self.layer) {
             self.histogram.show(ui, layer, &mut self.look);
         }
@@ -153,8 +141,7 @@ impl Viewer {
             return self.list.get_or_insert_default().update(fields);
         }
         self.list = None;
-        self.cloud = (self.ages && self.is_of_points()).then(|| cloud_of(graph, name)).flatten();
-        let image = self.aged(state, &first).unwrap_or(first);
+        let image = self.ages.instead(graph, state, name, &first).unwrap_or(first);
         Layer::update(&mut self.layer, ui.ctx(), image, self.look);
         if let (Some(compare), Some(layer)) = (&mut self.compare, &self.layer) {
             compare.update(ui, graph, state, layer);
@@ -164,17 +151,6 @@ impl Viewer {
     /// Whether the port holds ids of points.
     fn is_of_points(&self) -> bool {
         POINTS.contains(&self.port.rsplit('.').next().unwrap_or_default())
-    }
-
-    /// The ages of the image's points, where they are to be shown.
-    fn aged(&mut self, state: &State, id: &Arc<Snapshot>) -> Option<Arc<Snapshot>> {
-        let meta = state.fields(self.cloud.as_deref()?).find(|field| field.field == META)?;
-        let fresh = |aged: &Aged| Arc::ptr_eq(&aged.sources[0], id) && Arc::ptr_eq(&aged.sources[1], meta);
-        if !self.aged.as_ref().is_some_and(fresh) {
-            let ages = Arc::new(ages(id, meta)?);
-            self.aged = Some(Aged { sources: [id.clone(), meta.clone()], ages });
-        }
-        self.aged.as_ref().map(|aged| aged.ages.clone())
     }
 
     fn choose(&mut self, port: String) {
@@ -217,18 +193,6 @@ impl Viewer {
         steer::steer(ui, session, &response);
         foot(ui, &response, &placed, layer);
     }
-}
-
-/// The port of the cloud that a node takes its points from, or any.
-fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
-    let node = graph.node(port.rsplit_once('.')?.0);
-    let source = |node: &crate::engine::NodeInfo| {
-        let has_ages = |info: &&crate::engine::PortInfo| {
-            info.source.is_some() && info.port.fields.iter().any(|field| field.name == META)
-        };
-        node.ports.iter().find(has_ages).and_then(|info| info.source.clone())
-    };
-    node.and_then(source).or_else(|| graph.nodes.iter().find_map(source))
 }
 
 fn paint(

@@ -1,0 +1,146 @@
+//! Images of ids, shown as how old their points are.
+
+use std::sync::Arc;
+
+use egui::Ui;
+use epigraph_core::Snapshot;
+use epigraph_pictures::{ages, frames_ago};
+use epigraph_stages::shared::sample::DATES;
+use serde::{Deserialize, Serialize};
+
+use crate::engine::{GraphInfo, NodeInfo, PortInfo, State};
+
+/// The field of a cloud that holds ages.
+const META: &str = "meta";
+
+/// What an image of ids tells of its points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Told {
+    /// Which they are.
+    #[default]
+    Ids,
+    /// How old they are, in the stage's own unit.
+    Ages,
+    /// How many frames ago they came.
+    Frames,
+}
+
+impl Told {
+    const ALL: [(Self, &str, &str); 3] = [
+        (Self::Ids, "Ids", "Which point each pixel shows"),
+        (
+            Self::Ages,
+            "Ages",
+            "How old that point is: about 128 when its turn to be replaced comes, at most 255",
+        ),
+        (Self::Frames, "Frames", "How many frames ago that point came into the cloud"),
+    ];
+}
+
+/// The ages of an image's points, while they are to be shown.
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default)]
+pub(super) struct Ages {
+    told: Told,
+    #[serde(skip)]
+    from: Option<Ports>,
+    #[serde(skip)]
+    made: Option<Made>,
+}
+
+/// The ports, as `node.port`, that tell of points.
+struct Ports {
+    cloud: String,
+    dates: Option<String>,
+}
+
+/// An image of ages, and what it was made of.
+struct Made {
+    sources: Vec<Arc<Snapshot>>,
+    image: Arc<Snapshot>,
+}
+
+impl Ages {
+    /// The ports that are needed besides the ids.
+    pub fn watched(&self) -> impl Iterator<Item = String> {
+        self.from.iter().flat_map(|from| [Some(from.cloud.clone()), from.dates.clone()]).flatten()
+    }
+
+    /// The image to show in place of the ids of the port `name`; none while it has not come, or ids are to be shown.
+    pub fn instead(
+        &mut self,
+        graph: &GraphInfo,
+        state: &State,
+        name: &str,
+        id: &Arc<Snapshot>,
+    ) -> Option<Arc<Snapshot>> {
+        self.from = (self.told != Told::Ids).then(|| cloud_of(graph, name)).flatten().map(|cloud| Ports {
+            dates: (self.told == Told::Frames).then(|| dates_of(graph, &cloud)).flatten(),
+            cloud,
+        });
+        let from = self.from.as_ref()?;
+        let mut sources =
+            vec![id.clone(), state.fields(&from.cloud).find(|field| field.field == META)?.clone()];
+        if self.told == Told::Frames {
+            sources.extend(state.fields(from.dates.as_deref()?).next().cloned());
+        }
+        let same = |made: &Made| {
+            made.sources.len() == sources.len()
+                && made.sources.iter().zip(&sources).all(|(made, now)| Arc::ptr_eq(made, now))
+        };
+        if !self.made.as_ref().is_some_and(same) {
+            let image = match (self.told, sources.as_slice()) {
+                (Told::Ages, [id, meta]) => ages(id, meta),
+                // All is of the last frame that ran.
+                (Told::Frames, [id, meta, dates]) => {
+                    frames_ago(id, meta, dates, state.frames.saturating_sub(1))
+                }
+                _ => None,
+            };
+            self.made = Some(Made { image: Arc::new(image?), sources });
+        }
+        self.made.as_ref().map(|made| made.image.clone())
+    }
+
+    /// Offers what can be told; whether another was chosen, and if so whether it is a number.
+    pub fn choose(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) -> Option<bool> {
+        let before = self.told;
+        for (told, label, doc) in Told::ALL {
+            let known = told != Told::Frames
+                || cloud_of(graph, name).is_some_and(|cloud| dates_of(graph, &cloud).is_some());
+            ui.add_enabled_ui(known, |ui| {
+                ui.selectable_value(&mut self.told, told, label)
+                    .on_hover_text(doc)
+                    .on_disabled_hover_text("No stage of this graph keeps when points came");
+            });
+        }
+        (self.told != before).then_some(self.told != Told::Ids)
+    }
+}
+
+/// The port of the cloud that a node takes its points from, or any.
+fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
+    let node = graph.node(port.rsplit_once('.')?.0);
+    let source = |node: &NodeInfo| {
+        let has_ages = |info: &&PortInfo| {
+            info.source.is_some() && info.port.fields.iter().any(|field| field.name == META)
+        };
+        node.ports.iter().find(has_ages).and_then(|info| info.source.clone())
+    };
+    node.and_then(source).or_else(|| graph.nodes.iter().find_map(source))
+}
+
+/// The port with the dates of a cloud's points: that of a node on the way from the cloud's memory to `cloud`.
+fn dates_of(graph: &GraphInfo, cloud: &str) -> Option<String> {
+    let mut at = cloud.to_owned();
+    loop {
+        let (node, port) = at.rsplit_once('.')?;
+        let node = graph.node(node)?;
+        let find = |name: &str| node.ports.iter().find(|info| info.port.name == name);
+        if find(DATES).is_some() {
+            return Some(format!("{}.{DATES}", node.name));
+        }
+        // What is updated in place comes in and goes out under one name.
+        at = find(port)?.source.clone()?;
+    }
+}
