@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use epigraph_core::Snapshot;
+use epigraph_core::{Element, Format, Snapshot};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, WritableImage,
 };
@@ -11,7 +11,11 @@ use image::{
     codecs::png::{CompressionType, FilterType, PngEncoder},
 };
 
-use crate::{Lane, Number, lanes, size};
+use crate::{
+    Lane, Number, lanes,
+    look::{is_depth, port_of},
+    size, tone,
+};
 
 /// A PNG file's bytes for sRGB colours, rows from the top.
 ///
@@ -36,8 +40,8 @@ pub fn exr(size: [usize; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, String> {
     encode_exr(size, ["R", "G", "B"].into_iter().enumerate().map(|(i, name)| AnyChannel::new(name, lane(i))))
 }
 
-/// A port's EXR file: a channel for each scalar. Unsigned integers stay integers; signed ones become floats, exact up to
-/// 2^24.
+/// A port's EXR file: a channel for each scalar. Unsigned integers stay integers, but for distances that are kept as their
+/// bits; signed ones become floats, exact up to 2^24. EXR files hold light: what is encoded as sRGB, in bytes, is decoded.
 pub fn exr_of_port(snapshot: &Snapshot) -> Result<Vec<u8>, String> {
     let lanes = lanes(&snapshot.element);
     let single = lanes.len() == 1;
@@ -51,7 +55,12 @@ pub fn exr_of_port(snapshot: &Snapshot) -> Result<Vec<u8>, String> {
 
 fn samples(lane: &Lane, snapshot: &Snapshot) -> FlatSamples {
     let numbers = lane.numbers(snapshot);
-    if lane.is_unsigned() {
+    let is_encoded = snapshot.element == Element::Texel(Format::Rgba8Unorm) && lane.name != "a";
+    if is_encoded {
+        FlatSamples::F32(numbers.map(|number| tone::decode(number.as_f32())).collect())
+    } else if is_depth(port_of(snapshot)) {
+        FlatSamples::F32(numbers.map(|number| f32::from_bits(number.bits())).collect())
+    } else if lane.is_unsigned() {
         FlatSamples::U32(numbers.map(Number::bits).collect())
     } else {
         FlatSamples::F32(numbers.map(Number::as_f32).collect())

@@ -132,6 +132,8 @@ fn csv(fields: &[&Snapshot]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use epigraph_core::{Dims, Element, PortElement, texel};
     use exr::prelude::FlatSamples;
 
@@ -184,6 +186,36 @@ mod tests {
         let channel = &layer.channel_data.list[0];
         assert_eq!(channel.name.to_string(), "Y");
         assert_eq!(channel.sample_data, FlatSamples::U32(vec![0xFFFF_FFFF, 16_777_217]));
+    }
+
+    #[test]
+    fn exr_keeps_distances_as_metres_though_they_are_kept_as_bits() {
+        let bits = [2.5f32, f32::INFINITY].map(f32::to_bits);
+        let depth = Snapshot { name: "project.depth".into(), ..snapshot("", u32::element(), [2, 1], &bits) };
+        let layer = exr_layer(&encode::exr_of_port(&depth).unwrap()).unwrap();
+        let samples = &layer.channel_data.list[0].sample_data;
+        assert_eq!(*samples, FlatSamples::F32(vec![2.5, f32::INFINITY]));
+    }
+
+    #[test]
+    fn exr_and_png_of_bytes_are_the_same_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes: Vec<u8> = (0..=255).collect();
+        let image = snapshot("", texel::Rgba8Unorm::element(), [8, 8], &bytes);
+        let [png, exr] = ["a.png", "a.exr"].map(|name| {
+            let path = folder.path().join(name);
+            PortFile::new(&path).unwrap().write(&[&image], &Look::default()).unwrap();
+            Picture::read(&path).unwrap()
+        });
+        assert_eq!((png.linear, exr.linear), (false, true));
+        let shown = |picture: &Picture| {
+            picture.srgb().iter().map(|color| color.map(tone::to_byte)).collect::<Vec<_>>()
+        };
+        assert_eq!(shown(&exr), shown(&png));
+        // What covers how much is no light.
+        let layer = exr_layer(&fs::read(folder.path().join("a.exr")).unwrap()).unwrap();
+        let alpha = layer.channel_data.list.iter().find(|channel| channel.name.to_string() == "A").unwrap();
+        assert_eq!(alpha.sample_data.values_as_f32().nth(12), Some(51.0 / 255.0));
     }
 
     #[test]

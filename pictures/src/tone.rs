@@ -6,6 +6,11 @@ pub fn encode(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// The linear value that sRGB has in [0, 1].
+pub fn decode(srgb: f32) -> f32 {
+    if srgb <= 0.040_45 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
+}
+
 /// A value in [0, 1] as a byte, rounded to nearest.
 pub fn to_byte(value: f32) -> u8 {
     (unit(value) * 255.0 + 0.5) as u8
@@ -31,5 +36,13 @@ mod tests {
         assert!((encode(0.214_041) - 0.5).abs() < 1e-5);
         assert_eq!(to_srgb8([0.18, 0.0, 1.0]), [118, 0, 255]);
         assert_eq!(to_srgb8([f32::NAN, -3.0, f32::INFINITY]), [0, 0, 255]);
+    }
+
+    #[test]
+    fn bytes_become_light_and_back() {
+        assert!((decode(0.5) - 0.214_041).abs() < 1e-6);
+        for byte in 0..=u8::MAX {
+            assert_eq!(to_byte(encode(decode(f32::from(byte) / 255.0))), byte);
+        }
     }
 }
