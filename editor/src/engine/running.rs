@@ -101,7 +101,7 @@ fn compile_tapped(
     if bytes > taps.all {
         return Ok((graph, plan, settings, false));
     }
-    // Only of nodes that run anyway: looking must not change what is left out.
-    with([watched, inspect::taps(&graph)].concat())
-        .map(|(graph, plan, settings)| (graph, plan, settings, true))
+    // Only of nodes that run anyway: looking must not change what is left out. And no port twice.
+    let more = inspect::taps(&graph).into_iter().filter(|tap| !watched.contains(tap)).collect();
+    with([watched, more].concat()).map(|(graph, plan, settings)| (graph, plan, settings, true))
 }
