@@ -1,8 +1,8 @@
 //! Measures how often the window is drawn while the tracer has all the cores it can get, as a person meets it: the graph
 //! runs, samples come when they are traced, and the window is drawn again as soon as it was.
 //!
-//! `cargo run --release -p epigraph-editor --example frame_rate -- [GRAPH] [SCENE] [SECONDS]`, from the repository's
-//! folder. It needs a display; Xvfb is one.
+//! `cargo run --release -p epigraph-editor --example frame_rate -- [GRAPH] [SCENE] [SECONDS] [WIDTHxHEIGHT]`, from
+//! the repository's folder. It needs a display; Xvfb is one.
 
 use std::{
     path::Path,
@@ -12,7 +12,7 @@ use std::{
 
 use eframe::{Frame, NativeOptions};
 use egui::{Ui, ViewportBuilder, ViewportCommand};
-use epigraph_editor::{app::App, document::Document, engine::Options, files::find_graph};
+use epigraph_editor::{app::App, document::Document, engine::Options, files::find_graph, panes::Viewer};
 
 /// Time for the scene, the first frames and the window's first pictures.
 const WARM_UP: Duration = Duration::from_secs(5);
@@ -28,13 +28,20 @@ struct Measured {
     /// The longest time from one drawing of the window to the next.
     longest: Duration,
     last: Instant,
+    /// Time that the editor's own code took on the window's thread, and the longest of it in one frame.
+    busy: [Duration; 2],
+    /// The graph's frame that is in view, and how many came into view.
+    picture: Option<u64>,
+    pictures: u32,
 }
 
 impl eframe::App for Measured {
     fn ui(&mut self, ui: &mut Ui, frame: &mut Frame) {
+        let begin = Instant::now();
         self.app.ui(ui, frame);
         ui.ctx().request_repaint();
         let now = Instant::now();
+        let busy = now - begin;
         let state = &self.app.session.state;
         match self.counting {
             None if now - self.start > WARM_UP && state.frames > 0 => {
@@ -43,13 +50,23 @@ impl eframe::App for Measured {
             Some((begin, frames)) => {
                 self.drawn += 1;
                 self.longest = self.longest.max(now - self.last);
+                self.busy = [self.busy[0] + busy, self.busy[1].max(busy)];
+                let picture = self.app.viewers().next().and_then(Viewer::frame);
+                if picture != self.picture {
+                    (self.picture, self.pictures) = (picture, self.pictures + 1);
+                }
                 let elapsed = now - begin;
                 if elapsed > self.seconds {
                     let rate = |count: u32| f64::from(count) / elapsed.as_secs_f64();
+                    let ms = |time: Duration| time.as_secs_f64() * 1000.0;
                     println!(
-                        "window {:.1} frames/s, longest pause {:.0} ms; graph {:.1} frames/s of {} samples at {:?}",
+                        "window {:.1} frames/s, longest pause {:.0} ms; of it the editor's own {:.1} ms a frame, longest \
+                         {:.0} ms; pictures {:.1}/s; graph {:.1} frames/s of {} samples at {:?}",
                         rate(self.drawn),
-                        self.longest.as_secs_f64() * 1000.0,
+                        ms(self.longest),
+                        ms(self.busy[0]) / f64::from(self.drawn),
+                        ms(self.busy[1]),
+                        rate(self.pictures),
                         rate(state.frames - frames),
                         state.samples,
                         self.app.session.frame_size(),
@@ -70,6 +87,10 @@ fn main() -> ExitCode {
     let graph = arguments.next().unwrap_or_else(|| "epi".into());
     let scene = arguments.next().unwrap_or_else(|| "chains".into());
     let seconds = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(10);
+    let size = arguments.next().and_then(|text| {
+        let (width, height) = text.split_once('x')?;
+        Some([width.parse().ok()?, height.parse().ok()?])
+    });
     let document = match Document::open(Path::new(&find_graph(&graph))) {
         Ok(document) => document,
         Err(problems) => {
@@ -77,7 +98,8 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    let options = Options { scene, ..Options::default() };
+    let defaults = Options::default();
+    let options = Options { scene, size: size.unwrap_or(defaults.size), ..defaults };
     let native = NativeOptions {
         viewport: ViewportBuilder::default().with_inner_size([1280.0, 720.0]),
         ..NativeOptions::default()
@@ -94,6 +116,9 @@ fn main() -> ExitCode {
             drawn: 0,
             longest: Duration::ZERO,
             last: now,
+            busy: [Duration::ZERO; 2],
+            picture: None,
+            pictures: 0,
         };
         Ok(Box::new(measured) as Box<_>)
     };

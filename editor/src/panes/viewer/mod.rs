@@ -79,6 +79,11 @@ impl Viewer {
         self.layer.as_ref().map(|layer| &layer.shown)
     }
 
+    /// The graph's frame that the picture on screen is of.
+    pub fn frame(&self) -> Option<u64> {
+        self.layer.as_ref().map(|layer| layer.snapshot.frame)
+    }
+
     /// The ports that it needs to see.
     pub fn watched(&self) -> impl Iterator<Item = String> {
         let against = self.compare.as_deref().and_then(Compare::port).map(str::to_owned);
