@@ -7,11 +7,13 @@
 use std::{
     path::Path,
     process::ExitCode,
+    sync::{Arc, Weak},
     time::{Duration, Instant},
 };
 
 use eframe::{Frame, NativeOptions};
 use egui::{Ui, ViewportBuilder, ViewportCommand};
+use epigraph_core::Snapshot;
 use epigraph_editor::{app::App, document::Document, engine::Options, files::find_graph, panes::Viewer};
 
 /// Time for the scene, the first frames and the window's first pictures.
@@ -30,8 +32,8 @@ struct Measured {
     last: Instant,
     /// Time that the editor's own code took on the window's thread, and the longest of it in one frame.
     busy: [Duration; 2],
-    /// The graph's frame that is in view, and how many came into view.
-    picture: Option<u64>,
+    /// What is in view, and how many pictures came into view.
+    picture: Weak<Snapshot>,
     pictures: u32,
 }
 
@@ -51,8 +53,14 @@ impl eframe::App for Measured {
                 self.drawn += 1;
                 self.longest = self.longest.max(now - self.last);
                 self.busy = [self.busy[0] + busy, self.busy[1].max(busy)];
-                let picture = self.app.viewers().next().and_then(Viewer::frame);
-                if picture != self.picture {
+                let picture = self
+                    .app
+                    .viewers()
+                    .next()
+                    .and_then(Viewer::snapshot)
+                    .map(Arc::downgrade)
+                    .unwrap_or_default();
+                if !picture.ptr_eq(&self.picture) {
                     (self.picture, self.pictures) = (picture, self.pictures + 1);
                 }
                 let elapsed = now - begin;
@@ -117,7 +125,7 @@ fn main() -> ExitCode {
             longest: Duration::ZERO,
             last: now,
             busy: [Duration::ZERO; 2],
-            picture: None,
+            picture: Weak::new(),
             pictures: 0,
         };
         Ok(Box::new(measured) as Box<_>)

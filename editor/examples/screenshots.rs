@@ -63,6 +63,8 @@ fn run(window: &mut Harness<App>, frames: u32) {
     window.state().session.engine.send(Command::Step(frames));
     until(window, |app| app.session.state.frames >= last);
     window.run_steps(4);
+    until(window, |app| !app.is_drawing());
+    window.run_steps(2);
 }
 
 /// Shows frames of the window until something holds.

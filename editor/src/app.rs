@@ -157,6 +157,14 @@ impl App {
         viewers(&self.tree)
     }
 
+    /// Whether a viewer that can be seen still shows an older picture than it is to.
+    pub fn is_drawing(&self) -> bool {
+        self.tree.active_tiles().into_iter().any(|tile| match self.tree.tiles.get(tile) {
+            Some(Tile::Pane(Pane::Viewer(viewer))) => viewer.is_behind(),
+            _ => false,
+        })
+    }
+
     /// Goes on with another graph. What is unsaved of the one before is kept for when it is opened again.
     pub fn go_on(&mut self, document: Document) {
         self.keep();

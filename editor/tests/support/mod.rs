@@ -99,7 +99,7 @@ impl Opened {
             self.harness.step();
             if holds(self.harness.state()) {
                 // What the last step brought is laid out in the next.
-                return self.harness.run_steps(3);
+                return self.settle(3);
             }
             assert!(
                 start.elapsed() < PATIENCE,
@@ -108,6 +108,20 @@ impl Opened {
             );
             thread::sleep(Duration::from_millis(5));
         }
+    }
+
+    /// Shows so many frames of the window, and more until the pictures in sight are of what there is: they are drawn beside
+    /// the window's thread. While the graph runs, there would always be something newer.
+    pub fn settle(&mut self, steps: usize) {
+        self.harness.run_steps(steps);
+        let start = Instant::now();
+        while self.app().is_drawing() && self.app().session.state.paused {
+            assert!(start.elapsed() < PATIENCE, "waiting for pictures");
+            thread::sleep(Duration::from_millis(1));
+            self.harness.step();
+        }
+        // A picture lays out what stands beside it.
+        self.harness.run_steps(2);
     }
 
     /// Runs so many frames of the graph.
@@ -119,13 +133,13 @@ impl Opened {
 
     pub fn click(&mut self, label: &str) {
         self.harness.get_by_label(label).click();
-        self.harness.run_steps(3);
+        self.settle(3);
     }
 
     /// Chooses an entry of a menu, and sees what comes of it.
     pub fn choose(&mut self, menu: &[&str; 2]) {
         self.choose_first(menu);
-        self.harness.run_steps(4);
+        self.settle(4);
     }
 
     /// Points at an entry of a menu; the click is in the next frame of the window.
@@ -140,7 +154,7 @@ impl Opened {
         self.harness.get_by_role_and_label(Role::ComboBox, list).click();
         self.harness.run_steps(4);
         self.harness.get_all_by_label(entry).last().unwrap().click();
-        self.harness.run_steps(3);
+        self.settle(3);
     }
 
     /// Types a number in place of another.

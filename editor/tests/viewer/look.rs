@@ -20,6 +20,22 @@ fn channels_come_in_any_order() {
 }
 
 #[test]
+fn during_a_pause_the_old_picture_stays_until_the_new_one_is_there() {
+    let mut view = View::new([512, 512], false, 2);
+    let before = view.viewer().picture().unwrap().clone();
+    view.opened.harness.get_by_role_and_label(Role::Button, "R").click();
+    view.opened.until("the red channel", |app| {
+        // Nothing is blank at any moment, and nothing half done.
+        let picture = app.viewers().next().unwrap().picture().unwrap();
+        let is_red = picture.colors.iter().zip(&before.colors).all(|(single, [r, ..])| *single == [*r; 3]);
+        assert!(is_red || *picture == before);
+        is_red
+    });
+    assert!(view.opened.app().session.state.paused);
+    assert_eq!(view.opened.app().session.state.frames, 2, "no frame was run for it");
+}
+
+#[test]
 fn float_colours_can_be_exposed() {
     let mut view = View::new([64, 48], false, 5);
     assert!(view.opened.harness.query_by_label_contains("exposure ").is_none(), "bytes are as they are");

@@ -34,7 +34,7 @@ impl View {
     }
 
     fn settle(&mut self) {
-        self.opened.harness.run_steps(4);
+        self.opened.settle(4);
     }
 
     /// Shows a port in the viewer in use; the engine runs a frame for it.
@@ -112,6 +112,6 @@ impl View {
             modifiers: Modifiers::NONE,
         });
         // Scrolling is smooth.
-        self.opened.harness.run_steps(30);
+        self.opened.settle(30);
     }
 }

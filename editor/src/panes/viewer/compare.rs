@@ -7,15 +7,16 @@ use std::{
 };
 
 use egui::{
-    Align2, Color32, ComboBox, CursorIcon, DragValue, FontId, Key, Painter, Rect, Sense, Stroke, TextEdit,
-    TextureHandle, Ui, WidgetInfo, WidgetType, pos2, vec2,
+    Align2, Color32, ColorImage, ComboBox, Context, CursorIcon, DragValue, FontId, Key, Painter, Rect, Sense,
+    Stroke, TextEdit, TextureHandle, Ui, WidgetInfo, WidgetType, pos2, vec2,
 };
 use epigraph_core::Snapshot;
-use epigraph_pictures::{Difference, Look, Picture, Ramp, apart, metrics, show};
+use epigraph_pictures::{Difference, Picture, Ramp, metrics};
 
 use super::{
     beside, header,
-    layer::{Layer, upload},
+    layer::{Layer, Painted, pixels, upload},
+    pictures::Pictures,
     place::{Placed, WHOLE},
     task::Task,
 };
@@ -77,20 +78,16 @@ pub struct Figures {
 struct Measured {
     figures: Figures,
     /// FLIP's map as colours.
-    map: Vec<[u8; 3]>,
+    map: Arc<ColorImage>,
 }
 
 /// The two images that figures are of.
 #[derive(Clone)]
-struct Pair {
-    images: [Arc<Snapshot>; 2],
-    looks: [Look; 2],
-}
+struct Pair([Arc<Painted>; 2]);
 
 impl PartialEq for Pair {
     fn eq(&self, other: &Self) -> bool {
-        let same = |index: usize| Arc::ptr_eq(&self.images[index], &other.images[index]);
-        same(0) && same(1) && self.looks == other.looks
+        self.0.iter().zip(&other.0).all(|(a, b)| Arc::ptr_eq(a, b))
     }
 }
 
@@ -99,14 +96,6 @@ impl PartialEq for Pair {
 struct Held {
     image: Arc<Snapshot>,
     frames: u32,
-}
-
-/// A map of differences on the graphics card, and what it was made of.
-struct Map {
-    pair: Pair,
-    /// 0 for FLIP.
-    gain: f32,
-    texture: TextureHandle,
 }
 
 /// A comparison.
@@ -124,9 +113,11 @@ pub struct Compare {
     /// The file that was asked for, and how often.
     asked: Option<(PathBuf, u32)>,
     file: Task<(PathBuf, u32), Result<Arc<Snapshot>, String>>,
-    other: Option<Box<Layer>>,
+    /// The other image as it was last.
+    last: Option<Arc<Snapshot>>,
     measured: Task<Pair, Measured>,
-    map: Option<Map>,
+    /// FLIP's map on the graphics card, and what it is of.
+    flip: Option<(Pair, TextureHandle)>,
     trouble: Option<String>,
     /// The graph beside and its port.
     beside: Option<String>,
@@ -144,9 +135,9 @@ impl Compare {
             path: String::new(),
             asked: None,
             file: Task::default(),
-            other: None,
+            last: None,
             measured: Task::default(),
-            map: None,
+            flip: None,
             trouble: None,
             beside: None,
         }
@@ -290,35 +281,54 @@ impl Compare {
         }
     }
 
-    /// Takes the other image and compares; once for each frame of the window.
-    pub fn update(&mut self, ui: &Ui, graph: &GraphInfo, state: &State, layer: &Layer) {
-        let context = ui.ctx();
-        let other = match self.source(ui, graph, state, &layer.snapshot.name) {
-            Ok(Some(other)) => other,
-            other => {
-                (self.trouble, self.other, self.map) = (other.err(), None, None);
-                return;
-            }
-        };
-        // The same numbers have the same colours on both sides.
-        let shown = &layer.shown;
-        let range = shown.scale.map(|scale| scale.range).or(layer.look.range);
-        let look = Look { mode: Some(shown.mode), range, ..layer.look };
-        let sizes = [&layer.snapshot, &other].map(|image| image.dims);
-        if sizes[0] != sizes[1] {
-            let trouble = format!(
+    /// The other image, where the one in view can be compared with it. Call it once for each frame of the window.
+    pub fn other(
+        &mut self,
+        ui: &Ui,
+        graph: &GraphInfo,
+        state: &State,
+        image: &Snapshot,
+    ) -> Option<Arc<Snapshot>> {
+        let other = self.source(ui, graph, state, &image.name).and_then(|other| match other {
+            Some(other) if other.dims != image.dims => Err(format!(
                 "this image is {} pixels and the other one {}: only images of one size can be compared",
-                sizes[0], sizes[1]
-            );
-            (self.trouble, self.other, self.map) = (Some(trouble), None, None);
-            return;
+                image.dims, other.dims
+            )),
+            other => Ok(other),
+        });
+        match other {
+            Ok(other) => {
+                self.trouble = None;
+                self.last.clone_from(&other);
+                other
+            }
+            Err(trouble) => {
+                (self.trouble, self.last) = (Some(trouble), None);
+                None
+            }
         }
-        self.trouble = None;
-        Layer::update(&mut self.other, context, other.clone(), look);
-        let pair = Pair { images: [layer.snapshot.clone(), other], looks: [layer.look, look] };
+    }
+
+    /// What differences are multiplied by, where they are shown.
+    pub fn gain(&self) -> Option<f32> {
+        (self.way == Way::Difference).then_some(self.gain)
+    }
+
+    /// Measures how far the pictures are apart; once for each frame of the window.
+    pub fn measure(&mut self, context: &Context, pictures: &Pictures) {
+        let (Some(image), Some(other), None) = (&pictures.image, &pictures.other, &self.trouble) else {
+            self.flip = None;
+            return;
+        };
+        let pair = Pair([image.painted.clone(), other.painted.clone()]);
         let asked = pair.clone();
-        self.measured.want(context, pair.clone(), move || Measured::of(&asked));
-        self.draw_map(ui, layer, pair);
+        self.measured.want(context, pair, move || Measured::of(&asked));
+        if let (Way::Flip, Some((pair, measured))) = (self.way, self.measured.result())
+            && self.flip.as_ref().is_none_or(|(of, _)| of != pair)
+        {
+            let texture = self.flip.take().map(|(_, texture)| texture);
+            self.flip = Some((pair.clone(), upload(texture, context, measured.map.clone())));
+        }
     }
 
     fn source(
@@ -336,8 +346,11 @@ impl Compare {
             With::Port(port) => {
                 let name = header::name(graph, port);
                 // Until it comes, the last one of it stays.
-                let last = || self.other.as_ref().map(|other| other.snapshot.clone());
-                Ok(state.fields(&name).next().cloned().or_else(|| last().filter(|last| last.name == name)))
+                Ok(state
+                    .fields(&name)
+                    .next()
+                    .cloned()
+                    .or_else(|| self.last.clone().filter(|last| last.name == name)))
             }
             With::Graph => {
                 let image = beside::image(state, shown)?;
@@ -360,46 +373,25 @@ impl Compare {
         }
     }
 
-    /// The map of differences; that of FLIP as soon as it is there.
-    fn draw_map(&mut self, ui: &Ui, layer: &Layer, pair: Pair) {
-        let (pair, gain) = match self.way {
-            Way::Wipe => return,
-            Way::Difference => (pair, self.gain),
-            Way::Flip => match self.measured.result() {
-                Some((pair, _)) => (pair.clone(), 0.0),
-                None => return,
-            },
-        };
-        let fits = |map: &Map| map.pair == pair && map.gain == gain;
-        if self.map.as_ref().is_some_and(fits) {
-            return;
-        }
-        let Some(other) = &self.other else { return };
-        let colors = match (self.way, self.measured.result()) {
-            (Way::Flip, Some((_, measured))) => measured.map.clone(),
-            _ => apart(&layer.shown.colors, &other.shown.colors, gain),
-        };
-        let size = [pair.images[0].dims.width as usize, pair.images[0].dims.height as usize];
-        let texture = self.map.take().map(|map| map.texture);
-        let texture = upload(texture, ui.ctx(), size, &colors);
-        self.map = Some(Map { pair, gain, texture });
-    }
-
     /// Draws over the image in view.
-    pub fn paint(&self, painter: &Painter, graph: &GraphInfo, placed: &Placed, layer: &Layer) {
-        match (self.way, &self.other, &self.map) {
-            (_, None, _) => {}
-            (Way::Wipe, Some(other), _) => {
+    pub fn paint(&self, painter: &Painter, graph: &GraphInfo, placed: &Placed, pictures: &Pictures) {
+        let (Some(image), Some(other)) = (&pictures.image, &pictures.other) else { return };
+        let map = |texture: &TextureHandle| {
+            painter.image(texture.id(), placed.image, WHOLE, Color32::WHITE);
+        };
+        match (self.way, &pictures.difference, &self.flip) {
+            (Way::Wipe, ..) => {
                 let right = placed.pane.with_min_x(self.line(placed));
                 let clipped = painter.with_clip_rect(right.intersect(painter.clip_rect()));
                 clipped.image(other.texture.id(), placed.image, WHOLE, Color32::WHITE);
-                tag(painter, placed, Align2::LEFT_TOP, format!("now: {}", layer.snapshot.name));
+                tag(painter, placed, Align2::LEFT_TOP, format!("now: {}", image.snapshot.name));
                 tag(painter, placed, Align2::RIGHT_TOP, self.name(graph));
             }
-            (_, Some(_), Some(map)) => {
-                painter.image(map.texture.id(), placed.image, WHOLE, Color32::WHITE);
-            }
-            (_, Some(_), None) => {
+            (Way::Difference, Some(texture), _) => map(texture),
+            // It comes about at once: until then, the image in view stays.
+            (Way::Difference, None, _) => {}
+            (Way::Flip, _, Some((_, texture))) => map(texture),
+            (Way::Flip, _, None) => {
                 let font = FontId::proportional(13.0);
                 let text = format!("comparing with {} …", self.name(graph));
                 painter.text(placed.pane.center(), Align2::CENTER_CENTER, text, font, Color32::WHITE);
@@ -408,8 +400,8 @@ impl Compare {
     }
 
     /// The line between both images, which can be dragged.
-    pub fn wipe_line(&mut self, ui: &Ui, placed: &Placed) {
-        if self.way != Way::Wipe || self.other.is_none() {
+    pub fn wipe_line(&mut self, ui: &Ui, placed: &Placed, pictures: &Pictures) {
+        if self.way != Way::Wipe || pictures.other.is_none() {
             return;
         }
         let x = self.line(placed);
@@ -455,12 +447,8 @@ impl Compare {
 }
 
 impl Measured {
-    fn of(pair: &Pair) -> Self {
-        let picture = |index: usize| {
-            let (image, look) = (&pair.images[index], &pair.looks[index]);
-            Picture::of_port(image, &show(image, look))
-        };
-        let (a, b) = (picture(0), picture(1));
+    fn of(Pair(images): &Pair) -> Self {
+        let [a, b] = [0, 1].map(|index| Picture::of_port(&images[index].snapshot, &images[index].shown));
         let difference = Difference::new(&b, &a);
         let rmse = if a.linear == b.linear {
             metrics::rmse(&a.colors, &b.colors)
@@ -468,10 +456,9 @@ impl Measured {
             metrics::rmse(&a.srgb(), &b.srgb())
         };
         let (psnr, ssim, flip) = (difference.psnr(), difference.ssim(), difference.flip());
-        Self {
-            figures: Figures { rmse, psnr, ssim, flip },
-            map: difference.errors.iter().map(|error| Ramp::Magma.color(*error)).collect(),
-        }
+        let map: Vec<[u8; 3]> = difference.errors.iter().map(|error| Ramp::Magma.color(*error)).collect();
+        let map = Arc::new(pixels(images[0].shown.size, &map));
+        Self { figures: Figures { rmse, psnr, ssim, flip }, map }
     }
 }
 

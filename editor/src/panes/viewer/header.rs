@@ -67,7 +67,7 @@ impl Viewer {
             let mut comparing = self.compare.is_some();
             let doc = "Hold this image and compare what becomes of it, another port, or a file";
             if ui.toggle_value(&mut comparing, "Compare").on_hover_text(doc).changed() {
-                let image = self.layer.as_ref().map(|layer| layer.snapshot.clone());
+                let image = self.layer().map(|layer| layer.snapshot.clone());
                 self.compare = comparing.then(|| Box::new(Compare::holding(image, frames)));
             }
             let zoom = |ui: &mut Ui, place: &mut Place, zoom, label, doc| {
@@ -113,7 +113,7 @@ impl Viewer {
 
     /// The second row: how the mode shows numbers, where there is something to choose.
     pub(super) fn look_row(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) {
-        let Some(layer) = &self.layer else { return };
+        let Some(layer) = self.layer() else { return };
         let (mode, lanes) = (layer.shown.mode, lanes(&layer.snapshot.element));
         match mode {
             Mode::Color => {
@@ -188,7 +188,7 @@ impl Viewer {
 
     fn is_encoded(&self) -> bool {
         use epigraph_core::{Element, Format};
-        self.layer.as_ref().is_some_and(|layer| layer.snapshot.element == Element::Texel(Format::Rgba8Unorm))
+        self.layer().is_some_and(|layer| layer.snapshot.element == Element::Texel(Format::Rgba8Unorm))
     }
 
     /// Ids can be shown as the ages of their points.

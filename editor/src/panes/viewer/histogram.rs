@@ -1,11 +1,8 @@
 //! The histogram of what is shown, with ends of the range that can be dragged.
 
-use std::sync::Arc;
-
 use egui::{
     Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
 };
-use epigraph_core::Snapshot;
 use epigraph_pictures::{Histogram, Look, Number};
 
 use super::layer::Layer;
@@ -20,35 +17,22 @@ const NARROWEST: f32 = 0.005;
 const CHANNELS: [Color32; 3] =
     [Color32::from_rgb(235, 90, 90), Color32::from_rgb(95, 205, 110), Color32::from_rgb(90, 140, 250)];
 
-/// The histogram of an image, counted once.
+/// The histogram of an image.
 #[derive(Default)]
 pub struct HistogramView {
-    counted: Option<(Arc<Snapshot>, Look, Option<Histogram>)>,
     /// The axis stays while an end is dragged.
     dragged: Option<Histogram>,
 }
 
 impl HistogramView {
-    /// What is shown now.
-    pub fn histogram(&self) -> Option<&Histogram> {
-        let (.., histogram) = self.counted.as_ref()?;
-        self.dragged.as_ref().or(histogram.as_ref())
-    }
-
-    /// Shows it. A drag sets the look's range.
-    pub fn show(&mut self, ui: &mut Ui, layer: &Layer, look: &mut Look) {
-        let fits = |(snapshot, look, _): &(Arc<Snapshot>, Look, _)| {
-            Arc::ptr_eq(snapshot, &layer.snapshot) && *look == layer.look
-        };
-        if !self.counted.as_ref().is_some_and(fits) {
-            let histogram = Histogram::new(&layer.snapshot, &layer.look);
-            self.counted = Some((layer.snapshot.clone(), layer.look, histogram));
-        }
+    /// Shows what is counted of a layer, once it is. A drag sets the look's range.
+    pub fn show(&mut self, ui: &mut Ui, layer: &Layer, counted: Option<&Option<Histogram>>, look: &mut Look) {
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram"));
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
-        let Some(histogram) = self.histogram().cloned() else {
+        let Some(counted) = counted else { return };
+        let Some(histogram) = self.dragged.clone().or_else(|| counted.clone()) else {
             let text = "These numbers are no amounts: there is nothing to count.";
             let color = ui.visuals().weak_text_color();
             painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(12.0), color);

@@ -1,8 +1,8 @@
 //! An image on the graphics card, and what it was made of.
 
-use std::sync::Arc;
+use std::{ops::Deref, sync::Arc};
 
-use egui::{ColorImage, Context, TextureFilter, TextureHandle, TextureOptions};
+use egui::{ColorImage, Context, ImageData, TextureFilter, TextureHandle, TextureOptions};
 use epigraph_core::Snapshot;
 use epigraph_pictures::{Look, Mode, Shown, edges, show};
 
@@ -10,8 +10,8 @@ use epigraph_pictures::{Look, Mode, Shown, edges, show};
 const OPTIONS: TextureOptions =
     TextureOptions { magnification: TextureFilter::Nearest, ..TextureOptions::LINEAR };
 
-/// A port's image as it is shown.
-pub struct Layer {
+/// A port's image as colours.
+pub struct Painted {
     /// The numbers.
     pub snapshot: Arc<Snapshot>,
     /// How they became colours.
@@ -22,19 +22,11 @@ pub struct Layer {
     pub words: Vec<u32>,
     /// Shares of the pixels that are empty, simple and complex, where the mode tells classes.
     pub classes: Option<[f32; 3]>,
-    /// The colours on the card.
-    pub texture: TextureHandle,
 }
 
-impl Layer {
-    /// Makes a layer show an image; nothing where it does already.
-    pub fn update(layer: &mut Option<Box<Self>>, context: &Context, snapshot: Arc<Snapshot>, look: Look) {
-        if let Some(old) = layer
-            && Arc::ptr_eq(&old.snapshot, &snapshot)
-            && old.look == look
-        {
-            return;
-        }
+impl Painted {
+    /// Makes numbers colours. Takes a while for large images.
+    pub fn new(snapshot: Arc<Snapshot>, look: Look) -> Self {
         let shown = show(&snapshot, &look);
         let draws = matches!(shown.mode, Mode::Edges | Mode::Classes | Mode::Reach);
         let words: Vec<u32> =
@@ -44,20 +36,42 @@ impl Layer {
             count as f32 / words.len().max(1) as f32
         };
         let classes = (shown.mode == Mode::Classes).then(|| [0, 1, 2].map(share));
-        let texture = layer.take().map(|layer| layer.texture);
-        let texture = upload(texture, context, shown.size, &shown.colors);
-        *layer = Some(Box::new(Self { snapshot, look, shown, words, classes, texture }));
+        Self { snapshot, look, shown, words, classes }
+    }
+
+    /// Whether it is of this image, shown like this.
+    pub fn is_of(&self, snapshot: &Arc<Snapshot>, look: &Look) -> bool {
+        Arc::ptr_eq(&self.snapshot, snapshot) && self.look == *look
     }
 }
 
-/// Puts colours into a texture: the one that there is, or a new one.
+/// A port's image as it is shown.
+pub struct Layer {
+    /// What is shown.
+    pub painted: Arc<Painted>,
+    /// The colours on the card.
+    pub texture: TextureHandle,
+}
+
+impl Deref for Layer {
+    type Target = Painted;
+
+    fn deref(&self) -> &Painted {
+        &self.painted
+    }
+}
+
+/// Colours as the card takes them.
+pub fn pixels(size: [usize; 2], colors: &[[u8; 3]]) -> ColorImage {
+    ColorImage::from_rgb(size, colors.as_flattened())
+}
+
+/// Puts pixels into a texture: the one that there is, or a new one.
 pub fn upload(
     texture: Option<TextureHandle>,
     context: &Context,
-    size: [usize; 2],
-    colors: &[[u8; 3]],
+    image: impl Into<ImageData>,
 ) -> TextureHandle {
-    let image = ColorImage::from_rgb(size, colors.as_flattened());
     match texture {
         Some(mut texture) => {
             texture.set(image, OPTIONS);

@@ -11,6 +11,7 @@ mod legend;
 mod list;
 mod overlay;
 mod pick;
+mod pictures;
 mod place;
 mod steer;
 mod task;
@@ -22,10 +23,12 @@ use epigraph_core::Snapshot;
 use epigraph_pictures::{Look, Shown, describe};
 use serde::{Deserialize, Serialize};
 
+pub(crate) use self::task::Task;
 use self::{
     ages::Ages,
     histogram::HistogramView,
     layer::Layer,
+    pictures::{Order, Pictures, Wish},
     place::{Place, Placed, WHOLE},
 };
 pub use self::{
@@ -61,7 +64,7 @@ pub struct Viewer {
     pub list: Option<Box<List>>,
     place: Place,
     #[serde(skip)]
-    layer: Option<Box<Layer>>,
+    pictures: Box<Pictures>,
     #[serde(skip)]
     histogram: HistogramView,
     histogram_open: bool,
@@ -76,12 +79,22 @@ impl Viewer {
 
     /// The picture on screen.
     pub fn picture(&self) -> Option<&Shown> {
-        self.layer.as_ref().map(|layer| &layer.shown)
+        self.layer().map(|layer| &layer.shown)
     }
 
-    /// The graph's frame that the picture on screen is of.
-    pub fn frame(&self) -> Option<u64> {
-        self.layer.as_ref().map(|layer| layer.snapshot.frame)
+    /// The numbers of the picture on screen.
+    pub fn snapshot(&self) -> Option<&Arc<Snapshot>> {
+        self.layer().map(|layer| &layer.snapshot)
+    }
+
+    /// Whether its picture is not yet that of what there is and what is chosen.
+    pub fn is_behind(&self) -> bool {
+        self.pictures.is_behind()
+    }
+
+    /// The image on screen.
+    fn layer(&self) -> Option<&Layer> {
+        self.pictures.image.as_ref()
     }
 
     /// The ports that it needs to see.
@@ -120,17 +133,23 @@ impl Viewer {
             }
             return list.show(ui);
         }
-        if self.layer.is_none() {
-            let hint = if state.paused { "Paused: Step or Run shows it." } else { "Waiting for a frame …" };
+        if self.layer().is_none() {
+            let hint = if self.is_behind() {
+                "Drawing it …"
+            } else if state.paused {
+                "Paused: Step or Run shows it."
+            } else {
+                "Waiting for a frame …"
+            };
             ui.weak(hint);
             return;
         }
         self.look_row(ui, &graph, &name);
-        if let (true, Some(layer)) = (self.histogram_open, &self.layer) {
-            self.histogram.show(ui, layer, &mut self.look);
+        if let (true, Some(layer)) = (self.histogram_open, &self.pictures.image) {
+            self.histogram.show(ui, layer, self.pictures.histogram.as_ref(), &mut self.look);
         }
         if let Some(compare) = &mut self.compare {
-            compare.header(ui, session, &graph, self.layer.as_deref());
+            compare.header(ui, session, &graph, self.pictures.image.as_ref());
         }
         self.image(ui, session, &graph, &name);
     }
@@ -142,14 +161,17 @@ impl Viewer {
         let is_image =
             fields.len() == 1 && epigraph_pictures::is_image(&first.element, first.dims, graph.size);
         if !is_image {
-            self.layer = None;
+            *self.pictures = Pictures::default();
             return self.list.get_or_insert_default().update(fields);
         }
         self.list = None;
         let image = self.ages.instead(graph, state, name, &first).unwrap_or(first);
-        Layer::update(&mut self.layer, ui.ctx(), image, self.look);
-        if let (Some(compare), Some(layer)) = (&mut self.compare, &self.layer) {
-            compare.update(ui, graph, state, layer);
+        let other = self.compare.as_deref_mut().and_then(|compare| compare.other(ui, graph, state, &image));
+        let gain = self.compare.as_deref().and_then(Compare::gain);
+        let wish = Wish { look: self.look, histogram: self.histogram_open, gain };
+        self.pictures.update(ui.ctx(), Order { image, other, wish });
+        if let Some(compare) = &mut self.compare {
+            compare.measure(ui.ctx(), &self.pictures);
         }
     }
 
@@ -178,7 +200,7 @@ impl Viewer {
 
     /// The image and what lies over it.
     fn image(&mut self, ui: &mut Ui, session: &mut Session, graph: &GraphInfo, name: &str) {
-        let Some(layer) = &self.layer else { return };
+        let Some(layer) = &self.pictures.image else { return };
         let footer = ui.text_style_height(&egui::TextStyle::Body) + 6.0;
         let size = vec2(ui.available_width(), (ui.available_height() - footer).max(16.0));
         let (pane, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
@@ -189,9 +211,9 @@ impl Viewer {
             session.viewer = self.id;
         }
         let placed = self.place.put(pane, layer.shown.size);
-        paint(ui, graph, &placed, layer, self.compare.as_deref(), &response);
+        paint(ui, graph, &placed, &self.pictures, self.compare.as_deref(), &response);
         if let Some(compare) = &mut self.compare {
-            compare.wipe_line(ui, &placed);
+            compare.wipe_line(ui, &placed, &self.pictures);
         }
         pick::pick(ui, session, &response, &placed, graph.size);
         self.place.steer(ui, &response, &placed);
@@ -204,15 +226,16 @@ fn paint(
     ui: &Ui,
     graph: &GraphInfo,
     placed: &Placed,
-    layer: &Layer,
+    pictures: &Pictures,
     compare: Option<&Compare>,
     response: &Response,
 ) {
+    let Some(layer) = &pictures.image else { return };
     let painter = ui.painter_at(placed.pane);
     painter.rect_filled(placed.pane, 0.0, GROUND);
     painter.image(layer.texture.id(), placed.image, WHOLE, overlay::tint(layer, placed));
     match compare {
-        Some(compare) => compare.paint(&painter, graph, placed, layer),
+        Some(compare) => compare.paint(&painter, graph, placed, pictures),
         None => {
             overlay::draw(&painter, placed, layer);
             if let Some(pixel) = hovered(response, placed) {

@@ -8,13 +8,18 @@ use std::{
 
 use egui::Context;
 
+/// Work of this length can be done again at once: at 30 frames a second it keeps up with every one.
+const SHORT: Duration = Duration::from_millis(33);
+
 /// One piece of work at a time on a thread of its own, told apart by a key; the newest finished one counts.
 pub struct Task<K, T> {
     running: Option<Running<K, T>>,
-    /// No result where the work has panicked: it is not tried again.
+    /// No result where it was taken, and where the work has panicked: it is not tried again.
     done: Option<(K, Option<T>)>,
     /// Until then other threads have their turn.
     rest: Option<Instant>,
+    /// Whether the key that was wanted last is not done yet.
+    behind: bool,
 }
 
 struct Running<K, T> {
@@ -25,16 +30,17 @@ struct Running<K, T> {
 
 impl<K, T> Default for Task<K, T> {
     fn default() -> Self {
-        Self { running: None, done: None, rest: None }
+        Self { running: None, done: None, rest: None, behind: false }
     }
 }
 
 impl<K: PartialEq, T: Send + 'static> Task<K, T> {
-    /// Sees to it that there will be a result for a key: call it in every frame of the window while one is wanted. Work
-    /// that is done again and again takes half of the time at most.
+    /// Sees to it that there will be a result for a key: call it in every frame of the window while one is wanted. Long
+    /// work that is done again and again takes half of the time.
     pub fn want(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.poll();
-        if self.running.is_some() || self.done.as_ref().is_some_and(|(done, _)| *done == key) {
+        self.behind = self.done().is_none_or(|done| *done != key);
+        if self.running.is_some() || !self.behind {
             return;
         }
         let rest = self.rest.map_or(Duration::ZERO, |rest| rest.saturating_duration_since(Instant::now()));
@@ -61,6 +67,27 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
         Some((key, result.as_ref()?))
     }
 
+    /// The newest result, once.
+    pub fn take(&mut self) -> Option<T> {
+        self.poll();
+        self.done.as_mut()?.1.take()
+    }
+
+    /// What is done.
+    pub fn done(&self) -> Option<&K> {
+        self.done.as_ref().map(|(key, _)| key)
+    }
+
+    /// Lets the next work begin without a rest.
+    pub fn hurry(&mut self) {
+        self.rest = None;
+    }
+
+    /// Whether what was wanted last is not done yet.
+    pub fn is_behind(&self) -> bool {
+        self.behind
+    }
+
     /// Whether work is under way.
     pub fn is_busy(&self) -> bool {
         self.running.is_some()
@@ -74,7 +101,7 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
             Err(TryRecvError::Empty) => return,
         };
         if let Some(Running { key, since, .. }) = self.running.take() {
-            self.rest = Some(Instant::now() + since.elapsed());
+            self.rest = Some(Instant::now() + since.elapsed().saturating_sub(SHORT));
             self.done = Some((key, result));
         }
     }
@@ -104,6 +131,21 @@ mod tests {
         assert!(!task.is_busy());
         wait(&mut task, 4, |key| 2 * key);
         assert_eq!(task.result(), Some((&4, &8)));
+    }
+
+    #[test]
+    fn work_rests_unless_somebody_waits_for_it() {
+        let mut task = Task::default();
+        task.rest = Some(Instant::now() + Duration::from_secs(3600));
+        task.want(&Context::default(), 1, || 1);
+        assert!(!task.is_busy() && task.is_behind());
+        task.hurry();
+        wait(&mut task, 1, |key| key);
+        assert!(!task.is_behind());
+        assert_eq!((task.take(), task.take()), (Some(1), None));
+        // What was taken is done all the same.
+        task.want(&Context::default(), 1, || panic!("again"));
+        assert!(!task.is_busy());
     }
 
     #[test]
