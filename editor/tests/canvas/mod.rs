@@ -449,6 +449,44 @@ fn thumbnails_show_what_nodes_write_and_cost_nothing_when_they_are_off() {
     assert_ne!(opened.shot("canvas-no-thumbnails"), shown);
 }
 
+#[test]
+fn only_thumbnails_in_sight_are_watched() {
+    let mut opened = in_front(Opened::new("epi.ron"));
+    opened.frames(4);
+    opened.click("Thumbnails");
+    key(&mut opened, Modifiers::NONE, Key::F);
+    let watched = |opened: &mut Opened, seconds: usize| {
+        // The frames of this window are a quarter of a second apart.
+        opened.harness.run_steps(4 * seconds);
+        opened.frames(1);
+        let snapshots = opened.app().session.state.snapshots.iter().map(|snapshot| snapshot.name.clone());
+        snapshots.filter(|name| name.contains('.')).collect::<Vec<_>>()
+    };
+    let all = watched(&mut opened, 1);
+    assert!(all.len() > 4, "{all:?}");
+    let of = |node: &str| all.iter().find(|port| port.starts_with(node)).unwrap().clone();
+    let (near, far) = (of("tonemap."), of("view/"));
+    // So near to one box that the others are out of sight.
+    let spot = at(&opened, "node tonemap");
+    let zoom = |opened: &mut Opened, turn: f32| {
+        for _ in 0..40 {
+            opened.harness.event(Event::PointerMoved(spot));
+            opened.harness.event(Event::MouseWheel {
+                unit: egui::MouseWheelUnit::Point,
+                delta: egui::vec2(0.0, turn),
+                phase: egui::TouchPhase::Move,
+                modifiers: Modifiers::NONE,
+            });
+        }
+        opened.harness.run_steps(8);
+    };
+    zoom(&mut opened, 60.0);
+    let seen = watched(&mut opened, 8);
+    assert!(seen.contains(&near) && !seen.contains(&far), "{seen:?}");
+    zoom(&mut opened, -60.0);
+    assert_eq!(watched(&mut opened, 1), all);
+}
+
 /// How bright the half of a pin is that lies outside its box, as the sum of the channels.
 fn brightness(image: &[u8], pin: Pos2) -> u32 {
     let index = 4 * (pin.y as usize * 1280 + pin.x as usize - 2);

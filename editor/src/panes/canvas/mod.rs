@@ -19,6 +19,7 @@ mod sight;
 mod thumbnails;
 mod vector;
 mod view;
+mod watch;
 
 use std::{
     collections::{BTreeSet, HashMap},
@@ -29,10 +30,10 @@ use egui::{
     Color32, FontId, Id, Key, Pos2, Rect, Sense, TextEdit, Ui, UiBuilder, Vec2, WidgetInfo, WidgetType, pos2,
     vec2,
 };
-use epigraph_core::GraphFile;
+use epigraph_core::{GraphFile, Snapshot};
 
 use self::{
-    facts::contains,
+    facts::{PictureOf, contains},
     hand::Gesture,
     model::Model,
     paint::Brush,
@@ -41,6 +42,7 @@ use self::{
     sight::Sight,
     thumbnails::Thumbnails,
     view::View,
+    watch::Watch,
 };
 use crate::{engine::GraphInfo, session::Session};
 
@@ -78,7 +80,7 @@ pub struct CanvasPane {
     thumbnails: bool,
     images: Thumbnails,
     /// Ports whose values the thumbnails show, and the pass of the window that asked for them.
-    watched: (u64, Vec<String>),
+    watched: (u64, Watch),
 }
 
 /// Blocks and wires, and what they were made of.
@@ -123,7 +125,7 @@ impl Default for CanvasPane {
             heat: true,
             thumbnails: false,
             images: Thumbnails::default(),
-            watched: (0, Vec::new()),
+            watched: (0, Watch::default()),
         }
     }
 }
@@ -172,7 +174,7 @@ impl CanvasPane {
     pub fn watched(&self, context: &egui::Context) -> &[String] {
         // Behind another tab nobody sees them.
         let fresh = context.cumulative_pass_nr() <= self.watched.0 + 2;
-        if fresh { &self.watched.1 } else { &[] }
+        if fresh { self.watched.1.ports() } else { &[] }
     }
 
     /// Shows what is in a part, or the graph itself.
@@ -349,11 +351,7 @@ impl CanvasPane {
     }
 
     fn thumbnail(&self, painter: &egui::Painter, sight: &Sight, index: usize) {
-        let (Some(place), Some(picture)) = (sight.shapes[index].thumbnail, &sight.facts[index].picture)
-        else {
-            return;
-        };
-        let rect = self.view.rect(place.translate(sight.rects[index].min.to_vec2()));
+        let Some((picture, rect)) = self.picture(sight, index) else { return };
         match self.images.get(&picture.port) {
             Some(texture) => {
                 let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
@@ -365,19 +363,29 @@ impl CanvasPane {
         }
     }
 
+    /// What a block's thumbnail shows, and where on screen it is.
+    fn picture<'a>(&self, sight: &'a Sight, index: usize) -> Option<(&'a PictureOf, Rect)> {
+        let (place, picture) = (sight.shapes[index].thumbnail?, sight.facts[index].picture.as_ref()?);
+        Some((picture, self.view.rect(place.translate(sight.rects[index].min.to_vec2()))))
+    }
+
     /// Says which ports thumbnails show, and takes their newest values.
     fn watch(&mut self, ui: &Ui, session: &Session, sight: &Sight) {
         if !self.thumbnails {
-            self.watched.1.clear();
+            self.watched.1 = Watch::default();
             self.images.clear();
             return;
         }
-        let pictures = sight.facts.iter().filter_map(|facts| facts.picture.as_ref());
-        self.watched =
-            (ui.ctx().cumulative_pass_nr(), pictures.map(|picture| picture.port.clone()).collect());
-        let ports = &self.watched.1;
-        let snapshots = session.state.snapshots.iter().filter(|snapshot| ports.contains(&snapshot.name));
-        self.images.update(ui.ctx(), snapshots);
+        let pictures = (0..sight.model.blocks.len()).filter_map(|index| self.picture(sight, index));
+        let ports: Vec<(&str, bool)> =
+            pictures.map(|(of, rect)| (of.port.as_str(), rect.intersects(self.view.pane))).collect();
+        let (pass, watch) = &mut self.watched;
+        *pass = ui.ctx().cumulative_pass_nr();
+        if let Some(wait) = watch.see(ports.iter().copied(), ui.input(|input| input.time)) {
+            ui.ctx().request_repaint_after_secs(wait as f32);
+        }
+        let in_sight = |snapshot: &&Arc<Snapshot>| ports.contains(&(snapshot.name.as_str(), true));
+        self.images.update(ui.ctx(), session.state.snapshots.iter().filter(in_sight));
     }
 
     fn rename_field(&mut self, ui: &mut Ui, session: &mut Session, sight: &Sight) {

@@ -1,10 +1,15 @@
 //! Small live images of what nodes write.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::HashMap,
+    sync::{Arc, Weak},
+};
 
-use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
+use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use epigraph_core::{Dims, Snapshot};
 use epigraph_pictures::{Look, show};
+
+use crate::panes::viewer::Task;
 
 /// Largest width or height, pixels.
 const SIDE: u32 = 160;
@@ -15,18 +20,39 @@ const PAUSE: f64 = 0.25;
 #[derive(Default)]
 pub struct Thumbnails {
     shown: HashMap<String, Shown>,
+    /// The next one, drawn beside the window's thread: it may have to wait for cores that are busy with the graph.
+    work: Task<Of, ColorImage>,
 }
 
 struct Shown {
-    frame: u64,
+    of: Of,
     at: f64,
     texture: TextureHandle,
+}
+
+/// Values of a port, which are not kept in memory by it.
+#[derive(Clone)]
+struct Of {
+    port: String,
+    values: Weak<Snapshot>,
+}
+
+impl Of {
+    fn new(snapshot: &Arc<Snapshot>) -> Self {
+        Self { port: snapshot.name.clone(), values: Arc::downgrade(snapshot) }
+    }
+}
+
+impl PartialEq for Of {
+    fn eq(&self, other: &Self) -> bool {
+        Weak::ptr_eq(&self.values, &other.values)
+    }
 }
 
 impl Thumbnails {
     /// Forgets all.
     pub fn clear(&mut self) {
-        self.shown.clear();
+        *self = Self::default();
     }
 
     /// The image of a port.
@@ -34,21 +60,39 @@ impl Thumbnails {
         self.shown.get(port).map(|shown| &shown.texture)
     }
 
-    /// Takes the newest values of one port whose image is oldest: a window's frame has no time for all.
+    /// Takes the newest values of one port whose image is oldest: one after the other.
     pub fn update<'s>(&mut self, context: &Context, snapshots: impl Iterator<Item = &'s Arc<Snapshot>>) {
         let now = context.input(|input| input.time);
-        let age = |snapshot: &&Arc<Snapshot>| match self.shown.get(&snapshot.name) {
+        self.take(context, now);
+        let age = |snapshot: &Arc<Snapshot>| match self.shown.get(&snapshot.name) {
             None => Some(f64::INFINITY),
-            Some(shown) if shown.frame != snapshot.frame && now - shown.at > PAUSE => Some(now - shown.at),
+            Some(shown) if shown.of != Of::new(snapshot) => Some(now - shown.at),
             Some(_) => None,
         };
-        let due = snapshots.filter_map(|snapshot| Some((age(&snapshot)?, snapshot)));
-        let Some((_, snapshot)) = due.max_by(|a, b| a.0.total_cmp(&b.0)) else { return };
-        let picture = show(&reduced(snapshot), &Look::default());
-        let pixels = picture.colors.iter().map(|[r, g, b]| Color32::from_rgb(*r, *g, *b)).collect();
-        let image = ColorImage::new(picture.size, pixels);
-        let texture = context.load_texture(&snapshot.name, image, TextureOptions::LINEAR);
-        self.shown.insert(snapshot.name.clone(), Shown { frame: snapshot.frame, at: now, texture });
+        let stale = snapshots.filter_map(|snapshot| Some((age(snapshot)?, snapshot)));
+        let Some((age, snapshot)) = stale.max_by(|a, b| a.0.total_cmp(&b.0)) else { return };
+        if age < PAUSE {
+            context.request_repaint_after_secs((PAUSE - age) as f32);
+            return;
+        }
+        let snapshot = snapshot.clone();
+        self.work.want(context, Of::new(&snapshot), move || {
+            let picture = show(&reduced(&snapshot), &Look::default());
+            ColorImage::from_rgb(picture.size, picture.colors.as_flattened())
+        });
+    }
+
+    /// Shows what is finished.
+    fn take(&mut self, context: &Context, now: f64) {
+        let (Some(image), Some(of)) = (self.work.take(), self.work.done()) else { return };
+        let texture = match self.shown.remove(&of.port) {
+            Some(Shown { mut texture, .. }) => {
+                texture.set(image, TextureOptions::LINEAR);
+                texture
+            }
+            None => context.load_texture(&of.port, image, TextureOptions::LINEAR),
+        };
+        self.shown.insert(of.port.clone(), Shown { of: of.clone(), at: now, texture });
     }
 }
 

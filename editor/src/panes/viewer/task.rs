@@ -135,8 +135,7 @@ mod tests {
 
     #[test]
     fn work_rests_unless_somebody_waits_for_it() {
-        let mut task = Task::default();
-        task.rest = Some(Instant::now() + Duration::from_secs(3600));
+        let mut task = Task { rest: Some(Instant::now() + Duration::from_secs(3600)), ..Task::default() };
         task.want(&Context::default(), 1, || 1);
         assert!(!task.is_busy() && task.is_behind());
         task.hurry();
