@@ -4,7 +4,7 @@
 //! All that is seen at once comes from one piece of work, so that both sides of a comparison, their difference and the
 //! histogram are of the same frame. Until it is done, the pictures before stay.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use egui::{ColorImage, Context, TextureHandle};
 use epigraph_core::Snapshot;
@@ -14,6 +14,10 @@ use super::{
     layer::{Layer, Painted, pixels, upload},
     task::Task,
 };
+
+/// Pictures of usual sizes keep up with the graph, also where all cores are busy; only those that take longer leave some
+/// of their time to the tracer.
+const FREE: Duration = Duration::from_millis(100);
 
 /// What is to be drawn.
 #[derive(Clone)]
@@ -59,7 +63,6 @@ struct Fresh {
 }
 
 /// The newest pictures that are finished.
-#[derive(Default)]
 pub struct Pictures {
     /// The image in view.
     pub image: Option<Layer>,
@@ -70,6 +73,12 @@ pub struct Pictures {
     /// How often which values occur, once that is counted; none where they are no amounts.
     pub histogram: Option<Option<Histogram>>,
     work: Task<Order, Drawn>,
+}
+
+impl Default for Pictures {
+    fn default() -> Self {
+        Self { image: None, other: None, difference: None, histogram: None, work: Task::free(FREE) }
+    }
 }
 
 impl Pictures {

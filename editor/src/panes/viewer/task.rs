@@ -8,14 +8,13 @@ use std::{
 
 use egui::Context;
 
-/// Work of this length can be done again at once: at 30 frames a second it keeps up with every one.
-const SHORT: Duration = Duration::from_millis(33);
-
 /// One piece of work at a time on a thread of its own, told apart by a key; the newest finished one counts.
 pub struct Task<K, T> {
     running: Option<Running<K, T>>,
     /// No result where it was taken, and where the work has panicked: it is not tried again.
     done: Option<(K, Option<T>)>,
+    /// Work of this length needs no rest.
+    free: Duration,
     /// Until then other threads have their turn.
     rest: Option<Instant>,
     /// Whether the key that was wanted last is not done yet.
@@ -30,13 +29,18 @@ struct Running<K, T> {
 
 impl<K, T> Default for Task<K, T> {
     fn default() -> Self {
-        Self { running: None, done: None, rest: None, behind: false }
+        Self { running: None, done: None, free: Duration::ZERO, rest: None, behind: false }
     }
 }
 
 impl<K: PartialEq, T: Send + 'static> Task<K, T> {
-    /// Sees to it that there will be a result for a key: call it in every frame of the window while one is wanted. Long
-    /// work that is done again and again takes half of the time.
+    /// Work that only rests from what takes longer than `free`.
+    pub fn free(free: Duration) -> Self {
+        Self { free, ..Self::default() }
+    }
+
+    /// Sees to it that there will be a result for a key: call it in every frame of the window while one is wanted. Work
+    /// that is done again and again takes half of the time at most, but for what is free.
     pub fn want(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.poll();
         self.behind = self.done().is_none_or(|done| *done != key);
@@ -101,7 +105,7 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
             Err(TryRecvError::Empty) => return,
         };
         if let Some(Running { key, since, .. }) = self.running.take() {
-            self.rest = Some(Instant::now() + since.elapsed().saturating_sub(SHORT));
+            self.rest = Some(Instant::now() + since.elapsed().saturating_sub(self.free));
             self.done = Some((key, result));
         }
     }
