@@ -18,7 +18,7 @@ impl CanvasPane {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 export(ui, session, sight);
                 let thumbnails = ui.selectable_label(self.thumbnails, "Thumbnails");
-                if thumbnails.on_hover_text("What each node writes, as a small live image. Copying them takes a little of each frame").clicked() {
+                if thumbnails.on_hover_text("What each node writes, as a small live image. Copying those in sight takes a little of each frame").clicked() {
                     self.thumbnails = !self.thumbnails;
                 }
                 let heat = ui.selectable_label(self.heat, "Cost");

@@ -76,7 +76,7 @@ impl Thumbnails {
             return;
         }
         let snapshot = snapshot.clone();
-        self.work.want(context, Of::new(&snapshot), move || {
+        self.work.want_after_take(context, Of::new(&snapshot), move || {
             let picture = show(&reduced(&snapshot), &Look::default());
             ColorImage::from_rgb(picture.size, picture.colors.as_flattened())
         });

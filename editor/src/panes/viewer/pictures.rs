@@ -94,7 +94,7 @@ impl Pictures {
         let before =
             [&self.image, &self.other].map(|layer| layer.as_ref().map(|layer| layer.painted.clone()));
         let asked = order.clone();
-        self.work.want(context, order, move || Drawn::new(&asked, before));
+        self.work.want_after_take(context, order, move || Drawn::new(&asked, before));
     }
 
     /// Whether something newer is being worked out.

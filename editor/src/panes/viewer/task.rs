@@ -43,6 +43,11 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
     /// that is done again and again takes half of the time at most, but for what is free.
     pub fn want(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.poll();
+        self.want_after_take(context, key, work);
+    }
+
+    /// The same for work that builds on the last result that was taken: one that has come since then is not overlooked.
+    pub fn want_after_take(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.behind = self.done().is_none_or(|done| *done != key);
         if self.running.is_some() || !self.behind {
             return;
