@@ -3,7 +3,8 @@
 
 use std::{error::Error, path::Path, thread, time::Duration};
 
-use egui_kittest::Harness;
+use egui::accesskit::Role;
+use egui_kittest::{Harness, kittest::Queryable};
 use epigraph_editor::{
     app::App,
     document::Document,
@@ -38,6 +39,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     window.render()?.save("docs/editor-canvas.png")?;
 
     window.state_mut().show(|pane| matches!(pane, Pane::Viewer(_)));
+    window.run_steps(4);
+    click(&mut window, "Compare");
+    choose(&mut window, "Held against", "another graph …");
+    choose(&mut window, "Graph beside", "render-cache.ron");
+    window.state().session.engine.send(Command::Reset);
+    until(&mut window, |app| app.session.state.frames <= 1);
+    run(&mut window, FRAMES);
+    until(&mut window, |app| {
+        app.viewers().any(|viewer| viewer.compare.as_ref().is_some_and(|with| with.figures().is_some()))
+    });
+    window.run_steps(8);
+    window.render()?.save("docs/editor-compare.png")?;
+    click(&mut window, "Compare");
+
     window.state_mut().session.inspection.pick(PIXEL);
     until(&mut window, |app| app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == PIXEL));
     window.run_steps(8);
@@ -73,4 +88,19 @@ fn until(window: &mut Harness<App>, holds: impl Fn(&App) -> bool) {
         window.step();
         thread::sleep(Duration::from_millis(20));
     }
+}
+
+fn click(window: &mut Harness<App>, label: &str) {
+    window.get_by_label(label).click();
+    window.run_steps(4);
+}
+
+/// Picks an entry of a list of that name.
+fn choose(window: &mut Harness<App>, list: &str, entry: &str) {
+    window.get_by_role_and_label(Role::ComboBox, list).click();
+    window.run_steps(4);
+    if let Some(entry) = window.get_all_by_label(entry).last() {
+        entry.click();
+    }
+    window.run_steps(4);
 }

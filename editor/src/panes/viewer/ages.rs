@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use egui::Ui;
+use egui::{Context, Ui};
 use epigraph_core::Snapshot;
 use epigraph_pictures::{ages, frames_ago};
 use epigraph_stages::shared::sample::DATES;
 use serde::{Deserialize, Serialize};
 
+use super::task::Task;
 use crate::engine::{GraphInfo, NodeInfo, PortInfo, State};
 
 /// The field of a cloud that holds ages.
@@ -45,7 +46,7 @@ pub(super) struct Ages {
     #[serde(skip)]
     from: Option<Ports>,
     #[serde(skip)]
-    made: Option<Made>,
+    made: Task<Sources, Option<Arc<Snapshot>>>,
 }
 
 /// The ports, as `node.port`, that tell of points.
@@ -54,10 +55,33 @@ struct Ports {
     dates: Option<String>,
 }
 
-/// An image of ages, and what it was made of.
-struct Made {
-    sources: Vec<Arc<Snapshot>>,
-    image: Arc<Snapshot>,
+/// What an image of ages is made of: the ids, the cloud's words, and the dates where they are told.
+#[derive(Clone)]
+struct Sources {
+    told: Told,
+    fields: Vec<Arc<Snapshot>>,
+    /// The number of the frame that they are of.
+    frame: u32,
+}
+
+impl PartialEq for Sources {
+    fn eq(&self, other: &Self) -> bool {
+        let same = |(a, b): (&Arc<Snapshot>, &Arc<Snapshot>)| Arc::ptr_eq(a, b);
+        self.told == other.told
+            && self.fields.len() == other.fields.len()
+            && self.fields.iter().zip(&other.fields).all(same)
+    }
+}
+
+impl Sources {
+    fn image(&self) -> Option<Arc<Snapshot>> {
+        let image = match (self.told, self.fields.as_slice()) {
+            (Told::Ages, [id, meta]) => ages(id, meta),
+            (Told::Frames, [id, meta, dates]) => frames_ago(id, meta, dates, self.frame),
+            _ => None,
+        };
+        image.map(Arc::new)
+    }
 }
 
 impl Ages {
@@ -66,9 +90,11 @@ impl Ages {
         self.from.iter().flat_map(|from| [Some(from.cloud.clone()), from.dates.clone()]).flatten()
     }
 
-    /// The image to show in place of the ids of the port `name`; none while it has not come, or ids are to be shown.
-    pub fn instead(
+    /// The image to show of the ids of the port `name`: themselves, or the ages of their points as soon as those are
+    /// there; none until then.
+    pub fn image(
         &mut self,
+        context: &Context,
         graph: &GraphInfo,
         state: &State,
         name: &str,
@@ -78,28 +104,23 @@ impl Ages {
             dates: (self.told == Told::Frames).then(|| dates_of(graph, &cloud)).flatten(),
             cloud,
         });
-        let from = self.from.as_ref()?;
-        let mut sources =
+        let Some(from) = &self.from else { return Some(id.clone()) };
+        let mut fields =
             vec![id.clone(), state.fields(&from.cloud).find(|field| field.field == META)?.clone()];
         if self.told == Told::Frames {
-            sources.extend(state.fields(from.dates.as_deref()?).next().cloned());
+            fields.push(state.fields(from.dates.as_deref()?).next()?.clone());
         }
-        let same = |made: &Made| {
-            made.sources.len() == sources.len()
-                && made.sources.iter().zip(&sources).all(|(made, now)| Arc::ptr_eq(made, now))
-        };
-        if !self.made.as_ref().is_some_and(same) {
-            let image = match (self.told, sources.as_slice()) {
-                (Told::Ages, [id, meta]) => ages(id, meta),
-                // All is of the last frame that ran.
-                (Told::Frames, [id, meta, dates]) => {
-                    frames_ago(id, meta, dates, state.frames.saturating_sub(1))
-                }
-                _ => None,
-            };
-            self.made = Some(Made { image: Arc::new(image?), sources });
-        }
-        self.made.as_ref().map(|made| made.image.clone())
+        // All is of the last frame that ran.
+        let sources = Sources { told: self.told, fields, frame: state.frames.saturating_sub(1) };
+        let asked = sources.clone();
+        self.made.want(context, sources, move || asked.image());
+        let (sources, image) = self.made.result()?;
+        image.clone().filter(|_| sources.told == self.told && sources.fields[0].name == id.name)
+    }
+
+    /// Whether there are newer ages to come.
+    pub fn is_behind(&self) -> bool {
+        self.from.is_some() && self.made.is_behind()
     }
 
     /// Offers what can be told; whether another was chosen, and if so whether it is a number.

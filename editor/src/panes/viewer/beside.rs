@@ -31,7 +31,7 @@ pub fn row(ui: &mut Ui, session: &mut Session) {
             let doc = "One frame of this graph, and one of the other";
             ui.weak("frame").on_hover_text(doc);
             let (own, other) = (session.state.frame_ms, other.frame_ms);
-            ui.label(format!("{own:.1} ms, {other:.1} ms")).on_hover_text(doc);
+            ui.label(format!("{own:.1} ms against {other:.1} ms")).on_hover_text(doc);
         }
     });
     if let Some(trouble) = session.beside.trouble() {

@@ -65,7 +65,8 @@ impl Viewer {
             ui.toggle_value(&mut self.histogram_open, "Histogram")
                 .on_hover_text("How often which values occur");
             let mut comparing = self.compare.is_some();
-            let doc = "Hold this image and compare what becomes of it, another port, or a file";
+            let doc =
+                "Hold this image and compare what becomes of it; another port, another graph, or a file";
             if ui.toggle_value(&mut comparing, "Compare").on_hover_text(doc).changed() {
                 let image = self.layer().map(|layer| layer.snapshot.clone());
                 self.compare = comparing.then(|| Box::new(Compare::holding(image, frames)));

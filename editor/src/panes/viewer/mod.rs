@@ -89,7 +89,7 @@ impl Viewer {
 
     /// Whether its picture is not yet that of what there is and what is chosen.
     pub fn is_behind(&self) -> bool {
-        self.pictures.is_behind()
+        self.pictures.is_behind() || self.ages.is_behind()
     }
 
     /// The image on screen.
@@ -165,7 +165,7 @@ impl Viewer {
             return self.list.get_or_insert_default().update(fields);
         }
         self.list = None;
-        let image = self.ages.instead(graph, state, name, &first).unwrap_or(first);
+        let Some(image) = self.ages.image(ui.ctx(), graph, state, name, &first) else { return };
         let other = self.compare.as_deref_mut().and_then(|compare| compare.other(ui, graph, state, &image));
         let gain = self.compare.as_deref().and_then(Compare::gain);
         let wish = Wish { look: self.look, histogram: self.histogram_open, gain };
