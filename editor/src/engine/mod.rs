@@ -23,7 +23,6 @@ use std::{
 use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
 use epigraph_scenes::Camera;
 use serde::{Deserialize, Serialize};
-use thread_priority::{ThreadPriority, set_current_thread_priority};
 
 use crate::inspect::Inspection;
 
@@ -33,9 +32,6 @@ pub use record::{RECORDED, Record, StepCost};
 
 /// Most frames a second: more than a screen shows would only take the cores from the tracer.
 pub const MAX_RATE: f32 = 60.0;
-
-/// The engine's priority, of 0 to 99 with 50 as usual: a nice value of 4 on Linux, two fifths of the usual weight.
-const BEHIND_WINDOW: u8 = 37;
 
 /// Where nodes run that do not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -231,15 +227,6 @@ impl State {
     }
 }
 
-/// Lets the window go first where cores are short: it takes little, and it is what a hand waits for. Threads that this one
-/// starts, the tracer's among them, do likewise where systems pass that on, as Linux does.
-fn step_back() {
-    if let Ok(priority) = BEHIND_WINDOW.try_into() {
-        // Where it cannot be had, everything still works, less smoothly.
-        let _ = set_current_thread_priority(ThreadPriority::Crossplatform(priority));
-    }
-}
-
 /// The engine's end in the user interface. Dropping it ends the thread after the frame under way.
 pub struct Engine {
     commands: Option<mpsc::Sender<Command>>,
@@ -264,10 +251,7 @@ impl Engine {
         };
         let thread = thread::Builder::new()
             .name("engine".into())
-            .spawn(move || {
-                step_back();
-                worker::run(options, registry(), &commands, &publish);
-            })
+            .spawn(move || worker::run(options, registry(), &commands, &publish))
             .ok();
         Self { commands: Some(sender), published, thread }
     }
