@@ -25,5 +25,6 @@ pub mod route;
 pub mod session;
 mod status;
 pub mod store;
+mod task;
 mod theme;
 mod toolbar;

@@ -196,6 +196,8 @@ pub struct State {
     pub frames: u32,
     /// Whether frames wait.
     pub paused: bool,
+    /// How many are still to run nevertheless.
+    pub owed: u32,
     /// The path that the last frame is of, until the camera is moved or frames are counted anew.
     pub playing: Option<Playing>,
     /// What became of the last recording.

@@ -179,7 +179,7 @@ impl Worker {
     }
 
     fn run(mut self, commands: &Receiver<Command>, publish: &dyn Fn(State)) {
-        publish(self.state.clone());
+        publish(self.news());
         let mut next = Instant::now();
         loop {
             let first = if self.has_work() || self.rebuild != Rebuild::No {
@@ -212,11 +212,17 @@ impl Worker {
             if self.has_work() && next <= Instant::now() {
                 next = Instant::now() + self.interval();
                 self.frame();
-                publish(self.state.clone());
+                publish(self.news());
             } else if obeyed {
-                publish(self.state.clone());
+                publish(self.news());
             }
         }
+    }
+
+    /// What there is to say now.
+    fn news(&mut self) -> State {
+        self.state.owed = self.owed;
+        self.state.clone()
     }
 
     /// From the beginning of a frame to that of the next, at least.

@@ -438,7 +438,8 @@ fn a_pause_holds_the_frame_that_can_be_inspected() {
     });
     run.engine.send(Command::Pause(true));
     let paused = run.wait("the pause", |state| {
-        state.paused && state.inspection.as_ref().is_some_and(|found| found.frame + 1 == state.frames)
+        let found = state.inspection.as_ref();
+        state.paused && state.owed == 0 && found.is_some_and(|found| found.frame + 1 == state.frames)
     });
     let (state, _) = run.look([12, 12]);
     assert_eq!(state.frames, paused.frames);

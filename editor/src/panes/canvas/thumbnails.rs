@@ -9,7 +9,7 @@ use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use epigraph_core::{Dims, Snapshot};
 use epigraph_pictures::{Look, show};
 
-use crate::panes::viewer::Task;
+use crate::task::Task;
 
 /// Largest width or height, pixels.
 const SIDE: u32 = 160;

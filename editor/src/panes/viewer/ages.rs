@@ -8,8 +8,10 @@ use epigraph_pictures::{ages, frames_ago};
 use epigraph_stages::shared::sample::DATES;
 use serde::{Deserialize, Serialize};
 
-use super::task::Task;
-use crate::engine::{GraphInfo, NodeInfo, PortInfo, State};
+use crate::{
+    engine::{GraphInfo, NodeInfo, PortInfo, State},
+    task::Task,
+};
 
 /// The field of a cloud that holds ages.
 const META: &str = "meta";

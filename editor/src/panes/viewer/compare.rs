@@ -18,12 +18,12 @@ use super::{
     layer::{Layer, Painted, pixels, upload},
     pictures::Pictures,
     place::{Placed, WHOLE},
-    task::Task,
 };
 use crate::{
     engine::{GraphInfo, State},
     name::Named,
     session::Session,
+    task::Task,
     theme,
 };
 

@@ -6,7 +6,7 @@ use egui::{Align, Button, DragValue, Layout, RichText, ScrollArea, Sense, Ui, ve
 use epigraph_core::Snapshot;
 use epigraph_pictures::{Table, grouped};
 
-use super::task::Task;
+use crate::task::Task;
 use crate::theme;
 
 const ROW: f32 = 19.0;

@@ -14,7 +14,6 @@ mod pick;
 mod pictures;
 mod place;
 mod steer;
-mod task;
 
 use std::sync::Arc;
 
@@ -23,7 +22,6 @@ use epigraph_core::Snapshot;
 use epigraph_pictures::{Look, Shown, describe};
 use serde::{Deserialize, Serialize};
 
-pub(crate) use self::task::Task;
 use self::{
     ages::Ages,
     histogram::HistogramView,

@@ -10,10 +10,8 @@ use egui::{ColorImage, Context, TextureHandle};
 use epigraph_core::Snapshot;
 use epigraph_pictures::{Histogram, Look, apart};
 
-use super::{
-    layer::{Layer, Painted, pixels, upload},
-    task::Task,
-};
+use super::layer::{Layer, Painted, pixels, upload};
+use crate::task::Task;
 
 /// Pictures of usual sizes keep up with the graph, also where all cores are busy; only those that take longer leave some
 /// of their time to the tracer.
