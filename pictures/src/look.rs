@@ -94,8 +94,12 @@ impl Mode {
 
     /// What suits a port: by its name, and by what its elements are.
     pub fn of(snapshot: &Snapshot) -> Self {
-        let port = port_of(snapshot);
-        let lanes = lanes(&snapshot.element);
+        Self::of_port(port_of(snapshot), &snapshot.element)
+    }
+
+    /// What suits a port of that name and that element.
+    pub fn of_port(port: &str, element: &Element) -> Self {
+        let lanes = lanes(element);
         let floats = lanes.iter().all(Lane::is_float);
         match (lanes.len(), port) {
             (1, _) if is_depth(port) => Self::Depth,

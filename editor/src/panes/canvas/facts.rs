@@ -1,6 +1,7 @@
 //! What the engine says of blocks: what they cost, where they run, why they do not.
 
 use epigraph_core::{Download, Element, Field, GraphFile, Side, Source};
+use epigraph_pictures::Mode;
 
 use super::model::{Block, Model, PinRef, Role};
 use crate::{
@@ -101,15 +102,21 @@ pub fn readable(bytes: u64) -> String {
     }
 }
 
-/// The first texture that a block writes, or else its first list of one element per pixel.
+/// The first texture that a block writes, or else its first list of one element per pixel, but rather no ids: those tell
+/// the eye nothing.
 fn picture(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo) -> Option<PictureOf> {
     let index = model.block(&block.address)?;
     let outputs = (0..block.outputs.len()).filter_map(|pin| {
         let source = origin(file, &model.part, &model.source(PinRef { block: index, output: true, pin }))?;
         let info = port(graph, &source.node, &source.port)?;
         let size = [info.dims.width, info.dims.height];
-        let texture = matches!(info.port.fields[..], [Field { element: Element::Texel(_), .. }]);
-        let rank = if texture { 0 } else { 1 };
+        let [Field { element, .. }] = &info.port.fields[..] else { return None };
+        let texture = matches!(element, Element::Texel(_));
+        let rank = match Mode::of_port(&source.port, element) {
+            Mode::Names => 2,
+            _ if !texture => 1,
+            _ => 0,
+        };
         let whole = texture || (info.is_image(graph.size) && size == graph.size);
         whole.then(|| (rank, PictureOf { port: source.to_string(), size }))
     });
