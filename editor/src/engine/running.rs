@@ -21,6 +21,8 @@ pub struct Running {
     pub taps: Taps,
     /// Whether it can capture all that its nodes write.
     pub is_open: bool,
+    /// Whether a frame of it has been timed in which it did not.
+    pub is_timed: bool,
 }
 
 /// Which ports can be captured beside the outputs.
@@ -52,7 +54,7 @@ impl Running {
             let info = GraphInfo::new(&graph, &plan, settings.size, gpu.as_ref().map(|gpu| gpu.name()));
             let executor = Executor::new(graph, plan, &settings, registry, gpu);
             let executor = executor.map_err(|error| problems(&error))?;
-            Ok(Self { executor, info: Arc::new(info), taps, is_open })
+            Ok(Self { executor, info: Arc::new(info), taps, is_open, is_timed: false })
         }));
         made.unwrap_or_else(|panic| {
             let text = format!("compiling it panicked: {}", message(panic.as_ref()));

@@ -7,7 +7,7 @@ mod other;
 mod playback;
 
 use std::{
-    collections::VecDeque,
+    collections::{HashMap, VecDeque},
     fs,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
@@ -26,12 +26,13 @@ use epigraph_scenes::{AsyncTracer, Camera, FRAMES_PER_SECOND, Scene, Tracer, pre
 use epigraph_stages::{Pace, World, shared::world::PREDICTION_FRAMES};
 
 use capture::is_watched;
+use costs::step_costs;
 use inspected::Inspected;
 use other::Other;
 use playback::Path;
 
 use super::{
-    Backend, Command, MAX_RATE, Options, Pacing, Phase, RECORDED, Record, Shaders, State, StepCost,
+    Backend, Command, MAX_RATE, Options, Pacing, Phase, RECORDED, Record, Shaders, State,
     running::{Running, Taps, message},
 };
 
@@ -397,6 +398,7 @@ impl Worker {
             (running, before) => before.or(running),
         };
         if let Some(mut old) = old {
+            made.is_timed = rebuild == Rebuild::Taps && old.is_timed;
             if let Err(error) = made.executor.inherit(&mut old.executor) {
                 self.state.trouble = Some(format!("the cloud could not be kept: {error}"));
             }
@@ -406,8 +408,13 @@ impl Worker {
     }
 
     fn run_graph(&mut self, running: Running) {
+        // Until a frame has run, what is known of the steps is what they cost before.
+        let known = self.state.graph.iter().flat_map(|graph| &graph.steps).zip(&self.state.times);
+        let known: HashMap<&str, f32> = known.map(|(step, ms)| (step.name.as_str(), *ms)).collect();
+        let steps = running.info.steps.iter();
+        let times = steps.map(|step| known.get(step.name.as_str()).copied().unwrap_or_default()).collect();
+        self.state.times = times;
         self.state.graph = Some(running.info.clone());
-        self.state.times = vec![0.0; running.info.steps.len()];
         self.running = Some(running);
         self.capture = None;
     }
@@ -470,26 +477,30 @@ impl Worker {
         let host = &self.host;
         let result = catch_unwind(AssertUnwindSafe(|| {
             executor.run(&frame, host, true)?;
+            let took = start.elapsed();
             let snapshots = executor.snapshots()?;
-            Ok(snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect::<Vec<_>>())
+            let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone()));
+            Ok((took, snapshots.collect::<Vec<_>>()))
         }));
         let result = result.unwrap_or_else(|panic| {
             Err(RunError::Gpu(format!("running it panicked: {}", message(panic.as_ref()))))
         });
         match result {
-            Ok(mut snapshots) => {
-                self.state.times.copy_from_slice(executor.times());
-                let cost = |((&start, &ms), &moved)| StepCost { start, ms, moved };
-                let costs = executor.starts().iter().zip(executor.times()).zip(executor.moved());
-                let costs = costs.map(cost).collect();
+            Ok((took, mut snapshots)) => {
+                // Copies of all ports slow down the steps between them, as they push everything out of the caches. So where
+                // there is a frame before that was timed without, its costs stay.
+                let costs = (!(captures && running.is_timed)).then(|| step_costs(executor));
+                running.is_timed |= !captures;
                 let captured = captures.then(|| snapshots.clone());
                 if captures {
                     snapshots.retain(|snapshot| is_watched(&snapshot.name));
                 }
                 self.state.snapshots = snapshots;
                 self.succeeded(camera, frame.samples);
-                self.measure(start, &info);
-                self.record(info, costs);
+                if let Some(costs) = costs {
+                    self.measure(took, &info, &costs);
+                    self.record(info, costs);
+                }
                 self.run_other(&frame);
                 self.capture = captured.map(|snapshots| Capture { frame, snapshots });
                 self.tell_capture();

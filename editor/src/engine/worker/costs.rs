@@ -5,12 +5,15 @@ use std::{
     time::{Duration, Instant},
 };
 
+use epigraph_core::Executor;
+
 use super::Worker;
 use crate::engine::{GraphInfo, MAX_RATE, RECORDED, Record, StepCost};
 
 impl Worker {
-    /// Notes how long the frame took that began at `start`, but for copies for those who look.
-    pub(super) fn measure(&mut self, start: Instant, graph: &GraphInfo) {
+    /// Notes what a frame cost that has just ended and `took` so long, copies for those who look included.
+    pub(super) fn measure(&mut self, took: Duration, graph: &GraphInfo, steps: &[StepCost]) {
+        self.state.times = steps.iter().map(|step| step.ms).collect();
         if !self.options.measured {
             self.state.times.fill(1.0);
             self.state.frame_ms = graph.steps.iter().filter(|step| !step.is_tap).count() as f32;
@@ -20,7 +23,7 @@ impl Worker {
         let now = Instant::now();
         self.ends.retain(|end| now - *end < Duration::from_secs(1));
         self.ends.push(now);
-        self.state.frame_ms = own_ms(start, graph, &self.state.times);
+        self.state.frame_ms = own_ms(took, graph, &self.state.times);
         self.state.rate = self.ends.len() as f32;
     }
 
@@ -43,8 +46,14 @@ impl Worker {
     }
 }
 
-/// Milliseconds since `start` without the steps that only copy something for whoever looks.
-pub(super) fn own_ms(start: Instant, graph: &GraphInfo, times: &[f32]) -> f32 {
+/// Milliseconds without the steps that only copy something for whoever looks.
+pub(super) fn own_ms(took: Duration, graph: &GraphInfo, times: &[f32]) -> f32 {
     let taps = graph.steps.iter().zip(times).filter(|(step, _)| step.is_tap).map(|(_, ms)| ms);
-    (start.elapsed().as_secs_f32() * 1000.0 - taps.sum::<f32>()).max(0.0)
+    (took.as_secs_f32() * 1000.0 - taps.sum::<f32>()).max(0.0)
+}
+
+/// What each step of the last frame cost.
+pub(super) fn step_costs(executor: &Executor) -> Vec<StepCost> {
+    let costs = executor.starts().iter().zip(executor.times()).zip(executor.moved());
+    costs.map(|((&start, &ms), &moved)| StepCost { start, ms, moved }).collect()
 }

@@ -3,7 +3,7 @@
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{Arc, PoisonError},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use epigraph_core::{Frame, Host, RunError};
@@ -65,22 +65,22 @@ impl Worker {
     /// Runs its share of a frame.
     pub(super) fn run_other(&mut self, frame: &Frame) {
         let Some(mut other) = self.other.take_if(|other| !other.failed) else { return };
-        let start = Instant::now();
         let ran = catch_unwind(AssertUnwindSafe(|| self.try_other(&mut other, frame)));
         let ran =
             ran.unwrap_or_else(|panic| Err(format!("running it panicked: {}", message(panic.as_ref()))));
         other.failed = ran.is_err();
         if let Some(state) = &mut self.state.other {
-            state.trouble = ran.err();
             state.graph = other.running.as_ref().map(|running| running.info.clone());
-            if let Some(running) = other.running.as_ref().filter(|_| self.options.measured) {
-                state.frame_ms = own_ms(start, &running.info, running.executor.times());
+            if let (Ok(took), Some(running), true) = (&ran, &other.running, self.options.measured) {
+                state.frame_ms = own_ms(*took, &running.info, running.executor.times());
             }
+            state.trouble = ran.err();
         }
         self.other = Some(other);
     }
 
-    fn try_other(&mut self, other: &mut Other, frame: &Frame) -> Result<(), String> {
+    /// How long it took, if there was something to run.
+    fn try_other(&mut self, other: &mut Other, frame: &Frame) -> Result<Duration, String> {
         if other.pacing != self.pacing() {
             other.pacing = self.pacing();
             other.host = host(&self.tracer, other.pacing);
@@ -95,14 +95,16 @@ impl Worker {
             }
             other.running = Some(made);
         }
-        let Some(running) = &mut other.running else { return Ok(()) };
+        let Some(running) = &mut other.running else { return Ok(Duration::ZERO) };
         let told = |error: RunError| error.to_string();
+        let start = Instant::now();
         running.executor.run(frame, &other.host, true).map_err(told)?;
+        let took = start.elapsed();
         let snapshots = running.executor.snapshots().map_err(told)?;
         let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect();
         if let Some(state) = &mut self.state.other {
             state.snapshots = snapshots;
         }
-        Ok(())
+        Ok(took)
     }
 }
