@@ -63,10 +63,9 @@ impl InspectorPane {
             ui.strong(format!("({x}, {y})"));
             if let Some(inspection) = &session.state.inspection {
                 let mib = inspection.bytes as f64 / f64::from(1 << 20);
-                let cost = "The size of the copies of what all nodes wrote. While this pane is open, memory of \
-                            twice that is held. They are taken in the frames that are looked at: one for a click \
-                            while frames run, every step during a pause. Close the pane or show another in its \
-                            place to end that.";
+                let cost = "The size of the copies of what all nodes wrote: one frame for a click while frames run, the \
+                            last step of a pause. Memory of twice that is held during a pause, and while this pane is \
+                            open.";
                 ui.weak(format!("frame {}, {mib:.0} MiB", inspection.frame)).on_hover_text(cost);
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
