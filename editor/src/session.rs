@@ -325,7 +325,7 @@ impl Session {
     /// # Errors
     /// What has to be saved first, or that there is no picture yet.
     pub fn command_line(&self) -> Result<CommandLine, String> {
-        if self.document.is_dirty() {
+        if self.document.unsaved().next().is_some() {
             return Err("save the graph first: the command line reads its file".into());
         }
         let state = &self.state;

@@ -92,7 +92,7 @@ fn figures(ui: &mut Ui, session: &Session) {
     let Some(graph) = &state.graph else { return };
     let bytes: u64 = graph.bytes.iter().sum();
     let mut figures = vec![
-        format!("frame {}", state.frames),
+        if state.frames == 1 { "1 frame".into() } else { format!("{} frames", state.frames) },
         format!("{:.1} ms", state.frame_ms),
         format!("{:.0} frames/s", state.rate),
         format!("{} samples/frame", state.samples),

@@ -1,6 +1,7 @@
 use std::fs;
 
 use egui::OutputCommand;
+use epigraph_editor::document::Tag;
 use epigraph_pictures::{Look, Picture, show};
 
 use crate::support::{Opened, command, words};
@@ -64,6 +65,11 @@ fn the_copied_command_line_makes_the_picture_in_view() {
 fn unsaved_text_has_to_be_saved_before_a_command_line_is_copied() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(1);
+    // Where the boxes stand changes no picture.
+    let document = &mut opened.harness.state_mut().session.document;
+    document.place(Tag::Once, |places| _ = places.insert("fill".into(), [10.0, 20.0]));
+    assert!(document.is_dirty());
+    assert!(copied(&mut opened).is_some());
     let path = opened.app().session.document.path().to_owned();
     let text = format!("{}// more\n", opened.text());
     opened.harness.state_mut().session.document.type_text(&path, &text);

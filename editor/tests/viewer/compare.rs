@@ -89,7 +89,7 @@ fn another_port_is_watched_and_compared_with() {
     let mut view = View::new([64, 48], false, 3);
     view.see("view/cull.id");
     view.click("Compare");
-    view.choose("held: view/cull.id, frame 3", "view/project.id");
+    view.choose("held: view/cull.id, frame 2", "view/project.id");
     assert_eq!(view.against().port(), Some("view/project.id"));
     let figures = view.figures(|figures| figures.flip > 0.0);
     assert!(figures.psnr > 5.0 && figures.psnr.is_finite(), "{figures:?}");
@@ -103,7 +103,7 @@ fn another_port_is_watched_and_compared_with() {
 fn another_graph_runs_beside_and_is_compared_with() {
     let mut view = View::new([64, 48], false, 3);
     view.click("Compare");
-    view.choose("held: image, frame 3", "another graph …");
+    view.choose("held: image, frame 2", "another graph …");
     let anew = |view: &mut View| {
         view.opened.app().session.engine.send(Command::Reset);
         // One frame may have been owed.
@@ -136,7 +136,7 @@ fn a_file_is_compared_with_by_its_path() {
     fs::write(path("same.png"), png([64, 48], &colors).unwrap()).unwrap();
     fs::write(path("small.png"), png([1, 1], &[[0; 3]]).unwrap()).unwrap();
     view.click("Compare");
-    view.choose("held: image, frame 3", "an image file …");
+    view.choose("held: image, frame 2", "an image file …");
     assert!(view.opened.harness.query_by_label_contains("drop one on the window").is_some());
     view.type_path(&path("same.png"));
     assert_eq!(view.figures(|_| true).flip, 0.0);

@@ -26,7 +26,7 @@ fn every_state_is_drawn() {
     view.wheel(view.image().center(), 400.0);
     view.click("Difference");
     shot(&mut view, "difference");
-    view.choose("held: image, frame 20", "an image file …");
+    view.choose("held: image, frame 19", "an image file …");
     shot(&mut view, "file");
     view.click("Compare");
     view.click("Fit");

@@ -264,7 +264,8 @@ impl Compare {
     }
 
     fn held_name(&self) -> String {
-        let name = |held: &Held| format!("held: {}, frame {}", held.image.name, held.frames);
+        let name =
+            |held: &Held| format!("held: {}, frame {}", held.image.name, held.frames.saturating_sub(1));
         self.held.as_ref().map_or("nothing".into(), name)
     }
 
