@@ -108,6 +108,13 @@ impl Reflected {
     }
 }
 
+/// The whole text of a shader: with what it imports, and only the lines that its defines keep.
+///
+/// Errors: [`GraphError::Shader`] with the file and the line.
+pub(crate) fn text(shader: &Shader, library: &ShaderLibrary) -> Result<String, GraphError> {
+    compose::compose(shader, library).map(|composed| composed.text)
+}
+
 /// Composes, parses, validates and lists a shader.
 ///
 /// A line `#import NAME` brings in the library's module of that name (its file's name without folder and `.wgsl`);

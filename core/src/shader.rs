@@ -16,7 +16,7 @@ pub struct Shader {
 }
 
 /// Which wgpu features a pass needs beyond the portable set.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Needs {
     /// 64-bit integers with atomic minimum in storage buffers.
     pub atomic64: bool,

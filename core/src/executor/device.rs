@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-use super::RunError;
+use super::{RunError, programs::Programs};
 
 /// Which adapters will do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +22,7 @@ pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
     failure: Arc<Mutex<Option<RunError>>>,
+    pub(crate) programs: Programs,
 }
 
 impl Gpu {
@@ -70,7 +71,7 @@ impl Gpu {
             let reason = if message.is_empty() { "its driver gives no reason".into() } else { message };
             note(&first, RunError::Lost(reason));
         });
-        Ok(Self { device, queue, info: adapter.get_info(), failure })
+        Ok(Self { device, queue, info: adapter.get_info(), failure, programs: Programs::default() })
     }
 
     /// The adapter's name and driver.

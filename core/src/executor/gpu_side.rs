@@ -2,7 +2,11 @@
 
 use std::{cell::RefCell, collections::HashMap, sync::Arc};
 
-use super::{Gpu, RunError, readback::Readback};
+use super::{
+    Gpu, RunError,
+    programs::{Program, Raster},
+    readback::Readback,
+};
 use crate::{
     file::{Download, Side},
     frame::Frame,
@@ -92,6 +96,8 @@ struct GpuPass {
 
 struct GpuNode {
     passes: Vec<GpuPass>,
+    /// Kept for the executor that comes after this one.
+    _program: Arc<Program>,
 }
 
 struct Upload {
@@ -183,9 +189,9 @@ impl GpuSide {
         if declaration.needs.atomic64 && !self.gpu.has_atomic64() {
             return Err(fail(format!("{} has no 64-bit atomics; choose another method", self.gpu.name())));
         }
-        let reflected = reflect::compose(shader, &registry.library, declaration.needs)
-            .map_err(|error| fail(error.to_string()))?;
-        let wrong = reflect::check(&reflected, &shader.name, declaration, &node.stage.specs());
+        let programs = &self.gpu.programs;
+        let program = programs.get(&self.gpu, shader, &registry.library, declaration.needs).map_err(fail)?;
+        let wrong = reflect::check(&program.reflected, &shader.name, declaration, &node.stage.specs());
         if let Some(error) = wrong.first() {
             return Err(fail(error.to_string()));
         }
@@ -198,56 +204,42 @@ impl GpuSide {
             mapped_at_creation: false,
         });
         self.gpu.queue.write_buffer(&params, 0, bytemuck::cast_slice(&words));
-        let module = self.gpu.scoped(|| {
-            device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(&shader.name),
-                source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(reflected.module.clone())),
-            })
-        });
-        let module = module.map_err(|error| fail(error.to_string()))?;
         let built = self.gpu.scoped(|| {
             let passes = declaration.passes.iter().map(|pass| {
-                let pipeline = self.pipeline(&module, &reflected, pass, &node.dims, plan, index);
+                let pipeline = self.pipeline(&program, pass, &node.dims, plan, index);
                 let bindings = [0, 1].map(|parity| {
-                    self.bind(&pipeline, &reflected, pass, graph, plan, index, parity, &params)
+                    self.bind(&pipeline, &program.reflected, pass, graph, plan, index, parity, &params)
                 });
                 GpuPass { pipeline, bindings }
             });
             passes.collect()
         });
-        built.map(|passes| GpuNode { passes }).map_err(|error| fail(error.to_string()))
+        built
+            .map(|passes| GpuNode { passes, _program: program.clone() })
+            .map_err(|error| fail(error.to_string()))
     }
 
-    fn pipeline(
-        &self,
-        module: &wgpu::ShaderModule,
-        reflected: &Reflected,
-        pass: &Pass,
-        dims: &[Dims],
-        plan: &Plan,
-        node: usize,
-    ) -> Pipeline {
+    fn pipeline(&self, program: &Program, pass: &Pass, dims: &[Dims], plan: &Plan, node: usize) -> Pipeline {
         let device = &self.gpu.device;
         match pass {
             Pass::Compute { entry, threads } => {
-                let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label: Some(entry),
-                    layout: None,
-                    module,
-                    entry_point: Some(entry),
-                    compilation_options: Default::default(),
-                    cache: None,
-                });
-                let size = entry_of(reflected, entry).workgroup_size;
+                let size = entry_of(&program.reflected, entry).workgroup_size;
+                let pipeline = program.compute(device, entry);
                 Pipeline::Compute { pipeline, groups: groups(*threads, size, dims) }
             }
             Pass::Points { vertex, fragment, count, target, clear } => {
                 let slot = self.slot(plan, node, *target, 0);
                 let dims = dims[target.port as usize];
                 let depth = device.create_texture(&texture(dims, wgpu::TextureFormat::Depth32Float, false));
-                let topology = wgpu::PrimitiveTopology::PointList;
+                let raster = Raster {
+                    vertex,
+                    fragment,
+                    topology: wgpu::PrimitiveTopology::PointList,
+                    format: self.format(slot),
+                    depth_test: true,
+                };
                 Pipeline::Raster {
-                    pipeline: self.raster(module, [vertex, fragment], topology, slot, true),
+                    pipeline: program.raster(device, &raster),
                     vertices: self.list_length(plan, node, *count),
                     slot,
                     clear: *clear,
@@ -256,9 +248,15 @@ impl GpuSide {
             }
             Pass::Lines { vertex, fragment, count, target } => {
                 let slot = self.slot(plan, node, *target, 0);
-                let topology = wgpu::PrimitiveTopology::TriangleList;
+                let raster = Raster {
+                    vertex,
+                    fragment,
+                    topology: wgpu::PrimitiveTopology::TriangleList,
+                    format: self.format(slot),
+                    depth_test: false,
+                };
                 Pipeline::Raster {
-                    pipeline: self.raster(module, [vertex, fragment], topology, slot, false),
+                    pipeline: program.raster(device, &raster),
                     vertices: self.list_length(plan, node, *count).saturating_mul(6),
                     slot,
                     clear: 0,
@@ -266,43 +264,6 @@ impl GpuSide {
                 }
             }
         }
-    }
-
-    fn raster(
-        &self,
-        module: &wgpu::ShaderModule,
-        [vertex, fragment]: [&str; 2],
-        topology: wgpu::PrimitiveTopology,
-        slot: usize,
-        depth_test: bool,
-    ) -> wgpu::RenderPipeline {
-        self.gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(vertex),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module,
-                entry_point: Some(vertex),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-            depth_stencil: depth_test.then(|| wgpu::DepthStencilState {
-                format: wgpu::TextureFormat::Depth32Float,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Less),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module,
-                entry_point: Some(fragment),
-                compilation_options: Default::default(),
-                targets: &[Some(self.format(slot).into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
     }
 
     fn list_length(&self, plan: &Plan, node: usize, at: FieldRef) -> u32 {

@@ -5,6 +5,7 @@
 
 mod device;
 mod gpu_side;
+mod programs;
 mod readback;
 mod versions;
 
