@@ -467,6 +467,24 @@ fn late_downloads_are_exactly_that_late() {
     let file = GraphFile::parse("late.ron", text).unwrap();
     let seen: Vec<u32> = run(&file, &Settings::new(SIZE, 0), 6).iter().map(|image| image[7]).collect();
     assert_eq!(seen[2..], [1008, 2008, 3008, 4008]);
+
+    // What was under way comes on time in a graph that was compiled anew, and in one after that; and the one before can
+    // go on if its successor fails.
+    let mut executors = [0, 1, 2].map(|_| executor(&file, &Settings::new(SIZE, 0)));
+    let mut seen = Vec::new();
+    let mut run = |executor: &mut Executor, index| {
+        executor.run(&frame(index), &Host::default(), true).unwrap();
+        seen.push(executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7]);
+    };
+    let [first, second, third] = &mut executors;
+    (0..4).for_each(|index| run(first, index));
+    second.inherit(first).unwrap();
+    (4..7).for_each(|index| run(second, index));
+    third.inherit(second).unwrap();
+    (7..9).for_each(|index| run(third, index));
+    (4..8).for_each(|index| run(first, index));
+    assert_eq!(seen[2..9], [1008, 2008, 3008, 4008, 5008, 6008, 7008]);
+    assert_eq!(seen[11..], [5008, 6008]);
 }
 
 #[test]

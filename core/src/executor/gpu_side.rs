@@ -498,11 +498,9 @@ impl GpuSide {
         let late = readback.len() as u64 - 1;
         if late > 0 {
             // Deliver first: the ring's oldest entry is the one this frame overwrites next.
-            if frame >= late {
-                readback.take(&self.gpu, frame - late, |staged| {
-                    layout.unpad(staged, block.borrow_mut().bytes_mut());
-                })?;
-            }
+            readback.take_late(&self.gpu, frame, late, |staged| {
+                layout.unpad(staged, block.borrow_mut().bytes_mut());
+            })?;
             let target = readback.record(frame);
             copy_out(encoder(&self.gpu, &mut self.encoder), &self.memory[slot], target, layout);
         } else {
@@ -514,6 +512,26 @@ impl GpuSide {
         }
         self.downloads.insert(copy, readback);
         Ok(())
+    }
+
+    /// Takes over what is on its way to the CPU from a side that has run so many frames, wherever it is the same storage.
+    pub fn take_over_downloads(&mut self, plan: &Plan, old: &mut Self, old_plan: &Plan, frames: u64) {
+        if !Arc::ptr_eq(&self.gpu, &old.gpu) {
+            return;
+        }
+        for (copy, readback) in &mut self.downloads {
+            let storage = &plan.storages[copy.storage];
+            let same = old.downloads.iter_mut().find(|(other, _)| {
+                let found = &old_plan.storages[other.storage];
+                found.name == storage.name
+                    && found.element == storage.element
+                    && found.dims == storage.dims
+                    && other.previous == copy.previous
+            });
+            if let Some((_, other)) = same {
+                readback.take_over(other, frames);
+            }
+        }
     }
 
     /// Records a copy of a storage into a readback ring.

@@ -428,8 +428,8 @@ impl Executor {
         Ok(all.into_iter().find(|snapshot| snapshot.name == name && snapshot.field == field))
     }
 
-    /// Takes over what an earlier executor keeps from frame to frame, wherever name, element and number are the same:
-    /// a changed graph goes on with the points that it has.
+    /// Takes over what an earlier executor keeps from frame to frame, and what is on its way to the CPU there, wherever
+    /// name, element and number are the same: a changed graph goes on with the points that it has.
     ///
     /// # Errors
     /// [`RunError::Gpu`] where the old contents cannot be read.
@@ -439,6 +439,9 @@ impl Executor {
                 let bytes = old.contents(index)?;
                 self.restore(&old.plan.storages[index].name, &bytes);
             }
+        }
+        if let (Some(gpu), Some(old_gpu)) = (&mut self.gpu, &mut old.gpu) {
+            gpu.take_over_downloads(&self.plan, old_gpu, &old.plan, old.frame);
         }
         Ok(())
     }

@@ -22,6 +22,8 @@ struct Entry {
 /// A ring of equal buffers, one for each frame under way.
 pub(super) struct Readback {
     entries: Vec<Entry>,
+    /// Frames of the executors that had it before.
+    before: u64,
 }
 
 impl Readback {
@@ -36,16 +38,25 @@ impl Readback {
             state: Arc::new(AtomicU8::new(IDLE)),
             frame: 0,
         };
-        Self { entries: (0..count).map(|_| entry()).collect() }
+        Self { entries: (0..count).map(|_| entry()).collect(), before: 0 }
     }
 
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
+    /// Takes the ring of another executor, which has run so many frames, with what is under way in it; that one goes on
+    /// with an empty one. Nothing happens where they differ in length.
+    pub fn take_over(&mut self, other: &mut Self, frames: u64) {
+        if self.len() == other.len() {
+            std::mem::swap(self, other);
+            self.before += frames;
+        }
+    }
+
     /// The buffer to copy this frame's result into. What it held and nobody took is dropped.
     pub fn record(&mut self, frame: u64) -> &wgpu::Buffer {
-        let count = self.entries.len() as u64;
+        let (count, frame) = (self.entries.len() as u64, self.before + frame);
         let entry = &mut self.entries[(frame % count) as usize];
         if entry.state.load(Ordering::Acquire) != IDLE {
             entry.buffer.unmap();
@@ -71,6 +82,18 @@ impl Readback {
     /// Gives `frame`'s bytes to `read`, waiting for them if they are still under way. Does nothing where that frame
     /// was not recorded.
     pub fn take(&mut self, gpu: &Gpu, frame: u64, read: impl FnOnce(&[u8])) -> Result<(), RunError> {
+        self.take_late(gpu, frame, 0, read)
+    }
+
+    /// The same with the bytes of so many frames before `frame`, be it another executor's.
+    pub fn take_late(
+        &mut self,
+        gpu: &Gpu,
+        frame: u64,
+        late: u64,
+        read: impl FnOnce(&[u8]),
+    ) -> Result<(), RunError> {
+        let Some(frame) = (self.before + frame).checked_sub(late) else { return Ok(()) };
         let count = self.entries.len() as u64;
         let entry = &mut self.entries[(frame % count) as usize];
         if entry.frame != frame || entry.state.load(Ordering::Acquire) < MAPPING {

@@ -133,6 +133,25 @@ fn all_ports_of_the_frame_can_be_seen_while_frames_wait() {
     assert!(ids(&send(&engine, [Command::Step(1)], 6)).is_some());
 }
 
+#[test]
+fn compiling_anew_changes_no_picture() {
+    // The last ones with priorities that reach the CPU late.
+    for (name, backend) in
+        [("epi.ron", Backend::Cpu), ("epi.ron", Backend::Gpu), ("hybrid.ron", Backend::Gpu)]
+    {
+        let run = |anew: bool| {
+            let engine = Engine::start(Options { backend, ..options() }, || ());
+            send(&engine, [Command::Graph(graph(name)), Command::Step(3)], 3);
+            for frame in 4..8 {
+                let again = anew.then(|| Command::Shaders(Arc::default()));
+                send(&engine, again.into_iter().chain([Command::Step(1)]), frame);
+            }
+            image(&engine.state())
+        };
+        assert_eq!(run(true), run(false), "{name} {backend:?}");
+    }
+}
+
 fn beside(file: Arc<GraphFile>) -> Command {
     Command::Other(Some(Other { file, shaders: Arc::default(), watched: vec!["view.id".into()] }))
 }

@@ -26,8 +26,7 @@ impl Worker {
         let taps = self.taps();
         let serves = |running: &Running| {
             let has_all = || taps.watched.iter().all(|name| has(running, name));
-            running.taps == taps
-                || running.is_open && taps.all > 0 && running.taps.all >= taps.all && has_all()
+            running.taps == taps || running.is_open && taps.all > 0 && has_all()
         };
         // One that has failed would only fail again.
         if self.has_work() && !self.running.as_ref().is_some_and(serves) {
