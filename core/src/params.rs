@@ -186,7 +186,11 @@ impl Params for () {
 pub(crate) fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, ParamError> {
     ron::from_str(text).map_err(|error| ParamError {
         at: (error.span.start.line, error.span.start.col),
-        cause: error.code.to_string(),
+        cause: match error.code {
+            // Which there are is told with every error.
+            ron::Error::NoSuchEnumVariant { found, .. } => format!("there is no `{found}`"),
+            code => code.to_string(),
+        },
         out_of_range: false,
     })
 }

@@ -92,7 +92,7 @@ fn until(window: &mut Harness<App>, holds: impl Fn(&App) -> bool) {
 
 fn click(window: &mut Harness<App>, label: &str) {
     window.get_by_label(label).click();
-    window.run_steps(4);
+    leave(window);
 }
 
 /// Picks an entry of a list of that name.
@@ -102,5 +102,12 @@ fn choose(window: &mut Harness<App>, list: &str, entry: &str) {
     if let Some(entry) = window.get_all_by_label(entry).last() {
         entry.click();
     }
+    leave(window);
+}
+
+/// Takes the pointer out of the window.
+fn leave(window: &mut Harness<App>) {
+    window.run_steps(4);
+    window.event(egui::Event::PointerGone);
     window.run_steps(4);
 }

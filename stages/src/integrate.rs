@@ -26,9 +26,9 @@ epigraph_core::params! {
     }
 }
 
-/// Writes each sample into its slot, as a fresh point of age 0, and keeps in which frame it came. Where a sample has another colour than the point that
-/// its pixel showed, the points seen in the 7 x 7 pixels around it are flagged as changed, which makes them age faster
-/// (`algorithms.md` section 1.5).
+/// Writes each sample into its slot, as a fresh point of age 0, and keeps in which frame it came. Where a sample has
+/// another colour than the point that its pixel showed, the points seen in the 7 x 7 pixels around it are flagged as
+/// changed, which makes them age faster (`algorithms.md` section 1.5).
 pub struct Integrate {
     cloud_position: Out<[f32; 4]>,
     cloud_radiance: Out<u32>,
