@@ -1,39 +1,36 @@
 //! The engine's thread: obeys commands, runs frames, publishes states.
 
+mod build;
 mod capture;
 mod costs;
+mod frame;
 mod inspected;
 mod other;
 mod playback;
 
 use std::{
-    collections::{HashMap, VecDeque},
-    fs,
-    panic::{AssertUnwindSafe, catch_unwind},
+    collections::VecDeque,
+    panic::catch_unwind,
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex,
         mpsc::{Receiver, RecvTimeoutError, TryRecvError},
     },
     thread,
     time::{Duration, Instant},
 };
 
-use epigraph_core::{
-    AdapterChoice, Capture, Frame, Gpu, GraphFile, Host, Kind, MAX_SIDE, Problems, Registry, RunError,
-    Settings, Side, wgsl_kind_from,
-};
-use epigraph_scenes::{AsyncTracer, Camera, FRAMES_PER_SECOND, Scene, Tracer, predict};
-use epigraph_stages::{Pace, World, shared::world::PREDICTION_FRAMES};
+use epigraph_core::{Capture, Gpu, GraphFile, Host, MAX_SIDE, Registry};
+use epigraph_scenes::{AsyncTracer, Camera, FRAMES_PER_SECOND, Scene, Tracer};
+use epigraph_stages::{Pace, World};
 
-use capture::is_watched;
-use costs::step_costs;
+use build::{Rebuild, shader_kind};
 use inspected::Inspected;
 use other::Other;
 use playback::Path;
 
 use super::{
-    Backend, Command, MAX_RATE, Options, Pacing, Phase, RECORDED, Record, Shaders, State,
-    running::{Running, Taps, message},
+    Command, MAX_RATE, Options, Pacing, Phase, RECORDED, Record, Shaders, State,
+    running::{Running, message},
 };
 
 /// Runs until the sender of the commands is gone.
@@ -71,18 +68,6 @@ fn load(name: &str) -> Result<Arc<Scene>, String> {
     catch_unwind(read).unwrap_or_else(|panic| {
         Err(format!("reading the scene {name} panicked: {}", message(panic.as_ref())))
     })
-}
-
-/// Whether the memory of the running graph is still right.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Rebuild {
-    No,
-    /// Compile the same graph again, for other ports to be captured.
-    Taps,
-    /// Compile again and take over what is kept.
-    Keep,
-    /// Compile again and start anew.
-    Afresh,
 }
 
 struct Worker {
@@ -338,238 +323,10 @@ impl Worker {
         }
     }
 
-    /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
-    fn build(&mut self) {
-        let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
-        // Whoever only looks has not read yet what was said.
-        if !self.lost && rebuild > Rebuild::Taps {
-            self.state.trouble = None;
-        }
-        self.state.problems = Vec::new();
-        self.rebuild_other(rebuild);
-        let newest = self.file.clone().map(|file| (file, self.shaders.clone()));
-        for (file, shaders) in [newest, self.good.clone()].into_iter().flatten() {
-            *self.read.lock().unwrap_or_else(PoisonError::into_inner) = shaders.clone();
-            let taps = self.taps();
-            match self.compile(&file, taps) {
-                Ok(made) => {
-                    self.good = Some((file, shaders));
-                    self.replace(made, rebuild);
-                    return;
-                }
-                // Those of the newest file count.
-                Err(problems) if self.state.problems.is_empty() => self.state.problems = problems.0,
-                Err(_) => {}
-            }
-        }
-    }
-
-    fn compile(&mut self, file: &GraphFile, taps: Taps) -> Result<Running, Problems> {
-        let size = self.options.size;
-        let side = self.side();
-        let settings = Settings {
-            facts: World::facts(self.tracer.scene(), true),
-            side,
-            ..Settings::new(size, samples(size, self.options.samples))
-        };
-        let gpu = &mut self.gpu;
-        let mut open = || open_gpu(gpu);
-        Running::new(file, &self.registry, &settings, taps, &mut open)
-    }
-
-    /// Lets a graph run from now on, with what the one before keeps.
-    fn replace(&mut self, mut made: Running, rebuild: Rebuild) {
-        self.stopped = false;
-        if rebuild == Rebuild::Afresh {
-            self.running = None;
-            self.before = None;
-            self.index = 0;
-            self.shown = None;
-            self.state.frames = 0;
-            if self.path.is_none() {
-                self.state.playing = None;
-            }
-            // Samples of before the reset that are still under way belong to no frame.
-            self.host = host(&self.tracer, self.pacing());
-        }
-        // One that never ran a frame has nothing yet that its successor could not take from the one before.
-        let old = match (self.running.take(), self.before.take()) {
-            (Some(running), _) if running.executor.frames() > 0 => Some(running),
-            (running, before) => before.or(running),
-        };
-        if let Some(mut old) = old {
-            made.is_timed = rebuild == Rebuild::Taps && old.is_timed;
-            if let Err(error) = made.executor.inherit(&mut old.executor) {
-                self.state.trouble = Some(format!("the cloud could not be kept: {error}"));
-            }
-            self.before = Some(old);
-        }
-        self.run_graph(made);
-    }
-
-    fn run_graph(&mut self, running: Running) {
-        // Until a frame has run, what is known of the steps is what they cost before.
-        let known = self.state.graph.iter().flat_map(|graph| &graph.steps).zip(&self.state.times);
-        let known: HashMap<&str, f32> = known.map(|(step, ms)| (step.name.as_str(), *ms)).collect();
-        let steps = running.info.steps.iter();
-        let times = steps.map(|step| known.get(step.name.as_str()).copied().unwrap_or_default()).collect();
-        self.state.times = times;
-        self.state.graph = Some(running.info.clone());
-        self.running = Some(running);
-        self.capture = None;
-    }
-
     /// When samples arrive now: along a path, all of them in the frame of their request.
     fn pacing(&self) -> Pacing {
         if self.path.is_some() { Pacing::Exact } else { self.options.pacing }
     }
-
-    /// Where nodes run by default.
-    fn side(&mut self) -> Side {
-        match self.options.backend {
-            Backend::Cpu => Side::Cpu,
-            Backend::Gpu => Side::Gpu,
-            Backend::Auto => {
-                if self.gpu.is_none() {
-                    self.gpu = Gpu::open(AdapterChoice::Hardware).ok().map(Arc::new);
-                }
-                let hardware = self.gpu.as_ref().is_some_and(|gpu| !gpu.is_software());
-                if hardware { Side::Gpu } else { Side::Cpu }
-            }
-        }
-    }
-
-    /// The camera and what the stages get of this frame.
-    fn next_frame(&self, size: [u32; 2]) -> (Camera, Frame) {
-        let samples = samples(size, self.options.samples);
-        if let Some(Path { path, .. }) = &self.path {
-            return (
-                path.camera(self.index),
-                World::frame(path, self.index, size, samples, self.options.seed),
-            );
-        }
-        let previous = self.shown.unwrap_or(self.camera);
-        let frame = Frame {
-            view: World::view(&self.camera, size),
-            previous: World::view(&previous, size),
-            predicted: World::view(&predict(&previous, &self.camera, PREDICTION_FRAMES), size),
-            size,
-            index: self.index,
-            seed: self.options.seed,
-            samples,
-            ..Frame::default()
-        };
-        (self.camera, frame)
-    }
-
-    fn frame(&mut self) {
-        let Some(running) = &self.running else { return };
-        let start = Instant::now();
-        let (camera, frame) = self.next_frame(running.info.size);
-        let captures = self.captures();
-        let Some(running) = &mut self.running else { return };
-        let info = running.info.clone();
-        let is_watched = |name: &str| is_watched(&info, &self.watched, name);
-        let executor = &mut running.executor;
-        if running.is_open {
-            executor.want(|name| captures || is_watched(name));
-        }
-        let host = &self.host;
-        let result = catch_unwind(AssertUnwindSafe(|| {
-            executor.run(&frame, host, true)?;
-            let took = start.elapsed();
-            let snapshots = executor.snapshots()?;
-            let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone()));
-            Ok((took, snapshots.collect::<Vec<_>>()))
-        }));
-        let result = result.unwrap_or_else(|panic| {
-            Err(RunError::Gpu(format!("running it panicked: {}", message(panic.as_ref()))))
-        });
-        match result {
-            Ok((took, mut snapshots)) => {
-                // Copies of all ports slow down the steps between them, as they push everything out of the caches. So where
-                // there is a frame before that was timed without, its costs stay.
-                let costs = (!(captures && running.is_timed)).then(|| step_costs(executor));
-                running.is_timed |= !captures;
-                let captured = captures.then(|| snapshots.clone());
-                if captures {
-                    snapshots.retain(|snapshot| is_watched(&snapshot.name));
-                }
-                self.state.snapshots = snapshots;
-                self.succeeded(camera, frame.samples);
-                if let Some(costs) = costs {
-                    self.measure(took, &info, &costs);
-                    self.record(info, costs);
-                }
-                self.run_other(&frame);
-                self.capture = captured.map(|snapshots| Capture { frame, snapshots });
-                self.tell_capture();
-                self.advance();
-            }
-            Err(error) => self.failed(&error),
-        }
-    }
-
-    fn succeeded(&mut self, camera: Camera, samples: u32) {
-        self.before = None;
-        self.lost = false;
-        self.shown = Some(camera);
-        self.index = self.index.wrapping_add(1);
-        self.owed = self.owed.saturating_sub(1);
-        self.state.camera = self.shown;
-        if self.path.is_none() {
-            self.state.playing = None;
-        }
-        self.state.frames = self.index;
-        self.state.samples = samples;
-    }
-
-    /// The graph before takes over where this one never ran; else frames stop until something changes.
-    fn failed(&mut self, error: &RunError) {
-        self.owed = self.owed.saturating_sub(1);
-        self.leave_path();
-        match error {
-            RunError::Lost(_) => return self.lose(error),
-            RunError::Gpu(_) => self.gpu = None,
-            _ => {}
-        }
-        match self.before.take() {
-            Some(before) => {
-                self.state.trouble =
-                    Some(format!("the changed graph failed, so the one before runs on: {error}"));
-                self.run_graph(before);
-            }
-            None => {
-                self.state.trouble = Some(format!("stopped: {error}"));
-                self.stopped = true;
-                self.owed = 0;
-            }
-        }
-    }
-
-    /// What was on the GPU is gone. Another device is opened once; a loss before its first frame stops everything.
-    fn lose(&mut self, error: &RunError) {
-        self.gpu = None;
-        self.running = None;
-        self.before = None;
-        if self.lost {
-            self.state.trouble =
-                Some(format!("stopped, as it happened again: {error}; the CPU can be chosen instead"));
-        } else {
-            self.state.trouble = Some(format!("{error}; a new start was made"));
-            self.lost = true;
-            self.rebuild = Rebuild::Afresh;
-        }
-    }
-}
-
-/// The kind `wgsl` with texts that stand in for files.
-fn shader_kind(read: &Arc<Mutex<Arc<Shaders>>>) -> Box<dyn Kind> {
-    let read = read.clone();
-    wgsl_kind_from(move |path| {
-        let text = read.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned();
-        text.map_or_else(|| fs::read_to_string(path), |text| Ok(text.to_string()))
-    })
 }
 
 /// What the stages get beside their ports.
@@ -591,15 +348,6 @@ fn host(tracer: &Arc<Tracer>, pacing: Pacing) -> Host {
 fn samples(size: [u32; 2], share: f32) -> u32 {
     let pixels = size[0] * size[1];
     ((pixels as f32 * share).round() as u32).clamp(1, pixels)
-}
-
-fn open_gpu(open: &mut Option<Arc<Gpu>>) -> Result<Arc<Gpu>, RunError> {
-    if let Some(gpu) = open {
-        return Ok(gpu.clone());
-    }
-    let gpu = Arc::new(Gpu::open(AdapterChoice::Any)?);
-    *open = Some(gpu.clone());
-    Ok(gpu)
 }
 
 #[cfg(test)]

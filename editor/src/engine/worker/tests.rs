@@ -1,5 +1,7 @@
 use std::path;
 
+use crate::engine::Backend;
+
 use super::*;
 
 /// A worker on a graph, all of it on the GPU.

@@ -1,0 +1,146 @@
+//! From a graph's file to what runs.
+
+use std::{
+    collections::HashMap,
+    fs,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use epigraph_core::{
+    AdapterChoice, Gpu, GraphFile, Kind, Problems, RunError, Settings, Side, wgsl_kind_from,
+};
+use epigraph_stages::World;
+
+use super::{Worker, host, samples};
+use crate::engine::{
+    Backend, Shaders,
+    running::{Running, Taps},
+};
+
+/// Whether the memory of the running graph is still right.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Rebuild {
+    No,
+    /// Compile the same graph again, for other ports to be captured.
+    Taps,
+    /// Compile again and take over what is kept.
+    Keep,
+    /// Compile again and start anew.
+    Afresh,
+}
+
+impl Worker {
+    /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
+    pub(super) fn build(&mut self) {
+        let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
+        // Whoever only looks has not read yet what was said.
+        if !self.lost && rebuild > Rebuild::Taps {
+            self.state.trouble = None;
+        }
+        self.state.problems = Vec::new();
+        self.rebuild_other(rebuild);
+        let newest = self.file.clone().map(|file| (file, self.shaders.clone()));
+        for (file, shaders) in [newest, self.good.clone()].into_iter().flatten() {
+            *self.read.lock().unwrap_or_else(PoisonError::into_inner) = shaders.clone();
+            let taps = self.taps();
+            match self.compile(&file, taps) {
+                Ok(made) => {
+                    self.good = Some((file, shaders));
+                    self.replace(made, rebuild);
+                    return;
+                }
+                // Those of the newest file count.
+                Err(problems) if self.state.problems.is_empty() => self.state.problems = problems.0,
+                Err(_) => {}
+            }
+        }
+    }
+
+    pub(super) fn compile(&mut self, file: &GraphFile, taps: Taps) -> Result<Running, Problems> {
+        let size = self.options.size;
+        let side = self.side();
+        let settings = Settings {
+            facts: World::facts(self.tracer.scene(), true),
+            side,
+            ..Settings::new(size, samples(size, self.options.samples))
+        };
+        let gpu = &mut self.gpu;
+        let mut open = || open_gpu(gpu);
+        Running::new(file, &self.registry, &settings, taps, &mut open)
+    }
+
+    /// Lets a graph run from now on, with what the one before keeps.
+    fn replace(&mut self, mut made: Running, rebuild: Rebuild) {
+        self.stopped = false;
+        if rebuild == Rebuild::Afresh {
+            self.running = None;
+            self.before = None;
+            self.index = 0;
+            self.shown = None;
+            self.state.frames = 0;
+            if self.path.is_none() {
+                self.state.playing = None;
+            }
+            // Samples of before the reset that are still under way belong to no frame.
+            self.host = host(&self.tracer, self.pacing());
+        }
+        // One that never ran a frame has nothing yet that its successor could not take from the one before.
+        let old = match (self.running.take(), self.before.take()) {
+            (Some(running), _) if running.executor.frames() > 0 => Some(running),
+            (running, before) => before.or(running),
+        };
+        if let Some(mut old) = old {
+            made.is_timed = rebuild == Rebuild::Taps && old.is_timed;
+            if let Err(error) = made.executor.inherit(&mut old.executor) {
+                self.state.trouble = Some(format!("the cloud could not be kept: {error}"));
+            }
+            self.before = Some(old);
+        }
+        self.run_graph(made);
+    }
+
+    pub(super) fn run_graph(&mut self, running: Running) {
+        // Until a frame has run, what is known of the steps is what they cost before.
+        let known = self.state.graph.iter().flat_map(|graph| &graph.steps).zip(&self.state.times);
+        let known: HashMap<&str, f32> = known.map(|(step, ms)| (step.name.as_str(), *ms)).collect();
+        let steps = running.info.steps.iter();
+        let times = steps.map(|step| known.get(step.name.as_str()).copied().unwrap_or_default()).collect();
+        self.state.times = times;
+        self.state.graph = Some(running.info.clone());
+        self.running = Some(running);
+        self.capture = None;
+    }
+
+    /// Where nodes run by default.
+    fn side(&mut self) -> Side {
+        match self.options.backend {
+            Backend::Cpu => Side::Cpu,
+            Backend::Gpu => Side::Gpu,
+            Backend::Auto => {
+                if self.gpu.is_none() {
+                    self.gpu = Gpu::open(AdapterChoice::Hardware).ok().map(Arc::new);
+                }
+                let hardware = self.gpu.as_ref().is_some_and(|gpu| !gpu.is_software());
+                if hardware { Side::Gpu } else { Side::Cpu }
+            }
+        }
+    }
+}
+
+/// The kind `wgsl` with texts that stand in for files.
+pub(super) fn shader_kind(read: &Arc<Mutex<Arc<Shaders>>>) -> Box<dyn Kind> {
+    let read = read.clone();
+    wgsl_kind_from(move |path| {
+        let text = read.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned();
+        text.map_or_else(|| fs::read_to_string(path), |text| Ok(text.to_string()))
+    })
+}
+
+fn open_gpu(open: &mut Option<Arc<Gpu>>) -> Result<Arc<Gpu>, RunError> {
+    if let Some(gpu) = open {
+        return Ok(gpu.clone());
+    }
+    let gpu = Arc::new(Gpu::open(AdapterChoice::Any)?);
+    *open = Some(gpu.clone());
+    Ok(gpu)
+}

@@ -1,0 +1,138 @@
+//! A frame, and what becomes of it.
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Arc,
+    time::Instant,
+};
+
+use epigraph_core::{Capture, Frame, RunError};
+use epigraph_scenes::{Camera, predict};
+use epigraph_stages::{World, shared::world::PREDICTION_FRAMES};
+
+use super::{Path, Rebuild, Worker, capture::is_watched, costs::step_costs, message, samples};
+
+impl Worker {
+    /// The camera and what the stages get of this frame.
+    fn next_frame(&self, size: [u32; 2]) -> (Camera, Frame) {
+        let samples = samples(size, self.options.samples);
+        if let Some(Path { path, .. }) = &self.path {
+            return (
+                path.camera(self.index),
+                World::frame(path, self.index, size, samples, self.options.seed),
+            );
+        }
+        let previous = self.shown.unwrap_or(self.camera);
+        let frame = Frame {
+            view: World::view(&self.camera, size),
+            previous: World::view(&previous, size),
+            predicted: World::view(&predict(&previous, &self.camera, PREDICTION_FRAMES), size),
+            size,
+            index: self.index,
+            seed: self.options.seed,
+            samples,
+            ..Frame::default()
+        };
+        (self.camera, frame)
+    }
+
+    pub(super) fn frame(&mut self) {
+        let Some(running) = &self.running else { return };
+        let start = Instant::now();
+        let (camera, frame) = self.next_frame(running.info.size);
+        let captures = self.captures();
+        let Some(running) = &mut self.running else { return };
+        let info = running.info.clone();
+        let is_watched = |name: &str| is_watched(&info, &self.watched, name);
+        let executor = &mut running.executor;
+        if running.is_open {
+            executor.want(|name| captures || is_watched(name));
+        }
+        let host = &self.host;
+        let result = catch_unwind(AssertUnwindSafe(|| {
+            executor.run(&frame, host, true)?;
+            let took = start.elapsed();
+            let snapshots = executor.snapshots()?;
+            let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone()));
+            Ok((took, snapshots.collect::<Vec<_>>()))
+        }));
+        let result = result.unwrap_or_else(|panic| {
+            Err(RunError::Gpu(format!("running it panicked: {}", message(panic.as_ref()))))
+        });
+        match result {
+            Ok((took, mut snapshots)) => {
+                // Copies of all ports slow down the steps between them, as they push everything out of the caches. So where
+                // there is a frame before that was timed without, its costs stay.
+                let costs = (!(captures && running.is_timed)).then(|| step_costs(executor));
+                running.is_timed |= !captures;
+                let captured = captures.then(|| snapshots.clone());
+                if captures {
+                    snapshots.retain(|snapshot| is_watched(&snapshot.name));
+                }
+                self.state.snapshots = snapshots;
+                self.succeeded(camera, frame.samples);
+                if let Some(costs) = costs {
+                    self.measure(took, &info, &costs);
+                    self.record(info, costs);
+                }
+                self.run_other(&frame);
+                self.capture = captured.map(|snapshots| Capture { frame, snapshots });
+                self.tell_capture();
+                self.advance();
+            }
+            Err(error) => self.failed(&error),
+        }
+    }
+
+    fn succeeded(&mut self, camera: Camera, samples: u32) {
+        self.before = None;
+        self.lost = false;
+        self.shown = Some(camera);
+        self.index = self.index.wrapping_add(1);
+        self.owed = self.owed.saturating_sub(1);
+        self.state.camera = self.shown;
+        if self.path.is_none() {
+            self.state.playing = None;
+        }
+        self.state.frames = self.index;
+        self.state.samples = samples;
+    }
+
+    /// The graph before takes over where this one never ran; else frames stop until something changes.
+    fn failed(&mut self, error: &RunError) {
+        self.owed = self.owed.saturating_sub(1);
+        self.leave_path();
+        match error {
+            RunError::Lost(_) => return self.lose(error),
+            RunError::Gpu(_) => self.gpu = None,
+            _ => {}
+        }
+        match self.before.take() {
+            Some(before) => {
+                self.state.trouble =
+                    Some(format!("the changed graph failed, so the one before runs on: {error}"));
+                self.run_graph(before);
+            }
+            None => {
+                self.state.trouble = Some(format!("stopped: {error}"));
+                self.stopped = true;
+                self.owed = 0;
+            }
+        }
+    }
+
+    /// What was on the GPU is gone. Another device is opened once; a loss before its first frame stops everything.
+    fn lose(&mut self, error: &RunError) {
+        self.gpu = None;
+        self.running = None;
+        self.before = None;
+        if self.lost {
+            self.state.trouble =
+                Some(format!("stopped, as it happened again: {error}; the CPU can be chosen instead"));
+        } else {
+            self.state.trouble = Some(format!("{error}; a new start was made"));
+            self.lost = true;
+            self.rebuild = Rebuild::Afresh;
+        }
+    }
+}
