@@ -94,15 +94,22 @@ impl Sink for Numbered {
     }
 }
 
-/// An animated PNG at the path's pace, round and round.
+/// An animated PNG at the path's pace, round and round. Where there are others, frame 0 is left out: no sample has come yet
+/// then, so it is empty, and would be what programs show that know no animations.
 struct Animation {
     port: Port,
     path: PathBuf,
+    /// Of the path.
     frames: u32,
     writer: Option<Writer<BufWriter<File>>>,
 }
 
 impl Animation {
+    /// The first frame that is in it.
+    fn first(&self) -> u32 {
+        u32::from(self.frames > 1)
+    }
+
     /// The file while it is not whole.
     fn partial(&self) -> PathBuf {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy();
@@ -115,7 +122,7 @@ impl Animation {
         encoder.set_color(ColorType::Rgb);
         encoder.set_depth(BitDepth::Eight);
         let made = encoder
-            .set_animated(self.frames, 0)
+            .set_animated(self.frames - self.first(), 0)
             .and_then(|()| encoder.set_frame_delay(1, FRAMES_PER_SECOND as u16))
             .and_then(|()| encoder.write_header());
         made.map_err(|error| error.to_string())
@@ -123,7 +130,10 @@ impl Animation {
 }
 
 impl Sink for Animation {
-    fn take(&mut self, _: u32, snapshots: &[Arc<Snapshot>]) -> Result<(), String> {
+    fn take(&mut self, index: u32, snapshots: &[Arc<Snapshot>]) -> Result<(), String> {
+        if index < self.first() {
+            return Ok(());
+        }
         let picture = self.port.picture(snapshots)?;
         if self.writer.is_none() {
             self.writer = Some(self.open(picture.size)?);
@@ -137,7 +147,7 @@ impl Sink for Animation {
         let writer = self.writer.take().ok_or("there was no frame")?;
         writer.finish().map_err(|error| error.to_string())?;
         fs::rename(self.partial(), &self.path).map_err(|error| error.to_string())?;
-        Ok(format!("wrote {}, {} frames", self.path.display(), self.frames))
+        Ok(format!("wrote {}, {} frames", self.path.display(), self.frames - self.first()))
     }
 }
 
