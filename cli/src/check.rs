@@ -6,12 +6,12 @@ use epigraph_core::{
     Facts, Graph, GraphFile, Plan, Problem, Problems, Registry, Settings, Side, Step, check_shader, compile,
     compose_shader,
 };
-use epigraph_pictures::Target;
+use epigraph_pictures::{Target, readable};
 use epigraph_stages::World;
 use serde_json::{Value, json};
 
 use crate::{
-    args::CheckArgs, error::CliError, graph_source, memory, output::JsonTarget, reference::load_scene,
+    args::CheckArgs, error::CliError, graph_source, output::JsonTarget, reference::load_scene,
     values::Backend,
 };
 
@@ -126,16 +126,12 @@ impl Checked {
         let mut text = self.plan.to_string();
         for culled in &self.plan.culled {
             if let Some(bytes) = self.saved(&culled.node) {
-                text += &format!(
-                    "  without {}: {} fewer written a frame\n",
-                    culled.node,
-                    memory::readable(bytes)
-                );
+                text += &format!("  without {}: {} fewer written a frame\n", culled.node, readable(bytes));
             }
         }
         let saved = total(&self.whole).saturating_sub(total(&self.plan));
         if !self.plan.culled.is_empty() {
-            text += &format!("leaving out saves {} of memory\n", memory::readable(saved));
+            text += &format!("leaving out saves {} of memory\n", readable(saved));
         }
         text + &format!("{} fit their stages\n", count(self.shaders, "shader"))
     }

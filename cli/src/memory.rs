@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use epigraph_pictures::readable;
+
 use crate::error::CliError;
 
 /// Most bytes that the process has held in main memory at once; none where the system does not say.
@@ -33,28 +35,4 @@ fn field(file: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kilobytes * 1024)
-}
-
-/// Bytes for people: `12.3 MiB`.
-pub fn readable(bytes: u64) -> String {
-    const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
-    if bytes < 1024 {
-        return format!("{bytes} B");
-    }
-    let mut value = bytes as f64 / 1024.0;
-    let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < UNITS.len() {
-        value /= 1024.0;
-        unit += 1;
-    }
-    format!("{value:.1} {}", UNITS[unit])
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn bytes_are_readable() {
-        let texts = [0, 1023, 1024, 1536 * 1024, 5 << 40].map(super::readable);
-        assert_eq!(texts, ["0 B", "1023 B", "1.0 KiB", "1.5 MiB", "5.0 TiB"]);
-    }
 }

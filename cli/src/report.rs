@@ -1,6 +1,7 @@
 //! What a run of frames took: the table for people and the JSON for programs.
 
 use epigraph_core::{Gpu, Plan, Side, Step};
+use epigraph_pictures::readable;
 use serde_json::{Value, json};
 
 use crate::{args::RenderArgs, memory, render::TRACE, table::Table};
@@ -181,7 +182,7 @@ impl Report<'_> {
                 row.kind,
                 row.backend,
                 format!("{:.3}", row.ms),
-                memory::readable(row.bytes),
+                readable(row.bytes),
                 share,
             ]);
         }
@@ -229,14 +230,10 @@ impl Report<'_> {
         let side = |side: Side| {
             let bytes = self.plan.bytes(side);
             let pooled = self.pooled_bytes[side as usize];
-            format!(
-                "graph on the {side} {} ({} saved by pooling)",
-                memory::readable(bytes),
-                memory::readable(pooled)
-            )
+            format!("graph on the {side} {} ({} saved by pooling)", readable(bytes), readable(pooled))
         };
         let sides = [Side::Cpu, Side::Gpu].into_iter().filter(|side| self.plan.bytes(*side) > 0).map(side);
-        let peak = memory::peak().map(|bytes| format!("process at most {}", memory::readable(bytes)));
+        let peak = memory::peak().map(|bytes| format!("process at most {}", readable(bytes)));
         peak.into_iter().chain(sides).collect::<Vec<_>>().join(", ")
     }
 

@@ -13,6 +13,7 @@ use crate::{
 };
 
 pub use check::check;
+pub(crate) use compose::{Composed, compose as join};
 
 /// A composed and validated shader with its variables by name.
 #[derive(Clone, Debug)]
@@ -108,13 +109,6 @@ impl Reflected {
     }
 }
 
-/// The whole text of a shader: with what it imports, and only the lines that its defines keep.
-///
-/// Errors: [`GraphError::Shader`] with the file and the line.
-pub(crate) fn text(shader: &Shader, library: &ShaderLibrary) -> Result<String, GraphError> {
-    compose::compose(shader, library).map(|composed| composed.text)
-}
-
 /// Composes, parses, validates and lists a shader.
 ///
 /// A line `#import NAME` brings in the library's module of that name (its file's name without folder and `.wgsl`);
@@ -123,7 +117,11 @@ pub(crate) fn text(shader: &Shader, library: &ShaderLibrary) -> Result<String, G
 ///
 /// Errors: [`GraphError::Shader`] with the file, the line and what naga says.
 pub fn compose(shader: &Shader, library: &ShaderLibrary, needs: Needs) -> Result<Reflected, GraphError> {
-    let composed = compose::compose(shader, library)?;
+    validate(&join(shader, library)?, needs)
+}
+
+/// Parses, validates and lists a shader that has been put together; the rest of [`compose`].
+pub(crate) fn validate(composed: &Composed, needs: Needs) -> Result<Reflected, GraphError> {
     let options = naga::front::wgsl::Options {
         parse_doc_comments: true,
         capabilities: naga::valid::Capabilities::all(),
@@ -139,7 +137,7 @@ pub fn compose(shader: &Shader, library: &ShaderLibrary, needs: Needs) -> Result
             for note in error.notes() {
                 message += &format!("; {note}");
             }
-            located(&composed, label.map(|(span, _)| span), &message)
+            located(composed, label.map(|(span, _)| span), &message)
         })?;
 
     let mut capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
@@ -156,12 +154,12 @@ pub fn compose(shader: &Shader, library: &ShaderLibrary, needs: Needs) -> Result
                 })
                 .map(ToString::to_string)
                 .collect();
-            located(&composed, error.spans().next().map(|(span, _)| *span), &causes.join(": "))
+            located(composed, error.spans().next().map(|(span, _)| *span), &causes.join(": "))
         })?;
     Ok(reflect(module, info))
 }
 
-fn located(composed: &compose::Composed, span: Option<naga::Span>, message: &str) -> GraphError {
+fn located(composed: &Composed, span: Option<naga::Span>, message: &str) -> GraphError {
     match span.and_then(naga::Span::to_range) {
         Some(range) => composed.error(Span { start: range.start, end: range.end }, message),
         None => composed.error_anywhere(message),

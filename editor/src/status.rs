@@ -4,6 +4,7 @@ use egui::{Align, Label, Layout, ProgressBar, RichText, ScrollArea, Sense, Ui};
 
 use crate::{
     engine::{Command, Phase, Playing},
+    files::short,
     session::{Jump, Session},
     theme,
 };
@@ -32,7 +33,7 @@ fn problems(ui: &mut Ui, session: &mut Session) {
         for problem in session.problems() {
             let place = problem.place.as_ref();
             let lead = place.map_or(String::new(), |place| {
-                format!("{}:{}:{}  ", file_name(&place.file), place.line, place.column)
+                format!("{}:{}:{}  ", short(&place.file), place.line, place.column)
             });
             let node = problem.node.as_ref().map_or(String::new(), |node| format!("{node}: "));
             let text =
@@ -108,9 +109,4 @@ fn figures(ui: &mut Ui, session: &Session) {
     for figure in figures.into_iter().rev() {
         ui.weak(figure);
     }
-}
-
-/// The last part of a path.
-pub fn file_name(path: &str) -> &str {
-    path.rsplit(['/', '\\']).next().unwrap_or(path)
 }

@@ -65,6 +65,21 @@ pub fn in_pixel(snapshot: &Snapshot, look: &Look, at: [usize; 2]) -> Vec<String>
     }
 }
 
+/// Bytes for people: `12.3 MiB`.
+pub fn readable(bytes: u64) -> String {
+    const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
+    if bytes < 1024 {
+        return format!("{bytes} B");
+    }
+    let mut value = bytes as f64 / 1024.0;
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < UNITS.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    format!("{value:.1} {}", UNITS[unit])
+}
+
 /// 1305164 as 1,305,164.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
@@ -134,6 +149,12 @@ mod tests {
         assert_eq!(told("a.mask", 1 << 3 | 1 << 14), "left 3  top 6");
         assert_eq!(told("a.mask", 0), "no crossing at the left or top");
         assert_eq!(told("a.cls", POISON), "poison");
+    }
+
+    #[test]
+    fn bytes_are_readable() {
+        let texts = [0, 1023, 1024, 1536 * 1024, 5 << 40].map(readable);
+        assert_eq!(texts, ["0 B", "1023 B", "1.0 KiB", "1.5 MiB", "5.0 TiB"]);
     }
 
     #[test]

@@ -30,7 +30,7 @@ mod table;
 mod target;
 
 pub use ages::{ages, frames_ago};
-pub use describe::{describe, grouped, in_pixel};
+pub use describe::{describe, grouped, in_pixel, readable};
 pub use difference::{Difference, apart};
 pub use encode::{exr, png};
 pub use histogram::Histogram;

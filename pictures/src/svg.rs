@@ -43,26 +43,25 @@ impl Svg {
 
     /// Lines from point to point.
     pub fn polyline(&mut self, points: &[[f64; 2]], color: &str, width: f64) {
-        let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
-        self.body += &format!(
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\" \
-             stroke-linejoin=\"round\"/>\n",
-            points.join(" ")
-        );
+        self.stroke("", points, color, width);
     }
 
     /// Dashes from point to point.
     pub fn dashed(&mut self, points: &[[f64; 2]], color: &str, width: f64) {
-        let before = self.body.len();
-        self.polyline(points, color, width);
-        let line = self.body.split_off(before);
-        self.body += &line.replacen("<polyline", "<polyline stroke-dasharray=\"6 4\"", 1);
+        self.stroke(" stroke-dasharray=\"6 4\"", points, color, width);
+    }
+
+    fn stroke(&mut self, dashes: &str, points: &[[f64; 2]], color: &str, width: f64) {
+        self.body += &format!(
+            "<polyline{dashes} points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\" \
+             stroke-linejoin=\"round\"/>\n",
+            coordinates(points)
+        );
     }
 
     /// A filled shape.
     pub fn polygon(&mut self, points: &[[f64; 2]], color: &str) {
-        let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
-        self.body += &format!("<polygon points=\"{}\" fill=\"{color}\"/>\n", points.join(" "));
+        self.body += &format!("<polygon points=\"{}\" fill=\"{color}\"/>\n", coordinates(points));
     }
 
     /// A dot.
@@ -95,6 +94,11 @@ impl Svg {
             self.body
         )
     }
+}
+
+fn coordinates(points: &[[f64; 2]]) -> String {
+    let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.2},{y:.2}")).collect();
+    points.join(" ")
 }
 
 /// Text without what XML takes for its own.

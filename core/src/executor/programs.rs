@@ -49,12 +49,13 @@ impl Programs {
         library: &ShaderLibrary,
         needs: Needs,
     ) -> Result<Arc<Program>, String> {
-        let key = (reflect::text(shader, library).map_err(|error| error.to_string())?, needs);
+        let composed = reflect::join(shader, library).map_err(|error| error.to_string())?;
+        let key = (composed.text.clone(), needs);
         let mut known = lock(&self.known);
         if let Some(program) = known.get(&key).and_then(Weak::upgrade) {
             return Ok(program);
         }
-        let reflected = reflect::compose(shader, library, needs).map_err(|error| error.to_string())?;
+        let reflected = reflect::validate(&composed, needs).map_err(|error| error.to_string())?;
         let module = gpu.scoped(|| {
             gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(&shader.name),

@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// A shader with the modules that it imports behind it, as one WGSL text.
-pub(super) struct Composed {
+pub(crate) struct Composed {
     pub text: String,
     parts: Vec<Part>,
 }
@@ -48,7 +48,7 @@ fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
 /// Puts a shader together: `#import NAME` brings in the library's module of that name, `#ifdef NAME`, `#ifndef NAME`,
 /// `#else` and `#endif` keep or drop lines by the shader's defines. Directives stand on lines of their own, which are
 /// blank in the result, so that lines keep their numbers.
-pub(super) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Composed, GraphError> {
+pub(crate) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Composed, GraphError> {
     let mut composed = Composed { text: String::new(), parts: Vec::new() };
     let mut imports: Vec<&str> = Vec::new();
     let mut next = 0;

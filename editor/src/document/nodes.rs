@@ -12,6 +12,11 @@ pub fn split(address: &str) -> (&str, &str) {
     address.rsplit_once('/').unwrap_or(("", address))
 }
 
+/// What of an address follows that of a node: nothing for the node itself, `/...` for what is in it; none for others.
+pub fn within<'a>(address: &'a str, node: &str) -> Option<&'a str> {
+    address.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
+}
+
 /// The address of a node by its part (empty for the graph itself) and its name.
 pub fn join(part: &str, name: &str) -> String {
     if part.is_empty() { name.to_owned() } else { format!("{part}/{name}") }
@@ -127,10 +132,8 @@ pub fn rename(file: &mut GraphFile, address: &str, name: &str) -> Result<String,
 fn mention<'f>(file: &'f GraphFile, part: &str, name: &str) -> Option<&'f str> {
     let (outer, inner) = part.split_once('/').unwrap_or((part, ""));
     let node = file.node(outer).filter(|_| !part.is_empty())?;
-    let within = join(inner, name);
-    let is_it = |address: &str| {
-        address.strip_prefix(&within).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-    };
+    let called = join(inner, name);
+    let is_it = |address: &str| within(address, &called).is_some();
     let inputs = file.nodes.iter().flat_map(|node| &node.inputs).map(|input| &input.from.value);
     let outputs = file.outputs.iter().map(|output| &output.from.value);
     let wired = inputs

@@ -11,6 +11,8 @@ use std::{
 use epigraph_core::GraphFile;
 use serde::Deserialize;
 
+use super::nodes;
+
 /// The name that stands for what a part is given, within the part's address. No node can have it.
 pub const INPUTS_BOX: &str = ".inputs";
 /// The name that stands for a graph's outputs.
@@ -77,24 +79,20 @@ pub fn write(places: &Places, file: Option<&GraphFile>) -> String {
 
 /// Whether the canvas shows a box of this address.
 fn has_box(file: &GraphFile, address: &str) -> bool {
-    let (part, name) = address.rsplit_once('/').map_or((None, address), |(part, name)| (Some(part), name));
-    match (part, name) {
-        (None, OUTPUTS_BOX) => true,
-        (Some(part), INPUTS_BOX | OUTPUTS_BOX) => file.node_at(part).is_some(),
+    match nodes::split(address) {
+        ("", OUTPUTS_BOX) => true,
+        (part, INPUTS_BOX | OUTPUTS_BOX) => file.node_at(part).is_some(),
         _ => file.node_at(address).is_some(),
     }
 }
 
 /// Lets the places of a node, and of all in it, follow its new address.
 pub fn rename(places: &mut Places, old: &str, new: &str) {
-    let moved: Vec<String> = places.keys().filter(|address| inner(address, old).is_some()).cloned().collect();
+    let moved: Vec<String> =
+        places.keys().filter(|address| nodes::within(address, old).is_some()).cloned().collect();
     for address in moved {
-        if let (Some(place), Some(inner)) = (places.remove(&address), inner(&address, old)) {
+        if let (Some(place), Some(inner)) = (places.remove(&address), nodes::within(&address, old)) {
             places.insert(format!("{new}{inner}"), place);
         }
     }
-}
-
-fn inner<'a>(address: &'a str, node: &str) -> Option<&'a str> {
-    address.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
 }

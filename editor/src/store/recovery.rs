@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Store, real, text};
 use crate::{
     document::{Document, Places, places},
-    status::file_name,
+    files::short,
 };
 
 /// What is unsaved of a graph and its parts.
@@ -106,7 +106,7 @@ impl Recovery {
 
     /// What there is, as a sentence without its end.
     pub fn what(&self) -> String {
-        let name = file_name(&self.graph);
+        let name = short(&self.graph);
         match self.texts.len() {
             0 => format!("{name} had boxes that were moved and not saved"),
             1 => format!("{name} had unsaved changes"),

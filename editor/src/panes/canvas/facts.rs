@@ -1,7 +1,7 @@
 //! What the engine says of blocks: what they cost, where they run, why they do not.
 
 use epigraph_core::{Download, Element, Field, GraphFile, Side, Source};
-use epigraph_pictures::Mode;
+use epigraph_pictures::{Mode, readable};
 
 use super::model::{Block, Model, PinRef, Role};
 use crate::{
@@ -90,16 +90,7 @@ impl Facts {
 
 /// Whether a node is the block's, or in it.
 pub fn contains(block: &str, node: &str) -> bool {
-    node.strip_prefix(block).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-}
-
-/// Bytes for people.
-pub fn readable(bytes: u64) -> String {
-    let units = [(1 << 20, "MiB"), (1 << 10, "KiB")];
-    match units.into_iter().find(|(unit, _)| bytes >= *unit) {
-        Some((unit, name)) => format!("{:.1} {name}", bytes as f64 / unit as f64),
-        None => format!("{bytes} B"),
-    }
+    nodes::within(node, block).is_some()
 }
 
 /// The first texture that a block writes, or else its first list of one element per pixel, but rather no ids: those tell

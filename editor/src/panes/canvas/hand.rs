@@ -7,9 +7,11 @@ use egui::{
     Sense, Ui, Vec2, WidgetInfo, WidgetType, vec2,
 };
 
+use epigraph_pictures::readable;
+
 use super::{
     CanvasPane,
-    facts::{Crossing, Facts, readable},
+    facts::{Crossing, Facts},
     model::{Block, PinRef, Role},
     paint::{Marks, PIN_RADIUS, chip_rect, milliseconds},
     route,

@@ -6,8 +6,8 @@ use epigraph_core::Side;
 use super::{CanvasPane, model::Role, sight::Sight};
 use crate::{
     document::{Tag, fitting, home, nodes, swap, write},
+    files::short,
     session::Session,
-    status::file_name,
 };
 
 impl CanvasPane {
@@ -40,7 +40,7 @@ impl CanvasPane {
 
     fn breadcrumb(&mut self, ui: &mut Ui, session: &Session) {
         ui.spacing_mut().item_spacing.x = 4.0;
-        let name = file_name(session.document.path()).to_owned();
+        let name = short(session.document.path()).to_owned();
         if self.part.is_empty() {
             ui.label(RichText::new(name).strong());
             return;
@@ -147,12 +147,12 @@ fn export(ui: &mut Ui, session: &mut Session, sight: &Sight) {
                 Err(problems) => problems.to_string(),
             });
         };
-        let svg = format!("As {}", file_name(&path.with_extension("svg").display().to_string()));
+        let svg = format!("As {}", short(&path.with_extension("svg").display().to_string()));
         if ui.button(svg).on_hover_text("This canvas as a drawing, beside the graph's file").clicked() {
             save("svg", &super::vector::svg(sight));
             ui.close();
         }
-        let dot = format!("As {}", file_name(&path.with_extension("dot").display().to_string()));
+        let dot = format!("As {}", short(&path.with_extension("dot").display().to_string()));
         let graph = session.state.graph.clone();
         let button = ui.add_enabled(graph.is_some(), Button::new(dot));
         if button

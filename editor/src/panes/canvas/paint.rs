@@ -8,9 +8,10 @@ use egui::{
     pos2, vec2,
 };
 use epigraph_core::{Element, Side};
+use epigraph_pictures::readable;
 
 use super::{
-    facts::{Crossing, Facts, readable},
+    facts::{Crossing, Facts},
     model::{Block, PinRef, Role, Wire},
     shape::{HEAD, INFO, NAME, PAD, PIN},
     sight::Sight,

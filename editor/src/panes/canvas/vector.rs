@@ -1,10 +1,12 @@
 //! The canvas as a drawing: what is on screen, in the colours of paper.
 
 use egui::{Pos2, Rect, pos2};
-use epigraph_pictures::svg::{Anchor, Font, Svg};
+use epigraph_pictures::{
+    readable,
+    svg::{Anchor, Font, Svg},
+};
 
 use super::{
-    facts::readable,
     model::PinRef,
     paint::{PIN_RADIUS, color, milliseconds, on_paper},
     shape::{HEAD, INFO, NAME, PAD, PIN},

@@ -18,7 +18,7 @@ use search::Search;
 pub use syntax::Language;
 use syntax::{Highlight, HighlightKind};
 
-use crate::{session::Session, status::file_name, theme};
+use crate::{files::short, session::Session, theme};
 
 /// Room for line numbers, points.
 const GUTTER: f32 = 34.0;
@@ -80,11 +80,11 @@ impl TextPane {
         let mut view = None;
         ui.horizontal(|ui| {
             let files = ComboBox::from_id_salt(("file", self.language == Language::Wgsl))
-                .selected_text(file_name(&self.path))
+                .selected_text(short(&self.path))
                 .width(96.0)
                 .show_ui(ui, |ui| {
                     for path in paths {
-                        let name = file_name(&path).to_owned();
+                        let name = short(&path).to_owned();
                         ui.selectable_value(&mut self.path, path, name);
                     }
                 });
@@ -160,7 +160,7 @@ impl TextPane {
         if let Some(lines) = lines {
             ui.painter().set(behind, self.behind(ui, &output, lines));
         }
-        let name = format!("Text of {}", file_name(&self.path));
+        let name = format!("Text of {}", short(&self.path));
         ui.ctx().accesskit_node_builder(output.response.id, |node| node.set_label(name));
         let left = output.response.rect.left();
         numbers(ui, &output.galley, output.galley_pos.y, left);
