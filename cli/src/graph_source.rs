@@ -9,21 +9,6 @@ use crate::{error::CliError, values::Setting};
 /// The graph that is rendered where none is named.
 pub const DEFAULT_GRAPH: &str = "epi";
 
-/// Graphs that come with the program, by name: `graphs/NAME.ron`.
-const EMBEDDED: &[(&str, &str)] = &[
-    ("render-cache", include_str!("../../graphs/render-cache.ron")),
-    ("epi", include_str!("../../graphs/epi.ron")),
-    ("hybrid", include_str!("../../graphs/hybrid.ron")),
-    ("render-cache-cpu-dither", include_str!("../../graphs/render-cache-cpu-dither.ron")),
-];
-
-/// The files that they are made of, by their paths.
-const PARTS: &[(&str, &str)] = &[
-    ("graphs/parts/cloud.ron", include_str!("../../graphs/parts/cloud.ron")),
-    ("graphs/parts/view.ron", include_str!("../../graphs/parts/view.ron")),
-    ("graphs/parts/edges.ron", include_str!("../../graphs/parts/edges.ron")),
-];
-
 /// Reads a graph: the file of that name if there is one, else the graph that comes with the program under that name,
 /// written `render-cache`, `render-cache.ron` or `graphs/render-cache.ron`.
 ///
@@ -36,10 +21,11 @@ pub fn load(name: &str) -> Result<GraphFile, Problems> {
     }
     let bare = name.strip_prefix("graphs/").unwrap_or(name);
     let bare = bare.strip_suffix(".ron").unwrap_or(bare);
-    match EMBEDDED.iter().find(|(known, _)| *known == bare) {
-        Some((known, text)) => GraphFile::parse(&format!("graphs/{known}.ron"), text)?.with_parts(&|path| {
-            let part = PARTS.iter().find(|(known, _)| Path::new(known) == path);
-            part.map(|(_, text)| (*text).to_owned()).ok_or_else(|| io::ErrorKind::NotFound.into())
+    match epigraph_graphs::text(&format!("{bare}.ron")) {
+        Some(text) => GraphFile::parse(&format!("graphs/{bare}.ron"), text)?.with_parts(&|path| {
+            let part =
+                path.strip_prefix("graphs").ok().and_then(Path::to_str).and_then(epigraph_graphs::text);
+            part.map(str::to_owned).ok_or_else(|| io::ErrorKind::NotFound.into())
         }),
         None => {
             let mut problems = GraphFile::load(path).err().unwrap_or_default();
@@ -57,7 +43,7 @@ pub fn load(name: &str) -> Result<GraphFile, Problems> {
 
 fn known_words() -> impl Iterator<Item = &'static str> {
     let commands = ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality"];
-    EMBEDDED.iter().map(|(name, _)| *name).chain(commands)
+    epigraph_graphs::names().chain(commands)
 }
 
 /// Applies `--set` in order.

@@ -15,6 +15,13 @@ pub struct Shader {
     pub defines: Vec<&'static str>,
 }
 
+impl Shader {
+    /// A shader without `#ifdef` names.
+    pub fn new(name: impl Into<Cow<'static, str>>, source: impl Into<Cow<'static, str>>) -> Self {
+        Self { name: name.into(), source: source.into(), defines: Vec::new() }
+    }
+}
+
 /// Which wgpu features a pass needs beyond the portable set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Needs {
@@ -81,19 +88,14 @@ impl Pass {
     }
 }
 
-/// Embeds a shader of the `shaders/` folder: `shader!("depth_cull")`.
+/// Embeds a shader of the package that names it: `shader!("median")` is `shaders/median.wgsl` beside its `Cargo.toml`.
+/// That there is no such file is a compile error.
 #[macro_export]
 macro_rules! shader {
     ($name:literal) => {
-        $crate::Shader {
-            name: ::std::borrow::Cow::Borrowed(concat!($name, ".wgsl")),
-            source: ::std::borrow::Cow::Borrowed(include_str!(concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/../shaders/",
-                $name,
-                ".wgsl"
-            ))),
-            defines: Vec::new(),
-        }
+        $crate::Shader::new(
+            concat!($name, ".wgsl"),
+            include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl")),
+        )
     };
 }

@@ -127,7 +127,7 @@ impl Kind for WgslKind {
             problem(GraphError::Io { action: "read", cause: format!("{}: {error}", file.display()) })
         })?;
 
-        let shader = Shader { name: path.into(), source: source.into(), defines: Vec::new() };
+        let shader = Shader::new(path, source);
         let reflected = reflect::compose(&shader, cx.library, Needs { atomic64: true });
         let reflected = reflected
             .map_err(|error| at_its_line(error, &file, &cx.node.name.value).unwrap_or_else(problem))?;

@@ -14,10 +14,6 @@ fn gpu() -> Arc<Gpu> {
         .clone()
 }
 
-fn shader(name: &'static str, source: &'static str) -> Shader {
-    Shader { name: name.into(), source: source.into(), defines: Vec::new() }
-}
-
 /// Counts frames in kept memory and writes pixel index + 1000 * frame.
 struct Ramp {
     count: Out<u32>,
@@ -30,7 +26,7 @@ impl Stage for Ramp {
     type Params = ();
 
     fn declare((): &(), io: &mut Io) -> Self {
-        io.shader(shader(
+        io.shader(Shader::new(
             "ramp.wgsl",
             "
 #import frame
@@ -81,7 +77,7 @@ impl Stage for Mix {
     type Params = MixParams;
 
     fn declare(_: &MixParams, io: &mut Io) -> Self {
-        io.shader(shader(
+        io.shader(Shader::new(
             "mix.wgsl",
             "
 #import frame
@@ -123,7 +119,7 @@ impl Stage for Bump {
     type Params = ();
 
     fn declare((): &(), io: &mut Io) -> Self {
-        io.shader(shader(
+        io.shader(Shader::new(
             "bump.wgsl",
             "
 #import index
@@ -187,7 +183,7 @@ impl Stage for Look {
 
     fn declare((): &(), io: &mut Io) -> Self {
         io.per_view();
-        io.shader(shader(
+        io.shader(Shader::new(
             "look.wgsl",
             "
 #import frame
@@ -246,8 +242,8 @@ impl Stage for Faulty {
 
 fn registry() -> Registry {
     Registry::default()
-        .with_module("frame", include_str!("../../shaders/shared/frame.wgsl"))
-        .with_module("index", include_str!("../../shaders/shared/index.wgsl"))
+        .with_module("frame", epigraph_shaders::text("shared/frame.wgsl"))
+        .with_module("index", epigraph_shaders::text("shared/index.wgsl"))
         .with::<Ramp>()
         .with::<Mix>()
         .with::<Bump>()

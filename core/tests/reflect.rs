@@ -6,8 +6,8 @@ use epigraph_core::{
     check_shader, compose_shader, item, texel,
 };
 
-const FRAME: &str = include_str!("../../shaders/shared/frame.wgsl");
-const INDEX: &str = include_str!("../../shaders/shared/index.wgsl");
+const FRAME: &str = epigraph_shaders::text("shared/frame.wgsl");
+const INDEX: &str = epigraph_shaders::text("shared/index.wgsl");
 
 item! {
     /// An element with a hole that the padding fills.

@@ -81,7 +81,7 @@ fn make(shader: &str, params: &str) -> Result<Box<dyn AnyStage>, Problems> {
     fs::write(&graph, text).unwrap();
     let file = GraphFile::load(&graph)?;
     let library = ShaderLibrary {
-        modules: vec![("frame.wgsl".into(), include_str!("../../shaders/shared/frame.wgsl").into())],
+        modules: vec![("frame.wgsl".into(), epigraph_shaders::text("shared/frame.wgsl").into())],
     };
     let cx = NodeContext {
         file: &file,

@@ -1,6 +1,6 @@
 //! Makes points older, and takes the oldest away.
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, shader};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
 use rayon::prelude::*;
 
 use crate::shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN};

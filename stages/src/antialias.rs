@@ -6,7 +6,7 @@
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::{

@@ -1,6 +1,6 @@
 //! Takes the points of a body along when it moves, and ages points where the light changes.
 
-use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage, shader};
+use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage};
 use rayon::prelude::*;
 
 use crate::shared::{

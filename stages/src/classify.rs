@@ -12,7 +12,7 @@
 //! `aim` is the middle of the cell of the primary region that lies farthest from the chord. As each cell reaches equally
 //! far, that one is unambiguous if any cell of the region is.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
 use rayon::prelude::*;
 
 use crate::shared::{

@@ -16,7 +16,7 @@
 
 use std::ops::Range;
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
 use rayon::prelude::*;
 
 use crate::{

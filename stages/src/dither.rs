@@ -19,7 +19,7 @@
 use std::ops::Range;
 
 use epigraph_core::{
-    CpuContext, Dims, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, choice, params, shader,
+    CpuContext, Dims, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, choice, params,
 };
 use rayon::prelude::*;
 

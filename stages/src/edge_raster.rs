@@ -39,8 +39,7 @@ use std::{
 };
 
 use epigraph_core::{
-    CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, Threads, View, choice, item, params, shader,
-    texel,
+    CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, Threads, View, choice, item, params, texel,
 };
 use glam::Vec3;
 use rayon::prelude::*;

@@ -5,9 +5,7 @@
 //! where none does, the plain mean of the 7x7; where that is empty too, last frame's colour or black. Linear radiance
 //! is averaged, which measured better than tone-mapped.
 
-use epigraph_core::{
-    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel,
-};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
 use rayon::prelude::*;
 
 use crate::shared::cloud::{AGE, AGE_ONE, decode_radiance};

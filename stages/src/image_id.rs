@@ -1,6 +1,6 @@
 //! Tells points where they are seen.
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
 
 use crate::shared::cloud::NOT_DRAWN;
 

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, shader};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
 use rayon::prelude::*;
 
 use crate::shared::{

@@ -12,9 +12,7 @@
 //! Alpha is the sum of the weights, as a share of what it would be with a sample in the centre of each of the 25 pixels.
 //! Where it is 0 nothing could be reached, the colour is black, and `spread` has to find one.
 
-use epigraph_core::{
-    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel,
-};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
 use rayon::prelude::*;
 
 pub use crate::fill::Priority;

@@ -1,6 +1,17 @@
 //! The stages of Epigraph: one file for each step of an algorithm, with its ports, parameters and CPU twin; the shader
 //! of the same name lies in `shaders/`.
 
+/// The shader of that name in the folder `shaders`. It is a package of its own, so this differs from
+/// [`epigraph_core::shader!`], which looks in the package at hand.
+macro_rules! shader {
+    ($name:literal) => {
+        epigraph_core::Shader::new(
+            concat!($name, ".wgsl"),
+            const { epigraph_shaders::text(concat!($name, ".wgsl")) },
+        )
+    };
+}
+
 pub mod age;
 pub mod antialias;
 pub mod carry;
@@ -35,27 +46,6 @@ use epigraph_core::{Registry, wgsl_kind};
 
 /// All stages, and the shader modules that any shader may import.
 pub fn registry() -> Registry {
-    macro_rules! module {
-        ($name:literal) => {
-            (
-                concat!("shared/", $name, ".wgsl"),
-                include_str!(concat!("../../shaders/shared/", $name, ".wgsl")),
-            )
-        };
-    }
-    let modules = [
-        module!("cloud"),
-        module!("color"),
-        module!("edge_pixel"),
-        module!("frame"),
-        module!("index"),
-        module!("moves"),
-        module!("requests"),
-        module!("scan"),
-        module!("segments"),
-        module!("view"),
-        module!("wide"),
-    ];
     let registry = Registry::default()
         .with::<age::Age>()
         .with::<antialias::Antialias>()
@@ -84,5 +74,6 @@ pub fn registry() -> Registry {
         .with::<tonemap::Tonemap>()
         .with::<trace::Trace>()
         .with_kind(wgsl_kind());
-    modules.into_iter().fold(registry, |registry, (name, text)| registry.with_module(name, text))
+    let modules = epigraph_shaders::FILES.iter().filter(|(path, _)| path.starts_with("shared/"));
+    modules.fold(registry, |registry, (path, text)| registry.with_module(path, text))
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Mutex;
 
-use epigraph_core::{Access, CpuContext, Extent, Facts, Finding, In, Io, Out, Site, Stage, shader};
+use epigraph_core::{Access, CpuContext, Extent, Facts, Finding, In, Io, Out, Site, Stage};
 use rayon::prelude::*;
 
 use crate::shared::{

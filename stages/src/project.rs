@@ -8,7 +8,7 @@
 //! quotient (a relative 1e-7) the lower id wins instead of the nearer point.
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, choice, params, shader, texel,
+    Access, CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, choice, params, texel,
 };
 use rayon::prelude::*;
 

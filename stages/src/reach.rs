@@ -7,7 +7,7 @@
 //! A complex pixel joins nothing, and neither does what lies outside the image. Both sides work on tiles, and skip those
 //! where all pixels are empty, as 85 to 95% of an image's are: every path is open there.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, joined, transpose};

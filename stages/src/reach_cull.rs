@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, params, shader};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, params};
 use rayon::prelude::*;
 
 use crate::{

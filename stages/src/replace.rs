@@ -1,6 +1,6 @@
 //! Chooses the slots of the cloud that new samples take over.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, shader};
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads};
 
 use crate::shared::{
     cloud::{AGE, AGE_ONE, LIVE},

@@ -8,7 +8,7 @@
 //! A prefix sum puts the silhouettes into a list without gaps, in the order of the edges. The papers read the bits of the
 //! edges back and did this on the CPU: that is `compaction: Readback` with the stage [`crate::compact`] after it.
 
-use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage, Threads, choice, params, shader};
+use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage, Threads, choice, params};
 use glam::Vec3;
 use rayon::prelude::*;
 

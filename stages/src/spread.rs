@@ -10,9 +10,7 @@
 //! the mean of the smallest square around it that holds colours: 3, 5, 9 or 17 pixels wide, then aligned blocks of 16,
 //! 32, 64 and so on. It is the cheap relative of push-pull, without smoothing: nothing but specks needs it.
 
-use epigraph_core::{
-    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, shader, texel,
-};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, texel};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::DIRECTIONS;

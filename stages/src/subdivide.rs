@@ -24,7 +24,7 @@
 
 use std::cell::LazyCell;
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, params, shader, texel};
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, params, texel};
 use rayon::prelude::*;
 
 use crate::shared::{

@@ -1,6 +1,6 @@
 //! The last step: linear radiance to the bytes that a screen shows.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, shader, texel};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
 use rayon::prelude::*;
 
 use crate::shared::color::luminance;

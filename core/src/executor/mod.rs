@@ -559,7 +559,7 @@ mod tests {
                 @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                     if id.x < arrayLength(&out) { out[id.x] = 7u; }
                 }";
-            io.shader(Shader { name: "fill.wgsl".into(), source: source.into(), defines: Vec::new() });
+            io.shader(Shader::new("fill.wgsl", source));
             let out = io.write("out", "sevens", Extent::Frame(1));
             io.dispatch("main", out);
             Self { out }
