@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use epigraph_core::{
-    Facts, Graph, GraphFile, Plan, Problem, Problems, Registry, Settings, Side, Step, check_shader, compile,
-    compose_shader,
+    Facts, Graph, GraphFile, Plan, PlannedNode, Problem, Problems, Registry, Settings, Side, Step,
+    check_shader, compile, compose_shader,
 };
 use epigraph_pictures::{Target, readable};
 use epigraph_stages::World;
@@ -118,8 +118,8 @@ fn check_shaders(file: &GraphFile, graph: &Graph, registry: &Registry) -> Result
 impl Checked {
     /// Bytes that a left-out node would write, where it runs in the whole plan.
     fn saved(&self, node: &str) -> Option<u64> {
-        let index = self.whole.nodes.iter().position(|(name, ..)| name == node)?;
-        Some(self.whole.node_bytes(index))
+        let id = self.whole.nodes.position(|planned| planned.name == node)?;
+        Some(self.whole.node_bytes(id))
     }
 
     fn text(&self) -> String {
@@ -165,20 +165,20 @@ fn total(plan: &Plan) -> u64 {
 fn step_json(plan: &Plan, step: &Step) -> Option<Value> {
     match step {
         Step::Run(node) => {
-            let (name, kind, side) = &plan.nodes[*node];
+            let PlannedNode { name, kind, side, per_view, .. } = &plan.nodes[*node];
             Some(json!({
                 "node": name, "kind": kind, "backend": side.to_string(), "bytes": plan.node_bytes(*node),
-                "per_view": plan.per_view[*node],
+                "per_view": per_view,
             }))
         }
-        Step::Upload(copy) | Step::Download(copy, _) => {
+        Step::Upload(value) | Step::Download(value, _) => {
             let kind = if matches!(step, Step::Upload(_)) { "upload" } else { "download" };
-            let storage = &plan.storages[copy.storage];
+            let storage = &plan.storages[value.storage];
             Some(
                 json!({ "node": storage.name, "kind": kind, "backend": "transfer", "bytes": storage.bytes() }),
             )
         }
-        Step::Tap(..) => None,
+        Step::Tap { .. } => None,
     }
 }
 

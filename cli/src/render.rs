@@ -3,8 +3,8 @@
 use std::{path::Path, sync::Arc, time::Instant};
 
 use epigraph_core::{
-    AdapterChoice, Executor, Gpu, Graph, GraphError, GraphFile, Host, Plan, Problem, Registry, RunError,
-    Settings, Side, Source, compile,
+    AdapterChoice, Executor, Gpu, Graph, GraphError, GraphFile, Host, PerSide, Plan, PlannedNode, Problem,
+    Registry, RunError, Settings, Side, Source, compile,
 };
 use epigraph_pictures::{Look, Number, PortFile, Target, is_image, lanes, png, show, size};
 use epigraph_scenes::{AsyncTracer, CameraPath, Scene, Tracer};
@@ -72,7 +72,7 @@ pub fn render(args: &RenderArgs) -> Result<(), CliError> {
         .map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
     check_saves(&plan, size, &files)?;
     let gpu = gpu_for(&plan, gpu)?;
-    let pooled = [Side::Cpu, Side::Gpu].map(|side| plan.pooled_bytes(side));
+    let pooled = PerSide::new(|side| plan.pooled_bytes(side));
     let mut executor = executor(graph, plan, &settings, &registry, gpu.clone())?;
     let host = host(tracer(&scene), args.pace, threads);
     let measured = run(&mut executor, &host, &path, args, samples, &traced)?;
@@ -133,21 +133,21 @@ pub fn executor(
 
 /// The GPU that the plan needs: some stages have no other form.
 pub fn gpu_for(plan: &Plan, open: Option<Arc<Gpu>>) -> Result<Option<Arc<Gpu>>, CliError> {
-    let Some((node, kind, _)) = plan.nodes.iter().find(|(.., side)| *side == Side::Gpu) else {
+    let Some(PlannedNode { name, kind, .. }) = plan.nodes.iter().find(|node| node.side == Side::Gpu) else {
         return Ok(None);
     };
     if open.is_some() {
         return Ok(open);
     }
     let gpu = Gpu::open(AdapterChoice::Any)
-        .map_err(|error| CliError::Input(format!("node `{node}` ({kind}) runs on a GPU here: {error}")))?;
+        .map_err(|error| CliError::Input(format!("node `{name}` ({kind}) runs on a GPU here: {error}")))?;
     Ok(Some(Arc::new(gpu)))
 }
 
 /// Makes sure that the plan's memory is there.
 pub fn require_memory(plan: &Plan, gpu: Option<&Gpu>) -> Result<(), CliError> {
     let tapped =
-        plan.taps.iter().flat_map(|tap| &tap.fields).map(|(_, storage)| plan.storages[*storage].bytes());
+        plan.taps.iter().flat_map(|tap| &tap.fields).map(|field| plan.storages[field.storage].bytes());
     // A software GPU's memory is the machine's.
     let gpu_bytes = if gpu.is_some_and(Gpu::is_software) { plan.bytes(Side::Gpu) } else { 0 };
     memory::require(plan.bytes(Side::Cpu) + gpu_bytes + tapped.sum::<u64>())
@@ -186,7 +186,7 @@ fn run(
         let capture = index % PROBE_INTERVAL == 0 || index + 1 == args.frames;
         executor.run(&frame, host, capture)?;
         measured.times(index, executor.times());
-        measured.ran(executor.ran());
+        measured.ran(executor.ran().as_raw_slice());
         if capture && !traced.is_empty() {
             measured.arrived(arrived(executor, traced)?);
         }
@@ -252,7 +252,7 @@ fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliErro
     for (source, save) in files.saves.iter().filter(|(_, save)| save.is_image()) {
         let tap = plan.taps.iter().find(|tap| tap.name == source.to_string());
         let storages: Vec<_> =
-            tap.iter().flat_map(|tap| &tap.fields).map(|(_, at)| &plan.storages[*at]).collect();
+            tap.iter().flat_map(|tap| &tap.fields).map(|field| &plan.storages[field.storage]).collect();
         let what = match storages.as_slice() {
             [only] if is_image(&only.element, only.dims, size) => continue,
             [_] => "a list",
@@ -267,9 +267,8 @@ fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliErro
 /// Every written port with the shape of an image, in the order in which they are written.
 fn image_ports(graph: &Graph, plan: &Plan, size: [u32; 2]) -> Vec<Source> {
     let mut sources = Vec::new();
-    for step in &plan.steps {
-        let epigraph_core::Step::Run(index) = step else { continue };
-        let node = &graph.nodes[*index];
+    for node in plan.order() {
+        let node = &graph.nodes[node];
         for (port, declared) in node.declaration().ports.iter().enumerate() {
             let [field] = declared.fields.as_slice() else { continue };
             // Sums over tiles and the like show nothing of the picture.

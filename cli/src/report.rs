@@ -1,6 +1,6 @@
 //! What a run of frames took: the table for people and the JSON for programs.
 
-use epigraph_core::{Gpu, Plan, Side, Step};
+use epigraph_core::{Gpu, PerSide, Plan, PlannedNode, Side, Step};
 use epigraph_pictures::readable;
 use serde_json::{Value, json};
 
@@ -85,8 +85,8 @@ pub struct Report<'a> {
     pub gpu: Option<&'a Gpu>,
     /// The plan that ran.
     pub plan: &'a Plan,
-    /// Bytes that pooling saves on the CPU and on the GPU.
-    pub pooled_bytes: [u64; 2],
+    /// Bytes that pooling saves on each side.
+    pub pooled_bytes: PerSide<u64>,
     /// What it took.
     pub measured: &'a Measured,
     /// What was written, and where.
@@ -114,7 +114,7 @@ impl Report<'_> {
         let plan = self.plan;
         match step {
             Step::Run(node) => {
-                let (name, kind, side) = &plan.nodes[*node];
+                let PlannedNode { name, kind, side, .. } = &plan.nodes[*node];
                 Some(Row {
                     node: name.clone(),
                     kind: kind.clone(),
@@ -124,7 +124,7 @@ impl Report<'_> {
                     tracing: kind == TRACE,
                 })
             }
-            Step::Upload(copy) | Step::Download(copy, _) => {
+            Step::Upload(value) | Step::Download(value, _) => {
                 let kind = if matches!(step, Step::Upload(_)) { "upload" } else { "download" };
                 let name = plan.step_name(step);
                 Some(Row {
@@ -132,30 +132,31 @@ impl Report<'_> {
                     kind: kind.into(),
                     backend: "transfer".into(),
                     ms,
-                    bytes: plan.storages[copy.storage].bytes(),
+                    bytes: plan.storages[value.storage].bytes(),
                     tracing: false,
                 })
             }
-            Step::Tap(..) => None,
+            Step::Tap { .. } => None,
         }
     }
 
     /// The nodes that did not run in all frames because they would have done the same again: index, name and kind.
     fn skipped(&self) -> impl Iterator<Item = (usize, &str, &str)> {
         let (plan, runs) = (self.plan, &self.measured.runs);
-        let nodes = plan.nodes.iter().enumerate().filter(|(node, _)| plan.per_view[*node]);
-        let nodes = nodes.filter(|(node, _)| runs[*node] < self.args.frames);
-        nodes.map(|(node, (name, kind, _))| (node, name.as_str(), kind.as_str()))
+        let nodes = plan.nodes.iter().enumerate().filter(|(_, node)| node.per_view);
+        let nodes = nodes.filter(|(index, _)| runs[*index] < self.args.frames);
+        nodes.map(|(index, node)| (index, node.name.as_str(), node.kind.as_str()))
     }
 
     fn is_tracing(&self, step: usize) -> bool {
-        matches!(self.plan.steps[step], Step::Run(node) if self.plan.nodes[node].1 == TRACE)
+        matches!(self.plan.steps[step], Step::Run(node) if self.plan.nodes[node].kind == TRACE)
     }
 
     /// Milliseconds of all nodes and transfers but tracing.
     fn frame_ms(&self, share: f64) -> f64 {
-        self.measured
-            .quantile(share, |step| !self.is_tracing(step) && !matches!(self.plan.steps[step], Step::Tap(..)))
+        self.measured.quantile(share, |step| {
+            !self.is_tracing(step) && !matches!(self.plan.steps[step], Step::Tap { .. })
+        })
     }
 
     fn trace_ms(&self) -> f64 {
@@ -229,10 +230,10 @@ impl Report<'_> {
     fn memory_text(&self) -> String {
         let side = |side: Side| {
             let bytes = self.plan.bytes(side);
-            let pooled = self.pooled_bytes[side as usize];
+            let pooled = self.pooled_bytes[side];
             format!("graph on the {side} {} ({} saved by pooling)", readable(bytes), readable(pooled))
         };
-        let sides = [Side::Cpu, Side::Gpu].into_iter().filter(|side| self.plan.bytes(*side) > 0).map(side);
+        let sides = Side::ALL.into_iter().filter(|side| self.plan.bytes(*side) > 0).map(side);
         let peak = memory::peak().map(|bytes| format!("process at most {}", readable(bytes)));
         peak.into_iter().chain(sides).collect::<Vec<_>>().join(", ")
     }
@@ -280,7 +281,7 @@ impl Report<'_> {
             "samples_arrived_per_frame": self.measured.mean_arrived().map(rounded),
             "peak_bytes": memory::peak(),
             "plan_bytes": { "cpu": self.plan.bytes(Side::Cpu), "gpu": self.plan.bytes(Side::Gpu) },
-            "pooled_bytes": { "cpu": self.pooled_bytes[0], "gpu": self.pooled_bytes[1] },
+            "pooled_bytes": { "cpu": self.pooled_bytes.cpu, "gpu": self.pooled_bytes.gpu },
             "nodes": nodes,
             "culled": culled,
             "skipped": skipped,

@@ -9,10 +9,11 @@ use bytemuck::Pod;
 
 use crate::{
     executor::Snapshot,
-    file::{Download, Side},
     frame::Frame,
     graph::Graph,
+    id::NodeId,
     port::{Access, FieldRef, In, Out, PortElement},
+    side::{Download, Side},
 };
 
 /// Copies of what the nodes of a graph wrote in one frame, each taken when its node had run.
@@ -125,7 +126,7 @@ impl Finding {
 /// A pixel as one node of a captured frame sees it.
 pub struct Site<'a> {
     graph: &'a Graph,
-    node: usize,
+    node: NodeId,
     capture: &'a Capture,
     /// Column and row.
     pub pixel: [u32; 2],
@@ -137,7 +138,7 @@ impl<'a> Site<'a> {
     /// A pixel inside of the frame, as seen by a node of `graph`, whose capture it is.
     pub fn new(
         graph: &'a Graph,
-        node: usize,
+        node: NodeId,
         capture: &'a Capture,
         pixel: [u32; 2],
         element: Option<usize>,

@@ -12,10 +12,11 @@ mod scan;
 
 use std::{fmt, fs, io, path::Path, str::FromStr};
 
+use crate::{
+    error::{GraphError, Place, Problem, Problems, Span, Spanned},
+    side::{Download, Side},
+};
 pub(crate) use parts::{Flat, FlatNode};
-use serde::{Deserialize, Serialize};
-
-use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
 
 /// A graph file as written: its text, and the graph's shape with the place of everything in the text.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,34 +113,6 @@ impl FromStr for Source {
             _ => Err(GraphError::Invalid(format!("`{text}` is not a port; write \"NODE.PORT\""))),
         }
     }
-}
-
-/// Where a node runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Side {
-    /// The stage's native twin.
-    Cpu,
-    /// The stage's shader.
-    Gpu,
-}
-
-impl fmt::Display for Side {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Cpu => "cpu",
-            Self::Gpu => "gpu",
-        })
-    }
-}
-
-/// How results of the GPU reach a node that runs on the CPU.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Download {
-    /// This frame's values: submit and wait.
-    #[default]
-    Sync,
-    /// The values of so many frames ago, without waiting.
-    Latent(u32),
 }
 
 impl GraphFile {

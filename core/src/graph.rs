@@ -5,12 +5,16 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use index_vec::IndexVec;
+
 use crate::{
     error::{GraphError, Problem, Problems, Span, Spanned},
-    file::{Download, Flat, FlatNode, GraphFile, Side, Source},
+    file::{Flat, FlatNode, GraphFile, Source},
     frame::Facts,
+    id::{FlatId, NodeId},
     port::{Access, Dims, Extent, Lifetime, Port},
     registry::{NodeContext, Registry},
+    side::{Download, Side},
     stage::{AnyStage, Declaration},
 };
 
@@ -57,11 +61,11 @@ impl Settings {
     }
 }
 
-/// A port of a node, by index.
+/// A port of a node: of one that runs, where nothing else is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct PortRef {
-    /// Index in [`Graph::nodes`].
-    pub node: usize,
+pub struct PortRef<N = NodeId> {
+    /// The node.
+    pub node: N,
     /// Index in the stage's ports.
     pub port: usize,
 }
@@ -109,7 +113,7 @@ pub struct Culled {
 /// A checked graph.
 pub struct Graph {
     /// Nodes that run, in file order.
-    pub nodes: Vec<Node>,
+    pub nodes: IndexVec<NodeId, Node>,
     /// Named outputs.
     pub outputs: Vec<(String, PortRef)>,
     /// What is read besides: the settings' taps, in their order.
@@ -134,7 +138,7 @@ impl Graph {
         let outputs = checker.outputs(&made);
         let taps = checker.taps(&made);
         checker.problems.into_result()?;
-        let mut made: Vec<Made> =
+        let mut made: IndexVec<FlatId, Made> =
             made.into_iter().map(|made| made.expect("no problems, so all were made")).collect();
 
         let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
@@ -147,9 +151,9 @@ impl Graph {
         Ok(graph)
     }
 
-    /// The index of the node of that name.
-    pub fn node(&self, name: &str) -> Option<usize> {
-        self.nodes.iter().position(|node| node.name == name)
+    /// The node of that name.
+    pub fn node(&self, name: &str) -> Option<NodeId> {
+        self.nodes.position(|node| node.name == name)
     }
 
     /// The port that first wrote the storage behind an output, through all updates in place.
@@ -161,9 +165,9 @@ impl Graph {
     }
 
     /// Sets [`Node::dims`] from the declared extents. An error names the node and what is wrong with its extent.
-    pub(crate) fn resolve_dims(&mut self, settings: &Settings) -> Result<(), (usize, String)> {
+    pub(crate) fn resolve_dims(&mut self, settings: &Settings) -> Result<(), (NodeId, String)> {
         let mut resolver = Resolver { graph: self, settings, known: HashMap::new(), visiting: Vec::new() };
-        for node in 0..resolver.graph.nodes.len() {
+        for node in self.nodes.indices() {
             for port in 0..resolver.graph.nodes[node].sources.len() {
                 resolver.dims(PortRef { node, port }).map_err(|text| (node, text))?;
             }
@@ -192,13 +196,17 @@ impl Made {
     }
 }
 
-type Wires = Vec<HashMap<usize, PortRef>>;
+/// A port of a node of the file, be it one that will run or not.
+type FlatPort = PortRef<FlatId>;
+
+/// For each node of the file, the sources of its connected inputs by their ports.
+type Wires = IndexVec<FlatId, HashMap<usize, FlatPort>>;
 
 struct Bypassed {
     wires: Wires,
-    outputs: Vec<(String, PortRef)>,
-    taps: Vec<(Source, PortRef)>,
-    why: HashMap<usize, String>,
+    outputs: Vec<(String, FlatPort)>,
+    taps: Vec<(Source, FlatPort)>,
+    why: HashMap<FlatId, String>,
 }
 
 struct Checker<'a> {
@@ -209,14 +217,14 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn problem(&mut self, node: usize, span: Span, port: Option<&str>, error: GraphError) {
+    fn problem(&mut self, node: FlatId, span: Span, port: Option<&str>, error: GraphError) {
         let FlatNode { def, file, .. } = &self.flat.nodes[node];
         let mut problem = Problem::new(error).at(file.place(span)).node(&def.name.value);
         problem.port = port.map(str::to_owned);
         self.problems.0.push(problem);
     }
 
-    fn make(&mut self, index: usize, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
+    fn make(&mut self, index: FlatId, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
         let FlatNode { def: node, file, set_in, .. } = &self.flat.nodes[index];
         let Some(kind) = self.registry.get(&node.kind.value) else {
             let known = self.registry.kinds().map(|kind| kind.name());
@@ -234,9 +242,10 @@ impl Checker<'_> {
         }
     }
 
-    fn make_all(&mut self) -> Vec<Option<Made>> {
+    fn make_all(&mut self) -> IndexVec<FlatId, Option<Made>> {
         let flat = self.flat;
-        (0..flat.nodes.len())
+        flat.nodes
+            .indices()
             .map(|index| {
                 let inputs = &flat.nodes[index].def.inputs;
                 self.make(index, &|name| inputs.iter().any(|input| input.port.value == name))
@@ -245,9 +254,13 @@ impl Checker<'_> {
     }
 
     /// The output port that `source` names. `None` without a problem where its node is itself broken.
-    fn resolve(&self, source: &Source, made: &[Option<Made>]) -> Result<Option<PortRef>, GraphError> {
+    fn resolve(
+        &self,
+        source: &Source,
+        made: &IndexVec<FlatId, Option<Made>>,
+    ) -> Result<Option<FlatPort>, GraphError> {
         let nodes = &self.flat.nodes;
-        let Some(node) = nodes.iter().position(|node| node.def.name.value == source.node) else {
+        let Some(node) = nodes.position(|node| node.def.name.value == source.node) else {
             let known = nodes.iter().map(|node| &node.def.name.value);
             return Err(GraphError::unknown("node", &source.node, known));
         };
@@ -261,10 +274,10 @@ impl Checker<'_> {
         }
     }
 
-    fn wire(&mut self, made: &[Option<Made>]) -> Wires {
+    fn wire(&mut self, made: &IndexVec<FlatId, Option<Made>>) -> Wires {
         let flat = self.flat;
-        let mut wires: Wires = vec![HashMap::new(); made.len()];
-        for (index, node) in flat.nodes.iter().map(|node| &node.def).enumerate() {
+        let mut wires: Wires = made.iter().map(|_| HashMap::new()).collect();
+        for (index, FlatNode { def: node, .. }) in flat.nodes.iter_enumerated() {
             let mut unresolved = BTreeSet::new();
             for input in &node.inputs {
                 let source = match self.resolve(&input.from.value, made) {
@@ -305,9 +318,9 @@ impl Checker<'_> {
         wires
     }
 
-    fn check_types(&mut self, made: &[Option<Made>], wires: &Wires) {
+    fn check_types(&mut self, made: &IndexVec<FlatId, Option<Made>>, wires: &Wires) {
         let flat = self.flat;
-        for (index, inputs) in wires.iter().enumerate() {
+        for (index, inputs) in wires.iter_enumerated() {
             let Some(stage) = &made[index] else { continue };
             let mut inputs: Vec<_> = inputs.iter().collect();
             inputs.sort();
@@ -339,7 +352,7 @@ impl Checker<'_> {
         }
     }
 
-    fn input_span(&self, node: usize, port: &str) -> Span {
+    fn input_span(&self, node: FlatId, port: &str) -> Span {
         let node = &self.flat.nodes[node].def;
         node.inputs
             .iter()
@@ -347,7 +360,7 @@ impl Checker<'_> {
             .map_or(node.name.span, |input| input.from.span)
     }
 
-    fn outputs(&mut self, made: &[Option<Made>]) -> Vec<(String, PortRef)> {
+    fn outputs(&mut self, made: &IndexVec<FlatId, Option<Made>>) -> Vec<(String, FlatPort)> {
         let (flat, file) = (self.flat, self.flat.file);
         let mut outputs = Vec::new();
         for output in &flat.outputs {
@@ -370,7 +383,7 @@ impl Checker<'_> {
         outputs
     }
 
-    fn taps(&mut self, made: &[Option<Made>]) -> Vec<(Source, PortRef)> {
+    fn taps(&mut self, made: &IndexVec<FlatId, Option<Made>>) -> Vec<(Source, FlatPort)> {
         let mut taps = Vec::new();
         for source in &self.settings.taps {
             match self.flat.resolve(source).and_then(|source| self.resolve(&source, made)) {
@@ -386,13 +399,13 @@ impl Checker<'_> {
     /// the first connected input of the same element, or nothing.
     fn bypass(
         &mut self,
-        made: &[Made],
+        made: &IndexVec<FlatId, Made>,
         wires: Wires,
-        outputs: Vec<(String, PortRef)>,
-        taps: Vec<(Source, PortRef)>,
+        outputs: Vec<(String, FlatPort)>,
+        taps: Vec<(Source, FlatPort)>,
     ) -> Bypassed {
         let mut bypassed = Bypassed { wires, outputs, taps, why: HashMap::new() };
-        for (index, stage) in made.iter().enumerate() {
+        for (index, stage) in made.iter_enumerated() {
             let asked = self.flat.nodes[index].def.bypass;
             let needless =
                 if self.settings.prune { stage.stage.needless(&self.settings.facts) } else { None };
@@ -425,8 +438,8 @@ impl Checker<'_> {
     }
 
     /// Declares again the stages whose optional inputs lost their source to a bypass.
-    fn remake(&mut self, made: &mut [Made], bypass: &Bypassed) {
-        for (index, slot) in made.iter_mut().enumerate() {
+    fn remake(&mut self, made: &mut IndexVec<FlatId, Made>, bypass: &Bypassed) {
+        for (index, slot) in made.iter_mut_enumerated() {
             let lost = self.flat.nodes[index].def.inputs.iter().any(|input| {
                 let port = slot.ports().iter().position(|port| port.name == input.port.value);
                 port.is_some_and(|port| !bypass.wires[index].contains_key(&port))
@@ -441,13 +454,13 @@ impl Checker<'_> {
         }
     }
 
-    fn assemble(&mut self, made: Vec<Made>, bypass: Bypassed, live: &BTreeSet<usize>) -> Graph {
+    fn assemble(&mut self, made: IndexVec<FlatId, Made>, bypass: Bypassed, live: &BTreeSet<FlatId>) -> Graph {
         let flat = self.flat;
         let mut culled = Vec::new();
-        let mut place = HashMap::new();
-        for (index, node) in flat.nodes.iter().map(|node| &node.def).enumerate() {
+        let mut place: HashMap<FlatId, NodeId> = HashMap::new();
+        for (index, FlatNode { def: node, .. }) in flat.nodes.iter_enumerated() {
             if live.contains(&index) {
-                place.insert(index, place.len());
+                place.insert(index, NodeId::from_usize(place.len()));
                 continue;
             }
             let why = bypass
@@ -457,9 +470,9 @@ impl Checker<'_> {
                 .unwrap_or_else(|| "nothing that is shown depends on it".into());
             culled.push(Culled { node: node.name.value.clone(), kind: node.kind.value.clone(), why });
         }
-        let renumber = |at: &PortRef| PortRef { node: place[&at.node], port: at.port };
-        let mut nodes = Vec::new();
-        for (index, made) in made.into_iter().enumerate() {
+        let renumber = |at: &FlatPort| PortRef { node: place[&at.node], port: at.port };
+        let mut nodes = IndexVec::new();
+        for (index, made) in made.into_iter_enumerated() {
             if !live.contains(&index) {
                 continue;
             }
@@ -506,12 +519,11 @@ impl Checker<'_> {
 
     fn side(
         &mut self,
-        index: usize,
+        index: FlatId,
         declaration: &Declaration,
         on: Option<&Spanned<Side>>,
         default: Side,
     ) -> Side {
-        let other = |side| if side == Side::Cpu { Side::Gpu } else { Side::Cpu };
         match on {
             Some(on) if !declaration.runs_on(on.value) => {
                 let text = format!("cannot run on {}: this stage has no {} form", on.value, on.value);
@@ -520,14 +532,14 @@ impl Checker<'_> {
             }
             Some(on) => on.value,
             None if declaration.runs_on(default) => default,
-            None => other(default),
+            None => default.other(),
         }
     }
 
     /// One version of a resource has at most one updater, and last frame's value is only kept of what is not updated.
     fn check_updates(&mut self, graph: &Graph) {
-        let mut updater: HashMap<PortRef, usize> = HashMap::new();
-        for (index, node) in graph.nodes.iter().enumerate() {
+        let mut updater: HashMap<PortRef, NodeId> = HashMap::new();
+        for (index, node) in graph.nodes.iter_enumerated() {
             for (_, port, source) in node.ports() {
                 let (Access::Update, Some(source)) = (port.access, source) else { continue };
                 if let Some(first) = updater.insert(source, index) {
@@ -562,12 +574,8 @@ impl Checker<'_> {
         }
     }
 
-    fn index_in_file(&self, name: &str) -> usize {
-        self.flat
-            .nodes
-            .iter()
-            .position(|node| node.def.name.value == name)
-            .expect("graph nodes come from the file")
+    fn index_in_file(&self, name: &str) -> FlatId {
+        self.flat.nodes.position(|node| node.def.name.value == name).expect("graph nodes come from the file")
     }
 
     fn resolve_dims(&mut self, graph: &mut Graph) {
@@ -579,7 +587,7 @@ impl Checker<'_> {
         }
         let mut resolver =
             Resolver { graph, settings: self.settings, known: HashMap::new(), visiting: Vec::new() };
-        for node in 0..resolver.graph.nodes.len() {
+        for node in resolver.graph.nodes.indices() {
             for port in 0..resolver.graph.nodes[node].sources.len() {
                 let at = PortRef { node, port };
                 let found = resolver.graph.nodes[node].dims[port];
@@ -611,7 +619,11 @@ fn describe(port: &Port) -> String {
 }
 
 /// The port whose fields an output carries: an update of some fields of a bundle passes all of them on.
-fn full_fields<'m>(made: &'m [Option<Made>], wires: &Wires, mut at: PortRef) -> Option<&'m Port> {
+fn full_fields<'m>(
+    made: &'m IndexVec<FlatId, Option<Made>>,
+    wires: &Wires,
+    mut at: FlatPort,
+) -> Option<&'m Port> {
     for _ in 0..made.len() + 1 {
         let port = &made[at.node].as_ref()?.ports()[at.port];
         if port.access != Access::Update {
@@ -623,11 +635,11 @@ fn full_fields<'m>(made: &'m [Option<Made>], wires: &Wires, mut at: PortRef) -> 
     None
 }
 
-type Rewired = (Wires, Vec<(String, PortRef)>, Vec<(Source, PortRef)>);
+type Rewired = (Wires, Vec<(String, FlatPort)>, Vec<(Source, FlatPort)>);
 
-fn step_over(made: &[Made], now: &Bypassed, index: usize) -> Result<Rewired, String> {
+fn step_over(made: &IndexVec<FlatId, Made>, now: &Bypassed, index: FlatId) -> Result<Rewired, String> {
     let ports = made[index].ports();
-    let replacement = |port: usize| -> Option<PortRef> {
+    let replacement = |port: usize| -> Option<FlatPort> {
         let inputs = &now.wires[index];
         if ports[port].access == Access::Update {
             return inputs.get(&port).copied();
@@ -636,7 +648,7 @@ fn step_over(made: &[Made], now: &Bypassed, index: usize) -> Result<Rewired, Str
         (0..ports.len()).filter(|&other| like(&ports[other])).find_map(|other| inputs.get(&other).copied())
     };
     let mut wires = now.wires.clone();
-    for (consumer, inputs) in wires.iter_mut().enumerate() {
+    for (consumer, inputs) in wires.iter_mut_enumerated() {
         if consumer == index || now.why.contains_key(&consumer) {
             continue;
         }
@@ -659,7 +671,7 @@ fn step_over(made: &[Made], now: &Bypassed, index: usize) -> Result<Rewired, Str
             }
         }
     }
-    let redirect = |at: PortRef| if at.node == index { replacement(at.port) } else { Some(at) };
+    let redirect = |at: FlatPort| if at.node == index { replacement(at.port) } else { Some(at) };
     let mut outputs = Vec::new();
     for (name, at) in &now.outputs {
         outputs.push((name.clone(), redirect(*at).ok_or_else(|| format!("the output `{name}` needs it"))?));
@@ -672,16 +684,16 @@ fn step_over(made: &[Made], now: &Bypassed, index: usize) -> Result<Rewired, Str
 }
 
 /// The nodes that something shown depends on, in this frame or through history and kept memory.
-fn live(made: &[Made], bypass: &Bypassed) -> BTreeSet<usize> {
+fn live(made: &IndexVec<FlatId, Made>, bypass: &Bypassed) -> BTreeSet<FlatId> {
     let mut live = BTreeSet::new();
-    let mut todo: Vec<usize> = bypass
+    let mut todo: Vec<FlatId> = bypass
         .outputs
         .iter()
         .map(|(_, at)| at.node)
         .chain(bypass.taps.iter().map(|(_, at)| at.node))
         .collect();
-    let source_of = |node: usize, port: usize| bypass.wires[node].get(&port).copied();
-    let root = |mut at: PortRef| {
+    let source_of = |node: FlatId, port: usize| bypass.wires[node].get(&port).copied();
+    let root = |mut at: FlatPort| {
         for _ in 0..made.len() {
             if made[at.node].ports()[at.port].access != Access::Update {
                 break;
@@ -691,7 +703,7 @@ fn live(made: &[Made], bypass: &Bypassed) -> BTreeSet<usize> {
         }
         at
     };
-    let is_kept = |at: PortRef| made[at.node].ports()[at.port].lifetime == Lifetime::Persistent;
+    let is_kept = |at: FlatPort| made[at.node].ports()[at.port].lifetime == Lifetime::Persistent;
     while let Some(node) = todo.pop() {
         if !live.insert(node) {
             continue;
@@ -703,7 +715,7 @@ fn live(made: &[Made], bypass: &Bypassed) -> BTreeSet<usize> {
                 continue;
             }
             // Kept memory carries every update into the next frame, whoever reads which version.
-            for (other, stage) in made.iter().enumerate() {
+            for (other, stage) in made.iter_enumerated() {
                 let updates = stage.ports().iter().enumerate().any(|(port, declared)| {
                     declared.access == Access::Update
                         && source_of(other, port).is_some_and(|at| root(at) == kept)
@@ -745,7 +757,7 @@ impl Resolver<'_> {
     }
 
     /// An extent in numbers; `None` where any will do.
-    fn declared(&mut self, node: usize, extent: &Extent) -> Result<Option<Dims>, String> {
+    fn declared(&mut self, node: NodeId, extent: &Extent) -> Result<Option<Dims>, String> {
         let [width, height] = self.settings.size;
         // Lists are never empty: a buffer of no bytes cannot be bound. Shaders test validity element by element.
         let list = |count: u64| {
@@ -773,7 +785,7 @@ impl Resolver<'_> {
     }
 
     /// The dims of the port that an extent names.
-    fn other(&mut self, node: usize, name: &str) -> Result<Dims, String> {
+    fn other(&mut self, node: NodeId, name: &str) -> Result<Dims, String> {
         let port = self.graph.nodes[node].declaration().port(name);
         let port = port.ok_or_else(|| format!("the extent names `{name}`, but there is no such port"))?;
         self.dims(PortRef { node, port })

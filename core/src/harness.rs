@@ -2,16 +2,26 @@
 
 use std::{collections::HashMap, sync::Arc};
 
+use index_vec::index_vec;
+
 use crate::{
     executor::{Executor, Gpu, RunError, Snapshot},
-    file::{Download, Side, Source},
+    file::Source,
     frame::Frame,
     graph::{Graph, Node, PortRef, Settings},
+    id::NodeId,
     plan::Plan,
     port::{Access, Dims, Extent, Lifetime, Port},
     registry::Registry,
+    side::{Download, Side},
     stage::{AnyStage, Bound, CpuContext, Declaration, Host, Io, Stage},
 };
+
+/// The node that owns the memory of the inputs.
+const GIVEN: NodeId = NodeId::from_raw_unchecked(0);
+
+/// The stage's node.
+const STAGE: NodeId = NodeId::from_raw_unchecked(1);
 
 /// Owns the memory of the inputs; the harness fills it from outside.
 struct Given(Declaration);
@@ -132,7 +142,7 @@ impl<S: Stage> Harness<S> {
             .collect();
         let source_of = |port: &Port| {
             let index = given.iter().position(|given| given.name == port.name && port.is_input());
-            index.map(|port| PortRef { node: 0, port })
+            index.map(|port| PortRef { node: GIVEN, port })
         };
         let sources: Vec<Option<PortRef>> = declaration.ports.iter().map(source_of).collect();
         let outputs: Vec<usize> =
@@ -141,7 +151,7 @@ impl<S: Stage> Harness<S> {
             .iter()
             .map(|&port| {
                 let name = declaration.ports[port].name.to_string();
-                (Source { node: "stage".into(), port: name }, PortRef { node: 1, port })
+                (Source { node: "stage".into(), port: name }, PortRef { node: STAGE, port })
             })
             .collect();
         let given = Given(Declaration { ports: given, cpu: true, idle: true, ..Declaration::default() });
@@ -157,7 +167,7 @@ impl<S: Stage> Harness<S> {
         let count = given.0.ports.len();
         let bound = Bound { stage, params: self.params.clone(), declaration };
         let mut graph = Graph {
-            nodes: vec![
+            nodes: index_vec![
                 node("given", Box::new(given), vec![None; count]),
                 node("stage", Box::new(bound), sources),
             ],

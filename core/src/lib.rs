@@ -6,6 +6,7 @@
 pub use bytemuck;
 pub use serde;
 
+mod compile;
 mod error;
 mod executor;
 mod explain;
@@ -13,15 +14,18 @@ mod file;
 mod frame;
 mod graph;
 mod harness;
+mod id;
 mod params;
 mod plan;
 mod port;
 mod reflect;
 mod registry;
 mod shader;
+mod side;
 mod stage;
 mod wgsl;
 
+pub use compile::compile;
 pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
 pub use executor::{AdapterChoice, Executor, Gpu, RunError, Snapshot};
 pub use explain::{Around, Capture, Cell, Finding, Mark, Role, Site};
@@ -29,8 +33,9 @@ pub use file::*;
 pub use frame::{Facts, Frame, View};
 pub use graph::{Culled, Graph, MAX_LATENCY, MAX_SIDE, Node, PortRef, Settings};
 pub use harness::{Harness, Outputs};
+pub use id::{NodeId, SlotId, StepId, StorageId, TapId};
 pub use params::{ParamError, ParamKind, ParamSpec, ParamValue, Params, parse_value};
-pub use plan::{Copy, Life, Plan, Slot, Step, Storage, Tap, compile};
+pub use plan::{Bindings, Life, Plan, PlannedNode, Slot, SlotPair, Step, Storage, Tap, TapField, Value};
 pub use port::{
     Access, Dims, Element, Extent, Field, FieldRef, Format, In, ItemMember, Lifetime, Member, Out, Port,
     PortElement, Scalar, plain, texel,
@@ -38,5 +43,6 @@ pub use port::{
 pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, compose as compose_shader};
 pub use registry::{Kind, NodeContext, Registry, ShaderLibrary};
 pub use shader::{Needs, Pass, Shader, Threads};
+pub use side::{Download, PerSide, Side};
 pub use stage::{AnyStage, Block, Bundle, CpuContext, Declaration, Host, Io, Stage};
 pub use wgsl::{wgsl_kind, wgsl_kind_from};

@@ -9,6 +9,7 @@ use std::{
     fmt,
 };
 
+use index_vec::IndexVec;
 use petgraph::{
     Direction,
     algo::tarjan_scc,
@@ -18,20 +19,20 @@ use petgraph::{
 
 use crate::{
     error::{GraphError, Problem, Problems},
-    file::{Download, GraphFile, Side},
-    graph::{Culled, Graph, PortRef, Settings},
-    port::{Access, Dims, Element, Lifetime},
-    registry::Registry,
+    graph::{Culled, Graph, Node, PortRef, Settings},
+    id::{NodeId, SlotId, StepId, StorageId, TapId},
+    port::{Access, Dims, Element, FieldRef, Lifetime},
+    side::{Download, PerSide, Side},
 };
 
-/// How the memory of a written field lives.
+/// How long the contents of a storage live.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Life {
-    /// Pooled.
+    /// Until the last step of the frame that uses them; the slot is pooled.
     Transient,
-    /// Kept from frame to frame.
+    /// From frame to frame.
     Persistent,
-    /// Two copies that swap at the frame's end, because somebody reads the last frame's.
+    /// Until the end of the next frame, because some node reads last frame's contents: two slots that swap.
     History,
 }
 
@@ -48,8 +49,8 @@ pub struct Storage {
     pub life: Life,
     /// The side that holds its contents at the frame's end.
     pub home: Side,
-    /// Its memory on the CPU and on the GPU: this frame's and last frame's slot (equal but for history).
-    pub slots: [Option<[usize; 2]>; 2],
+    /// Its memory on each side that uses it.
+    pub slots: PerSide<Option<SlotPair>>,
 }
 
 impl Storage {
@@ -57,28 +58,67 @@ impl Storage {
     pub fn bytes(&self) -> u64 {
         self.dims.count() as u64 * u64::from(self.element.bytes())
     }
+
+    /// Memory that fits it.
+    fn slot(&self) -> Slot {
+        Slot { element: self.element.clone(), dims: self.dims }
+    }
 }
 
-/// A storage, this frame's or last frame's copy.
+/// The slots of this frame's and of last frame's value of a storage, which swap after each frame. They are the same but
+/// for history.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlotPair([SlotId; 2]);
+
+impl SlotPair {
+    /// One slot for both values.
+    fn same(slot: SlotId) -> Self {
+        Self([slot; 2])
+    }
+
+    /// The slot of one of the values in frames of a parity: 0 for even frames, 1 for odd ones.
+    pub fn at(self, parity: usize, previous: bool) -> SlotId {
+        self.0[parity ^ usize::from(previous)]
+    }
+
+    /// Both slots.
+    pub fn both(self) -> [SlotId; 2] {
+        self.0
+    }
+}
+
+/// The contents of a storage, of this frame or of the frame before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Copy {
-    /// Index in [`Plan::storages`].
-    pub storage: usize,
-    /// Last frame's.
+pub struct Value {
+    /// The storage.
+    pub storage: StorageId,
+    /// Whether it is last frame's.
     pub previous: bool,
+}
+
+impl Value {
+    /// This frame's contents of a storage.
+    pub fn now(storage: StorageId) -> Self {
+        Self { storage, previous: false }
+    }
 }
 
 /// One thing that a frame does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// Runs a node: index in the graph's nodes.
-    Run(usize),
+    /// Runs a node.
+    Run(NodeId),
     /// CPU memory to GPU memory.
-    Upload(Copy),
+    Upload(Value),
     /// GPU memory to CPU memory.
-    Download(Copy, Download),
-    /// Hands a tapped storage's present contents to whoever asked: index in [`Plan::taps`], and which of its fields.
-    Tap(usize, usize),
+    Download(Value, Download),
+    /// Hands the present contents of a tapped storage to whoever asked for them.
+    Tap {
+        /// The tap.
+        tap: TapId,
+        /// Index in [`Tap::fields`].
+        field: usize,
+    },
 }
 
 /// Memory on one side.
@@ -97,90 +137,113 @@ impl Slot {
     }
 }
 
-/// A tapped port: its storages, field by field.
+/// A port that is read from outside.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tap {
     /// `node.port`, or the name of the output.
     pub name: String,
     /// The port.
     pub at: PortRef,
-    /// Field name and storage.
-    pub fields: Vec<(String, usize)>,
+    /// Its storages, field by field.
+    pub fields: Vec<TapField>,
+}
+
+/// A field of a tapped port.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TapField {
+    /// Its name; empty for the only one.
+    pub name: String,
+    /// What holds it.
+    pub storage: StorageId,
+}
+
+/// What each field of each port works on; `None` where an optional input is not connected.
+pub type Bindings = Vec<Vec<Option<Value>>>;
+
+/// A node and what it works on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedNode {
+    /// Its name.
+    pub name: String,
+    /// Its stage kind.
+    pub kind: String,
+    /// Where it runs.
+    pub side: Side,
+    /// What its ports work on.
+    pub bindings: Bindings,
+    /// The storages that it is the first to write in a frame.
+    pub first_writes: Vec<StorageId>,
+    /// The storages that it changes in place.
+    pub updates: Vec<StorageId>,
+    /// Whether it is skipped in frames in which neither its inputs nor the view have changed. Its outputs are kept then.
+    pub per_view: bool,
+}
+
+impl PlannedNode {
+    /// What its ports work on, those that are connected.
+    pub fn values(&self) -> impl Iterator<Item = Value> {
+        self.bindings.iter().flatten().flatten().copied()
+    }
+
+    /// What one of its fields works on; `None` where its input is not connected.
+    pub fn value(&self, at: FieldRef) -> Option<Value> {
+        self.bindings[at.port as usize][at.field as usize]
+    }
+
+    /// The storages whose contents it changes.
+    pub fn written(&self) -> impl Iterator<Item = StorageId> {
+        self.first_writes.iter().chain(&self.updates).copied()
+    }
 }
 
 /// Order, memory and transfers of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// What happens, in order.
-    pub steps: Vec<Step>,
+    pub steps: IndexVec<StepId, Step>,
+    /// The graph's nodes.
+    pub nodes: IndexVec<NodeId, PlannedNode>,
     /// All written fields.
-    pub storages: Vec<Storage>,
-    /// For each node, port and field: what it works on; `None` where an optional input is not connected.
-    pub bindings: Vec<Vec<Vec<Option<Copy>>>>,
-    /// Memory on the CPU and on the GPU.
-    pub slots: [Vec<Slot>; 2],
+    pub storages: IndexVec<StorageId, Storage>,
+    /// The memory of each side.
+    pub slots: PerSide<IndexVec<SlotId, Slot>>,
     /// Ports that are read from outside: the settings' taps first, then the outputs.
-    pub taps: Vec<Tap>,
-    /// For each node: the storages that it is the first to write in a frame.
-    pub first_writes: Vec<Vec<usize>>,
-    /// For each node: the storages that it changes in place.
-    pub updates: Vec<Vec<usize>>,
-    /// For each node: whether it is skipped in frames in which neither its inputs nor the view have changed. Its outputs
-    /// are kept then.
-    pub per_view: Vec<bool>,
-    /// Names and kinds of the nodes, and where they run.
-    pub nodes: Vec<(String, String, Side)>,
+    pub taps: IndexVec<TapId, Tap>,
     /// What was left out.
     pub culled: Vec<Culled>,
 }
 
-/// Checks a file and compiles it: the way from text to a graph and its plan.
-pub fn compile(
-    file: &GraphFile,
-    registry: &Registry,
-    settings: &Settings,
-) -> Result<(Graph, Plan), Problems> {
-    let graph = Graph::check(file, registry, settings)?;
-    let plan = Plan::new(&graph, settings).map_err(|mut problems| {
-        for problem in &mut problems.0 {
-            let found = problem.node.as_ref().and_then(|name| file.node_at(name));
-            problem.place = found.map(|(node, file)| file.place(node.name.span));
-        }
-        problems
-    })?;
-    Ok((graph, plan))
-}
-
 impl Plan {
     /// Compiles a checked graph.
+    ///
+    /// # Errors
+    /// [`GraphError::Cycle`] where nodes wait for each other.
     pub fn new(graph: &Graph, settings: &Settings) -> Result<Self, Problems> {
         let order = order(graph)?;
         let (mut storages, bindings) = storages(graph);
-        let taps = taps(graph, &bindings);
-        let first_writes = with_access(graph, &bindings, Access::Write);
-        let updates = with_access(graph, &bindings, Access::Update);
-        let per_view = per_view(graph, &first_writes, &updates, &mut storages, settings.prune);
-        let steps = steps(graph, &order, &bindings, &mut storages, &taps);
-        let slots = slots(&steps, &bindings, graph, &mut storages, &taps, settings.pooling);
-        let nodes =
-            graph.nodes.iter().map(|node| (node.name.clone(), node.kind.clone(), node.side)).collect();
-        Ok(Self {
-            steps,
-            storages,
-            bindings,
-            slots,
-            taps,
-            first_writes,
-            updates,
-            per_view,
-            nodes,
-            culled: graph.culled.clone(),
+        let nodes = nodes(graph, bindings, &mut storages, settings.prune);
+        let taps = taps(graph, &nodes);
+        let steps = steps(graph, &order, &nodes, &mut storages, &taps);
+        let slots = slots(&steps, graph, &nodes, &mut storages, &taps, settings.pooling);
+        Ok(Self { steps, nodes, storages, slots, taps, culled: graph.culled.clone() })
+    }
+
+    /// The nodes in the order in which they run.
+    pub fn order(&self) -> impl Iterator<Item = NodeId> {
+        self.steps.iter().filter_map(|step| match step {
+            Step::Run(node) => Some(*node),
+            _ => None,
         })
+    }
+
+    /// Whether some node runs on that side.
+    pub fn uses(&self, side: Side) -> bool {
+        self.nodes.iter().any(|node| node.side == side)
     }
 
     /// Bytes of all memory on one side.
     pub fn bytes(&self, side: Side) -> u64 {
-        self.slots[side as usize].iter().map(Slot::bytes).sum()
+        self.slots[side].iter().map(Slot::bytes).sum()
     }
 
     /// Bytes that pooling saves on one side.
@@ -188,33 +251,51 @@ impl Plan {
         let wanted: u64 = self
             .storages
             .iter()
-            .filter(|storage| storage.slots[side as usize].is_some())
+            .filter(|storage| storage.slots[side].is_some())
             .map(|storage| storage.bytes() * if storage.life == Life::History { 2 } else { 1 })
             .sum();
         wanted - self.bytes(side)
     }
 
     /// Bytes that one node writes.
-    pub fn node_bytes(&self, node: usize) -> u64 {
-        self.first_writes[node].iter().map(|&storage| self.storages[storage].bytes()).sum()
+    pub fn node_bytes(&self, node: NodeId) -> u64 {
+        self.nodes[node].first_writes.iter().map(|&storage| self.storages[storage].bytes()).sum()
     }
 
     /// The storages that a node fills whatever they held before, which poison mode makes sure of.
-    pub(crate) fn written_anew(&self, node: usize) -> impl Iterator<Item = usize> {
-        let kept = |storage: &usize| self.storages[*storage].life == Life::Persistent;
-        self.first_writes[node].iter().copied().filter(move |storage| self.per_view[node] || !kept(storage))
+    pub(crate) fn written_anew(&self, node: NodeId) -> impl Iterator<Item = StorageId> {
+        let node = &self.nodes[node];
+        let kept = |storage: &StorageId| self.storages[*storage].life == Life::Persistent;
+        node.first_writes.iter().copied().filter(move |storage| node.per_view || !kept(storage))
+    }
+
+    /// The side on which a tap finds its storages: that of the node it taps.
+    pub(crate) fn tap_side(&self, tap: TapId) -> Side {
+        self.nodes[self.taps[tap].at.node].side
+    }
+
+    /// The slot of a value on one side, in frames of a parity.
+    ///
+    /// # Panics
+    /// Where no step uses the value on that side.
+    pub(crate) fn slot(&self, value: Value, side: Side, parity: usize) -> SlotId {
+        let pair = self.storages[value.storage].slots[side];
+        pair.expect("the plan gives memory wherever a step needs it").at(parity, value.previous)
     }
 
     /// What a step is called in tables: the node's name, or the transfer's.
     pub fn step_name(&self, step: &Step) -> String {
+        let name = |value: &Value| &self.storages[value.storage].name;
         match step {
-            Step::Run(node) => self.nodes[*node].0.clone(),
-            Step::Upload(copy) => format!("upload {}", self.storages[copy.storage].name),
-            Step::Download(copy, Download::Sync) => format!("download {}", self.storages[copy.storage].name),
-            Step::Download(copy, Download::Latent(n)) => {
-                format!("download {} ({n} frames late)", self.storages[copy.storage].name)
+            Step::Run(node) => self.nodes[*node].name.clone(),
+            Step::Upload(value) => format!("upload {}", name(value)),
+            Step::Download(value, Download::Sync) => format!("download {}", name(value)),
+            Step::Download(value, Download::Latent(n)) => {
+                format!("download {} ({n} frames late)", name(value))
             }
-            Step::Tap(tap, field) => format!("tap {}", self.storages[self.taps[*tap].fields[*field].1].name),
+            Step::Tap { tap, field } => {
+                format!("tap {}", self.storages[self.taps[*tap].fields[*field].storage].name)
+            }
         }
     }
 
@@ -222,29 +303,27 @@ impl Plan {
     pub fn dot(&self) -> String {
         let mut text =
             String::from("digraph plan {\n  rankdir=LR;\n  node [shape=box, fontname=\"sans-serif\"];\n");
-        for (name, kind, side) in &self.nodes {
+        for PlannedNode { name, kind, side, .. } in &self.nodes {
             let fill = if *side == Side::Gpu { "#d5e8d4" } else { "#dae8fc" };
             let line = format!(
                 "  {name:?} [label=\"{name}\\n{kind} ({side})\", style=filled, fillcolor=\"{fill}\"];\n"
             );
             text += &line;
         }
-        let mut writer: HashMap<usize, &str> = HashMap::new();
+        let mut writer: HashMap<StorageId, &str> = HashMap::new();
         let mut wires: BTreeSet<(String, String, bool)> = BTreeSet::new();
         let last_writer = self.last_writers();
         for step in &self.steps {
             let Step::Run(node) = step else { continue };
-            let name = &self.nodes[*node].0;
-            for copy in self.bindings[*node].iter().flatten().flatten() {
-                let from =
-                    if copy.previous { last_writer.get(&copy.storage) } else { writer.get(&copy.storage) };
+            let node = &self.nodes[*node];
+            let name = &node.name;
+            for Value { storage, previous } in node.values() {
+                let from = if previous { last_writer.get(&storage) } else { writer.get(&storage) };
                 if let Some(from) = from.filter(|from| **from != name) {
-                    wires.insert(((*from).to_owned(), name.clone(), copy.previous));
+                    wires.insert(((*from).to_owned(), name.clone(), previous));
                 }
             }
-            for storage in self.written(*node) {
-                writer.insert(storage, name);
-            }
+            writer.extend(node.written().map(|storage| (storage, name.as_str())));
         }
         for (from, to, previous) in wires {
             let style = if previous { " [style=dashed]" } else { "" };
@@ -257,18 +336,12 @@ impl Plan {
         text + "}\n"
     }
 
-    fn written(&self, node: usize) -> BTreeSet<usize> {
-        let first = self.first_writes[node].iter().copied();
-        first.chain(self.updates[node].iter().copied()).collect()
-    }
-
-    fn last_writers(&self) -> HashMap<usize, &str> {
+    fn last_writers(&self) -> HashMap<StorageId, &str> {
         let mut last = HashMap::new();
         for step in &self.steps {
             if let Step::Run(node) = step {
-                for storage in self.written(*node) {
-                    last.insert(storage, self.nodes[*node].0.as_str());
-                }
+                let node = &self.nodes[*node];
+                last.extend(node.written().map(|storage| (storage, node.name.as_str())));
             }
         }
         last
@@ -279,25 +352,25 @@ impl Plan {
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let longest = |texts: &mut dyn Iterator<Item = &String>| texts.map(String::len).max().unwrap_or(0);
-        let names = longest(&mut self.nodes.iter().map(|(name, ..)| name));
-        let kinds = longest(&mut self.nodes.iter().map(|(_, kind, _)| kind));
+        let names = longest(&mut self.nodes.iter().map(|node| &node.name));
+        let kinds = longest(&mut self.nodes.iter().map(|node| &node.kind));
         for (index, step) in self.steps.iter().enumerate() {
             match step {
                 Step::Run(node) => {
-                    let (name, kind, side) = &self.nodes[*node];
+                    let PlannedNode { name, kind, side, .. } = &self.nodes[*node];
                     let bytes = megabytes(self.node_bytes(*node));
                     writeln!(f, "{:>3}  {name:<names$} {kind:<kinds$} {side}  {bytes:>10}", index + 1)?;
                 }
-                Step::Upload(copy) | Step::Download(copy, _) => {
-                    let bytes = megabytes(self.storages[copy.storage].bytes());
+                Step::Upload(value) | Step::Download(value, _) => {
+                    let bytes = megabytes(self.storages[value.storage].bytes());
                     let width = names + kinds + 6;
                     writeln!(f, "{:>3}  {:<width$} {bytes:>10}", index + 1, self.step_name(step))?;
                 }
-                Step::Tap(..) => {}
+                Step::Tap { .. } => {}
             }
         }
-        for side in [Side::Cpu, Side::Gpu] {
-            if !self.slots[side as usize].is_empty() {
+        for side in Side::ALL {
+            if !self.slots[side].is_empty() {
                 let (bytes, saved) = (megabytes(self.bytes(side)), megabytes(self.pooled_bytes(side)));
                 writeln!(f, "memory on the {side}: {bytes} ({saved} saved by pooling)")?;
             }
@@ -305,9 +378,10 @@ impl fmt::Display for Plan {
         for culled in &self.culled {
             writeln!(f, "left out: {} ({}): {}", culled.node, culled.kind, culled.why)?;
         }
-        for (node, (name, kind, _)) in self.nodes.iter().enumerate().filter(|(node, _)| self.per_view[*node])
+        for (id, PlannedNode { name, kind, .. }) in
+            self.nodes.iter_enumerated().filter(|(_, node)| node.per_view)
         {
-            let bytes = megabytes(self.node_bytes(node));
+            let bytes = megabytes(self.node_bytes(id));
             writeln!(f, "not again while its inputs and the view stay the same: {name} ({kind}), {bytes}")?;
         }
         Ok(())
@@ -320,35 +394,14 @@ fn megabytes(bytes: u64) -> String {
 
 /// Producers before consumers; readers of a version before its updater. Among nodes that may run, one on the same side
 /// as the last comes first (fewer changes of side, fewer submissions), then the file's order decides.
-fn order(graph: &Graph) -> Result<Vec<usize>, Problems> {
-    let mut before: DiGraph<usize, ()> = DiGraph::new();
-    for node in 0..graph.nodes.len() {
-        before.add_node(node);
-    }
-    let mut readers: HashMap<PortRef, Vec<usize>> = HashMap::new();
-    let mut updaters: Vec<(PortRef, usize)> = Vec::new();
-    for (index, node) in graph.nodes.iter().enumerate() {
-        for (port, declared) in node.declaration().ports.iter().enumerate() {
-            let Some(source) = node.sources[port] else { continue };
-            match declared.access {
-                Access::History => continue,
-                Access::Update => updaters.push((source, index)),
-                Access::Read | Access::Write => readers.entry(source).or_default().push(index),
-            }
-            before.update_edge(NodeIndex::new(source.node), NodeIndex::new(index), ());
-        }
-    }
-    for (version, updater) in updaters {
-        for &reader in readers.get(&version).into_iter().flatten() {
-            if reader != updater {
-                before.update_edge(NodeIndex::new(reader), NodeIndex::new(updater), ());
-            }
-        }
-    }
-
-    let mut waiting: Vec<usize> =
-        before.node_indices().map(|node| before.edges_directed(node, Direction::Incoming).count()).collect();
-    let mut ready: BTreeSet<usize> = (0..waiting.len()).filter(|&node| waiting[node] == 0).collect();
+fn order(graph: &Graph) -> Result<Vec<NodeId>, Problems> {
+    let before = precedence(graph);
+    let mut waiting: IndexVec<NodeId, usize> = graph
+        .nodes
+        .indices()
+        .map(|node| before.edges_directed(vertex(node), Direction::Incoming).count())
+        .collect();
+    let mut ready: BTreeSet<NodeId> = waiting.indices().filter(|&node| waiting[node] == 0).collect();
     let mut order = Vec::with_capacity(waiting.len());
     let mut side = None;
     while let Some(&first) = ready.first() {
@@ -357,8 +410,8 @@ fn order(graph: &Graph) -> Result<Vec<usize>, Problems> {
         ready.remove(&node);
         side = Some(graph.nodes[node].side);
         order.push(node);
-        for edge in before.edges(NodeIndex::new(node)) {
-            let next = edge.target().index();
+        for edge in before.edges(vertex(node)) {
+            let next = before[edge.target()];
             waiting[next] -= 1;
             if waiting[next] == 0 {
                 ready.insert(next);
@@ -368,22 +421,53 @@ fn order(graph: &Graph) -> Result<Vec<usize>, Problems> {
     if order.len() == waiting.len() { Ok(order) } else { Err(cycle(graph, &before).into()) }
 }
 
-fn cycle(graph: &Graph, before: &DiGraph<usize, ()>) -> Problem {
-    let on_cycle: BTreeSet<usize> = tarjan_scc(before)
+/// An edge from each node to each that must come after it.
+fn precedence(graph: &Graph) -> DiGraph<NodeId, ()> {
+    let mut before = DiGraph::new();
+    for node in graph.nodes.indices() {
+        before.add_node(node);
+    }
+    let mut readers: HashMap<PortRef, Vec<NodeId>> = HashMap::new();
+    let mut updaters: Vec<(PortRef, NodeId)> = Vec::new();
+    for (id, node) in graph.nodes.iter_enumerated() {
+        for (port, declared) in node.declaration().ports.iter().enumerate() {
+            let Some(source) = node.sources[port] else { continue };
+            match declared.access {
+                Access::History => continue,
+                Access::Update => updaters.push((source, id)),
+                Access::Read | Access::Write => readers.entry(source).or_default().push(id),
+            }
+            before.update_edge(vertex(source.node), vertex(id), ());
+        }
+    }
+    for (source, updater) in updaters {
+        for &reader in readers.get(&source).into_iter().flatten() {
+            if reader != updater {
+                before.update_edge(vertex(reader), vertex(updater), ());
+            }
+        }
+    }
+    before
+}
+
+/// The vertex of a node: they were added in the same order.
+fn vertex(node: NodeId) -> NodeIndex {
+    NodeIndex::new(node.index())
+}
+
+fn cycle(graph: &Graph, before: &DiGraph<NodeId, ()>) -> Problem {
+    let on_cycle: BTreeSet<NodeId> = tarjan_scc(before)
         .into_iter()
         .find(|group| group.len() > 1 || before.contains_edge(group[0], group[0]))
         .into_iter()
         .flatten()
-        .map(NodeIndex::index)
+        .map(|node| before[node])
         .collect();
     // Inside a strongly connected group, walking on always closes a loop.
-    let mut path: Vec<usize> = on_cycle.first().copied().into_iter().collect();
+    let mut path: Vec<NodeId> = on_cycle.first().copied().into_iter().collect();
     while let Some(&last) = path.last() {
-        let next = before
-            .neighbors(NodeIndex::new(last))
-            .map(NodeIndex::index)
-            .filter(|n| on_cycle.contains(n))
-            .min();
+        let next =
+            before.neighbors(vertex(last)).map(|node| before[node]).filter(|n| on_cycle.contains(n)).min();
         let Some(next) = next else { break };
         if let Some(start) = path.iter().position(|&node| node == next) {
             path.drain(..start);
@@ -397,13 +481,15 @@ fn cycle(graph: &Graph, before: &DiGraph<usize, ()>) -> Problem {
     Problem::new(GraphError::Cycle { path: names }).node(&first)
 }
 
-type Bindings = Vec<Vec<Vec<Option<Copy>>>>;
+type Storages = IndexVec<StorageId, Storage>;
+type Nodes = IndexVec<NodeId, PlannedNode>;
+type Taps = IndexVec<TapId, Tap>;
 
 /// One storage for each field of each written port, and what every port works on.
-fn storages(graph: &Graph) -> (Vec<Storage>, Bindings) {
-    let mut storages = Vec::new();
-    let mut of_field: BTreeMap<(PortRef, String), usize> = BTreeMap::new();
-    for (node, declared) in graph.nodes.iter().enumerate() {
+fn storages(graph: &Graph) -> (Storages, IndexVec<NodeId, Bindings>) {
+    let mut storages = Storages::new();
+    let mut of_field: BTreeMap<(PortRef, String), StorageId> = BTreeMap::new();
+    for (node, declared) in graph.nodes.iter_enumerated() {
         for (port, written) in declared.declaration().ports.iter().enumerate() {
             if written.access != Access::Write {
                 continue;
@@ -418,39 +504,37 @@ fn storages(graph: &Graph) -> (Vec<Storage>, Bindings) {
                     Lifetime::Transient => Life::Transient,
                     Lifetime::Persistent => Life::Persistent,
                 };
-                of_field.insert((at, field.name.to_string()), storages.len());
-                let element = field.element.clone();
-                let node_side = declared.side;
-                storages.push(Storage {
+                let storage = storages.push(Storage {
                     name,
-                    element,
+                    element: field.element.clone(),
                     dims: declared.dims[port],
                     life,
-                    home: node_side,
-                    slots: [None; 2],
+                    home: declared.side,
+                    slots: PerSide::default(),
                 });
+                of_field.insert((at, field.name.to_string()), storage);
             }
         }
     }
-    let mut bindings = Vec::new();
-    for (index, node) in graph.nodes.iter().enumerate() {
-        let mut of_node = Vec::new();
+    let mut bindings = IndexVec::new();
+    for (id, node) in graph.nodes.iter_enumerated() {
+        let mut of_node = Bindings::new();
         for (port, declared) in node.declaration().ports.iter().enumerate() {
-            let at = PortRef { node: index, port };
+            let at = PortRef { node: id, port };
             let source =
                 if declared.is_input() { node.sources[port].map(|at| graph.root(at)) } else { Some(at) };
             let previous = declared.access == Access::History;
-            let of_port: Vec<Option<Copy>> = declared
+            let of_port: Vec<Option<Value>> = declared
                 .fields
                 .iter()
                 .map(|field| {
                     let storage = of_field[&(source?, field.name.to_string())];
-                    Some(Copy { storage, previous })
+                    Some(Value { storage, previous })
                 })
                 .collect();
             if previous {
-                for copy in of_port.iter().flatten() {
-                    storages[copy.storage].life = Life::History;
+                for value in of_port.iter().flatten() {
+                    storages[value.storage].life = Life::History;
                 }
             }
             of_node.push(of_port);
@@ -460,8 +544,31 @@ fn storages(graph: &Graph) -> (Vec<Storage>, Bindings) {
     (storages, bindings)
 }
 
+/// The nodes with what they work on. Where a node may be skipped, its outputs become kept ones. A node that changes
+/// something in place must run in every frame, and so must one whose outputs of the last frame are read, because these
+/// swap.
+fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &mut Storages, prune: bool) -> Nodes {
+    let plan_node = |(bindings, node): (Bindings, &Node)| {
+        let with_access = |access: Access| {
+            let ports = node.declaration().ports.iter().zip(&bindings);
+            let ports = ports.filter(|(port, _)| port.access == access);
+            ports.flat_map(|(_, values)| values.iter().flatten().map(|value| value.storage)).collect()
+        };
+        let first_writes: Vec<StorageId> = with_access(Access::Write);
+        let updates: Vec<StorageId> = with_access(Access::Update);
+        let swaps = first_writes.iter().any(|&storage| storages[storage].life == Life::History);
+        let per_view = prune && node.declaration().per_view && updates.is_empty() && !swaps;
+        if per_view {
+            first_writes.iter().for_each(|&storage| storages[storage].life = Life::Persistent);
+        }
+        let (name, kind, side) = (node.name.clone(), node.kind.clone(), node.side);
+        PlannedNode { name, kind, side, bindings, first_writes, updates, per_view }
+    };
+    bindings.into_iter().zip(&graph.nodes).map(plan_node).collect()
+}
+
 /// All fields of the tapped ports, whichever of them the tapped node itself uses.
-fn taps(graph: &Graph, bindings: &Bindings) -> Vec<Tap> {
+fn taps(graph: &Graph, nodes: &Nodes) -> Taps {
     let named = graph.taps.iter().map(|(source, at)| (source.to_string(), *at));
     let outputs = graph.outputs.iter().map(|(name, at)| (name.clone(), *at));
     named
@@ -472,166 +579,124 @@ fn taps(graph: &Graph, bindings: &Bindings) -> Vec<Tap> {
             let fields = declared
                 .fields
                 .iter()
-                .zip(&bindings[root.node][root.port])
-                .filter_map(|(field, copy)| Some((field.name.to_string(), (*copy)?.storage)))
+                .zip(&nodes[root.node].bindings[root.port])
+                .filter_map(|(field, value)| {
+                    Some(TapField { name: field.name.to_string(), storage: (*value)?.storage })
+                })
                 .collect();
             Tap { name, at, fields }
         })
         .collect()
 }
 
-/// For each node, the storages of its ports with that access.
-fn with_access(graph: &Graph, bindings: &Bindings, access: Access) -> Vec<Vec<usize>> {
-    let of_node = |node: usize| {
-        let ports = graph.nodes[node].declaration().ports.iter().zip(&bindings[node]);
-        ports
-            .filter(|(port, _)| port.access == access)
-            .flat_map(|(_, copies)| copies.iter().flatten().map(|copy| copy.storage))
-            .collect()
-    };
-    (0..graph.nodes.len()).map(of_node).collect()
-}
-
-/// Which nodes may be skipped; their outputs become kept ones. A node that changes something in place must do so in every
-/// frame, and so must one whose outputs of the last frame are read, because these swap.
-fn per_view(
-    graph: &Graph,
-    first_writes: &[Vec<usize>],
-    updates: &[Vec<usize>],
-    storages: &mut [Storage],
-    prune: bool,
-) -> Vec<bool> {
-    let mut per_view = vec![false; graph.nodes.len()];
-    for (node, declared) in graph.nodes.iter().enumerate() {
-        let written = &first_writes[node];
-        let swaps = written.iter().any(|&storage| storages[storage].life == Life::History);
-        if prune && declared.declaration().per_view && updates[node].is_empty() && !swaps {
-            written.iter().for_each(|&storage| storages[storage].life = Life::Persistent);
-            per_view[node] = true;
-        }
-    }
-    per_view
-}
-
-/// Which sides hold a storage's present contents.
-#[derive(Clone, Copy, Default)]
-struct Valid([bool; 2]);
+/// Which sides hold the present contents of each storage.
+type Valid = IndexVec<StorageId, PerSide<bool>>;
 
 /// The nodes in order, with transfers where a side lacks what it reads. A storage that lives on begins a frame valid
-/// where the last frame left it valid, so the walk is done twice: the first one finds that out.
+/// where the last frame left it valid, so the walk is done three times: the first two find out where that is.
 fn steps(
     graph: &Graph,
-    order: &[usize],
-    bindings: &Bindings,
-    storages: &mut [Storage],
-    taps: &[Tap],
-) -> Vec<Step> {
-    let mut end = vec![Valid([true, true]); storages.len()];
-    let mut steps = Vec::new();
+    order: &[NodeId],
+    nodes: &Nodes,
+    storages: &mut Storages,
+    taps: &Taps,
+) -> IndexVec<StepId, Step> {
+    let mut end: Valid = storages.iter().map(|_| PerSide::new(|_| true)).collect();
+    let mut steps = IndexVec::new();
     for _ in 0..3 {
-        let mut now: Vec<Valid> = storages
+        let mut now: Valid = storages
             .iter()
             .zip(&end)
-            .map(|(storage, end)| if storage.life == Life::Persistent { *end } else { Valid::default() })
+            .map(|(storage, end)| if storage.life == Life::Persistent { *end } else { PerSide::default() })
             .collect();
         let mut previous = end.clone();
         steps.clear();
         for &node in order {
             let side = graph.nodes[node].side;
             let declaration = graph.nodes[node].declaration();
-            let ports = declaration.ports.iter().zip(&bindings[node]);
+            let ports = declaration.ports.iter().zip(&nodes[node].bindings);
             // A stage that only owns kept memory touches it on neither side.
             let ports = ports.filter(|(port, _)| !declaration.idle || port.lifetime == Lifetime::Transient);
-            for (port, copies) in ports.clone() {
+            for (port, values) in ports.clone() {
                 if port.access == Access::Write && port.lifetime == Lifetime::Transient {
                     continue;
                 }
-                for copy in copies.iter().flatten() {
-                    let valid = if copy.previous { &mut previous } else { &mut now };
-                    let valid = &mut valid[copy.storage].0;
-                    if valid[side as usize] {
+                for value in values.iter().flatten() {
+                    let valid = if value.previous { &mut previous } else { &mut now };
+                    if std::mem::replace(&mut valid[value.storage][side], true) {
                         continue;
                     }
-                    valid[side as usize] = true;
                     steps.push(match side {
-                        Side::Gpu => Step::Upload(*copy),
-                        Side::Cpu => Step::Download(*copy, graph.nodes[node].download),
+                        Side::Gpu => Step::Upload(*value),
+                        Side::Cpu => Step::Download(*value, graph.nodes[node].download),
                     });
                 }
             }
             steps.push(Step::Run(node));
-            for (port, copies) in ports {
+            for (port, values) in ports {
                 if matches!(port.access, Access::Write | Access::Update) {
-                    for copy in copies.iter().flatten() {
-                        let mut valid = Valid::default();
-                        valid.0[side as usize] = true;
-                        now[copy.storage] = valid;
+                    for value in values.iter().flatten() {
+                        now[value.storage] = PerSide::new(|written| written == side);
                     }
                 }
             }
-            for (index, tap) in taps.iter().enumerate().filter(|(_, tap)| tap.at.node == node) {
-                steps.extend((0..tap.fields.len()).map(|field| Step::Tap(index, field)));
+            for (tap, tapped) in taps.iter_enumerated().filter(|(_, tap)| tap.at.node == node) {
+                steps.extend((0..tapped.fields.len()).map(|field| Step::Tap { tap, field }));
             }
         }
         end = now;
     }
     for (storage, valid) in storages.iter_mut().zip(end) {
-        storage.home = if valid.0[Side::Cpu as usize] { Side::Cpu } else { Side::Gpu };
+        storage.home = if valid.cpu { Side::Cpu } else { Side::Gpu };
     }
     steps
-}
-
-/// Where a tap finds a storage: on the side of the node it taps.
-pub(crate) fn tap_side(plan: &Plan, tap: usize) -> Side {
-    plan.nodes[plan.taps[tap].at.node].2
 }
 
 /// Gives memory to every storage on every side that uses it. Transients with equal descriptions share a slot when their
 /// first and last uses do not overlap.
 fn slots(
-    steps: &[Step],
-    bindings: &Bindings,
+    steps: &IndexVec<StepId, Step>,
     graph: &Graph,
-    storages: &mut [Storage],
-    taps: &[Tap],
+    nodes: &Nodes,
+    storages: &mut Storages,
+    taps: &Taps,
     pooling: bool,
-) -> [Vec<Slot>; 2] {
-    let mut uses: [BTreeMap<usize, (usize, usize)>; 2] = Default::default();
-    let mut touch = |side: Side, storage: usize, at: usize| {
-        let span = uses[side as usize].entry(storage).or_insert((at, at));
+) -> PerSide<IndexVec<SlotId, Slot>> {
+    let mut uses: PerSide<BTreeMap<StorageId, (StepId, StepId)>> = PerSide::default();
+    let mut touch = |side: Side, storage: StorageId, at: StepId| {
+        let span = uses[side].entry(storage).or_insert((at, at));
         span.1 = at;
     };
-    for (at, step) in steps.iter().enumerate() {
+    for (at, step) in steps.iter_enumerated() {
         match step {
             Step::Run(node) if graph.nodes[*node].declaration().idle => {}
             Step::Run(node) => {
-                for copy in bindings[*node].iter().flatten().flatten() {
-                    touch(graph.nodes[*node].side, copy.storage, at);
+                for value in nodes[*node].values() {
+                    touch(nodes[*node].side, value.storage, at);
                 }
             }
-            Step::Upload(copy) | Step::Download(copy, _) => {
-                touch(Side::Cpu, copy.storage, at);
-                touch(Side::Gpu, copy.storage, at);
+            Step::Upload(value) | Step::Download(value, _) => {
+                touch(Side::Cpu, value.storage, at);
+                touch(Side::Gpu, value.storage, at);
             }
-            Step::Tap(tap, field) => {
-                let side = graph.nodes[taps[*tap].at.node].side;
-                touch(side, taps[*tap].fields[*field].1, at);
+            Step::Tap { tap, field } => {
+                let tap = &taps[*tap];
+                touch(nodes[tap.at.node].side, tap.fields[*field].storage, at);
             }
         }
     }
-    let mut all: [Vec<Slot>; 2] = Default::default();
-    for side in [Side::Cpu, Side::Gpu] {
-        let slots = &mut all[side as usize];
-        let mut by_start: Vec<(usize, usize, usize)> =
-            uses[side as usize].iter().map(|(&storage, &(start, end))| (start, end, storage)).collect();
+    PerSide::new(|side| {
+        let mut slots: IndexVec<SlotId, Slot> = IndexVec::new();
+        let mut by_start: Vec<(StepId, StepId, StorageId)> =
+            uses[side].iter().map(|(&storage, &(start, end))| (start, end, storage)).collect();
         by_start.sort_unstable();
         // The last step at which each pooled slot is in use.
-        let mut busy_until: Vec<(usize, usize)> = Vec::new();
-        for (start, end, index) in by_start {
-            let storage = &mut storages[index];
+        let mut busy_until: Vec<(SlotId, StepId)> = Vec::new();
+        for (start, end, id) in by_start {
+            let storage = &mut storages[id];
             let pair = match storage.life {
-                Life::Persistent => [add_slot(slots, storage); 2],
-                Life::History => [add_slot(slots, storage), add_slot(slots, storage)],
+                Life::Persistent => SlotPair::same(slots.push(storage.slot())),
+                Life::History => SlotPair([slots.push(storage.slot()), slots.push(storage.slot())]),
                 Life::Transient => {
                     let free = busy_until.iter_mut().find(|(slot, until)| {
                         let fits =
@@ -641,24 +706,18 @@ fn slots(
                     match free {
                         Some((slot, until)) => {
                             *until = end;
-                            [*slot; 2]
+                            SlotPair::same(*slot)
                         }
                         None => {
-                            let slot = add_slot(slots, storage);
+                            let slot = slots.push(storage.slot());
                             busy_until.push((slot, end));
-                            [slot; 2]
+                            SlotPair::same(slot)
                         }
                     }
                 }
             };
-            storage.slots[side as usize] = Some(pair);
+            storage.slots[side] = Some(pair);
         }
-    }
-    all
-}
-
-/// A slot of its own for a storage; its index.
-fn add_slot(slots: &mut Vec<Slot>, storage: &Storage) -> usize {
-    slots.push(Slot { element: storage.element.clone(), dims: storage.dims });
-    slots.len() - 1
+        slots
+    })
 }

@@ -8,13 +8,16 @@ use std::{
     collections::HashMap,
 };
 
+use index_vec::IndexSlice;
+
 use crate::{
     explain::{Finding, Site},
-    file::Side,
     frame::{Facts, Frame},
+    id::SlotId,
     params::{ParamSpec, Params},
     port::{Access, Dims, Extent, Field, FieldRef, In, Lifetime, Out, Port, PortElement},
     shader::{Needs, Pass, Shader, Threads},
+    side::Side,
 };
 
 /// A step of an algorithm. See the README for one in full.
@@ -288,7 +291,7 @@ impl Block {
 /// Where a field of a port lies: a block, and how many elements of it count.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Binding {
-    pub block: usize,
+    pub slot: SlotId,
     pub dims: Dims,
 }
 
@@ -296,7 +299,7 @@ pub(crate) struct Binding {
 pub struct CpuContext<'a> {
     pub(crate) frame: &'a Frame,
     pub(crate) host: &'a Host,
-    pub(crate) blocks: &'a [RefCell<Block>],
+    pub(crate) blocks: &'a IndexSlice<SlotId, [RefCell<Block>]>,
     pub(crate) bindings: &'a [Vec<Option<Binding>>],
     pub(crate) unchanged: &'a RefCell<Vec<FieldRef>>,
 }
@@ -333,14 +336,14 @@ impl CpuContext<'_> {
 
     /// The elements of an input.
     pub fn read<E: PortElement>(&self, port: In<E>) -> Ref<'_, [E::Cpu]> {
-        let Binding { block, dims } = self.binding(port.at);
-        Ref::map(self.blocks[block].borrow(), |block| elements(block.bytes(), dims))
+        let Binding { slot, dims } = self.binding(port.at);
+        Ref::map(self.blocks[slot].borrow(), |block| elements(block.bytes(), dims))
     }
 
     /// The elements of an output or update.
     pub fn write<E: PortElement>(&self, port: Out<E>) -> RefMut<'_, [E::Cpu]> {
-        let Binding { block, dims } = self.binding(port.at);
-        RefMut::map(self.blocks[block].borrow_mut(), |block| {
+        let Binding { slot, dims } = self.binding(port.at);
+        RefMut::map(self.blocks[slot].borrow_mut(), |block| {
             let bytes = dims.count() * size_of::<E::Cpu>();
             bytemuck::cast_slice_mut(&mut block.bytes_mut()[..bytes])
         })

@@ -364,7 +364,7 @@ fn walk(executor: &mut Executor) -> Vec<(Vec<String>, u32)> {
         frame.view.eye[0] = x;
         executor.run(&frame, &Host::default(), true).unwrap();
         let nodes = executor.plan().nodes.iter().zip(executor.ran());
-        let ran = nodes.filter(|(_, ran)| **ran).map(|((name, ..), _)| name.clone()).collect();
+        let ran = nodes.filter(|(_, ran)| **ran).map(|(node, _)| node.name.clone()).collect();
         (ran, executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7])
     });
     frames.collect()
@@ -395,7 +395,7 @@ fn unpruned_every_node_runs_in_every_frame() {
     for sides in SIDES {
         let settings = Settings { prune: false, ..Settings::new(SIZE, 0) };
         let mut executor = executor(&looking(sides, "", "again.output"), &settings);
-        assert!(executor.plan().per_view.iter().all(|per_view| !per_view));
+        assert!(executor.plan().nodes.iter().all(|node| !node.per_view));
         for (frame, (ran, value)) in walk(&mut executor).into_iter().enumerate() {
             assert_eq!(ran, ["rarely", "look", "again"], "{sides:?}, frame {frame}");
             assert_eq!(value / 1000, 2 * frame as u32, "{sides:?}, frame {frame}");
@@ -426,10 +426,7 @@ fn what_is_changed_in_place_is_made_again_in_every_frame() {
 fn a_stage_of_the_view_whose_last_output_is_read_swaps_and_runs() {
     let mix = r#""mix": (kind: "mix", inputs: { "now": "again.output", "before": "look.output" }, params: (weight: 0)),"#;
     let executor = executor(&looking(["Cpu", "Cpu"], mix, "mix.sum"), &Settings::new(SIZE, 0));
-    let per_view = |name| {
-        let node = executor.plan().nodes.iter().position(|(node, ..)| node == name).unwrap();
-        executor.plan().per_view[node]
-    };
+    let per_view = |name| executor.plan().nodes.iter().find(|node| node.name == name).unwrap().per_view;
     assert_eq!([per_view("look"), per_view("again")], [false, true]);
 }
 
@@ -440,7 +437,7 @@ fn a_recompiled_stage_of_the_view_runs_at_first() {
             [from, to].map(|sides| executor(&looking(sides, "", "again.output"), &Settings::new(SIZE, 0)));
         let run = |executor: &mut Executor, index, expected| {
             executor.run(&frame(index), &Host::default(), true).unwrap();
-            assert_eq!(executor.ran(), [true, expected, expected], "frame {index}");
+            assert_eq!(executor.ran().as_raw_slice(), [true, expected, expected], "frame {index}");
             executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7] / 1000
         };
         assert_eq!(run(&mut old, 2, true), 4);
@@ -489,7 +486,7 @@ fn an_all_gpu_frame_has_no_transfers_and_pools() {
     settings.side = Side::Gpu;
     let file = graph(["Gpu", "Gpu", "Gpu"]);
     let (_, plan) = compile(&file, &registry(), &settings).unwrap();
-    assert!(plan.steps.iter().all(|step| matches!(step, Step::Run(_) | Step::Tap(..))));
+    assert!(plan.steps.iter().all(|step| matches!(step, Step::Run(_) | Step::Tap { .. })));
     settings.pooling = false;
     let (_, unpooled) = compile(&file, &registry(), &settings).unwrap();
     assert!(plan.bytes(Side::Gpu) <= unpooled.bytes(Side::Gpu));

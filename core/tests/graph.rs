@@ -201,7 +201,7 @@ fn transients_share_memory_when_their_lives_do_not_overlap() {
         .collect();
     let nodes = format!("\"s\": (kind: \"source\"), {chain}");
     let (_, plan) = compiled(&nodes, "f6.out", &settings());
-    assert_eq!(plan.slots[Side::Cpu as usize].len(), 2);
+    assert_eq!(plan.slots.cpu.len(), 2);
     let image = 64 * 48 * 4;
     assert_eq!((plan.bytes(Side::Cpu), plan.pooled_bytes(Side::Cpu)), (2 * image, 5 * image));
     let (_, plan) = compiled(&nodes, "f6.out", &Settings { pooling: false, ..settings() });
@@ -215,7 +215,7 @@ fn history_breaks_cycles_and_keeps_two_copies() {
         "filter": (kind: "filter", inputs: { "in": "delay.out" }),"#;
     assert_eq!(order(nodes, "filter.out"), ["delay", "filter"]);
     let (_, plan) = compiled(nodes, "filter.out", &settings());
-    assert_eq!(plan.slots[Side::Cpu as usize].len(), 3);
+    assert_eq!(plan.slots.cpu.len(), 3);
 }
 
 #[test]

@@ -98,7 +98,7 @@ impl Run {
         let settings = Settings { facts: World::facts(scene, path.moves()), ..settings };
         let (graph, plan) =
             compile(file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));
-        let gpu = plan.nodes.iter().any(|node| node.2 == epigraph_core::Side::Gpu).then(gpu);
+        let gpu = plan.uses(epigraph_core::Side::Gpu).then(gpu);
         let mut executor =
             Executor::new(graph, plan, &settings, &registry, gpu).unwrap_or_else(|error| panic!("{error}"));
         executor.profile = false;

@@ -33,7 +33,7 @@ fn both_sides_see_the_same_motion() {
 #[test]
 fn what_moves_runs_again_and_nothing_is_left_out_that_counts() {
     let ran = |run: &Run, name: &str| {
-        run.executor.plan().nodes.iter().position(|node| node.0 == name).map(|node| run.executor.ran()[node])
+        run.executor.plan().nodes.position(|node| node.name == name).map(|node| run.executor.ran()[node])
     };
     let [mut moving, mut still] =
         [SCENE, "cornell"].map(|scene| start(&graph("epi.ron"), scene, settings(Side::Cpu, &[])));

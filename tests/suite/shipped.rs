@@ -36,7 +36,7 @@ fn an_all_gpu_frame_is_one_submission_but_for_the_tracer() {
     let transfers: Vec<String> = plan
         .steps
         .iter()
-        .filter(|step| !matches!(step, epigraph_core::Step::Run(_) | epigraph_core::Step::Tap(..)))
+        .filter(|step| !matches!(step, epigraph_core::Step::Run(_) | epigraph_core::Step::Tap { .. }))
         .map(|step| plan.step_name(step))
         .collect();
     // Rays are traced on the CPU: requests come down, samples go up (once for each of their two readers' first).

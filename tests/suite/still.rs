@@ -25,7 +25,7 @@ fn settings(side: Side) -> Settings {
 
 fn ran(run: &Run, name: &str) -> bool {
     let nodes = &run.executor.plan().nodes;
-    let node = nodes.iter().position(|(node, ..)| node == name).unwrap_or_else(|| panic!("no node `{name}`"));
+    let node = nodes.position(|node| node.name == name).unwrap_or_else(|| panic!("no node `{name}`"));
     run.executor.ran()[node]
 }
 

@@ -6,7 +6,7 @@ use std::{
 };
 
 use epigraph_core::{
-    Executor, Gpu, GraphFile, Host, Plan, Registry, RunError, Settings, Side, Step, compile,
+    Executor, Gpu, GraphFile, Host, Plan, PlannedNode, Registry, RunError, Settings, Side, Step, compile,
 };
 use epigraph_scenes::{CameraPath, Scene};
 use epigraph_stages::World;
@@ -208,14 +208,14 @@ fn fills(points: u64, samples: u32) -> u64 {
 
 /// Slots of all point clouds of a plan.
 fn points(plan: &Plan) -> u64 {
-    let slots = |node: usize| {
-        plan.first_writes[node].iter().map(|&at| plan.storages[at].dims.count() as u64).max().unwrap_or(0)
+    let slots = |node: &PlannedNode| {
+        node.first_writes.iter().map(|&at| plan.storages[at].dims.count() as u64).max().unwrap_or(0)
     };
     clouds(plan).map(slots).sum()
 }
 
-fn clouds(plan: &Plan) -> impl Iterator<Item = usize> {
-    (0..plan.nodes.len()).filter(|&node| plan.nodes[node].1 == CLOUD)
+fn clouds(plan: &Plan) -> impl Iterator<Item = &PlannedNode> {
+    plan.nodes.iter().filter(|node| node.kind == CLOUD)
 }
 
 /// The same graph with another number of points for each pixel in all of its clouds.
@@ -228,7 +228,7 @@ pub fn with_points(job: &Job, per_pixel: f64) -> Result<GraphFile, CliError> {
     let (_, plan) = compile(job.graph, job.registry, &settings)?;
     let mut graph = job.graph.clone();
     for node in clouds(&plan) {
-        graph.set_param(&plan.nodes[node].0, "points_per_pixel", &format!("{per_pixel:?}"))?;
+        graph.set_param(&node.name, "points_per_pixel", &format!("{per_pixel:?}"))?;
     }
     Ok(graph)
 }
@@ -271,7 +271,7 @@ impl Log {
             move |step: usize| kind(plan, step).and_then(column::of).is_some_and(|found| found == column)
         };
         let on_gpu =
-            |step: usize| matches!(plan.steps[step], Step::Run(node) if plan.nodes[node].2 == Side::Gpu);
+            |step: usize| matches!(plan.steps[step], Step::Run(node) if plan.nodes[node].side == Side::Gpu);
         let counted = self.sums(|step| kind(plan, step).and_then(column::of).is_some());
         let rest = self.frame_ms(plan).iter().zip(counted).map(|(frame, counted)| frame - counted).collect();
         Times {
@@ -288,21 +288,21 @@ impl Log {
             let name = plan.step_name(step);
             match step {
                 Step::Run(node) => {
-                    let (_, kind, side) = &plan.nodes[*node];
+                    let PlannedNode { kind, side, .. } = &plan.nodes[*node];
                     Part { name, kind: kind.clone(), side: Some(*side), ms }
                 }
                 _ => Part { name, kind: "transfer".into(), side: None, ms },
             }
         };
         let steps = plan.steps.iter().enumerate();
-        steps.filter(|(_, step)| !matches!(step, Step::Tap(..))).map(part).collect()
+        steps.filter(|(_, step)| !matches!(step, Step::Tap { .. })).map(part).collect()
     }
 }
 
 /// The kind of the stage that a step runs, if it runs one.
 fn kind(plan: &Plan, step: usize) -> Option<&str> {
     match plan.steps[step] {
-        Step::Run(node) => Some(&plan.nodes[node].1),
+        Step::Run(node) => Some(&plan.nodes[node].kind),
         _ => None,
     }
 }

@@ -2,20 +2,23 @@
 
 use std::{cell::RefCell, collections::HashMap, sync::Arc};
 
+use index_vec::IndexVec;
+
 use super::{
     Gpu, RunError,
     programs::{Program, Raster},
     readback::Readback,
 };
 use crate::{
-    file::{Download, Side},
     frame::Frame,
     graph::Graph,
-    plan::{Copy, Plan, Step},
-    port::{Dims, Element, FieldRef, Format},
+    id::{NodeId, SlotId, StorageId},
+    plan::{Plan, PlannedNode, SlotPair, Step, Value},
+    port::{Dims, Element, FieldRef, Format, Scalar},
     reflect::{self, Entry, Reflected},
     registry::Registry,
     shader::{Pass, Threads},
+    side::{Download, Side},
     stage::Block,
 };
 
@@ -82,7 +85,7 @@ enum Pipeline {
     Raster {
         pipeline: wgpu::RenderPipeline,
         vertices: u32,
-        slot: usize,
+        slot: SlotId,
         clear: u32,
         depth: Option<wgpu::TextureView>,
     },
@@ -117,12 +120,12 @@ struct Clock {
 /// The GPU half of an executor.
 pub(super) struct GpuSide {
     pub gpu: Arc<Gpu>,
-    pub memory: Vec<Memory>,
+    memory: IndexVec<SlotId, Memory>,
     frame: wgpu::Buffer,
-    nodes: Vec<Option<GpuNode>>,
-    uploads: HashMap<Copy, Upload>,
-    downloads: HashMap<Copy, Readback>,
-    poison: Option<Vec<(wgpu::Buffer, usize)>>,
+    nodes: IndexVec<NodeId, Option<GpuNode>>,
+    uploads: HashMap<Value, Upload>,
+    downloads: HashMap<Value, Readback>,
+    poison: Option<IndexVec<SlotId, wgpu::Buffer>>,
     encoder: Option<wgpu::CommandEncoder>,
     clock: Option<Clock>,
 }
@@ -148,16 +151,16 @@ impl GpuSide {
             gpu,
             memory,
             frame,
-            nodes: Vec::new(),
+            nodes: IndexVec::new(),
             uploads: HashMap::new(),
             downloads: HashMap::new(),
             poison: None,
             encoder: None,
             clock: None,
         };
-        for node in 0..graph.nodes.len() {
-            let built = if graph.nodes[node].side == Side::Gpu && !graph.nodes[node].declaration().idle {
-                Some(side.build(graph, plan, node, registry)?)
+        for (id, node) in graph.nodes.iter_enumerated() {
+            let built = if node.side == Side::Gpu && !node.declaration().idle {
+                Some(side.build(graph, plan, id, registry)?)
             } else {
                 None
             };
@@ -179,10 +182,10 @@ impl GpuSide {
         &mut self,
         graph: &Graph,
         plan: &Plan,
-        index: usize,
+        id: NodeId,
         registry: &Registry,
     ) -> Result<GpuNode, RunError> {
-        let node = &graph.nodes[index];
+        let node = &graph.nodes[id];
         let declaration = node.declaration();
         let shader = declaration.shader.as_ref().expect("checked: a GPU node has a shader");
         let fail = |message: String| RunError::Stage { node: node.name.clone(), message };
@@ -206,9 +209,9 @@ impl GpuSide {
         self.gpu.queue.write_buffer(&params, 0, bytemuck::cast_slice(&words));
         let built = self.gpu.scoped(|| {
             let passes = declaration.passes.iter().map(|pass| {
-                let pipeline = self.pipeline(&program, pass, &node.dims, plan, index);
+                let pipeline = self.pipeline(&program, pass, &node.dims, plan, id);
                 let bindings = [0, 1].map(|parity| {
-                    self.bind(&pipeline, &program.reflected, pass, graph, plan, index, parity, &params)
+                    self.bind(&pipeline, &program.reflected, pass, graph, plan, id, parity, &params)
                 });
                 GpuPass { pipeline, bindings }
             });
@@ -219,7 +222,7 @@ impl GpuSide {
             .map_err(|error| fail(error.to_string()))
     }
 
-    fn pipeline(&self, program: &Program, pass: &Pass, dims: &[Dims], plan: &Plan, node: usize) -> Pipeline {
+    fn pipeline(&self, program: &Program, pass: &Pass, dims: &[Dims], plan: &Plan, node: NodeId) -> Pipeline {
         let device = &self.gpu.device;
         match pass {
             Pass::Compute { entry, threads } => {
@@ -266,21 +269,21 @@ impl GpuSide {
         }
     }
 
-    fn list_length(&self, plan: &Plan, node: usize, at: FieldRef) -> u32 {
-        let copy = plan.bindings[node][at.port as usize][at.field as usize];
-        copy.map_or(0, |copy| plan.storages[copy.storage].dims.count() as u32)
+    fn list_length(&self, plan: &Plan, node: NodeId, at: FieldRef) -> u32 {
+        let value = plan.nodes[node].value(at);
+        value.map_or(0, |value| plan.storages[value.storage].dims.count() as u32)
     }
 
-    fn format(&self, slot: usize) -> wgpu::TextureFormat {
+    fn format(&self, slot: SlotId) -> wgpu::TextureFormat {
         match &self.memory[slot] {
             Memory::Texture(texture, _) => texture.format(),
             Memory::Buffer(_) => unreachable!("checked: raster targets are textures"),
         }
     }
 
-    fn slot(&self, plan: &Plan, node: usize, at: FieldRef, parity: usize) -> usize {
-        let copy = plan.bindings[node][at.port as usize][at.field as usize].expect("checked: connected");
-        slot_of(plan, copy, Side::Gpu, parity)
+    fn slot(&self, plan: &Plan, node: NodeId, at: FieldRef, parity: usize) -> SlotId {
+        let value = plan.nodes[node].value(at).expect("checked: connected");
+        plan.slot(value, Side::Gpu, parity)
     }
 
     fn bind(
@@ -290,7 +293,7 @@ impl GpuSide {
         pass: &Pass,
         graph: &Graph,
         plan: &Plan,
-        node: usize,
+        node: NodeId,
         parity: usize,
         params: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
@@ -343,8 +346,8 @@ impl GpuSide {
         let device = &self.gpu.device;
         for step in &plan.steps {
             match step {
-                Step::Upload(copy) => {
-                    let storage = &plan.storages[copy.storage];
+                Step::Upload(value) => {
+                    let storage = &plan.storages[value.storage];
                     let layout = Layout::new(&storage.element, storage.dims);
                     let staging = device.create_buffer(&wgpu::BufferDescriptor {
                         label: Some(&storage.name),
@@ -353,18 +356,18 @@ impl GpuSide {
                         mapped_at_creation: false,
                     });
                     let padded = vec![0; layout.staged_bytes() as usize];
-                    self.uploads.insert(*copy, Upload { staging, layout, padded });
+                    self.uploads.insert(*value, Upload { staging, layout, padded });
                 }
-                Step::Download(copy, mode) => {
-                    let storage = &plan.storages[copy.storage];
+                Step::Download(value, mode) => {
+                    let storage = &plan.storages[value.storage];
                     let late = match mode {
                         Download::Sync => 0,
                         Download::Latent(frames) => *frames as usize,
                     };
                     let layout = Layout::new(&storage.element, storage.dims);
-                    self.downloads.insert(*copy, Readback::new(device, layout.staged_bytes(), late + 1));
+                    self.downloads.insert(*value, Readback::new(device, layout.staged_bytes(), late + 1));
                 }
-                Step::Run(_) | Step::Tap(..) => {}
+                Step::Run(_) | Step::Tap { .. } => {}
             }
         }
     }
@@ -375,16 +378,20 @@ impl GpuSide {
     }
 
     /// Records a node; `parity` is the frame number's last bit.
-    pub fn run(&mut self, plan: &Plan, node: usize, parity: usize, timed: bool) {
+    pub fn run(&mut self, plan: &Plan, node: NodeId, parity: usize, timed: bool) {
         let Some(built) = &self.nodes[node] else { return };
         if let Some(buffers) = &self.poison {
             let encoder = encoder(&self.gpu, &mut self.encoder);
             for storage in plan.written_anew(node) {
                 let storage = &plan.storages[storage];
-                let Some(slots) = storage.slots[Side::Gpu as usize] else { continue };
-                let slot = slots[parity_index(parity, false)];
-                let (from, _) = buffers.iter().find(|(_, at)| *at == slot).expect("made for every slot");
-                copy_in(encoder, from, &self.memory[slot], Layout::new(&storage.element, storage.dims));
+                let Some(slots) = storage.slots.gpu else { continue };
+                let slot = slots.at(parity, false);
+                copy_in(
+                    encoder,
+                    &buffers[slot],
+                    &self.memory[slot],
+                    Layout::new(&storage.element, storage.dims),
+                );
             }
         }
         let encoder = encoder(&self.gpu, &mut self.encoder);
@@ -398,8 +405,8 @@ impl GpuSide {
                 .count();
             let last = next + run.max(1) == count;
             let clock = self.clock.as_ref().filter(|_| timed);
-            let begin = (next == 0).then_some(2 * node as u32);
-            let end = last.then_some(2 * node as u32 + 1);
+            let begin = (next == 0).then_some(2 * node.raw());
+            let end = last.then_some(2 * node.raw() + 1);
             if run > 0 {
                 let timestamp_writes =
                     clock.filter(|_| begin.or(end).is_some()).map(|clock| wgpu::ComputePassTimestampWrites {
@@ -467,9 +474,9 @@ impl GpuSide {
     }
 
     /// Records a copy from the CPU. The staging buffer is written before the submission, each upload has its own.
-    pub fn upload(&mut self, plan: &Plan, copy: Copy, parity: usize, block: &RefCell<Block>) {
-        let slot = slot_of(plan, copy, Side::Gpu, parity);
-        let upload = self.uploads.get_mut(&copy).expect("built for every upload");
+    pub fn upload(&mut self, plan: &Plan, value: Value, parity: usize, block: &RefCell<Block>) {
+        let slot = plan.slot(value, Side::Gpu, parity);
+        let upload = self.uploads.get_mut(&value).expect("built for every upload");
         let block = block.borrow();
         if upload.layout.row == upload.layout.padded_row as usize {
             let bytes = &block.bytes()[..upload.layout.staged_bytes() as usize];
@@ -486,15 +493,15 @@ impl GpuSide {
     pub fn download(
         &mut self,
         plan: &Plan,
-        copy: Copy,
+        value: Value,
         parity: usize,
         frame: u64,
         block: &RefCell<Block>,
     ) -> Result<(), RunError> {
-        let slot = slot_of(plan, copy, Side::Gpu, parity);
-        let storage = &plan.storages[copy.storage];
+        let slot = plan.slot(value, Side::Gpu, parity);
+        let storage = &plan.storages[value.storage];
         let layout = Layout::new(&storage.element, storage.dims);
-        let mut readback = self.downloads.remove(&copy).expect("built for every download");
+        let mut readback = self.downloads.remove(&value).expect("built for every download");
         let late = readback.len() as u64 - 1;
         if late > 0 {
             // Deliver first: the ring's oldest entry is the one this frame overwrites next.
@@ -510,7 +517,7 @@ impl GpuSide {
             readback.map();
             readback.take(&self.gpu, frame, |staged| layout.unpad(staged, block.borrow_mut().bytes_mut()))?;
         }
-        self.downloads.insert(copy, readback);
+        self.downloads.insert(value, readback);
         Ok(())
     }
 
@@ -519,14 +526,14 @@ impl GpuSide {
         if !Arc::ptr_eq(&self.gpu, &old.gpu) {
             return;
         }
-        for (copy, readback) in &mut self.downloads {
-            let storage = &plan.storages[copy.storage];
+        for (value, readback) in &mut self.downloads {
+            let storage = &plan.storages[value.storage];
             let same = old.downloads.iter_mut().find(|(other, _)| {
                 let found = &old_plan.storages[other.storage];
                 found.name == storage.name
                     && found.element == storage.element
                     && found.dims == storage.dims
-                    && other.previous == copy.previous
+                    && other.previous == value.previous
             });
             if let Some((_, other)) = same {
                 readback.take_over(other, frames);
@@ -535,8 +542,8 @@ impl GpuSide {
     }
 
     /// Records a copy of a storage into a readback ring.
-    pub fn tap(&mut self, plan: &Plan, storage: usize, parity: usize, frame: u64, ring: &mut Readback) {
-        let slot = slot_of(plan, Copy { storage, previous: false }, Side::Gpu, parity);
+    pub fn tap(&mut self, plan: &Plan, storage: StorageId, parity: usize, frame: u64, ring: &mut Readback) {
+        let slot = plan.slot(Value::now(storage), Side::Gpu, parity);
         let layout = Layout::new(&plan.storages[storage].element, plan.storages[storage].dims);
         copy_out(encoder(&self.gpu, &mut self.encoder), &self.memory[slot], ring.record(frame), layout);
     }
@@ -578,18 +585,19 @@ impl GpuSide {
     pub fn node_times(
         &mut self,
         frame: u64,
-        ran: impl Fn(usize) -> bool,
-        mut each: impl FnMut(usize, [f32; 2]),
+        ran: impl Fn(NodeId) -> bool,
+        mut each: impl FnMut(NodeId, [f32; 2]),
     ) -> Result<(), RunError> {
         let Some(clock) = &mut self.clock else { return Ok(()) };
         let milliseconds = |ticks: u64| ticks as f32 * clock.nanoseconds * 1e-6;
         clock.readback.take(&self.gpu, frame, |bytes| {
             let ticks: &[[u8; 8]] = bytemuck::cast_slice(bytes);
             let tick = |at: usize| u64::from_le_bytes(ticks[at]);
-            let nodes = || 0..ticks.len() / 2;
-            let first = nodes().filter(|node| ran(*node)).map(|node| tick(2 * node)).min().unwrap_or(0);
+            let nodes = || self.nodes.indices();
+            let begin = |node: NodeId| tick(2 * node.index());
+            let first = nodes().filter(|node| ran(*node)).map(begin).min().unwrap_or(0);
             for node in nodes() {
-                let [begin, end] = [tick(2 * node), tick(2 * node + 1)];
+                let [begin, end] = [begin(node), tick(2 * node.index() + 1)];
                 let span = [begin.saturating_sub(first), end.saturating_sub(begin)].map(milliseconds);
                 each(node, if ran(node) { span } else { [0.0; 2] });
             }
@@ -603,7 +611,7 @@ impl GpuSide {
     /// Reads the contents of a slot and waits for them.
     pub fn read(
         &mut self,
-        slot: usize,
+        slot: SlotId,
         element: &Element,
         dims: Dims,
         bytes: &mut [u8],
@@ -617,7 +625,7 @@ impl GpuSide {
     }
 
     /// Replaces the contents of a slot.
-    pub fn write(&mut self, slot: usize, element: &Element, dims: Dims, bytes: &[u8]) {
+    pub fn write(&mut self, slot: SlotId, element: &Element, dims: Dims, bytes: &[u8]) {
         let layout = Layout::new(element, dims);
         let mut padded = vec![0; layout.staged_bytes() as usize];
         layout.pad(bytes, &mut padded);
@@ -640,18 +648,6 @@ impl GpuSide {
 /// The frame's encoder; a new one after each submission.
 fn encoder<'e>(gpu: &Gpu, encoder: &'e mut Option<wgpu::CommandEncoder>) -> &'e mut wgpu::CommandEncoder {
     encoder.get_or_insert_with(|| gpu.device.create_command_encoder(&Default::default()))
-}
-
-/// Index into a storage's pair of slots.
-pub(super) fn parity_index(parity: usize, previous: bool) -> usize {
-    parity ^ usize::from(previous)
-}
-
-/// The slot of a storage's copy in frames of this parity.
-pub(super) fn slot_of(plan: &Plan, copy: Copy, side: Side, parity: usize) -> usize {
-    let slots = plan.storages[copy.storage].slots[side as usize]
-        .expect("the plan gives memory wherever a step needs it");
-    slots[parity_index(parity, copy.previous)]
 }
 
 fn entry_of<'r>(reflected: &'r Reflected, name: &str) -> &'r Entry {
@@ -681,7 +677,7 @@ fn groups(threads: Threads, size: [u32; 3], dims: &[Dims]) -> [u32; 2] {
 fn check_limits(gpu: &Gpu, plan: &Plan) -> Result<(), RunError> {
     let limits = gpu.device.limits();
     for storage in &plan.storages {
-        if storage.slots[Side::Gpu as usize].is_none() {
+        if storage.slots.gpu.is_none() {
             continue;
         }
         let too_large = match storage.element {
@@ -732,14 +728,15 @@ fn texture(dims: Dims, format: wgpu::TextureFormat, storage: bool) -> wgpu::Text
     }
 }
 
-fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> Vec<Memory> {
-    let targets: Vec<usize> = raster_targets(graph, plan);
-    let slots = plan.slots[Side::Gpu as usize].iter().enumerate();
-    slots
-        .map(|(index, slot)| match &slot.element {
+fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> IndexVec<SlotId, Memory> {
+    let targets = raster_targets(graph, plan);
+    plan.slots
+        .gpu
+        .iter_enumerated()
+        .map(|(id, slot)| match &slot.element {
             Element::Texel(format) => {
                 let mut descriptor = texture(slot.dims, wgpu_format(*format), true);
-                if targets.contains(&index) {
+                if targets.contains(&id) {
                     descriptor.usage |= wgpu::TextureUsages::RENDER_ATTACHMENT;
                 }
                 let texture = device.create_texture(&descriptor);
@@ -758,14 +755,14 @@ fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> Vec<Memory> {
         .collect()
 }
 
-fn raster_targets(graph: &Graph, plan: &Plan) -> Vec<usize> {
+fn raster_targets(graph: &Graph, plan: &Plan) -> Vec<SlotId> {
     let mut targets = Vec::new();
-    for (node, declared) in graph.nodes.iter().enumerate() {
-        for pass in &declared.declaration().passes {
-            if let (Some(target), Side::Gpu) = (pass.target(), declared.side) {
-                let copies = &plan.bindings[node][target.port as usize];
-                let slots = copies.iter().flatten().filter_map(|copy| plan.storages[copy.storage].slots[1]);
-                targets.extend(slots.flatten());
+    for (node, PlannedNode { bindings, .. }) in graph.nodes.iter().zip(&plan.nodes) {
+        for pass in &node.declaration().passes {
+            if let (Some(target), Side::Gpu) = (pass.target(), node.side) {
+                let values = bindings[target.port as usize].iter().flatten();
+                let slots = values.filter_map(|value| plan.storages[value.storage].slots.gpu);
+                targets.extend(slots.flat_map(SlotPair::both));
             }
         }
     }
@@ -778,17 +775,18 @@ pub(super) fn poison_word(element: &Element) -> u32 {
         Element::Texel(Format::R32Float | Format::Rgba32Float) => f32::NAN.to_bits(),
         // Two half-precision NaNs.
         Element::Texel(Format::Rgba16Float) => 0x7E00_7E00,
-        Element::Item { members, .. } if members.iter().all(|m| m.scalar == crate::port::Scalar::F32) => {
+        Element::Item { members, .. } if members.iter().all(|m| m.scalar == Scalar::F32) => {
             f32::NAN.to_bits()
         }
         _ => 0xDEAD_BEEF,
     }
 }
 
-fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> Vec<(wgpu::Buffer, usize)> {
-    let slots = plan.slots[Side::Gpu as usize].iter().enumerate();
-    slots
-        .map(|(index, slot)| {
+fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> IndexVec<SlotId, wgpu::Buffer> {
+    plan.slots
+        .gpu
+        .iter()
+        .map(|slot| {
             let size = Layout::new(&slot.element, slot.dims).staged_bytes().max(16);
             let buffer = device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("poison"),
@@ -801,7 +799,7 @@ fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> Vec<(wgpu::Buffer, usiz
                 range.copy_from_slice(bytemuck::cast_slice(&words));
             }
             buffer.unmap();
-            (buffer, index)
+            buffer
         })
         .collect()
 }

@@ -11,23 +11,26 @@ mod versions;
 
 use std::{
     cell::RefCell,
+    collections::HashMap,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::Arc,
     time::Instant,
 };
 
 pub use device::{AdapterChoice, Gpu};
-use gpu_side::{GpuSide, Layout, poison_word, slot_of};
+use gpu_side::{GpuSide, Layout, poison_word};
+use index_vec::{IndexSlice, IndexVec, index_vec};
 use readback::Readback;
 use versions::Versions;
 
 use crate::{
-    file::{Download, Side},
     frame::Frame,
-    graph::{Graph, Settings},
-    plan::{Copy, Life, Plan, Step, tap_side},
+    graph::{Graph, Node, Settings},
+    id::{NodeId, SlotId, StepId, StorageId, TapId},
+    plan::{Life, Plan, PlannedNode, Slot, Step, Storage, TapField, Value},
     port::{Dims, Element, FieldRef},
     registry::Registry,
+    side::{Download, Side},
     stage::{Binding, Block, CpuContext, Host},
 };
 
@@ -88,9 +91,12 @@ impl Snapshot {
     }
 }
 
+/// Where the fields of a node's ports lie, on the CPU.
+type CpuBindings = Vec<Vec<Option<Binding>>>;
+
 struct TapState {
-    tap: usize,
-    storage: usize,
+    tap: TapId,
+    storage: StorageId,
     snapshot: Snapshot,
     taken: bool,
     wanted: bool,
@@ -102,19 +108,19 @@ pub struct Executor {
     graph: Graph,
     plan: Plan,
     poison: bool,
-    cpu: Vec<RefCell<Block>>,
-    /// For even and odd frames: node, port, field.
-    bindings: [Vec<Vec<Vec<Option<Binding>>>>; 2],
+    cpu: IndexVec<SlotId, RefCell<Block>>,
+    /// For even and odd frames: where the fields of each node's ports lie.
+    bindings: [IndexVec<NodeId, CpuBindings>; 2],
     gpu: Option<GpuSide>,
     taps: Vec<TapState>,
-    times: Vec<f32>,
-    starts: Vec<f32>,
-    moved: Vec<u64>,
+    times: IndexVec<StepId, f32>,
+    starts: IndexVec<StepId, f32>,
+    moved: IndexVec<StepId, u64>,
     versions: Versions,
     /// For even and odd frames: whether each node ran.
-    ran: [Vec<bool>; 2],
+    ran: [IndexVec<NodeId, bool>; 2],
     unchanged: RefCell<Vec<FieldRef>>,
-    step_of_node: Vec<usize>,
+    step_of_node: HashMap<NodeId, StepId>,
     frame: u64,
     /// Measure each step. On a software GPU that means waiting after each.
     pub profile: bool,
@@ -133,8 +139,7 @@ impl Executor {
         registry: &Registry,
         gpu: Option<Arc<Gpu>>,
     ) -> Result<Self, RunError> {
-        let needs_gpu = plan.nodes.iter().any(|(_, _, side)| *side == Side::Gpu);
-        let gpu = match (needs_gpu, gpu) {
+        let gpu = match (plan.uses(Side::Gpu), gpu) {
             (true, Some(gpu)) => Some(GpuSide::new(gpu, &graph, &plan, registry, settings.poison)?),
             (true, None) => return Err(RunError::NoGpu),
             (false, _) => None,
@@ -142,16 +147,15 @@ impl Executor {
         let cpu = allocate(&plan)?;
         let bindings = [0, 1].map(|parity| bindings(&graph, &plan, parity));
         let taps = tap_states(&plan, gpu.as_ref());
-        let mut step_of_node = vec![0; graph.nodes.len()];
-        for (index, step) in plan.steps.iter().enumerate() {
-            if let Step::Run(node) = step {
-                step_of_node[*node] = index;
-            }
-        }
-        let times = vec![0.0; plan.steps.len()];
+        let run_of = |(id, step): (StepId, &Step)| match step {
+            Step::Run(node) => Some((*node, id)),
+            _ => None,
+        };
+        let step_of_node = plan.steps.iter_enumerated().filter_map(run_of).collect();
+        let times = index_vec![0.0; plan.steps.len()];
         let versions = Versions::new(&plan);
-        let ran = [0, 1].map(|_| vec![false; plan.nodes.len()]);
-        let most_fields = plan.bindings.iter().map(|node| node.iter().flatten().count()).max().unwrap_or(0);
+        let ran = [0, 1].map(|_| index_vec![false; plan.nodes.len()]);
+        let most_fields = plan.nodes.iter().map(|node| node.values().count()).max().unwrap_or(0);
         let unchanged = RefCell::new(Vec::with_capacity(most_fields));
         Ok(Self {
             graph,
@@ -162,7 +166,7 @@ impl Executor {
             gpu,
             taps,
             starts: times.clone(),
-            moved: vec![0; times.len()],
+            moved: index_vec![0; times.len()],
             times,
             versions,
             ran,
@@ -191,24 +195,24 @@ impl Executor {
     /// Milliseconds of each of the plan's steps in the last frame (GPU steps: of the frame before it, where the device
     /// keeps time; zero for steps that are only recorded).
     pub fn times(&self) -> &[f32] {
-        &self.times
+        self.times.as_raw_slice()
     }
 
     /// When each of the plan's steps began, milliseconds since the frame did. Steps on a GPU that keeps time are of the
     /// frame before, as [`Executor::times`], from the first of them on.
     pub fn starts(&self) -> &[f32] {
-        &self.starts
+        self.starts.as_raw_slice()
     }
 
     /// Bytes that each of the plan's steps moved between CPU and GPU in the last frame: none where the other side had them
     /// already.
     pub fn moved(&self) -> &[u64] {
-        &self.moved
+        self.moved.as_raw_slice()
     }
 
-    /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never do, and those of
-    /// [`Plan::per_view`] only where there is something new.
-    pub fn ran(&self) -> &[bool] {
+    /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never do, and those with
+    /// [`PlannedNode::per_view`] only where there is something new.
+    pub fn ran(&self) -> &IndexSlice<NodeId, [bool]> {
         &self.ran[(self.frame % 2) as usize ^ 1]
     }
 
@@ -224,13 +228,13 @@ impl Executor {
     pub fn run(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
         let parity = (self.frame % 2) as usize;
         self.versions.begin(&frame.view);
-        self.ran[parity].fill(false);
-        self.moved.fill(0);
+        self.ran[parity].raw.fill(false);
+        self.moved.raw.fill(0);
         let begin = Instant::now();
         if let Some(gpu) = &mut self.gpu {
             gpu.begin(frame);
         }
-        for index in 0..self.plan.steps.len() {
+        for index in self.plan.steps.indices() {
             let start = Instant::now();
             self.step(index, frame, host, parity, capture)?;
             self.finish_step(index)?;
@@ -254,13 +258,14 @@ impl Executor {
                 let (step_of_node, nodes) = (&self.step_of_node, &self.plan.nodes);
                 // A node that was skipped has left its timestamps of an earlier frame.
                 let ran_before = &self.ran[parity ^ 1];
-                let on_gpu = |node: usize| nodes[node].2 == Side::Gpu;
+                let on_gpu = |node: NodeId| nodes[node].side == Side::Gpu;
                 gpu.node_times(
                     self.frame - 1,
                     |node| on_gpu(node) && ran_before[node],
                     |node, span| {
                         if on_gpu(node) {
-                            [starts[step_of_node[node]], times[step_of_node[node]]] = span;
+                            let step = step_of_node[&node];
+                            [starts[step], times[step]] = span;
                         }
                     },
                 )?;
@@ -270,12 +275,12 @@ impl Executor {
         Ok(())
     }
 
-    fn is_gpu_step(&self, index: usize) -> bool {
-        matches!(self.plan.steps[index], Step::Run(node) if self.plan.nodes[node].2 == Side::Gpu)
+    fn is_gpu_step(&self, index: StepId) -> bool {
+        matches!(self.plan.steps[index], Step::Run(node) if self.plan.nodes[node].side == Side::Gpu)
     }
 
     /// Without a clock on the device, waiting after each step is the only way to tell their times apart.
-    fn finish_step(&mut self, index: usize) -> Result<(), RunError> {
+    fn finish_step(&mut self, index: StepId) -> Result<(), RunError> {
         let wait = self.profile && self.is_gpu_step(index);
         match &mut self.gpu {
             Some(gpu) if wait && !gpu.has_clock() => {
@@ -288,7 +293,7 @@ impl Executor {
 
     fn step(
         &mut self,
-        index: usize,
+        index: StepId,
         frame: &Frame,
         host: &Host,
         parity: usize,
@@ -301,7 +306,7 @@ impl Executor {
                     return Ok(());
                 }
                 self.unchanged.borrow_mut().clear();
-                match self.plan.nodes[node].2 {
+                match self.plan.nodes[node].side {
                     Side::Gpu => {
                         let gpu = self.gpu.as_mut().expect("made where a node needs it");
                         gpu.run(&self.plan, node, parity, self.profile);
@@ -312,28 +317,28 @@ impl Executor {
                 self.ran[parity][node] = true;
                 Ok(())
             }
-            Step::Upload(copy) => {
-                if !self.versions.transfer(&self.plan, copy.storage, Side::Gpu) {
+            Step::Upload(value) => {
+                if !self.versions.transfer(&self.plan, value.storage, Side::Gpu) {
                     return Ok(());
                 }
-                self.moved[index] = self.plan.storages[copy.storage].bytes();
-                let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
+                self.moved[index] = self.plan.storages[value.storage].bytes();
+                let block = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
-                gpu.upload(&self.plan, copy, parity, block);
+                gpu.upload(&self.plan, value, parity, block);
                 Ok(())
             }
-            Step::Download(copy, mode) => {
+            Step::Download(value, mode) => {
                 match mode {
-                    Download::Latent(_) => self.versions.late(copy.storage, Side::Cpu),
-                    Download::Sync if self.versions.transfer(&self.plan, copy.storage, Side::Cpu) => {}
+                    Download::Latent(_) => self.versions.late(value.storage, Side::Cpu),
+                    Download::Sync if self.versions.transfer(&self.plan, value.storage, Side::Cpu) => {}
                     Download::Sync => return Ok(()),
                 }
-                self.moved[index] = self.plan.storages[copy.storage].bytes();
-                let block = &self.cpu[slot_of(&self.plan, copy, Side::Cpu, parity)];
+                self.moved[index] = self.plan.storages[value.storage].bytes();
+                let block = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
-                gpu.download(&self.plan, copy, parity, self.frame, block)
+                gpu.download(&self.plan, value, parity, self.frame, block)
             }
-            Step::Tap(tap, field) => {
+            Step::Tap { tap, field } => {
                 if capture {
                     self.tap(tap, field, parity);
                 }
@@ -342,7 +347,7 @@ impl Executor {
         }
     }
 
-    fn run_cpu(&mut self, node: usize, frame: &Frame, host: &Host, parity: usize) -> Result<(), RunError> {
+    fn run_cpu(&mut self, node: NodeId, frame: &Frame, host: &Host, parity: usize) -> Result<(), RunError> {
         let stage = &self.graph.nodes[node].stage;
         if self.poison {
             self.poison_cpu(node, parity);
@@ -354,7 +359,7 @@ impl Executor {
             bindings: &self.bindings[parity][node],
             unchanged: &self.unchanged,
         };
-        let fail = |message| RunError::Stage { node: self.plan.nodes[node].0.clone(), message };
+        let fail = |message| RunError::Stage { node: self.plan.nodes[node].name.clone(), message };
         // A stage that panics is a bug, but it must not take the application's window and files with it.
         match catch_unwind(AssertUnwindSafe(|| stage.run_cpu(&cx))) {
             Ok(result) => result.map_err(fail),
@@ -366,11 +371,10 @@ impl Executor {
         }
     }
 
-    fn poison_cpu(&self, node: usize, parity: usize) {
-        for index in self.plan.written_anew(node) {
-            let storage = &self.plan.storages[index];
-            let slot = slot_of(&self.plan, Copy { storage: index, previous: false }, Side::Cpu, parity);
-            let word = poison_word(&storage.element).to_le_bytes();
+    fn poison_cpu(&self, node: NodeId, parity: usize) {
+        for storage in self.plan.written_anew(node) {
+            let slot = self.plan.slot(Value::now(storage), Side::Cpu, parity);
+            let word = poison_word(&self.plan.storages[storage].element).to_le_bytes();
             let mut block = self.cpu[slot].borrow_mut();
             for bytes in block.bytes_mut().chunks_exact_mut(4) {
                 bytes.copy_from_slice(&word);
@@ -378,8 +382,8 @@ impl Executor {
         }
     }
 
-    fn tap(&mut self, tap: usize, field: usize, parity: usize) {
-        let storage = self.plan.taps[tap].fields[field].1;
+    fn tap(&mut self, tap: TapId, field: usize, parity: usize) {
+        let storage = self.plan.taps[tap].fields[field].storage;
         let state = self.taps.iter_mut().find(|state| state.tap == tap && state.storage == storage);
         let state = state.expect("made for every tapped field");
         if !state.wanted {
@@ -388,7 +392,7 @@ impl Executor {
         state.snapshot.frame = self.frame;
         match &mut state.ring {
             None => {
-                let slot = slot_of(&self.plan, Copy { storage, previous: false }, Side::Cpu, parity);
+                let slot = self.plan.slot(Value::now(storage), Side::Cpu, parity);
                 let bytes = state.snapshot.bytes.len();
                 state.snapshot.bytes.copy_from_slice(&self.cpu[slot].borrow().bytes()[..bytes]);
                 state.taken = true;
@@ -434,10 +438,10 @@ impl Executor {
     /// # Errors
     /// [`RunError::Gpu`] where the old contents cannot be read.
     pub fn inherit(&mut self, old: &mut Self) -> Result<(), RunError> {
-        for index in 0..old.plan.storages.len() {
-            if old.plan.storages[index].life != Life::Transient {
-                let bytes = old.contents(index)?;
-                self.restore(&old.plan.storages[index].name, &bytes);
+        for storage in old.plan.storages.indices() {
+            if old.plan.storages[storage].life != Life::Transient {
+                let bytes = old.contents(storage)?;
+                self.restore(&old.plan.storages[storage].name, &bytes);
             }
         }
         if let (Some(gpu), Some(old_gpu)) = (&mut self.gpu, &mut old.gpu) {
@@ -447,16 +451,16 @@ impl Executor {
     }
 
     /// What the next frame finds in a storage that lives on.
-    fn contents(&mut self, index: usize) -> Result<Vec<u8>, RunError> {
-        let storage = &self.plan.storages[index];
+    fn contents(&mut self, id: StorageId) -> Result<Vec<u8>, RunError> {
+        let storage = &self.plan.storages[id];
         let parity = (self.frame % 2) as usize;
-        let copy = Copy { storage: index, previous: storage.life == Life::History };
+        let value = Value { storage: id, previous: storage.life == Life::History };
         let mut bytes = vec![0; storage.bytes() as usize];
         // Memory that no node touches was given on neither side; it is still zero.
-        if storage.slots[storage.home as usize].is_none() {
+        if storage.slots[storage.home].is_none() {
             return Ok(bytes);
         }
-        let slot = slot_of(&self.plan, copy, storage.home, parity);
+        let slot = self.plan.slot(value, storage.home, parity);
         match (&mut self.gpu, storage.home) {
             (Some(gpu), Side::Gpu) => gpu.read(slot, &storage.element, storage.dims, &mut bytes)?,
             _ => bytes.copy_from_slice(&self.cpu[slot].borrow().bytes()[..storage.bytes() as usize]),
@@ -467,66 +471,63 @@ impl Executor {
     /// Replaces what the next frame finds in a storage that lives on, on both sides. Does nothing where there is no
     /// such storage or it has another size.
     pub(crate) fn restore(&mut self, storage: &str, bytes: &[u8]) {
-        let Some(index) = self.plan.storages.iter().position(|s| s.name == storage) else { return };
-        let storage = &self.plan.storages[index];
+        let Some(id) = self.plan.storages.position(|s| s.name == storage) else { return };
+        let storage = &self.plan.storages[id];
         if storage.bytes() != bytes.len() as u64 {
             return;
         }
-        self.versions.replaced(index);
+        self.versions.replaced(id);
         let parity = (self.frame % 2) as usize;
-        let copy = Copy { storage: index, previous: storage.life == Life::History };
-        if storage.slots[Side::Cpu as usize].is_some() {
-            let slot = slot_of(&self.plan, copy, Side::Cpu, parity);
+        let value = Value { storage: id, previous: storage.life == Life::History };
+        if storage.slots.cpu.is_some() {
+            let slot = self.plan.slot(value, Side::Cpu, parity);
             self.cpu[slot].borrow_mut().bytes_mut()[..bytes.len()].copy_from_slice(bytes);
         }
-        if let (Some(gpu), Some(_)) = (&mut self.gpu, storage.slots[Side::Gpu as usize]) {
-            let slot = slot_of(&self.plan, copy, Side::Gpu, parity);
+        if let (Some(gpu), Some(_)) = (&mut self.gpu, storage.slots.gpu) {
+            let slot = self.plan.slot(value, Side::Gpu, parity);
             gpu.write(slot, &storage.element, storage.dims, bytes);
         }
     }
 }
 
-fn allocate(plan: &Plan) -> Result<Vec<RefCell<Block>>, RunError> {
-    plan.slots[Side::Cpu as usize]
-        .iter()
-        .enumerate()
-        .map(|(index, slot)| {
-            Block::new(slot.bytes()).map(RefCell::new).ok_or_else(|| {
-                let user =
-                    plan.storages.iter().find(|s| s.slots[0].is_some_and(|slots| slots.contains(&index)));
-                let name = user.map_or_else(String::new, |storage| storage.name.clone());
-                RunError::Memory { name, bytes: slot.bytes() }
-            })
+fn allocate(plan: &Plan) -> Result<IndexVec<SlotId, RefCell<Block>>, RunError> {
+    let allocate = |(id, slot): (SlotId, &Slot)| {
+        Block::new(slot.bytes()).map(RefCell::new).ok_or_else(|| {
+            let uses_it =
+                |storage: &&Storage| storage.slots.cpu.is_some_and(|pair| pair.both().contains(&id));
+            let name = plan.storages.iter().find(uses_it).map(|storage| storage.name.clone());
+            RunError::Memory { name: name.unwrap_or_default(), bytes: slot.bytes() }
         })
-        .collect()
+    };
+    plan.slots.cpu.iter_enumerated().map(allocate).collect()
 }
 
-fn bindings(graph: &Graph, plan: &Plan, parity: usize) -> Vec<Vec<Vec<Option<Binding>>>> {
-    let of_node = |(node, ports): (usize, &Vec<Vec<Option<Copy>>>)| {
-        let on_cpu = graph.nodes[node].side == Side::Cpu && !graph.nodes[node].declaration().idle;
-        let bind = |copy: &Option<Copy>| {
-            let copy = copy.filter(|_| on_cpu)?;
-            let dims = plan.storages[copy.storage].dims;
-            Some(Binding { block: slot_of(plan, copy, Side::Cpu, parity), dims })
+fn bindings(graph: &Graph, plan: &Plan, parity: usize) -> IndexVec<NodeId, CpuBindings> {
+    let of_node = |(node, planned): (&Node, &PlannedNode)| {
+        let on_cpu = node.side == Side::Cpu && !node.declaration().idle;
+        let bind = |value: &Option<Value>| {
+            let value = value.filter(|_| on_cpu)?;
+            let dims = plan.storages[value.storage].dims;
+            Some(Binding { slot: plan.slot(value, Side::Cpu, parity), dims })
         };
-        ports.iter().map(|fields| fields.iter().map(bind).collect()).collect()
+        planned.bindings.iter().map(|fields| fields.iter().map(bind).collect()).collect()
     };
-    plan.bindings.iter().enumerate().map(of_node).collect()
+    graph.nodes.iter().zip(&plan.nodes).map(of_node).collect()
 }
 
 fn tap_states(plan: &Plan, gpu: Option<&GpuSide>) -> Vec<TapState> {
     let mut states = Vec::new();
-    for (index, tap) in plan.taps.iter().enumerate() {
-        for (field, storage) in &tap.fields {
+    for (id, tap) in plan.taps.iter_enumerated() {
+        for TapField { name, storage } in &tap.fields {
             let stored = &plan.storages[*storage];
             let layout = Layout::new(&stored.element, stored.dims);
-            let on_gpu = gpu.filter(|_| tap_side(plan, index) == Side::Gpu);
+            let on_gpu = gpu.filter(|_| plan.tap_side(id) == Side::Gpu);
             states.push(TapState {
-                tap: index,
+                tap: id,
                 storage: *storage,
                 snapshot: Snapshot {
                     name: tap.name.clone(),
-                    field: field.clone(),
+                    field: name.clone(),
                     element: stored.element.clone(),
                     dims: stored.dims,
                     frame: 0,

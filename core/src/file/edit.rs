@@ -6,11 +6,14 @@
 use serde::de::IgnoredAny;
 
 use super::{
-    Download, GraphFile, Side, Source,
+    GraphFile, Source,
     parse::is_identifier,
     scan::{self, Block, Item},
 };
-use crate::error::{GraphError, Problem, Problems, Span};
+use crate::{
+    error::{GraphError, Problem, Problems, Span},
+    side::{Download, Side},
+};
 
 /// What one more level of brackets is indented by where the block itself does not show it.
 const INDENT: &str = "    ";

@@ -5,10 +5,13 @@ use std::collections::HashSet;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 use super::{
-    Download, GraphFile, InputDef, NodeDef, OutputDef, ParamDef, Side, Source,
+    GraphFile, InputDef, NodeDef, OutputDef, ParamDef, Source,
     scan::{self, Block},
 };
-use crate::error::{GraphError, Place, Problem, Problems, Span, Spanned};
+use crate::{
+    error::{GraphError, Place, Problem, Problems, Span, Spanned},
+    side::{Download, Side},
+};
 
 /// The version of the format that this program reads and writes.
 const VERSION: u32 = 1;

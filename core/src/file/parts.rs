@@ -13,8 +13,14 @@ use std::{
     path::Path,
 };
 
-use super::{Download, GraphFile, NodeDef, OutputDef, ParamDef, Side, Source};
-use crate::error::{GraphError, Problem, Problems, Span, Spanned};
+use index_vec::IndexVec;
+
+use super::{GraphFile, NodeDef, OutputDef, ParamDef, Source};
+use crate::{
+    error::{GraphError, Problem, Problems, Span, Spanned},
+    id::FlatId,
+    side::{Download, Side},
+};
 
 /// The kind of a node that stands for a file.
 pub(crate) const PART_KIND: &str = "graph";
@@ -45,7 +51,7 @@ pub(crate) struct PartDefaults {
 /// A graph written out.
 pub(crate) struct Flat<'f> {
     pub file: &'f GraphFile,
-    pub nodes: Vec<FlatNode<'f>>,
+    pub nodes: IndexVec<FlatId, FlatNode<'f>>,
     pub outputs: Vec<OutputDef>,
 }
 
@@ -156,7 +162,7 @@ impl GraphFile {
 
     /// Writes the graph out: the nodes of parts in the place of the nodes that stand for them.
     pub(crate) fn flatten(&self) -> Result<Flat<'_>, Problems> {
-        let mut flat = Flat { file: self, nodes: Vec::new(), outputs: Vec::new() };
+        let mut flat = Flat { file: self, nodes: IndexVec::new(), outputs: Vec::new() };
         let mut problems = Problems::default();
         let scope = Scope::whole(self);
         add(&scope, PartDefaults::default(), &mut flat, &mut problems);

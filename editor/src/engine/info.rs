@@ -1,6 +1,8 @@
 //! What is worth knowing of a graph that runs, as a value that any thread may keep.
 
-use epigraph_core::{Access, Copy, Culled, Dims, Download, Graph, Plan, Port, Side, Step};
+use epigraph_core::{
+    Access, Culled, Dims, Download, Graph, Node, NodeId, Plan, Port, Side, Step, StepId, StorageId, Value,
+};
 use epigraph_pictures::is_image;
 
 /// A graph as compiled.
@@ -89,7 +91,7 @@ impl PortInfo {
 impl GraphInfo {
     /// Takes what is worth knowing.
     pub fn new(graph: &Graph, plan: &Plan, size: [u32; 2], gpu: Option<String>) -> Self {
-        let node = |(index, node): (usize, &epigraph_core::Node)| {
+        let node = |(id, node): (NodeId, &Node)| {
             let port = |(port, declared): (usize, &Port)| PortInfo {
                 port: declared.clone(),
                 dims: node.dims[port],
@@ -99,30 +101,30 @@ impl GraphInfo {
                 name: node.name.clone(),
                 kind: node.kind.clone(),
                 side: node.side,
-                bytes: plan.node_bytes(index),
+                bytes: plan.node_bytes(id),
                 ports: node.declaration().ports.iter().enumerate().map(port).collect(),
             }
         };
         let crossing = Crossing { graph, plan };
-        let step = |(index, step): (usize, &Step)| {
+        let step = |(id, step): (StepId, &Step)| {
             let (node, side) = match step {
-                Step::Run(node) => (Some(plan.nodes[*node].0.clone()), plan.nodes[*node].2),
+                Step::Run(node) => (Some(plan.nodes[*node].name.clone()), plan.nodes[*node].side),
                 Step::Upload(_) => (None, Side::Gpu),
-                Step::Download(..) | Step::Tap(..) => (None, Side::Cpu),
+                Step::Download(..) | Step::Tap { .. } => (None, Side::Cpu),
             };
             StepInfo {
                 name: plan.step_name(step),
                 node,
                 side,
-                is_tap: matches!(step, Step::Tap(..)),
-                transfer: crossing.transfer(index),
+                is_tap: matches!(step, Step::Tap { .. }),
+                transfer: crossing.transfer(id),
             }
         };
         Self {
-            nodes: graph.nodes.iter().enumerate().map(node).collect(),
+            nodes: graph.nodes.iter_enumerated().map(node).collect(),
             culled: plan.culled.clone(),
             outputs: graph.outputs.iter().map(|(name, at)| (name.clone(), graph.name(*at))).collect(),
-            steps: plan.steps.iter().enumerate().map(step).collect(),
+            steps: plan.steps.iter_enumerated().map(step).collect(),
             bytes: [plan.bytes(Side::Cpu), plan.bytes(Side::Gpu)],
             size,
             gpu,
@@ -157,48 +159,49 @@ struct Crossing<'a> {
 }
 
 impl Crossing<'_> {
-    /// What the step at `index` carries across; none where it carries nothing.
-    fn transfer(&self, index: usize) -> Option<Transfer> {
-        let (copy, download, side) = match self.plan.steps[index] {
-            Step::Upload(copy) => (copy, None, Side::Gpu),
-            Step::Download(copy, download) => (copy, Some(download), Side::Cpu),
-            Step::Run(_) | Step::Tap(..) => return None,
+    /// What a step carries across; none where it carries nothing.
+    fn transfer(&self, id: StepId) -> Option<Transfer> {
+        let (value, download, side) = match self.plan.steps[id] {
+            Step::Upload(value) => (value, None, Side::Gpu),
+            Step::Download(value, download) => (value, Some(download), Side::Cpu),
+            Step::Run(_) | Step::Tap { .. } => return None,
         };
         // Values of the frame before were written after all steps of this one up to here.
-        let steps = &self.plan.steps;
-        let before = if copy.previous { &steps[..0] } else { &steps[..index] };
+        let steps = self.plan.steps.as_raw_slice();
+        let index = id.index();
+        let before = if value.previous { &steps[..0] } else { &steps[..index] };
         let writer = before.iter().rev().chain(steps.iter().rev());
-        let from = writer.filter_map(run).find_map(|node| self.writes(node, copy.storage))?;
+        let from = writer.filter_map(run).find_map(|node| self.writes(node, value.storage))?;
         let mut to = Vec::new();
         for node in steps[index..].iter().filter_map(run) {
             if self.graph.nodes[node].side == side {
-                to.extend(self.readers(node, copy));
+                to.extend(self.readers(node, value));
             }
-            if !copy.previous && self.writes(node, copy.storage).is_some() {
+            if !value.previous && self.writes(node, value.storage).is_some() {
                 break;
             }
         }
-        Some(Transfer { download, from, to, bytes: self.plan.storages[copy.storage].bytes() })
+        Some(Transfer { download, from, to, bytes: self.plan.storages[value.storage].bytes() })
     }
 
     /// The port through which a node writes a storage, if it does.
-    fn writes(&self, node: usize, storage: usize) -> Option<String> {
-        let copy = Copy { storage, previous: false };
-        let ports = self.graph.nodes[node].declaration().ports.iter().zip(&self.plan.bindings[node]);
-        let mut found = ports.filter(|(port, copies)| port.is_output() && copies.contains(&Some(copy)));
+    fn writes(&self, node: NodeId, storage: StorageId) -> Option<String> {
+        let value = Value::now(storage);
+        let ports = self.graph.nodes[node].declaration().ports.iter().zip(&self.plan.nodes[node].bindings);
+        let mut found = ports.filter(|(port, values)| port.is_output() && values.contains(&Some(value)));
         found.next().map(|(port, _)| format!("{}.{}", self.graph.nodes[node].name, port.name))
     }
 
-    fn readers(&self, node: usize, copy: Copy) -> impl Iterator<Item = String> {
+    fn readers(&self, node: NodeId, value: Value) -> impl Iterator<Item = String> {
         let node_name = &self.graph.nodes[node].name;
-        let ports = self.graph.nodes[node].declaration().ports.iter().zip(&self.plan.bindings[node]);
+        let ports = self.graph.nodes[node].declaration().ports.iter().zip(&self.plan.nodes[node].bindings);
         ports
-            .filter(move |(port, copies)| port.access != Access::Write && copies.contains(&Some(copy)))
+            .filter(move |(port, values)| port.access != Access::Write && values.contains(&Some(value)))
             .map(move |(port, _)| format!("{node_name}.{}", port.name))
     }
 }
 
-fn run(step: &Step) -> Option<usize> {
+fn run(step: &Step) -> Option<NodeId> {
     match step {
         Step::Run(node) => Some(*node),
         _ => None,

@@ -49,8 +49,8 @@ impl Running {
         // A panic here is a bug of the compiler; the window and the files outlive it.
         let made = catch_unwind(AssertUnwindSafe(|| {
             let (graph, plan, settings, is_open) = compile_tapped(file, registry, settings, &taps)?;
-            let needs_gpu = plan.nodes.iter().any(|(.., side)| *side == Side::Gpu);
-            let gpu = if needs_gpu { Some(open().map_err(|error| problems(&error))?) } else { None };
+            let gpu =
+                if plan.uses(Side::Gpu) { Some(open().map_err(|error| problems(&error))?) } else { None };
             let info = GraphInfo::new(&graph, &plan, settings.size, gpu.as_ref().map(|gpu| gpu.name()));
             let executor = Executor::new(graph, plan, &settings, registry, gpu);
             let executor = executor.map_err(|error| problems(&error))?;
@@ -99,7 +99,7 @@ fn compile_tapped(
         made = with(watched.clone());
     }
     let (graph, plan, settings) = made?;
-    let bytes: u64 = (0..graph.nodes.len()).map(|node| plan.node_bytes(node)).sum();
+    let bytes: u64 = graph.nodes.indices().map(|node| plan.node_bytes(node)).sum();
     if bytes > taps.all {
         return Ok((graph, plan, settings, false));
     }

@@ -7,7 +7,7 @@ mod picked;
 #[cfg(test)]
 mod tests;
 
-use epigraph_core::{Capture, Extent, Finding, Graph, Plan, Port, Side, Site, Snapshot, Source, Step};
+use epigraph_core::{Capture, Extent, Finding, Graph, NodeId, Plan, Port, Side, Site, Snapshot, Source};
 use epigraph_scenes::{Rng, TraceSettings, Tracer};
 use epigraph_stages::shared::sample::{self, Sample};
 use glam::Vec3;
@@ -76,10 +76,9 @@ pub fn inspect(
     pixel: [u32; 2],
     tracer: &Tracer,
 ) -> Inspection {
-    let order: Vec<usize> = plan.steps.iter().filter_map(run).collect();
-    let sample = sample::behind(graph, order.iter().copied(), capture, pixel);
+    let sample = sample::behind(graph, plan.order(), capture, pixel);
     let point = sample.as_ref().map(|sample| sample.point);
-    let visit = |node: usize| {
+    let visit = |node: NodeId| {
         let site = Site::new(graph, node, capture, pixel, point);
         let node = &graph.nodes[node];
         let outputs = node.declaration().ports.iter().filter(|port| port.is_output());
@@ -99,15 +98,8 @@ pub fn inspect(
         pixel,
         frame: capture.frame.index,
         bytes: capture.bytes(),
-        nodes: order.iter().map(|node| visit(*node)).collect(),
+        nodes: plan.order().map(visit).collect(),
         sample: sample.map(|sample| with_surface(sample, capture, tracer)),
-    }
-}
-
-fn run(step: &Step) -> Option<usize> {
-    match step {
-        Step::Run(node) => Some(*node),
-        _ => None,
     }
 }
 

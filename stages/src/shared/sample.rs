@@ -1,6 +1,8 @@
 //! The sample behind a pixel: which point of the cloud it shows, and what is known of it.
 
-use epigraph_core::{Access, Capture, Extent, Finding, Graph, Node, Port, PortElement, PortRef, Snapshot};
+use epigraph_core::{
+    Access, Capture, Extent, Finding, Graph, Node, NodeId, Port, PortElement, PortRef, Snapshot,
+};
 
 use super::{
     cloud::{AGE, AGE_ONE, CHANGED, decode_radiance},
@@ -26,7 +28,7 @@ pub struct Sample {
 /// graph's nodes in the order in which they run. None where no node gives a point to each pixel, or this pixel has none.
 pub fn behind(
     graph: &Graph,
-    order: impl Iterator<Item = usize>,
+    order: impl Iterator<Item = NodeId>,
     capture: &Capture,
     pixel: [u32; 2],
 ) -> Option<Sample> {

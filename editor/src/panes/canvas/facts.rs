@@ -1,6 +1,6 @@
 //! What the engine says of blocks: what they cost, where they run, why they do not.
 
-use epigraph_core::{Download, Element, Field, GraphFile, Side, Source};
+use epigraph_core::{Download, Element, Field, GraphFile, PerSide, Side, Source};
 use epigraph_pictures::{Mode, readable};
 
 use super::model::{Block, Model, PinRef, Role};
@@ -16,8 +16,8 @@ pub struct Facts {
     pub ms: Option<f32>,
     /// Bytes that it writes.
     pub bytes: u64,
-    /// Whether something of it runs on the CPU, on the GPU.
-    pub sides: [bool; 2],
+    /// Whether something of it runs on each side.
+    pub sides: PerSide<bool>,
     /// How many nodes it stands for that run, and how many that do not.
     pub nodes: [usize; 2],
     /// Why it does not run.
@@ -50,7 +50,7 @@ impl Facts {
         }
         for node in graph.nodes.iter().filter(|node| is_in(&node.name)) {
             facts.bytes += node.bytes;
-            facts.sides[node.side as usize] = true;
+            facts.sides[node.side] = true;
             facts.nodes[0] += 1;
         }
         let culled: Vec<_> = graph.culled.iter().filter(|culled| is_in(&culled.node)).collect();
@@ -76,10 +76,10 @@ impl Facts {
             Role::Outputs => return "what the graph gives".into(),
         }
         match self.sides {
-            [true, false] => words.push("CPU".into()),
-            [false, true] => words.push("GPU".into()),
-            [true, true] => words.push("CPU + GPU".into()),
-            [false, false] => {}
+            PerSide { cpu: true, gpu: false } => words.push("CPU".into()),
+            PerSide { cpu: false, gpu: true } => words.push("GPU".into()),
+            PerSide { cpu: true, gpu: true } => words.push("CPU + GPU".into()),
+            PerSide { cpu: false, gpu: false } => {}
         }
         if self.bytes > 0 {
             words.push(readable(self.bytes));
