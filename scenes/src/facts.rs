@@ -1,6 +1,6 @@
 use crate::{EdgeKind, Light, Scene};
 
-/// What a scene consists of, as far as a graph can leave out work for it (`design.md` section 5).
+/// What a scene consists of, as far as a graph can leave out work for it (see ARCHITECTURE.md).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneFacts {
     /// Whether anything casts a shadow: there is a light, and there are surfaces that do not emit.

@@ -474,7 +474,7 @@ mod tests {
         requests
     }
 
-    /// The images of `reference/dither.py`, in its order but for the hot spot: mixed, a step, flat.
+    /// Images of priorities: mixed, a step, flat.
     fn images() -> [Vec<u32>; 3] {
         let mut random = Random(1);
         let mixed = (0..65536).map(|_| if random.below(10) < 3 { 200 } else { random.below(255) }).collect();

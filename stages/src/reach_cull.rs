@@ -1,5 +1,5 @@
 //! Drops samples that shine through a nearer surface, after edges are known: a sample goes if at least half of those that
-//! it can be mixed with, the reachable ones of its 5x5 pixels, are clearly nearer (`algorithms.md` section 11.2). In a
+//! it can be mixed with, the reachable ones of its 5x5 pixels, are clearly nearer (`algorithms.md` sections 2.9 and 11.2). In a
 //! sparse image most such samples have no near neighbour in the 3x3 pixels that the depth cull looks at.
 //!
 //! Every pass judges by the samples that the pass before has left. A sample with none in reach stays; so do those of

@@ -1,5 +1,5 @@
 //! Gives a colour to the pixels from which no sample could be reached: at the start, where something comes into view, at
-//! the smallest budgets (`algorithms.md` section 11.2).
+//! the smallest budgets (`algorithms.md` sections 2.10 and 11.2).
 //!
 //! First colours spread: in each step a hole takes the mean colour of those of its eight neighbours that have one and
 //! whose primary region joins its own, so no colour crosses an edge. The steps come in rounds of eight; a round is a

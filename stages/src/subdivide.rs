@@ -1,4 +1,4 @@
-//! Colours complex pixels by quarters (`algorithms.md` sections 2.2 and 10): an option of the original that its GPU version
+//! Colours complex pixels by quarters (`algorithms.md` sections 2.2 and 2.11): an option of the original that its GPU version
 //! dropped, off by default.
 //!
 //! Edges leave no region to speak of in a complex pixel, so `interpolate` mixes all samples around it, and colours bleed.

@@ -2,6 +2,7 @@
 
 mod broken;
 mod complex;
+mod documents;
 mod epi;
 mod extremes;
 mod meshes;

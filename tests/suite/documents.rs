@@ -1,0 +1,94 @@
+//! What the documents and the code say about each other.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
+}
+
+/// The repository's text files with one of these extensions, outside of build folders.
+fn files(folder: &Path, extensions: &[&str], found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if path.is_dir() {
+            if name != "target" && !name.starts_with('.') {
+                files(&path, extensions, found);
+            }
+        } else if path.extension().is_some_and(|e| extensions.iter().any(|extension| e == *extension)) {
+            found.push(path);
+        }
+    }
+}
+
+/// The text with each comment on one line, so that a citation is in one piece.
+fn joined(text: &str) -> String {
+    let lines = text.lines().map(|line| line.trim_start().trim_start_matches(['/', '!']).trim_end());
+    lines.collect::<Vec<_>>().join(" ")
+}
+
+/// The numbers after each `marker`, as in "section 2.1", "sections 1.4, 1.6 and 11.2" or "sections 2.3 to 2.5".
+fn cited(text: &str, marker: &str) -> Vec<String> {
+    let mut numbers = Vec::new();
+    for rest in text.split(marker).skip(1) {
+        let rest = rest.trim_start_matches('s');
+        for word in rest.split_whitespace() {
+            let number = word.trim_matches(|c: char| !c.is_ascii_digit());
+            let is_number = word.starts_with(|c: char| c.is_ascii_digit());
+            if is_number {
+                numbers.push(number.to_owned());
+            }
+            let goes_on = word == "and" || word == "to" || is_number && word.ends_with(',');
+            let may_go_on = is_number && number == word;
+            if !goes_on && !may_go_on {
+                break;
+            }
+        }
+    }
+    numbers
+}
+
+/// The section numbers of the headings of `docs/algorithms.md`.
+fn headings(text: &str) -> BTreeSet<String> {
+    let headings = text.lines().filter(|line| line.starts_with('#'));
+    let first = headings.filter_map(|line| line.trim_start_matches('#').split_whitespace().next());
+    first.map(|word| word.trim_end_matches('.').to_owned()).collect()
+}
+
+#[test]
+fn citations_are_read_as_written() {
+    let text = joined(
+        "//! a (`algorithms.md` sections 2.1, 11.2 and\n//! 11.3). See\n// algorithms.md section 2.6, E10.",
+    );
+    assert_eq!(cited(&text, "algorithms.md` section"), ["2.1", "11.2", "11.3"]);
+    assert_eq!(cited(&text, "algorithms.md section"), ["2.6"]);
+    assert_eq!(cited("sections 2.3 to 2.5): 7", "section"), ["2.3", "2.5"]);
+    assert_eq!(cited("section 3: n = 100, f", "section"), ["3"]);
+}
+
+#[test]
+fn every_cited_section_of_the_algorithms_exists() {
+    let algorithms = fs::read_to_string(root().join("docs/algorithms.md")).unwrap();
+    let headings = headings(&algorithms);
+    let mut sources = Vec::new();
+    files(root(), &["rs", "wgsl", "ron", "md", "toml"], &mut sources);
+    let mut count = 0;
+    for path in sources.iter().filter(|path| !path.ends_with("tests/suite/documents.rs")) {
+        let text = joined(&fs::read_to_string(path).unwrap());
+        // Within the page itself every section is one of its own.
+        let markers: &[&str] = if path.ends_with("docs/algorithms.md") {
+            &["section"]
+        } else {
+            &["algorithms.md section", "algorithms.md` section", "algorithms.md) section"]
+        };
+        for number in markers.iter().flat_map(|marker| cited(&text, marker)) {
+            assert!(headings.contains(&number), "{}: there is no section {number}", path.display());
+            count += 1;
+        }
+    }
+    assert!(count > 100, "only {count} citations were found");
+}
