@@ -1,42 +1,16 @@
-//! What a frame did at one pixel: copies of all that its nodes wrote, and what each stage finds worth telling about them.
+//! What a frame did at one pixel: what each stage finds worth telling about what it read and wrote there.
 //!
 //! Only a stage knows what its numbers mean and by which rule they came about. [`Stage::explain`](crate::Stage::explain)
 //! decodes them and applies the rule anew to what the stage read; the application shows the [`Finding`]s.
 
-use std::{borrow::Cow, sync::Arc};
+use std::borrow::Cow;
 
 use bytemuck::Pod;
 
 use crate::{
-    executor::Snapshot,
     frame::Frame,
-    graph::Graph,
-    id::NodeId,
-    port::{Access, FieldRef, In, Out, PortElement},
-    side::{Download, Side},
+    port::{FieldRef, In, Out, PortElement},
 };
-
-/// Copies of what the nodes of a graph wrote in one frame, each taken when its node had run.
-#[derive(Clone, Debug, Default)]
-pub struct Capture {
-    /// The frame.
-    pub frame: Frame,
-    /// The copies, named `node.port`.
-    pub snapshots: Vec<Arc<Snapshot>>,
-}
-
-impl Capture {
-    /// The copy of one field of `node.port`; the field of a port of one variable has no name.
-    pub fn field(&self, port: &str, field: &str) -> Option<&Snapshot> {
-        let found = self.snapshots.iter().find(|snapshot| snapshot.name == port && snapshot.field == field);
-        found.map(Arc::as_ref)
-    }
-
-    /// Bytes of all copies.
-    pub fn bytes(&self) -> u64 {
-        self.snapshots.iter().map(|snapshot| snapshot.bytes.len() as u64).sum()
-    }
-}
 
 /// Something worth knowing about a pixel.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,11 +97,21 @@ impl Finding {
     }
 }
 
-/// A pixel as one node of a captured frame sees it.
+/// The bytes of each field of a port; none where they are not known.
+pub(crate) type Fields<'a> = Vec<Option<&'a [u8]>>;
+
+/// What a port of a node held in a captured frame.
+pub(crate) struct PortContents<'a> {
+    /// Before the node ran.
+    pub read: Fields<'a>,
+    /// After it ran.
+    pub written: Fields<'a>,
+}
+
+/// A pixel as one node of a captured frame sees it; [`Capture::site`](crate::Capture::site) makes it.
 pub struct Site<'a> {
-    graph: &'a Graph,
-    node: NodeId,
-    capture: &'a Capture,
+    frame: &'a Frame,
+    ports: Vec<PortContents<'a>>,
     /// Column and row.
     pub pixel: [u32; 2],
     /// The element of the graph's lists that belongs to the pixel, for stages that work on lists: a point's slot.
@@ -135,20 +119,19 @@ pub struct Site<'a> {
 }
 
 impl<'a> Site<'a> {
-    /// A pixel inside of the frame, as seen by a node of `graph`, whose capture it is.
-    pub fn new(
-        graph: &'a Graph,
-        node: NodeId,
-        capture: &'a Capture,
+    /// A pixel inside of the frame, as seen by a node with these ports.
+    pub(crate) fn new(
+        frame: &'a Frame,
         pixel: [u32; 2],
         element: Option<usize>,
+        ports: Vec<PortContents<'a>>,
     ) -> Self {
-        Self { graph, node, capture, pixel, element }
+        Self { frame, ports, pixel, element }
     }
 
     /// The frame.
     pub fn frame(&self) -> &'a Frame {
-        &self.capture.frame
+        self.frame
     }
 
     /// Width and height of the frame in pixels.
@@ -183,40 +166,29 @@ impl<'a> Site<'a> {
     /// What the node read from an input. None where that is not known: of history, of results that come late from the
     /// GPU, and of what was not captured.
     pub fn read<E: PortElement>(&self, port: In<E>) -> Option<Cow<'a, [E::Cpu]>> {
-        self.given(port.at)
+        elements(&self.port(port.at).read, port.at)
     }
 
     /// What an output that is changed in place held before; none as for [`Site::read`].
     pub fn before<E: PortElement>(&self, port: Out<E>) -> Option<Cow<'a, [E::Cpu]>> {
-        self.given(port.at)
+        elements(&self.port(port.at).read, port.at)
     }
 
     /// What the node wrote to an output.
     pub fn wrote<E: PortElement>(&self, port: Out<E>) -> Option<Cow<'a, [E::Cpu]>> {
-        let node = &self.graph.nodes[self.node];
-        let port_name = &node.declaration().ports[port.at.port as usize].name;
-        self.elements(&format!("{}.{port_name}", node.name), port.at)
+        elements(&self.port(port.at).written, port.at)
     }
 
-    fn given<T: Pod>(&self, at: FieldRef) -> Option<Cow<'a, [T]>> {
-        let node = &self.graph.nodes[self.node];
-        let source = node.sources[at.port as usize]?;
-        let is_late = matches!(node.download, Download::Latent(frames) if frames > 0)
-            && node.side == Side::Cpu
-            && self.graph.nodes[source.node].side == Side::Gpu;
-        if is_late || node.declaration().ports[at.port as usize].access == Access::History {
-            return None;
-        }
-        self.elements(&self.graph.name(source), at)
+    fn port(&self, at: FieldRef) -> &PortContents<'a> {
+        &self.ports[at.port as usize]
     }
+}
 
-    fn elements<T: Pod>(&self, port: &str, at: FieldRef) -> Option<Cow<'a, [T]>> {
-        let declared = &self.graph.nodes[self.node].declaration().ports[at.port as usize];
-        let snapshot = self.capture.field(port, &declared.fields[at.field as usize].name)?;
-        // Bytes of a vector lie where the allocator put them, which suits every element as a rule.
-        Some(match bytemuck::try_cast_slice(&snapshot.bytes) {
-            Ok(elements) => Cow::Borrowed(elements),
-            Err(_) => Cow::Owned(snapshot.get()),
-        })
-    }
+fn elements<'a, T: Pod>(fields: &Fields<'a>, at: FieldRef) -> Option<Cow<'a, [T]>> {
+    let bytes = (*fields.get(at.field as usize)?)?;
+    // Bytes of a vector lie where the allocator put them, which suits every element as a rule.
+    Some(match bytemuck::try_cast_slice(bytes) {
+        Ok(elements) => Cow::Borrowed(elements),
+        Err(_) => Cow::Owned(bytemuck::pod_collect_to_vec(bytes)),
+    })
 }

@@ -5,11 +5,14 @@ use std::{collections::HashMap, sync::Arc};
 use index_vec::index_vec;
 
 use crate::{
-    executor::{Executor, Gpu, RunError, Snapshot},
+    capture::Snapshot,
+    error::Problems,
+    executor::{Executor, Gpu, RunError},
     file::Source,
-    frame::Frame,
+    frame::{Facts, Frame},
     graph::{Graph, Node, PortRef, Settings},
     id::NodeId,
+    params::ParamSpec,
     plan::Plan,
     port::{Access, Dims, Extent, Lifetime, Port},
     registry::Registry,
@@ -36,10 +39,10 @@ impl AnyStage for Given {
     fn words(&self) -> Vec<u32> {
         Vec::new()
     }
-    fn specs(&self) -> Vec<crate::ParamSpec> {
+    fn specs(&self) -> Vec<ParamSpec> {
         Vec::new()
     }
-    fn needless(&self, _: &crate::Facts) -> Option<&'static str> {
+    fn needless(&self, _: &Facts) -> Option<&'static str> {
         None
     }
 }
@@ -177,7 +180,7 @@ impl<S: Stage> Harness<S> {
         };
         let fail = |message| RunError::Stage { node: "stage".into(), message };
         graph.resolve_dims(&self.settings).map_err(|(_, message)| fail(message))?;
-        let fail = |problems: crate::Problems| fail(problems.to_string());
+        let fail = |problems: Problems| fail(problems.to_string());
         let plan = Plan::new(&graph, &self.settings).map_err(fail)?;
         Executor::new(graph, plan, &self.settings, registry, gpu)
     }

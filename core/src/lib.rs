@@ -6,6 +6,7 @@
 pub use bytemuck;
 pub use serde;
 
+mod capture;
 mod compile;
 mod error;
 mod executor;
@@ -25,10 +26,11 @@ mod side;
 mod stage;
 mod wgsl;
 
+pub use capture::{Capture, Snapshot};
 pub use compile::compile;
 pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
-pub use executor::{AdapterChoice, Executor, Gpu, RunError, Snapshot};
-pub use explain::{Around, Capture, Cell, Finding, Mark, Role, Site};
+pub use executor::{AdapterChoice, Executor, Gpu, RunError};
+pub use explain::{Around, Cell, Finding, Mark, Role, Site};
 pub use file::*;
 pub use frame::{Facts, Frame, View};
 pub use graph::{Culled, Graph, MAX_LATENCY, MAX_SIDE, Node, PortRef, Settings};
@@ -41,8 +43,8 @@ pub use port::{
     PortElement, Scalar, plain, texel,
 };
 pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, compose as compose_shader};
-pub use registry::{Kind, NodeContext, Registry, ShaderLibrary};
-pub use shader::{Needs, Pass, Shader, Threads};
+pub use registry::{Kind, NodeContext, Registry};
+pub use shader::{Needs, Pass, Shader, ShaderLibrary, Threads};
 pub use side::{Download, PerSide, Side};
 pub use stage::{AnyStage, Block, Bundle, CpuContext, Declaration, Host, Io, Stage};
 pub use wgsl::{wgsl_kind, wgsl_kind_from};

@@ -8,8 +8,7 @@ use naga::common::wgsl::{ToWgsl, TypeContext, address_space_str};
 use crate::{
     error::{GraphError, Span},
     port::{Element, Format, Member, Scalar},
-    registry::ShaderLibrary,
-    shader::{Needs, Shader},
+    shader::{Needs, Shader, ShaderLibrary},
 };
 
 pub use check::check;

@@ -1,11 +1,12 @@
 //! The kinds of stage that graph files may name.
 
-use std::{borrow::Cow, collections::BTreeMap, marker::PhantomData, path::Path};
+use std::{collections::BTreeMap, marker::PhantomData, path::Path};
 
 use crate::{
     error::{GraphError, Problem, Problems, Span},
     file::{GraphFile, NodeDef, ParamDef},
-    params::{ParamSpec, Params},
+    params::{ParamError, ParamSpec, Params},
+    shader::ShaderLibrary,
     stage::{AnyStage, Bound, Declaration, Io, Stage},
 };
 
@@ -48,7 +49,7 @@ impl NodeContext<'_> {
     pub fn set_params(
         &self,
         specs: &[ParamSpec],
-        mut set: impl FnMut(usize, &str) -> Result<(), crate::params::ParamError>,
+        mut set: impl FnMut(usize, &str) -> Result<(), ParamError>,
     ) -> Problems {
         let mut problems = Problems::default();
         for param in &self.node.params {
@@ -121,13 +122,6 @@ impl<S: Stage> Kind for StageKind<S> {
         let (stage, declaration) = declare::<S>(&params, cx.connected);
         Ok(Box::new(Bound { stage, params, declaration }))
     }
-}
-
-/// WGSL modules that shaders may `#import` by name.
-#[derive(Clone, Debug, Default)]
-pub struct ShaderLibrary {
-    /// File name and text of each.
-    pub modules: Vec<(Cow<'static, str>, Cow<'static, str>)>,
 }
 
 /// All kinds of stage, and the shader modules that they share.

@@ -22,6 +22,13 @@ impl Shader {
     }
 }
 
+/// WGSL modules that shaders may `#import` by name.
+#[derive(Clone, Debug, Default)]
+pub struct ShaderLibrary {
+    /// File name and text of each.
+    pub modules: Vec<(Cow<'static, str>, Cow<'static, str>)>,
+}
+
 /// Which wgpu features a pass needs beyond the portable set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Needs {

@@ -24,11 +24,12 @@ use readback::Readback;
 use versions::Versions;
 
 use crate::{
+    capture::Snapshot,
     frame::Frame,
     graph::{Graph, Node, Settings},
     id::{NodeId, SlotId, StepId, StorageId, TapId},
     plan::{Life, Plan, PlannedNode, Slot, Step, Storage, TapField, Value},
-    port::{Dims, Element, FieldRef},
+    port::FieldRef,
     registry::Registry,
     side::{Download, Side},
     stage::{Binding, Block, CpuContext, Host},
@@ -65,30 +66,6 @@ pub enum RunError {
         /// Its bytes.
         bytes: u64,
     },
-}
-
-/// The contents of one field of a tapped port at the end of its node.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Snapshot {
-    /// The tap's name: `node.port` or an output.
-    pub name: String,
-    /// The field, empty for the only one.
-    pub field: String,
-    /// Its elements.
-    pub element: Element,
-    /// How many.
-    pub dims: Dims,
-    /// The frame it was taken in.
-    pub frame: u64,
-    /// The elements, tightly packed, row by row.
-    pub bytes: Vec<u8>,
-}
-
-impl Snapshot {
-    /// The elements as values of `T`, whose size must be the element's or a divisor of it.
-    pub fn get<T: bytemuck::Pod>(&self) -> Vec<T> {
-        bytemuck::pod_collect_to_vec(&self.bytes)
-    }
 }
 
 /// Where the fields of a node's ports lie, on the CPU.

@@ -9,8 +9,7 @@ use std::{
 use super::Gpu;
 use crate::{
     reflect::{self, Reflected},
-    registry::ShaderLibrary,
-    shader::{Needs, Shader},
+    shader::{Needs, Shader, ShaderLibrary},
 };
 
 /// The programs in use on a device, by their whole text.

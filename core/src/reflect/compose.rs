@@ -7,8 +7,7 @@
 
 use crate::{
     error::{GraphError, Place, Span},
-    registry::ShaderLibrary,
-    shader::Shader,
+    shader::{Shader, ShaderLibrary},
 };
 
 /// A shader with the modules that it imports behind it, as one WGSL text.

@@ -7,7 +7,7 @@ mod picked;
 #[cfg(test)]
 mod tests;
 
-use epigraph_core::{Capture, Extent, Finding, Graph, NodeId, Plan, Port, Side, Site, Snapshot, Source};
+use epigraph_core::{Capture, Extent, Finding, Graph, NodeId, Plan, Port, Side, Snapshot, Source};
 use epigraph_scenes::{Rng, TraceSettings, Tracer};
 use epigraph_stages::shared::sample::{self, Sample};
 use glam::Vec3;
@@ -79,7 +79,7 @@ pub fn inspect(
     let sample = sample::behind(graph, plan.order(), capture, pixel);
     let point = sample.as_ref().map(|sample| sample.point);
     let visit = |node: NodeId| {
-        let site = Site::new(graph, node, capture, pixel, point);
+        let site = capture.site(graph, node, pixel, point);
         let node = &graph.nodes[node];
         let outputs = node.declaration().ports.iter().filter(|port| port.is_output());
         let values = outputs.filter(|port| !is_scratch(port)).filter_map(|port| {
