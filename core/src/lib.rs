@@ -46,5 +46,5 @@ pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, comp
 pub use registry::{Kind, NodeContext, Registry};
 pub use shader::{Needs, Pass, Shader, ShaderLibrary, Threads};
 pub use side::{Download, PerSide, Side};
-pub use stage::{AnyStage, Block, Bundle, CpuContext, Declaration, Host, Io, Stage};
+pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Stage};
 pub use wgsl::{wgsl_kind, wgsl_kind_from};

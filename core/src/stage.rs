@@ -261,13 +261,13 @@ impl Host {
     }
 }
 
-/// Memory of one value on the CPU, aligned for every element type.
+/// The memory of one slot on the CPU, aligned for every element type.
 #[derive(Clone, Debug, Default)]
-pub struct Block {
+pub struct CpuMemory {
     words: Vec<[u64; 2]>,
 }
 
-impl Block {
+impl CpuMemory {
     /// Zeroed memory of at least `bytes` bytes; `None` where there is not as much.
     pub fn new(bytes: u64) -> Option<Self> {
         let count = usize::try_from(bytes.div_ceil(16)).ok()?;
@@ -288,7 +288,7 @@ impl Block {
     }
 }
 
-/// Where a field of a port lies: a block, and how many elements of it count.
+/// Where a field of a port lies: the slot, and how many of its elements count.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Binding {
     pub slot: SlotId,
@@ -299,7 +299,7 @@ pub(crate) struct Binding {
 pub struct CpuContext<'a> {
     pub(crate) frame: &'a Frame,
     pub(crate) host: &'a Host,
-    pub(crate) blocks: &'a IndexSlice<SlotId, [RefCell<Block>]>,
+    pub(crate) memory: &'a IndexSlice<SlotId, [RefCell<CpuMemory>]>,
     pub(crate) bindings: &'a [Vec<Option<Binding>>],
     pub(crate) unchanged: &'a RefCell<Vec<FieldRef>>,
 }
@@ -337,15 +337,15 @@ impl CpuContext<'_> {
     /// The elements of an input.
     pub fn read<E: PortElement>(&self, port: In<E>) -> Ref<'_, [E::Cpu]> {
         let Binding { slot, dims } = self.binding(port.at);
-        Ref::map(self.blocks[slot].borrow(), |block| elements(block.bytes(), dims))
+        Ref::map(self.memory[slot].borrow(), |memory| elements(memory.bytes(), dims))
     }
 
     /// The elements of an output or update.
     pub fn write<E: PortElement>(&self, port: Out<E>) -> RefMut<'_, [E::Cpu]> {
         let Binding { slot, dims } = self.binding(port.at);
-        RefMut::map(self.blocks[slot].borrow_mut(), |block| {
+        RefMut::map(self.memory[slot].borrow_mut(), |memory| {
             let bytes = dims.count() * size_of::<E::Cpu>();
-            bytemuck::cast_slice_mut(&mut block.bytes_mut()[..bytes])
+            bytemuck::cast_slice_mut(&mut memory.bytes_mut()[..bytes])
         })
     }
 }

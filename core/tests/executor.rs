@@ -240,6 +240,42 @@ impl Stage for Faulty {
     }
 }
 
+params! {
+    /// Parameters of `stumble`.
+    pub struct StumbleParams {
+        /// The frame in which it fails.
+        at: u32 = 0, in 0..=1000;
+        /// Panic instead of returning an error.
+        panic: bool = false;
+    }
+}
+
+/// Passes a list on, but in one frame fails with the list half changed. Waits for another port.
+struct Stumble {
+    list: Out<u32>,
+}
+
+impl Stage for Stumble {
+    const KIND: &'static str = "stumble";
+    const DOC: &'static str = "Fails in one frame.";
+    type Params = StumbleParams;
+
+    fn declare(_: &StumbleParams, io: &mut Io) -> Self {
+        let list = io.update("list", "passed on", Extent::Any);
+        io.optional::<u32>("after", "runs before this one", Extent::Any);
+        Self { list }
+    }
+
+    fn cpu(&self, params: &StumbleParams, cx: &CpuContext) -> Result<(), String> {
+        if cx.frame().index != params.at {
+            return Ok(());
+        }
+        cx.write(self.list)[..8].fill(77);
+        assert!(!params.panic, "as asked");
+        Err("cannot go on".into())
+    }
+}
+
 fn registry() -> Registry {
     Registry::default()
         .with_module("frame", epigraph_shaders::text("shared/frame.wgsl"))
@@ -248,6 +284,7 @@ fn registry() -> Registry {
         .with::<Mix>()
         .with::<Bump>()
         .with::<Faulty>()
+        .with::<Stumble>()
         .with::<Rarely>()
         .with::<Look>()
 }
@@ -537,6 +574,128 @@ fn failing_and_panicking_stages_come_back_as_errors() {
         let wanted = if panic { "as asked" } else { "cannot go on" };
         assert!(matches!(&error, RunError::Stage { node, .. } if node == "bad"), "{error}");
         assert!(error.to_string().contains(wanted), "{error}");
+    }
+}
+
+/// Runs frames until one fails, which must be frame `at`; that one is not counted.
+fn run_failing(executor: &mut Executor, at: u32) {
+    for index in 0..at {
+        executor.run(&frame(index), &Host::default(), true).unwrap();
+    }
+    let error = executor.run(&frame(at), &Host::default(), true).unwrap_err();
+    assert!(matches!(&error, RunError::Stage { node, .. } if node == "stumble"), "{error}");
+    assert_eq!(executor.frames(), u64::from(at));
+}
+
+#[test]
+fn after_a_frame_that_failed_the_next_one_runs() {
+    for bits in 0..8 {
+        let sides = [0, 1, 2].map(|bit| if bits >> bit & 1 == 0 { "Cpu" } else { "Gpu" });
+        for (at, panic, poison, profile) in
+            [(0, true, true, false), (2, false, false, true), (3, true, false, false)]
+        {
+            let [ramp, bump, mix] = sides;
+            let text = format!(
+                r#"#![enable(implicit_some)]
+                Graph(version: 1, nodes: {{
+                    "ramp": (kind: "ramp", on: {ramp}),
+                    "bump": (kind: "bump", on: {bump}, inputs: {{ "list": "ramp.ramp" }}),
+                    "other": (kind: "ramp", on: {mix}),
+                    "stumble": (kind: "stumble", inputs: {{ "list": "bump.list", "after": "other.ramp" }},
+                        params: (at: {at}, panic: {panic})),
+                    "mix": (kind: "mix", on: {mix}, inputs: {{ "now": "stumble.list", "before": "other.ramp" }},
+                        params: (weight: 3)),
+                }}, outputs: {{ "image": "mix.sum" }})"#
+            );
+            let file = GraphFile::parse("stumble.ron", &text).unwrap();
+            let mut executor = executor(&file, &Settings { poison, ..Settings::new(SIZE, 0) });
+            executor.profile = profile;
+            run_failing(&mut executor, at);
+            for index in at + 1..at + 4 {
+                executor.run(&frame(index), &Host::default(), true).unwrap();
+                // The counts are kept values: the frame that failed had added to them already, on both sides.
+                let count = |frame: u32| 1000 * (frame + 1);
+                let before = |pixel: u32| match index - 1 {
+                    // The frame before is the one before the failed one.
+                    last if last == at => {
+                        if at == 0 {
+                            0
+                        } else {
+                            pixel + count(at - 1)
+                        }
+                    }
+                    last => pixel + count(last),
+                };
+                let expected: Vec<u32> = (0..SIZE[0] * SIZE[1])
+                    .map(|pixel| pixel + count(index) + 1 + 3 * before(pixel))
+                    .collect();
+                let image = executor.snapshot("image", "").unwrap().unwrap().get::<u32>();
+                assert_eq!(image, expected, "sides {sides:?}, {at} failed, frame {index}");
+            }
+        }
+    }
+}
+
+#[test]
+fn after_a_frame_that_failed_nothing_counts_as_unchanged() {
+    for sides in SIDES {
+        let stumble = r#""stumble": (kind: "stumble", inputs: { "list": "ramp.ramp", "after": "again.output" }, params: (at: 2)),
+            "ramp": (kind: "ramp"),"#;
+        let mut settings = Settings::new(SIZE, 0);
+        settings.taps = vec![Source { node: "stumble".into(), port: "list".into() }];
+        let mut executor = executor(&looking(sides, stumble, "again.output"), &settings);
+        run_failing(&mut executor, 2);
+        // The numbers and the view are the same as in frame 1, and those of frame 1 were the last to be looked at.
+        for (index, last) in [(3, 3), (4, 4), (5, 4)] {
+            executor.run(&frame(index), &Host::default(), true).unwrap();
+            let ran = |name| {
+                let node = executor.plan().nodes.position(|node| node.name == name).unwrap();
+                executor.ran()[node]
+            };
+            assert_eq!([ran("look"), ran("again")], [index == last; 2], "{sides:?}, frame {index}");
+            let image = executor.snapshot("image", "").unwrap().unwrap().get::<u32>();
+            assert_eq!(image[7] / 1000, 2 * last, "{sides:?}, frame {index}");
+        }
+    }
+}
+
+#[test]
+fn late_downloads_are_delivered_again_after_a_frame_that_failed() {
+    let text = r#"Graph(version: 1, nodes: {
+        "ramp": (kind: "ramp", on: Gpu),
+        "bump": (kind: "bump", on: Cpu, download: Latent(2), inputs: { "list": "ramp.ramp" }),
+        "stumble": (kind: "stumble", inputs: { "list": "bump.list" }, params: (at: 3)),
+    }, outputs: { "image": "stumble.list" })"#;
+    let file = GraphFile::parse("late.ron", text).unwrap();
+    let mut executor = executor(&file, &Settings::new(SIZE, 0));
+    run_failing(&mut executor, 3);
+    let seen = [4, 5, 6].map(|index| {
+        executor.run(&frame(index), &Host::default(), true).unwrap();
+        executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7]
+    });
+    // Two whole frames before each: the fourth run of the ramp is that of the frame that failed.
+    assert_eq!(seen, [2008, 3008, 5008]);
+}
+
+#[test]
+fn taps_of_a_frame_that_failed_show_what_ran() {
+    for side in ["Cpu", "Gpu"] {
+        let text = format!(
+            r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {{
+                "ramp": (kind: "ramp", on: {side}),
+                "stumble": (kind: "stumble", inputs: {{ "list": "ramp.ramp" }}, params: (at: 1)),
+            }}, outputs: {{ "image": "stumble.list" }})"#
+        );
+        let mut settings = Settings::new(SIZE, 0);
+        settings.taps = vec![Source { node: "ramp".into(), port: "ramp".into() }];
+        let mut executor = executor(&GraphFile::parse("taps.ron", &text).unwrap(), &settings);
+        run_failing(&mut executor, 1);
+        let mut seen = |name| {
+            let snapshot = executor.snapshot(name, "").unwrap().unwrap();
+            (snapshot.frame, snapshot.get::<u32>()[7])
+        };
+        assert_eq!((seen("ramp.ramp"), seen("image")), ((1, 2007), (0, 1007)), "on {side}");
     }
 }
 

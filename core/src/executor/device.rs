@@ -1,7 +1,7 @@
 //! The GPU as the executor sees it: one device and queue, and the first error that came in asynchronously.
 
 use std::{
-    sync::{Arc, Mutex},
+    sync::{Arc, Mutex, MutexGuard},
     time::Duration,
 };
 
@@ -96,13 +96,20 @@ impl Gpu {
 
     /// The first error since the last call that no call returned.
     pub(crate) fn check(&self) -> Result<(), RunError> {
-        let mut failure = self.failure.lock().expect("no panic while noting a failure");
-        match &*failure {
-            // For good: no call succeeds any more.
+        self.check_lost()?;
+        self.failure().take().map_or(Ok(()), Err)
+    }
+
+    /// Whether the device is gone. That is for good: no call succeeds any more.
+    pub(crate) fn check_lost(&self) -> Result<(), RunError> {
+        match &*self.failure() {
             Some(lost @ RunError::Lost(_)) => Err(lost.clone()),
-            Some(_) => Err(failure.take().expect("seen")),
-            None => Ok(()),
+            _ => Ok(()),
         }
+    }
+
+    fn failure(&self) -> MutexGuard<'_, Option<RunError>> {
+        self.failure.lock().expect("no panic while noting a failure")
     }
 
     /// Waits until everything submitted is done.

@@ -4,7 +4,7 @@
 //! recorded into one encoder that is submitted at the frame's end, or earlier where a CPU step must wait for a result.
 
 mod device;
-mod gpu_side;
+mod gpu;
 mod programs;
 mod readback;
 mod versions;
@@ -18,7 +18,7 @@ use std::{
 };
 
 pub use device::{AdapterChoice, Gpu};
-use gpu_side::{GpuSide, Layout, poison_word};
+use gpu::{GpuSide, Layout, poison_word};
 use index_vec::{IndexSlice, IndexVec, index_vec};
 use readback::Readback;
 use versions::Versions;
@@ -32,7 +32,7 @@ use crate::{
     port::FieldRef,
     registry::Registry,
     side::{Download, Side},
-    stage::{Binding, Block, CpuContext, Host},
+    stage::{Binding, CpuContext, CpuMemory, Host},
 };
 
 /// What can go wrong while a plan is built or run.
@@ -85,7 +85,7 @@ pub struct Executor {
     graph: Graph,
     plan: Plan,
     poison: bool,
-    cpu: IndexVec<SlotId, RefCell<Block>>,
+    cpu: IndexVec<SlotId, RefCell<CpuMemory>>,
     /// For even and odd frames: where the fields of each node's ports lie.
     bindings: [IndexVec<NodeId, CpuBindings>; 2],
     gpu: Option<GpuSide>,
@@ -117,7 +117,7 @@ impl Executor {
         gpu: Option<Arc<Gpu>>,
     ) -> Result<Self, RunError> {
         let gpu = match (plan.uses(Side::Gpu), gpu) {
-            (true, Some(gpu)) => Some(GpuSide::new(gpu, &graph, &plan, registry, settings.poison)?),
+            (true, Some(gpu)) => Some(GpuSide::new(gpu, &graph, &plan, &registry.library, settings.poison)?),
             (true, None) => return Err(RunError::NoGpu),
             (false, _) => None,
         };
@@ -190,7 +190,7 @@ impl Executor {
     /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never do, and those with
     /// [`PlannedNode::per_view`] only where there is something new.
     pub fn ran(&self) -> &IndexSlice<NodeId, [bool]> {
-        &self.ran[(self.frame % 2) as usize ^ 1]
+        &self.ran[self.parity() ^ 1]
     }
 
     /// How many frames have run.
@@ -201,9 +201,34 @@ impl Executor {
     /// Runs one frame. With `capture`, the tapped ports are copied as they pass; [`Executor::snapshots`] has them.
     ///
     /// # Errors
-    /// [`RunError::Stage`] where a stage fails or panics, [`RunError::Gpu`] where the device does.
+    /// [`RunError::Stage`] where a stage fails or panics, [`RunError::Gpu`] where the device refuses something. The next
+    /// call runs: the frame that failed does not count, so that [`Executor::frames`] and what nodes read of the frame before
+    /// are as if it had not been begun. It is not undone, though. Kept values, on both sides, have whatever the nodes before
+    /// the failing one wrote, and perhaps part of what that one would have written. The next frame transfers everything and
+    /// runs every node, even where nothing seems to have changed. Taps of nodes that ran show the failed frame, the others
+    /// an earlier one.
+    ///
+    /// [`RunError::Lost`] where the device is gone. Then every further call fails with it and does nothing.
     pub fn run(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
-        let parity = (self.frame % 2) as usize;
+        if let Some(gpu) = &self.gpu {
+            gpu.gpu.check_lost()?;
+        }
+        let done = self.steps(frame, host, capture).and_then(|()| self.end());
+        match done {
+            Ok(()) => self.frame += 1,
+            Err(_) => self.abandon(),
+        }
+        done
+    }
+
+    /// The frame number's last bit: history pairs swap with it.
+    fn parity(&self) -> usize {
+        (self.frame % 2) as usize
+    }
+
+    /// Walks the plan's steps.
+    fn steps(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
+        let parity = self.parity();
         self.versions.begin(&frame.view);
         self.ran[parity].raw.fill(false);
         self.moved.raw.fill(0);
@@ -223,33 +248,42 @@ impl Executor {
                 }
             }
         }
-        if let Some(gpu) = &mut self.gpu {
-            gpu.end(self.frame, self.profile)?;
-            for tap in &mut self.taps {
-                if let Some(ring) = &mut tap.ring {
-                    ring.map();
-                }
-            }
-            if self.profile && self.frame > 0 {
-                let (times, starts) = (&mut self.times, &mut self.starts);
-                let (step_of_node, nodes) = (&self.step_of_node, &self.plan.nodes);
-                // A node that was skipped has left its timestamps of an earlier frame.
-                let ran_before = &self.ran[parity ^ 1];
-                let on_gpu = |node: NodeId| nodes[node].side == Side::Gpu;
-                gpu.node_times(
-                    self.frame - 1,
-                    |node| on_gpu(node) && ran_before[node],
-                    |node, span| {
-                        if on_gpu(node) {
-                            let step = step_of_node[&node];
-                            [starts[step], times[step]] = span;
-                        }
-                    },
-                )?;
-            }
-        }
-        self.frame += 1;
         Ok(())
+    }
+
+    /// Submits the frame and takes the times of the one before.
+    fn end(&mut self) -> Result<(), RunError> {
+        let parity = self.parity();
+        let Some(gpu) = &mut self.gpu else { return Ok(()) };
+        gpu.end(self.frame, self.profile)?;
+        self.taps.iter_mut().filter_map(|tap| tap.ring.as_mut()).for_each(Readback::map);
+        if self.profile && self.frame > 0 {
+            let (times, starts) = (&mut self.times, &mut self.starts);
+            let (step_of_node, nodes) = (&self.step_of_node, &self.plan.nodes);
+            // A node that was skipped has left its timestamps of an earlier frame.
+            let ran_before = &self.ran[parity ^ 1];
+            let on_gpu = |node: NodeId| nodes[node].side == Side::Gpu;
+            gpu.node_times(
+                self.frame - 1,
+                |node| on_gpu(node) && ran_before[node],
+                |node, span| {
+                    if on_gpu(node) {
+                        let step = step_of_node[&node];
+                        [starts[step], times[step]] = span;
+                    }
+                },
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Ends a frame that failed.
+    fn abandon(&mut self) {
+        if let Some(gpu) = &mut self.gpu {
+            gpu.abandon();
+            self.taps.iter_mut().filter_map(|tap| tap.ring.as_mut()).for_each(Readback::map);
+        }
+        self.versions.forget();
     }
 
     fn is_gpu_step(&self, index: StepId) -> bool {
@@ -299,9 +333,9 @@ impl Executor {
                     return Ok(());
                 }
                 self.moved[index] = self.plan.storages[value.storage].bytes();
-                let block = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
+                let memory = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
-                gpu.upload(&self.plan, value, parity, block);
+                gpu.upload(&self.plan, value, parity, memory);
                 Ok(())
             }
             Step::Download(value, mode) => {
@@ -311,9 +345,9 @@ impl Executor {
                     Download::Sync => return Ok(()),
                 }
                 self.moved[index] = self.plan.storages[value.storage].bytes();
-                let block = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
+                let memory = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
-                gpu.download(&self.plan, value, parity, self.frame, block)
+                gpu.download(&self.plan, value, parity, self.frame, memory)
             }
             Step::Tap { tap, field } => {
                 if capture {
@@ -332,7 +366,7 @@ impl Executor {
         let cx = CpuContext {
             frame,
             host,
-            blocks: &self.cpu,
+            memory: &self.cpu,
             bindings: &self.bindings[parity][node],
             unchanged: &self.unchanged,
         };
@@ -352,8 +386,8 @@ impl Executor {
         for storage in self.plan.written_anew(node) {
             let slot = self.plan.slot(Value::now(storage), Side::Cpu, parity);
             let word = poison_word(&self.plan.storages[storage].element).to_le_bytes();
-            let mut block = self.cpu[slot].borrow_mut();
-            for bytes in block.bytes_mut().chunks_exact_mut(4) {
+            let mut memory = self.cpu[slot].borrow_mut();
+            for bytes in memory.bytes_mut().chunks_exact_mut(4) {
                 bytes.copy_from_slice(&word);
             }
         }
@@ -430,7 +464,7 @@ impl Executor {
     /// What the next frame finds in a storage that lives on.
     fn contents(&mut self, id: StorageId) -> Result<Vec<u8>, RunError> {
         let storage = &self.plan.storages[id];
-        let parity = (self.frame % 2) as usize;
+        let parity = self.parity();
         let value = Value { storage: id, previous: storage.life == Life::History };
         let mut bytes = vec![0; storage.bytes() as usize];
         // Memory that no node touches was given on neither side; it is still zero.
@@ -454,7 +488,7 @@ impl Executor {
             return;
         }
         self.versions.replaced(id);
-        let parity = (self.frame % 2) as usize;
+        let parity = self.parity();
         let value = Value { storage: id, previous: storage.life == Life::History };
         if storage.slots.cpu.is_some() {
             let slot = self.plan.slot(value, Side::Cpu, parity);
@@ -467,9 +501,9 @@ impl Executor {
     }
 }
 
-fn allocate(plan: &Plan) -> Result<IndexVec<SlotId, RefCell<Block>>, RunError> {
+fn allocate(plan: &Plan) -> Result<IndexVec<SlotId, RefCell<CpuMemory>>, RunError> {
     let allocate = |(id, slot): (SlotId, &Slot)| {
-        Block::new(slot.bytes()).map(RefCell::new).ok_or_else(|| {
+        CpuMemory::new(slot.bytes()).map(RefCell::new).ok_or_else(|| {
             let uses_it =
                 |storage: &&Storage| storage.slots.cpu.is_some_and(|pair| pair.both().contains(&id));
             let name = plan.storages.iter().find(uses_it).map(|storage| storage.name.clone());
@@ -528,6 +562,21 @@ mod tests {
         out: Out<u32>,
     }
 
+    struct Pass;
+
+    impl Stage for Pass {
+        const KIND: &'static str = "pass";
+        const DOC: &'static str = "Hands on what it is given.";
+        type Params = ();
+        fn declare((): &(), io: &mut Io) -> Self {
+            io.update::<u32>("in", "handed on", Extent::Any);
+            Self
+        }
+        fn cpu(&self, (): &(), _: &CpuContext) -> Result<(), String> {
+            Ok(())
+        }
+    }
+
     impl Stage for Fill {
         const KIND: &'static str = "fill";
         const DOC: &'static str = "Writes sevens.";
@@ -548,27 +597,62 @@ mod tests {
         }
     }
 
+    /// Fills on the GPU of its own; the result is downloaded in the frame for a node on the CPU.
+    fn fill(gpu: &Arc<Gpu>) -> Result<Executor, RunError> {
+        let text = r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {
+                "fill": (kind: "fill", on: Gpu),
+                "pass": (kind: "pass", inputs: { "in": "fill.out" }),
+            }, outputs: { "image": "pass.in" })"#;
+        let file = GraphFile::parse("fill.ron", text).unwrap();
+        let registry = Registry::default().with::<Fill>().with::<Pass>();
+        let settings = Settings::new([8, 8], 0);
+        let (graph, plan) = compile(&file, &registry, &settings).unwrap();
+        Executor::new(graph, plan, &settings, &registry, Some(gpu.clone()))
+    }
+
+    /// One frame and its image.
+    fn run(executor: &mut Executor) -> Result<Vec<u32>, RunError> {
+        let frame = Frame { size: [8, 8], ..Frame::default() };
+        executor.run(&frame, &Host::default(), true)?;
+        Ok(executor.snapshot("image", "")?.unwrap().get::<u32>())
+    }
+
+    /// A device of its own: other tests go on with theirs.
+    fn gpu() -> Arc<Gpu> {
+        Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")))
+    }
+
     #[test]
     fn a_lost_device_comes_back_as_an_error() {
-        // A device of its own: other tests go on with theirs.
-        let gpu = Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")));
-        let text =
-            r#"Graph(version: 1, nodes: { "fill": (kind: "fill") }, outputs: { "image": "fill.out" })"#;
-        let file = GraphFile::parse("lost.ron", text).unwrap();
-        let registry = Registry::default().with::<Fill>();
-        let settings = Settings { side: Side::Gpu, ..Settings::new([8, 8], 0) };
-        let build = || {
-            let (graph, plan) = compile(&file, &registry, &settings).unwrap();
-            Executor::new(graph, plan, &settings, &registry, Some(gpu.clone()))
-        };
-        let frame = Frame { size: [8, 8], ..Frame::default() };
-        let mut executor = build().unwrap();
-        executor.run(&frame, &Host::default(), true).unwrap();
-        assert_eq!(executor.snapshot("image", "").unwrap().unwrap().get::<u32>(), [7; 64]);
+        let gpu = gpu();
+        let mut executor = fill(&gpu).unwrap();
+        assert_eq!(run(&mut executor), Ok(vec![7; 64]));
         gpu.lose();
-        let result =
-            executor.run(&frame, &Host::default(), true).and_then(|()| executor.snapshots().map(|_| ()));
-        assert!(matches!(result, Err(RunError::Lost(_))), "{result:?}");
-        assert!(matches!(build(), Err(RunError::Lost(_) | RunError::Gpu(_) | RunError::Stage { .. })));
+        for _ in 0..3 {
+            let result = run(&mut executor);
+            assert!(matches!(result, Err(RunError::Lost(_))), "{result:?}");
+            assert_eq!(executor.frames(), 1);
+        }
+        assert!(matches!(fill(&gpu), Err(RunError::Lost(_) | RunError::Gpu(_) | RunError::Stage { .. })));
+    }
+
+    #[test]
+    fn after_an_error_of_the_device_the_next_frame_runs() {
+        let gpu = gpu();
+        let mut executor = fill(&gpu).unwrap();
+        assert_eq!(run(&mut executor), Ok(vec![7; 64]));
+        // A copy beyond the end of a buffer makes all that is recorded with it invalid.
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: 16,
+            usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        executor.gpu.as_mut().unwrap().record(|encoder| encoder.clear_buffer(&buffer, 0, Some(64)));
+        assert!(matches!(run(&mut executor), Err(RunError::Gpu(_))));
+        assert_eq!(executor.frames(), 1);
+        assert_eq!(run(&mut executor), Ok(vec![7; 64]));
+        assert_eq!(run(&mut executor), Ok(vec![7; 64]));
     }
 }

@@ -58,7 +58,7 @@ impl Readback {
     pub fn record(&mut self, frame: u64) -> &wgpu::Buffer {
         let (count, frame) = (self.entries.len() as u64, self.before + frame);
         let entry = &mut self.entries[(frame % count) as usize];
-        if entry.state.load(Ordering::Acquire) != IDLE {
+        if matches!(entry.state.load(Ordering::Acquire), MAPPING | MAPPED) {
             entry.buffer.unmap();
         }
         // A fresh flag: the callback of a mapping that was dropped must not speak for this one.
@@ -110,9 +110,7 @@ impl Readback {
         }
         let range = entry.buffer.get_mapped_range(..).map_err(|error| RunError::Gpu(error.to_string()))?;
         read(&range);
-        drop(range);
-        entry.buffer.unmap();
-        entry.state.store(IDLE, Ordering::Release);
+        // It stays mapped until it is recorded into again: a frame that fails may be run again and asks for the same.
         Ok(())
     }
 }

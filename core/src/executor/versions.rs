@@ -46,6 +46,16 @@ impl Versions {
         self.last
     }
 
+    /// Forgets everything, as after a frame that failed: each side may hold anything, so that all transfers are done and all
+    /// nodes run in the next frame.
+    pub fn forget(&mut self) {
+        for storage in self.held.indices() {
+            let [cpu, gpu] = [self.next(), self.next()];
+            self.held[storage] = PerSide { cpu, gpu };
+        }
+        self.seen.iter_mut().for_each(Vec::clear);
+    }
+
     /// Begins a frame. Views are the same if their bits are.
     pub fn begin(&mut self, view: &View) {
         if bytemuck::bytes_of(view) != bytemuck::bytes_of(&self.view) {

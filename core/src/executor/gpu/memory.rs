@@ -1,0 +1,261 @@
+//! The memory of slots on the GPU, and how its contents lie in a staging buffer.
+
+use index_vec::IndexVec;
+
+use super::{Gpu, RunError};
+use crate::{
+    graph::Graph,
+    id::SlotId,
+    plan::{Plan, PlannedNode, SlotPair},
+    port::{Dims, Element, Format, Scalar},
+    side::Side,
+};
+
+/// Copies between buffers and textures want rows of a multiple of this many bytes.
+const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
+
+/// The memory of one slot on the GPU.
+pub(super) enum GpuMemory {
+    Buffer(wgpu::Buffer),
+    Texture(wgpu::Texture, wgpu::TextureView),
+}
+
+impl GpuMemory {
+    /// As a shader binds it.
+    pub fn binding(&self) -> wgpu::BindingResource<'_> {
+        match self {
+            Self::Buffer(buffer) => buffer.as_entire_binding(),
+            Self::Texture(_, view) => wgpu::BindingResource::TextureView(view),
+        }
+    }
+
+    /// The texture that a raster pass draws to.
+    pub fn target(&self) -> (&wgpu::Texture, &wgpu::TextureView) {
+        match self {
+            Self::Texture(texture, view) => (texture, view),
+            Self::Buffer(_) => unreachable!("checked: raster targets are textures"),
+        }
+    }
+
+    /// Records a copy from a staging buffer.
+    pub fn copy_in(&self, encoder: &mut wgpu::CommandEncoder, from: &wgpu::Buffer, layout: Layout) {
+        match self {
+            Self::Buffer(buffer) => {
+                encoder.copy_buffer_to_buffer(from, 0, buffer, 0, layout.staged_bytes());
+            }
+            Self::Texture(texture, _) => {
+                encoder.copy_buffer_to_texture(layout.staged(from), texture.as_image_copy(), texture.size());
+            }
+        }
+    }
+
+    /// Records a copy to a staging buffer.
+    pub fn copy_out(&self, encoder: &mut wgpu::CommandEncoder, to: &wgpu::Buffer, layout: Layout) {
+        match self {
+            Self::Buffer(buffer) => {
+                encoder.copy_buffer_to_buffer(buffer, 0, to, 0, layout.staged_bytes());
+            }
+            Self::Texture(texture, _) => {
+                encoder.copy_texture_to_buffer(texture.as_image_copy(), layout.staged(to), texture.size());
+            }
+        }
+    }
+
+    /// Replaces the contents before the next submission.
+    pub fn write(&self, queue: &wgpu::Queue, bytes: &[u8], layout: Layout) {
+        let mut padded = vec![0; layout.staged_bytes() as usize];
+        layout.pad(bytes, &mut padded);
+        match self {
+            Self::Buffer(buffer) => queue.write_buffer(buffer, 0, &padded),
+            Self::Texture(texture, _) => {
+                queue.write_texture(texture.as_image_copy(), &padded, layout.texel_layout(), texture.size());
+            }
+        }
+    }
+}
+
+/// How a slot's contents lie in a staging buffer: rows of textures are padded there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layout {
+    row: usize,
+    padded_row: u32,
+    rows: u32,
+}
+
+impl Layout {
+    pub fn new(element: &Element, dims: Dims) -> Self {
+        let bytes = dims.width * element.bytes();
+        match element {
+            Element::Item { .. } => {
+                let row = dims.count() * element.bytes() as usize;
+                Self { row, padded_row: row as u32, rows: 1 }
+            }
+            _ => Self {
+                row: bytes as usize,
+                padded_row: bytes.next_multiple_of(ROW_ALIGNMENT),
+                rows: dims.height,
+            },
+        }
+    }
+
+    pub fn staged_bytes(&self) -> u64 {
+        u64::from(self.padded_row) * u64::from(self.rows)
+    }
+
+    /// Whether the contents lie in a staging buffer as they do on the CPU.
+    pub fn is_packed(&self) -> bool {
+        self.row == self.padded_row as usize
+    }
+
+    /// Removes the padding.
+    pub fn unpad(&self, staged: &[u8], out: &mut [u8]) {
+        for row in 0..self.rows as usize {
+            let from = row * self.padded_row as usize;
+            out[row * self.row..][..self.row].copy_from_slice(&staged[from..][..self.row]);
+        }
+    }
+
+    /// Adds the padding.
+    pub fn pad(&self, bytes: &[u8], staged: &mut [u8]) {
+        for row in 0..self.rows as usize {
+            let to = row * self.padded_row as usize;
+            staged[to..][..self.row].copy_from_slice(&bytes[row * self.row..][..self.row]);
+        }
+    }
+
+    fn texel_layout(&self) -> wgpu::TexelCopyBufferLayout {
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(self.padded_row), rows_per_image: None }
+    }
+
+    fn staged<'b>(&self, buffer: &'b wgpu::Buffer) -> wgpu::TexelCopyBufferInfo<'b> {
+        wgpu::TexelCopyBufferInfo { buffer, layout: self.texel_layout() }
+    }
+}
+
+/// Makes sure that shaders can bind every storage.
+pub(super) fn check_limits(gpu: &Gpu, plan: &Plan) -> Result<(), RunError> {
+    let limits = gpu.device.limits();
+    for storage in plan.storages.iter().filter(|storage| storage.slots.gpu.is_some()) {
+        let too_large = match storage.element {
+            Element::Item { .. } => storage.bytes() > limits.max_storage_buffer_binding_size,
+            _ => storage.dims.width.max(storage.dims.height) > limits.max_texture_dimension_2d,
+        };
+        if too_large {
+            return Err(RunError::Gpu(format!(
+                "`{}` has {} elements, {} bytes: more than {} can bind; run with --backend cpu or at a smaller size",
+                storage.name,
+                storage.dims.count(),
+                storage.bytes(),
+                gpu.name()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Makes the memory of every slot.
+pub(super) fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> IndexVec<SlotId, GpuMemory> {
+    let targets = raster_targets(graph, plan);
+    let slots = plan.slots.gpu.iter_enumerated();
+    slots
+        .map(|(id, slot)| match &slot.element {
+            Element::Texel(format) => {
+                let mut usage = wgpu::TextureUsages::STORAGE_BINDING
+                    | wgpu::TextureUsages::TEXTURE_BINDING
+                    | wgpu::TextureUsages::COPY_SRC
+                    | wgpu::TextureUsages::COPY_DST;
+                if targets.contains(&id) {
+                    usage |= wgpu::TextureUsages::RENDER_ATTACHMENT;
+                }
+                let texture = device.create_texture(&texture(slot.dims, wgpu_format(*format), usage));
+                let view = texture.create_view(&Default::default());
+                GpuMemory::Texture(texture, view)
+            }
+            _ => GpuMemory::Buffer(device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: slot.bytes(),
+                usage: wgpu::BufferUsages::STORAGE
+                    | wgpu::BufferUsages::COPY_SRC
+                    | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })),
+        })
+        .collect()
+}
+
+/// Describes a texture of one level and one sample.
+pub(super) fn texture(
+    dims: Dims,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::TextureDescriptor<'static> {
+    wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: dims.width, height: dims.height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    }
+}
+
+fn wgpu_format(format: Format) -> wgpu::TextureFormat {
+    match format {
+        Format::R32Float => wgpu::TextureFormat::R32Float,
+        Format::R32Uint => wgpu::TextureFormat::R32Uint,
+        Format::Rgba8Unorm => wgpu::TextureFormat::Rgba8Unorm,
+        Format::Rgba16Float => wgpu::TextureFormat::Rgba16Float,
+        Format::Rgba32Float => wgpu::TextureFormat::Rgba32Float,
+    }
+}
+
+fn raster_targets(graph: &Graph, plan: &Plan) -> Vec<SlotId> {
+    let mut targets = Vec::new();
+    for (node, PlannedNode { bindings, .. }) in graph.nodes.iter().zip(&plan.nodes) {
+        for pass in &node.declaration().passes {
+            if let (Some(target), Side::Gpu) = (pass.target(), node.side) {
+                let values = bindings[target.port as usize].iter().flatten();
+                let slots = values.filter_map(|value| plan.storages[value.storage].slots.gpu);
+                targets.extend(slots.flat_map(SlotPair::both));
+            }
+        }
+    }
+    targets
+}
+
+/// The 32-bit pattern that poisons an element: NaN where it is a float.
+pub(crate) fn poison_word(element: &Element) -> u32 {
+    match element {
+        Element::Texel(Format::R32Float | Format::Rgba32Float) => f32::NAN.to_bits(),
+        // Two half-precision NaNs.
+        Element::Texel(Format::Rgba16Float) => 0x7E00_7E00,
+        Element::Item { members, .. } if members.iter().all(|m| m.scalar == Scalar::F32) => {
+            f32::NAN.to_bits()
+        }
+        _ => 0xDEAD_BEEF,
+    }
+}
+
+/// For each slot, a staging buffer full of poison.
+pub(super) fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> IndexVec<SlotId, wgpu::Buffer> {
+    let slots = plan.slots.gpu.iter();
+    slots
+        .map(|slot| {
+            let size = Layout::new(&slot.element, slot.dims).staged_bytes().max(16);
+            let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("poison"),
+                size,
+                usage: wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: true,
+            });
+            let words = vec![poison_word(&slot.element); (size / 4) as usize];
+            if let Ok(mut range) = buffer.get_mapped_range_mut(..) {
+                range.copy_from_slice(bytemuck::cast_slice(&words));
+            }
+            buffer.unmap();
+            buffer
+        })
+        .collect()
+}

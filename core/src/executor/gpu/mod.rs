@@ -1,0 +1,224 @@
+//! The GPU half of an executor: memory, pipelines and bind groups built once, and the recording of a frame.
+
+mod clock;
+mod memory;
+mod pipelines;
+mod recording;
+
+use std::{collections::HashMap, sync::Arc};
+
+use clock::Clock;
+use index_vec::IndexVec;
+use memory::GpuMemory;
+pub(super) use memory::{Layout, poison_word};
+use pipelines::{Builder, GpuNode};
+
+use super::{Gpu, RunError, readback::Readback};
+use crate::{
+    frame::Frame,
+    graph::{Graph, Node},
+    id::{NodeId, SlotId},
+    plan::{Plan, Step, Value},
+    port::{Dims, Element},
+    shader::ShaderLibrary,
+    side::{Download, Side},
+};
+
+/// A staging buffer for one upload.
+struct Upload {
+    staging: wgpu::Buffer,
+    layout: Layout,
+    padded: Vec<u8>,
+}
+
+/// The GPU half of an executor.
+pub(super) struct GpuSide {
+    pub gpu: Arc<Gpu>,
+    memory: IndexVec<SlotId, GpuMemory>,
+    frame: wgpu::Buffer,
+    /// None for nodes that run on the CPU or only own memory.
+    nodes: IndexVec<NodeId, Option<GpuNode>>,
+    uploads: HashMap<Value, Upload>,
+    downloads: HashMap<Value, Readback>,
+    /// In poison mode: for each slot, what fills it before a node writes it.
+    poison: Option<IndexVec<SlotId, wgpu::Buffer>>,
+    encoder: Option<wgpu::CommandEncoder>,
+    clock: Option<Clock>,
+}
+
+impl GpuSide {
+    /// Allocates and builds everything that a plan needs on the GPU.
+    pub fn new(
+        gpu: Arc<Gpu>,
+        graph: &Graph,
+        plan: &Plan,
+        library: &ShaderLibrary,
+        poison: bool,
+    ) -> Result<Self, RunError> {
+        memory::check_limits(&gpu, plan)?;
+        let memory = gpu.scoped(|| memory::allocate(&gpu.device, graph, plan))?;
+        let frame = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("frame"),
+            size: size_of::<Frame>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let builder = Builder { gpu: &gpu, graph, plan, library, memory: &memory, frame: &frame };
+        let build = |(id, node): (NodeId, &Node)| {
+            (node.side == Side::Gpu && !node.declaration().idle).then(|| builder.node(id)).transpose()
+        };
+        let nodes = graph.nodes.iter_enumerated().map(build).collect::<Result<_, _>>()?;
+        let (uploads, downloads) = gpu.scoped(|| transfers(&gpu.device, plan))?;
+        let poison = poison.then(|| gpu.scoped(|| memory::poison_buffers(&gpu.device, plan))).transpose()?;
+        let clock =
+            gpu.has_timestamps().then(|| gpu.scoped(|| Clock::new(&gpu, graph.nodes.len()))).transpose()?;
+        gpu.check()?;
+        Ok(Self { gpu, memory, frame, nodes, uploads, downloads, poison, encoder: None, clock })
+    }
+
+    /// Writes the frame's constants; the first thing of a frame.
+    pub fn begin(&mut self, frame: &Frame) {
+        self.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+    }
+
+    /// Records commands of a test's own.
+    #[cfg(test)]
+    pub fn record(&mut self, commands: impl FnOnce(&mut wgpu::CommandEncoder)) {
+        commands(encoder(&self.gpu, &mut self.encoder));
+    }
+
+    /// Submits what is recorded, if anything.
+    pub fn submit(&mut self) {
+        submit(&self.gpu, &mut self.encoder);
+    }
+
+    /// Ends a frame: resolves the timestamps, submits, starts the readbacks' mapping.
+    pub fn end(&mut self, frame: u64, timed: bool) -> Result<(), RunError> {
+        if timed && let Some(clock) = &mut self.clock {
+            clock.resolve(encoder(&self.gpu, &mut self.encoder), frame);
+        }
+        self.close();
+        self.gpu.check()
+    }
+
+    /// Ends a frame that failed: what its steps have recorded takes effect, as what they did on the CPU has. Errors that
+    /// follow from the failure are dropped.
+    pub fn abandon(&mut self) {
+        self.close();
+        let _ = self.gpu.check();
+    }
+
+    fn close(&mut self) {
+        self.submit();
+        for readback in self.downloads.values_mut() {
+            readback.map();
+        }
+        if let Some(clock) = &mut self.clock {
+            clock.map();
+        }
+    }
+
+    /// Whether the device keeps time itself.
+    pub fn has_clock(&self) -> bool {
+        self.clock.is_some()
+    }
+
+    /// The begins and durations of the nodes of frame `frame`, as [`Clock::read`] gives them, where the device keeps time.
+    pub fn node_times(
+        &mut self,
+        frame: u64,
+        ran: impl Fn(NodeId) -> bool,
+        each: impl FnMut(NodeId, [f32; 2]),
+    ) -> Result<(), RunError> {
+        match &mut self.clock {
+            Some(clock) => clock.read(&self.gpu, frame, ran, each),
+            None => Ok(()),
+        }
+    }
+
+    /// Takes over what is on its way to the CPU from a side that has run so many frames, wherever it is the same storage.
+    pub fn take_over_downloads(&mut self, plan: &Plan, old: &mut Self, old_plan: &Plan, frames: u64) {
+        if !Arc::ptr_eq(&self.gpu, &old.gpu) {
+            return;
+        }
+        for (value, readback) in &mut self.downloads {
+            let storage = &plan.storages[value.storage];
+            let same = old.downloads.iter_mut().find(|(other, _)| {
+                let found = &old_plan.storages[other.storage];
+                found.name == storage.name
+                    && found.element == storage.element
+                    && found.dims == storage.dims
+                    && other.previous == value.previous
+            });
+            if let Some((_, other)) = same {
+                readback.take_over(other, frames);
+            }
+        }
+    }
+
+    /// Reads the contents of a slot and waits for them.
+    pub fn read(
+        &mut self,
+        slot: SlotId,
+        element: &Element,
+        dims: Dims,
+        bytes: &mut [u8],
+    ) -> Result<(), RunError> {
+        let layout = Layout::new(element, dims);
+        let mut readback = Readback::new(&self.gpu.device, layout.staged_bytes(), 1);
+        self.memory[slot].copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(0), layout);
+        self.submit();
+        readback.map();
+        readback.take(&self.gpu, 0, |staged| layout.unpad(staged, bytes))
+    }
+
+    /// Replaces the contents of a slot.
+    pub fn write(&mut self, slot: SlotId, element: &Element, dims: Dims, bytes: &[u8]) {
+        self.memory[slot].write(&self.gpu.queue, bytes, Layout::new(element, dims));
+    }
+}
+
+/// The frame's encoder; a new one after each submission.
+fn encoder<'e>(gpu: &Gpu, encoder: &'e mut Option<wgpu::CommandEncoder>) -> &'e mut wgpu::CommandEncoder {
+    encoder.get_or_insert_with(|| gpu.device.create_command_encoder(&Default::default()))
+}
+
+fn submit(gpu: &Gpu, encoder: &mut Option<wgpu::CommandEncoder>) {
+    if let Some(encoder) = encoder.take() {
+        gpu.queue.submit([encoder.finish()]);
+    }
+}
+
+/// Staging buffers for the plan's uploads, rings of them for its downloads.
+fn transfers(device: &wgpu::Device, plan: &Plan) -> (HashMap<Value, Upload>, HashMap<Value, Readback>) {
+    let (mut uploads, mut downloads) = (HashMap::new(), HashMap::new());
+    let layout = |value: Value| {
+        let storage = &plan.storages[value.storage];
+        Layout::new(&storage.element, storage.dims)
+    };
+    for step in &plan.steps {
+        match *step {
+            Step::Upload(value) => {
+                let layout = layout(value);
+                let staging = device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(&plan.storages[value.storage].name),
+                    size: layout.staged_bytes(),
+                    usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                });
+                let padded = vec![0; layout.staged_bytes() as usize];
+                uploads.insert(value, Upload { staging, layout, padded });
+            }
+            Step::Download(value, mode) => {
+                let late = match mode {
+                    Download::Sync => 0,
+                    Download::Latent(frames) => frames as usize,
+                };
+                let ring = Readback::new(device, layout(value).staged_bytes(), late + 1);
+                downloads.insert(value, ring);
+            }
+            Step::Run(_) | Step::Tap { .. } => {}
+        }
+    }
+    (uploads, downloads)
+}

@@ -1,0 +1,240 @@
+//! The pipelines and bind groups of nodes, built once.
+
+use std::{collections::HashMap, sync::Arc};
+
+use index_vec::IndexVec;
+
+use super::{
+    Gpu, RunError,
+    memory::{GpuMemory, texture},
+};
+use crate::{
+    executor::programs::{Program, Raster},
+    graph::Graph,
+    id::{NodeId, SlotId},
+    plan::Plan,
+    port::{Dims, FieldRef},
+    reflect::{self, Entry, Reflected},
+    shader::{Pass, ShaderLibrary, Threads},
+    side::Side,
+};
+
+/// Lists are dispatched in rows of at most this many workgroups; `shared/index.wgsl` knows it as `groups.x`.
+const MAX_GROUPS_X: u32 = 32768;
+
+/// A node as it is recorded.
+pub(super) struct GpuNode {
+    pub passes: Vec<GpuPass>,
+    /// Kept for the executor that comes after this one.
+    _program: Arc<Program>,
+}
+
+pub(super) struct GpuPass {
+    pub pipeline: Pipeline,
+    /// For even and odd frames, which see the history pairs swapped.
+    pub bindings: [wgpu::BindGroup; 2],
+}
+
+pub(super) enum Pipeline {
+    Compute {
+        pipeline: wgpu::ComputePipeline,
+        groups: [u32; 2],
+    },
+    Raster {
+        pipeline: wgpu::RenderPipeline,
+        vertices: u32,
+        target: SlotId,
+        clear: u32,
+        depth: Option<wgpu::TextureView>,
+    },
+}
+
+impl Pipeline {
+    pub fn is_compute(&self) -> bool {
+        matches!(self, Self::Compute { .. })
+    }
+}
+
+/// Builds nodes.
+pub(super) struct Builder<'a> {
+    pub gpu: &'a Gpu,
+    pub graph: &'a Graph,
+    pub plan: &'a Plan,
+    pub library: &'a ShaderLibrary,
+    pub memory: &'a IndexVec<SlotId, GpuMemory>,
+    /// The uniform `frame`.
+    pub frame: &'a wgpu::Buffer,
+}
+
+impl Builder<'_> {
+    /// The pipelines and bind groups of one node.
+    pub fn node(&self, id: NodeId) -> Result<GpuNode, RunError> {
+        let node = &self.graph.nodes[id];
+        let declaration = node.declaration();
+        let shader = declaration.shader.as_ref().expect("checked: a GPU node has a shader");
+        let fail = |message: String| RunError::Stage { node: node.name.clone(), message };
+        if declaration.needs.atomic64 && !self.gpu.has_atomic64() {
+            return Err(fail(format!("{} has no 64-bit atomics; choose another method", self.gpu.name())));
+        }
+        let programs = &self.gpu.programs;
+        let program = programs.get(self.gpu, shader, self.library, declaration.needs).map_err(fail)?;
+        let wrong = reflect::check(&program.reflected, &shader.name, declaration, &node.stage.specs());
+        if let Some(error) = wrong.first() {
+            return Err(fail(error.to_string()));
+        }
+        let words = node.stage.words();
+        let params = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("params"),
+            size: (4 * words.len() as u64).next_multiple_of(16).max(16),
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.gpu.queue.write_buffer(&params, 0, bytemuck::cast_slice(&words));
+        let built = self.gpu.scoped(|| {
+            let passes = declaration.passes.iter().map(|pass| {
+                let pipeline = self.pipeline(&program, pass, id);
+                let bindings =
+                    [0, 1].map(|parity| self.bind(&pipeline, &program.reflected, pass, id, parity, &params));
+                GpuPass { pipeline, bindings }
+            });
+            passes.collect()
+        });
+        built
+            .map(|passes| GpuNode { passes, _program: program.clone() })
+            .map_err(|error| fail(error.to_string()))
+    }
+
+    fn pipeline(&self, program: &Program, pass: &Pass, node: NodeId) -> Pipeline {
+        let device = &self.gpu.device;
+        let dims = &self.graph.nodes[node].dims;
+        match pass {
+            Pass::Compute { entry, threads } => {
+                let size = entry_of(&program.reflected, entry).workgroup_size;
+                let pipeline = program.compute(device, entry);
+                Pipeline::Compute { pipeline, groups: groups(*threads, size, dims) }
+            }
+            Pass::Points { vertex, fragment, count, target, clear } => {
+                let (dims, target) = (dims[target.port as usize], self.slot(node, *target, 0));
+                let depth = device.create_texture(&texture(
+                    dims,
+                    wgpu::TextureFormat::Depth32Float,
+                    wgpu::TextureUsages::RENDER_ATTACHMENT,
+                ));
+                let raster = Raster {
+                    vertex,
+                    fragment,
+                    topology: wgpu::PrimitiveTopology::PointList,
+                    format: self.memory[target].target().0.format(),
+                    depth_test: true,
+                };
+                Pipeline::Raster {
+                    pipeline: program.raster(device, &raster),
+                    vertices: self.list_length(node, *count),
+                    target,
+                    clear: *clear,
+                    depth: Some(depth.create_view(&Default::default())),
+                }
+            }
+            Pass::Lines { vertex, fragment, count, target } => {
+                let target = self.slot(node, *target, 0);
+                let raster = Raster {
+                    vertex,
+                    fragment,
+                    topology: wgpu::PrimitiveTopology::TriangleList,
+                    format: self.memory[target].target().0.format(),
+                    depth_test: false,
+                };
+                Pipeline::Raster {
+                    pipeline: program.raster(device, &raster),
+                    vertices: self.list_length(node, *count).saturating_mul(6),
+                    target,
+                    clear: 0,
+                    depth: None,
+                }
+            }
+        }
+    }
+
+    fn list_length(&self, node: NodeId, at: FieldRef) -> u32 {
+        let value = self.plan.nodes[node].value(at);
+        value.map_or(0, |value| self.plan.storages[value.storage].dims.count() as u32)
+    }
+
+    fn slot(&self, node: NodeId, at: FieldRef, parity: usize) -> SlotId {
+        let value = self.plan.nodes[node].value(at).expect("checked: connected");
+        self.plan.slot(value, Side::Gpu, parity)
+    }
+
+    fn bind(
+        &self,
+        pipeline: &Pipeline,
+        reflected: &Reflected,
+        pass: &Pass,
+        id: NodeId,
+        parity: usize,
+        params: &wgpu::Buffer,
+    ) -> wgpu::BindGroup {
+        let node = &self.graph.nodes[id];
+        let mut fields: HashMap<String, FieldRef> = HashMap::new();
+        for (port, declared) in node.declaration().ports.iter().enumerate() {
+            for field in 0..declared.fields.len() {
+                fields.insert(declared.variable(field), FieldRef { port: port as u16, field: field as u16 });
+            }
+        }
+        let names: &[&str] = match pass {
+            Pass::Compute { entry, .. } => &[entry],
+            Pass::Points { vertex, fragment, .. } | Pass::Lines { vertex, fragment, .. } => {
+                &[vertex, fragment]
+            }
+        };
+        let mut used: Vec<usize> =
+            names.iter().flat_map(|name| &entry_of(reflected, name).uses).copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        let entries: Vec<wgpu::BindGroupEntry> = used
+            .into_iter()
+            .map(|variable| {
+                let variable = &reflected.variables[variable];
+                let resource = match variable.name.as_str() {
+                    "frame" => self.frame.as_entire_binding(),
+                    "params" => params.as_entire_binding(),
+                    name => self.memory[self.slot(id, fields[name], parity)].binding(),
+                };
+                wgpu::BindGroupEntry { binding: variable.binding, resource }
+            })
+            .collect();
+        let layout = match pipeline {
+            Pipeline::Compute { pipeline, .. } => pipeline.get_bind_group_layout(0),
+            Pipeline::Raster { pipeline, .. } => pipeline.get_bind_group_layout(0),
+        };
+        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(&node.name),
+            layout: &layout,
+            entries: &entries,
+        })
+    }
+}
+
+fn entry_of<'r>(reflected: &'r Reflected, name: &str) -> &'r Entry {
+    reflected.entry(name).expect("checked: every pass has its entry point").1
+}
+
+fn groups(threads: Threads, size: [u32; 3], dims: &[Dims]) -> [u32; 2] {
+    let list = |count: usize| {
+        let groups = u32::try_from(count.div_ceil(size[0] as usize)).unwrap_or(u32::MAX).max(1);
+        let x = groups.min(MAX_GROUPS_X);
+        [x, groups.div_ceil(x)]
+    };
+    match threads {
+        Threads::Over(at) => {
+            let dims = dims[at.port as usize];
+            if size[1] > 1 {
+                [dims.width.div_ceil(size[0]), dims.height.div_ceil(size[1])]
+            } else {
+                list(dims.count())
+            }
+        }
+        Threads::Blocks(at, n) => list(dims[at.port as usize].count().div_ceil(n as usize)),
+        Threads::Groups(count) => [count, 1],
+    }
+}

@@ -1,0 +1,136 @@
+//! The recording of a frame's steps.
+
+use std::cell::RefCell;
+
+use super::{
+    GpuSide, RunError, encoder,
+    memory::Layout,
+    pipelines::{GpuPass, Pipeline},
+    submit,
+};
+use crate::{
+    executor::readback::Readback,
+    id::{NodeId, StorageId},
+    plan::{Plan, Value},
+    side::Side,
+    stage::CpuMemory,
+};
+
+impl GpuSide {
+    /// Records a node; `parity` is the frame number's last bit.
+    pub fn run(&mut self, plan: &Plan, node: NodeId, parity: usize, timed: bool) {
+        let Some(built) = &self.nodes[node] else { return };
+        let encoder = encoder(&self.gpu, &mut self.encoder);
+        if let Some(poison) = &self.poison {
+            for storage in plan.written_anew(node) {
+                let storage = &plan.storages[storage];
+                let Some(slots) = storage.slots.gpu else { continue };
+                let slot = slots.at(parity, false);
+                let layout = Layout::new(&storage.element, storage.dims);
+                self.memory[slot].copy_in(encoder, &poison[slot], layout);
+            }
+        }
+        // One compute pass for each run of dispatches; wgpu orders dispatches that share memory.
+        let compute = |pass: &GpuPass| pass.pipeline.is_compute();
+        let runs = || built.passes.chunk_by(|a, b| compute(a) && compute(b));
+        let last = runs().count().saturating_sub(1);
+        for (index, run) in runs().enumerate() {
+            let clock = self.clock.as_ref().filter(|_| timed);
+            let times = clock.and_then(|clock| clock.of_pass(node, index == 0, index == last));
+            if compute(&run[0]) {
+                let mut recorded = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: None,
+                    timestamp_writes: times.map(|times| times.compute()),
+                });
+                for pass in run {
+                    let Pipeline::Compute { pipeline, groups } = &pass.pipeline else {
+                        unreachable!("a run of dispatches")
+                    };
+                    recorded.set_pipeline(pipeline);
+                    recorded.set_bind_group(0, &pass.bindings[parity], &[]);
+                    recorded.dispatch_workgroups(groups[0], groups[1], 1);
+                }
+            } else if let Pipeline::Raster { pipeline, vertices, target, clear, depth } = &run[0].pipeline {
+                let clear = wgpu::Color { r: f64::from(*clear), ..wgpu::Color::BLACK };
+                let mut recorded = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: None,
+                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                        view: self.memory[*target].target().1,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(clear),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })],
+                    depth_stencil_attachment: depth.as_ref().map(|view| {
+                        wgpu::RenderPassDepthStencilAttachment {
+                            view,
+                            depth_ops: Some(wgpu::Operations {
+                                load: wgpu::LoadOp::Clear(1.0),
+                                store: wgpu::StoreOp::Discard,
+                            }),
+                            stencil_ops: None,
+                        }
+                    }),
+                    timestamp_writes: times.map(|times| times.raster()),
+                    ..Default::default()
+                });
+                recorded.set_pipeline(pipeline);
+                recorded.set_bind_group(0, &run[0].bindings[parity], &[]);
+                recorded.draw(0..*vertices, 0..1);
+            }
+        }
+    }
+
+    /// Records a copy from the CPU. The staging buffer is written before the submission, each upload has its own.
+    pub fn upload(&mut self, plan: &Plan, value: Value, parity: usize, memory: &RefCell<CpuMemory>) {
+        let upload = self.uploads.get_mut(&value).expect("built for every upload");
+        let memory = memory.borrow();
+        if upload.layout.is_packed() {
+            let bytes = &memory.bytes()[..upload.layout.staged_bytes() as usize];
+            self.gpu.queue.write_buffer(&upload.staging, 0, bytes);
+        } else {
+            upload.layout.pad(memory.bytes(), &mut upload.padded);
+            self.gpu.queue.write_buffer(&upload.staging, 0, &upload.padded);
+        }
+        let slot = plan.slot(value, Side::Gpu, parity);
+        let encoder = encoder(&self.gpu, &mut self.encoder);
+        self.memory[slot].copy_in(encoder, &upload.staging, upload.layout);
+    }
+
+    /// Copies to the CPU: submits and waits where the download is not late, else delivers what was recorded as many frames
+    /// ago as it is late.
+    pub fn download(
+        &mut self,
+        plan: &Plan,
+        value: Value,
+        parity: usize,
+        frame: u64,
+        memory: &RefCell<CpuMemory>,
+    ) -> Result<(), RunError> {
+        let storage = &plan.storages[value.storage];
+        let layout = Layout::new(&storage.element, storage.dims);
+        let from = &self.memory[plan.slot(value, Side::Gpu, parity)];
+        let readback = self.downloads.get_mut(&value).expect("built for every download");
+        let late = readback.len() as u64 - 1;
+        let read = |staged: &[u8]| layout.unpad(staged, memory.borrow_mut().bytes_mut());
+        if late > 0 {
+            // Deliver first: the ring's oldest entry is the one this frame overwrites next.
+            readback.take_late(&self.gpu, frame, late, read)?;
+            from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
+            return Ok(());
+        }
+        from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
+        submit(&self.gpu, &mut self.encoder);
+        readback.map();
+        readback.take(&self.gpu, frame, read)
+    }
+
+    /// Records a copy of a storage into a readback ring.
+    pub fn tap(&mut self, plan: &Plan, storage: StorageId, parity: usize, frame: u64, ring: &mut Readback) {
+        let slot = plan.slot(Value::now(storage), Side::Gpu, parity);
+        let layout = Layout::new(&plan.storages[storage].element, plan.storages[storage].dims);
+        self.memory[slot].copy_out(encoder(&self.gpu, &mut self.encoder), ring.record(frame), layout);
+    }
+}
