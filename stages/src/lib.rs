@@ -40,7 +40,10 @@ pub mod subdivide;
 pub mod tonemap;
 pub mod trace;
 
-pub use shared::world::{Pace, World};
+pub use shared::{
+    source::{Pace, Query, Ray, SampleSource},
+    world::World,
+};
 
 use epigraph_core::{Registry, wgsl_kind};
 

@@ -232,7 +232,7 @@ mod tests {
 
     fn host(scene: &Arc<Scene>) -> Host {
         let mut host = Host::default();
-        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact));
+        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1));
         host
     }
 

@@ -106,7 +106,7 @@ mod tests {
     fn moves_lead_from_the_last_frame_to_this_one() {
         let scene = Arc::new(Scene::load("cornell-moving").unwrap());
         let mut host = Host::default();
-        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact));
+        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1));
         let mut harness = Harness::<Motion>::new((), &settings([4, 4], 1));
         let point = Vec3::new(0.3, 0.2, 0.1);
         for index in [0, 1, 2, 17, 59, 60] {

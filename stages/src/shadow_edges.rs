@@ -78,7 +78,7 @@ impl Stage for ShadowEdges {
             max_penumbra: params.max_penumbra,
         };
         let world = cx.host::<World>()?;
-        let found = world.shadows.find(&world.at(cx.frame().index), settings, &world.pace)?;
+        let found = world.shadows.find(&world.at(cx.frame().index), settings, world.pace())?;
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         let unchanged = match (&*written, &found) {
             (Written::Nothing, None) => true,
@@ -123,7 +123,7 @@ fn flagged(segment: &ShadowSegment) -> Segment {
 #[cfg(test)]
 mod tests {
     use epigraph_core::{Harness, Host, Outputs, Settings, Side};
-    use epigraph_scenes::{AsyncTracer, Light, Scene, Tracer, shadow_segments};
+    use epigraph_scenes::{Light, Scene, Tracer, shadow_segments};
 
     use super::*;
     use crate::{
@@ -136,9 +136,9 @@ mod tests {
     }
 
     fn host(tracer: &Arc<Tracer>, exact: bool) -> Host {
-        let pace = if exact { Pace::Exact } else { Pace::Async(AsyncTracer::new(1)) };
+        let pace = if exact { Pace::Exact } else { Pace::Async };
         let mut host = Host::default();
-        host.insert(World::new(tracer.clone(), pace));
+        host.insert(World::new(tracer.clone(), pace, 1));
         host
     }
 
@@ -201,7 +201,7 @@ mod tests {
         let world = host.get::<World>().unwrap();
         let find = |capacity| {
             let settings = ShadowSettings { capacity, max_penumbra: 1.0, ..ShadowSettings::default() };
-            world.shadows.find(&tracer, settings, &world.pace).unwrap().unwrap()
+            world.shadows.find(&tracer, settings, world.pace()).unwrap().unwrap()
         };
         let (mut one, mut other) = (harness(params(1000)), harness(params(10)));
         run(&mut one, &host);

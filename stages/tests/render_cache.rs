@@ -49,7 +49,7 @@ impl Run {
         change(&mut settings);
         let mut host = Host::default();
         let tracer = Arc::new(Tracer::new(scene));
-        host.insert(World::new(tracer.clone(), Pace::Exact));
+        host.insert(World::new(tracer.clone(), Pace::Exact, 1));
 
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph);
         let file = GraphFile::load(&file).unwrap_or_else(|problems| panic!("{problems}"));

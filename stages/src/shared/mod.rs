@@ -9,6 +9,7 @@ pub mod requests;
 pub mod sample;
 pub mod segments;
 pub mod shadow_cache;
+pub mod source;
 #[cfg(test)]
 pub mod testing;
 pub mod view;

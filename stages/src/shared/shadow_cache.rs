@@ -4,7 +4,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use epigraph_scenes::{Scene, ShadowSearch, ShadowSegments, ShadowSettings, Tracer};
 
-use super::world::Pace;
+use super::source::Pace;
 
 /// Searches kept at a time: a graph with two stages of different parameters, and some room to try others.
 const KEPT_SEARCHES: usize = 4;
@@ -61,7 +61,7 @@ impl ShadowCache {
         &self,
         tracer: &Arc<Tracer>,
         settings: ShadowSettings,
-        pace: &Pace,
+        pace: Pace,
     ) -> Result<Option<Arc<ShadowSegments>>, String> {
         let search = self.search(settings, pace)?;
         Ok(match &search.how {
@@ -71,7 +71,7 @@ impl ShadowCache {
     }
 
     /// The search with these settings, begun if there is none.
-    fn search(&self, settings: ShadowSettings, pace: &Pace) -> Result<Arc<Search>, String> {
+    fn search(&self, settings: ShadowSettings, pace: Pace) -> Result<Arc<Search>, String> {
         let mut searches = lock(&self.0);
         if let Some(known) = searches.iter().find(|search| search.settings == settings) {
             return Ok(known.clone());
@@ -80,7 +80,7 @@ impl ShadowCache {
             Pace::Exact => {
                 How::Exact(Box::new(Mutex::new(Exact { search: ShadowSearch::new(settings), last: None })))
             }
-            Pace::Async(_) => How::Async(Worker::start(settings)?),
+            Pace::Async => How::Async(Worker::start(settings)?),
         };
         let search = Arc::new(Search { settings, how });
         if searches.len() == KEPT_SEARCHES {
@@ -188,7 +188,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use std::time::Duration;
 
-    use epigraph_scenes::{AsyncTracer, Pose, shadow_segments};
+    use epigraph_scenes::{Pose, shadow_segments};
 
     use super::*;
 
@@ -206,9 +206,9 @@ mod tests {
         tracer: &Arc<Tracer>,
         counts: impl Fn(&ShadowSegments) -> bool,
     ) -> Arc<ShadowSegments> {
-        let pace = Pace::Async(AsyncTracer::new(1));
+        let pace = Pace::Async;
         for _ in 0..1000 {
-            let found = cache.find(tracer, ShadowSettings::default(), &pace).unwrap();
+            let found = cache.find(tracer, ShadowSettings::default(), pace).unwrap();
             if let Some(found) = found.filter(|found| counts(found)) {
                 return found;
             }
@@ -221,7 +221,7 @@ mod tests {
     fn each_exact_pose_has_its_own() {
         let (cache, tracer) = (ShadowCache::default(), moving());
         let find = |tracer: &Arc<Tracer>| {
-            cache.find(tracer, ShadowSettings::default(), &Pace::Exact).unwrap().unwrap()
+            cache.find(tracer, ShadowSettings::default(), Pace::Exact).unwrap().unwrap()
         };
         for frame in [0, 1, 2, 40, 7] {
             let posed = tracer.at(frame);
@@ -243,7 +243,7 @@ mod tests {
             Arc::new(tracer.posed(&poses))
         };
         let find = |tracer: &Arc<Tracer>| {
-            cache.find(tracer, ShadowSettings::default(), &Pace::Exact).unwrap().unwrap()
+            cache.find(tracer, ShadowSettings::default(), Pace::Exact).unwrap().unwrap()
         };
         let [here, far, farther] = [find(&away(0.0)), find(&away(40.0)), find(&away(41.0))];
         assert!(!Arc::ptr_eq(&here, &far) && Arc::ptr_eq(&far, &farther));
@@ -256,9 +256,9 @@ mod tests {
         let found = ask_until(&cache, &first, |_| true);
         assert_eq!(*found, expected(&first));
         // A pose a frame: the first answer is the old one, and in the end the newest pose has its own.
-        let pace = Pace::Async(AsyncTracer::new(1));
+        let pace = Pace::Async;
         for frame in 1..30 {
-            let now = cache.find(&tracer.at(frame), ShadowSettings::default(), &pace).unwrap().unwrap();
+            let now = cache.find(&tracer.at(frame), ShadowSettings::default(), pace).unwrap().unwrap();
             assert!(frame > 1 || Arc::ptr_eq(&now, &found));
         }
         let last = tracer.at(30);

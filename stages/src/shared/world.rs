@@ -4,64 +4,50 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use epigraph_core::{Facts, Frame, View};
-use epigraph_scenes::{
-    AsyncTracer, Camera, CameraPath, Hit, Job, Rng, Scene, SceneFacts, TaggedHit, TaggedJob, TraceSettings,
-    Tracer, predict,
-};
+use epigraph_scenes::{Camera, CameraPath, Scene, SceneFacts, TraceSettings, Tracer, predict};
 use glam::Vec3;
 
-use super::shadow_cache::ShadowCache;
-
-use super::requests::{
-    HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, NO_POINT, Request, Sample, VIEW_NOW, VIEW_PREDICTED,
+use super::{
+    requests::{Request, Sample},
+    shadow_cache::ShadowCache,
+    source::{BackgroundTracer, ExactTracer, Pace, Query, SampleSource},
 };
 
 /// Frames from the request of a sample to the frame for which the predicted view stands: samples enter the cloud one
 /// frame after they were asked for, and one more (`algorithms.md` section 1.8).
 pub const PREDICTION_FRAMES: f32 = 2.0;
 
-/// When the samples of a frame's requests come.
-pub enum Pace {
-    /// In the frame itself, all of them: the same bits in every run.
-    Exact,
-    /// When they come: requests go to threads of their own, and a frame takes what they have finished, without waiting.
-    Async(AsyncTracer<Asked>),
-}
-
-/// A request, and the frame in whose scene it is traced.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked {
-    request: Request,
-    frame: u32,
-}
-
-/// The scene, as the stage `trace` sees it: insert one into the [`epigraph_core::Host`].
+/// The scene and the source of samples, as the stages see them: insert one into the [`epigraph_core::Host`].
 pub struct World {
-    /// Answers requests: in the scene before anything has moved. See [`World::at`].
+    /// The scene before anything has moved, behind a ray tracer. See [`World::at`].
     pub tracer: Arc<Tracer>,
-    /// When it does.
-    pub pace: Pace,
+    source: Box<dyn SampleSource>,
     /// The shadow boundaries of the scene, kept for all graphs.
     pub(crate) shadows: ShadowCache,
     /// The tracer of the frame asked for last.
     posed: Mutex<Arc<Tracer>>,
-    scratch: Mutex<Scratch>,
-}
-
-/// Lists that are filled anew in each frame, kept for their memory.
-#[derive(Default)]
-struct Scratch {
-    asked: Vec<Request>,
-    jobs: Vec<Job>,
-    hits: Vec<Hit>,
-    finished: Vec<TaggedHit<Asked>>,
 }
 
 impl World {
-    /// A world seen through `tracer`.
-    pub fn new(tracer: Arc<Tracer>, pace: Pace) -> Self {
+    /// A world whose samples come from its own ray tracer. With [`Pace::Async`] it works on `threads` threads beside the
+    /// frames.
+    pub fn new(tracer: Arc<Tracer>, pace: Pace, threads: usize) -> Self {
+        match pace {
+            Pace::Exact => Self::with_source(tracer, Box::new(ExactTracer::default())),
+            Pace::Async => Self::with_source(tracer, Box::new(BackgroundTracer::new(threads))),
+        }
+    }
+
+    /// A world whose samples come from elsewhere. The scene behind `tracer` still gives edges, shadows and motion to the
+    /// graphs that ask for them; it may be empty.
+    pub fn with_source(tracer: Arc<Tracer>, source: Box<dyn SampleSource>) -> Self {
         let posed = Mutex::new(tracer.clone());
-        Self { tracer, pace, shadows: ShadowCache::default(), posed, scratch: Mutex::default() }
+        Self { tracer, source, shadows: ShadowCache::default(), posed }
+    }
+
+    /// When its samples arrive.
+    pub fn pace(&self) -> Pace {
+        self.source.pace()
     }
 
     /// The tracer of the scene in a frame: the same value as for the frame before where nothing has moved.
@@ -124,9 +110,8 @@ impl World {
         }
     }
 
-    /// Traces the valid requests of a frame, in the scene of that frame. What comes later, and has moved by then, has moved
-    /// with its body. The samples lie at the beginning of `samples`, in the order of their
-    /// requests ([`Pace::Exact`]) or in that of their completion ([`Pace::Async`]); the rest of it is zero.
+    /// Answers the requests of a frame from the source of samples, in the scene of that frame. The samples lie at the
+    /// beginning of `samples`; the rest of it is zero.
     pub fn answer(
         &self,
         frame: &Frame,
@@ -134,92 +119,22 @@ impl World {
         settings: &TraceSettings,
         samples: &mut [Sample],
     ) {
-        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
-        let Scratch { asked, jobs, hits, finished } = &mut *scratch;
         let tracer = self.at(frame.index);
-        let scene = tracer.scene();
-        let valid = requests.iter().filter(|request| request.pixel != NO_PIXEL);
         samples.fill(Sample::default());
-        match &self.pace {
-            Pace::Exact => {
-                asked.clear();
-                asked.reserve(requests.len());
-                asked.extend(valid);
-                jobs.clear();
-                jobs.reserve(requests.len());
-                jobs.extend(asked.iter().map(|request| job(frame, request)));
-                hits.clear();
-                hits.reserve(requests.len());
-                hits.resize(jobs.len(), Hit::default());
-                tracer.trace_batch(jobs, settings, frame.seed.into(), hits);
-                for ((sample, request), hit) in samples.iter_mut().zip(&*asked).zip(&*hits) {
-                    *sample = answered(scene, request, hit);
-                }
-            }
-            Pace::Async(queue) => {
-                // By the time of the answer the slot may hold another point.
-                let tag = |request: &Request| Asked {
-                    request: Request { reuse: NO_POINT, ..*request },
-                    frame: frame.index,
-                };
-                let batch = valid.map(|request| TaggedJob { job: job(frame, request), tag: tag(request) });
-                queue.submit(&tracer, batch.collect(), *settings, frame.seed.into());
-                finished.clear();
-                queue.collect(samples.len(), finished);
-                for (sample, finished) in samples.iter_mut().zip(&*finished) {
-                    let Asked { request, frame } = finished.tag;
-                    *sample = answered(scene, &request, &finished.hit);
-                    move_along(scene, frame, sample);
-                }
-            }
-        }
-    }
-}
-
-/// The ray of a request, with random numbers of its frame, view and pixel.
-fn job(frame: &Frame, request: &Request) -> Job {
-    let view = if request.view == VIEW_PREDICTED { &frame.predicted } else { &frame.view };
-    let [x, y] = request.target(frame.size[0]);
-    let u = (2.0 * x / frame.size[0] as f32 - 1.0) * view.tan_x;
-    let v = (1.0 - 2.0 * y / frame.size[1] as f32) * view.tan_y;
-    let direction = Vec3::from(view.forward) + u * Vec3::from(view.right) + v * Vec3::from(view.up);
-    // Pixel indices have 28 bits at most, which leaves the top bit to tell the views apart.
-    let key = Rng::key(frame.index, request.pixel | u32::from(request.view != VIEW_NOW) << 31);
-    Job { origin: view.eye.into(), direction, key }
-}
-
-fn answered(scene: &Scene, request: &Request, hit: &Hit) -> Sample {
-    Sample {
-        position: hit.position.into(),
-        hit: if hit.hit { HIT_SURFACE } else { HIT_BACKGROUND },
-        radiance: hit.radiance.into(),
-        body: scene.body_of_face(hit.face),
-        pixel: request.pixel,
-        aim: request.aim,
-        reuse: request.reuse,
-        view: request.view,
-    }
-}
-
-/// Moves a sample that was traced in the scene of some frame to where its body is in this scene.
-fn move_along(scene: &Scene, frame: u32, sample: &mut Sample) {
-    let Some(body) = sample.body.checked_sub(1).map(|body| body as usize) else { return };
-    let (then, now) = (scene.bodies[body].motion.pose(frame), &scene.poses[body]);
-    if then != *now {
-        sample.position = now.after(&then.inverse()).point(sample.position.into()).into();
+        self.source.answer(&Query { frame, settings, tracer: &tracer, requests }, samples);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shared::requests::{AIM_CENTER, HIT_NONE};
+    use crate::shared::requests::{AIM_CENTER, HIT_NONE, HIT_SURFACE, NO_POINT, VIEW_NOW, VIEW_PREDICTED};
 
     const SIZE: [u32; 2] = [48, 32];
 
     fn world() -> (Arc<Scene>, World) {
         let scene = Arc::new(Scene::load("cornell").unwrap());
-        (scene.clone(), World::new(Arc::new(Tracer::new(scene)), Pace::Exact))
+        (scene.clone(), World::new(Arc::new(Tracer::new(scene)), Pace::Exact, 1))
     }
 
     fn request(pixel: u32) -> Request {
@@ -228,20 +143,21 @@ mod tests {
 
     #[test]
     fn rays_are_those_of_the_camera() {
-        let (scene, _) = world();
+        let (scene, world) = world();
         let path = CameraPath::parse("orbit", &scene).unwrap();
-        let frame = World::frame(&path, 9, SIZE, 10, 1);
+        let (frame, settings) = (World::frame(&path, 9, SIZE, 10, 1), TraceSettings::default());
+        let query = Query { frame: &frame, settings: &settings, tracer: &world.tracer, requests: &[] };
         for (view, camera) in [
             (VIEW_NOW, path.camera(9)),
             (VIEW_PREDICTED, predict(&path.camera(8), &path.camera(9), PREDICTION_FRAMES)),
         ] {
             for pixel in [0, 47, 500, 48 * 32 - 1] {
-                let job = job(&frame, &Request { view, aim: 0x4000_C000, ..request(pixel) });
+                let ray = query.ray(&Request { view, aim: 0x4000_C000, ..request(pixel) });
                 let expected = camera
                     .direction((pixel % 48) as f32 + 0.75, (pixel / 48) as f32 + 0.25, SIZE)
                     .normalize();
-                assert!(job.direction.normalize().distance(expected) < 1e-6);
-                assert_eq!(job.origin, camera.eye);
+                assert!(ray.direction.normalize().distance(expected) < 1e-6);
+                assert_eq!(ray.origin, camera.eye);
             }
         }
     }
@@ -268,7 +184,7 @@ mod tests {
     #[test]
     fn samples_of_threads_come_late_and_renew_nothing() {
         let (scene, World { tracer, .. }) = world();
-        let world = World::new(tracer, Pace::Async(AsyncTracer::new(1)));
+        let world = World::new(tracer, Pace::Async, 1);
         let path = CameraPath::parse("still", &scene).unwrap();
         let mut samples = [Sample::default(); 2];
         let mut seen = Vec::new();
@@ -292,7 +208,7 @@ mod tests {
     #[test]
     fn a_frame_sees_its_own_scene() {
         let scene = Arc::new(Scene::load("cornell-moving").unwrap());
-        let world = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact);
+        let world = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1);
         assert!(Arc::ptr_eq(&world.at(3), &world.at(3)) && !Arc::ptr_eq(&world.at(3), &world.at(4)));
         let path = CameraPath::parse("still", &scene).unwrap();
         let size = [64, 64];
@@ -322,8 +238,8 @@ mod tests {
     #[test]
     fn late_samples_have_moved_with_their_body() {
         let scene = Arc::new(Scene::load("cornell-moving").unwrap());
-        let exact = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact);
-        let late = World::new(exact.tracer.clone(), Pace::Async(AsyncTracer::new(1)));
+        let exact = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1);
+        let late = World::new(exact.tracer.clone(), Pace::Async, 1);
         let path = CameraPath::parse("still", &scene).unwrap();
         let size = [32, 32];
         let requests: Vec<Request> = (0..32 * 32).map(request).collect();

@@ -1,0 +1,246 @@
+//! Where samples come from: whoever answers the requests of a frame. The scene's ray tracer is one source; a renderer of
+//! your own is another ([`SampleSource`]).
+
+use std::{
+    fmt,
+    str::FromStr,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use epigraph_core::{
+    Frame,
+    serde::{Deserialize, Serialize},
+};
+use epigraph_scenes::{AsyncTracer, Hit, Job, Rng, Scene, TaggedHit, TaggedJob, TraceSettings, Tracer};
+use glam::Vec3;
+
+use super::requests::{
+    HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, NO_POINT, Request, Sample, VIEW_NOW, VIEW_PREDICTED,
+};
+
+/// When the samples of a frame's requests arrive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(crate = "epigraph_core::serde")]
+pub enum Pace {
+    /// All of them in the frame that asks: the same picture in every run.
+    #[default]
+    Exact,
+    /// When they are done; no frame waits for them.
+    Async,
+}
+
+impl Pace {
+    /// Both, by name, with what they do.
+    pub const ALL: [(Self, &str, &str); 2] = [
+        (Self::Exact, "exact", "All of them in the frame after their request: the same picture in every run"),
+        (Self::Async, "async", "When they are done; no frame waits for them"),
+    ];
+}
+
+impl fmt::Display for Pace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let found = Self::ALL.iter().find(|(pace, ..)| pace == self);
+        f.write_str(found.map_or("", |(_, name, _)| name))
+    }
+}
+
+impl FromStr for Pace {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.iter().find(|(_, name, _)| *name == text);
+        found.map(|(pace, ..)| *pace).ok_or_else(|| "expected exact or async".into())
+    }
+}
+
+/// Answers requests for samples: a ray tracer, another renderer, a recording.
+///
+/// In each frame [`SampleSource::answer`] gets what the frame asks for and hands back what has been finished, of this
+/// frame's requests or of earlier ones. It must not wait for work that takes longer than a frame, unless its pace is
+/// [`Pace::Exact`].
+pub trait SampleSource: Send + Sync {
+    /// Takes the requests of a frame and writes finished samples to the beginning of `samples`, which is zeroed before:
+    /// entries that stay zero hold none. There is one entry for each request.
+    ///
+    /// A sample that comes in a later frame than its request has to forget the slot that it was to renew
+    /// ([`Request::late`]), and has to move along with the body it lies on ([`Query::carry`]).
+    fn answer(&self, query: &Query, samples: &mut [Sample]);
+
+    /// Whether all samples arrive in the frame that asks for them. Other searches through the scene, such as the one for
+    /// shadow boundaries, keep the same pace.
+    fn pace(&self) -> Pace;
+}
+
+/// What one frame asks of a [`SampleSource`].
+#[derive(Clone, Copy)]
+pub struct Query<'a> {
+    /// The frame: its views, number, size in pixels and seed.
+    pub frame: &'a Frame,
+    /// Light paths of a sample and how to follow them, as the node that asks has it.
+    pub settings: &'a TraceSettings,
+    /// The scene with everything in its place of this frame, behind a ray tracer.
+    pub tracer: &'a Arc<Tracer>,
+    pub(super) requests: &'a [Request],
+}
+
+/// The ray through a requested place of the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// The eye, metres.
+    pub origin: Vec3,
+    /// Towards the scene; its length along the view axis is 1.
+    pub direction: Vec3,
+}
+
+impl<'a> Query<'a> {
+    /// The requests, in the order of their entries. Entries that ask for nothing are left out.
+    pub fn requests(&self) -> impl Iterator<Item = &'a Request> + use<'a> {
+        self.requests.iter().filter(|request| request.pixel != NO_PIXEL)
+    }
+
+    /// At most this many requests.
+    pub fn capacity(&self) -> usize {
+        self.requests.len()
+    }
+
+    /// The ray of a request: of the frame's view or of the one that is predicted, as the request has it.
+    pub fn ray(&self, request: &Request) -> Ray {
+        let Frame { view, predicted, size: [width, height], .. } = self.frame;
+        let view = if request.view == VIEW_PREDICTED { predicted } else { view };
+        let [x, y] = request.target(*width);
+        let u = (2.0 * x / *width as f32 - 1.0) * view.tan_x;
+        let v = (1.0 - 2.0 * y / *height as f32) * view.tan_y;
+        let direction = Vec3::from(view.forward) + u * Vec3::from(view.right) + v * Vec3::from(view.up);
+        Ray { origin: view.eye.into(), direction }
+    }
+
+    /// Moves a sample that was taken in the scene of an earlier frame to where its body is now.
+    pub fn carry(&self, frame: u32, sample: &mut Sample) {
+        let scene = self.tracer.scene();
+        let Some(body) = sample.body.checked_sub(1).map(|body| body as usize) else { return };
+        let (then, now) = (scene.bodies[body].motion.pose(frame), &scene.poses[body]);
+        if then != *now {
+            sample.position = now.after(&then.inverse()).point(sample.position.into()).into();
+        }
+    }
+
+    /// The request as the tracer takes it, with random numbers of its frame, view and pixel.
+    fn job(&self, request: &Request) -> Job {
+        let Ray { origin, direction } = self.ray(request);
+        // Pixel indices have 28 bits at most, which leaves the top bit to tell the views apart.
+        let key = Rng::key(self.frame.index, request.pixel | u32::from(request.view != VIEW_NOW) << 31);
+        Job { origin, direction, key }
+    }
+}
+
+impl Request {
+    /// The request as a sample should carry it that comes in a later frame: by then its slot may hold another point.
+    pub fn late(self) -> Self {
+        Self { reuse: NO_POINT, ..self }
+    }
+}
+
+impl Sample {
+    /// What a ray saw on a surface that does not move: a point, metres, and its linear radiance towards the eye.
+    pub fn surface(request: &Request, position: Vec3, radiance: Vec3) -> Self {
+        let &Request { pixel, aim, reuse, view } = request;
+        let (position, radiance) = (position.into(), radiance.into());
+        Self { position, hit: HIT_SURFACE, radiance, body: 0, pixel, aim, reuse, view }
+    }
+
+    /// What a ray saw that met nothing. It is kept as a point at infinity.
+    pub fn background(request: &Request, ray: Ray, radiance: Vec3) -> Self {
+        Self { hit: HIT_BACKGROUND, ..Self::surface(request, ray.direction.normalize(), radiance) }
+    }
+
+    fn of_hit(scene: &Scene, request: &Request, hit: &Hit) -> Self {
+        Self {
+            hit: if hit.hit { HIT_SURFACE } else { HIT_BACKGROUND },
+            body: scene.body_of_face(hit.face),
+            ..Self::surface(request, hit.position, hit.radiance)
+        }
+    }
+}
+
+/// The ray tracer of the scene as a source: in the frame that asks, on all threads.
+#[derive(Default)]
+pub struct ExactTracer {
+    /// Lists that are filled anew in each frame, kept for their memory.
+    scratch: Mutex<Scratch>,
+}
+
+#[derive(Default)]
+struct Scratch {
+    asked: Vec<Request>,
+    jobs: Vec<Job>,
+    hits: Vec<Hit>,
+}
+
+impl SampleSource for ExactTracer {
+    /// The samples are in the order of their requests.
+    fn answer(&self, query: &Query, samples: &mut [Sample]) {
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        let Scratch { asked, jobs, hits } = &mut *scratch;
+        // Room for as many as there may be, so that no later frame allocates.
+        let most = query.capacity();
+        asked.clear();
+        asked.reserve(most);
+        asked.extend(query.requests());
+        jobs.clear();
+        jobs.reserve(most);
+        jobs.extend(asked.iter().map(|request| query.job(request)));
+        hits.clear();
+        hits.reserve(most);
+        hits.resize(jobs.len(), Hit::default());
+        query.tracer.trace_batch(jobs, query.settings, query.frame.seed.into(), hits);
+        let scene = query.tracer.scene();
+        for ((sample, request), hit) in samples.iter_mut().zip(&*asked).zip(&*hits) {
+            *sample = Sample::of_hit(scene, request, hit);
+        }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace::Exact
+    }
+}
+
+/// The ray tracer of the scene as a source that no frame waits for: it works on threads of its own.
+pub struct BackgroundTracer {
+    queue: AsyncTracer<Tag>,
+    finished: Mutex<Vec<TaggedHit<Tag>>>,
+}
+
+/// A request, and the frame in whose scene it is traced.
+#[derive(Clone, Copy)]
+struct Tag {
+    request: Request,
+    frame: u32,
+}
+
+impl BackgroundTracer {
+    /// Starts this many threads, at least one.
+    pub fn new(threads: usize) -> Self {
+        Self { queue: AsyncTracer::new(threads), finished: Mutex::default() }
+    }
+}
+
+impl SampleSource for BackgroundTracer {
+    /// The samples are in the order in which they were finished.
+    fn answer(&self, query: &Query, samples: &mut [Sample]) {
+        let frame = query.frame.index;
+        let tag = |request: &Request| Tag { request: request.late(), frame };
+        let batch = query.requests().map(|request| TaggedJob { job: query.job(request), tag: tag(request) });
+        self.queue.submit(query.tracer, batch.collect(), *query.settings, query.frame.seed.into());
+        let mut finished = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
+        finished.clear();
+        self.queue.collect(samples.len(), &mut finished);
+        for (sample, TaggedHit { hit, tag }) in samples.iter_mut().zip(&*finished) {
+            *sample = Sample::of_hit(query.tracer.scene(), &tag.request, hit);
+            query.carry(tag.frame, sample);
+        }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace::Async
+    }
+}
