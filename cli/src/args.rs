@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+use epigraph::{Backend, Pace, Samples};
 
 use crate::{
     bench::{Choice, Sweep},
-    values::{Backend, Light, Pace, Place, Samples, Save, Setting, Size},
+    values::{self, Light, Place, Save, Setting, Size},
 };
 
 const EXAMPLES: &str = "\
@@ -165,13 +166,13 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]
     pub frames: u32,
     /// Where nodes run that do not say
-    #[arg(long, default_value = "auto")]
+    #[arg(long, default_value = "auto", value_parser = values::backend())]
     pub backend: Backend,
     /// Chooses the random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u32,
     /// When samples arrive
-    #[arg(long, default_value = "exact")]
+    #[arg(long, default_value = "exact", value_parser = values::pace())]
     pub pace: Pace,
     /// Threads that compute [default: one for each core]; the picture does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
@@ -204,7 +205,7 @@ pub struct CheckArgs {
     #[command(flatten)]
     pub compile: GraphArgs,
     /// Where nodes run that do not say; auto means cpu here, since no GPU is looked for
-    #[arg(long, default_value = "auto")]
+    #[arg(long, default_value = "auto", value_parser = values::backend())]
     pub backend: Backend,
     /// Write the plan as a Graphviz graph (one GRAPH only)
     #[arg(long, value_name = "FILE")]
@@ -332,7 +333,7 @@ pub struct GalleryArgs {
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]
     pub frames: u32,
     /// Where nodes run that do not say
-    #[arg(long, default_value = "auto")]
+    #[arg(long, default_value = "auto", value_parser = values::backend())]
     pub backend: Backend,
     /// Samples for each pixel of the picture to compare with
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
@@ -382,7 +383,7 @@ pub struct QualityArgs {
     #[arg(long, default_value = "direct")]
     pub mode: Light,
     /// Where nodes run that do not say
-    #[arg(long, default_value = "auto")]
+    #[arg(long, default_value = "auto", value_parser = values::backend())]
     pub backend: Backend,
     /// Chooses the random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]

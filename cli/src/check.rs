@@ -2,35 +2,31 @@
 
 use std::process::ExitCode;
 
+use epigraph::{Backend, Error};
 use epigraph_core::{
     Facts, Graph, GraphFile, Plan, PlannedNode, Problem, Problems, Registry, Settings, Side, Step,
     check_shader, compile, compose_shader,
 };
 use epigraph_pictures::{Target, readable};
-use epigraph_stages::World;
 use serde_json::{Value, json};
 
-use crate::{
-    args::CheckArgs, error::CliError, graph_source, output::JsonTarget, reference::load_scene,
-    values::Backend,
-};
+use crate::{args::CheckArgs, error::CliError, open, output::JsonTarget};
 
 /// Checks graphs. Failure when any has a problem.
-pub fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
+pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError> {
     let json = JsonTarget::new(args.json.as_deref())?;
     let dot = args.dot.as_deref().map(Target::new).transpose()?;
     if dot.is_some() && args.graphs.len() > 1 {
         return Err(CliError::Input("--dot writes one plan; name one GRAPH".into()));
     }
-    let (scene, path) = load_scene(&args.scene)?;
-    let settings = settings(args, World::facts(&scene, path.moves()))?;
-    let registry = epigraph_stages::registry();
+    let place = open::place(&args.scene.scene, &args.scene.camera)?;
+    let settings = settings(args, place.facts())?;
 
     let mut text = String::new();
     let mut errors: Vec<Problem> = Vec::new();
     let mut plans = Vec::new();
     for name in &args.graphs {
-        match check_one(name, args, &settings, &registry) {
+        match check_one(name, args, &settings, registry) {
             Ok(checked) => {
                 text += &format!("{name}: no problems\n{}", checked.text());
                 if let Some(dot) = &dot {
@@ -38,7 +34,7 @@ pub fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
                 }
                 plans.push(json!({ "graph": name, "plan": checked.json() }));
             }
-            Err(CliError::Graph(Problems(problems))) => {
+            Err(CliError::Run(Error::Graph(Problems(problems)))) => {
                 for problem in &problems {
                     text += &format!("error: {problem}\n");
                 }
@@ -61,7 +57,7 @@ pub fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
 
 fn settings(args: &CheckArgs, facts: Facts) -> Result<Settings, CliError> {
     let size = args.scene.size.0;
-    let samples = args.compile.samples.of(size).map_err(CliError::Input)?;
+    let samples = open::samples(args.compile.samples, size)?;
     Ok(Settings {
         facts,
         side: if args.backend == Backend::Gpu { Side::Gpu } else { Side::Cpu },
@@ -85,8 +81,7 @@ fn check_one(
     settings: &Settings,
     registry: &Registry,
 ) -> Result<Checked, CliError> {
-    let mut file = graph_source::load(name)?;
-    graph_source::apply(&mut file, &args.compile.set)?;
+    let file = open::graph(name, &args.compile.set)?;
     let (_, plan) = compile(&file, registry, settings)?;
     // Everything that another scene may need is checked too.
     let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;

@@ -7,24 +7,18 @@ use epigraph_scenes::{PathError, SceneError};
 /// Why a command failed. Its text says what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
-    /// The graph is wrong; each problem with its place.
+    /// The graph, the scene or the camera path is wrong, or does not run here.
     #[error("{0}")]
-    Graph(#[from] Problems),
-    /// The graph does not run.
-    #[error("{0}")]
-    Run(#[from] RunError),
-    /// The scene does not load.
-    #[error("{0}")]
-    Scene(#[from] SceneError),
-    /// The camera path is wrong.
-    #[error("{0}")]
-    Path(#[from] PathError),
+    Run(#[from] epigraph::Error),
     /// A file cannot be read or written.
     #[error("{0}")]
     File(#[from] FileError),
     /// Anything else that the user can mend.
     #[error("{0}")]
     Input(String),
+    /// The user has stopped it before there was anything to write.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
 }
 
 impl CliError {
@@ -39,14 +33,13 @@ impl CliError {
     }
 }
 
-impl From<Problem> for CliError {
-    fn from(problem: Problem) -> Self {
-        Self::Graph(problem.into())
-    }
+macro_rules! from_run {
+    ($($error:ty),*) => {$(
+        impl From<$error> for CliError {
+            fn from(error: $error) -> Self {
+                Self::Run(error.into())
+            }
+        }
+    )*};
 }
-
-impl From<GraphError> for CliError {
-    fn from(error: GraphError) -> Self {
-        Problem::new(error).into()
-    }
-}
+from_run!(GraphError, Problem, Problems, RunError, SceneError, PathError);

@@ -1,29 +1,17 @@
 //! `epigraph reference`: a picture with many samples for each pixel.
 
-use std::{path::Path, sync::Arc, time::Instant};
+use std::{path::Path, time::Instant};
 
+use epigraph::memory;
 use epigraph_pictures::{Kind, Target, exr, png, tone};
-use epigraph_scenes::{Camera, CameraPath, Mode, Scene, TraceSettings, Tracer, reference};
+use epigraph_scenes::{Camera, Mode, TraceSettings, Tracer, reference};
 
 use crate::{
-    args::{ReferenceArgs, SceneArgs},
-    edge_mask,
-    error::CliError,
-    memory,
-    output::print,
-    progress,
-    values::Light,
+    args::ReferenceArgs, edge_mask, error::CliError, interrupt, open, output::print, progress, values::Light,
 };
 
 /// Bytes that a pixel takes while it is traced and encoded.
 const BYTES_PER_PIXEL: u64 = 48;
-
-/// Reads the scene and the camera's path through it.
-pub fn load_scene(args: &SceneArgs) -> Result<(Arc<Scene>, CameraPath), CliError> {
-    let scene = progress::spinner(format!("loading scene {}", args.scene), || Scene::load(&args.scene))?;
-    let path = CameraPath::parse(&args.camera, &scene)?;
-    Ok((Arc::new(scene), path))
-}
 
 /// Traces and writes the picture.
 pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
@@ -32,14 +20,13 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let edges = args.edges.as_deref().map(mask_target).transpose()?;
     let size = args.scene.size.0;
     require_memory(size)?;
-    let (scene, path) = load_scene(&args.scene)?;
-    let tracer = progress::spinner("building the tracer".into(), || Arc::new(Tracer::new(scene)));
-    let tracer = tracer.at(args.frame);
+    let place = open::place(&args.scene.scene, &args.scene.camera)?;
+    let tracer = open::tracer(&place).at(args.frame);
     let settings = trace_settings(args.mode);
 
     let start = Instant::now();
-    let camera = path.camera(args.frame);
-    let colors = trace("tracing", &tracer, &camera, size, args.spp, &settings, args.seed);
+    let camera = place.path.camera(args.frame);
+    let colors = trace("tracing", &tracer, &camera, size, args.spp, &settings, args.seed)?;
     let seconds = start.elapsed().as_secs_f64();
 
     target.write(&encode(kind, size.map(|side| side as usize), &colors, target.path())?)?;
@@ -78,11 +65,14 @@ fn mask_target(path: &Path) -> Result<Target, CliError> {
 
 /// Makes sure that there is memory for a picture.
 pub fn require_memory(size: [u32; 2]) -> Result<(), CliError> {
-    memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)
+    Ok(memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)?)
 }
 
 /// The linear colours of a picture with many samples for each pixel, rows from the top; `label` is what the progress bar
 /// says.
+///
+/// # Errors
+/// [`CliError::Interrupted`].
 pub fn trace(
     label: &str,
     tracer: &Tracer,
@@ -91,11 +81,16 @@ pub fn trace(
     spp: u32,
     settings: &TraceSettings,
     seed: u32,
-) -> Vec<[f32; 3]> {
+) -> Result<Vec<[f32; 3]>, CliError> {
     let bar = progress::bar(size[1].into(), label, "rows");
-    let colors = reference::render(tracer, camera, size, spp, settings, seed.into(), &|_| bar.inc(1));
+    let row_done = || {
+        bar.inc(1);
+        !interrupt::asked()
+    };
+    let colors = reference::render(tracer, camera, size, spp, settings, seed.into(), &row_done);
     bar.finish_and_clear();
-    colors.into_iter().map(Into::into).collect()
+    let colors = colors.ok_or(CliError::Interrupted)?;
+    Ok(colors.into_iter().map(Into::into).collect())
 }
 
 /// A picture of linear colours as a file's bytes.

@@ -1,25 +1,21 @@
 //! `epigraph render`: runs a graph along a camera path and writes the last frame.
 
-use std::{path::Path, sync::Arc, time::Instant};
+use std::{path::Path, process::ExitCode, sync::Arc, time::Instant};
 
-use epigraph_core::{
-    AdapterChoice, Executor, Gpu, Graph, GraphError, GraphFile, Host, PerSide, Plan, PlannedNode, Problem,
-    Registry, RunError, Settings, Side, Source, compile,
-};
+use epigraph::{Device, Registry, Run, Setup, Source, graphs};
+use epigraph_core::{Executor, Graph, PerSide, Plan, RunError, Snapshot};
 use epigraph_pictures::{Look, Number, PortFile, Target, is_image, lanes, png, show, size};
-use epigraph_scenes::{AsyncTracer, CameraPath, Scene, Tracer};
-use epigraph_stages::{Pace, World, shared::requests::HIT_NONE};
+use epigraph_stages::shared::requests::HIT_NONE;
 
 use crate::{
+    INTERRUPTED,
     args::RenderArgs,
     error::CliError,
-    graph_source, memory,
+    interrupt, open,
     output::JsonTarget,
     progress,
-    reference::load_scene,
     report::{Measured, Report},
     sheet::{self, Tile},
-    values::{self, Backend},
 };
 
 /// The picture where none is named, and the sheet beside it.
@@ -36,173 +32,93 @@ const SCRATCH: &str = "Scratch";
 /// Every so many frames, and in the last one, the samples that arrived are counted.
 const PROBE_INTERVAL: u32 = 8;
 
-/// Renders.
-pub fn render(args: &RenderArgs) -> Result<(), CliError> {
-    let threads = set_threads(args.threads)?;
-    let mut file = graph_source::load(args.graph.as_deref().unwrap_or(graph_source::DEFAULT_GRAPH))?;
-    graph_source::apply(&mut file, &args.compile.set)?;
+/// Renders. Where the user stops it, one more frame runs, which is then the last one.
+pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
+    let threads = open::threads(args.threads)?;
+    let file = open::graph(args.graph.as_deref().unwrap_or(graphs::DEFAULT), &args.compile.set)?;
     let files = Files::new(args)?;
     let size = args.scene.size.0;
-    let samples = args.compile.samples.of(size).map_err(CliError::Input)?;
-
-    let registry = epigraph_stages::registry();
-    let (scene, path) = load_scene(&args.scene)?;
-    let (side, gpu) = placement(args.backend)?;
-    let mut settings = Settings {
-        facts: World::facts(&scene, path.moves()),
-        side,
-        prune: !args.compile.no_prune,
-        pooling: !args.compile.no_pooling,
-        poison: args.poison,
-        ..Settings::new(size, samples)
-    };
-    let (graph, plan) = compile(&file, &registry, &settings)?;
-    let output = files.picture.as_ref().map(|_| image_output(&file, &graph, size)).transpose()?;
+    // Before the scene is read, which may take long.
+    open::samples(args.compile.samples, size)?;
+    let place = open::place(&args.scene.scene, &args.scene.camera)?;
+    let device = Device::open(args.backend)?;
+    let mut compiled = Setup::new(file)
+        .registry(registry.clone())
+        .at(&place)
+        .device(&device)
+        .size(size)
+        .samples(args.compile.samples)
+        .pace(args.pace)
+        .threads(threads)
+        .seed(args.seed)
+        .prune(!args.compile.no_prune)
+        .pooling(!args.compile.no_pooling)
+        .poison(args.poison)
+        .compile()?;
+    let output = files.picture.as_ref().map(|_| compiled.picture()).transpose()?;
     // Only now is it known which nodes run: taps would keep the others alive.
-    let tiles = if files.sheet.is_some() { image_ports(&graph, &plan, size) } else { Vec::new() };
-    let traced = traced_ports(&graph);
+    let tiles =
+        if files.sheet.is_some() { image_ports(compiled.graph(), compiled.plan(), size) } else { Vec::new() };
+    let traced = traced_ports(compiled.graph());
     let saved = files.saves.iter().map(|(source, _)| source);
-    for source in saved.chain(&tiles).chain(&traced) {
-        if !settings.taps.contains(source) {
-            settings.taps.push(source.clone());
-        }
-    }
+    let kept: Vec<Source> = saved.chain(&tiles).chain(&traced).cloned().collect();
     // The graph is sound, so what is wrong now is what was asked for.
-    let (graph, plan) = compile(&file, &registry, &settings)
-        .map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
-    check_saves(&plan, size, &files)?;
-    let gpu = gpu_for(&plan, gpu)?;
-    let pooled = PerSide::new(|side| plan.pooled_bytes(side));
-    let mut executor = executor(graph, plan, &settings, &registry, gpu.clone())?;
-    let host = host(tracer(&scene), args.pace, threads);
-    let measured = run(&mut executor, &host, &path, args, samples, &traced)?;
-    warn_of_bad_samples(&host);
+    compiled.keep(&kept).map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
+    check_saves(compiled.plan(), size, &files)?;
+    compiled.require()?;
+    let pooled = PerSide::new(|side| compiled.plan().pooled_bytes(side));
+    open::tracer(&place);
+    let graph = compiled.file().path.clone();
+    let mut run = compiled.start()?;
+    let measured = run_frames(&mut run, args.frames, &traced)?;
+    open::warn_of_bad_samples(place.tracer());
 
-    let look = Look { far: path.camera(args.frames - 1).far, ..Look::default() };
-    files.write(&mut executor, output.as_deref(), &tiles, &look)?;
+    let look = Look { far: place.path.camera(run.index() - 1).far, ..Look::default() };
+    files.write(&mut run.executor, output.as_deref(), &tiles, &look)?;
     let report = Report {
         args,
-        graph: &file.path,
+        graph: &graph,
         threads,
-        samples,
-        side,
-        gpu: gpu.as_deref(),
-        plan: executor.plan(),
+        samples: run.settings().samples,
+        side: device.side,
+        gpu: run.gpu(),
+        plan: run.plan(),
         pooled_bytes: pooled,
+        frames: run.index(),
         measured: &measured,
         written: files.written(),
     };
-    files.json.finish(&report.json(), &report.text())
-}
-
-/// Makes the pool of threads that all computing shares; how many they are.
-pub fn set_threads(wanted: Option<u16>) -> Result<usize, CliError> {
-    if let Some(threads) = wanted {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.into())
-            .build_global()
-            .map_err(|error| CliError::Input(format!("--threads {threads}: {error}")))?;
+    files.json.finish(&report.json(), &report.text())?;
+    if run.index() < args.frames {
+        eprintln!("interrupted after {} of {} frames", run.index(), args.frames);
+        return Ok(ExitCode::from(INTERRUPTED));
     }
-    Ok(rayon::current_num_threads())
+    Ok(ExitCode::SUCCESS)
 }
 
-/// Where nodes run by default, and the GPU if it is that.
-pub fn placement(backend: Backend) -> Result<(Side, Option<Arc<Gpu>>), RunError> {
-    match backend {
-        Backend::Cpu => Ok((Side::Cpu, None)),
-        Backend::Gpu => Ok((Side::Gpu, Some(Arc::new(Gpu::open(AdapterChoice::Any)?)))),
-        Backend::Auto => match Gpu::open(AdapterChoice::Hardware) {
-            Ok(gpu) => Ok((Side::Gpu, Some(Arc::new(gpu)))),
-            Err(_) => Ok((Side::Cpu, None)),
-        },
-    }
-}
-
-/// Makes what runs a plan, if this machine has the GPU and the memory that it needs.
-pub fn executor(
-    graph: Graph,
-    plan: Plan,
-    settings: &Settings,
-    registry: &Registry,
-    open: Option<Arc<Gpu>>,
-) -> Result<Executor, CliError> {
-    let gpu = gpu_for(&plan, open)?;
-    require_memory(&plan, gpu.as_deref())?;
-    Ok(Executor::new(graph, plan, settings, registry, gpu)?)
-}
-
-/// The GPU that the plan needs: some stages have no other form.
-pub fn gpu_for(plan: &Plan, open: Option<Arc<Gpu>>) -> Result<Option<Arc<Gpu>>, CliError> {
-    let Some(PlannedNode { name, kind, .. }) = plan.nodes.iter().find(|node| node.side == Side::Gpu) else {
-        return Ok(None);
-    };
-    if open.is_some() {
-        return Ok(open);
-    }
-    let gpu = Gpu::open(AdapterChoice::Any)
-        .map_err(|error| CliError::Input(format!("node `{name}` ({kind}) runs on a GPU here: {error}")))?;
-    Ok(Some(Arc::new(gpu)))
-}
-
-/// Makes sure that the plan's memory is there.
-pub fn require_memory(plan: &Plan, gpu: Option<&Gpu>) -> Result<(), CliError> {
-    let tapped =
-        plan.taps.iter().flat_map(|tap| &tap.fields).map(|field| plan.storages[field.storage].bytes());
-    // A software GPU's memory is the machine's.
-    let gpu_bytes = if gpu.is_some_and(Gpu::is_software) { plan.bytes(Side::Gpu) } else { 0 };
-    memory::require(plan.bytes(Side::Cpu) + gpu_bytes + tapped.sum::<u64>())
-}
-
-/// Builds the tracer of a scene.
-pub fn tracer(scene: &Arc<Scene>) -> Arc<Tracer> {
-    progress::spinner("building the tracer".into(), || Arc::new(Tracer::new(scene.clone())))
-}
-
-/// What the stages get beside their ports: the scene behind its tracer.
-pub fn host(tracer: Arc<Tracer>, pace: values::Pace, threads: usize) -> Host {
-    let pace = match pace {
-        values::Pace::Exact => Pace::Exact,
-        values::Pace::Async => Pace::Async(AsyncTracer::new(threads)),
-    };
-    let mut host = Host::default();
-    host.insert(World::new(tracer, pace));
-    host
-}
-
-/// Runs all frames; the last one is captured.
-fn run(
-    executor: &mut Executor,
-    host: &Host,
-    path: &CameraPath,
-    args: &RenderArgs,
-    samples: u32,
-    traced: &[Source],
-) -> Result<Measured, CliError> {
-    let mut measured = Measured::new(args.frames);
-    let bar = progress::bar(args.frames.into(), "rendering", "frames");
+/// Runs all frames, or to the one after the user asked to stop; the last one is captured.
+fn run_frames(run: &mut Run, frames: u32, traced: &[Source]) -> Result<Measured, CliError> {
+    let mut measured = Measured::new(frames);
+    let bar = progress::bar(frames.into(), "rendering", "frames");
     let start = Instant::now();
-    for index in 0..args.frames {
-        let frame = World::frame(path, index, args.scene.size.0, samples, args.seed);
-        let capture = index % PROBE_INTERVAL == 0 || index + 1 == args.frames;
-        executor.run(&frame, host, capture)?;
-        measured.times(index, executor.times());
-        measured.ran(executor.ran().as_raw_slice());
+    loop {
+        let index = run.index();
+        let last = index + 1 == frames || interrupt::asked();
+        let capture = index.is_multiple_of(PROBE_INTERVAL) || last;
+        run.advance(capture)?;
+        measured.times(index, run.executor.times());
+        measured.ran(run.executor.ran().as_raw_slice());
         if capture && !traced.is_empty() {
-            measured.arrived(arrived(executor, traced)?);
+            measured.arrived(arrived(&mut run.executor, traced)?);
         }
         bar.inc(1);
+        if last {
+            break;
+        }
     }
     measured.seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
     Ok(measured)
-}
-
-/// A radiance that is no number is a fault of the scene or of the tracer, which the picture alone would not show.
-pub fn warn_of_bad_samples(host: &Host) {
-    let count = host.get::<World>().map_or(0, |world| world.tracer.non_finite());
-    if count > 0 {
-        eprintln!("warning: {count} samples had a radiance that is not finite; they count as black");
-    }
 }
 
 /// The ports of samples of nodes that trace.
@@ -217,34 +133,11 @@ fn arrived(executor: &mut Executor, traced: &[Source]) -> Result<u64, RunError> 
     let names: Vec<String> = traced.iter().map(Source::to_string).collect();
     let snapshots = executor.snapshots()?;
     let lists = snapshots.into_iter().filter(|snapshot| names.contains(&snapshot.name));
-    let count = |list: &epigraph_core::Snapshot| {
+    let count = |list: &Snapshot| {
         let hits = lanes(&list.element).into_iter().find(|lane| lane.name == "hit");
         hits.map_or(0, |hit| hit.numbers(list).filter(|number| *number != Number::Unsigned(HIT_NONE)).count())
     };
     Ok(lists.map(|list| count(list) as u64).sum())
-}
-
-/// The output that is the picture: the one called `image`, else the first. Its name.
-pub fn image_output(file: &GraphFile, graph: &Graph, size: [u32; 2]) -> Result<String, CliError> {
-    let outputs = &graph.outputs;
-    let chosen = outputs.iter().find(|(name, _)| name == "image").or(outputs.first());
-    // A graph without outputs does not compile.
-    let Some((name, at)) = chosen else { return Err(CliError::Input("the graph has no output".into())) };
-    let port = &graph.nodes[at.node].declaration().ports[at.port];
-    let dims = graph.nodes[at.node].dims[at.port];
-    let is_image = port.fields.len() == 1 && is_image(&port.fields[0].element, dims, size);
-    if is_image {
-        return Ok(name.clone());
-    }
-    let source = graph.name(*at);
-    let text = format!(
-        "the output `{name}` is no image but {dims} elements of `{source}` ({}); name an image as output, or save the \
-         list: epigraph render --save {source}=FILE.csv",
-        port.extent
-    );
-    let problem = Problem::new(GraphError::Invalid(text));
-    let written = file.outputs.iter().find(|output| output.name.value == *name);
-    Err(written.map_or(problem.clone(), |output| problem.at(file.place(output.from.span))).into())
 }
 
 /// Makes sure that what is to be saved as an image is one.

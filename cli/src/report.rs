@@ -1,10 +1,11 @@
 //! What a run of frames took: the table for people and the JSON for programs.
 
+use epigraph::memory;
 use epigraph_core::{Gpu, PerSide, Plan, PlannedNode, Side, Step};
 use epigraph_pictures::readable;
 use serde_json::{Value, json};
 
-use crate::{args::RenderArgs, memory, render::TRACE, table::Table};
+use crate::{args::RenderArgs, render::TRACE, table::Table};
 
 /// The first frames are slower: caches and threads warm up. This share of them, at most so many, is not counted.
 const WARM_UP_SHARE: u32 = 6;
@@ -87,6 +88,8 @@ pub struct Report<'a> {
     pub plan: &'a Plan,
     /// Bytes that pooling saves on each side.
     pub pooled_bytes: PerSide<u64>,
+    /// Frames that ran: fewer than asked for where the user has stopped it.
+    pub frames: u32,
     /// What it took.
     pub measured: &'a Measured,
     /// What was written, and where.
@@ -144,7 +147,7 @@ impl Report<'_> {
     fn skipped(&self) -> impl Iterator<Item = (usize, &str, &str)> {
         let (plan, runs) = (self.plan, &self.measured.runs);
         let nodes = plan.nodes.iter().enumerate().filter(|(_, node)| node.per_view);
-        let nodes = nodes.filter(|(index, _)| runs[*index] < self.args.frames);
+        let nodes = nodes.filter(|(index, _)| runs[*index] < self.frames);
         nodes.map(|(index, node)| (index, node.name.as_str(), node.kind.as_str()))
     }
 
@@ -164,7 +167,7 @@ impl Report<'_> {
     }
 
     fn frames_per_second(&self) -> f64 {
-        f64::from(self.args.frames) / self.measured.seconds
+        f64::from(self.frames) / self.measured.seconds
     }
 
     /// The table and what else there is to say.
@@ -190,7 +193,7 @@ impl Report<'_> {
         let [width, height] = args.scene.size.0;
         let mut text = format!("{table}\n");
         let mut line = |name: &str, value: String| text += &format!("{name:<8} {value}\n");
-        let frames = format!("{} frames of {} at {width}x{height}", args.frames, args.scene.scene);
+        let frames = format!("{} frames of {} at {width}x{height}", self.frames, args.scene.scene);
         line("run", format!("{frames}, camera {}, graph {}", args.scene.camera, self.graph));
         line("backend", self.backend_text());
         line(
@@ -206,7 +209,7 @@ impl Report<'_> {
             line("left out", format!("{} ({}): {}", culled.node, culled.kind, culled.why));
         }
         for (node, name, kind) in self.skipped() {
-            let (runs, frames) = (self.measured.runs[node], args.frames);
+            let (runs, frames) = (self.measured.runs[node], self.frames);
             let why = "in the others, its inputs and the view were the same";
             line("skipped", format!("{name} ({kind}): ran in {runs} of {frames} frames; {why}"));
         }
@@ -273,7 +276,7 @@ impl Report<'_> {
             "adapter": self.gpu.map(Gpu::name),
             "software_adapter": self.gpu.map(Gpu::is_software),
             "threads": self.threads,
-            "frames": args.frames,
+            "frames": self.frames,
             "frame_ms": { "median": rounded(self.frame_ms(0.5)), "p95": rounded(self.frame_ms(0.95)) },
             "trace_ms": rounded(self.trace_ms()),
             "frames_per_second": rounded(self.frames_per_second()),

@@ -1,14 +1,13 @@
 //! `epigraph stages`: what kinds of stage there are, and what one of them does.
 
-use epigraph_core::{Access, Declaration, GraphError, Kind, Lifetime, ParamSpec, Port, Side};
+use epigraph_core::{Access, Declaration, GraphError, Kind, Lifetime, ParamSpec, Port, Registry, Side};
 use serde_json::{Value, json};
 
 use crate::{args::StagesArgs, error::CliError, output::JsonTarget, table::Table};
 
 /// Lists all kinds, or tells about one.
-pub fn stages(args: &StagesArgs) -> Result<(), CliError> {
+pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
     let target = JsonTarget::new(args.json.as_deref())?;
-    let registry = epigraph_stages::registry();
     match &args.kind {
         None => {
             let mut table = Table::new(&["kind", "runs on", "what it does"]);

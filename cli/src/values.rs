@@ -2,7 +2,11 @@
 
 use std::{fmt, path::PathBuf, str::FromStr};
 
-use clap::ValueEnum;
+use clap::{
+    ValueEnum,
+    builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
+};
+use epigraph::{Backend, Pace};
 use epigraph_core::{MAX_SIDE, Source};
 
 /// Width and height in pixels, written `WxH`.
@@ -40,59 +44,6 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self([x, y]) = self;
         write!(f, "{x},{y}")
-    }
-}
-
-/// How many samples a frame may ask for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Samples {
-    /// So many.
-    Count(u32),
-    /// This share of the image's pixels, above 0 and up to 1.
-    Share(f64),
-}
-
-impl Samples {
-    /// The number of samples of a frame of `size`, at least 1; an error where it would be more than one for each pixel.
-    pub fn of(self, size: [u32; 2]) -> Result<u32, String> {
-        let pixels = size[0] * size[1];
-        match self {
-            Self::Count(count) if count > pixels => {
-                Err(format!("--samples {count} is more than one for each of the {pixels} pixels"))
-            }
-            Self::Count(count) => Ok(count),
-            Self::Share(share) => Ok(((f64::from(pixels) * share).round() as u32).max(1)),
-        }
-    }
-}
-
-impl fmt::Display for Samples {
-    /// As it is written on the command line.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Count(count) => write!(f, "{count}"),
-            // Seven digits: 0.07 x 100 is not 7.
-            Self::Share(share) => write!(f, "{}%", (share * 1e7).round() / 1e5),
-        }
-    }
-}
-
-impl FromStr for Samples {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let samples = match text.strip_suffix('%') {
-            Some(percent) => {
-                let percent = percent.trim().parse::<f64>().ok().filter(|&p| p > 0.0 && p <= 100.0);
-                percent.map(|percent| Self::Share(percent / 100.0))
-            }
-            None => text.parse().ok().filter(|&count| count > 0).map(Self::Count),
-        };
-        samples.ok_or_else(|| {
-            "expected how many samples a frame may ask for: a count from 1, such as 13000, or a share of the pixels \
-             above 0% and up to 100%, such as 5%"
-                .to_owned()
-        })
     }
 }
 
@@ -141,24 +92,25 @@ impl FromStr for Save {
     }
 }
 
-/// Where nodes run that do not say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Backend {
-    /// A hardware GPU if there is one, else the CPU.
-    Auto,
-    /// Any GPU adapter, software ones such as Mesa's lavapipe included.
-    Gpu,
-    /// Native code.
-    Cpu,
+/// Reads the names of a choice, such as [`Backend::ALL`], and shows them with what they mean.
+fn choice<T: Clone + Send + Sync + 'static>(
+    all: &'static [(T, &'static str, &'static str)],
+) -> impl TypedValueParser<Value = T> {
+    let names = all.iter().map(|(_, name, doc)| PossibleValue::new(*name).help(*doc));
+    PossibleValuesParser::new(names).map(|name: String| {
+        let found = all.iter().find(|(_, known, _)| *known == name);
+        found.expect("the parser lets only known names pass").0.clone()
+    })
 }
 
-/// When samples arrive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Pace {
-    /// All of them in the frame after their request: the same picture in every run.
-    Exact,
-    /// When they are done; no frame waits for them.
-    Async,
+/// The values of `--backend`.
+pub fn backend() -> impl TypedValueParser<Value = Backend> {
+    choice(&Backend::ALL)
+}
+
+/// The values of `--pace`.
+pub fn pace() -> impl TypedValueParser<Value = Pace> {
+    choice(&Pace::ALL)
 }
 
 /// Which light a reference shows.
@@ -183,24 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_a_count_or_a_share_of_the_pixels() {
-        let of = |text: &str, size| text.parse::<Samples>().and_then(|samples| samples.of(size));
-        assert_eq!(of("7", [10, 10]), Ok(7));
-        // 5% of 512 x 512 is 13107.2.
-        assert_eq!(of("5%", [512, 512]), Ok(13107));
-        assert_eq!(of("100%", [3, 5]), Ok(15));
-        assert_eq!(of("0.001%", [10, 10]), Ok(1));
-        assert!(of("101", [10, 10]).is_err());
-        for wrong in ["", "-5", "0", "0%", "-5%", "101%", "NaN%", "inf%", "5 %%", "x", "1.5"] {
-            assert!(wrong.parse::<Samples>().is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn samples_and_places_are_shown_as_they_are_written() {
-        for text in ["7", "5%", "0.1%", "33.3%", "100%"] {
-            assert_eq!(text.parse::<Samples>().unwrap().to_string(), text);
-        }
+    fn places_are_shown_as_they_are_written() {
         assert_eq!("230,0".parse::<Place>().unwrap().to_string(), "230,0");
         for wrong in ["", "5", "-1,2", "1,2,3", "1x2"] {
             assert!(wrong.parse::<Place>().is_err(), "{wrong}");

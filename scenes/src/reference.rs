@@ -2,8 +2,6 @@
 
 mod edges;
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -13,7 +11,8 @@ use crate::{Camera, Rng, TraceSettings, Tracer};
 /// Renders an image of `size` pixels, rows from the top, each the mean of `spp` samples spread evenly over the
 /// pixel's area (box filter); each sample carries `settings.spp` light paths. The same bits on any number of threads.
 ///
-/// `progress` is told the finished share, in (0, 1], once for each row, from any thread.
+/// `row_done` is called once for each finished row, from any thread. Where it returns false, the rows that are not yet begun
+/// are left out and there is no image.
 pub fn render(
     tracer: &Tracer,
     camera: &Camera,
@@ -21,19 +20,18 @@ pub fn render(
     spp: u32,
     settings: &TraceSettings,
     seed: u64,
-    progress: &(dyn Fn(f32) + Sync),
-) -> Vec<Vec3> {
+    row_done: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<Vec3>> {
     let [width, height] = size.map(|n| n as usize);
     let mut image = vec![Vec3::ZERO; width * height];
-    let done = AtomicUsize::new(0);
-    image.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+    let rows = image.par_chunks_mut(width.max(1)).enumerate();
+    let whole = rows.try_for_each(|(y, row)| {
         for (x, pixel) in row.iter_mut().enumerate() {
             *pixel = render_pixel(tracer, camera, size, [x, y], spp.max(1), settings, seed);
         }
-        let rows = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress(rows as f32 / height as f32);
+        row_done().then_some(())
     });
-    image
+    whole.map(|()| image)
 }
 
 fn render_pixel(

@@ -81,7 +81,8 @@ impl Run {
     fn error(&mut self, index: u32) -> f32 {
         let settings = TraceSettings { spp: 4, ..TraceSettings::default() };
         let truth =
-            reference::render(&self.tracer, &self.path.camera(index), SIZE, 16, &settings, 9, &|_| ());
+            reference::render(&self.tracer, &self.path.camera(index), SIZE, 16, &settings, 9, &|| true)
+                .unwrap();
         let color = self.get::<[f32; 4]>("fill.color", "");
         // Like a screen, so that the light itself does not outweigh all else.
         let shown = |[r, g, b]: [f32; 3]| [r, g, b].map(|channel| channel.min(1.0));

@@ -1,13 +1,14 @@
 //! What the integration tests and benches share: a graph on a scene along a camera path, run as the command line does.
 
 use std::{
+    ops::{Deref, DerefMut},
     path::Path,
     sync::{Arc, OnceLock},
 };
 
-use epigraph_core::{AdapterChoice, Executor, Gpu, GraphFile, Host, Settings, Snapshot, Source, compile};
-use epigraph_scenes::{CameraPath, Scene, Tracer};
-use epigraph_stages::{Pace, World, registry};
+use epigraph::{Device, Place, Samples, Setup, Snapshot, Source};
+use epigraph_core::{AdapterChoice, Gpu, GraphFile, Settings, Side};
+use epigraph_scenes::Scene;
 
 /// The shipped graph files.
 pub const GRAPHS: [&str; 6] = [
@@ -57,16 +58,8 @@ pub fn graph(name: &str) -> GraphFile {
     GraphFile::load(&path).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-/// A graph that runs frame by frame.
-pub struct Run {
-    /// Its executor.
-    pub executor: Executor,
-    host: Host,
-    path: CameraPath,
-    settings: Settings,
-    seed: u32,
-    next: u32,
-}
+/// A graph that runs frame by frame; what goes wrong is a panic.
+pub struct Run(epigraph::Run);
 
 /// Where a graph runs.
 pub struct Stage {
@@ -84,8 +77,8 @@ impl Run {
     /// # Panics
     /// Where anything is wrong: tests give sound graphs.
     pub fn new(file: &GraphFile, on: Stage) -> Self {
-        let scene = Arc::new(Scene::load(on.scene).expect("a built-in scene"));
-        Self::in_scene(file, &scene, on.camera, on.settings)
+        let place = Place::load(on.scene, on.camera).expect("a built-in scene and a camera path");
+        Self::at(file, &place, &on.settings)
     }
 
     /// As [`Run::new`], in a scene that a test has made.
@@ -93,18 +86,26 @@ impl Run {
     /// # Panics
     /// Where anything is wrong.
     pub fn in_scene(file: &GraphFile, scene: &Arc<Scene>, camera: &str, settings: Settings) -> Self {
-        let registry = registry();
-        let path = CameraPath::parse(camera, scene).expect("a camera path");
-        let settings = Settings { facts: World::facts(scene, path.moves()), ..settings };
-        let (graph, plan) =
-            compile(file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));
-        let gpu = plan.uses(epigraph_core::Side::Gpu).then(gpu);
-        let mut executor =
-            Executor::new(graph, plan, &settings, &registry, gpu).unwrap_or_else(|error| panic!("{error}"));
-        executor.profile = false;
-        let mut host = Host::default();
-        host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact));
-        Self { executor, host, path, settings, seed: 1, next: 0 }
+        let place = Place::new(scene.clone(), camera).expect("a camera path");
+        Self::at(file, &place, &settings)
+    }
+
+    fn at(file: &GraphFile, place: &Place, settings: &Settings) -> Self {
+        let &Settings { size, samples, side, prune, pooling, poison, .. } = settings;
+        let device = if side == Side::Gpu { Device::on(gpu()) } else { Device::CPU };
+        let mut setup = Setup::new(file.clone())
+            .at(place)
+            .size(size)
+            .samples(Samples::Count(samples))
+            .device(&device)
+            .prune(prune)
+            .pooling(pooling)
+            .poison(poison)
+            .profile(false)
+            .compile()
+            .unwrap_or_else(|error| panic!("{error}"));
+        setup.keep(&settings.taps).unwrap_or_else(|error| panic!("{error}"));
+        Self(setup.start().unwrap_or_else(|error| panic!("{error}")))
     }
 
     /// Runs the next frame.
@@ -112,26 +113,34 @@ impl Run {
     /// # Panics
     /// Where a stage or the device fails.
     pub fn frame(&mut self, capture: bool) {
-        let Settings { size, samples, .. } = self.settings;
-        let frame = World::frame(&self.path, self.next, size, samples, self.seed);
-        self.next += 1;
-        self.executor.run(&frame, &self.host, capture).unwrap_or_else(|error| panic!("{error}"));
+        self.0.advance(capture).unwrap_or_else(|error| panic!("{error}"));
     }
 
     /// Runs `count` frames; the taps and outputs of the last one are captured.
     pub fn frames(&mut self, count: u32) {
-        for index in 0..count {
-            self.frame(index + 1 == count);
-        }
+        self.0.frames(count).unwrap_or_else(|error| panic!("{error}"));
     }
 
-    /// A captured port or output.
+    /// A captured port or output (`node.port`), or a field of one (`node.port.field`).
     ///
     /// # Panics
-    /// Where it is neither.
+    /// If it was not tapped.
     pub fn captured(&mut self, name: &str) -> Snapshot {
-        let snapshot = self.executor.snapshot(name, "").unwrap_or_else(|error| panic!("{error}"));
-        snapshot.unwrap_or_else(|| panic!("no output or tap `{name}`")).clone()
+        self.0.snapshot(name).unwrap_or_else(|error| panic!("{error}")).clone()
+    }
+}
+
+impl Deref for Run {
+    type Target = epigraph::Run;
+
+    fn deref(&self) -> &epigraph::Run {
+        &self.0
+    }
+}
+
+impl DerefMut for Run {
+    fn deref_mut(&mut self) -> &mut epigraph::Run {
+        &mut self.0
     }
 }
 

@@ -26,7 +26,8 @@ fn converged() -> Vec<[f32; 4]> {
     let scene = Arc::new(Scene::load("cornell").expect("a built-in scene"));
     let camera = CameraPath::parse("orbit", &scene).expect("a camera path").camera(FRAMES - 1);
     let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
-    let picture = reference::render(&Tracer::new(scene), &camera, SIZE, 64, &settings, 7, &|_| {});
+    let picture = reference::render(&Tracer::new(scene), &camera, SIZE, 64, &settings, 7, &|| true)
+        .expect("not stopped");
     picture.iter().map(|color| [color[0], color[1], color[2], 1.0]).collect()
 }
 

@@ -88,7 +88,8 @@ fn error(name: &str, color: &str, scene: &'static str, camera: &'static str) -> 
     let camera = CameraPath::parse(camera, &scene).expect("a camera path").camera(24);
     let tracer = Tracer::new(scene);
     let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
-    let converged = reference::render(&tracer, &camera, size, 64, &settings, 7, &|_| {});
+    let converged =
+        reference::render(&tracer, &camera, size, 64, &settings, 7, &|| true).expect("not stopped");
     let squares = picture.iter().zip(&converged).flat_map(|(a, b)| {
         (0..3).map(move |channel| f64::from(a[channel].clamp(0.0, 1.0) - b[channel].clamp(0.0, 1.0)).powi(2))
     });

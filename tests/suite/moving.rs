@@ -66,7 +66,8 @@ fn error(file: &GraphFile, color: &str) -> f64 {
     let camera = CameraPath::parse("still", &scene).expect("a camera path").camera(FRAME);
     let tracer = Arc::new(Tracer::new(scene)).at(FRAME);
     let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
-    let converged: Vec<Vec3> = reference::render(&tracer, &camera, size, 64, &settings, 7, &|_| {});
+    let converged: Vec<Vec3> =
+        reference::render(&tracer, &camera, size, 64, &settings, 7, &|| true).expect("not stopped");
     // Not of the lamp: it is far brighter than white, so that a few pixels of its rim would decide.
     let lit: Vec<_> = picture.iter().zip(&converged).filter(|(_, b)| b.max_element() < 1.0).collect();
     let shown = |radiance: f32| f64::from(radiance.clamp(0.0, 1.0)).powf(1.0 / 2.2);

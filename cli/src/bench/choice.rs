@@ -20,7 +20,7 @@ pub enum Choice {
 
 /// Which side does the work of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Backend {
+pub enum Split {
     /// Native code.
     Cpu,
     /// A GPU.
@@ -29,17 +29,17 @@ pub enum Backend {
     Hybrid,
 }
 
-impl Backend {
+impl Split {
     /// All of them, in the order of the tables.
     pub const ALL: [Self; 3] = [Self::Cpu, Self::Gpu, Self::Hybrid];
 
-    /// Where nodes run that do not say.
+    /// Where nodes run by default.
     pub fn side(self) -> Side {
         if self == Self::Cpu { Side::Cpu } else { Side::Gpu }
     }
 }
 
-impl fmt::Display for Backend {
+impl fmt::Display for Split {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Cpu => "cpu",

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::{
-    Backend, Row, Sweep,
+    Row, Split, Sweep,
     column::COLUMNS,
     papers::{self, PAPERS, Paper},
     report::{Report, ratio},
@@ -63,7 +63,7 @@ fn of_row(report: &Report, row: &Row) -> Value {
     let extra = json!({
         "scene": row.scene,
         "backend": row.backend.to_string(),
-        "software": report.machine.software && row.backend != Backend::Cpu,
+        "software": report.machine.software && row.backend != Split::Cpu,
         "graph": row.graph,
         "size": measured.size,
         "edges": measured.edges,

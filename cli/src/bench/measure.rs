@@ -5,22 +5,14 @@ use std::{
     time::{Duration, Instant},
 };
 
-use epigraph_core::{
-    Executor, Gpu, GraphFile, Host, Plan, PlannedNode, Registry, RunError, Settings, Side, Step, compile,
-};
-use epigraph_scenes::{CameraPath, Scene};
-use epigraph_stages::World;
+use epigraph::{Device, Error, Place, Registry, Run, Samples, Setup};
+use epigraph_core::{GraphFile, Plan, PlannedNode, RunError, Side, Step};
 
 use super::{
     column,
     times::{Times, quantile},
 };
-use crate::{
-    args::BenchArgs,
-    error::CliError,
-    progress,
-    render::{self, TRACE},
-};
+use crate::{args::BenchArgs, error::CliError, interrupt, open, progress, render::TRACE};
 
 /// The kind of stage that owns the point cloud.
 const CLOUD: &str = "point_cloud";
@@ -48,12 +40,8 @@ const LEAST_FRAMES: usize = 5;
 pub struct Loaded {
     /// Its name.
     pub name: String,
-    /// Its mesh and lights.
-    pub scene: Arc<Scene>,
-    /// The camera's way through it.
-    pub path: CameraPath,
-    /// The tracer.
-    pub host: Host,
+    /// The scene and the camera's path.
+    pub place: Place,
 }
 
 /// What to measure.
@@ -63,17 +51,30 @@ pub struct Job<'a> {
     /// The command line.
     pub args: &'a BenchArgs,
     /// The stages.
-    pub registry: &'a Registry,
+    pub registry: &'a Arc<Registry>,
     /// The graph.
     pub graph: &'a GraphFile,
-    /// Where nodes run that do not say.
-    pub side: Side,
-    /// The GPU, where it is open.
-    pub gpu: Option<Arc<Gpu>>,
+    /// Where nodes run by default.
+    pub device: &'a Device,
     /// The scene.
     pub loaded: &'a Loaded,
     /// Width and height in pixels.
     pub size: [u32; 2],
+}
+
+impl Job<'_> {
+    fn setup(&self, samples: Samples) -> Setup {
+        let compile = &self.args.compile;
+        Setup::new(self.graph.clone())
+            .registry(self.registry.clone())
+            .at(&self.loaded.place)
+            .device(self.device)
+            .size(self.size)
+            .samples(samples)
+            .seed(self.args.seed)
+            .prune(!compile.no_prune)
+            .pooling(!compile.no_pooling)
+    }
 }
 
 /// What one node or transfer took.
@@ -127,31 +128,20 @@ pub enum Outcome {
 /// # Errors
 /// Problems of the graph for this scene, and stages that fail. Memory or a GPU that does not suffice is an outcome.
 pub fn measure(job: &Job) -> Result<Outcome, CliError> {
-    match run(job) {
-        Err(CliError::Run(error @ (RunError::Gpu(_) | RunError::Memory { .. }))) => {
-            Ok(Outcome::Beyond(error.to_string()))
-        }
+    match try_measure(job) {
+        Err(CliError::Run(
+            error @ (Error::Memory(_) | Error::Run(RunError::Gpu(_) | RunError::Memory { .. })),
+        )) => Ok(Outcome::Beyond(error.to_string())),
         outcome => outcome,
     }
 }
 
-fn run(job: &Job) -> Result<Outcome, CliError> {
-    let Job { args, loaded, size, .. } = *job;
-    let samples = args.compile.samples.of(size).map_err(CliError::Input)?;
-    let settings = Settings {
-        facts: World::facts(&loaded.scene, loaded.path.moves()),
-        side: job.side,
-        prune: !args.compile.no_prune,
-        pooling: !args.compile.no_pooling,
-        ..Settings::new(size, samples)
-    };
-    let (graph, plan) = compile(job.graph, job.registry, &settings)?;
-    let gpu = render::gpu_for(&plan, job.gpu.clone())?;
-    if let Err(error) = render::require_memory(&plan, gpu.as_deref()) {
-        return Ok(Outcome::Beyond(error.to_string()));
-    }
-    let points = points(&plan);
-    let mut executor = Executor::new(graph, plan, &settings, job.registry, gpu)?;
+fn try_measure(job: &Job) -> Result<Outcome, CliError> {
+    let args = job.args;
+    open::samples(args.compile.samples, job.size)?;
+    let mut run: Run = job.setup(args.compile.samples).start()?;
+    let points = points(run.plan());
+    let samples = run.settings().samples;
 
     let fills = fills(points, samples);
     let [least, most] = if args.quick { QUICK_WARM_UP } else { WARM_UP };
@@ -160,14 +150,14 @@ fn run(job: &Job) -> Result<Outcome, CliError> {
     let mut warm_up = fills.clamp(least, most);
     let bar = progress::bar(warm_up + u64::from(wanted), &job.label, "frames");
     let mut log = Log::default();
-    let (mut index, mut start) = (0, Instant::now());
+    let mut start = Instant::now();
     while log.wall.len() < wanted as usize {
-        let frame = World::frame(&loaded.path, index, size, samples, args.seed);
+        interrupt::check()?;
         let began = Instant::now();
-        executor.run(&frame, &loaded.host, false)?;
+        run.advance(false)?;
         let wall = began.elapsed();
         bar.inc(1);
-        index += 1;
+        let index = run.index();
         if u64::from(index) <= warm_up {
             if u64::from(index) >= least && start.elapsed() > PATIENCE {
                 warm_up = index.into();
@@ -178,17 +168,17 @@ fn run(job: &Job) -> Result<Outcome, CliError> {
             continue;
         }
         log.wall.push(wall.as_secs_f64() * 1000.0);
-        log.steps.push(executor.times().to_vec());
+        log.steps.push(run.executor.times().to_vec());
         if log.wall.len() >= LEAST_FRAMES && start.elapsed() > patience {
             break;
         }
     }
     bar.finish_and_clear();
 
-    let plan = executor.plan();
+    let plan = run.plan();
     Ok(Outcome::Measured(Box::new(Measured {
-        size,
-        edges: settings.facts.edges(),
+        size: job.size,
+        edges: run.settings().facts.edges(),
         points,
         samples,
         warm_up,
@@ -223,11 +213,10 @@ fn clouds(plan: &Plan) -> impl Iterator<Item = &PlannedNode> {
 /// # Errors
 /// The problems of the graph, or that the cloud has no such parameter.
 pub fn with_points(job: &Job, per_pixel: f64) -> Result<GraphFile, CliError> {
-    let facts = World::facts(&job.loaded.scene, job.loaded.path.moves());
-    let settings = Settings { facts, side: job.side, ..Settings::new(job.size, 1) };
-    let (_, plan) = compile(job.graph, job.registry, &settings)?;
+    let compiled = job.setup(Samples::Count(1)).compile()?;
+    let plan = compiled.plan();
     let mut graph = job.graph.clone();
-    for node in clouds(&plan) {
+    for node in clouds(plan) {
         graph.set_param(&node.name, "points_per_pixel", &format!("{per_pixel:?}"))?;
     }
     Ok(graph)

@@ -12,24 +12,17 @@ mod times;
 
 use std::sync::Arc;
 
-use epigraph_core::{AdapterChoice, Gpu, GraphFile, Registry, Side};
+use epigraph::{Backend, Device, Registry};
+use epigraph_core::{GraphFile, Side};
 
 pub use self::choice::{Choice, Sweep};
 use self::{
-    choice::Backend,
+    choice::Split,
     machine::Machine,
     measure::{Job, Loaded, Measured, Outcome},
     report::Report,
 };
-use crate::{
-    args::{BenchArgs, SceneArgs},
-    error::CliError,
-    graph_source,
-    output::JsonTarget,
-    reference::load_scene,
-    render, svg,
-    values::Pace,
-};
+use crate::{args::BenchArgs, error::CliError, open, output::JsonTarget, svg};
 
 /// Scenes that are measured where none is named, in the order of the papers; the last two have to be fetched.
 pub const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];
@@ -54,7 +47,7 @@ pub struct Row {
     /// The scene.
     pub scene: String,
     /// Which side did the work.
-    pub backend: Backend,
+    pub backend: Split,
     /// The graph.
     pub graph: String,
     /// What it took.
@@ -83,12 +76,13 @@ pub struct Results {
 }
 
 /// Measures and tells.
-pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
-    let threads = render::set_threads(args.threads)?;
+pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
+    let threads = open::threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
     let plot = args.plot.as_deref().map(svg::target).transpose()?;
-    let bench = Bench::new(args)?;
-    let machine = Machine::new(threads, bench.gpu.as_ref().ok().and_then(Option::as_deref));
+    let bench = Bench::new(args, registry)?;
+    let gpu = bench.gpu.as_ref().ok().and_then(Option::as_ref).and_then(|device| device.gpu.as_deref());
+    let machine = Machine::new(threads, gpu);
     if machine.software {
         eprintln!("warning: {SOFTWARE_WARNING}");
     }
@@ -106,29 +100,28 @@ pub const SOFTWARE_WARNING: &str =
 
 struct Bench<'a> {
     args: &'a BenchArgs,
-    registry: Registry,
+    registry: &'a Arc<Registry>,
     /// The graph of each backend that is asked for.
-    graphs: Vec<(Backend, GraphFile)>,
+    graphs: Vec<(Split, GraphFile)>,
     sweeps: Vec<Sweep>,
     /// The GPU where one is needed, or why there is none.
-    gpu: Result<Option<Arc<Gpu>>, String>,
+    gpu: Result<Option<Device>, String>,
 }
 
 impl<'a> Bench<'a> {
-    fn new(args: &'a BenchArgs) -> Result<Self, CliError> {
+    fn new(args: &'a BenchArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
         let mut graphs = Vec::new();
         for backend in backends(args) {
             let named = args.graph.as_deref().unwrap_or(GRAPH);
-            let mut graph = graph_source::load(if backend == Backend::Hybrid { HYBRID } else { named })?;
-            graph_source::apply(&mut graph, &args.compile.set)?;
-            graphs.push((backend, graph));
+            let name = if backend == Split::Hybrid { HYBRID } else { named };
+            graphs.push((backend, open::graph(name, &args.compile.set)?));
         }
         let needs_gpu = graphs.iter().any(|(backend, _)| backend.side() == Side::Gpu);
-        let gpu = match needs_gpu.then(|| Gpu::open(AdapterChoice::Any)) {
-            Some(opened) => opened.map(|gpu| Some(Arc::new(gpu))).map_err(|error| error.to_string()),
+        let gpu = match needs_gpu.then(|| Device::open(Backend::Gpu)) {
+            Some(opened) => opened.map(Some).map_err(|error| error.to_string()),
             None => Ok(None),
         };
-        Ok(Self { args, registry: epigraph_stages::registry(), graphs, sweeps: sweeps(args), gpu })
+        Ok(Self { args, registry, graphs, sweeps: sweeps(args), gpu })
     }
 
     fn run(&self) -> Result<Results, CliError> {
@@ -161,24 +154,23 @@ impl<'a> Bench<'a> {
     }
 
     fn load(&self, name: &str) -> Result<Loaded, CliError> {
-        let args = SceneArgs { scene: name.into(), camera: self.args.camera.clone(), size: self.args.size };
-        let (scene, path) = load_scene(&args)?;
-        let host = render::host(render::tracer(&scene), Pace::Exact, rayon::current_num_threads());
-        Ok(Loaded { name: name.into(), scene, path, host })
+        let place = open::place(name, &self.args.camera)?;
+        open::tracer(&place);
+        Ok(Loaded { name: name.into(), place })
     }
 
-    /// The graphs and GPUs of the rows that this machine can run.
-    fn runs(&self) -> impl Iterator<Item = (Backend, &GraphFile, Option<Arc<Gpu>>)> {
-        self.graphs.iter().filter_map(|(backend, graph)| match (&self.gpu, backend.side()) {
-            (Err(_), Side::Gpu) => None,
-            (Ok(gpu), Side::Gpu) => Some((*backend, graph, gpu.clone())),
-            (_, Side::Cpu) => Some((*backend, graph, None)),
+    /// The graphs and devices of the rows that this machine can run.
+    fn runs(&self) -> impl Iterator<Item = (Split, &GraphFile, &Device)> {
+        self.graphs.iter().filter_map(|(split, graph)| match (split.side(), &self.gpu) {
+            (Side::Cpu, _) => Some((*split, graph, &Device::CPU)),
+            (Side::Gpu, Ok(Some(device))) => Some((*split, graph, device)),
+            (Side::Gpu, _) => None,
         })
     }
 
     fn scene(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
-        for (backend, graph, gpu) in self.runs() {
-            let job = self.job(loaded, backend, graph, gpu, self.args.size.0);
+        for (backend, graph, device) in self.runs() {
+            let job = self.job(loaded, backend, graph, device, self.args.size.0);
             results.take(&job, backend, |results| &mut results.rows)?;
         }
         Ok(())
@@ -186,10 +178,10 @@ impl<'a> Bench<'a> {
 
     fn sweep_pixels(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
         let sides: &[u32] = if self.args.quick { &QUICK_SIDES } else { &SIDES };
-        for (backend, graph, gpu) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Pixels)) {
-            let software = gpu.as_ref().is_some_and(|gpu| gpu.is_software());
+        for (backend, graph, device) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Pixels)) {
+            let software = device.gpu.as_ref().is_some_and(|gpu| gpu.is_software());
             for &side in sides {
-                let job = self.job(loaded, backend, graph, gpu.clone(), [side, side]);
+                let job = self.job(loaded, backend, graph, device, [side, side]);
                 if software && side > LARGEST_SOFTWARE_SIDE {
                     results.skip(&job, "not on a software GPU".into());
                     continue;
@@ -202,9 +194,9 @@ impl<'a> Bench<'a> {
 
     fn sweep_points(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
         let densities: &[f64] = if self.args.quick { &QUICK_POINTS_PER_PIXEL } else { &POINTS_PER_PIXEL };
-        for (backend, graph, gpu) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Points)) {
+        for (backend, graph, device) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Points)) {
             for &density in densities {
-                let mut job = self.job(loaded, backend, graph, gpu.clone(), self.args.size.0);
+                let mut job = self.job(loaded, backend, graph, device, self.args.size.0);
                 let graph = measure::with_points(&job, density)?;
                 job.label += &format!(" {density} points/pixel");
                 job.graph = &graph;
@@ -217,22 +209,13 @@ impl<'a> Bench<'a> {
     fn job<'b>(
         &'b self,
         loaded: &'b Loaded,
-        backend: Backend,
+        backend: Split,
         graph: &'b GraphFile,
-        gpu: Option<Arc<Gpu>>,
+        device: &'b Device,
         size: [u32; 2],
     ) -> Job<'b> {
         let label = format!("{} {backend} {}x{}", loaded.name, size[0], size[1]);
-        Job {
-            label,
-            args: self.args,
-            registry: &self.registry,
-            graph,
-            side: backend.side(),
-            gpu,
-            loaded,
-            size,
-        }
+        Job { label, args: self.args, registry: self.registry, graph, device, loaded, size }
     }
 }
 
@@ -241,7 +224,7 @@ impl Results {
     fn take(
         &mut self,
         job: &Job,
-        backend: Backend,
+        backend: Split,
         place: impl Fn(&mut Self) -> &mut Vec<Row>,
     ) -> Result<(), CliError> {
         match measure::measure(job)? {
@@ -262,19 +245,19 @@ impl Results {
 }
 
 /// The backends that are asked for, each once. By default all; but the hybrid only beside the graph that it is a split of.
-fn backends(args: &BenchArgs) -> Vec<Backend> {
-    let asked = |backend: Backend| {
+fn backends(args: &BenchArgs) -> Vec<Split> {
+    let asked = |backend: Split| {
         let choice = match backend {
-            Backend::Cpu => Choice::Cpu,
-            Backend::Gpu => Choice::Gpu,
-            Backend::Hybrid => Choice::Hybrid,
+            Split::Cpu => Choice::Cpu,
+            Split::Gpu => Choice::Gpu,
+            Split::Hybrid => Choice::Hybrid,
         };
         match args.backend.as_slice() {
-            [] => backend != Backend::Hybrid || args.graph.is_none(),
+            [] => backend != Split::Hybrid || args.graph.is_none(),
             choices => choices.contains(&choice) || choices.contains(&Choice::All),
         }
     };
-    Backend::ALL.into_iter().filter(|backend| asked(*backend)).collect()
+    Split::ALL.into_iter().filter(|backend| asked(*backend)).collect()
 }
 
 /// The sweeps that are asked for, each once. By default all; none with `--quick`.

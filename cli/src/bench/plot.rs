@@ -6,7 +6,7 @@ use epigraph_pictures::{
 };
 
 use super::{
-    Backend, Row, SOFTWARE_WARNING, Sweep,
+    Row, SOFTWARE_WARNING, Split, Sweep,
     column::COLUMNS,
     papers,
     report::{Report, by_backend, ms},
@@ -97,7 +97,7 @@ fn scene_bars<'a>(report: &Report, rows: &'a [Row]) -> Vec<Bar<'a>> {
 fn bars(svg: &mut Svg, report: &Report, top: f64) -> f64 {
     let longest = |software: bool| {
         let rows = report.results.rows.iter();
-        let ours = rows.filter(|row| software || !(report.machine.software && row.backend != Backend::Cpu));
+        let ours = rows.filter(|row| software || !(report.machine.software && row.backend != Split::Cpu));
         let theirs = report.scenes().filter_map(|rows| papers::of(&rows[0].scene));
         let theirs = theirs.flat_map(|paper| [paper.gpu.frame, paper.cpu.frame]);
         ours.map(|row| row.measured.times.frame).chain(theirs).fold(0.0, f64::max)
@@ -193,10 +193,9 @@ fn panels(svg: &mut Svg, report: &Report, top: f64) -> f64 {
         return top;
     }
     svg.text([MARGIN, top], "How the frame grows (ms, both axes logarithmic)", Anchor::Start, HEADING);
-    let backends = Backend::ALL;
-    let drawn = |backend: &Backend| {
-        panels.iter().any(|(.., rows)| rows.iter().any(|(_, row)| row.backend == *backend))
-    };
+    let backends = Split::ALL;
+    let drawn =
+        |backend: &Split| panels.iter().any(|(.., rows)| rows.iter().any(|(_, row)| row.backend == *backend));
     for (index, backend) in backends.into_iter().filter(drawn).enumerate() {
         let x = 460.0 + 150.0 * index as f64;
         svg.line([x, top - 4.5], [x + 22.0, top - 4.5], LINES[backend as usize], 2.5);

@@ -3,7 +3,7 @@
 use epigraph_pictures::grouped;
 
 use super::{
-    Backend, Results, Row, SOFTWARE_WARNING, Sweep,
+    Results, Row, SOFTWARE_WARNING, Split, Sweep,
     column::{self, COLUMNS},
     machine::Machine,
     measure::Measured,
@@ -51,8 +51,8 @@ impl Report<'_> {
     }
 
     /// What a backend is called in tables and plots.
-    pub fn label(&self, backend: Backend) -> String {
-        let software = self.machine.software && backend != Backend::Cpu;
+    pub fn label(&self, backend: Split) -> String {
+        let software = self.machine.software && backend != Split::Cpu;
         if software { format!("{backend} (software)") } else { backend.to_string() }
     }
 

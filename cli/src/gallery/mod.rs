@@ -10,27 +10,26 @@ mod window;
 
 use std::{path::Path, sync::Arc};
 
-use epigraph_core::{Gpu, GraphFile, Registry, Side};
+use epigraph::{Device, Place, Registry};
+use epigraph_core::GraphFile;
 use epigraph_pictures::{Difference, png, tone};
-use epigraph_scenes::{CameraPath, Scene, Tracer};
-use epigraph_stages::World;
+use epigraph_scenes::{CameraPath, Tracer};
 
 use self::{
     draw::Panel,
     folder::Folder,
     page::{Page, Section},
-    shot::{Run, Shot},
+    shot::{Camera, Shot},
     window::Window,
 };
 use crate::{
-    args::{GalleryArgs, SceneArgs},
+    args::GalleryArgs,
     bench::{SCENES, needs_fetch},
     error::CliError,
-    graph_source,
+    open,
     output::print,
-    reference::{self, load_scene},
-    render, sheet,
-    values::{Light, Pace},
+    reference, sheet,
+    values::Light,
 };
 
 /// The graphs that are shown: the second for comparison.
@@ -41,26 +40,24 @@ const CACHE: &str = "render-cache";
 const PAGE: &str = "gallery.md";
 
 /// Renders, draws and writes. The folder's files are written when all of them are there.
-pub fn gallery(args: &GalleryArgs) -> Result<(), CliError> {
+pub fn gallery(args: &GalleryArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     let folder = Folder::new(&args.out)?;
-    let gallery = Gallery::new(args)?;
+    let gallery = Gallery::new(args, registry)?;
     let mut files = Vec::new();
     let mut sections: Vec<Section> = Vec::new();
     let by_default = args.scene.is_empty();
     let named = args.scene.iter().map(String::as_str);
     let scenes: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
     for scene in scenes {
-        let loaded =
-            load_scene(&SceneArgs { scene: scene.into(), camera: args.camera.clone(), size: args.size });
-        let loaded = match loaded {
+        let place = match open::place(scene, &args.camera) {
             // Who named it wants it; by default, a scene takes part when its mesh is there.
             Err(error) if by_default && needs_fetch(scene) => {
                 eprintln!("note: without {scene}: {error}");
                 continue;
             }
-            loaded => loaded?,
+            place => place?,
         };
-        let section = gallery.scene(scene, loaded, &mut files)?;
+        let section = gallery.scene(scene, &place, &mut files)?;
         if let Some(same) = sections.iter().find(|other| other.name == section.name) {
             let text =
                 format!("--scene {scene}: its pictures would have the names of those of {}", same.scene);
@@ -68,7 +65,7 @@ pub fn gallery(args: &GalleryArgs) -> Result<(), CliError> {
         }
         sections.push(section);
     }
-    let page = Page { args, side: gallery.side, samples: gallery.samples, sections: &sections };
+    let page = Page { args, side: gallery.device.side, samples: gallery.samples, sections: &sections };
     files.push((PAGE.to_owned(), page.markdown().into_bytes()));
     folder.write(&files)?;
     let bytes: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
@@ -83,47 +80,42 @@ pub fn gallery(args: &GalleryArgs) -> Result<(), CliError> {
 /// What is the same for all scenes.
 struct Gallery<'a> {
     args: &'a GalleryArgs,
-    registry: Registry,
+    registry: &'a Arc<Registry>,
     epi: GraphFile,
     cache: GraphFile,
-    side: Side,
-    gpu: Option<Arc<Gpu>>,
+    device: Device,
     /// Samples that a frame may ask for.
     samples: u32,
 }
 
 impl<'a> Gallery<'a> {
-    fn new(args: &'a GalleryArgs) -> Result<Self, CliError> {
-        let samples = args.samples.of(args.size.0).map_err(CliError::Input)?;
+    fn new(args: &'a GalleryArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
+        let samples = open::samples(args.samples, args.size.0)?;
         Window::check(args.crop, args.size.0).map_err(CliError::Input)?;
-        let (epi, cache) = (graph_source::load(EPI)?, graph_source::load(CACHE)?);
-        let (side, gpu) = render::placement(args.backend)?;
-        Ok(Self { args, registry: epigraph_stages::registry(), epi, cache, side, gpu, samples })
+        let (epi, cache) = (open::graph(EPI, &[])?, open::graph(CACHE, &[])?);
+        let device = Device::open(args.backend)?;
+        Ok(Self { args, registry, epi, cache, device, samples })
     }
 
     /// All of one scene: its pictures are put to `files`.
     fn scene(
         &self,
         name: &str,
-        (scene, path): (Arc<Scene>, CameraPath),
+        place: &Place,
         files: &mut Vec<(String, Vec<u8>)>,
     ) -> Result<Section, CliError> {
-        let tracer = render::tracer(&scene);
-        let host = render::host(tracer.clone(), Pace::Exact, rayon::current_num_threads());
-        let run = Run {
+        let tracer = open::tracer(place);
+        let camera = Camera {
             label: name,
-            registry: &self.registry,
-            facts: World::facts(&scene, path.moves()),
-            side: self.side,
-            gpu: self.gpu.clone(),
-            host: &host,
-            path: &path,
+            registry: self.registry,
+            device: &self.device,
+            place,
             args: self.args,
             samples: self.samples,
         };
-        let epi = run.dissect(&self.epi)?;
-        let cache = run.shoot(&self.cache)?;
-        let converged = self.converged(&tracer.at(self.args.frames - 1), &path)?;
+        let epi = camera.dissect(&self.epi)?;
+        let cache = camera.shoot(&self.cache)?;
+        let converged = self.converged(&tracer.at(self.args.frames - 1), &place.path)?;
 
         let window = match self.args.crop {
             Some(crop) => Window::at(crop, epi.layers.size),
@@ -163,7 +155,7 @@ impl<'a> Gallery<'a> {
         let settings = reference::trace_settings(Light::Direct);
         let camera = path.camera(self.args.frames - 1);
         let colors =
-            reference::trace("tracing", tracer, &camera, size, self.args.spp, &settings, self.args.seed);
+            reference::trace("tracing", tracer, &camera, size, self.args.spp, &settings, self.args.seed)?;
         let colors = colors.into_iter().map(tone::to_srgb8).collect();
         Ok(Shot { size: size.map(|side| side as usize), colors })
     }

@@ -4,18 +4,12 @@
 
 use std::sync::Arc;
 
-use epigraph_core::{
-    Executor, Facts, Gpu, Graph, GraphFile, Host, Node, NodeDef, PortRef, Registry, Settings, Side, Snapshot,
-    Source, compile,
-};
+use epigraph::{Device, Place, Registry, Run, Samples, Setup};
+use epigraph_core::{Graph, GraphFile, Node, NodeDef, PortRef, Snapshot, Source};
 use epigraph_pictures::{Look, Picture, show, size, tone};
-use epigraph_scenes::CameraPath;
-use epigraph_stages::{
-    World,
-    shared::{cloud::decode_radiance, requests::NO_POINT},
-};
+use epigraph_stages::shared::{cloud::decode_radiance, requests::NO_POINT};
 
-use crate::{args::GalleryArgs, error::CliError, progress, render};
+use crate::{args::GalleryArgs, error::CliError, open};
 
 /// The output that is the picture.
 const IMAGE: &str = "image";
@@ -73,75 +67,64 @@ pub struct Dissected {
 }
 
 /// How graphs are run on a scene.
-pub struct Run<'a> {
+pub struct Camera<'a> {
     /// What the progress bar says.
     pub label: &'a str,
     /// The stages.
-    pub registry: &'a Registry,
-    /// What the scene states.
-    pub facts: Facts,
-    /// Where nodes run that do not say.
-    pub side: Side,
-    /// The GPU, where it is open.
-    pub gpu: Option<Arc<Gpu>>,
-    /// The tracer.
-    pub host: &'a Host,
-    /// The camera's way.
-    pub path: &'a CameraPath,
+    pub registry: &'a Arc<Registry>,
+    /// Where nodes run by default.
+    pub device: &'a Device,
+    /// The scene and the camera's path.
+    pub place: &'a Place,
     /// The command line.
     pub args: &'a GalleryArgs,
     /// Samples that a frame may ask for.
     pub samples: u32,
 }
 
-impl Run<'_> {
+impl Camera<'_> {
     /// The last frame of a graph.
     ///
     /// # Errors
     /// What is wrong with the graph for this scene, and stages that fail.
     pub fn shoot(&self, file: &GraphFile) -> Result<Shot, CliError> {
-        let executor = &mut self.run(file, self.settings())?;
-        self.picture(file, executor)
+        let mut run = self.setup(file).start()?;
+        self.run(&mut run, file)
     }
 
     /// The last frame of a graph that interpolates between edges, and what it is made of.
     ///
     /// # Errors
-    /// As [`Run::shoot`], and that the graph lacks a stage.
+    /// As [`Camera::shoot`], and that the graph lacks a stage.
     pub fn dissect(&self, file: &GraphFile) -> Result<Dissected, CliError> {
-        let mut settings = self.settings();
-        let (graph, _) = compile(file, self.registry, &settings)?;
-        let (ports, file) = (Ports::find(&graph, &file.path)?, &with_outlines(file, &graph)?);
-        settings.taps = ports.all();
-        let executor = &mut self.run(file, settings)?;
-        let shot = self.picture(file, executor)?;
-        let layers = ports.read(&executor.snapshots()?, shot.size);
+        let compiled = self.setup(file).compile()?;
+        let graph = compiled.graph();
+        let (ports, file) = (Ports::find(graph, &file.path)?, &with_outlines(file, graph)?);
+        let mut compiled = self.setup(file).compile()?;
+        compiled.keep(&ports.all())?;
+        let mut run = compiled.start()?;
+        let shot = self.run(&mut run, file)?;
+        let layers = ports.read(&run.executor.snapshots()?, shot.size);
         Ok(Dissected { shot, layers })
     }
 
-    fn settings(&self) -> Settings {
-        let size = self.args.size.0;
-        Settings { facts: self.facts, side: self.side, ..Settings::new(size, self.samples) }
+    fn setup(&self, file: &GraphFile) -> Setup {
+        Setup::new(file.clone())
+            .registry(self.registry.clone())
+            .at(self.place)
+            .device(self.device)
+            .size(self.args.size.0)
+            .samples(Samples::Count(self.samples))
+            .seed(self.args.seed)
     }
 
-    /// Runs all frames; the last one is captured.
-    fn run(&self, file: &GraphFile, settings: Settings) -> Result<Executor, CliError> {
-        let (graph, plan) = compile(file, self.registry, &settings)?;
-        let mut executor = render::executor(graph, plan, &settings, self.registry, self.gpu.clone())?;
+    /// Runs all frames; the picture of the last one.
+    fn run(&self, run: &mut Run, file: &GraphFile) -> Result<Shot, CliError> {
         let frames = self.args.frames;
-        let bar = progress::bar(frames.into(), &format!("{}, {}", self.label, file.path), "frames");
-        for index in 0..frames {
-            let frame = World::frame(self.path, index, self.args.size.0, self.samples, self.args.seed);
-            executor.run(&frame, self.host, index + 1 == frames)?;
-            bar.inc(1);
-        }
-        bar.finish_and_clear();
-        Ok(executor)
-    }
-
-    fn picture(&self, file: &GraphFile, executor: &mut Executor) -> Result<Shot, CliError> {
-        let look = Look { far: self.path.camera(self.args.frames - 1).far, ..Look::default() };
-        let image = executor.snapshot(IMAGE, "")?;
+        let label = format!("{}, {}", self.label, file.path);
+        open::frames(run, frames, &label, |index| index + 1 == frames, |_, _| Ok(()))?;
+        let look = Look { far: run.path().camera(frames - 1).far, ..Look::default() };
+        let image = run.executor.snapshot(IMAGE, "")?;
         let image = image.ok_or_else(|| lacks(&file.path, &format!("output `{IMAGE}`")))?;
         Ok(Shot { size: size(image.dims), colors: show(image, &look).colors })
     }

@@ -7,22 +7,14 @@ mod report;
 
 use std::sync::Arc;
 
-use epigraph_core::{Gpu, Registry, Side};
-use epigraph_scenes::{CameraPath, Scene};
+use epigraph::{Device, Place, Registry, Samples};
 
 use self::{
     measure::{Figures, FrameFigures, Job, Named, View},
     reference::References,
     report::Report,
 };
-use crate::{
-    args::QualityArgs,
-    error::CliError,
-    graph_source,
-    output::JsonTarget,
-    progress, render, svg,
-    values::{Pace, Samples},
-};
+use crate::{args::QualityArgs, error::CliError, open, output::JsonTarget, svg};
 
 /// What is measured where nothing is named. The first graph is what the others are held against.
 const GRAPHS: [&str; 2] = ["render-cache", "epi"];
@@ -72,13 +64,14 @@ impl Row {
 }
 
 /// Measures and tells.
-pub fn quality(args: &QualityArgs) -> Result<(), CliError> {
-    render::set_threads(args.threads)?;
+pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
+    open::threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
     let plot = args.plot.as_deref().map(svg::target).transpose()?;
-    let quality = Quality::new(args)?;
+    let quality = Quality::new(args, registry)?;
     let rows = quality.run()?;
-    let report = Report { args, side: quality.side, gpu: quality.gpu.as_deref(), rows: &rows };
+    let Device { side, gpu } = &quality.device;
+    let report = Report { args, side: *side, gpu: gpu.as_deref(), rows: &rows };
     if let Some(target) = &plot {
         target.write(plot::svg(&report).as_bytes())?;
     }
@@ -87,34 +80,32 @@ pub fn quality(args: &QualityArgs) -> Result<(), CliError> {
 
 struct Quality<'a> {
     args: &'a QualityArgs,
-    registry: Registry,
+    registry: &'a Arc<Registry>,
     graphs: Vec<Named>,
     /// Ascending and without repetition; empty for the defaults.
     frames: Vec<u32>,
     /// As given, and the number.
     samples: Vec<(Samples, u32)>,
-    side: Side,
-    gpu: Option<Arc<Gpu>>,
+    device: Device,
 }
 
 impl<'a> Quality<'a> {
-    fn new(args: &'a QualityArgs) -> Result<Self, CliError> {
+    fn new(args: &'a QualityArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
         let mut graphs = Vec::new();
         for name in named_or(&args.graphs, &GRAPHS) {
-            let mut file = graph_source::load(name)?;
-            graph_source::apply(&mut file, &args.set)?;
+            let file = open::graph(name, &args.set)?;
             let name = name.strip_prefix("graphs/").unwrap_or(name);
             let name = name.strip_suffix(".ron").unwrap_or(name);
             graphs.push(Named { name: name.into(), file });
         }
-        let count = |samples: &Samples| Ok((*samples, samples.of(args.size.0)?));
-        let samples: Result<Vec<_>, String> = args.samples.iter().map(count).collect();
-        let samples = distinct(samples.map_err(CliError::Input)?);
+        let count = |samples: &Samples| Ok((*samples, open::samples(*samples, args.size.0)?));
+        let samples: Result<Vec<_>, CliError> = args.samples.iter().map(count).collect();
+        let samples = distinct(samples?);
         let mut frames = args.frames.clone();
         frames.sort_unstable();
         frames.dedup();
-        let (side, gpu) = render::placement(args.backend)?;
-        Ok(Self { args, registry: epigraph_stages::registry(), graphs, frames, samples, side, gpu })
+        let device = Device::open(args.backend)?;
+        Ok(Self { args, registry, graphs, frames, samples, device })
     }
 
     fn run(&self) -> Result<Vec<Row>, CliError> {
@@ -125,12 +116,10 @@ impl<'a> Quality<'a> {
         }
         let mut rows = Vec::new();
         for views in views.chunk_by(|a, b| a.scene_name == b.scene_name) {
-            // The tracer and the shadow edges that stages keep are shared by all cameras.
-            let tracer = render::tracer(&views[0].scene);
-            let host = render::host(tracer.clone(), Pace::Exact, rayon::current_num_threads());
+            let tracer = open::tracer(&views[0].place);
             for view in views {
                 let frames = self.frames(view);
-                let references = References::trace(self.args, view, &tracer, &frames)?;
+                let references = References::trace(self.args, view, &frames)?;
                 for job in self.jobs(view) {
                     rows.push(Row {
                         graph: job.named.name.clone(),
@@ -139,11 +128,11 @@ impl<'a> Quality<'a> {
                         samples: job.samples,
                         count: job.count,
                         edge_share: references.edge_share(),
-                        frames: job.run(&host, &frames, &references)?,
+                        frames: job.run(&frames, &references)?,
                     });
                 }
             }
-            render::warn_of_bad_samples(&host);
+            open::warn_of_bad_samples(tracer);
         }
         Ok(rows)
     }
@@ -152,15 +141,15 @@ impl<'a> Quality<'a> {
     fn views(&self) -> Result<Vec<View>, CliError> {
         let mut views = Vec::new();
         for name in named_or(&self.args.scene, &SCENES) {
-            let scene = Arc::new(progress::spinner(format!("loading scene {name}"), || Scene::load(name))?);
+            // All camera paths share the tracer and the shadow edges that stages keep.
+            let mut shared: Option<Place> = None;
             for camera in named_or(&self.args.camera, &CAMERAS) {
-                let path = CameraPath::parse(camera, &scene)?;
-                views.push(View {
-                    scene_name: name.into(),
-                    camera: camera.into(),
-                    scene: scene.clone(),
-                    path,
-                });
+                let place = match &shared {
+                    Some(place) => place.along(camera)?,
+                    None => open::place(name, camera)?,
+                };
+                shared = Some(place.clone());
+                views.push(View { scene_name: name.into(), camera: camera.into(), place });
             }
         }
         Ok(views)
@@ -170,10 +159,9 @@ impl<'a> Quality<'a> {
     fn jobs<'b>(&'b self, view: &'b View) -> impl Iterator<Item = Job<'b>> {
         self.graphs.iter().flat_map(move |named| {
             self.samples.iter().map(move |&(samples, count)| Job {
-                registry: &self.registry,
+                registry: self.registry,
                 named,
-                side: self.side,
-                gpu: self.gpu.clone(),
+                device: &self.device,
                 view,
                 size: self.args.size.0,
                 samples,
@@ -184,7 +172,7 @@ impl<'a> Quality<'a> {
     }
 
     fn frames(&self, view: &View) -> Vec<u32> {
-        match (self.frames.as_slice(), view.path.moves()) {
+        match (self.frames.as_slice(), view.place.path.moves()) {
             ([], false) => STILL_FRAMES.into(),
             ([], true) => MOVING_FRAMES.into(),
             (frames, _) => frames.into(),

@@ -1,16 +1,13 @@
 //! Converged pictures of the frames to compare, kept while all graphs are compared with them.
 
-use std::sync::Arc;
-
+use epigraph::{Place, memory};
 use epigraph_pictures::{Difference, Picture};
-use epigraph_scenes::Tracer;
 
 use super::measure::{Figures, FrameFigures, View};
 use crate::{
     args::QualityArgs,
     edge_mask,
     error::CliError,
-    memory,
     reference::{trace, trace_settings},
 };
 
@@ -35,31 +32,25 @@ impl References {
     ///
     /// # Errors
     /// That there is not enough memory.
-    pub fn trace(
-        args: &QualityArgs,
-        view: &View,
-        tracer: &Arc<Tracer>,
-        frames: &[u32],
-    ) -> Result<Self, CliError> {
+    pub fn trace(args: &QualityArgs, view: &View, frames: &[u32]) -> Result<Self, CliError> {
         let size = args.size.0;
-        let frames = if view.path.moves() || !view.scene.bodies.is_empty() {
-            frames
-        } else {
-            &frames[..frames.len().min(1)]
-        };
+        let Place { path, scene, .. } = &view.place;
+        let tracer = view.place.tracer();
+        let frames =
+            if path.moves() || !scene.bodies.is_empty() { frames } else { &frames[..frames.len().min(1)] };
         let bytes = BYTES_TO_COMPARE + BYTES_TO_KEEP * frames.len() as u64;
         memory::require(u64::from(size[0]) * u64::from(size[1]) * bytes)?;
         let settings = trace_settings(args.mode);
-        let converged = |&frame: &u32| {
+        let converged = |&frame: &u32| -> Result<_, CliError> {
             let label = format!("{}, {}, reference {frame}", view.scene_name, view.camera);
-            let camera = view.path.camera(frame);
+            let camera = path.camera(frame);
             let tracer = tracer.at(frame);
-            let colors = trace(&label, &tracer, &camera, size, args.spp, &settings, args.seed);
+            let colors = trace(&label, &tracer, &camera, size, args.spp, &settings, args.seed)?;
             let edges = edge_mask::trace(&tracer, &camera, size);
             let size = size.map(|side| side as usize);
-            Converged { picture: Picture { size, colors, linear: true }, edges }
+            Ok(Converged { picture: Picture { size, colors, linear: true }, edges })
         };
-        Ok(Self { views: frames.iter().map(converged).collect() })
+        Ok(Self { views: frames.iter().map(converged).collect::<Result<_, _>>()? })
     }
 
     /// The share of pixels that are near edges, 0 to 1, mean over the frames.

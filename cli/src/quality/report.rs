@@ -200,7 +200,7 @@ fn of_figures(figures: Figures) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::values::Samples;
+    use epigraph::Samples;
 
     fn row(graph: &str, share: f64, whole: [f64; 2], edges: Option<[f64; 2]>) -> Row {
         let figures = |[psnr, flip]: [f64; 2]| Figures { psnr, flip };

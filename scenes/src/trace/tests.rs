@@ -1,4 +1,5 @@
 use std::f32::consts::PI;
+use std::sync::atomic::Ordering;
 
 use super::*;
 use crate::{Camera, Light, Mesh, Surface, reference};
@@ -423,7 +424,9 @@ fn reference_image_is_the_same_on_any_number_of_threads_and_converges() {
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 1.2, 0.1, 3.0);
     let render = |threads, spp, seed| {
         let settings = settings(Mode::Path, 1);
-        in_pool(threads, || reference::render(&tracer, &camera, [12, 8], spp, &settings, seed, &|_| ()))
+        in_pool(threads, || {
+            reference::render(&tracer, &camera, [12, 8], spp, &settings, seed, &|| true).unwrap()
+        })
     };
     assert_eq!(render(1, 4, 1), render(3, 4, 1));
     let converged = render(2, 4096, 2);
@@ -438,21 +441,26 @@ fn reference_image_is_the_same_on_any_number_of_threads_and_converges() {
 }
 
 #[test]
-fn reference_progress_ends_at_one_and_pixels_are_averaged_over_their_area() {
+fn reference_pixels_are_averaged_over_their_area_and_each_row_is_told_once() {
     let mut stage = Stage::new(1.0);
     // Emissive left half of the view, black right half, seen through one row of three pixels.
     stage.quad(Vec3::new(-9.0, -9.0, -1.0), Vec3::X * 9.0, Vec3::Y * 18.0, Surface::Diffuse, 0.0, 1.0);
     let (tracer, camera) = (stage.tracer(), Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0));
-    let last = std::sync::Mutex::new(0.0f32);
-    let progress = |share: f32| {
-        let mut last = last.lock().unwrap();
-        *last = last.max(share);
+    let rows = std::sync::atomic::AtomicUsize::new(0);
+    let render = |size, stop_at| {
+        rows.store(0, Ordering::Relaxed);
+        let row_done = || rows.fetch_add(1, Ordering::Relaxed) + 1 < stop_at;
+        reference::render(&tracer, &camera, size, 64, &settings(Mode::Direct, 1), 0, &row_done)
     };
-    let image = reference::render(&tracer, &camera, [3, 1], 64, &settings(Mode::Direct, 1), 0, &progress);
+    let image = render([3, 1], usize::MAX).unwrap();
     assert_eq!(image[0], Vec3::ONE);
     assert_near(image[1].x, 0.5, 1e-6);
     assert_eq!(image[2], Vec3::ZERO);
-    assert_eq!(*last.lock().unwrap(), 1.0);
+    assert_eq!(rows.load(Ordering::Relaxed), 1);
+    assert!(render([3, 9], usize::MAX).is_some() && rows.load(Ordering::Relaxed) == 9);
+    // Whoever says stop gets no image, and rows that are not yet begun are left out.
+    assert_eq!(render([3, 1000], 1), None);
+    assert!(rows.load(Ordering::Relaxed) < 1000);
 }
 
 #[test]

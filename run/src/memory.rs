@@ -4,7 +4,7 @@ use std::fs;
 
 use epigraph_pictures::readable;
 
-use crate::error::CliError;
+use crate::Error;
 
 /// Most bytes that the process has held in main memory at once; none where the system does not say.
 pub fn peak() -> Option<u64> {
@@ -18,10 +18,10 @@ pub fn available() -> Option<u64> {
 
 /// Makes sure that there are about so many bytes, because systems that promise more than they have end the program
 /// later without a word.
-pub fn require(bytes: u64) -> Result<(), CliError> {
+pub fn require(bytes: u64) -> Result<(), Error> {
     match available() {
-        Some(free) if bytes > free => Err(CliError::Input(format!(
-            "this needs {} of memory, but only {} are free; choose a smaller --size",
+        Some(free) if bytes > free => Err(Error::Memory(format!(
+            "this needs {} of memory, but only {} are free; choose a smaller size",
             readable(bytes),
             readable(free)
         ))),

@@ -4,16 +4,19 @@ use std::{io, path::Path};
 
 use epigraph_core::{GraphError, GraphFile, Problems};
 
-use crate::{error::CliError, values::Setting};
+pub use epigraph_graphs::names;
 
-/// The graph that is rendered where none is named.
-pub const DEFAULT_GRAPH: &str = "epi";
+/// The graph that runs where none is named.
+pub const DEFAULT: &str = "epi";
+
+/// What a name that leads to no graph is said to be; see [`load`].
+pub const UNKNOWN: &str = "graph or file";
 
 /// Reads a graph: the file of that name if there is one, else the graph that comes with the program under that name,
 /// written `render-cache`, `render-cache.ron` or `graphs/render-cache.ron`.
 ///
 /// # Errors
-/// That there is neither, or the problems of the text.
+/// The problems of the text. Where there is neither, a single word is a [`GraphError::Unknown`] of what is [`UNKNOWN`].
 pub fn load(name: &str) -> Result<GraphFile, Problems> {
     let path = Path::new(name);
     if path.exists() {
@@ -29,31 +32,14 @@ pub fn load(name: &str) -> Result<GraphFile, Problems> {
         }),
         None => {
             let mut problems = GraphFile::load(path).err().unwrap_or_default();
-            // One word is as likely a mistyped name as a mistyped path.
+            // A single word is as likely a mistyped name as a mistyped path.
             if !name.contains(['/', '\\', '.'])
                 && let Some(problem) = problems.0.first_mut()
             {
-                problem.error = GraphError::unknown("graph, file or command", name, known_words());
+                problem.error = GraphError::unknown(UNKNOWN, name, names());
                 problem.place = None;
             }
             Err(problems)
         }
     }
-}
-
-fn known_words() -> impl Iterator<Item = &'static str> {
-    let commands = ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality"];
-    epigraph_graphs::names().chain(commands)
-}
-
-/// Applies `--set` in order.
-///
-/// # Errors
-/// That there is no such node, or that the value is no RON. Whether the stage knows the parameter shows on compiling.
-pub fn apply(file: &mut GraphFile, settings: &[Setting]) -> Result<(), CliError> {
-    for Setting { node, param, value } in settings {
-        file.set_param(node, param, value)
-            .map_err(|problems| CliError::Input(format!("--set {node}.{param}={value}: {problems}")))?;
-    }
-    Ok(())
 }

@@ -1,0 +1,102 @@
+//! What commands open before they run: graphs with `--set`, scenes with progress, threads.
+
+use std::sync::Arc;
+
+use epigraph::{Place, Run, Samples, graphs};
+use epigraph_core::{GraphError, GraphFile};
+use epigraph_scenes::{Scene, Tracer};
+
+use crate::{error::CliError, progress, values::Setting};
+
+/// Names of commands: one word on the command line may be one that is mistyped.
+const COMMANDS: [&str; 8] =
+    ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality"];
+
+/// Reads a graph by its name or file and applies `--set` in order.
+///
+/// # Errors
+/// The problems of the text; that `--set` names no node, or a value that is no RON. Whether the stage knows the parameter
+/// shows on compiling.
+pub fn graph(name: &str, settings: &[Setting]) -> Result<GraphFile, CliError> {
+    let mut file = graphs::load(name).map_err(|mut problems| {
+        for problem in &mut problems.0 {
+            if matches!(problem.error, GraphError::Unknown { what: graphs::UNKNOWN, .. }) {
+                let known = graphs::names().chain(COMMANDS);
+                problem.error = GraphError::unknown("graph, file or command", name, known);
+            }
+        }
+        problems
+    })?;
+    for Setting { node, param, value } in settings {
+        file.set_param(node, param, value)
+            .map_err(|problems| CliError::Input(format!("--set {node}.{param}={value}: {problems}")))?;
+    }
+    Ok(file)
+}
+
+/// How many samples a frame of `size` pixels may ask for.
+///
+/// # Errors
+/// That there would be more than one for each pixel.
+pub fn samples(samples: Samples, size: [u32; 2]) -> Result<u32, CliError> {
+    let (count, pixels) = (samples.of(size), size[0] * size[1]);
+    if count > pixels {
+        let text = format!("--samples {samples} is more than one for each of the {pixels} pixels");
+        return Err(CliError::Input(text));
+    }
+    Ok(count)
+}
+
+/// Reads a scene and the camera's path through it.
+pub fn place(scene: &str, camera: &str) -> Result<Place, CliError> {
+    let loaded = progress::spinner(format!("loading scene {scene}"), || Scene::load(scene))?;
+    Ok(Place::new(Arc::new(loaded), camera)?)
+}
+
+/// The ray tracer of a place, built if it is not yet.
+pub fn tracer(place: &Place) -> &Arc<Tracer> {
+    progress::spinner("building the tracer".into(), || place.tracer())
+}
+
+/// Makes the pool of threads that all computing shares; how many they are.
+pub fn threads(wanted: Option<u16>) -> Result<usize, CliError> {
+    if let Some(threads) = wanted {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .map_err(|error| CliError::Input(format!("--threads {threads}: {error}")))?;
+    }
+    Ok(rayon::current_num_threads())
+}
+
+/// Tells of samples whose radiance is no number: a fault of the scene or of the tracer, which the picture alone would not
+/// show.
+pub fn warn_of_bad_samples(tracer: &Tracer) {
+    let count = tracer.non_finite();
+    if count > 0 {
+        eprintln!("warning: {count} samples had a radiance that is not finite; they count as black");
+    }
+}
+
+/// Runs `frames` frames with a progress bar. `before` says whether to capture a frame, by its number; `after` sees what
+/// came of it.
+///
+/// # Errors
+/// Those of the frames and of `after`, and [`CliError::Interrupted`].
+pub fn frames(
+    run: &mut Run,
+    frames: u32,
+    label: &str,
+    capture: impl Fn(u32) -> bool,
+    mut after: impl FnMut(&mut Run, u32) -> Result<(), CliError>,
+) -> Result<(), CliError> {
+    let bar = progress::bar(frames.into(), label, "frames");
+    for index in 0..frames {
+        crate::interrupt::check()?;
+        run.advance(capture(index))?;
+        after(run, index)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}

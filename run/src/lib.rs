@@ -1,0 +1,48 @@
+//! Epigraph as a library: open a graph on a scene, run it frame by frame, read any port.
+//!
+//! ```
+//! use epigraph::{Image, Run, Samples};
+//!
+//! # fn main() -> Result<(), epigraph::Error> {
+//! let mut run = Run::open("epi")?
+//!     .scene("cornell")
+//!     .camera("orbit")
+//!     .size([96, 64])
+//!     .samples(Samples::Share(0.05))
+//!     .keep(&["interpolate.color"])
+//!     .start()?;
+//! run.frames(4)?;
+//! let color: Image<[f32; 4]> = run.read("interpolate.color")?;
+//! assert_eq!(color.size, [96, 64]);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A [`Setup`] collects what to run: a graph, a [`Place`] (a scene and a camera path through it), the size, the samples, where
+//! nodes run. [`Setup::compile`] checks it and gives a plan, which needs no GPU; [`Compiled::start`] allocates. A [`Run`]
+//! then only runs frames. The command line and the editor are built on these.
+//!
+//! The layers below are there for those who need more: [`epigraph_core`] (graph files, plans, executors, the contract of
+//! a stage), [`epigraph_stages`] (the stages of the algorithms), [`epigraph_scenes`] (scenes, camera paths, the ray
+//! tracer) and [`epigraph_pictures`] (from numbers to pictures and files).
+
+mod backend;
+mod error;
+pub mod graphs;
+mod image;
+pub mod memory;
+mod place;
+mod run;
+mod samples;
+mod setup;
+
+pub use epigraph_core::{Registry, Snapshot, Source};
+pub use epigraph_stages::{Pace, SampleSource, registry};
+
+pub use backend::{Backend, Device};
+pub use error::Error;
+pub use image::{Image, Pixel};
+pub use place::Place;
+pub use run::Run;
+pub use samples::Samples;
+pub use setup::{Compiled, Setup};

@@ -1,0 +1,76 @@
+//! How many samples a frame may ask for.
+
+use std::{fmt, str::FromStr};
+
+/// How many samples a frame may ask for. Written as a count (`13000`) or a share of the pixels (`5%`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Samples {
+    /// This many.
+    Count(u32),
+    /// This share of the image's pixels, above 0 and up to 1.
+    Share(f64),
+}
+
+impl Samples {
+    /// The number of samples of a frame of `size` pixels; of a share at least 1.
+    pub fn of(self, size: [u32; 2]) -> u32 {
+        match self {
+            Self::Count(count) => count,
+            Self::Share(share) => ((f64::from(size[0] * size[1]) * share).round() as u32).max(1),
+        }
+    }
+}
+
+impl fmt::Display for Samples {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Count(count) => write!(f, "{count}"),
+            // Seven digits: 0.07 x 100 is not 7.
+            Self::Share(share) => write!(f, "{}%", (share * 1e7).round() / 1e5),
+        }
+    }
+}
+
+impl FromStr for Samples {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let samples = match text.strip_suffix('%') {
+            Some(percent) => {
+                let percent = percent.trim().parse::<f64>().ok().filter(|&p| p > 0.0 && p <= 100.0);
+                percent.map(|percent| Self::Share(percent / 100.0))
+            }
+            None => text.parse().ok().filter(|&count| count > 0).map(Self::Count),
+        };
+        samples.ok_or_else(|| {
+            "expected how many samples a frame may ask for: a count from 1, such as 13000, or a share of the pixels \
+             above 0% and up to 100%, such as 5%"
+                .to_owned()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_a_count_or_a_share_of_the_pixels() {
+        let of = |text: &str, size| text.parse::<Samples>().unwrap().of(size);
+        assert_eq!(of("7", [10, 10]), 7);
+        // 5% of 512 x 512 is 13107.2.
+        assert_eq!(of("5%", [512, 512]), 13107);
+        assert_eq!(of("100%", [3, 5]), 15);
+        assert_eq!(of("0.001%", [10, 10]), 1);
+        for wrong in ["", "-5", "0", "0%", "-5%", "101%", "NaN%", "inf%", "5 %%", "x", "1.5"] {
+            assert!(wrong.parse::<Samples>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn samples_are_shown_as_they_are_written() {
+        for text in ["7", "5%", "0.1%", "33.3%", "100%"] {
+            assert_eq!(text.parse::<Samples>().unwrap().to_string(), text);
+        }
+    }
+}
