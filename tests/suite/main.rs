@@ -8,6 +8,7 @@ mod extremes;
 mod meshes;
 mod moving;
 mod parity;
+mod render_cache;
 mod shipped;
 mod still;
 mod user_shader;

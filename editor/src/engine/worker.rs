@@ -20,7 +20,7 @@ use std::{
 };
 
 use epigraph_core::{Capture, Gpu, GraphFile, Host, MAX_SIDE, Registry};
-use epigraph_scenes::{AsyncTracer, Camera, FRAMES_PER_SECOND, Scene, Tracer};
+use epigraph_scenes::{Camera, FRAMES_PER_SECOND, Scene, Tracer};
 use epigraph_stages::{Pace, World};
 
 use build::{Rebuild, shader_kind};
@@ -333,14 +333,12 @@ impl Worker {
 fn host(tracer: &Arc<Tracer>, pacing: Pacing) -> Host {
     let pace = match pacing {
         Pacing::Exact => Pace::Exact,
-        Pacing::Async => {
-            // One core stays for the frame and the window.
-            let cores = thread::available_parallelism().map_or(1, usize::from);
-            Pace::Async(AsyncTracer::new((cores - 1).max(1)))
-        }
+        Pacing::Async => Pace::Async,
     };
+    // One core stays for the frame and the window.
+    let cores = thread::available_parallelism().map_or(1, usize::from);
     let mut host = Host::default();
-    host.insert(World::new(tracer.clone(), pace));
+    host.insert(World::new(tracer.clone(), pace, (cores - 1).max(1)));
     host
 }
 
