@@ -61,10 +61,10 @@ pub struct Harness<S: Stage> {
 pub struct Outputs(HashMap<String, Snapshot>);
 
 impl Outputs {
-    /// The elements of `port` or `port.field`.
+    /// The elements of `port` or `port.field`, row by row where the port is two-dimensional.
     ///
     /// # Panics
-    /// Where the stage has no such output.
+    /// If the stage has no such output, or its bytes are no whole number of `T`.
     pub fn get<T: bytemuck::Pod>(&self, name: &str) -> Vec<T> {
         self.0.get(name).unwrap_or_else(|| panic!("no output `{name}`")).get()
     }
@@ -77,7 +77,8 @@ impl<S: Stage> Harness<S> {
         Self { params, settings: settings.clone(), inputs: HashMap::new(), running: HashMap::new(), frame }
     }
 
-    /// Sets the elements of input `port` or `port.field`.
+    /// Sets the elements of input `port` or `port.field`, row by row where the port is two-dimensional. A list is as long
+    /// as the data given; a port of the frame's extent takes exactly its number of elements.
     pub fn set<T: bytemuck::Pod>(&mut self, name: &str, elements: &[T]) {
         let bytes = bytemuck::cast_slice(elements).to_vec();
         self.inputs.insert(name.to_owned(), (elements.len(), bytes));
@@ -90,6 +91,10 @@ impl<S: Stage> Harness<S> {
     }
 
     /// Runs one frame and gives every output, in-place updates included.
+    ///
+    /// # Errors
+    /// [`RunError::Stage`] if the stage fails, an input that it needs has no data, or data was set for an input that it
+    /// does not have or that has another size; the other errors as [`Executor::new`] and [`Executor::run`].
     pub fn run(
         &mut self,
         side: Side,
@@ -102,7 +107,11 @@ impl<S: Stage> Harness<S> {
             None => self.build(side, registry, gpu)?,
         };
         for (name, (_, bytes)) in &self.inputs {
-            executor.restore(&format!("given.{name}"), bytes);
+            // An empty list has the memory of one element.
+            if !executor.restore(&format!("given.{name}"), bytes) && !bytes.is_empty() {
+                let message = format!("there is no input `{name}` of {} bytes", bytes.len());
+                return Err(RunError::Stage { node: "stage".into(), message });
+            }
         }
         executor.run(&self.frame, host, true)?;
         let all = executor.snapshots()?;

@@ -24,6 +24,7 @@ mod registry;
 mod shader;
 mod side;
 mod stage;
+pub mod testing;
 mod wgsl;
 
 pub use capture::{Capture, Snapshot};

@@ -116,8 +116,9 @@ fn what_runs_lies_above_what_is_only_a_value() {
         modules.iter().filter(|(_, uses)| uses.contains(of)).map(|(name, _)| &**name).collect()
     };
     assert_eq!(users("wgsl"), Vec::<&str>::new());
-    assert_eq!(users("harness"), Vec::<&str>::new());
-    assert_eq!(users("executor"), ["harness"]);
+    assert_eq!(users("testing"), Vec::<&str>::new());
+    assert_eq!(users("harness"), ["testing"]);
+    assert_eq!(users("executor"), ["harness", "testing"]);
     // Plans come from graphs alone.
     assert!(["registry", "file", "reflect"].iter().all(|above| !modules["plan"].contains(*above)));
 }

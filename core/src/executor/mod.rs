@@ -479,13 +479,13 @@ impl Executor {
         Ok(bytes)
     }
 
-    /// Replaces what the next frame finds in a storage that lives on, on both sides. Does nothing where there is no
-    /// such storage or it has another size.
-    pub(crate) fn restore(&mut self, storage: &str, bytes: &[u8]) {
-        let Some(id) = self.plan.storages.position(|s| s.name == storage) else { return };
+    /// Replaces what the next frame finds in a storage that lives on, on both sides. Does nothing, and returns false, if
+    /// there is no such storage or it has another size.
+    pub(crate) fn restore(&mut self, storage: &str, bytes: &[u8]) -> bool {
+        let Some(id) = self.plan.storages.position(|s| s.name == storage) else { return false };
         let storage = &self.plan.storages[id];
         if storage.bytes() != bytes.len() as u64 {
-            return;
+            return false;
         }
         self.versions.replaced(id);
         let parity = self.parity();
@@ -498,6 +498,7 @@ impl Executor {
             let slot = self.plan.slot(value, Side::Gpu, parity);
             gpu.write(slot, &storage.element, storage.dims, bytes);
         }
+        true
     }
 }
 
