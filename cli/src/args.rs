@@ -1,5 +1,8 @@
 //! The command line as clap reads it.
 
+// Doc comments here are help texts, in which brackets hold what may be left out.
+#![allow(rustdoc::broken_intra_doc_links)]
+
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};

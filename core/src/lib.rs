@@ -2,6 +2,64 @@
 //!
 //! A [`GraphFile`] is text with the place of everything in it. [`Registry`] turns its nodes into stages, each of which
 //! has declared its ports once ([`Io`]). Shaders are composed and compared with those ports by naga, without a GPU.
+//! [`compile`] gives a [`Plan`], which needs no GPU either; an [`Executor`] allocates its memory and runs it.
+//!
+//! ```
+//! use epigraph_core::{
+//!     CpuContext, Executor, Extent, Frame, GraphFile, Host, Io, Out, Registry, Settings, Stage, compile, params,
+//! };
+//!
+//! params! {
+//!     /// Parameters of [`Ramp`].
+//!     pub struct RampParams {
+//!         /// From each pixel to the next.
+//!         step: f32 = 1.0, in 0.0..=10.0;
+//!     }
+//! }
+//!
+//! /// Values that grow from pixel to pixel. It has no shader, so it runs on the CPU only.
+//! struct Ramp {
+//!     values: Out<f32>,
+//! }
+//!
+//! impl Stage for Ramp {
+//!     const KIND: &'static str = "ramp";
+//!     const DOC: &'static str = "Values that grow from pixel to pixel.";
+//!     type Params = RampParams;
+//!
+//!     fn declare(_: &RampParams, io: &mut Io) -> Self {
+//!         Self { values: io.write("values", "In reading order.", Extent::Frame(1)) }
+//!     }
+//!
+//!     fn cpu(&self, params: &RampParams, cx: &CpuContext) -> Result<(), String> {
+//!         for (index, value) in cx.write(self.values).iter_mut().enumerate() {
+//!             *value = index as f32 * params.step;
+//!         }
+//!         Ok(())
+//!     }
+//! }
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let text = r#"Graph(
+//!     version: 1,
+//!     nodes: { "ramp": (kind: "ramp", params: (step: 0.5)) },
+//!     outputs: { "values": "ramp.values" },
+//! )"#;
+//! let file = GraphFile::parse("ramp.ron", text)?;
+//! let (registry, settings) = (Registry::default().with::<Ramp>(), Settings::new([2, 2], 0));
+//! let (graph, plan) = compile(&file, &registry, &settings)?;
+//! let mut executor = Executor::new(graph, plan, &settings, &registry, None)?;
+//! executor.run(&Frame { size: [2, 2], ..Frame::default() }, &Host::default(), true)?;
+//! let values = executor.snapshot("values", "")?.expect("an output").get::<f32>();
+//! assert_eq!(values, [0.0, 0.5, 1.0, 1.5]);
+//!
+//! // What is wrong with a graph is said with its place, and what was probably meant.
+//! let file = GraphFile::parse("ramp.ron", &text.replace("step", "stop"))?;
+//! let problems = compile(&file, &registry, &settings).err().expect("a parameter that there is not");
+//! assert!(problems.to_string().contains("did you mean `step`?"));
+//! # Ok(())
+//! # }
+//! ```
 
 pub use bytemuck;
 pub use serde;

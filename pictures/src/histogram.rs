@@ -15,7 +15,7 @@ const BEYOND: [f64; 2] = [0.002, 0.998];
 pub struct Histogram {
     /// What values lie where on the axis, from the first bin to the last.
     pub axis: Scale,
-    /// A row of [`BINS`] counts for each lane, in the order of the channels. What lies beyond the axis is in its last bins.
+    /// A row of 128 counts for each lane, in the order of the channels. What lies beyond the axis is in its last bins.
     pub counts: Vec<Vec<u32>>,
 }
 

@@ -8,6 +8,18 @@
 //! - [`Difference`], [`flip`], [`metrics`]: how far two pictures are apart.
 //! - [`Picture`], [`PortFile`], [`Target`]: files.
 //! - [`svg`]: drawings of lines and words.
+//!
+//! ```
+//! use epigraph_pictures::{Difference, Picture};
+//!
+//! let grey = vec![[128; 3]; 64];
+//! let mut spot = grey.clone();
+//! spot[27] = [255, 0, 0];
+//! let [grey, spot] = [grey, spot].map(|colors| Picture::shown([8, 8], &colors));
+//! let difference = Difference::new(&grey, &spot);
+//! assert!(difference.flip() > 0.0 && difference.psnr() < 30.0);
+//! assert_eq!(Difference::new(&grey, &grey).flip(), 0.0);
+//! ```
 
 pub mod edges;
 pub mod flip;

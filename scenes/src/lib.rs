@@ -3,6 +3,25 @@
 //!
 //! A [`Scene`] is one flat, immutable value: every later step (tracer, silhouettes, shadow edges) indexes into the
 //! same vertices, faces and edges. World right-handed, y up, metres; colours are linear Rec. 709.
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use epigraph_scenes::{CameraPath, Rng, Scene, TraceSettings, Tracer};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let scene = Arc::new(Scene::load("cornell")?);
+//! assert_eq!(scene.mesh.triangles.len(), 36);
+//!
+//! // The ray through the middle of frame 30 along an orbit.
+//! let camera = CameraPath::parse("orbit", &scene)?.camera(30);
+//! let direction = camera.direction(32.0, 32.0, [64, 64]);
+//! let mut random = Rng::new(0, Rng::key(30, 0));
+//! let hit = Tracer::new(scene).trace(camera.eye, direction, &TraceSettings::default(), &mut random);
+//! assert!(hit.hit && hit.radiance.min_element() >= 0.0);
+//! # Ok(())
+//! # }
+//! ```
 
 mod builder;
 mod builtin;

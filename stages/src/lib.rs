@@ -1,5 +1,23 @@
 //! The stages of Epigraph: one file for each step of an algorithm, with its ports, parameters and CPU twin; the shader
 //! of the same name lies in `shaders/`.
+//!
+//! [`registry`] has all of them, for [`epigraph_core::compile`]. A stage can also run alone, on given data:
+//!
+//! ```
+//! use epigraph_core::{Harness, Host, Settings, Side};
+//! use epigraph_stages::depth_cull::{DepthCull, DepthCullParams};
+//!
+//! # fn main() -> Result<(), epigraph_core::RunError> {
+//! // One row of pixels: a near surface, through which a point of a far one shows.
+//! let depths = [1.0f32, 1.0, 9.0, 1.0, 1.0];
+//! let mut harness = Harness::<DepthCull>::new(DepthCullParams::default(), &Settings::new([5, 1], 0));
+//! harness.set("id", &[0u32, 1, 2, 3, 4]);
+//! harness.set("depth", &depths.map(f32::to_bits));
+//! let out = harness.run(Side::Cpu, &epigraph_stages::registry(), &Host::default(), None)?;
+//! assert_eq!(out.get::<u32>("id"), [0, 1, u32::MAX, 3, 4]);
+//! # Ok(())
+//! # }
+//! ```
 
 /// The shader of that name in the folder `shaders`. It is a package of its own, so this differs from
 /// [`epigraph_core::shader!`], which looks in the package at hand.

@@ -92,3 +92,16 @@ fn every_cited_section_of_the_algorithms_exists() {
     }
     assert!(count > 100, "only {count} citations were found");
 }
+
+#[test]
+fn the_files_that_the_architecture_names_exist() {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let spans = text.split('`').skip(1).step_by(2);
+    let starts_with_a_folder =
+        |span: &&str| span.split_once('/').is_some_and(|(folder, _)| root().join(folder).is_dir());
+    let paths: Vec<&str> = spans.filter(starts_with_a_folder).collect();
+    assert!(paths.len() > 40, "only {} paths were found", paths.len());
+    for path in paths {
+        assert!(root().join(path).exists(), "ARCHITECTURE.md names {path}");
+    }
+}

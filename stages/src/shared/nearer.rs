@@ -7,7 +7,7 @@ use std::ops::Range;
 const REACH: usize = 2;
 const SPAN: usize = 2 * REACH + 1;
 
-/// Rows that one task goes through: the first has to look at [`REACH`] rows before it as well.
+/// Rows that one task goes through: the first has to look at two rows before it as well.
 pub const BAND: usize = 32;
 
 /// Pixels of a row that are looked at together.
