@@ -143,7 +143,7 @@ macro_rules! choice {
     };
 }
 
-/// A parse error within one parameter's text: byte offset into it, and what the parser says.
+/// An error within one parameter's text: where it is, and what the parser says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamError {
     /// Line and column (from 1) within the value's text.

@@ -3,6 +3,16 @@
 //! Four passes, each a function below: *order* (petgraph; producers before consumers, readers before the updater that
 //! overwrites them), *storages* (one for each written field; updates in place share their source's), *steps* (nodes
 //! with the transfers that their sides make necessary), *slots* (memory shared by transients whose lives do not overlap).
+//!
+//! The words for memory, here and in the executor:
+//!
+//! - A *storage* ([`Storage`]) is what one field of an output holds. Ports that are updated in place work on the storage of
+//!   their source.
+//! - A *value* ([`Value`]) is the contents of a storage, of this frame or of the frame before.
+//! - A *binding* ([`PlannedNode::bindings`]) is what a field of a port works on: a value.
+//! - A *slot* ([`Slot`]) is room for the contents of a storage on one side. Storages whose lives do not overlap use the same
+//!   slot in turn; one whose last frame's value is read has two.
+//! - *Memory* is what the executor makes of a slot: bytes on the CPU, a buffer or a texture on the GPU.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},

@@ -58,7 +58,7 @@ pub enum Pass {
         /// How many threads.
         threads: Threads,
     },
-    /// Classic raster: one point for each element of a list, depth tested (less), into texture ports.
+    /// Classic raster: one point for each element of a list, depth tested (less), into a texture port.
     Points {
         /// Vertex entry point.
         vertex: &'static str,
@@ -66,13 +66,13 @@ pub enum Pass {
         fragment: &'static str,
         /// The list that gives the number of vertices.
         count: FieldRef,
-        /// Texture ports drawn to, cleared to `clear`.
+        /// The texture port to draw to, cleared to `clear`.
         target: FieldRef,
         /// First component's clear value.
         clear: u32,
     },
     /// Classic raster of lines with a width: two triangles, six vertices, for each element of a list, without a depth
-    /// test, into texture ports that are cleared to 0.
+    /// test, into a texture port that is cleared to 0.
     Lines {
         /// Vertex entry point.
         vertex: &'static str,
@@ -80,7 +80,7 @@ pub enum Pass {
         fragment: &'static str,
         /// The list that gives the number of lines.
         count: FieldRef,
-        /// Texture ports drawn to.
+        /// The texture port to draw to.
         target: FieldRef,
     },
 }

@@ -68,7 +68,7 @@ pub enum RunError {
     },
 }
 
-/// Where the fields of a node's ports lie, on the CPU.
+/// The bindings of a node's ports on the CPU, field by field.
 type CpuBindings = Vec<Vec<Option<Binding>>>;
 
 struct TapState {
@@ -86,7 +86,7 @@ pub struct Executor {
     plan: Plan,
     poison: bool,
     cpu: IndexVec<SlotId, RefCell<CpuMemory>>,
-    /// For even and odd frames: where the fields of each node's ports lie.
+    /// For even and odd frames.
     bindings: [IndexVec<NodeId, CpuBindings>; 2],
     gpu: Option<GpuSide>,
     taps: Vec<TapState>,
