@@ -91,37 +91,3 @@ impl Frame {
         Element::Item { name: "Frame".into(), stride: size_of::<Self>() as u32, members: members.into() }
     }
 }
-
-/// What a scene states about itself; stages that it makes needless are left out of the plan.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Facts {
-    /// The camera's path moves.
-    pub camera_moves: bool,
-    /// Some light casts shadows.
-    pub shadow_casters: bool,
-    /// Number of point lights.
-    pub point_lights: u32,
-    /// Number of quad lights.
-    pub quad_lights: u32,
-    /// Number of vertices.
-    pub vertices: u32,
-    /// Number of edges between smoothly joined faces.
-    pub regular_edges: u32,
-    /// Number of edges at a crease.
-    pub crease_edges: u32,
-    /// Number of edges with one face.
-    pub border_edges: u32,
-    /// Number of triangles.
-    pub faces: u32,
-    /// Number of bodies that move.
-    pub bodies: u32,
-    /// Some light moves.
-    pub lights_move: bool,
-}
-
-impl Facts {
-    /// All edges.
-    pub fn edges(&self) -> u32 {
-        self.regular_edges + self.crease_edges + self.border_edges
-    }
-}

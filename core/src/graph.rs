@@ -9,8 +9,8 @@ use index_vec::IndexVec;
 
 use crate::{
     error::{GraphError, Problem, Problems, Span, Spanned},
+    facts::Facts,
     file::{Flat, FlatNode, GraphFile, Source},
-    frame::Facts,
     id::{FlatId, NodeId},
     port::{Access, Dims, Extent, Lifetime, Port},
     registry::{NodeContext, Registry},
@@ -31,7 +31,7 @@ pub struct Settings {
     pub size: [u32; 2],
     /// Samples a frame may ask for: the extent of request lists.
     pub samples: u32,
-    /// What the scene states.
+    /// What the application states about what it shows.
     pub facts: Facts,
     /// Where nodes run that do not say.
     pub side: Side,
@@ -132,6 +132,7 @@ impl Graph {
             return Err(Problem::new(GraphError::Invalid(text)).into());
         }
         let flat = file.flatten()?;
+        let settings = &Settings { facts: registry.facts(&settings.facts), ..settings.clone() };
         let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
         let made = checker.make_all();
         let wires = checker.wire(&made);
@@ -772,9 +773,7 @@ impl Resolver<'_> {
             }
             Extent::Requests => list(self.settings.samples.into()),
             Extent::Corners => Ok(Some(Dims { width: width + 1, height: height + 1 })),
-            Extent::Vertices => list(self.settings.facts.vertices.into()),
-            Extent::Edges => list(self.settings.facts.edges().into()),
-            Extent::Faces => list(self.settings.facts.faces.into()),
+            Extent::Each(quantity) => list(self.settings.facts.count(*quantity).into()),
             Extent::Fixed([width, height]) => {
                 Ok(Some(Dims { width: (*width).max(1), height: (*height).max(1) }))
             }

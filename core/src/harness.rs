@@ -8,8 +8,9 @@ use crate::{
     capture::Snapshot,
     error::Problems,
     executor::{Executor, Gpu, RunError},
+    facts::Facts,
     file::Source,
-    frame::{Facts, Frame},
+    frame::Frame,
     graph::{Graph, Node, PortRef, Settings},
     id::NodeId,
     params::ParamSpec,
@@ -188,7 +189,8 @@ impl<S: Stage> Harness<S> {
             culled: Vec::new(),
         };
         let fail = |message| RunError::Stage { node: "stage".into(), message };
-        graph.resolve_dims(&self.settings).map_err(|(_, message)| fail(message))?;
+        let settings = Settings { facts: registry.facts(&self.settings.facts), ..self.settings.clone() };
+        graph.resolve_dims(&settings).map_err(|(_, message)| fail(message))?;
         let fail = |problems: Problems| fail(problems.to_string());
         let plan = Plan::new(&graph, &self.settings).map_err(fail)?;
         Executor::new(graph, plan, &self.settings, registry, gpu)

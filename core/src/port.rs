@@ -4,6 +4,8 @@ use std::{borrow::Cow, fmt, marker::PhantomData};
 
 use bytemuck::Pod;
 
+use crate::facts::Quantity;
+
 /// A texture format that both sides can hold. All are storage-writable on every WebGPU device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Format {
@@ -262,16 +264,12 @@ pub enum Extent {
     Frame(u32),
     /// A list with this many elements for each pixel of the frame, rounded up.
     PerPixel(f32),
-    /// A list with one element for each sample of the frame's budget.
+    /// A list with one element for each sample that a frame may ask for: [`Frame::samples`](crate::Frame::samples).
     Requests,
     /// One for each corner of the frame's pixels: one more than the frame on each axis.
     Corners,
-    /// A list with one element for each vertex of the scene.
-    Vertices,
-    /// A list with one element for each edge of the scene.
-    Edges,
-    /// A list with one element for each face of the scene.
-    Faces,
+    /// A list with one element for each of a quantity of the application.
+    Each(Quantity),
     /// As many as another port of the same stage.
     Like(Cow<'static, str>),
     /// A list of u32 with one bit for each element of another port of the same stage, the first in the lowest bit.
@@ -282,6 +280,13 @@ pub enum Extent {
     Any,
 }
 
+impl Quantity {
+    /// A list with one element for each.
+    pub const fn list(self) -> Extent {
+        Extent::Each(self)
+    }
+}
+
 impl fmt::Display for Extent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -290,9 +295,7 @@ impl fmt::Display for Extent {
             Self::PerPixel(share) => write!(f, "a list of {share} per pixel"),
             Self::Requests => write!(f, "a list of one per requested sample"),
             Self::Corners => write!(f, "one per corner of a pixel"),
-            Self::Vertices => write!(f, "a list of one per vertex"),
-            Self::Edges => write!(f, "a list of one per edge"),
-            Self::Faces => write!(f, "a list of one per face"),
+            Self::Each(quantity) => write!(f, "a list of one per {}", quantity.one),
             Self::Like(port) => write!(f, "as many as `{port}`"),
             Self::BitsOf(port) => write!(f, "a list of one per 32 of `{port}`"),
             Self::Fixed([n, 1]) => write!(f, "a list of {n}"),

@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, marker::PhantomData, path::Path};
 
 use crate::{
     error::{GraphError, Problem, Problems, Span},
+    facts::{Facts, Quantity},
     file::{GraphFile, NodeDef, ParamDef},
     params::{ParamError, ParamSpec, Params},
     shader::ShaderLibrary,
@@ -124,12 +125,16 @@ impl<S: Stage> Kind for StageKind<S> {
     }
 }
 
+/// How many there are of a quantity, given what the application states.
+type Count = dyn Fn(&Facts) -> u32 + Send + Sync;
+
 /// All kinds of stage, and the shader modules that they share.
 #[derive(Default)]
 pub struct Registry {
     kinds: BTreeMap<&'static str, Box<dyn Kind>>,
     /// Shared shader modules.
     pub library: ShaderLibrary,
+    counts: Vec<(Quantity, Box<Count>)>,
 }
 
 impl Registry {
@@ -148,6 +153,25 @@ impl Registry {
     pub fn with_module(mut self, name: &'static str, text: &'static str) -> Self {
         self.library.modules.push((name.into(), text.into()));
         self
+    }
+
+    /// States how many there are of a quantity of your own. `count` is given what the application states.
+    pub fn with_count(
+        mut self,
+        quantity: Quantity,
+        count: impl Fn(&Facts) -> u32 + Send + Sync + 'static,
+    ) -> Self {
+        self.counts.push((quantity, Box::new(count)));
+        self
+    }
+
+    /// What the application states, and what the stages' crates add to it.
+    pub(crate) fn facts(&self, stated: &Facts) -> Facts {
+        let add = |facts: Facts, (quantity, count): &(Quantity, Box<Count>)| {
+            let count = count(&facts);
+            facts.with(*quantity, count)
+        };
+        self.counts.iter().fold(stated.clone(), add)
     }
 
     /// The kind of that name.

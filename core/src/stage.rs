@@ -12,7 +12,8 @@ use index_vec::IndexSlice;
 
 use crate::{
     explain::{Finding, Site},
-    frame::{Facts, Frame},
+    facts::Facts,
+    frame::Frame,
     id::SlotId,
     params::{ParamSpec, Params},
     port::{Access, Dims, Extent, Field, FieldRef, In, Lifetime, Out, Port, PortElement},
@@ -41,7 +42,7 @@ pub trait Stage: Sized + Send + Sync + 'static {
         None
     }
 
-    /// Why the scene makes this stage needless, if it does. Its inputs are then passed through.
+    /// Why the facts make this stage needless, if they do. Its inputs are then passed through.
     fn needless(_params: &Self::Params, _facts: &Facts) -> Option<&'static str> {
         None
     }
@@ -288,7 +289,7 @@ impl CpuMemory {
     }
 }
 
-/// Where a field of a port lies: the slot, and how many of its elements count.
+/// A binding on the CPU: the slot of its value, and how many elements it has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Binding {
     pub slot: SlotId,
@@ -368,7 +369,7 @@ pub trait AnyStage: Send + Sync {
     fn words(&self) -> Vec<u32>;
     /// Its parameters, in the order of the words.
     fn specs(&self) -> Vec<ParamSpec>;
-    /// Why the scene makes it needless, if it does.
+    /// Why the facts make it needless, if they do.
     fn needless(&self, facts: &Facts) -> Option<&'static str>;
 }
 

@@ -43,8 +43,8 @@ use naga::{ShaderStage, StorageAccess};
 
 use crate::{
     error::{GraphError, Place, Problem, Problems},
+    facts::Facts,
     file::{FlatNode, GraphFile},
-    frame::Facts,
     params::{ParamError, ParamKind, ParamSpec, ParamValue, parse_ron, parse_value},
     port::{Access, Element, Extent, Field, FieldRef, Format, Lifetime, Member, Port, Scalar},
     reflect::{self, Reflected, Space, Variable},

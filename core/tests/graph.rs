@@ -2,9 +2,13 @@
 //! much memory. No GPU takes part.
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Facts, GraphFile, Io, Problems, Registry, Settings, Side, Stage, Step,
-    compile, params, texel,
+    Access, CpuContext, Extent, Fact, Facts, GraphFile, Io, Problems, Quantity, Registry, Settings, Side,
+    Stage, Step, compile, params, texel,
 };
+
+const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
+const PRINTERS: Quantity = Quantity { name: "printers", one: "printer" };
+const SHEETS: Quantity = Quantity { name: "sheets", one: "sheet of paper" };
 
 macro_rules! stage {
     ($name:ident, $kind:literal, |$io:ident| $declare:expr $(, needless: $needless:expr)?) => {
@@ -48,6 +52,11 @@ stage!(Pick, "pick", |io| {
     io.read::<u32>("bits", "one for each number", Extent::BitsOf("in".into()));
     io.write::<f32>("out", "the marked ones", Extent::Like("in".into()));
 });
+stage!(Print, "print", |io| io.write::<f32>("out", "one for each sheet", SHEETS.list()));
+stage!(Read, "read", |io| {
+    io.read::<f32>("in", "one for each sheet", SHEETS.list());
+    io.write::<f32>("out", "numbers", Extent::Like("in".into()));
+});
 stage!(Change, "change", |io| io.update::<f32>("data", "changed in place", Extent::Any));
 stage!(Memory, "memory", |io| io.persistent::<f32>("out", "kept", Extent::PerPixel(0.5)));
 stage!(Delay, "delay", |io| {
@@ -61,10 +70,10 @@ stage!(
         io.read::<f32>("in", "numbers", Extent::Any);
         io.write::<f32>("out", "numbers", Extent::Frame(1));
     },
-    needless: |facts| (!facts.camera_moves).then_some("the camera does not move")
+    needless: |facts| (!facts.holds(CAMERA_MOVES)).then_some("the camera does not move")
 );
 stage!(Guess, "guess", |io| io.write::<u32>("out", "a guess", Extent::Frame(2)),
-    needless: |facts| (!facts.camera_moves).then_some("the camera does not move"));
+    needless: |facts| (!facts.holds(CAMERA_MOVES)).then_some("the camera does not move"));
 stage!(Maybe, "maybe", |io| {
     io.read::<f32>("in", "numbers", Extent::Any);
     io.optional::<u32>("hint", "may be missing", Extent::Any);
@@ -120,6 +129,8 @@ fn registry() -> Registry {
         .with::<Shrink>()
         .with::<Mark>()
         .with::<Pick>()
+        .with::<Print>()
+        .with::<Read>()
         .with::<Change>()
         .with::<Memory>()
         .with::<Delay>()
@@ -234,7 +245,7 @@ fn the_scene_decides_what_is_left_out() {
     let (_, plan) = compiled(nodes, "maybe.out", &all);
     assert_eq!(plan.nodes.len(), 4);
     let mut moves = settings();
-    moves.facts.camera_moves = true;
+    moves.facts = Facts::default().stating(CAMERA_MOVES, true);
     let (_, plan) = compiled(nodes, "maybe.out", &moves);
     assert_eq!(plan.nodes.len(), 4);
     // What something still asks for stays, needless or not.
@@ -286,6 +297,25 @@ fn extents_must_fit() {
     let nodes = r#""small": (kind: "small"), "f": (kind: "filter", inputs: { "in": "small.out" }),"#;
     let text = problems(nodes, "f.out").to_string();
     assert!(text.contains("`small.out` is 16x12, but `in` takes 64x48 (one per pixel)"), "{text}");
+}
+
+#[test]
+fn lists_are_as_long_as_the_application_states() {
+    let nodes = r#""print": (kind: "print"), "read": (kind: "read", inputs: { "in": "print.out" }),"#;
+    // Lists are never empty, so that they can be bound.
+    for (stated, length) in [(None, 1), (Some(0), 1), (Some(37), 37)] {
+        let facts = stated.map_or_else(Facts::default, |count| Facts::default().with(SHEETS, count));
+        let (graph, _) = compiled(nodes, "read.out", &Settings { facts, ..settings() });
+        assert!(graph.nodes.iter().flat_map(|node| &node.dims).all(|dims| dims.count() == length));
+    }
+    // A crate of stages states its own, from what the application has stated.
+    let registry = registry().with_count(SHEETS, |facts| 2 * facts.count(PRINTERS));
+    let settings = Settings { facts: Facts::default().with(PRINTERS, 3), ..settings() };
+    let (graph, _) = compile(&file(nodes, "read.out"), &registry, &settings).unwrap();
+    assert_eq!(graph.nodes[graph.node("print").unwrap()].dims[0].count(), 6);
+    let wrong = r#""source": (kind: "source"), "read": (kind: "read", inputs: { "in": "source.out" }),"#;
+    let text = problems(wrong, "read.out").to_string();
+    assert!(text.contains("but `in` takes 1x1 (a list of one per sheet of paper)"), "{text}");
 }
 
 #[test]
@@ -405,7 +435,7 @@ fn parts_nest_and_taps_and_settings_reach_into_them() {
     let mut file = with_parts(nodes, "outer.result", &parts).unwrap();
     let mut settings = settings();
     settings.taps = ["outer/inner/first.out", "outer.result"].map(|name| name.parse().unwrap()).to_vec();
-    settings.facts.camera_moves = true;
+    settings.facts = Facts::default().stating(CAMERA_MOVES, true);
     let (graph, _) = compile(&file, &registry(), &settings).unwrap_or_else(|problems| panic!("{problems}"));
     assert_eq!(graph.nodes.len(), 4);
     assert_eq!(graph.name(graph.taps[0].1), "outer/inner/first.out");

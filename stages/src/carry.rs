@@ -3,9 +3,12 @@
 use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage};
 use rayon::prelude::*;
 
-use crate::shared::{
-    cloud::{AGE, AGE_ONE, BODY_SHIFT, FRESH, LIVE},
-    moves::{Blocker, Lamp, Move},
+use crate::{
+    facts,
+    shared::{
+        cloud::{AGE, AGE_ONE, BODY_SHIFT, FRESH, LIVE},
+        moves::{Blocker, Lamp, Move},
+    },
 };
 
 /// Points that a thread takes at a time.
@@ -103,7 +106,7 @@ impl Stage for Carry {
     }
 
     fn needless(_: &Self::Params, facts: &Facts) -> Option<&'static str> {
-        (facts.bodies == 0).then_some("nothing moves")
+        (facts.count(facts::BODIES) == 0).then_some("nothing moves")
     }
 }
 
@@ -282,6 +285,6 @@ mod tests {
     fn needless_where_nothing_moves() {
         let params = CarryParams::default();
         assert!(Carry::needless(&params, &Facts::default()).is_some());
-        assert!(Carry::needless(&params, &Facts { bodies: 1, ..Facts::default() }).is_none());
+        assert!(Carry::needless(&params, &Facts::default().with(facts::BODIES, 1)).is_none());
     }
 }

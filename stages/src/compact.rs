@@ -3,7 +3,10 @@
 
 use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage};
 
-use crate::shared::segments::{MeshEdge, Segment};
+use crate::{
+    facts,
+    shared::segments::{MeshEdge, Segment},
+};
 
 /// Words of 32 edges that a task goes through.
 const BLOCK: usize = 256;
@@ -19,7 +22,8 @@ pub struct Compaction {
 impl Compaction {
     /// Declares the outputs `segments` and `count`.
     pub fn declare(io: &mut Io, vertices: In<[f32; 4]>, edges: In<MeshEdge>) -> Self {
-        let segments = io.write("segments", "The silhouettes, in the order of the edges.", Extent::Edges);
+        let segments =
+            io.write("segments", "The silhouettes, in the order of the edges.", facts::EDGES.list());
         let count = io.write("count", "How many silhouettes there are.", Extent::Fixed([1, 1]));
         Self { vertices, edges, segments, count }
     }
@@ -85,8 +89,8 @@ impl Stage for Compact {
 
     fn declare(_: &(), io: &mut Io) -> Self {
         io.per_view();
-        let vertices = io.read("vertices", "Positions, metres.", Extent::Vertices);
-        let edges = io.read("edges", "Vertices, faces and kind of every edge.", Extent::Edges);
+        let vertices = io.read("vertices", "Positions, metres.", facts::VERTICES.list());
+        let edges = io.read("edges", "Vertices, faces and kind of every edge.", facts::EDGES.list());
         let drawn =
             io.read("drawn", "Bits of the edges that are silhouettes.", Extent::BitsOf("edges".into()));
         Self { drawn, compaction: Compaction::declare(io, vertices, edges) }
@@ -98,6 +102,6 @@ impl Stage for Compact {
     }
 
     fn needless(_: &(), facts: &Facts) -> Option<&'static str> {
-        (facts.faces == 0).then_some("the scene has no faces")
+        (facts.count(facts::FACES) == 0).then_some("the scene has no faces")
     }
 }

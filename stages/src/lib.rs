@@ -38,6 +38,7 @@ pub mod compact;
 pub mod depth_cull;
 pub mod dither;
 pub mod edge_raster;
+pub mod facts;
 pub mod fill;
 pub mod image_id;
 pub mod integrate;

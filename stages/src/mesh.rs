@@ -6,12 +6,12 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use epigraph_core::{CpuContext, Extent, Facts, Io, Out, PortElement, Stage, choice, params};
+use epigraph_core::{CpuContext, Facts, Io, Out, PortElement, Stage, choice, params};
 use epigraph_scenes::{Body, Edge, EdgeKind, Scene};
 use half::f16;
 
 use crate::{
-    World,
+    World, facts,
     shared::segments::{BORDER, CREASE, MeshEdge, REGULAR},
 };
 
@@ -59,16 +59,20 @@ impl Stage for Mesh {
     type Params = MeshParams;
 
     fn declare(params: &MeshParams, io: &mut Io) -> Self {
-        let vertices = io.persistent("vertices", "Positions, metres; w = 1.", Extent::Vertices);
-        let faces = io.persistent("faces", "Three vertices and the object of each triangle.", Extent::Faces);
+        let vertices = io.persistent("vertices", "Positions, metres; w = 1.", facts::VERTICES.list());
+        let faces =
+            io.persistent("faces", "Three vertices and the object of each triangle.", facts::FACES.list());
         let (name, doc) = ("normals", "Unit normals of the triangles, zero where one is degenerate.");
         let normals = match params.normals {
-            Normals::F32 => NormalsOut::F32(io.persistent(name, doc, Extent::Faces)),
-            Normals::F16 => NormalsOut::F16(io.persistent(name, doc, Extent::Faces)),
-            Normals::Oct16 => NormalsOut::Oct16(io.persistent(name, doc, Extent::Faces)),
+            Normals::F32 => NormalsOut::F32(io.persistent(name, doc, facts::FACES.list())),
+            Normals::F16 => NormalsOut::F16(io.persistent(name, doc, facts::FACES.list())),
+            Normals::Oct16 => NormalsOut::Oct16(io.persistent(name, doc, facts::FACES.list())),
         };
-        let edges =
-            io.persistent("edges", "Vertices, faces and kind of every edge, in rising order.", Extent::Edges);
+        let edges = io.persistent(
+            "edges",
+            "Vertices, faces and kind of every edge, in rising order.",
+            facts::EDGES.list(),
+        );
         Self { vertices, faces, normals, edges, written: Mutex::default() }
     }
 
@@ -109,7 +113,7 @@ impl Stage for Mesh {
     }
 
     fn needless(_: &MeshParams, facts: &Facts) -> Option<&'static str> {
-        (facts.faces == 0).then_some("the scene has no faces")
+        (facts.count(facts::FACES) == 0).then_some("the scene has no faces")
     }
 }
 

@@ -4,7 +4,7 @@ use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage};
 use epigraph_scenes::MAX_BODIES;
 
 use crate::{
-    World,
+    World, facts,
     shared::moves::{Blocker, Lamp, Move},
 };
 
@@ -87,7 +87,7 @@ impl Stage for Motion {
     }
 
     fn needless((): &(), facts: &Facts) -> Option<&'static str> {
-        (facts.bodies == 0).then_some("nothing moves")
+        (facts.count(facts::BODIES) == 0).then_some("nothing moves")
     }
 }
 
@@ -131,6 +131,6 @@ mod tests {
     #[test]
     fn needless_where_nothing_moves() {
         assert!(Motion::needless(&(), &Facts::default()).is_some());
-        assert!(Motion::needless(&(), &Facts { bodies: 1, ..Facts::default() }).is_none());
+        assert!(Motion::needless(&(), &Facts::default().with(facts::BODIES, 1)).is_none());
     }
 }

@@ -6,9 +6,12 @@ use std::sync::Mutex;
 use epigraph_core::{Access, CpuContext, Extent, Facts, Finding, In, Io, Out, Site, Stage};
 use rayon::prelude::*;
 
-use crate::shared::{
-    cloud::LIVE,
-    view::{SEVERAL, Several},
+use crate::{
+    facts,
+    shared::{
+        cloud::LIVE,
+        view::{SEVERAL, Several},
+    },
 };
 
 #[path = "explain/predict.rs"]
@@ -83,7 +86,7 @@ impl Stage for Predict {
     }
 
     fn needless(_: &(), facts: &Facts) -> Option<&'static str> {
-        (!facts.camera_moves).then_some("the camera does not move")
+        (!facts.holds(facts::CAMERA_MOVES)).then_some("the camera does not move")
     }
 
     fn explain(&self, (): &(), site: &Site) -> Option<Vec<Finding>> {
@@ -137,7 +140,7 @@ mod tests {
     #[test]
     fn needless_for_a_still_camera() {
         assert!(Predict::needless(&(), &Facts::default()).is_some());
-        assert!(Predict::needless(&(), &Facts { camera_moves: true, ..Facts::default() }).is_none());
+        assert!(Predict::needless(&(), &Facts::default().stating(facts::CAMERA_MOVES, true)).is_none());
     }
 
     #[test]

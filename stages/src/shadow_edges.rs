@@ -8,7 +8,7 @@ use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage, params};
 use epigraph_scenes::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings};
 
 use crate::{
-    World,
+    World, facts,
     shared::segments::{SHADOW_HARD, SHADOW_PENUMBRA, SHADOW_UMBRA, Segment, shadow_flags},
 };
 
@@ -106,7 +106,7 @@ impl Stage for ShadowEdges {
     }
 
     fn needless(_: &Self::Params, facts: &Facts) -> Option<&'static str> {
-        (!facts.shadow_casters).then_some("no light casts shadows")
+        (!facts.holds(facts::SHADOW_CASTERS)).then_some("no light casts shadows")
     }
 }
 

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::{
     compact::Compaction,
+    facts,
     mesh::{Normals, decode_f16, decode_oct16},
     shared::segments::{CREASE, MeshEdge, REGULAR},
 };
@@ -68,21 +69,21 @@ impl Stage for Silhouette {
     fn declare(params: &SilhouetteParams, io: &mut Io) -> Self {
         io.shader(shader!("silhouette"));
         io.per_view();
-        let vertices = io.read("vertices", "Positions, metres.", Extent::Vertices);
-        let faces = io.read("faces", "Three vertices and the object of each triangle.", Extent::Faces);
+        let vertices = io.read("vertices", "Positions, metres.", facts::VERTICES.list());
+        let faces = io.read("faces", "Three vertices and the object of each triangle.", facts::FACES.list());
         let (name, doc) = ("normals", "Normals of the triangles.");
         let normals = match params.normals {
-            Normals::F32 => NormalsIn::F32(io.read(name, doc, Extent::Faces)),
+            Normals::F32 => NormalsIn::F32(io.read(name, doc, facts::FACES.list())),
             Normals::F16 => {
                 io.define("F16");
-                NormalsIn::F16(io.read(name, doc, Extent::Faces))
+                NormalsIn::F16(io.read(name, doc, facts::FACES.list()))
             }
             Normals::Oct16 => {
                 io.define("OCT16");
-                NormalsIn::Oct16(io.read(name, doc, Extent::Faces))
+                NormalsIn::Oct16(io.read(name, doc, facts::FACES.list()))
             }
         };
-        let edges = io.read("edges", "Vertices, faces and kind of every edge.", Extent::Edges);
+        let edges = io.read("edges", "Vertices, faces and kind of every edge.", facts::EDGES.list());
         let bits_of = |list: &'static str| Extent::BitsOf(list.into());
         let facing = io.write("facing", "Bits of the faces that face the eye.", bits_of("faces"));
         let drawn = io.write("drawn", "Bits of the edges that are silhouettes.", bits_of("edges"));
@@ -123,7 +124,7 @@ impl Stage for Silhouette {
     }
 
     fn needless(_: &SilhouetteParams, facts: &Facts) -> Option<&'static str> {
-        (facts.faces == 0).then_some("the scene has no faces")
+        (facts.count(facts::FACES) == 0).then_some("the scene has no faces")
     }
 }
 

@@ -1,6 +1,7 @@
 //! The whole render cache at the ends of what it may be given: sizes, budgets, clouds. Poison is on throughout.
 
 use epigraph_core::{Executor, Facts, RunError, Settings, Side, compile};
+use epigraph_stages::facts::CAMERA_MOVES;
 use epigraph_tests::{Run, Stage, gpu, graph};
 
 fn image(size: [u32; 2], samples: u32, side: Side, frames: u32) -> Vec<u8> {
@@ -63,7 +64,7 @@ fn a_cloud_of_sixteen_million_points_runs() {
 fn a_cloud_beyond_the_device_is_refused_with_its_name() {
     let mut file = graph("render-cache.ron");
     file.set_param("points", "points_per_pixel", "16.0").unwrap();
-    let facts = Facts { camera_moves: true, ..Facts::default() };
+    let facts = Facts::default().stating(CAMERA_MOVES, true);
     let settings = Settings { side: Side::Gpu, facts, ..Settings::new([1024, 1024], 1000) };
     let registry = epigraph_stages::registry();
     let (graph, plan) = compile(&file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));

@@ -1,7 +1,7 @@
 //! Every shipped graph compiles at every placement, and every shader fits its stage, without a GPU.
 
 use epigraph_core::{Facts, Settings, Side, check_shader, compile, compose_shader};
-use epigraph_stages::registry;
+use epigraph_stages::{facts::CAMERA_MOVES, registry};
 use epigraph_tests::{GRAPHS, graph};
 
 #[test]
@@ -10,7 +10,7 @@ fn shipped_graphs_compile_and_their_shaders_fit() {
     for name in GRAPHS {
         for side in [Side::Cpu, Side::Gpu] {
             for camera_moves in [false, true] {
-                let facts = Facts { camera_moves, ..Facts::default() };
+                let facts = Facts::default().stating(CAMERA_MOVES, camera_moves);
                 let settings = Settings { side, facts, ..Settings::new([320, 200], 1000) };
                 let (graph, _) =
                     compile(&graph(name), &registry, &settings).unwrap_or_else(|p| panic!("{p}"));
@@ -29,7 +29,7 @@ fn shipped_graphs_compile_and_their_shaders_fit() {
 
 #[test]
 fn an_all_gpu_frame_is_one_submission_but_for_the_tracer() {
-    let facts = Facts { camera_moves: true, ..Facts::default() };
+    let facts = Facts::default().stating(CAMERA_MOVES, true);
     let settings = Settings { side: Side::Gpu, facts, ..Settings::new([320, 200], 1000) };
     let (_, plan) =
         compile(&graph("render-cache.ron"), &registry(), &settings).unwrap_or_else(|p| panic!("{p}"));

@@ -7,6 +7,7 @@ use std::{
 
 use epigraph::{Device, Error, Place, Registry, Run, Samples, Setup};
 use epigraph_core::{GraphFile, Plan, PlannedNode, RunError, Side, Step};
+use epigraph_stages::facts;
 
 use super::{
     column,
@@ -178,7 +179,7 @@ fn try_measure(job: &Job) -> Result<Outcome, CliError> {
     let plan = run.plan();
     Ok(Outcome::Measured(Box::new(Measured {
         size: job.size,
-        edges: run.settings().facts.edges(),
+        edges: run.settings().facts.count(facts::EDGES),
         points,
         samples,
         warm_up,

@@ -4,7 +4,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use epigraph_core::{Facts, Frame, View};
-use epigraph_scenes::{Camera, CameraPath, Scene, SceneFacts, TraceSettings, Tracer, predict};
+use epigraph_scenes::{Camera, CameraPath, Scene, TraceSettings, Tracer, predict};
 use glam::Vec3;
 
 use super::{
@@ -12,6 +12,7 @@ use super::{
     shadow_cache::ShadowCache,
     source::{BackgroundTracer, ExactTracer, Pace, Query, SampleSource},
 };
+use crate::facts;
 
 /// Frames from the request of a sample to the frame for which the predicted view stands: samples enter the cloud one
 /// frame after they were asked for, and one more (`algorithms.md` section 1.8).
@@ -62,22 +63,7 @@ impl World {
 
     /// The facts of a scene that a graph is compiled for; `path_moves` is [`CameraPath::moves`].
     pub fn facts(scene: &Scene, path_moves: bool) -> Facts {
-        let facts = SceneFacts::of(scene);
-        // Meshes have 32-bit indices, so the counts fit.
-        let count = |count: usize| count as u32;
-        Facts {
-            camera_moves: path_moves,
-            shadow_casters: facts.shadow_casters,
-            point_lights: count(facts.point_lights),
-            quad_lights: count(facts.quad_lights),
-            vertices: count(scene.mesh.positions.len()),
-            regular_edges: count(facts.regular_edges),
-            crease_edges: count(facts.crease_edges),
-            border_edges: count(facts.border_edges),
-            faces: count(facts.faces),
-            bodies: count(facts.bodies),
-            lights_move: facts.lights_move,
-        }
+        facts::of(scene, path_moves)
     }
 
     /// A camera as the view of an image of `size` pixels.

@@ -1,0 +1,32 @@
+//! What a scene states about itself: the lengths of lists, and reasons to leave stages out.
+
+use epigraph_core::{Fact, Facts, Quantity};
+use epigraph_scenes::{Scene, SceneFacts};
+
+/// Vertices of the mesh.
+pub const VERTICES: Quantity = Quantity { name: "vertices", one: "vertex" };
+/// Edges of the mesh, of all kinds.
+pub const EDGES: Quantity = Quantity { name: "edges", one: "edge" };
+/// Triangles of the mesh.
+pub const FACES: Quantity = Quantity { name: "faces", one: "face" };
+/// Bodies that move.
+pub const BODIES: Quantity = Quantity { name: "bodies", one: "moving body" };
+/// The camera's path moves.
+pub const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
+/// Some light casts shadows.
+pub const SHADOW_CASTERS: Fact = Fact { name: "shadow_casters" };
+
+/// The facts of a scene; `path_moves` is [`CameraPath::moves`](epigraph_scenes::CameraPath::moves).
+pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
+    let facts = SceneFacts::of(scene);
+    // Meshes have 32-bit indices, so the counts fit.
+    let counts = [
+        (VERTICES, scene.mesh.positions.len()),
+        (EDGES, facts.regular_edges + facts.crease_edges + facts.border_edges),
+        (FACES, facts.faces),
+        (BODIES, facts.bodies),
+    ];
+    let stated =
+        Facts::default().stating(CAMERA_MOVES, path_moves).stating(SHADOW_CASTERS, facts.shadow_casters);
+    counts.into_iter().fold(stated, |stated, (quantity, count)| stated.with(quantity, count as u32))
+}
