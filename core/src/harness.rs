@@ -18,7 +18,7 @@ use crate::{
     port::{Access, Dims, Extent, Lifetime, Port},
     registry::Registry,
     side::{Download, Side},
-    stage::{AnyStage, Bound, CpuContext, Declaration, Host, Io, Stage},
+    stage::{AnyStage, Bound, CpuContext, Declaration, Host, Stage},
 };
 
 /// The node that owns the memory of the inputs.
@@ -134,9 +134,8 @@ impl<S: Stage> Harness<S> {
         let connected = |name: &str| {
             self.inputs.keys().any(|input| input == name || input.starts_with(&format!("{name}.")))
         };
-        let mut io = Io::new(&connected);
-        let stage = S::declare(&self.params, &mut io);
-        let declaration = io.declared;
+        let bound = Bound::<S>::new(self.params.clone(), &connected);
+        let declaration = &bound.declaration;
         let given: Vec<Port> = declaration
             .ports
             .iter()
@@ -178,7 +177,6 @@ impl<S: Stage> Harness<S> {
             sources,
         };
         let count = given.0.ports.len();
-        let bound = Bound { stage, params: self.params.clone(), declaration };
         let mut graph = Graph {
             nodes: index_vec![
                 node("given", Box::new(given), vec![None; count]),

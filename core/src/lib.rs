@@ -66,6 +66,7 @@ pub use serde;
 
 mod capture;
 mod compile;
+mod constant;
 mod error;
 mod executor;
 mod explain;
@@ -88,6 +89,7 @@ mod wgsl;
 
 pub use capture::{Capture, Snapshot};
 pub use compile::compile;
+pub use constant::Constant;
 pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
 pub use executor::{AdapterChoice, Executor, Gpu, RunError};
 pub use explain::{Around, Cell, Finding, Mark, Role, Site};
@@ -105,7 +107,7 @@ pub use port::{
 };
 pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, compose as compose_shader};
 pub use registry::{Kind, NodeContext, Registry};
-pub use shader::{Needs, Pass, Shader, ShaderLibrary, Threads};
+pub use shader::{Needs, Pass, Shader, ShaderLibrary, ShaderModule, Threads};
 pub use side::{Download, PerSide, Side};
 pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Stage};
 pub use wgsl::{wgsl_kind, wgsl_kind_from};

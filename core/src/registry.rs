@@ -3,12 +3,13 @@
 use std::{collections::BTreeMap, marker::PhantomData, path::Path};
 
 use crate::{
+    constant::Constant,
     error::{GraphError, Problem, Problems, Span},
     facts::{Facts, Quantity},
     file::{GraphFile, NodeDef, ParamDef},
     params::{ParamError, ParamSpec, Params},
-    shader::ShaderLibrary,
-    stage::{AnyStage, Bound, Declaration, Io, Stage},
+    shader::{ShaderLibrary, ShaderModule},
+    stage::{AnyStage, Bound, Declaration, Stage},
 };
 
 /// A node's definition in its file, and what its kind may ask about the surroundings.
@@ -98,12 +99,6 @@ pub trait Kind: Send + Sync {
 
 struct StageKind<S>(PhantomData<fn() -> S>);
 
-fn declare<S: Stage>(params: &S::Params, connected: &dyn Fn(&str) -> bool) -> (S, Declaration) {
-    let mut io = Io::new(connected);
-    let stage = S::declare(params, &mut io);
-    (stage, io.declared)
-}
-
 impl<S: Stage> Kind for StageKind<S> {
     fn name(&self) -> &'static str {
         S::KIND
@@ -115,13 +110,12 @@ impl<S: Stage> Kind for StageKind<S> {
         S::Params::specs()
     }
     fn declaration(&self) -> Option<Declaration> {
-        Some(declare::<S>(&S::Params::default(), &|_| true).1)
+        Some(Bound::<S>::new(S::Params::default(), &|_| true).declaration)
     }
     fn make(&self, cx: &NodeContext) -> Result<Box<dyn AnyStage>, Problems> {
         let mut params = S::Params::default();
         cx.set_params(&S::Params::specs(), |index, text| params.set(index, text)).into_result()?;
-        let (stage, declaration) = declare::<S>(&params, cx.connected);
-        Ok(Box::new(Bound { stage, params, declaration }))
+        Ok(Box::new(Bound::<S>::new(params, cx.connected)))
     }
 }
 
@@ -150,8 +144,18 @@ impl Registry {
     }
 
     /// Adds a shared shader module.
-    pub fn with_module(mut self, name: &'static str, text: &'static str) -> Self {
-        self.library.modules.push((name.into(), text.into()));
+    pub fn with_module(mut self, name: &'static str, source: &'static str) -> Self {
+        self.library.modules.push(ShaderModule::new(name, source));
+        self
+    }
+
+    /// Gives constants, made with [`crate::constants!`], to the module of that name.
+    ///
+    /// # Panics
+    /// Where there is no such module.
+    pub fn with_constants(mut self, module: &str, constants: &[Constant]) -> Self {
+        let module = self.library.modules.iter_mut().find(|known| known.import() == module);
+        module.expect("a module before its constants").constants.extend_from_slice(constants);
         self
     }
 

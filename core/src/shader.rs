@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::port::FieldRef;
+use crate::{constant::Constant, port::FieldRef};
 
 /// A stage's shader file.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,20 +13,46 @@ pub struct Shader {
     pub source: Cow<'static, str>,
     /// Names for `#ifdef`.
     pub defines: Vec<&'static str>,
+    /// Numbers that it has from Rust.
+    pub constants: Vec<Constant>,
 }
 
 impl Shader {
-    /// A shader without `#ifdef` names.
+    /// A shader without `#ifdef` names and constants.
     pub fn new(name: impl Into<Cow<'static, str>>, source: impl Into<Cow<'static, str>>) -> Self {
-        Self { name: name.into(), source: source.into(), defines: Vec::new() }
+        Self { name: name.into(), source: source.into(), defines: Vec::new(), constants: Vec::new() }
+    }
+}
+
+/// A WGSL file that shaders may `#import`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShaderModule {
+    /// Its file's name.
+    pub name: Cow<'static, str>,
+    /// The text.
+    pub source: Cow<'static, str>,
+    /// Numbers that it has from Rust. Shaders that import it have them too.
+    pub constants: Vec<Constant>,
+}
+
+impl ShaderModule {
+    /// A module without constants.
+    pub fn new(name: impl Into<Cow<'static, str>>, source: impl Into<Cow<'static, str>>) -> Self {
+        Self { name: name.into(), source: source.into(), constants: Vec::new() }
+    }
+
+    /// Its name for `#import`: its file's name without folder and `.wgsl`.
+    pub fn import(&self) -> &str {
+        let file = self.name.rsplit_once('/').map_or(&*self.name, |(_, file)| file);
+        file.strip_suffix(".wgsl").unwrap_or(file)
     }
 }
 
 /// WGSL modules that shaders may `#import` by name.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderLibrary {
-    /// File name and text of each.
-    pub modules: Vec<(Cow<'static, str>, Cow<'static, str>)>,
+    /// All of them.
+    pub modules: Vec<ShaderModule>,
 }
 
 /// Which wgpu features a pass needs beyond the portable set.

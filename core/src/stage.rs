@@ -11,6 +11,7 @@ use std::{
 use index_vec::IndexSlice;
 
 use crate::{
+    constant::Constant,
     explain::{Finding, Site},
     facts::Facts,
     frame::Frame,
@@ -89,7 +90,7 @@ pub struct Io<'a> {
 }
 
 impl<'a> Io<'a> {
-    pub(crate) fn new(connected: &'a dyn Fn(&str) -> bool) -> Self {
+    fn new(connected: &'a dyn Fn(&str) -> bool) -> Self {
         Self { declared: Declaration { cpu: true, ..Declaration::default() }, connected }
     }
 
@@ -182,6 +183,13 @@ impl<'a> Io<'a> {
     /// Defines a name for `#ifdef` in the shader.
     pub fn define(&mut self, name: &'static str) {
         self.declared.shader.as_mut().expect("name the shader before its defines").defines.push(name);
+    }
+
+    /// Gives the shader the constants of this list, made with [`crate::constants!`]. Those of its parameters' choices it has
+    /// anyway.
+    pub fn constants(&mut self, constants: &[Constant]) {
+        let shader = self.declared.shader.as_mut().expect("name the shader before its constants");
+        shader.constants.extend_from_slice(constants);
     }
 
     /// Adds a compute pass with one thread for each element of a port.
@@ -377,6 +385,19 @@ pub(crate) struct Bound<S: Stage> {
     pub stage: S,
     pub params: S::Params,
     pub declaration: Declaration,
+}
+
+impl<S: Stage> Bound<S> {
+    /// Lets the stage declare itself; `connected` says whether an input carries a value.
+    pub fn new(params: S::Params, connected: &dyn Fn(&str) -> bool) -> Self {
+        let mut io = Io::new(connected);
+        let stage = S::declare(&params, &mut io);
+        let mut declaration = io.declared;
+        if let Some(shader) = &mut declaration.shader {
+            shader.constants.extend(S::Params::specs().iter().flat_map(Constant::of_choice));
+        }
+        Self { stage, params, declaration }
+    }
 }
 
 impl<S: Stage> AnyStage for Bound<S> {

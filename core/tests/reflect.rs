@@ -2,8 +2,8 @@
 
 use epigraph_core::{
     Access, Declaration, Element, Extent, Field, FieldRef, Format, Frame, GraphError, Lifetime, Needs,
-    ParamKind, ParamSpec, Pass, Port, PortElement, Reflected, Shader, ShaderLibrary, Space, Threads,
-    check_shader, compose_shader, item, texel,
+    ParamKind, ParamSpec, Pass, Port, PortElement, Reflected, Shader, ShaderLibrary, ShaderModule, Space,
+    Threads, check_shader, compose_shader, item, texel,
 };
 
 const FRAME: &str = epigraph_shaders::text("shared/frame.wgsl");
@@ -21,12 +21,12 @@ item! {
 
 fn library() -> ShaderLibrary {
     ShaderLibrary {
-        modules: vec![("shared/frame.wgsl".into(), FRAME.into()), ("index".into(), INDEX.into())],
+        modules: vec![ShaderModule::new("shared/frame.wgsl", FRAME), ShaderModule::new("index", INDEX)],
     }
 }
 
 fn shader(source: &str, defines: &[&'static str]) -> Shader {
-    Shader { name: "test.wgsl".into(), source: source.to_owned().into(), defines: defines.to_vec() }
+    Shader { defines: defines.to_vec(), ..Shader::new("test.wgsl", source.to_owned()) }
 }
 
 fn compose(source: &str) -> Reflected {
@@ -521,11 +521,11 @@ fn directives_are_checked() {
 #[test]
 fn modules_import_each_other_once() {
     let mut library = library();
-    library.modules.push((
-        "a.wgsl".into(),
-        "#import b\n#import frame\nfn a() -> u32 { return b() + frame.seed; }".into(),
+    library.modules.push(ShaderModule::new(
+        "a.wgsl",
+        "#import b\n#import frame\nfn a() -> u32 { return b() + frame.seed; }",
     ));
-    library.modules.push(("b.wgsl".into(), "#import a\nfn b() -> u32 { return 7u; }\n".into()));
+    library.modules.push(ShaderModule::new("b.wgsl", "#import a\nfn b() -> u32 { return 7u; }\n"));
     let source = "#import a\n@compute @workgroup_size(1) fn main() { let x = a(); }";
     let reflected = compose_shader(&shader(source, &[]), &library, Needs::default()).unwrap();
     assert_eq!(reflected.variables.len(), 1);
@@ -542,10 +542,61 @@ fn errors_name_the_file_and_the_line() {
     assert!(invalid.contains("test.wgsl: line 2") && invalid.contains("return"), "{invalid}");
 
     let mut broken = library();
-    broken.modules.push(("broken.wgsl".into(), "// é\nfn g() -> u32 { return 1.5; }".into()));
+    broken.modules.push(ShaderModule::new("broken.wgsl", "// é\nfn g() -> u32 { return 1.5; }"));
     let error = compose_shader(&shader("#import frame\n#import broken\n", &[]), &broken, Needs::default());
     let error = error.unwrap_err().to_string();
     assert!(error.contains("shader broken.wgsl: line 2"), "{error}");
+}
+
+#[test]
+fn constants_come_from_rust() {
+    mod declared {
+        epigraph_core::constants! {
+            /// Every bit.
+            pub const ALL: u32 = u32::MAX;
+            pub const LEAST: i32 = i32::MIN;
+            pub const TENTH: f32 = 0.1;
+        }
+    }
+    mod imported {
+        epigraph_core::constants! {
+            pub const LIVE: u32 = 1 << 16;
+        }
+    }
+    let mut library = library();
+    let source = "fn is_live(bits: u32) -> bool { return (bits & LIVE) != 0u; }";
+    library
+        .modules
+        .push(ShaderModule { constants: imported::CONSTANTS.to_vec(), ..ShaderModule::new("cloud", source) });
+    let compose = |source: &str| {
+        let shader = Shader { constants: declared::CONSTANTS.to_vec(), ..shader(source, &[]) };
+        compose_shader(&shader, &library, Needs::default())
+    };
+    let asserted = "
+        #import cloud
+        const_assert ALL == 0xFFFFFFFFu;
+        const_assert LEAST == -2147483647i - 1i;
+        const_assert TENTH == 0.1f;
+        const_assert LIVE == 0x10000u;
+        @compute @workgroup_size(1) fn main() { let x = is_live(ALL); }";
+    compose(asserted).unwrap_or_else(|error| panic!("{error}"));
+
+    // The constants shift no line, and one that the file declares again is told there.
+    for (source, expected) in [
+        ("#import cloud\nfn f() -> u32 {\n    return ALLE;\n}", "shader test.wgsl: line 3"),
+        ("#import cloud\n\nconst ALL: u32 = 1u;", "shader test.wgsl: line 3, column 7"),
+        ("fn f() -> u32 {\n    return ALL;\n", "shader test.wgsl: line"),
+    ] {
+        let error = compose(source).unwrap_err().to_string();
+        assert!(error.contains(expected), "`{expected}` is not in:\n{error}");
+    }
+    library.modules.push(ShaderModule {
+        constants: imported::CONSTANTS.to_vec(),
+        ..ShaderModule::new("broken", "\nfn f() -> u32 {\n    return LIFE;\n}")
+    });
+    let error = compose_shader(&shader("#import broken\n", &[]), &library, Needs::default());
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("shader broken: line 3"), "{error}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::{
 
 use epigraph_core::{
     Access, AnyStage, Element, Extent, Format, GraphFile, NodeContext, ParamKind, Pass, PortElement,
-    Problems, Scalar, ShaderLibrary, Threads, wgsl_kind,
+    Problems, Scalar, ShaderLibrary, ShaderModule, Threads, wgsl_kind,
 };
 
 const GLOW: &str = "
@@ -81,7 +81,7 @@ fn make(shader: &str, params: &str) -> Result<Box<dyn AnyStage>, Problems> {
     fs::write(&graph, text).unwrap();
     let file = GraphFile::load(&graph)?;
     let library = ShaderLibrary {
-        modules: vec![("frame.wgsl".into(), epigraph_shaders::text("shared/frame.wgsl").into())],
+        modules: vec![ShaderModule::new("frame.wgsl", epigraph_shaders::text("shared/frame.wgsl"))],
     };
     let cx = NodeContext {
         file: &file,

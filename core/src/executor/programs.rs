@@ -143,6 +143,7 @@ mod tests {
             )
             .into(),
             defines: Vec::new(),
+            constants: Vec::new(),
         };
         let get =
             |text: &str| gpu.programs.get(&gpu, &shader(text), &ShaderLibrary::default(), Needs::default());

@@ -1,18 +1,20 @@
-//! `#import` and `#ifdef`, by lines.
+//! `#import` and `#ifdef`, by lines, and the constants from Rust.
 //!
-//! WGSL lets declarations stand in any order, so importing a module is putting its text behind the shader's, once. The
-//! result is plain WGSL: names stay as written, naga sees every doc comment, and a place in it is a line of one file.
-//! (naga_oil was tried. In imported modules it refuses struct members that end in a digit and type aliases, and loses
+//! WGSL lets declarations stand in any order, so importing a module is putting its text behind the shader's, once. A
+//! file's constants from Rust are put before it. The result is plain WGSL: names stay as written, naga sees every doc
+//! comment, and a place in it is a line of one file. (naga_oil was tried. In imported modules it refuses struct members that end in a digit and type aliases, and loses
 //! constants without a type; it renames what it imports, and in the importing shader also members of the same name.)
 
 use crate::{
     error::{GraphError, Place, Span},
-    shader::{Shader, ShaderLibrary},
+    shader::{Shader, ShaderLibrary, ShaderModule},
 };
 
 /// A shader with the modules that it imports behind it, as one WGSL text.
 pub(crate) struct Composed {
     pub text: String,
+    /// The shader's file.
+    name: String,
     parts: Vec<Part>,
 }
 
@@ -34,7 +36,7 @@ impl Composed {
 
     /// A problem of the whole.
     pub fn error_anywhere(&self, message: &str) -> GraphError {
-        let (shader, message) = (self.parts[0].name.clone(), message.to_owned());
+        let (shader, message) = (self.name.clone(), message.to_owned());
         GraphError::Shader { shader, message, place: None }
     }
 }
@@ -46,32 +48,29 @@ fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
 
 /// Puts a shader together: `#import NAME` brings in the library's module of that name, `#ifdef NAME`, `#ifndef NAME`,
 /// `#else` and `#endif` keep or drop lines by the shader's defines. Directives stand on lines of their own, which are
-/// blank in the result, so that lines keep their numbers.
+/// blank in the result, so that lines keep their numbers. Constants from Rust precede the file that has them; they count as
+/// a file of their own.
 pub(crate) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Composed, GraphError> {
-    let mut composed = Composed { text: String::new(), parts: Vec::new() };
+    let mut composed = Composed { text: String::new(), name: shader.name.to_string(), parts: Vec::new() };
     let mut imports: Vec<&str> = Vec::new();
     let mut next = 0;
     let (mut name, mut source): (&str, &str) = (&shader.name, &shader.source);
+    let mut constants = &shader.constants[..];
     loop {
+        composed.parts.push(Part { name: format!("constants of {name}"), start: composed.text.len() });
+        constants.iter().for_each(|constant| constant.declare(&mut composed.text));
         composed.parts.push(Part { name: name.to_owned(), start: composed.text.len() });
         preprocess(name, source, shader, library, &mut imports, &mut composed.text)?;
         let Some(module) = imports.get(next).and_then(|import| find(library, import)) else {
             return Ok(composed);
         };
         next += 1;
-        (name, source) = module;
+        (name, source, constants) = (&module.name, &module.source, &module.constants);
     }
 }
 
-/// A module's name is its file's name without folder and ending.
-fn module_name(file: &str) -> &str {
-    let file = file.rsplit_once('/').map_or(file, |(_, file)| file);
-    file.strip_suffix(".wgsl").unwrap_or(file)
-}
-
-fn find<'l>(library: &'l ShaderLibrary, name: &str) -> Option<(&'l str, &'l str)> {
-    let (file, text) = library.modules.iter().find(|(file, _)| module_name(file) == name)?;
-    Some((file, text))
+fn find<'l>(library: &'l ShaderLibrary, name: &str) -> Option<&'l ShaderModule> {
+    library.modules.iter().find(|module| module.import() == name)
 }
 
 /// An open `#ifdef`.
@@ -112,7 +111,7 @@ fn preprocess<'s>(
         match directive.split_whitespace().collect::<Vec<_>>()[..] {
             ["import", module] if keep => {
                 if find(library, module).is_none() {
-                    let known = library.modules.iter().map(|(file, _)| module_name(file));
+                    let known = library.modules.iter().map(ShaderModule::import);
                     return Err(fail(&GraphError::unknown("module", module, known).to_string()));
                 }
                 if !imports.contains(&module) {
