@@ -16,15 +16,6 @@ struct Params {
 @group(0) @binding(4) var<storage, read_write> rate: array<f32>;
 @group(0) @binding(5) var<storage, read_write> histogram: array<atomic<u32>>;
 
-// The age in 8.8 fixed point that a point reaches on average when it is replaced.
-const AGE_WHEN_REPLACED: f32 = 32768.0;
-
-// The age in 8.8 fixed point from which points are evicted.
-const AGE_OF_EVICTION: u32 = 65280u;
-
-// How much a frame weighs in the moving average of arrivals.
-const RATE_WEIGHT: f32 = 0.1;
-
 @compute @workgroup_size(256)
 fn measure(@builtin(local_invocation_index) lane: u32) {
     atomicStore(&histogram[lane], 0u);

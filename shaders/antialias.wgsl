@@ -1,17 +1,12 @@
 // Mixes the colours of both sides of an edge in the pixels that it cuts, by area.
 
-#import frame
 #import edge_pixel
+#import frame
+#import pixel
 
 struct Params {
     neighbour: u32,
 }
-
-const BEST: u32 = 0u;
-const OFF: u32 = 2u;
-
-// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary are one.
-const SECONDARY_TO_PRIMARY: u32 = 4u;
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var primary: texture_2d<f32>;
@@ -24,9 +19,9 @@ fn antialias(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if any(pixel.xy >= frame.size) {
         return;
     }
-    let p = pixel.y * frame.size.x + pixel.x;
+    let p = pixel_index(pixel.xy);
     var result = textureLoad(primary, pixel.xy, 0);
-    if (cls[p] & CLASS) == SIMPLE && params.neighbour != OFF {
+    if (cls[p] & CLASS) == SIMPLE && params.neighbour != NEIGHBOUR_OFF {
         result = blend(vec2<i32>(pixel.xy), cls[p], n8[p], result);
     }
     textureStore(color, pixel.xy, result);
@@ -42,10 +37,9 @@ fn blend(pixel: vec2<i32>, cls: u32, n8: u32, own: vec4<f32>) -> vec4<f32> {
     for (var d = 0u; d < 8u; d++) {
         let square = squareness(towards_secondary, d);
         let q = pixel + direction(d);
-        let inside = all(q >= vec2(0)) && all(q < vec2<i32>(frame.size));
-        if inside && ((n8 >> (4u * d)) & SECONDARY_TO_PRIMARY) != 0u && square > 0.0 {
+        if !is_outside(q) && ((n8 >> (4u * d)) & SECONDARY_TO_PRIMARY) != 0u && square > 0.0 {
             let neighbour = textureLoad(primary, q, 0).rgb * square;
-            if params.neighbour != BEST {
+            if params.neighbour != NEIGHBOUR_BEST {
                 beyond += neighbour;
                 total += square;
             } else if square > total {

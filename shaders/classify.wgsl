@@ -1,15 +1,15 @@
 // Classes of pixels, primary regions, samples kept, and where to aim the next one. Twin: `stages/src/classify.rs`.
 
-#import frame
+#import cloud
 #import edge_pixel
+#import frame
+#import pixel
 #import requests
 
 struct Params {
     subpixel_bits: u32,
     ambiguous: u32,
 }
-
-const DROP: u32 = 0u;
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> mask: array<u32>;
@@ -88,7 +88,7 @@ fn aim_of(edge: Edge, is_a: bool) -> u32 {
     // The square of the four cells that meet at the centre is twice as wide as a cell.
     let middle_distance = vec2(chord_side(edge.halves[0], vec2(8)), chord_side(edge.halves[1], vec2(8)));
     if locate(edge, middle_distance, reaches_of(edge)).y == 0 {
-        return AIM_CENTER;
+        return PIXEL_CENTER;
     }
     // The chord's function grows towards A, so a corner cell is the farthest from the chord.
     let last = (1u << cells_log2()) - 1u;
@@ -102,8 +102,8 @@ fn classify(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if any(pixel.xy >= frame.size) {
         return;
     }
-    let p = pixel.y * frame.size.x + pixel.x;
-    let corner = p + pixel.y;
+    let p = pixel_index(pixel.xy);
+    let corner = corner_index(pixel.xy);
     let own = mask[corner];
     let right = mask[corner + 1u];
     let below = mask[corner + 1u + frame.size.x];
@@ -116,7 +116,7 @@ fn classify(@builtin(global_invocation_id) pixel: vec3<u32>) {
         let coarse = cell >> vec2(cells_log2() - 2u);
         bits |= (((coarse.y << 2u) | coarse.x) << CELL_SHIFT) | VALID;
     }
-    aim[p] = AIM_CENTER;
+    aim[p] = PIXEL_CENTER;
     if (bits & CLASS) != SIMPLE {
         bits |= PRIMARY_IS_A | (PIXEL_AREA << AREA_SHIFT);
     } else {
@@ -134,7 +134,7 @@ fn classify(@builtin(global_invocation_id) pixel: vec3<u32>) {
             if is_ambiguous {
                 bits |= AMBIGUOUS;
             }
-            if is_ambiguous && params.ambiguous == DROP {
+            if is_ambiguous && params.ambiguous == AMBIGUOUS_DROP {
                 bits &= ~VALID;
             } else if distance != 0 {
                 is_a = distance > 0;

@@ -1,18 +1,14 @@
 // Drops points that lie behind those around them, and keeps the shifted mean depth of 3x3 pixels. With MAJORITY `vote`,
 // then `cull`; else `cull`.
 
+#import cloud
 #import frame
+#import pixel
 
 struct Params {
     rule: u32,
     threshold: f32,
 }
-
-const SEED_EXACT: u32 = 2u;
-
-// Bits of infinity.
-const EMPTY_DEPTH: u32 = 0x7F800000u;
-const NO_POINT: u32 = 0xFFFFFFFFu;
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read_write> id: array<u32>;
@@ -21,14 +17,6 @@ const NO_POINT: u32 = 0xFFFFFFFFu;
 #ifdef MAJORITY
 @group(0) @binding(5) var<storage, read_write> first_vote: array<u32>;
 #endif
-
-fn is_outside(pixel: vec2<i32>) -> bool {
-    return any(pixel < vec2(0)) || any(pixel >= vec2<i32>(frame.size));
-}
-
-fn pixel_index(pixel: vec2<i32>) -> u32 {
-    return u32(pixel.y) * frame.size.x + u32(pixel.x);
-}
 
 // The depth of a z-buffer with range 0 (near) to 1 (far).
 fn buffer_depth(z: f32) -> f32 {
@@ -62,7 +50,7 @@ fn buffer_shift(share: f32, d: f32) -> f32 {
 
 // What the rule compares: the distance or the z-buffer's depth.
 fn value(z: u32) -> f32 {
-    if params.rule == SEED_EXACT {
+    if params.rule == RULE_SEED_EXACT {
         return buffer_depth(bitcast<f32>(z));
     }
     return bitcast<f32>(z);
@@ -89,7 +77,7 @@ fn mean_of(pixel: vec2<i32>) -> f32 {
             if is_outside(q) {
                 continue;
             }
-            let z = averaged(pixel_index(q));
+            let z = averaged(pixel_index(vec2<u32>(q)));
             if z < EMPTY_DEPTH {
                 column += value(z);
                 count += 1.0;
@@ -121,7 +109,7 @@ fn majority(pixel: vec2<i32>, voters: i32) -> i32 {
 
 // Whether enough of the other points of the 5x5 pixels are clearly nearer, and there are any.
 fn is_outvoted(round: u32, pixel: vec2<i32>) -> bool {
-    let z = bitcast<f32>(voter(round, pixel_index(pixel)));
+    let z = bitcast<f32>(voter(round, pixel_index(vec2<u32>(pixel))));
     let scale = 1.0 + params.threshold;
     // The point itself is no voter, and never nearer than itself.
     var voters = -1;
@@ -132,7 +120,7 @@ fn is_outvoted(round: u32, pixel: vec2<i32>) -> bool {
             if is_outside(q) {
                 continue;
             }
-            let other = voter(round, pixel_index(q));
+            let other = voter(round, pixel_index(vec2<u32>(q)));
             if other < EMPTY_DEPTH {
                 voters += 1;
                 nearer += i32(bitcast<f32>(other) * scale < z);
@@ -148,7 +136,7 @@ fn vote(@builtin(global_invocation_id) thread: vec3<u32>) {
     if is_outside(pixel) {
         return;
     }
-    let p = pixel_index(pixel);
+    let p = pixel_index(thread.xy);
     let own = depth[p];
     first_vote[p] = select(own, EMPTY_DEPTH, own < EMPTY_DEPTH && is_outvoted(ALL, pixel));
 }
@@ -161,11 +149,11 @@ fn cull(@builtin(global_invocation_id) thread: vec3<u32>) {
     if is_outside(pixel) {
         return;
     }
-    let p = pixel_index(pixel);
+    let p = pixel_index(thread.xy);
     let mean = mean_of(pixel);
     var shifted = mean * (1.0 + params.threshold);
     var distance = min(shifted, frame.view.far);
-    if params.rule == SEED_EXACT {
+    if params.rule == RULE_SEED_EXACT {
         shifted = buffer_shift(params.threshold, mean);
         distance = buffer_distance(shifted);
     }

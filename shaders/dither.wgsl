@@ -3,8 +3,10 @@
 // Cells of the predicted view and pixels go the same way: weights are added up by tile, one workgroup scans the tiles'
 // sums, and each pixel finds out whether the sum of weights passes a multiple of total / wanted in it.
 
+#import cloud
 #import frame
 #import index
+#import pixel
 #import requests
 #import scan
 #import view
@@ -16,20 +18,6 @@ struct Params {
     predicted_share: f32,
     border: u32,
 }
-
-const AIM_AT_RANDOM: u32 = 1u;
-
-// Pixels on each side of a tile, and of a cell.
-const TILE: u32 = 16u;
-const CELL: u32 = 4u;
-
-const MAX_PRIORITY: u32 = 255u;
-
-// From this priority on a pixel without a point has next to no samples around it.
-const BARE: u32 = 200u;
-
-// 2^32 over the golden ratio.
-const GOLDEN: u32 = 0x9E3779B9u;
 
 // Entries of `state`: empty cells; requests for them; the weight that asks for one sample; sum of all limited weights.
 const CELLS_TOTAL: u32 = 0u;
@@ -55,7 +43,7 @@ const TOTAL: u32 = 3u;
 fn clear(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = linear_index(thread, groups, 64u);
     if i < arrayLength(&requests) {
-        requests[i] = Request(NO_PIXEL, AIM_CENTER, NO_POINT, VIEW_NOW);
+        requests[i] = Request(NO_PIXEL, PIXEL_CENTER, NO_POINT, VIEW_NOW);
     }
 }
 
@@ -162,7 +150,7 @@ fn ask_cells(
     let noise = hash((cell.y << 16u) | cell.x);
     // The last cells may reach beyond the image.
     let pixel = min(cell * CELL + vec2(noise, noise / CELL) % CELL, frame.size - 1u);
-    requests[after - 1u] = ask_predicted(pixel.y * frame.size.x + pixel.x, noise);
+    requests[after - 1u] = ask_predicted(pixel_index(pixel), noise);
 }
 
 // A request of the predicted view, somewhere in a pixel: `noise` says where.
@@ -201,7 +189,7 @@ fn pixel_weight(pixel: vec2<u32>, limit: u32) -> u32 {
     if any(pixel >= frame.size) {
         return 0u;
     }
-    return min(min(priority[pixel.y * frame.size.x + pixel.x], MAX_PRIORITY) >> priority_shift(), limit);
+    return min(min(priority[pixel_index(pixel)], MAX_PRIORITY) >> priority_shift(), limit);
 }
 
 fn add_tile(tile: vec2<u32>, groups: vec3<u32>, lane: u32, limit: u32) {
@@ -264,13 +252,13 @@ fn scan_pixels(@builtin(local_invocation_index) lane: u32) {
 
 // Where in a pixel its sample should go.
 fn aim_of(pixel: u32) -> u32 {
-    if params.aim == AIM_AT_RANDOM {
+    if params.aim == AIM_RANDOM {
         return hash(pixel);
     }
 #ifdef AIM
     return aim[pixel];
 #else
-    return AIM_CENTER;
+    return PIXEL_CENTER;
 #endif
 }
 
@@ -292,7 +280,7 @@ fn ask_pixels(
     if after == due(sum, total, wanted) {
         return;
     }
-    let pixel = at.y * frame.size.x + at.x;
+    let pixel = pixel_index(at);
     let request = cells_wanted() + after - 1u;
 #ifdef OCCUPANCY
     if leaves(at, pixel) {

@@ -3,6 +3,7 @@
 
 #import frame
 #import index
+#import pixel
 #import segments
 #import view
 #import wide
@@ -15,16 +16,6 @@ struct Params {
     merge: u32,
 }
 
-const EITHER: u32 = 0u;
-const OWNER: u32 = 1u;
-const BOTH: u32 = 2u;
-const OFF: u32 = 3u;
-
-// Fixed point: units of a pixel and of an eighth of it.
-const PIXEL: i32 = 256;
-const PIXEL_SHIFT: u32 = 8u;
-const SLOT_SHIFT: u32 = 5u;
-
 // The binary logarithm of the number of lines to a pixel: 1 if the middle ones are drawn too.
 #ifdef MIDDLE
 const HALVES: u32 = 1u;
@@ -33,18 +24,8 @@ const HALVES: u32 = 0u;
 #endif
 const LINE_SHIFT: u32 = PIXEL_SHIFT - HALVES;
 
-// Pixels from one edge of the space in which segments are drawn to the other: coordinates differ by less than 2^24 units.
-const SPAN: f32 = 65535.0;
-
-// Metres beyond which a coordinate counts as no number.
-const LIMIT: f32 = 1e20;
-
-// Set in `vertex` where there is one.
-const VERTEX: u32 = 0x10000u;
-
 // Segments that cross more lines are drawn by a workgroup each.
 const LONG: i32 = 32;
-const LONG_GROUPS: u32 = 256u;
 const LONG_THREADS: u32 = 64u;
 
 // The part of a segment that is drawn: two points in fixed point, 1 / z there, and the width of the penumbra whose boundary
@@ -79,10 +60,10 @@ struct Snapped {
 @compute @workgroup_size(8, 8, 1)
 fn clear(@builtin(global_invocation_id) corner: vec3<u32>) {
     if all(corner.xy <= frame.size) {
-        atomicStore(&mask[corner.y * (frame.size.x + 1u) + corner.x], 0u);
+        atomicStore(&mask[corner_index(corner.xy)], 0u);
     }
     if all(corner.xy < frame.size) {
-        atomicStore(&vertex[corner.y * frame.size.x + corner.x], 0u);
+        atomicStore(&vertex[pixel_index(corner.xy)], 0u);
     }
 #ifndef LINES
     if all(corner.xy == vec2(0u)) {
@@ -96,7 +77,7 @@ fn clear(@builtin(global_invocation_id) corner: vec3<u32>) {
 @compute @workgroup_size(8, 8, 1)
 fn merge(@builtin(global_invocation_id) corner: vec3<u32>) {
     if all(corner.xy <= frame.size) {
-        let index = corner.y * (frame.size.x + 1u) + corner.x;
+        let index = corner_index(corner.xy);
         let bits = atomicLoad(&mask[index]);
         atomicStore(&mask[index], bits & ~((bits & 0x7F7F7F7Fu) << 1u));
     }
@@ -409,7 +390,7 @@ fn mark(lines: Lines, axis: u32, nth: i32) {
     }
     if lines.penumbra <= params.max_penumbra * z && is_shown(z, pixel, axis, is_middle) {
         let bit = u32(slot & 7) + 8u * axis + 16u * u32(is_middle);
-        atomicOr(&mask[u32(pixel.y) * (frame.size.x + 1u) + u32(pixel.x)], 1u << bit);
+        atomicOr(&mask[corner_index(vec2<u32>(pixel))], 1u << bit);
     }
 }
 
@@ -417,12 +398,12 @@ fn mark(lines: Lines, axis: u32, nth: i32) {
 fn mark_end(at: vec2<i32>, inverse: f32, penumbra: f32) {
     let pixel = at >> vec2(PIXEL_SHIFT);
     let z = 1.0 / inverse;
-    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(frame.size)) || penumbra > params.max_penumbra * z {
+    if is_outside(pixel) || penumbra > params.max_penumbra * z {
         return;
     }
-    if params.depth_test == OFF || z <= depth(pixel) {
+    if params.depth_test == DEPTH_TEST_OFF || z <= depth(pixel) {
         let place = vec2<u32>(((at & vec2(PIXEL - 1)) + 8) >> vec2(4u));
-        atomicMax(&vertex[u32(pixel.y) * frame.size.x + u32(pixel.x)], VERTEX | (place.y << 8u) | place.x);
+        atomicMax(&vertex[pixel_index(vec2<u32>(pixel))], VERTEX | (place.y << 8u) | place.x);
     }
 }
 
@@ -435,20 +416,20 @@ fn is_shown(z: f32, owner: vec2<i32>, axis: u32, is_middle: bool) -> bool {
     let at_owner = owner_exists && z <= depth(owner);
     let at_other = other_exists && z <= depth(other);
 #ifdef MIDDLE
-    if is_middle && params.depth_test != OFF {
+    if is_middle && params.depth_test != DEPTH_TEST_OFF {
         let next = owner + step;
         let at_next = all(next < vec2<i32>(frame.size)) && z <= depth(next);
-        return at_owner || (params.depth_test == EITHER && (at_other || at_next));
+        return at_owner || (params.depth_test == DEPTH_TEST_EITHER && (at_other || at_next));
     }
 #endif
     switch params.depth_test {
-        case EITHER: {
+        case DEPTH_TEST_EITHER: {
             return at_owner || at_other;
         }
-        case OWNER: {
+        case DEPTH_TEST_OWNER: {
             return select(at_other, at_owner, owner_exists);
         }
-        case BOTH: {
+        case DEPTH_TEST_BOTH: {
             return (at_owner || !owner_exists) && (at_other || !other_exists);
         }
         default: {
@@ -459,5 +440,5 @@ fn is_shown(z: f32, owner: vec2<i32>, axis: u32, is_middle: bool) -> bool {
 
 fn depth(pixel: vec2<i32>) -> f32 {
     let inside = clamp(pixel, vec2(0), vec2<i32>(frame.size) - 1);
-    return filtered[u32(inside.y) * frame.size.x + u32(inside.x)];
+    return filtered[pixel_index(vec2<u32>(inside))];
 }

@@ -1,20 +1,14 @@
 // Colours every pixel from the points near it, and says how much a new sample there is worth.
 
-#import frame
 #import cloud
+#import frame
+#import pixel
 
 struct Params {
     empty: u32,
     keep_points: u32,
     priority: u32,
 }
-
-const HOLD: u32 = 0u;
-const MEASURED: u32 = 0u;
-const NO_POINT: u32 = 0xFFFFFFFFu;
-
-// Sum of the weights of the 3x3 pixels.
-const WEIGHTS_SUM: u32 = 16u;
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> cloud_radiance: array<u32>;
@@ -24,10 +18,6 @@ const WEIGHTS_SUM: u32 = 16u;
 @group(0) @binding(6) var<storage, read_write> points: array<vec4<f32>>;
 @group(0) @binding(7) var color: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(8) var<storage, read_write> priority: array<u32>;
-
-fn pixel_index(pixel: vec2<u32>) -> u32 {
-    return pixel.y * frame.size.x + pixel.x;
-}
 
 // The radiance of each pixel's point and 1, or zeros; the priority of pixels with a point.
 @compute @workgroup_size(8, 8, 1)
@@ -46,7 +36,7 @@ fn gather(@builtin(global_invocation_id) pixel: vec3<u32>) {
 
 // The entry of `points` at a place that may lie outside the image.
 fn point_at(q: vec2<i32>) -> vec4<f32> {
-    if any(q < vec2(0)) || any(q >= vec2<i32>(frame.size)) {
+    if is_outside(q) {
         return vec4(0.0);
     }
     return points[pixel_index(vec2<u32>(q))];
@@ -70,8 +60,9 @@ fn fill(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if own.w > 0.0 && params.keep_points != 0u {
         sum = own;
     } else if near.w == 0.0 {
-        for (var dy = -3; dy <= 3; dy++) {
-            for (var dx = -3; dx <= 3; dx++) {
+        let reach = i32(REACH);
+        for (var dy = -reach; dy <= reach; dy++) {
+            for (var dx = -reach; dx <= reach; dx++) {
                 sum += point_at(centre + vec2(dx, dy));
             }
         }
@@ -79,7 +70,7 @@ fn fill(@builtin(global_invocation_id) pixel: vec3<u32>) {
     var result = vec4(0.0, 0.0, 0.0, 1.0);
     if sum.w > 0.0 {
         result = vec4(sum.rgb / sum.w, 1.0);
-    } else if params.empty == HOLD {
+    } else if params.empty == EMPTY_HOLD {
         result = textureLoad(previous, pixel.xy, 0);
     }
     textureStore(color, pixel.xy, result);
@@ -92,7 +83,7 @@ fn fill(@builtin(global_invocation_id) pixel: vec3<u32>) {
 
 // Priority of a pixel that shows a point of this age, in 8.8 fixed point.
 fn with_point(age: u32) -> u32 {
-    if params.priority == MEASURED {
+    if params.priority == PRIORITY_MEASURED {
         return age / (2u * AGE_ONE);
     }
     return min(age / AGE_ONE, 254u);
@@ -101,7 +92,7 @@ fn with_point(age: u32) -> u32 {
 // Priority of a pixel without a point whose neighbours weigh `weight` of WEIGHTS_SUM.
 fn without_point(weight: u32) -> u32 {
     let missing = WEIGHTS_SUM - weight;
-    if params.priority == MEASURED {
+    if params.priority == PRIORITY_MEASURED {
         // In whole numbers: 255 * (missing / 16)^6, rounded to the nearest.
         let cube = missing * missing * missing;
         return (255u * cube * cube + 0x800000u) >> 24u;

@@ -3,15 +3,11 @@
 #import cloud
 #import frame
 #import index
+#import pixel
 
 struct Params {
     ids: u32,
 }
-
-const TEXEL: u32 = 1u;
-
-// Pixels that the papers' texel can tell apart.
-const TEXEL_PIXELS: u32 = 0x7FFFFFu;
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read_write> cloud_image_id: array<u32>;
@@ -30,8 +26,8 @@ fn mark(@builtin(global_invocation_id) thread: vec3<u32>) {
     if any(thread.xy >= frame.size) {
         return;
     }
-    let pixel = thread.y * frame.size.x + thread.x;
-    if params.ids == TEXEL && pixel >= TEXEL_PIXELS {
+    let pixel = pixel_index(thread.xy);
+    if params.ids == IDS_TEXEL && pixel >= TEXEL_PIXELS {
         return;
     }
     // A pixel without a point has an id beyond every slot. A point is in one pixel, so threads do not collide.

@@ -4,6 +4,7 @@
 #import color
 #import frame
 #import index
+#import pixel
 #import requests
 
 struct Params {
@@ -20,9 +21,6 @@ struct Params {
 @group(0) @binding(8) var<storage, read_write> arrived: array<atomic<u32>>;
 @group(0) @binding(9) var<storage, read_write> changed: array<atomic<u32>>;
 @group(0) @binding(10) var<storage, read_write> dates: array<u32>;
-
-// Points seen at most this many pixels from a changed one are flagged, on each axis: a square of 7 x 7.
-const REACH: u32 = 3u;
 
 @compute @workgroup_size(1)
 fn clear() {
@@ -91,13 +89,13 @@ fn differs_from_shown(index: u32) -> bool {
 }
 
 // Stamps the 7 x 7 pixels around one, as far as they lie in the image.
-fn stamp_around(pixel_index: u32) {
-    let pixel = vec2(pixel_index % frame.size.x, pixel_index / frame.size.x);
+fn stamp_around(index: u32) {
+    let pixel = vec2(index % frame.size.x, index / frame.size.x);
     let first = pixel - min(pixel, vec2(REACH));
     let end = min(pixel + REACH + 1u, frame.size);
     for (var y = first.y; y < end.y; y++) {
         for (var x = first.x; x < end.x; x++) {
-            atomicStore(&changed[y * frame.size.x + x], frame.index + 1u);
+            atomicStore(&changed[pixel_index(vec2(x, y))], frame.index + 1u);
         }
     }
 }

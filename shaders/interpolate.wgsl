@@ -1,10 +1,11 @@
 // Colours every pixel from the samples in its 5x5 pixels that no edge parts from it, and says how much a new sample
 // there is worth.
 
-#import frame
 #import cloud
 #import color
 #import edge_pixel
+#import frame
+#import pixel
 
 struct Params {
     kernel: u32,
@@ -14,25 +15,12 @@ struct Params {
     priority: u32,
 }
 
-const GAUSSIAN: u32 = 0u;
-const TONE_MAPPED: u32 = 1u;
-const MEASURED: u32 = 0u;
-const NO_POINT: u32 = 0xFFFFFFFFu;
-
-// Pixels to each side of the centre, and on each side of the kernel.
-const REACH: i32 = 2;
-const SPAN: u32 = 5u;
-
 // Most cells along an axis of a pixel.
 const CELLS: u32 = 16u;
 
-// The sum of the weights of five samples in the centres of their pixels along an axis, and of all 25.
-const AXIS: f32 = 2048.0;
-const FULL: f32 = 4194304.0;
-
-// Pixels on each side of a workgroup's tile, and of what its kernels reach.
-const TILE: u32 = 16u;
-const SIDE: u32 = 20u;
+// Pixels on each side of a workgroup's, and of what their kernels reach.
+const GROUP: u32 = 16u;
+const SIDE: u32 = GROUP + 2u * REACH;
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> cloud_radiance: array<u32>;
@@ -45,20 +33,20 @@ const SIDE: u32 = 20u;
 @group(0) @binding(9) var<storage, read_write> priority: array<u32>;
 
 // The samples of the tile and around it: radiance, and the cell in the pixel; -1 where there is none.
-var<workgroup> samples: array<vec4<f32>, 400>;
+var<workgroup> samples: array<vec4<f32>, SIDE * SIDE>;
 // For each row or column of cells, the weights along that axis of a sample in it at each offset + REACH.
-var<workgroup> axis: array<f32, 80>;
+var<workgroup> axis: array<f32, CELLS * SPAN>;
 
 fn load(q: vec2<i32>) -> vec4<f32> {
-    if any(q < vec2(0)) || any(q >= vec2<i32>(frame.size)) {
+    if is_outside(q) {
         return vec4(0.0, 0.0, 0.0, -1.0);
     }
-    let p = u32(q.y) * frame.size.x + u32(q.x);
+    let p = pixel_index(vec2<u32>(q));
     if id[p] == NO_POINT {
         return vec4(0.0, 0.0, 0.0, -1.0);
     }
     var radiance = decode_radiance(cloud_radiance[id[p]]);
-    if params.space == TONE_MAPPED {
+    if params.space == SPACE_TONE_MAPPED {
         radiance /= 1.0 + luminance(radiance);
     }
     return vec4(radiance, f32(subpixel[p]));
@@ -67,7 +55,7 @@ fn load(q: vec2<i32>) -> vec4<f32> {
 // Which of the 25 pixels of the kernel count, bit 12 being the pixel itself.
 fn taps(p: u32) -> u32 {
     if (cls[p] & CLASS) == COMPLEX {
-        return 0x1FFFFFFu;
+        return ALL;
     }
     // r24 leaves out the centre.
     return (r24[p] & 0xFFFu) | (1u << 12u) | ((r24[p] & 0xFFF000u) << 1u);
@@ -75,7 +63,7 @@ fn taps(p: u32) -> u32 {
 
 // The weight along an axis at a distance in pixels, before it is scaled.
 fn kernel(distance: f32) -> f32 {
-    if params.kernel == GAUSSIAN {
+    if params.kernel == KERNEL_GAUSSIAN {
         return exp(-distance * distance / (2.0 * params.sigma * params.sigma));
     }
     let d = i32(round(abs(distance)));
@@ -87,7 +75,7 @@ fn axis_weight(i: u32) -> f32 {
     let cells = f32(1u << (params.subpixel_bits / 2u));
     let pixel = f32(i % SPAN) - f32(REACH);
     var aside = (f32(i / SPAN) + 0.5) / cells - 0.5;
-    if params.kernel != GAUSSIAN {
+    if params.kernel != KERNEL_GAUSSIAN {
         aside = 0.0;
     }
     let scale = AXIS / (kernel(0.0) + 2.0 * (kernel(1.0) + kernel(2.0)));
@@ -101,20 +89,20 @@ fn interpolate(
     @builtin(local_invocation_id) local: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let corner = vec2<i32>(tile.xy * TILE) - REACH;
+    let corner = vec2<i32>(tile.xy * GROUP) - i32(REACH);
     if lane < CELLS * SPAN {
         axis[lane] = axis_weight(lane);
     }
-    for (var i = lane; i < SIDE * SIDE; i += TILE * TILE) {
+    for (var i = lane; i < SIDE * SIDE; i += GROUP * GROUP) {
         samples[i] = load(corner + vec2<i32>(vec2(i % SIDE, i / SIDE)));
     }
     workgroupBarrier();
 
-    let pixel = tile.xy * TILE + local.xy;
+    let pixel = tile.xy * GROUP + local.xy;
     if any(pixel >= frame.size) {
         return;
     }
-    let p = pixel.y * frame.size.x + pixel.x;
+    let p = pixel_index(pixel);
     let counts = taps(p);
     var sum = vec4(0.0);
     let shift = params.subpixel_bits / 2u;
@@ -134,7 +122,7 @@ fn interpolate(
     var result = vec4(0.0);
     if sum.w > 0.0 {
         result = vec4(sum.rgb / sum.w, share);
-        if params.space == TONE_MAPPED {
+        if params.space == SPACE_TONE_MAPPED {
             result = vec4(result.rgb / max(1.0 - luminance(result.rgb), 1e-5), share);
         }
     }
@@ -149,7 +137,7 @@ fn interpolate(
 
 // Priority of a pixel that shows a point of this age, in 8.8 fixed point.
 fn with_point(age: u32) -> u32 {
-    if params.priority == MEASURED {
+    if params.priority == PRIORITY_MEASURED {
         return age / (2u * AGE_ONE);
     }
     return min(age / AGE_ONE, 254u);
@@ -159,7 +147,7 @@ fn with_point(age: u32) -> u32 {
 fn without_point(share: f32) -> u32 {
     // In 1/256, to the nearest. Exact, as the share is a whole number of 1 / FULL.
     let missing = u32((1.0 - share) * 256.0 + 0.5);
-    if params.priority == MEASURED {
+    if params.priority == PRIORITY_MEASURED {
         // In whole numbers: 255 * (missing / 256)^6, to about the nearest.
         let cube = (missing * missing * missing) >> 9u;
         return (255u * ((cube * cube) >> 8u) + 0x200000u) >> 22u;

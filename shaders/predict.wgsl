@@ -5,9 +5,6 @@
 #import cloud
 #import view
 
-// Pixels on each side of a cell.
-const CELL: u32 = 4u;
-
 @group(0) @binding(1) var<storage, read> cloud_position: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> cloud_meta: array<u32>;
 @group(0) @binding(3) var<storage, read_write> occupancy: array<atomic<u32>>;

@@ -2,9 +2,10 @@
 // TwoPass runs clear, project, claim, resolve; with ATOMIC64 clear, project, resolve; with RASTER vertex and fragment,
 // then resolve.
 
+#import cloud
 #import frame
 #import index
-#import cloud
+#import pixel
 #import view
 
 struct Params {
@@ -12,11 +13,6 @@ struct Params {
     subpixel_bits: u32,
     max_age: u32,
 }
-
-// Bits of infinity.
-const EMPTY_DEPTH: u32 = 0x7F800000u;
-const NO_POINT: u32 = 0xFFFFFFFFu;
-const NO_PIXEL: u32 = 0xFFFFFFFFu;
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> cloud_position: array<vec4<f32>>;
@@ -39,21 +35,13 @@ fn cell(at: vec2<f32>) -> u32 {
     return cell_of(at, 1u << (params.subpixel_bits / 2u));
 }
 
-fn is_outside(pixel: vec2<u32>) -> bool {
-    return any(pixel >= frame.size);
-}
-
-fn pixel_index(pixel: vec2<u32>) -> u32 {
-    return pixel.y * frame.size.x + pixel.x;
-}
-
 #ifdef ATOMIC64
 // Bits of the depth above the id.
 @group(0) @binding(9) var<storage, read_write> keys: array<atomic<u64>>;
 
 @compute @workgroup_size(8, 8, 1)
 fn clear(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if is_outside(pixel.xy) {
+    if any(pixel.xy >= frame.size) {
         return;
     }
     atomicStore(&keys[pixel_index(pixel.xy)], (u64(EMPTY_DEPTH) << 32u) | u64(NO_POINT));
@@ -74,7 +62,7 @@ fn project(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgr
 
 @compute @workgroup_size(8, 8, 1)
 fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if is_outside(pixel.xy) {
+    if any(pixel.xy >= frame.size) {
         return;
     }
     let p = pixel_index(pixel.xy);
@@ -116,7 +104,7 @@ fn fragment(in: Vertex) -> @location(0) u32 {
 
 @compute @workgroup_size(8, 8, 1)
 fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if is_outside(pixel.xy) {
+    if any(pixel.xy >= frame.size) {
         return;
     }
     let p = pixel_index(pixel.xy);
@@ -135,7 +123,7 @@ fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
 #else
 @compute @workgroup_size(8, 8, 1)
 fn clear(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if is_outside(pixel.xy) {
+    if any(pixel.xy >= frame.size) {
         return;
     }
     let p = pixel_index(pixel.xy);
@@ -151,7 +139,7 @@ fn project(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgr
     }
     let point = project_id(i);
     if point.z < 0.0 {
-        projected[i] = vec2(NO_PIXEL, EMPTY_DEPTH);
+        projected[i] = vec2(NOT_DRAWN, EMPTY_DEPTH);
         return;
     }
     let p = pixel_index(vec2<u32>(point.at));
@@ -170,14 +158,14 @@ fn claim(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgrou
         return;
     }
     let point = projected[i];
-    if point.x != NO_PIXEL && atomicLoad(&depth[point.x]) == point.y {
+    if point.x != NOT_DRAWN && atomicLoad(&depth[point.x]) == point.y {
         atomicMin(&id[point.x], i);
     }
 }
 
 @compute @workgroup_size(8, 8, 1)
 fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if is_outside(pixel.xy) {
+    if any(pixel.xy >= frame.size) {
         return;
     }
     let p = pixel_index(pixel.xy);

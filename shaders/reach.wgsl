@@ -1,19 +1,15 @@
 // Which pixels of the 5x5 around each can be reached without crossing an edge. Twin: `stages/src/reach.rs`.
 // With FUSED one pass over tiles in workgroup memory, else neighbours, main_half and copy_half.
 
-#import frame
 #import edge_pixel
+#import frame
+#import pixel
 
 struct Params {
     rule: u32,
     method: u32,
 }
 
-const WIDE: u32 = 1u;
-
-// N8 and R24 where all pixels around are empty.
-const ALL_NEIGHBOURS: u32 = 0x11111111u;
-const ALL_REACHED: u32 = 0xFFFFFFu;
 // The bits of R24 for the pixels that come after the centre in reading order.
 const MAIN_HALF: u32 = 0xFFF000u;
 
@@ -23,23 +19,15 @@ const MAIN_HALF: u32 = 0xFFF000u;
 @group(0) @binding(4) var<storage, read_write> n8: array<u32>;
 @group(0) @binding(5) var<storage, read_write> r24: array<u32>;
 
-fn is_outside(at: vec2<i32>) -> bool {
-    return any(at < vec2(0)) || any(at >= vec2<i32>(frame.size));
-}
-
-fn index_of(at: vec2<i32>) -> u32 {
-    return u32(at.y) * frame.size.x + u32(at.x);
-}
-
 fn cls_at(at: vec2<i32>) -> u32 {
     if is_outside(at) {
         return COMPLEX;
     }
-    return cls[index_of(at)];
+    return cls[pixel_index(vec2<u32>(at))];
 }
 
 fn mask_at(at: vec2<i32>) -> u32 {
-    return mask[u32(at.y) * (frame.size.x + 1u) + u32(at.x)];
+    return mask[corner_index(vec2<u32>(at))];
 }
 
 // Which regions of two simple or empty pixels touch at the side that they share, with these crossings. The places on the
@@ -117,7 +105,7 @@ fn reached_from(at: vec2<i32>) -> u32 {
         // here.
         let next = n8_at(at + offset);
         let onward = if_odd(matrix, next) | if_odd(matrix >> 1u, next >> 2u);
-        let most = select(1u, 2u, params.rule == WIDE && (d & 1u) == 1u);
+        let most = select(1u, 2u, params.rule == RULE_WIDE && (d & 1u) == 1u);
         for (var turned = d + 8u - most; turned <= d + 8u + most; turned++) {
             reached |= if_odd(onward >> (4u * (turned & 7u)), bit_of(offset + direction(turned)));
         }
@@ -126,19 +114,19 @@ fn reached_from(at: vec2<i32>) -> u32 {
 }
 
 #ifdef FUSED
-// A workgroup's pixels, and those around them that theirs depend on.
-const TILE: u32 = 16u;
-const SPAN: u32 = TILE + 4u;
+// Pixels on each side of a workgroup's, and with those around that these depend on.
+const GROUP: u32 = 16u;
+const SIDE: u32 = GROUP + 4u;
 
 // Whether any pixel is not empty.
 var<workgroup> busy: atomic<u32>;
-var<workgroup> tile_cls: array<u32, SPAN * SPAN>;
-var<workgroup> tile_pairs: array<u32, SPAN * SPAN>;
-var<workgroup> tile_n8: array<u32, SPAN * SPAN>;
+var<workgroup> tile_cls: array<u32, SIDE * SIDE>;
+var<workgroup> tile_pairs: array<u32, SIDE * SIDE>;
+var<workgroup> tile_n8: array<u32, SIDE * SIDE>;
 
-// Places count from the first pixel of the span.
+// Places count from the first of these pixels.
 fn tile_index(at: vec2<i32>) -> u32 {
-    return u32(at.y) * SPAN + u32(at.x);
+    return u32(at.y) * SIDE + u32(at.x);
 }
 
 fn pair_at(at: vec2<i32>) -> u32 {
@@ -155,9 +143,9 @@ fn fused(
     @builtin(local_invocation_index) lane: u32,
     @builtin(workgroup_id) group: vec3<u32>,
 ) {
-    let base = vec2<i32>(group.xy * TILE) - 2;
-    for (var i = lane; i < SPAN * SPAN; i += TILE * TILE) {
-        let own = cls_at(base + vec2<i32>(vec2(i % SPAN, i / SPAN)));
+    let base = vec2<i32>(group.xy * GROUP) - 2;
+    for (var i = lane; i < SIDE * SIDE; i += GROUP * GROUP) {
+        let own = cls_at(base + vec2<i32>(vec2(i % SIDE, i / SIDE)));
         tile_cls[i] = own;
         if (own & CLASS) != EMPTY {
             atomicOr(&busy, 1u);
@@ -167,18 +155,18 @@ fn fused(
     // Barriers have to stay in uniform control flow.
     let is_busy = atomicLoad(&busy) != 0u;
     if is_busy {
-        for (var i = lane; i < SPAN * SPAN; i += TILE * TILE) {
-            let at = vec2(i % SPAN, i / SPAN);
-            // Nothing depends on what lies to the right of and below the span.
-            let right = select(COMPLEX, tile_cls[min(i + 1u, SPAN * SPAN - 1u)], at.x + 1u < SPAN);
-            let below = select(COMPLEX, tile_cls[min(i + SPAN, SPAN * SPAN - 1u)], at.y + 1u < SPAN);
+        for (var i = lane; i < SIDE * SIDE; i += GROUP * GROUP) {
+            let at = vec2(i % SIDE, i / SIDE);
+            // Nothing depends on what lies to the right of and below these pixels.
+            let right = select(COMPLEX, tile_cls[min(i + 1u, SIDE * SIDE - 1u)], at.x + 1u < SIDE);
+            let below = select(COMPLEX, tile_cls[min(i + SIDE, SIDE * SIDE - 1u)], at.y + 1u < SIDE);
             tile_pairs[i] = pair_of(base + vec2<i32>(at), tile_cls[i], right, below);
         }
     }
     workgroupBarrier();
     if is_busy {
-        for (var i = lane; i < (TILE + 2u) * (TILE + 2u); i += TILE * TILE) {
-            let at = vec2<i32>(vec2(i % (TILE + 2u), i / (TILE + 2u))) + 1;
+        for (var i = lane; i < (GROUP + 2u) * (GROUP + 2u); i += GROUP * GROUP) {
+            let at = vec2<i32>(vec2(i % (GROUP + 2u), i / (GROUP + 2u))) + 1;
             tile_n8[tile_index(at)] = neighbours_of(at);
         }
     }
@@ -187,7 +175,7 @@ fn fused(
     if is_outside(base + at) {
         return;
     }
-    let p = index_of(base + at);
+    let p = pixel_index(vec2<u32>(base + at));
     if is_busy {
         n8[p] = n8_at(at);
         r24[p] = reached_from(at);
@@ -207,14 +195,14 @@ fn n8_at(at: vec2<i32>) -> u32 {
     if is_outside(at) {
         return 0u;
     }
-    return n8[index_of(at)];
+    return n8[pixel_index(vec2<u32>(at))];
 }
 
 @compute @workgroup_size(8, 8, 1)
 fn neighbours(@builtin(global_invocation_id) pixel: vec3<u32>) {
     let at = vec2<i32>(pixel.xy);
     if !is_outside(at) {
-        n8[index_of(at)] = neighbours_of(at);
+        n8[pixel_index(vec2<u32>(at))] = neighbours_of(at);
     }
 }
 
@@ -222,7 +210,7 @@ fn neighbours(@builtin(global_invocation_id) pixel: vec3<u32>) {
 fn main_half(@builtin(global_invocation_id) pixel: vec3<u32>) {
     let at = vec2<i32>(pixel.xy);
     if !is_outside(at) {
-        half[index_of(at)] = reached_from(at) & MAIN_HALF;
+        half[pixel_index(vec2<u32>(at))] = reached_from(at) & MAIN_HALF;
     }
 }
 
@@ -233,13 +221,13 @@ fn copy_half(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if is_outside(at) {
         return;
     }
-    var reached = half[index_of(at)];
+    var reached = half[pixel_index(vec2<u32>(at))];
     for (var k = 0; k < 12; k++) {
         let other = at + vec2(k % 5, k / 5) - 2;
         if !is_outside(other) {
-            reached |= ((half[index_of(other)] >> u32(23 - k)) & 1u) << u32(k);
+            reached |= ((half[pixel_index(vec2<u32>(other))] >> u32(23 - k)) & 1u) << u32(k);
         }
     }
-    r24[index_of(at)] = reached;
+    r24[pixel_index(vec2<u32>(at))] = reached;
 }
 #endif

@@ -1,9 +1,10 @@
 // Drops samples that at least half of the samples in reach are clearly nearer than. Twin: `stages/src/reach_cull.rs`.
 // Every pass reads what the one before has left and writes the other image; the last one writes id.
 
-#import frame
+#import cloud
 #import edge_pixel
-#import requests
+#import frame
+#import pixel
 
 struct Params {
     threshold: f32,
@@ -33,7 +34,7 @@ fn load(image: u32, p: u32) -> u32 {
 
 // The sample of a pixel if it stays.
 fn judge(image: u32, pixel: vec2<u32>) -> u32 {
-    let p = pixel.y * frame.size.x + pixel.x;
+    let p = pixel_index(pixel);
     let own = load(image, p);
     if own == NO_POINT {
         return NO_POINT;
@@ -49,10 +50,10 @@ fn judge(image: u32, pixel: vec2<u32>) -> u32 {
         let raw = i32(k + u32(k >= 12u));
         let at = vec2<i32>(pixel) + vec2(raw % 5, raw / 5) - 2;
         // Bits never lead out of the image; this keeps foreign data from doing harm.
-        if any(at < vec2(0)) || any(at >= vec2<i32>(frame.size)) {
+        if is_outside(at) {
             continue;
         }
-        let q = u32(at.y) * frame.size.x + u32(at.x);
+        let q = pixel_index(vec2<u32>(at));
         if load(image, q) != NO_POINT {
             count += 1u;
             nearer += u32(bitcast<f32>(depth[q]) * scale < z);
@@ -61,15 +62,7 @@ fn judge(image: u32, pixel: vec2<u32>) -> u32 {
     return select(own, NO_POINT, count > 0u && 2u * nearer >= count);
 }
 
-fn is_outside(pixel: vec3<u32>) -> bool {
-    return any(pixel.xy >= frame.size);
-}
-
-fn pixel_index(pixel: vec3<u32>) -> u32 {
-    return pixel.y * frame.size.x + pixel.x;
-}
-
-fn store_id(pixel: vec3<u32>, sample: u32) {
+fn store_id(pixel: vec2<u32>, sample: u32) {
     let p = pixel_index(pixel);
     id[p] = sample;
     if sample == NO_POINT {
@@ -79,35 +72,35 @@ fn store_id(pixel: vec3<u32>, sample: u32) {
 
 @compute @workgroup_size(8, 8, 1)
 fn copy(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if !is_outside(pixel) {
-        store_id(pixel, kept[pixel_index(pixel)]);
+    if all(pixel.xy < frame.size) {
+        store_id(pixel.xy, kept[pixel_index(pixel.xy)]);
     }
 }
 
 @compute @workgroup_size(8, 8, 1)
 fn kept_to_id(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if !is_outside(pixel) {
-        store_id(pixel, judge(KEPT, pixel.xy));
+    if all(pixel.xy < frame.size) {
+        store_id(pixel.xy, judge(KEPT, pixel.xy));
     }
 }
 
 @compute @workgroup_size(8, 8, 1)
 fn kept_to_spare(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if !is_outside(pixel) {
-        spare[pixel_index(pixel)] = judge(KEPT, pixel.xy);
+    if all(pixel.xy < frame.size) {
+        spare[pixel_index(pixel.xy)] = judge(KEPT, pixel.xy);
     }
 }
 
 @compute @workgroup_size(8, 8, 1)
 fn spare_to_id(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if !is_outside(pixel) {
-        store_id(pixel, judge(SPARE, pixel.xy));
+    if all(pixel.xy < frame.size) {
+        store_id(pixel.xy, judge(SPARE, pixel.xy));
     }
 }
 
 @compute @workgroup_size(8, 8, 1)
 fn id_to_spare(@builtin(global_invocation_id) pixel: vec3<u32>) {
-    if !is_outside(pixel) {
-        spare[pixel_index(pixel)] = judge(ID, pixel.xy);
+    if all(pixel.xy < frame.size) {
+        spare[pixel_index(pixel.xy)] = judge(ID, pixel.xy);
     }
 }

@@ -21,12 +21,6 @@ struct Params {
 @group(0) @binding(9) var<storage, read_write> sample_sums: array<u32>;
 @group(0) @binding(10) var<storage, read_write> slot_sums: array<vec2<u32>>;
 
-// Stands for the age of empty slots: above every age of a point.
-const EMPTY: u32 = 256u;
-
-// A claim of no sample.
-const UNCLAIMED: u32 = 0xFFFFFFFFu;
-
 @compute @workgroup_size(256)
 fn clear(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let slot = linear_index(id, groups, 256u);

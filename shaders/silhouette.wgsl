@@ -30,9 +30,6 @@ fn normal_of(face: u32) -> vec3<f32> {
 #ifdef OCT16
 @group(0) @binding(4) var<storage, read> normals: array<u32>;
 
-// Stands for a zero normal.
-const NO_NORMAL: u32 = 0x80008000u;
-
 fn normal_of(face: u32) -> vec3<f32> {
     let bits = normals[face];
     if bits == NO_NORMAL {

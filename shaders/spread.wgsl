@@ -1,29 +1,24 @@
 // Gives a colour to the pixels from which no sample could be reached. Spread runs clear, prepare, some rounds of spread,
 // pull and push; PushPull leaves out the rounds; Off only copies.
 
-#import frame
 #import edge_pixel
+#import frame
+#import pixel
 
 struct Params {
     method: u32,
     rounds: u32,
 }
 
-// Pixels on each side of a workgroup's tile; steps of a round, which is how far its pixels are influenced; pixels on
-// each side of what influences the tile.
-const TILE: u32 = 16u;
-const STEPS: u32 = 8u;
-const SIDE: u32 = 32u;
+// Pixels on each side of what influences a tile in a round: a step from each is a pixel.
+const SIDE: u32 = TILE + 2u * ROUND;
 
 // Threads of a workgroup, and pixels of each of them in a round.
 const THREADS: u32 = 256u;
-const EACH: u32 = 4u;
+const EACH: u32 = SIDE * SIDE / THREADS;
 
 // The red of a hole.
 const NONE: f32 = -1.0;
-
-// What `filled` holds for holes; else it is the round in which a hole was filled, and 0 for pixels that were none.
-const HOLE: u32 = 0xFFFFFFFFu;
 
 // The bits of N8: the primary regions of both pixels are one.
 const PRIMARY_TO_PRIMARY: u32 = 0x11111111u;
@@ -40,25 +35,17 @@ const PRIMARY_TO_PRIMARY: u32 = 0x11111111u;
 @group(0) @binding(10) var<storage, read_write> open_count: array<atomic<u32>>;
 
 // The colours of SIDE x SIDE pixels with the tile in the middle.
-var<workgroup> red: array<f32, 1024>;
-var<workgroup> green: array<f32, 1024>;
-var<workgroup> blue: array<f32, 1024>;
+var<workgroup> red: array<f32, SIDE * SIDE>;
+var<workgroup> green: array<f32, SIDE * SIDE>;
+var<workgroup> blue: array<f32, SIDE * SIDE>;
 // Sums of the tile's rows.
-var<workgroup> row_sums: array<vec4<f32>, 16>;
+var<workgroup> row_sums: array<vec4<f32>, TILE>;
 // Holes of the tile that are joined to anything.
 var<workgroup> open: atomic<u32>;
 // The last step in which a hole was filled, counted from 1.
 var<workgroup> grown: atomic<u32>;
 // What all threads are to know.
 var<workgroup> shared_state: vec2<u32>;
-
-fn pixel_index(pixel: vec2<u32>) -> u32 {
-    return pixel.y * frame.size.x + pixel.x;
-}
-
-fn is_inside(at: vec2<i32>, size: vec2<u32>) -> bool {
-    return all(at >= vec2(0)) && all(at < vec2<i32>(size));
-}
 
 fn put_at(i: u32, c: vec3<f32>) {
     red[i] = c.r;
@@ -94,7 +81,7 @@ fn copy(@builtin(global_invocation_id) pixel: vec3<u32>) {
 
 // Where in red, green and blue the tile's own pixels are.
 fn tile_place(local: vec2<u32>) -> u32 {
-    return (local.y + STEPS) * SIDE + local.x + STEPS;
+    return (local.y + ROUND) * SIDE + local.x + ROUND;
 }
 
 fn tiles_size() -> vec2<u32> {
@@ -200,14 +187,14 @@ fn spread_tile(tile: vec2<u32>, lane: u32) {
         return;
     }
     let done = begun.y;
-    let corner = vec2<i32>(tile * TILE) - i32(STEPS);
+    let corner = vec2<i32>(tile * TILE) - i32(ROUND);
     var joined: array<u32, EACH>;
     for (var k = 0u; k < EACH; k++) {
         let i = lane + k * THREADS;
         let q = corner + vec2<i32>(vec2(i % SIDE, i / SIDE));
         joined[k] = 0u;
         put_at(i, vec3(NONE));
-        if is_inside(q, frame.size) {
+        if !is_outside(q) {
             let p = pixel_index(vec2<u32>(q));
             let round = atomicLoad(&filled[p]);
             if round <= done {
@@ -218,7 +205,7 @@ fn spread_tile(tile: vec2<u32>, lane: u32) {
         }
     }
     workgroupBarrier();
-    for (var step = 0u; step < STEPS; step++) {
+    for (var step = 0u; step < ROUND; step++) {
         var sums: array<vec4<f32>, EACH>;
         for (var k = 0u; k < EACH; k++) {
             sums[k] = sum_joined(lane + k * THREADS, joined[k]);
@@ -270,7 +257,7 @@ fn sum_joined(i: u32, joined: u32) -> vec4<f32> {
         let d = firstTrailingBit(rest) / 4u;
         rest &= rest - 1u;
         let at = vec2<i32>(vec2(i % SIDE, i / SIDE)) + direction(d);
-        if is_inside(at, vec2(SIDE)) {
+        if all(at >= vec2(0)) && all(at < vec2(i32(SIDE))) {
             sum += color_at(u32(at.y) * SIDE + u32(at.x));
         }
     }

@@ -1,22 +1,14 @@
 // Colours complex pixels by quarters, each from the samples that no edge parts from it. Twin: `stages/src/subdivide.rs`.
 
-#import frame
 #import cloud
 #import edge_pixel
-#import requests
+#import frame
+#import pixel
 
 struct Params {
     sigma: f32,
     subpixel_bits: u32,
 }
-
-// Pixels along an axis of those around one, itself included; quarters along that axis, and all of these.
-const PIXELS: u32 = 3u;
-const SPAN: u32 = 6u;
-const QUARTERS: u32 = 36u;
-
-// The area of a quarter, in 1/512 pixel.
-const QUARTER_AREA: u32 = 128u;
 
 // The region of a tap that there is not.
 const NONE: u32 = 2u;
@@ -33,8 +25,8 @@ const NONE: u32 = 2u;
 // The quarters of the 3x3 pixels around one, row by row: class and chord of each; the matrices of each and its right (bits
 // 0 to 3) and lower (4 to 7) neighbours.
 struct Window {
-    quarters: array<u32, 36>,
-    pairs: array<u32, 36>,
+    quarters: array<u32, QUARTERS>,
+    pairs: array<u32, QUARTERS>,
 }
 
 // A colour somewhere in the window: the quarter and its region, the place in 1/32 pixel from the window's top left corner.
@@ -53,7 +45,7 @@ fn subdivide(@builtin(global_invocation_id) pixel: vec3<u32>) {
         return;
     }
     var result = textureLoad(primary, pixel.xy, 0);
-    if (cls[pixel.y * frame.size.x + pixel.x] & CLASS) == COMPLEX {
+    if (cls[pixel_index(pixel.xy)] & CLASS) == COMPLEX {
         result = vec4(color_of(vec2<i32>(pixel.xy), result.rgb), result.a);
     }
     textureStore(color, pixel.xy, result);
@@ -96,7 +88,7 @@ fn color_of(pixel: vec2<i32>, mean: vec3<f32>) -> vec3<f32> {
 }
 
 // A tap's colour and 1, times its weight, if a region of a quarter reaches it.
-fn weighted(tap: Tap, reached: ptr<function, array<u32, 36>>, quarter: vec2<u32>, region: u32) -> vec4<f32> {
+fn weighted(tap: Tap, reached: ptr<function, array<u32, QUARTERS>>, quarter: vec2<u32>, region: u32) -> vec4<f32> {
     if tap.region == NONE || (((*reached)[tap.quarter] >> (2u * region + tap.region)) & 1u) == 0u {
         return vec4(0.0);
     }
@@ -197,17 +189,9 @@ fn neighbour(pixel: vec2<i32>, place: vec2<u32>) -> vec2<i32> {
     return pixel + vec2<i32>(place) - 1;
 }
 
-fn is_inside(pixel: vec2<i32>) -> bool {
-    return all(pixel >= vec2(0)) && all(pixel < vec2<i32>(frame.size));
-}
-
-fn index_of(pixel: vec2<i32>) -> u32 {
-    return u32(pixel.y) * frame.size.x + u32(pixel.x);
-}
-
 // The four slots of the left (axis 0) or top (axis 1) side of a quarter, given its column and row in the image.
 fn side_of(quarter: vec2<u32>, axis: u32) -> u32 {
-    let word = mask[quarter.y / 2u * (frame.size.x + 1u) + quarter.x / 2u];
+    let word = mask[corner_index(quarter / 2u)];
     return (word >> (16u * (quarter[axis] & 1u) + 8u * axis + 4u * (quarter[1u - axis] & 1u))) & 15u;
 }
 
@@ -217,7 +201,7 @@ fn window_of(pixel: vec2<i32>) -> Window {
     for (var q = 0u; q < QUARTERS; q++) {
         let place = vec2(q % SPAN, q / SPAN);
         window.quarters[q] = COMPLEX;
-        if is_inside(neighbour(pixel, place / 2u)) {
+        if !is_outside(neighbour(pixel, place / 2u)) {
             let at = vec2<u32>(2 * (pixel - 1) + vec2<i32>(place));
             let left = side_of(at, 0u);
             let top = side_of(at, 1u);
@@ -231,7 +215,7 @@ fn window_of(pixel: vec2<i32>) -> Window {
     for (var q = 0u; q < QUARTERS; q++) {
         let place = vec2(q % SPAN, q / SPAN);
         window.pairs[q] = 0u;
-        if is_inside(neighbour(pixel, place / 2u)) {
+        if !is_outside(neighbour(pixel, place / 2u)) {
             let at = vec2<u32>(2 * (pixel - 1) + vec2<i32>(place));
             let own = window.quarters[q];
             if place.x + 1u < SPAN {
@@ -248,8 +232,8 @@ fn window_of(pixel: vec2<i32>) -> Window {
 }
 
 // For each quarter the matrix of this one and it: which regions reach which.
-fn reached_from(window: ptr<function, Window>, start: vec2<u32>) -> array<u32, 36> {
-    var reached: array<u32, 36>;
+fn reached_from(window: ptr<function, Window>, start: vec2<u32>) -> array<u32, QUARTERS> {
+    var reached: array<u32, QUARTERS>;
     // Outwards, so that the quarters a step nearer are done: from the start to the end, then back to the beginning.
     for (var i = 0u; i < SPAN; i++) {
         let v = select(SPAN - 1u - i, start.y + i, start.y + i < SPAN);
@@ -283,10 +267,10 @@ fn reached_from(window: ptr<function, Window>, start: vec2<u32>) -> array<u32, 3
 fn sample_of(window: ptr<function, Window>, pixel: vec2<i32>, nth: u32) -> Tap {
     let place = vec2(nth % PIXELS, nth / PIXELS);
     let at = neighbour(pixel, place);
-    if !is_inside(at) || id[index_of(at)] == NO_POINT {
+    if is_outside(at) || id[pixel_index(vec2<u32>(at))] == NO_POINT {
         return NO_TAP;
     }
-    let p = index_of(at);
+    let p = pixel_index(vec2<u32>(at));
     let cells_log2 = params.subpixel_bits / 2u;
     let size = 16u >> cells_log2;
     let cell = (vec2(subpixel[p]) >> vec2(0u, cells_log2)) & vec2((1u << cells_log2) - 1u);
@@ -301,14 +285,14 @@ fn sample_of(window: ptr<function, Window>, pixel: vec2<i32>, nth: u32) -> Tap {
 fn corner_of(window: ptr<function, Window>, pixel: vec2<i32>, quarter: u32) -> Tap {
     let place = vec2(quarter % SPAN, quarter / SPAN);
     let at = neighbour(pixel, place / 2u);
-    if !is_inside(at) {
+    if is_outside(at) {
         return NO_TAP;
     }
     // Clockwise from the top left one.
     let odd = place & vec2(1u);
     let nth = select(odd.x, 3u - odd.x, odd.y == 1u);
     let own = (*window).quarters[quarter];
-    let whole = cls[index_of(at)];
+    let whole = cls[pixel_index(vec2<u32>(at))];
     if ((whole | own) & COMPLEX) != 0u || region_of(whole, 32u * nth) != 0u {
         return NO_TAP;
     }

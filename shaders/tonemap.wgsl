@@ -8,8 +8,6 @@ struct Params {
     curve: u32,
 }
 
-const REINHARD: u32 = 1u;
-
 // Bits of infinity.
 const INFINITY: u32 = 0x7F800000u;
 
@@ -33,7 +31,7 @@ fn show(c: vec3<f32>) -> vec3<f32> {
         return vec3(1.0);
     }
     var scale = 1.0;
-    if params.curve == REINHARD {
+    if params.curve == CURVE_REINHARD {
         scale = 1.0 / (1.0 + max(luminance(c), 0.0));
     }
     return encode(clamp(c * scale, vec3(0.0), vec3(1.0)));

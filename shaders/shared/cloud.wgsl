@@ -1,28 +1,5 @@
-// The point cloud: bits of cloud_meta and the codec of cloud_radiance. Mirrors `stages/src/shared/cloud.rs`.
-
-// The bits of meta that hold the age, 8.8 fixed point.
-const AGE: u32 = 0xFFFFu;
-
-// One unit of age.
-const AGE_ONE: u32 = 256u;
-
-// The slot holds a point. Zeroed memory is an empty cloud.
-const LIVE: u32 = 0x10000u;
-
-// A new sample near the point's pixel had another colour than the point that was shown there.
-const CHANGED: u32 = 0x20000u;
-
-// The point came into the cloud in this frame.
-const FRESH: u32 = 0x40000u;
-
-// Where the number of the body begins, 0 for what does not move.
-const BODY_SHIFT: u32 = 24u;
-
-// The image_id of a point that no pixel shows.
-const NOT_DRAWN: u32 = 0xFFFFFFFFu;
-
-// Largest number that RGB9E5 holds.
-const MAX_RADIANCE: f32 = 65408.0;
+// The point cloud: bits of cloud_meta and the codec of cloud_radiance. Mirrors `stages/src/shared/cloud.rs`, which declares
+// the constants AGE, AGE_ONE, LIVE, CHANGED, FRESH, BODY_SHIFT, NO_POINT, NOT_DRAWN and MAX_RADIANCE.
 
 // Linear radiance as RGB9E5: three 9-bit mantissas from the low bits on, one 5-bit exponent, bias 15.
 fn encode_radiance(color: vec3<f32>) -> u32 {

@@ -1,23 +1,6 @@
 // How edges divide a pixel: crossings with its sides, its class, its two regions, and the 2x2 Boolean matrices that tell
-// which regions of two pixels are joined. Mirrors `stages/src/shared/edge_pixel.rs`, which explains the ring of slots.
-
-// Classes: at most one crossing, two, and more. Everything outside the image is COMPLEX.
-const EMPTY: u32 = 0u;
-const SIMPLE: u32 = 1u;
-const COMPLEX: u32 = 2u;
-
-// The bits of `cls`.
-const CLASS: u32 = 3u;
-const P_SHIFT: u32 = 2u;
-const Q_SHIFT: u32 = 7u;
-const PRIMARY_IS_A: u32 = 0x1000u;
-const AREA_SHIFT: u32 = 13u;
-const VALID: u32 = 0x800000u;
-const AMBIGUOUS: u32 = 0x1000000u;
-const CELL_SHIFT: u32 = 25u;
-
-// The area of a whole pixel.
-const PIXEL_AREA: u32 = 512u;
+// which regions of two pixels are joined. Mirrors `stages/src/shared/edge_pixel.rs`, which explains the ring of slots
+// and declares the constants: the classes EMPTY, SIMPLE and COMPLEX, the bits of `cls` and PIXEL_AREA.
 
 // The neighbour in direction d: E, SE, S, SW, W, NW, N, NE. Two bits for each component plus one: an array would be
 // copied to memory wherever d is no constant.

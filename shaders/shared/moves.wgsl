@@ -1,4 +1,5 @@
-// Rigid motions as matrices, lights, and the boxes of bodies that may stand in their way. Mirrors `stages/src/shared/moves.rs`.
+// Rigid motions as matrices, lights, and the boxes of bodies that may stand in their way. Mirrors `stages/src/shared/moves.rs`,
+// which declares the constant GRAZING.
 
 struct Move {
     // Rows of the new x, y and z: factors of x, y, z and 1.
@@ -22,9 +23,6 @@ fn moved_point(motion: Move, p: vec3<f32>) -> vec3<f32> {
 fn moved_axis(row: vec4<f32>, p: vec3<f32>) -> f32 {
     return row.x * p.x + row.y * p.y + row.z * p.z + row.w;
 }
-
-// A quad's light at less than this cosine to its normal counts as none: that of its own points would be a rounding.
-const GRAZING: f32 = 1e-3;
 
 // A light, or the middle of one with an area, seen from afar.
 struct Lamp {

@@ -1,4 +1,5 @@
 // Prefix sums of lists of any length in two passes of SCAN_BLOCKS workgroups of SCAN_THREADS threads each.
+// `stages/src/shared/scan.rs` declares SCAN_BLOCKS.
 //
 // Every workgroup works on one block, a stretch of the list (scan_block). The first pass adds up each block:
 //
@@ -21,11 +22,8 @@
 //
 // Sums wrap at 2^32.
 
-// Workgroups of a pass; also the number of block sums, one for each thread of a workgroup.
-const SCAN_BLOCKS: u32 = 256u;
-
-// Threads of a workgroup.
-const SCAN_THREADS: u32 = 256u;
+// Threads of a workgroup: one for each block sum.
+const SCAN_THREADS: u32 = SCAN_BLOCKS;
 
 struct Scan {
     // Sum of the values of all threads before this one.

@@ -1,10 +1,5 @@
-// Edges of the mesh, and the line segments that edge stages find. Mirrors `stages/src/shared/segments.rs`.
-
-const NO_FACE: u32 = 0xFFFFFFFFu;
-
-const REGULAR: u32 = 0u;
-const CREASE: u32 = 1u;
-const BORDER: u32 = 2u;
+// Edges of the mesh, and the line segments that edge stages find. Mirrors `stages/src/shared/segments.rs`, which
+// declares the constants NO_FACE, REGULAR, CREASE, BORDER and SHADOW_HARD, SHADOW_UMBRA, SHADOW_PENUMBRA.
 
 struct MeshEdge {
     vertices: vec2<u32>,
@@ -19,10 +14,6 @@ struct Segment {
     b: vec3<f32>,
     edge: u32,
 }
-
-const SHADOW_HARD: u32 = 0u;
-const SHADOW_UMBRA: u32 = 1u;
-const SHADOW_PENUMBRA: u32 = 2u;
 
 // The width of the penumbra across a segment with these flags, metres on the receiver; 0 where the edge is sharp.
 fn penumbra_width(flags: u32) -> f32 {

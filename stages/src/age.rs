@@ -8,14 +8,14 @@ use crate::shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN};
 #[path = "explain/age.rs"]
 mod explain;
 
-/// The age in 8.8 fixed point that a point reaches on average when it is replaced.
-const AGE_WHEN_REPLACED: f32 = 128.0 * AGE_ONE as f32;
-
-/// The age in 8.8 fixed point from which points are evicted.
-const AGE_OF_EVICTION: u32 = 255 * AGE_ONE;
-
-/// How much a frame weighs in the moving average of arrivals.
-const RATE_WEIGHT: f32 = 0.1;
+epigraph_core::constants! {
+    /// The age in 8.8 fixed point that a point reaches on average when it is replaced.
+    const AGE_WHEN_REPLACED: f32 = 128.0 * AGE_ONE as f32;
+    /// The age in 8.8 fixed point from which points are evicted.
+    const AGE_OF_EVICTION: u32 = 255 * AGE_ONE;
+    /// How much a frame weighs in the moving average of arrivals.
+    const RATE_WEIGHT: f32 = 0.1;
+}
 
 /// Points that a thread takes at a time.
 const CHUNK: usize = 16384;
@@ -61,6 +61,7 @@ impl Stage for Age {
         let histogram = io.write("histogram", "Live points of each whole age.", Extent::Fixed([256, 1]));
 
         io.shader(shader!("age"));
+        io.constants(CONSTANTS);
         io.compute("measure", Threads::Groups(1));
         io.dispatch("grow", cloud_meta);
         Self { cloud_image_id, cloud_meta, arrived, rate, histogram }

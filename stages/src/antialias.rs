@@ -6,7 +6,9 @@
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
+use epigraph_core::{
+    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
+};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::{
@@ -16,8 +18,10 @@ use crate::shared::edge_pixel::{
 #[path = "explain/antialias.rs"]
 mod explain;
 
-/// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary are one.
-const SECONDARY_TO_PRIMARY: u32 = 4;
+constants! {
+    /// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary are one.
+    const SECONDARY_TO_PRIMARY: u32 = 4;
+}
 
 choice! {
     /// Which neighbour lends the colour of the secondary region.
@@ -60,6 +64,7 @@ impl Stage for Antialias {
         let n8 = io.read("n8", "Which regions of each pixel join which of its eight neighbours'.", pixels());
         let color = io.write("color", "Linear radiance of whole pixels.", pixels());
         io.shader(shader!("antialias"));
+        io.constants(CONSTANTS);
         io.dispatch("antialias", color);
         Self { primary, cls, n8, color }
     }

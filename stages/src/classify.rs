@@ -16,11 +16,12 @@ use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choic
 use rayon::prelude::*;
 
 use crate::shared::{
+    cloud::NO_POINT,
     edge_pixel::{
         AMBIGUOUS, AREA_SHIFT, CELL_SHIFT, CLASS, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT,
         SIMPLE, VALID, area_of_a, class_of, ring, slot_position,
     },
-    requests::{AIM_CENTER, NO_POINT},
+    requests::PIXEL_CENTER,
 };
 
 #[path = "explain/classify.rs"]
@@ -110,7 +111,7 @@ impl Stage for Classify {
             let below = &mask[(y + 1) * (width + 1)..][..width];
             // As if no edge crossed; most pixels are done with that, several at a time.
             kept.copy_from_slice(id);
-            aim.fill(AIM_CENTER);
+            aim.fill(PIXEL_CENTER);
             for (cls, (id, cell)) in cls.iter_mut().zip(id.iter().zip(subpixel)) {
                 *cls = EMPTY | WHOLE | grid.state(*id != NO_POINT, *cell);
             }
@@ -163,7 +164,7 @@ impl Grid {
     fn classify(self, ring: u32, vertex: u32, has_sample: bool, cell: u32) -> (u32, u32) {
         let mut cls = class_of(ring) | self.state(has_sample, cell);
         if cls & CLASS != SIMPLE {
-            return (cls | WHOLE, AIM_CENTER);
+            return (cls | WHOLE, PIXEL_CENTER);
         }
 
         let (p, q) = (ring.trailing_zeros(), 31 - ring.leading_zeros());
@@ -219,7 +220,7 @@ impl Grid {
             None => chord.side([8, 8]).abs() <= self.reach(chord),
         };
         if !is_near {
-            return AIM_CENTER;
+            return PIXEL_CENTER;
         }
         // The chord's function grows towards A, so a corner cell is the farthest from the chord.
         let last = (1 << self.log2) - 1;
@@ -326,11 +327,11 @@ mod tests {
     fn pixels_without_a_chord_have_one_region() {
         for (ring, class) in [(0, EMPTY), (8, EMPTY), (0x8000_0101, COMPLEX), (u32::MAX, COMPLEX)] {
             let whole = class | PRIMARY_IS_A | 512 << AREA_SHIFT;
-            assert_eq!(FINE.classify(ring, 0, false, 77), (whole, AIM_CENTER));
+            assert_eq!(FINE.classify(ring, 0, false, 77), (whole, PIXEL_CENTER));
             // Row 10 and column 7 of 16 are row 2 and column 1 of 4.
             assert_eq!(
                 FINE.classify(ring, 0, true, 10 * 16 + 7),
-                (whole | VALID | 9 << CELL_SHIFT, AIM_CENTER)
+                (whole | VALID | 9 << CELL_SHIFT, PIXEL_CENTER)
             );
         }
     }
@@ -368,9 +369,12 @@ mod tests {
                     let (healed, _) = grid.classify(ring, 0, true, cell_at(landed, log2));
                     assert_eq!(healed & (VALID | AMBIGUOUS), VALID, "{ring:#x} {log2}");
                     // Away from the centre it aims at the region that was the primary one.
-                    assert!(aim == AIM_CENTER || (healed ^ without) & PRIMARY_IS_A == 0, "{ring:#x} {log2}");
+                    assert!(
+                        aim == PIXEL_CENTER || (healed ^ without) & PRIMARY_IS_A == 0,
+                        "{ring:#x} {log2}"
+                    );
                 }
-                centres += u32::from(aim == AIM_CENTER);
+                centres += u32::from(aim == PIXEL_CENTER);
             }
             // The centre is the rule where the chord is not near.
             assert!(centres > 160 && centres < 496, "{centres} of 496");

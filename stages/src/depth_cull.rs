@@ -20,10 +20,10 @@ use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choic
 use rayon::prelude::*;
 
 use crate::{
-    project::EMPTY_DEPTH,
+    project::{self, EMPTY_DEPTH},
     shared::{
+        cloud::NO_POINT,
         nearer::{BAND, where_nearer},
-        requests::NO_POINT,
     },
 };
 
@@ -82,6 +82,7 @@ impl Stage for DepthCull {
             Extent::Frame(1),
         );
         io.shader(shader!("depth_cull"));
+        io.constants(project::CONSTANTS);
         let first_vote = (params.rule == Rule::Majority).then(|| {
             io.define("MAJORITY");
             io.write("first_vote", "Scratch: the depths that the first vote leaves.", Extent::Frame(1))

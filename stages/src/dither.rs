@@ -19,32 +19,34 @@
 use std::ops::Range;
 
 use epigraph_core::{
-    CpuContext, Dims, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, choice, params,
+    CpuContext, Dims, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, choice, constants, params,
 };
 use rayon::prelude::*;
 
 use crate::{
-    predict::CELL,
-    shared::requests::{AIM_CENTER, NO_POINT, Request, VIEW_NOW, VIEW_PREDICTED},
+    predict::{self, CELL},
+    shared::{
+        cloud::NO_POINT,
+        requests::{PIXEL_CENTER, Request, VIEW_NOW, VIEW_PREDICTED},
+    },
 };
 
 #[path = "explain/dither.rs"]
 mod explain;
 
-/// Pixels on each side of a tile.
-const TILE: u32 = 16;
-
-/// The highest priority.
-const MAX_PRIORITY: u32 = 255;
-
-/// From this priority on a pixel without a point has next to no samples around it.
-const BARE: u32 = 200;
+constants! {
+    /// Pixels on each side of a tile.
+    const TILE: u32 = 16;
+    /// The highest priority.
+    const MAX_PRIORITY: u32 = 255;
+    /// From this priority on a pixel without a point has next to no samples around it.
+    const BARE: u32 = 200;
+    /// 2^32 over the golden ratio: its multiples, modulo 2^32, are spread evenly however many there are.
+    const GOLDEN: u32 = 0x9E37_79B9;
+}
 
 /// Tiles whose requests one task of the CPU finds.
 const TASK_TILES: usize = 16;
-
-/// 2^32 over the golden ratio: its multiples, modulo 2^32, are spread evenly however many there are.
-const GOLDEN: u32 = 0x9E37_79B9;
 
 choice! {
     /// How pixels are picked.
@@ -140,6 +142,8 @@ impl Stage for Dither {
                 let _: Out<u32> =
                     io.write("state", "Scratch: sums that every thread needs.", Extent::Fixed([4, 1]));
                 io.shader(shader!("dither"));
+                io.constants(CONSTANTS);
+                io.constants(predict::CONSTANTS);
                 if aim.is_some() {
                     io.define("AIM");
                 }
@@ -252,7 +256,7 @@ fn ask_predicted(frame: &Frame, pixel: u32, noise: u32) -> Request {
 /// The request of a pixel.
 fn ask_pixel(frame: &Frame, aim: Aim, pixel: u32, id: &[u32], aims: Option<&[u32]>) -> Request {
     let aim = match aim {
-        Aim::Center => aims.map_or(AIM_CENTER, |aims| aims[pixel as usize]),
+        Aim::Center => aims.map_or(PIXEL_CENTER, |aims| aims[pixel as usize]),
         Aim::Random => hash(frame, pixel),
     };
     Request { pixel, aim, reuse: id[pixel as usize], view: VIEW_NOW }
@@ -549,7 +553,7 @@ mod tests {
             let requests = ask(&mut harness(params, [64, 64], &priority, 1000));
             requests.into_iter().map(|request| request.aim).collect::<BTreeSet<u32>>()
         };
-        assert_eq!(aims(Aim::Center), BTreeSet::from([AIM_CENTER]));
+        assert_eq!(aims(Aim::Center), BTreeSet::from([PIXEL_CENTER]));
         let random = aims(Aim::Random);
         assert!(random.len() > 990);
         for shift in [0, 16] {

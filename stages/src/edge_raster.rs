@@ -39,7 +39,8 @@ use std::{
 };
 
 use epigraph_core::{
-    CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, Threads, View, choice, item, params, texel,
+    CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, Threads, View, choice, constants, item,
+    params, texel,
 };
 use glam::Vec3;
 use rayon::prelude::*;
@@ -49,27 +50,26 @@ use crate::shared::segments::{Segment, penumbra_width};
 #[path = "explain/edge_raster.rs"]
 mod explain;
 
-/// Units of the fixed point in a pixel.
-const PIXEL: i32 = 256;
-/// The binary logarithm of [`PIXEL`].
-const PIXEL_SHIFT: u32 = 8;
-/// The binary logarithm of an eighth of a pixel in units.
-const SLOT_SHIFT: u32 = 5;
+constants! {
+    /// Units of the fixed point in a pixel.
+    const PIXEL: i32 = 256;
+    /// The binary logarithm of [`PIXEL`].
+    const PIXEL_SHIFT: u32 = 8;
+    /// The binary logarithm of an eighth of a pixel in units.
+    const SLOT_SHIFT: u32 = 5;
+    /// Pixels from one edge of the space in which segments are drawn to the other: coordinates differ by less than 2^24
+    /// units, so that 256 times a difference fits into 32 bits and a product of two into 48.
+    const SPAN: f32 = 65535.0;
+    /// Metres beyond which a coordinate counts as no number.
+    const LIMIT: f32 = 1e20;
+    /// Workgroups that draw segments with many crossings on the GPU.
+    const LONG_GROUPS: u32 = 256;
+    /// Set in `vertex` where there is one.
+    pub const VERTEX: u32 = 0x10000;
+}
 
-/// Pixels from one edge of the space in which segments are drawn to the other: coordinates differ by less than 2^24
-/// units, so that 256 times a difference fits into 32 bits and a product of two into 48.
-const SPAN: f32 = 65535.0;
-
-/// Metres beyond which a coordinate counts as no number.
-const LIMIT: f32 = 1e20;
-
-/// Workgroups that draw segments with many crossings on the GPU.
-const LONG_GROUPS: u32 = 256;
-/// How many of these segments there may be; the rest is drawn by one thread each.
+/// How many segments with many crossings there may be; the rest is drawn by one thread each.
 const LONG_SEGMENTS: u32 = 65536;
-
-/// Set in `vertex` where there is one.
-pub const VERTEX: u32 = 0x10000;
 
 /// Segments of one task on the CPU.
 const CHUNK: usize = 16;
@@ -225,6 +225,7 @@ impl Stage for EdgeRaster {
             Extent::Frame(1),
         );
         io.shader(shader!("edge_raster"));
+        io.constants(CONSTANTS);
         if params.middle {
             io.define("MIDDLE");
         }

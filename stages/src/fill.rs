@@ -5,7 +5,9 @@
 //! where none does, the plain mean of the 7x7; where that is empty too, last frame's colour or black. Linear radiance
 //! is averaged, which measured better than tone-mapped.
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
+use epigraph_core::{
+    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
+};
 use rayon::prelude::*;
 
 use crate::shared::cloud::{AGE, AGE_ONE, decode_radiance};
@@ -13,11 +15,12 @@ use crate::shared::cloud::{AGE, AGE_ONE, decode_radiance};
 #[path = "explain/fill.rs"]
 mod explain;
 
-/// Sum of the weights of the 3x3 pixels.
-const WEIGHTS_SUM: u32 = 16;
-
-/// Pixels to each side of the centre of the wide kernel.
-const REACH: usize = 3;
+constants! {
+    /// Sum of the weights of the 3x3 pixels.
+    const WEIGHTS_SUM: u32 = 16;
+    /// Pixels to each side of the centre of the wide kernel.
+    const REACH: usize = 3;
+}
 
 choice! {
     /// What a pixel shows that has no point within reach.
@@ -80,6 +83,7 @@ impl Stage for Fill {
         let color = io.write("color", "Linear radiance; alpha 1.", pixels());
         let priority = io.write("priority", "How much a sample is worth, 0 to 255.", pixels());
         io.shader(shader!("fill"));
+        io.constants(CONSTANTS);
         io.dispatch("gather", points);
         io.dispatch("fill", color);
         Self { radiance, meta, id, previous, points, color, priority }
@@ -207,8 +211,7 @@ mod tests {
 
     use super::*;
     use crate::shared::{
-        cloud::{LIVE, encode_radiance},
-        requests::NO_POINT,
+        cloud::{LIVE, NO_POINT, encode_radiance},
         testing::{Random, run_both, run_cpu, settings},
     };
 

@@ -1,14 +1,18 @@
 //! Tells points where they are seen.
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
+use epigraph_core::{
+    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params,
+};
 
 use crate::shared::cloud::NOT_DRAWN;
 
 #[path = "explain/image_id.rs"]
 mod explain;
 
-/// Pixels that the papers' texel can tell apart (`algorithms.md` section 4).
-const TEXEL_PIXELS: usize = 0x7F_FFFF;
+constants! {
+    /// Pixels that the papers' texel can tell apart (`algorithms.md` section 4).
+    const TEXEL_PIXELS: usize = 0x7F_FFFF;
+}
 
 choice! {
     /// How large the number of a pixel may be.
@@ -48,6 +52,7 @@ impl Stage for ImageId {
         let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF for none.", Extent::Frame(1));
 
         io.shader(shader!("image_id"));
+        io.constants(CONSTANTS);
         io.dispatch("clear", cloud_image_id);
         io.dispatch("mark", id);
         Self { cloud_image_id, id }

@@ -14,8 +14,10 @@ use crate::shared::{
 #[path = "explain/integrate.rs"]
 mod explain;
 
-/// Points seen at most this many pixels from a changed one are flagged, on each axis: a square of 7 x 7.
-const REACH: u32 = 3;
+epigraph_core::constants! {
+    /// Points seen at most this many pixels from a changed one are flagged, on each axis: a square of 7 x 7.
+    const REACH: u32 = 3;
+}
 
 epigraph_core::params! {
     /// When a colour counts as changed.
@@ -70,6 +72,7 @@ impl Stage for Integrate {
         );
 
         io.shader(shader!("integrate"));
+        io.constants(CONSTANTS);
         io.compute("clear", Threads::Groups(1));
         io.dispatch("compare", slots);
         io.dispatch("flag", cloud_meta);
@@ -198,8 +201,8 @@ mod tests {
 
     use super::*;
     use crate::shared::{
-        cloud::AGE,
-        requests::{HIT_BACKGROUND, NO_POINT, VIEW_PREDICTED},
+        cloud::{AGE, NO_POINT},
+        requests::{HIT_BACKGROUND, VIEW_PREDICTED},
         testing::{Random, run_both, run_cpu, settings},
     };
 

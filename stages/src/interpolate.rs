@@ -12,30 +12,34 @@
 //! Alpha is the sum of the weights, as a share of what it would be with a sample in the centre of each of the 25 pixels.
 //! Where it is 0 nothing could be reached, the colour is black, and `spread` has to find one.
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
+use epigraph_core::{
+    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
+};
 use rayon::prelude::*;
 
 pub use crate::fill::Priority;
 use crate::shared::{
-    cloud::{AGE, AGE_ONE, decode_radiance, gather},
+    cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance, gather},
     color::luminance,
     edge_pixel::{CLASS, COMPLEX},
-    requests::NO_POINT,
 };
 
 #[path = "explain/interpolate.rs"]
 mod explain;
 
-/// Pixels to each side of the centre.
-const REACH: usize = 2;
-/// Pixels on each side of the kernel.
-const SPAN: usize = 2 * REACH + 1;
-
-/// The sum of the weights of five samples in the centres of their pixels along an axis, but for rounding. Those nearest to
-/// the pixel that they can be weigh 1.5 times as much at most: a sum of products stays below 2^24.
-const AXIS: f32 = 2048.0;
-/// The sum of all 25 weights of samples in the centres.
-const FULL: f32 = AXIS * AXIS;
+constants! {
+    /// Pixels to each side of the centre.
+    const REACH: usize = 2;
+    /// Pixels on each side of the kernel.
+    const SPAN: usize = 2 * REACH + 1;
+    /// The sum of the weights of five samples in the centres of their pixels along an axis, but for rounding. Those nearest to
+    /// the pixel that they can be weigh 1.5 times as much at most: a sum of products stays below 2^24.
+    const AXIS: f32 = 2048.0;
+    /// The sum of all 25 weights of samples in the centres.
+    const FULL: f32 = AXIS * AXIS;
+    /// The bits of all 25 pixels of the kernel.
+    const ALL: u32 = 0x1FF_FFFF;
+}
 
 /// Rows of a task of the CPU.
 const BAND: usize = 32;
@@ -112,6 +116,7 @@ impl Stage for Interpolate {
         );
         let priority = io.write("priority", "How much a sample is worth, 0 to 255.", pixels());
         io.shader(shader!("interpolate"));
+        io.constants(CONSTANTS);
         io.dispatch("interpolate", color);
         Self { radiance, meta, id, cls, r24, subpixel, color, priority }
     }
@@ -172,9 +177,6 @@ impl Stage for Interpolate {
         explain::at(self, params, site)
     }
 }
-
-/// The bits of all 25 pixels of the kernel.
-const ALL: u32 = 0x1FF_FFFF;
 
 /// Which of the 25 pixels of the kernel count, bit 12 being the pixel itself.
 fn taps(cls: u32, r24: u32) -> u32 {

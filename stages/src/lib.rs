@@ -97,5 +97,12 @@ pub fn registry() -> Registry {
         .with::<trace::Trace>()
         .with_kind(wgsl_kind());
     let modules = epigraph_shaders::FILES.iter().filter(|(path, _)| path.starts_with("shared/"));
-    modules.fold(registry, |registry, (path, text)| registry.with_module(path, text))
+    let registry = modules.fold(registry, |registry, (path, text)| registry.with_module(path, text));
+    registry
+        .with_constants("cloud", shared::cloud::CONSTANTS)
+        .with_constants("edge_pixel", shared::edge_pixel::CONSTANTS)
+        .with_constants("moves", shared::moves::CONSTANTS)
+        .with_constants("requests", shared::requests::CONSTANTS)
+        .with_constants("scan", shared::scan::CONSTANTS)
+        .with_constants("segments", shared::segments::CONSTANTS)
 }

@@ -6,7 +6,7 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use epigraph_core::{CpuContext, Facts, Io, Out, PortElement, Stage, choice, params};
+use epigraph_core::{CpuContext, Facts, Io, Out, PortElement, Stage, choice, constants, params};
 use epigraph_scenes::{Body, Edge, EdgeKind, Scene};
 use half::f16;
 
@@ -192,8 +192,10 @@ pub fn decode_f16([xy, z]: [u32; 2]) -> [f32; 3] {
     [xy & 0xFFFF, xy >> 16, z & 0xFFFF].map(|bits| f16::from_bits(bits as u16).to_f32())
 }
 
-/// Stands for a zero normal in [`encode_oct16`]: -32768 twice, which no unit vector gives.
-const NO_NORMAL: u32 = 0x8000_8000;
+constants! {
+    /// Stands for a zero normal in [`encode_oct16`]: -32768 twice, which no unit vector gives.
+    const NO_NORMAL: u32 = 0x8000_8000;
+}
 
 /// A unit vector, or zero, as its place on an unfolded octahedron: x in the low 16 bits and y in the high ones, each from
 /// -32767 to 32767. It is off by less than 7e-5 radians.

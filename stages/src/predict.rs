@@ -17,8 +17,10 @@ use crate::{
 #[path = "explain/predict.rs"]
 mod explain;
 
-/// Pixels on each side of a cell of `occupancy`.
-pub const CELL: u32 = 4;
+epigraph_core::constants! {
+    /// Pixels on each side of a cell of `occupancy`.
+    pub const CELL: u32 = 4;
+}
 
 /// Points that the CPU looks through at a time.
 const CHUNK: usize = 4096;
@@ -45,6 +47,7 @@ impl Stage for Predict {
             Extent::Frame(CELL),
         );
         io.shader(shader!("predict"));
+        io.constants(CONSTANTS);
         io.dispatch("clear", occupancy);
         io.dispatch("mark", position);
         Self { position, meta, occupancy }

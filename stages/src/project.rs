@@ -8,27 +8,25 @@
 //! quotient (a relative 1e-7) the lower id wins instead of the nearer point.
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, choice, params, texel,
+    Access, CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, choice, constants, params, texel,
 };
 use rayon::prelude::*;
 
 use crate::shared::{
-    cloud::{AGE, AGE_ONE, LIVE},
-    requests::NO_POINT,
+    cloud::{AGE, AGE_ONE, LIVE, NO_POINT, NOT_DRAWN},
     view::{SEVERAL, Several},
 };
 
 #[path = "explain/project.rs"]
 mod explain;
 
-/// The `depth` of a pixel that shows no point: the bits of infinity.
-pub const EMPTY_DEPTH: u32 = f32::INFINITY.to_bits();
-
-/// The pixel of a point that is not drawn, in `projected`.
-const NO_PIXEL: u32 = u32::MAX;
-
 /// Points that the CPU projects or looks through at a time.
 const CHUNK: usize = 1024;
+
+constants! {
+    /// The `depth` of a pixel that shows no point: the bits of infinity.
+    pub const EMPTY_DEPTH: u32 = f32::INFINITY.to_bits();
+}
 
 choice! {
     /// How the GPU finds the nearest point of each pixel.
@@ -88,6 +86,7 @@ impl Stage for Project {
         let cells = io.write("cells", "Scratch: each point's cell in its pixel.", points());
 
         io.shader(shader!("project"));
+        io.constants(CONSTANTS);
         match params.method {
             Method::TwoPass => {
                 io.dispatch("clear", id);
@@ -134,7 +133,7 @@ impl Stage for Project {
             for ((position, meta), (projected, cells)) in points.zip(found) {
                 let several = Several::project(&frame.view, position, frame.size);
                 for (i, projected) in projected.iter_mut().enumerate() {
-                    *projected = [NO_PIXEL, EMPTY_DEPTH];
+                    *projected = [NOT_DRAWN, EMPTY_DEPTH];
                     if is_drawn(meta[i], params.max_age)
                         && let Some(point) = several.get(i)
                     {

@@ -7,7 +7,7 @@
 //! A complex pixel joins nothing, and neither does what lies outside the image. Both sides work on tiles, and skip those
 //! where all pixels are empty, as 85 to 95% of an image's are: every path is open there.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
+use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, joined, transpose};
@@ -15,10 +15,12 @@ use crate::shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd
 #[path = "explain/reach.rs"]
 mod explain;
 
-/// N8 of a pixel whose 3x3 pixels are all empty: the primary regions are joined.
-const ALL_NEIGHBOURS: u32 = 0x1111_1111;
-/// R24 of a pixel whose 5x5 pixels are all empty.
-const ALL_REACHED: u32 = 0xFF_FFFF;
+constants! {
+    /// N8 of a pixel whose 3x3 pixels are all empty: the primary regions are joined.
+    const ALL_NEIGHBOURS: u32 = 0x1111_1111;
+    /// R24 of a pixel whose 5x5 pixels are all empty.
+    const ALL_REACHED: u32 = 0xFF_FFFF;
+}
 
 /// Pixels of a tile's side.
 const TILE: usize = 16;
@@ -87,6 +89,7 @@ impl Stage for Reach {
             pixels(),
         );
         io.shader(shader!("reach"));
+        io.constants(CONSTANTS);
         match params.method {
             Method::Fused => {
                 io.define("FUSED");
@@ -256,8 +259,8 @@ mod tests {
     use crate::{
         classify::{Classify, ClassifyParams},
         shared::{
+            cloud::NO_POINT,
             edge_pixel::testing::Mask,
-            requests::NO_POINT,
             testing::{Random, run_both, run_cpu, settings},
         },
     };

@@ -13,9 +13,9 @@ use rayon::prelude::*;
 use crate::{
     project::EMPTY_DEPTH,
     shared::{
+        cloud::NO_POINT,
         edge_pixel::VALID,
         nearer::{BAND, where_nearer},
-        requests::NO_POINT,
     },
 };
 

@@ -3,18 +3,17 @@
 use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads};
 
 use crate::shared::{
-    cloud::{AGE, AGE_ONE, LIVE},
-    requests::{HIT_NONE, NO_POINT, Sample},
+    cloud::{AGE, AGE_ONE, LIVE, NO_POINT},
+    requests::{HIT_NONE, Sample},
+    scan::SCAN_BLOCKS,
 };
 
-/// Workgroups of a prefix sum, as in `shared/scan.wgsl`.
-const SCAN_BLOCKS: u32 = 256;
-
-/// Stands for the age of empty slots: above every age of a point.
-const EMPTY: u32 = 256;
-
-/// A claim of no sample.
-const UNCLAIMED: u32 = u32::MAX;
+epigraph_core::constants! {
+    /// Stands for the age of empty slots: above every age of a point.
+    const EMPTY: u32 = 256;
+    /// A claim of no sample.
+    const UNCLAIMED: u32 = u32::MAX;
+}
 
 epigraph_core::params! {
     /// Which slots samples may take.
@@ -77,6 +76,7 @@ impl Stage for Replace {
         );
 
         io.shader(shader!("replace"));
+        io.constants(CONSTANTS);
         io.dispatch("clear", claims);
         io.dispatch("claim", slots);
         io.compute("count_samples", Threads::Groups(SCAN_BLOCKS));

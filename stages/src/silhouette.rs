@@ -15,12 +15,12 @@ use rayon::prelude::*;
 use crate::{
     compact::Compaction,
     facts,
-    mesh::{Normals, decode_f16, decode_oct16},
-    shared::segments::{CREASE, MeshEdge, REGULAR},
+    mesh::{self, Normals, decode_f16, decode_oct16},
+    shared::{
+        scan::SCAN_BLOCKS,
+        segments::{CREASE, MeshEdge, REGULAR},
+    },
 };
-
-/// Workgroups of a prefix sum, as in `shared/scan.wgsl`.
-const SCAN_BLOCKS: u32 = 256;
 
 choice! {
     /// Where the silhouettes are collected.
@@ -68,6 +68,7 @@ impl Stage for Silhouette {
 
     fn declare(params: &SilhouetteParams, io: &mut Io) -> Self {
         io.shader(shader!("silhouette"));
+        io.constants(mesh::CONSTANTS);
         io.per_view();
         let vertices = io.read("vertices", "Positions, metres.", facts::VERTICES.list());
         let faces = io.read("faces", "Three vertices and the object of each triangle.", facts::FACES.list());

@@ -10,7 +10,9 @@
 //! the mean of the smallest square around it that holds colours: 3, 5, 9 or 17 pixels wide, then aligned blocks of 16,
 //! 32, 64 and so on. It is the cheap relative of push-pull, without smoothing: nothing but specks needs it.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, texel};
+use epigraph_core::{
+    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, constants, params, texel,
+};
 use rayon::prelude::*;
 
 use crate::shared::edge_pixel::DIRECTIONS;
@@ -18,18 +20,18 @@ use crate::shared::edge_pixel::DIRECTIONS;
 #[path = "explain/spread.rs"]
 mod explain;
 
-/// Pixels on each side of a tile, the finest of the aligned blocks.
-const TILE: usize = 16;
-
-/// Steps of a round.
-const ROUND: u32 = 8;
+constants! {
+    /// Pixels on each side of a tile, the finest of the aligned blocks.
+    const TILE: usize = 16;
+    /// Steps of a round.
+    const ROUND: u32 = 8;
+    /// What `filled` holds for holes; else the round in which a hole was filled, 0 for pixels that were none.
+    const HOLE: u32 = u32::MAX;
+}
 
 /// Pixels for each of the GPU's threads in a round, if all were holes. More would leave cores idle at the start, where
 /// most are; fewer would start threads for nothing later, where a few are.
 const PIXELS_PER_THREAD: u32 = 8;
-
-/// What `filled` holds for holes.
-const HOLE: u32 = u32::MAX;
 
 /// What ends the holes of a row in a list.
 const END: u32 = u32::MAX;
@@ -107,6 +109,7 @@ impl Stage for Spread {
         );
         io.write::<u32>("open_count", "Scratch: how many there are.", Extent::Fixed([1, 1]));
         io.shader(shader!("spread"));
+        io.constants(CONSTANTS);
         match params.method {
             Method::Off => io.dispatch("copy", color),
             Method::PushPull | Method::Spread => {

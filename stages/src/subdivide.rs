@@ -24,24 +24,27 @@
 
 use std::cell::LazyCell;
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, params, texel};
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, constants, params, texel};
 use rayon::prelude::*;
 
 use crate::shared::{
-    cloud::decode_radiance,
+    cloud::{NO_POINT, decode_radiance},
     edge_pixel::{
         CLASS, COMPLEX, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT, SIMPLE, area_of_arc, chain,
         class_of, ends, joined, region, transpose,
     },
-    requests::NO_POINT,
 };
 
-/// Pixels along an axis of those around one, itself included.
-const PIXELS: usize = 3;
-/// Quarters along that axis.
-const SPAN: usize = 2 * PIXELS;
-/// All of these quarters.
-const QUARTERS: usize = SPAN * SPAN;
+constants! {
+    /// Pixels along an axis of those around one, itself included.
+    const PIXELS: usize = 3;
+    /// Quarters along that axis.
+    const SPAN: usize = 2 * PIXELS;
+    /// All of these quarters.
+    const QUARTERS: usize = SPAN * SPAN;
+    /// The area of a quarter, in 1/512 pixel.
+    const QUARTER_AREA: u32 = PIXEL_AREA / 4;
+}
 
 /// Distances along an axis of a tap from the centre of one of the pixel's own quarters, in 1/32 pixel: the window's sides
 /// lie 40 and 56 off.
@@ -49,9 +52,6 @@ const DISTANCES: usize = 57;
 
 /// The four quarters of the pixel itself.
 const OWN: [[usize; 2]; 4] = [[2, 2], [3, 2], [2, 3], [3, 3]];
-
-/// The area of a quarter, in 1/512 pixel.
-const QUARTER_AREA: u32 = PIXEL_AREA / 4;
 
 params! {
     /// Parameters of [`Subdivide`].
@@ -95,6 +95,7 @@ impl Stage for Subdivide {
         let primary = io.read("primary", "Linear radiance of the primary regions.", pixels());
         let color = io.write("color", "The same, but that of the whole pixel in complex pixels.", pixels());
         io.shader(shader!("subdivide"));
+        io.constants(CONSTANTS);
         io.dispatch("subdivide", color);
         Self { radiance, id, subpixel, mask, cls, primary, color }
     }

@@ -5,8 +5,8 @@ use epigraph_scenes::{Scene, TraceSettings, Tracer, reference};
 use epigraph_stages::{
     registry,
     shared::{
-        cloud::{LIVE, NOT_DRAWN},
-        requests::{HIT_NONE, NO_PIXEL, NO_POINT, Request, Sample},
+        cloud::{LIVE, NO_POINT, NOT_DRAWN},
+        requests::{HIT_NONE, NO_PIXEL, Request, Sample},
     },
 };
 use epigraph_tests::{Run, Stage, graph, tap};

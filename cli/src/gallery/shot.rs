@@ -7,7 +7,7 @@ use std::sync::Arc;
 use epigraph::{Device, Place, Registry, Run, Samples, Setup};
 use epigraph_core::{Graph, GraphFile, Node, NodeDef, PortRef, Snapshot, Source};
 use epigraph_pictures::{Look, Picture, show, size, tone};
-use epigraph_stages::shared::{cloud::decode_radiance, requests::NO_POINT};
+use epigraph_stages::shared::cloud::{NO_POINT, decode_radiance};
 
 use crate::{args::GalleryArgs, error::CliError, open};
 

@@ -4,11 +4,11 @@ use epigraph_core::{Finding, Mark, Site};
 
 use super::{Ambiguous, Bend, Classify, ClassifyParams, Grid};
 use crate::shared::{
+    cloud::NO_POINT,
     edge_pixel::{
         AMBIGUOUS, CLASS, COMPLEX, Chord, PIXEL_AREA, SIMPLE, VALID, ends, primary_area, ring_at,
         slot_position,
     },
-    requests::NO_POINT,
     words::{aim, count, crossings, percent},
 };
 

@@ -6,7 +6,7 @@ use super::{DepthCull, DepthCullParams, Image, Rule, ZBuffer};
 use crate::{
     project::EMPTY_DEPTH,
     shared::{
-        requests::NO_POINT,
+        cloud::NO_POINT,
         words::{metres, percent, point},
     },
 };

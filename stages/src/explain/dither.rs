@@ -4,7 +4,8 @@ use epigraph_core::{Finding, Site};
 
 use super::{Dither, Kind};
 use crate::shared::{
-    requests::{NO_PIXEL, NO_POINT, VIEW_PREDICTED},
+    cloud::NO_POINT,
+    requests::{NO_PIXEL, VIEW_PREDICTED},
     words::{aim, count},
 };
 

@@ -4,8 +4,7 @@ use epigraph_core::{Cell, Finding, Role, Site};
 
 use super::{Empty, Fill, FillParams, Priority, REACH, WEIGHTS_SUM};
 use crate::shared::{
-    cloud::{AGE, AGE_ONE, decode_radiance},
-    requests::NO_POINT,
+    cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance},
     words::count,
 };
 

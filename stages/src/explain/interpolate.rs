@@ -4,9 +4,8 @@ use epigraph_core::{Cell, Finding, Role, Site};
 
 use super::{Interpolate, InterpolateParams, Priority, REACH, SPAN, Weights, taps};
 use crate::shared::{
-    cloud::{AGE, AGE_ONE, decode_radiance},
+    cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance},
     edge_pixel::{CLASS, COMPLEX},
-    requests::NO_POINT,
     words::{count, percent},
 };
 

@@ -4,7 +4,7 @@ use epigraph_core::{Finding, Site};
 
 use super::{Project, ProjectParams, is_drawn};
 use crate::shared::{
-    requests::NO_POINT,
+    cloud::NO_POINT,
     view::{SEVERAL, Several},
     words::{count, metres, point},
 };

@@ -4,7 +4,7 @@ use epigraph_core::{Cell, Finding, Role, Site};
 
 use super::{ReachCull, ReachCullParams, Samples};
 use crate::shared::{
-    requests::NO_POINT,
+    cloud::NO_POINT,
     words::{metres, point},
 };
 

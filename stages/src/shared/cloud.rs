@@ -8,29 +8,26 @@
 //! | `image_id` | `u32` | pixel index y * W + x at which the point was last seen, or [`NOT_DRAWN`] |
 //! | `meta` | `u32` | bits 0 to 15: age in frames' increments, 8.8 fixed point; then [`LIVE`], [`CHANGED`], [`FRESH`]; bits 24 to 31: number of the body on which it lies, 0 for what does not move |
 
-/// The bits of `meta` that hold the age.
-pub const AGE: u32 = 0xFFFF;
-
-/// One unit of age in the 8.8 fixed point of `meta`.
-pub const AGE_ONE: u32 = 256;
-
-/// Bit of `meta`: the slot holds a point. Zeroed memory is an empty cloud.
-pub const LIVE: u32 = 1 << 16;
-
-/// Bit of `meta`: a new sample near the point's pixel had another colour than the point that was shown there.
-pub const CHANGED: u32 = 1 << 17;
-
-/// Bit of `meta`: the point came into the cloud in this frame.
-pub const FRESH: u32 = 1 << 18;
-
-/// Where the number of the body begins in `meta`.
-pub const BODY_SHIFT: u32 = 24;
-
-/// The `image_id` of a point that no pixel shows.
-pub const NOT_DRAWN: u32 = u32::MAX;
-
-/// Largest number that RGB9E5 holds: 511/512 * 2^16.
-pub const MAX_RADIANCE: f32 = 65408.0;
+epigraph_core::constants! {
+    /// The bits of `meta` that hold the age.
+    pub const AGE: u32 = 0xFFFF;
+    /// One unit of age in the 8.8 fixed point of `meta`.
+    pub const AGE_ONE: u32 = 256;
+    /// Bit of `meta`: the slot holds a point. Zeroed memory is an empty cloud.
+    pub const LIVE: u32 = 1 << 16;
+    /// Bit of `meta`: a new sample near the point's pixel had another colour than the point that was shown there.
+    pub const CHANGED: u32 = 1 << 17;
+    /// Bit of `meta`: the point came into the cloud in this frame.
+    pub const FRESH: u32 = 1 << 18;
+    /// Where the number of the body begins in `meta`.
+    pub const BODY_SHIFT: u32 = 24;
+    /// The index of no point: what a pixel without a point shows, and the slot of a sample that finds no place.
+    pub const NO_POINT: u32 = u32::MAX;
+    /// The `image_id` of a point that no pixel shows.
+    pub const NOT_DRAWN: u32 = u32::MAX;
+    /// Largest number that RGB9E5 holds: 511/512 * 2^16.
+    pub const MAX_RADIANCE: f32 = 65408.0;
+}
 
 /// Linear radiance as RGB9E5 (`EXT_texture_shared_exponent`): three 9-bit mantissas from the low bits on, one 5-bit
 /// exponent, bias 15. The error of a channel is at most 1/512 of the largest channel. Negative numbers and NaN become

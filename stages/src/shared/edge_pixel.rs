@@ -6,32 +6,32 @@
 //! cut by the chord between the centres of its two crossed slots p < q: region A lies on the side of the slots between
 //! p and q, region B on the other.
 
-/// The class of a pixel with at most one crossing: it is one region.
-pub const EMPTY: u32 = 0;
-/// The class of a pixel with two crossings: a chord cuts it into two regions.
-pub const SIMPLE: u32 = 1;
-/// The class of a pixel with more crossings, and of everything outside the image: nothing is known of its regions.
-pub const COMPLEX: u32 = 2;
-
-/// Bits of `cls` that hold the class.
-pub const CLASS: u32 = 3;
-/// Lowest of the five bits of `cls` that hold the first crossed slot of a simple pixel.
-pub const P_SHIFT: u32 = 2;
-/// Lowest of the five bits of `cls` that hold the second crossed slot of a simple pixel.
-pub const Q_SHIFT: u32 = 7;
-/// Set in `cls` where the primary region is A.
-pub const PRIMARY_IS_A: u32 = 1 << 12;
-/// Lowest of the ten bits of `cls` that hold the area of the primary region, see [`PIXEL_AREA`].
-pub const AREA_SHIFT: u32 = 13;
-/// Set in `cls` where the pixel has a sample that counts.
-pub const VALID: u32 = 1 << 23;
-/// Set in `cls` where the cell of the pixel's sample touches the chord.
-pub const AMBIGUOUS: u32 = 1 << 24;
-/// Lowest of the four bits of `cls` that hold the sample's cell of 4x4, row by row.
-pub const CELL_SHIFT: u32 = 25;
-
-/// The area of a whole pixel: areas are in 1/512 of it, so that those of all chords are whole numbers.
-pub const PIXEL_AREA: u32 = 512;
+epigraph_core::constants! {
+    /// The class of a pixel with at most one crossing: it is one region.
+    pub const EMPTY: u32 = 0;
+    /// The class of a pixel with two crossings: a chord cuts it into two regions.
+    pub const SIMPLE: u32 = 1;
+    /// The class of a pixel with more crossings, and of everything outside the image: nothing is known of its regions.
+    pub const COMPLEX: u32 = 2;
+    /// Bits of `cls` that hold the class.
+    pub const CLASS: u32 = 3;
+    /// Lowest of the five bits of `cls` that hold the first crossed slot of a simple pixel.
+    pub const P_SHIFT: u32 = 2;
+    /// Lowest of the five bits of `cls` that hold the second crossed slot of a simple pixel.
+    pub const Q_SHIFT: u32 = 7;
+    /// Set in `cls` where the primary region is A.
+    pub const PRIMARY_IS_A: u32 = 1 << 12;
+    /// Lowest of the ten bits of `cls` that hold the area of the primary region, see [`PIXEL_AREA`].
+    pub const AREA_SHIFT: u32 = 13;
+    /// Set in `cls` where the pixel has a sample that counts.
+    pub const VALID: u32 = 1 << 23;
+    /// Set in `cls` where the cell of the pixel's sample touches the chord.
+    pub const AMBIGUOUS: u32 = 1 << 24;
+    /// Lowest of the four bits of `cls` that hold the sample's cell of 4x4, row by row.
+    pub const CELL_SHIFT: u32 = 25;
+    /// The area of a whole pixel: areas are in 1/512 of it, so that those of all chords are whole numbers.
+    pub const PIXEL_AREA: u32 = 512;
+}
 
 /// The neighbours of a pixel in the order of the nibbles of N8: E, SE, S, SW, W, NW, N, NE. The opposite of d is
 /// (d + 4) & 7.

@@ -7,6 +7,7 @@ pub mod moves;
 pub mod nearer;
 pub mod requests;
 pub mod sample;
+pub mod scan;
 pub mod segments;
 pub mod shadow_cache;
 pub mod source;

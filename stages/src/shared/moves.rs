@@ -35,8 +35,10 @@ impl Move {
     }
 }
 
-/// A quad's light at less than this cosine to its normal counts as none: that of its own points would be a rounding.
-const GRAZING: f32 = 1e-3;
+epigraph_core::constants! {
+    /// A quad's light at less than this cosine to its normal counts as none: that of its own points would be a rounding.
+    const GRAZING: f32 = 1e-3;
+}
 
 epigraph_core::item! {
     /// A light, or the middle of one with an area, seen from afar.

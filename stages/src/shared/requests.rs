@@ -1,25 +1,23 @@
 //! Requests for samples and the samples that answer them. Mirrored by `shaders/shared/requests.wgsl`.
 
-/// The `pixel` of a request that asks for nothing.
-pub const NO_PIXEL: u32 = u32::MAX;
+use super::cloud::NO_POINT;
 
-/// The `reuse` of a request at a pixel that shows no point, and the slot of a sample that finds no place.
-pub const NO_POINT: u32 = u32::MAX;
-
-/// The `aim` at a pixel's centre.
-pub const AIM_CENTER: u32 = 0x8000_8000;
-
-/// The `view` of requests of the camera of the frame, and of the camera predicted for a later one.
-pub const VIEW_NOW: u32 = 0;
-/// See [`VIEW_NOW`].
-pub const VIEW_PREDICTED: u32 = 1;
-
-/// The `hit` of an entry that holds no sample; zeroed memory is a list of none.
-pub const HIT_NONE: u32 = 0;
-/// The `hit` of a sample on a surface.
-pub const HIT_SURFACE: u32 = 1;
-/// The `hit` of a sample whose ray met nothing.
-pub const HIT_BACKGROUND: u32 = 2;
+epigraph_core::constants! {
+    /// The `pixel` of a request that asks for nothing.
+    pub const NO_PIXEL: u32 = u32::MAX;
+    /// The `aim` at a pixel's centre.
+    pub const PIXEL_CENTER: u32 = 0x8000_8000;
+    /// The `view` of requests of the camera of the frame.
+    pub const VIEW_NOW: u32 = 0;
+    /// The `view` of requests of the camera predicted for a later frame.
+    pub const VIEW_PREDICTED: u32 = 1;
+    /// The `hit` of an entry that holds no sample; zeroed memory is a list of none.
+    pub const HIT_NONE: u32 = 0;
+    /// The `hit` of a sample on a surface.
+    pub const HIT_SURFACE: u32 = 1;
+    /// The `hit` of a sample whose ray met nothing.
+    pub const HIT_BACKGROUND: u32 = 2;
+}
 
 epigraph_core::item! {
     /// Asks for one sample.
@@ -59,7 +57,7 @@ epigraph_core::item! {
 
 impl Request {
     /// A request that asks for nothing.
-    pub const NONE: Self = Self { pixel: NO_PIXEL, aim: AIM_CENTER, reuse: NO_POINT, view: VIEW_NOW };
+    pub const NONE: Self = Self { pixel: NO_PIXEL, aim: PIXEL_CENTER, reuse: NO_POINT, view: VIEW_NOW };
 
     /// Where the ray goes, in pixels from the top left corner of an image `width` pixels wide.
     pub fn target(&self, width: u32) -> [f32; 2] {
@@ -77,7 +75,7 @@ mod tests {
 
     #[test]
     fn a_target_lies_in_its_pixel() {
-        let request = Request { pixel: 7 * 10 + 3, aim: AIM_CENTER, reuse: NO_POINT, view: VIEW_NOW };
+        let request = Request { pixel: 7 * 10 + 3, aim: PIXEL_CENTER, reuse: NO_POINT, view: VIEW_NOW };
         assert_eq!(request.target(10), [3.5, 7.5]);
         assert_eq!(Request { aim: 0xC000_0000, ..request }.target(10), [3.0, 7.75]);
     }

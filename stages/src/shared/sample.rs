@@ -5,8 +5,7 @@ use epigraph_core::{
 };
 
 use super::{
-    cloud::{AGE, AGE_ONE, CHANGED, decode_radiance},
-    requests::NO_POINT,
+    cloud::{AGE, AGE_ONE, CHANGED, NO_POINT, decode_radiance},
     words::place,
 };
 

@@ -1,14 +1,21 @@
 //! Edges of the mesh, and the line segments that edge stages find. Mirrored by `shaders/shared/segments.wgsl`.
 
-/// Stands for the second face of a border in [`MeshEdge`].
-pub const NO_FACE: u32 = u32::MAX;
-
-/// The `kind` of an edge between two faces that meet smoothly.
-pub const REGULAR: u32 = 0;
-/// The `kind` of an edge between two faces that meet at more than the crease angle.
-pub const CREASE: u32 = 1;
-/// The `kind` of an edge with one face.
-pub const BORDER: u32 = 2;
+epigraph_core::constants! {
+    /// Stands for the second face of a border in [`MeshEdge`].
+    pub const NO_FACE: u32 = u32::MAX;
+    /// The `kind` of an edge between two faces that meet smoothly.
+    pub const REGULAR: u32 = 0;
+    /// The `kind` of an edge between two faces that meet at more than the crease angle.
+    pub const CREASE: u32 = 1;
+    /// The `kind` of an edge with one face.
+    pub const BORDER: u32 = 2;
+    /// The kind of the boundary of a point light's shadow.
+    pub const SHADOW_HARD: u32 = 0;
+    /// The kind of the boundary of a quad light's full shadow.
+    pub const SHADOW_UMBRA: u32 = 1;
+    /// The kind of the boundary of a quad light's partial shadow.
+    pub const SHADOW_PENUMBRA: u32 = 2;
+}
 
 epigraph_core::item! {
     /// An edge of the scene's mesh.
@@ -37,13 +44,6 @@ epigraph_core::item! {
         edge: u32,
     }
 }
-
-/// The kind of the boundary of a point light's shadow.
-pub const SHADOW_HARD: u32 = 0;
-/// The kind of the boundary of a quad light's full shadow.
-pub const SHADOW_UMBRA: u32 = 1;
-/// The kind of the boundary of a quad light's partial shadow.
-pub const SHADOW_PENUMBRA: u32 = 2;
 
 /// The flags of a shadow's boundary: its kind in bits 0 and 1; in bits 16 to 31 the width of its penumbra in metres, the
 /// upper half of an f32, rounded up. A penumbra wider than some pixels is no step in the image, and its boundaries

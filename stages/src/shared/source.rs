@@ -14,8 +14,9 @@ use epigraph_core::{
 use epigraph_scenes::{AsyncTracer, Hit, Job, Rng, Scene, TaggedHit, TaggedJob, TraceSettings, Tracer};
 use glam::Vec3;
 
-use super::requests::{
-    HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, NO_POINT, Request, Sample, VIEW_NOW, VIEW_PREDICTED,
+use super::{
+    cloud::NO_POINT,
+    requests::{HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, Request, Sample, VIEW_NOW, VIEW_PREDICTED},
 };
 
 /// When the samples of a frame's requests arrive.

@@ -2,7 +2,7 @@
 
 use epigraph_core::Mark;
 
-use super::{edge_pixel::slot_position, requests::NO_POINT};
+use super::{cloud::NO_POINT, edge_pixel::slot_position};
 
 /// The neighbours of a pixel in the order of [`super::edge_pixel::DIRECTIONS`].
 pub const NEIGHBOURS: [&str; 8] =

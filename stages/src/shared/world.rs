@@ -114,7 +114,10 @@ impl World {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shared::requests::{AIM_CENTER, HIT_NONE, HIT_SURFACE, NO_POINT, VIEW_NOW, VIEW_PREDICTED};
+    use crate::shared::{
+        cloud::NO_POINT,
+        requests::{HIT_NONE, HIT_SURFACE, PIXEL_CENTER, VIEW_NOW, VIEW_PREDICTED},
+    };
 
     const SIZE: [u32; 2] = [48, 32];
 
@@ -124,7 +127,7 @@ mod tests {
     }
 
     fn request(pixel: u32) -> Request {
-        Request { pixel, aim: AIM_CENTER, reuse: 5, view: VIEW_NOW }
+        Request { pixel, aim: PIXEL_CENTER, reuse: 5, view: VIEW_NOW }
     }
 
     #[test]

@@ -1,0 +1,87 @@
+//! Numbers that a shader and its twin share are written once, in Rust.
+//!
+//! What a shader may declare for itself are numbers that its twin does not have: the size of a workgroup and what follows
+//! from it, the entries of a list that only the shader uses, marks of a loop.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use epigraph_core::{Constant, ParamKind};
+
+/// The Rust files of a folder and its folders, each with its text.
+fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display())) {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(rust_files(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            files.push((path, text));
+        }
+    }
+    files
+}
+
+/// The names of the numbers that a text declares as constants, in Rust or WGSL.
+fn numbers(text: &str) -> BTreeSet<&str> {
+    let name = |line| -> Option<&str> {
+        let (_, declared): (&str, &str) = str::split_once(line, "const ")?;
+        let (name, rest) = declared.split_once(':')?;
+        let (ty, _) = rest.split_once('=')?;
+        ["u32", "usize", "i32", "f32"].contains(&ty.trim()).then_some(name)
+    };
+    text.lines().filter_map(name).collect()
+}
+
+#[test]
+fn no_shader_declares_a_constant_of_its_twin() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let rust = rust_files(&source);
+    for (path, wgsl) in epigraph_shaders::FILES {
+        let name = Path::new(path).with_extension("rs");
+        let is_twin = |twin: &Path| twin.ends_with(&name) || twin.starts_with(source.join("shared"));
+        for (twin, text) in rust.iter().filter(|(twin, _)| is_twin(twin)) {
+            let both: Vec<_> = numbers(wgsl).intersection(&numbers(text)).copied().collect();
+            assert!(both.is_empty(), "{path} and {} both declare {both:?}: use `constants!`", twin.display());
+        }
+    }
+}
+
+#[test]
+fn shaders_name_the_variants_of_choices() {
+    for kind in epigraph_stages::registry().kinds() {
+        let Some(shader) = kind.declaration().and_then(|declaration| declaration.shader) else { continue };
+        for param in kind.specs().iter().filter(|spec| matches!(spec.kind, ParamKind::Choice(_))) {
+            let read = format!("params.{}", param.name);
+            for after in shader.source.split(&read).skip(1) {
+                let compared = after.trim_start_matches([' ', '=', '!']);
+                let names = Constant::of_choice(param);
+                let is_named = names.iter().any(|constant| compared.starts_with(constant.name()));
+                // A `switch` names them in its cases.
+                assert!(
+                    is_named || after.starts_with(" {"),
+                    "{}: `{read}{}`",
+                    shader.name,
+                    after.lines().next().unwrap()
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn shaders_use_the_constants_that_they_are_given() {
+    for kind in epigraph_stages::registry().kinds() {
+        let Some(shader) = kind.declaration().and_then(|declaration| declaration.shader) else { continue };
+        let specs = kind.specs();
+        let choices: Vec<Constant> = specs.iter().flat_map(Constant::of_choice).collect();
+        for constant in shader.constants.iter().filter(|constant| !choices.contains(constant)) {
+            let words = shader.source.split(|c: char| !c.is_alphanumeric() && c != '_');
+            assert!(words.into_iter().any(|word| word == constant.name()), "{}: {constant:?}", shader.name);
+        }
+    }
+}
