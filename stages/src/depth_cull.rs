@@ -166,7 +166,7 @@ impl Image<'_> {
         });
     }
 
-    /// Calls `each` with the mean of the values of the 3x3 pixels around every pixel of a row; none where all are empty.
+    /// Calls `each` with [`Image::mean_at`] of every pixel of a row. Each column is added up once, and several at a time.
     #[inline(always)]
     fn means(&self, y: usize, value: impl Fn(f32) -> f32, mut each: impl FnMut(usize, Option<f32>)) {
         for first in (0..self.width).step_by(BLOCK) {
@@ -191,15 +191,22 @@ impl Image<'_> {
         }
     }
 
-    /// The mean of the values of the 3x3 pixels around one; none where all are empty.
-    fn mean_at(&self, [x, y]: [u32; 2], value: impl Fn(f32) -> f32) -> Option<f32> {
-        let mut found = None;
-        self.means(y as usize, value, |column, mean| {
-            if column == x as usize {
-                found = mean;
+    /// The mean of the values of the 3x3 pixels around one; none where all are empty. The values of each column are added
+    /// up, then the columns.
+    fn mean_at(&self, [x, y]: [usize; 2], value: impl Fn(f32) -> f32) -> Option<f32> {
+        let (mut sum, mut count) = (0.0, 0);
+        for x in x.saturating_sub(1)..(x + 2).min(self.width) {
+            let mut column = 0.0;
+            for y in y.saturating_sub(1)..(y + 2).min(self.height) {
+                let depth = self.depth[y * self.width + x];
+                if depth < EMPTY_DEPTH {
+                    column += value(f32::from_bits(depth));
+                    count += 1;
+                }
             }
-        });
-        found
+            sum += column;
+        }
+        (count > 0).then(|| sum / count as f32)
     }
 
     /// The depths that the majority rule leaves.
@@ -233,7 +240,8 @@ impl Image<'_> {
         });
     }
 
-    /// Calls `drop` for the pixels of some whole rows, counted row by row, whose point the others around outvote.
+    /// Calls `drop` for the pixels of some whole rows, counted row by row, for which [`Image::is_outvoted`] holds. It asks only
+    /// those that have a clearly nearer pixel around them.
     fn outvoted(&self, pixels: Range<usize>, scale: f32, mut drop: impl FnMut(usize)) {
         let rows = pixels.start / self.width..pixels.end / self.width;
         let distances = |pixels: Range<usize>, distances: &mut [f32]| {
@@ -247,10 +255,11 @@ impl Image<'_> {
         });
     }
 
-    /// Whether enough of the other points of the 5x5 pixels are clearly nearer, and there are any.
+    /// Whether a pixel shows a point, there are others in the 5x5 pixels, and enough of these are clearly nearer.
     fn is_outvoted(&self, x: usize, y: usize, scale: f32) -> bool {
         let [voters, nearer] = self.ballot(x, y, scale);
-        voters > 0 && nearer >= self.majority(x, y, voters)
+        let is_there = self.depth[y * self.width + x] < EMPTY_DEPTH;
+        is_there && voters > 0 && nearer >= self.majority(x, y, voters)
     }
 
     /// How many of so many voters are enough: half. Of pixels outside of the image nothing is known; they count as if they
@@ -493,6 +502,79 @@ mod tests {
         // Never beyond the far plane.
         let out = run_cpu(&mut harness(params(), [1, 1], &[900.0]));
         assert_eq!((out.get::<f32>("filtered")[0], out.get::<u32>("id")[0]), (1000.0, 0));
+    }
+
+    /// Images of all widths around a block, with depths that are random, or hard: extreme, equal, or apart by a rounding.
+    fn images() -> Vec<([usize; 2], Vec<u32>)> {
+        let mut random = Random(17);
+        let mut images = Vec::new();
+        for size in [[1, 1], [1, 9], [9, 1], [2, 2], [61, 47], [63, 3], [64, 33], [65, 35], [130, 5]] {
+            for hard in [false, true] {
+                let depth = |_| match (random.below(6), hard) {
+                    (0, _) => EMPTY,
+                    (1, false) => random.between(0.1, 1000.0),
+                    (_, false) => random.between(10.0, 11.0),
+                    (1, true) => f32::MIN_POSITIVE,
+                    (2, true) => f32::MAX,
+                    (3, true) => 10.0 * 1.05,
+                    (4, true) => f32::next_up(10.0 * 1.05),
+                    (_, true) => 10.0,
+                };
+                let depths = (0..size[0] * size[1]).map(depth).map(f32::to_bits).collect();
+                images.push((size, depths));
+            }
+        }
+        images
+    }
+
+    #[test]
+    fn means_are_those_at_each_pixel() {
+        let buffer = ZBuffer { near: 0.1, far: 1000.0 };
+        for ([width, height], depth) in images() {
+            let image = Image { depth: &depth, width, height };
+            for y in 0..height {
+                let mut next = 0;
+                let mut assert_same = |x, tuned: Option<f32>, plain: Option<f32>| {
+                    assert_eq!(
+                        tuned.map(f32::to_bits),
+                        plain.map(f32::to_bits),
+                        "({x}, {y}) of {width}x{height}"
+                    );
+                    next += 1;
+                };
+                image.means(y, |z| z, |x, mean| assert_same(x, mean, image.mean_at([x, y], |z| z)));
+                let depth = |z| buffer.depth(z);
+                image.means(y, depth, |x, mean| assert_same(x, mean, image.mean_at([x, y], depth)));
+                assert_eq!(next, 2 * width);
+            }
+        }
+    }
+
+    #[test]
+    fn the_vote_is_that_of_each_pixel() {
+        for threshold in [0.0, 0.05, 10.0] {
+            let scale = 1.0 + threshold;
+            for ([width, height], depth) in images() {
+                let voted = |depth: &[u32]| -> Vec<u32> {
+                    let image = Image { depth, width, height };
+                    let kept = |p| {
+                        if image.is_outvoted(p % width, p / width, scale) { EMPTY_DEPTH } else { depth[p] }
+                    };
+                    (0..depth.len()).map(kept).collect()
+                };
+                let (first, depths) = (voted(&depth), depth.iter().map(|&bits| f32::from_bits(bits)));
+                let mut harness = harness(
+                    DepthCullParams { rule: Rule::Majority, threshold },
+                    [width as u32, height as u32],
+                    &depths.collect::<Vec<_>>(),
+                );
+                let out = run_cpu(&mut harness);
+                assert_eq!(out.get::<u32>("first_vote"), first, "{width}x{height}");
+                let shows = |(p, depth): (u32, u32)| if depth == EMPTY_DEPTH { NO_POINT } else { p };
+                let second: Vec<u32> = (0..).zip(voted(&first)).map(shows).collect();
+                assert_eq!(out.get::<u32>("id"), second, "{width}x{height}");
+            }
+        }
     }
 
     #[test]

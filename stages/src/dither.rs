@@ -340,6 +340,34 @@ fn scan(tiles: &mut [u32]) -> u32 {
     sum
 }
 
+/// Systematic sampling as defined: the weights in their order, one after the other, and a request for the n-th multiple of
+/// the sum of all / `wanted` where their sum, moved by `offset`, passes it. Where one weight passes several, the last counts.
+#[cfg(test)]
+fn ask_in_order<F: Fn(u32) -> u32>(
+    weights: &Weights<'_, F>,
+    wanted: u32,
+    offset: u32,
+    requests: &mut [Request],
+    ask: &impl Fn([u32; 2]) -> Request,
+) {
+    let Dims { width, height } = weights.dims;
+    let total: u64 = weights.values.iter().map(|&value| u64::from((weights.of)(value))).sum();
+    let (mut sum, mut asked) = (0, 0);
+    for tile in 0..width.div_ceil(TILE) * height.div_ceil(TILE) {
+        let [left, top] = [tile % width.div_ceil(TILE) * TILE, tile / width.div_ceil(TILE) * TILE];
+        for [x, y] in MORTON.map(|[x, y]| [left + u32::from(x), top + u32::from(y)]) {
+            if x < width && y < height {
+                sum += u64::from((weights.of)(weights.values[(y * width + x) as usize]));
+                let due = (sum * u64::from(wanted) + u64::from(offset)).checked_div(total).unwrap_or(0);
+                if due > asked {
+                    asked = due;
+                    requests[due as usize - 1] = ask([x, y]);
+                }
+            }
+        }
+    }
+}
+
 /// Systematic sampling: which of the `wanted` multiples of `total` / `wanted`, moved by `offset`, each weight reaches.
 struct Selection<'a> {
     /// Sum of the weights before each tile.
@@ -362,7 +390,7 @@ impl Selection<'_> {
         (self.progress(sum) / u64::from(self.total)) as usize
     }
 
-    /// Writes the requests of a range of tiles, which are those `requests` and no others.
+    /// Writes the requests of a range of tiles, which are those `requests` and no others: a part of what `ask_in_order` writes.
     fn ask<F: Fn(u32) -> u32 + Sync>(
         &self,
         weights: &Weights<'_, F>,
@@ -636,6 +664,39 @@ mod tests {
                 let [x, y] = [request.pixel % 40, request.pixel / 40];
                 assert!(x < 8 || y < 8 || x >= 32 || y >= 24);
                 assert_eq!((id[request.pixel as usize], request.reuse), (NO_POINT, NO_POINT));
+            }
+        }
+    }
+
+    #[test]
+    fn tiles_ask_as_pixels_do_in_their_order() {
+        let mut random = Random(3);
+        for [width, height] in [[1, 1], [16, 16], [17, 1], [3, 40], [300, 200]] {
+            for most in [1, 2, 256] {
+                let values: Vec<u32> = (0..width * height).map(|_| random.below(most)).collect();
+                let dims = Dims { width, height };
+                let weights = Weights { dims, values: &values, of: |value: u32| value };
+                let mut tiles = vec![0; (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize];
+                weights.add(&mut tiles);
+                let total = scan(&mut tiles);
+                for wanted in [0, 1, 7, total / 100, total / 2, total] {
+                    for offset in [0, total / 3, total.saturating_sub(1)] {
+                        let ask = |[x, y]: [u32; 2]| Request { pixel: y * width + x, ..Request::NONE };
+                        let mut expected = vec![Request::NONE; wanted as usize];
+                        ask_in_order(&weights, wanted, offset, &mut expected, &ask);
+                        let mut found = vec![Request::NONE; wanted as usize];
+                        let selection = Selection { tiles: &tiles, total, wanted, offset };
+                        selection.ask(&weights, 0..tiles.len(), &mut found, &ask);
+                        let pixels = |requests: &[Request]| {
+                            requests.iter().map(|request| request.pixel).collect::<Vec<_>>()
+                        };
+                        assert_eq!(
+                            pixels(&found),
+                            pixels(&expected),
+                            "{wanted} of {total}, {width}x{height}"
+                        );
+                    }
+                }
             }
         }
     }

@@ -261,6 +261,50 @@ struct Image<'a> {
     space: Space,
 }
 
+/// The offsets of the 25 pixels of the kernel, in reading order.
+fn offsets() -> impl Iterator<Item = [i32; 2]> {
+    let reach = REACH as i32;
+    (-reach..=reach).flat_map(move |dy| (-reach..=reach).map(move |dx| [dx, dy]))
+}
+
+impl Image<'_> {
+    /// The weight and the colour of the sample at an offset from a pixel, if there is one.
+    fn tap(&self, weights: &Weights, pixel: [usize; 2], offset: [i32; 2]) -> Option<(f32, [f32; 3])> {
+        let along = |axis: usize| pixel[axis].checked_add_signed(offset[axis] as isize);
+        let (x, y) = (along(0)?, along(1)?);
+        if x >= self.width || y >= self.height {
+            return None;
+        }
+        let at = y * self.width + x;
+        // NO_POINT is no point's id.
+        let color = decode_radiance(*self.radiance.get(self.id[at] as usize)?);
+        let weight = |cell: u32, offset: i32| {
+            weights.axis[(cell & weights.mask) as usize][(offset + REACH as i32) as usize]
+        };
+        let cell = self.subpixel[at];
+        let weight = weight(cell, offset[0]) * weight(cell >> weights.shift, offset[1]);
+        let color = match self.space {
+            Space::Linear => color,
+            Space::ToneMapped => compress(color),
+        };
+        Some((weight, color))
+    }
+
+    /// The weighted sums of red, green and blue of the samples that count for a pixel, and the sum of their weights: the rule.
+    /// [`Around::sum`] follows it for several pixels side by side; its sums have the same bits.
+    fn sum_at(&self, weights: &Weights, pixel: [usize; 2], taps: u32) -> [f32; 4] {
+        let mut sums = [0.0; 4];
+        for (tap, offset) in offsets().enumerate() {
+            if taps >> tap & 1 != 0
+                && let Some((weight, [r, g, b])) = self.tap(weights, pixel, offset)
+            {
+                sums.iter_mut().zip([r, g, b, 1.0]).for_each(|(sum, value)| *sum += weight * value);
+            }
+        }
+        sums
+    }
+}
+
 /// Columns of a row of samples: a tile and what its kernels reach.
 const COLUMNS: usize = TILE + 2 * REACH;
 
@@ -323,8 +367,7 @@ impl Around {
         }
     }
 
-    /// Weighted sums of red, green, blue and 1 for [`LANES`] pixels from column `x` of the tile on, of row `y`; with
-    /// `EVERY`, `taps` are [`ALL`]. Not inlined: within the loop over rows the compiler does not find the lanes.
+    /// [`Image::sum_at`] of [`LANES`] pixels from column `x` of the tile on, of row `y`; with `EVERY`, `taps` are [`ALL`]. Not inlined: within the loop over rows the compiler does not find the lanes.
     #[inline(never)]
     fn sum<const EVERY: bool>(&self, x: usize, y: usize, taps: &[u32; LANES]) -> Sums {
         let mut sums = [[0.0; LANES]; 4];
@@ -554,22 +597,60 @@ mod tests {
         }
     }
 
+    /// An image with all classes and words, crowded on the left and sparse on the right.
+    fn random_image(size: [u32; 2], brightest: f32) -> Vec<Pixel> {
+        let mut random = Random(31);
+        let pixel = |p| {
+            let color = [0; 3].map(|_| random.between(0.0, brightest));
+            let sample = (color, random.below(AGE + 1), random.below(256));
+            Pixel {
+                sample: (random.below(1 + (p % size[0]) / 8) == 0).then_some(sample),
+                cls: random.below(3) | random.bits() << 2,
+                r24: random.bits() & random.bits() & 0xFF_FFFF,
+            }
+        };
+        (0..size[0] * size[1]).map(pixel).collect()
+    }
+
+    #[test]
+    fn sums_are_those_of_each_pixel() {
+        for size in [[1, 1], [2, 7], [7, 2], [64, 33], [67, 3], [151, 70]] {
+            for (kernel, space, brightest) in [
+                (Kernel::Gaussian, Space::Linear, MAX_RADIANCE),
+                (Kernel::Gaussian, Space::ToneMapped, MAX_RADIANCE),
+                (Kernel::Binomial, Space::Linear, 1e-6),
+            ] {
+                let params = InterpolateParams { kernel, space, ..Default::default() };
+                let pixels = random_image(size, brightest);
+                let out = run_cpu(&mut harness(params.clone(), size, &pixels));
+
+                let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
+                let radiance: Vec<u32> = samples.iter().map(|sample| encode_radiance(sample.0)).collect();
+                let mut next = 0..;
+                let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
+                let id: Vec<u32> = pixels.iter().map(id).collect();
+                let subpixel: Vec<u32> =
+                    pixels.iter().map(|pixel| pixel.sample.map_or(0, |sample| sample.2)).collect();
+                let [width, height] = size.map(|along| along as usize);
+                let image = Image { radiance: &radiance, id: &id, subpixel: &subpixel, width, height, space };
+                let weights = Weights::new(&params);
+                for (p, found) in out.get::<[f32; 4]>("color").into_iter().enumerate() {
+                    let taps = taps(pixels[p].cls, pixels[p].r24);
+                    let [r, g, b, weight] = image.sum_at(&weights, [p % width, p / width], taps);
+                    let mean = [r, g, b].map(|sum| if weight > 0.0 { sum / weight } else { 0.0 });
+                    let [r, g, b] = if space == Space::ToneMapped { expand(mean) } else { mean };
+                    let expected = [r, g, b, (weight / FULL).min(1.0)];
+                    assert_eq!(found.map(f32::to_bits), expected.map(f32::to_bits), "pixel {p} of {size:?}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn both_sides_agree() {
-        let mut random = Random(31);
-        // Wider than a tile and a run of lanes, with all classes and words, crowded on the left and sparse on the right.
+        // Wider than a tile and a run of lanes.
         let size = [151, 70];
-        let pixels: Vec<Pixel> = (0..size[0] * size[1])
-            .map(|p| {
-                let sample =
-                    ([0; 3].map(|_| random.between(0.0, 2.0)), random.below(AGE + 1), random.below(256));
-                Pixel {
-                    sample: (random.below(1 + (p % size[0]) / 8) == 0).then_some(sample),
-                    cls: random.below(3) | random.bits() << 2,
-                    r24: random.bits() & random.bits() & 0xFF_FFFF,
-                }
-            })
-            .collect();
+        let pixels = random_image(size, 2.0);
         for kernel in [Kernel::Gaussian, Kernel::Binomial] {
             for space in [Space::Linear, Space::ToneMapped] {
                 for priority in [Priority::Measured, Priority::Classic] {

@@ -8,13 +8,14 @@
 //! quotient (a relative 1e-7) the lower id wins instead of the nearer point.
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, choice, constants, params, texel,
+    Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Pass, Site, Stage, choice, constants, params,
+    texel,
 };
 use rayon::prelude::*;
 
 use crate::shared::{
     cloud::{AGE, AGE_ONE, LIVE, NO_POINT, NOT_DRAWN},
-    view::{SEVERAL, Several},
+    view::{Projected, SEVERAL, Several},
 };
 
 #[path = "explain/project.rs"]
@@ -163,6 +164,24 @@ impl Stage for Project {
 
 fn is_drawn(meta: u32, max_age: u32) -> bool {
     meta & LIVE != 0 && (meta & AGE) / AGE_ONE <= max_age
+}
+
+/// Where the points that fall into a pixel lie, with their ids; first that which the pixel shows: the nearest, and of equally
+/// near ones that of the lowest id. This is the rule; [`Band::claim`] finds the first of every pixel.
+fn fallen(
+    position: &[[f32; 4]],
+    meta: &[u32],
+    max_age: u32,
+    frame: &Frame,
+    pixel: [u32; 2],
+) -> Vec<(Projected, u32)> {
+    let project = |(id, (position, meta)): (u32, (&[f32; 4], &u32))| {
+        let point = Several::project(&frame.view, &[*position], frame.size).get(0)?;
+        (is_drawn(*meta, max_age) && point.pixel() == pixel).then_some((point, id))
+    };
+    let mut fallen: Vec<_> = (0..).zip(position.iter().zip(meta)).filter_map(project).collect();
+    fallen.sort_by(|(a, _), (b, _)| a.z.total_cmp(&b.z));
+    fallen
 }
 
 /// A stretch of the image's pixels.
@@ -316,6 +335,35 @@ mod tests {
         let apart = |p: usize| cpu_depth[p].abs_diff(gpu_depth[p]);
         let worst = (0..cpu.len()).filter(same).map(apart).max();
         assert!(worst <= Some(2), "{worst:?} ulps");
+    }
+
+    #[test]
+    fn each_pixel_shows_the_first_of_its_points() {
+        let size = [17, 11];
+        for (tan, eye) in [(1.0, [0.0; 3]), (8.7e-4, [1e7, -1e7, 1e7]), (114.6, [-1e7, 0.0, 3.0])] {
+            let mut points: Vec<_> = cloud(1500)
+                .into_iter()
+                .map(|([x, y, z, w], meta)| ([x * tan + eye[0], y * tan + eye[1], z + eye[2], w], meta))
+                .collect();
+            // Equally near ones, with other ids.
+            points.extend_from_within(..500);
+            let params = ProjectParams { max_age: 254, ..ProjectParams::default() };
+            let mut harness = harness(params, size, &points);
+            harness.frame.view = View { eye, tan_x: tan, tan_y: tan, ..harness.frame.view };
+            let out = run_cpu(&mut harness);
+            let found = [out.get::<u32>("id"), out.get("depth"), out.get("subpixel")];
+            let (position, meta): (Vec<_>, Vec<_>) = points.into_iter().unzip();
+            for pixel in 0..size[0] * size[1] {
+                let fallen =
+                    fallen(&position, &meta, 254, &harness.frame, [pixel % size[0], pixel / size[0]]);
+                let expected = match fallen.first() {
+                    Some((point, id)) => [*id, point.z.to_bits(), point.cell(16)],
+                    None => [NO_POINT, EMPTY_DEPTH, 0],
+                };
+                assert_eq!([0, 1, 2].map(|port| found[port][pixel as usize]), expected, "pixel {pixel}");
+            }
+            assert!(found[0].iter().any(|&id| id != NO_POINT));
+        }
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub(super) fn at(stage: &DepthCull, params: &DepthCullParams, site: &Site) -> Op
     }
     let z = f32::from_bits(depth[at]);
     let [width, height] = site.size();
+    let pixel = site.pixel.map(|along| along as usize);
     let image = |depth| Image { depth, width, height };
     let far = site.frame().view.far;
     match params.rule {
@@ -35,7 +36,7 @@ pub(super) fn at(stage: &DepthCull, params: &DepthCullParams, site: &Site) -> Op
             findings.extend(vote(image(deciding), params.threshold, z, id == NO_POINT, first, site));
         }
         Rule::Relative => {
-            let mean = image(depth).mean_at(site.pixel, |z| z);
+            let mean = image(depth).mean_at(pixel, |z| z);
             let limit = mean.map(|mean| mean * (1.0 + params.threshold));
             findings.push(beyond(
                 z,
@@ -46,7 +47,7 @@ pub(super) fn at(stage: &DepthCull, params: &DepthCullParams, site: &Site) -> Op
         }
         Rule::SeedExact => {
             let buffer = ZBuffer { near: site.frame().view.near, far };
-            let mean = image(depth).mean_at(site.pixel, |z| buffer.depth(z));
+            let mean = image(depth).mean_at(pixel, |z| buffer.depth(z));
             let limit = mean.map(|mean| buffer.distance(buffer.shift(params.threshold, mean)));
             let shift = format!("{} behind", metres(params.threshold * (far - buffer.near)));
             findings.push(beyond(z, limit, id == NO_POINT, &shift));

@@ -2,9 +2,9 @@
 
 use epigraph_core::{Cell, Finding, Role, Site};
 
-use super::{Interpolate, InterpolateParams, Priority, REACH, SPAN, Weights, taps};
+use super::{Image, Interpolate, InterpolateParams, Priority, REACH, SPAN, Space, Weights, offsets, taps};
 use crate::shared::{
-    cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance},
+    cloud::{AGE, AGE_ONE, NO_POINT},
     edge_pixel::{CLASS, COMPLEX},
     words::{count, percent},
 };
@@ -18,30 +18,19 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
     let weights = Weights::new(params);
     let taps = taps(cls, r24);
 
-    // Weight and colour of the sample at an offset, whether or not it counts.
-    let sample = |[dx, dy]: [i32; 2]| {
-        let other = site.beside([dx, dy]).filter(|other| id[*other] != NO_POINT)?;
-        let cell = subpixel[other];
-        let along = |cell: u32, offset: i32| {
-            weights.axis[(cell & weights.mask) as usize][(offset + REACH as i32) as usize]
-        };
-        let weight = along(cell, dx) * along(cell >> weights.shift, dy);
-        Some((weight, decode_radiance(*radiance.get(id[other] as usize)?)))
-    };
+    let ([width, height], pixel) = (site.size(), site.pixel.map(|along| along as usize));
+    // Radiance is shown as it is, whatever is averaged.
+    let image =
+        Image { radiance: &radiance, id: &id, subpixel: &subpixel, width, height, space: Space::Linear };
+    let sample = |offset| image.tap(&weights, pixel, offset);
     let counts = |[dx, dy]: [i32; 2]| {
         let tap = (dy + REACH as i32) * SPAN as i32 + dx + REACH as i32;
         taps >> tap & 1 != 0
     };
-    let reach = REACH as i32;
-    let offsets = || (-reach..=reach).flat_map(move |dy| (-reach..=reach).map(move |dx| [dx, dy]));
-    let (mut total, mut used, mut apart) = (0.0, 0, 0);
-    for offset in offsets() {
-        match sample(offset) {
-            Some((weight, _)) if counts(offset) => (total, used) = (total + weight, used + 1),
-            Some(_) => apart += 1,
-            None => {}
-        }
-    }
+    let [.., total] = image.sum_at(&weights, pixel, taps);
+    let (used, apart): (Vec<[i32; 2]>, Vec<_>) =
+        offsets().filter(|offset| sample(*offset).is_some()).partition(|offset| counts(*offset));
+    let (used, apart) = (used.len(), apart.len());
 
     let mut findings = vec![Finding::color("colour", &site.wrote(stage.color)?[at])];
     let priority = site.wrote(stage.priority)?[at];
@@ -54,7 +43,7 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
         }
         Some((_, linear)) => Cell { role: Role::Apart, linear: Some(linear), text: String::new() },
     };
-    findings.push(site.around("Samples by weight; crossed out: not within reach", reach, cell));
+    findings.push(site.around("Samples by weight; crossed out: not within reach", REACH as i32, cell));
     let apart = match apart {
         0 => String::new(),
         apart => format!(" {} around cannot be reached.", count(apart, "sample")),

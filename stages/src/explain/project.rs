@@ -2,10 +2,9 @@
 
 use epigraph_core::{Finding, Site};
 
-use super::{Project, ProjectParams, is_drawn};
+use super::{Project, ProjectParams, fallen};
 use crate::shared::{
     cloud::NO_POINT,
-    view::{SEVERAL, Several},
     words::{count, metres, point},
 };
 
@@ -14,7 +13,8 @@ const NAMED: usize = 3;
 
 pub(super) fn at(stage: &Project, params: &ProjectParams, site: &Site) -> Option<Vec<Finding>> {
     let (id, depth) = (site.wrote(stage.id)?[site.at()], site.wrote(stage.depth)?[site.at()]);
-    let fallen = fallen(&site.read(stage.position)?, &site.read(stage.meta)?, params, site);
+    let (position, meta) = (site.read(stage.position)?, site.read(stage.meta)?);
+    let fallen = fallen(&position, &meta, params.max_age, site.frame(), site.pixel);
     let mut findings = vec![Finding::value("point", point(id))];
     if id == NO_POINT {
         findings.push(Finding::Why("No point of the cloud falls into this pixel.".into()));
@@ -29,7 +29,7 @@ pub(super) fn at(stage: &Project, params: &ProjectParams, site: &Site) -> Option
     findings.push(Finding::Why(match behind.len() {
         0 => "The only point that falls into this pixel.".into(),
         others => {
-            let named = behind.iter().take(NAMED).map(|(z, id)| format!("{id} at {}", metres(*z)));
+            let named = behind.iter().take(NAMED).map(|(point, id)| format!("{id} at {}", metres(point.z)));
             let more = if others > NAMED { " and more" } else { "" };
             format!(
                 "The nearest of {} that fall into this pixel. Behind it: {}{more}.",
@@ -39,24 +39,4 @@ pub(super) fn at(stage: &Project, params: &ProjectParams, site: &Site) -> Option
         }
     }));
     Some(findings)
-}
-
-/// Distance and id of the points that fall into the pixel, the nearest first and of equally near ones the lowest id.
-fn fallen(position: &[[f32; 4]], meta: &[u32], params: &ProjectParams, site: &Site) -> Vec<(f32, u32)> {
-    let frame = site.frame();
-    let mut fallen = Vec::new();
-    for (chunk, position) in position.chunks(SEVERAL).enumerate() {
-        let several = Several::project(&frame.view, position, frame.size);
-        for i in 0..position.len() {
-            let id = chunk * SEVERAL + i;
-            if let Some(point) = several.get(i)
-                && is_drawn(meta[id], params.max_age)
-                && point.pixel() == site.pixel
-            {
-                fallen.push((point.z, id as u32));
-            }
-        }
-    }
-    fallen.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    fallen
 }
