@@ -127,7 +127,8 @@ struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// The samples that stay of the rows from `top` on.
+    /// The samples of the rows from `top` on for which [`Samples::is_behind`] does not hold. It asks only those that have a
+    /// clearly nearer one around them.
     fn cull(&self, top: usize, to: &mut [u32]) {
         to.copy_from_slice(&self.id[top * self.width..][..to.len()]);
         let rows = top..top + to.len() / self.width;
@@ -181,7 +182,7 @@ mod tests {
     use epigraph_core::Harness;
 
     use super::*;
-    use crate::shared::testing::{Both, Random, run_both, settings};
+    use crate::shared::testing::{Both, Random, run_both, run_cpu, settings};
 
     /// Samples by their distances, none where that is infinite; every pixel reaches those of `r24`.
     fn harness(params: ReachCullParams, size: [u32; 2], z: &[f32], r24: &[u32]) -> Harness<ReachCull> {
@@ -264,6 +265,38 @@ mod tests {
         assert_eq!(left(1), [true, false, false, true]);
         for passes in 2..=4 {
             assert_eq!(left(passes), [true, false, false, false], "{passes}");
+        }
+    }
+
+    #[test]
+    fn a_pass_judges_each_sample() {
+        let mut random = Random(13);
+        for size in [[1, 1], [2, 9], [63, 3], [64, 33], [65, 34]] {
+            let pixels = size[0] * size[1];
+            for threshold in [0.0, 0.05, 10.0] {
+                let z = |_| match random.below(6) {
+                    0 => NONE,
+                    1 => f32::MIN_POSITIVE,
+                    2 => f32::MAX,
+                    3 => f32::next_up(10.0 * 1.05),
+                    4 => random.between(10.0, 11.0),
+                    _ => 10.0,
+                };
+                let z: Vec<f32> = (0..pixels).map(z).collect();
+                let r24: Vec<u32> = (0..pixels).map(|_| random.bits() & 0xFF_FFFF).collect();
+                let mut harness = harness(ReachCullParams { threshold, passes: 1 }, size, &z, &r24);
+                let found = run_cpu(&mut harness).get::<u32>("id");
+
+                let shown = |(p, z): (u32, &f32)| if z.is_infinite() { NO_POINT } else { 1000 + p };
+                let id: Vec<u32> = (0..).zip(&z).map(shown).collect();
+                let depth: Vec<u32> = z.iter().map(|z| z.to_bits()).collect();
+                let [width, height] = size.map(|along| along as usize);
+                let samples =
+                    Samples { id: &id, depth: &depth, r24: &r24, width, height, scale: 1.0 + threshold };
+                let judged =
+                    |p: usize| if samples.is_behind(p % width, p / width) { NO_POINT } else { id[p] };
+                assert_eq!(found, (0..id.len()).map(judged).collect::<Vec<_>>(), "{threshold}, {size:?}");
+            }
         }
     }
 
