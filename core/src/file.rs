@@ -122,7 +122,7 @@ impl GraphFile {
     /// That one cannot be read, or all problems of their texts; see [`GraphFile::parse`].
     pub fn load(path: &Path) -> Result<Self, Problems> {
         let name = path.display().to_string();
-        let text = fs::read_to_string(path).map_err(|error| io_problem("read", &name, &error))?;
+        let text = fs::read_to_string(path).map_err(|error| unreadable(&name, &error))?;
         Self::parse(&name, &text)?.with_parts(&|path| fs::read_to_string(path))
     }
 
@@ -135,47 +135,9 @@ impl GraphFile {
     pub fn node(&self, name: &str) -> Option<&NodeDef> {
         self.nodes.iter().find(|node| node.name.value == name)
     }
-
-    /// Writes the text to a file, whole or not at all: into a new file of the same folder, which then takes the old
-    /// one's place. [`GraphFile::path`] stays.
-    ///
-    /// # Errors
-    /// [`GraphError::Io`]; the old file is then as it was.
-    pub fn save(&self, path: &Path) -> Result<(), Problems> {
-        replace_file(path, self.text.as_bytes())
-            .map_err(|error| io_problem("write", &path.display().to_string(), &error))
-    }
 }
 
-fn io_problem(action: &'static str, path: &str, error: &io::Error) -> Problems {
-    let error = GraphError::Io { action, cause: error.to_string() };
+fn unreadable(path: &str, error: &io::Error) -> Problems {
+    let error = GraphError::Io { action: "read", cause: error.to_string() };
     Problem::new(error).at(Place::file(path)).into()
-}
-
-fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // A link stays a link: the file it leads to is the one replaced.
-    let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let name = target.file_name().ok_or(io::ErrorKind::InvalidInput)?.to_string_lossy();
-    let permissions = match fs::OpenOptions::new().write(true).open(&target) {
-        Ok(old) => Some(old.metadata()?.permissions()),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-        // Renaming would replace a write-protected file too, which its owner does not want.
-        Err(error) => return Err(error),
-    };
-    let fresh = target.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
-    let written = write_new(&fresh, bytes, permissions).and_then(|()| fs::rename(&fresh, &target));
-    if written.is_err() {
-        // The first error is the one to tell; a file that was never made cannot be removed.
-        let _ = fs::remove_file(&fresh);
-    }
-    written
-}
-
-fn write_new(path: &Path, bytes: &[u8], permissions: Option<fs::Permissions>) -> io::Result<()> {
-    let mut file = fs::File::create(path)?;
-    io::Write::write_all(&mut file, bytes)?;
-    if let Some(permissions) = permissions {
-        file.set_permissions(permissions)?;
-    }
-    file.sync_all()
 }

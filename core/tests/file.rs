@@ -816,10 +816,6 @@ impl Folder {
         fs::create_dir_all(&path).unwrap();
         Self(path)
     }
-
-    fn entries(&self) -> usize {
-        fs::read_dir(&self.0).unwrap().count()
-    }
 }
 
 impl Drop for Folder {
@@ -829,54 +825,12 @@ impl Drop for Folder {
 }
 
 #[test]
-fn saves_and_loads_the_same_text() {
-    let folder = Folder::new("round");
+fn loads_what_the_file_says() {
+    let folder = Folder::new("load");
     let path = folder.0.join("cache.ron");
-    let mut file = parse(CACHE);
-    file.save(&path).unwrap();
-    assert_eq!(fs::read_to_string(&path).unwrap(), CACHE);
-    file.set_param("cull", "threshold", "0.5").unwrap();
-    file.save(&path).unwrap();
+    fs::write(&path, CACHE).unwrap();
     let loaded = GraphFile::load(&path).unwrap();
-    assert_eq!((&loaded.text, loaded.path.as_str()), (&file.text, path.to_str().unwrap()));
-    assert_eq!(folder.entries(), 1);
-}
-
-#[test]
-fn a_failed_save_leaves_the_old_file_and_nothing_else() {
-    let folder = Folder::new("failed");
-    let path = folder.0.join("cache.ron");
-    fs::write(&path, "old").unwrap();
-    // A folder where the new file would be written first: permissions would not stop a test that runs as root.
-    let blocked = folder.0.join(format!(".cache.ron.{}.tmp", std::process::id()));
-    fs::create_dir(&blocked).unwrap();
-    let problems = parse(CACHE).save(&path).unwrap_err();
-    assert!(problems.to_string().starts_with(&format!("{}: cannot write: ", path.display())), "{problems}");
-    assert_eq!(fs::read_to_string(&path).unwrap(), "old");
-
-    fs::remove_dir(&blocked).unwrap();
-    for unwritable in
-        [folder.0.clone(), folder.0.join("none/cache.ron"), path.join("cache.ron"), PathBuf::new()]
-    {
-        let problems = parse(CACHE).save(&unwritable).unwrap_err();
-        assert!(matches!(problems.0[..], [ref problem] if matches!(problem.error, GraphError::Io { .. })));
-    }
-    assert_eq!(folder.entries(), 1);
-}
-
-#[cfg(unix)]
-#[test]
-fn saving_through_a_link_keeps_the_link_and_the_permissions() {
-    use std::os::unix::fs::{PermissionsExt, symlink};
-    let folder = Folder::new("link");
-    let (path, link) = (folder.0.join("cache.ron"), folder.0.join("link.ron"));
-    fs::write(&path, "old").unwrap();
-    fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
-    symlink(&path, &link).unwrap();
-    parse(CACHE).save(&link).unwrap();
-    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
-    assert_eq!(fs::read_to_string(&path).unwrap(), CACHE);
-    assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+    assert_eq!((loaded.text.as_str(), loaded.path.as_str()), (CACHE, path.to_str().unwrap()));
 }
 
 #[test]

@@ -6,7 +6,7 @@
 //! - [`Scale`], [`Histogram`]: what shades mean, and how often which values occur; [`Table`]: a list's elements.
 //! - [`edges`]: what the words of the edge-and-point image mean, drawn.
 //! - [`Difference`], [`flip`], [`metrics`]: how far two pictures are apart.
-//! - [`Picture`], [`PortFile`], [`Target`]: files.
+//! - [`Picture`], [`PortFile`], [`Target`], [`Draft`]: files.
 //! - [`svg`]: drawings of lines and words.
 //!
 //! ```
@@ -53,4 +53,4 @@ pub use port_file::{Kind, PortFile};
 pub use ramp::Ramp;
 pub use scale::{Curve, Paint, Scale};
 pub use table::Table;
-pub use target::{FileError, Target};
+pub use target::{Draft, FileError, Target};

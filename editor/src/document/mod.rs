@@ -23,6 +23,7 @@ use std::{
 };
 
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
+use epigraph_pictures::Target;
 
 pub use params::{home, param_text, remove_param};
 pub use pins::{INPUTS, Pin, ends, output_port, pins};
@@ -382,16 +383,10 @@ fn name_shader((node, path): (String, PathBuf)) -> (String, String) {
 /// # Errors
 /// That it cannot be written.
 pub fn write(path: &Path, text: &str) -> Result<(), Problems> {
-    let bare = GraphFile {
-        path: path.display().to_string(),
-        text: text.into(),
-        version: 1,
-        doc: String::new(),
-        nodes: Vec::new(),
-        outputs: Vec::new(),
-        parts: Vec::new(),
-    };
-    bare.save(path)
+    Target::new(path).and_then(|target| target.write(text.as_bytes())).map_err(|error| {
+        let error = GraphError::Io { action: "write", cause: error.cause().into() };
+        Problem::new(error).at(Place::file(&path.display().to_string())).into()
+    })
 }
 
 /// The texts of `file` that differ from those of `before`.

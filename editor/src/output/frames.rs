@@ -1,14 +1,14 @@
 //! The frames of a path as files: an animated PNG, or a PNG for each.
 
 use std::{
-    fs::{self, File},
+    fs::File,
     io::BufWriter,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
 };
 
 use epigraph_core::Snapshot;
-use epigraph_pictures::{Look, Shown, Target, png as still, show};
+use epigraph_pictures::{Draft, Look, Shown, Target, png as still, show};
 use epigraph_scenes::FRAMES_PER_SECOND;
 use png::{BitDepth, ColorType, Encoder, Writer};
 
@@ -34,18 +34,16 @@ pub fn sink(
     name: String,
     look: Look,
 ) -> Result<Arc<Mutex<dyn Sink>>, String> {
-    // An animation is written into another file, which takes its place when it is whole.
-    let target = match format {
-        Format::Animation => path.to_owned(),
-        Format::Numbered => frame_path(path, 0),
-    };
-    Target::new(&target).map_err(|error| error.to_string())?;
-    let port = Port { name, look };
+    let (port, target) =
+        (Port { name, look }, |path: &Path| Target::new(path).map_err(|error| error.to_string()));
     Ok(match format {
         Format::Animation => {
-            Arc::new(Mutex::new(Animation { port, path: path.to_owned(), frames, writer: None }))
+            Arc::new(Mutex::new(Animation { port, target: target(path)?, frames, writing: None }))
         }
-        Format::Numbered => Arc::new(Mutex::new(Numbered { port, path: path.to_owned(), written: 0 })),
+        Format::Numbered => {
+            target(&frame_path(path, 0))?;
+            Arc::new(Mutex::new(Numbered { port, path: path.to_owned(), written: 0 }))
+        }
     })
 }
 
@@ -98,10 +96,16 @@ impl Sink for Numbered {
 /// then, so it is empty, and would be what programs show that know no animations.
 struct Animation {
     port: Port,
-    path: PathBuf,
+    target: Target,
     /// Of the path.
     frames: u32,
-    writer: Option<Writer<BufWriter<File>>>,
+    writing: Option<Writing>,
+}
+
+/// The file while it is not whole. Dropping it, as cancelling does, leaves nothing behind.
+struct Writing {
+    encoder: Writer<BufWriter<File>>,
+    draft: Draft,
 }
 
 impl Animation {
@@ -110,22 +114,17 @@ impl Animation {
         u32::from(self.frames > 1)
     }
 
-    /// The file while it is not whole.
-    fn partial(&self) -> PathBuf {
-        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
-        self.path.with_file_name(format!(".{name}.{}.tmp", std::process::id()))
-    }
-
-    fn open(&self, [width, height]: [usize; 2]) -> Result<Writer<BufWriter<File>>, String> {
-        let file = File::create(self.partial()).map_err(|error| error.to_string())?;
-        let mut encoder = Encoder::new(BufWriter::new(file), width as u32, height as u32);
+    fn open(&self, [width, height]: [usize; 2]) -> Result<Writing, String> {
+        let draft = self.target.begin().map_err(|error| error.to_string())?;
+        let file = BufWriter::new(draft.writer().map_err(|error| error.to_string())?);
+        let mut encoder = Encoder::new(file, width as u32, height as u32);
         encoder.set_color(ColorType::Rgb);
         encoder.set_depth(BitDepth::Eight);
         let made = encoder
             .set_animated(self.frames - self.first(), 0)
             .and_then(|()| encoder.set_frame_delay(1, FRAMES_PER_SECOND as u16))
             .and_then(|()| encoder.write_header());
-        made.map_err(|error| error.to_string())
+        Ok(Writing { encoder: made.map_err(|error| error.to_string())?, draft })
     }
 }
 
@@ -135,27 +134,18 @@ impl Sink for Animation {
             return Ok(());
         }
         let picture = self.port.picture(snapshots)?;
-        if self.writer.is_none() {
-            self.writer = Some(self.open(picture.size)?);
+        if self.writing.is_none() {
+            self.writing = Some(self.open(picture.size)?);
         }
-        let Some(writer) = &mut self.writer else { return Ok(()) };
+        let Some(writing) = &mut self.writing else { return Ok(()) };
         // Where the size has changed under way, this is what refuses it.
-        writer.write_image_data(picture.colors.as_flattened()).map_err(|error| error.to_string())
+        writing.encoder.write_image_data(picture.colors.as_flattened()).map_err(|error| error.to_string())
     }
 
     fn finish(&mut self) -> Result<String, String> {
-        let writer = self.writer.take().ok_or("there was no frame")?;
-        writer.finish().map_err(|error| error.to_string())?;
-        fs::rename(self.partial(), &self.path).map_err(|error| error.to_string())?;
-        Ok(format!("wrote {}, {} frames", self.path.display(), self.frames - self.first()))
-    }
-}
-
-impl Drop for Animation {
-    fn drop(&mut self) {
-        // Cancelled: half a file is of no use. Where none was begun, there is none to remove.
-        if self.writer.take().is_some() {
-            let _ = fs::remove_file(self.partial());
-        }
+        let Writing { encoder, draft } = self.writing.take().ok_or("there was no frame")?;
+        encoder.finish().map_err(|error| error.to_string())?;
+        draft.commit().map_err(|error| error.to_string())?;
+        Ok(format!("wrote {}, {} frames", self.target.path().display(), self.frames - self.first()))
     }
 }

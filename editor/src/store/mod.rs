@@ -8,7 +8,7 @@ mod recovery;
 mod session;
 
 use std::{
-    env, fs, io,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -33,18 +33,10 @@ pub struct Store {
 }
 
 impl Store {
-    /// In the user's folder for configuration: `XDG_CONFIG_HOME` or `~/.config` on Linux, its like elsewhere. None where
-    /// there is no such folder.
+    /// In the user's folder for configuration: `XDG_CONFIG_HOME` or `~/.config` on Linux, `~/Library/Application Support`
+    /// on macOS, roaming `AppData` on Windows. `None` where there is no such folder.
     pub fn of_user() -> Option<Self> {
-        let of = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-        let folder = if cfg!(target_os = "windows") {
-            of("APPDATA")?
-        } else if cfg!(target_os = "macos") {
-            of("HOME")?.join("Library/Application Support")
-        } else {
-            of("XDG_CONFIG_HOME").or_else(|| Some(of("HOME")?.join(".config")))?
-        };
-        Some(Self::at(folder.join("epigraph-editor")))
+        Some(Self::at(dirs::config_dir()?.join("epigraph-editor")))
     }
 
     /// In this folder, which is made when something is kept.
