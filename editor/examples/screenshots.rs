@@ -9,8 +9,8 @@ use epigraph_editor::{
     app::App,
     document::Document,
     engine::{Backend, Command, Options, Pacing},
+    intent::{Intent, Jump},
     panes::Pane,
-    session::Jump,
 };
 
 /// Frames until the picture is full.
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     window.render()?.save("docs/editor-compare.png")?;
     click(&mut window, "Compare");
 
-    window.state_mut().session.inspection.pick(PIXEL);
+    window.state_mut().session.push(Intent::Inspect(PIXEL));
     until(&mut window, |app| app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == PIXEL));
     window.run_steps(8);
     window.render()?.save("docs/editor-pixel.png")?;
@@ -65,8 +65,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     window.state_mut().show(|pane| matches!(pane, Pane::Text(_)));
     until(&mut window, |app| !app.session.problems().is_empty());
     let session = &mut window.state_mut().session;
-    let place = session.problems().first().and_then(|problem| problem.place.clone());
-    session.jump = place.map(|place| Jump { path: place.file, at: (place.line, place.column) });
+    if let Some(place) = session.problems().first().and_then(|problem| problem.place.clone()) {
+        session.push(Intent::Jump(Jump { path: place.file, at: (place.line, place.column) }));
+    }
     window.run_steps(20);
     window.render()?.save("docs/editor-text.png")?;
     Ok(())

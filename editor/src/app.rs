@@ -1,18 +1,18 @@
 //! The window: a toolbar, panes that can be dragged about, a line that says how things stand.
 
-use std::time::Instant;
-
 use eframe::{CreationContext, Frame};
 use egui::{Context, Key, KeyboardShortcut, Modifiers, Ui};
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
 
 use crate::{
-    dialog::{Answer, Ask, Dialog},
+    dialog::{Answer, Dialog},
     document::Document,
     engine::{Command, Options},
-    help, keyboard,
+    help,
+    intent::{Ask, Intent},
+    keyboard,
     opening::Opening,
-    panes::{Language, Pane, Panes, TextPane, Viewer},
+    panes::{Pane, Panes, TextPane, Viewer},
     session::{SCALES, Session},
     status,
     store::{Recovery, Seen, Store, Stored},
@@ -43,17 +43,28 @@ const COLUMNS: [f32; 3] = [0.25, 0.49, 0.26];
 /// Shares of the right column's height: parameters, times.
 const RIGHT: [f32; 2] = [0.55, 0.45];
 
+/// Ports that the number keys 1 to 9 recall.
+pub type Slots = [Option<String>; 9];
+
 /// The editor.
 pub struct App {
     /// What the panes share.
     pub session: Session,
-    tree: Tree<Pane>,
-    dialog: Option<Dialog>,
+    /// Ports on the number keys.
+    pub slots: Slots,
+    pub(crate) tree: Tree<Pane>,
+    /// The viewer in use, by its id; it may have been closed since.
+    pub(crate) used: u64,
+    /// Viewers so far.
+    pub(crate) made: u64,
+    /// Ports that panes want values of, beside those that viewers show.
+    pub(crate) watched: Vec<String>,
+    pub(crate) dialog: Option<Dialog>,
+    /// Whether the help is open.
+    pub(crate) help: bool,
     store: Option<Store>,
     /// What was unsaved last time, while the user has not decided about it.
     recovery: Option<Recovery>,
-    /// Viewers so far.
-    made: u64,
     /// When the files were last looked at, seconds of the window's time.
     looked: f64,
 }
@@ -77,26 +88,44 @@ impl App {
         let context = creation.egui_ctx.clone();
         let recovery = store.as_ref().and_then(|store| store.recovery(&document));
         let mut session = Session::new(document, options, move || context.request_repaint());
-        session.notice = notice;
+        if let Some(notice) = notice {
+            session.tell(notice);
+        }
         let mut tree = layout();
+        let mut slots = Slots::default();
         if let Some(stored) = stored {
-            session.theme = stored.theme;
-            session.slots = stored.slots;
-            session.look = stored.seen;
-            session.scale = stored.scale.clamp(*SCALES.start(), *SCALES.end());
+            session.settings.theme = stored.theme;
+            session.settings.scale = stored.scale.clamp(*SCALES.start(), *SCALES.end());
             session.resize();
+            if let Some(seen) = stored.seen {
+                session.look_from(seen);
+            }
+            slots = stored.slots;
             tree = whole(stored.panes).unwrap_or(tree);
         }
-        let made = viewers(&tree).map(|viewer| viewer.id + 1).max().unwrap_or_default();
-        session.viewer = viewers(&tree).map(|viewer| viewer.id).min().unwrap_or_default();
-        Self { session, tree, dialog: None, store, recovery, made, looked: 0.0 }
+        let mut app = Self {
+            session,
+            slots,
+            tree,
+            used: 0,
+            made: 0,
+            watched: Vec::new(),
+            dialog: None,
+            help: false,
+            store,
+            recovery,
+            looked: 0.0,
+        };
+        app.made = app.viewers().map(|viewer| viewer.id + 1).max().unwrap_or_default();
+        app.used = app.viewers().map(|viewer| viewer.id).min().unwrap_or_default();
+        app
     }
 
     fn shortcuts(&mut self, context: &Context) {
         // Taken before any widget sees them: a text field has an undo of its own.
         let pressed = |shortcut: &_| context.input_mut(|input| input.consume_shortcut(shortcut));
         if pressed(&HELP) {
-            self.session.help = !self.session.help;
+            self.help = !self.help;
         }
         if self.dialog.is_some() {
             return;
@@ -104,11 +133,11 @@ impl App {
         // Those with more modifiers first: they would also do for those with fewer.
         for (shortcut, ask) in &DIALOGS {
             if pressed(shortcut) {
-                self.session.ask = Some(*ask);
+                self.ask(*ask);
             }
         }
         if pressed(&COPY) {
-            self.session.copy_command_line(context);
+            self.handle(context, Intent::CopyCommandLine);
         }
         if pressed(&RECORD) {
             self.session.toggle_recorder();
@@ -126,7 +155,7 @@ impl App {
         }
         for (slot, key) in DIGITS.into_iter().enumerate() {
             if pressed(&KeyboardShortcut::new(Modifiers::COMMAND, key)) {
-                self.session.assign(slot);
+                self.assign(slot);
             }
         }
         for (key, back) in [(PANE_BEFORE, true), (NEXT_PANE, false)] {
@@ -139,7 +168,7 @@ impl App {
         }
         let pressed = |key| context.input(|input| input.key_pressed(key) && input.modifiers.is_none());
         if let Some(slot) = DIGITS.into_iter().position(pressed) {
-            self.session.recall(slot);
+            self.recall(slot);
         }
         if pressed(Key::Space) {
             self.session.engine.send(Command::Pause(!self.session.state.paused));
@@ -150,11 +179,6 @@ impl App {
         if pressed(Key::Home) {
             self.session.move_camera(|rig| rig.go_home());
         }
-    }
-
-    /// The viewers in the window.
-    pub fn viewers(&self) -> impl Iterator<Item = &Viewer> {
-        viewers(&self.tree)
     }
 
     /// Whether a viewer that can be seen still shows an older picture than it is to.
@@ -173,6 +197,8 @@ impl App {
             self.recovery = store.recovery(&document);
         }
         self.session.open(document);
+        self.slots = Slots::default();
+        self.show_port(String::new());
     }
 
     /// Keeps what is to come back when the program starts again.
@@ -182,23 +208,22 @@ impl App {
         if self.recovery.is_none() {
             store.keep_unsaved(&self.session.document);
         }
-        let session = &self.session;
-        let camera = session.rig.map(|rig| rig.camera);
+        let (session, settings) = (&self.session, &self.session.settings);
         store.keep_session(&Stored {
             graph: session.document.path().into(),
-            scene: session.scene.clone(),
-            seen: camera.map(|camera| Seen {
-                scene: session.scene.clone(),
+            scene: session.scene().into(),
+            seen: session.camera().map(|camera| Seen {
+                scene: session.scene().into(),
                 eye: camera.eye,
                 rotation: camera.rotation,
             }),
-            size: session.size,
-            scale: session.scale,
-            samples: session.samples,
-            backend: session.backend,
-            pacing: session.pacing,
-            theme: session.theme,
-            slots: session.slots.clone(),
+            size: settings.size,
+            scale: settings.scale,
+            samples: settings.samples,
+            backend: settings.backend,
+            pacing: settings.pacing,
+            theme: settings.theme,
+            slots: self.slots.clone(),
             panes: &self.tree,
         });
     }
@@ -231,52 +256,9 @@ impl App {
         }
     }
 
-    /// The ports that canvases show as thumbnails.
-    fn thumbnails(&self, context: &Context) -> Vec<String> {
-        let canvases = self.tree.tiles.iter().filter_map(|(_, tile)| match tile {
-            Tile::Pane(Pane::Canvas(canvas)) => Some(canvas),
-            _ => None,
-        });
-        canvases.flat_map(|canvas| canvas.watched(context)).cloned().collect()
-    }
-
     /// Shows a pane that lies behind another tab.
     pub fn show(&mut self, wanted: impl Fn(&Pane) -> bool) {
         self.tree.make_active(|_, tile| matches!(tile, Tile::Pane(pane) if wanted(pane)));
-    }
-
-    /// Brings the panes to the front that are asked for.
-    fn bring(&mut self) {
-        if let Some(jump) = &self.session.jump {
-            let language = Language::of(&jump.path);
-            self.show(|pane| match language {
-                Language::Ron => matches!(pane, Pane::Text(_)),
-                Language::Wgsl => matches!(pane, Pane::Shader(_)),
-            });
-        }
-        if std::mem::take(&mut self.session.inspection.wanted) {
-            self.show(|pane| matches!(pane, Pane::Inspector(_)));
-        }
-        if self.session.wanted.is_some() {
-            // The viewer in use may have been closed.
-            let first = self.viewers().map(|viewer| viewer.id).min().unwrap_or_default();
-            if self.viewers().all(|viewer| viewer.id != self.session.viewer) {
-                self.session.viewer = first;
-            }
-            let id = self.session.viewer;
-            self.show(|pane| matches!(pane, Pane::Viewer(viewer) if viewer.id == id));
-        }
-    }
-
-    fn add_viewer(&mut self, to: TileId) {
-        let viewer = Viewer::new(self.made, self.session.viewed.clone());
-        self.made += 1;
-        self.session.viewer = viewer.id;
-        let tile = self.tree.tiles.insert_pane(Pane::Viewer(Box::new(viewer)));
-        if let Some(Tile::Container(Container::Tabs(tabs))) = self.tree.tiles.get_mut(to) {
-            tabs.add_child(tile);
-            tabs.set_active(tile);
-        }
     }
 
     fn refresh(&mut self, context: &Context) {
@@ -289,22 +271,26 @@ impl App {
         context.request_repaint_after_secs(REFRESH as f32);
     }
 
-    /// Shows the dialog that is open or asked for, and does what it is for.
+    /// The ports whose values are wanted in the next frames.
+    fn take_watched(&mut self) -> Vec<String> {
+        let mut watched = std::mem::take(&mut self.watched);
+        watched.extend(self.viewers().flat_map(Viewer::watched));
+        watched.extend(self.dialog.iter().filter_map(Dialog::watched));
+        watched
+    }
+
+    /// Shows the dialog that is open, and does what it is for.
     fn dialog(&mut self, ui: &Ui) {
-        if let Some(ask) = self.session.ask.take() {
-            self.dialog = Some(Dialog::new(ask, &self.session));
-        }
         let Some(mut dialog) = self.dialog.take() else { return };
-        match dialog.show(ui, &mut self.session) {
+        match dialog.show(ui, &self.known(&dialog)) {
             Answer::Open => self.dialog = Some(dialog),
-            Answer::Cancel => self.session.extra.clear(),
-            Answer::Accept => match self.perform(&dialog) {
-                Ok(()) => self.session.extra.clear(),
-                Err(error) => {
+            Answer::Cancel => {}
+            Answer::Accept => {
+                if let Err(error) = self.perform(&dialog) {
                     dialog.fail(error);
                     self.dialog = Some(dialog);
                 }
-            },
+            }
         }
     }
 
@@ -320,43 +306,32 @@ impl eframe::App for App {
     }
 
     fn ui(&mut self, ui: &mut Ui, _: &mut Frame) {
-        if ui.ctx().options(|options| options.theme_preference) != self.session.theme {
-            ui.ctx().set_theme(self.session.theme);
+        let theme = self.session.settings.theme;
+        if ui.ctx().options(|options| options.theme_preference) != theme {
+            ui.ctx().set_theme(theme);
         }
-        self.session.pulse.beat(Instant::now());
         self.shortcuts(ui.ctx());
         self.refresh(ui.ctx());
-        let mut watched: Vec<String> = self.viewers().flat_map(Viewer::watched).collect();
-        watched.extend(self.thumbnails(ui.ctx()));
+        let watched = self.take_watched();
         self.session.sync(watched, ui.input(|input| input.time));
-        if std::mem::take(&mut self.session.reset_layout) {
-            self.tree = layout();
+        if let Some(viewer) = self.viewer_in_use_mut() {
+            viewer.take_dropped(ui);
         }
         ui.ctx().send_viewport_cmd(egui::ViewportCommand::Title(self.title()));
 
         egui::Panel::top("toolbar").show(ui, |ui| toolbar::show(ui, &mut self.session));
         egui::Panel::bottom("status").show(ui, |ui| status::show(ui, &mut self.session));
         self.offer(ui);
-        self.bring();
         egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
             let viewers = self.viewers().count();
-            let mut panes = Panes { session: &mut self.session, viewers, add: None };
-            self.tree.ui(&mut panes, ui);
-            if let Some(to) = panes.add {
-                self.add_viewer(to);
-            }
+            self.tree.ui(&mut Panes { session: &mut self.session, viewers }, ui);
         });
+        for intent in self.session.take_intents() {
+            self.handle(ui.ctx(), intent);
+        }
         self.dialog(ui);
-        help::show(ui.ctx(), &mut self.session.help);
+        help::show(ui.ctx(), &mut self.help);
     }
-}
-
-/// The viewers among the panes.
-fn viewers(tree: &Tree<Pane>) -> impl Iterator<Item = &Viewer> {
-    tree.tiles.iter().filter_map(|(_, tile)| match tile {
-        Tile::Pane(Pane::Viewer(viewer)) => Some(viewer.as_ref()),
-        _ => None,
-    })
 }
 
 /// Panes of a session, where none is missing of those that cannot be opened again.
@@ -373,7 +348,7 @@ fn whole(tree: Tree<Pane>) -> Option<Tree<Pane>> {
 }
 
 /// The panes as they stand at first.
-fn layout() -> Tree<Pane> {
+pub(crate) fn layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let left = [
         Pane::Nodes(Default::default()),

@@ -7,35 +7,14 @@ use egui::{
 };
 
 use crate::{
-    files::{self, Choice, PATH_ENDING},
+    files::{self, Choice},
+    intent::Ask,
     output::Format,
-    session::Session,
     theme,
 };
 
 /// Width of what a dialog holds, points.
 const WIDTH: f32 = 540.0;
-
-/// What is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
-    /// A graph to copy, then a name for the copy.
-    NewGraph,
-    /// A graph to open.
-    OpenGraph,
-    /// A scene to open.
-    OpenScene,
-    /// A recorded path to open.
-    OpenPath,
-    /// A name for the graph.
-    SaveGraph,
-    /// A name for the path at hand.
-    SavePath,
-    /// A port, and a name for its image.
-    SaveImage,
-    /// A name for the frames of the path at hand.
-    RecordFrames,
-}
 
 impl Ask {
     /// Title, what the field is for, and the button.
@@ -73,11 +52,22 @@ pub struct Dialog {
     pub format: Format,
     /// How many frames.
     pub frames: u32,
+    /// What can be picked.
     choices: Vec<Choice>,
     error: Option<String>,
     /// A file that is there already and that a second click replaces.
     replaces: Option<String>,
     opened: bool,
+}
+
+/// What dialogs show of what runs, as of now.
+pub struct Known {
+    /// Ports that are images, `node.port`.
+    pub images: Vec<String>,
+    /// Whether there are values of the port that is chosen.
+    pub has_values: bool,
+    /// The path at hand, in words.
+    pub path: String,
 }
 
 /// What the user did with a dialog.
@@ -92,40 +82,28 @@ pub enum Answer {
 }
 
 impl Dialog {
-    /// Asks.
-    pub fn new(ask: Ask, session: &Session) -> Self {
-        let document = Path::new(session.document.path());
-        let stem = document.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let port =
-            if session.viewed.is_empty() { stem.clone() } else { session.viewed.replace(['/', '.'], "-") };
-        let (text, source, choices) = match ask {
-            Ask::NewGraph => {
-                let graphs = files::graphs(document);
-                let first = graphs.first().map_or(String::new(), |choice| choice.text.clone());
-                ("new.ron".into(), first, graphs)
-            }
-            Ask::OpenGraph => (session.document.path().into(), String::new(), files::graphs(document)),
-            Ask::OpenScene => (session.scene.clone(), String::new(), files::scenes()),
-            Ask::OpenPath => {
-                let paths = files::paths();
-                (paths.first().map_or(String::new(), |choice| choice.text.clone()), String::new(), paths)
-            }
-            Ask::SaveGraph => (session.document.path().into(), String::new(), Vec::new()),
-            Ask::SavePath => (format!("{}{PATH_ENDING}", session.scene_stem()), String::new(), Vec::new()),
-            Ask::SaveImage => (format!("{port}.png"), session.viewed.clone(), Vec::new()),
-            Ask::RecordFrames => (format!("{stem}.png"), String::new(), Vec::new()),
+    /// Asks; the field says `text` at first, and a click on one of the choices fills it, or chooses the graph to copy.
+    pub fn new(ask: Ask, text: String, choices: Vec<Choice>) -> Self {
+        let source = match (ask, choices.first()) {
+            (Ask::NewGraph, Some(first)) => first.text.clone(),
+            _ => String::new(),
         };
         Self {
             ask,
             text,
             source,
             format: Format::Animation,
-            frames: session.route_frames(),
+            frames: 1,
             choices,
             error: None,
             replaces: None,
             opened: false,
         }
+    }
+
+    /// The port whose values it needs.
+    pub fn watched(&self) -> Option<String> {
+        (self.ask == Ask::SaveImage && !self.source.is_empty()).then(|| self.source.clone())
     }
 
     /// Says why it could not be done.
@@ -134,7 +112,7 @@ impl Dialog {
     }
 
     /// Shows it.
-    pub fn show(&mut self, ui: &Ui, session: &mut Session) -> Answer {
+    pub fn show(&mut self, ui: &Ui, known: &Known) -> Answer {
         let [title, doc, accept] = self.ask.words();
         let mut answer = Answer::Open;
         let frame = Frame::popup(ui.style()).inner_margin(12.0);
@@ -143,7 +121,7 @@ impl Dialog {
             ui.heading(title);
             ui.add_space(6.0);
             self.choices(ui, &mut answer);
-            self.more(ui, session);
+            self.more(ui, known);
             let label = ui.label(RichText::new(doc).weak());
             let field = ui.add(TextEdit::singleline(&mut self.text).desired_width(f32::INFINITY));
             let field = field.labelled_by(label.id);
@@ -163,7 +141,7 @@ impl Dialog {
             ui.add_space(6.0);
             ui.horizontal(|ui| {
                 let word = if self.replaces.as_ref() == Some(&self.text) { "Replace" } else { accept };
-                let ready = !self.text.trim().is_empty() && self.is_ready(session);
+                let ready = !self.text.trim().is_empty() && self.is_ready(known);
                 if ui.add_enabled(ready, Button::new(word).min_size(vec2(80.0, 0.0))).clicked() {
                     answer = Answer::Accept;
                 }
@@ -175,7 +153,7 @@ impl Dialog {
         if answer == Answer::Open && modal.should_close() {
             answer = Answer::Cancel;
         }
-        if answer == Answer::Accept && !(self.is_ready(session) && self.may_write()) {
+        if answer == Answer::Accept && !(self.is_ready(known) && self.may_write()) {
             answer = Answer::Open;
         }
         answer
@@ -209,16 +187,15 @@ impl Dialog {
     }
 
     /// What an image and a recording need beside their name.
-    fn more(&mut self, ui: &mut Ui, session: &mut Session) {
+    fn more(&mut self, ui: &mut Ui, known: &Known) {
         match self.ask {
-            Ask::SaveImage => self.port(ui, session),
-            Ask::RecordFrames => self.recording(ui, session),
+            Ask::SaveImage => self.port(ui, known),
+            Ask::RecordFrames => self.recording(ui, known),
             _ => {}
         }
     }
 
-    fn port(&mut self, ui: &mut Ui, session: &mut Session) {
-        let Some(graph) = session.state.graph.clone() else { return };
+    fn port(&mut self, ui: &mut Ui, known: &Known) {
         let shown =
             |port: &str| if port.is_empty() { "the graph's output".to_owned() } else { port.to_owned() };
         ui.horizontal(|ui| {
@@ -226,21 +203,20 @@ impl Dialog {
             let combo = ComboBox::from_id_salt("saved port").selected_text(shown(&self.source)).width(260.0);
             let combo = combo.show_ui(ui, |ui| {
                 ui.selectable_value(&mut self.source, String::new(), shown(""));
-                for name in graph.images() {
+                for name in &known.images {
                     ui.selectable_value(&mut self.source, name.clone(), name);
                 }
             });
             combo.response.labelled_by(label.id);
         });
-        session.extra.clone_from(&self.source);
-        if session.snapshot(&self.source).is_none() {
+        if !known.has_values {
             ui.weak("This port is taken from the next frame on.");
         }
         ui.add_space(4.0);
     }
 
-    fn recording(&mut self, ui: &mut Ui, session: &Session) {
-        let path = session.route.as_ref().map_or(String::new(), crate::route::Route::label);
+    fn recording(&mut self, ui: &mut Ui, known: &Known) {
+        let path = &known.path;
         ui.label(format!("{path}, in the view in use, every frame with all of its samples"));
         ui.horizontal(|ui| {
             let label = ui.label("Frames");
@@ -256,8 +232,8 @@ impl Dialog {
         ui.add_space(4.0);
     }
 
-    fn is_ready(&self, session: &Session) -> bool {
-        self.ask != Ask::SaveImage || session.snapshot(&self.source).is_some()
+    fn is_ready(&self, known: &Known) -> bool {
+        self.ask != Ask::SaveImage || known.has_values
     }
 
     /// A file that is there is replaced only when that was said twice.

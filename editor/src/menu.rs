@@ -2,7 +2,11 @@
 
 use egui::{Button, ThemePreference, Ui, containers::menu::menu_style};
 
-use crate::{dialog::Ask, route::Route, session::Session};
+use crate::{
+    intent::{Ask, Intent},
+    route::Route,
+    session::Session,
+};
 
 /// Paths that come with the program.
 const ROUTES: [(&str, &str); 3] = [
@@ -29,7 +33,7 @@ fn entry(ui: &mut Ui, enabled: bool, text: &str, keys: &str) -> bool {
 
 fn ask(ui: &mut Ui, session: &mut Session, enabled: bool, text: &str, keys: &str, ask: Ask) {
     if entry(ui, enabled, text, keys) {
-        session.ask = Some(ask);
+        session.push(Intent::Ask(ask));
     }
 }
 
@@ -52,12 +56,12 @@ fn file(ui: &mut Ui, session: &mut Session) {
 }
 
 fn camera(ui: &mut Ui, session: &mut Session) {
-    let ready = session.rig.is_some();
+    let ready = session.camera().is_some();
     if entry(ui, ready, "Home", "Home") {
         session.move_camera(|rig| rig.go_home());
     }
     ui.separator();
-    if session.recorder.is_some() {
+    if session.recorded_seconds().is_some() {
         if entry(ui, true, "Stop recording the path", "F9") {
             session.toggle_recorder();
         }
@@ -69,29 +73,28 @@ fn camera(ui: &mut Ui, session: &mut Session) {
             session.toggle_playback();
         }
     } else {
-        let what = session.route.as_ref().map_or("a path".into(), Route::label);
-        if entry(ui, ready && session.route.is_some(), &format!("Play {what}"), "F10") {
+        let what = session.route().map_or("a path".into(), Route::label);
+        if entry(ui, ready && session.route().is_some(), &format!("Play {what}"), "F10") {
             session.toggle_playback();
         }
     }
     for (name, doc) in ROUTES {
         if ui.add_enabled(ready, Button::new(format!("Play {name}"))).on_hover_text(doc).clicked() {
-            session.route = Some(Route::named(name));
-            session.play();
+            session.play(Route::named(name));
         }
     }
     ui.separator();
     ask(ui, session, ready, "Open path …", "", Ask::OpenPath);
-    ask(ui, session, session.route.is_some(), "Save path …", "", Ask::SavePath);
+    ask(ui, session, session.route().is_some(), "Save path …", "", Ask::SavePath);
 }
 
 fn output(ui: &mut Ui, session: &mut Session) {
     let runs = session.state.graph.is_some();
     ask(ui, session, runs, "Save image …", "Ctrl+E", Ask::SaveImage);
-    ask(ui, session, runs && session.route.is_some(), "Record the path's frames …", "", Ask::RecordFrames);
+    ask(ui, session, runs && session.route().is_some(), "Record the path's frames …", "", Ask::RecordFrames);
     ui.separator();
     if entry(ui, runs, "Copy as a command line", "Ctrl+Shift+C") {
-        session.copy_command_line(ui.ctx());
+        session.push(Intent::CopyCommandLine);
     }
 }
 
@@ -101,13 +104,13 @@ fn window(ui: &mut Ui, session: &mut Session) {
         (ThemePreference::Dark, "Dark"),
         (ThemePreference::System, "As the system has it"),
     ] {
-        ui.radio_value(&mut session.theme, theme, text);
+        ui.radio_value(&mut session.settings.theme, theme, text);
     }
     ui.separator();
     if entry(ui, true, "Panes as at first", "") {
-        session.reset_layout = true;
+        session.push(Intent::ResetPanes);
     }
     if entry(ui, true, "Keys and mouse", "F1") {
-        session.help = true;
+        session.push(Intent::Help);
     }
 }

@@ -1,4 +1,4 @@
-//! What dialogs are for.
+//! What dialogs ask for, and what they are for.
 
 use std::{fs, path::Path};
 
@@ -6,15 +6,54 @@ use epigraph_pictures::{Look, PortFile};
 
 use crate::{
     app::App,
-    dialog::{Ask, Dialog},
+    dialog::{Dialog, Known},
     document::Document,
-    engine::{Command, Playback, Way},
-    files::find_graph,
+    files::{self, PATH_ENDING, find_graph},
+    intent::Ask,
     output,
     route::Route,
 };
 
 impl App {
+    /// Opens a dialog.
+    pub(crate) fn ask(&mut self, ask: Ask) {
+        let session = &self.session;
+        let (path, port) = (session.document.path(), self.port_in_view());
+        let graph = Path::new(path);
+        let stem = || graph.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let (text, choices) = match ask {
+            Ask::NewGraph => ("new.ron".into(), files::graphs(graph)),
+            Ask::OpenGraph => (path.into(), files::graphs(graph)),
+            Ask::OpenScene => (session.scene().into(), files::scenes()),
+            Ask::OpenPath => {
+                let paths = files::paths();
+                (paths.first().map_or(String::new(), |choice| choice.text.clone()), paths)
+            }
+            Ask::SaveGraph => (path.into(), Vec::new()),
+            Ask::SavePath => (format!("{}{PATH_ENDING}", session.scene_stem()), Vec::new()),
+            Ask::SaveImage if !port.is_empty() => {
+                (format!("{}.png", port.replace(['/', '.'], "-")), Vec::new())
+            }
+            Ask::SaveImage | Ask::RecordFrames => (format!("{}.png", stem()), Vec::new()),
+        };
+        let mut dialog = Dialog::new(ask, text, choices);
+        if ask == Ask::SaveImage {
+            dialog.source = port.into();
+        }
+        dialog.frames = session.route_frames();
+        self.dialog = Some(dialog);
+    }
+
+    /// What a dialog shows of what runs.
+    pub(crate) fn known(&self, dialog: &Dialog) -> Known {
+        let session = &self.session;
+        Known {
+            images: session.state.graph.as_ref().map_or(Vec::new(), |graph| graph.images()),
+            has_values: session.snapshot(&dialog.source).is_some(),
+            path: session.route().map_or(String::new(), Route::label),
+        }
+    }
+
     /// Does what a dialog is for. Afterwards a notice may tell more; what takes long goes on beside this thread.
     ///
     /// # Errors
@@ -31,56 +70,36 @@ impl App {
             Ask::OpenPath => {
                 // What is wrong with it shows when it is played; that there is none shows here.
                 fs::metadata(path).map_err(|error| format!("{name}: {error}"))?;
-                session.route = Some(Route::of_file(path));
-                session.play();
+                session.play(Route::of_file(path));
             }
             Ask::SaveGraph => {
                 session.document.save_as(path).map_err(words)?;
-                session.notice = Some("saved".into());
+                session.tell("saved");
             }
-            Ask::SavePath => self.save_path(path)?,
+            Ask::SavePath => session.save_route(path)?,
             Ask::SaveImage => self.save_image(&dialog.source, path)?,
             Ask::RecordFrames => {
-                let (name, look) = self.viewed();
-                let sink = output::sink(dialog.format, path, dialog.frames, name, look)?;
-                let session = &mut self.session;
-                let route = session.route.as_ref().ok_or("there is no path")?;
-                let playback =
-                    Playback { way: route.way.clone(), frames: Some(dialog.frames), sink: Some(sink) };
-                session.notice = None;
-                session.engine.send(Command::Play(playback));
+                let port = self.session.snapshot(self.port_in_view());
+                let name = port.map_or(String::new(), |snapshot| snapshot.name.clone());
+                let sink = output::sink(dialog.format, path, dialog.frames, name, self.look_in_view())?;
+                self.session.record(dialog.frames, sink)?;
             }
         }
         Ok(())
     }
 
-    /// The port of the viewer in use as snapshots call it, and how it is shown.
-    fn viewed(&self) -> (String, Look) {
-        let name = self.session.snapshot(&self.session.viewed).map(|snapshot| snapshot.name.clone());
-        let viewer = self.viewers().find(|viewer| viewer.id == self.session.viewer);
-        (name.unwrap_or_default(), viewer.map(|viewer| viewer.look).unwrap_or_default())
-    }
-
-    fn save_path(&mut self, path: &Path) -> Result<(), String> {
-        let session = &mut self.session;
-        let route = session.route.as_mut().ok_or("there is no path")?;
-        let Way::Keys(text) = &route.way else {
-            return Err(format!("{} needs no file: the command line knows it by that name", route.label()));
-        };
-        let target = epigraph_pictures::Target::new(path).map_err(|error| error.to_string())?;
-        target.write(text.as_bytes()).map_err(|error| error.to_string())?;
-        route.file = Some(path.to_owned());
-        session.notice = Some(format!("saved; epigraph render --camera fly:{}", path.display()));
-        Ok(())
+    /// How the viewer in use shows its port.
+    fn look_in_view(&self) -> Look {
+        self.viewer_in_use().map(|viewer| viewer.look).unwrap_or_default()
     }
 
     /// Saves a port as it is shown in the viewer in use, or, where that shows another, as suits it.
     fn save_image(&mut self, port: &str, path: &Path) -> Result<(), String> {
         let session = &self.session;
         let snapshot = session.snapshot(port).cloned().ok_or("there is no frame of it yet")?;
-        let look = if port == session.viewed { self.viewed().1 } else { Look::default() };
+        let look = if port == self.port_in_view() { self.look_in_view() } else { Look::default() };
         let file = PortFile::picture(path).map_err(|error| error.to_string())?;
-        session.jobs.start(move || {
+        session.start(move || {
             file.write(&[&snapshot], &look).map_err(|error| error.to_string())?;
             Ok(format!("wrote {}", file.path().display()))
         });

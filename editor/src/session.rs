@@ -1,19 +1,24 @@
 //! What all panes share: the document, the engine, the camera, what is selected.
 
-use std::{path::Path, sync::Arc};
+use std::{
+    path::Path,
+    sync::{Arc, Mutex},
+    time::Instant,
+};
 
 use egui::ThemePreference;
 use epigraph_core::{GraphFile, MAX_SIDE, Problem, Problems, Registry, Snapshot};
+use epigraph_pictures::Target;
 use epigraph_scenes::Camera;
 
 use crate::{
     beside::Beside,
     camera::Rig,
-    dialog::Ask,
     document::{Document, Places, Tag},
-    engine::{Backend, Command, Engine, Options, Pacing, Playback, Playing, State},
+    engine::{Backend, Command, Engine, Options, Pacing, Playback, Playing, Sink, State, Way},
     inspect::Picked,
-    jobs::Jobs,
+    intent::Intent,
+    jobs::{Jobs, Outcome},
     output::CommandLine,
     pulse::Pulse,
     route::{Recorder, Route},
@@ -26,13 +31,21 @@ const SETTLED: u32 = 300;
 /// Shares of the set size in which frames may be computed.
 pub const SCALES: std::ops::RangeInclusive<f32> = 0.25..=2.0;
 
-/// A place in a text that a pane should show.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Jump {
-    /// The file.
-    pub path: String,
-    /// Line and column, from 1.
-    pub at: (usize, usize),
+/// What the user sets for whatever runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Samples a frame may ask for, percent of its pixels.
+    pub samples: f32,
+    /// Width and height of the frame at a scale of 1, pixels.
+    pub size: [u32; 2],
+    /// The resolution's scale, of [`SCALES`].
+    pub scale: f32,
+    /// Where nodes run that do not say.
+    pub backend: Backend,
+    /// When samples arrive.
+    pub pacing: Pacing,
+    /// Light, dark, or as the system has it.
+    pub theme: ThemePreference,
 }
 
 /// An open graph that runs.
@@ -45,70 +58,44 @@ pub struct Session {
     pub state: Arc<State>,
     /// All stage kinds.
     pub registry: Registry,
-    /// The camera, once the scene is there.
-    pub rig: Option<Rig>,
     /// The address of the selected node.
     pub selected: Option<String>,
-    /// A port that the user wants to see; the viewer in use takes it.
-    pub wanted: Option<String>,
-    /// Which viewer is in use, by [`crate::panes::Viewer::id`].
-    pub viewer: u64,
-    /// The port that it shows; empty for the output.
-    pub viewed: String,
-    /// Ports that the number keys 1 to 9 recall.
-    pub slots: [Option<String>; 9],
     /// The pixel that the user has picked.
     pub inspection: Picked,
     /// The graph that views are compared with.
     pub beside: Beside,
-    /// Ports that panes want snapshots of beside those in view; they ask anew in each frame of the window.
-    pub asides: Vec<String>,
-    /// A place that the user wants to see; the text pane takes it.
-    pub jump: Option<Jump>,
+    /// What the user has set.
+    pub settings: Settings,
+    /// What panes have asked for in this frame of the window.
+    intents: Vec<Intent>,
     /// What became of the last action.
-    pub notice: Option<String>,
+    notice: Option<String>,
+    /// The camera, once the scene is there.
+    rig: Option<Rig>,
     /// The scene that was asked for, by its name or file.
-    pub scene: String,
-    /// Samples a frame may ask for, percent of its pixels.
-    pub samples: f32,
-    /// Width and height of the frame at a scale of 1, pixels.
-    pub size: [u32; 2],
-    /// The resolution's scale, of [`SCALES`].
-    pub scale: f32,
-    /// The run's seed.
-    pub seed: u32,
-    /// Where nodes run that do not say.
-    pub backend: Backend,
-    /// When samples arrive.
-    pub pacing: Pacing,
-    /// Whether times are measured; see [`Options::measured`].
-    pub measured: bool,
-    /// The path that is being recorded.
-    pub recorder: Option<Recorder>,
-    /// The path at hand.
-    pub route: Option<Route>,
-    /// A dialog that the user wants; the window shows it.
-    pub ask: Option<Ask>,
-    /// A port to take beside those in view: the one that a dialog is about.
-    pub extra: String,
-    /// Work beside this thread.
-    pub jobs: Jobs,
-    /// How often the window is drawn.
-    pub pulse: Pulse,
-    /// Light, dark, or as the system has it.
-    pub theme: ThemePreference,
-    /// Whether the help is open.
-    pub help: bool,
-    /// The panes are to be put back as they stood at first.
-    pub reset_layout: bool,
-    /// Where to look once the scene of that name is there.
-    pub look: Option<Seen>,
-    /// The window's time, seconds.
-    now: f64,
-    sent: u64,
-    watched: Vec<String>,
+    scene: String,
     /// The scene that the camera is in.
     within: String,
+    /// Where to look once the scene of that name is there.
+    look: Option<Seen>,
+    /// The path that is being recorded.
+    recorder: Option<Recorder>,
+    /// The path at hand.
+    route: Option<Route>,
+    /// Work beside this thread.
+    jobs: Jobs,
+    /// How often the window is drawn.
+    pulse: Pulse,
+    /// The window's time, seconds.
+    now: f64,
+    /// The run's seed.
+    seed: u32,
+    /// Whether times are measured; see [`Options::measured`].
+    measured: bool,
+    /// The document's revision that the engine has.
+    sent: u64,
+    /// The ports whose values the engine takes.
+    watched: Vec<String>,
 }
 
 impl Session {
@@ -120,6 +107,7 @@ impl Session {
     ) -> Self {
         let Options { size, backend, pacing, seed, measured, .. } = options;
         let (samples, scene) = (options.samples * 100.0, options.scene.clone());
+        let theme = ThemePreference::default();
         let jobs = Jobs::new(wake.clone());
         let engine = Engine::start(options, wake);
         let session = Self {
@@ -127,55 +115,67 @@ impl Session {
             sent: document.revision(),
             engine,
             registry: epigraph_stages::registry(),
-            rig: None,
             selected: None,
-            wanted: None,
-            viewer: 0,
-            viewed: String::new(),
-            slots: Default::default(),
             inspection: Picked::default(),
             beside: Beside::default(),
-            asides: Vec::new(),
-            jump: None,
+            settings: Settings { samples, size, scale: 1.0, backend, pacing, theme },
+            intents: Vec::new(),
             notice: document.take_notice(),
+            rig: None,
             scene,
-            samples,
-            size,
-            scale: 1.0,
-            seed,
-            backend,
-            pacing,
-            measured,
+            within: String::new(),
+            look: None,
             recorder: None,
             route: None,
-            ask: None,
-            extra: String::new(),
             jobs,
             pulse: Pulse::default(),
-            theme: ThemePreference::default(),
-            help: false,
-            reset_layout: false,
-            look: None,
             now: 0.0,
+            seed,
+            measured,
             watched: Vec::new(),
-            within: String::new(),
             document,
         };
         session.send_graph();
         session
     }
 
-    /// Takes the engine's news and hands over the document's; once for each frame of the window, at `now` seconds of its
-    /// time.
+    /// Asks the window for something, while a pane is drawn.
+    pub fn push(&mut self, intent: Intent) {
+        self.intents.push(intent);
+    }
+
+    /// What panes have asked for since the last call.
+    pub fn take_intents(&mut self) -> Vec<Intent> {
+        std::mem::take(&mut self.intents)
+    }
+
+    /// What became of the last action.
+    pub fn notice(&self) -> Option<&str> {
+        self.notice.as_deref()
+    }
+
+    /// Tells the user what became of an action.
+    pub fn tell(&mut self, notice: impl Into<String>) {
+        self.notice = Some(notice.into());
+    }
+
+    /// Starts work on a thread of its own; a notice tells its outcome.
+    pub fn start(&self, work: impl FnOnce() -> Outcome + Send + 'static) {
+        self.jobs.start(work);
+    }
+
+    /// Takes the engine's news and hands over the document's and which ports are watched; once for each frame of the
+    /// window, at `now` seconds of its time.
     pub fn sync(&mut self, mut watched: Vec<String>, now: f64) {
         self.now = now;
+        self.pulse.beat(Instant::now());
         let before = std::mem::replace(&mut self.state, self.engine.state());
         if let Some(recorded) = self.state.recorded.clone().filter(|_| before.recorded != self.state.recorded)
         {
-            self.tell(recorded);
+            self.conclude(recorded);
         }
         if let Some(outcome) = self.jobs.news() {
-            self.tell(outcome);
+            self.conclude(outcome);
         }
         self.follow();
         if self.document.revision() != self.sent {
@@ -189,10 +189,6 @@ impl Session {
         if let Some(other) = self.beside.news(&self.document) {
             self.engine.send(Command::Other(other));
         }
-        if !self.extra.is_empty() {
-            watched.push(self.extra.clone());
-        }
-        watched.append(&mut self.asides);
         watched.sort();
         watched.dedup();
         if watched != self.watched {
@@ -227,20 +223,28 @@ impl Session {
         }
     }
 
-    fn tell(&mut self, outcome: Result<String, String>) {
+    fn conclude(&mut self, outcome: Outcome) {
         self.notice = Some(outcome.unwrap_or_else(|error| error));
+    }
+
+    /// Frames of the window in the last second, where times are measured.
+    pub fn window_rate(&self) -> Option<usize> {
+        self.measured.then(|| self.pulse.rate())
     }
 
     /// Goes on with another graph.
     pub fn open(&mut self, document: Document) {
         self.document = document;
         self.selected = None;
-        self.slots = Default::default();
         self.notice = None;
         self.sent = self.document.revision();
         self.send_graph();
         self.engine.send(Command::Reset);
-        self.wanted = Some(String::new());
+    }
+
+    /// The scene that was asked for, by its name or file.
+    pub fn scene(&self) -> &str {
+        &self.scene
     }
 
     /// Goes on with another scene, once it is read.
@@ -251,6 +255,11 @@ impl Session {
         self.engine.send(Command::Scene(scene));
     }
 
+    /// Looks from there as soon as the scene is.
+    pub fn look_from(&mut self, seen: Seen) {
+        self.look = Some(seen);
+    }
+
     /// The scene's name, or its file's without folder and ending.
     pub fn scene_stem(&self) -> String {
         Path::new(&self.scene).file_stem().unwrap_or_default().to_string_lossy().into_owned()
@@ -258,12 +267,27 @@ impl Session {
 
     /// Width and height of the frame, pixels.
     pub fn frame_size(&self) -> [u32; 2] {
-        self.size.map(|side| ((side as f32 * self.scale).round() as u32).clamp(1, MAX_SIDE))
+        self.settings.size.map(|side| ((side as f32 * self.settings.scale).round() as u32).clamp(1, MAX_SIDE))
     }
 
     /// Tells the engine of a changed size or scale.
     pub fn resize(&self) {
         self.engine.send(Command::Size(self.frame_size()));
+    }
+
+    /// The camera, once the scene is there.
+    pub fn camera(&self) -> Option<Camera> {
+        self.rig.map(|rig| rig.camera)
+    }
+
+    /// Seconds of the path that is being recorded.
+    pub fn recorded_seconds(&self) -> Option<f32> {
+        self.recorder.as_ref().map(Recorder::seconds)
+    }
+
+    /// The path at hand.
+    pub fn route(&self) -> Option<&Route> {
+        self.route.as_ref()
     }
 
     /// Begins to record the camera's path, or ends that and has it at hand.
@@ -295,21 +319,47 @@ impl Session {
         self.route.as_ref().and_then(|route| route.frames).unwrap_or(60)
     }
 
-    /// Plays the path at hand from its beginning.
-    pub fn play(&mut self) {
-        if let Some(route) = &self.route {
-            self.recorder = None;
-            self.notice = None;
-            self.engine.send(Command::Play(Playback { way: route.way.clone(), frames: None, sink: None }));
-        }
+    /// Has a path at hand and plays it from its beginning.
+    pub fn play(&mut self, route: Route) {
+        self.recorder = None;
+        self.notice = None;
+        self.engine.send(Command::Play(Playback { way: route.way.clone(), frames: None, sink: None }));
+        self.route = Some(route);
+    }
+
+    /// Plays the first frames of the path at hand into a sink, as fast as they can be made.
+    ///
+    /// # Errors
+    /// That there is no path.
+    pub fn record(&mut self, frames: u32, sink: Arc<Mutex<dyn Sink>>) -> Result<(), String> {
+        let way = self.route.as_ref().ok_or("there is no path")?.way.clone();
+        self.notice = None;
+        self.engine.send(Command::Play(Playback { way, frames: Some(frames), sink: Some(sink) }));
+        Ok(())
+    }
+
+    /// Saves the path at hand; the notice says how the command line takes it.
+    ///
+    /// # Errors
+    /// That there is no path, that it needs no file, or that it cannot be written.
+    pub fn save_route(&mut self, path: &Path) -> Result<(), String> {
+        let route = self.route.as_mut().ok_or("there is no path")?;
+        let Way::Keys(text) = &route.way else {
+            return Err(format!("{} needs no file: the command line knows it by that name", route.label()));
+        };
+        let written = Target::new(path).and_then(|target| target.write(text.as_bytes()));
+        written.map_err(|error| error.to_string())?;
+        route.file = Some(path.to_owned());
+        self.tell(format!("saved; epigraph render --camera fly:{}", path.display()));
+        Ok(())
     }
 
     /// Plays the path at hand, or leaves it.
     pub fn toggle_playback(&mut self) {
         if self.is_playing() {
             self.engine.send(Command::Stop);
-        } else {
-            self.play();
+        } else if let Some(route) = self.route.clone() {
+            self.play(route);
         }
     }
 
@@ -320,11 +370,11 @@ impl Session {
         self.state.snapshots.iter().find(|snapshot| snapshot.name == name)
     }
 
-    /// The command line that makes the picture in view.
+    /// The command line that makes the picture of a port; of the graph's first output where that is empty.
     ///
     /// # Errors
     /// What has to be saved first, or that there is no picture yet.
-    pub fn command_line(&self) -> Result<CommandLine, String> {
+    pub fn command_line(&self, port: &str) -> Result<CommandLine, String> {
         if self.document.unsaved().next().is_some() {
             return Err("save the graph first: the command line reads its file".into());
         }
@@ -349,21 +399,10 @@ impl Session {
             size: state.graph.as_ref().map_or(self.frame_size(), |graph| graph.size),
             samples: state.samples,
             seed: self.seed,
-            backend: self.backend,
+            backend: self.settings.backend,
             frames,
-            port: self.viewed.clone(),
+            port: port.into(),
         })
-    }
-
-    /// Puts the command line on the clipboard, or says why there is none.
-    pub fn copy_command_line(&mut self, context: &egui::Context) {
-        self.notice = Some(match self.command_line() {
-            Ok(line) => {
-                context.copy_text(line.to_string());
-                "the command line is on the clipboard".into()
-            }
-            Err(error) => error,
-        });
     }
 
     fn send_graph(&self) {
@@ -403,25 +442,6 @@ impl Session {
             Ok(()) => "saved".into(),
             Err(problems) => problems.to_string(),
         });
-    }
-
-    /// Puts the port in view on a number key.
-    pub fn assign(&mut self, slot: usize) {
-        let shown = if self.viewed.is_empty() { "the output" } else { &self.viewed };
-        self.notice = Some(format!("key {} now shows {shown}", slot + 1));
-        self.slots[slot] = Some(self.viewed.clone());
-    }
-
-    /// Shows the port on a number key.
-    pub fn recall(&mut self, slot: usize) {
-        match &self.slots[slot] {
-            Some(port) => self.wanted = Some(port.clone()),
-            None => {
-                let key = slot + 1;
-                self.notice =
-                    Some(format!("nothing is on key {key} yet; Ctrl+{key} puts the port in view there"));
-            }
-        }
     }
 
     /// Takes over what other programs have written to the files since.

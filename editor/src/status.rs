@@ -5,7 +5,8 @@ use egui::{Align, Label, Layout, ProgressBar, RichText, ScrollArea, Sense, Ui};
 use crate::{
     engine::{Command, Phase, Playing},
     files::short,
-    session::{Jump, Session},
+    intent::{Intent, Jump},
+    session::Session,
     theme,
 };
 
@@ -45,8 +46,8 @@ fn problems(ui: &mut Ui, session: &mut Session) {
             }
         }
     });
-    if jump.is_some() {
-        session.jump = jump;
+    if let Some(jump) = jump {
+        session.push(Intent::Jump(jump));
     }
     ui.separator();
 }
@@ -62,11 +63,11 @@ fn state(ui: &mut Ui, session: &Session) {
         ui.label("reading the scene …");
     } else if let Some(trouble) = &state.trouble {
         ui.colored_label(theme::palette(ui).bad, trouble);
-    } else if let Some(recorder) = &session.recorder {
-        ui.label(format!("recording the camera's path, {:.1} s", recorder.seconds()));
+    } else if let Some(seconds) = session.recorded_seconds() {
+        ui.label(format!("recording the camera's path, {seconds:.1} s"));
     } else if let (Some(playing), true) = (&state.playing, session.is_playing()) {
         progress(ui, session, playing);
-    } else if let Some(notice) = &session.notice {
+    } else if let Some(notice) = session.notice() {
         ui.label(notice);
     } else if !session.problems().is_empty() {
         ui.label("the last good graph runs on");
@@ -102,8 +103,8 @@ fn figures(ui: &mut Ui, session: &Session) {
     ];
     if state.paused {
         figures[2] = "paused".into();
-    } else if session.measured {
-        figures.insert(3, format!("window {}/s", session.pulse.rate()));
+    } else if let Some(rate) = session.window_rate() {
+        figures.insert(3, format!("window {rate}/s"));
     }
     // This layout runs from the right.
     for figure in figures.into_iter().rev() {

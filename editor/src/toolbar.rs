@@ -77,7 +77,7 @@ fn running(ui: &mut Ui, session: &mut Session) {
 
 /// Recording and playing the camera's path.
 fn path(ui: &mut Ui, session: &mut Session) {
-    let recording = session.recorder.as_ref().map(crate::route::Recorder::seconds);
+    let recording = session.recorded_seconds();
     let (text, name) = match recording {
         Some(_) => (RichText::new("⏹").color(theme::palette(ui).bad), "Stop recording the path"),
         None => (RichText::new("⏺"), "Record a path"),
@@ -86,19 +86,19 @@ fn path(ui: &mut Ui, session: &mut Session) {
         Some(seconds) => format!("Recording the camera's path, {seconds:.1} s. Stop (F9)"),
         None => "Record the camera's path while you fly (F9)".into(),
     };
-    if sign(ui, session.rig.is_some(), text, name).on_hover_text(hint).clicked() {
+    if sign(ui, session.camera().is_some(), text, name).on_hover_text(hint).clicked() {
         session.toggle_recorder();
     }
     let playing = session.is_playing();
     let (text, name) = if playing { ("⏹", "Stop playing") } else { ("⏵", "Play the path") };
-    let hint = match &session.route {
+    let hint = match session.route() {
         _ if playing => "Leave the path (F10)".into(),
         Some(route) => {
             format!("Play {} from its beginning: the same frames each time (F10)", route.label())
         }
         None => String::new(),
     };
-    let enabled = playing || session.route.is_some() && session.rig.is_some();
+    let enabled = playing || session.route().is_some() && session.camera().is_some();
     let button = sign(ui, enabled, text, name).on_hover_text(hint);
     if button.on_disabled_hover_text("Record a path, or choose one in the menu Camera").clicked() {
         session.toggle_playback();
@@ -107,21 +107,21 @@ fn path(ui: &mut Ui, session: &mut Session) {
 
 fn sampling(ui: &mut Ui, session: &mut Session) {
     let label = ui.label("Samples");
-    let slider = Slider::new(&mut session.samples, 0.1..=100.0)
+    let slider = Slider::new(&mut session.settings.samples, 0.1..=100.0)
         .logarithmic(true)
         .suffix("%")
         .max_decimals(1)
         .clamping(egui::SliderClamping::Always);
     let response = ui.add(slider).labelled_by(label.id);
     if response.on_hover_text("Samples a frame may ask for, as a share of its pixels").changed() {
-        session.engine.send(Command::Samples(session.samples / 100.0));
+        session.engine.send(Command::Samples(session.settings.samples / 100.0));
     }
-    let pacing = session.pacing;
+    let pacing = session.settings.pacing;
     let shown = PACINGS.iter().find(|(known, ..)| *known == pacing).map_or("", |(_, label, _)| label);
     let combo = ComboBox::from_id_salt("pacing").selected_text(shown).width(96.0);
     let response = combo.show_ui(ui, |ui| {
         for (pacing, label, doc) in PACINGS {
-            if ui.selectable_value(&mut session.pacing, pacing, label).on_hover_text(doc).changed() {
+            if ui.selectable_value(&mut session.settings.pacing, pacing, label).on_hover_text(doc).changed() {
                 session.engine.send(Command::Pacing(pacing));
             }
         }
@@ -130,22 +130,23 @@ fn sampling(ui: &mut Ui, session: &mut Session) {
 }
 
 fn placing(ui: &mut Ui, session: &mut Session) {
-    let backend = session.backend;
+    let backend = session.settings.backend;
     let shown = BACKENDS.iter().find(|(known, ..)| *known == backend).map_or("", |(_, label, _)| label);
     let combo = ComboBox::from_id_salt("backend").selected_text(shown);
     let response = combo.show_ui(ui, |ui| {
         for (backend, label, doc) in BACKENDS {
-            if ui.selectable_value(&mut session.backend, backend, label).on_hover_text(doc).changed() {
+            if ui.selectable_value(&mut session.settings.backend, backend, label).on_hover_text(doc).changed()
+            {
                 session.engine.send(Command::Backend(backend));
             }
         }
     });
     response.response.named(WidgetType::ComboBox, "Backend").on_hover_text("Where nodes run that do not say");
     let text = |[width, height]: [u32; 2]| format!("{width}×{height}");
-    let combo = ComboBox::from_id_salt("size").selected_text(text(session.size)).width(86.0);
+    let combo = ComboBox::from_id_salt("size").selected_text(text(session.settings.size)).width(86.0);
     let response = combo.show_ui(ui, |ui| {
         for size in SIZES {
-            if ui.selectable_value(&mut session.size, size, text(size)).changed() {
+            if ui.selectable_value(&mut session.settings.size, size, text(size)).changed() {
                 session.resize();
             }
         }
@@ -154,12 +155,13 @@ fn placing(ui: &mut Ui, session: &mut Session) {
         .response
         .named(WidgetType::ComboBox, "Frame size")
         .on_hover_text("Width and height of the frame, pixels");
-    let before = session.scale;
-    let scale = DragValue::new(&mut session.scale).range(SCALES).speed(0.01).fixed_decimals(2).prefix("× ");
+    let before = session.settings.scale;
+    let scale =
+        DragValue::new(&mut session.settings.scale).range(SCALES).speed(0.01).fixed_decimals(2).prefix("× ");
     let scale = ui.add(scale).named(WidgetType::DragValue, "Resolution scale");
     let [width, height] = session.frame_size();
     if scale.on_hover_text(format!("Resolution scale: frames are {width}×{height}")).changed()
-        && session.scale != before
+        && session.settings.scale != before
     {
         session.resize();
     }

@@ -3,23 +3,35 @@
 /// A picked pixel. The engine is asked to look only while a pane shows what it finds.
 #[derive(Default)]
 pub struct Picked {
-    /// Column and row of the frame's pixel.
-    pub pixel: Option<[u32; 2]>,
-    /// Set by the pane in every frame of the window in which it is drawn.
-    pub is_shown: bool,
-    /// Whether the pane is to come to the front.
-    pub wanted: bool,
+    pixel: Option<[u32; 2]>,
+    /// Whether a pane shows it in this frame of the window.
+    is_shown: bool,
     /// Counted up by everything that asks for a new look.
     looks: u64,
     sent: Option<([u32; 2], u64)>,
 }
 
 impl Picked {
-    /// Picks a pixel, and brings up the pane that shows it.
+    /// Column and row of the frame's pixel.
+    pub fn pixel(&self) -> Option<[u32; 2]> {
+        self.pixel
+    }
+
+    /// Picks a pixel, which a pane will show.
     pub fn pick(&mut self, pixel: [u32; 2]) {
         self.pixel = Some(pixel);
-        self.wanted = true;
+        self.is_shown = true;
         self.look();
+    }
+
+    /// Picks none.
+    pub fn forget(&mut self) {
+        self.pixel = None;
+    }
+
+    /// A pane shows it; to be said in every frame of the window.
+    pub fn show(&mut self) {
+        self.is_shown = true;
     }
 
     /// Asks for a new look at the same pixel.
@@ -30,7 +42,7 @@ impl Picked {
     /// What the engine is to be told, if anything; once for each frame of the window.
     pub fn news(&mut self) -> Option<Option<[u32; 2]>> {
         let shown = std::mem::take(&mut self.is_shown);
-        let wish = self.pixel.filter(|_| shown || self.wanted).map(|pixel| (pixel, self.looks));
+        let wish = self.pixel.filter(|_| shown).map(|pixel| (pixel, self.looks));
         (wish != self.sent).then(|| {
             self.sent = wish;
             wish.map(|(pixel, _)| pixel)
@@ -49,9 +61,9 @@ mod tests {
         picked.pick([3, 4]);
         // The pane is on its way to the front.
         assert_eq!(picked.news(), Some(Some([3, 4])));
-        (picked.wanted, picked.is_shown) = (false, true);
+        picked.show();
         assert_eq!(picked.news(), None);
-        picked.is_shown = true;
+        picked.show();
         picked.look();
         assert_eq!(picked.news(), Some(Some([3, 4])));
         // Now another pane lies before it.

@@ -18,7 +18,7 @@ pub use text::{Language, TextPane};
 pub use times::TimesPane;
 pub use viewer::Viewer;
 
-use crate::{keyboard, session::Session};
+use crate::{intent::Intent, keyboard, session::Session};
 
 /// What a tile shows. Of it, sessions keep what the user has set.
 #[derive(Serialize, Deserialize)]
@@ -47,8 +47,6 @@ pub struct Panes<'a> {
     pub session: &'a mut Session,
     /// How many viewers there are; the last one cannot be closed.
     pub viewers: usize,
-    /// Where the user wants one more.
-    pub add: Option<TileId>,
 }
 
 impl Behavior<Pane> for Panes<'_> {
@@ -95,7 +93,7 @@ impl Behavior<Pane> for Panes<'_> {
             ui.add_space(4.0);
             let more = ui.add(egui::Button::new("+ View").frame(false));
             if more.on_hover_text("One more view; drag its tab to put it beside this one").clicked() {
-                self.add = Some(tile);
+                self.session.push(Intent::AddViewer(tile));
             }
         }
     }

@@ -5,6 +5,7 @@ use epigraph_core::Side;
 
 use crate::{
     engine::{GraphInfo, NodeInfo},
+    intent::Intent,
     session::Session,
     theme,
 };
@@ -87,7 +88,7 @@ fn ports(ui: &mut Ui, session: &mut Session, node: &NodeInfo) {
             let elements = info.port.fields.first().map_or(String::new(), |field| field.element.to_string());
             let doc = format!("{}\n{elements}, {}", info.port.doc, info.port.extent);
             if ui.small_button(format!("View {}", info.port.name)).on_hover_text(doc).clicked() {
-                session.wanted = Some(name);
+                session.push(Intent::Show(name));
             }
             ui.weak(format!("{}", info.dims));
         });

@@ -7,7 +7,8 @@ use epigraph_core::{GraphFile, NodeDef, ParamKind, ParamSpec, Side};
 
 use crate::{
     document::{Tag, fitting, home, param_text, remove_param, swap},
-    session::{Jump, Session},
+    intent::{Intent, Jump},
+    session::Session,
     theme,
 };
 
@@ -35,7 +36,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
             ui.heading(&address);
             let place = within.place(node.name.span);
             if ui.small_button("Show in text").clicked() {
-                session.jump = Some(Jump { path: place.file, at: (place.line, place.column) });
+                session.push(Intent::Jump(Jump { path: place.file, at: (place.line, place.column) }));
             }
         });
         ui.weak(doc);

@@ -67,7 +67,7 @@ fn undo(opened: &mut Opened) {
 }
 
 fn notice(opened: &Opened) -> String {
-    opened.app().session.notice.clone().unwrap_or_default()
+    opened.app().session.notice().unwrap_or_default().to_owned()
 }
 
 /// Whether the file has a node of that name, or a wire into an input.

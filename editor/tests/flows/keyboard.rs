@@ -92,14 +92,14 @@ fn f6_goes_round_the_panes_and_keys_work_there() {
 fn the_image_in_focus_is_flown_through_with_keys() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(2);
-    let before = opened.app().session.rig.unwrap().camera;
+    let before = opened.app().session.camera().unwrap();
     opened.harness.get_by_label_contains("image of image").focus();
     opened.harness.run_steps(2);
     opened.harness.key_down(Key::W);
     opened.harness.run_steps(10);
     opened.harness.key_up(Key::W);
     opened.harness.run_steps(2);
-    assert!(opened.app().session.rig.unwrap().camera.eye.distance(before.eye) > 1e-3);
+    assert!(opened.app().session.camera().unwrap().eye.distance(before.eye) > 1e-3);
 }
 
 #[test]

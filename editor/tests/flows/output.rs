@@ -75,7 +75,7 @@ fn unsaved_text_has_to_be_saved_before_a_command_line_is_copied() {
     opened.harness.state_mut().session.document.type_text(&path, &text);
     opened.frames(1);
     assert_eq!(copied(&mut opened), None);
-    assert!(opened.harness.state().session.notice.as_ref().unwrap().contains("save the graph first"));
+    assert!(opened.app().session.notice().unwrap().contains("save the graph first"));
 }
 
 #[test]

@@ -24,7 +24,7 @@ fn play(opened: &mut Opened) -> (u32, Vec<u8>) {
 fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(3);
-    let home = opened.app().session.rig.unwrap().camera;
+    let home = opened.app().session.camera().unwrap();
     opened.click("Record a path");
     opened.harness.hover_at(pos2(640.0, 380.0));
     opened.harness.run_steps(2);
@@ -35,7 +35,7 @@ fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
     opened.harness.key_up(Key::W);
     opened.harness.key_up(Key::D);
     opened.click("Stop recording the path");
-    let flown = opened.app().session.rig.unwrap().camera;
+    let flown = opened.app().session.camera().unwrap();
     assert!(flown.eye.distance(home.eye) > 0.01);
 
     let first = play(&mut opened);
@@ -45,12 +45,12 @@ fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
     assert!(first == play(&mut opened));
 
     // A command line needs files.
-    assert!(opened.app().session.command_line().unwrap_err().contains("save the path first"));
+    assert!(opened.app().command_line().unwrap_err().contains("save the path first"));
     let file = opened.folder().join("flight.path.ron");
     opened.choose(&["Camera", "Save path …"]);
     opened.name(&file);
     opened.until("the file", |_| file.is_file());
-    let line = opened.app().session.command_line().unwrap().to_string();
+    let line = opened.app().command_line().unwrap().to_string();
     assert!(line.contains(&format!("--camera fly:{}", file.display())), "{line}");
     let picture = rendered(&opened, &words(&line));
     assert!(picture == opened.shown());

@@ -15,7 +15,7 @@ fn a_session_comes_back_when_the_program_starts_again() {
     let sessions = tempfile::tempdir().unwrap();
     let (_folder, graph) = copy("epi.ron");
     let mut opened = Opened::started(sessions.path(), Some(&graph), Some("chains"));
-    opened.until("the scene", |app| app.session.rig.is_some() && app.session.state.graph.is_some());
+    opened.until("the scene", |app| app.session.camera().is_some() && app.session.state.graph.is_some());
     opened.frames(1);
     opened.click("view/project");
     opened.click("View depth");
@@ -23,25 +23,25 @@ fn a_session_comes_back_when_the_program_starts_again() {
     opened.click("+ View");
     let session = &mut opened.harness.state_mut().session;
     session.move_camera(|rig| rig.orbit(0.3, 0.1));
-    session.theme = ThemePreference::Light;
-    (session.size, session.scale, session.samples) = ([96, 64], 0.5, 12.0);
+    let settings = &mut session.settings;
+    settings.theme = ThemePreference::Light;
+    (settings.size, settings.scale, settings.samples) = ([96, 64], 0.5, 12.0);
     session.resize();
     rest(&mut opened);
     let look = |opened: &Opened| {
-        let session = &opened.app().session;
-        let mut ports: Vec<_> =
-            opened.app().viewers().map(|viewer| (viewer.id, viewer.port.clone())).collect();
+        let (app, session) = (opened.app(), &opened.app().session);
+        let mut ports: Vec<_> = app.viewers().map(|viewer| (viewer.id, viewer.port.clone())).collect();
         ports.sort();
-        let camera = session.rig.unwrap().camera;
-        let settings = (session.size, session.scale, session.samples, session.slots.clone());
-        (session.document.path().to_owned(), session.scene.clone(), camera, settings, ports)
+        let settings = (session.settings.clone(), app.slots.clone());
+        let scene = session.scene().to_owned();
+        (session.document.path().to_owned(), scene, session.camera().unwrap(), settings, ports)
     };
     let before = look(&opened);
     assert_eq!(before.4.len(), 2);
     drop(opened);
 
     let mut opened = Opened::started(sessions.path(), None, None);
-    opened.until("the scene", |app| app.session.rig.is_some() && app.session.state.graph.is_some());
+    opened.until("the scene", |app| app.session.camera().is_some() && app.session.state.graph.is_some());
     assert_eq!(look(&opened), before);
     assert_eq!(opened.harness.ctx.options(|options| options.theme_preference), ThemePreference::Light);
     opened.frames(1);
@@ -52,7 +52,7 @@ fn a_session_comes_back_when_the_program_starts_again() {
     let (_other, other) = copy("render-cache.ron");
     let opened = Opened::started(sessions.path(), Some(&other), Some("cornell"));
     assert!(opened.app().session.document.path().ends_with("render-cache.ron"));
-    assert_eq!(opened.app().session.scene, "cornell");
+    assert_eq!(opened.app().session.scene(), "cornell");
 }
 
 #[test]
@@ -62,14 +62,14 @@ fn a_broken_session_file_gives_a_new_session_and_says_so() {
     let (_folder, graph) = copy("epi.ron");
     let mut opened = Opened::started(sessions.path(), Some(&graph), None);
     opened.until("the graph", |app| app.session.state.graph.is_some());
-    assert!(opened.app().session.notice.as_ref().unwrap().contains("could not be read"));
+    assert!(opened.app().session.notice().unwrap().contains("could not be read"));
     assert!(opened.harness.query_by_label_contains("could not be read").is_some());
-    assert_eq!(opened.app().session.scene, "cornell");
+    assert_eq!(opened.app().session.scene(), "cornell");
     rest(&mut opened);
     drop(opened);
     // From now on there is a sound one.
     let opened = Opened::started(sessions.path(), None, None);
-    assert_eq!(opened.app().session.notice, None);
+    assert_eq!(opened.app().session.notice(), None);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 use egui::{Event, PointerButton, Pos2, pos2};
 use egui_kittest::kittest::Queryable;
 use epigraph_core::{Finding, Mark};
+use epigraph_editor::intent::Intent;
 
 use crate::support::Opened;
 
@@ -51,21 +52,21 @@ fn a_click_lays_a_pixel_open_and_a_drag_does_not() {
     });
     assert_eq!(opened.app().session.state.frames, frames);
 
-    let picked = opened.app().session.inspection.pixel;
-    let camera = opened.app().session.rig.unwrap().camera;
+    let picked = opened.app().session.inspection.pixel();
+    let camera = opened.app().session.camera().unwrap();
     go(&mut opened, at);
     press(&mut opened, at, true);
     (1..6).for_each(|step| go(&mut opened, at + egui::vec2(12.0 * step as f32, 0.0)));
     press(&mut opened, at + egui::vec2(60.0, 0.0), false);
-    assert_eq!(opened.app().session.inspection.pixel, picked, "a drag picks nothing");
-    assert_ne!(opened.app().session.rig.unwrap().camera, camera, "it orbits");
+    assert_eq!(opened.app().session.inspection.pixel(), picked, "a drag picks nothing");
+    assert_ne!(opened.app().session.camera().unwrap(), camera, "it orbits");
 }
 
 #[test]
 fn a_hidden_inspector_costs_nothing() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(4);
-    opened.harness.state_mut().session.inspection.pick([10, 10]);
+    opened.push(Intent::Inspect([10, 10]));
     opened.until("the pixel", |app| app.session.state.inspection.is_some());
     opened.click("fill");
     assert_eq!(opened.app().session.selected.as_deref(), Some("fill"));
@@ -76,7 +77,7 @@ fn a_hidden_inspector_costs_nothing() {
     opened.until("the pixel again", |app| app.session.state.inspection.is_some());
     opened.click("forget the pixel");
     opened.until("the end of it", |app| app.session.state.inspection.is_none());
-    assert_eq!(opened.app().session.inspection.pixel, None);
+    assert_eq!(opened.app().session.inspection.pixel(), None);
 }
 
 /// For people to look at.
@@ -85,7 +86,7 @@ fn the_inspector_is_drawn() {
     let mut opened = Opened::with("epi.ron", true, [512, 512]);
     opened.frames(30);
     for (index, pixel) in [[212, 180], [300, 330], [150, 256], [256, 400]].into_iter().enumerate() {
-        opened.harness.state_mut().session.inspection.pick(pixel);
+        opened.push(Intent::Inspect(pixel));
         opened.until("the pixel", move |app| {
             app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == pixel)
         });
@@ -96,7 +97,7 @@ fn the_inspector_is_drawn() {
     let is_cut = |finding: &Finding| matches!(finding, Finding::Sketch(marks) if marks.iter().any(|mark| matches!(mark, Mark::Edge(_))));
     let cut = (236..256).find(|x| {
         let pixel = [*x, 362];
-        opened.harness.state_mut().session.inspection.pick(pixel);
+        opened.push(Intent::Inspect(pixel));
         opened.until("the pixel", move |app| {
             app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == pixel)
         });

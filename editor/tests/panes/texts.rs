@@ -2,7 +2,7 @@ use std::{fs, path::PathBuf};
 
 use egui::{Key, Modifiers, accesskit::Role};
 use egui_kittest::kittest::Queryable;
-use epigraph_editor::session::Jump;
+use epigraph_editor::intent::{Intent, Jump};
 
 use crate::support::Opened;
 
@@ -87,13 +87,13 @@ fn the_cursor_and_the_selection_follow_each_other() {
     let line_of = |text: &str, wanted: &str| 1 + text.lines().position(|line| line.contains(wanted)).unwrap();
     let path = opened.app().session.document.path().to_owned();
     let line = line_of(opened.text(), "method: Spread");
-    opened.harness.state_mut().session.jump = Some(Jump { path: path.clone(), at: (line, 10) });
+    opened.push(Intent::Jump(Jump { path: path.clone(), at: (line, 10) }));
     opened.until("the node", |app| app.session.selected.as_deref() == Some("spread"));
     // In a part, by its address in the whole.
     let part =
         opened.app().session.document.paths().find(|path| path.ends_with("edges.ron")).unwrap().to_owned();
     let line = line_of(opened.app().session.document.text(&part), "kind: \"reach_cull\"");
-    opened.harness.state_mut().session.jump = Some(Jump { path: part, at: (line, 20) });
+    opened.push(Intent::Jump(Jump { path: part, at: (line, 20) }));
     opened.until("the node", |app| app.session.selected.as_deref() == Some("edges/reach_cull"));
     // The other way round: a node chosen elsewhere brings up its file.
     opened.harness.state_mut().session.selected = Some("tonemap".into());

@@ -42,7 +42,7 @@ pub fn window(graph: &str) -> Opened {
 /// The same in the light theme.
 pub fn light_window(graph: &str) -> Opened {
     let mut opened = window(graph);
-    opened.harness.state_mut().session.theme = egui::ThemePreference::Light;
+    opened.harness.state_mut().session.settings.theme = egui::ThemePreference::Light;
     opened.harness.run_steps(3);
     opened
 }

@@ -1,3 +1,4 @@
+use epigraph_editor::intent::Intent;
 use image::imageops;
 
 use super::*;
@@ -32,7 +33,7 @@ fn a_shader() {
 fn a_pixel() {
     let mut opened = window("epi.ron");
     let pixel = [150, 118];
-    opened.harness.state_mut().session.inspection.pick(pixel);
+    opened.push(Intent::Inspect(pixel));
     opened.until("the pixel", |app| {
         app.session.state.inspection.as_ref().is_some_and(|found| found.pixel == pixel)
     });
@@ -46,7 +47,7 @@ fn the_cloud_and_classes_with_their_shares() {
     opened.click("Cloud");
     // One more frame shows what is newly watched; two requests at once might share one.
     opened.until("the ages", |app| app.session.state.fields("cloud/age.histogram").next().is_some());
-    opened.harness.state_mut().session.wanted = Some("edges/classify.cls".into());
+    opened.push(Intent::Show("edges/classify.cls".into()));
     opened.until("the classes", |app| app.session.state.fields("edges/classify.cls").next().is_some());
     rest(&mut opened);
     compare(&mut opened, "cloud-and-classes");

@@ -15,6 +15,7 @@ use epigraph_editor::{
     app::App,
     document::Document,
     engine::{self, Backend, Options, Pacing},
+    intent::Intent,
     opening::Opening,
     store::Store,
 };
@@ -90,6 +91,11 @@ impl Opened {
 
     pub fn app(&self) -> &App {
         self.harness.state()
+    }
+
+    /// Asks the window for something, as a pane does; the next frame does it.
+    pub fn push(&mut self, intent: Intent) {
+        self.harness.state_mut().session.push(intent);
     }
 
     /// Shows frames of the window until something holds.

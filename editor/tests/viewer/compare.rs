@@ -69,7 +69,7 @@ fn an_image_is_held_against_what_becomes_of_it() {
 fn the_line_of_a_wipe_can_be_dragged_and_moved_by_keys() {
     let mut view = View::new([64, 48], false, 3);
     view.click("Compare");
-    let camera = view.opened.app().session.rig.unwrap().camera;
+    let camera = view.opened.app().session.camera().unwrap();
     let line = view.rect("wipe line").center();
     let image = view.image();
     view.drag(line, line + vec2(-0.25 * image.width(), 0.0));
@@ -81,7 +81,7 @@ fn the_line_of_a_wipe_can_be_dragged_and_moved_by_keys() {
     view.settle();
     assert!((view.against().wipe - moved - 0.01).abs() < 1e-4);
     // The camera is not orbited by that.
-    assert_eq!(view.opened.app().session.rig.unwrap().camera, camera);
+    assert_eq!(view.opened.app().session.camera().unwrap(), camera);
 }
 
 #[test]

@@ -143,7 +143,7 @@ fn ids_can_be_seen_as_ages() {
 #[test]
 fn a_port_chosen_during_a_pause_shows_at_once() {
     let mut view = View::new([64, 48], false, 4);
-    view.opened.harness.state_mut().session.wanted = Some("view/project.depth".into());
+    view.opened.push(Intent::Show("view/project.depth".into()));
     view.opened.until("the depth", |app| {
         app.viewers().any(|viewer| viewer.picture().is_some_and(|picture| picture.mode == Mode::Depth))
     });

@@ -7,7 +7,7 @@ mod look;
 
 use egui::{Event, Modifiers, MouseWheelUnit, Pos2, Rect, TouchPhase, accesskit::Role, vec2};
 use egui_kittest::kittest::Queryable;
-use epigraph_editor::{document::Tag, panes::Viewer};
+use epigraph_editor::{document::Tag, intent::Intent, panes::Viewer};
 
 use crate::support::Opened;
 
@@ -39,9 +39,8 @@ impl View {
 
     /// Shows a port in the viewer in use; the engine runs a frame for it.
     fn see(&mut self, port: &str) {
-        let session = &mut self.opened.harness.state_mut().session;
-        let id = session.viewer;
-        session.wanted = Some(port.into());
+        let id = self.opened.app().viewer_in_use().unwrap().id;
+        self.opened.push(Intent::Show(port.into()));
         self.opened.until(port, |app| {
             let viewer = app.viewers().find(|viewer| viewer.id == id).unwrap();
             viewer.port == port && (viewer.picture().is_some() || viewer.list.is_some())

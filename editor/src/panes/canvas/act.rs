@@ -89,7 +89,7 @@ impl CanvasPane {
         if !addresses.is_empty() {
             session.edit(Tag::Once, |file| nodes::bypass(file, &addresses, bypass));
         } else if !self.selection.is_empty() {
-            session.notice = Some("a part cannot be bypassed; open it and bypass its nodes".into());
+            session.tell("a part cannot be bypassed; open it and bypass its nodes");
         }
     }
 
@@ -180,7 +180,7 @@ impl CanvasPane {
     /// Joins two pins, or says why not.
     pub(super) fn connect(&mut self, session: &mut Session, sight: &Sight, a: PinRef, b: PinRef) {
         if let Some(why) = sight.model.refusal(a, b) {
-            session.notice = Some(why);
+            session.tell(why);
             return;
         }
         let (from, to) = if a.output { (a, b) } else { (b, a) };
@@ -207,7 +207,7 @@ impl CanvasPane {
         };
         let Some(wire) = sight.model.wire_to(old_pin) else { return };
         if let Some(why) = sight.model.refusal(wire.from, to) {
-            session.notice = Some(why);
+            session.tell(why);
             return;
         }
         let source = sight.model.source(wire.from);

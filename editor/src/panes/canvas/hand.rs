@@ -21,6 +21,7 @@ use super::{
 };
 use crate::{
     document::{Pin, Tag, nodes},
+    intent::Intent,
     session::Session,
 };
 
@@ -300,7 +301,7 @@ impl CanvasPane {
         if response.clicked() {
             // Ports of nodes within a part are named with their node.
             let between = if pin.name.contains('.') { '/' } else { '.' };
-            session.wanted = Some(format!("{}{between}{}", block.address, pin.name));
+            session.push(Intent::Show(format!("{}{between}{}", block.address, pin.name)));
         }
         if self.gesture == Gesture::Idle {
             response.on_hover_ui(|ui| pin_hint(ui, session, sight, at));
@@ -388,12 +389,11 @@ impl CanvasPane {
             ([], []) => {
                 let (pin, words) = (sight.model.name(from), sight.model.at(from).words());
                 let name = &sight.model.blocks[block].name;
-                session.notice = Some(format!("no port of {name} fits {pin}, which holds {words}"));
+                session.tell(format!("no port of {name} fits {pin}, which holds {words}"));
             }
             _ => {
                 let names: Vec<&str> = fitting.iter().map(|pin| sight.model.at(*pin).name.as_str()).collect();
-                session.notice =
-                    Some(format!("several ports fit, drop it on one of them: {}", names.join(", ")));
+                session.tell(format!("several ports fit, drop it on one of them: {}", names.join(", ")));
             }
         }
         None

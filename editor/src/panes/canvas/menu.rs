@@ -139,10 +139,11 @@ fn side_menu(ui: &mut Ui, session: &mut Session, address: &str) {
 /// Writes the graph as a drawing.
 fn export(ui: &mut Ui, session: &mut Session, sight: &Sight) {
     let menu = ui.menu_button("Export", |ui| {
-        let path = std::path::Path::new(session.document.path());
+        let path = std::path::PathBuf::from(session.document.path());
+        let graph = session.state.graph.clone();
         let mut save = |ending: &str, text: &str| {
             let path = path.with_extension(ending);
-            session.notice = Some(match write(&path, text) {
+            session.tell(match write(&path, text) {
                 Ok(()) => format!("written to {}", path.display()),
                 Err(problems) => problems.to_string(),
             });
@@ -153,7 +154,6 @@ fn export(ui: &mut Ui, session: &mut Session, sight: &Sight) {
             ui.close();
         }
         let dot = format!("As {}", short(&path.with_extension("dot").display().to_string()));
-        let graph = session.state.graph.clone();
         let button = ui.add_enabled(graph.is_some(), Button::new(dot));
         if button
             .on_hover_text("The plan that runs, for Graphviz, as `epigraph check --dot` writes it")

@@ -44,7 +44,7 @@ use self::{
     view::View,
     watch::Watch,
 };
-use crate::{engine::GraphInfo, session::Session};
+use crate::{engine::GraphInfo, intent::Intent, session::Session};
 
 /// New times count this much, so that they can be read.
 const WEIGHT: f32 = 0.1;
@@ -79,8 +79,8 @@ pub struct CanvasPane {
     heat: bool,
     thumbnails: bool,
     images: Thumbnails,
-    /// Ports whose values the thumbnails show, and the pass of the window that asked for them.
-    watched: (u64, Watch),
+    /// Ports whose values the thumbnails show.
+    watched: Watch,
 }
 
 /// Blocks and wires, and what they were made of.
@@ -125,7 +125,7 @@ impl Default for CanvasPane {
             heat: true,
             thumbnails: false,
             images: Thumbnails::default(),
-            watched: (0, Watch::default()),
+            watched: Watch::default(),
         }
     }
 }
@@ -165,16 +165,10 @@ impl CanvasPane {
             }
             let over = self.handle(ui, session, &sight, &ground);
             self.paint(ui, session, &sight, &over, pane);
+            self.watch(ui, session, &sight);
             self.rename_field(ui, session, &sight);
             self.search_list(ui, session, &sight);
         });
-    }
-
-    /// The ports that thumbnails show at present, for the engine to take.
-    pub fn watched(&self, context: &egui::Context) -> &[String] {
-        // Behind another tab nobody sees them.
-        let fresh = context.cumulative_pass_nr() <= self.watched.0 + 2;
-        if fresh { self.watched.1.ports() } else { &[] }
     }
 
     /// Shows what is in a part, or the graph itself.
@@ -347,7 +341,6 @@ impl CanvasPane {
         let view = View { pane: pane.with_min_y(self.view.pane.bottom()), ..self.view };
         let below = Brush { painter: &ui.painter_at(view.pane), view, ..brush };
         below.legend(self.heat.then(|| sight.hottest()), !sight.crossings.is_empty());
-        self.watch(ui, session, sight);
     }
 
     fn thumbnail(&self, painter: &egui::Painter, sight: &Sight, index: usize) {
@@ -370,19 +363,20 @@ impl CanvasPane {
     }
 
     /// Says which ports thumbnails show, and takes their newest values.
-    fn watch(&mut self, ui: &Ui, session: &Session, sight: &Sight) {
+    fn watch(&mut self, ui: &Ui, session: &mut Session, sight: &Sight) {
         if !self.thumbnails {
-            self.watched.1 = Watch::default();
+            self.watched = Watch::default();
             self.images.clear();
             return;
         }
         let pictures = (0..sight.model.blocks.len()).filter_map(|index| self.picture(sight, index));
         let ports: Vec<(&str, bool)> =
             pictures.map(|(of, rect)| (of.port.as_str(), rect.intersects(self.view.pane))).collect();
-        let (pass, watch) = &mut self.watched;
-        *pass = ui.ctx().cumulative_pass_nr();
-        if let Some(wait) = watch.see(ports.iter().copied(), ui.input(|input| input.time)) {
+        if let Some(wait) = self.watched.see(ports.iter().copied(), ui.input(|input| input.time)) {
             ui.ctx().request_repaint_after_secs(wait as f32);
+        }
+        for port in self.watched.ports() {
+            session.push(Intent::Watch(port.clone()));
         }
         let in_sight = |snapshot: &&Arc<Snapshot>| ports.contains(&(snapshot.name.as_str(), true));
         self.images.update(ui.ctx(), session.state.snapshots.iter().filter(in_sight));

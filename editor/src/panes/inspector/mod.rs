@@ -38,8 +38,8 @@ pub struct InspectorPane {
 impl InspectorPane {
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
-        session.inspection.is_shown = true;
-        let Some(pixel) = session.inspection.pixel else {
+        session.inspection.show();
+        let Some(pixel) = session.inspection.pixel() else {
             empty(ui);
             return;
         };
@@ -72,7 +72,7 @@ impl InspectorPane {
                 let forget = ui.add(Button::new("×").frame(false)).on_hover_text("Forget the pixel");
                 forget.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "forget the pixel"));
                 if forget.clicked() {
-                    session.inspection.pixel = None;
+                    session.inspection.forget();
                 }
                 ui.checkbox(&mut self.numbers, "numbers")
                     .on_hover_text("Also what each port holds there, as plain numbers");

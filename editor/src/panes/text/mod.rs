@@ -18,7 +18,7 @@ use search::Search;
 pub use syntax::Language;
 use syntax::{Highlight, HighlightKind};
 
-use crate::{files::short, session::Session, theme};
+use crate::{files::short, intent::Jump, session::Session, theme};
 
 /// Room for line numbers, points.
 const GUTTER: f32 = 34.0;
@@ -36,6 +36,8 @@ pub struct TextPane {
     selected: Option<String>,
     /// Where the cursor was last, as a character.
     cursor: Option<usize>,
+    /// Where it goes next.
+    jump: Option<Jump>,
 }
 
 /// A stretch of text to be brought into view.
@@ -51,9 +53,14 @@ impl TextPane {
         Self { language: Language::Wgsl, ..Self::default() }
     }
 
+    /// Goes to a place in one of its texts.
+    pub fn jump(&mut self, jump: Jump) {
+        self.jump = Some(jump);
+    }
+
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
-        let jump = session.jump.take_if(|jump| Language::of(&jump.path) == self.language);
+        let jump = self.jump.take();
         if let Some(jump) = &jump {
             self.path = jump.path.clone();
         }

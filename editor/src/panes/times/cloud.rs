@@ -7,6 +7,7 @@ use egui_plot::{Bar, BarChart, Plot};
 
 use crate::{
     engine::{GraphInfo, NodeInfo, Record},
+    intent::Intent,
     session::Session,
     theme,
 };
@@ -23,9 +24,9 @@ pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
     };
     // Small lists, and copied only while they are shown.
     let arrived = output(&graph, "integrate", "arrived");
-    session
-        .asides
-        .extend([Some(ages.1.clone()), arrived.as_ref().map(|found| found.1.clone())].into_iter().flatten());
+    for (_, port) in [Some(&ages), arrived.as_ref()].into_iter().flatten() {
+        session.push(Intent::Watch(port.clone()));
+    }
 
     let counts = session.state.fields(&ages.1).next().map(|snapshot| snapshot.get::<u32>());
     let Some(counts) = counts else {

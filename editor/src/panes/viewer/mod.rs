@@ -35,6 +35,7 @@ pub use self::{
 };
 use crate::{
     engine::{GraphInfo, State},
+    intent::Intent,
     session::Session,
 };
 
@@ -103,15 +104,6 @@ impl Viewer {
 
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
-        if session.viewer == self.id
-            && let Some(port) = session.wanted.take()
-        {
-            self.choose(port);
-        }
-        if session.viewer == self.id {
-            session.viewed.clone_from(&self.port);
-            self.take_dropped(ui);
-        }
         let Some(graph) = session.state.graph.clone() else {
             ui.centered_and_justified(|ui| ui.weak("Nothing runs yet."));
             return;
@@ -121,13 +113,13 @@ impl Viewer {
         if self.compare.as_ref().is_some_and(|compare| compare.with == With::Graph) {
             session.beside.want(&name);
         }
-        self.look.far = session.rig.map_or(f32::INFINITY, |rig| rig.camera.far);
+        self.look.far = session.camera().map_or(f32::INFINITY, |camera| camera.far);
         self.take(ui, &graph, &state, &name);
         self.header(ui, &graph, state.frames);
         if let Some(list) = &mut self.list {
             let response = ui.interact(ui.max_rect(), ui.id().with("list"), Sense::hover());
             if response.contains_pointer() && ui.input(|input| input.pointer.any_pressed()) {
-                session.viewer = self.id;
+                session.push(Intent::Use(self.id));
             }
             return list.show(ui);
         }
@@ -178,7 +170,8 @@ impl Viewer {
         POINTS.contains(&self.port.rsplit('.').next().unwrap_or_default())
     }
 
-    fn choose(&mut self, port: String) {
+    /// Shows another port.
+    pub fn choose(&mut self, port: String) {
         if port != self.port {
             let compare = self.compare.take();
             let (id, place, histogram_open) = (self.id, self.place, self.histogram_open);
@@ -187,7 +180,7 @@ impl Viewer {
     }
 
     /// An image file that is dropped on the window is compared with.
-    fn take_dropped(&mut self, ui: &Ui) {
+    pub fn take_dropped(&mut self, ui: &Ui) {
         let dropped = ui.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
         let Some(path) = dropped else { return };
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -206,7 +199,7 @@ impl Viewer {
             egui::WidgetInfo::labeled(egui::WidgetType::Image, true, format!("image of {name}"))
         });
         if response.hovered() || response.clicked() {
-            session.viewer = self.id;
+            session.push(Intent::Use(self.id));
         }
         let placed = self.place.put(pane, layer.shown.size);
         paint(ui, graph, &placed, &self.pictures, self.compare.as_deref(), &response);

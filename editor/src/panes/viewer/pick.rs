@@ -3,7 +3,7 @@
 use egui::{Painter, Rect, Response, Stroke, StrokeKind, Ui, vec2};
 
 use super::Placed;
-use crate::{session::Session, theme};
+use crate::{intent::Intent, session::Session, theme};
 
 /// A click picks a pixel of the frame, which has so many pixels; the picked one is marked.
 pub fn pick(ui: &Ui, session: &mut Session, response: &Response, placed: &Placed, frame: [u32; 2]) {
@@ -14,9 +14,9 @@ pub fn pick(ui: &Ui, session: &mut Session, response: &Response, placed: &Placed
         // Ports may be coarser than the frame.
         let at = placed.pixel(at);
         let scaled = |axis: usize| (at[axis] * frame[axis] / size[axis].max(1)).min(frame[axis] - 1);
-        session.inspection.pick([scaled(0) as u32, scaled(1) as u32]);
+        session.push(Intent::Inspect([scaled(0) as u32, scaled(1) as u32]));
     }
-    if let Some(picked) = session.inspection.pixel {
+    if let Some(picked) = session.inspection.pixel() {
         let scale = vec2(placed.image.width() / frame[0] as f32, placed.image.height() / frame[1] as f32);
         let corner = placed.image.min + vec2(picked[0] as f32, picked[1] as f32) * scale;
         mark(&ui.painter_at(placed.pane), Rect::from_min_size(corner, scale));
