@@ -37,7 +37,10 @@ mod samples;
 mod setup;
 
 pub use epigraph_core::{Registry, Snapshot, Source};
-pub use epigraph_stages::{Pace, SampleSource, registry};
+pub use epigraph_stages::{
+    Pace, Query, Ray, SampleSource, registry,
+    shared::requests::{Request, Sample},
+};
 
 pub use backend::{Backend, Device};
 pub use error::Error;

@@ -5,6 +5,7 @@ mod complex;
 mod documents;
 mod epi;
 mod extremes;
+mod library;
 mod meshes;
 mod moving;
 mod parity;

@@ -4,5 +4,8 @@ mod bad_input;
 mod bench;
 mod commands;
 mod gallery;
+// Signals of other systems are sent in other ways.
+#[cfg(target_os = "linux")]
+mod interrupt;
 mod quality;
 mod support;

@@ -3,7 +3,7 @@
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::Command,
+    process::{Child, Command, Output, Stdio},
 };
 
 use tempfile::TempDir;
@@ -49,6 +49,14 @@ impl Place {
         run(&mut command(self.0.path(), words))
     }
 
+    /// Starts `epigraph` in it.
+    #[cfg(target_os = "linux")]
+    pub fn start(&self, words: &str) -> Running {
+        let mut command = command(self.0.path(), words);
+        let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        Running(command.spawn().expect("the program was built"))
+    }
+
     /// Runs `epigraph` where no graphics driver is found.
     pub fn run_without_gpu(&self, words: &str) -> Run {
         // The Vulkan loader then looks for drivers in this file alone (two names: it was renamed).
@@ -75,6 +83,30 @@ impl Place {
     }
 }
 
+/// A program that has not ended yet.
+#[cfg(target_os = "linux")]
+pub struct Running(Child);
+
+#[cfg(target_os = "linux")]
+impl Running {
+    /// Its process.
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
+    /// Waits for its end.
+    pub fn wait(self) -> Run {
+        Run::of(self.0.wait_with_output().expect("it was started"))
+    }
+}
+
+impl Run {
+    fn of(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+}
+
 fn command(folder: &Path, words: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_epigraph"));
     command.args(words.split_whitespace()).current_dir(folder);
@@ -82,7 +114,5 @@ fn command(folder: &Path, words: &str) -> Command {
 }
 
 fn run(command: &mut Command) -> Run {
-    let output = command.output().expect("the program was built");
-    let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
-    Run { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    Run::of(command.output().expect("the program was built"))
 }
