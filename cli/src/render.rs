@@ -81,7 +81,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         threads,
         samples: run.settings().samples,
         side: device.side,
-        gpu: run.gpu(),
+        gpu: run.gpu().map(Arc::as_ref),
         plan: run.plan(),
         pooled_bytes: pooled,
         frames: run.index(),

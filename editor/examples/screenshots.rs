@@ -8,7 +8,7 @@ use egui_kittest::{Harness, kittest::Queryable};
 use epigraph_editor::{
     app::App,
     document::Document,
-    engine::{Backend, Command, Options, Pacing},
+    engine::{Backend, Command, Options, Pace},
     intent::{Intent, Jump},
     panes::Pane,
 };
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = Options {
         scene: "chains".into(),
         backend: Backend::Cpu,
-        pacing: Pacing::Exact,
+        pacing: Pace::Exact,
         paused: true,
         ..Options::default()
     };

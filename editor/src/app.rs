@@ -3,6 +3,7 @@
 use eframe::{CreationContext, Frame};
 use egui::{Context, Key, KeyboardShortcut, Modifiers, Ui};
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
+use epigraph::Registry;
 
 use crate::{
     dialog::{Answer, Dialog},
@@ -78,16 +79,17 @@ const DIGITS: [Key; 9] =
 impl App {
     /// Opens a document on a scene: nothing is brought back of a session before, nothing kept.
     pub fn new(creation: &CreationContext, document: Document, options: Options) -> Self {
-        Self::open(creation, Opening { document, options, stored: None, store: None, notice: None })
+        let opening = Opening { document, options, stored: None, store: None, notice: None };
+        Self::open(creation, opening, epigraph::registry())
     }
 
-    /// Opens what the program starts with.
-    pub fn open(creation: &CreationContext, opening: Opening) -> Self {
+    /// Opens what the program starts with, with these kinds of stage.
+    pub fn open(creation: &CreationContext, opening: Opening, registry: Registry) -> Self {
         let Opening { document, options, stored, store, notice } = opening;
         theme::apply(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
         let recovery = store.as_ref().and_then(|store| store.recovery(&document));
-        let mut session = Session::new(document, options, move || context.request_repaint());
+        let mut session = Session::new(document, options, registry, move || context.request_repaint());
         if let Some(notice) = notice {
             session.tell(notice);
         }

@@ -3,6 +3,17 @@
 //! [`engine`] runs the graph on a thread of its own, [`document`] owns the file's text; neither
 //! knows the window. A [`session`] holds them together, and [`app`] shows it in [`panes`]. What panes want of the window
 //! they push as [`intent`]s, which the window handles once all are drawn; dialogs and session do not know each other.
+//!
+//! A program with stages of its own is the same editor with another registry:
+//!
+//! ```no_run
+//! use std::process::ExitCode;
+//!
+//! fn main() -> ExitCode {
+//!     // ... .with::<MyStage>()
+//!     epigraph_editor::main(epigraph::registry())
+//! }
+//! ```
 
 pub mod app;
 pub mod beside;
@@ -23,6 +34,7 @@ pub mod opening;
 pub mod output;
 pub mod panes;
 mod perform;
+mod program;
 pub mod pulse;
 pub mod route;
 pub mod session;
@@ -31,3 +43,5 @@ pub mod store;
 mod task;
 mod theme;
 mod toolbar;
+
+pub use program::main;

@@ -1,48 +1,7 @@
-//! `epigraph-editor`: opens a graph on a scene.
+//! The program `epigraph-editor` with the stages of the algorithms; see the library for what it does.
 
 use std::process::ExitCode;
 
-use clap::Parser;
-use eframe::NativeOptions;
-use egui::ViewportBuilder;
-use epigraph_editor::{app::App, engine::Options, opening::Opening, store::Store};
-
-/// Opens a render graph on a scene: see every image, change any parameter or wire, and save a file that is still yours.
-#[derive(Parser)]
-#[command(name = "epigraph-editor", version)]
-struct Args {
-    /// A graph file, or the name of one in the folder `graphs` here or above.
-    /// Without one, what was open last; at first epi.
-    graph: Option<String>,
-    /// A scene's name or file; without one, that of last time, at first cornell.
-    #[arg(long)]
-    scene: Option<String>,
-    /// Bring nothing back of the last session, and keep nothing of this one.
-    #[arg(long)]
-    fresh: bool,
-}
-
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-fn run(args: &Args) -> Result<(), String> {
-    let opening = Opening::new(
-        Store::of_user().filter(|_| !args.fresh),
-        args.graph.as_deref(),
-        args.scene.as_deref(),
-        Options::default(),
-    )?;
-    let native = NativeOptions {
-        viewport: ViewportBuilder::default().with_inner_size([1280.0, 720.0]).with_app_id("epigraph-editor"),
-        ..NativeOptions::default()
-    };
-    let open = |creation: &eframe::CreationContext| Ok(Box::new(App::open(creation, opening)) as Box<_>);
-    eframe::run_native("Epigraph", native, Box::new(open)).map_err(|error| error.to_string())
+    epigraph_editor::main(epigraph::registry())
 }

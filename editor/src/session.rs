@@ -15,7 +15,7 @@ use crate::{
     beside::Beside,
     camera::Rig,
     document::{Document, Places, Tag},
-    engine::{Backend, Command, Engine, Options, Pacing, Playback, Playing, Sink, State, Way},
+    engine::{Backend, Command, Engine, Options, Pace, Playback, Playing, Sink, State, Way},
     inspect::Picked,
     intent::Intent,
     jobs::{Jobs, Outcome},
@@ -43,7 +43,7 @@ pub struct Settings {
     /// Where nodes run that do not say.
     pub backend: Backend,
     /// When samples arrive.
-    pub pacing: Pacing,
+    pub pacing: Pace,
     /// Light, dark, or as the system has it.
     pub theme: ThemePreference,
 }
@@ -57,7 +57,7 @@ pub struct Session {
     /// What the engine said last, taken once for each frame of the window.
     pub state: Arc<State>,
     /// All stage kinds.
-    pub registry: Registry,
+    pub registry: Arc<Registry>,
     /// The address of the selected node.
     pub selected: Option<String>,
     /// The pixel that the user has picked.
@@ -99,22 +99,23 @@ pub struct Session {
 }
 
 impl Session {
-    /// Runs a document. `wake` is called from the engine's thread when there is something new to show.
+    /// Runs a document, with these kinds of stage. `wake` is called from the engine's thread when there is something new to show.
     pub fn new(
         mut document: Document,
         options: Options,
+        registry: Registry,
         wake: impl Fn() + Clone + Send + Sync + 'static,
     ) -> Self {
         let Options { size, backend, pacing, seed, measured, .. } = options;
         let (samples, scene) = (options.samples * 100.0, options.scene.clone());
         let theme = ThemePreference::default();
         let jobs = Jobs::new(wake.clone());
-        let engine = Engine::start(options, wake);
+        let engine = Engine::start(options, registry, wake);
         let session = Self {
             state: engine.state(),
             sent: document.revision(),
+            registry: engine.registry().clone(),
             engine,
-            registry: epigraph_stages::registry(),
             selected: None,
             inspection: Picked::default(),
             beside: Beside::default(),

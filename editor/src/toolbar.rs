@@ -3,7 +3,7 @@
 use egui::{Button, ComboBox, DragValue, Response, RichText, Slider, Ui, WidgetType};
 
 use crate::{
-    engine::{Backend, Command, Pacing},
+    engine::{Backend, Command, Pace},
     menu,
     name::Named,
     session::{SCALES, Session},
@@ -19,10 +19,10 @@ const BACKENDS: [(Backend, &str, &str); 3] = [
     (Backend::Gpu, "GPU", "Any GPU adapter, software ones included."),
 ];
 
-const PACINGS: [(Pacing, &str, &str); 2] = [
-    (Pacing::Async, "When traced", "Samples come when they are done; no frame waits for them."),
+const PACINGS: [(Pace, &str, &str); 2] = [
+    (Pace::Async, "When traced", "Samples come when they are done; no frame waits for them."),
     (
-        Pacing::Exact,
+        Pace::Exact,
         "Each frame",
         "All samples come in the frame of their request: the same picture in every run.",
     ),
@@ -122,7 +122,7 @@ fn sampling(ui: &mut Ui, session: &mut Session) {
     let response = combo.show_ui(ui, |ui| {
         for (pacing, label, doc) in PACINGS {
             if ui.selectable_value(&mut session.settings.pacing, pacing, label).on_hover_text(doc).changed() {
-                session.engine.send(Command::Pacing(pacing));
+                session.engine.send(Command::Pace(pacing));
             }
         }
     });

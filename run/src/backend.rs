@@ -72,6 +72,20 @@ impl Device {
         }
     }
 
+    /// As [`Device::open`], with a GPU that is open already wherever it will do.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn reopen(backend: Backend, gpu: Option<Arc<Gpu>>) -> Result<Self, RunError> {
+        match (backend, gpu) {
+            (Backend::Cpu, gpu) => Ok(Self { side: Side::Cpu, gpu }),
+            (Backend::Gpu, Some(gpu)) => Ok(Self::on(gpu)),
+            (Backend::Auto, Some(gpu)) if !gpu.is_software() => Ok(Self::on(gpu)),
+            (Backend::Auto, Some(gpu)) => Ok(Self { side: Side::Cpu, gpu: Some(gpu) }),
+            (_, None) => Self::open(backend),
+        }
+    }
+
     /// This GPU.
     pub fn on(gpu: Arc<Gpu>) -> Self {
         Self { side: Side::Gpu, gpu: Some(gpu) }

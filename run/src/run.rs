@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use epigraph_core::{
-    Executor, Frame, Gpu, Graph, GraphError, GraphFile, Host, Plan, Problem, Settings, Snapshot, Source,
+    Executor, Frame, Gpu, Graph, GraphError, GraphFile, Host, Plan, Problem, RunError, Settings, Snapshot,
+    Source,
 };
 use epigraph_pictures::is_image;
 use epigraph_scenes::{Camera, CameraPath, predict};
@@ -64,8 +65,8 @@ impl Run {
     }
 
     /// The GPU in use.
-    pub fn gpu(&self) -> Option<&Gpu> {
-        self.gpu.as_deref()
+    pub fn gpu(&self) -> Option<&Arc<Gpu>> {
+        self.gpu.as_ref()
     }
 
     /// The path that the camera follows.
@@ -129,15 +130,29 @@ impl Run {
         self.advance(true)
     }
 
+    /// Runs a frame of the caller's own, of whatever view and number. Without `capture` nothing is copied.
+    ///
+    /// # Errors
+    /// As [`Run::frame`].
+    pub fn run(&mut self, frame: &Frame, capture: bool) -> Result<(), RunError> {
+        self.executor.run(frame, &self.host, capture)?;
+        self.index = frame.index.wrapping_add(1);
+        Ok(())
+    }
+
+    /// Gives the stages another host from the next frame on, for instance with another source of samples.
+    pub fn set_host(&mut self, host: Arc<Host>) {
+        self.host = host;
+    }
+
     /// Runs the next frame. Without `capture` nothing is copied: [`Run::read`] gives what was captured last.
     ///
     /// # Errors
     /// As [`Run::frame`].
     pub fn advance(&mut self, capture: bool) -> Result<(), Error> {
         let frame = self.next_frame();
-        self.executor.run(&frame, &self.host, capture)?;
-        self.shown = Some(self.camera.unwrap_or_else(|| self.path.camera(self.index)));
-        self.index += 1;
+        self.run(&frame, capture)?;
+        self.shown = Some(self.camera.unwrap_or_else(|| self.path.camera(frame.index)));
         Ok(())
     }
 

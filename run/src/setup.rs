@@ -4,7 +4,7 @@ use std::{mem, path::Path, sync::Arc};
 
 use epigraph_core::{Executor, Gpu, Graph, GraphFile, Host, Plan, Registry, Settings, Source, compile};
 use epigraph_scenes::Scene;
-use epigraph_stages::{Pace, SampleSource};
+use epigraph_stages::{Pace, SampleSource, facts::CAMERA_MOVES};
 
 use crate::{
     Backend, Device, Error, Place, Run, Samples,
@@ -39,6 +39,7 @@ pub struct Setup {
     poison: bool,
     profile: bool,
     keep: Vec<Source>,
+    live: bool,
 }
 
 enum SceneChoice {
@@ -73,6 +74,7 @@ impl Setup {
             poison: false,
             profile: true,
             keep: Vec::new(),
+            live: false,
         }
     }
 
@@ -104,6 +106,13 @@ impl Setup {
     /// The camera path as the command line takes it: `still`, `orbit`, `fly:FILE.ron` and so on.
     pub fn camera(mut self, path: &str) -> Self {
         self.camera = Some(path.into());
+        self
+    }
+
+    /// Says that somebody may move the camera by hand ([`Run::look`], [`Run::run`]): nothing is left out that a still camera
+    /// makes needless.
+    pub fn live(mut self) -> Self {
+        self.live = true;
         self
     }
 
@@ -223,8 +232,10 @@ impl Setup {
             DeviceChoice::Backend(backend) => Device::open(backend)?,
             DeviceChoice::Open(device) => device,
         };
+        let facts = place.facts();
+        let moves = self.live || facts.holds(CAMERA_MOVES);
         let settings = Settings {
-            facts: place.facts(),
+            facts: facts.stating(CAMERA_MOVES, moves),
             side: device.side,
             prune: self.prune,
             pooling: self.pooling,

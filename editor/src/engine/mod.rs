@@ -22,38 +22,17 @@ use std::{
 
 use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
 use epigraph_scenes::Camera;
-use serde::{Deserialize, Serialize};
 
 use crate::inspect::Inspection;
+use worker::{ReadShaders, shader_kind};
 
+pub use epigraph::{Backend, Pace};
 pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo, Transfer};
 pub use playback::{Playback, Playing, Sink, Way};
 pub use record::{RECORDED, Record, StepCost};
 
 /// Most frames a second: more than a screen shows would only take the cores from the tracer.
 pub const MAX_RATE: f32 = 60.0;
-
-/// Where nodes run that do not say.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Backend {
-    /// A hardware GPU if there is one, else the CPU.
-    #[default]
-    Auto,
-    /// Native code.
-    Cpu,
-    /// Any GPU adapter, software ones included.
-    Gpu,
-}
-
-/// When samples arrive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Pacing {
-    /// When they are done; no frame waits for them.
-    #[default]
-    Async,
-    /// All of them in the frame of their request: the same picture in every run, at the tracer's speed.
-    Exact,
-}
 
 /// What the engine starts with.
 #[derive(Clone, Debug)]
@@ -67,7 +46,7 @@ pub struct Options {
     /// Where nodes run that do not say.
     pub backend: Backend,
     /// When samples arrive.
-    pub pacing: Pacing,
+    pub pacing: Pace,
     /// Whether frames wait for [`Command::Step`].
     pub paused: bool,
     /// The run's seed.
@@ -84,7 +63,7 @@ impl Default for Options {
             size: [512, 512],
             samples: 0.05,
             backend: Backend::default(),
-            pacing: Pacing::default(),
+            pacing: Pace::Async,
             paused: false,
             seed: 1,
             measured: true,
@@ -142,7 +121,7 @@ pub enum Command {
     Size([u32; 2]),
     /// Another scene, by its name or file. Where it cannot be read, the present one stays.
     Scene(String),
-    /// Forget what is kept and run along a path, [`Pacing::Exact`] whatever is set; then wait. Where one is under way, it
+    /// Forget what is kept and run along a path, [`Pace::Exact`] whatever is set; then wait. Where one is under way, it
     /// is left.
     Play(Playback),
     /// Leave the path, and wait.
@@ -150,7 +129,7 @@ pub enum Command {
     /// Where nodes run that do not say.
     Backend(Backend),
     /// When samples arrive.
-    Pacing(Pacing),
+    Pace(Pace),
     /// Ports to take [`Snapshot`]s of, as `node.port`; the graph's outputs are always taken. Unknown ones are skipped.
     /// While frames wait, all ports of the last one can be had, unless it was too large for that: then one more is run.
     Watch(Vec<String>),
@@ -233,16 +212,15 @@ impl State {
 pub struct Engine {
     commands: Option<mpsc::Sender<Command>>,
     published: Arc<Mutex<Arc<State>>>,
+    registry: Arc<Registry>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Engine {
-    /// Starts the thread. `wake` is called from it whenever there is a new state.
-    pub fn start(options: Options, wake: impl Fn() + Send + 'static) -> Self {
-        Self::start_with(options, epigraph_stages::registry, wake)
-    }
-
-    fn start_with(options: Options, registry: fn() -> Registry, wake: impl Fn() + Send + 'static) -> Self {
+    /// Starts the thread, with these kinds of stage. `wake` is called from it whenever there is a new state.
+    pub fn start(options: Options, registry: Registry, wake: impl Fn() + Send + 'static) -> Self {
+        let read = ReadShaders::default();
+        let registry = Arc::new(registry.with_kind(shader_kind(&read)));
         let (sender, commands) = mpsc::channel();
         let first = State { paused: options.paused, ..State::default() };
         let published = Arc::new(Mutex::new(Arc::new(first)));
@@ -251,11 +229,17 @@ impl Engine {
             *shared.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(state);
             wake();
         };
+        let kinds = registry.clone();
         let thread = thread::Builder::new()
             .name("engine".into())
-            .spawn(move || worker::run(options, registry(), &commands, &publish))
+            .spawn(move || worker::run(options, kinds, read, &commands, &publish))
             .ok();
-        Self { commands: Some(sender), published, thread }
+        Self { commands: Some(sender), published, registry, thread }
+    }
+
+    /// The kinds of stage.
+    pub fn registry(&self) -> &Arc<Registry> {
+        &self.registry
     }
 
     /// Queues a command.

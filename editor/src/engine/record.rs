@@ -51,17 +51,17 @@ mod tests {
     use epigraph_core::{GraphFile, Side};
 
     use super::*;
-    use crate::engine::{Backend, Command, Engine, Options, Pacing};
+    use crate::engine::{Backend, Command, Engine, Options, Pace};
 
     fn run(graph: &str, frames: u32) -> Arc<[Arc<Record>]> {
         let options = Options {
             size: [48, 32],
             backend: Backend::Cpu,
-            pacing: Pacing::Exact,
+            pacing: Pace::Exact,
             paused: true,
             ..Options::default()
         };
-        let engine = Engine::start(options, || ());
+        let engine = Engine::start(options, epigraph::registry(), || ());
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph);
         engine.send(Command::Graph(Arc::new(GraphFile::load(&path).unwrap())));
         engine.send(Command::Step(frames));

@@ -5,17 +5,15 @@ use std::{
     sync::Arc,
 };
 
-use epigraph_core::{
-    Executor, Gpu, Graph, GraphError, GraphFile, Plan, Problem, Problems, Registry, RunError, Settings, Side,
-    Source, compile,
-};
+use epigraph::{Compiled, Error, Run, Setup, Source};
+use epigraph_core::{GraphError, Problem, Problems, RunError};
 
 use super::GraphInfo;
 use crate::inspect;
 
 /// A graph that runs.
 pub struct Running {
-    pub executor: Executor,
+    pub run: Run,
     pub info: Arc<GraphInfo>,
     /// The taps that it was compiled with.
     pub taps: Taps,
@@ -35,26 +33,21 @@ pub struct Taps {
 }
 
 impl Running {
-    /// Compiles a file for `settings`. `open` gives the GPU where the plan needs one.
+    /// Compiles and allocates.
     ///
     /// # Errors
-    /// All problems of the file; those of a device or of memory stand without a place.
-    pub fn new(
-        file: &GraphFile,
-        registry: &Registry,
-        settings: &Settings,
-        taps: Taps,
-        open: &mut dyn FnMut() -> Result<Arc<Gpu>, RunError>,
-    ) -> Result<Self, Problems> {
+    /// All problems of the file. Those of a device or of memory have no place in it.
+    pub fn new(setup: Setup, taps: Taps) -> Result<Self, Problems> {
         // A panic here is a bug of the compiler; the window and the files outlive it.
         let made = catch_unwind(AssertUnwindSafe(|| {
-            let (graph, plan, settings, is_open) = compile_tapped(file, registry, settings, &taps)?;
-            let gpu =
-                if plan.uses(Side::Gpu) { Some(open().map_err(|error| problems(&error))?) } else { None };
-            let info = GraphInfo::new(&graph, &plan, settings.size, gpu.as_ref().map(|gpu| gpu.name()));
-            let executor = Executor::new(graph, plan, &settings, registry, gpu);
-            let executor = executor.map_err(|error| problems(&error))?;
-            Ok(Self { executor, info: Arc::new(info), taps, is_open, is_timed: false })
+            let mut compiled = setup.compile().map_err(problems)?;
+            let is_open = keep(&mut compiled, &taps)?;
+            let gpu = compiled.gpu().map_err(problems)?;
+            let size = compiled.settings().size;
+            let info =
+                GraphInfo::new(compiled.graph(), compiled.plan(), size, gpu.as_ref().map(|gpu| gpu.name()));
+            let run = compiled.start().map_err(problems)?;
+            Ok(Self { run, info: Arc::new(info), taps, is_open, is_timed: false })
         }));
         made.unwrap_or_else(|panic| {
             let text = format!("compiling it panicked: {}", message(panic.as_ref()));
@@ -69,41 +62,34 @@ pub fn message(panic: &(dyn std::any::Any + Send)) -> &str {
     text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
 }
 
-/// A failure to make memory or pipelines as a problem of the graph.
-fn problems(error: &RunError) -> Problems {
-    let problem = Problem::new(GraphError::Invalid(error.to_string()));
-    match error {
-        RunError::Stage { node, message } => {
-            Problem::new(GraphError::Invalid(message.clone())).node(node).into()
+/// What keeps a graph from running, as problems of it.
+pub fn problems(error: impl Into<Error>) -> Problems {
+    match error.into() {
+        Error::Graph(problems) => problems,
+        Error::Run(RunError::Stage { node, message }) => {
+            Problem::new(GraphError::Invalid(message)).node(&node).into()
         }
-        _ => problem.into(),
+        error => Problem::new(GraphError::Invalid(error.to_string())).into(),
     }
 }
 
-fn compile_tapped(
-    file: &GraphFile,
-    registry: &Registry,
-    settings: &Settings,
-    taps: &Taps,
-) -> Result<(Graph, Plan, Settings, bool), Problems> {
-    let with = |taps: Vec<Source>| {
-        let settings = Settings { taps, ..settings.clone() };
-        compile(file, registry, &settings).map(|(graph, plan)| (graph, plan, settings))
-    };
-    let mut watched: Vec<Source> = taps.watched.iter().filter_map(|name| name.parse().ok()).collect();
-    let mut made = with(watched.clone());
-    if made.is_err() {
-        // Is it the graph, or a port that it no longer has?
-        with(Vec::new())?;
-        watched.retain(|tap| with(vec![tap.clone()]).is_ok());
-        made = with(watched.clone());
+/// Keeps the watched ports, as far as the graph has them, and all that nodes write, unless copies of that would be too
+/// large: then the answer is no.
+fn keep(compiled: &mut Compiled, taps: &Taps) -> Result<bool, Problems> {
+    let watched: Vec<Source> = taps.watched.iter().filter_map(|name| name.parse().ok()).collect();
+    if compiled.keep(&watched).is_err() {
+        for port in &watched {
+            // A port that the graph no longer has.
+            let _ = compiled.keep(std::slice::from_ref(port));
+        }
     }
-    let (graph, plan, settings) = made?;
-    let bytes: u64 = graph.nodes.indices().map(|node| plan.node_bytes(node)).sum();
+    let plan = compiled.plan();
+    let bytes: u64 = compiled.graph().nodes.indices().map(|node| plan.node_bytes(node)).sum();
     if bytes > taps.all {
-        return Ok((graph, plan, settings, false));
+        return Ok(false);
     }
-    // Only of nodes that run anyway: looking must not change what is left out. And no port twice.
-    let more = inspect::taps(&graph).into_iter().filter(|tap| !watched.contains(tap)).collect();
-    with([watched, more].concat()).map(|(graph, plan, settings)| (graph, plan, settings, true))
+    // Only of nodes that run anyway: looking must not change what is left out.
+    let all = inspect::taps(compiled.graph());
+    compiled.keep(&all).map_err(problems)?;
+    Ok(true)
 }

@@ -24,7 +24,7 @@ fn options() -> Options {
         size: [48, 32],
         samples: 0.25,
         backend: Backend::Cpu,
-        pacing: Pacing::Exact,
+        pacing: Pace::Exact,
         paused: true,
         ..Options::default()
     }
@@ -71,8 +71,8 @@ fn changed(file: &Arc<GraphFile>, edit: impl FnOnce(&mut GraphFile)) -> Command 
 #[test]
 fn frames_advance_by_themselves_and_wake_the_window() {
     let (woken, wakes) = mpsc::channel();
-    let options = Options { paused: false, pacing: Pacing::Async, ..options() };
-    let engine = Engine::start(options, move || assert!(woken.send(()).is_ok()));
+    let options = Options { paused: false, pacing: Pace::Async, ..options() };
+    let engine = Engine::start(options, epigraph::registry(), move || assert!(woken.send(()).is_ok()));
     engine.send(Command::Graph(graph("render-cache.ron")));
     let state = wait(&engine, "30 frames", |state| state.frames >= 30);
     assert!(wakes.try_iter().count() >= 2);
@@ -86,7 +86,7 @@ fn frames_advance_by_themselves_and_wake_the_window() {
 #[test]
 fn steps_are_exact_and_a_pause_holds() {
     let run = || {
-        let engine = Engine::start(options(), || ());
+        let engine = Engine::start(options(), epigraph::registry(), || ());
         let watch = Command::Watch(vec!["view.id".into()]);
         let state = send(&engine, [Command::Graph(graph("render-cache.ron")), watch, Command::Step(3)], 3);
         thread::sleep(Duration::from_millis(100));
@@ -101,13 +101,13 @@ fn steps_are_exact_and_a_pause_holds() {
 fn all_ports_of_the_frame_can_be_seen_while_frames_wait() {
     let ids = |state: &State| state.fields("view/cull.id").next().map(|ids| ids.bytes.clone());
     let watch = |ports: &[&str]| Command::Watch(ports.iter().map(ToString::to_string).collect());
-    let engine = Engine::start(options(), || ());
+    let engine = Engine::start(options(), epigraph::registry(), || ());
     let before = send(
         &engine,
         [Command::Graph(graph("render-cache.ron")), watch(&["view/cull.id"]), Command::Step(3)],
         3,
     );
-    let engine = Engine::start(options(), || ());
+    let engine = Engine::start(options(), epigraph::registry(), || ());
     let unwatched = send(&engine, [Command::Graph(graph("render-cache.ron")), Command::Step(3)], 3);
     assert_eq!(ids(&unwatched), None);
     let after = send(&engine, [watch(&["view/cull.id"])], 3);
@@ -140,7 +140,7 @@ fn compiling_anew_changes_no_picture() {
         [("epi.ron", Backend::Cpu), ("epi.ron", Backend::Gpu), ("hybrid.ron", Backend::Gpu)]
     {
         let run = |anew: bool| {
-            let engine = Engine::start(Options { backend, ..options() }, || ());
+            let engine = Engine::start(Options { backend, ..options() }, epigraph::registry(), || ());
             send(&engine, [Command::Graph(graph(name)), Command::Step(3)], 3);
             for frame in 4..8 {
                 let again = anew.then(|| Command::Shaders(Arc::default()));
@@ -166,7 +166,7 @@ fn other_image(state: &State) -> &[u8] {
 #[test]
 fn another_graph_runs_beside_with_the_same_views() {
     let file = graph("render-cache.ron");
-    let engine = Engine::start(options(), || ());
+    let engine = Engine::start(options(), epigraph::registry(), || ());
     let state = send(&engine, [Command::Graph(file.clone()), beside(file.clone()), Command::Step(4)], 4);
     assert_eq!(other_image(&state), image(&state));
     let other = state.other.as_ref().unwrap();
@@ -202,7 +202,7 @@ fn a_graph_beside_that_fails_is_reported_and_the_one_in_hand_runs_on() {
         Arc::new(file)
     };
     let trouble = |state: &State| state.other.as_ref().unwrap().trouble.clone().unwrap_or_default();
-    let engine = Engine::start_with(options(), registry, || ());
+    let engine = Engine::start(options(), registry(), || ());
     let panics = with(|file| file.set_param("a", "panic", "true").unwrap());
     let state = send(&engine, [Command::Graph(calm.clone()), beside(panics), Command::Step(2)], 2);
     assert!(trouble(&state).contains("as told"), "{}", trouble(&state));
@@ -216,7 +216,7 @@ fn a_graph_beside_that_fails_is_reported_and_the_one_in_hand_runs_on() {
 
 #[test]
 fn a_changed_parameter_keeps_the_cloud_and_a_reset_forgets_it() {
-    let engine = Engine::start(options(), || ());
+    let engine = Engine::start(options(), epigraph::registry(), || ());
     let file = graph("render-cache.ron");
     let watch = Command::Watch(vec!["view.id".into(), "no.such".into()]);
     let before = send(&engine, [Command::Graph(file.clone()), watch, Command::Step(20)], 20);
@@ -232,7 +232,7 @@ fn a_changed_parameter_keeps_the_cloud_and_a_reset_forgets_it() {
 
 #[test]
 fn a_broken_graph_keeps_the_last_good_one_and_its_settings_can_change() {
-    let engine = Engine::start(options(), || ());
+    let engine = Engine::start(options(), epigraph::registry(), || ());
     let file = graph("render-cache.ron");
     send(&engine, [Command::Graph(file.clone()), Command::Step(5)], 5);
     let broken = changed(&file, |file| file.set_kind("fill", "fil").unwrap());
@@ -252,7 +252,7 @@ fn random_edits_never_end_the_engine_nor_take_its_graph() {
     let mut ran = 0;
     for (seed, path) in shipped(folder.path()).iter().enumerate() {
         let mut document = Document::open(path).unwrap();
-        let engine = Engine::start(options(), || {});
+        let engine = Engine::start(options(), epigraph::registry(), || {});
         engine.send(Command::Graph(document.file().unwrap().clone()));
         engine.send(Command::Step(1));
         wait(&engine, "the first frame", |state| state.frames == 1);
@@ -320,7 +320,7 @@ fn a_stage_that_panics_gives_way_to_the_graph_before() {
     let calm = Arc::new(GraphFile::parse("unruly.ron", text).unwrap());
     let unruly = changed(&calm, |file| file.set_param("a", "panic", "true").unwrap());
 
-    let engine = Engine::start_with(options(), registry, || ());
+    let engine = Engine::start(options(), registry(), || ());
     send(&engine, [Command::Graph(calm.clone()), Command::Step(2)], 2);
     engine.send(unruly.clone());
     engine.send(Command::Step(3));
@@ -329,7 +329,7 @@ fn a_stage_that_panics_gives_way_to_the_graph_before() {
     assert!(state.trouble.as_ref().unwrap().contains("as told"), "{:?}", state.trouble);
     assert!(engine.is_alive());
 
-    let engine = Engine::start_with(options(), registry, || ());
+    let engine = Engine::start(options(), registry(), || ());
     engine.send(unruly);
     engine.send(Command::Step(1));
     let state = wait(&engine, "trouble", |state| state.trouble.is_some());
@@ -340,7 +340,7 @@ fn a_stage_that_panics_gives_way_to_the_graph_before() {
 
 #[test]
 fn a_scene_that_does_not_exist_is_reported() {
-    let engine = Engine::start(Options { scene: "cornel".into(), ..options() }, || ());
+    let engine = Engine::start(Options { scene: "cornel".into(), ..options() }, epigraph::registry(), || ());
     let state = wait(&engine, "the failure", |state| state.phase != Phase::Loading);
     assert!(matches!(&state.phase, Phase::Failed(why) if why.contains("cornell")), "{:?}", state.phase);
 }
@@ -387,7 +387,11 @@ fn a_path_plays_the_same_frames_each_time() {
     let way = Way::Keys(epigraph_scenes::keyframes(&keys).into());
 
     // Whatever was going on before, and though samples else come when they are traced.
-    let engine = Engine::start(Options { pacing: Pacing::Async, paused: false, ..options() }, || ());
+    let engine = Engine::start(
+        Options { pacing: Pace::Async, paused: false, ..options() },
+        epigraph::registry(),
+        || (),
+    );
     engine.send(Command::Graph(graph("render-cache.ron")));
     wait(&engine, "some frames", |state| state.frames > 5);
     let first = play(&engine, way.clone(), 9);
@@ -404,7 +408,7 @@ fn a_path_plays_the_same_frames_each_time() {
 
 #[test]
 fn a_path_can_be_left_and_a_wrong_one_is_reported() {
-    let engine = Engine::start(options(), || ());
+    let engine = Engine::start(options(), epigraph::registry(), || ());
     let kept = Arc::new(Mutex::new(Kept::default()));
     let sink: Arc<Mutex<dyn Sink>> = kept.clone();
     let endless = Playback { way: Way::Named("shake".into()), frames: None, sink: Some(sink) };
@@ -432,7 +436,7 @@ fn a_path_can_be_left_and_a_wrong_one_is_reported() {
 
 #[test]
 fn another_scene_takes_the_place_of_one_that_failed_or_ran() {
-    let engine = Engine::start(Options { scene: "cornel".into(), ..options() }, || ());
+    let engine = Engine::start(Options { scene: "cornel".into(), ..options() }, epigraph::registry(), || ());
     wait(&engine, "the failure", |state| matches!(state.phase, Phase::Failed(_)));
     engine.send(Command::Graph(graph("render-cache.ron")));
     engine.send(Command::Scene("cornell".into()));
@@ -483,7 +487,7 @@ fn nothing_that_the_window_asks_waits_for_a_frame_that_takes_long() {
     let text = r#"Graph(version: 1, nodes: { "a": (kind: "stuck") }, outputs: { "image": "a.out" })"#;
     let graph = Arc::new(GraphFile::parse("stuck.ron", text).unwrap());
     let closed = GATE.lock().unwrap();
-    let engine = Engine::start_with(options(), registry, || ());
+    let engine = Engine::start(options(), registry(), || ());
     engine.send(Command::Graph(graph.clone()));
     let ready = wait(&engine, "the graph", |state| state.graph.is_some());
     engine.send(Command::Step(1));

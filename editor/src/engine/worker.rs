@@ -19,28 +19,38 @@ use std::{
     time::{Duration, Instant},
 };
 
+use epigraph::{Pace, Place, Samples};
 use epigraph_core::{Capture, Gpu, GraphFile, Host, MAX_SIDE, Registry};
-use epigraph_scenes::{Camera, FRAMES_PER_SECOND, Scene, Tracer};
-use epigraph_stages::{Pace, World};
+use epigraph_scenes::{Camera, FRAMES_PER_SECOND};
 
-use build::{Rebuild, shader_kind};
+use build::Rebuild;
+pub use build::shader_kind;
 use inspected::Inspected;
 use other::Other;
 use playback::Path;
 
 use super::{
-    Command, MAX_RATE, Options, Pacing, Phase, RECORDED, Record, Shaders, State,
+    Command, MAX_RATE, Options, Phase, RECORDED, Record, Shaders, State,
     running::{Running, message},
 };
 
-/// Runs until the sender of the commands is gone.
-pub fn run(options: Options, registry: Registry, commands: &Receiver<Command>, publish: &dyn Fn(State)) {
+/// The shader texts that a graph is compiled with, where [`shader_kind`] finds them.
+pub type ReadShaders = Arc<Mutex<Arc<Shaders>>>;
+
+/// Runs until the sender of the commands is gone. `registry` reads shaders from `read`.
+pub fn run(
+    options: Options,
+    registry: Arc<Registry>,
+    read: ReadShaders,
+    commands: &Receiver<Command>,
+    publish: &dyn Fn(State),
+) {
     let mut options = options;
     let mut early = Vec::new();
     // Without a scene there is nothing to do but to wait for one.
-    let scene = loop {
+    let place = loop {
         match load(&options.scene) {
-            Ok(scene) => break scene,
+            Ok(place) => break place,
             Err(error) => publish(State { phase: Phase::Failed(error), ..State::default() }),
         }
         loop {
@@ -55,16 +65,20 @@ pub fn run(options: Options, registry: Registry, commands: &Receiver<Command>, p
         }
         publish(State::default());
     };
-    let mut worker = Worker::new(options, registry, scene);
+    let mut worker = Worker::new(options, registry, read, place);
     for command in early {
         worker.obey(command, publish);
     }
     worker.run(commands, publish);
 }
 
-/// Reads a scene.
-fn load(name: &str) -> Result<Arc<Scene>, String> {
-    let read = || Scene::load(name).map(Arc::new).map_err(|error| error.to_string());
+/// Reads a scene and builds its tracer. The camera moves by hand until a path is played.
+fn load(name: &str) -> Result<Place, String> {
+    let read = || {
+        let place = Place::load(name, "still").map_err(|error| error.to_string())?;
+        place.tracer();
+        Ok(place)
+    };
     catch_unwind(read).unwrap_or_else(|panic| {
         Err(format!("reading the scene {name} panicked: {}", message(panic.as_ref())))
     })
@@ -72,9 +86,9 @@ fn load(name: &str) -> Result<Arc<Scene>, String> {
 
 struct Worker {
     options: Options,
-    registry: Registry,
-    tracer: Arc<Tracer>,
-    host: Host,
+    registry: Arc<Registry>,
+    place: Place,
+    host: Arc<Host>,
     gpu: Option<Arc<Gpu>>,
     /// The graph that was given last.
     file: Option<Arc<GraphFile>>,
@@ -83,7 +97,7 @@ struct Worker {
     /// The graph that compiled last, and its shaders.
     good: Option<(Arc<GraphFile>, Arc<Shaders>)>,
     /// The shaders that a graph is compiled with, where the registry finds them.
-    read: Arc<Mutex<Arc<Shaders>>>,
+    read: ReadShaders,
     watched: Vec<String>,
     rebuild: Rebuild,
     running: Option<Running>,
@@ -117,18 +131,16 @@ struct Worker {
 }
 
 impl Worker {
-    fn new(options: Options, registry: Registry, scene: Arc<Scene>) -> Self {
+    fn new(options: Options, registry: Arc<Registry>, read: ReadShaders, place: Place) -> Self {
         let state = State { paused: options.paused, ..State::default() };
-        let camera = scene.camera;
-        let tracer = Arc::new(Tracer::new(scene));
-        let read = Arc::default();
+        let camera = place.scene.camera;
         let mut worker = Self {
-            host: host(&tracer, options.pacing),
+            host: host(&place, options.pacing),
             options,
-            registry: registry.with_kind(shader_kind(&read)),
+            registry,
             read,
             shaders: Arc::default(),
-            tracer,
+            place,
             gpu: None,
             file: None,
             good: None,
@@ -157,7 +169,7 @@ impl Worker {
 
     /// Says which scene it is.
     fn tell_scene(&mut self) {
-        let scene = self.tracer.scene();
+        let scene = &self.place.scene;
         self.state.phase = Phase::Ready;
         self.state.scene = self.options.scene.clone();
         self.state.home = Some(scene.camera);
@@ -276,10 +288,10 @@ impl Worker {
                 self.options.backend = backend;
                 Rebuild::Keep
             }
-            Command::Pacing(pacing) => {
+            Command::Pace(pacing) => {
                 self.options.pacing = pacing;
                 if self.path.is_none() {
-                    self.host = host(&self.tracer, pacing);
+                    self.renew_host();
                 }
                 Rebuild::No
             }
@@ -309,9 +321,9 @@ impl Worker {
         self.leave_path();
         publish(State { phase: Phase::Loading, ..self.state.clone() });
         match load(&name) {
-            Ok(scene) => {
-                self.camera = scene.camera;
-                self.tracer = Arc::new(Tracer::new(scene));
+            Ok(place) => {
+                self.camera = place.scene.camera;
+                self.place = place;
                 self.options.scene = name;
                 self.tell_scene();
                 Rebuild::Afresh
@@ -324,28 +336,29 @@ impl Worker {
     }
 
     /// When samples arrive now: along a path, all of them in the frame of their request.
-    fn pacing(&self) -> Pacing {
-        if self.path.is_some() { Pacing::Exact } else { self.options.pacing }
+    fn pacing(&self) -> Pace {
+        if self.path.is_some() { Pace::Exact } else { self.options.pacing }
+    }
+
+    /// Leaves behind the samples that are under way, at the present pace.
+    fn renew_host(&mut self) {
+        self.host = host(&self.place, self.pacing());
+        for running in [&mut self.running, &mut self.before].into_iter().flatten() {
+            running.run.set_host(self.host.clone());
+        }
     }
 }
 
 /// What the stages get beside their ports.
-fn host(tracer: &Arc<Tracer>, pacing: Pacing) -> Host {
-    let pace = match pacing {
-        Pacing::Exact => Pace::Exact,
-        Pacing::Async => Pace::Async,
-    };
+fn host(place: &Place, pacing: Pace) -> Arc<Host> {
     // One core stays for the frame and the window.
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    let mut host = Host::default();
-    host.insert(World::new(tracer.clone(), pace, (cores - 1).max(1)));
-    host
+    place.host(pacing, (cores - 1).max(1))
 }
 
-/// The samples of a frame of `size`: at least one, at most one for each pixel.
-fn samples(size: [u32; 2], share: f32) -> u32 {
-    let pixels = size[0] * size[1];
-    ((pixels as f32 * share).round() as u32).clamp(1, pixels)
+/// This share of the pixels. One that is no number, or nothing, still means one sample.
+fn samples(share: f32) -> Samples {
+    Samples::Share(f64::from(share))
 }
 
 #[cfg(test)]

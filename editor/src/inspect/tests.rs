@@ -11,7 +11,7 @@ use std::{
 use epigraph_core::{Cell, Finding, GraphFile, Role};
 
 use super::*;
-use crate::engine::{Backend, Command, Engine, Options, Pacing, State};
+use crate::engine::{Backend, Command, Engine, Options, Pace, State};
 
 const SIZE: [u32; 2] = [96, 64];
 const NONE: u32 = u32::MAX;
@@ -30,13 +30,13 @@ impl Run {
             size: SIZE,
             samples: 0.1,
             backend,
-            pacing: Pacing::Exact,
+            pacing: Pace::Exact,
             paused: true,
             seed: 3,
             measured: true,
         };
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph);
-        let run = Self { engine: Engine::start(options, || ()) };
+        let run = Self { engine: Engine::start(options, epigraph::registry(), || ()) };
         run.engine.send(Command::Graph(Arc::new(GraphFile::load(&path).unwrap())));
         run.engine.send(Command::Watch(watched.iter().map(|&name| name.to_owned()).collect()));
         run.engine.send(Command::Step(frames));

@@ -40,14 +40,9 @@ impl fmt::Display for CommandLine {
     /// For a POSIX shell.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [width, height] = self.size;
-        let backend = match self.backend {
-            Backend::Auto => "auto",
-            Backend::Cpu => "cpu",
-            Backend::Gpu => "gpu",
-        };
         write!(f, "epigraph render {} --scene {}", quoted(&self.graph), quoted(&self.scene))?;
         write!(f, " --camera {} --size {width}x{height}", quoted(&self.camera))?;
-        write!(f, " --samples {} --seed {} --backend {backend}", self.samples, self.seed)?;
+        write!(f, " --samples {} --seed {} --backend {}", self.samples, self.seed, self.backend)?;
         write!(f, " --frames {}", self.frames)?;
         if self.port.is_empty() {
             let stem = Path::new(&self.graph).file_stem().unwrap_or_default().to_string_lossy();

@@ -6,7 +6,7 @@ use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    engine::{Backend, Pacing},
+    engine::{Backend, Pace},
     panes::Pane,
 };
 
@@ -39,7 +39,7 @@ pub struct Stored<Panes = Tree<Pane>> {
     /// Where nodes run that do not say.
     pub backend: Backend,
     /// When samples arrive.
-    pub pacing: Pacing,
+    pub pacing: Pace,
     /// Light, dark, or as the system has it.
     pub theme: ThemePreference,
     /// Ports on the number keys.

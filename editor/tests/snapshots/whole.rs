@@ -50,9 +50,8 @@ fn one_letter_of_the_status_line_is_a_difference() {
     fs::copy(stored.output_path.join("window.png"), folder.path().join("window.png")).unwrap();
     let aside = stored.output_path(folder.path());
     let mut opened = window("epi.ron");
-    let compared = |opened: &mut Opened| {
-        try_image_snapshot_options(&opened.harness.render().unwrap(), "window", &aside)
-    };
+    let compared =
+        |opened: &mut Opened| try_image_snapshot_options(&opened.harness.render().unwrap(), "window", &aside);
     compared(&mut opened).unwrap();
     opened.harness.state_mut().session.tell("../graphs/epj.ron");
     opened.harness.run_steps(2);

@@ -14,7 +14,7 @@ use egui_kittest::{Harness, HarnessBuilder, kittest::Queryable};
 use epigraph_editor::{
     app::App,
     document::Document,
-    engine::{self, Backend, Options, Pacing},
+    engine::{self, Backend, Options, Pace},
     intent::Intent,
     opening::Opening,
     store::Store,
@@ -41,7 +41,7 @@ pub fn options(size: [u32; 2]) -> Options {
         size,
         samples: 0.25,
         backend: Backend::Cpu,
-        pacing: Pacing::Exact,
+        pacing: Pace::Exact,
         paused: true,
         measured: false,
         ..Options::default()
@@ -84,8 +84,9 @@ impl Opened {
         let store = Store::at(sessions.to_owned());
         let opening = Opening::new(Some(store), graph.as_deref(), scene, options([64, 48])).unwrap();
         let path = PathBuf::from(opening.document.path());
-        let harness =
-            Harness::builder().with_size(WINDOW).build_eframe(|creation| App::open(creation, opening));
+        let harness = Harness::builder()
+            .with_size(WINDOW)
+            .build_eframe(|creation| App::open(creation, opening, epigraph::registry()));
         Self { harness, path, _folder: None }
     }
 

@@ -1,21 +1,12 @@
 //! From a graph's file to what runs.
 
-use std::{
-    collections::HashMap,
-    fs,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::{collections::HashMap, fs, sync::PoisonError};
 
-use epigraph_core::{
-    AdapterChoice, Gpu, GraphFile, Kind, Problems, RunError, Settings, Side, wgsl_kind_from,
-};
-use epigraph_stages::World;
+use epigraph::{Device, Setup};
+use epigraph_core::{GraphFile, Kind, Problems, wgsl_kind_from};
 
-use super::{Worker, host, samples};
-use crate::engine::{
-    Backend, Shaders,
-    running::{Running, Taps},
-};
+use super::{ReadShaders, Worker, samples};
+use crate::engine::running::{Running, Taps, problems};
 
 /// Whether the memory of the running graph is still right.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,16 +48,19 @@ impl Worker {
     }
 
     pub(super) fn compile(&mut self, file: &GraphFile, taps: Taps) -> Result<Running, Problems> {
-        let size = self.options.size;
-        let side = self.side();
-        let settings = Settings {
-            facts: World::facts(self.tracer.scene(), true),
-            side,
-            ..Settings::new(size, samples(size, self.options.samples))
-        };
-        let gpu = &mut self.gpu;
-        let mut open = || open_gpu(gpu);
-        Running::new(file, &self.registry, &settings, taps, &mut open)
+        let device = Device::reopen(self.options.backend, self.gpu.clone()).map_err(problems)?;
+        let setup = Setup::new(file.clone())
+            .registry(self.registry.clone())
+            .at(&self.place)
+            .host(self.host.clone())
+            .live()
+            .size(self.options.size)
+            .samples(samples(self.options.samples))
+            .seed(self.options.seed)
+            .device(&device);
+        let made = Running::new(setup, taps)?;
+        self.gpu = made.run.gpu().cloned().or(device.gpu);
+        Ok(made)
     }
 
     /// Lets a graph run from now on, with what the one before keeps.
@@ -82,16 +76,16 @@ impl Worker {
                 self.state.playing = None;
             }
             // Samples of before the reset that are still under way belong to no frame.
-            self.host = host(&self.tracer, self.pacing());
+            self.renew_host();
         }
         // One that never ran a frame has nothing yet that its successor could not take from the one before.
         let old = match (self.running.take(), self.before.take()) {
-            (Some(running), _) if running.executor.frames() > 0 => Some(running),
+            (Some(running), _) if running.run.executor.frames() > 0 => Some(running),
             (running, before) => before.or(running),
         };
         if let Some(mut old) = old {
             made.is_timed = rebuild == Rebuild::Taps && old.is_timed;
-            if let Err(error) = made.executor.inherit(&mut old.executor) {
+            if let Err(error) = made.run.executor.inherit(&mut old.run.executor) {
                 self.state.trouble = Some(format!("the cloud could not be kept: {error}"));
             }
             self.before = Some(old);
@@ -99,7 +93,8 @@ impl Worker {
         self.run_graph(made);
     }
 
-    pub(super) fn run_graph(&mut self, running: Running) {
+    pub(super) fn run_graph(&mut self, mut running: Running) {
+        running.run.set_host(self.host.clone());
         // Until a frame has run, what is known of the steps is what they cost before.
         let known = self.state.graph.iter().flat_map(|graph| &graph.steps).zip(&self.state.times);
         let known: HashMap<&str, f32> = known.map(|(step, ms)| (step.name.as_str(), *ms)).collect();
@@ -110,37 +105,13 @@ impl Worker {
         self.running = Some(running);
         self.capture = None;
     }
-
-    /// Where nodes run by default.
-    fn side(&mut self) -> Side {
-        match self.options.backend {
-            Backend::Cpu => Side::Cpu,
-            Backend::Gpu => Side::Gpu,
-            Backend::Auto => {
-                if self.gpu.is_none() {
-                    self.gpu = Gpu::open(AdapterChoice::Hardware).ok().map(Arc::new);
-                }
-                let hardware = self.gpu.as_ref().is_some_and(|gpu| !gpu.is_software());
-                if hardware { Side::Gpu } else { Side::Cpu }
-            }
-        }
-    }
 }
 
 /// The kind `wgsl` with texts that stand in for files.
-pub(super) fn shader_kind(read: &Arc<Mutex<Arc<Shaders>>>) -> Box<dyn Kind> {
+pub fn shader_kind(read: &ReadShaders) -> Box<dyn Kind> {
     let read = read.clone();
     wgsl_kind_from(move |path| {
         let text = read.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned();
         text.map_or_else(|| fs::read_to_string(path), |text| Ok(text.to_string()))
     })
-}
-
-fn open_gpu(open: &mut Option<Arc<Gpu>>) -> Result<Arc<Gpu>, RunError> {
-    if let Some(gpu) = open {
-        return Ok(gpu.clone());
-    }
-    let gpu = Arc::new(Gpu::open(AdapterChoice::Any)?);
-    *open = Some(gpu.clone());
-    Ok(gpu)
 }

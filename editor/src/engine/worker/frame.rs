@@ -6,33 +6,22 @@ use std::{
     time::Instant,
 };
 
+use epigraph::Run;
 use epigraph_core::{Capture, Frame, RunError};
-use epigraph_scenes::{Camera, predict};
-use epigraph_stages::{World, shared::world::PREDICTION_FRAMES};
+use epigraph_scenes::Camera;
+use epigraph_stages::World;
 
 use super::{Path, Rebuild, Worker, capture::is_watched, costs::step_costs, message, samples};
 
 impl Worker {
     /// The camera and what the stages get of this frame.
     fn next_frame(&self, size: [u32; 2]) -> (Camera, Frame) {
-        let samples = samples(size, self.options.samples);
+        let samples = samples(self.options.samples).of(size);
+        let (index, seed) = (self.index, self.options.seed);
         if let Some(Path { path, .. }) = &self.path {
-            return (
-                path.camera(self.index),
-                World::frame(path, self.index, size, samples, self.options.seed),
-            );
+            return (path.camera(index), World::frame(path, index, size, samples, seed));
         }
-        let previous = self.shown.unwrap_or(self.camera);
-        let frame = Frame {
-            view: World::view(&self.camera, size),
-            previous: World::view(&previous, size),
-            predicted: World::view(&predict(&previous, &self.camera, PREDICTION_FRAMES), size),
-            size,
-            index: self.index,
-            seed: self.options.seed,
-            samples,
-            ..Frame::default()
-        };
+        let frame = Run::live_frame(self.shown.as_ref(), &self.camera, index, size, samples, seed);
         (self.camera, frame)
     }
 
@@ -44,15 +33,14 @@ impl Worker {
         let Some(running) = &mut self.running else { return };
         let info = running.info.clone();
         let is_watched = |name: &str| is_watched(&info, &self.watched, name);
-        let executor = &mut running.executor;
+        let run = &mut running.run;
         if running.is_open {
-            executor.want(|name| captures || is_watched(name));
+            run.executor.want(|name| captures || is_watched(name));
         }
-        let host = &self.host;
         let result = catch_unwind(AssertUnwindSafe(|| {
-            executor.run(&frame, host, true)?;
+            run.run(&frame, true)?;
             let took = start.elapsed();
-            let snapshots = executor.snapshots()?;
+            let snapshots = run.executor.snapshots()?;
             let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone()));
             Ok((took, snapshots.collect::<Vec<_>>()))
         }));
@@ -63,7 +51,7 @@ impl Worker {
             Ok((took, mut snapshots)) => {
                 // Copies of all ports slow down the steps between them, as they push everything out of the caches. So where
                 // there is a frame before that was timed without, its costs stay.
-                let costs = (!(captures && running.is_timed)).then(|| step_costs(executor));
+                let costs = (!(captures && running.is_timed)).then(|| step_costs(&run.executor));
                 running.is_timed |= !captures;
                 let captured = captures.then(|| snapshots.clone());
                 if captures {

@@ -49,9 +49,9 @@ impl Worker {
             let [width, height] = capture.frame.size;
             // The frame may have become smaller since the click.
             let pixel = [pixel[0].min(width - 1), pixel[1].min(height - 1)];
-            let executor = &running.executor;
+            let executor = &running.run.executor;
             let told = catch_unwind(AssertUnwindSafe(|| {
-                inspect::inspect(executor.graph(), executor.plan(), capture, pixel, &self.tracer)
+                inspect::inspect(executor.graph(), executor.plan(), capture, pixel, self.place.tracer())
             }));
             match told {
                 Ok(inspection) => self.state.inspection = Some(Arc::new(inspection)),

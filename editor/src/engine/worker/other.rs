@@ -6,11 +6,12 @@ use std::{
     time::{Duration, Instant},
 };
 
+use epigraph::Pace;
 use epigraph_core::{Frame, Host, RunError};
 
 use super::{Rebuild, Worker, costs::own_ms, host, message};
 use crate::engine::{
-    self, OtherState, Pacing,
+    self, OtherState,
     running::{Running, Taps},
 };
 
@@ -19,8 +20,8 @@ pub(super) struct Other {
     asked: engine::Other,
     /// Where it stands, until it is compiled again.
     running: Option<Running>,
-    host: Host,
-    pacing: Pacing,
+    host: Arc<Host>,
+    pacing: Pace,
     /// What it is compiled for has changed since.
     stale: bool,
     /// It cannot run until something changes.
@@ -46,7 +47,7 @@ impl Worker {
                 let pacing = self.pacing();
                 self.state.other =
                     Some(OtherState { path: asked.file.path.clone(), ..OtherState::default() });
-                let host = host(&self.tracer, pacing);
+                let host = host(&self.place, pacing);
                 self.other = Some(Other { asked, running: None, host, pacing, stale: true, failed: false });
             }
         }
@@ -54,11 +55,11 @@ impl Worker {
 
     /// The graph in hand is compiled anew.
     pub(super) fn rebuild_other(&mut self, rebuild: Rebuild) {
-        let (tracer, pacing) = (self.tracer.clone(), self.pacing());
+        let (place, pacing) = (self.place.clone(), self.pacing());
         let Some(other) = self.other.as_mut().filter(|_| rebuild > Rebuild::Taps) else { return };
         (other.stale, other.failed) = (true, false);
         if rebuild == Rebuild::Afresh {
-            (other.running, other.host, other.pacing) = (None, host(&tracer, pacing), pacing);
+            (other.running, other.host, other.pacing) = (None, host(&place, pacing), pacing);
         }
     }
 
@@ -72,7 +73,7 @@ impl Worker {
         if let Some(state) = &mut self.state.other {
             state.graph = other.running.as_ref().map(|running| running.info.clone());
             if let (Ok(took), Some(running), true) = (&ran, &other.running, self.options.measured) {
-                state.frame_ms = own_ms(*took, &running.info, running.executor.times());
+                state.frame_ms = own_ms(*took, &running.info, running.run.executor.times());
             }
             state.trouble = ran.err();
         }
@@ -83,7 +84,7 @@ impl Worker {
     fn try_other(&mut self, other: &mut Other, frame: &Frame) -> Result<Duration, String> {
         if other.pacing != self.pacing() {
             other.pacing = self.pacing();
-            other.host = host(&self.tracer, other.pacing);
+            other.host = host(&self.place, other.pacing);
         }
         if other.stale || other.running.is_none() {
             other.stale = false;
@@ -91,16 +92,17 @@ impl Worker {
             let taps = Taps { watched: other.asked.watched.clone(), all: 0 };
             let mut made = self.compile(&other.asked.file, taps).map_err(|problems| problems.to_string())?;
             if let Some(mut old) = other.running.take() {
-                made.executor.inherit(&mut old.executor).map_err(|error| error.to_string())?;
+                made.run.executor.inherit(&mut old.run.executor).map_err(|error| error.to_string())?;
             }
             other.running = Some(made);
         }
         let Some(running) = &mut other.running else { return Ok(Duration::ZERO) };
         let told = |error: RunError| error.to_string();
         let start = Instant::now();
-        running.executor.run(frame, &other.host, true).map_err(told)?;
+        running.run.set_host(other.host.clone());
+        running.run.run(frame, true).map_err(told)?;
         let took = start.elapsed();
-        let snapshots = running.executor.snapshots().map_err(told)?;
+        let snapshots = running.run.executor.snapshots().map_err(told)?;
         let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect();
         if let Some(state) = &mut self.state.other {
             state.snapshots = snapshots;

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use epigraph_scenes::CameraPath;
 
-use super::{Rebuild, Worker, host};
+use super::{Rebuild, Worker};
 use crate::engine::{Playback, Playing, Sink};
 
 /// A playback under way.
@@ -17,7 +17,7 @@ pub(super) struct Path {
 impl Worker {
     pub(super) fn play(&mut self, Playback { way, frames, sink }: Playback) -> Rebuild {
         self.leave_path();
-        let path = match way.path(self.tracer.scene()) {
+        let path = match way.path(&self.place.scene) {
             Ok(path) => path,
             Err(error) => {
                 self.state.trouble = Some(error.to_string());
@@ -39,7 +39,7 @@ impl Worker {
                 playing.frames = playing.frame;
             }
             self.camera = self.shown.unwrap_or(self.camera);
-            self.host = host(&self.tracer, self.options.pacing);
+            self.renew_host();
         }
     }
 

@@ -10,12 +10,13 @@ fn worker() -> Worker {
         size: [48, 32],
         samples: 0.25,
         backend: Backend::Gpu,
-        pacing: Pacing::Exact,
+        pacing: Pace::Exact,
         paused: true,
         ..Options::default()
     };
-    let scene = load("cornell").unwrap();
-    let mut worker = Worker::new(options, epigraph_stages::registry(), scene);
+    let read = ReadShaders::default();
+    let registry = Arc::new(epigraph::registry().with_kind(shader_kind(&read)));
+    let mut worker = Worker::new(options, registry, read, load("cornell").unwrap());
     let graph = path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/render-cache.ron");
     worker.obey(Command::Graph(Arc::new(GraphFile::load(&graph).unwrap())), &|_| ());
     worker.build();
