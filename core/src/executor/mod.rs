@@ -639,6 +639,25 @@ mod tests {
     }
 
     #[test]
+    fn a_device_that_keeps_time_tells_that_of_the_frame_before() {
+        let gpu = gpu();
+        let mut executor = fill(&gpu).unwrap();
+        executor.gpu.as_mut().unwrap().keep_time();
+        if !executor.gpu_has_clock() {
+            return;
+        }
+        let fill = executor.step_of_node[&executor.graph.node("fill").unwrap()];
+        let mut seen = Vec::new();
+        for _ in 0..4 {
+            (executor.times[fill], executor.starts[fill]) = (-1.0, -1.0);
+            assert_eq!(run(&mut executor), Ok(vec![7; 64]));
+            seen.push((executor.times[fill] >= 0.0, executor.starts[fill]));
+        }
+        // It is the first node on the GPU, from which begins are counted.
+        assert_eq!(seen, [(false, -1.0), (true, 0.0), (true, 0.0), (true, 0.0)]);
+    }
+
+    #[test]
     fn after_an_error_of_the_device_the_next_frame_runs() {
         let gpu = gpu();
         let mut executor = fill(&gpu).unwrap();
