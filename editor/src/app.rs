@@ -17,7 +17,7 @@ use crate::{
     session::{SCALES, Session},
     status,
     store::{Recovery, Seen, Store, Stored},
-    theme, toolbar,
+    theme, toolbar, widgets,
 };
 
 const SHIFTED: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
@@ -87,6 +87,7 @@ impl App {
     pub fn open(creation: &CreationContext, opening: Opening, registry: Registry) -> Self {
         let Opening { document, options, stored, store, notice } = opening;
         theme::apply(&creation.egui_ctx);
+        widgets::publish(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
         let recovery = store.as_ref().and_then(|store| store.recovery(&document));
         let mut session = Session::new(document, options, registry, move || context.request_repaint());

@@ -43,5 +43,6 @@ pub mod store;
 mod task;
 mod theme;
 mod toolbar;
+pub mod widgets;
 
 pub use program::main;

@@ -12,14 +12,19 @@ use std::{
     time::{Duration, Instant},
 };
 
+use epigraph_editor::widgets::{VARIABLE, Widget};
+
 /// No step waits longer for what must come.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// From an event to what it shows, on a machine that is busy with tracing.
-const PAUSE: Duration = Duration::from_millis(1500);
+/// How often what is waited for is looked at.
+const BEAT: Duration = Duration::from_millis(30);
 
-/// Where the button to take over unsaved text lies.
-const TAKE_OVER: (i32, i32) = (370, 54);
+/// What the image in the viewer is called, before its port's name.
+const IMAGE: &str = "image of ";
+
+/// What the field is called in which nodes are searched.
+const SEARCH: &str = "Search nodes and kinds";
 
 /// Two editors at a time would make each other wait.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
@@ -50,6 +55,7 @@ fn start(display: &str, folder: &Path) -> Running {
         .env("DISPLAY", display)
         .env_remove("WAYLAND_DISPLAY")
         .env("XDG_CONFIG_HOME", folder.join("config"))
+        .env(VARIABLE, folder.join("widgets.ron"))
         .stderr(Stdio::null())
         .spawn();
     Running(editor.unwrap())
@@ -80,18 +86,19 @@ impl Desk {
         desk
     }
 
-    /// Waits for the window and lets it have the keys.
+    /// Waits for the window, lets it have the keys, and waits for its first picture.
     fn focus(&self) {
         let window = self.xdotool(&["search", "--sync", "--onlyvisible", "--name", "Epigraph"]);
         // Without a window manager nobody else hands out the focus.
-        self.xdotool(&["windowfocus", window.lines().next().unwrap()]);
-        thread::sleep(4 * PAUSE);
+        self.xdotool(&["windowfocus", "--sync", window.lines().next().unwrap()]);
+        self.find("Image", IMAGE);
     }
 
     /// Ends the editor without a warning, and starts it again.
     fn crash(&mut self) {
         self.editor.0.kill().unwrap();
         self.editor.0.wait().unwrap();
+        fs::remove_file(self.folder.path().join("widgets.ron")).unwrap();
         self.editor = start(&self.display, self.folder.path());
         self.focus();
     }
@@ -100,43 +107,116 @@ impl Desk {
         let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.display).output();
         let output = output.expect("xdotool is missing; tests/run installs it");
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-        thread::sleep(Duration::from_millis(60));
         String::from_utf8(output.stdout).unwrap()
     }
 
-    fn go(&self, x: i32, y: i32) {
-        self.xdotool(&["mousemove", &x.to_string(), &y.to_string()]);
+    /// The widgets in the window; none while the list is being written.
+    fn widgets(&self) -> Vec<Widget> {
+        let text = fs::read_to_string(self.folder.path().join("widgets.ron")).unwrap_or_default();
+        ron::from_str(&text).unwrap_or_default()
     }
 
-    fn click(&self, x: i32, y: i32) {
-        self.go(x, y);
+    /// Looks at the widgets until they have what is wanted.
+    fn until<T>(&self, what: &str, found: impl Fn(&[Widget]) -> Option<T>) -> T {
+        let start = Instant::now();
+        loop {
+            let widgets = self.widgets();
+            if let Some(found) = found(&widgets) {
+                return found;
+            }
+            assert!(start.elapsed() < PATIENCE, "there is no {what}: {widgets:#?}");
+            thread::sleep(BEAT);
+        }
+    }
+
+    /// The widget of that role and name, once it has stopped moving; of images, the beginning of the name is enough.
+    fn find(&self, role: &str, name: &str) -> Widget {
+        let mut before = None;
+        let what = format!("{role} {name}");
+        loop {
+            let found = self.until(&what, |widgets| {
+                let is_called = |widget: &Widget| match role {
+                    "Image" => widget.name.starts_with(name),
+                    _ => widget.name == name,
+                };
+                let is_meant = |widget: &&Widget| widget.role == role && is_called(widget);
+                // What lies over others comes last.
+                widgets.iter().rev().find(is_meant).cloned()
+            });
+            if before.as_ref() == Some(&found.rect) {
+                return found;
+            }
+            before = Some(found.rect);
+            thread::sleep(4 * BEAT);
+        }
+    }
+
+    fn go(&self, [x, y]: [f64; 2]) {
+        self.xdotool(&["mousemove", &format!("{x:.0}"), &format!("{y:.0}")]);
+    }
+
+    fn click(&self, role: &str, name: &str) {
+        self.go(middle(&self.find(role, name)));
         self.xdotool(&["click", "1"]);
-        thread::sleep(PAUSE);
     }
 
-    fn drag(&self, (x, y): (i32, i32), to: (i32, i32)) {
-        self.go(x, y);
+    /// Drags from the middle of a widget.
+    fn drag(&self, role: &str, name: &str, by: [f64; 2]) {
+        let [x, y] = middle(&self.find(role, name));
+        self.go([x, y]);
         self.xdotool(&["mousedown", "1"]);
         for step in 1..=8 {
-            self.go(x + (to.0 - x) * step / 8, y + (to.1 - y) * step / 8);
+            let share = f64::from(step) / 8.0;
+            self.go([x + share * by[0], y + share * by[1]]);
+            thread::sleep(BEAT);
         }
-        thread::sleep(PAUSE);
         self.xdotool(&["mouseup", "1"]);
-        thread::sleep(PAUSE);
-    }
-
-    fn key(&self, key: &str) {
-        self.xdotool(&["key", key]);
-        thread::sleep(PAUSE);
     }
 
     /// Finds a node by its name and selects it.
     fn select(&self, name: &str) {
-        self.click(150, 77);
-        self.key("ctrl+a");
+        self.click("TextInput", SEARCH);
+        self.xdotool(&["key", "ctrl+a"]);
         self.xdotool(&["type", "--delay", "30", name]);
-        thread::sleep(PAUSE);
-        self.click(60, 105);
+        let is_search = |widget: &&Widget| widget.name == SEARCH && widget.value == name;
+        self.until("search for it", |widgets| widgets.iter().find(is_search).cloned());
+        self.click("Button", name);
+        // The parameters are now its own.
+        let is_title = |widget: &&Widget| widget.role == "Label" && widget.value == name;
+        self.until("title of the parameters", |widgets| widgets.iter().find(is_title).cloned());
+    }
+
+    /// Shows a port that the selected node writes.
+    fn view(&self, node: &str, port: &str) {
+        self.click("Button", &format!("View {port}"));
+        self.find("Image", &format!("{IMAGE}{node}.{port}"));
+    }
+
+    /// Where the camera is, as the session keeps it.
+    fn camera(&self) -> Option<String> {
+        let session = self.folder.path().join("config/epigraph-editor/session.ron");
+        let text = fs::read_to_string(session).ok()?;
+        let seen = text.split("seen:").nth(1)?.split("size:").next()?;
+        seen.contains("eye:").then(|| seen.to_owned())
+    }
+
+    /// Waits until the camera has moved and rests; where it is then.
+    fn rested(&self, from: Option<&String>) -> String {
+        let mut before = self.moved(from);
+        loop {
+            // Sessions are kept every second.
+            thread::sleep(Duration::from_millis(1500));
+            let now = self.moved(from);
+            if now == before {
+                return now;
+            }
+            before = now;
+        }
+    }
+
+    /// Waits until the camera is elsewhere; where it is then.
+    fn moved(&self, from: Option<&String>) -> String {
+        self.until("other place of the camera", |_| self.camera().filter(|camera| Some(camera) != from))
     }
 
     fn graph(&self) -> PathBuf {
@@ -147,7 +227,8 @@ impl Desk {
     fn save(&self, what: &str, holds: impl Fn(&str) -> bool) -> String {
         let start = Instant::now();
         loop {
-            self.key("ctrl+s");
+            self.xdotool(&["key", "ctrl+s"]);
+            thread::sleep(10 * BEAT);
             let text = fs::read_to_string(self.graph()).unwrap();
             if holds(&text) {
                 return text;
@@ -157,34 +238,41 @@ impl Desk {
     }
 }
 
+fn middle(widget: &Widget) -> [f64; 2] {
+    let [left, top, right, bottom] = widget.rect;
+    [0.5 * (left + right), 0.5 * (top + bottom)]
+}
+
 #[test]
 fn fly_view_swap_change_undo_and_save() {
     let mut desk = Desk::new();
     let opened = fs::read_to_string(desk.graph()).unwrap();
 
     // Orbit and fly.
-    desk.drag((640, 380), (700, 400));
+    let home = desk.rested(None);
+    desk.drag("Image", IMAGE, [60.0, 20.0]);
+    let turned = desk.rested(Some(&home));
     desk.xdotool(&["keydown", "w"]);
-    thread::sleep(PAUSE);
+    desk.moved(Some(&turned));
     desk.xdotool(&["keyup", "w"]);
 
     // See an intermediate port, and the picture again.
     desk.select("view/project");
-    desk.click(60, 159);
+    desk.view("view/project", "depth");
     desk.select("tonemap");
-    desk.click(60, 132);
+    desk.view("tonemap", "image");
 
     // Brighter: the only characters that are to stay.
-    desk.drag((1059, 201), (1064, 201));
+    desk.drag("Slider", "exposure", [5.0, 0.0]);
     let changed = desk.save("the exposure", |text| text.contains("exposure"));
 
     // Another stage in a node's place, and back.
     desk.select("interpolate");
-    desk.click(1098, 160);
-    desk.click(1060, 189);
+    desk.click("ComboBox", "stage");
+    desk.click("Button", "fill");
     let swapped = desk.save("the swap", |text| text.contains("kind: \"fill\""));
     assert!(!swapped.contains("\"r24\": \"edges.r24\""));
-    desk.key("ctrl+z");
+    desk.xdotool(&["key", "ctrl+z"]);
     let saved = desk.save("undo", |text| !text.contains("kind: \"fill\""));
 
     assert_eq!(saved, changed);
@@ -202,17 +290,12 @@ fn what_was_not_saved_outlives_a_program_that_is_killed() {
     let mut desk = Desk::new();
     let opened = fs::read_to_string(desk.graph()).unwrap();
     desk.select("tonemap");
-    desk.drag((1059, 201), (1064, 201));
+    desk.drag("Slider", "exposure", [5.0, 0.0]);
     let config = desk.folder.path().join("config");
-    let start = Instant::now();
-    while !holds_text(&config, "exposure") {
-        assert!(start.elapsed() < PATIENCE, "the unsaved text is kept nowhere");
-        thread::sleep(PAUSE);
-    }
+    desk.until("file that keeps the unsaved text", |_| holds_text(&config, "exposure").then_some(()));
     desk.crash();
     assert_eq!(fs::read_to_string(desk.graph()).unwrap(), opened);
-    // Take over.
-    desk.click(TAKE_OVER.0, TAKE_OVER.1);
+    desk.click("Button", "Take over");
     desk.save("the unsaved exposure", |text| text.contains("exposure"));
 }
 

@@ -110,7 +110,7 @@ fn an_image_is_saved_as_shown_or_with_its_raw_values() {
     assert_eq!(fs::read(&png).unwrap(), b"mine");
     opened.click("Replace");
     opened.until("the file", |_| fs::read(&png).unwrap() != b"mine");
-    assert!(!before.is_empty());
+    assert!(fs::read(&png).unwrap() == before, "it is the picture in view again");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-use egui::{Event, Key, Modifiers, accesskit::Role};
+use egui::{Event, Key, Modifiers, accesskit::Role, vec2};
 use egui_kittest::{Harness, HarnessBuilder, kittest::Queryable};
 use epigraph_editor::{
     app::App,
@@ -200,6 +200,27 @@ impl Opened {
     pub fn text(&self) -> &str {
         let document = &self.app().session.document;
         document.text(document.path())
+    }
+
+    /// The share of the pixels of the port in view that a picture of the window has where they belong. The image is fitted
+    /// into its pane and not made smaller.
+    pub fn share_in(&self, window: &[u8]) -> f64 {
+        /// A driver's filter may blend in a little of the neighbours.
+        const BLENDED: u8 = 32;
+        let picture = self.app().viewer_in_use().unwrap().picture().unwrap();
+        let pane = self.harness.get_by_label_contains("image of ").rect();
+        let [width, height] = picture.size;
+        let size = vec2(width as f32, height as f32);
+        let scale = (pane.size() / size).min_elem();
+        assert!(scale >= 1.0, "small pixels are means of several");
+        let corner = pane.center() - 0.5 * scale * size;
+        let is_there = |(index, color): (usize, &[u8; 3])| {
+            let middle = corner + scale * vec2((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
+            let start = 4 * (middle.y as usize * WINDOW[0] as usize + middle.x as usize);
+            window[start..start + 3].iter().zip(color).all(|(seen, meant)| seen.abs_diff(*meant) <= BLENDED)
+        };
+        let there = picture.colors.iter().enumerate().filter(|pixel| is_there(*pixel)).count();
+        there as f64 / picture.colors.len() as f64
     }
 
     /// Draws the window into a picture beside the test programs, for people to look at; its bytes.
