@@ -8,20 +8,21 @@ pub struct Log {
 }
 
 impl Log {
-    /// For these values, with a little room at both ends; at least a decade, so that noise does not look like growth.
+    /// An axis for these values, with a margin at both ends. It spans at least a decade, so that noise does not look like
+    /// growth.
     pub fn new([low, high]: [f64; 2], screen: [f64; 2]) -> Self {
         let span = high / low;
         let room = span.powf(0.06).max((10.0 / span).sqrt());
         Self { low: low / room, high: high * room, screen }
     }
 
-    /// The place of a value on the screen.
+    /// The screen position of a value.
     pub fn at(&self, value: f64) -> f64 {
         let share = (value / self.low).ln() / (self.high / self.low).ln();
         self.screen[0] + share * (self.screen[1] - self.screen[0])
     }
 
-    /// Powers of ten, and twice and five times those unless that is too many.
+    /// Powers of ten, and their multiples by two and five unless the axis is long.
     pub fn ticks(&self) -> Vec<f64> {
         let decades = (self.high / self.low).log10();
         let mantissas: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
@@ -32,14 +33,14 @@ impl Log {
     }
 }
 
-/// The smallest and the largest, where they can stand on a logarithmic axis.
+/// The smallest and the largest value, if a logarithmic axis can show them.
 pub fn span(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let [low, high] =
         values.fold([f64::INFINITY, 0.0], |[low, high], value| [low.min(value), f64::max(high, value)]);
     (low > 0.0 && low.is_finite()).then_some([low, high])
 }
 
-/// A number without needless zeros.
+/// A number without trailing zeros.
 pub fn number(value: f64) -> String {
     let text = format!("{value:.6}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -50,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_have_round_numbers() {
+    fn ticks_are_round_numbers() {
         assert_eq!([0.05, 100.0, 2.5].map(number), ["0.05", "100", "2.5"]);
         let axis = Log::new([10.0, 100.0], [0.0, 1.0]);
         assert_eq!(axis.ticks(), [10.0, 20.0, 50.0, 100.0]);

@@ -1,4 +1,4 @@
-//! `epigraph check`: problems of graphs and their shaders, or the plan that they compile to.
+//! `epigraph check`: reports the problems of graphs and their shaders, or the plans that they compile to.
 
 use std::process::ExitCode;
 
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use crate::{args::CheckArgs, error::CliError, open, output::JsonTarget};
 
-/// Checks graphs. Failure when any has a problem.
+/// Checks graphs. The exit code is a failure if any graph has a problem.
 pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError> {
     let json = JsonTarget::new(args.json.as_deref())?;
     let dot = args.dot.as_deref().map(Target::new).transpose()?;
@@ -41,7 +41,7 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
                 text += &format!("{name}: {}\n", count(problems.len(), "problem"));
                 errors.extend(problems);
             }
-            // Such as a `--set` that is not for this graph: the user's to mend, but in no file.
+            // An error of the command line, such as a `--set` of an unknown node, has no place in a file.
             Err(error) => return Err(error),
         }
     }
@@ -70,7 +70,7 @@ fn settings(args: &CheckArgs, facts: Facts) -> Result<Settings, CliError> {
 /// A graph without problems.
 struct Checked {
     plan: Plan,
-    /// The plan with nothing left out for the scene, to tell what that saves.
+    /// The plan without pruning, to report how much pruning saves.
     whole: Plan,
     shaders: usize,
 }
@@ -83,13 +83,13 @@ fn check_one(
 ) -> Result<Checked, CliError> {
     let file = open::graph(name, &args.compile.set)?;
     let (_, plan) = compile(&file, registry, settings)?;
-    // Everything that another scene may need is checked too.
+    // Nodes that only another scene needs are checked too.
     let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;
     let shaders = check_shaders(&file, &graph, registry)?;
     Ok(Checked { plan, whole, shaders })
 }
 
-/// Compares every node's shader with its ports; the number of shaders. Needs no GPU.
+/// Checks every node's shader against its ports, without a GPU. Returns the number of shaders.
 fn check_shaders(file: &GraphFile, graph: &Graph, registry: &Registry) -> Result<usize, Problems> {
     let mut problems = Problems::default();
     let mut count = 0;
@@ -111,7 +111,7 @@ fn check_shaders(file: &GraphFile, graph: &Graph, registry: &Registry) -> Result
 }
 
 impl Checked {
-    /// Bytes that a left-out node would write, where it runs in the whole plan.
+    /// Bytes that a pruned node would write per frame, if it runs in the whole plan.
     fn saved(&self, node: &str) -> Option<u64> {
         let id = self.whole.nodes.position(|planned| planned.name == node)?;
         Some(self.whole.node_bytes(id))
@@ -121,14 +121,14 @@ impl Checked {
         let mut text = self.plan.to_string();
         for culled in &self.plan.culled {
             if let Some(bytes) = self.saved(&culled.node) {
-                text += &format!("  without {}: {} fewer written a frame\n", culled.node, readable(bytes));
+                text += &format!("  without {}: writes {} less per frame\n", culled.node, readable(bytes));
             }
         }
         let saved = total(&self.whole).saturating_sub(total(&self.plan));
         if !self.plan.culled.is_empty() {
-            text += &format!("leaving out saves {} of memory\n", readable(saved));
+            text += &format!("pruning saves {} of memory\n", readable(saved));
         }
-        text + &format!("{} fit their stages\n", count(self.shaders, "shader"))
+        text + &format!("{} checked against their stages\n", count(self.shaders, "shader"))
     }
 
     fn json(&self) -> Value {

@@ -1,4 +1,4 @@
-//! `epigraph compare`: how much two images differ.
+//! `epigraph compare`: measures the difference between two images.
 
 use epigraph_pictures::{Difference, Picture, Ramp, Target, metrics, png};
 use serde_json::json;
@@ -13,7 +13,7 @@ pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
     if a.size != b.size {
         let size = |picture: &Picture| format!("{}x{}", picture.size[0], picture.size[1]);
         return Err(CliError::Input(format!(
-            "images of one size can be compared, but {} is {} and {} is {}",
+            "the images differ in size: {} is {}, but {} is {}",
             args.a.display(),
             size(&a),
             args.b.display(),
@@ -30,9 +30,9 @@ pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
     let (psnr, ssim, flip) = (difference.psnr(), difference.ssim(), difference.flip());
     let mut text = format!("RMSE  {rmse:.6}\nPSNR  {psnr:.3} dB\nSSIM  {ssim:.6}\nFLIP  {flip:.6}\n");
     if a.linear != b.linear {
-        text += "One image is linear (EXR) and one sRGB (PNG): RMSE, on the values as read, mixes the two.\n";
+        text += "One image is linear (EXR), the other sRGB (PNG): RMSE compares their values as stored.\n";
     }
-    // JSON has no infinity: equal images have no PSNR.
+    // JSON has no infinity: the PSNR of equal images becomes null.
     let mut value = json!({ "rmse": rmse, "psnr": psnr, "ssim": ssim, "flip": flip, "size": a.size });
     if let Some(mask) = mask {
         let share = edge_mask::share(&mask);

@@ -1,4 +1,4 @@
-//! The pixels near the edges of a reference, where pictures of sparse samples are worst and the eye looks first.
+//! The mask of pixels near the edges of a reference, where pictures from sparse samples are worst and errors most visible.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use epigraph_scenes::{Camera, Tracer, reference};
 
 use crate::error::CliError;
 
-/// How far from an edge a pixel counts as near, in pixels.
+/// Greatest distance of a pixel near an edge, in pixels.
 pub const REACH: f32 = 2.0;
 
-/// Which pixels of an image of `size` lie within [`REACH`] of a pixel that an edge cuts.
+/// Traces the mask of an image of `size`: set where a pixel lies within [`REACH`] of a pixel that an edge cuts.
 pub fn trace(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
     reference::within(&reference::edges(tracer, camera, size), size[0] as usize, REACH)
 }
@@ -21,10 +21,10 @@ pub fn png(mask: &[bool], size: [usize; 2]) -> Result<Vec<u8>, String> {
     encode(size, &colors)
 }
 
-/// Reads a mask of an image of `size`: set where the file is brighter than middle grey.
+/// Reads a mask for an image of `size`: set where the file is brighter than middle grey.
 ///
 /// # Errors
-/// That it cannot be read, has another size, or is nowhere set.
+/// If the file cannot be read, has another size, or sets no pixel.
 pub fn read(path: &Path, size: [usize; 2]) -> Result<Vec<bool>, CliError> {
     let picture = Picture::read(path)?;
     if picture.size != size {
@@ -34,12 +34,12 @@ pub fn read(path: &Path, size: [usize; 2]) -> Result<Vec<bool>, CliError> {
     }
     let mask: Vec<bool> = picture.srgb().iter().map(|color| color.iter().sum::<f32>() > 1.5).collect();
     if !mask.contains(&true) {
-        return Err(CliError::read(path, "the mask is black: white pixels are the ones to compare"));
+        return Err(CliError::read(path, "the mask is black; the pixels to compare must be white"));
     }
     Ok(mask)
 }
 
-/// The share of pixels that are set, 0 to 1.
+/// The share of set pixels, 0 to 1.
 pub fn share(mask: &[bool]) -> f64 {
     mask.iter().filter(|&&set| set).count() as f64 / mask.len().max(1) as f64
 }

@@ -4,7 +4,7 @@ use epigraph_core::{GraphError, Problem, Problems, RunError};
 use epigraph_pictures::FileError;
 use epigraph_scenes::{PathError, SceneError};
 
-/// Why a command failed. Its text says what is wrong, where, and what to do.
+/// The reason why a command failed. Its text says what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
     /// The graph, the scene or the camera path is wrong, or does not run here.
@@ -13,21 +13,21 @@ pub enum CliError {
     /// A file cannot be read or written.
     #[error("{0}")]
     File(#[from] FileError),
-    /// Anything else that the user can mend.
+    /// Any other error that the user can fix.
     #[error("{0}")]
     Input(String),
-    /// The user has stopped it before there was anything to write.
+    /// The user interrupted the command before it wrote anything.
     #[error("interrupted; nothing was written")]
     Interrupted,
 }
 
 impl CliError {
-    /// That `path` cannot be written.
+    /// The error that `path` cannot be written.
     pub fn write(path: &Path, cause: impl ToString) -> Self {
         FileError::write(path, cause).into()
     }
 
-    /// That `path` cannot be read.
+    /// The error that `path` cannot be read.
     pub fn read(path: &Path, cause: impl ToString) -> Self {
         FileError::read(path, cause).into()
     }

@@ -1,5 +1,5 @@
-//! Ctrl-C: work ends at the next frame or row of pixels, and files are whole or untouched. A second Ctrl-C ends the program
-//! at once.
+//! Ctrl-C: work ends at the next frame or row of pixels, and files are complete or untouched. A second Ctrl-C ends the
+//! program at once.
 
 use std::{
     process::exit,
@@ -10,7 +10,7 @@ use crate::{INTERRUPTED, error::CliError};
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 
-/// Takes Ctrl-C from now on.
+/// Installs the handler for Ctrl-C.
 pub fn watch() {
     let taken = ctrlc::set_handler(|| {
         if ASKED.swap(true, Ordering::Relaxed) {
@@ -18,20 +18,20 @@ pub fn watch() {
         }
     });
     if let Err(error) = taken {
-        // Ctrl-C then ends the program at once, which loses nothing but the work.
+        // Ctrl-C then ends the program at once, and only unfinished work is lost.
         eprintln!("warning: Ctrl-C cannot be caught: {error}");
     }
 }
 
-/// Whether the user has asked to stop.
+/// Returns true if the user has pressed Ctrl-C.
 pub fn asked() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// Ends a command that has nothing to write yet.
+/// Ends a command that has not written anything yet.
 ///
 /// # Errors
-/// [`CliError::Interrupted`] where the user has asked to stop.
+/// [`CliError::Interrupted`] if the user has pressed Ctrl-C.
 pub fn check() -> Result<(), CliError> {
     if asked() { Err(CliError::Interrupted) } else { Ok(()) }
 }

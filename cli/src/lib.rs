@@ -1,10 +1,10 @@
-//! `epigraph`, the command line: renders graphs, checks them, lists stages, renders references, compares images,
-//! takes the time, shows a gallery, and measures how good pictures are.
+//! `epigraph`, the command line: renders and checks graphs, lists stages, traces references, compares images, times stages,
+//! makes a gallery, and measures image quality.
 //!
-//! Every command gives exit code 0 on success, 1 when its input is wrong, and 130 when it was interrupted. Progress goes to
+//! Every command exits with code 0 on success, 1 if its input is wrong, and 130 if it is interrupted. Progress goes to
 //! stderr, results to stdout.
 //!
-//! A program with stages of its own is the same command line with another registry:
+//! A program with its own stages uses the same command line with another registry:
 //!
 //! ```no_run
 //! use std::process::ExitCode;
@@ -45,15 +45,15 @@ use epigraph::Registry;
 use args::{Cli, Command};
 use error::CliError;
 
-/// Exit code of a program that a signal has ended, as shells have it: 128 and the number of SIGINT.
+/// Exit code of an interrupted program by the convention of shells: 128 plus the number of SIGINT.
 const INTERRUPTED: u8 = 130;
 
-/// Runs the command line of this process with these kinds of stage.
+/// Runs the command line of this process with the stage kinds of `registry`.
 pub fn main(registry: Registry) -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(message) => {
-            // Nothing can be done where even the message cannot be written.
+            // Nothing can be done if even the message cannot be written.
             let _ = message.print();
             return if message.use_stderr() { ExitCode::FAILURE } else { ExitCode::SUCCESS };
         }

@@ -1,4 +1,4 @@
-//! The program `epigraph` with the stages of the algorithms; see the library for what it does.
+//! The program `epigraph` with the built-in stages; the library describes its commands.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! What commands open before they run: graphs with `--set`, scenes with progress, threads.
+//! Opens the inputs of commands: graphs with `--set`, scenes with a progress display, threads.
 
 use std::sync::Arc;
 
@@ -8,15 +8,15 @@ use epigraph_scenes::{Scene, Tracer};
 
 use crate::{error::CliError, progress, values::Setting};
 
-/// Names of commands: one word on the command line may be one that is mistyped.
+/// Names of commands, to suggest one for a mistyped word.
 const COMMANDS: [&str; 8] =
     ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality"];
 
 /// Reads a graph by its name or file and applies `--set` in order.
 ///
 /// # Errors
-/// The problems of the text; that `--set` names no node, or a value that is no RON. Whether the stage knows the parameter
-/// shows on compiling.
+/// Problems of the graph file, and a `--set` with an unknown node or a value that is not valid RON. Unknown parameters are
+/// reported on compiling.
 pub fn graph(name: &str, settings: &[Setting]) -> Result<GraphFile, CliError> {
     let mut file = graphs::load(name).map_err(|mut problems| {
         for problem in &mut problems.0 {
@@ -34,14 +34,14 @@ pub fn graph(name: &str, settings: &[Setting]) -> Result<GraphFile, CliError> {
     Ok(file)
 }
 
-/// How many samples a frame of `size` pixels may ask for.
+/// The maximum number of samples per frame of `size` pixels.
 ///
 /// # Errors
-/// That there would be more than one for each pixel.
+/// If it is more than one per pixel.
 pub fn samples(samples: Samples, size: [u32; 2]) -> Result<u32, CliError> {
     let (count, pixels) = (samples.of(size), size[0] * size[1]);
     if count > pixels {
-        let text = format!("--samples {samples} is more than one for each of the {pixels} pixels");
+        let text = format!("--samples {samples} is more than one per pixel; the image has {pixels} pixels");
         return Err(CliError::Input(text));
     }
     Ok(count)
@@ -53,12 +53,12 @@ pub fn place(scene: &str, camera: &str) -> Result<Place, CliError> {
     Ok(Place::new(Arc::new(loaded), camera)?)
 }
 
-/// The ray tracer of a place, built if it is not yet.
+/// The ray tracer of a place, built on first use.
 pub fn tracer(place: &Place) -> &Arc<Tracer> {
     progress::spinner("building the tracer".into(), || place.tracer())
 }
 
-/// Makes the pool of threads that all computing shares; how many they are.
+/// Sets up the global thread pool and returns its number of threads.
 pub fn threads(wanted: Option<u16>) -> Result<usize, CliError> {
     if let Some(threads) = wanted {
         rayon::ThreadPoolBuilder::new()
@@ -69,8 +69,7 @@ pub fn threads(wanted: Option<u16>) -> Result<usize, CliError> {
     Ok(rayon::current_num_threads())
 }
 
-/// Tells of samples whose radiance is no number: a fault of the scene or of the tracer, which the picture alone would not
-/// show.
+/// Warns about samples whose radiance is not finite: a fault of the scene or the tracer that is invisible in the picture.
 pub fn warn_of_bad_samples(tracer: &Tracer) {
     let count = tracer.non_finite();
     if count > 0 {
@@ -78,11 +77,11 @@ pub fn warn_of_bad_samples(tracer: &Tracer) {
     }
 }
 
-/// Runs `frames` frames with a progress bar. `before` says whether to capture a frame, by its number; `after` sees what
-/// came of it.
+/// Runs `frames` frames with a progress bar. `capture` decides by a frame's number if the frame is captured; `after` is
+/// called after each frame.
 ///
 /// # Errors
-/// Those of the frames and of `after`, and [`CliError::Interrupted`].
+/// Errors of the frames and of `after`, and [`CliError::Interrupted`].
 pub fn frames(
     run: &mut Run,
     frames: u32,

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::error::CliError;
 
-/// Writes to stdout. A reader that has gone away (`| head`) is no error.
+/// Writes to stdout. A closed pipe (`| head`) is not an error.
 pub fn print(text: &str) -> Result<(), CliError> {
     match io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
@@ -20,18 +20,21 @@ pub fn print(text: &str) -> Result<(), CliError> {
     }
 }
 
-/// Where JSON goes.
+/// The destination of JSON.
 pub enum JsonTarget {
-    /// Nowhere.
+    /// No JSON.
     None,
-    /// To stdout, in place of the text for people.
+    /// Stdout, instead of the text.
     Stdout,
-    /// To a file beside it.
+    /// A file, in addition to the text on stdout.
     File(Target),
 }
 
 impl JsonTarget {
-    /// The target of `--json`; an error where the file cannot be written.
+    /// The target of `--json`.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub fn new(path: Option<&Path>) -> Result<Self, CliError> {
         match path {
             None => Ok(Self::None),
@@ -40,7 +43,7 @@ impl JsonTarget {
         }
     }
 
-    /// Writes `value` to the target, and `text` to stdout unless `value` goes there.
+    /// Writes `value` to the target, and `text` to stdout unless that is the target.
     pub fn finish(&self, value: &Value, text: &str) -> Result<(), CliError> {
         let json = format!("{value:#}\n");
         match self {

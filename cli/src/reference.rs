@@ -1,4 +1,4 @@
-//! `epigraph reference`: a picture with many samples for each pixel.
+//! `epigraph reference`: traces a picture with many samples per pixel.
 
 use std::{path::Path, time::Instant};
 
@@ -10,7 +10,7 @@ use crate::{
     args::ReferenceArgs, edge_mask, error::CliError, interrupt, open, output::print, progress, values::Light,
 };
 
-/// Bytes that a pixel takes while it is traced and encoded.
+/// Bytes per pixel during tracing and encoding.
 const BYTES_PER_PIXEL: u64 = 48;
 
 /// Traces and writes the picture.
@@ -32,7 +32,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     target.write(&encode(kind, size.map(|side| side as usize), &colors, target.path())?)?;
     let samples = f64::from(size[0]) * f64::from(size[1]) * f64::from(args.spp);
     let mut text = format!(
-        "{} samples a pixel in {seconds:.1} s, {:.2} million samples a second\npicture: {}\n",
+        "{} samples per pixel in {seconds:.1} s, {:.2} million samples per second\npicture: {}\n",
         args.spp,
         samples / seconds / 1e6,
         args.out.display()
@@ -47,7 +47,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     print(&text)
 }
 
-/// How samples of a reference that follows this light are traced.
+/// The tracing settings of a reference with this light transport.
 pub fn trace_settings(light: Light) -> TraceSettings {
     let mode = match light {
         Light::Direct => Mode::Direct,
@@ -59,17 +59,16 @@ pub fn trace_settings(light: Light) -> TraceSettings {
 fn mask_target(path: &Path) -> Result<Target, CliError> {
     match Kind::of(path)? {
         Kind::Png => Ok(Target::new(path)?),
-        _ => Err(CliError::write(path, "the mask is black and white; name it FILE.png")),
+        _ => Err(CliError::write(path, "the mask is written as PNG; name it FILE.png")),
     }
 }
 
-/// Makes sure that there is memory for a picture.
+/// Checks that there is enough memory for a picture.
 pub fn require_memory(size: [u32; 2]) -> Result<(), CliError> {
     Ok(memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)?)
 }
 
-/// The linear colours of a picture with many samples for each pixel, rows from the top; `label` is what the progress bar
-/// says.
+/// The linear colours of a picture with `spp` samples per pixel, rows from the top. `label` is shown at the progress bar.
 ///
 /// # Errors
 /// [`CliError::Interrupted`].
@@ -93,7 +92,7 @@ pub fn trace(
     Ok(colors.into_iter().map(Into::into).collect())
 }
 
-/// A picture of linear colours as a file's bytes.
+/// Encodes a picture of linear colours as a file.
 fn encode(kind: Kind, size: [usize; 2], colors: &[[f32; 3]], path: &Path) -> Result<Vec<u8>, CliError> {
     if kind == Kind::Exr {
         return exr(size, colors).map_err(|cause| CliError::write(path, cause));

@@ -18,27 +18,27 @@ use crate::{
     sheet::{self, Tile},
 };
 
-/// The picture where none is named, and the sheet beside it.
+/// Default file names of the picture and the contact sheet.
 const PICTURE: &str = "epigraph.png";
 const SHEET: &str = "epigraph-sheet.png";
 
-/// Kind of the stage that traces, whose time is told apart, and its port of samples.
+/// Kind of the tracing stage, whose time is reported separately, and its port of samples.
 pub const TRACE: &str = "trace";
 const SAMPLES: &str = "samples";
 
 /// The beginning of the documentation of ports that only their own stage reads.
 const SCRATCH: &str = "Scratch";
 
-/// Every so many frames, and in the last one, the samples that arrived are counted.
+/// The samples that arrived are counted in every frame of this interval, and in the last one.
 const PROBE_INTERVAL: u32 = 8;
 
-/// Renders. Where the user stops it, one more frame runs, which is then the last one.
+/// Renders frames and writes the last one. If the user interrupts it, one more frame runs and is written.
 pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
     let threads = open::threads(args.threads)?;
     let file = open::graph(args.graph.as_deref().unwrap_or(graphs::DEFAULT), &args.compile.set)?;
     let files = Files::new(args)?;
     let size = args.scene.size.0;
-    // Before the scene is read, which may take long.
+    // Checked before the scene is loaded, which may take long.
     open::samples(args.compile.samples, size)?;
     let place = open::place(&args.scene.scene, &args.scene.camera)?;
     let device = Device::open(args.backend)?;
@@ -56,13 +56,13 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         .poison(args.poison)
         .compile()?;
     let output = files.picture.as_ref().map(|_| compiled.picture()).transpose()?;
-    // Only now is it known which nodes run: taps would keep the others alive.
+    // The sheet shows only nodes that run; tapping the ports of the others would keep them alive.
     let tiles =
         if files.sheet.is_some() { image_ports(compiled.graph(), compiled.plan(), size) } else { Vec::new() };
     let traced = traced_ports(compiled.graph());
     let saved = files.saves.iter().map(|(source, _)| source);
     let kept: Vec<Source> = saved.chain(&tiles).chain(&traced).cloned().collect();
-    // The graph is sound, so what is wrong now is what was asked for.
+    // The graph itself compiles, so an error here is about the ports to save.
     compiled.keep(&kept).map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
     check_saves(compiled.plan(), size, &files)?;
     compiled.require()?;
@@ -96,7 +96,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs all frames, or to the one after the user asked to stop; the last one is captured.
+/// Runs all frames, or up to the one after an interruption. The last one is captured.
 fn run_frames(run: &mut Run, frames: u32, traced: &[Source]) -> Result<Measured, CliError> {
     let mut measured = Measured::new(frames);
     let bar = progress::bar(frames.into(), "rendering", "frames");
@@ -121,14 +121,14 @@ fn run_frames(run: &mut Run, frames: u32, traced: &[Source]) -> Result<Measured,
     Ok(measured)
 }
 
-/// The ports of samples of nodes that trace.
+/// The sample ports of the tracing nodes.
 fn traced_ports(graph: &Graph) -> Vec<Source> {
     let tracing =
         graph.nodes.iter().filter(|node| node.kind == TRACE && node.declaration().port(SAMPLES).is_some());
     tracing.map(|node| Source { node: node.name.clone(), port: SAMPLES.into() }).collect()
 }
 
-/// How many samples lie in the captured ports.
+/// The number of samples in the captured ports.
 fn arrived(executor: &mut Executor, traced: &[Source]) -> Result<u64, RunError> {
     let names: Vec<String> = traced.iter().map(Source::to_string).collect();
     let snapshots = executor.snapshots()?;
@@ -140,7 +140,7 @@ fn arrived(executor: &mut Executor, traced: &[Source]) -> Result<u64, RunError> 
     Ok(lists.map(|list| count(list) as u64).sum())
 }
 
-/// Makes sure that what is to be saved as an image is one.
+/// Checks that ports to be saved as images are images.
 fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliError> {
     for (source, save) in files.saves.iter().filter(|(_, save)| save.is_image()) {
         let tap = plan.taps.iter().find(|tap| tap.name == source.to_string());
@@ -157,7 +157,7 @@ fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliErro
     Ok(())
 }
 
-/// Every written port with the shape of an image, in the order in which they are written.
+/// All written ports with the shape of an image, in execution order.
 fn image_ports(graph: &Graph, plan: &Plan, size: [u32; 2]) -> Vec<Source> {
     let mut sources = Vec::new();
     for node in plan.order() {
@@ -177,7 +177,7 @@ fn image_ports(graph: &Graph, plan: &Plan, size: [u32; 2]) -> Vec<Source> {
     sources
 }
 
-/// What is written at the end. All of it was seen to be writable before the first frame.
+/// The output files, checked to be writable before the first frame.
 struct Files {
     picture: Option<PortFile>,
     saves: Vec<(Source, PortFile)>,
@@ -190,7 +190,7 @@ impl Files {
         let saves: Result<Vec<_>, CliError> =
             args.save.iter().map(|save| Ok((save.source.clone(), PortFile::new(&save.file)?))).collect();
         let saves = saves?;
-        // Who asks for ports only may have a graph that shows no picture.
+        // With --save alone, the graph need not have a picture.
         let picture = match &args.out {
             Some(out) => Some(PortFile::picture(out)?),
             None if saves.is_empty() => Some(PortFile::picture(Path::new(PICTURE))?),
@@ -237,7 +237,7 @@ impl Files {
         Ok(())
     }
 
-    /// What the files are, and where.
+    /// The contents and the path of each file.
     fn written(&self) -> Vec<(String, String)> {
         let picture = self.picture.iter().map(|picture| ("picture".to_owned(), picture.path()));
         let sheet = self.sheet.iter().map(|sheet| ("sheet".to_owned(), sheet.path()));

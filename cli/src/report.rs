@@ -1,4 +1,4 @@
-//! What a run of frames took: the table for people and the JSON for programs.
+//! The report of a run of frames, as a table and as JSON.
 
 use epigraph::memory;
 use epigraph_core::{Gpu, PerSide, Plan, PlannedNode, Side, Step};
@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 
 use crate::{args::RenderArgs, render::TRACE, table::Table};
 
-/// The first frames are slower: caches and threads warm up. This share of them, at most so many, is not counted.
+/// The first frames are slower, as caches and threads warm up. One in [`WARM_UP_SHARE`] frames, but at most
+/// [`MOST_WARM_UP`], is not counted.
 const WARM_UP_SHARE: u32 = 6;
 const MOST_WARM_UP: u32 = 10;
 
@@ -16,40 +17,40 @@ pub struct Measured {
     warm_up: u32,
     /// Milliseconds of each step, for each counted frame.
     frames: Vec<Vec<f32>>,
-    /// Samples that arrived in each frame that was looked at.
+    /// Samples that arrived in each probed frame.
     arrived: Vec<u64>,
-    /// In how many frames each of the plan's nodes ran.
+    /// Number of frames in which each of the plan's nodes ran.
     runs: Vec<u32>,
-    /// Seconds that all frames took, tracing included.
+    /// Seconds for all frames, including tracing.
     pub seconds: f64,
 }
 
 impl Measured {
-    /// For a run of so many frames.
+    /// An empty record for a run of `frames` frames.
     pub fn new(frames: u32) -> Self {
         let warm_up = (frames / WARM_UP_SHARE).min(MOST_WARM_UP);
         Self { warm_up, frames: Vec::new(), arrived: Vec::new(), runs: Vec::new(), seconds: 0.0 }
     }
 
-    /// Notes the times of the plan's steps in frame `index`.
+    /// Records the times of the plan's steps in frame `index`.
     pub fn times(&mut self, index: u32, times: &[f32]) {
         if index >= self.warm_up {
             self.frames.push(times.to_vec());
         }
     }
 
-    /// Notes which nodes a frame ran.
+    /// Records which nodes ran in a frame.
     pub fn ran(&mut self, ran: &[bool]) {
         self.runs.resize(ran.len(), 0);
         self.runs.iter_mut().zip(ran).for_each(|(runs, &ran)| *runs += u32::from(ran));
     }
 
-    /// Notes how many samples a frame got.
+    /// Records the number of samples that arrived in a frame.
     pub fn arrived(&mut self, samples: u64) {
         self.arrived.push(samples);
     }
 
-    /// Milliseconds below which this share of the frames lies, for the sum of the chosen steps.
+    /// The quantile at `share` of the frames' times for the chosen steps, in milliseconds.
     fn quantile(&self, share: f64, chosen: impl Fn(usize) -> bool) -> f64 {
         let sum = |times: &Vec<f32>| -> f64 {
             times.iter().enumerate().filter(|(step, _)| chosen(*step)).map(|(_, ms)| f64::from(*ms)).sum()
@@ -62,37 +63,37 @@ impl Measured {
         }
     }
 
-    /// Mean number of samples that a frame got, where any frame was looked at. The first frame has nothing to wait for
-    /// and is left out where there are others.
+    /// Mean number of samples that arrived per frame, or `None` if no frame was probed. The first frame has no requests to
+    /// wait for, so it counts only if it is the only one.
     fn mean_arrived(&self) -> Option<f64> {
         let counted = if self.arrived.len() > 1 { &self.arrived[1..] } else { &self.arrived };
         (!counted.is_empty()).then(|| counted.iter().sum::<u64>() as f64 / counted.len() as f64)
     }
 }
 
-/// Everything that is told about a run.
+/// The report of a run.
 pub struct Report<'a> {
-    /// What was asked for.
+    /// The command line.
     pub args: &'a RenderArgs,
     /// The graph file's name.
     pub graph: &'a str,
-    /// Threads that computed.
+    /// Number of CPU threads.
     pub threads: usize,
-    /// Samples that a frame may ask for.
+    /// Maximum number of samples per frame.
     pub samples: u32,
-    /// Where nodes ran that did not say.
+    /// The default side of nodes.
     pub side: Side,
-    /// The GPU, where the plan uses one.
+    /// The GPU, if the plan uses one.
     pub gpu: Option<&'a Gpu>,
     /// The plan that ran.
     pub plan: &'a Plan,
     /// Bytes that pooling saves on each side.
     pub pooled_bytes: PerSide<u64>,
-    /// Frames that ran: fewer than asked for where the user has stopped it.
+    /// Number of frames that ran: fewer than requested if the user interrupted the run.
     pub frames: u32,
-    /// What it took.
+    /// Times and counts of the run.
     pub measured: &'a Measured,
-    /// What was written, and where.
+    /// Contents and path of each written file.
     pub written: Vec<(String, String)>,
 }
 
@@ -143,7 +144,7 @@ impl Report<'_> {
         }
     }
 
-    /// The nodes that did not run in all frames because they would have done the same again: index, name and kind.
+    /// The nodes that were skipped in some frames because their result would not have changed: index, name and kind.
     fn skipped(&self) -> impl Iterator<Item = (usize, &str, &str)> {
         let (plan, runs) = (self.plan, &self.measured.runs);
         let nodes = plan.nodes.iter().enumerate().filter(|(_, node)| node.per_view);
@@ -155,7 +156,7 @@ impl Report<'_> {
         matches!(self.plan.steps[step], Step::Run(node) if self.plan.nodes[node].kind == TRACE)
     }
 
-    /// Milliseconds of all nodes and transfers but tracing.
+    /// Quantile of the time of all nodes and transfers except tracing, in milliseconds.
     fn frame_ms(&self, share: f64) -> f64 {
         self.measured.quantile(share, |step| {
             !self.is_tracing(step) && !matches!(self.plan.steps[step], Step::Tap { .. })
@@ -170,7 +171,7 @@ impl Report<'_> {
         f64::from(self.frames) / self.measured.seconds
     }
 
-    /// The table and what else there is to say.
+    /// The report as text: the table and a summary.
     pub fn text(&self) -> String {
         let args = self.args;
         let median = self.frame_ms(0.5);
@@ -198,19 +199,19 @@ impl Report<'_> {
         line("backend", self.backend_text());
         line(
             "frame",
-            format!("{median:.2} ms without tracing (median; 95% of frames: {:.2} ms)", self.frame_ms(0.95)),
+            format!("{median:.2} ms without tracing (median; 95th percentile {:.2} ms)", self.frame_ms(0.95)),
         );
-        line("tracing", format!("{:.2} ms a frame (median)", self.trace_ms()));
+        line("tracing", format!("{:.2} ms per frame (median)", self.trace_ms()));
         let arrived = self.measured.mean_arrived().map(|mean| format!(", {mean:.0} arrived"));
-        line("samples", format!("{} a frame may be asked for{}", self.samples, arrived.unwrap_or_default()));
-        line("speed", format!("{:.1} frames a second, all included", self.frames_per_second()));
+        line("samples", format!("at most {} per frame{}", self.samples, arrived.unwrap_or_default()));
+        line("speed", format!("{:.1} frames per second, including tracing", self.frames_per_second()));
         line("memory", self.memory_text());
         for culled in &self.plan.culled {
             line("left out", format!("{} ({}): {}", culled.node, culled.kind, culled.why));
         }
         for (node, name, kind) in self.skipped() {
             let (runs, frames) = (self.measured.runs[node], self.frames);
-            let why = "in the others, its inputs and the view were the same";
+            let why = "its inputs and the view were unchanged in the others";
             line("skipped", format!("{name} ({kind}): ran in {runs} of {frames} frames; {why}"));
         }
         for (what, path) in &self.written {
@@ -223,7 +224,7 @@ impl Report<'_> {
         let cpu = format!("cpu, {} threads", self.threads);
         match self.gpu {
             Some(gpu) if gpu.is_software() => {
-                format!("gpu: {}, in software: its times say nothing of a real GPU's; {cpu}", gpu.name())
+                format!("gpu: {}, in software: its times say nothing about a real GPU; {cpu}", gpu.name())
             }
             Some(gpu) => format!("gpu: {}; {cpu}", gpu.name()),
             None => cpu,
@@ -237,11 +238,11 @@ impl Report<'_> {
             format!("graph on the {side} {} ({} saved by pooling)", readable(bytes), readable(pooled))
         };
         let sides = Side::ALL.into_iter().filter(|side| self.plan.bytes(*side) > 0).map(side);
-        let peak = memory::peak().map(|bytes| format!("process at most {}", readable(bytes)));
+        let peak = memory::peak().map(|bytes| format!("process peak {}", readable(bytes)));
         peak.into_iter().chain(sides).collect::<Vec<_>>().join(", ")
     }
 
-    /// The figures.
+    /// The report as JSON.
     pub fn json(&self) -> Value {
         let args = self.args;
         let nodes: Vec<Value> = self
@@ -293,7 +294,7 @@ impl Report<'_> {
     }
 }
 
-/// To four decimals: the clocks are no better.
+/// Rounded to four decimals, the resolution of the clocks.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

@@ -1,25 +1,25 @@
-//! Contact sheets: many pictures on one, each with its name.
+//! Contact sheets: one image of many labelled pictures.
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
-/// The letters that labels are set in.
+/// The font of labels.
 const WEIGHT: FontWeight = FontWeight::Regular;
 const LETTER: RasterHeight = RasterHeight::Size24;
 
 /// Pixels around each picture, and between a label and its picture.
 const GAP: usize = 12;
 const LABEL_GAP: usize = 4;
-/// Longest side of a picture on the sheet, in pixels: larger ones are shrunk, much smaller ones enlarged.
+/// Longest side of a picture on the sheet, in pixels. Larger pictures are shrunk, much smaller ones enlarged.
 const LONGEST_SIDE: usize = 512;
-/// Most columns for each row: a sheet is as wide as high, or somewhat wider.
+/// Largest ratio of columns to rows: a sheet has at least as many columns as rows.
 const ASPECT: f64 = 2.0;
 
 const BACKGROUND: [u8; 3] = [32, 33, 36];
 const TEXT: [u8; 3] = [225, 225, 220];
 
-/// A picture with its name.
+/// A picture with its label.
 pub struct Tile {
-    /// What stands above it.
+    /// Text above the picture.
     pub label: String,
     /// Width and height in pixels.
     pub size: [usize; 2],
@@ -27,7 +27,7 @@ pub struct Tile {
     pub colors: Vec<[u8; 3]>,
 }
 
-/// All tiles in rows, in their order, as one image: width and height, and its sRGB pixels.
+/// Arranges all tiles in rows, in their order, as one image: its width and height, and its sRGB pixels.
 pub fn sheet(tiles: &[Tile]) -> ([usize; 2], Vec<[u8; 3]>) {
     let tiles: Vec<Tile> = tiles.iter().map(fitted).collect();
     let columns = columns(tiles.len());
@@ -47,7 +47,7 @@ pub fn sheet(tiles: &[Tile]) -> ([usize; 2], Vec<[u8; 3]>) {
     (canvas.size, canvas.colors)
 }
 
-/// The number of columns that leaves the fewest places empty.
+/// The number of columns that leaves the fewest cells empty.
 fn columns(tiles: usize) -> usize {
     let side = |ratio: f64| (tiles.max(1) as f64 * ratio).sqrt().ceil() as usize;
     let empty = |columns: usize| tiles.div_ceil(columns) * columns - tiles;
@@ -90,7 +90,7 @@ impl Canvas {
     }
 }
 
-/// The tile made smaller or larger by a whole factor, so that its longest side comes near [`LONGEST_SIDE`].
+/// The tile scaled by an integer factor, so that its longest side comes close to [`LONGEST_SIDE`].
 fn fitted(tile: &Tile) -> Tile {
     let longest = tile.size[0].max(tile.size[1]).max(1);
     let (size, colors) = if longest > LONGEST_SIDE {
@@ -101,7 +101,7 @@ fn fitted(tile: &Tile) -> Tile {
     Tile { label: tile.label.clone(), size, colors }
 }
 
-/// Every pixel is the mean of a block.
+/// Scales down: every new pixel is the mean of a block.
 fn shrunk(tile: &Tile, factor: usize) -> ([usize; 2], Vec<[u8; 3]>) {
     let [width, height] = tile.size;
     let mean = |[x, y]: [usize; 2]| {
@@ -120,13 +120,13 @@ fn shrunk(tile: &Tile, factor: usize) -> ([usize; 2], Vec<[u8; 3]>) {
     (size, places(size).map(mean).collect())
 }
 
-/// Every pixel becomes a block.
+/// Scales up: every pixel becomes a block.
 fn enlarged(tile: &Tile, factor: usize) -> ([usize; 2], Vec<[u8; 3]>) {
     let size = tile.size.map(|side| side * factor);
     (size, places(size).map(|[x, y]| tile.colors[y / factor * tile.size[0] + x / factor]).collect())
 }
 
-/// All places of an image, row by row.
+/// All pixel positions of an image, row by row.
 fn places([width, height]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
     (0..height).flat_map(move |y| (0..width).map(move |x| [x, y]))
 }
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn few_places_stay_empty() {
+    fn few_cells_stay_empty() {
         assert_eq!([0, 1, 2, 11, 12, 13].map(columns), [1, 1, 2, 4, 4, 5]);
     }
 

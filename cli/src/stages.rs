@@ -1,11 +1,11 @@
-//! `epigraph stages`: what kinds of stage there are, and what one of them does.
+//! `epigraph stages`: lists the stage kinds, or describes one.
 
 use epigraph_core::{Access, Declaration, GraphError, Kind, Lifetime, ParamSpec, Port, Registry, Side};
 use serde_json::{Value, json};
 
 use crate::{args::StagesArgs, error::CliError, output::JsonTarget, table::Table};
 
-/// Lists all kinds, or tells about one.
+/// Lists all kinds, or describes one.
 pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
     let target = JsonTarget::new(args.json.as_deref())?;
     match &args.kind {
@@ -15,7 +15,7 @@ pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
                 table.row([kind.name().into(), sides(kind.declaration().as_ref()), kind.doc().into()]);
             }
             let all: Vec<Value> = registry.kinds().map(as_json).collect();
-            let text = format!("{table}\n`epigraph stages KIND` tells a kind's ports and parameters.\n");
+            let text = format!("{table}\n`epigraph stages KIND` describes a kind's ports and parameters.\n");
             target.finish(&json!({ "stages": all }), &text)
         }
         Some(name) => match registry.get(name) {
@@ -27,7 +27,7 @@ pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
     }
 }
 
-/// Where a kind runs. A kind without a declaration of its own takes its shader from the node.
+/// The sides on which a kind runs. A kind without a declaration takes its shader from the node and runs on the GPU.
 fn sides(declaration: Option<&Declaration>) -> String {
     let Some(declaration) = declaration else { return "gpu".into() };
     let sides = [Side::Cpu, Side::Gpu].into_iter().filter(|side| declaration.runs_on(*side));
@@ -39,12 +39,10 @@ fn as_text(kind: &dyn Kind) -> String {
     let mut text = format!("{}: {}\n", kind.name(), kind.doc());
     text += &format!("runs on: {}\n", sides(declaration.as_ref()));
     if declaration.as_ref().is_some_and(|declared| declared.per_view) {
-        text += "runs when: its inputs or the view have changed\n";
+        text += "runs when: its inputs or the view change\n";
     }
     match &declaration {
-        None => {
-            text += "\nports: those of the node's shader; see the manual of `wgsl` stages in the README\n"
-        }
+        None => text += "\nports: declared by the node's shader; see `wgsl` stages in the README\n",
         Some(declaration) => {
             for (heading, chosen) in
                 [("inputs", Port::is_input as fn(&Port) -> bool), ("outputs", Port::is_output)]
@@ -88,7 +86,7 @@ fn as_text(kind: &dyn Kind) -> String {
 fn access(port: &Port) -> String {
     let access = match port.access {
         Access::Read => "read",
-        Access::History => "last frame's",
+        Access::History => "read from last frame",
         Access::Update => "updated in place",
         Access::Write if port.lifetime == Lifetime::Persistent => "written, kept",
         Access::Write => "written",

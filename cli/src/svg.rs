@@ -1,4 +1,4 @@
-//! Files for plots.
+//! Output files of plots.
 
 use std::path::Path;
 
@@ -6,13 +6,13 @@ use epigraph_pictures::Target;
 
 use crate::error::CliError;
 
-/// A plot's file to be.
+/// The output file of a plot.
 ///
 /// # Errors
-/// That its name is no plot's, or that it cannot be written.
+/// If its name does not end in `.svg`, or if it cannot be written.
 pub fn target(path: &Path) -> Result<Target, CliError> {
     if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("svg")) {
-        return Err(CliError::write(path, "the plot is drawn as SVG; name it FILE.svg"));
+        return Err(CliError::write(path, "the plot is written as SVG; name it FILE.svg"));
     }
     Ok(Target::new(path)?)
 }

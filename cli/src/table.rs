@@ -1,13 +1,13 @@
 //! Plain text tables.
 
-/// Rows of cells under headings. Text columns are aligned left, columns of numbers right.
+/// Rows of cells under headings. Text columns are left-aligned, number columns right-aligned.
 pub struct Table {
     numbers: Vec<bool>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// A table with these headings; those that start with `>` head columns of numbers.
+    /// A table with these headings; a leading `>` marks a number column.
     pub fn new(headings: &[&str]) -> Self {
         let numbers = headings.iter().map(|heading| heading.starts_with('>')).collect();
         Self {
@@ -16,7 +16,7 @@ impl Table {
         }
     }
 
-    /// Adds a row; it has as many cells as there are headings.
+    /// Adds a row with one cell for each heading.
     pub fn row<const N: usize>(&mut self, cells: [String; N]) {
         self.rows.push(cells.into());
     }
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_stand_at_the_right() {
+    fn numbers_are_right_aligned() {
         let mut table = Table::new(&["node", ">ms"]);
         table.row(["fill".into(), "10.25".into()]);
         table.row(["a".into(), "1.5".into()]);

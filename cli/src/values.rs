@@ -1,4 +1,4 @@
-//! The values of flags.
+//! Parsers of flag values.
 
 use std::{fmt, path::PathBuf, str::FromStr};
 
@@ -54,7 +54,7 @@ pub struct Setting {
     pub node: String,
     /// The parameter.
     pub param: String,
-    /// RON text.
+    /// The value as RON.
     pub value: String,
 }
 
@@ -92,14 +92,14 @@ impl FromStr for Save {
     }
 }
 
-/// Reads the names of a choice, such as [`Backend::ALL`], and shows them with what they mean.
+/// A parser for a list of choices, such as [`Backend::ALL`], that shows each name with its meaning in the help.
 fn choice<T: Clone + Send + Sync + 'static>(
     all: &'static [(T, &'static str, &'static str)],
 ) -> impl TypedValueParser<Value = T> {
     let names = all.iter().map(|(_, name, doc)| PossibleValue::new(*name).help(*doc));
     PossibleValuesParser::new(names).map(|name: String| {
         let found = all.iter().find(|(_, known, _)| *known == name);
-        found.expect("the parser lets only known names pass").0.clone()
+        found.expect("the parser accepts only known names").0.clone()
     })
 }
 
@@ -113,12 +113,12 @@ pub fn pace() -> impl TypedValueParser<Value = Pace> {
     choice(&Pace::ALL)
 }
 
-/// Which light a reference shows.
+/// The light transport of a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Light {
-    /// From the lights to the first surface, and one glossy reflection.
+    /// Direct light and one glossy reflection.
     Direct,
-    /// All light, over many bounces.
+    /// Global illumination with many bounces.
     Path,
 }
 
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_shown_as_they_are_written() {
+    fn places_are_displayed_as_parsed() {
         assert_eq!("230,0".parse::<Place>().unwrap().to_string(), "230,0");
         for wrong in ["", "5", "-1,2", "1,2,3", "1x2"] {
             assert!(wrong.parse::<Place>().is_err(), "{wrong}");

@@ -1,4 +1,4 @@
-//! Where nodes run.
+//! Placement of nodes on CPU and GPU.
 
 use std::{fmt, str::FromStr, sync::Arc};
 
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, memory};
 
-/// Where the nodes run that the graph file does not place.
+/// Default placement for nodes without `on:`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Backend {
-    /// A hardware GPU if there is one, else the CPU.
+    /// A hardware GPU if available, else the CPU.
     #[default]
     Auto,
-    /// Any GPU adapter, software ones such as Mesa's lavapipe included.
+    /// Any GPU adapter, including software ones such as Mesa's lavapipe.
     Gpu,
     /// Native code.
     Cpu,
 }
 
 impl Backend {
-    /// All, by name, with what they are.
+    /// All backends, with name and description.
     pub const ALL: [(Self, &str, &str); 3] = [
-        (Self::Auto, "auto", "A hardware GPU if there is one, else the CPU"),
-        (Self::Gpu, "gpu", "Any GPU adapter, software ones such as Mesa's lavapipe included"),
+        (Self::Auto, "auto", "A hardware GPU if available, else the CPU"),
+        (Self::Gpu, "gpu", "Any GPU adapter, including software ones such as Mesa's lavapipe"),
         (Self::Cpu, "cpu", "Native code"),
     ];
 }
@@ -44,12 +44,12 @@ impl FromStr for Backend {
     }
 }
 
-/// The side where nodes run by default, and the GPU if one is open.
+/// The default side of nodes, and the GPU if one is open.
 #[derive(Clone)]
 pub struct Device {
     /// The default side.
     pub side: Side,
-    /// The GPU that nodes on that side use. A plan on the CPU with single nodes on the GPU opens one when it needs it.
+    /// The GPU for nodes on that side. If it is absent and some nodes are placed on the GPU, one is opened for them.
     pub gpu: Option<Arc<Gpu>>,
 }
 
@@ -57,10 +57,10 @@ impl Device {
     /// The CPU.
     pub const CPU: Self = Self { side: Side::Cpu, gpu: None };
 
-    /// Opens what a backend asks for.
+    /// Opens the device of a backend.
     ///
     /// # Errors
-    /// [`RunError::NoGpu`] where [`Backend::Gpu`] finds no adapter.
+    /// [`RunError::NoGpu`] if [`Backend::Gpu`] finds no adapter.
     pub fn open(backend: Backend) -> Result<Self, RunError> {
         match backend {
             Backend::Cpu => Ok(Self::CPU),
@@ -72,10 +72,10 @@ impl Device {
         }
     }
 
-    /// As [`Device::open`], with a GPU that is open already wherever it will do.
+    /// Like [`Device::open`], but uses the given GPU if it is suitable.
     ///
     /// # Errors
-    /// As [`Device::open`].
+    /// Those of [`Device::open`].
     pub fn reopen(backend: Backend, gpu: Option<Arc<Gpu>>) -> Result<Self, RunError> {
         match (backend, gpu) {
             (Backend::Cpu, gpu) => Ok(Self { side: Side::Cpu, gpu }),
@@ -86,15 +86,15 @@ impl Device {
         }
     }
 
-    /// This GPU.
+    /// A GPU that is already open.
     pub fn on(gpu: Arc<Gpu>) -> Self {
         Self { side: Side::Gpu, gpu: Some(gpu) }
     }
 
-    /// The GPU that a plan needs, opened if it is not yet; none for a plan on the CPU alone.
+    /// The GPU that a plan needs, opened if necessary; `None` if no node runs on a GPU.
     ///
     /// # Errors
-    /// That there is none, naming the node that needs it.
+    /// If there is no GPU. The error names a node that needs it.
     pub fn gpu_for(&self, plan: &Plan) -> Result<Option<Arc<Gpu>>, Error> {
         let Some(PlannedNode { name, kind, .. }) = plan.nodes.iter().find(|node| node.side == Side::Gpu)
         else {
@@ -109,11 +109,11 @@ impl Device {
     }
 }
 
-/// Makes sure that main memory holds a plan and the copies of the ports that are kept.
+/// Checks that main memory can hold a plan and the copies of kept ports.
 pub(crate) fn require_memory(plan: &Plan, gpu: Option<&Gpu>) -> Result<(), Error> {
     let tapped =
         plan.taps.iter().flat_map(|tap| &tap.fields).map(|field| plan.storages[field.storage].bytes());
-    // A software GPU's memory is the machine's.
+    // A software GPU uses main memory.
     let gpu_bytes = if gpu.is_some_and(Gpu::is_software) { plan.bytes(Side::Gpu) } else { 0 };
     memory::require(plan.bytes(Side::Cpu) + gpu_bytes + tapped.sum::<u64>())
 }

@@ -1,25 +1,25 @@
 use epigraph_core::{GraphError, Problem, Problems, RunError};
 use epigraph_scenes::{PathError, SceneError};
 
-/// Why something cannot run. The text says what is wrong, where, and what to do.
+/// The reason why a graph cannot run. The text says what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The graph is wrong; each problem with its place.
+    /// The graph has problems, each with its place in the file.
     #[error("{0}")]
     Graph(#[from] Problems),
-    /// The graph does not run.
+    /// The graph failed to run.
     #[error("{0}")]
     Run(#[from] RunError),
-    /// The scene does not load.
+    /// The scene cannot be loaded.
     #[error("{0}")]
     Scene(#[from] SceneError),
-    /// The camera path is wrong.
+    /// The camera path is invalid.
     #[error("{0}")]
     Path(#[from] PathError),
     /// The machine has too little memory.
     #[error("{0}")]
     Memory(String),
-    /// Anything else that whoever asked can mend.
+    /// Any other error that the caller can fix.
     #[error("{0}")]
     Input(String),
 }

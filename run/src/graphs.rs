@@ -1,4 +1,4 @@
-//! From what the user calls a graph to its text.
+//! Finds graphs by name or file.
 
 use std::{io, path::Path};
 
@@ -6,17 +6,18 @@ use epigraph_core::{GraphError, GraphFile, Problems};
 
 pub use epigraph_graphs::names;
 
-/// The graph that runs where none is named.
+/// The default graph.
 pub const DEFAULT: &str = "epi";
 
-/// What a name that leads to no graph is said to be; see [`load`].
+/// What [`load`] says it was looking for if a name is unknown.
 pub const UNKNOWN: &str = "graph or file";
 
-/// Reads a graph: the file of that name if there is one, else the graph that comes with the program under that name,
-/// written `render-cache`, `render-cache.ron` or `graphs/render-cache.ron`.
+/// Reads a graph: the file of that name if it exists, else the built-in graph of that name, given as `render-cache`,
+/// `render-cache.ron` or `graphs/render-cache.ron`.
 ///
 /// # Errors
-/// The problems of the text. Where there is neither, a single word is a [`GraphError::Unknown`] of what is [`UNKNOWN`].
+/// The problems of the file. If there is neither a file nor a built-in graph, a single word gives [`GraphError::Unknown`]
+/// with [`UNKNOWN`].
 pub fn load(name: &str) -> Result<GraphFile, Problems> {
     let path = Path::new(name);
     if path.exists() {
@@ -32,7 +33,7 @@ pub fn load(name: &str) -> Result<GraphFile, Problems> {
         }),
         None => {
             let mut problems = GraphFile::load(path).err().unwrap_or_default();
-            // A single word is as likely a mistyped name as a mistyped path.
+            // A single word is probably a mistyped name rather than a path.
             if !name.contains(['/', '\\', '.'])
                 && let Some(problem) = problems.0.first_mut()
             {

@@ -7,7 +7,7 @@ use epigraph_pictures::{Number, lanes};
 
 use crate::Error;
 
-/// What [`crate::Run::read`] gives elements as: one to four f32, u32 or i32.
+/// An element type of [`crate::Run::read`]: one to four f32, u32 or i32.
 pub trait Pixel: ItemMember + bytemuck::Pod {}
 
 impl<T: ItemMember + bytemuck::Pod> Pixel for T {}
@@ -17,14 +17,14 @@ impl<T: ItemMember + bytemuck::Pod> Pixel for T {}
 pub struct Image<T> {
     /// Width and height; a list has height 1.
     pub size: [u32; 2],
-    /// Row by row, from the top.
+    /// The elements row by row, from the top.
     pub pixels: Vec<T>,
-    /// The frame it was taken in, from 0.
+    /// The frame in which it was captured, from 0.
     pub frame: u64,
 }
 
 impl<T: Pixel> Image<T> {
-    /// Of a snapshot. Floats of any width are read as f32.
+    /// Converts a snapshot. Floats of any width are read as f32.
     pub(crate) fn of(snapshot: &Snapshot) -> Result<Self, Error> {
         let lanes = lanes(&snapshot.element);
         let fits = |lane: &epigraph_pictures::Lane| match T::SCALAR {

@@ -18,13 +18,14 @@
 //! # }
 //! ```
 //!
-//! A [`Setup`] collects what to run: a graph, a [`Place`] (a scene and a camera path through it), the size, the samples, where
-//! nodes run. [`Setup::compile`] checks it and gives a plan, which needs no GPU; [`Compiled::start`] allocates. A [`Run`]
-//! then only runs frames. The command line and the editor are built on these.
+//! A [`Setup`] collects the settings of a run: a graph, a [`Place`] (a scene and a camera path through it), the image size,
+//! the number of samples and the placement of nodes. [`Setup::compile`] checks the graph and makes a plan, which needs no
+//! GPU; [`Compiled::start`] allocates memory. The resulting [`Run`] only runs frames. The command line and the editor are
+//! built on these types.
 //!
-//! The layers below are there for those who need more: [`epigraph_core`] (graph files, plans, executors, the contract of
-//! a stage), [`epigraph_stages`] (the stages of the algorithms), [`epigraph_scenes`] (scenes, camera paths, the ray
-//! tracer) and [`epigraph_pictures`] (from numbers to pictures and files).
+//! The layers below offer more control: [`epigraph_core`] (graph files, plans, executors, the stage interface),
+//! [`epigraph_stages`] (the built-in stages), [`epigraph_scenes`] (scenes, camera paths, the ray tracer) and
+//! [`epigraph_pictures`] (conversion of port contents to pictures and files).
 
 mod backend;
 mod error;

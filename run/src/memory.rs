@@ -1,4 +1,4 @@
-//! Main memory: how much the process has used at most, and how much there is.
+//! Main memory: the peak use of the process, and the available amount.
 
 use std::fs;
 
@@ -6,18 +6,21 @@ use epigraph_pictures::readable;
 
 use crate::Error;
 
-/// Most bytes that the process has held in main memory at once; none where the system does not say.
+/// Peak main memory of the process in bytes; `None` if the system does not report it.
 pub fn peak() -> Option<u64> {
     field("/proc/self/status", "VmHWM:")
 }
 
-/// Bytes that may be had without swapping; none where the system does not say.
+/// Main memory available without swapping, in bytes; `None` if the system does not report it.
 pub fn available() -> Option<u64> {
     field("/proc/meminfo", "MemAvailable:")
 }
 
-/// Makes sure that there are about so many bytes, because systems that promise more than they have end the program
-/// later without a word.
+/// Checks that about `bytes` bytes of main memory are available. Systems that overcommit memory would otherwise kill the
+/// process later without a message.
+///
+/// # Errors
+/// [`Error::Memory`] if less is available.
 pub fn require(bytes: u64) -> Result<(), Error> {
     match available() {
         Some(free) if bytes > free => Err(Error::Memory(format!(
@@ -29,7 +32,7 @@ pub fn require(bytes: u64) -> Result<(), Error> {
     }
 }
 
-/// A line `NAME  N kB` of one of Linux's files, in bytes.
+/// The value of a line `NAME  N kB` in a file of Linux's `/proc`, in bytes.
 fn field(file: &str, name: &str) -> Option<u64> {
     let text = fs::read_to_string(file).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix(name))?;

@@ -1,4 +1,4 @@
-//! Where a graph runs: a scene and a camera path through it.
+//! The input of a run: a scene and a camera path through it.
 
 use std::sync::{Arc, OnceLock};
 
@@ -8,18 +8,18 @@ use epigraph_stages::{Pace, SampleSource, World};
 
 use crate::Error;
 
-/// A scene and a camera path through it. Several runs may share one: the tracer is built once, and with [`Pace::Exact`]
-/// what stages keep of the scene, such as its shadow boundaries, is found once.
+/// A scene and a camera path through it. Several runs may share a place: the tracer is built once, and with
+/// [`Pace::Exact`] the data that stages cache for a scene, such as shadow boundaries, is computed once.
 #[derive(Clone)]
 pub struct Place {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// The camera's path.
+    /// The camera path.
     pub path: CameraPath,
     shared: Arc<Shared>,
 }
 
-/// What all camera paths through a scene share, made when it is first needed.
+/// Data that all camera paths through a scene share, made on first use.
 #[derive(Default)]
 struct Shared {
     tracer: OnceLock<Arc<Tracer>>,
@@ -27,43 +27,43 @@ struct Shared {
 }
 
 impl Place {
-    /// Loads a scene, by its name or file, and a camera path, as the command line takes them.
+    /// Loads a scene by its name or file, with a camera path, both as given on the command line.
     ///
     /// # Errors
-    /// What is wrong with the scene or the path.
+    /// An invalid scene or path.
     pub fn load(scene: &str, camera: &str) -> Result<Self, Error> {
         Self::new(Arc::new(Scene::load(scene)?), camera)
     }
 
-    /// A scene made by code, and a camera path, as the command line takes it.
+    /// A scene made by code, with a camera path as given on the command line.
     ///
     /// # Errors
-    /// What is wrong with the path.
+    /// An invalid path.
     pub fn new(scene: Arc<Scene>, camera: &str) -> Result<Self, Error> {
         let path = CameraPath::parse(camera, &scene)?;
         Ok(Self { scene, path, shared: Arc::default() })
     }
 
-    /// The same scene along another camera path.
+    /// The same scene with another camera path.
     ///
     /// # Errors
-    /// What is wrong with the path.
+    /// An invalid path.
     pub fn along(&self, camera: &str) -> Result<Self, Error> {
         Ok(Self { path: CameraPath::parse(camera, &self.scene)?, ..self.clone() })
     }
 
-    /// What graphs are compiled for: the scene's facts, and whether the camera moves.
+    /// The facts for which graphs are compiled: those of the scene, and whether the camera moves.
     pub fn facts(&self) -> Facts {
         World::facts(&self.scene, self.path.moves())
     }
 
-    /// The scene's ray tracer, built at the first call.
+    /// The scene's ray tracer, built on the first call.
     pub fn tracer(&self) -> &Arc<Tracer> {
         self.shared.tracer.get_or_init(|| Arc::new(Tracer::new(self.scene.clone())))
     }
 
-    /// What stages get beside their ports: the scene with its ray tracer as the source of samples. [`Pace::Async`] starts
-    /// `threads` threads for it.
+    /// The resources that stages use in addition to their ports: the scene, with its ray tracer as the source of samples.
+    /// [`Pace::Async`] starts `threads` tracing threads.
     pub fn host(&self, pace: Pace, threads: usize) -> Arc<Host> {
         let make = || host(World::new(self.tracer().clone(), pace, threads));
         match pace {
@@ -72,7 +72,7 @@ impl Place {
         }
     }
 
-    /// The same with samples from elsewhere.
+    /// The same with another source of samples.
     pub fn host_with(&self, source: Box<dyn SampleSource>) -> Arc<Host> {
         host(World::with_source(self.tracer().clone(), source))
     }

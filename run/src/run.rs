@@ -12,13 +12,13 @@ use epigraph_stages::{World, shared::world::PREDICTION_FRAMES};
 
 use crate::{Error, Image, Pixel};
 
-/// The output that is the picture, where there is one of that name.
+/// The preferred name of the output with the picture.
 const PICTURE: &str = "image";
 
-/// A graph with its memory, on a scene: runs frame after frame along the camera's path.
+/// A graph with its memory, on a scene. It runs frame after frame along the camera path.
 pub struct Run {
     file: GraphFile,
-    /// What runs the plan: times, bytes, and everything that this type does not offer itself.
+    /// The executor of the plan, for times, memory sizes, and everything else that this type does not offer itself.
     pub executor: Executor,
     host: Arc<Host>,
     path: CameraPath,
@@ -26,13 +26,13 @@ pub struct Run {
     settings: Settings,
     seed: u32,
     index: u32,
-    /// The camera from the next frame on, where it has left the path.
+    /// The camera from the next frame on, if it has left the path.
     camera: Option<Camera>,
     /// The camera of the last frame.
     shown: Option<Camera>,
 }
 
-/// What a run is made of.
+/// The parts of a run.
 pub(crate) struct Parts {
     pub file: GraphFile,
     pub executor: Executor,
@@ -54,12 +54,12 @@ impl Run {
         self.executor.graph()
     }
 
-    /// What a frame does, in order, and with which memory.
+    /// The execution order and memory of a frame.
     pub fn plan(&self) -> &Plan {
         self.executor.plan()
     }
 
-    /// What it was compiled for.
+    /// The settings for which the graph was compiled.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -74,22 +74,22 @@ impl Run {
         &self.path
     }
 
-    /// The number of the next frame; as many have run.
+    /// The index of the next frame, which equals the number of frames that have run.
     pub fn index(&self) -> u32 {
         self.index
     }
 
-    /// How many samples had a radiance that is not finite so far. They count as black; the scene or the tracer is at fault.
+    /// The number of samples so far whose radiance was not finite: a fault of the scene or the tracer. They count as black.
     pub fn non_finite_samples(&self) -> u64 {
         self.host.get::<World>().map_or(0, |world| world.tracer.non_finite())
     }
 
-    /// Leaves the path: the camera looks from here from the next frame on.
+    /// Leaves the path: the next frames use this camera.
     pub fn look(&mut self, camera: Camera) {
         self.camera = Some(camera);
     }
 
-    /// What the stages get of the next frame.
+    /// The frame data that the next frame passes to the stages.
     pub fn next_frame(&self) -> Frame {
         let Settings { size, samples, .. } = self.settings;
         match &self.camera {
@@ -100,7 +100,7 @@ impl Run {
         }
     }
 
-    /// Frame `index` of a camera that somebody moves by hand: from `shown` in the frame before, if there was one.
+    /// Frame `index` of an interactive camera. `shown` is the camera of the previous frame, if any.
     pub fn live_frame(
         shown: Option<&Camera>,
         camera: &Camera,
@@ -125,30 +125,30 @@ impl Run {
     /// Runs the next frame and captures the outputs and the kept ports.
     ///
     /// # Errors
-    /// A stage that fails or panics, a GPU that is lost.
+    /// If a stage fails or panics, or if the GPU is lost.
     pub fn frame(&mut self) -> Result<(), Error> {
         self.advance(true)
     }
 
-    /// Runs a frame of the caller's own, of whatever view and number. Without `capture` nothing is copied.
+    /// Runs a frame made by the caller, with any view and index. Without `capture` nothing is copied.
     ///
     /// # Errors
-    /// As [`Run::frame`].
+    /// Those of [`Run::frame`].
     pub fn run(&mut self, frame: &Frame, capture: bool) -> Result<(), RunError> {
         self.executor.run(frame, &self.host, capture)?;
         self.index = frame.index.wrapping_add(1);
         Ok(())
     }
 
-    /// Gives the stages another host from the next frame on, for instance with another source of samples.
+    /// Replaces the host that stages use from the next frame on, for example to change the source of samples.
     pub fn set_host(&mut self, host: Arc<Host>) {
         self.host = host;
     }
 
-    /// Runs the next frame. Without `capture` nothing is copied: [`Run::read`] gives what was captured last.
+    /// Runs the next frame. Without `capture` nothing is copied, and [`Run::read`] returns the last captured frame.
     ///
     /// # Errors
-    /// As [`Run::frame`].
+    /// Those of [`Run::frame`].
     pub fn advance(&mut self, capture: bool) -> Result<(), Error> {
         let frame = self.next_frame();
         self.run(&frame, capture)?;
@@ -159,24 +159,24 @@ impl Run {
     /// Runs `count` frames and captures the last one.
     ///
     /// # Errors
-    /// As [`Run::frame`].
+    /// Those of [`Run::frame`].
     pub fn frames(&mut self, count: u32) -> Result<(), Error> {
         (1..=count).try_for_each(|index| self.advance(index == count))
     }
 
-    /// The contents of an output or a kept port (`node.port`, or `node.port.field` of a bundle), as of the last captured
+    /// The contents of an output or a kept port (`node.port`, or `node.port.field` for a bundle) in the last captured
     /// frame. Floats of any width are read as f32.
     ///
     /// # Errors
-    /// That it was not kept, or holds elements of another type.
+    /// If the port was not kept, or holds elements of another type.
     pub fn read<T: Pixel>(&mut self, port: &str) -> Result<Image<T>, Error> {
         Image::of(self.snapshot(port)?)
     }
 
-    /// As [`Run::read`], as it lies in memory.
+    /// Like [`Run::read`], but as raw bytes with their type.
     ///
     /// # Errors
-    /// That it was not kept; that the GPU is lost.
+    /// If the port was not kept, or if the GPU is lost.
     pub fn snapshot(&mut self, port: &str) -> Result<&Snapshot, Error> {
         let (head, last) = port.rsplit_once('.').unwrap_or((port, ""));
         let snapshots = self.executor.snapshots()?;
@@ -193,16 +193,16 @@ impl Run {
                 });
                 let known = known.collect::<Vec<_>>().join(", ");
                 Err(Error::Input(format!(
-                    "`{port}` is not kept; name it in keep(..) before start(). There are {known}"
+                    "`{port}` is not kept; name it in keep(..) before start(). Kept are {known}"
                 )))
             }
         }
     }
 
-    /// The output that is the picture: the one called `image`, else the first. Its name.
+    /// The name of the output with the picture: `image` if there is one, else the first output.
     ///
     /// # Errors
-    /// That it does not have the shape of an image.
+    /// If the output does not have the shape of an image.
     pub fn picture(&self) -> Result<String, Error> {
         picture(&self.file, self.graph(), self.settings.size)
     }
@@ -222,8 +222,8 @@ pub(crate) fn picture(file: &GraphFile, graph: &Graph, size: [u32; 2]) -> Result
     }
     let source = graph.name(*at);
     let text = format!(
-        "the output `{name}` is no image but {dims} elements of `{source}` ({}); name an image as output, or save the \
-         list: epigraph render --save {source}=FILE.csv",
+        "the output `{name}` is not an image: it has {dims} elements of `{source}` ({}); name an image as output, or save \
+         the list: epigraph render --save {source}=FILE.csv",
         port.extent
     );
     let problem = Problem::new(GraphError::Invalid(text));
@@ -231,7 +231,7 @@ pub(crate) fn picture(file: &GraphFile, graph: &Graph, size: [u32; 2]) -> Result
     Err(written.map_or(problem.clone(), |output| problem.at(file.place(output.from.span))).into())
 }
 
-/// `node.port`.
+/// Parses `node.port`.
 pub(crate) fn source(name: &str) -> Source {
     name.parse().unwrap_or_else(|_| panic!("`{name}` is not of the form node.port"))
 }

@@ -1,18 +1,18 @@
-//! How many samples a frame may ask for.
+//! The number of samples per frame.
 
 use std::{fmt, str::FromStr};
 
-/// How many samples a frame may ask for. Written as a count (`13000`) or a share of the pixels (`5%`).
+/// The maximum number of samples per frame, written as a count (`13000`) or as a percentage of the pixels (`5%`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Samples {
-    /// This many.
+    /// A number of samples.
     Count(u32),
-    /// This share of the image's pixels, above 0 and up to 1.
+    /// A share of the image's pixels, above 0 and up to 1.
     Share(f64),
 }
 
 impl Samples {
-    /// The number of samples of a frame of `size` pixels; of a share at least 1.
+    /// The number of samples for a frame of `size` pixels. A share gives at least 1.
     pub fn of(self, size: [u32; 2]) -> u32 {
         match self {
             Self::Count(count) => count,
@@ -25,7 +25,7 @@ impl fmt::Display for Samples {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Count(count) => write!(f, "{count}"),
-            // Seven digits: 0.07 x 100 is not 7.
+            // Rounded, as 0.07 x 100 is not exactly 7.
             Self::Share(share) => write!(f, "{}%", (share * 1e7).round() / 1e5),
         }
     }
@@ -43,8 +43,8 @@ impl FromStr for Samples {
             None => text.parse().ok().filter(|&count| count > 0).map(Self::Count),
         };
         samples.ok_or_else(|| {
-            "expected how many samples a frame may ask for: a count from 1, such as 13000, or a share of the pixels \
-             above 0% and up to 100%, such as 5%"
+            "expected the number of samples per frame: a count from 1, such as 13000, or a percentage of the pixels above \
+             0% and up to 100%, such as 5%"
                 .to_owned()
         })
     }
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_shown_as_they_are_written() {
+    fn samples_are_displayed_as_parsed() {
         for text in ["7", "5%", "0.1%", "33.3%", "100%"] {
             assert_eq!(text.parse::<Samples>().unwrap().to_string(), text);
         }

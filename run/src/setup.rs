@@ -1,4 +1,4 @@
-//! What to run, and how: from a graph's name to memory that is ready for frames.
+//! The settings of a run, and the steps from a graph's name to allocated memory.
 
 use std::{mem, path::Path, sync::Arc};
 
@@ -13,14 +13,14 @@ use crate::{
     run::{self, Parts, source},
 };
 
-/// The scene and camera path where none are named.
+/// The default scene and camera path.
 const SCENE: &str = "cornell";
 const CAMERA: &str = "orbit";
 
-/// What to run, and how. Every setting has a default: the Cornell box, an orbit of one degree a frame, 512 x 512 pixels,
-/// 5% of them sampled a frame, a hardware GPU if there is one.
+/// The settings of a run. Every setting has a default: the Cornell box, an orbit of one degree per frame, 512 x 512 pixels,
+/// 5% of them sampled per frame, a hardware GPU if available.
 ///
-/// Nothing is read or checked before [`Setup::compile`] or [`Setup::start`], but for the graph file.
+/// Apart from the graph file, nothing is read or checked before [`Setup::compile`] or [`Setup::start`].
 pub struct Setup {
     file: GraphFile,
     registry: Arc<Registry>,
@@ -54,7 +54,7 @@ enum DeviceChoice {
 }
 
 impl Setup {
-    /// A graph that has been read, with the stages of the algorithms.
+    /// The default settings for a graph, with the built-in stages.
     pub fn new(file: GraphFile) -> Self {
         Self {
             file,
@@ -78,7 +78,7 @@ impl Setup {
         }
     }
 
-    /// Other kinds of stage, such as those of your own crate.
+    /// Uses other stage kinds, such as those of your own crate.
     pub fn registry(mut self, registry: Arc<Registry>) -> Self {
         self.registry = registry;
         self
@@ -96,14 +96,14 @@ impl Setup {
         self
     }
 
-    /// A scene and a camera path that other runs may share.
+    /// A scene and a camera path, which other runs may share.
     pub fn at(mut self, place: &Place) -> Self {
         self.scene = SceneChoice::Place(place.clone());
         self.camera = None;
         self
     }
 
-    /// The camera path as the command line takes it: `still`, `orbit`, `fly:FILE.ron` and so on.
+    /// The camera path as given on the command line: `still`, `orbit`, `fly:FILE.ron` and so on.
     pub fn camera(mut self, path: &str) -> Self {
         self.camera = Some(path.into());
         self
@@ -122,19 +122,19 @@ impl Setup {
         self
     }
 
-    /// How many samples a frame may ask for.
+    /// The maximum number of samples per frame.
     pub fn samples(mut self, samples: Samples) -> Self {
         self.samples = samples;
         self
     }
 
-    /// Where the nodes run that the graph does not place.
+    /// Default placement for nodes without `on:`.
     pub fn backend(mut self, backend: Backend) -> Self {
         self.device = DeviceChoice::Backend(backend);
         self
     }
 
-    /// A GPU that is open already, or the CPU.
+    /// Uses a GPU that is already open, or the CPU.
     pub fn device(mut self, device: &Device) -> Self {
         self.device = DeviceChoice::Open(device.clone());
         self
@@ -146,19 +146,20 @@ impl Setup {
         self
     }
 
-    /// Threads that the ray tracer takes with [`Pace::Async`]; by default one for each core.
+    /// Number of tracing threads with [`Pace::Async`]; the default is one per core.
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = threads;
         self
     }
 
-    /// Samples from elsewhere than the scene's ray tracer.
+    /// Takes samples from this source instead of the scene's ray tracer.
     pub fn source(mut self, source: impl SampleSource + 'static) -> Self {
         self.source = Some(Box::new(source));
         self
     }
 
-    /// What stages get beside their ports, made by the caller. It has to hold a [`epigraph_stages::World`].
+    /// Uses the caller's host, the resources that stages use in addition to their ports. It must contain a
+    /// [`epigraph_stages::World`].
     pub fn host(mut self, host: Arc<Host>) -> Self {
         self.host = Some(host);
         self
@@ -170,25 +171,25 @@ impl Setup {
         self
     }
 
-    /// Whether nodes are left out that the scene makes needless; they are by default.
+    /// If true (the default), nodes that have no effect in the scene are pruned.
     pub fn prune(mut self, prune: bool) -> Self {
         self.prune = prune;
         self
     }
 
-    /// Whether intermediate results share memory; they do by default.
+    /// If true (the default), intermediate results share memory.
     pub fn pooling(mut self, pooling: bool) -> Self {
         self.pooling = pooling;
         self
     }
 
-    /// Whether memory is filled with NaN and 0xDEADBEEF before use, to find stages that read what nobody wrote.
+    /// If true, memory is filled with NaN and 0xDEADBEEF before use, to find stages that read unwritten memory.
     pub fn poison(mut self, poison: bool) -> Self {
         self.poison = poison;
         self
     }
 
-    /// Whether each step's time is taken; it is by default. On a software GPU that means waiting after each.
+    /// If true (the default), each step is timed. On a software GPU that requires a wait after each step.
     pub fn profile(mut self, profile: bool) -> Self {
         self.profile = profile;
         self
@@ -197,27 +198,26 @@ impl Setup {
     /// Sets a parameter of a node, as RON text: `set("cull", "threshold", "0.1")`.
     ///
     /// # Errors
-    /// That there is no such node, or that the value is no RON. Whether the stage knows the parameter shows on compiling.
+    /// If there is no such node, or if the value is not valid RON. Unknown parameters are reported on compiling.
     pub fn set(mut self, node: &str, param: &str, value: &str) -> Result<Self, Error> {
         self.file.set_param(node, param, value)?;
         Ok(self)
     }
 
-    /// Copies these ports, as `node.port`, in each captured frame, so that [`Run::read`] finds them; the graph's outputs
-    /// always are. A port that is kept keeps its node from being left out.
+    /// Copies these ports, given as `node.port`, in each captured frame, so that [`Run::read`] finds them. The graph's
+    /// outputs are always copied. The node of a kept port is not pruned.
     ///
     /// # Panics
-    /// Where a name is not of the form `node.port`. Whether the graph has such a port shows on compiling.
+    /// If a name is not of the form `node.port`. Unknown ports are reported on compiling.
     pub fn keep(mut self, ports: &[&str]) -> Self {
         self.keep.extend(ports.iter().map(|port| source(port)));
         self
     }
 
-    /// Checks the graph for the scene and plans a frame. Needs no GPU, unless [`Backend::Gpu`] or [`Backend::Auto`] look
-    /// for one.
+    /// Checks the graph for the scene and plans a frame. Opens a GPU only for [`Backend::Gpu`] and [`Backend::Auto`].
     ///
     /// # Errors
-    /// All problems of the graph; what is wrong with the scene or the camera path; that there is no GPU.
+    /// All problems of the graph, an invalid scene or camera path, and a missing GPU.
     pub fn compile(self) -> Result<Compiled, Error> {
         let samples = self.samples.of(self.size);
         let place = match self.scene {
@@ -268,13 +268,13 @@ impl Setup {
     /// Compiles and allocates.
     ///
     /// # Errors
-    /// As [`Setup::compile`] and [`Compiled::start`].
+    /// Those of [`Setup::compile`] and [`Compiled::start`].
     pub fn start(self) -> Result<Run, Error> {
         self.compile()?.start()
     }
 }
 
-/// A graph that is checked and planned for a scene. Holds no memory yet.
+/// A graph that is checked and planned for a scene, before its memory is allocated.
 pub struct Compiled {
     file: GraphFile,
     registry: Arc<Registry>,
@@ -302,12 +302,12 @@ impl Compiled {
         &self.graph
     }
 
-    /// What a frame does, in order, and with which memory.
+    /// The execution order and memory of a frame.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// What it is compiled for.
+    /// The settings for which the graph is compiled.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -317,7 +317,7 @@ impl Compiled {
         &self.place
     }
 
-    /// The ports that are copied in captured frames beside the outputs.
+    /// The ports that are copied in captured frames in addition to the outputs.
     pub fn kept(&self) -> &[Source] {
         &self.settings.taps
     }
@@ -325,7 +325,7 @@ impl Compiled {
     /// Copies further ports in captured frames; see [`Setup::keep`].
     ///
     /// # Errors
-    /// That the graph has no such port. All is then as it was.
+    /// If the graph has no such port. Nothing is changed then.
     pub fn keep(&mut self, ports: &[Source]) -> Result<(), Error> {
         let mut taps = self.settings.taps.clone();
         for port in ports {
@@ -346,18 +346,18 @@ impl Compiled {
         }
     }
 
-    /// The output that is the picture: the one called `image`, else the first. Its name.
+    /// The name of the output with the picture: `image` if there is one, else the first output.
     ///
     /// # Errors
-    /// That it does not have the shape of an image.
+    /// If the output does not have the shape of an image.
     pub fn picture(&self) -> Result<String, Error> {
         run::picture(&self.file, &self.graph, self.settings.size)
     }
 
-    /// Opens the GPU that the plan needs, if it is not open yet; none for a plan on the CPU alone.
+    /// Opens the GPU that the plan needs, if it is not yet open; `None` if no node runs on a GPU.
     ///
     /// # Errors
-    /// That there is none, naming the node that needs it.
+    /// If there is no GPU. The error names a node that needs it.
     pub fn gpu(&mut self) -> Result<Option<Arc<Gpu>>, Error> {
         let gpu = self.device.gpu_for(&self.plan)?;
         if gpu.is_some() {
@@ -366,19 +366,19 @@ impl Compiled {
         Ok(gpu)
     }
 
-    /// Makes sure that this machine has the GPU and the memory that the plan needs. [`Compiled::start`] does so too.
+    /// Checks that this machine has the GPU and the memory that the plan needs, as [`Compiled::start`] does.
     ///
     /// # Errors
-    /// [`Error::Memory`] where main memory does not suffice, and that there is no GPU.
+    /// [`Error::Memory`] if main memory is too small, and a missing GPU.
     pub fn require(&mut self) -> Result<(), Error> {
         let gpu = self.gpu()?;
         require_memory(&self.plan, gpu.as_deref())
     }
 
-    /// Allocates all memory and builds all pipelines, and the scene's ray tracer if nobody has built it.
+    /// Allocates all memory and builds all pipelines, and the scene's ray tracer if it is not yet built.
     ///
     /// # Errors
-    /// What the machine lacks, see [`Compiled::require`]; shaders that do not fit their stages.
+    /// Those of [`Compiled::require`], and shaders that do not match their stages.
     pub fn start(mut self) -> Result<Run, Error> {
         self.require()?;
         let gpu = self.gpu()?;
@@ -402,18 +402,18 @@ impl Compiled {
 }
 
 impl Run {
-    /// Begins with a graph: a file, or the name of one that comes with the program.
+    /// Opens a graph by its file, or by the name of a built-in one.
     ///
     /// # Errors
-    /// That there is no such graph, or what is wrong with its text.
+    /// If there is no such graph, and all problems of its text.
     pub fn open(graph: &str) -> Result<Setup, Error> {
         Ok(Setup::new(graphs::load(graph)?))
     }
 
-    /// Begins with the text of a graph; `path` is what messages call it, and where relative paths in it start.
+    /// Opens a graph from its text. Messages name it by `path`, and relative paths in it start there.
     ///
     /// # Errors
-    /// What is wrong with the text.
+    /// All problems of the text.
     pub fn parse(path: &Path, text: &str) -> Result<Setup, Error> {
         Ok(Setup::new(GraphFile::parse(&path.display().to_string(), text)?))
     }

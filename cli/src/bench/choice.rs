@@ -1,24 +1,24 @@
-//! What the command line lets choose.
+//! The choices of the command line: backends and sweeps.
 
 use std::fmt;
 
 use clap::ValueEnum;
 use epigraph_core::Side;
 
-/// What `--backend` may say.
+/// The values of `--backend`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Choice {
     /// Every node in native code.
     Cpu,
-    /// Every node that has a shader on a GPU, a software one where there is no other.
+    /// Every node that has a shader on a GPU, or a software GPU if there is no other.
     Gpu,
     /// The papers' split between CPU and GPU: graph `hybrid`.
     Hybrid,
-    /// All of them.
+    /// All three.
     All,
 }
 
-/// Which side does the work of a row.
+/// The side that does the work of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
     /// Native code.
@@ -30,10 +30,10 @@ pub enum Split {
 }
 
 impl Split {
-    /// All of them, in the order of the tables.
+    /// All splits, in the order of the tables.
     pub const ALL: [Self; 3] = [Self::Cpu, Self::Gpu, Self::Hybrid];
 
-    /// Where nodes run by default.
+    /// The default side of nodes.
     pub fn side(self) -> Side {
         if self == Self::Cpu { Side::Cpu } else { Side::Gpu }
     }
@@ -49,16 +49,16 @@ impl fmt::Display for Split {
     }
 }
 
-/// What the frame's time is followed over.
+/// The quantity over which the frame time is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Sweep {
     /// Square images of 256 to 4096 pixels a side (2048 on a software GPU).
     Pixels,
-    /// Clouds of 0.25 to 4 points for each pixel.
+    /// Clouds of 0.25 to 4 points per pixel.
     Points,
-    /// The scenes by their number of edges; measures nothing more.
+    /// The number of edges of the scenes; needs no further measurement.
     Edges,
-    /// Nothing.
+    /// No sweep.
     None,
 }
 

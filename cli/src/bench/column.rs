@@ -1,20 +1,20 @@
-//! The papers' columns of a frame's time, and the kinds of stage that each of them counts.
+//! The columns of the papers' timing tables, and the stage kinds that each of them counts.
 
 /// One of the papers' columns.
 pub struct Column {
     /// Its name in the papers' table.
     pub name: &'static str,
-    /// What is done in it.
+    /// The work that it counts.
     pub doc: &'static str,
-    /// The kinds of stage that do it.
+    /// The stage kinds that do this work.
     kinds: &'static [&'static str],
 }
 
-/// How many columns there are.
+/// The number of columns.
 pub const COUNT: usize = 8;
 
-/// The columns in the papers' order. Stages of other kinds (tone mapping, a user's own shaders) and transfers count as
-/// the rest of the frame.
+/// The columns in the papers' order. Other stages (tone mapping, a user's own shaders) and transfers count as the rest of
+/// the frame.
 pub const COLUMNS: [Column; COUNT] = [
     Column {
         name: "P1",
@@ -38,10 +38,10 @@ pub const COLUMNS: [Column; COUNT] = [
     },
 ];
 
-/// Those of [`COLUMNS`] that depend on the number of edges.
+/// The range of [`COLUMNS`] that depends on the number of edges.
 pub const EDGES: std::ops::RangeInclusive<usize> = 4..=5;
 
-/// The column that counts stages of `kind`: its index in [`COLUMNS`].
+/// The index in [`COLUMNS`] of the column that counts stages of `kind`.
 pub fn of(kind: &str) -> Option<usize> {
     COLUMNS.iter().position(|column| column.kinds.contains(&kind))
 }
@@ -54,15 +54,15 @@ mod tests {
     const REST: [&str; 3] = ["trace", "tonemap", "wgsl"];
 
     #[test]
-    fn every_stage_has_its_place() {
+    fn every_kind_belongs_to_a_column_or_to_the_rest() {
         let registry = epigraph_stages::registry();
         for name in registry.kinds().map(epigraph_core::Kind::name) {
-            assert!(of(name).is_some() != REST.contains(&name), "in which column is `{name}`?");
+            assert!(of(name).is_some() != REST.contains(&name), "which column counts `{name}`?");
         }
     }
 
     #[test]
-    fn the_columns_of_edges_are_those_called_so() {
+    fn the_edge_columns_are_those_named_e() {
         assert!(COLUMNS[EDGES].iter().all(|column| column.name.starts_with('E')));
         assert_eq!(
             COLUMNS.iter().filter(|column| column.name.starts_with('E')).count(),
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn no_kind_counts_twice() {
+    fn no_kind_is_counted_twice() {
         let mut kinds: Vec<&str> = COLUMNS.iter().flat_map(|column| column.kinds).copied().collect();
         let count = kinds.len();
         kinds.sort_unstable();

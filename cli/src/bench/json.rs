@@ -1,4 +1,4 @@
-//! What the benchmark tells programs: JSON.
+//! The benchmark's figures as JSON.
 
 use serde_json::{Map, Value, json};
 
@@ -10,7 +10,7 @@ use super::{
     times::Times,
 };
 
-/// The figures.
+/// All figures of the report.
 pub fn figures(report: &Report) -> Value {
     let args = report.args;
     let rows = |rows: &[Row]| rows.iter().map(|row| of_row(report, row)).collect::<Vec<_>>();
@@ -48,7 +48,7 @@ pub fn figures(report: &Report) -> Value {
     })
 }
 
-/// A measured row; the keys of the papers and more.
+/// A measured row, with all keys of the papers' rows and more.
 fn of_row(report: &Report, row: &Row) -> Value {
     let measured = &row.measured;
     let mut value = of_times(&measured.times);
@@ -82,7 +82,7 @@ fn of_row(report: &Report, row: &Row) -> Value {
     value
 }
 
-/// The two rows of a scene of the papers, with the same keys.
+/// The papers' two rows for a scene.
 fn of_paper(paper: &Paper) -> [Value; 2] {
     [("gpu", &paper.gpu), ("cpu", &paper.cpu)].map(|(backend, times)| {
         let mut value = of_times(times);
@@ -118,7 +118,7 @@ fn merge(into: &mut Value, from: Value) {
     }
 }
 
-/// To four decimals: the clocks are no better.
+/// Rounded to four decimals, the resolution of the clocks.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_papers_rows_have_the_keys_of_ours() {
+    fn the_papers_rows_have_the_same_keys_as_ours() {
         let [gpu, cpu] = of_paper(papers::of("cornell").unwrap());
         assert_eq!((&gpu["frame_ms"], &gpu["P2"], &gpu["edges"]), (&42.82.into(), &12.31.into(), &75.into()));
         assert_eq!(

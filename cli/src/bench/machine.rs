@@ -1,21 +1,21 @@
-//! The machine that was measured on.
+//! The machine that ran the benchmark.
 
 use std::fs;
 
 use epigraph_core::Gpu;
 use serde_json::{Value, json};
 
-/// What a reader of the figures must know of the machine.
+/// The facts about a machine that the figures depend on.
 pub struct Machine {
     cpu: String,
     threads: usize,
     adapter: Option<String>,
-    /// Whether the adapter computes on the CPU, so that its times say nothing of a GPU's.
+    /// True if the adapter computes on the CPU, so that its times say nothing about a GPU.
     pub software: bool,
 }
 
 impl Machine {
-    /// This machine, with so many threads at work and this adapter.
+    /// This machine, with `threads` threads and the adapter in use.
     pub fn new(threads: usize, gpu: Option<&Gpu>) -> Self {
         Self {
             cpu: processor(),
@@ -25,7 +25,7 @@ impl Machine {
         }
     }
 
-    /// One line for people.
+    /// One line of text.
     pub fn text(&self) -> String {
         let adapter = match &self.adapter {
             Some(name) if self.software => format!("{name}, a software GPU"),
@@ -35,7 +35,7 @@ impl Machine {
         format!("{}, {} threads; {adapter}", self.cpu, self.threads)
     }
 
-    /// The same for programs.
+    /// The same facts as JSON.
     pub fn json(&self) -> Value {
         json!({
             "cpu": self.cpu,
@@ -48,7 +48,7 @@ impl Machine {
     }
 }
 
-/// The processor's model where Linux tells it, else its architecture.
+/// The processor's model if Linux reports one, else its architecture.
 fn processor() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     model(&text).unwrap_or(std::env::consts::ARCH).to_owned()
@@ -65,7 +65,7 @@ mod tests {
     use super::model;
 
     #[test]
-    fn the_model_is_found_where_there_is_one() {
+    fn the_model_is_read_from_cpuinfo() {
         let text = "processor\t: 0\nmodel\t\t: 7\nmodel name\t: Some CPU @ 2 GHz\nmodel name\t: Other\n";
         assert_eq!(model(text), Some("Some CPU @ 2 GHz"));
         assert_eq!(model("CPU implementer\t: 0x41\n"), None);

@@ -1,4 +1,4 @@
-//! Runs one graph on one scene and takes the time of each stage in many frames.
+//! Runs one graph on one scene for many frames and times each stage.
 
 use std::{
     sync::Arc,
@@ -18,26 +18,26 @@ use crate::{args::BenchArgs, error::CliError, interrupt, open, progress, render:
 /// The kind of stage that owns the point cloud.
 const CLOUD: &str = "point_cloud";
 
-/// The cloud starts empty, and a frame is dearer the fuller it is. Samples that renew a point fill no slot, so that the
-/// number of points settles after somewhat more frames than would fill it: this many times.
+/// The cloud starts empty, and the fuller it is, the longer a frame takes. Samples that renew a point fill no slot, so the
+/// number of points settles only after this multiple of the frames that would fill the cloud.
 const FILLS: f64 = 1.5;
 
-/// Bounds of the frames that are run before any is counted.
+/// Least and most warm-up frames, which are not counted.
 const WARM_UP: [u64; 2] = [10, 300];
 
 /// The same for `--quick`.
 const QUICK_WARM_UP: [u64; 2] = [3, 8];
 
-/// Frames that are counted where the user names no number.
+/// Frames to count if the user gives no number.
 const FRAMES: u32 = 60;
 const QUICK_FRAMES: u32 = 10;
 
-/// Slow machines and large images: no more warm-up after this time, once [`WARM_UP`]'s least is done; and no more frames
-/// are counted after it, once there are so many, unless the user names a number.
+/// Limits for slow machines and large images. The warm-up ends after this time, once [`WARM_UP`]'s least is done; so does
+/// counting, once [`LEAST_FRAMES`] frames are counted, unless the user gives a number of frames.
 const PATIENCE: Duration = Duration::from_secs(20);
 const LEAST_FRAMES: usize = 5;
 
-/// A scene that is ready to be traced.
+/// A loaded scene, ready to be traced.
 pub struct Loaded {
     /// Its name.
     pub name: String,
@@ -45,9 +45,9 @@ pub struct Loaded {
     pub place: Place,
 }
 
-/// What to measure.
+/// A measurement to make.
 pub struct Job<'a> {
-    /// What the progress bar says.
+    /// Label of the progress bar.
     pub label: String,
     /// The command line.
     pub args: &'a BenchArgs,
@@ -55,7 +55,7 @@ pub struct Job<'a> {
     pub registry: &'a Arc<Registry>,
     /// The graph.
     pub graph: &'a GraphFile,
-    /// Where nodes run by default.
+    /// The default device of nodes.
     pub device: &'a Device,
     /// The scene.
     pub loaded: &'a Loaded,
@@ -78,19 +78,19 @@ impl Job<'_> {
     }
 }
 
-/// What one node or transfer took.
+/// The time of one node or transfer.
 pub struct Part {
     /// Its name in the plan.
     pub name: String,
     /// The kind of its stage, or `transfer`.
     pub kind: String,
-    /// Where it ran; none for a transfer.
+    /// Where it ran; `None` for a transfer.
     pub side: Option<Side>,
-    /// Median, in milliseconds.
+    /// Median time in milliseconds.
     pub ms: f64,
 }
 
-/// What many frames took.
+/// The figures of many frames.
 pub struct Measured {
     /// Width and height in pixels.
     pub size: [u32; 2],
@@ -98,36 +98,37 @@ pub struct Measured {
     pub edges: u32,
     /// Slots of the point cloud.
     pub points: u64,
-    /// Samples that a frame may ask for.
+    /// Maximum number of samples per frame.
     pub samples: u32,
-    /// Frames that ran before any was counted.
+    /// Warm-up frames, which are not counted.
     pub warm_up: u64,
-    /// Whether these were enough for the point cloud to fill.
+    /// True if the warm-up was long enough to fill the point cloud.
     pub filled: bool,
-    /// Frames that were counted.
+    /// Number of counted frames.
     pub frames: usize,
-    /// Medians.
+    /// Median times.
     pub times: Times,
-    /// Milliseconds within which 95% of the frames end, without tracing.
+    /// 95th percentile of the frame time without tracing, in milliseconds.
     pub p95: f64,
-    /// Median of tracing, milliseconds.
+    /// Median time of tracing, in milliseconds.
     pub trace: f64,
     /// Every node and transfer in the order of the plan.
     pub parts: Vec<Part>,
 }
 
-/// What came of it.
+/// The result of a measurement.
 pub enum Outcome {
     /// Figures.
     Measured(Box<Measured>),
-    /// This machine cannot run it, and why.
+    /// The reason why this machine cannot run it.
     Beyond(String),
 }
 
-/// Measures.
+/// Runs a measurement.
 ///
 /// # Errors
-/// Problems of the graph for this scene, and stages that fail. Memory or a GPU that does not suffice is an outcome.
+/// Problems of the graph for this scene, and stages that fail. Insufficient memory or an unsuitable GPU is not an error but
+/// [`Outcome::Beyond`].
 pub fn measure(job: &Job) -> Result<Outcome, CliError> {
     match try_measure(job) {
         Err(CliError::Run(
@@ -192,12 +193,12 @@ fn try_measure(job: &Job) -> Result<Outcome, CliError> {
     })))
 }
 
-/// How many frames fill the point cloud.
+/// The number of frames after which the point cloud counts as full.
 fn fills(points: u64, samples: u32) -> u64 {
     (points as f64 / f64::from(samples.max(1)) * FILLS).ceil() as u64
 }
 
-/// Slots of all point clouds of a plan.
+/// The number of slots of all point clouds of a plan.
 fn points(plan: &Plan) -> u64 {
     let slots = |node: &PlannedNode| {
         node.first_writes.iter().map(|&at| plan.storages[at].dims.count() as u64).max().unwrap_or(0)
@@ -209,10 +210,10 @@ fn clouds(plan: &Plan) -> impl Iterator<Item = &PlannedNode> {
     plan.nodes.iter().filter(|node| node.kind == CLOUD)
 }
 
-/// The same graph with another number of points for each pixel in all of its clouds.
+/// The same graph with `per_pixel` points per pixel in all of its clouds.
 ///
 /// # Errors
-/// The problems of the graph, or that the cloud has no such parameter.
+/// The problems of the graph, or that the cloud lacks the parameter.
 pub fn with_points(job: &Job, per_pixel: f64) -> Result<GraphFile, CliError> {
     let compiled = job.setup(Samples::Count(1)).compile()?;
     let plan = compiled.plan();
@@ -226,9 +227,9 @@ pub fn with_points(job: &Job, per_pixel: f64) -> Result<GraphFile, CliError> {
 /// The times of the counted frames, in milliseconds.
 #[derive(Default)]
 struct Log {
-    /// Of each whole frame, by the clock.
+    /// Wall-clock time of each frame.
     wall: Vec<f64>,
-    /// Of each of the plan's steps in each frame.
+    /// Time of each of the plan's steps, for each frame.
     steps: Vec<Vec<f32>>,
 }
 
@@ -245,12 +246,12 @@ impl Log {
         quantile(self.sums(chosen), 0.5)
     }
 
-    /// The median, or none where no step is chosen.
+    /// The median, or `None` if no step is chosen.
     fn median_of_any(&self, plan: &Plan, chosen: impl Fn(usize) -> bool) -> Option<f64> {
         (0..plan.steps.len()).any(&chosen).then(|| self.median(chosen))
     }
 
-    /// For each frame, the time by the clock less that of tracing.
+    /// For each frame, the wall-clock time minus the time of tracing.
     fn frame_ms(&self, plan: &Plan) -> Vec<f64> {
         let trace = self.sums(|step| is_trace(plan, step));
         self.wall.iter().zip(trace).map(|(wall, trace)| wall - trace).collect()
@@ -289,7 +290,7 @@ impl Log {
     }
 }
 
-/// The kind of the stage that a step runs, if it runs one.
+/// The kind of the stage that a step runs, or `None` for a transfer.
 fn kind(plan: &Plan, step: usize) -> Option<&str> {
     match plan.steps[step] {
         Step::Run(node) => Some(&plan.nodes[node].kind),

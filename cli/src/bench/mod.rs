@@ -1,4 +1,4 @@
-//! `epigraph bench`: the papers' table of stage times from this machine, beside the papers' own.
+//! `epigraph bench`: the papers' table of stage times measured on this machine, beside the papers' own figures.
 
 mod choice;
 mod column;
@@ -24,18 +24,18 @@ use self::{
 };
 use crate::{args::BenchArgs, error::CliError, open, output::JsonTarget, svg};
 
-/// Scenes that are measured where none is named, in the order of the papers; the last two have to be fetched.
+/// Scenes measured by default, in the order of the papers. The last two have to be fetched.
 pub const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];
 
-/// The graph of the rows `cpu` and `gpu` where none is named, and its split between CPU and GPU for the rows `hybrid`.
+/// The default graph of the rows `cpu` and `gpu`, and its split between CPU and GPU for the rows `hybrid`.
 const GRAPH: &str = "epi";
 const HYBRID: &str = "hybrid";
 
-/// Sides of the square images of the sweep over pixels; the last one is too much for a software GPU.
+/// Sides of the square images of the sweep over pixels. The last one is too large for a software GPU.
 const SIDES: [u32; 5] = [256, 512, 1024, 2048, 4096];
 const LARGEST_SOFTWARE_SIDE: u32 = 2048;
 
-/// Points for each pixel in the sweep over points.
+/// Points per pixel in the sweep over points.
 const POINTS_PER_PIXEL: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 
 /// Both sweeps with `--quick`.
@@ -46,36 +46,36 @@ const QUICK_POINTS_PER_PIXEL: [f64; 3] = [0.25, 1.0, 4.0];
 pub struct Row {
     /// The scene.
     pub scene: String,
-    /// Which side did the work.
+    /// The side that did the work.
     pub backend: Split,
     /// The graph.
     pub graph: String,
-    /// What it took.
+    /// Its figures.
     pub measured: Measured,
 }
 
 /// A row that could not be measured.
 pub struct Skipped {
-    /// Which one.
+    /// Name of the row.
     pub what: String,
-    /// Why.
+    /// Reason.
     pub why: String,
 }
 
 /// All rows of a run.
 #[derive(Default)]
 pub struct Results {
-    /// One for each scene and backend.
+    /// One row for each scene and backend.
     pub rows: Vec<Row>,
     /// The sweep over pixels.
     pub pixels: Vec<Row>,
     /// The sweep over points.
     pub points: Vec<Row>,
-    /// What is missing.
+    /// Rows that could not be measured.
     pub skipped: Vec<Skipped>,
 }
 
-/// Measures and tells.
+/// Runs the benchmark and reports its figures.
 pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     let threads = open::threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
@@ -94,17 +94,17 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
     json.finish(&json::figures(&report), &report.text())
 }
 
-/// What must not be overlooked where the GPU is none.
+/// Shown prominently if the GPU is a software one.
 pub const SOFTWARE_WARNING: &str =
-    "THE GPU IS SOFTWARE, it computes on the CPU: times of `gpu` and `hybrid` are not a GPU's";
+    "SOFTWARE GPU: it computes on the CPU, so the times of `gpu` and `hybrid` say nothing about a real GPU";
 
 struct Bench<'a> {
     args: &'a BenchArgs,
     registry: &'a Arc<Registry>,
-    /// The graph of each backend that is asked for.
+    /// The graph of each requested backend.
     graphs: Vec<(Split, GraphFile)>,
     sweeps: Vec<Sweep>,
-    /// The GPU where one is needed, or why there is none.
+    /// The GPU if one is needed, or the reason why it is missing.
     gpu: Result<Option<Device>, String>,
 }
 
@@ -137,7 +137,7 @@ impl<'a> Bench<'a> {
         for (index, name) in scenes.into_iter().enumerate() {
             let loaded = match self.load(name) {
                 Ok(loaded) => loaded,
-                // Who named it wants it; by default, a scene takes part when its mesh is there.
+                // A default scene whose mesh is not fetched is skipped; one that the user names must load.
                 Err(error) if by_default && needs_fetch(name) => {
                     results.skipped.push(Skipped { what: name.into(), why: error.to_string() });
                     continue;
@@ -159,7 +159,7 @@ impl<'a> Bench<'a> {
         Ok(Loaded { name: name.into(), place })
     }
 
-    /// The graphs and devices of the rows that this machine can run.
+    /// The graph and device of each row that this machine can run.
     fn runs(&self) -> impl Iterator<Item = (Split, &GraphFile, &Device)> {
         self.graphs.iter().filter_map(|(split, graph)| match (split.side(), &self.gpu) {
             (Side::Cpu, _) => Some((*split, graph, &Device::CPU)),
@@ -220,7 +220,7 @@ impl<'a> Bench<'a> {
 }
 
 impl Results {
-    /// Measures a row and puts it, or the reason why there is none, in its place.
+    /// Measures a row and adds it to its list, or the reason for its absence to the skipped ones.
     fn take(
         &mut self,
         job: &Job,
@@ -244,7 +244,8 @@ impl Results {
     }
 }
 
-/// The backends that are asked for, each once. By default all; but the hybrid only beside the graph that it is a split of.
+/// The requested backends, without duplicates. The default is all, except the hybrid if the user chooses another graph than
+/// the one that it splits.
 fn backends(args: &BenchArgs) -> Vec<Split> {
     let asked = |backend: Split| {
         let choice = match backend {
@@ -260,7 +261,7 @@ fn backends(args: &BenchArgs) -> Vec<Split> {
     Split::ALL.into_iter().filter(|backend| asked(*backend)).collect()
 }
 
-/// The sweeps that are asked for, each once. By default all; none with `--quick`.
+/// The requested sweeps, without duplicates. The default is all, or none with `--quick`.
 fn sweeps(args: &BenchArgs) -> Vec<Sweep> {
     let all = [Sweep::Pixels, Sweep::Points, Sweep::Edges];
     let asked = |sweep: &Sweep| match args.sweep.as_slice() {
@@ -270,7 +271,7 @@ fn sweeps(args: &BenchArgs) -> Vec<Sweep> {
     all.into_iter().filter(asked).collect()
 }
 
-/// Whether a scene has to be fetched before it can be shown.
+/// Returns true if a scene has to be fetched before it can be loaded.
 pub fn needs_fetch(scene: &str) -> bool {
     epigraph_scenes::scene_names().iter().any(|known| known.name == scene && known.needs_fetch)
 }

@@ -1,36 +1,36 @@
-//! The papers' own figures, to stand beside ours.
+//! The papers' own figures, shown beside ours.
 
 use super::times::Times;
 
-/// Where the figures come from: the rows of the GPU also stand in table 4 of the technical report of 2005, which this
-/// paper grew from.
+/// The source of the figures. The GPU rows also appear in table 4 of the technical report of 2005, on which this paper is
+/// based.
 pub const SOURCE: &str = "Velázquez-Armendáriz, Lee, Bala, Walter: Implementing the Render Cache and the \
                           Edge-and-Point Image on Graphics Hardware, Graphics Interface 2006, tables 1 and 2";
 
-/// What they were measured on.
+/// The papers' machine.
 pub const MACHINE: &str = "Pentium 4 3.2 GHz dual core, GeForce 7800 GTX, 512x512";
 
-/// The size of their image.
+/// The papers' image size in pixels.
 pub const SIZE: [u32; 2] = [512, 512];
 
-/// About how many points their cloud holds at 512x512.
+/// The approximate number of points in their cloud at 512x512.
 pub const POINTS: u64 = 300_000;
 
-/// Both rows of a scene.
+/// The papers' figures for one scene.
 pub struct Paper {
-    /// Our scene that comes nearest.
+    /// Our scene that matches theirs best.
     pub scene: &'static str,
-    /// What they call theirs, and how it differs from ours.
+    /// The papers' name of their scene, and how it differs from ours.
     pub theirs: &'static str,
     /// Edges of their mesh.
     pub edges: u32,
     /// Their hybrid of CPU and GPU.
     pub gpu: Times,
-    /// The original on the CPU, which tells no time of I1 alone.
+    /// The original on the CPU, which reports no separate time for I1.
     pub cpu: Times,
 }
 
-/// The figures for a scene of ours.
+/// The papers' figures for one of our scenes.
 pub fn of(scene: &str) -> Option<&'static Paper> {
     PAPERS.iter().find(|paper| paper.scene == scene)
 }
@@ -74,7 +74,7 @@ pub const PAPERS: &[Paper] = &[
     },
 ];
 
-/// A row of P1 to I2, GPU total and frame.
+/// A row from the times P1 to I2, the GPU total and the frame time.
 const fn gpu(ms: [f64; 8], gpu: f64, frame: f64) -> Times {
     let [p1, p2, p3, p4, e1, e2, i1, i2] = ms;
     let columns = [Some(p1), Some(p2), Some(p3), Some(p4), Some(e1), Some(e2), Some(i1), Some(i2)];
@@ -82,7 +82,7 @@ const fn gpu(ms: [f64; 8], gpu: f64, frame: f64) -> Times {
     Times { columns, rest, gpu: Some(gpu), frame }
 }
 
-/// A row of P1 to E2, I2 (with I1 in it) and frame.
+/// A row from the times P1 to E2, I2 (which includes I1) and the frame time.
 const fn cpu(ms: [f64; 7], frame: f64) -> Times {
     let [p1, p2, p3, p4, e1, e2, i2] = ms;
     let columns = [Some(p1), Some(p2), Some(p3), Some(p4), Some(e1), Some(e2), None, Some(i2)];
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_frame_rates_are_those_that_the_papers_print() {
+    fn frame_rates_match_the_printed_ones() {
         let printed = [
             ("cornell", 23.35, 14.46),
             ("chains", 24.20, 13.71),
@@ -112,23 +112,23 @@ mod tests {
     }
 
     #[test]
-    fn the_columns_are_part_of_the_frame() {
+    fn the_columns_sum_to_less_than_the_frame() {
         for paper in PAPERS {
             for times in [&paper.gpu, &paper.cpu] {
                 let sum: f64 = times.columns.iter().flatten().sum();
-                // A slip of a digit or a missing column would leave more, or less than nothing.
+                // A mistyped digit or a missing column would break these bounds.
                 assert!(sum < times.frame && sum > 0.6 * times.frame, "{}: {sum}", paper.scene);
                 assert!((sum + times.rest - times.frame).abs() < 1e-9);
                 assert!(times.gpu.is_none_or(|gpu| gpu < times.frame));
             }
-            // P1 is the CPU's, all other columns lie within the total of the GPU.
+            // P1 runs on the CPU; all other columns are part of the GPU total.
             let on_gpu: f64 = paper.gpu.columns[1..].iter().flatten().sum();
             assert!(paper.gpu.gpu.unwrap() > on_gpu, "{}", paper.scene);
         }
     }
 
     #[test]
-    fn edges_grow_from_scene_to_scene_and_their_time_with_them() {
+    fn scenes_are_sorted_by_edges_and_so_is_the_time_of_e1() {
         for pair in PAPERS.windows(2) {
             assert!(pair[0].edges < pair[1].edges);
             assert!(pair[0].gpu.columns[4] < pair[1].gpu.columns[4]);

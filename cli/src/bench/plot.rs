@@ -1,4 +1,4 @@
-//! The tables as a picture: stacked bars for each scene beside the papers', and lines of how the frame grows.
+//! The tables as a picture: stacked bars for each scene beside the papers', and lines that show how the frame time scales.
 
 use epigraph_pictures::{
     grouped,
@@ -34,16 +34,16 @@ const QUIET: Font = Font { size: 11.5, color: "#6e7781", bold: false };
 const LOUD: Font = Font { size: 12.5, color: "#b42318", bold: true };
 const GRID: &str = "#e3e6ea";
 
-/// Where the bars in milliseconds begin and end, and those in shares.
+/// Left and right ends of the bars in milliseconds, and of the bars in shares.
 const BARS: [f64; 2] = [MARGIN + 128.0, 760.0];
 const SHARES: [f64; 2] = [930.0, WIDTH - MARGIN];
 const BAR: f64 = 17.0;
 const ROW: f64 = 22.0;
 
-/// Rows of a software GPU may be longer than the axis: it ends at this many times the longest of the others.
+/// The axis ends at this multiple of the longest bar that is not a software GPU's; longer bars are cut.
 const ROOM_FOR_SOFTWARE: f64 = 1.15;
 
-/// Draws everything.
+/// Draws the whole picture.
 pub fn svg(report: &Report) -> String {
     let mut svg = Svg::default();
     let mut y = heading(&mut svg, report);
@@ -75,7 +75,7 @@ fn heading(svg: &mut Svg, report: &Report) -> f64 {
     y + 3.0 * 19.0 + 26.0
 }
 
-/// A bar: its name, its times, and whether it is one of ours.
+/// A bar: its name, its times, and whether we measured it.
 struct Bar<'a> {
     name: String,
     times: &'a Times,
@@ -109,7 +109,7 @@ fn bars(svg: &mut Svg, report: &Report, top: f64) -> f64 {
     }
     let per_ms = (BARS[1] - BARS[0]) / most;
 
-    svg.text([BARS[0], top], "milliseconds a frame", Anchor::Start, HEADING);
+    svg.text([BARS[0], top], "milliseconds per frame", Anchor::Start, HEADING);
     svg.text([SHARES[0], top], "share of the frame", Anchor::Start, HEADING);
     let heights = report.scenes().map(|rows| 34.0 + scene_bars(report, rows).len() as f64 * ROW);
     let bottom = top + 26.0 + heights.sum::<f64>();
@@ -153,7 +153,7 @@ fn draw_bar(svg: &mut Svg, bar: &Bar, y: f64, per_ms: f64) {
     let sum: f64 = parts.iter().map(|(ms, _)| ms).sum();
     let [mut x, mut share] = [BARS[0], SHARES[0]];
     for (ms, color) in parts.into_iter().filter(|(ms, _)| *ms > 0.0) {
-        // Where the parts overlap in time, their sum is more than the frame: the bar is as long as the frame.
+        // Parts that overlap in time sum to more than the frame; the bar has the length of the frame.
         let part = ms * times.frame / sum;
         let end = (x + part * per_ms).min(BARS[1]);
         svg.rect([x, y], [end - x, BAR], color);
@@ -169,7 +169,7 @@ fn draw_bar(svg: &mut Svg, bar: &Bar, y: f64, per_ms: f64) {
     svg.text([x + 8.0, y + 13.0], &text, Anchor::Start, if bar.ours { LABEL } else { QUIET });
 }
 
-/// The sign that a bar is longer than drawn.
+/// Marks a bar that is longer than drawn.
 fn cut(svg: &mut Svg, [x, y]: [f64; 2]) {
     for shift in [0.0, 6.0] {
         let x = x + shift;
@@ -177,7 +177,7 @@ fn cut(svg: &mut Svg, [x, y]: [f64; 2]) {
     }
 }
 
-/// The sweeps, side by side.
+/// Draws the sweeps side by side.
 fn panels(svg: &mut Svg, report: &Report, top: f64) -> f64 {
     let sweeps = [
         (Sweep::Pixels, "pixels"),
@@ -192,7 +192,7 @@ fn panels(svg: &mut Svg, report: &Report, top: f64) -> f64 {
     if panels.is_empty() {
         return top;
     }
-    svg.text([MARGIN, top], "How the frame grows (ms, both axes logarithmic)", Anchor::Start, HEADING);
+    svg.text([MARGIN, top], "How frame time scales (ms, both axes logarithmic)", Anchor::Start, HEADING);
     let backends = Split::ALL;
     let drawn =
         |backend: &Split| panels.iter().any(|(.., rows)| rows.iter().any(|(_, row)| row.backend == *backend));
@@ -244,7 +244,7 @@ fn nice_step(least: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= least).unwrap_or(least)
 }
 
-/// A count in few letters: 1.3M.
+/// A count in short form: 1.3M.
 fn short(value: f64) -> String {
     match value {
         value if value >= 1e6 => format!("{}M", number(value / 1e6)),
@@ -258,7 +258,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_have_round_numbers() {
+    fn axes_show_round_numbers() {
         assert_eq!([0.7, 1.0, 13.0, 420.0].map(nice_step), [1.0, 1.0, 20.0, 500.0]);
         assert_eq!([500.0, 20_000.0, 1_300_000.0].map(short), ["500", "20k", "1.3M"]);
     }

@@ -1,4 +1,4 @@
-//! What the benchmark tells people: text tables.
+//! The benchmark's figures as text tables.
 
 use epigraph_pictures::grouped;
 
@@ -12,20 +12,20 @@ use super::{
 };
 use crate::{args::BenchArgs, table::Table};
 
-/// Everything that is told about a run.
+/// The report of a benchmark run.
 pub struct Report<'a> {
-    /// What was asked for.
+    /// The command line.
     pub args: &'a BenchArgs,
-    /// What it ran on.
+    /// The machine that ran it.
     pub machine: &'a Machine,
-    /// The sweeps that were asked for.
+    /// The requested sweeps.
     pub sweeps: &'a [Sweep],
-    /// What was measured.
+    /// The measured rows.
     pub results: &'a Results,
 }
 
 impl Report<'_> {
-    /// The rows of a sweep with the quantity that it varies, in rising order of that.
+    /// The rows of a sweep, each with the quantity that the sweep varies, by backend and in ascending order of the quantity.
     pub fn sweep(&self, sweep: Sweep) -> Vec<(f64, &Row)> {
         let results = self.results;
         let rows = match sweep {
@@ -50,18 +50,18 @@ impl Report<'_> {
         self.results.rows.chunk_by(|a, b| a.scene == b.scene)
     }
 
-    /// What a backend is called in tables and plots.
+    /// The name of a backend in tables and plots.
     pub fn label(&self, backend: Split) -> String {
         let software = self.machine.software && backend != Split::Cpu;
         if software { format!("{backend} (software)") } else { backend.to_string() }
     }
 
-    /// A remark on a row whose warm-up was cut short, for the time that it took. With --quick the heading says it.
+    /// A remark on a row whose warm-up was cut short because it took too long. With --quick the heading says so.
     fn not_full(&self, row: &Row) -> &'static str {
         if row.measured.filled || self.args.quick { "" } else { ", cloud not full" }
     }
 
-    /// The tables.
+    /// The report as text.
     pub fn text(&self) -> String {
         let mut text = self.heading();
         for rows in self.scenes() {
@@ -71,7 +71,7 @@ impl Report<'_> {
             text += &self.sweep_text(sweep);
         }
         if !self.results.skipped.is_empty() {
-            text += "\nleft out\n";
+            text += "\nskipped\n";
         }
         for skipped in &self.results.skipped {
             text += &format!("  {}: {}\n", skipped.what, skipped.why);
@@ -89,20 +89,23 @@ impl Report<'_> {
         line("papers", format!("{}, about {} points", papers::MACHINE, grouped(papers::POINTS)));
         line("", papers::SOURCE.into());
         let warm_up = if self.args.quick {
-            "a short one for --quick: the point cloud is not full yet"
+            "short because of --quick: the point cloud is not full"
         } else {
-            "long enough for the point cloud to fill, unless said otherwise"
+            "long enough to fill the point cloud, unless noted otherwise"
         };
         line("warm-up", format!("{warm_up}; its frames are not counted"));
-        line("times", "medians in ms over the counted frames, each on its own: they need not add up".into());
+        line("times", "medians in ms over the counted frames; medians of parts need not add up".into());
         for column in &COLUMNS {
             line(column.name, column.doc.into());
         }
         line("rest", "tone mapping, transfers, commands and waiting".into());
         line("GPU", "all work on the GPU".into());
-        line("frame", "by the clock, without tracing samples".into());
-        line("p95", "95% of the frames take no longer".into());
-        line("vs", "the papers' frame divided by this one: GPU is their hybrid, CPU the original".into());
+        line("frame", "wall-clock time without tracing samples".into());
+        line("p95", "95th percentile of the frame time".into());
+        line(
+            "vs",
+            "speed-up: the papers' frame time divided by ours; GPU is their hybrid, CPU the original".into(),
+        );
         text
     }
 
@@ -111,7 +114,7 @@ impl Report<'_> {
         let measured = &first.measured;
         let [width, height] = measured.size;
         let mut text = format!(
-            "\n{}: {} edges, {} points, {width}x{height}, camera {}, {} samples a frame\n",
+            "\n{}: {} edges, {} points, {width}x{height}, camera {}, {} samples per frame\n",
             first.scene,
             grouped(measured.edges.into()),
             grouped(measured.points),
@@ -135,7 +138,7 @@ impl Report<'_> {
             let Measured { warm_up, frames, trace, .. } = &row.measured;
             let counted = format!("{frames} frames counted after {warm_up}{}", self.not_full(row));
             text += &format!(
-                "{}: graph {}, {counted}, tracing {} ms beside the frame\n",
+                "{}: graph {}, {counted}, tracing {} ms in addition to the frame\n",
                 self.label(row.backend),
                 row.graph,
                 ms(*trace)
@@ -151,11 +154,11 @@ impl Report<'_> {
 
     fn sweep_text(&self, sweep: Sweep) -> String {
         let rows = self.sweep(sweep);
-        // One scene alone tells nothing about edges.
+        // A single row shows no growth.
         if rows.len() < 2 || by_backend(&rows).all(|rows| rows.len() < 2) {
             return String::new();
         }
-        // The other steps do not depend on the number of edges; the whole frame does on pixels and points.
+        // Only E1 and E2 depend on the number of edges; the whole frame depends on pixels and points.
         let cost = |row: &Row| {
             let times = &row.measured.times;
             match sweep {
@@ -177,12 +180,12 @@ impl Report<'_> {
             add(&mut table, name, cells, [each, ms(row.measured.trace)]);
         }
         let scene = if sweep == Sweep::Edges { String::new() } else { format!(" of {}", rows[0].1.scene) };
-        let mut text = format!("\nhow the frame{scene} grows with {sweep}\n{table}");
+        let mut text = format!("\nframe time{scene} by {sweep}\n{table}");
         let name = if sweep == Sweep::Edges { "E1 + E2" } else { "frame" };
         for rows in by_backend(&rows) {
             let points: Vec<(f64, f64)> = rows.iter().filter_map(|(x, row)| Some((*x, cost(row)?))).collect();
             if let Some(power) = growth(&points) {
-                // Plus zero, so that nothing grows with the power -0.00.
+                // Adding zero turns -0.00 into 0.00.
                 let power = (power * 100.0).round() / 100.0 + 0.0;
                 text += &format!("{}: {name} ~ {sweep}^{power:.2}\n", self.label(rows[0].1.backend));
             }
@@ -191,21 +194,21 @@ impl Report<'_> {
     }
 }
 
-/// The papers' frame divided by ours; none where they have no such scene or the images are not of one size.
+/// The papers' frame time divided by ours, or `None` if the papers lack the scene or the image sizes differ.
 pub fn ratio(theirs: fn(&Paper) -> &Times, ours: &Row) -> Option<f64> {
     let paper = papers::of(&ours.scene).filter(|_| ours.measured.size == papers::SIZE)?;
     Some(theirs(paper).frame / ours.measured.times.frame.max(1e-6))
 }
 
-/// Neighbouring rows of one backend.
+/// The rows grouped by backend.
 pub fn by_backend<'a>(rows: &'a [(f64, &'a Row)]) -> impl Iterator<Item = &'a [(f64, &'a Row)]> {
     rows.chunk_by(|a, b| a.1.backend == b.1.backend)
 }
 
-/// Where there is no figure.
+/// The cell of a missing figure.
 const NONE: &str = "-";
 
-/// Name, columns, rest, GPU, frame, p95, frames a second, and two more.
+/// A table with the headings name, columns, rest, GPU, frame, p95, fps, and two more.
 fn table(name: &str, first: &str, second: &str) -> Table {
     let mut headings = vec![name.to_owned()];
     headings.extend(COLUMNS.iter().map(|column| format!(">{}", column.name)));
@@ -229,7 +232,7 @@ fn cells(times: &Times, p95: Option<f64>) -> [String; COLUMNS.len() + 5] {
     [p1, p2, p3, p4, e1, e2, i1, i2, ms(times.rest), some(times.gpu), ms(times.frame), some(p95), fps]
 }
 
-/// Milliseconds with as many decimals as mean something.
+/// Milliseconds, with about three significant digits.
 pub fn ms(value: f64) -> String {
     match value {
         value if value < 1.0 => format!("{value:.3}"),

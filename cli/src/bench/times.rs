@@ -1,29 +1,29 @@
-//! The times of a frame, ours or the papers'.
+//! The times of a frame, measured here or taken from the papers.
 
 use super::column;
 
 /// Milliseconds of a frame and of its parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Times {
-    /// Of each of [`column::COLUMNS`]; none where nothing of the kind runs or the papers tell no figure.
+    /// Times of [`column::COLUMNS`]; `None` if no such stage runs or the papers give no figure.
     pub columns: [Option<f64>; column::COUNT],
-    /// What no column counts: tone mapping, a user's shaders, transfers, commands and waiting. Zero where the columns take
-    /// more than the frame, because a GPU works while the CPU does.
+    /// Time that no column counts: tone mapping, a user's shaders, transfers, commands and waiting. Zero if the columns sum
+    /// to more than the frame, as CPU and GPU work concurrently.
     pub rest: f64,
-    /// All work on the GPU; none where there is none or no figure is told.
+    /// All work on the GPU; `None` if the GPU does no work or the papers give no figure.
     pub gpu: Option<f64>,
-    /// The frame without tracing.
+    /// The frame time without tracing.
     pub frame: f64,
 }
 
 impl Times {
-    /// Frames a second.
+    /// Frames per second.
     pub fn fps(&self) -> f64 {
         1000.0 / self.frame.max(1e-6)
     }
 }
 
-/// The value below which this share of `values` lies, 0 to 1; zero where there are none.
+/// The quantile of `values` at `share`, 0 to 1; zero if `values` is empty.
 pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     match values.len() {
@@ -32,8 +32,7 @@ pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     }
 }
 
-/// The exponent p of y ~ x^p that fits the points best (least squares of the logarithms); none for fewer than two
-/// different x.
+/// The exponent p of the best fit y ~ x^p (least squares of the logarithms), or `None` for fewer than two different x.
 pub fn growth(points: &[(f64, f64)]) -> Option<f64> {
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.max(1e-9).ln())).collect();
     let count = logs.len() as f64;
@@ -56,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn the_exponent_of_a_power_is_found() {
+    fn growth_finds_the_exponent_of_a_power() {
         let squares: Vec<(f64, f64)> = [1.0, 2.0, 4.0, 8.0].map(|x| (x, 3.0 * x * x)).into();
         assert!((growth(&squares).unwrap() - 2.0).abs() < 1e-12);
         assert_eq!(growth(&[(5.0, 1.0), (5.0, 2.0)]), None);

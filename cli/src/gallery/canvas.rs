@@ -1,4 +1,4 @@
-//! A picture to draw on.
+//! A canvas for the gallery's drawings.
 
 use crate::sheet::Tile;
 
@@ -9,7 +9,7 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// One colour all over.
+    /// A canvas filled with one colour.
     pub fn new(size: [usize; 2], color: [u8; 3]) -> Self {
         Self { size, colors: vec![color; size[0] * size[1]] }
     }
@@ -21,12 +21,12 @@ impl Canvas {
         }
     }
 
-    /// Draws a straight stroke with round ends, anti-aliased. Places and width are in pixels.
+    /// Draws an anti-aliased line with round caps. Positions and width are in pixels.
     pub fn stroke(&mut self, a: [f32; 2], b: [f32; 2], width: f32, color: [u8; 3]) {
         let reach = 0.5 * width + 1.0;
         let range = |axis: usize| {
             let (low, high) = (a[axis].min(b[axis]) - reach, a[axis].max(b[axis]) + reach);
-            // Casts of what lies outside end at the canvas's sides.
+            // The cast to `usize` clamps negative values to zero.
             low.floor() as usize..(high.ceil() as usize).min(self.size[axis])
         };
         let (columns, rows) = (range(0), range(1));
@@ -43,13 +43,13 @@ impl Canvas {
         }
     }
 
-    /// The finished picture with its name.
+    /// The finished picture with its label.
     pub fn tile(self, label: &str) -> Tile {
         Tile { label: label.to_owned(), size: self.size, colors: self.colors }
     }
 }
 
-/// How far a place lies from a segment.
+/// The distance of a point from a segment.
 fn distance(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> f32 {
     let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let squared = along[0] * along[0] + along[1] * along[1];
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strokes_cover_what_they_should() {
+    fn strokes_cover_their_pixels() {
         let mut canvas = Canvas::new([9, 5], [0; 3]);
         canvas.stroke([2.0, 2.5], [7.0, 2.5], 1.0, [200; 3]);
         let row = |y: usize| canvas.colors[9 * y..][..9].iter().map(|color| color[0]).collect::<Vec<_>>();
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn strokes_end_at_the_canvas() {
+    fn strokes_are_clipped_to_the_canvas() {
         let mut canvas = Canvas::new([3, 3], [0; 3]);
         canvas.stroke([-9.0, 1.5], [12.0, 1.5], 1.0, [8; 3]);
         canvas.stroke([-9.0, -9.0], [-5.0, -5.0], 1.0, [8; 3]);

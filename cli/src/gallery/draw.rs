@@ -1,4 +1,4 @@
-//! The steps as in figure 4 of the papers: a few pixels, enlarged, with what is known within each of them.
+//! The steps of the algorithm, as in figure 4 of the papers: a few enlarged pixels with the data of each.
 
 use epigraph_pictures::{
     EMPTY, Ramp,
@@ -12,38 +12,38 @@ use super::{
 };
 use crate::sheet::Tile;
 
-/// Side of an enlarged pixel: 5x5 squares of two pixels, and a line around them.
+/// Side of an enlarged pixel: 5x5 squares of two pixels each, and a border of one pixel.
 const CELL: usize = 12;
 
-/// Boundaries of shadows.
+/// Colour of shadow boundaries.
 const SHADOW: [u8; 3] = [255, 165, 50];
-/// The lines between pixels, and width of strokes.
+/// Colour of the lines between pixels, and width of strokes.
 const GRID: [u8; 3] = [44, 49, 72];
 const STROKE: f32 = 2.0;
 
-/// A step of the algorithm, drawn.
+/// A drawing of one step of the algorithm.
 #[derive(Clone, Copy, Debug)]
 pub enum Panel {
     /// The colours of the points.
     Points,
-    /// Where edges cross pixels.
+    /// The edges' crossings with pixels.
     Edges,
-    /// What that makes of the pixels.
+    /// The classes of the pixels: empty, simple or complex.
     Classes,
-    /// Which pixels can be reached from each.
+    /// The reachable neighbours of each pixel.
     Reachability,
-    /// Where new samples are worth most.
+    /// The priority of new samples.
     Priority,
-    /// The picture.
+    /// The final picture.
     Result,
 }
 
 impl Panel {
-    /// In the order of the algorithm.
+    /// All steps, in the order of the algorithm.
     pub const ALL: [Self; 6] =
         [Self::Points, Self::Edges, Self::Classes, Self::Reachability, Self::Priority, Self::Result];
 
-    /// Draws a part of the image.
+    /// Draws the part of the image within the window.
     pub fn draw(self, window: Window, image: &Dissected) -> Tile {
         let layers = &image.layers;
         match self {
@@ -61,7 +61,7 @@ impl Panel {
     }
 }
 
-/// A part of a picture, enlarged.
+/// Draws an enlarged part of a picture.
 pub fn magnified(label: &str, window: Window, shot: &Shot) -> Tile {
     blocks(label, window, shot.size, |pixel| shot.colors[pixel])
 }
@@ -70,7 +70,7 @@ fn canvas(window: Window) -> Canvas {
     Canvas::new(window.size.map(|side| side * CELL), EMPTY)
 }
 
-/// One colour for each pixel of the image.
+/// Draws each pixel in one colour.
 fn blocks(label: &str, window: Window, image: [usize; 2], color: impl Fn(usize) -> [u8; 3]) -> Tile {
     let mut canvas = canvas(window);
     for (at, pixel) in window.pixels(image[0]) {
@@ -83,7 +83,7 @@ fn heat(priority: u32) -> [u8; 3] {
     Ramp::Magma.color(priority as f32 / 255.0)
 }
 
-/// The chords of simple pixels, and ticks at the other crossings.
+/// Draws the chords of simple pixels, and ticks at the other crossings.
 fn edges(window: Window, layers: &Layers) -> Tile {
     let mut canvas = canvas(window);
     for (at, _) in window.pixels(layers.size[0]) {
@@ -106,7 +106,7 @@ fn edges(window: Window, layers: &Layers) -> Tile {
     canvas.tile("edges")
 }
 
-/// In each pixel a small picture of the 5x5 pixels around it.
+/// Draws in each pixel a small map of the 5x5 pixels around it.
 fn reachability(window: Window, layers: &Layers) -> Tile {
     let mut canvas = canvas(window);
     for (at, pixel) in window.pixels(layers.size[0]) {
@@ -123,7 +123,7 @@ fn reachability(window: Window, layers: &Layers) -> Tile {
 mod tests {
     use super::*;
 
-    /// 7x7 pixels with these crossings at left and top sides: column, row, bit. Outlines are those on the left sides.
+    /// 7x7 pixels with the given crossings of left and top sides (column, row, bit). Those of left sides are outlines.
     fn layers(left: &[[usize; 3]], top: &[[usize; 3]]) -> Layers {
         let mut mask = vec![0; 64];
         let mut mark = |list: &[[usize; 3]], shift: usize| {
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn chords_of_neighbours_meet_on_the_picture() {
+    fn chords_of_neighbours_meet() {
         let tile = edges(WHOLE, &example());
         let at = |x: usize, y: usize| tile.colors[y * tile.size[0] + x];
         // Pixel (3, 3) is crossed at 7/16 on its left and 13/16 on its right: rows 41.25 and 45.75.
@@ -159,12 +159,12 @@ mod tests {
             let row = 41.25 + 4.5 * (x as f32 + 0.5 - 36.0) / 12.0;
             assert_eq!(at(x, row as usize), EDGE, "{x}");
         }
-        // Where an end lies on a bottom side, its half is a shadow's.
+        // A chord that ends on a bottom side has the shadow colour in that half.
         assert!(tile.colors.contains(&SHADOW) && at(5, 5) == EMPTY && at(5, 0) == GRID);
     }
 
     #[test]
-    fn the_hottest_is_the_palest() {
+    fn the_highest_priority_is_the_brightest() {
         let brightness = |priority| heat(priority).iter().map(|&channel| u32::from(channel)).sum::<u32>();
         assert!(brightness(0) < 10 && brightness(128) > brightness(64) && brightness(255) > 600);
     }

@@ -1,4 +1,4 @@
-//! A folder that is filled in one go.
+//! An output folder whose files are all written at the end.
 
 use std::{
     fs,
@@ -9,15 +9,15 @@ use epigraph_pictures::Target;
 
 use crate::error::CliError;
 
-/// A folder to be filled later, and made then where there is none.
+/// An output folder. It is created on the first write if it does not exist.
 #[derive(Debug)]
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// Makes sure that files can be written there, so that no work is lost for a mistyped path. Leaves nothing behind.
+    /// Checks that files can be written there, so that a mistyped path costs no work. Leaves nothing behind.
     ///
     /// # Errors
-    /// That it is a file, or that it, or the folder for it, is not there or write-protected.
+    /// If the path is a file, or if the folder or its parent is missing or write-protected.
     pub fn new(path: &Path) -> Result<Self, CliError> {
         if path.is_dir() {
             Target::new(&path.join("probe"))?;
@@ -29,15 +29,15 @@ impl Folder {
         Ok(Self(path.to_owned()))
     }
 
-    /// Writes files by name, each whole or not at all.
+    /// Writes files by name, each completely or not at all.
     ///
     /// # Errors
-    /// The first file that cannot be written; those before it are there then.
+    /// The first file that cannot be written. Files before it may have been written.
     pub fn write(&self, files: &[(String, Vec<u8>)]) -> Result<(), CliError> {
         if !self.0.is_dir() {
             fs::create_dir(&self.0).map_err(|error| CliError::write(&self.0, error))?;
         }
-        // All are seen to be writable before the first changes.
+        // All files are checked before the first one is written.
         let targets: Result<Vec<_>, _> =
             files.iter().map(|(name, _)| Target::new(&self.0.join(name))).collect();
         targets?.iter().zip(files).try_for_each(|(target, (_, bytes))| Ok(target.write(bytes)?))
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_folder_is_made_when_there_is_something_to_put_in() {
+    fn the_folder_is_created_on_the_first_write() {
         let place = tempfile::tempdir().unwrap();
         let path = place.path().join("new");
         let folder = Folder::new(&path).unwrap();
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_folder_is_found_beforehand() {
+    fn invalid_folders_are_reported_beforehand() {
         let place = tempfile::tempdir().unwrap();
         let file = place.path().join("file");
         fs::write(&file, "x").unwrap();

@@ -1,5 +1,5 @@
-//! `epigraph gallery`: a page of pictures that show what the graphs do, scene by scene, with the command lines that make
-//! them again.
+//! `epigraph gallery`: a page of pictures that shows the steps of the algorithm for each scene, with the command lines that
+//! reproduce them.
 
 mod canvas;
 mod draw;
@@ -32,14 +32,14 @@ use crate::{
     values::Light,
 };
 
-/// The graphs that are shown: the second for comparison.
+/// The graph to show, and the one to compare it with.
 const EPI: &str = "epi";
 const CACHE: &str = "render-cache";
 
-/// The page in the folder.
+/// File name of the page.
 const PAGE: &str = "gallery.md";
 
-/// Renders, draws and writes. The folder's files are written when all of them are there.
+/// Makes the gallery. Files are written only after all pictures are rendered.
 pub fn gallery(args: &GalleryArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     let folder = Folder::new(&args.out)?;
     let gallery = Gallery::new(args, registry)?;
@@ -50,9 +50,9 @@ pub fn gallery(args: &GalleryArgs, registry: &Arc<Registry>) -> Result<(), CliEr
     let scenes: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
     for scene in scenes {
         let place = match open::place(scene, &args.camera) {
-            // Who named it wants it; by default, a scene takes part when its mesh is there.
+            // A default scene whose mesh is not fetched is skipped; one that the user names must load.
             Err(error) if by_default && needs_fetch(scene) => {
-                eprintln!("note: without {scene}: {error}");
+                eprintln!("note: skipping scene {scene}: {error}");
                 continue;
             }
             place => place?,
@@ -60,7 +60,7 @@ pub fn gallery(args: &GalleryArgs, registry: &Arc<Registry>) -> Result<(), CliEr
         let section = gallery.scene(scene, &place, &mut files)?;
         if let Some(same) = sections.iter().find(|other| other.name == section.name) {
             let text =
-                format!("--scene {scene}: its pictures would have the names of those of {}", same.scene);
+                format!("--scene {scene}: its pictures would have the same names as those of {}", same.scene);
             return Err(CliError::Input(text));
         }
         sections.push(section);
@@ -77,14 +77,14 @@ pub fn gallery(args: &GalleryArgs, registry: &Arc<Registry>) -> Result<(), CliEr
     ))
 }
 
-/// What is the same for all scenes.
+/// The settings shared by all scenes.
 struct Gallery<'a> {
     args: &'a GalleryArgs,
     registry: &'a Arc<Registry>,
     epi: GraphFile,
     cache: GraphFile,
     device: Device,
-    /// Samples that a frame may ask for.
+    /// Maximum number of samples per frame.
     samples: u32,
 }
 
@@ -97,7 +97,7 @@ impl<'a> Gallery<'a> {
         Ok(Self { args, registry, epi, cache, device, samples })
     }
 
-    /// All of one scene: its pictures are put to `files`.
+    /// Makes the section of one scene and adds its pictures to `files`.
     fn scene(
         &self,
         name: &str,
@@ -148,7 +148,7 @@ impl<'a> Gallery<'a> {
         Ok(section)
     }
 
-    /// The last frame with many samples for each pixel.
+    /// The reference: the last frame with many samples per pixel.
     fn converged(&self, tracer: &Tracer, path: &CameraPath) -> Result<Shot, CliError> {
         let size = self.args.size.0;
         reference::require_memory(size)?;

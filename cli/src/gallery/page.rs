@@ -8,15 +8,15 @@ use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE};
 use super::{CACHE, EPI, shot::Layers, window::Window};
 use crate::{args::GalleryArgs, values::Size};
 
-/// What the page says of a scene.
+/// The page's section about a scene.
 pub struct Section {
-    /// The beginning of the names of its files.
+    /// Common prefix of its file names.
     pub name: String,
-    /// The scene as it was asked for.
+    /// The scene as given on the command line.
     pub scene: String,
-    /// What is enlarged.
+    /// The enlarged part of the image.
     window: Window,
-    /// Shares of all pixels: with a point; empty, simple, complex.
+    /// Shares of pixels that show a point, and of empty, simple and complex pixels.
     points: f64,
     classes: [f64; 3],
     /// Mean FLIP of the render cache and of the edge-and-point image.
@@ -24,7 +24,7 @@ pub struct Section {
 }
 
 impl Section {
-    /// Of the scene's last frame.
+    /// The section with the figures of the scene's last frame.
     pub fn new(scene: &str, window: Window, layers: &Layers, flip: [f64; 2]) -> Self {
         let pixels = layers.points.len().max(1) as f64;
         let share =
@@ -50,31 +50,32 @@ impl Section {
         format!("{}-render-cache.png", self.name)
     }
 
-    /// The file with the steps.
+    /// The file that shows the steps.
     pub fn stages(&self) -> String {
         format!("{}-stages.png", self.name)
     }
 
-    /// The file with the same pixels of both, and of the reference.
+    /// The file that shows the same pixels of both pictures and of the reference.
     pub fn close_ups(&self) -> String {
         format!("{}-close-up.png", self.name)
     }
 }
 
-/// The scene's name, or that of its file, as the beginning of file names: without what file names and links cannot hold.
+/// The name of the scene or of its file as a prefix of file names, without characters that are invalid in file names or
+/// links.
 fn file_name(scene: &str) -> String {
     let stem = Path::new(scene).file_stem().unwrap_or_default().to_string_lossy();
     let safe = |letter: char| if letter.is_alphanumeric() || letter == '_' { letter } else { '-' };
     stem.chars().map(safe).collect()
 }
 
-/// Everything that the page says.
+/// The gallery page.
 pub struct Page<'a> {
     /// The command line.
     pub args: &'a GalleryArgs,
-    /// Where the nodes ran.
+    /// The default side of nodes.
     pub side: Side,
-    /// Samples that a frame could ask for.
+    /// Maximum number of samples per frame.
     pub samples: u32,
     /// The scenes.
     pub sections: &'a [Section],
@@ -98,7 +99,7 @@ impl Page<'_> {
             "# Gallery
 
 Every picture below is frame {frames} of a moving camera (`{camera}`) at {width}x{height}, from {samples} ray-traced \
-samples a frame ({asked}). `epigraph gallery` made this page, its pictures and its figures:
+samples per frame ({asked}). `epigraph gallery` made this page with its pictures and figures:
 
 ```sh
 {all}
@@ -108,16 +109,16 @@ where `epigraph` is `cargo run --release --` in the repository. **The steps** en
 edge-and-point image, in the order of the algorithm:
 
 - *points*: samples of earlier frames, moved to where the camera sees them now. Dark blue pixels have none.
-- *edges*: silhouettes and creases (blue) and shadow boundaries (orange), found from the mesh alone. They are kept as \
-crossings with the sides of pixels, to an eighth of a pixel. Two crossings are joined by a line; where there are more or \
-fewer, ticks mark them.
-- *classes*: no edge crosses an empty pixel (grey), one cuts a simple pixel in two (green), more cross a complex one (red).
-- *reachability*: in every pixel a small map of the 5x5 pixels around it (itself white): from the green ones a path \
-leads here that crosses no edge. Only those are mixed into its colour; complex pixels alone ignore the edges.
-- *priority*: where the next samples are worth most, from black over red to pale yellow.
-- *result*: each simple pixel has the colours of both its sides, by area.
+- *edges*: silhouettes and creases (blue) and shadow boundaries (orange), computed from the mesh alone. They are stored as \
+crossings with the sides of pixels, to an eighth of a pixel. Two crossings are joined by a line; other numbers of crossings \
+are drawn as ticks.
+- *classes*: an empty pixel (grey) has no edge, a simple one (green) is cut in two by an edge, a complex one (red) has more.
+- *reachability*: each pixel shows a small map of the 5x5 pixels around it (itself white). From the green ones a path \
+leads here that crosses no edge. Only those contribute to its colour; only complex pixels ignore the edges.
+- *priority*: where new samples help most, from black (least) through red to pale yellow (most).
+- *result*: each simple pixel blends the colours of its two sides by area.
 
-**FLIP** is the mean difference that a person sees against {spp} samples for each pixel: 0 is none, 1 the most.
+**FLIP** is the mean perceived difference from a reference with {spp} samples per pixel: 0 is none, 1 the largest.
 ",
             all = self.gallery_command(None),
             side = super::window::SIDE,
@@ -145,17 +146,17 @@ leads here that crosses no edge. Only those are mixed into its colour; complex p
 |---|---|
 | ![{scene} as an edge-and-point image]({picture}) | ![{scene} by the render cache]({cache_picture}) |
 
-*The same frame from equally many samples. The render cache mixes the samples around each pixel; the edge-and-point image \
-does so too, but not across an edge.*
+*The same frame from the same number of samples. The render cache blends the samples around each pixel; the edge-and-point \
+image does so too, but not across edges.*
 
 ![The steps of the edge-and-point image, enlarged]({stages})
 
-*The steps, in the {width}x{height} pixels from ({x}, {y}) on. Of the whole image, {points} of the pixels show a point; \
+*The steps, in the {width}x{height} pixels from ({x}, {y}). Of the whole image, {points} of the pixels show a point; \
 {empty} are empty, {simple} simple and {complex} complex.*
 
 ![The same pixels by the render cache, as an edge-and-point image, and converged]({close_ups})
 
-*The same pixels by the render cache, as an edge-and-point image, and with {spp} samples for each pixel.*
+*The same pixels by the render cache, as an edge-and-point image, and with {spp} samples per pixel.*
 
 ```sh
 {commands}
@@ -165,7 +166,7 @@ does so too, but not across an edge.*
         );
     }
 
-    /// The command lines that make the pictures of a section.
+    /// The command lines that reproduce the pictures of a section.
     fn commands(&self, section: &Section) -> String {
         let GalleryArgs { frames, seed, spp, .. } = self.args;
         let (scene, view) = (quoted(&section.scene), self.view());
@@ -194,13 +195,13 @@ does so too, but not across an edge.*
         format!("--camera {} --size {width}x{height}", quoted(&self.args.camera))
     }
 
-    /// The command line of the gallery, of one scene or as it was given.
+    /// The command line that makes one section, or the whole gallery.
     fn gallery_command(&self, section: Option<&Section>) -> String {
         let GalleryArgs { frames, seed, spp, samples, .. } = self.args;
         let all = self.args.scene.iter().map(String::as_str);
         let scenes: Vec<&str> = section.map_or(all.collect(), |section| vec![&section.scene]);
         let scenes: String = scenes.iter().map(|scene| format!(" --scene {}", quoted(scene))).collect();
-        // One scene's page must not take the place of the whole one.
+        // A single section must not overwrite the whole gallery.
         let out = section.map_or(self.args.out.display().to_string(), |section| section.name.clone());
         let out = quoted(&out);
         let crop = match (section, self.args.crop) {
@@ -216,7 +217,7 @@ does so too, but not across an edge.*
     }
 }
 
-/// A word for the shell.
+/// Quotes a word for the shell if necessary.
 fn quoted(word: &str) -> String {
     let plain = |letter: char| letter.is_ascii_alphanumeric() || "-_./:%+=@,".contains(letter);
     if !word.is_empty() && word.chars().all(plain) {
@@ -231,7 +232,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_and_names() {
+    fn quoting_and_file_names() {
         assert_eq!(quoted("orbit:1:40"), "orbit:1:40");
         assert_eq!(quoted("it's a path.glb"), r"'it'\''s a path.glb'");
         assert_eq!(quoted(""), "''");

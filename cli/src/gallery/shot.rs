@@ -1,6 +1,6 @@
-//! Runs a graph and takes its last frame: the picture, and what the drawings of the edge-and-point image show.
+//! Runs a graph and captures its last frame: the picture, and the data for the drawings of the edge-and-point image.
 //!
-//! What is drawn is found by the kinds of stages and the names of their ports, so the graph's names do not matter.
+//! The data is found by stage kinds and port names, so node names do not matter.
 
 use std::sync::Arc;
 
@@ -11,18 +11,18 @@ use epigraph_stages::shared::cloud::{NO_POINT, decode_radiance};
 
 use crate::{args::GalleryArgs, error::CliError, open};
 
-/// The output that is the picture.
+/// The graph's output with the picture.
 const IMAGE: &str = "image";
 
-/// The stage whose inputs and results are what its picture is made of, and the stages that edges come from.
+/// The stage whose inputs and outputs make up the picture, and the stages that provide edges.
 const INTERPOLATE: &str = "interpolate";
 const REACH: &str = "reach";
 const EDGE_RASTER: &str = "edge_raster";
 
-/// The beginning of the names of ports that bring shadows to [`EDGE_RASTER`].
+/// Name prefix of the ports that feed shadow edges to [`EDGE_RASTER`].
 const SHADOW: &str = "shadow";
 
-/// The node that draws edges once more, without those of shadows.
+/// The added node that rasterises the edges without those of shadows.
 const OUTLINES: &str = "gallery outlines";
 
 /// A picture.
@@ -34,68 +34,68 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// As what can be compared.
+    /// The picture in a form that can be compared.
     pub fn picture(&self) -> Picture {
         Picture::shown(self.size, &self.colors)
     }
 }
 
-/// What an edge-and-point image is made of, row by row.
+/// The intermediate images of an edge-and-point image, row by row.
 pub struct Layers {
     /// Width and height in pixels.
     pub size: [usize; 2],
-    /// The sRGB colour of each pixel's point, if it shows one.
+    /// The sRGB colour of each pixel's point, or `None` for a pixel without one.
     pub points: Vec<Option<[u8; 3]>>,
-    /// Crossings with the left and the top side of each pixel, in one more column and row than there are pixels.
+    /// Crossings with the left and the top side of each pixel. It has one more column and row than the image.
     pub mask: Vec<u32>,
-    /// The same of edges that bound no shadow.
+    /// The same without shadow boundaries.
     pub outlines: Vec<u32>,
     /// Class and regions, see `algorithms.md` section 2.4.
     pub cls: Vec<u32>,
-    /// Which of the 5x5 pixels around are reached, section 2.5.
+    /// Reachability of the 5x5 neighbourhood, section 2.5.
     pub r24: Vec<u32>,
-    /// What a sample is worth, 0 to 255.
+    /// Priority of a new sample, 0 to 255.
     pub priority: Vec<u32>,
 }
 
-/// A picture with what it is made of.
+/// A picture with its intermediate images.
 pub struct Dissected {
     /// The picture.
     pub shot: Shot,
-    /// What it is made of.
+    /// Its intermediate images.
     pub layers: Layers,
 }
 
-/// How graphs are run on a scene.
+/// The setup in which graphs run on a scene.
 pub struct Camera<'a> {
-    /// What the progress bar says.
+    /// Label of the progress bar.
     pub label: &'a str,
     /// The stages.
     pub registry: &'a Arc<Registry>,
-    /// Where nodes run by default.
+    /// The default device of nodes.
     pub device: &'a Device,
     /// The scene and the camera's path.
     pub place: &'a Place,
     /// The command line.
     pub args: &'a GalleryArgs,
-    /// Samples that a frame may ask for.
+    /// Maximum number of samples per frame.
     pub samples: u32,
 }
 
 impl Camera<'_> {
-    /// The last frame of a graph.
+    /// Renders the last frame of a graph.
     ///
     /// # Errors
-    /// What is wrong with the graph for this scene, and stages that fail.
+    /// Problems of the graph for this scene, and stages that fail.
     pub fn shoot(&self, file: &GraphFile) -> Result<Shot, CliError> {
         let mut run = self.setup(file).start()?;
         self.run(&mut run, file)
     }
 
-    /// The last frame of a graph that interpolates between edges, and what it is made of.
+    /// Renders the last frame of a graph that interpolates between edges, with its intermediate images.
     ///
     /// # Errors
-    /// As [`Camera::shoot`], and that the graph lacks a stage.
+    /// Those of [`Camera::shoot`], and a missing stage.
     pub fn dissect(&self, file: &GraphFile) -> Result<Dissected, CliError> {
         let compiled = self.setup(file).compile()?;
         let graph = compiled.graph();
@@ -118,7 +118,7 @@ impl Camera<'_> {
             .seed(self.args.seed)
     }
 
-    /// Runs all frames; the picture of the last one.
+    /// Runs all frames and returns the picture of the last one.
     fn run(&self, run: &mut Run, file: &GraphFile) -> Result<Shot, CliError> {
         let frames = self.args.frames;
         let label = format!("{}, {}", self.label, file.path);
@@ -130,12 +130,12 @@ impl Camera<'_> {
     }
 }
 
-/// That a graph cannot be dissected.
+/// The error that a graph lacks something to draw.
 fn lacks(graph: &str, what: &str) -> CliError {
     CliError::Input(format!("{graph} has no {what}, which the gallery shows"))
 }
 
-/// Where the layers come from.
+/// The ports of the intermediate images.
 struct Ports {
     cloud: Source,
     id: Source,
@@ -204,7 +204,7 @@ fn source(graph: &Graph, at: PortRef) -> Source {
     Source { node: node.name.clone(), port: node.declaration().ports[at.port].name.to_string() }
 }
 
-/// The graph with its edge raster twice, the second one without shadows: so one can tell both kinds of edges apart.
+/// The graph with a second edge raster that omits shadows, to distinguish both kinds of edges.
 fn with_outlines(file: &GraphFile, graph: &Graph) -> Result<GraphFile, CliError> {
     let raster = find(graph, EDGE_RASTER, &file.path)?;
     let mut file = file.clone();
@@ -221,7 +221,7 @@ fn with_outlines(file: &GraphFile, graph: &Graph) -> Result<GraphFile, CliError>
     Ok(file)
 }
 
-/// A node as it is written, be it in a part.
+/// The definition of a node, which may be in a part.
 fn definition<'f>(file: &'f GraphFile, name: &str) -> Option<&'f NodeDef> {
     match name.split_once('/') {
         Some((part, inner)) => {

@@ -1,26 +1,27 @@
-//! Which part of the image the drawings enlarge.
+//! The part of the image that the drawings enlarge.
 
 use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, EMPTY, SIMPLE};
 
 use super::shot::{Dissected, Shot};
 use crate::values::Place;
 
-/// Pixels of the window's side; smaller images are shown whole.
+/// Side of the window in pixels; smaller images are shown whole.
 pub const SIDE: usize = 40;
 
-/// Windows are tried at every so many pixels.
+/// Distance between candidate windows, in pixels.
 const STEP: usize = 4;
 
-/// Pixels between a window and the image's border, where there is room.
+/// Least distance of a window from the image's border in pixels, if the image is large enough.
 const BORDER: usize = 20;
 
-/// So many simple and complex pixels, and pixels with crossings of outlines and of shadows, show well what they are.
+/// Number of simple pixels, complex pixels, and pixels crossed by outlines and by shadow boundaries that a window needs to
+/// show each of them well.
 const ENOUGH: [usize; 4] = [SIDE, 4, SIDE / 2, SIDE / 2];
 
-/// How many simple pixels a complex one outweighs.
+/// Number of simple pixels that a complex one outweighs.
 const COMPLEX_COST: i64 = 3;
 
-/// An edge is seen where a channel of the picture, 0 to 255, changes by so much in 3x3 pixels.
+/// Least change of a channel, 0 to 255, within 3x3 pixels at a visible edge.
 const CONTRAST: u8 = 32;
 
 /// A part of the image.
@@ -33,31 +34,31 @@ pub struct Window {
 }
 
 impl Window {
-    /// Makes sure that a window at a place lies in an image.
+    /// Checks that a window at a place lies within an image.
     ///
     /// # Errors
-    /// A message with the places that are possible.
+    /// A message with the last valid place.
     pub fn check(place: Option<Place>, image: [u32; 2]) -> Result<(), String> {
         let last = image.map(|side| side.saturating_sub(SIDE as u32));
         match place {
             Some(Place([x, y])) if x > last[0] || y > last[1] => Err(format!(
-                "--crop {x},{y}: the {SIDE}x{SIDE} pixels from there on leave the image of {}x{}; at most {},{} is \
-                 possible",
+                "--crop {x},{y}: the {SIDE}x{SIDE} pixels from there do not fit into the image of {}x{}; use at most \
+                 {},{}",
                 image[0], image[1], last[0], last[1]
             )),
             _ => Ok(()),
         }
     }
 
-    /// The window at a place that [`Window::check`] accepts.
+    /// The window at a place that [`Window::check`] has accepted.
     pub fn at(Place(place): Place, image: [usize; 2]) -> Self {
         Self { at: place.map(|at| at as usize), size: image.map(|side| side.min(SIDE)) }
     }
 
-    /// The window that shows most: as many as possible of silhouettes, shadows and complex pixels, and among those the
-    /// one with the most simple pixels, where complex ones, which say little, count against it. Only edges where the picture changes
-    /// count, and away from the image's border, where points are missing that were not in view before. The first one in
-    /// reading order if several do.
+    /// The most instructive window: it shows as many as possible of silhouettes, shadows and complex pixels. Among such
+    /// windows it has the most simple pixels, less a penalty for complex ones, which show little. Only visible edges count.
+    /// The window keeps away from the image's border, where points that just came into view are missing. Of equal windows,
+    /// the first one in reading order is taken.
     pub fn choose(image: &Dissected) -> Self {
         let [width, height] = image.shot.size;
         let size = image.shot.size.map(|side| side.min(SIDE));
@@ -80,21 +81,20 @@ impl Window {
         best.0
     }
 
-    /// The indices of its pixels in an image of this width, row by row, each with its place in the window.
+    /// The window's pixels row by row: each one's place in the window and its index in an image of this width.
     pub fn pixels(self, width: usize) -> impl Iterator<Item = ([usize; 2], usize)> {
         let ([left, top], [columns, rows]) = (self.at, self.size);
         (0..rows).flat_map(move |y| (0..columns).map(move |x| ([x, y], (top + y) * width + left + x)))
     }
 }
 
-/// Summed-area table of what counts: simple and complex pixels, and pixels with crossings of outlines and of shadows; all
-/// where the picture changes.
+/// Summed-area table of visible simple pixels, complex pixels, and pixels crossed by outlines and by shadow boundaries.
 struct Sums {
     width: usize,
     sums: Vec<[usize; 4]>,
 }
 
-/// Indices of the first two.
+/// Indices of the first two counts.
 const SIMPLE_PIXELS: usize = 0;
 const COMPLEX_PIXELS: usize = 1;
 
@@ -127,7 +127,7 @@ impl Sums {
     }
 }
 
-/// How much a channel changes at most in the 3x3 pixels around one.
+/// The largest change of a channel in the 3x3 pixels around a pixel.
 fn contrast(shot: &Shot, [x, y]: [usize; 2]) -> u8 {
     let [width, height] = shot.size;
     let (mut low, mut high) = ([u8::MAX; 3], [0; 3]);
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
     use crate::gallery::shot::Layers;
 
-    /// A grey image with a white and a black vertical line, each of 60 pixels: both are simple, the black one a shadow.
+    /// A grey image with a white and a black vertical line of 60 pixels each. Both are simple; the black one is a shadow.
     fn lines(white: [usize; 2], black: [usize; 2]) -> Dissected {
         let [width, height] = [200, 100];
         let grey = vec![[90; 3]; width * height];
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn the_window_shows_outlines_and_shadows() {
-        // Both lie in one window only if it begins between columns 96 and 110, at row 20 or below.
+        // A window contains both only if it begins between columns 96 and 110, at row 20 or below.
         let window = Window::choose(&lines([110, 0], [135, 40]));
         assert_eq!(window, Window { at: [96, 20], size: [SIDE; 2] });
         let alone = Window::choose(&lines([30, 0], [170, 40]));
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_that_one_does_not_see_do_not_count() {
+    fn invisible_edges_do_not_count() {
         let mut image = lines([30, 0], [170, 40]);
         for pixel in image.shot.colors.iter_mut().filter(|color| color[0] == 255) {
             *pixel = [100; 3];
@@ -191,12 +191,12 @@ mod tests {
     }
 
     #[test]
-    fn windows_lie_in_the_image() {
+    fn windows_lie_within_the_image() {
         let place = |x, y| Some(Place([x, y]));
         assert!(Window::check(place(472, 60), [512, 100]).is_ok());
         assert!(Window::check(None, [1, 1]).is_ok());
         let message = Window::check(place(473, 0), [512, 100]).unwrap_err();
-        assert!(message.contains("at most 472,60"), "{message}");
+        assert!(message.contains("use at most 472,60"), "{message}");
         let small = Window::at(Place([0, 0]), [5, 7]);
         assert_eq!(small.size, [5, 7]);
         let pixels: Vec<_> = Window { at: [3, 5], size: [2, 2] }.pixels(5).collect();

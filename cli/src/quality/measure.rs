@@ -9,7 +9,7 @@ use epigraph_pictures::{Look, Picture, show, size};
 use super::reference::References;
 use crate::{error::CliError, open};
 
-/// A graph and what the user calls it.
+/// A graph and the user's name for it.
 pub struct Named {
     /// The name.
     pub name: String,
@@ -19,15 +19,15 @@ pub struct Named {
 
 /// A scene and a camera path through it.
 pub struct View {
-    /// What the user calls the scene.
+    /// The scene as given on the command line.
     pub scene_name: String,
-    /// What the user calls the path.
+    /// The path as given on the command line.
     pub camera: String,
-    /// Both.
+    /// The loaded scene and path.
     pub place: Place,
 }
 
-/// How far pictures are from their references.
+/// The difference of pictures from their references.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// Peak signal-to-noise ratio, decibels.
@@ -41,9 +41,9 @@ pub struct Figures {
 pub struct FrameFigures {
     /// Its number, from 0.
     pub frame: u32,
-    /// Of all pixels.
+    /// Figures of all pixels.
     pub whole: Figures,
-    /// Of the pixels near edges; none where there are none.
+    /// Figures of the pixels near edges; `None` if there are no such pixels.
     pub edges: Option<Figures>,
 }
 
@@ -53,29 +53,29 @@ pub struct Job<'a> {
     pub registry: &'a Arc<Registry>,
     /// The graph.
     pub named: &'a Named,
-    /// Where nodes run by default.
+    /// The default device of nodes.
     pub device: &'a Device,
     /// The scene and the camera.
     pub view: &'a View,
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Samples that a frame may ask for, as the user has it.
+    /// Maximum number of samples per frame, as given on the command line.
     pub samples: Samples,
-    /// The same as a number.
+    /// The same as a count.
     pub count: u32,
     /// The random seed.
     pub seed: u32,
 }
 
 impl Job<'_> {
-    /// Makes sure that the graph compiles for the scene and shows a picture.
+    /// Checks that the graph compiles for the scene and outputs a picture.
     pub fn check(&self) -> Result<(), CliError> {
         let mut compiled = self.setup().compile()?;
         compiled.picture()?;
         Ok(compiled.require()?)
     }
 
-    /// Runs all frames up to the last of `frames` (ascending), and compares those with their references.
+    /// Runs all frames up to the last one in `frames` (ascending), and compares those in `frames` with their references.
     pub fn run(&self, frames: &[u32], references: &References) -> Result<Vec<FrameFigures>, CliError> {
         let View { scene_name, camera, .. } = self.view;
         let mut run = self.setup().start()?;

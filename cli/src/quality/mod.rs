@@ -1,4 +1,4 @@
-//! `epigraph quality`: how close the pictures of graphs come to converged ones, at equal samples a frame.
+//! `epigraph quality`: compares the pictures of graphs with converged references, at equal numbers of samples per frame.
 
 mod measure;
 mod plot;
@@ -16,13 +16,13 @@ use self::{
 };
 use crate::{args::QualityArgs, error::CliError, open, output::JsonTarget, svg};
 
-/// What is measured where nothing is named. The first graph is what the others are held against.
+/// The defaults. The first graph is the baseline for the others.
 const GRAPHS: [&str; 2] = ["render-cache", "epi"];
 const SCENES: [&str; 3] = ["cornell", "chains", "room"];
 const CAMERAS: [&str; 2] = ["still", "orbit"];
 
-/// Frames that are compared: of a still camera one after the picture has settled; of a moving one three, since the error
-/// is not the same in every frame (`algorithms.md` section 11).
+/// Default frames to compare: for a still camera, one after the picture has settled; for a moving one three, since the
+/// error varies from frame to frame (`algorithms.md` section 11).
 const STILL_FRAMES: [u32; 1] = [39];
 const MOVING_FRAMES: [u32; 3] = [19, 24, 29];
 
@@ -34,18 +34,18 @@ pub struct Row {
     pub scene: String,
     /// The camera's path.
     pub camera: String,
-    /// Samples a frame, as the user has it.
+    /// Samples per frame, as given on the command line.
     pub samples: Samples,
-    /// The same as a number.
+    /// The same as a count.
     pub count: u32,
-    /// The share of pixels that are near edges, 0 to 1, mean over the frames.
+    /// The share of pixels near edges, 0 to 1, mean over the frames.
     pub edge_share: f64,
-    /// In the order of the frames.
+    /// The figures of each frame, in order.
     pub frames: Vec<FrameFigures>,
 }
 
 impl Row {
-    /// Of all pixels, mean over the frames.
+    /// Figures of all pixels, mean over the frames.
     pub fn whole(&self) -> Figures {
         let count = self.frames.len().max(1) as f64;
         let mean = |pick: fn(&Figures) -> f64| {
@@ -54,7 +54,7 @@ impl Row {
         Figures { psnr: mean(|figures| figures.psnr), flip: mean(|figures| figures.flip) }
     }
 
-    /// Of the pixels near edges, mean over the frames that have any; none where none has.
+    /// Figures of the pixels near edges, mean over the frames with such pixels; `None` if there are no such frames.
     pub fn edges(&self) -> Option<Figures> {
         let edges: Vec<Figures> = self.frames.iter().filter_map(|frame| frame.edges).collect();
         let mean = |pick: fn(&Figures) -> f64| edges.iter().map(pick).sum::<f64>() / edges.len() as f64;
@@ -63,7 +63,7 @@ impl Row {
     }
 }
 
-/// Measures and tells.
+/// Runs the comparison and reports its figures.
 pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     open::threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
@@ -82,9 +82,9 @@ struct Quality<'a> {
     args: &'a QualityArgs,
     registry: &'a Arc<Registry>,
     graphs: Vec<Named>,
-    /// Ascending and without repetition; empty for the defaults.
+    /// Ascending and without duplicates; empty for the defaults.
     frames: Vec<u32>,
-    /// As given, and the number.
+    /// Samples per frame as given, and as a count.
     samples: Vec<(Samples, u32)>,
     device: Device,
 }
@@ -109,7 +109,7 @@ impl<'a> Quality<'a> {
     }
 
     fn run(&self) -> Result<Vec<Row>, CliError> {
-        // What is wrong with the last scene should not show only after the first was measured.
+        // All inputs are checked before the first measurement.
         let views = self.views()?;
         for job in views.iter().flat_map(|view| self.jobs(view)) {
             job.check()?;
@@ -141,7 +141,7 @@ impl<'a> Quality<'a> {
     fn views(&self) -> Result<Vec<View>, CliError> {
         let mut views = Vec::new();
         for name in named_or(&self.args.scene, &SCENES) {
-            // All camera paths share the tracer and the shadow edges that stages keep.
+            // All camera paths share the tracer and the shadow edges that stages cache.
             let mut shared: Option<Place> = None;
             for camera in named_or(&self.args.camera, &CAMERAS) {
                 let place = match &shared {
@@ -180,12 +180,12 @@ impl<'a> Quality<'a> {
     }
 }
 
-/// What is named, each once, or else the default.
+/// The given names without duplicates, or the default.
 fn named_or<'a>(named: &'a [String], default: &[&'a str]) -> Vec<&'a str> {
     if named.is_empty() { default.into() } else { distinct(named.iter().map(String::as_str)) }
 }
 
-/// Each value once, in the order in which they first come.
+/// The values without duplicates, in the order of their first occurrence.
 fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
     let mut known = Vec::new();
     for value in values {
@@ -201,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_thing_is_measured_once() {
+    fn names_are_measured_once() {
         let named = ["room", "cornell", "room"].map(String::from);
         assert_eq!(named_or(&named, &SCENES), ["room", "cornell"]);
         assert_eq!(named_or(&[], &SCENES), SCENES);

@@ -1,4 +1,4 @@
-//! FLIP over samples a frame: a panel for each scene and camera, a line for each graph.
+//! Plots FLIP over samples per frame: a panel for each scene and camera, a line for each graph.
 
 use epigraph_pictures::svg::{Anchor, Font, Svg};
 
@@ -13,17 +13,17 @@ use crate::{
 
 /// Left and right margin, pixels.
 const MARGIN: f64 = 36.0;
-/// Of a panel's axes, and from one to the next.
+/// Size of a panel's axes, and distance from one panel to the next.
 const PANEL: [f64; 2] = [300.0, 210.0];
 const STEP: [f64; 2] = [376.0, 292.0];
-/// Room for the numbers of the vertical axis.
+/// Width of the numbers of the vertical axis.
 const NUMBERS: f64 = 40.0;
 /// Where the first row of panels begins.
 const TOP: f64 = 168.0;
-/// Panels in a row, at least so wide that the title fits.
+/// Least number of panel columns, so that the title fits.
 const LEAST_COLUMNS: usize = 2;
 
-/// Colours of the graphs, used again where there are more.
+/// Colours of the graphs, repeated if there are more graphs.
 const LINES: [&str; 6] = ["#c0392b", "#2563a8", "#2f8f4e", "#7d5ba6", "#c8760a", "#57606a"];
 
 const TITLE: Font = Font { size: 22.0, color: "#1b1f24", bold: true };
@@ -32,12 +32,12 @@ const LABEL: Font = Font { size: 12.5, color: "#30363d", bold: false };
 const QUIET: Font = Font { size: 11.5, color: "#6e7781", bold: false };
 const GRID: &str = "#e3e6ea";
 
-/// What a line shows: how thick it is, the radius of its dots, and the figures.
+/// A kind of line: its width, the radius of its dots, and the figures that it shows.
 type Kind = (f64, f64, fn(&Row) -> Option<Figures>);
 const WHOLE: Kind = (2.4, 3.8, |row| Some(row.whole()));
 const EDGES: Kind = (1.1, 2.4, Row::edges);
 
-/// Draws all panels: scenes from left to right and cameras from top to bottom, or the cameras of the only scene from left
+/// Draws all panels: scenes from left to right and cameras from top to bottom, or for a single scene, its cameras from left
 /// to right.
 pub fn svg(report: &Report) -> String {
     let mut svg = Svg::default();
@@ -46,7 +46,7 @@ pub fn svg(report: &Report) -> String {
         [names(|row| &row.graph), names(|row| &row.scene), names(|row| &row.camera)];
     heading(&mut svg, report, &graphs);
     let flips = |row: &Row| [WHOLE, EDGES].map(|(.., pick)| pick(row).map(|figures| figures.flip));
-    // One scale for all, so that panels can be compared. A figure of zero has no place on it.
+    // All panels share one scale, so that they can be compared. A logarithmic scale cannot show zero.
     let xs = span(report.rows.iter().map(|row| percent(report, row)));
     let ys = span(report.rows.iter().flat_map(flips).flatten().filter(|flip| *flip > 0.0));
     let [columns, rows] = if scenes.len() > 1 { [&scenes, &cameras] } else { [&cameras, &scenes] };
@@ -74,13 +74,13 @@ pub fn svg(report: &Report) -> String {
     svg.finish([width, TOP + STEP[1] * rows.len() as f64])
 }
 
-/// Samples a frame of each hundred pixels.
+/// Samples per frame in per cent of the pixels.
 fn percent(report: &Report, row: &Row) -> f64 {
     let [width, height] = report.args.size.0.map(f64::from);
     100.0 * f64::from(row.count) / (width * height)
 }
 
-/// Both lines of a graph.
+/// Draws both lines of a graph.
 fn draw(svg: &mut Svg, rows: &[Row], at: impl Fn(&Row, f64) -> [f64; 2], color: &str) {
     for (width, radius, pick) in [EDGES, WHOLE] {
         let flips = rows.iter().filter_map(|row| Some((row, pick(row)?.flip)));
@@ -102,7 +102,7 @@ fn heading(svg: &mut Svg, report: &Report, graphs: &[&str]) {
         svg.line([x, 107.0], [x + 24.0, 107.0], color, width);
         svg.dot([x + 12.0, 107.0], radius, color);
         svg.text([x + 31.0, 111.5], text, Anchor::Start, LABEL);
-        // Letters of the label's font are about this wide.
+        // A letter of the label's font is about 7 pixels wide.
         x += 31.0 + 7.0 * text.chars().count() as f64 + 18.0;
     };
     for graph in graphs {
@@ -125,7 +125,7 @@ fn axes(svg: &mut Svg, across: &Log, down: &Log, [left, top]: [f64; 2]) {
         svg.text([left - 6.0, y + 4.0], &number(value), Anchor::End, QUIET);
     }
     let middle = left + width / 2.0;
-    svg.text([middle, top + height + 33.0], "samples a frame, of the pixels", Anchor::Middle, LABEL);
+    svg.text([middle, top + height + 33.0], "samples per frame, in % of the pixels", Anchor::Middle, LABEL);
 }
 
 fn color(graphs: &[&str], graph: &str) -> &'static str {

@@ -1,4 +1,4 @@
-//! Converged pictures of the frames to compare, kept while all graphs are compared with them.
+//! Converged pictures of the frames to compare, kept until all graphs are compared with them.
 
 use epigraph::{Place, memory};
 use epigraph_pictures::{Difference, Picture};
@@ -11,13 +11,13 @@ use crate::{
     reference::{trace, trace_settings},
 };
 
-/// Bytes that a pixel takes while pictures are compared, and in each reference.
+/// Bytes per pixel during a comparison, and in each reference.
 const BYTES_TO_COMPARE: u64 = 256;
 const BYTES_TO_KEEP: u64 = 16;
 
 /// The references of one scene and camera path.
 pub struct References {
-    /// In the order of the frames; a single one where nothing moves.
+    /// In the order of the frames; a single one if nothing moves.
     views: Vec<Converged>,
 }
 
@@ -28,10 +28,10 @@ struct Converged {
 }
 
 impl References {
-    /// Traces them.
+    /// Traces the references.
     ///
     /// # Errors
-    /// That there is not enough memory.
+    /// If there is not enough memory.
     pub fn trace(args: &QualityArgs, view: &View, frames: &[u32]) -> Result<Self, CliError> {
         let size = args.size.0;
         let Place { path, scene, .. } = &view.place;
@@ -53,13 +53,13 @@ impl References {
         Ok(Self { views: frames.iter().map(converged).collect::<Result<_, _>>()? })
     }
 
-    /// The share of pixels that are near edges, 0 to 1, mean over the frames.
+    /// The share of pixels near edges, 0 to 1, mean over the frames.
     pub fn edge_share(&self) -> f64 {
         let shares = self.views.iter().map(|view| edge_mask::share(&view.edges));
         shares.sum::<f64>() / self.views.len().max(1) as f64
     }
 
-    /// Compares the picture of the frame of that index in the list of frames.
+    /// Compares a picture with its reference; `index` is the index of `frame` in the list of frames.
     pub fn compare(&self, index: usize, frame: u32, picture: &Picture) -> FrameFigures {
         let Converged { picture: reference, edges } = &self.views[index.min(self.views.len() - 1)];
         let difference = Difference::new(reference, picture);

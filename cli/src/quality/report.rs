@@ -1,4 +1,4 @@
-//! What is told: a table that is also Markdown, and JSON.
+//! The report: a table in Markdown, and JSON.
 
 use epigraph_core::{Gpu, Side};
 use serde_json::{Value, json};
@@ -6,20 +6,20 @@ use serde_json::{Value, json};
 use super::{Figures, FrameFigures, Row, distinct};
 use crate::{args::QualityArgs, edge_mask};
 
-/// Everything there is to tell.
+/// The report of a quality run.
 pub struct Report<'a> {
     /// The command line.
     pub args: &'a QualityArgs,
-    /// Where nodes ran that do not say.
+    /// The default side of nodes.
     pub side: Side,
     /// The GPU, if that is the side.
     pub gpu: Option<&'a Gpu>,
-    /// In the order in which they were measured.
+    /// The figures, in the order of measurement.
     pub rows: &'a [Row],
 }
 
 impl Report<'_> {
-    /// What was compared with what, in a line or two.
+    /// The settings of the comparison in one line.
     pub fn setting(&self) -> String {
         let QualityArgs { size, spp, seed, .. } = self.args;
         let [width, height] = size.0;
@@ -36,7 +36,7 @@ impl Report<'_> {
         )
     }
 
-    /// Which frames the figures of each camera are of: `39 (still); 19, 24, 29 (orbit)`.
+    /// The compared frames of each camera: `39 (still); 19, 24, 29 (orbit)`.
     pub fn frames(&self) -> String {
         let one = |row: &Row| {
             let frames: Vec<String> = row.frames.iter().map(|frame| frame.frame.to_string()).collect();
@@ -45,12 +45,12 @@ impl Report<'_> {
         distinct(self.rows.iter().map(one)).join("; ")
     }
 
-    /// Neighbouring rows of one scene and camera.
+    /// The rows grouped by scene and camera.
     pub fn groups(&self) -> impl Iterator<Item = &[Row]> {
         self.rows.chunk_by(|a, b| (&a.scene, &a.camera) == (&b.scene, &b.camera))
     }
 
-    /// The table and what it comes to.
+    /// The table and the verdicts.
     pub fn text(&self) -> String {
         let samples = distinct(self.rows.iter().map(|row| row.samples.to_string()));
         let mut table = vec![[vec![String::new()], samples].concat()];
@@ -59,7 +59,8 @@ impl Report<'_> {
             table.push(std::iter::once(name).chain(line.iter().map(cell)).collect());
         }
         format!(
-            "PSNR in dB / of pixels within {} of reference edges, mean FLIP / of those pixels\n{}\nframes {}\n\n{}\n{}",
+            "PSNR in dB / within {0} pixels of reference edges, mean FLIP / within {0} pixels of reference edges\n{1}\n\
+             frames {2}\n\n{3}\n{4}",
             edge_mask::REACH,
             self.setting(),
             self.frames(),
@@ -68,7 +69,7 @@ impl Report<'_> {
         )
     }
 
-    /// For each graph but the first, in how many cases its FLIP is lower than the first one's.
+    /// For each graph but the first, the number of cases in which its FLIP is lower than the first one's.
     fn verdicts(&self) -> String {
         let graphs = distinct(self.rows.iter().map(|row| row.graph.as_str()));
         let of = |graph| self.rows.iter().filter(move |row| row.graph == graph);
@@ -104,12 +105,12 @@ impl Report<'_> {
     }
 }
 
-/// Neighbouring rows of one graph: one for each number of samples.
+/// The rows grouped by graph: each group has one row for each number of samples.
 pub fn by_graph(rows: &[Row]) -> impl Iterator<Item = &[Row]> {
     rows.chunk_by(|a, b| a.graph == b.graph)
 }
 
-/// In how many pairs the second row is the better one, by how much, and where it is not.
+/// The number of pairs in which the second row is better, the mean change, and the pairs in which it is not better.
 fn verdict(what: &str, pairs: &[(&Row, &Row)], pick: fn(&Row) -> Option<Figures>) -> String {
     let flips: Vec<(&Row, f64, f64)> = pairs
         .iter()
@@ -148,12 +149,12 @@ fn cell(row: &Row) -> String {
     )
 }
 
-/// Four decimals without the zero before the point.
+/// Four decimals without a leading zero.
 fn flip(value: f64) -> String {
     format!("{value:.4}").trim_start_matches('0').to_owned()
 }
 
-/// A Markdown table whose columns are aligned in plain text too; the first row has the headings.
+/// A Markdown table whose columns are aligned as plain text too. The first row has the headings.
 fn markdown(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width =
@@ -192,7 +193,7 @@ fn of_row(row: &Row) -> Value {
     value
 }
 
-/// JSON has no infinity: equal pictures have no PSNR.
+/// JSON has no infinity: the PSNR of equal pictures becomes null.
 fn of_figures(figures: Figures) -> Value {
     json!({ "psnr": figures.psnr, "flip": figures.flip })
 }
@@ -229,11 +230,11 @@ mod tests {
     }
 
     #[test]
-    fn the_verdict_names_what_is_not_better() {
+    fn the_verdict_names_the_cases_that_are_not_better() {
         let first = [row("a", 0.01, [30.0, 0.04], None), row("a", 0.02, [30.0, 0.02], None)];
         let other = [row("b", 0.01, [30.0, 0.01], None), row("b", 0.02, [30.0, 0.02], None)];
         let pairs: Vec<_> = first.iter().zip(&other).collect();
-        // A quarter and the same: half, as a geometric mean.
+        // The geometric mean of 1/4 and 1 is 1/2.
         assert_eq!(
             verdict("FLIP", &pairs, |row| Some(row.whole())),
             "FLIP lower in 1 of 2 cases, -50% (geometric mean); not lower: cornell, still, 2%\n"
@@ -242,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_null() {
+    fn missing_figures_are_null() {
         let value = of_row(&row("a", 0.01, [f64::INFINITY, 0.0], None));
         assert!(value["psnr"].is_null() && value["edges"].is_null());
         let value = of_row(&row("a", 0.07, [30.0, 0.5], Some([20.0, 0.75])));

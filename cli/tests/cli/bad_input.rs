@@ -1,8 +1,8 @@
-//! Wrong input gives a message that says what and where, exit code 1, and leaves no file behind.
+//! Wrong input gives exit code 1 and a message that says what is wrong and where, and leaves no file behind.
 
 use crate::support::Place;
 
-/// Small enough to render in no time, where a test gets that far.
+/// Small enough to render quickly if a test gets that far.
 const SMALL: &str = "--size 32x32 --frames 2 --backend cpu";
 
 #[track_caller]
@@ -52,7 +52,7 @@ fn graphs_that_are_wrong() {
 }
 
 #[test]
-fn an_output_that_is_no_image() {
+fn an_output_that_is_not_an_image() {
     let place = Place::new();
     place.write(
         "list.ron",
@@ -60,7 +60,7 @@ fn an_output_that_is_no_image() {
          outputs: { \"points\": \"cloud.cloud\" },\n)\n",
     );
     let message = place.fails(&format!("list.ron {SMALL} --out a.png"));
-    assert_says(&message, &["list.ron:5:26", "`points` is no image", "--save cloud.cloud=FILE.csv"]);
+    assert_says(&message, &["list.ron:5:26", "`points` is not an image", "--save cloud.cloud=FILE.csv"]);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn no_gpu() {
     assert_eq!(run.code, Some(1), "{}", run.stderr);
     assert_says(&run.stderr, &["no GPU adapter was found", "--backend cpu", "apt-get install"]);
     assert!(place.files().is_empty());
-    // Left to itself, the program does not need one.
+    // By default, the program does not need a GPU.
     let run = place.run_without_gpu("--size 32x32 --frames 2 --out a.png");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
 }

@@ -1,4 +1,4 @@
-//! `epigraph bench`: its rows, the papers' beside them, and what it says where something is missing.
+//! `epigraph bench`: its rows, the papers' rows beside them, and its messages about missing rows.
 
 use serde_json::Value;
 
@@ -14,7 +14,7 @@ fn json(text: &str) -> Value {
 }
 
 fn number(value: &Value, key: &str) -> f64 {
-    value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number in {value:#}"))
+    value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is not a number in {value:#}"))
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn figures_as_json() {
             assert!(number(row, key) > 0.0, "{row:#}");
         }
         assert!((number(row, "fps") * number(row, "frame_ms") - 1000.0).abs() < 1.0, "{row:#}");
-        // Medians of parts need not add up to that of the frame, on a busy machine least of all.
+        // Medians of parts need not add up to that of the frame, especially on a busy machine.
         let parts: f64 = COLUMNS.iter().chain(&["rest"]).filter_map(|key| row[*key].as_f64()).sum();
         assert!(parts > 0.0, "{row:#}");
     }
@@ -47,7 +47,7 @@ fn figures_as_json() {
     // 1.14 points for each of 64 x 64 pixels, rounded up.
     assert_eq!(row["points"], 4670);
     assert!(number(row, "frame_ms") <= number(row, "frame_p95_ms"));
-    // The papers' images are of another size: no ratio.
+    // The papers' images have another size, so there is no ratio.
     assert_eq!(row["papers_gpu_ratio"], Value::Null);
     let cornell = |backend| {
         papers.iter().find(|row| row["scene"] == "cornell" && row["backend"] == backend).expect("a row")
@@ -65,7 +65,7 @@ fn every_stage_is_timed_and_counted_in_its_column() {
     let row = &report["rows"][0];
     assert_eq!((&row["samples_per_frame"], &row["frames"]), (&410.into(), &3.into()));
     for column in COLUMNS {
-        // A render cache knows no edges.
+        // A render cache has no edge stages.
         assert_eq!(row[column].is_null(), ["E1", "E2", "I1"].contains(&column), "{column} of {row:#}");
     }
     let nodes = row["nodes"].as_array().expect("a list");
@@ -86,10 +86,10 @@ fn tables_and_a_plot() {
         "papers' GPU",
         "42.82",
         "chains: 110,592 edges",
-        "of cornell grows with pixels",
+        "frame time of cornell by pixels",
         "cpu, 256x256",
-        "of cornell grows with points",
-        "the frame grows with edges",
+        "frame time of cornell by points",
+        "frame time by edges",
         "cpu: frame ~ pixels^",
     ] {
         assert!(text.contains(part), "`{part}` is not in:\n{text}");
@@ -109,7 +109,7 @@ fn tables_and_a_plot() {
 }
 
 #[test]
-fn gpu_rows_say_whether_a_gpu_made_them() {
+fn gpu_rows_say_if_the_gpu_is_software() {
     let place = Place::new();
     let run = place.run(&format!("{QUICK} --backend gpu --frames 2"));
     assert_eq!(run.code, Some(0), "{}", run.stderr);
@@ -117,7 +117,7 @@ fn gpu_rows_say_whether_a_gpu_made_them() {
     let software = run.stdout.contains("a software GPU");
     assert_eq!(
         software,
-        run.stdout.contains("WARNING") && run.stderr.contains("not a GPU's"),
+        run.stdout.contains("WARNING") && run.stderr.contains("say nothing about a real GPU"),
         "{}",
         run.stdout
     );
@@ -131,7 +131,7 @@ fn without_a_gpu_the_other_rows_remain() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains("\ncpu ") && !run.stdout.contains("\ngpu "), "{}", run.stdout);
     assert!(
-        run.stdout.contains("left out\n  rows `gpu`") && run.stdout.contains("no GPU adapter"),
+        run.stdout.contains("skipped\n  rows `gpu`") && run.stdout.contains("no GPU adapter"),
         "{}",
         run.stdout
     );

@@ -1,4 +1,4 @@
-//! The commands do what they promise, on small images.
+//! The commands do what their help says, on small images.
 
 use crate::support::Place;
 use serde_json::Value;
@@ -14,7 +14,7 @@ fn without_arguments_a_picture_and_a_sheet_appear() {
     let place = Place::new();
     let text = place.succeeds("");
     assert_eq!(place.files(), ["epigraph-sheet.png", "epigraph.png"]);
-    assert!(text.contains("epigraph.png") && text.contains("frames a second"), "{text}");
+    assert!(text.contains("epigraph.png") && text.contains("frames per second"), "{text}");
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn a_parameter_changes_the_picture() {
 }
 
 #[test]
-fn a_reference_is_what_the_render_cache_comes_near() {
+fn the_render_cache_converges_towards_the_reference() {
     let place = Place::new();
     place.succeeds("reference --camera orbit --frame 19 --size 64x64 --spp 32 --out reference.png");
     let flags = "--camera orbit --size 64x64 --samples 20% --backend cpu --pace";
@@ -107,7 +107,7 @@ fn a_reference_is_what_the_render_cache_comes_near() {
             .expect("a number")
     };
     assert!(flip("exact.png") < 0.1, "{}", flip("exact.png"));
-    assert!(flip("early.png") > 2.0 * flip("exact.png"), "the measure sees what is missing");
+    assert!(flip("early.png") > 2.0 * flip("exact.png"), "FLIP does not show the missing points");
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn the_plan_is_printed_and_drawn() {
         "render-cache: no problems",
         "left out: view/predict (predict): ",
         "without view/predict: ",
-        "fit their stages",
+        "checked against their stages",
     ] {
         assert!(text.contains(part), "`{part}` is not in:\n{text}");
     }
@@ -133,7 +133,7 @@ fn the_plan_is_printed_and_drawn() {
 }
 
 #[test]
-fn stages_are_listed_and_told() {
+fn stages_are_listed_and_described() {
     let place = Place::new();
     let all = place.succeeds("stages");
     assert!(all.contains("depth_cull") && all.contains("wgsl"), "{all}");
@@ -142,8 +142,11 @@ fn stages_are_listed_and_told() {
     {
         assert!(one.contains(part), "`{part}` is not in:\n{one}");
     }
-    let told = json(&place.succeeds("stages depth_cull --json -"));
-    assert_eq!((&told["kind"], &told["runs_on"]), (&"depth_cull".into(), &serde_json::json!(["cpu", "gpu"])));
+    let described = json(&place.succeeds("stages depth_cull --json -"));
+    assert_eq!(
+        (&described["kind"], &described["runs_on"]),
+        (&"depth_cull".into(), &serde_json::json!(["cpu", "gpu"]))
+    );
     let everything = json(&place.succeeds("stages --json -"));
     assert!(everything["stages"].as_array().is_some_and(|kinds| kinds.len() > 10));
 }
@@ -158,10 +161,10 @@ fn help_and_version_succeed() {
     }
 }
 
-/// With the choices that make the papers' split exact: readbacks that wait, and the parallel dither. Each keeps its own
+/// The hybrid graph is changed to be exact: readbacks wait, and the dither is the parallel one. Each run keeps its own
 /// state over all frames.
 #[test]
-fn cpu_gpu_and_the_split_show_the_same() {
+fn cpu_gpu_and_the_hybrid_split_show_the_same() {
     let place = Place::new();
     let graphs = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs");
     let split = std::fs::read_to_string(format!("{graphs}/hybrid.ron")).expect("it is shipped");
@@ -185,7 +188,7 @@ fn cpu_gpu_and_the_split_show_the_same() {
         for other in ["epi-gpu.png", "exact.ron-gpu.png"] {
             let flip = &json(&place.succeeds(&format!("compare epi-cpu.png {other} --json -")))["flip"];
             println!("{scene}, {other}: {flip}");
-            // Where an f32 rounding decides over a pixel, later frames ask for other samples.
+            // Once an f32 rounding decides about a pixel, later frames request other samples.
             assert!(flip.as_f64().expect("a number") < 0.002, "{scene}: {other} has {flip}");
         }
     }

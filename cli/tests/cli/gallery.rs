@@ -12,10 +12,10 @@ fn shown(page: &str) -> Vec<&str> {
 }
 
 #[test]
-fn the_page_and_its_pictures_belong_together() {
+fn the_page_and_its_pictures_match() {
     let place = Place::new();
-    let told = place.succeeds(TINY);
-    assert!(told.contains("gallery.md"), "{told}");
+    let printed = place.succeeds(TINY);
+    assert!(printed.contains("gallery.md"), "{printed}");
     let folder = place.path("shown");
     let page = fs::read_to_string(folder.join("gallery.md")).expect("a page");
     let names = shown(&page);
@@ -24,11 +24,11 @@ fn the_page_and_its_pictures_belong_together() {
         let picture = image::open(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(picture.width() >= 64, "{name}");
     }
-    // Nothing else lies there.
+    // The folder contains no other files.
     assert_eq!(fs::read_dir(&folder).expect("a folder").count(), names.len() + 1);
     assert!(page.contains("## cornell") && !page.contains("NaN"), "{page}");
 
-    // The first command lines of the section make its two pictures again.
+    // The first command lines of the section reproduce its two pictures.
     let again = page.lines().filter_map(|line| line.strip_prefix("epigraph "));
     let again: Vec<&str> = again.filter(|line| !line.starts_with("gallery")).collect();
     for (line, name) in again.iter().zip(&names[..2]) {
@@ -37,7 +37,7 @@ fn the_page_and_its_pictures_belong_together() {
             [place.path(name), folder.join(name)].map(|path| fs::read(path).expect("a file"));
         assert!(ours == theirs, "`{line}` makes another picture");
     }
-    // The others say how far they are from the reference, as the page does.
+    // The others measure the same differences from the reference as the page.
     place.succeeds(again[2]);
     for (line, heading) in again[3..].iter().zip(["edge-and-point image, FLIP ", "render cache, FLIP "]) {
         let figures = place.succeeds(line);
@@ -50,7 +50,7 @@ fn the_page_and_its_pictures_belong_together() {
 fn wrong_input_leaves_nothing_behind() {
     let place = Place::new();
     let outside = place.fails(&format!("{TINY} --crop 30,0"));
-    assert!(outside.contains("at most 24,8 is possible"), "{outside}");
+    assert!(outside.contains("use at most 24,8"), "{outside}");
     let twice = place.fails(&format!("{TINY} --scene cornell"));
     assert!(twice.contains("--scene cornell") && twice.contains("names"), "{twice}");
     let nowhere = place.fails("gallery --out none/shown --scene cornell --size 64x48 --frames 1");

@@ -1,4 +1,4 @@
-//! `epigraph quality`, and the mask that it looks through: `reference --edges` and `compare --mask`.
+//! `epigraph quality`, and its edge mask: `reference --edges` and `compare --mask`.
 
 use serde_json::Value;
 
@@ -43,7 +43,7 @@ fn a_table_json_and_a_plot() {
             let value = row.pointer(pointer).and_then(Value::as_f64).expect("a number");
             assert!((value - mean(row, pointer)).abs() < 1e-9, "{pointer} of {row}");
         }
-        // Edges are where pictures of few samples are worst.
+        // Pictures from few samples are worst at edges.
         assert!(row["edges"]["flip"].as_f64() > row["flip"].as_f64(), "{row}");
     }
     assert_eq!((&rows[0]["samples"], &rows[0]["samples_per_frame"]), (&"5%".into(), &115.into()));
@@ -77,7 +77,7 @@ fn the_figures_are_those_of_reference_render_and_compare() {
 }
 
 #[test]
-fn wrong_input_is_told_before_anything_is_traced() {
+fn wrong_input_is_reported_before_anything_is_traced() {
     let place = Place::new();
     place.write("no.png", "no image");
     place.succeeds("reference --size 8x8 --spp 1 --out small.png --edges small-edges.png");

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 /// An empty folder to run in.
 pub struct Place(TempDir);
 
-/// What a run gave.
+/// The result of a run.
 pub struct Run {
     pub code: Option<i32>,
     pub stdout: String,
@@ -19,7 +19,7 @@ pub struct Run {
 }
 
 impl Place {
-    /// A new one.
+    /// Makes a new empty folder.
     pub fn new() -> Self {
         Self(tempfile::tempdir().expect("a temporary folder"))
     }
@@ -29,7 +29,7 @@ impl Place {
         self.0.path().join(name)
     }
 
-    /// Makes a file in it.
+    /// Writes a file in it.
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         fs::write(self.path(name), bytes).expect("the folder is writable");
     }
@@ -57,7 +57,7 @@ impl Place {
         Running(command.spawn().expect("the program was built"))
     }
 
-    /// Runs `epigraph` where no graphics driver is found.
+    /// Runs `epigraph` without any graphics driver.
     pub fn run_without_gpu(&self, words: &str) -> Run {
         // The Vulkan loader then looks for drivers in this file alone (two names: it was renamed).
         let nothing = self.path("no-driver.json");
@@ -65,7 +65,7 @@ impl Place {
         run(command.env("VK_DRIVER_FILES", &nothing).env("VK_ICD_FILENAMES", &nothing))
     }
 
-    /// Runs `epigraph`, which must fail with code 1, not panic, and leave the folder as it was. Its message.
+    /// Runs `epigraph`, which must fail with code 1, not panic, and leave the folder as it was. Returns its message.
     pub fn fails(&self, words: &str) -> String {
         let before = self.files();
         let run = self.run(words);
@@ -75,7 +75,7 @@ impl Place {
         run.stderr
     }
 
-    /// Runs `epigraph`, which must succeed. What it printed.
+    /// Runs `epigraph`, which must succeed. Returns its output.
     pub fn succeeds(&self, words: &str) -> String {
         let run = self.run(words);
         assert_eq!(run.code, Some(0), "`{words}` gave\n{}\n{}", run.stdout, run.stderr);
