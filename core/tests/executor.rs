@@ -1,18 +1,10 @@
 //! The executor on small graphs whose results are known by hand: both sides, mixed, history, kept memory, late
 //! downloads, poison, no pooling.
 
-use std::sync::{Arc, OnceLock};
-
 use epigraph_core::{
-    AdapterChoice, CpuContext, Executor, Extent, Frame, Gpu, GraphFile, Host, In, Io, Out, Registry,
-    RunError, Settings, Shader, Side, Source, Stage, Step, compile, params, texel,
+    CpuContext, Executor, Extent, Frame, GraphFile, Host, In, Io, Out, Registry, RunError, Settings, Shader,
+    Side, Source, Stage, Step, compile, params, testing::gpu, texel,
 };
-
-fn gpu() -> Arc<Gpu> {
-    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    GPU.get_or_init(|| Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}"))))
-        .clone()
-}
 
 /// Counts frames in kept memory and writes pixel index + 1000 * frame.
 struct Ramp {

@@ -3,12 +3,14 @@
 use std::{
     ops::{Deref, DerefMut},
     path::Path,
-    sync::{Arc, OnceLock},
+    sync::Arc,
 };
 
 use epigraph::{Device, Place, Samples, Setup, Snapshot, Source};
-use epigraph_core::{AdapterChoice, Gpu, GraphFile, Settings, Side};
+use epigraph_core::{GraphFile, Settings, Side};
 use epigraph_scenes::Scene;
+
+pub use epigraph_core::testing::gpu;
 
 /// The shipped graph files.
 pub const GRAPHS: [&str; 6] = [
@@ -37,16 +39,6 @@ pub fn frame_on_both(cpu: &mut Run, gpu: &mut Run, ports: &[&str], allowed: usiz
         differ
     });
     differ.max().unwrap_or(0)
-}
-
-/// The tests' GPU.
-///
-/// # Panics
-/// Where there is none, naming the packages that bring one: GPU tests never skip.
-pub fn gpu() -> Arc<Gpu> {
-    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    let open = || Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")));
-    GPU.get_or_init(open).clone()
 }
 
 /// The shipped graph of that name.
