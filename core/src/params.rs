@@ -118,6 +118,8 @@ impl ParamValue for bool {
 
 /// Defines an enum that can be a parameter: `choice! { /// Doc. pub enum Rule { /// Doc. Relative, /// Doc. Absolute } }`.
 /// The first variant has index 0 in the uniform.
+///
+/// The package has to depend on `epigraph-core` under this name: what is derived for the enum looks for serde there.
 #[macro_export]
 macro_rules! choice {
     ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[$variant_meta:meta])* $variant:ident),* $(,)? }) => {

@@ -197,6 +197,8 @@ item_members! {
 
 /// Defines a `repr(C)` struct that is one element of a buffer port. The WGSL struct has the same name, members and
 /// offsets; naga checks that. Pad by hand where WGSL aligns (a vec3 or vec4 starts at a multiple of 16 bytes).
+///
+/// The package has to depend on `epigraph-core` under this name: what is derived for the struct looks for bytemuck there.
 #[macro_export]
 macro_rules! item {
     ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident: $ty:ty),* $(,)? }) => {
