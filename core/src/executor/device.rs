@@ -89,6 +89,11 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::SHADER_INT64_ATOMIC_MIN_MAX)
     }
 
+    /// The most bytes of a list that a shader can bind.
+    pub fn most_bound(&self) -> u64 {
+        self.device.limits().max_storage_buffer_binding_size
+    }
+
     /// Whether time can be measured on the device itself. Timestamps of software adapters are not to be trusted.
     pub fn has_timestamps(&self) -> bool {
         !self.is_software() && self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
