@@ -1,11 +1,12 @@
-//! The edge-and-point image: the same on both sides and split between them, poisoned too, and closer to a converged
-//! picture than the render cache at equal samples.
+//! The edge-and-point image: the same on both sides, poisoned too, and closer to a converged picture than the render cache
+//! at equal samples.
 
 use std::sync::Arc;
 
 use epigraph_core::{Settings, Side};
 use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
 use epigraph_tests::{Run, Stage, frame_on_both, graph, tap};
+use glam::Vec3;
 
 const SIZE: [u32; 2] = [96, 72];
 const FRAMES: u32 = 12;
@@ -59,22 +60,6 @@ fn the_comparison_can_fail() {
     assert!(a.iter().zip(&b).filter(|(a, b)| a != b).count() > ROUNDING);
 }
 
-/// Its readbacks come a frame late, so the split asks for other samples: the pictures agree, their points do not.
-#[test]
-fn the_papers_split_shows_the_same_scene() {
-    let [mut split, mut whole] =
-        [Run::new(&graph("hybrid.ron"), still(Side::Gpu)), Run::new(&graph("epi.ron"), still(Side::Cpu))];
-    split.frames(30);
-    whole.frames(30);
-    let mean = difference(&split.captured("image").bytes, &whole.captured("image").bytes);
-    assert!(mean <= 3.0, "mean difference {mean} codes");
-}
-
-fn still(side: Side) -> Stage {
-    let settings = Settings { side, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
-    Stage { scene: "cornell", camera: "still", settings }
-}
-
 /// Root mean square of the difference to a converged picture, on radiance cut at 1.
 fn error(name: &str, color: &str, scene: &'static str, camera: &'static str) -> f64 {
     let size = [128, 128];
@@ -84,16 +69,25 @@ fn error(name: &str, color: &str, scene: &'static str, camera: &'static str) -> 
     let mut run = Run::new(&file, Stage { scene, camera, settings });
     run.frames(25);
     let picture = run.captured(color).get::<[f32; 4]>();
+    rms(&picture, &converged(scene, camera, size, 24))
+}
+
+/// The picture of frame `index` that the tracer makes with 64 rays for each pixel.
+pub fn converged(scene: &str, camera: &str, size: [u32; 2], index: u32) -> Vec<Vec3> {
     let scene = Arc::new(Scene::load(scene).expect("a built-in scene"));
-    let camera = CameraPath::parse(camera, &scene).expect("a camera path").camera(24);
+    let camera = CameraPath::parse(camera, &scene).expect("a camera path").camera(index);
     let tracer = Tracer::new(scene);
     let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
-    let converged =
-        reference::render(&tracer, &camera, size, 64, &settings, 7, &|| true).expect("not stopped");
-    let squares = picture.iter().zip(&converged).flat_map(|(a, b)| {
+    reference::render(&tracer, &camera, size, 64, &settings, 7, &|| true).expect("not stopped")
+}
+
+/// Root mean square of the difference of two pictures, on radiance cut at 1.
+pub fn rms(a: &[[f32; 4]], b: &[Vec3]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let squares = a.iter().zip(b).flat_map(|(a, b)| {
         (0..3).map(move |channel| f64::from(a[channel].clamp(0.0, 1.0) - b[channel].clamp(0.0, 1.0)).powi(2))
     });
-    (squares.sum::<f64>() / (3 * picture.len()) as f64).sqrt()
+    (squares.sum::<f64>() / (3 * a.len()) as f64).sqrt()
 }
 
 #[test]

@@ -11,5 +11,6 @@ mod moving;
 mod parity;
 mod render_cache;
 mod shipped;
+mod split;
 mod still;
 mod user_shader;
