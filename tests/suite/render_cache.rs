@@ -1,5 +1,7 @@
 //! The graphs of the render cache as a whole: `graphs/render-cache.ron` on the Cornell box under a moving camera.
 
+use std::{fs, path::Path};
+
 use epigraph_core::{Registry, Settings, Side, check_shader, compose_shader};
 use epigraph_scenes::{Scene, TraceSettings, Tracer, reference};
 use epigraph_stages::{
@@ -148,6 +150,7 @@ fn a_still_camera_converges_to_what_the_tracer_sees() {
 #[test]
 fn shaders_fit_their_stages() {
     let registry: Registry = registry();
+    let mut checked = Vec::new();
     for kind in registry.kinds() {
         let Some(declaration) = kind.declaration() else { continue };
         let Some(shader) = &declaration.shader else { continue };
@@ -155,7 +158,16 @@ fn shaders_fit_their_stages() {
             .unwrap_or_else(|error| panic!("{}: {error}", kind.name()));
         let errors = check_shader(&reflected, &shader.name, &declaration, &kind.specs());
         assert!(errors.is_empty(), "{}: {errors:#?}", kind.name());
+        checked.push(shader.name.to_string());
     }
+    checked.sort_unstable();
+    // Each shader in the folder, and each once.
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shaders");
+    let names = fs::read_dir(folder).expect("the shaders").map(|entry| entry.expect("a file").file_name());
+    let mut shipped: Vec<_> =
+        names.map(|name| name.into_string().expect("UTF-8")).filter(|name| name.ends_with(".wgsl")).collect();
+    shipped.sort_unstable();
+    assert_eq!(checked, shipped);
 }
 
 #[test]
