@@ -5,6 +5,7 @@ mod bench;
 mod commands;
 mod gallery;
 // Signals of other systems are sent in other ways.
+mod installed;
 #[cfg(target_os = "linux")]
 mod interrupt;
 mod quality;
