@@ -1,0 +1,113 @@
+//! What others build on: the packages hold all that they need, and a package outside of the workspace adds a stage. Both
+//! tests call Cargo and share the workspace's target folder, so that the dependencies are not built again.
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use epigraph_pictures::{Difference, Picture};
+
+/// The repository.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
+}
+
+/// The target folder of this test: the test itself is `target/release/deps/outside-...`.
+fn target() -> PathBuf {
+    env::current_exe().expect("a path").ancestors().nth(3).expect("a target folder").to_owned()
+}
+
+/// Runs a program to its end. What it printed.
+fn run(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let [printed, errors] =
+        [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    assert!(output.status.success(), "{command:?}:\n{printed}\n{errors}");
+    printed
+}
+
+/// Cargo in a folder, with the workspace's profile and target folder.
+fn cargo(folder: &Path, arguments: &[&str]) -> String {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.current_dir(folder).args(arguments).args(["--offline", "--target-dir"]).arg(target());
+    run(&mut cargo)
+}
+
+/// An empty folder, always the same one: a package that moves is built anew.
+fn fresh(folder: PathBuf) -> PathBuf {
+    if folder.exists() {
+        fs::remove_dir_all(&folder).unwrap();
+    }
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Copies a folder but for what Cargo makes in it.
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let (path, to) = (entry.path(), to.join(entry.file_name()));
+        if !path.is_dir() {
+            fs::copy(&path, &to).unwrap();
+        } else if entry.file_name() != "target" {
+            copy(&path, &to);
+        }
+    }
+}
+
+#[test]
+fn every_package_compiles_from_its_own_files() {
+    fresh(target().join("package"));
+    cargo(root(), &["package", "--workspace", "--no-verify", "--allow-dirty"]);
+    let folder = fresh(target().join("packaged"));
+    let mut manifest =
+        String::from("[workspace]\nresolver = \"3\"\nmembers = [\"*\"]\n\n[patch.crates-io]\n");
+    for entry in fs::read_dir(target().join("package")).unwrap().map(Result::unwrap) {
+        let Some(package) =
+            entry.file_name().to_str().and_then(|name| name.strip_suffix(".crate").map(str::to_owned))
+        else {
+            continue;
+        };
+        // With the present time on all files: Cargo compares times, and those in a package are all the same.
+        run(Command::new("tar").arg("-xzmf").arg(entry.path()).arg("-C").arg(&folder));
+        let (name, _) = package.rsplit_once('-').expect("name and version");
+        manifest += &format!("{name} = {{ path = \"{package}\" }}\n");
+    }
+    fs::write(folder.join("Cargo.toml"), manifest).unwrap();
+    fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+    cargo(&folder, &["check", "--release", "--workspace"]);
+}
+
+#[test]
+fn a_package_of_ones_own_adds_a_stage() {
+    let folder =
+        fresh(env::temp_dir().join(format!("own_stage{}", root().display()).replace(['/', '\\', ':'], "-")));
+    copy(&root().join("examples/own_stage"), &folder);
+    let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+    let manifest = manifest.replace("path = \"../../", &format!("path = \"{}/", root().display()));
+    fs::write(folder.join("Cargo.toml"), manifest).unwrap();
+    fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+
+    // The shader and the twin agree.
+    cargo(&folder, &["test", "--release", "--lib"]);
+
+    cargo(&folder, &["build", "--release"]);
+    // The window's libraries take long to build and to link: the compiler's word is enough for the editor.
+    cargo(&folder, &["check", "--release", "--features", "editor", "--bin", "editor"]);
+
+    let program = target().join("release").join(format!("own_stage{}", env::consts::EXE_SUFFIX));
+    let own_stage = |words: &str| run(Command::new(&program).current_dir(&folder).args(words.split(' ')));
+    assert!(own_stage("stages median").contains("factor"));
+    let picture = |name: &str, words: &str| {
+        own_stage(&format!("render median.ron --size 96x64 --frames 8 --samples 20% --out {name} {words}"));
+        Picture::read(&folder.join(name)).unwrap()
+    };
+    let cpu = picture("cpu.png", "--backend cpu");
+    let gpu = picture("gpu.png", "--backend gpu");
+    let without = picture("without.png", "--backend cpu --set median.factor=100");
+    // As for every graph: a rounding may shift a request for a sample.
+    assert!(Difference::new(&cpu, &gpu).flip() < 0.002);
+    assert!(Difference::new(&cpu, &without).flip() > 0.002);
+}
