@@ -9,54 +9,54 @@ use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
 use crate::weld::weld_bodies;
 use crate::{Camera, Light, Material, Mesh, Scene, Shape};
 
-/// Faces that meet at more than this angle, in degrees, make a crease if a scene does not say otherwise.
+/// Default crease angle in degrees: faces that meet at a larger angle form a crease.
 pub const CREASE_ANGLE: f32 = 40.0;
 
-/// What makes a list of triangles unusable.
+/// The reason why a list of triangles is unusable.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// A coordinate is NaN or infinite.
     #[error("vertex {vertex} is not finite: ({}, {}, {})", position.x, position.y, position.z)]
     NotFinite {
-        /// Which vertex, in the order in which they were added.
+        /// Index of the vertex, in the order of addition.
         vertex: usize,
-        /// Where it claims to be.
+        /// Its position.
         position: Vec3,
     },
-    /// A face names a vertex that does not exist.
-    #[error("face {face} names vertex {index}, but there are only {vertices} vertices (0 to {})", vertices.saturating_sub(1))]
+    /// A face refers to a vertex that does not exist.
+    #[error("face {face} refers to vertex {index}, but there are only {vertices} vertices (0 to {})", vertices.saturating_sub(1))]
     IndexOutOfRange {
-        /// Which face of its object.
+        /// Index of the face within its object.
         face: usize,
-        /// The index it names.
+        /// The invalid vertex index.
         index: u32,
-        /// How many vertices its object has.
+        /// Number of vertices of its object.
         vertices: usize,
     },
-    /// No triangle, or none that has three different corners.
+    /// There is no triangle with three different corners.
     #[error("the mesh has no triangles")]
     Empty,
-    /// Indices would not fit 32 bits.
+    /// Indices would not fit in 32 bits.
     #[error("the mesh has too many vertices or triangles for 32-bit indices")]
     TooLarge,
-    /// More parts move on their own than can be told apart.
+    /// The scene has more moving bodies than ids for them.
     #[error("{0} bodies move, but there may be at most {MAX_BODIES}")]
     TooManyBodies(usize),
 }
 
-/// A part that moves: what was added of it.
+/// The ranges of vertices, faces and lights that were added for a moving body.
 #[derive(Clone, Debug)]
 struct Moving {
     motion: Motion,
     triangles: Range<usize>,
     lights: Range<usize>,
-    /// A box around it in every frame.
+    /// A box that contains it in every frame.
     swept: [Vec3; 2],
 }
 
-/// Gathers shapes, materials and lights and makes a [`Scene`] of them.
+/// Collects shapes, materials and lights and builds a [`Scene`].
 ///
-/// Face and vertex numbers in errors count from 0 within the shape that was added.
+/// Face and vertex indices in errors count from 0 within the added shape.
 #[derive(Clone, Debug, Default)]
 pub struct SceneBuilder {
     positions: Vec<Vec3>,
@@ -77,7 +77,7 @@ impl SceneBuilder {
         Self::default()
     }
 
-    /// Adds a material and gives its index.
+    /// Adds a material and returns its index.
     pub fn material(&mut self, material: Material) -> u32 {
         self.materials.push(material);
         self.materials.len() as u32 - 1
@@ -86,7 +86,7 @@ impl SceneBuilder {
     /// Adds a shape of one material as an object of its own.
     ///
     /// # Errors
-    /// A vertex that is not finite, an index out of range, more than 32 bits can number.
+    /// A vertex that is not finite, an index out of range, or more elements than 32 bits can index.
     pub fn add(&mut self, shape: &Shape, material: u32) -> Result<(), MeshError> {
         shape.check()?;
         let vertices = shape.positions.len();
@@ -107,7 +107,7 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// What `add` adds moves as one body.
+    /// Moves everything that `add` adds as one body.
     ///
     /// # Errors
     /// Those of `add`.
@@ -127,7 +127,7 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// What `add` adds moves as one body if there is a motion.
+    /// Moves everything that `add` adds as one body if there is a motion.
     ///
     /// # Errors
     /// Those of `add`.
@@ -150,7 +150,7 @@ impl SceneBuilder {
     /// Adds a quad light that emits towards `u x v`, and its two triangles.
     ///
     /// # Errors
-    /// As [`add`](Self::add).
+    /// Those of [`add`](Self::add).
     pub fn quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: Vec3) -> Result<(), MeshError> {
         let name = format!("light {}", self.lights.len());
         let material = self.material(Material { emission: radiance, ..Material::diffuse(name, Vec3::ZERO) });
@@ -163,12 +163,12 @@ impl SceneBuilder {
         self.lights.push(Light::Quad { corner, u, v, radiance });
     }
 
-    /// Emitted radiance of the material of that index.
+    /// Emitted radiance of the material with index `material`.
     pub(crate) fn emission(&self, material: u32) -> Vec3 {
         self.materials[material as usize].emission
     }
 
-    /// Whether there is a triangle of three different corners yet.
+    /// Returns true if a triangle with three different corners was added.
     pub(crate) fn has_triangles(&self) -> bool {
         self.triangles.iter().any(|triangle| {
             let [a, b, c] = triangle.map(|i| self.positions[i as usize]);
@@ -181,12 +181,12 @@ impl SceneBuilder {
         &self.lights
     }
 
-    /// Lowest and highest corner of the box around all that was added, wherever it moves.
+    /// Lowest and highest corner of a box that contains everything added so far in every frame.
     pub(crate) fn bounds(&self) -> [Vec3; 2] {
         self.swept(bounds_of(&self.positions))
     }
 
-    /// Widens a box to hold what moves, wherever it does.
+    /// Extends a box to contain all moving bodies in every frame.
     fn swept(&self, bounds: [Vec3; 2]) -> [Vec3; 2] {
         let boxes = self.moving.iter().map(|moving| moving.swept);
         boxes.fold(bounds, |[low, high], swept| [low.min(swept[0]), high.max(swept[1])])
@@ -195,8 +195,8 @@ impl SceneBuilder {
     /// Welds the vertices (at most `weld_distance` metres apart; 0: equal ones), finds the edges (a crease where
     /// normals differ by more than `crease_angle` degrees) and makes the scene.
     ///
-    /// A triangle that names one welded vertex twice has no area and no third side, so it is dropped; a triangle of
-    /// three different vertices in one line stays, with a zero normal, because the edges around it need it.
+    /// A triangle that uses one welded vertex twice has no area and is dropped. A triangle of three different collinear
+    /// vertices is kept, with a zero normal, because the edges around it need it.
     ///
     /// # Errors
     /// [`MeshError::Empty`] if no triangle is left, [`MeshError::TooManyBodies`].
@@ -255,7 +255,7 @@ impl SceneBuilder {
         })
     }
 
-    /// For each vertex its body, counted from 1; 0 for what stands still.
+    /// The body of each vertex, counted from 1; 0 for static ones.
     fn body_of_vertices(&self) -> Vec<u32> {
         let mut body = vec![0; self.positions.len()];
         for (number, moving) in (1..).zip(&self.moving) {
@@ -266,8 +266,8 @@ impl SceneBuilder {
         body
     }
 
-    /// A body of the finished mesh. Faces keep their order, welded vertices come in the order of the faces' own, edges in
-    /// that of their vertices: so the parts of a body lie side by side in every list.
+    /// A body of the finished mesh. Faces keep their order, welded vertices are in the order of their faces, and edges in
+    /// that of their vertices, so the parts of a body are contiguous in every list.
     fn body(&self, moving: &Moving, kept: &[usize], mesh: &Mesh) -> Body {
         let Moving { motion, triangles, lights, .. } = moving;
         let face = |old: usize| kept.partition_point(|&face| face < old);
@@ -292,7 +292,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Vertices that no triangle names would only widen the bounds.
+    /// Drops vertices without triangles, which would only enlarge the bounds.
     fn drop_unused_vertices(&mut self) {
         let mut index = vec![u32::MAX; self.positions.len()];
         for &i in self.triangles.iter().flatten() {
@@ -311,8 +311,8 @@ impl SceneBuilder {
     }
 }
 
-/// Unit normal of a counter-clockwise triangle, zero if it has no area. In f64: the cross product of a scan's small
-/// triangles would leave the range of f32.
+/// Unit normal of a counter-clockwise triangle, or zero if it has no area. Computed in f64, as the cross product of a
+/// scan's tiny triangles underflows in f32.
 fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
     let [a, b, c] = [a, b, c].map(Vec3::as_dvec3);
     (b - a).cross(c - a).normalize_or_zero().as_vec3()

@@ -9,9 +9,9 @@ pub struct Camera {
     pub rotation: Quat,
     /// Full vertical field of view, radians.
     pub fov_y: f32,
-    /// Nearest and farthest distance along the view axis that an image has to resolve, metres.
+    /// Nearest distance along the view axis that an image has to resolve, metres.
     pub near: f32,
-    /// See `near`.
+    /// Farthest such distance, metres.
     pub far: f32,
 }
 
@@ -19,7 +19,7 @@ impl Camera {
     /// A camera at `eye` that looks at `target`; `fov_y` in radians.
     pub fn look_at(eye: Vec3, target: Vec3, fov_y: f32, near: f32, far: f32) -> Self {
         let back = (eye - target).try_normalize().unwrap_or(Vec3::Z);
-        // A camera that looks straight up or down has no horizontal from `y`; any other axis serves.
+        // A camera that looks straight up or down gets no horizontal axis from `y`; use another axis.
         let up = if back.y.abs() > 0.9999 { Vec3::Z } else { Vec3::Y };
         let right = up.cross(back).normalize();
         let rotation = Quat::from_mat3(&glam::Mat3::from_cols(right, back.cross(right), back));
@@ -41,12 +41,12 @@ impl Camera {
 /// the same step of the eye, and the same turn about the camera's own axes, each times `k`. Lens and depth range are
 /// those of `now`.
 pub fn predict(prev: &Camera, now: &Camera, k: f32) -> Camera {
-    // Exactly `now` for a camera at rest, which the product of quaternions is only up to rounding.
+    // Returns exactly `now` for a camera at rest; the product of quaternions would have rounding errors.
     let rotation = if prev.rotation == now.rotation {
         now.rotation
     } else {
         let turn = (prev.rotation.conjugate() * now.rotation).normalize();
-        // q and -q are one rotation; the one with w >= 0 is the shorter way.
+        // q and -q are the same rotation; the one with w >= 0 takes the shorter way.
         let turn = if turn.w < 0.0 { -turn } else { turn };
         (now.rotation * Quat::from_scaled_axis(turn.to_scaled_axis() * k)).normalize()
     };

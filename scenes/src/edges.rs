@@ -10,7 +10,7 @@ use crate::mesh::{Edge, EdgeKind, NO_FACE};
 struct Side {
     vertices: [u32; 2],
     face: u32,
-    /// Whether the triangle runs from the lower to the higher vertex.
+    /// True if the triangle runs from the lower to the higher vertex.
     ascending: bool,
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn find_edges(
     edges
 }
 
-/// Splits the sides that lie on one edge into pairs of opposite direction and single ones.
+/// Splits the sides on one edge into pairs of opposite direction and single ones.
 fn pair_faces(group: &[Side], object: &[u32]) -> Vec<[u32; 2]> {
     let mut single = group.to_vec();
     let mut pairs = Vec::with_capacity(1);

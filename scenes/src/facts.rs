@@ -1,9 +1,9 @@
 use crate::{EdgeKind, Light, Scene};
 
-/// What a scene consists of, as far as a graph can leave out work for it (see ARCHITECTURE.md).
+/// The facts about a scene that allow a graph to skip work (see ARCHITECTURE.md).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneFacts {
-    /// Whether anything casts a shadow: there is a light, and there are surfaces that do not emit.
+    /// True if there can be shadows: there are lights, and surfaces that do not emit.
     pub shadow_casters: bool,
     /// Number of point lights.
     pub point_lights: usize,
@@ -19,7 +19,7 @@ pub struct SceneFacts {
     pub faces: usize,
     /// Number of bodies that move.
     pub bodies: usize,
-    /// Whether a light moves.
+    /// True if a light moves.
     pub lights_move: bool,
 }
 

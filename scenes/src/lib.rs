@@ -2,7 +2,7 @@
 //! loaders, and the ray tracer that answers requests for samples.
 //!
 //! A [`Scene`] is one flat, immutable value: every later step (tracer, silhouettes, shadow edges) indexes into the
-//! same vertices, faces and edges. World right-handed, y up, metres; colours are linear Rec. 709.
+//! same vertices, faces and edges. World space is right-handed with y up, in metres; colours are linear Rec. 709.
 //!
 //! ```
 //! use std::sync::Arc;

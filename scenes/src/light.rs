@@ -3,9 +3,9 @@ use glam::Vec3;
 /// A light that casts shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Light {
-    /// Radiates `intensity` (W/sr, per colour channel) from one position: hard shadows.
+    /// A point light of `intensity` (W/sr, per colour channel), which casts hard shadows.
     Point {
-        /// Where it stands, metres.
+        /// Position, metres.
         position: Vec3,
         /// Radiant intensity.
         intensity: Vec3,

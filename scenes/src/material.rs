@@ -19,7 +19,7 @@ pub enum Surface {
 /// A surface's colour, scattering and emission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Its name in the file it came from; may be empty.
+    /// Its name in the source file; may be empty.
     pub name: String,
     /// Linear Rec. 709 reflectance, each channel in [0, 1].
     pub color: Vec3,

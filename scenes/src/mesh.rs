@@ -2,10 +2,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-/// Stands for "no face" in [`Edge::faces`].
+/// Means "no face" in [`Edge::faces`].
 pub const NO_FACE: u32 = u32::MAX;
 
-/// What an edge can be to the silhouette test (`algorithms.md` section 2.1).
+/// The kinds of edge that the silhouette test distinguishes (`algorithms.md` section 2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EdgeKind {
     /// Two faces that meet smoothly.
@@ -27,8 +27,8 @@ pub struct Edge {
     pub kind: EdgeKind,
 }
 
-/// Every triangle of a scene, with welded vertices: equal positions have one index, but for those of different bodies.
-/// What no motion changes is shared by all poses of a scene.
+/// All triangles of a scene, with welded vertices: equal positions share an index unless they belong to different bodies.
+/// Data that does not depend on motion is shared by all poses of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Vertex positions, metres.
@@ -37,11 +37,11 @@ pub struct Mesh {
     pub triangles: Arc<Vec<[u32; 3]>>,
     /// Unit normal of each triangle (zero for a degenerate one).
     pub face_normals: Vec<Vec3>,
-    /// Shading normals per corner where the source has them (empty: flat shading for all).
+    /// Shading normals per corner if the source has them (empty: flat shading everywhere).
     pub corner_normals: Vec<[Vec3; 3]>,
     /// Index into `Scene::materials` of each triangle.
     pub material: Arc<Vec<u32>>,
-    /// Which object each triangle belongs to.
+    /// The object of each triangle.
     pub object: Arc<Vec<u32>>,
     /// Every edge, in ascending order of its vertices.
     pub edges: Arc<Vec<Edge>>,

@@ -1,4 +1,4 @@
-//! Rigid motion: bodies, the poses that they take, and scenes in which they have taken them.
+//! Rigid motion: bodies, their poses, and posed scenes.
 
 use std::ops::Range;
 
@@ -7,10 +7,10 @@ use glam::{Quat, Vec3};
 use crate::mesh::bounds_of;
 use crate::{Light, Scene};
 
-/// Frames in a second of the time in which cameras and bodies move.
+/// Frame rate at which cameras and bodies move.
 pub const FRAMES_PER_SECOND: f32 = 30.0;
 
-/// Most bodies of a scene: points of a cloud note theirs in 8 bits, of which 0 stands for what does not move.
+/// Maximum number of bodies of a scene: points of a cloud store their body in 8 bits, where 0 means static.
 pub const MAX_BODIES: usize = 255;
 
 /// A rotation about the origin, then a translation.
@@ -23,26 +23,26 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Where things are declared.
+    /// The pose at rest.
     pub const REST: Self = Self { rotation: Quat::IDENTITY, translation: Vec3::ZERO };
 
-    /// Where it takes a point.
+    /// Transforms a point.
     pub fn point(&self, point: Vec3) -> Vec3 {
         self.rotation * point + self.translation
     }
 
-    /// Where it takes a direction.
+    /// Transforms a direction.
     pub fn vector(&self, vector: Vec3) -> Vec3 {
         self.rotation * vector
     }
 
-    /// The way back.
+    /// The inverse transform.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// This pose after `first`.
+    /// The composition that applies `first`, then this pose.
     pub fn after(&self, first: &Self) -> Self {
         Self {
             rotation: (self.rotation * first.rotation).normalize(),
@@ -62,33 +62,33 @@ impl Pose {
     }
 }
 
-/// Where a body is at a time.
+/// The pose of a body at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionKey {
-    /// Seconds.
+    /// Time in seconds.
     pub time: f32,
-    /// How far it has moved, metres.
+    /// Translation, metres.
     pub translate: Vec3,
-    /// How it has turned about [`Motion::pivot`].
+    /// Rotation about [`Motion::pivot`].
     pub rotate: Quat,
 }
 
-/// A path through key poses, a function of the frame's number alone: 30 frames to a second.
+/// A path through key poses, a function of the frame index alone, at 30 frames per second.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// The point about which keys rotate, metres, where the body is declared.
+    /// The point about which keys rotate, for the body at rest, metres.
     pub pivot: Vec3,
     /// In ascending order of time, at least one.
     pub keys: Vec<MotionKey>,
-    /// Whether it begins again after the last key; otherwise it stays there.
+    /// True if it restarts after the last key; otherwise it stays there.
     pub looped: bool,
 }
 
 impl Motion {
-    /// The pose of a frame: between two keys translations are mixed linearly and rotations along the shorter arc.
+    /// The pose of a frame. Between two keys, translations are interpolated linearly and rotations along the shorter arc.
     pub fn pose(&self, frame: u32) -> Pose {
         let (first, last) = (&self.keys[0], &self.keys[self.keys.len() - 1]);
-        // In f64, so that it runs evenly after hours of frames, too.
+        // In f64, so that motion stays smooth even after hours of frames.
         let seconds = f64::from(frame) / f64::from(FRAMES_PER_SECOND);
         let [begin, end] = [first.time, last.time].map(f64::from);
         let seconds = if self.looped && end > begin {
@@ -106,14 +106,14 @@ impl Motion {
         Pose { rotation, translation: translate + (self.pivot - rotation * self.pivot) }
     }
 
-    /// Whether the pose of any frame differs from that of another.
+    /// Returns true if the poses of any two frames differ.
     pub fn moves(&self) -> bool {
         self.keys
             .windows(2)
             .any(|pair| (pair[0].translate, pair[0].rotate) != (pair[1].translate, pair[1].rotate))
     }
 
-    /// A box around wherever it takes these points, in any frame and at rest.
+    /// A box that contains these points in every frame and at rest.
     pub(crate) fn swept(&self, points: &[Vec3]) -> [Vec3; 2] {
         let [low, high] = bounds_of(points);
         let [from, to] = self
@@ -123,16 +123,16 @@ impl Motion {
         if self.keys.iter().all(|key| key.rotate == Quat::IDENTITY) {
             return [low + from, high + to];
         }
-        // However it turns, a point stays as far from the pivot as it is.
+        // A rotation keeps each point's distance from the pivot.
         let radius = points.iter().map(|point| point.distance(self.pivot)).fold(0.0, f32::max);
         [low.min(self.pivot + from - radius), high.max(self.pivot + to + radius)]
     }
 }
 
-/// A part of a scene that moves as one.
+/// A part of a scene that moves as a rigid body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
-    /// Its vertices; no face outside of it has one of them.
+    /// Its vertices, which no other face uses.
     pub vertices: Range<usize>,
     /// Its triangles.
     pub faces: Range<usize>,
@@ -140,13 +140,13 @@ pub struct Body {
     pub edges: Range<usize>,
     /// Its lights.
     pub lights: Range<usize>,
-    /// How it moves.
+    /// Its motion.
     pub motion: Motion,
-    /// Its geometry before it moves.
+    /// Its geometry at rest.
     pub(crate) rest: Rest,
 }
 
-/// What of a body depends on its pose, before it moves.
+/// The pose-dependent data of a body, at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Rest {
     pub positions: Vec<Vec3>,
@@ -156,7 +156,7 @@ pub(crate) struct Rest {
 }
 
 impl Body {
-    /// Lowest and highest corner of the box around it before it moves (an inverted infinite box if it has no surface).
+    /// Lowest and highest corner of the box around it at rest (an inverted infinite box if it has no surface).
     pub fn bounds_at_rest(&self) -> [Vec3; 2] {
         bounds_of(&self.rest.positions)
     }
@@ -168,8 +168,8 @@ impl Scene {
         self.bodies.iter().map(|body| body.motion.pose(frame)).collect()
     }
 
-    /// The scene with its bodies in these poses: one for each, or those left out stay where they are. It shares all that
-    /// stands still, and writes anew the vertices, normals and lights of bodies whose pose is another.
+    /// The scene with its bodies in these poses, one for each body; bodies without a pose stay in place. Static data is
+    /// shared; the vertices, normals and lights of bodies whose pose changes are rewritten.
     pub fn posed(&self, poses: &[Pose]) -> Self {
         let mut scene = self.clone();
         for ((body, now), &pose) in self.bodies.iter().zip(&mut scene.poses).zip(poses) {
@@ -198,7 +198,7 @@ impl Scene {
         lights
     }
 
-    /// Which body a triangle belongs to, counted from 1; 0 for what stands still.
+    /// The body of a triangle, counted from 1; 0 if it is static.
     pub fn body_of_face(&self, face: u32) -> u32 {
         let body = self.bodies.iter().position(|body| body.faces.contains(&(face as usize)));
         // There are at most `MAX_BODIES`.
@@ -232,7 +232,7 @@ mod tests {
         let motion = motion(false);
         assert_eq!(motion.pose(0), Pose::REST);
         assert_eq!(motion.pose(15), Pose::REST);
-        // A quarter turn about (1, y, 0) takes the origin from -x to +z of it; then it is moved.
+        // A quarter turn about (1, y, 0) takes the origin from the -x to the +z side of the pivot; then it is translated.
         assert!(motion.pose(45).point(Vec3::ZERO).distance(Vec3::new(3.0, 0.0, 1.0)) < 1e-6);
         let half = motion.pose(30).point(Vec3::new(1.0, 7.0, 0.0));
         assert!(half.distance(Vec3::new(2.0, 7.0, 0.0)) < 1e-6, "the pivot is only moved: {half}");
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_back_and_one_after_the_other() {
+    fn inverse_and_composition() {
         let motion = motion(false);
         let (one, other) = (motion.pose(33), motion.pose(41));
         let p = Vec3::new(0.3, -2.0, 7.0);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn bodies_are_whole_and_apart() {
+    fn bodies_are_complete_and_disjoint() {
         let scene = scene();
         assert_eq!(scene.bodies.len(), 2);
         let Body { vertices, faces, edges, lights, .. } = &scene.bodies[0];
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn a_posed_scene_is_the_one_moved_by_hand() {
+    fn a_posed_scene_equals_one_moved_by_hand() {
         let rest = scene();
         let poses = rest.poses_at(45);
         let posed = rest.posed(&poses);
@@ -329,7 +329,7 @@ mod tests {
             let near = |p: &Vec3| p.distance(point) < 1e-5;
             assert!(posed.mesh.positions[body.vertices.clone()].iter().any(near));
         }
-        // From one pose to the next it is the same as from rest, and back.
+        // Posing from another pose gives the same as from rest, also in reverse.
         assert_eq!(
             posed.posed(&rest.poses_at(50)).mesh.positions,
             rest.posed(&rest.poses_at(50)).mesh.positions

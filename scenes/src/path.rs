@@ -1,4 +1,4 @@
-//! Camera paths: the camera of every frame, a function of the frame's number alone.
+//! Camera paths: the camera of every frame, a function of the frame index alone.
 
 mod flight;
 
@@ -11,20 +11,20 @@ use crate::{Camera, Rng, Scene};
 use flight::Flight;
 pub use flight::keyframes;
 
-/// What [`CameraPath::parse`] understands.
+/// The forms that [`CameraPath::parse`] accepts.
 const FORMS: [&str; 5] =
     ["still", "view:X,Y,Z:QX,QY,QZ,QW", "orbit[:DEGREES[:ARC]]", "fly[:FILE.ron]", "shake"];
 
-/// An orbit's default speed in degrees a frame, and its default arc in degrees: wide enough for every kind of
-/// disocclusion, narrow enough to keep the eye of the Cornell box within its opening: seen from beside it, the walls
-/// would show their outer sides, and those points stay in a cloud where the inner sides have theirs.
+/// An orbit's default speed in degrees per frame, and its default arc in degrees. The arc is wide enough for every kind of
+/// disocclusion, and narrow enough to keep the eye of the Cornell box within the opening: from beside it, the camera would
+/// see the outer sides of the walls, whose points would stay in the cloud where the inner sides have theirs.
 const ORBIT_SPEED: f32 = 1.0;
 const ORBIT_ARC: f32 = 28.0;
 
-/// How far an orbit's eye stays inside a scene that it began in, as a share of the scene's size.
+/// Least distance of an orbit's eye from the bounds of a scene in which it starts, as a share of the scene's size.
 const ORBIT_MARGIN: f32 = 0.02;
 
-/// How far the squared length of a quaternion may be from 1, for numbers that a person has shortened.
+/// Allowed deviation of a quaternion's squared length from 1, for numbers rounded by hand.
 const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// Hand-held jitter: largest sway as a share of the distance to the target, largest turn in degrees, and the
@@ -33,10 +33,10 @@ const SHAKE_SWAY: f32 = 0.006;
 const SHAKE_TURN: f32 = 0.6;
 const SHAKE_HERTZ: [f32; 2] = [1.3, 3.7];
 
-/// A camera that moves with the frame number, 30 frames to a second of path time.
+/// A camera that moves with the frame index, at 30 frames per second of path time.
 #[derive(Clone, Debug)]
 pub struct CameraPath {
-    /// Where it starts: the scene's own view.
+    /// The start of the path: the scene's own view.
     base: Camera,
     motion: Motion,
 }
@@ -46,7 +46,7 @@ enum Motion {
     Still,
     Orbit {
         center: Vec3,
-        /// Radians a frame.
+        /// Radians per frame.
         speed: f32,
         /// Radians from one end to the other; `None` goes round and round.
         arc: Option<f32>,
@@ -58,33 +58,33 @@ enum Motion {
     },
 }
 
-/// What can be wrong with the text of a camera path.
+/// The errors of a camera path.
 #[derive(Debug, thiserror::Error)]
 pub enum PathError {
     /// No path has that name.
-    #[error("unknown camera path `{name}`{hint}; there are {}", FORMS.join(", "))]
+    #[error("unknown camera path `{name}`{hint}; known paths: {}", FORMS.join(", "))]
     Unknown {
-        /// What was asked for.
+        /// The unknown name.
         name: String,
         /// ", did you mean `...`?" or nothing.
         hint: String,
     },
-    /// A number that is none, or of no use.
+    /// An argument that is not a number, or out of range.
     #[error("camera path `{text}`: expected {expected}, found `{found}`")]
     Number {
         /// The whole text.
         text: String,
-        /// What should stand there.
+        /// The expected argument.
         expected: &'static str,
-        /// What stands there.
+        /// The text found instead.
         found: String,
     },
-    /// The path takes fewer arguments.
-    #[error("camera path `{text}`: nothing is expected after `{path}`")]
+    /// The path has too many arguments.
+    #[error("camera path `{text}`: unexpected argument after `{path}`")]
     Surplus {
         /// The whole text.
         text: String,
-        /// The part that is understood.
+        /// The valid part.
         path: String,
     },
     /// The keyframe file cannot be read.
@@ -109,10 +109,10 @@ impl CameraPath {
     /// Reads a path for the camera of `scene`:
     ///
     /// - `still`;
-    /// - `view:X,Y,Z:QX,QY,QZ,QW`: stands at a place of its own, with that rotation from camera to world space as a
-    ///   quaternion; the lens is the scene's. [`CameraPath::view`] writes it;
-    /// - `orbit`, `orbit:DEGREES`, `orbit:DEGREES:ARC`: turns about what the camera looks at, `DEGREES` a frame
-    ///   (1), to and fro on an arc of `ARC` degrees (28) with the scene's view in the middle; 360 goes full circle.
+    /// - `view:X,Y,Z:QX,QY,QZ,QW`: a fixed eye point, with the rotation from camera to world space as a quaternion and
+    ///   the scene's lens. [`CameraPath::view`] writes it;
+    /// - `orbit`, `orbit:DEGREES`, `orbit:DEGREES:ARC`: orbits the camera's target by `DEGREES` per frame (default 1), to
+    ///   and fro on an arc of `ARC` degrees (default 28) with the scene's view in the middle; 360 gives a full circle.
     ///   An eye that starts inside the scene's bounds stays inside;
     /// - `fly`, `fly:FILE.ron`: through keyframes, by default a gentle loop forwards and sideways. The file holds
     ///   `(looped: true, keys: [(time: 0.0, eye: (x, y, z), target: (x, y, z)), ...])`, times in seconds;
@@ -140,19 +140,19 @@ impl CameraPath {
         Ok(Self { base, motion })
     }
 
-    /// The path through the keyframes of a text, as a file for `fly:FILE` holds it, with the lens of `scene`; errors name
-    /// `origin`.
+    /// The path through the keyframes in `text`, in the format of `fly:FILE`, with the lens of `scene`. Errors name
+    /// `origin` as the file.
     pub fn through(text: &str, origin: &Path, scene: &Scene) -> Result<Self, PathError> {
         Ok(Self { base: scene.camera, motion: Motion::Fly(Flight::parse(text, origin)?) })
     }
 
-    /// The text from which [`CameraPath::parse`] makes this very view, for a camera with the scene's lens.
+    /// The text from which [`CameraPath::parse`] reproduces this view exactly, for a camera with the scene's lens.
     pub fn view(camera: &Camera) -> String {
         let ([x, y, z], [qx, qy, qz, qw]) = (camera.eye.to_array(), camera.rotation.to_array());
         format!("view:{x},{y},{z}:{qx},{qy},{qz},{qw}")
     }
 
-    /// Frames until it stands still or begins anew, at least 1; none where it never does.
+    /// Number of frames until it stops or repeats, at least 1; `None` if it never does.
     pub fn frames(&self) -> Option<u32> {
         match &self.motion {
             Motion::Still => Some(1),
@@ -160,14 +160,14 @@ impl CameraPath {
             Motion::Orbit { speed, arc, .. } => {
                 let way = arc.map_or(std::f32::consts::TAU, |arc| 2.0 * arc);
                 let frames = (way / speed.abs()).round();
-                // A speed of 0 leads nowhere.
+                // With a speed of 0 it does not move.
                 Some(if frames.is_finite() { (frames as u32).max(1) } else { 1 })
             }
             Motion::Fly(flight) => Some(flight.frames(FRAMES_PER_SECOND)),
         }
     }
 
-    /// Whether the camera of any frame differs from that of another.
+    /// Returns true if the cameras of any two frames differ.
     pub fn moves(&self) -> bool {
         match &self.motion {
             Motion::Still => false,
@@ -214,20 +214,20 @@ fn view(text: &str, numbers: &str) -> Result<(Vec3, Quat), PathError> {
     if valid { Ok((eye, rotation)) } else { Err(wrong()) }
 }
 
-/// So many numbers between commas.
+/// Parses `N` numbers separated by commas.
 fn list<const N: usize>(text: &str) -> Option<[f32; N]> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     numbers?.try_into().ok()
 }
 
-/// How far along the view axis lies what the scene's camera looks at: level with the scene's centre, but, for an
-/// eye inside the scene, not closer than half the way to the far side.
+/// Distance to the camera's target along the view axis: that of the scene's centre, but, for an eye inside the scene, at
+/// least half the distance to the far side.
 fn target_distance(scene: &Scene) -> f32 {
     let Camera { eye, rotation, .. } = scene.camera;
     let forward = rotation * Vec3::NEG_Z;
     let [low, high] = scene.bounds;
     let level = forward.dot((low + high) * 0.5 - eye);
-    // Where the view axis leaves the bounding box.
+    // The distance at which the view axis leaves the bounding box.
     let exits = Vec3::select(forward.cmpge(Vec3::ZERO), high - eye, low - eye) / forward;
     let exit = Vec3::select(forward.cmpeq(Vec3::ZERO), Vec3::INFINITY, exits).min_element();
     let distance = if exit > 0.0 && exit.is_finite() { level.max(0.5 * exit) } else { level };
@@ -246,7 +246,7 @@ fn turn(camera: &Camera, center: Vec3, angle: f32) -> Camera {
 
 /// Angle of an orbit, radians: a triangular swing that starts in the middle of the arc, or a circle.
 fn orbit_angle(frame: u32, speed: f32, arc: Option<f32>) -> f32 {
-    // In f64: after an hour of frames the angle still resolves to a millionth of a degree.
+    // In f64, the angle still resolves a millionth of a degree after an hour of frames.
     let travelled = f64::from(frame) * f64::from(speed);
     match arc.map(f64::from) {
         None => (travelled % std::f64::consts::TAU) as f32,
@@ -268,7 +268,7 @@ fn orbit(text: &str, arguments: Option<&str>, scene: &Scene) -> Result<Motion, P
             found: part.into(),
         })
     };
-    let speed = number(ORBIT_SPEED, "degrees a frame between -360 and 360", |x| x.abs() <= 360.0)?;
+    let speed = number(ORBIT_SPEED, "degrees per frame between -360 and 360", |x| x.abs() <= 360.0)?;
     let arc = number(ORBIT_ARC, "an arc above 0 and up to 360 degrees", |x| x > 0.0 && x <= 360.0)?;
     if parts.next().is_some() {
         return Err(PathError::Surplus { text: text.into(), path: "orbit:DEGREES:ARC".into() });
@@ -280,8 +280,8 @@ fn orbit(text: &str, arguments: Option<&str>, scene: &Scene) -> Result<Motion, P
     Ok(Motion::Orbit { center, speed: speed.to_radians(), arc })
 }
 
-/// The widest arc up to `arc` degrees, by whole degrees to each side, on which an eye that starts inside the scene's
-/// bounds stays inside.
+/// The widest arc of at most `arc` degrees, in steps of a degree to each side, on which an eye that starts inside the
+/// scene's bounds stays inside.
 fn arc_inside(scene: &Scene, center: Vec3, arc: f32) -> f32 {
     let [low, high] = scene.bounds;
     let margin = ORBIT_MARGIN * (high - low);

@@ -1,4 +1,4 @@
-//! Converged images to compare with, and where their edges are.
+//! Converged reference images, and their edges.
 
 mod edges;
 

@@ -5,10 +5,10 @@ use glam::Vec3;
 use crate::builder::MeshError;
 use crate::{Body, Camera, Light, Material, Mesh, Pose};
 
-/// A scene as everything downstream sees it: at rest, or with its bodies in the poses of a frame.
+/// A scene at rest, or with its bodies in the poses of a frame.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The name it was asked for.
+    /// The name or path under which it was loaded.
     pub name: String,
     /// All triangles.
     pub mesh: Mesh,
@@ -20,31 +20,31 @@ pub struct Scene {
     pub background: Vec3,
     /// The scene's own view.
     pub camera: Camera,
-    /// Lowest and highest corner of a box that holds the mesh in every frame.
+    /// Lowest and highest corner of a box that contains the mesh in every frame.
     pub bounds: [Vec3; 2],
-    /// What moves, in ascending order of faces.
+    /// Moving bodies, in ascending order of faces.
     pub bodies: Arc<Vec<Body>>,
     /// The present pose of each body.
     pub poses: Vec<Pose>,
 }
 
-/// What can be wrong with a scene file or a mesh.
+/// The errors of a scene file or a mesh.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The file cannot be read.
     #[error("{}: {source}", path.display())]
     Io {
-        /// Which file.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: std::io::Error,
     },
-    /// The file is not what its ending promises.
+    /// The file is not valid.
     #[error("{}: {message}", path.display())]
     Invalid {
-        /// Which file.
+        /// The file.
         path: PathBuf,
-        /// What is wrong and what to do.
+        /// The problem and how to fix it.
         message: String,
     },
     /// The triangles of a scene made by code or described in a file are unusable.
@@ -52,10 +52,10 @@ pub enum SceneError {
     Mesh {
         /// The scene's name or path.
         name: String,
-        /// What is wrong.
+        /// The problem.
         source: MeshError,
     },
-    /// No scene and no file of that name.
+    /// There is neither a scene nor a file of that name.
     #[error("{0}")]
     Unknown(String),
 }

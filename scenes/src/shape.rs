@@ -5,23 +5,23 @@ use glam::{Affine3A, Mat3A, Vec2, Vec3};
 use crate::MeshError;
 use crate::mesh::bounds_of;
 
-/// An indexed triangle surface before it becomes part of a [`Mesh`](crate::Mesh): what a loader reads and what the
-/// procedural scenes are made of. Nothing is checked or welded here.
+/// An indexed triangle surface from a loader or a procedural scene, before it becomes part of a [`Mesh`](crate::Mesh). It
+/// is neither checked nor welded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
     /// Vertex positions, metres.
     pub positions: Vec<Vec3>,
     /// Counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
-    /// Shading normals per corner, one entry a triangle; empty for flat shading.
+    /// Shading normals per corner, one entry per triangle; empty for flat shading.
     pub normals: Vec<[Vec3; 3]>,
 }
 
 impl Shape {
-    /// Whether it can become part of a mesh.
+    /// Checks that it can become part of a mesh.
     ///
     /// # Errors
-    /// The first vertex that is not finite, or the first face that names a vertex that does not exist.
+    /// The first vertex that is not finite, or the first face with an invalid vertex index.
     pub fn check(&self) -> Result<(), MeshError> {
         let vertices = self.positions.len();
         if let Some(vertex) = self.positions.iter().position(|p| !p.is_finite()) {
@@ -64,9 +64,9 @@ impl Shape {
         Self::prism(&outline(low.y), &outline(high.y))
     }
 
-    /// The grid of `columns` x `rows` quads over `point(i, j)`, i in 0..=columns to the right, j in 0..=rows upwards
-    /// seen from the front, with smooth shading normals. Ends that coincide weld into a closed surface; a quad
-    /// that has shrunk to a triangle at a pole gives one triangle.
+    /// A grid of `columns` x `rows` quads with vertices `point(i, j)`, i in 0..=columns to the right, j in 0..=rows upwards
+    /// as seen from the front, with smooth shading normals. Coinciding ends weld into a closed surface; a quad
+    /// that degenerates to a triangle at a pole gives one triangle.
     pub fn surface(columns: u32, rows: u32, point: impl Fn(u32, u32) -> Vec3) -> Self {
         let mut shape = Self::default();
         for j in 0..=rows {
@@ -112,7 +112,7 @@ impl Shape {
         let profile: Vec<Vec2> = (0..=rows)
             .map(|j| {
                 let latitude = FRAC_PI_2 * (2.0 * j as f32 / rows as f32 - 1.0);
-                // cos(90 degrees) is not 0 in floating point, and the poles have to close.
+                // cos(90 degrees) is not exactly 0 in floating point, but the poles have to close.
                 let ring = if j == 0 || j == rows { 0.0 } else { latitude.cos() };
                 radius * Vec2::new(ring, latitude.sin())
             })
@@ -120,9 +120,8 @@ impl Shape {
         Self::lathe(&profile, columns)
     }
 
-    /// A closed box around the origin with edges rounded by `radius` in `segments` steps a quarter turn; `half` is half
-    /// its size. 16 segments (segments + 1) + 12 triangles: the
-    /// octants of a sphere, moved apart.
+    /// A closed box around the origin with edges rounded by `radius` in `segments` steps per quarter turn; `half` is half
+    /// its size. It consists of the octants of a sphere, moved apart: 16 segments (segments + 1) + 12 triangles.
     pub fn rounded_box(half: Vec3, radius: f32, segments: u32) -> Self {
         let steps = segments + 1;
         let inner = half - radius;
@@ -216,7 +215,7 @@ impl Shape {
         (b - a).cross(c - a)
     }
 
-    /// This shape moved by `transform`; a transform that mirrors turns the triangles too, so that fronts stay fronts.
+    /// This shape transformed by `transform`; a mirroring transform also flips the triangles, so that fronts stay fronts.
     pub fn transformed(&self, transform: Affine3A) -> Self {
         let normal_matrix: Mat3A = transform.matrix3.inverse().transpose();
         let mirrors = transform.matrix3.determinant() < 0.0;
@@ -258,7 +257,7 @@ mod tests {
             .sum()
     }
 
-    /// Whether every side of every triangle has exactly one partner in the opposite direction.
+    /// Returns true if every side of every triangle has exactly one partner in the opposite direction.
     fn closed(shape: &Shape) -> bool {
         let index = weld(&shape.positions, 0.0).0;
         let mut sides = std::collections::HashMap::new();

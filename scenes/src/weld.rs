@@ -1,11 +1,11 @@
-//! One index for vertices at one place.
+//! Welding: vertices at the same position get the same index.
 
 use std::collections::HashMap;
 
 use glam::Vec3;
 
-/// Maps every position to its welded index and gives the welded positions, in order of first appearance.
-/// Positions at most `epsilon` apart become the one that came first; 0 welds exactly equal ones (0 equals -0).
+/// Maps every position to its welded index and returns the welded positions, in order of first appearance.
+/// Positions at most `epsilon` apart are replaced by the first of them; 0 welds only equal ones (0 equals -0).
 pub(crate) fn weld(positions: &[Vec3], epsilon: f32) -> (Vec<u32>, Vec<Vec3>) {
     weld_bodies(positions, &vec![0; positions.len()], epsilon)
 }
@@ -22,7 +22,7 @@ fn weld_equal(positions: &[Vec3], body: &[u32]) -> (Vec<u32>, Vec<Vec3>) {
         .iter()
         .zip(body)
         .map(|(&p, &body)| {
-            // Adding 0 turns -0 into 0, so that equal numbers have equal bits.
+            // Adding 0 turns -0 into +0, so that equal numbers have equal bits.
             let key = ((p + 0.0).to_array().map(f32::to_bits), body);
             *index_of.entry(key).or_insert_with(|| {
                 welded.push(p);
@@ -41,7 +41,7 @@ fn weld_near(positions: &[Vec3], body: &[u32], epsilon: f32) -> (Vec<u32>, Vec<V
         .zip(body)
         .map(|(&p, &body)| {
             let cell = (p.as_dvec3() / f64::from(epsilon)).to_array().map(|c| c.floor() as i64);
-            // A vertex within epsilon lies in this cell or one next to it; the lowest index is the first that came.
+            // A vertex within epsilon lies in this cell or an adjacent one; the lowest index is the first one.
             let near = (-1..=1)
                 .flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| [x, y, z])))
                 .filter_map(|[x, y, z]| {

@@ -1,5 +1,4 @@
-//! The scenes that come with the crate: those made by code, and scene files, most of them over meshes that `scenes/fetch`
-//! brings.
+//! The built-in scenes: those made by code, and scene files, most of which use meshes from `scenes/fetch`.
 
 mod chains;
 mod cornell;
@@ -11,23 +10,23 @@ use crate::builder::MeshError;
 use crate::load::SceneFile;
 use crate::{Scene, SceneError};
 
-/// A scene that can be asked for by name.
+/// A built-in scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneInfo {
-    /// What to ask for.
+    /// Its name.
     pub name: &'static str,
-    /// What it shows, in one line.
+    /// A description in one line.
     pub doc: &'static str,
-    /// Whether `scenes/fetch NAME` has to bring its mesh first.
+    /// True if its mesh has to be fetched first, with `scenes/fetch NAME`.
     pub needs_fetch: bool,
 }
 
 enum Source {
     /// Made by this function.
     Code(fn() -> Result<Scene, MeshError>),
-    /// Described by the text of this scene file in the crate's folder.
+    /// Described by this embedded scene file.
     File(&'static str),
-    /// Likewise, over meshes that `scenes/fetch` brings.
+    /// Likewise, with meshes from `scenes/fetch`.
     Fetched(&'static str),
 }
 
@@ -80,7 +79,7 @@ const BUILTINS: &[Builtin] = &[
     },
 ];
 
-/// Every scene that has a name, in the order in which to list them.
+/// All built-in scenes, in the order to list them.
 pub fn scene_names() -> Vec<SceneInfo> {
     BUILTINS
         .iter()
@@ -88,7 +87,7 @@ pub fn scene_names() -> Vec<SceneInfo> {
         .collect()
 }
 
-/// The scene called `name`, or nothing if no scene is called so.
+/// The built-in scene `name`, or `None` if there is no such scene.
 pub(crate) fn load(name: &str) -> Option<Result<Scene, SceneError>> {
     let (text, fetch) = match BUILTINS.iter().find(|b| b.name == name)?.source {
         Source::Code(_) => return by_code(name),
@@ -100,7 +99,7 @@ pub(crate) fn load(name: &str) -> Option<Result<Scene, SceneError>> {
     Some(file.and_then(|file| file.into_scene(name, &path, &scene_folders(), fetch)))
 }
 
-/// The scene called `name` if it is one that is made by code.
+/// The built-in scene `name` if it is made by code.
 pub(crate) fn by_code(name: &str) -> Option<Result<Scene, SceneError>> {
     let make = BUILTINS.iter().find_map(|b| match b.source {
         Source::Code(make) if b.name == name => Some(make),
@@ -109,8 +108,8 @@ pub(crate) fn by_code(name: &str) -> Option<Result<Scene, SceneError>> {
     Some(make().map_err(|source| SceneError::Mesh { name: name.to_owned(), source }))
 }
 
-/// Where the folder `data` of fetched meshes may be: where the variable `EPIGRAPH_SCENES` says, in `scenes` of the current
-/// folder, or in the source tree that the program was built from.
+/// Candidate parents of the folder `data` of fetched meshes: the folder in the variable `EPIGRAPH_SCENES`, `scenes` in the
+/// current folder, and the source tree from which the program was built.
 fn scene_folders() -> Vec<PathBuf> {
     let named = std::env::var_os("EPIGRAPH_SCENES").map(PathBuf::from);
     named.into_iter().chain([PathBuf::from("scenes"), PathBuf::from(env!("CARGO_MANIFEST_DIR"))]).collect()

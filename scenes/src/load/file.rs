@@ -10,7 +10,7 @@ use super::model::{self, Model};
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
 use crate::{Camera, Material, Motion, MotionKey, Scene, SceneError, Shape, Surface};
 
-/// What stands in a scene's `.ron` file. Lengths in metres, angles in degrees, colours linear Rec. 709.
+/// The contents of a scene's `.ron` file. Lengths are in metres, angles in degrees, colours in linear Rec. 709.
 ///
 /// ```ron
 /// #![enable(implicit_some)]
@@ -37,7 +37,7 @@ use crate::{Camera, Material, Motion, MotionKey, Scene, SceneError, Shape, Surfa
 pub struct SceneFile {
     /// The version of this format: 1.
     pub version: u32,
-    /// Left out: the camera of the first object's file that has one, else one that sees everything.
+    /// Default: the camera of the first object file that has one, else a camera that sees everything.
     #[serde(default)]
     pub camera: Option<CameraSpec>,
     /// Radiance of a ray that hits nothing. Default black.
@@ -46,18 +46,18 @@ pub struct SceneFile {
     /// Faces that meet at more than this angle make a crease. Default 40.
     #[serde(default = "default_crease_angle")]
     pub crease_angle: f32,
-    /// Vertices at most this far apart become one. Default 0: only equal ones.
+    /// Vertices at most this far apart are welded. Default 0: only equal ones.
     #[serde(default)]
     pub weld_distance: f32,
     /// Materials by the name that objects use.
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialSpec>,
-    /// How things move, by the name that objects and lights use.
+    /// Motions by the name that objects and lights use.
     #[serde(default)]
     pub motions: BTreeMap<String, MotionSpec>,
-    /// What the scene consists of.
+    /// The objects of the scene.
     pub objects: Vec<ObjectSpec>,
-    /// Lights beside those that the objects' files bring; if there is none at all, one is put in front.
+    /// Lights in addition to those of the objects' files; if there are no lights at all, one is added in front.
     #[serde(default)]
     pub lights: Vec<LightSpec>,
 }
@@ -70,25 +70,25 @@ fn default_crease_angle() -> f32 {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
-    /// Where it stands.
+    /// The eye point.
     pub eye: Vec3,
-    /// What it looks at.
+    /// The target point.
     pub target: Vec3,
     /// Full vertical field of view, between 0 and 180 degrees.
     pub fov: f32,
 }
 
-/// A motion of a scene file: rigid, from key to key, a function of the frame's number at 30 frames a second.
+/// A motion of a scene file: rigid, from key to key, a function of the frame index at 30 frames per second.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct MotionSpec {
-    /// The point about which it rotates, where things are before they move. Default the origin.
+    /// The point about which it rotates, for objects at rest. Default: the origin.
     #[serde(default)]
     pub pivot: Vec3,
-    /// Poses in ascending order of time, at least one. Between two, translations are mixed linearly and rotations along
-    /// the shorter arc.
+    /// Poses in ascending order of time, at least one. Between two, translations are interpolated linearly and rotations
+    /// along the shorter arc.
     pub keys: Vec<MotionKeySpec>,
-    /// Whether it begins again after the last key; otherwise it stays there. Default no.
+    /// True if it restarts after the last key; otherwise it stays there. Default: false.
     #[serde(default)]
     pub looped: bool,
 }
@@ -99,10 +99,10 @@ pub struct MotionSpec {
 pub struct MotionKeySpec {
     /// Seconds.
     pub time: f32,
-    /// How far things have moved from their place. Default not at all.
+    /// Translation from the position at rest. Default: none.
     #[serde(default)]
     pub translate: Vec3,
-    /// How they have turned about the pivot: about z, then x, then y, degrees. Default not at all.
+    /// Rotation about the pivot: about z, then x, then y, degrees. Default: none.
     #[serde(default)]
     pub rotate: Vec3,
 }
@@ -113,15 +113,15 @@ pub struct MotionKeySpec {
 pub struct MaterialSpec {
     /// Reflectance, each channel in [0, 1].
     pub color: Vec3,
-    /// How it scatters. Default diffuse.
+    /// Its scattering. Default: diffuse.
     #[serde(default)]
     pub surface: SurfaceSpec,
-    /// Emitted radiance. Default none. Panels that emit become lights.
+    /// Emitted radiance. Default: none. Emissive panels become lights.
     #[serde(default)]
     pub emission: Vec3,
 }
 
-/// How a material of a scene file scatters; see [`Surface`].
+/// The scattering of a material in a scene file; see [`Surface`].
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub enum SurfaceSpec {
@@ -148,9 +148,9 @@ fn dielectric_f0() -> f32 {
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectSpec {
-    /// What it is.
+    /// Its shape.
     pub shape: ShapeSpec,
-    /// A name in `materials`; left out: the materials of the shape's own file, else a plain grey.
+    /// A name in `materials`. Default: the materials of the shape's own file, else a plain grey.
     #[serde(default)]
     pub material: Option<String>,
     /// Factor on all lengths. Default 1.
@@ -159,19 +159,19 @@ pub struct ObjectSpec {
     /// Rotation about z, then x, then y, degrees.
     #[serde(default)]
     pub rotate: Vec3,
-    /// Where its origin goes; with `height`, where the middle of its underside goes.
+    /// Position of its origin, or with `height`, of the middle of its underside.
     #[serde(default)]
     pub translate: Vec3,
-    /// If given, the object is scaled to this height instead of by `scale`, and stands centred on `translate`.
+    /// If given, the object is scaled to this height instead of by `scale`, and placed centred on `translate`.
     #[serde(default)]
     pub height: Option<f32>,
-    /// Smooth shading across edges of at most this angle, where the shape has no normals. Default 0: flat.
+    /// Smooth shading across edges of at most this angle, if the shape has no normals. Default 0: flat.
     #[serde(default)]
     pub smooth: f32,
-    /// A name in `motions`; left out: it stands still.
+    /// A name in `motions`. Default: it does not move.
     #[serde(default)]
     pub motion: Option<String>,
-    /// Copies in a row. Default one.
+    /// Copies in a row. Default: one.
     #[serde(default)]
     pub repeat: RepeatSpec,
 }
@@ -184,9 +184,9 @@ fn one() -> f32 {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct RepeatSpec {
-    /// How many, the first included.
+    /// Number of copies, including the first.
     pub count: u32,
-    /// From each to the next.
+    /// Offset from each copy to the next.
     pub step: Vec3,
 }
 
@@ -202,7 +202,7 @@ impl Default for RepeatSpec {
 pub enum ShapeSpec {
     /// Everything in a mesh file (.glb, .gltf, .obj, .ply), relative to the scene file's folder.
     File(String),
-    /// Everything in a scene that is made by code, such as `cornell`.
+    /// Everything in a scene made by code, such as `cornell`.
     Builtin(String),
     /// A closed box.
     Box {
@@ -244,15 +244,15 @@ pub enum ShapeSpec {
 pub enum LightSpec {
     /// A point.
     Point {
-        /// Where it stands.
+        /// Its position.
         position: Vec3,
         /// Radiant intensity, W/sr.
         intensity: Vec3,
-        /// A name in `motions`; left out: it stands still.
+        /// A name in `motions`. Default: it does not move.
         #[serde(default)]
         motion: Option<String>,
     },
-    /// A one-sided parallelogram that shines towards `u x v`.
+    /// A one-sided parallelogram that emits towards `u x v`.
     Quad {
         /// One corner.
         corner: Vec3,
@@ -262,7 +262,7 @@ pub enum LightSpec {
         v: Vec3,
         /// Emitted radiance.
         radiance: Vec3,
-        /// A name in `motions`; left out: it stands still.
+        /// A name in `motions`. Default: it does not move.
         #[serde(default)]
         motion: Option<String>,
     },
@@ -286,13 +286,13 @@ impl SceneFile {
 
     fn check(&self) -> Result<(), String> {
         if self.version != 1 {
-            return Err(format!("version {} is not known, this program reads version 1", self.version));
+            return Err(format!("unknown version {}; this program reads version 1", self.version));
         }
         if let Some(camera) = self.camera {
             let sane = camera.fov > 0.0 && camera.fov < 180.0 && camera.eye != camera.target;
             if !sane || !camera.eye.is_finite() || !camera.target.is_finite() {
                 return Err(format!(
-                    "the camera needs a finite eye and another target, and a fov between 0 and 180: {camera:?}"
+                    "the camera needs a finite eye, a different target, and a fov between 0 and 180: {camera:?}"
                 ));
             }
         }
@@ -305,7 +305,7 @@ impl SceneFile {
             let emits = material.emission.is_finite() && material.emission.min_element() >= 0.0;
             if !material.color.to_array().into_iter().all(unit) || !glossy_is_sane || !emits {
                 return Err(format!(
-                    "material `{name}`: color, roughness and f0 lie between 0 and 1, roughness is not 0, and emission is not negative"
+                    "material `{name}`: color, roughness and f0 must be between 0 and 1, roughness not 0, and emission not negative"
                 ));
             }
         }
@@ -316,12 +316,12 @@ impl SceneFile {
             let scale = object.height.unwrap_or(object.scale);
             if !(scale.is_finite() && scale != 0.0 && (0.0..=180.0).contains(&object.smooth)) {
                 return Err(format!(
-                    "object {index}: scale and height must not be 0, smooth lies between 0 and 180"
+                    "object {index}: scale and height must not be 0, and smooth must be between 0 and 180"
                 ));
             }
             const MOST_COPIES: u32 = 100_000;
             if object.repeat.count == 0 || object.repeat.count > MOST_COPIES {
-                return Err(format!("object {index}: repeat.count lies between 1 and {MOST_COPIES}"));
+                return Err(format!("object {index}: repeat.count must be between 1 and {MOST_COPIES}"));
             }
         }
         for (index, light) in self.lights.iter().enumerate() {
@@ -335,18 +335,22 @@ impl SceneFile {
                 }
             };
             if !finite {
-                return Err(format!("light {index}: every number is finite, and a quad has an area"));
+                return Err(format!(
+                    "light {index}: all numbers must be finite, and a quad must have an area"
+                ));
             }
         }
         let weld_is_sane = self.weld_distance >= 0.0 && self.weld_distance.is_finite();
         if !weld_is_sane || !(0.0..=180.0).contains(&self.crease_angle) {
-            return Err("crease_angle lies between 0 and 180, weld_distance is not negative".to_owned());
+            return Err(
+                "crease_angle must be between 0 and 180, and weld_distance must not be negative".to_owned()
+            );
         }
         Ok(())
     }
 
-    /// The scene that this file describes. `folders` are where its mesh files may lie, tried in order; `fetch` is the name
-    /// under which `scenes/fetch` brings those that are missing.
+    /// Builds the scene that this file describes. Mesh files are searched in `folders`, in order; `fetch` is the name under
+    /// which `scenes/fetch` brings missing ones.
     pub(crate) fn into_scene(
         self,
         name: &str,
@@ -367,7 +371,7 @@ impl SceneFile {
             None => Ok(None),
             Some(name) => motions.get(name.as_str()).cloned().map(Some).ok_or_else(|| {
                 let hint = super::nearest(name, motions.keys().copied());
-                invalid(format!("{what} {index}: no motion is called `{name}`{hint}"))
+                invalid(format!("{what} {index}: unknown motion `{name}`{hint}"))
             }),
         };
         let mut file_camera = None;
@@ -376,7 +380,7 @@ impl SceneFile {
                 None => None,
                 Some(wanted) => Some(*materials.get(wanted.as_str()).ok_or_else(|| {
                     let hint = super::nearest(wanted, materials.keys().copied());
-                    invalid(format!("object {index}: no material is called `{wanted}`{hint}"))
+                    invalid(format!("object {index}: unknown material `{wanted}`{hint}"))
                 })?),
             };
             let mut model = object.shape.load(path, folders, fetch)?;
@@ -425,7 +429,7 @@ impl SceneFile {
 }
 
 impl CameraSpec {
-    /// Near and far follow from the box around the scene.
+    /// Near and far are derived from the scene's bounds.
     fn to_camera(self, bounds: [Vec3; 2]) -> Camera {
         let farthest = (self.eye - bounds[0]).abs().max((self.eye - bounds[1]).abs()).length();
         Camera::look_at(self.eye, self.target, self.fov.to_radians(), 1e-3 * farthest, 2.0 * farthest)
@@ -440,7 +444,7 @@ impl MotionSpec {
         let finite =
             |key: &MotionKeySpec| key.time.is_finite() && key.translate.is_finite() && key.rotate.is_finite();
         if !self.pivot.is_finite() || !self.keys.iter().all(finite) {
-            return Err("every number is finite".to_owned());
+            return Err("all numbers must be finite".to_owned());
         }
         match self.keys.windows(2).position(|pair| pair[0].time >= pair[1].time) {
             Some(index) => Err(format!("the time of key {} is not after that of key {index}", index + 1)),
@@ -512,7 +516,7 @@ impl ShapeSpec {
             }
             Self::Builtin(name) => match crate::builtin::by_code(name) {
                 Some(scene) => Model::from_scene(&scene?),
-                None => return Err(invalid(format!("no scene called `{name}` is made by code"))),
+                None => return Err(invalid(format!("`{name}` is not a scene made by code"))),
             },
             Self::Box { low, high } => Model::from_shape(Shape::cuboid(low.min(*high), low.max(*high))),
             Self::Quad { corner, u, v } => {

@@ -15,10 +15,10 @@ use gltf::mesh::Mode;
 use super::model::Model;
 use crate::{Camera, Light, Material, Shape, Surface};
 
-/// A directional light stands this many radii of the scene away: its light is parallel and even to 2%.
+/// Distance of a directional light in radii of the scene: its light is parallel and uniform to 2%.
 const SUN_DISTANCE: f32 = 100.0;
 
-/// Reads a `.gltf` or `.glb` file; `external` gives the bytes of a file named in it, relative to its folder.
+/// Reads a `.gltf` or `.glb` file; `external` returns the bytes of a file that it references, relative to its folder.
 pub(super) fn read(
     bytes: &[u8],
     external: impl Fn(&str) -> Result<Vec<u8>, String>,
@@ -33,7 +33,7 @@ pub(super) fn read(
     for buffer in file.buffers() {
         let data = match buffer.source() {
             gltf::buffer::Source::Bin => {
-                blob.take().ok_or_else(|| "the binary chunk that its buffer lies in is missing".to_owned())?
+                blob.take().ok_or_else(|| "the binary chunk of its buffer is missing".to_owned())?
             }
             gltf::buffer::Source::Uri(uri) => match uri.strip_prefix("data:") {
                 Some(data) => decode_base64(data.split_once(";base64,").map_or("", |(_, text)| text))?,
@@ -42,7 +42,7 @@ pub(super) fn read(
         };
         if data.len() < buffer.length() {
             return Err(format!(
-                "buffer {} has {} bytes, {} were promised: the file is truncated or damaged",
+                "buffer {} has {} bytes instead of {}: the file is truncated or damaged",
                 buffer.index(),
                 data.len(),
                 buffer.length()
@@ -57,7 +57,7 @@ pub(super) fn read(
     Ok(reader.finish())
 }
 
-/// A GLB says its length in its header; a shorter file is the usual damage, and worth a plain word.
+/// A GLB header contains the file's length. Truncation is the most common damage, so it gets its own message.
 fn check_header(bytes: &[u8]) -> Result<(), String> {
     if !bytes.starts_with(b"glTF") {
         return Ok(());
@@ -65,18 +65,22 @@ fn check_header(bytes: &[u8]) -> Result<(), String> {
     let promised = bytes.get(8..12).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
     match promised {
         Some(length) if (12..=bytes.len()).contains(&length) => Ok(()),
-        Some(length) => Err(format!("it has {} bytes, its header promises {length}: truncated", bytes.len())),
-        None => Err("it ends within its header: truncated".to_owned()),
+        Some(length) => {
+            Err(format!("it has {} bytes instead of the {length} of its header: truncated", bytes.len()))
+        }
+        None => Err("it ends inside its header: truncated".to_owned()),
     }
 }
 
-/// The crate's own validation looks up the positions' accessor before it knows that there is one.
+/// The gltf crate's validation looks up the positions' accessor before it checks that it exists.
 fn check_positions(root: &gltf::json::Root) -> Result<(), String> {
     let positions = gltf::json::validation::Checked::Valid(gltf::Semantic::Positions);
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     match primitives.filter_map(|p| p.attributes.get(&positions)).find(|i| i.value() >= root.accessors.len())
     {
-        Some(index) => Err(format!("a mesh names accessor {}, of {}", index.value(), root.accessors.len())),
+        Some(index) => {
+            Err(format!("a mesh refers to accessor {} of {}", index.value(), root.accessors.len()))
+        }
         None => Ok(()),
     }
 }
@@ -89,7 +93,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Walks the node tree of the default scene, or the first, or all nodes that are nobody's children.
+    /// Walks the node tree of the default scene, or the first scene, or all nodes without a parent.
     fn nodes(&mut self, file: &gltf::Document) -> Result<(), String> {
         let roots: Vec<gltf::Node> = match file.default_scene().or_else(|| file.scenes().next()) {
             Some(scene) => scene.nodes().collect(),
@@ -139,18 +143,18 @@ impl Reader<'_> {
             }
         }
         if let (None, Some(camera)) = (self.model.camera, node.camera()) {
-            // Only the JSON can be asked without a panic whether a camera has the lens that its type calls for.
+            // Only the JSON shows without a panic if a camera has the lens that its type requires.
             let lens = file.as_json().cameras[camera.index()].perspective.as_ref();
             self.model.camera = lens.and_then(|lens| convert_camera(lens, world));
         }
         Ok(())
     }
 
-    /// The triangles of a primitive, or nothing if it is made of points or lines.
+    /// The triangles of a primitive, or `None` if it consists of points or lines.
     fn primitive(&self, primitive: &gltf::Primitive) -> Result<Option<Shape>, String> {
         let corners_of: fn(u32) -> [u32; 3] = match primitive.mode() {
             Mode::Triangles => |t| [3 * t, 3 * t + 1, 3 * t + 2],
-            // Every other triangle of a strip runs the other way.
+            // Every other triangle of a strip has the opposite winding.
             Mode::TriangleStrip => |t| if t % 2 == 0 { [t, t + 1, t + 2] } else { [t + 1, t, t + 2] },
             Mode::TriangleFan => |t| [0, t + 1, t + 2],
             _ => return Ok(None),
@@ -170,7 +174,7 @@ impl Reader<'_> {
         for t in 0..count as u32 {
             let triangle = corners_of(t).map(|corner| indices[corner as usize]);
             if let Some(&index) = triangle.iter().find(|&&i| i as usize >= shape.positions.len()) {
-                return Err(format!("face {t} names vertex {index} of {}", shape.positions.len()));
+                return Err(format!("face {t} refers to vertex {index} of {}", shape.positions.len()));
             }
             shape.triangles.push(triangle);
             if let Some(normals) = &normals {
@@ -202,8 +206,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Each element of an accessor, `convert`ed from exactly its bytes. Nothing the file says of offsets, strides
-    /// and counts is believed before it is found to lie within the buffer.
+    /// Each element of an accessor, `convert`ed from its bytes. Offsets, strides and counts of the file are checked against
+    /// the buffer before use.
     fn elements<T>(&self, accessor: &gltf::Accessor, convert: impl Fn(&[u8]) -> T) -> Result<Vec<T>, String> {
         let outside = || format!("accessor {} reaches beyond its buffer", accessor.index());
         let (size, count) = (accessor.size(), accessor.count());
@@ -260,7 +264,7 @@ fn convert_camera(lens: &gltf::json::camera::Perspective, world: Affine3A) -> Op
     })
 }
 
-/// Factors only, no textures; so an emission that a texture is meant to mask is left out.
+/// Reads factors only, no textures; emission that a texture would mask is ignored.
 fn convert_material(material: &gltf::Material) -> Material {
     /// A metal smoother than this is a mirror.
     const MIRROR_ROUGHNESS: f32 = 0.08;
@@ -304,7 +308,7 @@ fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
             b'0'..=b'9' => c - b'0' + 52,
             b'+' => 62,
             b'/' => 63,
-            _ => return Err(format!("`{}` is no base64", char::from(c).escape_default())),
+            _ => return Err(format!("`{}` is not base64", char::from(c).escape_default())),
         };
         bits = bits << 6 | u32::from(value);
         count += 6;
@@ -316,7 +320,7 @@ fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Turns the `%20` of a file name in a URI into what it stands for.
+/// Decodes percent-encoded characters, such as `%20`, in a file name of a URI.
 fn decode_percent(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
@@ -410,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_broken_file_claims_is_not_believed() {
+    fn false_claims_of_a_broken_file_are_errors() {
         for (from, to) in [
             (r#""count": 3"#, r#""count": 400000000000"#),
             (r#""count": 3"#, r#""count": 4"#),
@@ -436,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_without_its_lens_is_no_camera() {
+    fn a_camera_without_a_lens_is_ignored() {
         let lens = r#""perspective": {"yfov": 0.5, "znear": 0.25}"#;
         let other = r#""orthographic": {"xmag": 1, "ymag": 1, "zfar": 9, "znear": 0.1}"#;
         assert!(JSON.contains(lens));

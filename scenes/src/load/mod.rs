@@ -1,4 +1,4 @@
-//! From a name or a path to a scene.
+//! Loads a scene by its name or path.
 
 mod file;
 mod gltf;
@@ -22,9 +22,9 @@ use model::Model;
 const MESH_ENDINGS: [&str; 5] = [".glb", ".gltf", ".obj", ".ply", ".ply.gz"];
 /// The ending of scene files.
 const SCENE_ENDING: &str = ".ron";
-/// No mesh file unpacks to more than this many bytes; a compressed one that would is refused.
+/// Maximum size of a mesh file in bytes after decompression; a larger one is an error.
 const MOST_BYTES: u64 = 4 << 30;
-/// Names this far apart (Jaro-Winkler similarity below it) are no typing errors.
+/// Least Jaro-Winkler similarity at which a name counts as a mistyped one.
 const HINT_SIMILARITY: f64 = 0.75;
 
 impl Scene {
@@ -32,8 +32,8 @@ impl Scene {
     /// `.ron` file at that path.
     ///
     /// # Errors
-    /// Neither a known name nor a path with such an ending, a file that cannot be read or is broken, a mesh
-    /// that has not been fetched, a mesh without triangles or with vertices that are not finite.
+    /// An unknown name or ending, a file that cannot be read or is broken, a mesh that has not been fetched, a mesh without
+    /// triangles or with vertices that are not finite.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
         if let Some(scene) = builtin::load(name_or_path) {
             return scene;
@@ -63,21 +63,22 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
     let beside = |name: &str| {
         let companion = path.with_file_name(name);
-        std::fs::read(&companion).map_err(|error| format!("{}, which it needs: {error}", companion.display()))
+        std::fs::read(&companion)
+            .map_err(|error| format!("cannot read {}, which it references: {error}", companion.display()))
     };
     let bytes = unpack(read_file(path)?).map_err(invalid)?;
     let name = path.to_string_lossy().to_lowercase();
     let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
         ply::read(&bytes)
     } else if name.ends_with(".obj") {
-        // Old exporters write names in whatever encoding they have; only the numbers matter.
+        // Old exporters write names in various encodings; only the numbers matter.
         obj::read(&String::from_utf8_lossy(&bytes), |library| {
             beside(library).map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
         })
     } else if name.ends_with(".glb") || name.ends_with(".gltf") {
         gltf::read(&bytes, beside)
     } else {
-        Err(format!("the ending is none of {}", MESH_ENDINGS.join(", ")))
+        Err(format!("the file name must end in one of {}", MESH_ENDINGS.join(", ")))
     };
     model.map_err(invalid)
 }
@@ -86,7 +87,7 @@ fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
     std::fs::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
 }
 
-/// Undoes gzip, if there is any.
+/// Decompresses gzip data; other data is returned unchanged.
 fn unpack(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
     if !bytes.starts_with(&[0x1f, 0x8b]) {
         return Ok(bytes);
@@ -102,7 +103,7 @@ fn unpack(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
     Ok(unpacked)
 }
 
-/// ", did you mean ...?" if one of `known` is much like `name`, else nothing.
+/// ", did you mean ...?" if one of `known` is similar to `name`, else an empty string.
 fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     known
         .map(|known| (strsim::jaro_winkler(name, known), known))

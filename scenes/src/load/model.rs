@@ -1,4 +1,4 @@
-//! What a file holds before it becomes a scene, and what a scene gets that its file does not have.
+//! The contents of a file before it becomes a scene, and defaults for a missing light or camera.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use glam::{Affine3A, Vec3};
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
 use crate::{Camera, Light, Material, Scene, Shape};
 
-/// An emissive shape of more parallelograms than this is a finely divided surface: each of its parts as a light of its own
-/// would cost more than it gains, so only paths that happen to hit it see its light.
+/// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light would
+/// cost more than it gains, so only paths that happen to hit it find its light.
 const MOST_PANELS: usize = 16;
 
 /// The shapes, materials, lights and camera of one file.
@@ -17,7 +17,7 @@ pub(crate) struct Model {
     /// Each shape with its index into `materials`; without one it gets a plain grey.
     pub parts: Vec<(Shape, Option<usize>)>,
     pub materials: Vec<Material>,
-    /// Lights of the file's own; emissive parallelograms among the parts are found by `add_to`.
+    /// Lights defined in the file; `add_to` finds emissive parallelograms among the parts.
     pub lights: Vec<Light>,
     pub camera: Option<Camera>,
 }
@@ -28,7 +28,7 @@ impl Model {
         Self { parts: vec![(shape, None)], ..Self::default() }
     }
 
-    /// The objects of a finished scene. Its quad lights come back through their emissive triangles.
+    /// The objects of a finished scene. Its quad lights are found again through their emissive triangles.
     pub fn from_scene(scene: &Scene) -> Self {
         let mesh = &scene.mesh;
         let mut parts: BTreeMap<(u32, u32), Shape> = BTreeMap::new();
@@ -73,11 +73,11 @@ impl Model {
         transform: Affine3A,
         replace: Option<u32>,
     ) -> Result<(), MeshError> {
-        // Only what is used becomes a material of the scene.
+        // Only used materials become part of the scene.
         let mut index: Vec<Option<u32>> = vec![None; self.materials.len()];
         let mut plain = None;
         for (shape, material) in &self.parts {
-            // Before a transform spreads a NaN over its vertex.
+            // Checked before a transform spreads a NaN over its vertex.
             shape.check()?;
             let placed = shape.transformed(transform);
             let own = match (replace, *material) {
@@ -127,7 +127,7 @@ impl Model {
     }
 }
 
-/// What a surface without a material is made of.
+/// The material of a surface without one.
 fn plain_material() -> Material {
     Material::diffuse("plain", Vec3::splat(0.7))
 }
@@ -169,7 +169,7 @@ fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<[Vec3; 3]> {
         .then_some([corner, u, v])
 }
 
-/// Half the diagonal of the box, and something that is not zero for a single point.
+/// Half the diagonal of the box, or a positive value for a single point.
 fn radius_of([low, high]: [Vec3; 2]) -> f32 {
     (0.5 * (high - low).length()).max(1e-3)
 }

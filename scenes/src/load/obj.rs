@@ -8,10 +8,10 @@ use glam::Vec3;
 use super::model::Model;
 use crate::{Material, Shape, Surface};
 
-/// Reads an OBJ file; `library` gives the text of a material file named in it.
+/// Reads an OBJ file; `library` returns the text of a material file that it references.
 ///
-/// Every run of faces between `o`, `g` and `usemtl` lines becomes a part. A material that no library defines is
-/// plain, as other readers have it.
+/// Every run of faces between `o`, `g` and `usemtl` lines becomes a part. An undefined material is replaced by the default
+/// one, as in other readers.
 pub(super) fn read(text: &str, library: impl Fn(&str) -> Result<String, String>) -> Result<Model, String> {
     let mut reader = Reader::default();
     for (number, line) in text.lines().enumerate() {
@@ -66,7 +66,7 @@ impl Reader {
         let corners: Vec<Corner> =
             words.split_whitespace().map(|w| self.corner(w)).collect::<Result<_, _>>()?;
         if corners.len() < 3 {
-            return Err(format!("a face needs three corners, this one has {}", corners.len()));
+            return Err(format!("a face needs three corners, but this one has {}", corners.len()));
         }
         self.faces.extend((2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]]));
         Ok(())
@@ -107,28 +107,28 @@ impl Reader {
 }
 
 fn resolve(field: &str, count: usize, what: &str) -> Result<usize, String> {
-    let number: i64 = field.parse().map_err(|_| format!("`{field}` is no {what} number"))?;
+    let number: i64 = field.parse().map_err(|_| format!("`{field}` is not a {what} number"))?;
     let index = if number < 0 { count as i64 + number } else { number - 1 };
     usize::try_from(index)
         .ok()
         .filter(|&i| i < count)
-        .ok_or_else(|| format!("{what} {number} does not exist, there are {count} up to here"))
+        .ok_or_else(|| format!("{what} {number} does not exist: only {count} are defined so far"))
 }
 
 fn number(word: &str) -> Result<f32, String> {
-    word.parse().map_err(|_| format!("`{word}` is no number"))
+    word.parse().map_err(|_| format!("`{word}` is not a number"))
 }
 
 /// The first three numbers of a line.
 fn vector(words: &str) -> Result<Vec3, String> {
     let mut values = words.split_whitespace().map(number);
     let mut next =
-        || values.next().unwrap_or_else(|| Err(format!("three numbers are needed, not `{words}`")));
+        || values.next().unwrap_or_else(|| Err(format!("expected three numbers, found `{words}`")));
     let vector = Vec3::new(next()?, next()?, next()?);
     if vector.is_finite() { Ok(vector) } else { Err(format!("`{words}` is not finite")) }
 }
 
-/// What MTL says of one material.
+/// A material of an MTL file.
 struct Mtl {
     name: String,
     diffuse: Vec3,
@@ -161,7 +161,10 @@ fn read_materials(text: &str) -> Result<Vec<Material>, String> {
             "Ks" => material.specular = vector(rest).map_err(at_line)?,
             "Ke" => material.emission = vector(rest).map_err(at_line)?,
             "Ns" => material.exponent = number(rest).map_err(at_line)?,
-            "illum" => material.illum = rest.parse().map_err(|_| at_line(format!("`{rest}` is no model")))?,
+            "illum" => {
+                material.illum =
+                    rest.parse().map_err(|_| at_line(format!("`{rest}` is not an illumination model")))?
+            }
             _ => {}
         }
     }
@@ -223,9 +226,9 @@ mod tests {
     fn errors_name_the_line() {
         for (from, to, expected) in [
             ("v 1 1 0", "v 1 nan 0", "line 5: `1 nan 0` is not finite"),
-            ("v 1 1 0", "v 1 1", "line 5: three numbers"),
-            ("v 1 1 0", "v 1 1 x", "line 5: `x` is no number"),
-            ("f 1 2 3", "f 1 2 5", "line 13: vertex 5 does not exist, there are 4"),
+            ("v 1 1 0", "v 1 1", "line 5: expected three numbers, found `1 1`"),
+            ("v 1 1 0", "v 1 1 x", "line 5: `x` is not a number"),
+            ("f 1 2 3", "f 1 2 5", "line 13: vertex 5 does not exist: only 4 are defined"),
             ("f 1 2 3", "f 0 2 3", "line 13: vertex 0"),
             ("f 1 2 3", "f 1 2 -5", "line 13: vertex -5"),
             ("f 1 2 3", "f 1 2", "line 13: a face needs three"),

@@ -10,7 +10,7 @@ use ply_rs_bw::ply::{Property, PropertyAccess};
 use super::model::Model;
 use crate::Shape;
 
-/// One element of any kind; what it is decides which fields are filled.
+/// An element of any kind; the kind determines which fields are used.
 #[derive(Default)]
 struct Element {
     position: Vec3,
@@ -65,10 +65,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
     let mut reader = BufReader::new(Cursor::new(bytes));
     let header = parser.read_header(&mut reader).map_err(one_line)?;
     for (name, element) in &header.elements {
-        // Every element takes a byte at least, so a count beyond the file's length is a lie not worth believing.
+        // Every element takes at least a byte, so a count beyond the file's length is wrong.
         if element.count > bytes.len() || element.properties.is_empty() && element.count > 0 {
             return Err(format!(
-                "the header promises {} of `{name}`, which cannot be in this file",
+                "the header declares {} elements `{name}`, more than the file can contain",
                 element.count
             ));
         }
@@ -91,7 +91,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
                 *index = u32::try_from(corner).ok().filter(|&i| (i as usize) < vertices.len()).ok_or_else(
                     || {
                         format!(
-                            "face {face} names vertex {corner}, but there are only {} vertices",
+                            "face {face} refers to vertex {corner}, but there are only {} vertices",
                             vertices.len()
                         )
                     },
@@ -106,7 +106,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
     Ok(Model::from_shape(shape))
 }
 
-/// The parser spreads its messages over indented lines; the first says it all.
+/// The parser's messages have several indented lines, of which the first is sufficient.
 fn one_line(error: std::io::Error) -> String {
     let text = error.to_string();
     let mut lines = text.lines().map(str::trim);
@@ -165,11 +165,11 @@ mod tests {
     }
 
     #[test]
-    fn counts_and_indices_are_not_believed() {
+    fn wrong_counts_and_indices_are_errors() {
         let huge = ASCII.replace("vertex 4", "vertex 4000000000000");
         assert!(read(huge.as_bytes()).unwrap_err().contains("4000000000000"));
         let wrong = ASCII.replace("4 0 1 2 3", "4 0 1 2 -3");
-        assert!(read(wrong.as_bytes()).unwrap_err().contains("face 0 names vertex -3"));
+        assert!(read(wrong.as_bytes()).unwrap_err().contains("face 0 refers to vertex -3"));
     }
 
     #[test]

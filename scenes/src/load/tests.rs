@@ -168,10 +168,10 @@ fn errors_in_a_scene_file_say_where() {
         ("Glossy(roughness: 0.3", "Glossy(roughness: 0", "material `metal`"),
         ("(0, 5, 0), int", "(0, inf, 0), int", "light 0"),
         ("time: 2", "time: 0", "motion `rise`: the time of key 1 is not after that of key 0"),
-        ("(0, 90, 0)", "(0, inf, 0)", "motion `rise`: every number is finite"),
+        ("(0, 90, 0)", "(0, inf, 0)", "motion `rise`: all numbers must be finite"),
         ("[(time: 0), (time: 2, translate: (0, 1, 0), rotate: (0, 90, 0))]", "[]", "`keys` is empty"),
-        ("smooth: 100", "motion: \"raise\"", "object 0: no motion is called `raise`, did you mean `rise`?"),
-        ("intensity: (1, 1, 1)", "intensity: (1, 1, 1), motion: \"x\"", "light 0: no motion is called `x`"),
+        ("smooth: 100", "motion: \"raise\"", "object 0: unknown motion `raise`, did you mean `rise`?"),
+        ("intensity: (1, 1, 1)", "intensity: (1, 1, 1), motion: \"x\"", "light 0: unknown motion `x`"),
         ("high: (1, 1, 1)", "high: (1, 1, NaN)", "not finite"),
     ] {
         let text = SCENE.replacen(from, to, 1);

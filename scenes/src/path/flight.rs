@@ -8,8 +8,8 @@ use serde::Deserialize;
 use super::{PathError, target_distance};
 use crate::{Camera, Scene};
 
-/// The default flight: seconds from one keyframe to the next, and its keyframes as shares of the distance to what
-/// the camera looks at, to the right, up and forward. The look stays on that target.
+/// The default flight: seconds between keyframes, and keyframe positions to the right, up and forward as shares of the
+/// distance to the camera's target. The camera keeps looking at that target.
 const FLIGHT_SECONDS: f32 = 1.0;
 const FLIGHT: [Vec3; 6] = [
     Vec3::ZERO,
@@ -24,7 +24,7 @@ const FLIGHT: [Vec3; 6] = [
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     keys: Vec<Key>,
-    /// After the last key, which repeats the first, it starts again; otherwise it stays there.
+    /// True if the flight restarts after the last key, which repeats the first; otherwise it stays there.
     looped: bool,
 }
 
@@ -52,7 +52,7 @@ struct KeyFile {
 }
 
 impl Flight {
-    /// Frames until it stays at its last key, or begins again, where so many make a second.
+    /// Number of frames until it stays at its last key or restarts.
     pub fn frames(&self, per_second: f32) -> u32 {
         let (first, last) = (self.keys[0], self.keys[self.keys.len() - 1]);
         let begin = if self.looped { first.time } else { 0.0 };
@@ -60,12 +60,12 @@ impl Flight {
         if self.looped { frames.max(1) } else { frames + 1 }
     }
 
-    /// Whether it leads anywhere.
+    /// Returns true if the camera moves.
     pub fn moves(&self) -> bool {
         self.keys.len() > 1
     }
 
-    /// The flight for a scene that brings no keyframes.
+    /// The default flight through a scene.
     pub fn default_of(scene: &Scene) -> Self {
         let camera = scene.camera;
         let distance = target_distance(scene);

@@ -32,7 +32,7 @@ fn forward(camera: &Camera) -> Vec3 {
 }
 
 #[test]
-fn still_stays_and_says_so() {
+fn still_does_not_move() {
     let path = path("still");
     assert!(!path.moves());
     assert_eq!(path.camera(0), outside().camera);
@@ -51,7 +51,7 @@ fn every_moving_path_begins_near_the_scenes_view_and_moves() {
 }
 
 #[test]
-fn orbit_swings_by_one_degree_a_frame_about_what_is_seen() {
+fn orbit_swings_about_its_target_by_one_degree_per_frame() {
     let path = path("orbit");
     let angle = |frame| {
         let eye = path.camera(frame).eye;
@@ -176,13 +176,13 @@ fn flight_has_no_jumps_in_velocity() {
 fn errors_say_what_to_write_instead() {
     assert_eq!(
         message("orbitt"),
-        "unknown camera path `orbitt`, did you mean `orbit`?; there are still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], \
+        "unknown camera path `orbitt`, did you mean `orbit`?; known paths: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], \
          fly[:FILE.ron], shake"
     );
     assert!(!message("spiral").contains("did you mean"));
     assert_eq!(
         message("orbit:fast"),
-        "camera path `orbit:fast`: expected degrees a frame between -360 and 360, found `fast`"
+        "camera path `orbit:fast`: expected degrees per frame between -360 and 360, found `fast`"
     );
     for bad in ["orbit:", "orbit:nan", "orbit:1:0", "orbit:1:400", "orbit:1:2:3", "still:1", "shake:2", ""] {
         assert!(CameraPath::parse(bad, &outside()).is_err(), "{bad}");
@@ -237,7 +237,7 @@ fn recorded_cameras_come_back_from_their_keyframes() {
 }
 
 #[test]
-fn paths_know_when_they_begin_again() {
+fn paths_know_when_they_repeat() {
     assert_eq!(path("orbit").frames(), Some(56));
     assert_eq!(path("orbit:2:360").frames(), Some(180));
     assert_eq!(path("orbit:0").frames(), Some(1));

@@ -1,4 +1,4 @@
-//! Where the edges of a converged image are: found by rays alone, so that no pipeline is measured against itself.
+//! The edges of a converged image, found by rays alone, so that no pipeline is measured against itself.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ use crate::{CREASE_ANGLE, Camera, Mesh, Tracer, trace::Seen};
 /// Rays from one side of a pixel to the opposite one are this many steps apart, both sides included.
 const STEPS: usize = 4;
 
-/// Points of an area light.
+/// Sample points of an area light.
 const CENTER: [f32; 2] = [0.5; 2];
 const EXTREMES: [[f32; 2]; 5] = [CENTER, [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
 
@@ -53,7 +53,7 @@ pub fn edges(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
     cut
 }
 
-/// Whether an outline or a crease lies between two points; a pixel is `width` metres wide there.
+/// Returns true if an outline or a crease lies between two points; a pixel is `width` metres wide there.
 fn separated(mesh: &Mesh, a: &Seen, b: &Seen, width: f32) -> bool {
     let [i, j] = [a.face, b.face].map(|face| face as usize);
     if i == j {
@@ -67,13 +67,13 @@ fn separated(mesh: &Mesh, a: &Seen, b: &Seen, width: f32) -> bool {
         || off_plane > width
 }
 
-/// What the rays of one row of pixels met.
+/// The hits of the rays of one row of pixels.
 struct Lattice {
     /// Points in a row.
     stride: usize,
     /// `STEPS + 1` rows from the top.
     seen: Vec<Option<Seen>>,
-    /// For each light and point, whether the point sees the light's centre, if both face each other.
+    /// For each light and point: `Some(true)` if the point sees the light's centre, `None` unless both face each other.
     lit: Vec<Vec<Option<bool>>>,
 }
 
@@ -103,14 +103,14 @@ impl Lattice {
         })
     }
 
-    /// Whether a light's centre is seen from one point of pixel `x` and hidden from its neighbour.
+    /// Returns true if a light's centre is visible from one point of pixel `x` and hidden from its neighbour.
     fn center_is_half_hidden(&self, x: usize, light: usize) -> bool {
         let lit = &self.lit[light];
         self.neighbours(x).any(|[a, b]| matches!((lit[a], lit[b]), (Some(a), Some(b)) if a != b))
     }
 }
 
-/// Whether the light is wholly seen and wholly hidden within half a pixel around a pixel.
+/// Returns true if, within half a pixel around a pixel, one point sees the whole light and another none of it.
 fn penumbra_is_narrow(
     tracer: &Tracer,
     camera: &Camera,
@@ -130,8 +130,8 @@ fn penumbra_is_narrow(
     all(true) && all(false)
 }
 
-/// Which pixels' centres lie at most `radius` pixels (Euclidean) from the centre of a marked one, in an image whose rows
-/// have `width` pixels.
+/// Marks the pixels whose centres lie at most `radius` pixels (Euclidean) from the centre of a marked one, in an image
+/// whose rows have `width` pixels.
 pub fn within(marked: &[bool], width: usize, radius: f32) -> Vec<bool> {
     let reach = radius.max(0.0) as isize;
     let disc: Vec<[isize; 2]> = (-reach..=reach)
@@ -143,7 +143,7 @@ pub fn within(marked: &[bool], width: usize, radius: f32) -> Vec<bool> {
     for index in (0..marked.len()).filter(|&index| marked[index]) {
         for [dx, dy] in &disc {
             let (x, y) = ((index % width).wrapping_add_signed(*dx), (index / width).wrapping_add_signed(*dy));
-            // A step over the left or upper side wraps to a huge number.
+            // A step beyond the left or upper side wraps to a huge number.
             if x < width && y < height {
                 near[y * width + x] = true;
             }
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_of_one_object_is_an_edge_where_it_is_wider_than_a_pixel() {
+    fn a_depth_step_within_an_object_is_an_edge_if_it_is_wider_than_a_pixel() {
         // A plate at height 1 ends at x = 0.065 and hides the floor up to x = 0.13.
         let high = plate([-9.0, -9.0], [0.065, 9.0], 1.0);
         assert_eq!(columns(&edges_of(&[joined(&floor(), &high)])), [8]);
@@ -237,12 +237,12 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_all_surfaces_is_an_edge() {
+    fn the_border_to_the_background_is_an_edge() {
         assert_eq!(columns(&edges_of(&[plate([-9.0, -9.0], [0.13, 9.0], 0.0)])), [8]);
     }
 
     #[test]
-    fn a_fold_is_an_edge_from_the_crease_angle_on() {
+    fn a_fold_is_an_edge_above_the_crease_angle() {
         // Two halves of a roof that meet at x = 0.13, each sloping by half the angle between their normals.
         let roof = |degrees: f32| {
             let drop = 9.0 * (0.5 * degrees).to_radians().tan();

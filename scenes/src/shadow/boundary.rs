@@ -1,4 +1,4 @@
-//! Which parts of an event's cuts are shadow boundaries: shadow rays from both sides decide.
+//! Finds the parts of an event's cuts that are shadow boundaries, by shadow rays from both sides.
 
 use glam::DVec3;
 
@@ -25,10 +25,10 @@ const MIN_SINE: f64 = 0.01;
 const STEP: f64 = 1.0 / 256.0;
 const MAX_STEPS: f64 = 256.0;
 
-/// The ends of boundaries are found by halving a step so many times.
+/// Number of bisection steps to find the ends of boundaries.
 const HALVINGS: u32 = 8;
 
-/// Half octaves below the scene's diagonal at which penumbrae are no longer told apart.
+/// Half octaves below the scene's diagonal beyond which widths of penumbrae are not distinguished.
 const NARROWEST: f64 = -24.0;
 
 /// Finds the boundaries of one light's events.
@@ -154,7 +154,7 @@ impl<'a> Finder<'a> {
         0.5 * (here + there)
     }
 
-    /// The width of the penumbra at a place of a line if that is on a boundary.
+    /// The width of the penumbra at a point of a line, or `None` if that is not on a boundary.
     fn width(&self, line: &Line, place: f64) -> Option<Width> {
         let point = line.ends[0].lerp(line.ends[1], place);
         let [light, blocker] = line.event.in_line(point);
@@ -185,7 +185,7 @@ impl<'a> Finder<'a> {
             let (above, ray) = (line.normal.dot(light - point), blocker - light);
             let sinks = -line.normal.dot(ray);
             let meets = light + ray * (above / sinks);
-            // A corner below the receiver's horizon moves it without end.
+            // A corner below the receiver's horizon moves it infinitely far.
             if above > 0.0 && sinks > 0.0 { across.dot(meets - point).abs() } else { f64::INFINITY }
         };
         match line.event.kind {
@@ -203,14 +203,14 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Whether light gets from a point of the light to a receiver of the given normal.
+    /// Returns true if light gets from a point of the light to a receiver with the given normal.
     fn sees(&self, from: DVec3, normal: DVec3, light: DVec3) -> bool {
         let towards = (light - from).normalize_or_zero();
         let sine = normal.dot(towards);
         sine >= MIN_SINE && self.clear(light, from, self.lift / sine)
     }
 
-    /// Whether nothing lies between a point of the light and the ray's end, which stops `short` before `to`.
+    /// Returns true if nothing lies between a point of the light and the ray's end, which stops `short` before `to`.
     fn clear(&self, light: DVec3, to: DVec3, short: f64) -> bool {
         let (direction, distance) = (to - light).normalize_and_length();
         let begin = match self.source.normal {

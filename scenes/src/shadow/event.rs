@@ -34,7 +34,7 @@ impl Source {
         }
     }
 
-    /// Whether it is no point.
+    /// Returns true if it is a quad light.
     pub fn has_area(&self) -> bool {
         self.normal.is_some()
     }
@@ -66,7 +66,7 @@ impl HalfSpace {
         Self::new(gradient * sign, origin)
     }
 
-    /// The sum with a number.
+    /// The sum of the function and a number.
     pub fn plus(&self, number: f64) -> Self {
         Self { offset: self.offset + number, ..*self }
     }
@@ -98,7 +98,7 @@ impl HalfSpace {
     }
 }
 
-/// What touches whom.
+/// The elements of light and blocker that touch the plane.
 #[derive(Clone, Copy, Debug)]
 enum Touch {
     /// A corner of the light, or a point light, and an edge.

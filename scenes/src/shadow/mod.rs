@@ -6,9 +6,9 @@
 //! seen, and the penumbra, where part of it is. Each such pair spans a plane (`event`), the plane cuts
 //! the receivers (`receivers`), and shadow rays decide which parts of the cuts are boundaries (`boundary`).
 //!
-//! Nothing here depends on a view. Where bodies move, only what they touch is searched again (`search`, `region`). Left
-//! out: events of three edges (curved boundaries between the others), boundaries
-//! within a penumbra, penumbrae wider than [`ShadowSettings::max_penumbra`], and edges where meshes interpenetrate.
+//! Nothing here depends on a view. When bodies move, only events that they affect are searched again (`search`, `region`).
+//! Not found are events of three edges (curved boundaries between the others), boundaries within a penumbra, penumbrae
+//! wider than [`ShadowSettings::max_penumbra`], and edges where meshes interpenetrate.
 
 mod boundary;
 mod event;
@@ -21,14 +21,14 @@ use glam::{DVec3, Vec3};
 use crate::Tracer;
 pub use search::{ShadowSearch, ShadowWork};
 
-/// What a shadow boundary separates.
+/// The regions that a shadow boundary separates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ShadowKind {
     /// Light from shadow of a point light.
     Hard,
-    /// Places that see something of a quad light from places that see nothing.
+    /// Points that see a part of a quad light from points that see nothing of it.
     Umbra,
-    /// Places that see all of a quad light from places that see part of it.
+    /// Points that see all of a quad light from points that see a part of it.
     Penumbra,
 }
 
@@ -37,26 +37,26 @@ pub enum ShadowKind {
 pub struct ShadowSegment {
     /// Its ends on the receiver, metres.
     pub ends: [Vec3; 2],
-    /// What it separates.
+    /// The regions that it separates.
     pub kind: ShadowKind,
-    /// How far across the boundary light turns into full shadow, metres on the receiver; 0 for hard boundaries. Along
-    /// one segment it varies by less than 1.5 times; this is the largest, or that of a penumbra too narrow to matter.
+    /// Width of the penumbra across the boundary, metres on the receiver; 0 for hard boundaries. Along one segment it
+    /// varies by a factor of less than 1.5; this is the largest width, or that of a penumbra too narrow to matter.
     pub penumbra: f32,
     /// Index of the blocker's edge in the mesh, or of an edge at the blocker's vertex.
     pub edge: u32,
-    /// Index of the receiver's triangle (one of them, where the segment runs over several in one plane).
+    /// Index of the receiver's triangle (one of them, if the segment runs over several coplanar ones).
     pub face: u32,
 }
 
-/// How shadow boundaries are found.
+/// The settings of the search for shadow boundaries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShadowSettings {
-    /// Most segments. Of more, the most important are kept: the long ones with a narrow penumbra.
+    /// Maximum number of segments. If there are more, the most important are kept: long ones with a narrow penumbra.
     pub capacity: usize,
-    /// How close to its blocker an object shows no boundary on itself, as a share of the light's distance from the
-    /// blocker: what lies closer repeats the blocker's own edges. A tenth of it for the boundaries on other objects.
+    /// Least distance of a boundary from its blocker on the same object, as a share of the light's distance from the
+    /// blocker: closer boundaries repeat the blocker's own edges. For other objects, a tenth of it.
     pub contact: f32,
-    /// Boundaries of wider penumbrae are left out; a share of the diagonal of the scene's bounds.
+    /// Maximum width of penumbrae, as a share of the diagonal of the scene's bounds. Boundaries of wider ones are dropped.
     pub max_penumbra: f32,
 }
 
@@ -71,15 +71,15 @@ impl Default for ShadowSettings {
 pub struct ShadowSegments {
     /// By light, then by edge or vertex of the blocker.
     pub segments: Vec<ShadowSegment>,
-    /// How many more were found than [`ShadowSettings::capacity`] allows.
+    /// Number of segments dropped because of [`ShadowSettings::capacity`].
     pub dropped: usize,
 }
 
-/// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads; the same for any number of them.
-/// [`ShadowSearch`] does so pose after pose.
+/// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads. The result does not depend on their
+/// number. [`ShadowSearch`] does so for one pose after another.
 ///
-/// `progress` is told the finished share, in [0, 1), now and then and from any thread; when it returns `false`, the
-/// search ends and gives `None`.
+/// `progress` is called from time to time, from any thread, with the finished share, in [0, 1). If it returns `false`, the
+/// search ends and returns `None`.
 pub fn shadow_segments(
     tracer: &Tracer,
     settings: &ShadowSettings,
@@ -88,7 +88,7 @@ pub fn shadow_segments(
     ShadowSearch::new(*settings).find(tracer, progress)
 }
 
-/// A direction of unit length across `a` and `b`; `None` where they are (nearly) parallel.
+/// The unit vector perpendicular to `a` and `b`; `None` if they are (nearly) parallel.
 fn across(a: DVec3, b: DVec3) -> Option<DVec3> {
     let cross = a.cross(b);
     let length = cross.length();

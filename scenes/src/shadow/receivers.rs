@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::event::{Event, HalfSpace};
 use crate::{Mesh, NO_FACE, Pose, Scene, Surface};
 
-/// Receivers whose normals have a larger cosine are in one plane where they meet.
+/// Adjacent receivers whose normals have a larger cosine are coplanar.
 const ONE_PLANE: f64 = 1.0 - 1e-9;
 
 /// Vertices of bodies lie within this share of the largest coordinate of where their pose takes them.
@@ -69,7 +69,7 @@ impl Reached {
     }
 }
 
-/// Everything that can receive a shadow: the same for all poses of a scene.
+/// All geometry that can receive a shadow, for all poses of a scene.
 pub(super) struct Receivers {
     still: Boxes,
     bodies: Vec<Boxes>,

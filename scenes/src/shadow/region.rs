@@ -1,4 +1,4 @@
-//! Where the light rays of an event run, and which bodies may stand in their way.
+//! The regions in which the light rays of events run, and the bodies that may block them.
 
 use glam::{DMat3, DVec3};
 
@@ -12,14 +12,14 @@ use crate::{Body, Pose};
 /// the event's part of it.
 const BESIDE: f64 = 100.0;
 
-/// What touches a region's side by less than this share of the largest coordinate may be cut by rays in f32.
+/// Geometry within this share of the largest coordinate of a region's side may be cut by rays in f32.
 const SLACK: f64 = 1e-5;
 
 /// A body's box in one of its poses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PosedBox {
     center: DVec3,
-    /// Half of its sides.
+    /// Half of its size.
     sides: [DVec3; 3],
 }
 
@@ -79,7 +79,7 @@ impl Region {
         Some(Self { sides: sides.each_ref().map(with_light), slack: SLACK * reach })
     }
 
-    /// Whether a box may lie in it, in part.
+    /// Returns true if a box may intersect it.
     pub fn touches(&self, posed: &PosedBox) -> bool {
         self.sides.iter().all(|side| posed.most(side) >= -self.slack)
     }

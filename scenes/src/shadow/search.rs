@@ -1,10 +1,9 @@
-//! The search for a scene's shadow boundaries, and the search anew where something has moved.
+//! The search for a scene's shadow boundaries, and its incremental update after motion.
 //!
-//! An event's boundaries depend on its light, its blocker, and what lies in the region where its rays run (`region`).
-//! So a search keeps all events with what was found of them. After bodies have moved it searches the events of
-//! their own edges and of their lights, and those of others whose region holds a moved body, where it was or where it
-//! is: whatever of it was a receiver or stood between light and receiver, and whatever it uncovers. All others are as they
-//! were, to the bit.
+//! An event's boundaries depend on its light, its blocker, and the geometry in the region of its rays (`region`).
+//! So a search keeps all events with their boundaries. After bodies have moved, it searches the events of their own edges
+//! and lights again, and those other events whose region contains a moved body, at its old or new place: the body may be
+//! or have been a receiver, or an obstacle between light and receiver. All other events stay the same, to the bit.
 
 use std::{
     ops::Range,
@@ -26,36 +25,36 @@ use super::{
 };
 use crate::{Body, Light, Pose, Scene, Tracer};
 
-/// Blocker's edges or vertices between two calls of `progress`.
+/// Number of blockers' edges or vertices between two calls of `progress`.
 const PROGRESS_STEP: usize = 4096;
 
-/// What the last search did, in events: pairs of a light and a blocker's edge or vertex that may cast a boundary.
+/// Statistics of the last search, in events: pairs of a light and a blocker's edge or vertex that may cast a boundary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShadowWork {
     /// Searched because their light or their blocker has moved, or for the first time.
     pub own: usize,
-    /// Searched because something that has moved may be or have been among their receivers, or before them.
+    /// Searched because a moved body may be or have been one of their receivers, or in front of one.
     pub touched: usize,
     /// Not searched.
     pub kept: usize,
 }
 
-/// Finds the shadow boundaries of a scene, pose after pose. What it found last is kept where bodies move, so that it
-/// searches only where something has changed; the result is that of a search from nothing.
+/// Finds the shadow boundaries of a scene, pose after pose. It keeps the last result and searches only events that have
+/// changed; the result equals that of a full search.
 pub struct ShadowSearch {
     settings: ShadowSettings,
     known: Option<Known>,
     work: ShadowWork,
 }
 
-/// What is known of a scene after a search.
+/// The state of a scene after a search.
 struct Known {
-    /// Tells the scene, in whatever pose.
+    /// Identifies the scene, in any pose.
     bodies: Arc<Vec<Body>>,
     receivers: Receivers,
     around: Around,
     reach: f64,
-    /// As of the last search; none before the first.
+    /// State after the last search; `None` before the first.
     poses: Vec<Pose>,
     lights: Vec<Light>,
     /// For each light its events, by place.
@@ -73,26 +72,26 @@ struct Found {
 /// The bodies that have moved since the last search.
 struct Moved<'a> {
     bodies: Vec<&'a Body>,
-    /// Where they were and where they are.
+    /// Their old and new places.
     boxes: Vec<PosedBox>,
 }
 
 impl ShadowSearch {
-    /// A search that knows nothing yet.
+    /// A search without any results yet.
     pub fn new(settings: ShadowSettings) -> Self {
         Self { settings, known: None, work: ShadowWork::default() }
     }
 
-    /// What the last search did.
+    /// Statistics of the last search.
     pub fn work(&self) -> ShadowWork {
         self.work
     }
 
-    /// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads; the same for any number of them.
-    /// Searches everything if the last scene was no pose of this one.
+    /// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads. The result does not depend on
+    /// their number. Searches everything if the last scene was not a pose of this one.
     ///
-    /// `progress` is told the finished share, in [0, 1), now and then and from any thread; when it returns `false`, the
-    /// search ends and gives `None`.
+    /// `progress` is called from time to time, from any thread, with the finished share, in [0, 1). If it returns `false`,
+    /// the search ends and returns `None`.
     pub fn find(
         &mut self,
         tracer: &Tracer,
@@ -103,7 +102,7 @@ impl ShadowSearch {
         if scene.lights.is_empty() {
             return Some(ShadowSegments::default());
         }
-        // Taken, so that a search that ends early leaves nothing half done.
+        // Taken out, so that a search that ends early leaves no partial state.
         let known = self.known.take().filter(|known| Arc::ptr_eq(&known.bodies, &scene.bodies));
         let mut known = known.unwrap_or_else(|| Known::new(scene));
         let moved = Moved::new(scene, &known.poses);
@@ -206,7 +205,7 @@ impl OfLight<'_> {
         found
     }
 
-    /// Searches the events that what has moved may have changed. How many of them are not its own.
+    /// Searches the events that motion may have changed. Returns how many of them are not the moved bodies' own.
     fn again(&self, found: &mut Vec<Found>, moved: &Moved) -> usize {
         if moved.bodies.is_empty() {
             return 0;
@@ -222,12 +221,12 @@ impl OfLight<'_> {
         for body in &moved.bodies {
             self.search(body.edges.clone(), body.vertices.clone(), body.faces.clone(), found);
         }
-        // Stable: the events of one place stay in order.
+        // A stable sort keeps the events of one place in order.
         found.par_sort_by_key(|found| found.place);
         touched
     }
 
-    /// Appends the events of some edges and vertices, whose faces are given, and what they cause.
+    /// Appends the events of the given edges and vertices, with their boundaries.
     fn search(
         &self,
         edges: Range<usize>,
@@ -239,7 +238,7 @@ impl OfLight<'_> {
         let find = |place: usize, events: Vec<Event>| {
             events.into_iter().filter_map(move |event| {
                 let segments = self.boundaries(&event);
-                // Where nothing moves, nobody asks again.
+                // In a static scene, regions are never needed again.
                 (moves || !segments.is_empty()).then_some(Found { place, event, segments })
             })
         };
@@ -262,7 +261,7 @@ impl OfLight<'_> {
     }
 }
 
-/// The largest coordinate of the scene and its lights, wherever they move: what the rounding of rays is relative to.
+/// The largest coordinate of the scene and its lights in any frame, to which the rounding of rays is relative.
 fn reach_of(scene: &Scene) -> f64 {
     let still = |index: &usize| !scene.bodies.iter().any(|body| body.lights.contains(index));
     let lights = (0..scene.lights.len()).filter(still).map(|index| match scene.lights[index] {
@@ -298,7 +297,7 @@ fn keep_important(segments: &mut Vec<ShadowSegment>, capacity: usize, diagonal: 
     *segments = order.into_iter().map(|index| segments[index]).collect();
 }
 
-/// How much is done, and whether to go on.
+/// The progress of a search, and whether to continue.
 struct Work<'a> {
     done: AtomicUsize,
     all: usize,
@@ -311,7 +310,7 @@ impl<'a> Work<'a> {
         Self { done: AtomicUsize::new(0), all, progress, stopped: AtomicBool::new(false) }
     }
 
-    /// Counts an edge or vertex; whether it is still wanted.
+    /// Counts an edge or vertex. Returns false if the search should stop.
     fn step(&self) -> bool {
         let done = self.done.fetch_add(1, Ordering::Relaxed);
         if done.is_multiple_of(PROGRESS_STEP) && !(self.progress)(done as f32 / self.all as f32) {

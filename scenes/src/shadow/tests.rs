@@ -225,7 +225,7 @@ fn a_box_on_the_floor_repeats_no_edge_of_itself() {
 }
 
 #[test]
-fn needless_scenes_give_nothing() {
+fn scenes_without_shadows_give_no_segments() {
     let mut world = World::new(1.0);
     world.square(0.0, 5.0, [0.0; 2]);
     assert_eq!(find(&world.scene(), &WIDE), []);
@@ -383,7 +383,7 @@ fn the_boxes_of_cornell_have_closed_penumbrae() {
 }
 
 #[test]
-fn any_number_of_threads_finds_the_same() {
+fn the_result_does_not_depend_on_the_number_of_threads() {
     let scene = heap(7, 1.0, |world, _| world.lamp(5.0, 0.1));
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -409,7 +409,7 @@ fn more_than_the_capacity_keeps_the_long_ones_in_order() {
 }
 
 #[test]
-fn a_search_that_is_not_wanted_ends() {
+fn a_cancelled_search_ends() {
     let scene = heap(9, 1.0, |world, _| world.lamp(5.0, 0.1));
     assert_eq!(shadow_segments(&Tracer::new(scene), &WIDE, &|share| !(0.0..1.0).contains(&share)), None);
 }

@@ -1,8 +1,8 @@
 //! The scene's triangles under eight-wide bounding volume hierarchies (obvhs), in coordinates scaled to a common
 //! size, with a triangle test that lets no ray slip through a shared edge.
 //!
-//! What stands still has one hierarchy, and each body its own, over its triangles at rest: rays are taken there by the
-//! body's pose. So nothing is built again when bodies move.
+//! Static geometry has one hierarchy, and each body its own over its triangles at rest, into whose space rays are
+//! transformed by the body's pose. So nothing is rebuilt when bodies move.
 
 use std::{sync::Arc, time::Duration};
 
@@ -15,15 +15,15 @@ use obvhs::ray::{Ray, RayHit};
 
 use crate::{Mesh, Pose, Scene};
 
-/// The largest coordinate is scaled to [2^9, 2^10): the hierarchy's own tolerances are absolute (1e-4), so that
-/// the scene has to be large against them.
+/// The largest coordinate is scaled to [2^9, 2^10): the tolerances of obvhs are absolute (1e-4), so the scene has to be
+/// large compared to them.
 const SCALED_EXPONENT: i32 = 10;
 
 /// Boxes grow by this much on each side, in scaled units: more than the rounding of the slab test, so that a ray
 /// along a box's face is not lost.
 const PAD: f32 = 1.0 / 1024.0;
 
-/// Where a ray meets the mesh.
+/// The hit of a ray with the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Intersection {
     /// Index into `Mesh::triangles`.
@@ -90,10 +90,10 @@ impl Bvhs {
         Self { still, bodies }.posed(&scene.poses)
     }
 
-    /// The same with the bodies in other poses.
+    /// The same hierarchies with the bodies in other poses.
     pub fn posed(&self, poses: &[Pose]) -> Self {
         let bodies = self.bodies.iter().zip(poses);
-        // Rays are taken from the world to the body.
+        // Transforms rays from the world to the body.
         let bodies = bodies.map(|((bvh, _), pose)| (bvh.clone(), pose.inverse())).collect();
         Self { still: self.still.clone(), bodies }
     }
@@ -109,7 +109,7 @@ impl Bvhs {
         nearest.map(|(_, intersection)| intersection)
     }
 
-    /// Whether nothing lies between two points.
+    /// Returns true if nothing lies between two points.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
         let (direction, distance) = (to - from).normalize_and_length();
         self.still.visible(from, direction, distance)
@@ -154,14 +154,14 @@ impl Bvh {
         Some((hit.t, Intersection { face, weights: v / (v.x + v.y + v.z) }))
     }
 
-    /// Whether nothing lies within `distance` metres along the ray; `direction` is of unit length.
+    /// Returns true if nothing lies within `distance` metres along the ray; `direction` is of unit length.
     fn visible(&self, from: Vec3, direction: Vec3, distance: f32) -> bool {
         let ray = self.ray(from, direction, distance * self.scale);
         self.nodes.ray_traverse_miss(ray, |ray, i| self.triangles[i].intersect(ray))
     }
 
     fn ray(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
-        // Adding zero turns -0 into +0: obvhs takes the sign of a zero direction in two different ways.
+        // Adding zero turns -0 into +0: obvhs treats the sign of a zero direction inconsistently.
         let direction = Vec3A::from(direction) + Vec3A::ZERO;
         Ray::new(Vec3A::from(origin) * self.scale, direction, 0.0, tmax)
     }

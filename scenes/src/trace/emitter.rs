@@ -16,7 +16,7 @@ pub(super) struct Quad {
     normal: Vec3,
     area: f32,
     radiance: Vec3,
-    /// Whether rays can hit it, that is, whether its triangles are part of the mesh.
+    /// True if rays can hit it, that is, if its triangles are part of the mesh.
     in_mesh: bool,
 }
 
@@ -27,16 +27,16 @@ pub(super) struct Point {
     intensity: Vec3,
 }
 
-/// What one light sends towards a shaded point, if nothing is in between.
+/// The unoccluded light from one light at a shaded point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Incident {
-    /// Where the shadow ray ends.
+    /// End of the shadow ray.
     pub target: Vec3,
     /// Unit direction from the shaded point.
     pub direction: Vec3,
     /// Radiance over `pdf`; for a point light its irradiance on a plane across the direction.
     pub power: Vec3,
-    /// Density of the direction where a scattered ray could have found the same light, 1/sr; 0 where none could.
+    /// Density of the direction, 1/sr, if a scattered ray could find the same light, else 0.
     pub pdf: f32,
 }
 
@@ -73,7 +73,7 @@ impl Quad {
     }
 }
 
-/// All lights, and which faces of the mesh belong to a quad light.
+/// All lights, and the map from faces of the mesh to quad lights.
 #[derive(Debug, Default)]
 pub(super) struct Emitters {
     pub quads: Vec<Quad>,

@@ -27,17 +27,17 @@ pub use queue::{AsyncTracer, TaggedHit, TaggedJob};
 pub use rng::Rng;
 use surface::{Bsdf, Lobe, PerLobe};
 
-/// Stands for "no face" in [`Hit::face`].
+/// Means "no face" in [`Hit::face`].
 const NO_FACE: u32 = crate::NO_FACE;
 
 /// Russian roulette begins at this bounce.
 const ROULETTE_BOUNCE: u32 = 3;
 
-/// A path survives roulette with at most this probability, so that even a white closed room ends.
+/// A path survives roulette with at most this probability, so that paths end even in a closed white room.
 const MAX_SURVIVAL: f32 = 0.97;
 
-/// In direct mode a glossy surface seen in a glossy surface has a lobe at least this wide (alpha): only lights
-/// are sampled there, and a narrow lobe would answer them with rare bright points.
+/// In direct mode, a glossy surface seen in a glossy surface has a lobe at least this wide (alpha): only lights
+/// are sampled there, and a narrow lobe would give rare bright points.
 const REFLECTED_ALPHA: f32 = 0.1;
 
 /// Rays start this many units in the last place of the triangle's coordinates off the surface.
@@ -48,7 +48,7 @@ const LOBE_PAIR: u32 = 0;
 const DIRECTION_PAIR: u32 = 1;
 const FIRST_LIGHT_PAIR: u32 = 2;
 
-/// Which light a sample carries.
+/// The light transport that a sample includes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Mode {
     /// Light that comes from the lights to the first surface, directly or over mirrors, and one glossy reflection.
@@ -58,14 +58,14 @@ pub enum Mode {
     Path,
 }
 
-/// How samples are traced.
+/// The settings of tracing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSettings {
     /// Light paths of one sample; 0 counts as 1.
     pub spp: u32,
     /// Direct light or full paths.
     pub mode: Mode,
-    /// Most reflections after the first surface.
+    /// Maximum number of reflections after the first surface.
     pub max_bounces: u32,
 }
 
@@ -75,13 +75,13 @@ impl Default for TraceSettings {
     }
 }
 
-/// A sample: what a ray saw.
+/// A sample: the result of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Where the ray met the first surface, metres; if it met none, its unit direction (a point at infinity,
     /// `algorithms.md` section 11.3).
     pub position: Vec3,
-    /// Whether it met a surface.
+    /// True if it met a surface.
     pub hit: bool,
     /// Radiance towards the ray's origin.
     pub radiance: Vec3,
@@ -90,7 +90,7 @@ pub struct Hit {
 }
 
 impl Default for Hit {
-    /// A ray that met nothing and saw black.
+    /// The sample of a ray that met nothing and saw black.
     fn default() -> Self {
         Self { position: Vec3::NEG_Z, hit: false, radiance: Vec3::ZERO, face: NO_FACE }
     }
@@ -103,7 +103,7 @@ pub struct Job {
     pub origin: Vec3,
     /// Its direction, of any length.
     pub direction: Vec3,
-    /// Chooses the random numbers; see [`Rng::key`].
+    /// Key of the random numbers; see [`Rng::key`].
     pub key: u64,
 }
 
@@ -116,16 +116,16 @@ pub struct Tracer {
     non_finite: Arc<AtomicU64>,
 }
 
-/// A point of a surface that a ray met first: where it is, not what light it sends.
+/// The first surface point that a ray meets: its geometry, without its radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Seen {
-    /// Where, metres.
+    /// Position, metres.
     pub position: Vec3,
     /// Index of the triangle.
     pub face: u32,
     /// Unit normal of the triangle, on the viewer's side.
     pub facing: Vec3,
-    /// Where shadow rays from it start: off the surface.
+    /// Start of shadow rays from it, off the surface.
     pub start: Vec3,
 }
 
@@ -144,7 +144,7 @@ struct Vertex {
     emission: Vec3,
 }
 
-/// How a scattered ray was chosen, for the weight of the light that it finds.
+/// The sampling of a scattered ray, for the weight of the light that it finds.
 #[derive(Clone, Copy)]
 struct Origin {
     position: Vec3,
@@ -162,8 +162,8 @@ impl Tracer {
         Self { scene, bvh, emitters, non_finite: Arc::default() }
     }
 
-    /// The tracer of the scene in a frame: this one where nothing has another pose then. Hierarchies are shared and not
-    /// built again; see [`Scene::posed`] for what is written anew.
+    /// The tracer of the scene in a frame: this one if no pose differs. Hierarchies are shared, not rebuilt; see
+    /// [`Scene::posed`] for the data that is rewritten.
     pub fn at(self: &Arc<Self>, frame: u32) -> Arc<Self> {
         let poses = self.scene.poses_at(frame);
         if poses == self.scene.poses { self.clone() } else { Arc::new(self.posed(&poses)) }
@@ -180,12 +180,12 @@ impl Tracer {
         }
     }
 
-    /// The scene that it traces.
+    /// The traced scene.
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 
-    /// Whether no triangle lies between two points; the ends themselves do not count.
+    /// Returns true if no triangle lies strictly between two points.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
         self.bvh.visible(from, to)
     }
@@ -197,13 +197,13 @@ impl Tracer {
         Some(Seen { position, face, facing, start: vertex.start() })
     }
 
-    /// How many lights there are to ask [`Tracer::sees_light`] about.
+    /// The number of lights, for [`Tracer::sees_light`].
     pub(crate) fn light_count(&self) -> usize {
         self.emitters.quads.len() + self.emitters.points.len()
     }
 
-    /// Whether nothing lies between a surface and the point `at` in [0, 1]^2 of a light (a point light has only one); `None`
-    /// where the surface or the light faces away. Lights are counted from 0.
+    /// Returns true if nothing lies between a surface and the point `at` in [0, 1]^2 of a light (a point light has only
+    /// one); `None` if the surface or the light faces away. Lights are counted from 0.
     pub(crate) fn sees_light(&self, surface: &Seen, light: usize, at: [f32; 2]) -> Option<bool> {
         let Emitters { quads, points, .. } = &self.emitters;
         let incident = match quads.get(light) {
@@ -214,7 +214,7 @@ impl Tracer {
         Some(self.bvh.visible(surface.start, incident.target))
     }
 
-    /// How many samples so far, in any pose of the scene, had a radiance that was no finite number, and were made black.
+    /// The number of samples so far, in all poses of the scene, whose radiance was not finite. They were made black.
     pub fn non_finite(&self) -> u64 {
         self.non_finite.load(Ordering::Relaxed)
     }
@@ -248,7 +248,7 @@ impl Tracer {
 
     /// Radiance from a vertex towards its viewer.
     fn radiance(&self, first: &Vertex, settings: &TraceSettings, rng: &mut Rng) -> Vec3 {
-        // Mirrors leave no choice, so they are followed once for all light paths.
+        // Mirrors are deterministic, so they are followed once for all light paths.
         let mut vertex = *first;
         let mut tint = Vec3::ONE;
         let mut radiance = vertex.emission;
@@ -275,7 +275,7 @@ impl Tracer {
         radiance + tint * (exact + sampled / paths as f32)
     }
 
-    /// One light path from `first`: what quad lights, scattered rays and everything beyond add to its radiance.
+    /// One light path from `first`: the radiance that quad lights, scattered rays and further bounces contribute.
     fn light_path(
         &self,
         first: &Vertex,
@@ -427,8 +427,8 @@ impl Tracer {
 }
 
 impl Vertex {
-    /// Where rays that leave it start: off the surface, and some way back to the viewer, so that in a corner the
-    /// start is off the other surface too.
+    /// Start of rays that leave it: off the surface, and slightly towards the viewer, so that in a corner it is off the
+    /// other surface too.
     fn start(&self) -> Vec3 {
         offset(self.position, self.facing + self.to_viewer, self.reach)
     }

@@ -1,4 +1,4 @@
-//! The tracer on threads of its own: requests go in, samples come out when they are done, and nobody waits.
+//! The tracer on its own threads: callers submit requests and collect finished samples without waiting.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -6,18 +6,18 @@ use std::thread::JoinHandle;
 
 use super::{Hit, Job, TraceSettings, Tracer};
 
-/// Batches that may wait for a worker. With one batch a frame, a request waits at most this many frames.
+/// Maximum number of waiting batches. With one batch per frame, a request waits at most this many frames.
 const MAX_WAITING: usize = 3;
 
-/// Jobs that a worker takes at a time: a millisecond of work or less for a few light paths a sample.
+/// Jobs that a worker takes at a time: at most a millisecond of work for a few light paths per sample.
 const CHUNK: usize = 64;
 
-/// A request with what the caller needs to recognise its answer.
+/// A request with a tag by which the caller recognises the answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaggedJob<T> {
     /// The request.
     pub job: Job,
-    /// Comes back with the answer.
+    /// Returned with the answer.
     pub tag: T,
 }
 
@@ -38,7 +38,7 @@ pub struct AsyncTracer<T> {
 
 struct Shared<T> {
     state: Mutex<State<T>>,
-    /// Signalled when there is work or the end has come.
+    /// Signalled when there is work, or on shutdown.
     changed: Condvar,
     finished: Mutex<VecDeque<TaggedHit<T>>>,
 }
@@ -74,8 +74,8 @@ impl<T: Copy + Send + 'static> AsyncTracer<T> {
         Self { shared, workers }
     }
 
-    /// Queues a batch for `tracer` and returns at once. If the workers are behind, the oldest batches that no worker has begun
-    /// are dropped; returns how many jobs that were.
+    /// Queues a batch for `tracer` and returns at once. If the workers fall behind, the oldest batches that no worker has
+    /// begun are dropped. Returns the number of dropped jobs.
     pub fn submit(
         &self,
         tracer: &Arc<Tracer>,
@@ -95,21 +95,21 @@ impl<T: Copy + Send + 'static> AsyncTracer<T> {
         dropped
     }
 
-    /// Moves at most `max` finished samples to the end of `into`, oldest first; never waits for a ray.
+    /// Appends at most `max` finished samples to `into`, oldest first, without waiting.
     pub fn collect(&self, max: usize, into: &mut Vec<TaggedHit<T>>) {
         let mut finished = lock(&self.shared.finished);
         let count = max.min(finished.len());
         into.extend(finished.drain(..count));
     }
 
-    /// How many jobs wait for a worker.
+    /// The number of jobs waiting for a worker.
     pub fn waiting(&self) -> usize {
         lock(&self.shared.state).waiting.iter().map(|batch| batch.jobs.len() - batch.next).sum()
     }
 }
 
 impl<T: Copy> Shared<T> {
-    /// A worker's life.
+    /// The loop of a worker thread.
     fn work(&self) {
         let mut chunk = Vec::with_capacity(CHUNK);
         let mut hits = Vec::with_capacity(CHUNK);
@@ -122,7 +122,7 @@ impl<T: Copy> Shared<T> {
         }
     }
 
-    /// Waits for work and moves some of it to `chunk`; `None` at the end.
+    /// Waits for work and moves some of it to `chunk`; `None` on shutdown.
     fn take(&self, chunk: &mut Vec<TaggedJob<T>>) -> Option<(Arc<Tracer>, TraceSettings, u64)> {
         let idle = |state: &mut State<T>| !state.stop && state.waiting.is_empty();
         let mut state =
@@ -147,13 +147,13 @@ impl<T> Drop for AsyncTracer<T> {
         lock(&self.shared.state).stop = true;
         self.shared.changed.notify_all();
         for worker in self.workers.drain(..) {
-            // A worker that panicked has said so on stderr; there is nothing left to save here.
+            // A worker that panicked has reported it on stderr; there is nothing left to do here.
             let _ = worker.join();
         }
     }
 }
 
-/// Locks even after a panic elsewhere: no critical section here leaves half a change behind.
+/// Locks even if another thread panicked: no critical section here can leave a change unfinished.
 fn lock<S>(mutex: &Mutex<S>) -> MutexGuard<'_, S> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -7,15 +7,15 @@ const UNIT: f32 = 1.0 / (1u64 << 24) as f32;
 /// The stratified pair of [`Rng::subpixel`]; the tracer counts its own from 0.
 const SUBPIXEL_PAIR: u32 = u32::MAX;
 
-/// The random numbers of one sample: a PCG32 generator (O'Neill 2014, XSH-RR output) for what needs no structure,
-/// and Owen-scrambled Sobol pairs that stratify the light paths of one sample or of one pixel.
+/// The random numbers of one sample: a PCG32 generator (O'Neill 2014, XSH-RR output) for unstratified numbers, and
+/// Owen-scrambled Sobol pairs that stratify the light paths of one sample or of one pixel.
 #[derive(Clone, Debug)]
 pub struct Rng {
     state: u64,
     increment: u64,
     /// Seeds the Sobol pairs; common to all samples of one key.
     sequence: u32,
-    /// Which sample of the key this is.
+    /// Index of the sample among those of the key.
     nth: u32,
 }
 
@@ -62,7 +62,7 @@ impl Rng {
         [self.next_f32(), self.next_f32()]
     }
 
-    /// Where in its pixel this sample lies, both coordinates in [0, 1): all samples of a key are stratified together.
+    /// Position of the sample within its pixel, both coordinates in [0, 1). All samples of a key are stratified together.
     pub fn subpixel(&self) -> [f32; 2] {
         self.stratified(SUBPIXEL_PAIR, 0, 1)
     }

@@ -1,4 +1,4 @@
-//! How a surface point scatters light: a Lambertian lobe below a GGX lobe, or a perfect mirror.
+//! Scattering at a surface point: a Lambertian lobe below a GGX lobe, or a perfect mirror.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
@@ -6,13 +6,13 @@ use glam::Vec3;
 
 use crate::{Material, Surface};
 
-/// A lobe narrower than this is not told from a mirror in f32 (alpha, the square of the roughness).
+/// Least width of a lobe (alpha, the square of the roughness): narrower ones cannot be told from a mirror in f32.
 const MIN_ALPHA: f32 = 2e-3;
 
 /// Below this cosine the shading normal is bent towards the viewer.
 const MIN_COSINE: f32 = 1e-3;
 
-/// The two lobes of a surface that is no mirror.
+/// The two lobes of a surface that is not a mirror.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lobe {
     Diffuse,
@@ -101,7 +101,7 @@ impl Bsdf {
         self.mirror.then(|| (reflect(self.to_viewer, self.normal), self.color))
     }
 
-    /// Whether there is a GGX lobe.
+    /// Returns true if there is a GGX lobe.
     pub fn is_glossy(&self) -> bool {
         self.glossy.is_some()
     }
@@ -118,7 +118,7 @@ impl Bsdf {
         let Some(glossy) = self.glossy else { return [1.0, 0.0] };
         let diffuse = self.diffuse.max_element();
         let specular = glossy_albedo(self.normal.dot(self.to_viewer), glossy);
-        // Neither lobe is starved while it reflects anything: a rare choice with a large weight is noise.
+        // A lobe that reflects anything gets a minimum probability, as rare choices with large weights are noise.
         let share = if diffuse > 0.0 { (specular / (specular + diffuse)).clamp(0.1, 0.9) } else { 1.0 };
         [1.0 - share, share]
     }
@@ -140,7 +140,7 @@ impl Bsdf {
         [diffuse, LobeValue { value, pdf: d / (1.0 + lambda_o) }]
     }
 
-    /// A direction of one lobe from two numbers in [0, 1); `None` where it would enter the surface.
+    /// Samples a direction of one lobe from two numbers in [0, 1); `None` if it would enter the surface.
     pub fn sample(&self, lobe: Lobe, [u, v]: [f32; 2]) -> Option<Scatter> {
         let (tangent, bitangent) = self.normal.any_orthonormal_pair();
         let (sin_phi, cos_phi) = (TAU * u).sin_cos();
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn stated_density_is_that_of_the_samples() {
+    fn density_matches_the_samples() {
         for (roughness, cosine) in [(0.5, 0.8), (0.8, 0.3)] {
             let bsdf = glossy(roughness, 0.04, 0.5, cosine);
             let mut rng = Rng::new(6, 7);

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use super::*;
 use crate::{Camera, Light, Mesh, Surface, reference};
 
-/// A scene of flat quads, each with a material of its own, in a frame of unit size scaled by `scale`.
+/// A scene of flat quads, each with its own material, of unit size scaled by `scale`.
 struct Stage {
     scene: Scene,
     scale: f32,
@@ -100,7 +100,7 @@ fn form_factor(side: f32, height: f32) -> f32 {
 }
 
 #[test]
-fn quad_light_gives_the_irradiance_of_its_form_factor() {
+fn quad_light_matches_its_form_factor() {
     for side in [0.1, 1.0, 4.0] {
         let mut stage = Stage::new(1.0);
         floor(&mut stage, Surface::Diffuse, 0.8);
@@ -237,7 +237,7 @@ fn glossy_floor_shows_a_quad_light_alike_in_both_modes_and_however_it_is_found()
 }
 
 #[test]
-fn mirror_shows_what_lies_in_its_direction() {
+fn mirror_shows_the_reflected_surface() {
     let mut stage = Stage::new(1.0);
     floor(&mut stage, Surface::Mirror, 0.5);
     ceiling_light(&mut stage, 0.2, 8.0);
@@ -359,7 +359,7 @@ fn add_grid(stage: &mut Stage, center: Vec3, u: Vec3, v: Vec3, n: u32) {
 }
 
 #[test]
-fn a_radiance_that_is_no_number_is_black_and_counted() {
+fn a_radiance_that_is_not_finite_is_black_and_counted() {
     let mut stage = Stage::new(1.0);
     floor(&mut stage, Surface::Diffuse, 0.5);
     stage.scene.lights.push(Light::Point { position: UP, intensity: Vec3::INFINITY });
@@ -441,7 +441,7 @@ fn reference_image_is_the_same_on_any_number_of_threads_and_converges() {
 }
 
 #[test]
-fn reference_pixels_are_averaged_over_their_area_and_each_row_is_told_once() {
+fn reference_pixels_are_averaged_over_their_area_and_each_row_is_reported_once() {
     let mut stage = Stage::new(1.0);
     // Emissive left half of the view, black right half, seen through one row of three pixels.
     stage.quad(Vec3::new(-9.0, -9.0, -1.0), Vec3::X * 9.0, Vec3::Y * 18.0, Surface::Diffuse, 0.0, 1.0);
@@ -458,7 +458,7 @@ fn reference_pixels_are_averaged_over_their_area_and_each_row_is_told_once() {
     assert_eq!(image[2], Vec3::ZERO);
     assert_eq!(rows.load(Ordering::Relaxed), 1);
     assert!(render([3, 9], usize::MAX).is_some() && rows.load(Ordering::Relaxed) == 9);
-    // Whoever says stop gets no image, and rows that are not yet begun are left out.
+    // After a stop there is no image, and rows not yet begun are skipped.
     assert_eq!(render([3, 1000], 1), None);
     assert!(rows.load(Ordering::Relaxed) < 1000);
 }
@@ -532,7 +532,7 @@ fn moved_and_still() -> [Tracer; 2] {
 }
 
 #[test]
-fn a_moved_scene_is_seen_as_one_that_stands_there() {
+fn a_moved_scene_renders_like_a_static_one_at_the_same_place() {
     let [moved, still] = moved_and_still();
     let (mut rng, how, mut on_ball) = (Rng::new(3, 0), settings(Mode::Direct, 4), 0);
     let mut point = |size: f32| size * (2.0 * Vec3::from([0; 3].map(|_| rng.next_f32())) - 1.0);

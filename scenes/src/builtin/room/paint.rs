@@ -1,4 +1,4 @@
-//! What the room's things are made of.
+//! The materials of the room's objects.
 
 use glam::Vec3;
 

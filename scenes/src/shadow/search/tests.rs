@@ -61,7 +61,7 @@ fn random_scene(rng: &mut Rng) -> Tracer {
 }
 
 #[test]
-fn after_any_move_it_is_the_search_from_nothing_to_the_bit() {
+fn an_incremental_search_equals_a_full_one_to_the_bit() {
     let (mut work, mut changes) = (ShadowWork::default(), 0);
     for seed in 0..6 {
         let mut rng = Rng::new(seed, 0);
@@ -90,7 +90,7 @@ fn after_any_move_it_is_the_search_from_nothing_to_the_bit() {
             last = now;
         }
     }
-    // Each kind of event came up, or this would show little.
+    // The test is only meaningful if each kind of event occurs.
     assert!(
         changes > 20 && work.own > 1000 && work.touched > 1000 && work.kept > 1000,
         "{changes}, {work:?}"
@@ -125,7 +125,7 @@ fn a_body_far_from_everything_searches_its_own_events_only() {
         search.find(&tracer.posed(&[pose]), &|_| true).unwrap();
         assert!(search.work().touched > 5, "{:?}", search.work());
     }
-    // Where nothing has moved, nothing is searched.
+    // If nothing has moved, nothing is searched.
     search.find(&tracer.posed(&[shift(4.6, -0.6, 4.5)]), &|_| true).unwrap();
     assert_eq!((search.work().own, search.work().touched), (0, 0));
 }
@@ -156,7 +156,7 @@ fn a_light_that_moves_searches_its_own_events_only() {
 }
 
 #[test]
-fn a_search_that_was_given_up_begins_anew() {
+fn an_interrupted_search_starts_over() {
     let mut rng = Rng::new(77, 0);
     let tracer = random_scene(&mut rng);
     let mut search = ShadowSearch::new(SETTINGS);
@@ -168,7 +168,7 @@ fn a_search_that_was_given_up_begins_anew() {
 }
 
 #[test]
-fn another_scene_is_searched_from_nothing() {
+fn another_scene_is_searched_in_full() {
     let mut rng = Rng::new(5, 0);
     let (one, other) = (random_scene(&mut rng), random_scene(&mut rng));
     let mut search = ShadowSearch::new(SETTINGS);
