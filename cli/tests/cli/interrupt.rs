@@ -1,4 +1,4 @@
-//! Ctrl-C ends a run at the next frame: what was asked for is whole, or not there.
+//! Ctrl-C ends a run at the next frame. Output files are complete or absent.
 
 use std::{
     fs,
@@ -11,7 +11,7 @@ use crate::support::{Place, Running};
 /// The bit of SIGINT in a mask of signals.
 const SIGINT: u64 = 1 << 1;
 
-/// Waits until the program takes Ctrl-C, then sends it.
+/// Waits until the program handles Ctrl-C, then sends it.
 fn interrupt(running: &Running) {
     let status = format!("/proc/{}/status", running.id());
     let takes_it = || {
@@ -44,7 +44,7 @@ fn a_run_that_is_interrupted_writes_its_last_frame() {
     assert!((1..1_000_000_000).contains(&frames));
     let said = format!("interrupted after {frames} of 1000000000 frames");
     assert!(run.stderr.contains(&said), "{}", run.stderr);
-    // The picture is that of a run of so many frames.
+    // The picture equals that of a run of this many frames.
     place.succeeds(&format!(
         "render --size 48x32 --samples 20% --backend cpu --frames {frames} --out same.png"
     ));

@@ -83,7 +83,7 @@ impl Place {
     }
 }
 
-/// A program that has not ended yet.
+/// A running program.
 #[cfg(target_os = "linux")]
 pub struct Running(Child);
 
@@ -94,7 +94,7 @@ impl Running {
         self.0.id()
     }
 
-    /// Waits for its end.
+    /// Waits until it ends.
     pub fn wait(self) -> Run {
         Run::of(self.0.wait_with_output().expect("it was started"))
     }
