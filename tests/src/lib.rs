@@ -67,16 +67,16 @@ impl Run {
     /// Compiles and builds; exact pace, seed 1, profiling off.
     ///
     /// # Panics
-    /// Where anything is wrong: tests give sound graphs.
+    /// On any error, as tests use valid graphs.
     pub fn new(file: &GraphFile, on: Stage) -> Self {
         let place = Place::load(on.scene, on.camera).expect("a built-in scene and a camera path");
         Self::at(file, &place, &on.settings)
     }
 
-    /// As [`Run::new`], in a scene that a test has made.
+    /// Like [`Run::new`], in a scene made by the test.
     ///
     /// # Panics
-    /// Where anything is wrong.
+    /// On any error.
     pub fn in_scene(file: &GraphFile, scene: &Arc<Scene>, camera: &str, settings: Settings) -> Self {
         let place = Place::new(scene.clone(), camera).expect("a camera path");
         Self::at(file, &place, &settings)
@@ -103,7 +103,7 @@ impl Run {
     /// Runs the next frame.
     ///
     /// # Panics
-    /// Where a stage or the device fails.
+    /// If a stage or the device fails.
     pub fn frame(&mut self, capture: bool) {
         self.0.advance(capture).unwrap_or_else(|error| panic!("{error}"));
     }

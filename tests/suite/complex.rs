@@ -54,7 +54,7 @@ fn quarters_bring_complex_pixels_closer_and_leave_the_others() {
 #[test]
 fn quarters_agree_on_both_sides() {
     let [cpu, gpu] = [Side::Cpu, Side::Gpu].map(|side| run("experiments/complex-pixels.ron", side).0);
-    // One request that a rounding moves changes the samples from then on.
+    // Once rounding moves a request, all later samples differ.
     let all: Vec<usize> = (0..cpu.len()).collect();
     let rms = (squares(&cpu, &gpu, &all) / (3 * cpu.len()) as f32).sqrt();
     assert!(rms < 0.01, "{rms}");

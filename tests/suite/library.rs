@@ -50,7 +50,7 @@ fn what_cannot_run_is_refused_with_its_reason() {
     assert!(refused(setup().keep(&["cull.idd"])).contains("idd"));
     assert!(refused(setup().size([0, 5])).contains("size"));
     assert!(text(setup().set("nobody", "x", "1").map(drop).unwrap_err()).contains("nobody"));
-    // A port that is not there leaves what is compiled as it was.
+    // An unknown port leaves the compiled graph unchanged.
     let mut compiled = setup().compile().unwrap();
     compiled.keep(&["cull.id".parse().unwrap()]).unwrap();
     assert!(compiled.keep(&["cull.nothing".parse().unwrap()]).is_err());
@@ -117,7 +117,7 @@ fn samples_come_from_a_source_of_ones_own() {
         run.frames(8).unwrap();
         let color: Image<[f32; 4]> =
             run.read(if graph == "epi" { "antialias.color" } else { "fill.color" }).unwrap();
-        // The horizon is the middle row; look away from it, for no edge is there to keep the halves apart.
+        // The horizon is the middle row. No edge separates the halves there, so skip the rows near it.
         assert_eq!(color[[20, 3]][..3], [1.0; 3], "{graph}: the sky");
         let floor = color[[20, 20]];
         assert!((floor[0] - 0.5).abs() < 2e-3 && (floor[1] - 0.25).abs() < 2e-3, "{graph}: {floor:?}");

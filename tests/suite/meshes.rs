@@ -73,14 +73,14 @@ fn nothing_but_borders() {
     };
     let scene = scene(&shape, Vec3::new(0.0, 0.2, 2.5));
     let (drawn, image) = both_sides(&scene, 6);
-    // All are drawn: each has one face, and the back of it may be seen.
+    // All are drawn, as each has one face, whose back may be visible.
     assert_eq!(ones(&drawn), 27);
     assert!(covered(&image) > 300, "{} pixels covered", covered(&image));
 }
 
 #[test]
 fn the_eye_in_the_plane_of_faces() {
-    // The eye at the height of the box's upper side, and in the plane of a quad, of which a line is all that there is.
+    // The eye is level with the box's upper side, and in the plane of a quad, which it sees as a line.
     let cube = Shape::cuboid(Vec3::new(-0.5, -1.0, -0.5), Vec3::new(0.5, 0.0, 0.5));
     let (drawn, image) = both_sides(&scene(&cube, Vec3::new(0.0, 0.0, 2.5)), 6);
     // Only the side towards the eye faces it.

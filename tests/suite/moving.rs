@@ -25,7 +25,7 @@ fn both_sides_see_the_same_motion() {
     let [mut cpu, mut gpu] =
         [Side::Cpu, Side::Gpu].map(|side| start(&graph("epi.ron"), SCENE, settings(side, &ports)));
     for frame in 0..12 {
-        // A point that a matrix in f32 has rounded otherwise may be seen by the next pixel.
+        // Rounding of an f32 matrix may move a point to the next pixel.
         frame_on_both(&mut cpu, &mut gpu, &ports, 20, &format!("frame {frame}"));
     }
 }
@@ -68,7 +68,7 @@ fn error(file: &GraphFile, color: &str) -> f64 {
     let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
     let converged: Vec<Vec3> =
         reference::render(&tracer, &camera, size, 64, &settings, 7, &|| true).expect("not stopped");
-    // Not of the lamp: it is far brighter than white, so that a few pixels of its rim would decide.
+    // Without the lamp, which is far brighter than white, so that a few pixels of its rim would dominate.
     let lit: Vec<_> = picture.iter().zip(&converged).filter(|(_, b)| b.max_element() < 1.0).collect();
     let shown = |radiance: f32| f64::from(radiance.clamp(0.0, 1.0)).powf(1.0 / 2.2);
     let squares =

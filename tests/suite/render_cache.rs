@@ -44,7 +44,7 @@ fn error(run: &mut Run) -> f32 {
     let tracer = Tracer::new(Scene::load("cornell").expect("a built-in scene").into());
     let truth = reference::render(&tracer, &camera, SIZE, 16, &settings, 9, &|| true).expect("not stopped");
     let color = run.captured("fill.color").get::<[f32; 4]>();
-    // Like a screen, so that the light itself does not outweigh all else.
+    // Clamped like a display, so that the light itself does not dominate.
     let shown = |[r, g, b]: [f32; 3]| [r, g, b].map(|channel| channel.min(1.0));
     let (mut difference, mut sum) = (0.0, 0.0);
     for ([r, g, b, _], truth) in color.into_iter().zip(truth) {
@@ -75,7 +75,7 @@ fn the_cloud_fills_and_stays_consistent() {
         let meta = run.captured("image_id.cloud.meta").get::<u32>();
         live = meta.iter().filter(|&&meta| meta & LIVE != 0).count();
 
-        // Every sample of the frame before has a slot of its own.
+        // Every sample of the previous frame has its own slot.
         let mut slots = run.captured("replace.slots").get::<u32>();
         slots.retain(|&slot| slot != NO_POINT);
         let taken = slots.len();
@@ -84,7 +84,7 @@ fn the_cloud_fills_and_stays_consistent() {
         assert_eq!(slots.len(), taken, "frame {index}: two samples in one slot");
         assert!(slots.iter().all(|&slot| (slot as usize) < meta.len()));
 
-        // Points and pixels know each other.
+        // Points and pixels refer to each other.
         let (ids, image_id) =
             (run.captured("cull.id").get::<u32>(), run.captured("image_id.cloud.image_id").get::<u32>());
         for (pixel, &id) in ids.iter().enumerate().filter(|(_, id)| **id != NO_POINT) {
@@ -94,7 +94,7 @@ fn the_cloud_fills_and_stays_consistent() {
         let drawn = image_id.iter().filter(|&&pixel| pixel != NOT_DRAWN).count();
         assert_eq!(drawn, ids.iter().filter(|&&id| id != NO_POINT).count());
 
-        // As many requests as the frame may make, within the image, each answered.
+        // The maximum number of requests per frame, all within the image and answered.
         let requests = run.captured("request.requests").get::<Request>();
         let valid = requests.iter().filter(|request| request.pixel != NO_PIXEL).count();
         assert!(
@@ -119,7 +119,7 @@ fn the_cloud_fills_and_stays_consistent() {
         );
         assert!(run.captured("fill.priority").get::<u32>().iter().all(|&priority| priority <= 255));
     }
-    // 19 frames brought 819 samples each to 18,678 slots, some of them to slots that were taken.
+    // 19 frames added 819 samples each to 18,678 slots, some of them to occupied slots.
     assert!(live > 9_000, "{live} live points");
     let error = error(&mut run);
     assert!(error < 0.2, "the image of a moving camera is off by {error}");
@@ -179,7 +179,7 @@ fn both_sides_show_the_same() {
         gpu.frame(true);
     }
     // A point whose projection rounds to another pixel changes the requests that follow, and with them the samples; so
-    // the pictures need not be the same for ever. On lavapipe they are.
+    // the pictures may eventually differ. On lavapipe they do not.
     let differing = cpu
         .captured("image")
         .bytes
