@@ -129,6 +129,24 @@ mod tests {
     }
 
     #[test]
+    fn pixels_end_where_the_picture_does() {
+        let mask = vec![0; 64];
+        // The last word counts for no pixel: below the last pixel is the one before it.
+        for (words, at, is_there) in [
+            (64, [0, 0], true),
+            (64, [6, 6], true),
+            (64, [7, 6], false),
+            (64, [6, 7], false),
+            (63, [6, 6], true),
+            (62, [6, 6], false),
+            (62, [5, 6], true),
+            (0, [0, 0], false),
+        ] {
+            assert_eq!(perimeter(&mask[..words], [7, 7], at).is_some(), is_there, "{words} words, {at:?}");
+        }
+    }
+
+    #[test]
     fn other_pixels_have_ticks() {
         // E9: left, top and right side cross at their first slots.
         let found = strokes_at(&mask(&[[2, 2, 0], [3, 2, 0]], &[[2, 2, 0]]), [2, 2]);

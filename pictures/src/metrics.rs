@@ -87,6 +87,62 @@ mod tests {
         assert!((ssim(&a, &b, SIZE) - 0.6001 / 0.6101).abs() < 1e-6);
     }
 
+    /// Random numbers from 0 to 1, more alike the larger `blend`.
+    fn textured(blend: f32) -> [Vec<[f32; 3]>; 2] {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        let a: Vec<[f32; 3]> = (0..192).map(|_| [random(), random(), random()]).collect();
+        let b = a.iter().map(|color| color.map(|value| blend * value + (1.0 - blend) * random())).collect();
+        [a, b]
+    }
+
+    /// SSIM as the paper has it, equation 13 and section III.C: a window at a time, from the deviations themselves.
+    fn ssim_of_windows(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+        let luma = |color: &[f32; 3]| {
+            color
+                .iter()
+                .zip([0.299, 0.587, 0.114])
+                .map(|(&value, weight)| f64::from(value) * weight)
+                .sum::<f64>()
+        };
+        let window = |x: i32, y: i32| {
+            let offsets = (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dx, dy)));
+            let inside =
+                offsets.filter(move |(dx, dy)| (0..16).contains(&(x + dx)) && (0..12).contains(&(y + dy)));
+            let weighted = inside.map(move |(dx, dy)| {
+                let at = (16 * (y + dy) + x + dx) as usize;
+                ((f64::from(dx * dx + dy * dy) / -4.5).exp(), luma(&a[at]), luma(&b[at]))
+            });
+            weighted.collect::<Vec<(f64, f64, f64)>>()
+        };
+        let of_window = |(x, y)| {
+            let window: Vec<(f64, f64, f64)> = window(x, y);
+            let total: f64 = window.iter().map(|(weight, ..)| weight).sum();
+            let mean = |value: &dyn Fn(f64, f64) -> f64| {
+                window.iter().map(|&(weight, a, b)| weight * value(a, b)).sum::<f64>() / total
+            };
+            let (ma, mb) = (mean(&|a, _| a), mean(&|_, b| b));
+            let (va, vb) = (mean(&|a, _| (a - ma).powi(2)), mean(&|_, b| (b - mb).powi(2)));
+            let cov = mean(&|a, b| (a - ma) * (b - mb));
+            let (c1, c2) = (0.0001, 0.0009);
+            (2.0 * ma * mb + c1) * (2.0 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
+        };
+        (0..12).flat_map(|y| (0..16).map(move |x| (x, y))).map(of_window).sum::<f64>() / 192.0
+    }
+
+    #[test]
+    fn ssim_of_textures_is_that_of_the_formula() {
+        for (blend, about) in [(0.2, 0.3), (0.5, 0.6), (0.9, 1.0)] {
+            let [a, b] = textured(blend);
+            let (found, expected) = (ssim(&a, &b, SIZE), ssim_of_windows(&a, &b));
+            assert!((found - expected).abs() < 1e-9, "{found}, expected {expected}");
+            assert!((found - about).abs() < 0.2, "{found} for textures that are {blend} alike");
+        }
+    }
+
     #[test]
     fn inverted_structure_is_dissimilar() {
         let a = gradient();

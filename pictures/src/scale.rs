@@ -144,6 +144,22 @@ mod tests {
         assert_eq!(scale([-0.3, 0.3], Curve::Linear).ticks(4), [-0.2, 0.0, 0.2]);
         assert_eq!(scale([0.5, 2e4], Curve::Log).ticks(6), [1.0, 10.0, 100.0, 1e3, 1e4]);
         assert!(scale([1.0, 1.0], Curve::Linear).ticks(4).is_empty());
+        assert!(scale([0.0, 255.0], Curve::Linear).ticks(0).is_empty());
         assert!(scale([0.0, f32::INFINITY], Curve::Linear).ticks(4).is_empty());
+    }
+
+    #[test]
+    fn only_wide_ranges_of_logarithms_have_powers_of_ten() {
+        for (range, curve, ticks) in [
+            ([1.0, 100.0], Curve::Log, &[1.0, 10.0, 100.0][..]),
+            ([1.0, 99.0], Curve::Log, &[20.0, 40.0, 60.0, 80.0]),
+            ([1.0, 100.0], Curve::Linear, &[20.0, 40.0, 60.0, 80.0, 100.0]),
+            ([0.0, 100.0], Curve::Log, &[0.0, 20.0, 40.0, 60.0, 80.0, 100.0]),
+            ([-1.0, 100.0], Curve::Log, &[0.0, 50.0, 100.0]),
+            ([1.0, 1e8], Curve::Log, &[1.0, 100.0, 1e4, 1e6, 1e8]),
+            ([2.0, 300.0], Curve::Log, &[10.0, 100.0]),
+        ] {
+            assert_eq!(scale(range, curve).ticks(5), ticks, "{curve:?} of {range:?}");
+        }
     }
 }
