@@ -144,10 +144,52 @@ mod tests {
         let red = [200, 0, 0];
         let (size, colors) = sheet(&[tile("a.b", [40, 30], red), tile("c.d", [40, 30], [0, 200, 0])]);
         assert_eq!(colors.len(), size[0] * size[1]);
-        // Enlarged twelve times: 40 x 12 = 480.
-        assert_eq!(colors.iter().filter(|&&color| color == red).count(), 480 * 360);
-        let letters = &colors[..size[0] * (GAP + LETTER.val())];
-        assert!(letters.iter().any(|&[r, ..]| r > 150), "no text");
+        // Enlarged twelve times, to 480 x 360, and side by side.
+        let [pictures, labels] = [GAP + LETTER.val() + LABEL_GAP, GAP];
+        assert_eq!(size, [2 * (480 + GAP) + GAP, pictures + 360 + GAP]);
+        let cut = |[left, top]: [usize; 2], size_of: [usize; 2]| -> Vec<[u8; 3]> {
+            places(size_of).map(|[x, y]| colors[(top + y) * size[0] + left + x]).collect()
+        };
+        for (column, (text, color)) in [("a.b", red), ("c.d", [0, 200, 0])].into_iter().enumerate() {
+            let left = GAP + column * (480 + GAP);
+            assert!(cut([left, pictures], [480, 360]).iter().all(|&found| found == color), "{text}");
+            assert!(cut([left, labels], [480, LETTER.val()]) == label(text, 480), "{text}");
+        }
+        let background = colors.iter().filter(|&&color| color == BACKGROUND).count();
+        let drawn: usize = ["a.b", "c.d"]
+            .iter()
+            .map(|text| label(text, 480).iter().filter(|&&color| color != BACKGROUND).count())
+            .sum();
+        assert_eq!(background, colors.len() - 2 * 480 * 360 - drawn, "something else was drawn");
+    }
+
+    /// A line of text on nothing else.
+    fn label(text: &str, width: usize) -> Vec<[u8; 3]> {
+        let size = [width, LETTER.val()];
+        let mut canvas = Canvas { size, colors: vec![BACKGROUND; size[0] * size[1]] };
+        canvas.text([0, 0], text);
+        canvas.colors
+    }
+
+    #[test]
+    fn labels_can_be_read() {
+        let letter = get_raster_width(WEIGHT, LETTER);
+        let width = 4 * letter;
+        let inked = |colors: &[[u8; 3]], column: usize| {
+            let columns = column * letter..(column + 1) * letter;
+            colors
+                .chunks_exact(width)
+                .flat_map(|row| &row[columns.clone()])
+                .filter(|&&[r, ..]| r > 150)
+                .count()
+        };
+        // Letters where letters are, and none where none are.
+        let colors = label("a b", width);
+        assert_eq!([0, 1, 2, 3].map(|column| inked(&colors, column) > 10), [true, false, true, false]);
+        assert_ne!(label("a.b", width), label("c.d", width));
+        assert_ne!(label("ab", width), label("ba", width));
+        // What the font lacks.
+        assert_eq!(label("\u{1f600}", width), label("?", width));
     }
 
     #[test]
