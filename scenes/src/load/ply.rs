@@ -153,6 +153,34 @@ mod tests {
     }
 
     #[test]
+    fn coordinates_and_corners_of_any_type() {
+        let list_types = ["char", "uchar", "short", "ushort", "int", "uint"];
+        for kind in list_types.into_iter().chain(["float", "double"]) {
+            let list = if list_types.contains(&kind) { kind } else { "int" };
+            let properties: String =
+                ["x", "y", "z", "nx", "ny", "nz"].map(|name| format!("property {kind} {name}\n")).concat();
+            let file = format!(
+                "ply\nformat ascii 1.0\nelement vertex 3\n{properties}element face 1\n\
+                property list uchar {list} vertex_indices\nend_header\n\
+                2 3 5 2 3 6\n7 11 13 1 4 8\n17 19 23 6 2 3\n3 2 0 1\n"
+            );
+            let shape = &read(file.as_bytes()).unwrap().parts[0].0;
+            let positions = [[2.0, 3.0, 5.0], [7.0, 11.0, 13.0], [17.0, 19.0, 23.0]];
+            assert_eq!(shape.positions, positions.map(Vec3::from_array), "{kind}");
+            assert_eq!(shape.triangles, [[2, 0, 1]], "{kind}");
+            // The lengths of the normals are 7, 9 and 7.
+            let expected = [
+                [6.0 / 7.0, 2.0 / 7.0, 3.0 / 7.0],
+                [2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0],
+                [1.0 / 9.0, 4.0 / 9.0, 8.0 / 9.0],
+            ];
+            for (normal, expected) in shape.normals[0].iter().zip(expected) {
+                assert!(normal.distance(Vec3::from_array(expected)) < 1e-6, "{kind}: {normal}");
+            }
+        }
+    }
+
+    #[test]
     fn every_truncation_is_an_error() {
         // The line feed at the end may be missing.
         for length in 0..ASCII.len() - 2 {
