@@ -3,9 +3,12 @@
 use std::{path::Path, process::ExitCode, sync::Arc, time::Instant};
 
 use epigraph::{Device, Registry, Run, Setup, Source, graphs};
-use epigraph_core::{Executor, Graph, PerSide, Plan, RunError, Snapshot};
-use epigraph_pictures::{Look, Number, PortFile, Target, is_image, lanes, png, show, size};
-use epigraph_stages::shared::requests::HIT_NONE;
+use epigraph_core::{Executor, Graph, Node, PerSide, Plan, Port, RunError, Snapshot};
+use epigraph_pictures::{Look, PortFile, Target, is_image, png, show, size};
+use epigraph_stages::{
+    meaning,
+    shared::requests::{HIT_NONE, Sample},
+};
 
 use crate::{
     INTERRUPTED,
@@ -21,13 +24,6 @@ use crate::{
 /// Default file names of the picture and the contact sheet.
 const PICTURE: &str = "epigraph.png";
 const SHEET: &str = "epigraph-sheet.png";
-
-/// Kind of the tracing stage, whose time is reported separately, and its port of samples.
-pub const TRACE: &str = "trace";
-const SAMPLES: &str = "samples";
-
-/// The beginning of the documentation of ports that only their own stage reads.
-const SCRATCH: &str = "Scratch";
 
 /// The samples that arrived are counted in every frame of this interval, and in the last one.
 const PROBE_INTERVAL: u32 = 8;
@@ -121,11 +117,15 @@ fn run_frames(run: &mut Run, frames: u32, traced: &[Source]) -> Result<Measured,
     Ok(measured)
 }
 
-/// The sample ports of the tracing nodes.
+/// The ports that samples come from.
 fn traced_ports(graph: &Graph) -> Vec<Source> {
-    let tracing =
-        graph.nodes.iter().filter(|node| node.kind == TRACE && node.declaration().port(SAMPLES).is_some());
-    tracing.map(|node| Source { node: node.name.clone(), port: SAMPLES.into() }).collect()
+    let ports = |node: &Node| {
+        let declared = node.declaration().ports.iter();
+        let samples = declared.filter(|port| port.is_output() && port.meaning == Some(meaning::SAMPLES));
+        let source = |port: &Port| Source { node: node.name.clone(), port: port.name.to_string() };
+        samples.map(source).collect::<Vec<_>>()
+    };
+    graph.nodes.iter().flat_map(ports).collect()
 }
 
 /// The number of samples in the captured ports.
@@ -133,10 +133,7 @@ fn arrived(executor: &mut Executor, traced: &[Source]) -> Result<u64, RunError> 
     let names: Vec<String> = traced.iter().map(Source::to_string).collect();
     let snapshots = executor.snapshots()?;
     let lists = snapshots.into_iter().filter(|snapshot| names.contains(&snapshot.name));
-    let count = |list: &Snapshot| {
-        let hits = lanes(&list.element).into_iter().find(|lane| lane.name == "hit");
-        hits.map_or(0, |hit| hit.numbers(list).filter(|number| *number != Number::Unsigned(HIT_NONE)).count())
-    };
+    let count = |list: &Snapshot| list.get::<Sample>().iter().filter(|sample| sample.hit != HIT_NONE).count();
     Ok(lists.map(|list| count(list) as u64).sum())
 }
 
@@ -166,7 +163,7 @@ fn image_ports(graph: &Graph, plan: &Plan, size: [u32; 2]) -> Vec<Source> {
             let [field] = declared.fields.as_slice() else { continue };
             // Sums over tiles and the like show nothing of the picture.
             let dims = node.dims[port];
-            if declared.doc.starts_with(SCRATCH) && [dims.width, dims.height] != size {
+            if declared.scratch && [dims.width, dims.height] != size {
                 continue;
             }
             if declared.is_output() && is_image(&field.element, dims, size) {

@@ -3,9 +3,10 @@
 use epigraph::memory;
 use epigraph_core::{Gpu, PerSide, Plan, PlannedNode, Side, Step};
 use epigraph_pictures::readable;
+use epigraph_stages::column::TRACE;
 use serde_json::{Value, json};
 
-use crate::{args::RenderArgs, render::TRACE, table::Table};
+use crate::{args::RenderArgs, table::Table};
 
 /// The first frames are slower, as caches and threads warm up. One in [`WARM_UP_SHARE`] frames, but at most
 /// [`MOST_WARM_UP`], is not counted.
@@ -118,14 +119,14 @@ impl Report<'_> {
         let plan = self.plan;
         match step {
             Step::Run(node) => {
-                let PlannedNode { name, kind, side, .. } = &plan.nodes[*node];
+                let PlannedNode { name, kind, column, side, .. } = &plan.nodes[*node];
                 Some(Row {
                     node: name.clone(),
                     kind: kind.clone(),
                     backend: side.to_string(),
                     ms,
                     bytes: plan.node_bytes(*node),
-                    tracing: kind == TRACE,
+                    tracing: *column == Some(TRACE),
                 })
             }
             Step::Upload(value) | Step::Download(value, _) => {
@@ -153,7 +154,7 @@ impl Report<'_> {
     }
 
     fn is_tracing(&self, step: usize) -> bool {
-        matches!(self.plan.steps[step], Step::Run(node) if self.plan.nodes[node].kind == TRACE)
+        matches!(self.plan.steps[step], Step::Run(node) if self.plan.nodes[node].column == Some(TRACE))
     }
 
     /// Quantile of the time of all nodes and transfers except tracing, in milliseconds.

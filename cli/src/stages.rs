@@ -38,6 +38,9 @@ fn as_text(kind: &dyn Kind) -> String {
     let declaration = kind.declaration();
     let mut text = format!("{}: {}\n", kind.name(), kind.doc());
     text += &format!("runs on: {}\n", sides(declaration.as_ref()));
+    if let Some(column) = declaration.as_ref().and_then(|declared| declared.column) {
+        text += &format!("time counts towards: {column}\n");
+    }
     if declaration.as_ref().is_some_and(|declared| declared.per_view) {
         text += "runs when: its inputs or the view change\n";
     }
@@ -47,11 +50,13 @@ fn as_text(kind: &dyn Kind) -> String {
             for (heading, chosen) in
                 [("inputs", Port::is_input as fn(&Port) -> bool), ("outputs", Port::is_output)]
             {
-                let mut table = Table::new(&["  name", "access", "element", "extent", "what it holds"]);
+                let mut table =
+                    Table::new(&["  name", "meaning", "access", "element", "extent", "what it holds"]);
                 for port in declaration.ports.iter().filter(|port| chosen(port)) {
                     let name = format!("  {}", port.name);
                     table.row([
                         name,
+                        meaning(port),
                         access(port),
                         elements(port).join(" "),
                         port.extent.to_string(),
@@ -81,6 +86,13 @@ fn as_text(kind: &dyn Kind) -> String {
         text += &format!("\nparameters\n{table}");
     }
     text
+}
+
+/// What other ports of the kind hold too; `scratch` for what nobody else can make sense of.
+fn meaning(port: &Port) -> String {
+    let meaning = port.meaning.map(|meaning| meaning.to_string());
+    let scratch = port.scratch.then(|| "scratch".to_owned());
+    scratch.into_iter().chain(meaning).collect::<Vec<_>>().join(", ")
 }
 
 fn access(port: &Port) -> String {
@@ -120,11 +132,13 @@ fn as_json(kind: &dyn Kind) -> Value {
     let ports: Vec<Value> = declaration.iter().flat_map(|declared| &declared.ports).map(port_json).collect();
     let params: Vec<Value> = kind.specs().iter().map(param_json).collect();
     let per_view = declaration.as_ref().is_some_and(|declared| declared.per_view);
+    let column = declaration.as_ref().and_then(|declared| declared.column);
     json!({
         "kind": kind.name(),
         "doc": kind.doc(),
         "runs_on": runs_on,
         "per_view": per_view,
+        "column": column,
         "ports": ports,
         "params": params,
     })
@@ -133,6 +147,8 @@ fn as_json(kind: &dyn Kind) -> Value {
 fn port_json(port: &Port) -> Value {
     json!({
         "name": port.name,
+        "meaning": port.meaning.map(|meaning| meaning.name),
+        "scratch": port.scratch,
         "access": format!("{:?}", port.access).to_lowercase(),
         "optional": port.optional,
         "persistent": port.lifetime == Lifetime::Persistent,

@@ -7,7 +7,7 @@ use crate::{
     frame::Frame,
     graph::Graph,
     id::NodeId,
-    port::{Access, Dims, Element},
+    port::{Access, Dims, Element, Meaning},
     side::{Download, Side},
 };
 
@@ -18,6 +18,8 @@ pub struct Snapshot {
     pub name: String,
     /// The field, empty for the only one.
     pub field: String,
+    /// What the port's values are, as far as that is declared.
+    pub meaning: Option<Meaning>,
     /// Its elements.
     pub element: Element,
     /// How many.

@@ -12,7 +12,7 @@ use crate::{
     facts::Facts,
     file::{Flat, FlatNode, GraphFile, Source},
     id::{FlatId, NodeId},
-    port::{Access, Dims, Extent, Lifetime, Port},
+    port::{Access, Dims, Extent, Lifetime, Meaning, Port},
     registry::{NodeContext, Registry},
     side::{Download, Side},
     stage::{AnyStage, Declaration},
@@ -165,6 +165,17 @@ impl Graph {
         at
     }
 
+    /// What the values of a port are: what its stage declares, else what is connected to it means.
+    pub fn meaning(&self, mut at: PortRef) -> Option<Meaning> {
+        loop {
+            let node = &self.nodes[at.node];
+            match (node.declaration().ports[at.port].meaning, node.sources[at.port]) {
+                (None, Some(source)) => at = source,
+                (meaning, _) => return meaning,
+            }
+        }
+    }
+
     /// Sets [`Node::dims`] from the declared extents. An error names the node and what is wrong with its extent.
     pub(crate) fn resolve_dims(&mut self, settings: &Settings) -> Result<(), (NodeId, String)> {
         let mut resolver = Resolver { graph: self, settings, known: HashMap::new(), visiting: Vec::new() };
@@ -233,7 +244,9 @@ impl Checker<'_> {
             self.problem(index, node.kind.span, None, error);
             return None;
         };
-        let cx = NodeContext { file, node, connected, library: &self.registry.library, set_in };
+        let meaning = &|name: &str| self.registry.meaning(name);
+        let library = &self.registry.library;
+        let cx = NodeContext { file, node, connected, meaning, library, set_in };
         match kind.make(&cx) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {

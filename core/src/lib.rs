@@ -102,8 +102,8 @@ pub use id::{NodeId, SlotId, StepId, StorageId, TapId};
 pub use params::{ParamError, ParamKind, ParamSpec, ParamValue, Params, parse_value};
 pub use plan::{Bindings, Life, Plan, PlannedNode, Slot, SlotPair, Step, Storage, Tap, TapField, Value};
 pub use port::{
-    Access, Dims, Element, Extent, Field, FieldRef, Format, In, ItemMember, Lifetime, Member, Out, Port,
-    PortElement, Scalar, plain, texel,
+    Access, Dims, Element, Extent, Field, FieldRef, Format, Holds, In, ItemMember, Lifetime, Meaning, Member,
+    Out, Port, PortElement, Scalar, plain, scratch, texel,
 };
 pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, compose as compose_shader};
 pub use registry::{Kind, NodeContext, Registry};

@@ -31,7 +31,7 @@ use crate::{
     error::{GraphError, Problem, Problems},
     graph::{Culled, Graph, Node, PortRef, Settings},
     id::{NodeId, SlotId, StepId, StorageId, TapId},
-    port::{Access, Dims, Element, FieldRef, Lifetime},
+    port::{Access, Dims, Element, FieldRef, Lifetime, Meaning},
     side::{Download, PerSide, Side},
 };
 
@@ -154,6 +154,8 @@ pub struct Tap {
     pub name: String,
     /// The port.
     pub at: PortRef,
+    /// What its values are, as far as that is declared.
+    pub meaning: Option<Meaning>,
     /// Its storages, field by field.
     pub fields: Vec<TapField>,
 }
@@ -177,6 +179,8 @@ pub struct PlannedNode {
     pub name: String,
     /// Its stage kind.
     pub kind: String,
+    /// The column of the application's table of times that it counts towards; none: the rest of the frame.
+    pub column: Option<&'static str>,
     /// Where it runs.
     pub side: Side,
     /// What its ports work on.
@@ -572,7 +576,8 @@ fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &mut Sto
             first_writes.iter().for_each(|&storage| storages[storage].life = Life::Persistent);
         }
         let (name, kind, side) = (node.name.clone(), node.kind.clone(), node.side);
-        PlannedNode { name, kind, side, bindings, first_writes, updates, per_view }
+        let column = node.declaration().column;
+        PlannedNode { name, kind, column, side, bindings, first_writes, updates, per_view }
     };
     bindings.into_iter().zip(&graph.nodes).map(plan_node).collect()
 }
@@ -594,7 +599,7 @@ fn taps(graph: &Graph, nodes: &Nodes) -> Taps {
                     Some(TapField { name: field.name.to_string(), storage: (*value)?.storage })
                 })
                 .collect();
-            Tap { name, at, fields }
+            Tap { name, at, meaning: graph.meaning(at), fields }
         })
         .collect()
 }

@@ -361,6 +361,80 @@ pub struct Field {
     pub element: Element,
 }
 
+/// What the values of a port are: a depth, a priority, a list of samples. Applications define their own as constants, with
+/// [`meanings`](crate::meanings); here they are only compared and printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Meaning {
+    /// A word or two.
+    pub name: &'static str,
+    /// One sentence, for ports that say no more.
+    pub doc: &'static str,
+}
+
+impl Meaning {
+    /// For a port of this meaning that has a sentence of its own.
+    pub fn doc(self, doc: &'static str) -> Holds {
+        Holds { doc, meaning: Some(self), scratch: false }
+    }
+}
+
+impl fmt::Display for Meaning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// Defines constants of type [`Meaning`]. A constant's documentation is its sentence.
+///
+/// ```
+/// epigraph_core::meanings! {
+///     /// Distance along the camera's axis, metres.
+///     DEPTH = "depth";
+/// }
+/// assert_eq!(DEPTH.doc, "Distance along the camera's axis, metres.");
+/// ```
+#[macro_export]
+macro_rules! meanings {
+    ($($(#[doc = $doc:literal])+ $constant:ident = $name:literal;)+) => {$(
+        $(#[doc = $doc])+
+        pub const $constant: $crate::Meaning =
+            $crate::Meaning { name: $name, doc: concat!($($doc),+).trim_ascii() };
+    )+};
+}
+
+/// What a stage says a port holds. It is made from a sentence, from a [`Meaning`], which has a sentence, from both by
+/// [`Meaning::doc`], or by [`scratch`].
+#[derive(Clone, Copy, Debug)]
+pub struct Holds {
+    pub(crate) doc: &'static str,
+    pub(crate) meaning: Option<Meaning>,
+    pub(crate) scratch: bool,
+}
+
+impl Holds {
+    /// For a port that nobody but its stage can make sense of.
+    pub fn scratch(self) -> Self {
+        Self { scratch: true, ..self }
+    }
+}
+
+impl From<&'static str> for Holds {
+    fn from(doc: &'static str) -> Self {
+        Self { doc, meaning: None, scratch: false }
+    }
+}
+
+impl From<Meaning> for Holds {
+    fn from(meaning: Meaning) -> Self {
+        meaning.doc(meaning.doc)
+    }
+}
+
+/// For a port that nobody but its stage can make sense of: `io.write("sums", scratch("Points before each block."), ...)`.
+pub fn scratch(doc: &'static str) -> Holds {
+    Holds::from(doc).scratch()
+}
+
 /// Everything a stage says about one port.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Port {
@@ -372,6 +446,10 @@ pub struct Port {
     pub access: Access,
     /// Its variables.
     pub fields: Vec<Field>,
+    /// What its values are; none where the stage does not say.
+    pub meaning: Option<Meaning>,
+    /// Whether nobody but its stage can make sense of its values.
+    pub scratch: bool,
     /// How many elements.
     pub extent: Extent,
     /// How long it lives (written ports).

@@ -8,6 +8,7 @@ use crate::{
     facts::{Facts, Quantity},
     file::{GraphFile, NodeDef, ParamDef},
     params::{ParamError, ParamSpec, Params},
+    port::Meaning,
     shader::{ShaderLibrary, ShaderModule},
     stage::{AnyStage, Bound, Declaration, Stage},
 };
@@ -20,6 +21,8 @@ pub struct NodeContext<'a> {
     pub node: &'a NodeDef,
     /// Whether an input will carry a value.
     pub connected: &'a dyn Fn(&str) -> bool,
+    /// The meaning of that name, where some stage has a port of that meaning.
+    pub meaning: &'a dyn Fn(&str) -> Option<Meaning>,
     /// The shader modules that shaders may import.
     pub library: &'a ShaderLibrary,
     /// The files of parameters that do not stand in `file`, by the parameters' names.
@@ -181,6 +184,12 @@ impl Registry {
     /// The kind of that name.
     pub fn get(&self, name: &str) -> Option<&dyn Kind> {
         self.kinds.get(name).map(Box::as_ref)
+    }
+
+    /// The meaning of that name among those that ports of the stages have.
+    pub fn meaning(&self, name: &str) -> Option<Meaning> {
+        let ports = self.kinds().filter_map(Kind::declaration).flat_map(|declared| declared.ports);
+        ports.filter_map(|port| port.meaning).find(|meaning| meaning.name == name)
     }
 
     /// All kinds in alphabetical order.

@@ -17,7 +17,7 @@ use crate::{
     frame::Frame,
     id::SlotId,
     params::{ParamSpec, Params},
-    port::{Access, Dims, Extent, Field, FieldRef, In, Lifetime, Out, Port, PortElement},
+    port::{Access, Dims, Extent, Field, FieldRef, Holds, In, Lifetime, Out, Port, PortElement},
     shader::{Needs, Pass, Shader, Threads},
     side::Side,
 };
@@ -66,6 +66,8 @@ pub struct Declaration {
     pub idle: bool,
     /// Its outputs follow from its inputs and the frame's view alone.
     pub per_view: bool,
+    /// The column of the application's table of times that the stage counts towards; none: the rest of the frame.
+    pub column: Option<&'static str>,
 }
 
 impl Declaration {
@@ -94,12 +96,15 @@ impl<'a> Io<'a> {
         Self { declared: Declaration { cpu: true, ..Declaration::default() }, connected }
     }
 
-    fn port(&mut self, access: Access, name: &'static str, doc: &'static str, extent: Extent) -> Bundle<'_> {
+    fn port(&mut self, access: Access, name: &'static str, holds: Holds, extent: Extent) -> Bundle<'_> {
+        let Holds { doc, meaning, scratch } = holds;
         self.declared.ports.push(Port {
             name: name.into(),
             doc: doc.into(),
             access,
             fields: Vec::new(),
+            meaning,
+            scratch,
             extent,
             lifetime: Lifetime::Transient,
             optional: false,
@@ -111,28 +116,33 @@ impl<'a> Io<'a> {
     }
 
     /// An input of this frame.
-    pub fn read<E: PortElement>(&mut self, name: &'static str, doc: &'static str, extent: Extent) -> In<E> {
-        self.port(Access::Read, name, doc, extent).read("")
+    pub fn read<E: PortElement>(
+        &mut self,
+        name: &'static str,
+        holds: impl Into<Holds>,
+        extent: Extent,
+    ) -> In<E> {
+        self.port(Access::Read, name, holds.into(), extent).read("")
     }
 
     /// An input of the frame before; all zero in the first frame.
     pub fn history<E: PortElement>(
         &mut self,
         name: &'static str,
-        doc: &'static str,
+        holds: impl Into<Holds>,
         extent: Extent,
     ) -> In<E> {
-        self.port(Access::History, name, doc, extent).read("")
+        self.port(Access::History, name, holds.into(), extent).read("")
     }
 
     /// An input that may stay unconnected; then `None`.
     pub fn optional<E: PortElement>(
         &mut self,
         name: &'static str,
-        doc: &'static str,
+        holds: impl Into<Holds>,
         extent: Extent,
     ) -> Option<In<E>> {
-        let input = self.read(name, doc, extent);
+        let input = self.read(name, holds, extent);
         self.declared.ports.last_mut().expect("pushed").optional = true;
         (self.connected)(name).then_some(input)
     }
@@ -141,25 +151,30 @@ impl<'a> Io<'a> {
     pub fn update<E: PortElement>(
         &mut self,
         name: &'static str,
-        doc: &'static str,
+        holds: impl Into<Holds>,
         extent: Extent,
     ) -> Out<E> {
-        self.port(Access::Update, name, doc, extent).write("")
+        self.port(Access::Update, name, holds.into(), extent).write("")
     }
 
     /// An output.
-    pub fn write<E: PortElement>(&mut self, name: &'static str, doc: &'static str, extent: Extent) -> Out<E> {
-        self.port(Access::Write, name, doc, extent).write("")
+    pub fn write<E: PortElement>(
+        &mut self,
+        name: &'static str,
+        holds: impl Into<Holds>,
+        extent: Extent,
+    ) -> Out<E> {
+        self.port(Access::Write, name, holds.into(), extent).write("")
     }
 
     /// An output that keeps its values from frame to frame; zero at the start.
     pub fn persistent<E: PortElement>(
         &mut self,
         name: &'static str,
-        doc: &'static str,
+        holds: impl Into<Holds>,
         extent: Extent,
     ) -> Out<E> {
-        let handle = self.write(name, doc, extent);
+        let handle = self.write(name, holds, extent);
         self.declared.ports.last_mut().expect("pushed").lifetime = Lifetime::Persistent;
         handle
     }
@@ -169,10 +184,10 @@ impl<'a> Io<'a> {
         &mut self,
         access: Access,
         name: &'static str,
-        doc: &'static str,
+        holds: impl Into<Holds>,
         extent: Extent,
     ) -> Bundle<'_> {
-        self.port(access, name, doc, extent)
+        self.port(access, name, holds.into(), extent)
     }
 
     /// Names the shader, usually with [`crate::shader!`].
@@ -218,6 +233,11 @@ impl<'a> Io<'a> {
     /// too or said so ([`CpuContext::unchanged`]).
     pub fn per_view(&mut self) {
         self.declared.per_view = true;
+    }
+
+    /// Names the column of the application's table of times that the stage counts towards.
+    pub fn column(&mut self, name: &'static str) {
+        self.declared.column = Some(name);
     }
 
     /// Says that the passes need 64-bit atomics.

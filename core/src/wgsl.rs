@@ -15,6 +15,9 @@
 //! | `var<storage, read> array<T>` | input |
 //! | `var<storage, read_write> array<T>` | updated in place |
 //!
+//! A port that is called as what the values of other stages' ports are, such as `depth` or `priority`, holds the same; any
+//! other holds what is connected to it.
+//!
 //! Two names are not ports: `frame`, after `#import frame`, and `params`, a uniform struct of f32, u32 and i32, each of
 //! which is a parameter of the node. Its `///` comment is its documentation; a line of it that starts with `=` gives
 //! the default (else 0), the range (else any value) and the unit (else none):
@@ -46,7 +49,7 @@ use crate::{
     facts::Facts,
     file::{FlatNode, GraphFile},
     params::{ParamError, ParamKind, ParamSpec, ParamValue, parse_ron, parse_value},
-    port::{Access, Element, Extent, Field, FieldRef, Format, Lifetime, Member, Port, Scalar},
+    port::{Access, Element, Extent, Field, FieldRef, Format, Lifetime, Meaning, Member, Port, Scalar},
     reflect::{self, Reflected, Space, Variable},
     registry::{Kind, NodeContext, folder},
     shader::{Needs, Pass, Shader, Threads},
@@ -133,7 +136,7 @@ impl Kind for WgslKind {
             .map_err(|error| at_its_line(error, &file, &cx.node.name.value).unwrap_or_else(problem))?;
         let name = shader.name.clone();
         let mut messages = Vec::new();
-        let declaration = declare(shader, &reflected, &mut messages);
+        let declaration = declare(shader, &reflected, cx.meaning, &mut messages);
         let own = parameters(&reflected, &mut messages);
         let mut specs = self.specs();
         specs.extend(own.iter().map(|(spec, _)| spec.clone()));
@@ -196,7 +199,12 @@ impl AnyStage for WgslStage {
 }
 
 /// Ports and passes of a shader; adds a message for everything that cannot be one.
-fn declare(shader: Shader, reflected: &Reflected, messages: &mut Vec<String>) -> Declaration {
+fn declare(
+    shader: Shader,
+    reflected: &Reflected,
+    meaning: &dyn Fn(&str) -> Option<Meaning>,
+    messages: &mut Vec<String>,
+) -> Declaration {
     // The port of each variable, by the variable's index.
     let mut port_of = vec![None; reflected.variables.len()];
     let mut ports: Vec<Port> = Vec::new();
@@ -204,7 +212,7 @@ fn declare(shader: Shader, reflected: &Reflected, messages: &mut Vec<String>) ->
         if matches!(variable.name.as_str(), "frame" | "params") {
             continue;
         }
-        match port(variable) {
+        match port(variable, meaning) {
             Ok(port) => {
                 port_of[index] = Some(ports.len());
                 ports.push(port);
@@ -257,7 +265,7 @@ fn declare(shader: Shader, reflected: &Reflected, messages: &mut Vec<String>) ->
 }
 
 /// The port of a variable, or why it has none.
-fn port(variable: &Variable) -> Result<Port, String> {
+fn port(variable: &Variable, meaning: &dyn Fn(&str) -> Option<Meaning>) -> Result<Port, String> {
     let store_only = StorageAccess::STORE;
     let (access, element) = match &variable.space {
         Space::Texture(Scalar::F32) => (Access::Read, Element::AnyFloatTexel),
@@ -290,6 +298,8 @@ fn port(variable: &Variable) -> Result<Port, String> {
         doc: doc.clone().into(),
         access,
         fields: vec![Field { name: "".into(), element }],
+        meaning: meaning(&variable.name),
+        scratch: false,
         extent: Extent::Any,
         lifetime: Lifetime::Transient,
         optional: false,

@@ -3,7 +3,7 @@
 
 use epigraph_core::{
     Access, CpuContext, Extent, Fact, Facts, GraphFile, Io, Problems, Quantity, Registry, Settings, Side,
-    Stage, Step, compile, params, texel,
+    Stage, Step, compile, params, scratch, texel,
 };
 
 const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
@@ -32,6 +32,16 @@ macro_rules! stage {
     };
 }
 
+epigraph_core::meanings! {
+    /// Distance, metres.
+    DEPTH = "depth";
+}
+
+stage!(Deep, "deep", |io| {
+    io.write::<f32>("out", DEPTH, Extent::Frame(1));
+    io.write::<f32>("far", DEPTH.doc("The same, doubled."), Extent::Frame(1));
+    io.write::<u32>("sums", scratch("Sums by row."), Extent::Fixed([8, 1]));
+});
 stage!(Source, "source", |io| io.write::<f32>("out", "numbers", Extent::Frame(1)));
 stage!(Small, "small", |io| io.write::<f32>("out", "numbers", Extent::Frame(4)));
 stage!(Picture, "picture", |io| io.write::<texel::R32Float>("out", "a texture", Extent::Frame(1)));
@@ -602,4 +612,26 @@ fn a_parts_placement_is_its_nodes_default() {
     // These stages have no shader; placing the whole part on the CPU is no mistake.
     assert!(graph.nodes.iter().all(|node| node.side == Side::Cpu));
     assert_eq!(graph.nodes[1].download, epigraph_core::Download::Latent(2));
+}
+
+#[test]
+fn what_declares_no_meaning_has_that_of_what_is_connected() {
+    let text = r#"Graph(
+        version: 1,
+        nodes: {
+            "a": (kind: "deep"),
+            "b": (kind: "change", inputs: { "data": "a.far" }),
+            "c": (kind: "source"),
+        },
+        outputs: { "image": "b.data", "other": "c.out" },
+    )"#;
+    let registry = Registry::default().with::<Deep>().with::<Change>().with::<Source>();
+    let file = GraphFile::parse("meaning.ron", text).unwrap();
+    let (graph, plan) = compile(&file, &registry, &Settings::new([8, 8], 0)).unwrap();
+    let meanings: Vec<_> = plan.taps.iter().map(|tap| (tap.name.as_str(), tap.meaning)).collect();
+    assert_eq!(meanings, [("image", Some(DEPTH)), ("other", None)]);
+    let deep = &graph.nodes[graph.node("a").unwrap()].declaration().ports;
+    let docs: Vec<_> = deep.iter().map(|port| (port.doc.as_ref(), port.scratch)).collect();
+    assert_eq!(docs, [("Distance, metres.", false), ("The same, doubled.", false), ("Sums by row.", true)]);
+    assert_eq!([registry.meaning("depth"), registry.meaning("far")], [Some(DEPTH), None]);
 }

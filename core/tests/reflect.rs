@@ -46,6 +46,8 @@ fn port(name: &'static str, access: Access, element: Element) -> Port {
         doc: "A port.".into(),
         access,
         fields: vec![Field { name: "".into(), element }],
+        meaning: None,
+        scratch: false,
         extent: Extent::Any,
         lifetime: Lifetime::Transient,
         optional: false,

@@ -64,6 +64,11 @@ impl Drop for Folder {
     }
 }
 
+epigraph_core::meanings! {
+    /// Distance, metres.
+    DEPTH = "depth";
+}
+
 /// Makes the stage of a graph with one node whose params are `params`, beside a shader file of that text.
 fn make(shader: &str, params: &str) -> Result<Box<dyn AnyStage>, Problems> {
     let folder = Folder::new();
@@ -87,6 +92,7 @@ fn make(shader: &str, params: &str) -> Result<Box<dyn AnyStage>, Problems> {
         file: &file,
         node: file.node("mine").unwrap(),
         connected: &|_| true,
+        meaning: &|name| (name == DEPTH.name).then_some(DEPTH),
         library: &library,
         set_in: &BTreeMap::new(),
     };
@@ -280,4 +286,16 @@ fn malformed_parameters_are_told() {
             "`{part}` is not in:\n{text}"
         );
     }
+}
+
+#[test]
+fn a_port_that_is_called_like_a_meaning_has_it() {
+    let shader = "@group(0) @binding(0) var<storage, read> depth: array<f32>;
+        @group(0) @binding(1) var image: texture_storage_2d<r32float, write>;
+        @compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+            textureStore(image, id.xy, vec4(depth[id.x]));
+        }";
+    let stage = made(shader, "shader: \"user.wgsl\"");
+    let meanings: Vec<_> = stage.declaration().ports.iter().map(|port| port.meaning).collect();
+    assert_eq!(meanings, [Some(DEPTH), None]);
 }

@@ -1,7 +1,10 @@
 //! How old the points are that pixels show.
 
-use epigraph_core::{Element, PortElement, Snapshot};
-use epigraph_stages::shared::cloud::{AGE, AGE_ONE, LIVE};
+use epigraph_core::{Element, Meaning, PortElement, Snapshot};
+use epigraph_stages::{
+    meaning,
+    shared::cloud::{AGE, AGE_ONE, LIVE},
+};
 
 use crate::{Number, lanes, look::NONE};
 
@@ -10,7 +13,7 @@ use crate::{Number, lanes, look::NONE};
 /// is no list of words.
 pub fn ages(id: &Snapshot, meta: &Snapshot) -> Option<Snapshot> {
     let meta = words(meta)?;
-    of_points(id, "age", |point| is_live(*meta.get(point)?).then_some((meta[point] & AGE) / AGE_ONE))
+    of_points(id, meaning::AGE, |point| is_live(*meta.get(point)?).then_some((meta[point] & AGE) / AGE_ONE))
 }
 
 /// How many frames before the frame `now` the point came that each pixel shows, from an image of ids, the `meta` of the
@@ -18,7 +21,7 @@ pub fn ages(id: &Snapshot, meta: &Snapshot) -> Option<Snapshot> {
 /// of the three is no list of words.
 pub fn frames_ago(id: &Snapshot, meta: &Snapshot, dates: &Snapshot, now: u32) -> Option<Snapshot> {
     let (meta, dates) = (words(meta)?, words(dates)?);
-    of_points(id, "frames ago", |point| {
+    of_points(id, meaning::FRAMES_AGO, |point| {
         let came = dates.get(point)?.checked_sub(1)?;
         is_live(*meta.get(point)?).then_some(now.saturating_sub(came))
     })
@@ -29,11 +32,12 @@ fn is_live(meta: u32) -> bool {
 }
 
 /// An image of what is known of the point that each pixel shows.
-fn of_points(id: &Snapshot, what: &str, known: impl Fn(usize) -> Option<u32>) -> Option<Snapshot> {
+fn of_points(id: &Snapshot, meaning: Meaning, known: impl Fn(usize) -> Option<u32>) -> Option<Snapshot> {
     let known = |id: u32| known(id as usize).unwrap_or(NONE);
     let bytes = words(id)?.into_iter().flat_map(|id| known(id).to_le_bytes()).collect();
     let element: Element = u32::element();
-    Some(Snapshot { name: format!("{} {what}", id.name), element, bytes, ..id.clone() })
+    let name = format!("{} {meaning}", id.name);
+    Some(Snapshot { name, meaning: Some(meaning), element, bytes, ..id.clone() })
 }
 
 /// The elements, where each is one u32.
@@ -54,6 +58,7 @@ mod tests {
         Snapshot {
             name: name.into(),
             field: String::new(),
+            meaning: None,
             element: u32::element(),
             dims: Dims { width: data.len() as u32, height: 1 },
             frame: 5,

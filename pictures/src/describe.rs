@@ -9,7 +9,7 @@ use crate::{
     Lane, Look, Mode, Number,
     edges::{CLASSES, class},
     lanes,
-    look::{NONE, POISON, is_depth, port_of},
+    look::{NONE, POISON, is_depth},
     size,
 };
 
@@ -28,7 +28,7 @@ pub fn describe(snapshot: &Snapshot, at: [usize; 2]) -> Option<String> {
             _ => {}
         }
     }
-    let depth = is_depth(port_of(snapshot));
+    let depth = is_depth(snapshot);
     let text = |lane: &Lane| {
         let number = lane.number(snapshot, index)?;
         let number = match number {
@@ -125,30 +125,39 @@ fn crossings_in_words(mask: u32) -> String {
 
 #[cfg(test)]
 mod tests {
-    use epigraph_core::{Dims, Element, PortElement, texel};
+    use epigraph_core::{Dims, Element, Meaning, PortElement, texel};
+    use epigraph_stages::meaning::{self, CROSSINGS, DEPTH, RADIANCE, REACH};
 
     use super::*;
 
-    fn snapshot<T: bytemuck::Pod>(name: &str, element: Element, data: &[T]) -> Snapshot {
+    fn snapshot<T: bytemuck::Pod>(meaning: Meaning, element: Element, data: &[T]) -> Snapshot {
         let dims = Dims { width: data.len() as u32, height: 1 };
         let bytes = bytemuck::cast_slice(data).to_vec();
-        Snapshot { name: name.into(), field: String::new(), element, dims, frame: 0, bytes }
+        Snapshot {
+            name: "a.b".into(),
+            field: String::new(),
+            meaning: Some(meaning),
+            element,
+            dims,
+            frame: 0,
+            bytes,
+        }
     }
 
-    fn told(name: &str, word: u32) -> String {
-        describe(&snapshot(name, u32::element(), &[word]), [0, 0]).unwrap()
+    fn told(meaning: Meaning, word: u32) -> String {
+        describe(&snapshot(meaning, u32::element(), &[word]), [0, 0]).unwrap()
     }
 
     #[test]
     fn words_of_edges_are_decoded() {
         // E1 of algorithms.md section 2.6: slots 14 and 28, A has 192 of 512.
         let simple = SIMPLE | 14 << 2 | 28 << 7 | PRIMARY_IS_A | 192 << 13 | VALID;
-        assert_eq!(told("a.cls", simple), "simple  slots 14 and 28  primary A 192/512  has a sample");
-        assert_eq!(told("a.cls", 2), "complex");
-        assert_eq!(told("a.r24", 0x0033FF), "reaches 12 of 24");
-        assert_eq!(told("a.mask", 1 << 3 | 1 << 14), "left 3  top 6");
-        assert_eq!(told("a.mask", 0), "no crossing at the left or top");
-        assert_eq!(told("a.cls", POISON), "poison");
+        assert_eq!(told(meaning::CLASS, simple), "simple  slots 14 and 28  primary A 192/512  has a sample");
+        assert_eq!(told(meaning::CLASS, 2), "complex");
+        assert_eq!(told(REACH, 0x0033FF), "reaches 12 of 24");
+        assert_eq!(told(CROSSINGS, 1 << 3 | 1 << 14), "left 3  top 6");
+        assert_eq!(told(CROSSINGS, 0), "no crossing at the left or top");
+        assert_eq!(told(meaning::CLASS, POISON), "poison");
     }
 
     #[test]
@@ -165,12 +174,12 @@ mod tests {
 
     #[test]
     fn little_is_said_within_pixels() {
-        let colors = snapshot("a.color", texel::Rgba32Float::element(), &[[0.123_456f32, 2.0, 0.0, 1.0]]);
+        let colors = snapshot(RADIANCE, texel::Rgba32Float::element(), &[[0.123_456f32, 2.0, 0.0, 1.0]]);
         assert_eq!(in_pixel(&colors, &Look::default(), [0, 0]), ["0.123", "2", "0"]);
         let alpha = Look { channels: [3; 3], ..Look::default() };
         assert_eq!(in_pixel(&colors, &alpha, [0, 0]), ["1"]);
         assert!(in_pixel(&colors, &alpha, [1, 0]).is_empty());
-        let depth = snapshot("a.depth", u32::element(), &[1.5f32.to_bits(), NONE]);
+        let depth = snapshot(DEPTH, u32::element(), &[1.5f32.to_bits(), NONE]);
         assert_eq!(in_pixel(&depth, &Look::default(), [0, 0]), ["1.5"]);
         assert!(in_pixel(&depth, &Look::default(), [1, 0]).is_empty());
     }

@@ -11,11 +11,7 @@ use image::{
     codecs::png::{CompressionType, FilterType, PngEncoder},
 };
 
-use crate::{
-    Lane, Number, lanes,
-    look::{is_depth, port_of},
-    size, tone,
-};
+use crate::{Lane, Number, lanes, look::is_depth, size, tone};
 
 /// A PNG file's bytes for sRGB colours, rows from the top.
 ///
@@ -58,7 +54,7 @@ fn samples(lane: &Lane, snapshot: &Snapshot) -> FlatSamples {
     let is_encoded = snapshot.element == Element::Texel(Format::Rgba8Unorm) && lane.name != "a";
     if is_encoded {
         FlatSamples::F32(numbers.map(|number| tone::decode(number.as_f32())).collect())
-    } else if is_depth(port_of(snapshot)) {
+    } else if is_depth(snapshot) {
         FlatSamples::F32(numbers.map(|number| f32::from_bits(number.bits())).collect())
     } else if lane.is_unsigned() {
         FlatSamples::U32(numbers.map(Number::bits).collect())

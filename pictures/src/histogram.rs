@@ -77,7 +77,7 @@ mod tests {
     fn snapshot<T: bytemuck::Pod>(name: &str, element: epigraph_core::Element, data: &[T]) -> Snapshot {
         let dims = Dims { width: data.len() as u32, height: 1 };
         let bytes = bytemuck::cast_slice(data).to_vec();
-        Snapshot { name: name.into(), field: String::new(), element, dims, frame: 0, bytes }
+        Snapshot { name: name.into(), field: String::new(), meaning: None, element, dims, frame: 0, bytes }
     }
 
     #[test]

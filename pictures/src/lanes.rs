@@ -201,7 +201,7 @@ mod tests {
 
     fn snapshot(element: Element, bytes: Vec<u8>) -> Snapshot {
         let dims = Dims { width: bytes.len() as u32 / element.bytes(), height: 1 };
-        Snapshot { name: "a.b".into(), field: String::new(), element, dims, frame: 0, bytes }
+        Snapshot { name: "a.b".into(), field: String::new(), meaning: None, element, dims, frame: 0, bytes }
     }
 
     fn names(element: Element) -> Vec<String> {

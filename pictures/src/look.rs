@@ -1,15 +1,15 @@
-//! Ports as pictures: what the numbers mean decides how they are shown.
+//! Ports as pictures: what the numbers mean decides how they are shown. Where a port declares no meaning, its elements do.
 //!
 //! | mode | shown as | suits |
 //! |---|---|---|
 //! | [`Mode::Color`] | linear light, exposed, clamped and sRGB-encoded; bytes as they are; two lanes as red and green in their ranges | floats in two lanes or more |
 //! | [`Mode::Grey`] | black at the range's dark end, white at its bright end | all other ports |
 //! | [`Mode::FalseColor`] | the same along a [`Ramp`] | |
-//! | [`Mode::Depth`] | 1/z between the farthest and the nearest: bright is near | ports `depth`, `filtered`, `first_vote` |
-//! | [`Mode::Names`] | a colour for each number | integers at ports whose names end in `id`, `face`, `edge`, `slot` |
-//! | [`Mode::Edges`] | where edges cross a pixel's sides | ports `mask` with one more column and row than pixels |
-//! | [`Mode::Classes`] | empty, simple, complex | ports `cls` |
-//! | [`Mode::Reach`] | grey, white where all of the 5x5 pixels are reached | ports `r24` |
+//! | [`Mode::Depth`] | 1/z between the farthest and the nearest: bright is near | [`meaning::DEPTH`] |
+//! | [`Mode::Names`] | a colour for each number | [`meaning::ID`] |
+//! | [`Mode::Edges`] | where edges cross a pixel's sides | [`meaning::CROSSINGS`] |
+//! | [`Mode::Classes`] | empty, simple, complex | [`meaning::CLASS`] |
+//! | [`Mode::Reach`] | grey, white where all of the 5x5 pixels are reached | [`meaning::REACH`] |
 //!
 //! What is no number is loud: NaN magenta, infinity cyan, poison orange. Elements that stand for nothing (0xFFFFFFFF, far
 //! or infinite depth) have the quiet colour [`EMPTY`].
@@ -17,8 +17,11 @@
 #[cfg(test)]
 mod tests;
 
-use epigraph_core::{Element, Format, Snapshot};
-use epigraph_stages::shared::edge_pixel::{SIMPLE, class_of};
+use epigraph_core::{Element, Format, Meaning, Snapshot};
+use epigraph_stages::{
+    meaning,
+    shared::edge_pixel::{SIMPLE, class_of},
+};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -38,19 +41,13 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// What poison mode fills integers with.
 pub(crate) const POISON: u32 = 0xDEAD_BEEF;
 
-/// Ends of the names of ports whose numbers only tell things apart.
-const NAMING: [&str; 4] = ["id", "face", "edge", "slot"];
-/// Names of ports that hold distances.
-const DEPTHS: [&str; 3] = ["depth", "filtered", "first_vote"];
-
 /// Shares of the values that lie below the dark and the bright end of an automatic range.
 const PERCENTILES: [f64; 2] = [0.01, 0.99];
 
-/// The port of priorities, and the highest of them.
-const PRIORITY: &str = "priority";
+/// The highest priority.
 const MOST_PRIORITY: f32 = 255.0;
 
-/// Bits of `r24`.
+/// Bits of a word of [`meaning::REACH`].
 const REACHABLE: f32 = 24.0;
 
 /// How numbers become colours.
@@ -92,22 +89,22 @@ impl Mode {
         Self::ALL.iter().find(|(mode, _)| *mode == self).map_or("", |(_, label)| label)
     }
 
-    /// What suits a port: by its name, and by what its elements are.
+    /// What suits a snapshot.
     pub fn of(snapshot: &Snapshot) -> Self {
-        Self::of_port(port_of(snapshot), &snapshot.element)
+        Self::of_port(snapshot.meaning, &snapshot.element)
     }
 
-    /// What suits a port of that name and that element.
-    pub fn of_port(port: &str, element: &Element) -> Self {
+    /// What suits a port of that meaning and that element.
+    pub fn of_port(meaning: Option<Meaning>, element: &Element) -> Self {
         let lanes = lanes(element);
         let floats = lanes.iter().all(Lane::is_float);
-        match (lanes.len(), port) {
-            (1, _) if is_depth(port) => Self::Depth,
-            (1, "cls") if !floats => Self::Classes,
-            (1, "mask") if !floats => Self::Edges,
-            (1, "r24") if !floats => Self::Reach,
-            (2.., _) if floats => Self::Color,
-            _ if !floats && NAMING.iter().any(|end| port.ends_with(end)) => Self::Names,
+        match (meaning, lanes.len()) {
+            (Some(meaning::DEPTH), 1) => Self::Depth,
+            (Some(meaning::CLASS), 1) if !floats => Self::Classes,
+            (Some(meaning::CROSSINGS), 1) if !floats => Self::Edges,
+            (Some(meaning::REACH), 1) if !floats => Self::Reach,
+            (Some(meaning::ID), _) if !floats => Self::Names,
+            (_, 2..) if floats => Self::Color,
             _ => Self::Grey,
         }
     }
@@ -176,7 +173,7 @@ impl Look {
 
     /// The number that is shown of an element; else the loud or quiet colour of what is no amount.
     fn amount(&self, snapshot: &Snapshot) -> impl Fn(Number) -> Result<f32, Shade> + Sync + use<> {
-        let depth = self.mode_for(snapshot) == Mode::Depth || is_depth(port_of(snapshot));
+        let depth = self.mode_for(snapshot) == Mode::Depth || is_depth(snapshot);
         let far = self.far;
         move |number| {
             if !depth {
@@ -204,17 +201,16 @@ impl Look {
     /// The range that suits an image: from the lowest of the values to the highest, a hundredth at either end left out;
     /// from 0 for integers; all that can be for priorities. None where there are no values.
     fn automatic(&self, snapshot: &Snapshot, lane: &Lane, curve: Curve) -> Option<[f32; 2]> {
-        let port = port_of(snapshot);
         let values = || self.amounts(snapshot, lane);
         if curve == Curve::Reciprocal {
             // From far to near, by 1/z as they are shaded.
             let nearness = values().into_iter().map(f32::recip).collect();
             return percentiles(nearness).map(|ends| ends.map(f32::recip));
         }
-        if port == PRIORITY {
+        if snapshot.meaning == Some(meaning::PRIORITY) {
             return Some([0.0, MOST_PRIORITY]);
         }
-        if lane.is_float() || is_depth(port) {
+        if lane.is_float() || is_depth(snapshot) {
             return percentiles(values());
         }
         // Zeros alone are dark.
@@ -274,14 +270,9 @@ pub fn show(snapshot: &Snapshot, look: &Look) -> Shown {
     Shown { size: size(snapshot.dims), colors, mode, scale, odd }
 }
 
-/// The port's name without its node's.
-pub(crate) fn port_of(snapshot: &Snapshot) -> &str {
-    snapshot.name.rsplit('.').next().unwrap_or_default()
-}
-
-/// Whether a port of that name holds distances.
-pub(crate) fn is_depth(port: &str) -> bool {
-    DEPTHS.contains(&port)
+/// Whether the values are distances.
+pub(crate) fn is_depth(snapshot: &Snapshot) -> bool {
+    snapshot.meaning == Some(meaning::DEPTH)
 }
 
 /// The shade of every element by its number.

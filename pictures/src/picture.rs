@@ -67,7 +67,7 @@ impl Picture {
         };
         let [width, height] = self.size.map(|side| side as u32);
         let (name, element, dims) = (name.to_owned(), Element::Texel(format), Dims { width, height });
-        Snapshot { name, field: String::new(), element, dims, frame: 0, bytes }
+        Snapshot { name, field: String::new(), meaning: None, element, dims, frame: 0, bytes }
     }
 
     /// The colours in sRGB, clamped to [0, 1].

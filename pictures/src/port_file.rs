@@ -135,6 +135,7 @@ mod tests {
     use std::fs;
 
     use epigraph_core::{Dims, Element, PortElement, texel};
+    use epigraph_stages::meaning::DEPTH;
     use exr::prelude::FlatSamples;
 
     use super::*;
@@ -150,6 +151,7 @@ mod tests {
         Snapshot {
             name: "a.b".into(),
             field: field.into(),
+            meaning: None,
             element,
             dims: Dims { width, height },
             frame: 0,
@@ -191,7 +193,7 @@ mod tests {
     #[test]
     fn exr_keeps_distances_as_metres_though_they_are_kept_as_bits() {
         let bits = [2.5f32, f32::INFINITY].map(f32::to_bits);
-        let depth = Snapshot { name: "project.depth".into(), ..snapshot("", u32::element(), [2, 1], &bits) };
+        let depth = Snapshot { meaning: Some(DEPTH), ..snapshot("", u32::element(), [2, 1], &bits) };
         let layer = exr_layer(&encode::exr_of_port(&depth).unwrap()).unwrap();
         let samples = &layer.channel_data.list[0].sample_data;
         assert_eq!(*samples, FlatSamples::F32(vec![2.5, f32::INFINITY]));

@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use epigraph_core::Snapshot;
-use epigraph_stages::shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, decode_radiance};
+use epigraph_stages::{
+    meaning::POINTS,
+    shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, decode_radiance},
+};
 use rayon::prelude::*;
 
 use crate::{
@@ -107,12 +110,13 @@ fn columns(field: usize, snapshot: &Snapshot) -> Vec<Column> {
         lane: lane.clone(),
         reading,
     };
+    let is_cloud = snapshot.meaning == Some(POINTS);
     match (snapshot.field.as_str(), lanes.as_slice()) {
         // The words of the cloud, see its documentation.
-        ("meta", [only]) if only.is_unsigned() => {
+        ("meta", [only]) if is_cloud && only.is_unsigned() => {
             vec![column("state", only, Reading::State), column("age", only, Reading::Age)]
         }
-        ("radiance", [only]) if only.is_unsigned() => ["r", "g", "b"]
+        ("radiance", [only]) if is_cloud && only.is_unsigned() => ["r", "g", "b"]
             .iter()
             .enumerate()
             .map(|(channel, letter)| column(&format!("radiance.{letter}"), only, Reading::Radiance(channel)))
@@ -159,7 +163,8 @@ mod tests {
     fn field<T: bytemuck::Pod>(name: &str, element: Element, data: &[T]) -> Arc<Snapshot> {
         let dims = Dims { width: data.len() as u32, height: 1 };
         let bytes = bytemuck::cast_slice(data).to_vec();
-        Arc::new(Snapshot { name: "a.cloud".into(), field: name.into(), element, dims, frame: 0, bytes })
+        let (name, field, meaning) = ("a.cloud".into(), name.into(), Some(POINTS));
+        Arc::new(Snapshot { name, field, meaning, element, dims, frame: 0, bytes })
     }
 
     fn cloud() -> Table {

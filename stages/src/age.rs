@@ -3,7 +3,11 @@
 use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
 use rayon::prelude::*;
 
-use crate::shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN};
+use crate::{
+    column,
+    meaning::{AGES, ARRIVED, POINTS},
+    shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN},
+};
 
 #[path = "explain/age.rs"]
 mod explain;
@@ -49,16 +53,17 @@ impl Stage for Age {
     type Params = AgeParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Update, "cloud", "The points.", Extent::Any);
+        io.column(column::P1);
+        let mut cloud = io.bundle(Access::Update, "cloud", POINTS, Extent::Any);
         let cloud_image_id = cloud.read("image_id");
         let cloud_meta = cloud.write("meta");
-        let arrived = io.read("arrived", "How many samples came into the cloud.", Extent::Fixed([1, 1]));
+        let arrived = io.read("arrived", ARRIVED, Extent::Fixed([1, 1]));
         let rate = io.persistent(
             "rate",
             "Moving average of the samples that come in a frame.",
             Extent::Fixed([1, 1]),
         );
-        let histogram = io.write("histogram", "Live points of each whole age.", Extent::Fixed([256, 1]));
+        let histogram = io.write("histogram", AGES, Extent::Fixed([256, 1]));
 
         io.shader(shader!("age"));
         io.constants(CONSTANTS);

@@ -11,8 +11,10 @@ use epigraph_core::{
 };
 use rayon::prelude::*;
 
-use crate::shared::edge_pixel::{
-    CLASS, Chord, DIRECTIONS, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, ends, primary_area,
+use crate::{
+    column,
+    meaning::{self, JOINS, RADIANCE},
+    shared::edge_pixel::{CLASS, Chord, DIRECTIONS, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, ends, primary_area},
 };
 
 #[path = "explain/antialias.rs"]
@@ -58,11 +60,12 @@ impl Stage for Antialias {
     type Params = AntialiasParams;
 
     fn declare(_: &AntialiasParams, io: &mut Io) -> Self {
+        io.column(column::I2);
         let pixels = || Extent::Frame(1);
-        let primary = io.read("primary", "Linear radiance of the primary regions.", pixels());
-        let cls = io.read("cls", "Class and regions of each pixel.", pixels());
-        let n8 = io.read("n8", "Which regions of each pixel join which of its eight neighbours'.", pixels());
-        let color = io.write("color", "Linear radiance of whole pixels.", pixels());
+        let primary = io.read("primary", RADIANCE.doc("Linear radiance of the primary regions."), pixels());
+        let cls = io.read("cls", meaning::CLASS, pixels());
+        let n8 = io.read("n8", JOINS, pixels());
+        let color = io.write("color", RADIANCE.doc("Linear radiance of whole pixels."), pixels());
         io.shader(shader!("antialias"));
         io.constants(CONSTANTS);
         io.dispatch("antialias", color);

@@ -4,7 +4,8 @@ use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage};
 use rayon::prelude::*;
 
 use crate::{
-    facts,
+    column, facts,
+    meaning::{BLOCKERS, LIGHTS, MOVES, POINTS},
     shared::{
         cloud::{AGE, AGE_ONE, BODY_SHIFT, FRESH, LIVE},
         moves::{Blocker, Lamp, Move},
@@ -52,16 +53,22 @@ impl Stage for Carry {
     type Params = CarryParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Update, "cloud", "The points.", Extent::Any);
+        io.column(column::P1);
+        let mut cloud = io.bundle(Access::Update, "cloud", POINTS, Extent::Any);
         let cloud_position = cloud.write("position");
         let cloud_meta = cloud.write("meta");
-        let moves = io.read("moves", "How each body has moved since the last frame.", Extent::Any);
-        let lights_before = io.read("lights_before", "The lights of the last frame.", Extent::Any);
-        let lights = io.read("lights", "The lights of this frame.", Extent::Like("lights_before".into()));
-        let blockers_before =
-            io.read("blockers_before", "The boxes of the bodies in the last frame.", Extent::Any);
+        let moves = io.read("moves", MOVES, Extent::Any);
+        let lights_before =
+            io.read("lights_before", LIGHTS.doc("The lights of the last frame."), Extent::Any);
+        let lights =
+            io.read("lights", LIGHTS.doc("The lights of this frame."), Extent::Like("lights_before".into()));
+        let blockers_before = io.read(
+            "blockers_before",
+            BLOCKERS.doc("The boxes of the bodies in the last frame."),
+            Extent::Any,
+        );
         let same = Extent::Like("blockers_before".into());
-        let blockers = io.read("blockers", "The boxes of the bodies in this frame.", same);
+        let blockers = io.read("blockers", BLOCKERS.doc("The boxes of the bodies in this frame."), same);
         io.shader(shader!("carry"));
         io.dispatch("main", cloud_meta);
         Self { cloud_position, cloud_meta, moves, lights_before, lights, blockers_before, blockers }

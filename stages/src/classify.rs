@@ -15,13 +15,17 @@
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
 use rayon::prelude::*;
 
-use crate::shared::{
-    cloud::NO_POINT,
-    edge_pixel::{
-        AMBIGUOUS, AREA_SHIFT, CELL_SHIFT, CLASS, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT,
-        SIMPLE, VALID, area_of_a, class_of, ring, slot_position,
+use crate::{
+    column,
+    meaning::{self, AIM, CELL, CROSSINGS, ID, KEPT, TURN},
+    shared::{
+        cloud::NO_POINT,
+        edge_pixel::{
+            AMBIGUOUS, AREA_SHIFT, CELL_SHIFT, CLASS, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A,
+            Q_SHIFT, SIMPLE, VALID, area_of_a, class_of, ring, slot_position,
+        },
+        requests::PIXEL_CENTER,
     },
-    requests::PIXEL_CENTER,
 };
 
 #[path = "explain/classify.rs"]
@@ -64,27 +68,23 @@ impl Stage for Classify {
     type Params = ClassifyParams;
 
     fn declare(_: &ClassifyParams, io: &mut Io) -> Self {
+        io.column(column::I1);
         let pixels = || Extent::Frame(1);
-        let mask = io.read(
-            "mask",
-            "Crossings with the left (bits 0 to 7) and top (8 to 15) side of each pixel.",
-            Extent::Corners,
-        );
-        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF for none.", pixels());
-        let subpixel = io.read("subpixel", "Its cell in the pixel, row by row.", pixels());
-        let vertex = io.optional(
-            "vertex",
-            "Where in the pixel an edge turns: 0 for nowhere, else 0x10000 | y << 8 | x in 1/16 pixel.",
+        let mask = io.read("mask", CROSSINGS, Extent::Corners);
+        let id = io.read("id", ID, pixels());
+        let subpixel = io.read("subpixel", CELL, pixels());
+        let vertex = io.optional("vertex", TURN, pixels());
+        let cls = io.write(
+            "cls",
+            meaning::CLASS.doc("Class, chord, primary region and state of the sample, as bits."),
             pixels(),
         );
-        let cls = io.write("cls", "Class, chord, primary region and state of the sample, as bits.", pixels());
-        let kept =
-            io.write("kept", "The point that the pixel shows, without those that are dropped.", pixels());
-        let aim = io.write(
-            "aim",
-            "Where in the pixel the next sample should go, in 1/65536 of it: x low, y high.",
+        let kept = io.write(
+            "kept",
+            KEPT.doc("The point that the pixel shows, without those that are dropped."),
             pixels(),
         );
+        let aim = io.write("aim", AIM, pixels());
         io.shader(shader!("classify"));
         if vertex.is_some() {
             io.define("VERTEX");

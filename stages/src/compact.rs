@@ -4,7 +4,8 @@
 use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage};
 
 use crate::{
-    facts,
+    column, facts,
+    meaning::{COUNT, DRAWN, EDGES, SILHOUETTES, VERTICES},
     shared::segments::{MeshEdge, Segment},
 };
 
@@ -22,9 +23,12 @@ pub struct Compaction {
 impl Compaction {
     /// Declares the outputs `segments` and `count`.
     pub fn declare(io: &mut Io, vertices: In<[f32; 4]>, edges: In<MeshEdge>) -> Self {
-        let segments =
-            io.write("segments", "The silhouettes, in the order of the edges.", facts::EDGES.list());
-        let count = io.write("count", "How many silhouettes there are.", Extent::Fixed([1, 1]));
+        let segments = io.write(
+            "segments",
+            SILHOUETTES.doc("The silhouettes, in the order of the edges."),
+            facts::EDGES.list(),
+        );
+        let count = io.write("count", COUNT.doc("How many silhouettes there are."), Extent::Fixed([1, 1]));
         Self { vertices, edges, segments, count }
     }
 
@@ -88,11 +92,11 @@ impl Stage for Compact {
     type Params = ();
 
     fn declare(_: &(), io: &mut Io) -> Self {
+        io.column(column::E1);
         io.per_view();
-        let vertices = io.read("vertices", "Positions, metres.", facts::VERTICES.list());
-        let edges = io.read("edges", "Vertices, faces and kind of every edge.", facts::EDGES.list());
-        let drawn =
-            io.read("drawn", "Bits of the edges that are silhouettes.", Extent::BitsOf("edges".into()));
+        let vertices = io.read("vertices", VERTICES, facts::VERTICES.list());
+        let edges = io.read("edges", EDGES, facts::EDGES.list());
+        let drawn = io.read("drawn", DRAWN, Extent::BitsOf("edges".into()));
         Self { drawn, compaction: Compaction::declare(io, vertices, edges) }
     }
 

@@ -20,6 +20,8 @@ use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choic
 use rayon::prelude::*;
 
 use crate::{
+    column,
+    meaning::{DEPTH, ID},
     project::{self, EMPTY_DEPTH},
     shared::{
         cloud::NO_POINT,
@@ -69,23 +71,33 @@ impl Stage for DepthCull {
     type Params = DepthCullParams;
 
     fn declare(params: &DepthCullParams, io: &mut Io) -> Self {
+        io.column(column::P4);
         let id = io.update(
             "id",
-            "The point that each pixel shows; 0xFFFFFFFF where it is dropped.",
+            ID.doc("The point that each pixel shows; 0xFFFFFFFF where it is dropped."),
             Extent::Frame(1),
         );
-        let depth =
-            io.read("depth", "Bits of the points' distance; infinity where there is none.", Extent::Frame(1));
+        let depth = io.read(
+            "depth",
+            DEPTH.doc("Bits of the points' distance; infinity where there is none."),
+            Extent::Frame(1),
+        );
         let filtered = io.write(
             "filtered",
-            "Mean distance of the 3x3 pixels, shifted back by the threshold, metres; the far plane where all are empty.",
+            DEPTH.doc(
+                "Mean distance of the 3x3 pixels, shifted back by the threshold, metres; the far plane where all are empty.",
+            ),
             Extent::Frame(1),
         );
         io.shader(shader!("depth_cull"));
         io.constants(project::CONSTANTS);
         let first_vote = (params.rule == Rule::Majority).then(|| {
             io.define("MAJORITY");
-            io.write("first_vote", "Scratch: the depths that the first vote leaves.", Extent::Frame(1))
+            io.write(
+                "first_vote",
+                DEPTH.doc("The depths that the first vote leaves.").scratch(),
+                Extent::Frame(1),
+            )
         });
         if let Some(first_vote) = first_vote {
             io.dispatch("vote", first_vote);

@@ -20,10 +20,13 @@ use std::ops::Range;
 
 use epigraph_core::{
     CpuContext, Dims, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, choice, constants, params,
+    scratch,
 };
 use rayon::prelude::*;
 
 use crate::{
+    column,
+    meaning::{AIM, ID, OCCUPANCY, PRIORITY, REQUESTS},
     predict::{self, CELL},
     shared::{
         cloud::NO_POINT,
@@ -110,37 +113,38 @@ impl Stage for Dither {
     type Params = DitherParams;
 
     fn declare(params: &DitherParams, io: &mut Io) -> Self {
-        let priority = io.read("priority", "How much a sample is worth, 0 to 255.", Extent::Frame(1));
-        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", Extent::Frame(1));
+        io.column(column::P1);
+        let priority = io.read("priority", PRIORITY, Extent::Frame(1));
+        let id = io.read("id", ID, Extent::Frame(1));
         let aim = io.optional(
             "aim",
-            "Where in the pixel its sample should go, in 1/65536 of it: x low, y high; unconnected: at the centre.",
+            AIM.doc(
+                "Where in the pixel its sample should go, in 1/65536 of it: x low, y high; unconnected: at the centre.",
+            ),
             Extent::Frame(1),
         );
         let occupancy = io.optional(
             "occupancy",
-            "1 where the predicted view has a point in 4x4 pixels; unconnected: nothing is predicted.",
+            OCCUPANCY.doc(
+                "1 where the predicted view has a point in 4x4 pixels; unconnected: nothing is predicted.",
+            ),
             Extent::Frame(CELL),
         );
-        let requests = io.write(
-            "requests",
-            "What to sample; entries without a pixel ask for nothing.",
-            Extent::Requests,
-        );
+        let requests = io.write("requests", REQUESTS, Extent::Requests);
         let prediction = occupancy.map(|occupancy| Prediction {
             occupancy,
             tiles: io.write(
                 "cell_tiles",
-                "Scratch: empty cells before each tile of cells.",
+                scratch("Empty cells before each tile of cells."),
                 Extent::Frame(CELL * TILE),
             ),
         });
         let by_kind = match params.kind {
             Kind::Systematic => {
                 let tiles =
-                    io.write("tiles", "Scratch: sum of priorities before each tile.", Extent::Frame(TILE));
+                    io.write("tiles", scratch("Sum of priorities before each tile."), Extent::Frame(TILE));
                 let _: Out<u32> =
-                    io.write("state", "Scratch: sums that every thread needs.", Extent::Fixed([4, 1]));
+                    io.write("state", scratch("Sums that every thread needs."), Extent::Fixed([4, 1]));
                 io.shader(shader!("dither"));
                 io.constants(CONSTANTS);
                 io.constants(predict::CONSTANTS);

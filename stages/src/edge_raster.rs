@@ -39,13 +39,17 @@ use std::{
 };
 
 use epigraph_core::{
-    CpuContext, Extent, Finding, In, Io, Out, Pass, Site, Stage, Threads, View, choice, constants, item,
-    params, texel,
+    CpuContext, Extent, Finding, In, Io, Meaning, Out, Pass, Site, Stage, Threads, View, choice, constants,
+    item, params, scratch, texel,
 };
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::shared::segments::{Segment, penumbra_width};
+use crate::{
+    column,
+    meaning::{self, COUNT, CROSSINGS, DEPTH, TURN},
+    shared::segments::{Segment, penumbra_width},
+};
 
 #[path = "explain/edge_raster.rs"]
 mod explain;
@@ -154,8 +158,9 @@ struct List {
     count: Option<In<u32>>,
 }
 
-/// What belongs to a list: ports, defines and entry points.
+/// What belongs to a list: its meaning, ports, defines and entry points.
 struct Names {
+    meaning: Meaning,
     segments: &'static str,
     count: &'static str,
     define: &'static str,
@@ -165,6 +170,7 @@ struct Names {
 }
 
 const SILHOUETTES: Names = Names {
+    meaning: meaning::SILHOUETTES,
     segments: "silhouettes",
     count: "silhouette_count",
     define: "SILHOUETTES",
@@ -174,6 +180,7 @@ const SILHOUETTES: Names = Names {
 };
 
 const SHADOWS: Names = Names {
+    meaning: meaning::SHADOWS,
     segments: "shadows",
     count: "shadow_count",
     define: "SHADOWS",
@@ -183,10 +190,10 @@ const SHADOWS: Names = Names {
 };
 
 impl List {
-    fn declare(io: &mut Io, names: &'static Names, doc: &'static str) -> Option<Self> {
-        let segments = io.optional(names.segments, doc, Extent::Any);
+    fn declare(io: &mut Io, names: &'static Names) -> Option<Self> {
+        let segments = io.optional(names.segments, names.meaning, Extent::Any);
         let count_doc = "How many of them there are; all of the list if not connected.";
-        let count = io.optional(names.count, count_doc, Extent::Fixed([1, 1]));
+        let count = io.optional(names.count, COUNT.doc(count_doc), Extent::Fixed([1, 1]));
         Some(Self { names, segments: segments?, count })
     }
 
@@ -210,18 +217,26 @@ impl Stage for EdgeRaster {
     type Params = EdgeRasterParams;
 
     fn declare(params: &EdgeRasterParams, io: &mut Io) -> Self {
-        let silhouettes = List::declare(io, &SILHOUETTES, "Edges of objects.");
-        let shadows = List::declare(io, &SHADOWS, "Boundaries of shadows.");
-        let filtered =
-            io.read("filtered", "Distance behind which an edge is hidden, metres.", Extent::Frame(1));
+        io.column(column::E2);
+        let silhouettes = List::declare(io, &SILHOUETTES);
+        let shadows = List::declare(io, &SHADOWS);
+        let filtered = io.read(
+            "filtered",
+            DEPTH.doc("Distance behind which an edge is hidden, metres."),
+            Extent::Frame(1),
+        );
         let mask = io.write(
             "mask",
-            "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15; with its middle lines, 16 to 31.",
+            CROSSINGS.doc(
+                "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15; with its middle lines, 16 to 31.",
+            ),
             Extent::Corners,
         );
         let vertex = io.write(
             "vertex",
-            "An end of a segment in the pixel: 0 if none, else 0x10000 | y << 8 | x in 1/16 pixel, the greatest such number.",
+            TURN.doc(
+                "An end of a segment in the pixel: 0 if none, else 0x10000 | y << 8 | x in 1/16 pixel, the greatest such number.",
+            ),
             Extent::Frame(1),
         );
         io.shader(shader!("edge_raster"));
@@ -235,15 +250,15 @@ impl Stage for EdgeRaster {
         match params.method {
             Method::Compute => {
                 let (long, long_count) = (Extent::Fixed([LONG_SEGMENTS, 1]), Extent::Fixed([1, 1]));
-                io.write::<Snapped>("long", "Scratch: segments with many crossings.", long);
-                io.write::<u32>("long_count", "Scratch: how many there are.", long_count);
+                io.write::<Snapped>("long", scratch("Segments with many crossings."), long);
+                io.write::<u32>("long_count", scratch("How many there are."), long_count);
                 lists.for_each(|list| io.dispatch(list.names.draw, list.segments));
                 io.compute("draw_long", Threads::Groups(LONG_GROUPS));
             }
             Method::Lines => {
                 io.define("LINES");
                 let visited: Out<texel::R32Uint> =
-                    io.write("visited", "Scratch: 1 where a line was drawn last.", Extent::Corners);
+                    io.write("visited", scratch("1 where a line was drawn last."), Extent::Corners);
                 lists.for_each(|list| {
                     io.pass(Pass::Lines {
                         vertex: list.names.corner,

@@ -10,7 +10,11 @@ use epigraph_core::{
 };
 use rayon::prelude::*;
 
-use crate::shared::cloud::{AGE, AGE_ONE, decode_radiance};
+use crate::{
+    column,
+    meaning::{ID, POINTS, PRIORITY, RADIANCE},
+    shared::cloud::{AGE, AGE_ONE, decode_radiance},
+};
 
 #[path = "explain/fill.rs"]
 mod explain;
@@ -74,14 +78,16 @@ impl Stage for Fill {
     type Params = FillParams;
 
     fn declare(_: &FillParams, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        io.column(column::I2);
+        let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (radiance, meta) = (cloud.read("radiance"), cloud.read("meta"));
         let pixels = || Extent::Frame(1);
-        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", pixels());
-        let previous = io.history("previous", "The colours of the frame before.", pixels());
-        let points = io.write("points", "Scratch: the point's radiance and 1, or zeros.", pixels());
-        let color = io.write("color", "Linear radiance; alpha 1.", pixels());
-        let priority = io.write("priority", "How much a sample is worth, 0 to 255.", pixels());
+        let id = io.read("id", ID, pixels());
+        let previous = io.history("previous", RADIANCE.doc("The colours of the frame before."), pixels());
+        let points =
+            io.write("points", RADIANCE.doc("The point's radiance and 1, or zeros.").scratch(), pixels());
+        let color = io.write("color", RADIANCE.doc("Linear radiance; alpha 1."), pixels());
+        let priority = io.write("priority", PRIORITY, pixels());
         io.shader(shader!("fill"));
         io.constants(CONSTANTS);
         io.dispatch("gather", points);

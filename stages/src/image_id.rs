@@ -4,7 +4,11 @@ use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params,
 };
 
-use crate::shared::cloud::NOT_DRAWN;
+use crate::{
+    column,
+    meaning::{ID, POINTS},
+    shared::cloud::NOT_DRAWN,
+};
 
 #[path = "explain/image_id.rs"]
 mod explain;
@@ -47,9 +51,10 @@ impl Stage for ImageId {
     type Params = ImageIdParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Update, "cloud", "The points.", Extent::Any);
+        io.column(column::P2);
+        let mut cloud = io.bundle(Access::Update, "cloud", POINTS, Extent::Any);
         let cloud_image_id = cloud.write("image_id");
-        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF for none.", Extent::Frame(1));
+        let id = io.read("id", ID, Extent::Frame(1));
 
         io.shader(shader!("image_id"));
         io.constants(CONSTANTS);

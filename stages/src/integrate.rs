@@ -5,10 +5,14 @@ use std::sync::{Mutex, PoisonError};
 use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
 use rayon::prelude::*;
 
-use crate::shared::{
-    cloud::{BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
-    color::luminance,
-    requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
+use crate::{
+    column,
+    meaning::{ARRIVED, DATE, POINTS, SAMPLES, SLOT},
+    shared::{
+        cloud::{BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
+        color::luminance,
+        requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
+    },
 };
 
 #[path = "explain/integrate.rs"]
@@ -50,26 +54,23 @@ impl Stage for Integrate {
     type Params = IntegrateParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Update, "cloud", "The points.", Extent::Any);
+        io.column(column::P1);
+        let mut cloud = io.bundle(Access::Update, "cloud", POINTS, Extent::Any);
         let cloud_position = cloud.write("position");
         let cloud_radiance = cloud.write("radiance");
         let cloud_image_id = cloud.write("image_id");
         let cloud_meta = cloud.write("meta");
-        let samples = io.history("samples", "The samples that arrived in the last frame.", Extent::Any);
-        let slots =
-            io.read("slots", "The slot of each sample, 0xFFFFFFFF for none.", Extent::Like("samples".into()));
-        let arrived = io.write("arrived", "How many samples came into the cloud.", Extent::Fixed([1, 1]));
+        let samples =
+            io.history("samples", SAMPLES.doc("The samples that arrived in the last frame."), Extent::Any);
+        let slots = io.read("slots", SLOT, Extent::Like("samples".into()));
+        let arrived = io.write("arrived", ARRIVED, Extent::Fixed([1, 1]));
         // Frame numbers need no clearing.
         let changed = io.persistent(
             "changed",
             "Frame number + 1 in which a colour last changed nearby.",
             Extent::Frame(1),
         );
-        let dates = io.persistent(
-            "dates",
-            "Frame number + 1 in which the sample of each slot came, 0 where that is not known.",
-            Extent::Like("cloud".into()),
-        );
+        let dates = io.persistent("dates", DATE, Extent::Like("cloud".into()));
 
         io.shader(shader!("integrate"));
         io.constants(CONSTANTS);

@@ -18,10 +18,14 @@ use epigraph_core::{
 use rayon::prelude::*;
 
 pub use crate::fill::Priority;
-use crate::shared::{
-    cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance, gather},
-    color::luminance,
-    edge_pixel::{CLASS, COMPLEX},
+use crate::{
+    column,
+    meaning::{self, CELL, ID, POINTS, PRIORITY, RADIANCE},
+    shared::{
+        cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance, gather},
+        color::luminance,
+        edge_pixel::{CLASS, COMPLEX},
+    },
 };
 
 #[path = "explain/interpolate.rs"]
@@ -102,19 +106,22 @@ impl Stage for Interpolate {
     type Params = InterpolateParams;
 
     fn declare(_: &InterpolateParams, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        io.column(column::I2);
+        let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (radiance, meta) = (cloud.read("radiance"), cloud.read("meta"));
         let pixels = || Extent::Frame(1);
-        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", pixels());
-        let cls = io.read("cls", "Class and regions of each pixel.", pixels());
-        let r24 = io.read("r24", "Which of the 24 pixels around the primary region reaches.", pixels());
-        let subpixel = io.read("subpixel", "The point's cell in the pixel, row by row.", pixels());
+        let id = io.read("id", ID, pixels());
+        let cls = io.read("cls", meaning::CLASS, pixels());
+        let r24 = io.read("r24", meaning::REACH, pixels());
+        let subpixel = io.read("subpixel", CELL, pixels());
         let color = io.write(
             "color",
-            "Linear radiance of the primary region; alpha: the share of the kernel's weight that was there.",
+            RADIANCE.doc(
+                "Linear radiance of the primary region; alpha: the share of the kernel's weight that was there.",
+            ),
             pixels(),
         );
-        let priority = io.write("priority", "How much a sample is worth, 0 to 255.", pixels());
+        let priority = io.write("priority", PRIORITY, pixels());
         io.shader(shader!("interpolate"));
         io.constants(CONSTANTS);
         io.dispatch("interpolate", color);

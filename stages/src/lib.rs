@@ -1,5 +1,5 @@
 //! The stages of Epigraph: one file for each step of an algorithm, with its ports, parameters and CPU twin; the shader
-//! of the same name lies in `shaders/`.
+//! of the same name lies in `shaders/`. [`meaning`] names what their ports hold, [`column`] where their times are added up.
 //!
 //! [`registry`] has all of them, for [`epigraph_core::compile`]. A stage can also run alone, on given data:
 //!
@@ -34,6 +34,7 @@ pub mod age;
 pub mod antialias;
 pub mod carry;
 pub mod classify;
+pub mod column;
 pub mod compact;
 pub mod depth_cull;
 pub mod dither;
@@ -43,6 +44,7 @@ pub mod fill;
 pub mod image_id;
 pub mod integrate;
 pub mod interpolate;
+pub mod meaning;
 pub mod mesh;
 pub mod motion;
 pub mod point_cloud;

@@ -11,7 +11,8 @@ use epigraph_scenes::{Body, Edge, EdgeKind, Scene};
 use half::f16;
 
 use crate::{
-    World, facts,
+    World, column, facts,
+    meaning::{EDGES, FACES, NORMALS, VERTICES},
     shared::segments::{BORDER, CREASE, MeshEdge, REGULAR},
 };
 
@@ -59,18 +60,19 @@ impl Stage for Mesh {
     type Params = MeshParams;
 
     fn declare(params: &MeshParams, io: &mut Io) -> Self {
-        let vertices = io.persistent("vertices", "Positions, metres; w = 1.", facts::VERTICES.list());
-        let faces =
-            io.persistent("faces", "Three vertices and the object of each triangle.", facts::FACES.list());
+        io.column(column::E1);
+        let vertices =
+            io.persistent("vertices", VERTICES.doc("Positions, metres; w = 1."), facts::VERTICES.list());
+        let faces = io.persistent("faces", FACES, facts::FACES.list());
         let (name, doc) = ("normals", "Unit normals of the triangles, zero where one is degenerate.");
         let normals = match params.normals {
-            Normals::F32 => NormalsOut::F32(io.persistent(name, doc, facts::FACES.list())),
-            Normals::F16 => NormalsOut::F16(io.persistent(name, doc, facts::FACES.list())),
-            Normals::Oct16 => NormalsOut::Oct16(io.persistent(name, doc, facts::FACES.list())),
+            Normals::F32 => NormalsOut::F32(io.persistent(name, NORMALS.doc(doc), facts::FACES.list())),
+            Normals::F16 => NormalsOut::F16(io.persistent(name, NORMALS.doc(doc), facts::FACES.list())),
+            Normals::Oct16 => NormalsOut::Oct16(io.persistent(name, NORMALS.doc(doc), facts::FACES.list())),
         };
         let edges = io.persistent(
             "edges",
-            "Vertices, faces and kind of every edge, in rising order.",
+            EDGES.doc("Vertices, faces and kind of every edge, in rising order."),
             facts::EDGES.list(),
         );
         Self { vertices, faces, normals, edges, written: Mutex::default() }

@@ -4,7 +4,8 @@ use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage};
 use epigraph_scenes::MAX_BODIES;
 
 use crate::{
-    World, facts,
+    World, column, facts,
+    meaning::{self, MOVES},
     shared::moves::{Blocker, Lamp, Move},
 };
 
@@ -30,27 +31,28 @@ impl Stage for Motion {
     type Params = ();
 
     fn declare((): &(), io: &mut Io) -> Self {
+        io.column(column::P1);
         let doc = "By number of the body; 0, which stands for what does not move, and numbers of none rest.";
         Self {
-            moves: io.write("moves", doc, Extent::Fixed([NUMBERS, 1])),
+            moves: io.write("moves", MOVES.doc(doc), Extent::Fixed([NUMBERS, 1])),
             lights_before: io.write(
                 "lights_before",
-                "The lights of the last frame.",
+                meaning::LIGHTS.doc("The lights of the last frame."),
                 Extent::Fixed([LIGHTS, 1]),
             ),
             blockers_before: io.write(
                 "blockers_before",
-                "The boxes of the bodies in the last frame.",
+                meaning::BLOCKERS.doc("The boxes of the bodies in the last frame."),
                 Extent::Fixed([BLOCKERS, 1]),
             ),
             blockers: io.write(
                 "blockers",
-                "The boxes of the bodies in this frame, in the same order.",
+                meaning::BLOCKERS.doc("The boxes of the bodies in this frame, in the same order."),
                 Extent::Fixed([BLOCKERS, 1]),
             ),
             lights: io.write(
                 "lights",
-                "The lights of this frame, in the same order.",
+                meaning::LIGHTS.doc("The lights of this frame, in the same order."),
                 Extent::Fixed([LIGHTS, 1]),
             ),
         }

@@ -2,6 +2,8 @@
 
 use epigraph_core::{Access, CpuContext, Extent, Io, Stage};
 
+use crate::{column, meaning::POINTS};
+
 epigraph_core::params! {
     /// How large the cloud is.
     pub struct PointCloudParams {
@@ -21,8 +23,10 @@ impl Stage for PointCloud {
     type Params = PointCloudParams;
 
     fn declare(params: &Self::Params, io: &mut Io) -> Self {
+        io.column(column::P1);
         let doc = "The points: position, RGB9E5 radiance, pixel where last seen, age and flags.";
-        let mut cloud = io.bundle(Access::Write, "cloud", doc, Extent::PerPixel(params.points_per_pixel));
+        let mut cloud =
+            io.bundle(Access::Write, "cloud", POINTS.doc(doc), Extent::PerPixel(params.points_per_pixel));
         cloud.persistent();
         cloud.write::<[f32; 4]>("position");
         cloud.write::<u32>("radiance");

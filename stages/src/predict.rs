@@ -7,7 +7,8 @@ use epigraph_core::{Access, CpuContext, Extent, Facts, Finding, In, Io, Out, Sit
 use rayon::prelude::*;
 
 use crate::{
-    facts,
+    column, facts,
+    meaning::{OCCUPANCY, POINTS},
     shared::{
         cloud::LIVE,
         view::{SEVERAL, Several},
@@ -39,11 +40,14 @@ impl Stage for Predict {
     type Params = ();
 
     fn declare(_: &(), io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        io.column(column::P3);
+        let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (position, meta) = (cloud.read("position"), cloud.read("meta"));
         let occupancy = io.write(
             "occupancy",
-            "1 where a point falls into the 4x4 pixels, else 0; 1 everywhere while the camera rests.",
+            OCCUPANCY.doc(
+                "1 where a point falls into the 4x4 pixels, else 0; 1 everywhere while the camera rests.",
+            ),
             Extent::Frame(CELL),
         );
         io.shader(shader!("predict"));

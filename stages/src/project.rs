@@ -9,13 +9,17 @@
 
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Pass, Site, Stage, choice, constants, params,
-    texel,
+    scratch, texel,
 };
 use rayon::prelude::*;
 
-use crate::shared::{
-    cloud::{AGE, AGE_ONE, LIVE, NO_POINT, NOT_DRAWN},
-    view::{Projected, SEVERAL, Several},
+use crate::{
+    column,
+    meaning::{CELL, DEPTH, ID, POINTS},
+    shared::{
+        cloud::{AGE, AGE_ONE, LIVE, NO_POINT, NOT_DRAWN},
+        view::{Projected, SEVERAL, Several},
+    },
 };
 
 #[path = "explain/project.rs"]
@@ -71,20 +75,22 @@ impl Stage for Project {
     type Params = ProjectParams;
 
     fn declare(params: &ProjectParams, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        io.column(column::P2);
+        let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (position, meta) = (cloud.read("position"), cloud.read("meta"));
         let pixels = Extent::Frame(1);
         let points = || Extent::Like("cloud".into());
-        let id = io.write("id", "The point that the pixel shows, 0xFFFFFFFF if none.", pixels.clone());
+        let id = io.write("id", ID, pixels.clone());
         let depth = io.write(
             "depth",
-            "Bits of its distance along the axis, metres; infinity if none.",
+            DEPTH.doc("Bits of its distance along the axis, metres; infinity if none."),
             pixels.clone(),
         );
-        let subpixel = io.write("subpixel", "Its cell in the pixel, row by row; 0 if none.", pixels.clone());
+        let subpixel =
+            io.write("subpixel", CELL.doc("Its cell in the pixel, row by row; 0 if none."), pixels.clone());
         let projected =
-            io.write("projected", "Scratch: each point's pixel and bits of its distance.", points());
-        let cells = io.write("cells", "Scratch: each point's cell in its pixel.", points());
+            io.write("projected", scratch("Each point's pixel and bits of its distance."), points());
+        let cells = io.write("cells", scratch("Each point's cell in its pixel."), points());
 
         io.shader(shader!("project"));
         io.constants(CONSTANTS);
@@ -97,14 +103,14 @@ impl Stage for Project {
             Method::Atomic64 => {
                 io.needs_atomic64();
                 io.define("ATOMIC64");
-                let keys: Out<[u32; 2]> = io.write("keys", "Scratch: the least depth and id.", pixels);
+                let keys: Out<[u32; 2]> = io.write("keys", scratch("The least depth and id."), pixels);
                 io.dispatch("clear", keys);
                 io.dispatch("project", position);
             }
             Method::Raster => {
                 io.define("RASTER");
                 let drawn: Out<texel::R32Uint> =
-                    io.write("drawn", "Scratch: the point that was drawn.", pixels);
+                    io.write("drawn", scratch("The point that was drawn."), pixels);
                 io.pass(Pass::Points {
                     vertex: "vertex",
                     fragment: "fragment",

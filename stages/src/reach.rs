@@ -7,10 +7,16 @@
 //! A complex pixel joins nothing, and neither does what lies outside the image. Both sides work on tiles, and skip those
 //! where all pixels are empty, as 85 to 95% of an image's are: every path is open there.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params};
+use epigraph_core::{
+    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, scratch,
+};
 use rayon::prelude::*;
 
-use crate::shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, joined, transpose};
+use crate::{
+    column,
+    meaning::{self, CROSSINGS, JOINS, REACH},
+    shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, joined, transpose},
+};
 
 #[path = "explain/reach.rs"]
 mod explain;
@@ -71,21 +77,24 @@ impl Stage for Reach {
     type Params = ReachParams;
 
     fn declare(params: &ReachParams, io: &mut Io) -> Self {
+        io.column(column::I2);
         let pixels = || Extent::Frame(1);
-        let mask = io.read(
-            "mask",
-            "Crossings with the left (bits 0 to 7) and top (8 to 15) side of each pixel.",
-            Extent::Corners,
+        let mask = io.read("mask", CROSSINGS, Extent::Corners);
+        let cls = io.read(
+            "cls",
+            meaning::CLASS.doc("Class, chord and primary region of each pixel, as bits."),
+            pixels(),
         );
-        let cls = io.read("cls", "Class, chord and primary region of each pixel, as bits.", pixels());
         let n8 = io.write(
             "n8",
-            "Joined regions of the eight neighbours: four bits each for E, SE, S, SW, W, NW, N, NE.",
+            JOINS.doc(
+                "Joined regions of the eight neighbours: four bits each for E, SE, S, SW, W, NW, N, NE.",
+            ),
             pixels(),
         );
         let r24 = io.write(
             "r24",
-            "Bit k: the k-th of the other 5x5 pixels, in reading order, can be reached.",
+            REACH.doc("Bit k: the k-th of the other 5x5 pixels, in reading order, can be reached."),
             pixels(),
         );
         io.shader(shader!("reach"));
@@ -97,7 +106,7 @@ impl Stage for Reach {
             }
             Method::ThreePass => {
                 let half: Out<u32> =
-                    io.write("half", "Scratch: the half of r24 that is not copied.", pixels());
+                    io.write("half", scratch("The half of r24 that is not copied."), pixels());
                 io.dispatch("neighbours", n8);
                 io.dispatch("main_half", half);
                 io.dispatch("copy_half", r24);

@@ -11,6 +11,8 @@ use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, param
 use rayon::prelude::*;
 
 use crate::{
+    column,
+    meaning::{CLASS, DEPTH, ID, KEPT, REACH},
     project::EMPTY_DEPTH,
     shared::{
         cloud::NO_POINT,
@@ -49,17 +51,20 @@ impl Stage for ReachCull {
     type Params = ReachCullParams;
 
     fn declare(params: &ReachCullParams, io: &mut Io) -> Self {
+        io.column(column::I2);
         let pixels = || Extent::Frame(1);
-        let kept = io.read("kept", "The point that each pixel shows, 0xFFFFFFFF for none.", pixels());
-        let depth = io.read("depth", "Bits of the points' distance along the axis, metres.", pixels());
-        let r24 = io.read("r24", "Which of the other 5x5 pixels each pixel reaches, as bits.", pixels());
+        let kept = io.read("kept", KEPT, pixels());
+        let depth =
+            io.read("depth", DEPTH.doc("Bits of the points' distance along the axis, metres."), pixels());
+        let r24 =
+            io.read("r24", REACH.doc("Which of the other 5x5 pixels each pixel reaches, as bits."), pixels());
         let cls = io.update(
             "cls",
-            "State of the pixels, as bits; those whose sample is dropped have none.",
+            CLASS.doc("State of the pixels, as bits; those whose sample is dropped have none."),
             pixels(),
         );
-        let id = io.write("id", "The points without those that are dropped.", pixels());
-        let spare = io.write("spare", "Scratch: the points after every other pass.", pixels());
+        let id = io.write("id", ID.doc("The points without those that are dropped."), pixels());
+        let spare = io.write("spare", KEPT.doc("The points after every other pass.").scratch(), pixels());
         io.shader(shader!("reach_cull"));
         for pass in 0..params.passes {
             let entry = match (pass, writes_id(pass, params.passes)) {

@@ -1,11 +1,15 @@
 //! Chooses the slots of the cloud that new samples take over.
 
-use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads};
+use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, scratch};
 
-use crate::shared::{
-    cloud::{AGE, AGE_ONE, LIVE, NO_POINT},
-    requests::{HIT_NONE, Sample},
-    scan::SCAN_BLOCKS,
+use crate::{
+    column,
+    meaning::{AGES, POINTS, SAMPLES, SLOT},
+    shared::{
+        cloud::{AGE, AGE_ONE, LIVE, NO_POINT},
+        requests::{HIT_NONE, Sample},
+        scan::SCAN_BLOCKS,
+    },
 };
 
 epigraph_core::constants! {
@@ -46,32 +50,38 @@ impl Stage for Replace {
     type Params = ReplaceParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {
+        io.column(column::P1);
         let like = |port: &'static str| Extent::Like(port.into());
-        let mut cloud =
-            io.bundle(Access::Read, "cloud", "The points before this frame's samples.", Extent::Any);
+        let mut cloud = io.bundle(
+            Access::Read,
+            "cloud",
+            POINTS.doc("The points before this frame's samples."),
+            Extent::Any,
+        );
         let cloud_meta = cloud.read("meta");
-        let samples = io.history("samples", "The samples that arrived in the last frame.", Extent::Any);
+        let samples =
+            io.history("samples", SAMPLES.doc("The samples that arrived in the last frame."), Extent::Any);
         let histogram = io.history(
             "histogram",
-            "Live points of each whole age, of this same cloud.",
+            AGES.doc("Live points of each whole age, of this same cloud."),
             Extent::Fixed([256, 1]),
         );
-        let slots = io.write("slots", "The slot of each sample, 0xFFFFFFFF for none.", like("samples"));
+        let slots = io.write("slots", SLOT, like("samples"));
 
         let claims =
-            io.write("claims", "Scratch: lowest sample that renews the point of a slot.", like("cloud"));
-        let claimed = io.write("claimed", "Scratch: claimed slots of each age.", Extent::Fixed([256, 1]));
+            io.write("claims", scratch("Lowest sample that renews the point of a slot."), like("cloud"));
+        let claimed = io.write("claimed", scratch("Claimed slots of each age."), Extent::Fixed([256, 1]));
         let choice = io.write(
             "choice",
-            "Scratch: the youngest age that is replaced, and how many free slots are older.",
+            scratch("The youngest age that is replaced, and how many free slots are older."),
             Extent::Fixed([1, 1]),
         );
-        let oldest = io.write("oldest", "Scratch: free slots, oldest first.", like("samples"));
+        let oldest = io.write("oldest", scratch("Free slots, oldest first."), like("samples"));
         let sums = Extent::Fixed([SCAN_BLOCKS, 1]);
-        io.write::<u32>("sample_sums", "Scratch: samples without a claim, by block.", sums.clone());
+        io.write::<u32>("sample_sums", scratch("Samples without a claim, by block."), sums.clone());
         io.write::<[u32; 2]>(
             "slot_sums",
-            "Scratch: free slots older than, and of, the chosen age, by block.",
+            scratch("Free slots older than, and of, the chosen age, by block."),
             sums,
         );
 

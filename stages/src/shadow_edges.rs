@@ -8,7 +8,8 @@ use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage, params};
 use epigraph_scenes::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings};
 
 use crate::{
-    World, facts,
+    World, column, facts,
+    meaning::{COUNT, SHADOWS},
     shared::segments::{SHADOW_HARD, SHADOW_PENUMBRA, SHADOW_UMBRA, Segment, shadow_flags},
 };
 
@@ -58,14 +59,17 @@ impl Stage for ShadowEdges {
     type Params = ShadowEdgesParams;
 
     fn declare(params: &Self::Params, io: &mut Io) -> Self {
+        io.column(column::E1);
         let number = Extent::Fixed([1, 1]);
         Self {
             segments: io.persistent(
                 "segments",
-                "The boundaries; flags have their kind in bits 0 and 1, and the penumbra's width in the high half.",
+                SHADOWS.doc(
+                    "The boundaries; flags have their kind in bits 0 and 1, and the penumbra's width in the high half.",
+                ),
                 Extent::Fixed([params.capacity, 1]),
             ),
-            count: io.persistent("count", "How many of them there are; 0 while they are sought.", number.clone()),
+            count: io.persistent("count", COUNT.doc("How many of them there are; 0 while they are sought."), number.clone()),
             dropped: io.persistent("dropped", "How many more were found than there is room for.", number),
             written: Mutex::default(),
         }

@@ -8,13 +8,15 @@
 //! A prefix sum puts the silhouettes into a list without gaps, in the order of the edges. The papers read the bits of the
 //! edges back and did this on the CPU: that is `compaction: Readback` with the stage [`crate::compact`] after it.
 
-use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage, Threads, choice, params};
+use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage, Threads, choice, params, scratch};
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::{
+    column,
     compact::Compaction,
     facts,
+    meaning::{DRAWN, EDGES, FACES, NORMALS, VERTICES},
     mesh::{self, Normals, decode_f16, decode_oct16},
     shared::{
         scan::SCAN_BLOCKS,
@@ -67,34 +69,35 @@ impl Stage for Silhouette {
     type Params = SilhouetteParams;
 
     fn declare(params: &SilhouetteParams, io: &mut Io) -> Self {
+        io.column(column::E1);
         io.shader(shader!("silhouette"));
         io.constants(mesh::CONSTANTS);
         io.per_view();
-        let vertices = io.read("vertices", "Positions, metres.", facts::VERTICES.list());
-        let faces = io.read("faces", "Three vertices and the object of each triangle.", facts::FACES.list());
+        let vertices = io.read("vertices", VERTICES, facts::VERTICES.list());
+        let faces = io.read("faces", FACES, facts::FACES.list());
         let (name, doc) = ("normals", "Normals of the triangles.");
         let normals = match params.normals {
-            Normals::F32 => NormalsIn::F32(io.read(name, doc, facts::FACES.list())),
+            Normals::F32 => NormalsIn::F32(io.read(name, NORMALS.doc(doc), facts::FACES.list())),
             Normals::F16 => {
                 io.define("F16");
-                NormalsIn::F16(io.read(name, doc, facts::FACES.list()))
+                NormalsIn::F16(io.read(name, NORMALS.doc(doc), facts::FACES.list()))
             }
             Normals::Oct16 => {
                 io.define("OCT16");
-                NormalsIn::Oct16(io.read(name, doc, facts::FACES.list()))
+                NormalsIn::Oct16(io.read(name, NORMALS.doc(doc), facts::FACES.list()))
             }
         };
-        let edges = io.read("edges", "Vertices, faces and kind of every edge.", facts::EDGES.list());
+        let edges = io.read("edges", EDGES, facts::EDGES.list());
         let bits_of = |list: &'static str| Extent::BitsOf(list.into());
         let facing = io.write("facing", "Bits of the faces that face the eye.", bits_of("faces"));
-        let drawn = io.write("drawn", "Bits of the edges that are silhouettes.", bits_of("edges"));
+        let drawn = io.write("drawn", DRAWN, bits_of("edges"));
 
         io.dispatch("face_eye", faces);
         io.dispatch("choose", edges);
         let compaction = (params.compaction == Collect::PrefixSum).then(|| {
             let compaction = Compaction::declare(io, vertices, edges);
             io.define("PREFIX_SUM");
-            io.write::<u32>("sums", "Scratch: silhouettes, by block.", Extent::Fixed([SCAN_BLOCKS, 1]));
+            io.write::<u32>("sums", scratch("Silhouettes, by block."), Extent::Fixed([SCAN_BLOCKS, 1]));
             io.compute("add_up", Threads::Groups(SCAN_BLOCKS));
             io.compute("collect", Threads::Groups(SCAN_BLOCKS));
             compaction

@@ -11,11 +11,15 @@
 //! 32, 64 and so on. It is the cheap relative of push-pull, without smoothing: nothing but specks needs it.
 
 use epigraph_core::{
-    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, constants, params, texel,
+    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, constants, params, scratch, texel,
 };
 use rayon::prelude::*;
 
-use crate::shared::edge_pixel::DIRECTIONS;
+use crate::{
+    column,
+    meaning::{JOINS, RADIANCE},
+    shared::edge_pixel::DIRECTIONS,
+};
 
 #[path = "explain/spread.rs"]
 mod explain;
@@ -80,17 +84,25 @@ impl Stage for Spread {
     type Params = SpreadParams;
 
     fn declare(params: &SpreadParams, io: &mut Io) -> Self {
+        io.column(column::I2);
         let pixels = || Extent::Frame(1);
-        let primary = io.read("primary", "Linear radiance, not negative; alpha 0 in holes.", pixels());
-        let n8 = io.read("n8", "Which regions of each pixel join which of its eight neighbours'.", pixels());
-        let color = io.write("color", "Linear radiance; alpha 1, or 0 where no colour was found.", pixels());
+        let primary =
+            io.read("primary", RADIANCE.doc("Linear radiance, not negative; alpha 0 in holes."), pixels());
+        let n8 = io.read("n8", JOINS, pixels());
+        let color = io.write(
+            "color",
+            RADIANCE.doc("Linear radiance; alpha 1, or 0 where no colour was found."),
+            pixels(),
+        );
         let pyramid = io.write(
             "pyramid",
-            "Scratch: sums of colours and how many, of tiles of 16x16 pixels, then of blocks of 2x2, 4x4 ... tiles.",
+            scratch(
+                "Sums of colours and how many, of tiles of 16x16 pixels, then of blocks of 2x2, 4x4 ... tiles.",
+            ),
             // A quarter of that would do, but for what rounding adds to images of a few tiles.
             Extent::Frame(TILE as u32 / 4),
         );
-        let found = io.write("found", "Scratch: the colours that holes took.", pixels());
+        let found = io.write("found", RADIANCE.doc("The colours that holes took.").scratch(), pixels());
         let filled = io.write(
             "filled",
             "The round in which a hole was filled, 0xFFFFFFFF if in none; 0: no hole.",
@@ -99,15 +111,15 @@ impl Stage for Spread {
         let tiles = || Extent::Frame(TILE as u32);
         io.write::<[u32; 2]>(
             "tiles",
-            "Scratch: holes of each tile that may be filled, and rounds done.",
+            scratch("Holes of each tile that may be filled, and rounds done."),
             tiles(),
         );
         io.write::<[u32; 2]>(
             "open_tiles",
-            "Scratch: tiles with such holes at the start, in any order.",
+            scratch("Tiles with such holes at the start, in any order."),
             tiles(),
         );
-        io.write::<u32>("open_count", "Scratch: how many there are.", Extent::Fixed([1, 1]));
+        io.write::<u32>("open_count", scratch("How many there are."), Extent::Fixed([1, 1]));
         io.shader(shader!("spread"));
         io.constants(CONSTANTS);
         match params.method {

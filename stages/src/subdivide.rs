@@ -27,11 +27,15 @@ use std::cell::LazyCell;
 use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, constants, params, texel};
 use rayon::prelude::*;
 
-use crate::shared::{
-    cloud::{NO_POINT, decode_radiance},
-    edge_pixel::{
-        CLASS, COMPLEX, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT, SIMPLE, area_of_arc, chain,
-        class_of, ends, joined, region, transpose,
+use crate::{
+    column,
+    meaning::{self, CELL, CROSSINGS, ID, POINTS, RADIANCE},
+    shared::{
+        cloud::{NO_POINT, decode_radiance},
+        edge_pixel::{
+            CLASS, COMPLEX, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A, Q_SHIFT, SIMPLE, area_of_arc,
+            chain, class_of, ends, joined, region, transpose,
+        },
     },
 };
 
@@ -81,19 +85,26 @@ impl Stage for Subdivide {
     type Params = SubdivideParams;
 
     fn declare(_: &SubdivideParams, io: &mut Io) -> Self {
-        let mut cloud = io.bundle(Access::Read, "cloud", "The points.", Extent::Any);
+        io.column(column::I2);
+        let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let radiance = cloud.read("radiance");
         let pixels = || Extent::Frame(1);
-        let id = io.read("id", "The point that each pixel shows, 0xFFFFFFFF if none.", pixels());
-        let subpixel = io.read("subpixel", "The point's cell in the pixel, row by row.", pixels());
+        let id = io.read("id", ID, pixels());
+        let subpixel = io.read("subpixel", CELL, pixels());
         let mask = io.read(
             "mask",
-            "Crossings with the left and top side of each pixel, and with its middle lines: set `middle` in `edge_raster`.",
+            CROSSINGS.doc(
+                "Crossings with the left and top side of each pixel, and with its middle lines: set `middle` in `edge_raster`.",
+            ),
             Extent::Corners,
         );
-        let cls = io.read("cls", "Class and regions of each pixel.", pixels());
-        let primary = io.read("primary", "Linear radiance of the primary regions.", pixels());
-        let color = io.write("color", "The same, but that of the whole pixel in complex pixels.", pixels());
+        let cls = io.read("cls", meaning::CLASS, pixels());
+        let primary = io.read("primary", RADIANCE.doc("Linear radiance of the primary regions."), pixels());
+        let color = io.write(
+            "color",
+            RADIANCE.doc("The same, but that of the whole pixel in complex pixels."),
+            pixels(),
+        );
         io.shader(shader!("subdivide"));
         io.constants(CONSTANTS);
         io.dispatch("subdivide", color);

@@ -3,7 +3,10 @@
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
 use rayon::prelude::*;
 
-use crate::shared::color::luminance;
+use crate::{
+    meaning::{PICTURE, RADIANCE},
+    shared::color::luminance,
+};
 
 #[path = "explain/tonemap.rs"]
 mod explain;
@@ -45,8 +48,8 @@ impl Stage for Tonemap {
     type Params = TonemapParams;
 
     fn declare(_: &TonemapParams, io: &mut Io) -> Self {
-        let color = io.read("color", "Linear radiance.", Extent::Frame(1));
-        let image = io.write("image", "The picture, sRGB-encoded.", Extent::Frame(1));
+        let color = io.read("color", RADIANCE, Extent::Frame(1));
+        let image = io.write("image", PICTURE, Extent::Frame(1));
         io.shader(shader!("tonemap"));
         io.dispatch("tonemap", image);
         Self { color, image, srgb: Srgb::new() }

@@ -4,7 +4,8 @@ use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage};
 use epigraph_scenes::{Mode, TraceSettings};
 
 use crate::{
-    World,
+    World, column,
+    meaning::{REQUESTS, SAMPLES},
     shared::requests::{Request, Sample},
 };
 
@@ -46,17 +47,14 @@ impl Stage for Trace {
     type Params = TraceParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {
+        io.column(column::TRACE);
         Self {
             requests: io.read(
                 "requests",
-                "What to look at; entries without a pixel ask for nothing.",
+                REQUESTS.doc("What to look at; entries without a pixel ask for nothing."),
                 Extent::Requests,
             ),
-            samples: io.write(
-                "samples",
-                "What was seen; entries without a hit hold nothing.",
-                Extent::Requests,
-            ),
+            samples: io.write("samples", SAMPLES, Extent::Requests),
         }
     }
 

@@ -6,17 +6,14 @@ use std::{
 };
 
 use epigraph::{Device, Error, Place, Registry, Run, Samples, Setup};
-use epigraph_core::{GraphFile, Plan, PlannedNode, RunError, Side, Step};
-use epigraph_stages::facts;
+use epigraph_core::{Access, Dims, Graph, GraphFile, Node, Plan, PlannedNode, Port, RunError, Side, Step};
+use epigraph_stages::{column::TRACE, facts, meaning::POINTS};
 
 use super::{
     column,
     times::{Times, quantile},
 };
-use crate::{args::BenchArgs, error::CliError, interrupt, open, progress, render::TRACE};
-
-/// The kind of stage that owns the point cloud.
-const CLOUD: &str = "point_cloud";
+use crate::{args::BenchArgs, error::CliError, interrupt, open, progress};
 
 /// The cloud starts empty, and the fuller it is, the longer a frame takes. Samples that renew a point fill no slot, so the
 /// number of points settles only after this multiple of the frames that would fill the cloud.
@@ -142,7 +139,7 @@ fn try_measure(job: &Job) -> Result<Outcome, CliError> {
     let args = job.args;
     open::samples(args.compile.samples, job.size)?;
     let mut run: Run = job.setup(args.compile.samples).start()?;
-    let points = points(run.plan());
+    let points = clouds(run.graph()).map(|(_, dims)| dims.count() as u64).sum();
     let samples = run.settings().samples;
 
     let fills = fills(points, samples);
@@ -198,16 +195,13 @@ fn fills(points: u64, samples: u32) -> u64 {
     (points as f64 / f64::from(samples.max(1)) * FILLS).ceil() as u64
 }
 
-/// The number of slots of all point clouds of a plan.
-fn points(plan: &Plan) -> u64 {
-    let slots = |node: &PlannedNode| {
-        node.first_writes.iter().map(|&at| plan.storages[at].dims.count() as u64).max().unwrap_or(0)
-    };
-    clouds(plan).map(slots).sum()
-}
-
-fn clouds(plan: &Plan) -> impl Iterator<Item = &PlannedNode> {
-    plan.nodes.iter().filter(|node| node.kind == CLOUD)
+/// The nodes that own point clouds, with the clouds' dims.
+fn clouds(graph: &Graph) -> impl Iterator<Item = (&Node, Dims)> {
+    let is_cloud = |port: &Port| port.access == Access::Write && port.meaning == Some(POINTS);
+    graph.nodes.iter().flat_map(move |node| {
+        let ports = node.declaration().ports.iter().zip(&node.dims);
+        ports.filter(move |(port, _)| is_cloud(port)).map(move |(_, dims)| (node, *dims))
+    })
 }
 
 /// The same graph with `per_pixel` points per pixel in all of its clouds.
@@ -216,9 +210,8 @@ fn clouds(plan: &Plan) -> impl Iterator<Item = &PlannedNode> {
 /// The problems of the graph, or that the cloud lacks the parameter.
 pub fn with_points(job: &Job, per_pixel: f64) -> Result<GraphFile, CliError> {
     let compiled = job.setup(Samples::Count(1)).compile()?;
-    let plan = compiled.plan();
     let mut graph = job.graph.clone();
-    for node in clouds(plan) {
+    for (node, _) in clouds(compiled.graph()) {
         graph.set_param(&node.name, "points_per_pixel", &format!("{per_pixel:?}"))?;
     }
     Ok(graph)
@@ -259,11 +252,11 @@ impl Log {
 
     fn times(&self, plan: &Plan) -> Times {
         let in_column = |column: usize| {
-            move |step: usize| kind(plan, step).and_then(column::of).is_some_and(|found| found == column)
+            move |step: usize| name(plan, step).and_then(column::of).is_some_and(|found| found == column)
         };
         let on_gpu =
             |step: usize| matches!(plan.steps[step], Step::Run(node) if plan.nodes[node].side == Side::Gpu);
-        let counted = self.sums(|step| kind(plan, step).and_then(column::of).is_some());
+        let counted = self.sums(|step| name(plan, step).and_then(column::of).is_some());
         let rest = self.frame_ms(plan).iter().zip(counted).map(|(frame, counted)| frame - counted).collect();
         Times {
             rest: quantile(rest, 0.5).max(0.0),
@@ -290,16 +283,16 @@ impl Log {
     }
 }
 
-/// The kind of the stage that a step runs, or `None` for a transfer.
-fn kind(plan: &Plan, step: usize) -> Option<&str> {
+/// The column that the stage of a step counts towards, if it runs a stage that names one.
+fn name(plan: &Plan, step: usize) -> Option<&'static str> {
     match plan.steps[step] {
-        Step::Run(node) => Some(&plan.nodes[node].kind),
+        Step::Run(node) => plan.nodes[node].column,
         _ => None,
     }
 }
 
 fn is_trace(plan: &Plan, step: usize) -> bool {
-    kind(plan, step) == Some(TRACE)
+    name(plan, step) == Some(TRACE)
 }
 
 #[cfg(test)]

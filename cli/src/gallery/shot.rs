@@ -1,26 +1,21 @@
 //! Runs a graph and captures its last frame: the picture, and the data for the drawings of the edge-and-point image.
 //!
-//! The data is found by stage kinds and port names, so node names do not matter.
+//! The data is found by what ports mean, so names do not matter.
 
 use std::sync::Arc;
 
 use epigraph::{Device, Place, Registry, Run, Samples, Setup};
-use epigraph_core::{Graph, GraphFile, Node, NodeDef, PortRef, Snapshot, Source};
+use epigraph_core::{Graph, GraphFile, Meaning, Node, NodeDef, NodeId, Port, PortRef, Snapshot, Source};
 use epigraph_pictures::{Look, Picture, show, size, tone};
-use epigraph_stages::shared::cloud::{NO_POINT, decode_radiance};
+use epigraph_stages::{
+    meaning::{CLASS, CROSSINGS, ID, POINTS, PRIORITY, REACH, SHADOWS},
+    shared::cloud::{NO_POINT, decode_radiance},
+};
 
 use crate::{args::GalleryArgs, error::CliError, open};
 
 /// The graph's output with the picture.
 const IMAGE: &str = "image";
-
-/// The stage whose inputs and outputs make up the picture, and the stages that provide edges.
-const INTERPOLATE: &str = "interpolate";
-const REACH: &str = "reach";
-const EDGE_RASTER: &str = "edge_raster";
-
-/// Name prefix of the ports that feed shadow edges to [`EDGE_RASTER`].
-const SHADOW: &str = "shadow";
 
 /// The added node that rasterises the edges without those of shadows.
 const OUTLINES: &str = "gallery outlines";
@@ -99,7 +94,8 @@ impl Camera<'_> {
     pub fn dissect(&self, file: &GraphFile) -> Result<Dissected, CliError> {
         let compiled = self.setup(file).compile()?;
         let graph = compiled.graph();
-        let (ports, file) = (Ports::find(graph, &file.path)?, &with_outlines(file, graph)?);
+        let ports = Ports::find(graph, &file.path)?;
+        let file = &with_outlines(file, graph, ports.raster)?;
         let mut compiled = self.setup(file).compile()?;
         compiled.keep(&ports.all())?;
         let mut run = compiled.start()?;
@@ -137,6 +133,8 @@ fn lacks(graph: &str, what: &str) -> CliError {
 
 /// The ports of the intermediate images.
 struct Ports {
+    /// The node that draws edges.
+    raster: NodeId,
     cloud: Source,
     id: Source,
     cls: Source,
@@ -148,21 +146,29 @@ struct Ports {
 
 impl Ports {
     fn find(graph: &Graph, path: &str) -> Result<Self, CliError> {
-        let (interpolate, reach) = (find(graph, INTERPOLATE, path)?, find(graph, REACH, path)?);
-        let read = |node: &Node, port: &str| {
-            let index = node.declaration().port(port);
-            let from = index.and_then(|index| node.sources[index]);
-            let from = from.ok_or_else(|| lacks(path, &format!("input `{port}` of `{}`", node.name)))?;
-            Ok::<_, CliError>(source(graph, from))
+        let lacks = |what| lacks(path, what);
+        let interpolate = |node: &&Node| {
+            [POINTS, ID, CLASS, REACH].iter().all(|meaning| input(node, *meaning).is_some())
+                && output(node, PRIORITY).is_some()
+        };
+        let interpolate =
+            graph.nodes.iter().find(interpolate).ok_or_else(|| lacks("interpolation within edges"))?;
+        let read = |node: &Node, meaning: Meaning| input(node, meaning).ok_or_else(|| lacks(meaning.name));
+        let r24 = read(interpolate, REACH)?;
+        let mask = read(&graph.nodes[graph.root(r24).node], CROSSINGS)?;
+        let written = |name: &str, node: &Node, meaning: Meaning| {
+            let port = output(node, meaning).ok_or_else(|| lacks(meaning.name))?;
+            Ok::<_, CliError>(Source { node: name.to_owned(), port: port.name.to_string() })
         };
         Ok(Self {
-            cloud: read(interpolate, "cloud")?,
-            id: read(interpolate, "id")?,
-            cls: read(interpolate, "cls")?,
-            r24: read(interpolate, "r24")?,
-            mask: read(reach, "mask")?,
-            outlines: Source { node: OUTLINES.into(), port: "mask".into() },
-            priority: Source { node: interpolate.name.clone(), port: "priority".into() },
+            raster: mask.node,
+            cloud: source(graph, read(interpolate, POINTS)?),
+            id: source(graph, read(interpolate, ID)?),
+            cls: source(graph, read(interpolate, CLASS)?),
+            r24: source(graph, r24),
+            mask: source(graph, mask),
+            outlines: written(OUTLINES, &graph.nodes[mask.node], CROSSINGS)?,
+            priority: written(&interpolate.name, interpolate, PRIORITY)?,
         })
     }
 
@@ -194,9 +200,15 @@ impl Ports {
     }
 }
 
-fn find<'g>(graph: &'g Graph, kind: &str, path: &str) -> Result<&'g Node, CliError> {
-    let found = graph.nodes.iter().find(|node| node.kind == kind);
-    found.ok_or_else(|| lacks(path, &format!("stage `{kind}`")))
+/// Where an input of that meaning takes its values from.
+fn input(node: &Node, meaning: Meaning) -> Option<PortRef> {
+    let mut inputs = node.declaration().ports.iter().zip(&node.sources).filter(|(port, _)| port.is_input());
+    inputs.find_map(|(port, from)| from.filter(|_| port.meaning == Some(meaning)))
+}
+
+/// An output of that meaning.
+fn output(node: &Node, meaning: Meaning) -> Option<&Port> {
+    node.declaration().ports.iter().find(|port| port.is_output() && port.meaning == Some(meaning))
 }
 
 fn source(graph: &Graph, at: PortRef) -> Source {
@@ -205,12 +217,13 @@ fn source(graph: &Graph, at: PortRef) -> Source {
 }
 
 /// The graph with a second edge raster that omits shadows, to distinguish both kinds of edges.
-fn with_outlines(file: &GraphFile, graph: &Graph) -> Result<GraphFile, CliError> {
-    let raster = find(graph, EDGE_RASTER, &file.path)?;
+fn with_outlines(file: &GraphFile, graph: &Graph, raster: NodeId) -> Result<GraphFile, CliError> {
+    let raster = &graph.nodes[raster];
+    let shadows = input(raster, SHADOWS).map(|from| from.node);
     let mut file = file.clone();
-    file.add_node(OUTLINES, EDGE_RASTER)?;
+    file.add_node(OUTLINES, &raster.kind)?;
     for (port, from) in raster.declaration().ports.iter().zip(&raster.sources) {
-        if let Some(from) = from.filter(|_| !port.name.starts_with(SHADOW)) {
+        if let Some(from) = from.filter(|from| Some(from.node) != shadows) {
             file.set_input(OUTLINES, &port.name, Some(&source(graph, from)))?;
         }
     }

@@ -142,11 +142,15 @@ fn stages_are_listed_and_described() {
     {
         assert!(one.contains(part), "`{part}` is not in:\n{one}");
     }
+    assert!(one.contains("time counts towards: P4") && one.contains("scratch, depth"), "{one}");
     let described = json(&place.succeeds("stages depth_cull --json -"));
-    assert_eq!(
-        (&described["kind"], &described["runs_on"]),
-        (&"depth_cull".into(), &serde_json::json!(["cpu", "gpu"]))
-    );
+    let port =
+        |name: &str| described["ports"].as_array().unwrap().iter().find(|port| port["name"] == name).cloned();
+    let [id, first_vote] = ["id", "first_vote"].map(|name| port(name).unwrap());
+    assert_eq!((&id["meaning"], &id["scratch"]), (&"id".into(), &false.into()));
+    assert_eq!((&first_vote["meaning"], &first_vote["scratch"]), (&"depth".into(), &true.into()));
+    assert_eq!(described["column"], "P4");
+    assert_eq!((&described["kind"], &described["runs_on"]), (&"depth_cull".into(), &serde_json::json!(["cpu", "gpu"])));
     let everything = json(&place.succeeds("stages --json -"));
     assert!(everything["stages"].as_array().is_some_and(|kinds| kinds.len() > 10));
 }

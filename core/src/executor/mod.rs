@@ -540,6 +540,7 @@ fn tap_states(plan: &Plan, gpu: Option<&GpuSide>) -> Vec<TapState> {
                 snapshot: Snapshot {
                     name: tap.name.clone(),
                     field: name.clone(),
+                    meaning: tap.meaning,
                     element: stored.element.clone(),
                     dims: stored.dims,
                     frame: 0,

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use epigraph_core::{Access, Extent, Field, GraphFile, NodeDef, Port, Registry, Source};
+use epigraph_core::{Access, Extent, Field, GraphFile, Meaning, NodeDef, Port, Registry, Source};
 
 /// The node of a part that stands for what the part is given.
 pub const INPUTS: &str = "inputs";
@@ -14,6 +14,8 @@ pub struct Pin {
     pub name: String,
     /// One sentence.
     pub doc: String,
+    /// What its values are, as far as that is declared.
+    pub meaning: Option<Meaning>,
     /// Its fields; none where only compiling tells.
     pub fields: Option<Vec<Field>>,
     /// How many elements; none where only compiling tells.
@@ -30,6 +32,7 @@ impl Pin {
         Self {
             name: port.name.to_string(),
             doc: port.doc.to_string(),
+            meaning: port.meaning,
             fields: Some(port.fields.clone()),
             extent: Some(port.extent.clone()),
             optional: port.optional,
@@ -42,6 +45,7 @@ impl Pin {
         Self {
             name: name.to_owned(),
             doc: String::new(),
+            meaning: None,
             fields: None,
             extent: None,
             optional: true,

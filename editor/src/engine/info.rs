@@ -1,7 +1,8 @@
 //! What is worth knowing of a graph that runs, as a value that any thread may keep.
 
 use epigraph_core::{
-    Access, Culled, Dims, Download, Graph, Node, NodeId, Plan, Port, Side, Step, StepId, StorageId, Value,
+    Access, Culled, Dims, Download, Graph, Node, NodeId, Plan, Port, PortRef, Side, Step, StepId, StorageId,
+    Value,
 };
 use epigraph_pictures::is_image;
 
@@ -44,7 +45,7 @@ pub struct NodeInfo {
 /// A port of a node that runs.
 #[derive(Clone, Debug)]
 pub struct PortInfo {
-    /// What the stage declares.
+    /// What the stage declares; the meaning is that of what is connected, where it declares none.
     pub port: Port,
     /// How many elements there are.
     pub dims: Dims,
@@ -93,7 +94,7 @@ impl GraphInfo {
     pub fn new(graph: &Graph, plan: &Plan, size: [u32; 2], gpu: Option<String>) -> Self {
         let node = |(id, node): (NodeId, &Node)| {
             let port = |(port, declared): (usize, &Port)| PortInfo {
-                port: declared.clone(),
+                port: Port { meaning: graph.meaning(PortRef { node: id, port }), ..declared.clone() },
                 dims: node.dims[port],
                 source: node.sources[port].map(|at| graph.name(at)),
             };
@@ -143,6 +144,12 @@ impl GraphInfo {
     /// The node of that address.
     pub fn node(&self, name: &str) -> Option<&NodeInfo> {
         self.nodes.iter().find(|node| node.name == name)
+    }
+
+    /// The port `node.port`.
+    pub fn port(&self, name: &str) -> Option<&PortInfo> {
+        let (node, port) = name.rsplit_once('.')?;
+        self.node(node)?.ports.iter().find(|info| info.port.name == port)
     }
 
     /// Milliseconds of a node among the times of all steps.

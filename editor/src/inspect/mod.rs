@@ -7,7 +7,7 @@ mod picked;
 #[cfg(test)]
 mod tests;
 
-use epigraph_core::{Capture, Extent, Finding, Graph, NodeId, Plan, Port, Side, Snapshot, Source};
+use epigraph_core::{Capture, Extent, Finding, Graph, NodeId, Plan, Side, Snapshot, Source};
 use epigraph_scenes::{Rng, TraceSettings, Tracer};
 use epigraph_stages::shared::sample::{self, Sample};
 use glam::Vec3;
@@ -82,7 +82,7 @@ pub fn inspect(
         let site = capture.site(graph, node, pixel, point);
         let node = &graph.nodes[node];
         let outputs = node.declaration().ports.iter().filter(|port| port.is_output());
-        let values = outputs.filter(|port| !is_scratch(port)).filter_map(|port| {
+        let values = outputs.filter(|port| !port.scratch).filter_map(|port| {
             let snapshot = capture.field(&format!("{}.{}", node.name, port.name), "")?;
             Some((port.name.to_string(), value(snapshot, &port.extent, capture.frame.size, pixel)?))
         });
@@ -101,11 +101,6 @@ pub fn inspect(
         nodes: plan.order().map(visit).collect(),
         sample: sample.map(|sample| with_surface(sample, capture, tracer)),
     }
-}
-
-/// Stages call an output so that only they themselves work with.
-fn is_scratch(port: &Port) -> bool {
-    port.doc.starts_with("Scratch")
 }
 
 /// What a port holds at a pixel; none for lists.

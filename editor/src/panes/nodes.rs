@@ -86,7 +86,8 @@ fn ports(ui: &mut Ui, session: &mut Session, node: &NodeInfo) {
         let name = format!("{}.{}", node.name, info.port.name);
         ui.horizontal(|ui| {
             let elements = info.port.fields.first().map_or(String::new(), |field| field.element.to_string());
-            let doc = format!("{}\n{elements}, {}", info.port.doc, info.port.extent);
+            let meaning = info.port.meaning.map_or(String::new(), |meaning| format!("\nmeaning: {meaning}"));
+            let doc = format!("{}\n{elements}, {}{meaning}", info.port.doc, info.port.extent);
             if ui.small_button(format!("View {}", info.port.name)).on_hover_text(doc).clicked() {
                 session.push(Intent::Show(name));
             }

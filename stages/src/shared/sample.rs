@@ -8,9 +8,7 @@ use super::{
     cloud::{AGE, AGE_ONE, CHANGED, NO_POINT, decode_radiance},
     words::place,
 };
-
-/// The port in which a stage that puts samples into the cloud keeps the frame number + 1 in which each came.
-pub const DATES: &str = "dates";
+use crate::meaning::{DATE, ID, POINTS};
 
 /// A point of the cloud.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +38,7 @@ pub fn behind(
     let mut sample =
         Sample { point: id as usize, surface: None, findings: vec![Finding::value("point", id.to_string())] };
     let mut sources = node.sources.iter().flatten().copied();
-    if let Some(cloud) = sources.find(|source| capture.field(&graph.name(*source), "meta").is_some()) {
+    if let Some(cloud) = sources.find(|source| graph.meaning(*source) == Some(POINTS)) {
         know(graph, capture, cloud, &mut sample);
     }
     Some(sample)
@@ -49,7 +47,8 @@ pub fn behind(
 /// The output that says which point each pixel shows.
 fn id_port(node: &Node) -> Option<&Port> {
     let is_id = |port: &&Port| {
-        port.name == "id"
+        port.meaning == Some(ID)
+            && !port.scratch
             && port.access == Access::Write
             && port.extent == Extent::Frame(1)
             && port.fields.iter().any(|field| field.element == u32::element())
@@ -97,8 +96,8 @@ fn came(graph: &Graph, capture: &Capture, cloud: PortRef, point: usize) -> Strin
 fn dates<'a>(graph: &Graph, capture: &'a Capture, mut cloud: PortRef) -> Option<&'a Snapshot> {
     loop {
         let node = &graph.nodes[cloud.node];
-        if let Some(dates) = capture.field(&format!("{}.{DATES}", node.name), "") {
-            return Some(dates);
+        if let Some(port) = node.declaration().ports.iter().position(|port| port.meaning == Some(DATE)) {
+            return capture.field(&graph.name(PortRef { node: cloud.node, port }), "");
         }
         if node.declaration().ports[cloud.port].access != Access::Update {
             return None;

@@ -103,7 +103,7 @@ fn picture(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo) ->
         let size = [info.dims.width, info.dims.height];
         let [Field { element, .. }] = &info.port.fields[..] else { return None };
         let texture = matches!(element, Element::Texel(_));
-        let rank = match Mode::of_port(&source.port, element) {
+        let rank = match Mode::of_port(info.port.meaning, element) {
             Mode::Names => 2,
             _ if !texture => 1,
             _ => 0,

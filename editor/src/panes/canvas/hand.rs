@@ -495,6 +495,10 @@ fn pin_hint(ui: &mut Ui, session: &Session, sight: &Sight, at: PinRef) {
     let graph = session.state.graph.as_ref();
     let info = graph
         .and_then(|graph| graph.node(&block.address)?.ports.iter().find(|info| info.port.name == pin.name));
+    let meaning = info.map_or(pin.meaning, |info| info.port.meaning);
+    if let Some(meaning) = meaning {
+        ui.weak(format!("meaning: {meaning}"));
+    }
     if let Some(info) = info {
         ui.weak(format!("now {}", info.dims));
     }

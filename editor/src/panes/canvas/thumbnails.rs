@@ -109,10 +109,11 @@ fn reduced(snapshot: &Snapshot) -> Snapshot {
             picked.extend_from_slice(snapshot.bytes.get(at..at + bytes).unwrap_or_default());
         }
     }
-    let Snapshot { name, field, element, frame, .. } = snapshot;
+    let Snapshot { name, field, meaning, element, frame, .. } = snapshot;
     Snapshot {
         name: name.clone(),
         field: field.clone(),
+        meaning: *meaning,
         element: element.clone(),
         dims,
         frame: *frame,
@@ -131,7 +132,8 @@ mod tests {
         let dims = Dims { width: 640, height: 320 };
         let bytes = (0..dims.count() as u32).flat_map(u32::to_le_bytes).collect();
         let element = Element::Texel(Format::R32Uint);
-        let snapshot = Snapshot { name: "a.b".into(), field: String::new(), element, dims, frame: 3, bytes };
+        let (name, field, meaning) = ("a.b".into(), String::new(), None);
+        let snapshot = Snapshot { name, field, meaning, element, dims, frame: 3, bytes };
         let small = reduced(&snapshot);
         assert_eq!((small.dims.width, small.dims.height, small.bytes.len()), (160, 80, 160 * 80 * 4));
         assert_eq!(small.get::<u32>()[..2], [0, 4]);

@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use egui::{ProgressBar, Ui};
 use egui_plot::{Bar, BarChart, Plot};
+use epigraph_core::Meaning;
+use epigraph_stages::meaning::{AGES, ARRIVED, POINTS};
 
 use crate::{
-    engine::{GraphInfo, NodeInfo, Record},
+    engine::{GraphInfo, NodeInfo, PortInfo, Record},
     intent::Intent,
     session::Session,
     theme,
@@ -18,12 +20,12 @@ const BIN: usize = 8;
 /// Shows it.
 pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
     let Some(graph) = session.state.graph.clone() else { return };
-    let Some(ages) = output(&graph, "age", "histogram") else {
-        ui.weak("This graph has no stage `age`, which counts the points of the cloud.");
+    let Some(ages) = output(&graph, AGES) else {
+        ui.weak("No stage of this graph counts the points of the cloud by age.");
         return;
     };
     // Small lists, and copied only while they are shown.
-    let arrived = output(&graph, "integrate", "arrived");
+    let arrived = output(&graph, ARRIVED);
     for (_, port) in [Some(&ages), arrived.as_ref()].into_iter().flatten() {
         session.push(Intent::Watch(port.clone()));
     }
@@ -37,8 +39,12 @@ pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
         });
         return;
     };
-    let slots =
-        ages.0.ports.iter().find(|info| info.port.name == "cloud").map_or(0, |info| info.dims.count());
+    let slots = ages
+        .0
+        .ports
+        .iter()
+        .find(|info| info.port.meaning == Some(POINTS))
+        .map_or(0, |info| info.dims.count());
     let live: u32 = counts.iter().sum();
     let color = theme::palette(ui).cpu;
     let share = live as f32 / slots.max(1) as f32;
@@ -95,9 +101,11 @@ fn rate(records: &[Arc<Record>]) -> Option<f64> {
     (seconds > 0.0).then(|| (recent.len() - 1) as f64 / seconds)
 }
 
-/// An output of the first node of a kind, with its node.
-fn output<'a>(graph: &'a GraphInfo, kind: &str, port: &str) -> Option<(&'a NodeInfo, String)> {
-    let node = graph.nodes.iter().find(|node| node.kind == kind)?;
-    let found = node.ports.iter().find(|info| info.port.name == port && info.port.is_output())?;
-    Some((node, format!("{}.{}", node.name, found.port.name)))
+/// The first output of that meaning, with its node.
+fn output(graph: &GraphInfo, meaning: Meaning) -> Option<(&NodeInfo, String)> {
+    graph.nodes.iter().find_map(|node| {
+        let is_it = |info: &&PortInfo| info.port.is_output() && info.port.meaning == Some(meaning);
+        let found = node.ports.iter().find(is_it)?;
+        Some((node, format!("{}.{}", node.name, found.port.name)))
+    })
 }

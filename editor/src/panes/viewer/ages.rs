@@ -5,7 +5,7 @@ use std::sync::Arc;
 use egui::{Context, Ui};
 use epigraph_core::Snapshot;
 use epigraph_pictures::{ages, frames_ago};
-use epigraph_stages::shared::sample::DATES;
+use epigraph_stages::meaning::{DATE, POINTS};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -145,10 +145,8 @@ impl Ages {
 fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
     let node = graph.node(port.rsplit_once('.')?.0);
     let source = |node: &NodeInfo| {
-        let has_ages = |info: &&PortInfo| {
-            info.source.is_some() && info.port.fields.iter().any(|field| field.name == META)
-        };
-        node.ports.iter().find(has_ages).and_then(|info| info.source.clone())
+        let is_cloud = |info: &&PortInfo| info.source.is_some() && info.port.meaning == Some(POINTS);
+        node.ports.iter().find(is_cloud).and_then(|info| info.source.clone())
     };
     node.and_then(source).or_else(|| graph.nodes.iter().find_map(source))
 }
@@ -157,13 +155,11 @@ fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
 fn dates_of(graph: &GraphInfo, cloud: &str) -> Option<String> {
     let mut at = cloud.to_owned();
     loop {
-        let (node, port) = at.rsplit_once('.')?;
-        let node = graph.node(node)?;
-        let find = |name: &str| node.ports.iter().find(|info| info.port.name == name);
-        if find(DATES).is_some() {
-            return Some(format!("{}.{DATES}", node.name));
+        let node = graph.node(at.rsplit_once('.')?.0)?;
+        if let Some(dates) = node.ports.iter().find(|info| info.port.meaning == Some(DATE)) {
+            return Some(format!("{}.{}", node.name, dates.port.name));
         }
         // What is updated in place comes in and goes out under one name.
-        at = find(port)?.source.clone()?;
+        at = graph.port(&at)?.source.clone()?;
     }
 }

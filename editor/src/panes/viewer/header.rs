@@ -136,7 +136,7 @@ impl Viewer {
                     self.range(ui, mode);
                 });
             }
-            Mode::Names if self.is_of_points() || lanes.len() > 1 => {
+            Mode::Names if self.is_of_points(graph) || lanes.len() > 1 => {
                 ui.horizontal_wrapped(|ui| {
                     self.ages_row(ui, graph, name);
                     self.lane(ui, &lanes);
@@ -194,7 +194,7 @@ impl Viewer {
 
     /// Ids can be shown as the ages of their points.
     fn ages_row(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) {
-        if self.is_of_points()
+        if self.is_of_points(graph)
             && let Some(is_number) = self.ages.choose(ui, graph, name)
         {
             self.look.range = None;

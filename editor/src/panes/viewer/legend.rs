@@ -2,6 +2,7 @@
 
 use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, pos2, vec2};
 use epigraph_pictures::{Curve, Mode, Number, Paint, Scale, edges};
+use epigraph_stages::meaning;
 
 use super::{layer::Layer, overlay::rgb};
 
@@ -40,9 +41,9 @@ pub fn draw(painter: &Painter, pane: Rect, layer: &Layer) {
 }
 
 fn unit(layer: &Layer) -> &'static str {
-    match layer.snapshot.name.as_str() {
-        name if name.ends_with(" age") => "age; 255 is the oldest",
-        name if name.ends_with(" frames ago") => "frames ago",
+    match layer.snapshot.meaning {
+        Some(meaning::AGE) => "age; 255 is the oldest",
+        Some(meaning::FRAMES_AGO) => "frames ago",
         _ => "",
     }
 }

@@ -20,6 +20,7 @@ use std::sync::Arc;
 use egui::{Color32, Response, Sense, Ui, vec2};
 use epigraph_core::Snapshot;
 use epigraph_pictures::{Look, Shown, describe};
+use epigraph_stages::meaning::{ID, KEPT};
 use serde::{Deserialize, Serialize};
 
 use self::{
@@ -41,9 +42,6 @@ use crate::{
 
 /// What lies behind and beside images.
 const GROUND: Color32 = Color32::from_gray(14);
-
-/// Names of ports of ids of points.
-const POINTS: [&str; 3] = ["id", "kept", "spare"];
 
 /// One view of a port.
 #[derive(Default, Serialize, Deserialize)]
@@ -166,8 +164,9 @@ impl Viewer {
     }
 
     /// Whether the port holds ids of points.
-    fn is_of_points(&self) -> bool {
-        POINTS.contains(&self.port.rsplit('.').next().unwrap_or_default())
+    fn is_of_points(&self, graph: &GraphInfo) -> bool {
+        let meaning = graph.port(&self.port).and_then(|info| info.port.meaning);
+        meaning.is_some_and(|meaning| [ID, KEPT].contains(&meaning))
     }
 
     /// Shows another port.

@@ -14,6 +14,7 @@ fn image(frame: u64, value: f32) -> Arc<Snapshot> {
     Arc::new(Snapshot {
         name: "a.rate".into(),
         field: String::new(),
+        meaning: None,
         element: f32::element(),
         dims,
         frame,
