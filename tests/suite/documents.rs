@@ -105,3 +105,12 @@ fn the_files_that_the_architecture_names_exist() {
         assert!(root().join(path).exists(), "ARCHITECTURE.md names {path}");
     }
 }
+
+#[test]
+fn the_readme_shows_the_files_of_the_stage() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    for (language, path) in [("rust", "src/median.rs"), ("wgsl", "shaders/median.wgsl")] {
+        let file = fs::read_to_string(root().join("examples/own_stage").join(path)).unwrap();
+        assert!(readme.contains(&format!("```{language}\n{file}```")), "README.md shows another {path}");
+    }
+}
