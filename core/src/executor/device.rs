@@ -25,6 +25,14 @@ pub struct Gpu {
     pub(crate) programs: Programs,
 }
 
+/// Mesa's driver looks for a Wayland display when adapters are listed, and its library prints an error where a session has
+/// none. No frame needs a display, so nobody should read of it: stderr is held back until this is dropped.
+fn quiet() -> Option<gag::Gag> {
+    let no_session = cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none();
+    // Somebody else may hold stderr back already.
+    no_session.then(gag::Gag::stderr).and_then(Result::ok)
+}
+
 impl Gpu {
     /// Opens the best adapter.
     ///
@@ -35,8 +43,10 @@ impl Gpu {
     }
 
     async fn open_async(choice: AdapterChoice) -> Result<Self, RunError> {
+        let quiet = quiet();
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         let adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
+        drop(quiet);
         let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
             wgpu::DeviceType::DiscreteGpu => 0,
             wgpu::DeviceType::IntegratedGpu => 1,
