@@ -2,11 +2,11 @@
 //!
 //! The render cache with samples from another renderer, here a sphere on a chequered floor. Writes own_source.png.
 
-use std::{error::Error, path::Path};
+use std::{error::Error, path::Path, sync::Arc};
 
-use epigraph::{Pace, Run, SampleSource};
+use epigraph::{Pace, Query, Ray, Run, Sample, SampleSource};
 use epigraph_pictures::{Look, PortFile};
-use epigraph_stages::{Query, Ray, shared::requests::Sample};
+use epigraph_scenes::{Camera, Scene};
 use glam::Vec3;
 
 const CENTER: Vec3 = Vec3::new(0.28, 0.2, 0.2);
@@ -51,9 +51,9 @@ impl SampleSource for Sphere {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // The scene still gives the camera, which looks into the Cornell box.
-    let mut run = Run::open("render-cache")?.scene("cornell").source(Sphere).start()?;
+    let camera = Camera::look_at(Vec3::new(0.28, 0.27, -0.8), CENTER, 0.7, 0.1, 10.0);
+    let scene = Scene::empty("sphere", camera, [CENTER - RADIUS, CENTER + RADIUS]);
+    let mut run = Run::open("render-cache")?.in_scene(Arc::new(scene)).source(Sphere).start()?;
     run.frames(40)?;
-    let file = PortFile::picture(Path::new("own_source.png"))?;
-    Ok(file.write(&[run.snapshot("image")?], &Look::default())?)
+    Ok(PortFile::picture(Path::new("own_source.png"))?.write(&[run.snapshot("image")?], &Look::default())?)
 }

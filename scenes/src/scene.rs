@@ -28,6 +28,24 @@ pub struct Scene {
     pub poses: Vec<Pose>,
 }
 
+impl Scene {
+    /// A scene without surfaces and lights: for graphs whose samples come from another renderer. `bounds` is the box of what
+    /// that renderer shows, metres; camera paths such as `orbit` turn around it.
+    pub fn empty(name: &str, camera: Camera, bounds: [Vec3; 2]) -> Self {
+        Self {
+            name: name.to_owned(),
+            mesh: Mesh::default(),
+            materials: Vec::new(),
+            lights: Vec::new(),
+            background: Vec3::ZERO,
+            camera,
+            bounds,
+            bodies: Arc::default(),
+            poses: Vec::new(),
+        }
+    }
+}
+
 /// The errors of a scene file or a mesh.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {

@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use epigraph::{Error, Image, Pace, Place, Query, Run, Sample, SampleSource, Samples, Setup};
-use epigraph_scenes::{Camera, SceneBuilder};
+use epigraph_scenes::{Camera, Scene};
 use glam::Vec3;
 
 const SIZE: [u32; 2] = [40, 24];
@@ -100,9 +100,8 @@ impl SampleSource for Floor {
 #[test]
 fn samples_come_from_a_source_of_ones_own() {
     let camera = Camera::look_at(Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 1.0, -1.0), 1.0, 0.1, 100.0);
-    let nothing =
-        SceneBuilder::new().build("nothing", camera, Vec3::ZERO, 0.0, epigraph_scenes::CREASE_ANGLE);
-    let place = Place::new(Arc::new(nothing.unwrap()), "still").unwrap();
+    let nothing = Scene::empty("nothing", camera, [Vec3::NEG_ONE, Vec3::ONE]);
+    let place = Place::new(Arc::new(nothing), "still").unwrap();
     for graph in ["render-cache", "epi"] {
         let mut run = Run::open(graph)
             .unwrap()

@@ -150,7 +150,10 @@ fn stages_are_listed_and_described() {
     assert_eq!((&id["meaning"], &id["scratch"]), (&"id".into(), &false.into()));
     assert_eq!((&first_vote["meaning"], &first_vote["scratch"]), (&"depth".into(), &true.into()));
     assert_eq!(described["column"], "P4");
-    assert_eq!((&described["kind"], &described["runs_on"]), (&"depth_cull".into(), &serde_json::json!(["cpu", "gpu"])));
+    assert_eq!(
+        (&described["kind"], &described["runs_on"]),
+        (&"depth_cull".into(), &serde_json::json!(["cpu", "gpu"]))
+    );
     let everything = json(&place.succeeds("stages --json -"));
     assert!(everything["stages"].as_array().is_some_and(|kinds| kinds.len() > 10));
 }
