@@ -1,4 +1,4 @@
-//! How old the points are that pixels show.
+//! The ages of the points that pixels show.
 
 use epigraph_core::{Element, Meaning, PortElement, Snapshot};
 use epigraph_stages::{
@@ -8,17 +8,17 @@ use epigraph_stages::{
 
 use crate::{Number, lanes, look::NONE};
 
-/// The whole age, 0 to 255, of the point that each pixel shows, from an image of ids and the `meta` of the cloud; nothing
-/// where there is no live point. On average, a point is 128 old when its turn to be replaced comes. None if one of both
-/// is no list of words.
+/// The age, an integer from 0 to 255, of the point that each pixel shows, from an image of ids and the cloud's `meta`; no
+/// value where there is no live point. On average, a point's age is 128 when it is due to be replaced. `None` if either is
+/// not a list of words.
 pub fn ages(id: &Snapshot, meta: &Snapshot) -> Option<Snapshot> {
     let meta = words(meta)?;
     of_points(id, meaning::AGE, |point| is_live(*meta.get(point)?).then_some((meta[point] & AGE) / AGE_ONE))
 }
 
-/// How many frames before the frame `now` the point came that each pixel shows, from an image of ids, the `meta` of the
-/// cloud, and its `dates`: frame numbers + 1. Nothing where there is no live point, or none that has a date. None if one
-/// of the three is no list of words.
+/// The number of frames before frame `now` at which the point of each pixel came, from an image of ids and the cloud's
+/// `meta` and `dates` (frame numbers + 1). No value where there is no live point or it has no date. `None` if one of the
+/// three is not a list of words.
 pub fn frames_ago(id: &Snapshot, meta: &Snapshot, dates: &Snapshot, now: u32) -> Option<Snapshot> {
     let (meta, dates) = (words(meta)?, words(dates)?);
     of_points(id, meaning::FRAMES_AGO, |point| {
@@ -31,7 +31,7 @@ fn is_live(meta: u32) -> bool {
     meta & LIVE != 0
 }
 
-/// An image of what is known of the point that each pixel shows.
+/// An image of a property of the point that each pixel shows.
 fn of_points(id: &Snapshot, meaning: Meaning, known: impl Fn(usize) -> Option<u32>) -> Option<Snapshot> {
     let known = |id: u32| known(id as usize).unwrap_or(NONE);
     let bytes = words(id)?.into_iter().flat_map(|id| known(id).to_le_bytes()).collect();
@@ -40,7 +40,7 @@ fn of_points(id: &Snapshot, meaning: Meaning, known: impl Fn(usize) -> Option<u3
     Some(Snapshot { name, meaning: Some(meaning), element, bytes, ..id.clone() })
 }
 
-/// The elements, where each is one u32.
+/// The elements, if each is one u32.
 fn words(snapshot: &Snapshot) -> Option<Vec<u32>> {
     match lanes(&snapshot.element).as_slice() {
         [only] if only.is_unsigned() => Some(only.numbers(snapshot).map(Number::bits).collect()),

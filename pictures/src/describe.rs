@@ -1,4 +1,4 @@
-//! Pixels and numbers in words.
+//! Pixels and numbers as text.
 
 use epigraph_core::Snapshot;
 use epigraph_stages::shared::edge_pixel::{
@@ -13,8 +13,8 @@ use crate::{
     size,
 };
 
-/// What a pixel holds: every lane with its name, and what the words of the edge-and-point image say. None outside the
-/// image.
+/// The contents of a pixel: every lane with its name, and the words of the edge-and-point image decoded. `None` outside
+/// the image.
 pub fn describe(snapshot: &Snapshot, at: [usize; 2]) -> Option<String> {
     let index = index(snapshot, at)?;
     let lanes = lanes(&snapshot.element);
@@ -34,7 +34,7 @@ pub fn describe(snapshot: &Snapshot, at: [usize; 2]) -> Option<String> {
         let number = match number {
             Number::Unsigned(NONE) => "none".to_owned(),
             Number::Unsigned(POISON) => "poison".to_owned(),
-            // Depths are kept as bits where atomics compare them.
+            // Depths that take part in atomic comparisons are stored as their bits.
             Number::Unsigned(bits) if depth => format!("{} m", Number::Float(f32::from_bits(bits)).brief()),
             Number::Float(_) if depth => format!("{} m", number.brief()),
             number => number.brief(),
@@ -44,7 +44,7 @@ pub fn describe(snapshot: &Snapshot, at: [usize; 2]) -> Option<String> {
     Some(lanes.iter().filter_map(text).collect::<Vec<_>>().join("  "))
 }
 
-/// What is shown of a pixel, in a few digits for each lane; nothing where it stands for nothing, and outside the image.
+/// The text drawn into a pixel, a few digits per lane; empty if the pixel has no value or lies outside the image.
 pub fn in_pixel(snapshot: &Snapshot, look: &Look, at: [usize; 2]) -> Vec<String> {
     let Some(index) = index(snapshot, at) else { return Vec::new() };
     let mode = look.mode_for(snapshot);
@@ -65,7 +65,7 @@ pub fn in_pixel(snapshot: &Snapshot, look: &Look, at: [usize; 2]) -> Vec<String>
     }
 }
 
-/// Bytes for people: `12.3 MiB`.
+/// A size in bytes with a readable unit: `12.3 MiB`.
 pub fn readable(bytes: u64) -> String {
     const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
     if bytes < 1024 {
@@ -80,7 +80,7 @@ pub fn readable(bytes: u64) -> String {
     format!("{value:.1} {}", UNITS[unit])
 }
 
-/// 1305164 as 1,305,164.
+/// A number with its digits in groups of three: 1,305,164.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();

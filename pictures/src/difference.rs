@@ -1,8 +1,8 @@
-//! How far a picture is from its reference, as a person sees both.
+//! Measures of the difference between a picture and its reference, as a viewer sees both.
 
 use crate::{Picture, flip, metrics, tone};
 
-/// Two pictures as a screen shows them, and FLIP's error of each pixel.
+/// Two pictures as displayed, and FLIP's error per pixel.
 pub struct Difference {
     reference: Vec<[f32; 3]>,
     picture: Vec<[f32; 3]>,
@@ -12,11 +12,11 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Compares two pictures of one size. Linear ones are clamped to [0, 1] and sRGB-encoded first.
+    /// Compares two pictures of the same size. Linear ones are clamped to [0, 1] and sRGB-encoded first.
     pub fn new(reference: &Picture, picture: &Picture) -> Self {
         let size = reference.size;
         let (reference, picture) = (reference.srgb(), picture.srgb());
-        // Eight bits are what the eye gets to see, and what other tools compare.
+        // A display shows eight bits, and other tools compare eight bits.
         let seen = |colors: &[[f32; 3]]| -> Vec<[f32; 3]> {
             let seen = |channel| f32::from(tone::to_byte(channel)) / 255.0;
             colors.iter().map(|color| color.map(seen)).collect()
@@ -30,7 +30,7 @@ impl Difference {
         metrics::psnr(&self.reference, &self.picture)
     }
 
-    /// The same over the pixels that `mask` has set.
+    /// The same over the pixels set in `mask`.
     pub fn psnr_within(&self, mask: &[bool]) -> f64 {
         metrics::psnr(&chosen(&self.reference, mask), &chosen(&self.picture, mask))
     }
@@ -45,13 +45,13 @@ impl Difference {
         flip::mean(&self.errors)
     }
 
-    /// The same over the pixels that `mask` has set. The error of a pixel depends on its surroundings, in the mask or not.
+    /// The same over the pixels set in `mask`. A pixel's error depends on its neighbourhood, inside or outside the mask.
     pub fn flip_within(&self, mask: &[bool]) -> f64 {
         flip::mean(&chosen(&self.errors, mask))
     }
 }
 
-/// Differences of shown colours, channel by channel, enlarged: black where they are equal.
+/// Differences of displayed colours, per channel, amplified: black where they are equal.
 pub fn apart(a: &[[u8; 3]], b: &[[u8; 3]], gain: f32) -> Vec<[u8; 3]> {
     let channel = |a: u8, b: u8| (gain * f32::from(a.abs_diff(b)) + 0.5) as u8;
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|lane| channel(a[lane], b[lane]))).collect()

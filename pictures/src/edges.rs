@@ -1,29 +1,29 @@
-//! What the words of the edge-and-point image mean, as strokes and colours: crossings, classes, reachability
+//! The words of the edge-and-point image decoded into strokes and colours: crossings, classes, reachability
 //! (`algorithms.md` sections 2.2 to 2.5).
 
 use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE, ends, ring_at, slot_position};
 
-/// Colours of pixels that no edge crosses or one ends in, those that one cuts in two, and those where more happens.
+/// Names and colours of the classes: no edge crosses the pixel or one ends in it; one edge cuts it in two; anything else.
 pub const CLASSES: [(&str, [u8; 3]); 3] =
     [("empty", [58, 63, 82]), ("simple", [92, 190, 140]), ("complex", [232, 86, 80])];
 
 /// The colour of edges.
 pub const EDGE: [u8; 3] = [130, 205, 255];
 
-/// The colour of a pixel itself among those around it.
+/// The colour of the centre pixel of a neighbourhood.
 pub const SELF: [u8; 3] = [255, 255, 255];
-/// The colour of pixels that it reaches.
+/// The colour of pixels that the centre reaches.
 pub const REACHED: [u8; 3] = [70, 150, 130];
-/// The colour of pixels that an edge parts from it.
+/// The colour of pixels that an edge separates from the centre.
 pub const BARRED: [u8; 3] = [48, 30, 52];
 
-/// How far a tick reaches from the pixel's side towards its middle.
+/// Length of a tick, from the pixel's side towards its centre.
 const TICK: f32 = 0.5;
 
-/// A straight piece of an edge within a pixel; places in pixels from the top left corner.
+/// A straight segment of an edge within a pixel; positions in pixels from the top left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
-    /// The slot of the pixel's perimeter that it begins at.
+    /// The slot of the pixel's perimeter where it begins.
     pub slot: u32,
     /// Where it begins, on the pixel's side.
     pub from: [f32; 2],
@@ -31,18 +31,18 @@ pub struct Stroke {
     pub to: [f32; 2],
 }
 
-/// The crossings around a pixel, as a ring of 32 slots. `mask` has a word for each pixel, and one more column and row.
-/// None outside the pixels.
+/// The crossings around a pixel, as a ring of 32 slots. `mask` has a word for each pixel, and one extra column and row.
+/// `None` outside the pixels.
 pub fn perimeter(mask: &[u32], pixels: [usize; 2], [x, y]: [usize; 2]) -> Option<u32> {
     if x >= pixels[0] || y >= pixels[1] {
         return None;
     }
-    // The word below is the last one that counts.
+    // The word of the pixel below is the last one that is read.
     let is_there = (y + 1) * (pixels[0] + 1) + x < mask.len();
     is_there.then(|| ring_at(mask, [x as u32, y as u32], pixels[0]))
 }
 
-/// What to draw of the edges in a pixel with this perimeter: both halves of a simple pixel's chord, ticks at all other
+/// The strokes of the edges in a pixel with this perimeter: both halves of a simple pixel's chord, ticks at all other
 /// crossings.
 pub fn strokes(ring: u32) -> Vec<Stroke> {
     let slots: Vec<u32> = (0..32).filter(|slot| ring >> slot & 1 != 0).collect();
@@ -73,17 +73,17 @@ pub fn class_color(cls: u32) -> [u8; 3] {
     CLASSES[class(cls)].1
 }
 
-/// The perimeter of a pixel with the chord of a word of `cls`; without crossings where that has none.
+/// The perimeter of a pixel with the chord of a word of `cls`; no crossings if the word has no chord.
 pub fn chord(cls: u32) -> u32 {
     let [p, q] = ends(cls);
     if cls & CLASS == SIMPLE { 1 << p | 1 << q } else { 0 }
 }
 
-/// The colours of the 5x5 pixels around one, row by row, from its word of `r24`.
+/// The colours of a 5x5 neighbourhood, row by row, from the centre pixel's word of `r24`.
 pub fn reach_glyph(r24: u32) -> [[u8; 3]; 25] {
     std::array::from_fn(|square| match square {
         12 => SELF,
-        // The pixel itself has no bit.
+        // The centre pixel has no bit.
         _ if r24 >> (square - usize::from(square > 12)) & 1 != 0 => REACHED,
         _ => BARRED,
     })

@@ -16,10 +16,10 @@ use crate::{Lane, Number, lanes, look::is_depth, size, tone};
 /// A PNG file's bytes for sRGB colours, rows from the top.
 ///
 /// # Errors
-/// What the encoder says.
+/// The encoder's error.
 pub fn png([width, height]: [usize; 2], colors: &[[u8; 3]]) -> Result<Vec<u8>, String> {
     let mut bytes = Cursor::new(Vec::new());
-    // Against the fast level: half the size for drawings, a tenth less for noisy pictures, some 0.2 s more a megapixel.
+    // Compared with the fast level: half the size for drawings, 10% less for noisy pictures, some 0.2 s more per megapixel.
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
     encoder
         .write_image(colors.as_flattened(), width as u32, height as u32, ExtendedColorType::Rgb8)
@@ -30,19 +30,19 @@ pub fn png([width, height]: [usize; 2], colors: &[[u8; 3]]) -> Result<Vec<u8>, S
 /// An EXR file's bytes for linear colours, rows from the top.
 ///
 /// # Errors
-/// What the encoder says.
+/// The encoder's error.
 pub fn exr(size: [usize; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, String> {
     let lane = |lane: usize| FlatSamples::F32(colors.iter().map(|color| color[lane]).collect());
     encode_exr(size, ["R", "G", "B"].into_iter().enumerate().map(|(i, name)| AnyChannel::new(name, lane(i))))
 }
 
-/// A port's EXR file: a channel for each scalar. Unsigned integers stay integers, but for distances that are kept as their
-/// bits; signed ones become floats, exact up to 2^24. EXR files hold light: what is encoded as sRGB, in bytes, is decoded.
+/// A port as an EXR file: one channel per scalar. Unsigned integers stay integers, except distances stored as their bits;
+/// signed ones become floats, exact up to 2^24. EXR files hold linear light, so sRGB-encoded bytes are decoded.
 pub fn exr_of_port(snapshot: &Snapshot) -> Result<Vec<u8>, String> {
     let lanes = lanes(&snapshot.element);
     let single = lanes.len() == 1;
     let channels = lanes.iter().map(|lane| {
-        // OpenEXR's names: Y for the only channel, capitals for colours.
+        // OpenEXR's names: Y for a single channel, capitals for colours.
         let name = if single { "Y".to_owned() } else { lane.name.to_uppercase() };
         AnyChannel::new(name.as_str(), samples(lane, snapshot))
     });
@@ -70,7 +70,7 @@ fn encode_exr(
     let layer = Layer::new(
         (width, height),
         LayerAttributes::default(),
-        // Without an order, threads would write their blocks as they finish: other bytes in every run.
+        // Without a fixed order, threads would write blocks as they finish, and the bytes would differ from run to run.
         Encoding { line_order: LineOrder::Increasing, ..Encoding::FAST_LOSSLESS },
         AnyChannels::sort(channels.collect()),
     );

@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-/// Pixels in a degree of the visual field: a 4K monitor at 0.7 m.
+/// Pixels per degree of the visual field: a 4K monitor at 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = 67.0;
 
 /// Terms of the contrast sensitivity filters of Y, Cx and Cz (table 1): pairs of weight a and width b in
@@ -12,17 +12,17 @@ const SENSITIVITY: [&[[f64; 2]]; 3] = [&[[1.0, 0.0047]], &[[1.0, 0.0053]], &[[34
 
 /// Exponent of the colour difference (section 4.1.3).
 const COLOR_EXPONENT: f32 = 0.7;
-/// The share `COLOR_KNEE` of the largest colour difference is shown as `COLOR_KNEE_ERROR` (section 4.1.3).
+/// The share `COLOR_KNEE` of the largest colour difference maps to the error `COLOR_KNEE_ERROR` (section 4.1.3).
 const COLOR_KNEE: f32 = 0.4;
 const COLOR_KNEE_ERROR: f32 = 0.95;
-/// Width of feature detectors in degrees, and exponent of the feature difference (section 4.2).
+/// Width of the feature detectors in degrees, and exponent of the feature difference (section 4.2).
 const FEATURE_WIDTH: f64 = 0.082;
 const FEATURE_EXPONENT: f32 = 0.5;
 
-/// One number for each pixel.
+/// One number per pixel.
 type Plane = Vec<f32>;
 
-/// The error of each pixel of `test` against `reference`, 0 to 1, at 67 pixels a degree. Both hold sRGB colours in [0, 1]
+/// The error of each pixel of `test` against `reference`, 0 to 1, at 67 pixels per degree. Both hold sRGB colours in [0, 1]
 /// of an image of width and height `size`.
 pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], size: [usize; 2]) -> Plane {
     let (opponent_a, opponent_b) = (opponent(reference), opponent(test));
@@ -31,7 +31,7 @@ pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], size: [usize; 2]) -> Plan
     colors.iter().zip(&features).map(|(color, feature)| color.powf(1.0 - feature)).collect()
 }
 
-/// sRGB as planes of the opponent space YCxCz, in which sensitivity is known (section 4.1.1).
+/// sRGB as planes of the opponent space YCxCz, for which the contrast sensitivity is known (section 4.1.1).
 fn opponent(colors: &[[f32; 3]]) -> [Plane; 3] {
     let pixels: Vec<[f32; 3]> = colors
         .par_iter()
@@ -43,7 +43,7 @@ fn opponent(colors: &[[f32; 3]]) -> [Plane; 3] {
     [0, 1, 2].map(|lane| pixels.iter().map(|pixel| pixel[lane]).collect())
 }
 
-/// What of the image is seen at this distance: filtered by contrast sensitivity, back in linear RGB within [0, 1]
+/// The image as seen at this distance: filtered by contrast sensitivity, back in linear RGB within [0, 1]
 /// (section 4.1.1).
 fn seen(opponent: &[Plane; 3], size: [usize; 2]) -> Vec<[f32; 3]> {
     let widest = SENSITIVITY.iter().flat_map(|terms| terms.iter()).map(|term| term[1]).fold(0.0, f64::max);
@@ -117,7 +117,7 @@ fn feature_differences(a: &[f32], b: &[f32], size: [usize; 2]) -> Plane {
     (0..edges_a.len()).map(difference).collect()
 }
 
-/// A function at whole numbers from -radius to radius.
+/// Samples of a function at the integers from -radius to radius.
 fn kernel(radius: i32, value: impl Fn(f64) -> f64) -> Vec<f64> {
     (-radius..=radius).map(|x| value(f64::from(x))).collect()
 }
@@ -132,7 +132,7 @@ fn balanced(kernel: Vec<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// Weights each pixel's surroundings by `along_x` times `along_y`; the image's edge pixels go on outside.
+/// Convolves with the separable kernel `along_x` times `along_y`; pixels outside repeat the image's edge pixels.
 fn convolve(values: &[f32], [width, height]: [usize; 2], along_x: &[f64], along_y: &[f64]) -> Plane {
     let clamped = |at: usize, offset: usize, radius: usize, count: usize| {
         (at + offset).saturating_sub(radius).min(count - 1)
@@ -169,7 +169,7 @@ const XYZ_OF_RGB: [[f64; 3]; 3] = [
     [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
 ];
 
-/// Linear RGB as XYZ, each relative to that of white.
+/// Linear RGB as XYZ, each component relative to that of white.
 fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
     XYZ_OF_RGB.map(|row| {
         let white: f64 = row.iter().sum();
@@ -210,7 +210,7 @@ fn hunt([l, a, b]: [f32; 3]) -> [f32; 3] {
     [l, 0.01 * l * a, 0.01 * l * b]
 }
 
-/// City block in lightness, Euclidean in hue: fit for large differences (section 4.1.2).
+/// City-block distance in lightness, Euclidean in hue: suited to large differences (section 4.1.2).
 fn hybrid_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }

@@ -1,27 +1,27 @@
-//! How often which values occur.
+//! Histograms of the values of an image.
 
 use epigraph_core::Snapshot;
 
 use crate::{Curve, Lane, Look, Mode, Paint, Scale, lanes};
 
-/// How many bins there are.
+/// Number of bins.
 pub const BINS: usize = 128;
 
-/// Shares of the values that lie before the first and beyond the last bin, where they are not in the range either.
+/// Shares of the values before the first and beyond the last bin, unless the range includes them.
 const BEYOND: [f64; 2] = [0.002, 0.998];
 
-/// Counts of the values of the lanes that are shown.
+/// Counts of the values of the lanes shown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
-    /// What values lie where on the axis, from the first bin to the last.
+    /// The axis of values, from the first bin to the last.
     pub axis: Scale,
-    /// A row of 128 counts for each lane, in the order of the channels. What lies beyond the axis is in its last bins.
+    /// A row of 128 counts for each lane, in channel order. Values beyond the axis are counted in the bins at its ends.
     pub counts: Vec<Vec<u32>>,
 }
 
 impl Histogram {
-    /// Counts the numbers of what a look shows of an image; none in modes whose numbers are no amounts, and where there
-    /// are no numbers.
+    /// Counts the values of an image that a look shows; `None` in modes whose values are not quantities, and if there are no
+    /// values.
     pub fn new(snapshot: &Snapshot, look: &Look) -> Option<Self> {
         let mode = look.mode_for(snapshot);
         let all = lanes(&snapshot.element);
@@ -42,7 +42,7 @@ impl Histogram {
     }
 }
 
-/// An axis on which nearly all values and the range have a place.
+/// An axis that covers the range and nearly all values.
 fn axis(values: &[Vec<f32>], mode: Mode, look: &Look, snapshot: &Snapshot) -> Option<Scale> {
     let scale = match mode {
         Mode::Color => Scale { range: [0.0, 1.0], curve: Curve::Linear, paint: Paint::Grey },

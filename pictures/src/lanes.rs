@@ -1,4 +1,4 @@
-//! The scalars that an element consists of.
+//! The scalars of an element.
 
 use std::fmt;
 
@@ -10,14 +10,14 @@ use half::f16;
 pub enum Number {
     /// A number.
     Float(f32),
-    /// A natural number.
+    /// An unsigned integer.
     Unsigned(u32),
-    /// A whole number.
+    /// A signed integer.
     Signed(i32),
 }
 
 impl Number {
-    /// As a float, rounded where it must be.
+    /// As a float, rounded if necessary.
     pub fn as_f32(self) -> f32 {
         match self {
             Self::Float(value) => value,
@@ -26,7 +26,7 @@ impl Number {
         }
     }
 
-    /// The 32 bits that it is stored in; those of an f32 for narrower floats.
+    /// The 32 bits that store it; those of an f32 for narrower floats.
     pub fn bits(self) -> u32 {
         match self {
             Self::Float(value) => value.to_bits(),
@@ -35,7 +35,7 @@ impl Number {
         }
     }
 
-    /// In few characters: very small and very large floats with an exponent.
+    /// As short text: very small and very large floats with an exponent.
     pub fn brief(self) -> String {
         match self {
             Self::Float(value)
@@ -47,12 +47,12 @@ impl Number {
         }
     }
 
-    /// In hardly more than three digits.
+    /// As text of about three digits.
     pub fn short(self) -> String {
         self.rounded(3)
     }
 
-    /// In so many significant digits, integers in all of theirs.
+    /// As text of `digits` significant digits; integers with all of theirs.
     pub fn rounded(self, digits: usize) -> String {
         match self {
             Self::Float(value) if value == 0.0 || !value.is_finite() => value.to_string(),
@@ -70,7 +70,7 @@ impl Number {
     }
 }
 
-/// All digits that it takes to read the same number again.
+/// Enough digits to read the same number back.
 impl fmt::Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -90,10 +90,10 @@ enum Storage {
     Unorm8,
 }
 
-/// One scalar of every element.
+/// One scalar of all elements.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lane {
-    /// Member and letter, such as `position.x`; empty for the only one.
+    /// Member and letter, such as `position.x`; empty for a single scalar.
     pub name: String,
     storage: Storage,
     offset: usize,
@@ -101,17 +101,17 @@ pub struct Lane {
 }
 
 impl Lane {
-    /// Whether its numbers are floats.
+    /// True if its numbers are floats.
     pub fn is_float(&self) -> bool {
         matches!(self.storage, Storage::F32 | Storage::F16 | Storage::Unorm8)
     }
 
-    /// Whether its numbers are natural numbers.
+    /// True if its numbers are unsigned integers.
     pub fn is_unsigned(&self) -> bool {
         self.storage == Storage::U32
     }
 
-    /// The number of an element; none past the end.
+    /// The number of an element; `None` past the end.
     pub fn number(&self, snapshot: &Snapshot, index: usize) -> Option<Number> {
         let start = index * self.stride;
         snapshot.bytes.get(start..start + self.stride).map(|element| self.of(element))
@@ -135,7 +135,7 @@ impl Lane {
     }
 }
 
-/// The scalars of an element: r, g, b, a of texels; x, y, z, w of vectors, after their member's name.
+/// The scalars of an element: r, g, b, a of texels; x, y, z, w of vectors, each after its member's name.
 pub fn lanes(element: &Element) -> Vec<Lane> {
     let stride = element.bytes() as usize;
     match element {
@@ -171,12 +171,12 @@ pub fn lanes(element: &Element) -> Vec<Lane> {
     }
 }
 
-/// One letter for each; nothing for the only one.
+/// One letter per scalar; empty for a single one.
 fn letters(count: usize, letters: &'static str) -> impl Iterator<Item = String> {
     letters.chars().take(count).map(move |letter| if count == 1 { String::new() } else { letter.into() })
 }
 
-/// Whether elements of these dims make an image, in frames of `size`.
+/// True if elements of these dims form an image in frames of `size`.
 pub fn is_image(element: &Element, dims: Dims, size: [u32; 2]) -> bool {
     matches!(element, Element::Texel(_)) || dims.height > 1 || [dims.width, dims.height] == size
 }

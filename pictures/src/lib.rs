@@ -1,11 +1,11 @@
-//! From numbers to pictures: what a port holds as colours and words, how far pictures are apart, and the files that they
-//! are kept in. The command line and the editor show ports by the same rules; this crate knows neither of them.
+//! From numbers to pictures: a port's contents as colours and text, differences between pictures, and picture files.
+//! The command line and the editor show ports by the same rules; this crate knows neither of them.
 //!
-//! - [`lanes`]: the scalars that an element consists of.
-//! - [`show`]: an image as sRGB colours, with a [`Look`]; [`describe`]: a pixel in words.
-//! - [`Scale`], [`Histogram`]: what shades mean, and how often which values occur; [`Table`]: a list's elements.
-//! - [`edges`]: what the words of the edge-and-point image mean, drawn.
-//! - [`Difference`], [`flip`], [`metrics`]: how far two pictures are apart.
+//! - [`lanes`]: the scalars of an element.
+//! - [`show`]: an image as sRGB colours, with a [`Look`]; [`describe`]: a pixel as text.
+//! - [`Scale`], [`Histogram`]: the mapping from values to shades, and counts of the values; [`Table`]: a list's elements.
+//! - [`edges`]: the words of the edge-and-point image, drawn.
+//! - [`Difference`], [`flip`], [`metrics`]: measures of the difference between two pictures.
 //! - [`Picture`], [`PortFile`], [`Target`], [`Draft`]: files.
 //! - [`svg`]: drawings of lines and words.
 //!

@@ -1,4 +1,4 @@
-//! Ports as pictures: what the numbers mean decides how they are shown. Where a port declares no meaning, its elements do.
+//! Ports as pictures: the meaning of the numbers decides how they are shown. If a port declares no meaning, its elements do.
 //!
 //! | mode | shown as | suits |
 //! |---|---|---|
@@ -11,8 +11,8 @@
 //! | [`Mode::Classes`] | empty, simple, complex | [`meaning::CLASS`] |
 //! | [`Mode::Reach`] | grey, white where all of the 5x5 pixels are reached | [`meaning::REACH`] |
 //!
-//! What is no number is loud: NaN magenta, infinity cyan, poison orange. Elements that stand for nothing (0xFFFFFFFF, far
-//! or infinite depth) have the quiet colour [`EMPTY`].
+//! Odd values are loud: NaN magenta, infinity cyan, poison orange. Elements without a value (0xFFFFFFFF, far or infinite
+//! depth) have the quiet colour [`EMPTY`].
 
 #[cfg(test)]
 mod tests;
@@ -27,21 +27,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Curve, Lane, Number, Paint, Ramp, Scale, edges, lanes, size, tone};
 
-/// The colour of elements that stand for nothing.
+/// The colour of elements without a value.
 pub const EMPTY: [u8; 3] = [24, 28, 48];
 /// The colour of NaN.
 pub const NAN: [u8; 3] = [255, 0, 255];
-/// The colour of infinity where it is not a depth.
+/// The colour of infinity, except as a depth.
 pub const INFINITE: [u8; 3] = [0, 255, 255];
 /// The colour of memory that was never written, in poison mode.
 pub const POISONED: [u8; 3] = [255, 128, 0];
 
-/// The u32 that stands for nothing.
+/// The u32 that means "no value".
 pub(crate) const NONE: u32 = u32::MAX;
-/// What poison mode fills integers with.
+/// The integer that poison mode fills memory with.
 pub(crate) const POISON: u32 = 0xDEAD_BEEF;
 
-/// Shares of the values that lie below the dark and the bright end of an automatic range.
+/// Shares of the values below the dark and the bright end of an automatic range.
 const PERCENTILES: [f64; 2] = [0.01, 0.99];
 
 /// The highest priority.
@@ -61,18 +61,18 @@ pub enum Mode {
     FalseColor,
     /// One lane as a distance.
     Depth,
-    /// One lane as a name.
+    /// One lane as ids, with a colour for each.
     Names,
     /// Crossings of edges.
     Edges,
     /// Classes of pixels.
     Classes,
-    /// How many of the 5x5 pixels are reached.
+    /// The number of reached pixels among 5x5.
     Reach,
 }
 
 impl Mode {
-    /// All, with what people call them.
+    /// All modes, with their labels.
     pub const ALL: [(Self, &str); 8] = [
         (Self::Color, "Colour"),
         (Self::Grey, "Grey"),
@@ -84,17 +84,17 @@ impl Mode {
         (Self::Reach, "Reach"),
     ];
 
-    /// What people call it.
+    /// The label shown to users.
     pub fn label(self) -> &'static str {
         Self::ALL.iter().find(|(mode, _)| *mode == self).map_or("", |(_, label)| label)
     }
 
-    /// What suits a snapshot.
+    /// The default mode for a snapshot.
     pub fn of(snapshot: &Snapshot) -> Self {
         Self::of_port(snapshot.meaning, &snapshot.element)
     }
 
-    /// What suits a port of that meaning and that element.
+    /// The default mode for a port of that meaning and element.
     pub fn of_port(meaning: Option<Meaning>, element: &Element) -> Self {
         let lanes = lanes(element);
         let floats = lanes.iter().all(Lane::is_float);
@@ -110,25 +110,25 @@ impl Mode {
     }
 }
 
-/// How a port is to be shown.
+/// The settings with which a port is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Look {
-    /// None: what suits the port.
+    /// `None`: the port's default.
     pub mode: Option<Mode>,
-    /// Which lane, in modes of one lane.
+    /// The lane, in modes of one lane.
     pub lane: usize,
-    /// Which lanes are red, green and blue in [`Mode::Color`].
+    /// The lanes shown as red, green and blue in [`Mode::Color`].
     pub channels: [usize; 3],
-    /// Float colours are multiplied by two to the power of this.
+    /// Float colours are scaled by two to the power of this.
     pub exposure: f32,
-    /// Values at the dark and the bright end; none: from the image's own values.
+    /// Values at the dark and the bright end; `None`: from the image's own values.
     pub range: Option<[f32; 2]>,
     /// Shades follow the logarithm of the value.
     pub log: bool,
     /// The colours of [`Mode::FalseColor`].
     pub ramp: Ramp,
-    /// Depths from here on count as nothing, metres.
+    /// Depths from here on count as empty, metres.
     pub far: f32,
 }
 
@@ -153,7 +153,7 @@ impl Look {
         self.mode.unwrap_or_else(|| Mode::of(snapshot))
     }
 
-    /// What values of a port become which shades, in modes that have a range; none where there are no values either.
+    /// The mapping from a port's values to shades, in modes that have a range; `None` if the port has no values either.
     pub fn scale(&self, snapshot: &Snapshot) -> Option<Scale> {
         let lanes = lanes(&snapshot.element);
         let lane = lanes.get(self.lane).or(lanes.first())?;
@@ -171,7 +171,7 @@ impl Look {
         Some(Scale { range, curve, paint })
     }
 
-    /// The number that is shown of an element; else the loud or quiet colour of what is no amount.
+    /// The number shown for an element, or the loud or quiet colour of one that is not a quantity.
     fn amount(&self, snapshot: &Snapshot) -> impl Fn(Number) -> Result<f32, Shade> + Sync + use<> {
         let depth = self.mode_for(snapshot) == Mode::Depth || is_depth(snapshot);
         let far = self.far;
@@ -179,27 +179,27 @@ impl Look {
             if !depth {
                 return special(number).map_or(Ok(number.as_f32()), Err);
             }
-            // Some are kept as their bits, where atomics compare them.
+            // Depths that take part in atomic comparisons are stored as their bits.
             let z = f32::from_bits(number.bits());
             match number {
                 // Stages may write `far` with a rounding error.
                 _ if z > 0.0 && z.is_finite() && z < 0.999 * far => Ok(z),
                 Number::Unsigned(POISON) => Err(Odd(POISONED)),
-                // All bits set are a NaN as well: what no point has reached.
+                // All bits set, the depth where no point fell, is a NaN as well.
                 _ if z.is_nan() && number.bits() != NONE => Err(Odd(NAN)),
                 _ => Err(Plain(EMPTY)),
             }
         }
     }
 
-    /// The numbers of a lane that are shown.
+    /// The numbers of a lane, without loud and quiet elements.
     pub(crate) fn amounts(&self, snapshot: &Snapshot, lane: &Lane) -> Vec<f32> {
         let amount = self.amount(snapshot);
         lane.numbers(snapshot).filter_map(|number| amount(number).ok()).collect()
     }
 
-    /// The range that suits an image: from the lowest of the values to the highest, a hundredth at either end left out;
-    /// from 0 for integers; all that can be for priorities. None where there are no values.
+    /// The default range of an image: from the lowest value to the highest, without a hundredth at either end; from 0 for
+    /// integers; the full range for priorities. `None` if there are no values.
     fn automatic(&self, snapshot: &Snapshot, lane: &Lane, curve: Curve) -> Option<[f32; 2]> {
         let values = || self.amounts(snapshot, lane);
         if curve == Curve::Reciprocal {
@@ -213,7 +213,7 @@ impl Look {
         if lane.is_float() || is_depth(snapshot) {
             return percentiles(values());
         }
-        // Zeros alone are dark.
+        // All zeros are dark.
         Some([0.0, values().into_iter().reduce(f32::max)?.max(1.0)])
     }
 }
@@ -227,9 +227,9 @@ pub struct Shown {
     pub colors: Vec<[u8; 3]>,
     /// The mode in which it is shown.
     pub mode: Mode,
-    /// What values became which shades, where the mode has a range.
+    /// The mapping from values to shades, if the mode has a range.
     pub scale: Option<Scale>,
-    /// How many pixels are NaN, infinite or poisoned.
+    /// Number of pixels that are NaN, infinite or poisoned.
     pub odd: usize,
 }
 
@@ -237,7 +237,7 @@ pub struct Shown {
 #[derive(Clone, Copy)]
 enum Shade {
     Plain([u8; 3]),
-    /// What is no number.
+    /// The colour of a value that is not a quantity.
     Odd([u8; 3]),
 }
 
@@ -270,7 +270,7 @@ pub fn show(snapshot: &Snapshot, look: &Look) -> Shown {
     Shown { size: size(snapshot.dims), colors, mode, scale, odd }
 }
 
-/// Whether the values are distances.
+/// True if the values are distances.
 pub(crate) fn is_depth(snapshot: &Snapshot) -> bool {
     snapshot.meaning == Some(meaning::DEPTH)
 }
@@ -287,7 +287,7 @@ fn colors(snapshot: &Snapshot, lanes: &[Lane], look: &Look) -> Vec<Shade> {
         chosen.map(|lane| lane.and_then(|lane| lane.number(snapshot, pixel)).map_or(0.0, Number::as_f32))
     };
     let is_encoded = snapshot.element == Element::Texel(Format::Rgba8Unorm);
-    // Two lanes are no light but directions and the like.
+    // Two lanes are not light but directions and the like.
     let ranges =
         chosen.map(|lane| look.automatic(snapshot, lane.filter(|_| lanes.len() == 2)?, Curve::Linear));
     let gain = look.exposure.exp2();
@@ -305,7 +305,7 @@ fn colors(snapshot: &Snapshot, lanes: &[Lane], look: &Look) -> Vec<Shade> {
     (0..snapshot.dims.count()).into_par_iter().map(color).collect()
 }
 
-/// The loud or quiet colour of what has no place in a range.
+/// The loud or quiet colour of a value that has no place in a range.
 fn special(number: Number) -> Option<Shade> {
     match number {
         Number::Unsigned(NONE) => Some(Plain(EMPTY)),

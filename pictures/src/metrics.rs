@@ -1,4 +1,4 @@
-//! Measures of difference between two images of one size.
+//! Difference measures for two images of the same size.
 
 /// Root of the mean squared difference over all values.
 pub fn rmse(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
@@ -99,7 +99,7 @@ mod tests {
         [a, b]
     }
 
-    /// SSIM as the paper has it, equation 13 and section III.C: a window at a time, from the deviations themselves.
+    /// SSIM as in the paper, equation 13 and section III.C: one window at a time, from the deviations themselves.
     fn ssim_of_windows(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
         let luma = |color: &[f32; 3]| {
             color

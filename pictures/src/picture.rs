@@ -12,9 +12,9 @@ use crate::{FileError, Mode, Number, Shown, lanes, tone};
 pub struct Picture {
     /// Width and height.
     pub size: [usize; 2],
-    /// As they stand in the file: linear light from EXR, sRGB in [0, 1] from PNG.
+    /// As stored in the file: linear light from EXR, sRGB in [0, 1] from PNG.
     pub colors: Vec<[f32; 3]>,
-    /// Whether they are linear.
+    /// True if they are linear.
     pub linear: bool,
 }
 
@@ -22,7 +22,7 @@ impl Picture {
     /// Reads a `.png` or `.exr` file. An image of one channel becomes grey.
     ///
     /// # Errors
-    /// That it cannot be read, or is no image of the kind that its ending promises.
+    /// The file cannot be read, or is not an image of the kind that its extension names.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = std::fs::read(path).map_err(|error| FileError::read(path, error))?;
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -33,13 +33,13 @@ impl Picture {
         }
     }
 
-    /// What a screen shows: 8-bit sRGB.
+    /// The colours as displayed: 8-bit sRGB.
     pub fn shown(size: [usize; 2], colors: &[[u8; 3]]) -> Self {
         let colors = colors.iter().map(|color| color.map(|byte| f32::from(byte) / 255.0)).collect();
         Self { size, colors, linear: false }
     }
 
-    /// A port's image to compare: floats in three lanes or more as they are, everything else as it is shown.
+    /// A port's image for comparison: floats of three lanes or more unchanged, everything else as it is shown.
     pub fn of_port(snapshot: &Snapshot, shown: &Shown) -> Self {
         let lanes = lanes(&snapshot.element);
         let is_light = shown.mode == Mode::Color && snapshot.element != Element::Texel(Format::Rgba8Unorm);
@@ -54,7 +54,7 @@ impl Picture {
         }
     }
 
-    /// The image as a port's, to be shown like one.
+    /// The image as a port, so that it can be shown like one.
     pub fn to_port(&self, name: &str) -> Snapshot {
         let (format, bytes) = if self.linear {
             let texel = |[r, g, b]: &[f32; 3]| [*r, *g, *b, 1.0];

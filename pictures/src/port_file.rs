@@ -18,10 +18,10 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind by the path's ending.
+    /// The kind that the path's extension names.
     ///
     /// # Errors
-    /// For any other ending.
+    /// The extension is another one.
     pub fn of(path: &Path) -> Result<Self, FileError> {
         match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
             "png" => Ok(Self::Png),
@@ -31,10 +31,10 @@ impl Kind {
         }
     }
 
-    /// The kind of a picture's file, never [`Kind::Csv`].
+    /// The kind of a picture file, never [`Kind::Csv`].
     ///
     /// # Errors
-    /// For endings other than `.png` and `.exr`.
+    /// The extension is neither `.png` nor `.exr`.
     pub fn of_picture(path: &Path) -> Result<Self, FileError> {
         match Self::of(path) {
             Ok(kind @ (Self::Png | Self::Exr)) => Ok(kind),
@@ -43,7 +43,7 @@ impl Kind {
     }
 }
 
-/// A port's file to be.
+/// The file that a port will be saved to.
 #[derive(Debug)]
 pub struct PortFile {
     kind: Kind,
@@ -54,20 +54,20 @@ impl PortFile {
     /// Checks that the file can be written.
     ///
     /// # Errors
-    /// That it cannot, or that its name has another ending.
+    /// The file cannot be written, or its name has another extension.
     pub fn new(path: &Path) -> Result<Self, FileError> {
         Ok(Self { kind: Kind::of(path)?, target: Target::new(path)? })
     }
 
-    /// Checks that the file can be written, and that its name is a picture's.
+    /// Checks that the file can be written, and that its name is that of a picture.
     ///
     /// # Errors
-    /// That it cannot, or that its name has another ending.
+    /// The file cannot be written, or its name has another extension.
     pub fn picture(path: &Path) -> Result<Self, FileError> {
         Ok(Self { kind: Kind::of_picture(path)?, target: Target::new(path)? })
     }
 
-    /// Whether it holds an image.
+    /// True if the file holds an image.
     pub fn is_image(&self) -> bool {
         self.kind != Kind::Csv
     }
@@ -80,7 +80,7 @@ impl PortFile {
     /// Writes a port. Images take the first field; a table has columns for all of them.
     ///
     /// # Errors
-    /// What the system or the encoder says.
+    /// The error of the system or the encoder.
     pub fn write(&self, fields: &[&Snapshot], look: &Look) -> Result<(), FileError> {
         let fail = |cause: String| FileError::write(self.target.path(), cause);
         let bytes = match (self.kind, fields) {
@@ -95,8 +95,8 @@ impl PortFile {
     }
 }
 
-/// A table with a row for each element. Images have the columns x and y, lists the column index; then follow the scalars
-/// of every field.
+/// A table with a row for each element. The first columns are x and y for images, the index for lists; the scalars of every
+/// field follow.
 fn csv(fields: &[&Snapshot]) -> String {
     let Some(first) = fields.first() else { return String::new() };
     let is_image = first.dims.height > 1;
@@ -214,7 +214,7 @@ mod tests {
             picture.srgb().iter().map(|color| color.map(tone::to_byte)).collect::<Vec<_>>()
         };
         assert_eq!(shown(&exr), shown(&png));
-        // What covers how much is no light.
+        // Alpha is coverage, not light.
         let layer = exr_layer(&fs::read(folder.path().join("a.exr")).unwrap()).unwrap();
         let alpha = layer.channel_data.list.iter().find(|channel| channel.name.to_string() == "A").unwrap();
         assert_eq!(alpha.sample_data.values_as_f32().nth(12), Some(51.0 / 255.0));

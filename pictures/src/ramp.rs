@@ -1,5 +1,4 @@
-//! Ramps of colours for amounts. Lightness changes evenly along each, so that equal steps look equal and it reads in grey
-//! too.
+//! Colour ramps for quantities. Lightness changes evenly along each, so that equal steps look equal, in greyscale too.
 
 use std::{f32::consts::TAU, sync::OnceLock};
 
@@ -8,19 +7,19 @@ use crate::tone;
 /// A ramp of colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Ramp {
-    /// From violet by blue and green to yellow.
+    /// From violet through blue and green to yellow.
     #[default]
     Spectrum,
-    /// From black by purple and orange to pale yellow.
+    /// From black through purple and orange to pale yellow.
     Magma,
-    /// From black by blue to white: one hue, for those who tell few apart.
+    /// From black through blue to white: a single hue, for viewers who distinguish few.
     Ice,
-    /// From blue by dark grey to red: for values about a middle, such as signed ones.
+    /// From blue through dark grey to red: for values about a midpoint, such as signed ones.
     Diverging,
 }
 
 impl Ramp {
-    /// All, with what people call them.
+    /// All ramps, with their labels.
     pub const ALL: [(Self, &str); 4] = [
         (Self::Spectrum, "Spectrum"),
         (Self::Magma, "Magma"),
@@ -28,7 +27,7 @@ impl Ramp {
         (Self::Diverging, "Diverging"),
     ];
 
-    /// What people call it.
+    /// The label shown to users.
     pub fn label(self) -> &'static str {
         Self::ALL.iter().find(|(ramp, _)| *ramp == self).map_or("", |(_, label)| label)
     }
@@ -40,7 +39,7 @@ impl Ramp {
         let (table, color): (_, fn(f32) -> [u8; 3]) = match self {
             Self::Spectrum => (0, |share| lch(0.22 + 0.73 * share, 0.14, 0.82 - 0.53 * share)),
             Self::Magma => return magma(share),
-            // Chroma is least at the ends, where there is least of it to show.
+            // Chroma is least at the ends, where the sRGB gamut is narrowest.
             Self::Ice => (1, |share| lch(share, 0.42 * share * (1.0 - share), 0.69 - 0.14 * share)),
             Self::Diverging => (2, |share| {
                 let away = (2.0 * share - 1.0).abs();
@@ -52,8 +51,8 @@ impl Ramp {
     }
 }
 
-/// A colour by its lightness, chroma and hue (in turns) in OKLab, in linear Rec. 709 (Ottosson 2020), as sRGB; what sRGB cannot show is
-/// cut off.
+/// A colour by its lightness, chroma and hue (in turns) in OKLab (Ottosson 2020; from linear Rec. 709), as sRGB, clamped to
+/// the gamut.
 fn lch(lightness: f32, chroma: f32, hue: f32) -> [u8; 3] {
     let (a, b) = (chroma * (hue * TAU).cos(), chroma * (hue * TAU).sin());
     let l = (lightness + 0.396_337_78 * a + 0.215_803_76 * b).powi(3);

@@ -1,18 +1,18 @@
-//! From a value to a shade, and the axis that tells what the shades mean.
+//! The mapping from values to shades, and the axis that explains the shades.
 
 use crate::{Ramp, tone};
 
-/// Shade of the farthest depth, so that it differs from nothing.
+/// Shade of the farthest depth, so that it differs from empty pixels.
 const DARKEST_DEPTH: f32 = 0.15;
 
 /// How values are spread between the ends of a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curve {
-    /// Evenly.
+    /// Linearly.
     Linear,
-    /// By their logarithm; by that of one more than their distance from the dark end where that is not positive.
+    /// By logarithm; if the dark end is not positive, by the logarithm of one plus the distance from it.
     Log,
-    /// By their reciprocal: depths as they shrink on screen.
+    /// By reciprocal, as depths shrink on screen.
     Reciprocal,
 }
 
@@ -27,7 +27,7 @@ pub enum Paint {
     Ramp(Ramp),
 }
 
-/// What values become which shades.
+/// The mapping from values to shades.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     /// Values at the dark and at the bright end.
@@ -72,8 +72,8 @@ impl Scale {
         }
     }
 
-    /// Round values between the ends, at most so many: 1, 2 or 5 times a power of ten apart, or for a wide range of logarithms powers of
-    /// ten.
+    /// Round values between the ends, at most `most`: 1, 2 or 5 times a power of ten apart, or powers of ten on a wide
+    /// logarithmic axis.
     pub fn ticks(&self, most: usize) -> Vec<f32> {
         let [low, high] = [self.range[0].min(self.range[1]), self.range[0].max(self.range[1])];
         if !(high > low && low.is_finite() && high.is_finite()) || most == 0 {
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(scale([0.0, 8.0], Curve::Linear).value(0.5), 4.0);
         assert!((scale([1.0, 16.0], Curve::Log).value(0.5) - 4.0).abs() < 1e-5);
         assert!((scale([6.0, 2.0], Curve::Reciprocal).value(0.5) - 3.0).abs() < 1e-5);
-        // An empty range parts what is below from what is not.
+        // An empty range separates the values below it from the rest.
         assert_eq!([2.0, 3.0].map(|value| scale([3.0, 3.0], Curve::Linear).share(value)), [0.0, 1.0]);
     }
 

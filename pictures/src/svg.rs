@@ -1,6 +1,6 @@
 //! Just enough of SVG for plots and for drawings of graphs.
 
-/// How a text stands to its point.
+/// The alignment of a text to its point.
 #[derive(Clone, Copy)]
 pub enum Anchor {
     /// It begins there.
@@ -18,7 +18,7 @@ pub struct Font {
     pub size: f64,
     /// Colour.
     pub color: &'static str,
-    /// Whether it is bold.
+    /// True if it is bold.
     pub bold: bool,
 }
 
@@ -69,7 +69,7 @@ impl Svg {
         self.body += &format!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{color}\"/>\n");
     }
 
-    /// A line of text; `y` is its base line.
+    /// A line of text; `y` is its baseline.
     pub fn text(&mut self, [x, y]: [f64; 2], text: &str, anchor: Anchor, font: Font) {
         let anchor = match anchor {
             Anchor::Start => "start",
@@ -101,7 +101,7 @@ fn coordinates(points: &[[f64; 2]]) -> String {
     points.join(" ")
 }
 
-/// Text without what XML takes for its own.
+/// Text with XML's special characters escaped.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

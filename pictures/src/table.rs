@@ -1,4 +1,4 @@
-//! Lists of elements as tables: every scalar a column, known words decoded, rows in any order.
+//! Lists of elements as tables: a column for each scalar, known words decoded, rows in any order.
 
 use std::sync::Arc;
 
@@ -17,10 +17,10 @@ use crate::{
 /// Significant digits of floats.
 const DIGITS: usize = 6;
 
-/// What a column makes of its numbers.
+/// How a column reads its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reading {
-    /// As they are.
+    /// Unchanged.
     Plain,
     /// A point's age, 0 to 256.
     Age,
@@ -46,7 +46,7 @@ pub struct Table {
     fields: Vec<Arc<Snapshot>>,
     /// The columns from left to right.
     pub columns: Vec<Column>,
-    /// How many rows there are.
+    /// Number of rows.
     pub rows: usize,
 }
 
@@ -64,7 +64,7 @@ impl Table {
         &self.fields
     }
 
-    /// What stands in a row; empty outside the table.
+    /// The text of a cell; empty outside the table.
     pub fn text(&self, row: usize, column: usize) -> String {
         let Some((column, number)) = self.number(row, column) else { return String::new() };
         match (column.reading, number) {
@@ -76,7 +76,7 @@ impl Table {
         }
     }
 
-    /// The rows in the order of a column; rows that are equal in it stay in their order. Takes a while for long tables.
+    /// The rows sorted by a column; rows with equal values keep their order. Slow for long tables.
     pub fn order(&self, column: usize, descending: bool) -> Vec<u32> {
         let key = |row: u32| {
             let key = self.number(row as usize, column).map_or(0, |(_, number)| rank(number));
@@ -88,7 +88,7 @@ impl Table {
         keyed.into_iter().map(|(_, row)| row).collect()
     }
 
-    /// The number of a row, after its reading; a state stays what it is.
+    /// The number in a cell as its column reads it; states stay undecoded.
     fn number(&self, row: usize, column: usize) -> Option<(&Column, Number)> {
         let column = self.columns.get(column)?;
         let number = column.lane.number(self.fields.get(column.field)?, row)?;
@@ -141,7 +141,7 @@ fn state(meta: u32) -> &'static str {
     }
 }
 
-/// A number's place among numbers of its kind: NaN comes last.
+/// The sort key of a number among numbers of its kind: NaN comes last.
 fn rank(number: Number) -> u32 {
     match number {
         Number::Unsigned(value) => value,

@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all.
+//! Atomic file writes: a file is written whole or not at all.
 
 use std::{
     fs::{self, File},
@@ -18,12 +18,12 @@ pub struct FileError {
 }
 
 impl FileError {
-    /// That `path` cannot be written.
+    /// `path` cannot be written.
     pub fn write(path: &Path, cause: impl ToString) -> Self {
         Self { action: "write", path: path.to_owned(), cause: cause.to_string() }
     }
 
-    /// That `path` cannot be read.
+    /// `path` cannot be read.
     pub fn read(path: &Path, cause: impl ToString) -> Self {
         Self { action: "read", path: path.to_owned(), cause: cause.to_string() }
     }
@@ -34,17 +34,17 @@ impl FileError {
     }
 }
 
-/// A file to be written later, in a folder that was seen to be writable.
+/// A file to be written later, in a folder that was found to be writable.
 #[derive(Debug)]
 pub struct Target {
     path: PathBuf,
 }
 
 impl Target {
-    /// Makes sure that the file can be written, so that no work is lost for a mistyped path. Leaves nothing behind.
+    /// Checks that the file can be written, so that no work is lost to a mistyped path. Leaves nothing behind.
     ///
     /// # Errors
-    /// That it is a folder, or that its folder is not there, or that one of them is write-protected.
+    /// The path is a folder, its folder does not exist, or one of them is write-protected.
     pub fn new(path: &Path) -> Result<Self, FileError> {
         let target = Self { path: path.to_owned() };
         if path.is_dir() {
@@ -59,7 +59,7 @@ impl Target {
             return Err(FileError::write(path, cause));
         }
         if path.exists() {
-            // A write-protected file would be replaced by renaming; its owner does not want that.
+            // Renaming would replace even a write-protected file, which its owner does not want.
             fs::OpenOptions::new().append(true).open(path).map_err(|error| FileError::write(path, error))?;
         }
         if !target.is_device() {
@@ -74,20 +74,20 @@ impl Target {
         &self.path
     }
 
-    /// Writes the whole file, or leaves what was there.
+    /// Writes the whole file, or leaves the old one in place.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn write(&self, bytes: &[u8]) -> Result<(), FileError> {
         let mut draft = self.begin()?;
         draft.file.write_all(bytes).map_err(|error| FileError::write(&self.path, error))?;
         draft.commit()
     }
 
-    /// Begins a file that is written bit by bit.
+    /// Begins a file that is written in pieces.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn begin(&self) -> Result<Draft, FileError> {
         let fail = |error: io::Error| FileError::write(&self.path, error);
         if self.is_device() {
@@ -102,17 +102,17 @@ impl Target {
         Ok(Draft { path: self.path.clone(), file, beside: Some((beside, self.real())) })
     }
 
-    /// Something like /dev/null, which must be written to and never replaced.
+    /// A device such as /dev/null, which is written to and never replaced.
     fn is_device(&self) -> bool {
         fs::metadata(&self.path).is_ok_and(|data| !data.is_file())
     }
 
-    /// The file that a link leads to.
+    /// The file that a link points to.
     fn real(&self) -> PathBuf {
         self.path.canonicalize().unwrap_or_else(|_| self.path.clone())
     }
 
-    /// A new file in the same folder, so that renaming it is enough.
+    /// A temporary file in the same folder, so that renaming it completes the write.
     fn beside(&self) -> io::Result<NamedTempFile> {
         let real = self.real();
         let prefix = format!(".{}.", real.file_name().unwrap_or_default().to_string_lossy());
@@ -120,7 +120,7 @@ impl Target {
         builder.prefix(&prefix).suffix(".tmp");
         #[cfg(unix)]
         {
-            // As for any new file, less what the user's mask takes away; the default lets nobody else read it.
+            // The permissions of any new file, less the user's umask; the default lets nobody else read it.
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
@@ -128,20 +128,20 @@ impl Target {
     }
 }
 
-/// A file that takes its target's place when it is committed. Dropping it leaves what was there, and nothing else.
+/// A file that replaces its target when committed. Dropping it leaves the old file as it was, and nothing else.
 #[derive(Debug)]
 pub struct Draft {
     path: PathBuf,
     file: File,
-    /// The file under its first name, and what it replaces; `None` for a device.
+    /// The temporary file and the path that it replaces; `None` for a device.
     beside: Option<(NamedTempFile, PathBuf)>,
 }
 
 impl Draft {
-    /// A handle to write with. What is written after [`Draft::commit`] may be lost.
+    /// A handle to write through. Writes after [`Draft::commit`] may be lost.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn writer(&self) -> Result<File, FileError> {
         self.file.try_clone().map_err(|error| FileError::write(&self.path, error))
     }
@@ -149,7 +149,7 @@ impl Draft {
     /// Puts the file in its place.
     ///
     /// # Errors
-    /// What the system says; what was there stays.
+    /// The system's error; the old file stays.
     pub fn commit(self) -> Result<(), FileError> {
         let Some((beside, real)) = self.beside else { return Ok(()) };
         let placed = self.file.sync_all().and_then(|()| Ok(beside.persist(real)?));
