@@ -1,4 +1,4 @@
-//! The window: a toolbar, panes that can be dragged about, a line that says how things stand.
+//! The window: a toolbar, movable panes, and a status line.
 
 use eframe::{CreationContext, Frame};
 use egui::{Context, Key, KeyboardShortcut, Modifiers, Ui};
@@ -39,7 +39,7 @@ const DIALOGS: [(KeyboardShortcut, Ask); 3] = [
     (KeyboardShortcut::new(Modifiers::COMMAND, Key::E), Ask::SaveImage),
 ];
 
-/// Shares of the window's width that the three columns take.
+/// Shares of the window's width for the three columns.
 const COLUMNS: [f32; 3] = [0.25, 0.49, 0.26];
 /// Shares of the right column's height: parameters, times.
 const RIGHT: [f32; 2] = [0.55, 0.45];
@@ -56,28 +56,28 @@ pub struct App {
     pub(crate) tree: Tree<Pane>,
     /// The viewer in use, by its id; it may have been closed since.
     pub(crate) used: u64,
-    /// Viewers so far.
+    /// Number of viewers created so far.
     pub(crate) made: u64,
-    /// Ports that panes want values of, beside those that viewers show.
+    /// Ports whose values panes want, besides those that viewers show.
     pub(crate) watched: Vec<String>,
     pub(crate) dialog: Option<Dialog>,
     /// Whether the help is open.
     pub(crate) help: bool,
     store: Option<Store>,
-    /// What was unsaved last time, while the user has not decided about it.
+    /// Unsaved changes of the last session, until the user has decided about them.
     recovery: Option<Recovery>,
-    /// When the files were last looked at, seconds of the window's time.
+    /// When the files were last checked for changes, seconds of the window's time.
     looked: f64,
 }
 
-/// Seconds between looks at the files.
+/// Seconds between checks of the files.
 const REFRESH: f64 = 1.0;
 
 const DIGITS: [Key; 9] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
 impl App {
-    /// Opens a document on a scene: nothing is brought back of a session before, nothing kept.
+    /// Opens a document on a scene; no session is restored and none is kept.
     pub fn new(creation: &CreationContext, document: Document, options: Options) -> Self {
         let opening = Opening { document, options, stored: None, store: None, notice: None };
         Self::open(creation, opening, epigraph::registry())
@@ -133,7 +133,7 @@ impl App {
         if self.dialog.is_some() {
             return;
         }
-        // Those with more modifiers first: they would also do for those with fewer.
+        // Those with more modifiers first: they also match those with fewer.
         for (shortcut, ask) in &DIALOGS {
             if pressed(shortcut) {
                 self.ask(*ask);
@@ -184,7 +184,7 @@ impl App {
         }
     }
 
-    /// Whether a viewer that can be seen still shows an older picture than it is to.
+    /// True if a visible viewer still shows a stale picture.
     pub fn is_drawing(&self) -> bool {
         self.tree.active_tiles().into_iter().any(|tile| match self.tree.tiles.get(tile) {
             Some(Tile::Pane(Pane::Viewer(viewer))) => viewer.is_behind(),
@@ -192,7 +192,7 @@ impl App {
         })
     }
 
-    /// Goes on with another graph. What is unsaved of the one before is kept for when it is opened again.
+    /// Switches to another graph. Unsaved changes of the one before are kept until it is opened again.
     pub fn go_on(&mut self, document: Document) {
         self.keep();
         if let Some(store) = &mut self.store {
@@ -204,10 +204,10 @@ impl App {
         self.show_port(String::new());
     }
 
-    /// Keeps what is to come back when the program starts again.
+    /// Keeps the session for the next start of the program.
     fn keep(&mut self) {
         let Some(store) = &mut self.store else { return };
-        // While the user has not decided about what is kept, it must not be overwritten.
+        // Until the user has decided about the unsaved changes that were kept, they must not be overwritten.
         if self.recovery.is_none() {
             store.keep_unsaved(&self.session.document);
         }
@@ -231,7 +231,7 @@ impl App {
         });
     }
 
-    /// Offers what was unsaved last time.
+    /// Offers the unsaved changes of the last session.
     fn offer(&mut self, ui: &mut Ui) {
         let Some(recovery) = &self.recovery else { return };
         let mut decided = None;
@@ -259,7 +259,7 @@ impl App {
         }
     }
 
-    /// Shows a pane that lies behind another tab.
+    /// Brings a pane to the front that another tab hides.
     pub fn show(&mut self, wanted: impl Fn(&Pane) -> bool) {
         self.tree.make_active(|_, tile| matches!(tile, Tile::Pane(pane) if wanted(pane)));
     }
@@ -274,7 +274,7 @@ impl App {
         context.request_repaint_after_secs(REFRESH as f32);
     }
 
-    /// The ports whose values are wanted in the next frames.
+    /// Takes the ports whose values are wanted in the next frames.
     fn take_watched(&mut self) -> Vec<String> {
         let mut watched = std::mem::take(&mut self.watched);
         watched.extend(self.viewers().flat_map(Viewer::watched));
@@ -282,7 +282,7 @@ impl App {
         watched
     }
 
-    /// Shows the dialog that is open, and does what it is for.
+    /// Shows the open dialog, and carries out its action.
     fn dialog(&mut self, ui: &Ui) {
         let Some(mut dialog) = self.dialog.take() else { return };
         match dialog.show(ui, &self.known(&dialog)) {
@@ -337,7 +337,7 @@ impl eframe::App for App {
     }
 }
 
-/// Panes of a session, where none is missing of those that cannot be opened again.
+/// Panes of a session, if none is missing of those that cannot be opened again.
 fn whole(tree: Tree<Pane>) -> Option<Tree<Pane>> {
     let kinds = |tree: &Tree<Pane>| -> Vec<_> {
         let panes = tree.tiles.iter().filter_map(|(_, tile)| match tile {
@@ -350,7 +350,7 @@ fn whole(tree: Tree<Pane>) -> Option<Tree<Pane>> {
     (tree.root.is_some() && kinds(&layout()).iter().all(|kind| there.contains(kind))).then_some(tree)
 }
 
-/// The panes as they stand at first.
+/// The default layout of the panes.
 pub(crate) fn layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let left = [
@@ -371,7 +371,7 @@ pub(crate) fn layout() -> Tree<Pane> {
     Tree::new("panes", root, tiles)
 }
 
-/// A pane alone under its tab, where others can be dropped.
+/// Keeps a single pane under a tab, where others can be dropped.
 fn tabbed(tiles: &mut Tiles<Pane>, pane: Pane) -> TileId {
     let pane = tiles.insert_pane(pane);
     tiles.insert_tab_tile(vec![pane])

@@ -1,4 +1,4 @@
-//! The graph that views compare theirs with: it runs beside the one in hand while any of them wants it.
+//! The graph that views compare with: it runs beside the current graph while any view wants it.
 
 use std::{mem, path::Path, sync::Arc};
 
@@ -8,22 +8,22 @@ use crate::{
     files::{self, Choice},
 };
 
-/// Which graph, and what panes want to see of it.
+/// The choice of the graph, and the ports that panes want to see.
 #[derive(Default)]
 pub struct Beside {
-    /// Its file; none for the one in hand as it was saved.
+    /// Its file; `None` for the current graph as saved.
     pub path: Option<String>,
-    /// Ports that panes want; they ask anew in each frame of the window.
+    /// Ports that panes want; they ask again in each frame of the window.
     wanted: Option<Vec<String>>,
-    /// The file that was opened last while one is wanted.
+    /// The last opened file, while a graph is wanted.
     open: Option<(String, Result<Document, String>)>,
     choices: Vec<Choice>,
-    /// What the engine knows: the file, its revision, the ports.
+    /// The last state sent to the engine: the file, its revision, the ports.
     sent: Option<(String, u64, Vec<String>)>,
 }
 
 impl Beside {
-    /// Asks for a port of it, `node.port`, beside its outputs; once for each frame of the window.
+    /// Asks for a port, `node.port`, in addition to the outputs; once for each frame of the window.
     pub fn want(&mut self, port: &str) {
         let wanted = self.wanted.get_or_insert_default();
         if !wanted.iter().any(|known| known == port) {
@@ -31,7 +31,7 @@ impl Beside {
         }
     }
 
-    /// Graphs that can be chosen.
+    /// The graphs to choose from.
     pub fn choices(&self) -> &[Choice] {
         &self.choices
     }
@@ -44,7 +44,7 @@ impl Beside {
         }
     }
 
-    /// What the engine is to be told, if anything; once for each frame of the window.
+    /// The change to send to the engine, if any; once for each frame of the window.
     pub fn news(&mut self, document: &Document) -> Option<Option<Other>> {
         let end = |sent: &mut Option<_>| sent.take().map(|_| None);
         let Some(mut wanted) = mem::take(&mut self.wanted) else {
@@ -70,7 +70,7 @@ impl Beside {
         Some(Some(other))
     }
 
-    /// Reads its files again where they have changed.
+    /// Reads its files again if they have changed.
     pub fn refresh(&mut self) {
         match &mut self.open {
             Some((_, Ok(open))) => _ = open.refresh(),
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(told(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.text, EMPTY);
         assert_eq!(beside.trouble(), None);
 
-        // One that is not there ends the one before, until it comes.
+        // A missing file ends the previous graph, until the file appears.
         beside.path = Some(text("c.ron"));
         assert!(told(&mut beside, &document, &["x.y"]).unwrap().is_none());
         assert!(beside.trouble().unwrap().contains("c.ron"));

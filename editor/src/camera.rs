@@ -1,33 +1,33 @@
-//! Moving the camera: fly through the scene, or turn around what is in front. The horizon stays level.
+//! Camera movement: fly through the scene, or orbit around a point ahead. The horizon stays level.
 
 use epigraph_scenes::Camera;
 use glam::{Quat, Vec3};
 
-/// The camera never looks quite straight up or down, where left and right would swap.
+/// The camera never looks exactly straight up or down, where left and right would swap.
 const STEEPEST: f32 = 1.55;
 
-/// Share of the scene's size that flying covers in a second.
+/// Share of the scene's size that flying covers per second.
 const FLIGHT: f32 = 0.35;
 
-/// A camera in the user's hand.
+/// A camera that the user moves.
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
     /// Where it is now.
     pub camera: Camera,
     home: Camera,
-    /// From the eye to the point that orbiting turns around, metres.
+    /// Distance from the eye to the point that orbiting turns around, metres.
     distance: f32,
     /// The scene's diagonal, metres.
     extent: f32,
 }
 
 impl Rig {
-    /// At the scene's own view; `bounds` are its lowest and highest corner.
+    /// At the scene's own view; `bounds` are its lowest and highest corners.
     pub fn new(home: Camera, bounds: [[f32; 3]; 2]) -> Self {
         let [low, high] = bounds.map(Vec3::from);
         let extent = low.distance(high).max(1e-3);
         let forward = home.rotation * Vec3::NEG_Z;
-        // The part of the scene that lies ahead: its middle, as seen along the axis.
+        // The centre of the part of the scene that lies ahead, along the view axis.
         let ahead = ((low + high) * 0.5 - home.eye).dot(forward);
         Self { camera: home, home, distance: ahead.max(0.05 * extent), extent }
     }
@@ -45,28 +45,28 @@ impl Rig {
         self.camera.rotation = Quat::from_rotation_y(yaw) * Quat::from_rotation_x(pitch);
     }
 
-    /// Turns around the point ahead, by angles in radians to the right and down: the scene follows the hand, so the eye
-    /// goes left and up.
+    /// Orbits the point ahead, by angles in radians to the right and down: the scene follows the pointer, so the eye moves
+    /// left and up.
     pub fn orbit(&mut self, right: f32, down: f32) {
         let pivot = self.camera.eye + self.camera.rotation * Vec3::NEG_Z * self.distance;
         self.look(right, down);
         self.camera.eye = pivot - self.camera.rotation * Vec3::NEG_Z * self.distance;
     }
 
-    /// Moves sideways so that the point ahead follows a drag of so many heights of the image to the right and down.
+    /// Moves sideways so that the point ahead follows a drag by `right` and `down`, in heights of the image.
     pub fn pan(&mut self, right: f32, down: f32) {
         let height = 2.0 * (self.camera.fov_y * 0.5).tan() * self.distance;
         self.camera.eye += self.camera.rotation * Vec3::new(-right * height, down * height, 0.0);
     }
 
-    /// Moves towards the point ahead; each 1 halves the distance to it, each -1 doubles it.
+    /// Moves towards the point ahead; each step of 1 halves the distance, each of -1 doubles it.
     pub fn approach(&mut self, steps: f32) {
         let distance = (self.distance * (-steps).exp2()).clamp(1e-3 * self.extent, 10.0 * self.extent);
         self.camera.eye += self.camera.rotation * Vec3::NEG_Z * (self.distance - distance);
         self.distance = distance;
     }
 
-    /// Flies for so many seconds to the right, up and ahead, as seen by the camera, each -1 to 1.
+    /// Flies for `seconds` to the right, up and ahead, as seen by the camera, each -1 to 1.
     pub fn fly(&mut self, [right, up, ahead]: [f32; 3], seconds: f32) {
         let step = Vec3::new(right, up, -ahead).clamp_length_max(1.0) * seconds * FLIGHT * self.extent;
         self.camera.eye += self.camera.rotation * step;

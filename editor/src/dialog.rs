@@ -1,4 +1,4 @@
-//! The dialog that asks for a file or a name: for what is opened and for what is saved.
+//! The dialog that asks for a file or a name, to open or to save.
 
 use std::path::Path;
 
@@ -13,11 +13,11 @@ use crate::{
     theme,
 };
 
-/// Width of what a dialog holds, points.
+/// Width of a dialog's contents, points.
 const WIDTH: f32 = 540.0;
 
 impl Ask {
-    /// Title, what the field is for, and the button.
+    /// The title, the field's label, and the button.
     fn words(self) -> [&'static str; 3] {
         match self {
             Self::NewGraph => ["New graph", "Name of the new file", "Create"],
@@ -31,7 +31,7 @@ impl Ask {
         }
     }
 
-    /// Whether it writes the file that is named.
+    /// True if it writes the named file.
     fn writes(self) -> bool {
         matches!(
             self,
@@ -42,31 +42,31 @@ impl Ask {
 
 /// An open dialog.
 pub struct Dialog {
-    /// What it asks for.
+    /// The purpose of the dialog.
     pub ask: Ask,
-    /// What the field says.
+    /// The field's text.
     pub text: String,
-    /// What else can be chosen: a graph to copy, the port to save.
+    /// The second choice: a graph to copy, or the port to save.
     pub source: String,
     /// How frames are recorded.
     pub format: Format,
-    /// How many frames.
+    /// Number of frames.
     pub frames: u32,
-    /// What can be picked.
+    /// The files to pick from.
     choices: Vec<Choice>,
     error: Option<String>,
-    /// A file that is there already and that a second click replaces.
+    /// An existing file, which a second click replaces.
     replaces: Option<String>,
     opened: bool,
 }
 
-/// What dialogs show of what runs, as of now.
+/// The current state that dialogs show.
 pub struct Known {
     /// Ports that are images, `node.port`.
     pub images: Vec<String>,
-    /// Whether there are values of the port that is chosen.
+    /// True if the chosen port has values.
     pub has_values: bool,
-    /// The path at hand, in words.
+    /// The current path, in words.
     pub path: String,
 }
 
@@ -75,14 +75,14 @@ pub struct Known {
 pub enum Answer {
     /// Nothing yet.
     Open,
-    /// It is to go away.
+    /// It is to be closed.
     Cancel,
-    /// It is to be done.
+    /// Its action is to be carried out.
     Accept,
 }
 
 impl Dialog {
-    /// Asks; the field says `text` at first, and a click on one of the choices fills it, or chooses the graph to copy.
+    /// Opens with `text` in the field; a click on one of the choices fills the field, or chooses the graph to copy.
     pub fn new(ask: Ask, text: String, choices: Vec<Choice>) -> Self {
         let source = match (ask, choices.first()) {
             (Ask::NewGraph, Some(first)) => first.text.clone(),
@@ -106,7 +106,7 @@ impl Dialog {
         (self.ask == Ask::SaveImage && !self.source.is_empty()).then(|| self.source.clone())
     }
 
-    /// Says why it could not be done.
+    /// Shows why the action failed.
     pub fn fail(&mut self, error: String) {
         self.error = Some(error);
     }
@@ -159,7 +159,7 @@ impl Dialog {
         answer
     }
 
-    /// What can be picked; a double click is enough.
+    /// The list to pick from; a double click is enough.
     fn choices(&mut self, ui: &mut Ui, answer: &mut Answer) {
         if self.choices.is_empty() {
             return;
@@ -186,7 +186,7 @@ impl Dialog {
         ui.add_space(4.0);
     }
 
-    /// What an image and a recording need beside their name.
+    /// The settings of an image and of a recording besides the name.
     fn more(&mut self, ui: &mut Ui, known: &Known) {
         match self.ask {
             Ask::SaveImage => self.port(ui, known),
@@ -236,7 +236,7 @@ impl Dialog {
         self.ask != Ask::SaveImage || known.has_values
     }
 
-    /// A file that is there is replaced only when that was said twice.
+    /// An existing file is replaced only after a second confirmation.
     fn may_write(&mut self) -> bool {
         let numbered = self.ask == Ask::RecordFrames && self.format == Format::Numbered;
         let there = self.ask.writes() && !numbered && Path::new(&self.text).is_file();

@@ -1,4 +1,4 @@
-//! Files that dialogs offer, and how one graph file refers to others.
+//! Files that dialogs offer, and paths from one graph file to another.
 
 use std::{
     fs,
@@ -7,19 +7,19 @@ use std::{
 
 use epigraph_core::GraphFile;
 
-/// The ending of files of recorded paths, as dialogs suggest it.
+/// The extension of files of recorded paths, as dialogs suggest it.
 pub const PATH_ENDING: &str = ".path.ron";
 
-/// A file or a name that can be chosen.
+/// A file or a name to choose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// What to put into the field.
+    /// The text for the field.
     pub text: String,
-    /// What it is, in one line.
+    /// Its description, in one line.
     pub doc: String,
 }
 
-/// A path without its folders, a name as it is.
+/// A path without its folders; a name unchanged.
 pub fn short(text: &str) -> &str {
     Path::new(text).file_name().and_then(|name| name.to_str()).unwrap_or(text)
 }
@@ -31,14 +31,14 @@ pub fn shipped_folder() -> Option<PathBuf> {
     Some(found.strip_prefix(&here).map(Path::to_owned).unwrap_or(found))
 }
 
-/// The file that a person means: of that path, or else the shipped graph of that name.
+/// The file that the user means: the file at that path, or else the shipped graph of that name.
 pub fn find_graph(name: &str) -> PathBuf {
     let path = PathBuf::from(name);
     let shipped = shipped_folder().map(|folder| folder.join(format!("{name}.ron")));
     shipped.filter(|shipped| !path.is_file() && shipped.is_file()).unwrap_or(path)
 }
 
-/// Graphs that come with the program, then those beside `open`, each once.
+/// Graphs that come with the program, then those beside `open`, without duplicates.
 pub fn graphs(open: &Path) -> Vec<Choice> {
     let beside = open.parent().map(Path::to_owned);
     let mut files: Vec<PathBuf> =
@@ -52,14 +52,14 @@ pub fn graphs(open: &Path) -> Vec<Choice> {
     });
     let choice = |file: PathBuf| {
         let name = file.display().to_string();
-        // Whatever is no graph is not offered.
+        // Files that are not graphs are not offered.
         let graph = GraphFile::parse(&name, &fs::read_to_string(&file).ok()?).ok()?;
         Some(Choice { text: name, doc: graph.doc })
     };
     files.into_iter().filter_map(choice).collect()
 }
 
-/// Files of recorded paths in the present folder.
+/// Files of recorded paths in the current folder.
 pub fn paths() -> Vec<Choice> {
     let files = in_folder(Path::new(".")).into_iter();
     let files = files.filter_map(|file| Some(file.file_name()?.to_string_lossy().into_owned()));
@@ -76,7 +76,7 @@ pub fn scenes() -> Vec<Choice> {
     epigraph_scenes::scene_names().iter().map(choice).collect()
 }
 
-/// The files `*.ron` of a folder, in order.
+/// The files `*.ron` of a folder, sorted.
 fn in_folder(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok).map(|entry| entry.path());
     let mut files: Vec<PathBuf> =
@@ -85,7 +85,7 @@ fn in_folder(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// The path that leads from a folder to a file; absolute where no relative one does.
+/// The relative path from a folder to a file; absolute if there is none.
 pub fn relative(folder: &Path, file: &Path) -> PathBuf {
     let real = |path: &Path| {
         let path = if path == Path::new("") { Path::new(".") } else { path };

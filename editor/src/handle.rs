@@ -1,4 +1,4 @@
-//! What panes have asked for while they were drawn.
+//! Handling of what panes have asked for while they were drawn.
 
 use egui::Context;
 use egui_tiles::{Container, Tile, TileId};
@@ -11,7 +11,7 @@ use crate::{
 };
 
 impl App {
-    /// Does what a pane has asked for.
+    /// Carries out a pane's request.
     pub(crate) fn handle(&mut self, context: &Context, intent: Intent) {
         match intent {
             Intent::Show(port) => self.show_port(port),
@@ -38,12 +38,12 @@ impl App {
         })
     }
 
-    /// The viewer in use; where that was closed, the oldest one.
+    /// The viewer in use; if it was closed, the oldest one.
     pub fn viewer_in_use(&self) -> Option<&Viewer> {
         self.viewers().min_by_key(|viewer| (viewer.id != self.used, viewer.id))
     }
 
-    /// The same, to be changed.
+    /// The viewer in use, mutable.
     pub(crate) fn viewer_in_use_mut(&mut self) -> Option<&mut Viewer> {
         let used = self.used;
         let viewers = self.tree.tiles.tiles_mut().filter_map(|tile| match tile {
@@ -97,12 +97,12 @@ impl App {
     /// The command line that makes the picture in view.
     ///
     /// # Errors
-    /// What has to be saved first, or that there is no picture yet.
+    /// The graph or the path has to be saved first, or there is no picture yet.
     pub fn command_line(&self) -> Result<CommandLine, String> {
         self.session.command_line(self.port_in_view())
     }
 
-    /// Puts the command line on the clipboard, or says why there is none.
+    /// Puts the command line on the clipboard, or reports why there is none.
     fn copy_command_line(&mut self, context: &Context) {
         let notice = match self.command_line() {
             Ok(line) => {

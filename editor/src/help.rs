@@ -2,10 +2,10 @@
 
 use egui::{Align2, Context, Grid, Key, Ui, Vec2, Window};
 
-/// What a key or the mouse does.
+/// The effect of a key or of the mouse.
 type Line = (&'static str, &'static str);
 
-/// A title and what stands under it.
+/// A title and the entries under it.
 type Part = (&'static str, &'static [Line]);
 
 /// Width of the keys, and between the columns, points.

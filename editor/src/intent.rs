@@ -1,8 +1,8 @@
-//! What panes ask of the window while they are drawn. The window does all of it in one place once they are.
+//! Requests of panes to the window, made while they are drawn. The window handles all of them in one place afterwards.
 
 use egui_tiles::TileId;
 
-/// One thing that a pane asks for; [`crate::app::App::handle`] does it.
+/// A pane's request; [`crate::app::App::handle`] carries it out.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Intent {
     /// Show a port, `node.port`, in the viewer in use; the graph's first output where it is empty.
@@ -13,7 +13,7 @@ pub enum Intent {
     Ask(Ask),
     /// Pick a pixel of the frame, by column and row, and show it through the whole graph.
     Inspect([u32; 2]),
-    /// Take a port's values, `node.port`, in the next frames; asked again in each frame of the window.
+    /// Take a port's values, `node.port`, in the next frames; repeated in each frame of the window.
     Watch(String),
     /// Make the viewer with this [`crate::panes::Viewer::id`] the one in use.
     Use(u64),
@@ -21,7 +21,7 @@ pub enum Intent {
     AddViewer(TileId),
     /// Put the command line that makes the picture in view on the clipboard.
     CopyCommandLine,
-    /// Put the panes back as they were at first.
+    /// Restore the default layout of the panes.
     ResetPanes,
     /// Open the help.
     Help,
@@ -36,7 +36,7 @@ pub struct Jump {
     pub at: (usize, usize),
 }
 
-/// What a dialog asks the user for.
+/// The purpose of a dialog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
     /// A graph to copy, then a name for the copy.
@@ -49,10 +49,10 @@ pub enum Ask {
     OpenPath,
     /// A name for the graph.
     SaveGraph,
-    /// A name for the path at hand.
+    /// A name for the current path.
     SavePath,
     /// A port, and a name for its image.
     SaveImage,
-    /// A name for the frames of the path at hand.
+    /// A name for the frames of the current path.
     RecordFrames,
 }

@@ -1,4 +1,4 @@
-//! Work beside the window's thread: files that are written while the window goes on.
+//! Work beside the window's thread: files that are written while the window stays responsive.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -6,7 +6,7 @@ use std::{
     thread,
 };
 
-/// What became of a job, for people to read.
+/// The outcome of a job, as text for the user.
 pub type Outcome = Result<String, String>;
 
 /// Jobs under way.
@@ -17,18 +17,18 @@ pub struct Jobs {
 }
 
 impl Jobs {
-    /// None yet. `wake` is called from a job's thread when it is done.
+    /// No jobs yet. `wake` is called from a job's thread when the job is done.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
         let (tell, done) = mpsc::channel();
         Self { done, tell, wake: Arc::new(wake) }
     }
 
-    /// Starts one on a thread of its own.
+    /// Starts a job on a thread of its own.
     pub fn start(&self, work: impl FnOnce() -> Outcome + Send + 'static) {
         let (tell, wake) = (self.tell.clone(), self.wake.clone());
         let started = thread::Builder::new().name("job".into()).spawn(move || {
             let outcome = catch_unwind(AssertUnwindSafe(work));
-            // The window may be gone by now; then nobody asks.
+            // The window may be gone by now; then the outcome is lost.
             let _ = tell.send(outcome.unwrap_or_else(|_| Err("that panicked; the program goes on".into())));
             wake();
         });
@@ -37,7 +37,7 @@ impl Jobs {
         }
     }
 
-    /// What became of the job that ended first since the last call.
+    /// The outcome of the job that ended first since the last call.
     pub fn news(&self) -> Option<Outcome> {
         self.done.try_recv().ok()
     }

@@ -1,16 +1,16 @@
-//! From pane to pane with keys: each pane can have the focus as a whole, and Tab leads on to what is in it.
+//! Keyboard navigation between panes: each pane can have the focus as a whole, and Tab leads on to its widgets.
 
 use egui::{Context, Id, Rect, Sense, StrokeKind, Ui, WidgetInfo, WidgetType};
 use egui_tiles::{Tile, TileId, Tree};
 
 use crate::{panes::Pane, theme};
 
-/// What the focus of a pane is known by.
+/// The id of a pane's focus.
 fn pane_id(tile: TileId) -> Id {
     Id::new("pane").with(tile)
 }
 
-/// Lets a pane have the focus as a whole, before anything that is in it; shows when it has.
+/// Lets a pane have the focus as a whole, before its widgets, and shows a frame when it has.
 pub fn pane(ui: &Ui, tile: TileId, title: &str) {
     let rect = ui.max_rect();
     let response = ui.interact(rect, pane_id(tile), Sense::focusable_noninteractive());
@@ -21,17 +21,17 @@ pub fn pane(ui: &Ui, tile: TileId, title: &str) {
     }
 }
 
-/// Whether the focus is on a pane as a whole, so that keys mean what they mean without a focus.
+/// True if a pane as a whole has the focus, so that shortcuts work as without a focus.
 pub fn is_on_pane(context: &Context, tree: &Tree<Pane>) -> bool {
     let focused = context.memory(|memory| memory.focused());
     in_order(tree).into_iter().any(|tile| focused == Some(pane_id(tile)))
 }
 
-/// Takes the focus to the next pane, or to the one before.
+/// Moves the focus to the next pane, or to the previous one.
 pub fn next_pane(context: &Context, tree: &Tree<Pane>, back: bool) {
     let panes = in_order(tree);
     let focused = context.memory(|memory| memory.focused());
-    // Within a pane, its own widget counts as well as the pane.
+    // A pane is current also if one of its widgets has the focus.
     let place = focused.and_then(|id| context.read_response(id)).map(|response| response.rect.center());
     let current = panes.iter().position(|tile| {
         focused == Some(pane_id(*tile)) || place.is_some_and(|at| rect(tree, *tile).contains(at))
@@ -44,7 +44,7 @@ pub fn next_pane(context: &Context, tree: &Tree<Pane>, back: bool) {
     }
 }
 
-/// The panes in view, columns from the left, each from the top.
+/// The visible panes, column by column from the left, each from the top.
 fn in_order(tree: &Tree<Pane>) -> Vec<TileId> {
     let mut panes: Vec<TileId> = tree
         .active_tiles()

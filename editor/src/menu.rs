@@ -1,4 +1,4 @@
-//! The menus at the left of the toolbar. What they do more than once stands in [`Session`].
+//! The menus at the left of the toolbar. Actions that other widgets share are in [`Session`].
 
 use egui::{Button, ThemePreference, Ui, containers::menu::menu_style};
 
@@ -26,7 +26,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     });
 }
 
-/// An entry with the keys that do the same; whether it was chosen.
+/// An entry with its shortcut; true if it was chosen.
 fn entry(ui: &mut Ui, enabled: bool, text: &str, keys: &str) -> bool {
     ui.add_enabled(enabled, Button::new(text).shortcut_text(keys)).clicked()
 }

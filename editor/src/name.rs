@@ -1,10 +1,10 @@
-//! Names of widgets for those who hear the window rather than see it.
+//! Names of widgets for screen readers.
 
 use egui::{Response, WidgetInfo, WidgetType};
 
-/// Names a widget that carries no text of its own that says what it is for.
+/// Names a widget whose own text does not say what it is for.
 pub trait Named {
-    /// Calls it `name`.
+    /// Sets the name to `name`.
     #[must_use = "the response says what the user did"]
     fn named(self, kind: WidgetType, name: &str) -> Self;
 }

@@ -1,4 +1,4 @@
-//! What the program opens when it starts: what is asked for, and else what was open last.
+//! What the program opens when it starts: the arguments, or else the last session.
 
 use crate::{
     document::Document,
@@ -7,29 +7,29 @@ use crate::{
     store::{Store, Stored},
 };
 
-/// The graph that is opened where none is named.
+/// The graph that is opened if none is named.
 const FIRST: &str = "epi";
 
-/// Ready to be opened in a window.
+/// The parts of a window to be opened.
 pub struct Opening {
     /// The graph.
     pub document: Document,
-    /// What the engine starts with.
+    /// The engine's initial settings.
     pub options: Options,
-    /// The session of last time.
+    /// The last session.
     pub stored: Option<Stored>,
     /// Where the session is kept.
     pub store: Option<Store>,
-    /// What the user should know.
+    /// A notice for the user.
     pub notice: Option<String>,
 }
 
 impl Opening {
-    /// The graph and the scene that are named, else those of the last session, else the first ones; with the last
-    /// session's settings, unless there is none or it cannot be read. A notice then says so.
+    /// The named graph and scene, else those of the last session, else the defaults; with the last session's settings. If
+    /// that session cannot be read, a notice says so.
     ///
     /// # Errors
-    /// That the graph that is named cannot be read.
+    /// The named graph cannot be read.
     pub fn new(
         store: Option<Store>,
         graph: Option<&str>,

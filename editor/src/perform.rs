@@ -1,4 +1,4 @@
-//! What dialogs ask for, and what they are for.
+//! Opening of dialogs, and their actions.
 
 use std::{fs, path::Path};
 
@@ -44,7 +44,7 @@ impl App {
         self.dialog = Some(dialog);
     }
 
-    /// What a dialog shows of what runs.
+    /// The current state that a dialog shows.
     pub(crate) fn known(&self, dialog: &Dialog) -> Known {
         let session = &self.session;
         Known {
@@ -54,10 +54,10 @@ impl App {
         }
     }
 
-    /// Does what a dialog is for. Afterwards a notice may tell more; what takes long goes on beside this thread.
+    /// Carries out a dialog's action. A notice may report more afterwards; long work continues on another thread.
     ///
     /// # Errors
-    /// Why it could not be done; the dialog says so and stays.
+    /// Why the action failed; the dialog shows it and stays open.
     pub(crate) fn perform(&mut self, dialog: &Dialog) -> Result<(), String> {
         let session = &mut self.session;
         let name = dialog.text.trim();
@@ -68,7 +68,7 @@ impl App {
             Ask::OpenGraph => self.go_on(Document::open(&find_graph(name)).map_err(words)?),
             Ask::OpenScene => session.open_scene(name.into()),
             Ask::OpenPath => {
-                // What is wrong with it shows when it is played; that there is none shows here.
+                // Playing reports errors in the path; a missing file is reported here.
                 fs::metadata(path).map_err(|error| format!("{name}: {error}"))?;
                 session.play(Route::of_file(path));
             }
@@ -93,7 +93,7 @@ impl App {
         self.viewer_in_use().map(|viewer| viewer.look).unwrap_or_default()
     }
 
-    /// Saves a port as it is shown in the viewer in use, or, where that shows another, as suits it.
+    /// Saves a port as the viewer in use shows it, or with the port's default look if that viewer shows another port.
     fn save_image(&mut self, port: &str, path: &Path) -> Result<(), String> {
         let session = &self.session;
         let snapshot = session.snapshot(port).cloned().ok_or("there is no frame of it yet")?;

@@ -14,17 +14,17 @@ use crate::{app::App, engine::Options, opening::Opening, store::Store};
 #[command(name = "epigraph-editor", version)]
 struct Args {
     /// A graph file, or the name of one in the folder `graphs` here or above.
-    /// Without one, what was open last; at first epi.
+    /// Default: the graph of the last session, or epi.
     graph: Option<String>,
-    /// A scene's name or file; without one, that of last time, at first cornell.
+    /// A scene's name or file. Default: the scene of the last session, or cornell.
     #[arg(long)]
     scene: Option<String>,
-    /// Bring nothing back of the last session, and keep nothing of this one.
+    /// Restore nothing of the last session, and keep nothing of this one.
     #[arg(long)]
     fresh: bool,
 }
 
-/// Runs the editor with the arguments of this process and these kinds of stage, until its window is closed.
+/// Runs the editor with this process's arguments and these kinds of stage, until its window is closed.
 pub fn main(registry: Registry) -> ExitCode {
     match run(&Args::parse(), registry) {
         Ok(()) => ExitCode::SUCCESS,

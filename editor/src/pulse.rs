@@ -1,4 +1,4 @@
-//! How often the window is drawn.
+//! The frame rate of the window.
 
 use std::{
     collections::VecDeque,

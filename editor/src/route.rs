@@ -1,4 +1,4 @@
-//! The camera's way in the user's hand: recorded while flying, opened from a file, saved to one, played again.
+//! The user's camera path: recorded while flying, opened from a file, saved to one, played again.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use epigraph_scenes::{Camera, FRAMES_PER_SECOND, keyframes};
 
 use crate::engine::Way;
 
-/// Notes where the camera is, at most once for each frame of path time.
+/// Records the camera's positions, at most once for each frame of path time.
 #[derive(Debug)]
 pub struct Recorder {
     /// When it began, seconds of the window's time.
@@ -21,9 +21,9 @@ impl Recorder {
         Self { start: now, keys: vec![(0.0, camera)] }
     }
 
-    /// Notes the camera at `now`.
+    /// Records the camera at `now`.
     pub fn note(&mut self, now: f64, camera: Camera) {
-        // A little less than a frame: the window's frames do not come quite evenly.
+        // Slightly less than a frame, as the window's frames are not evenly spaced.
         let interval = 0.9 / FRAMES_PER_SECOND;
         let time = (now - self.start) as f32;
         if self.keys.last().is_none_or(|(last, _)| time - last >= interval) {
@@ -43,29 +43,29 @@ impl Recorder {
     }
 }
 
-/// A path at hand.
+/// The current camera path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Route {
     /// The path.
     pub way: Way,
-    /// The file that holds it, where there is one.
+    /// The file that holds it, if any.
     pub file: Option<PathBuf>,
-    /// How many frames it has, where that is known.
+    /// Number of its frames, if known.
     pub frames: Option<u32>,
 }
 
 impl Route {
-    /// One that goes by a name, such as `orbit`.
+    /// A path with a name, such as `orbit`.
     pub fn named(name: &str) -> Self {
         Self { way: Way::Named(name.into()), file: None, frames: None }
     }
 
-    /// One in a file of keyframes.
+    /// A path in a file of keyframes.
     pub fn of_file(path: &Path) -> Self {
         Self { way: Way::Named(format!("fly:{}", path.display())), file: Some(path.to_owned()), frames: None }
     }
 
-    /// What people call it.
+    /// The label shown to users.
     pub fn label(&self) -> String {
         match (&self.file, &self.way) {
             (Some(file), _) => file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -74,7 +74,7 @@ impl Route {
         }
     }
 
-    /// What the command line's `--camera` takes for it; none for a recorded path that no file holds yet.
+    /// The argument for the command line's `--camera`; `None` for a recorded path that is not saved yet.
     pub fn argument(&self) -> Option<String> {
         match (&self.file, &self.way) {
             (Some(file), _) => Some(format!("fly:{}", file.display())),
@@ -99,7 +99,7 @@ mod tests {
             camera
         };
         let mut recorder = Recorder::new(100.0, at(0.0));
-        // Two frames of the window for each of the path.
+        // Two frames of the window per frame of the path.
         for step in 1..=20u8 {
             recorder.note(100.0 + f64::from(step) / 60.0, at(f32::from(step)));
         }

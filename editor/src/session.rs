@@ -1,4 +1,4 @@
-//! What all panes share: the document, the engine, the camera, what is selected.
+//! The state that all panes share: the document, the engine, the camera, the selection.
 
 use std::{
     path::Path,
@@ -25,13 +25,13 @@ use crate::{
     store::Seen,
 };
 
-/// Frames of a still view on a command line, at most: more change little of the picture.
+/// Most frames of a still view on a command line: more hardly change the picture.
 const SETTLED: u32 = 300;
 
-/// Shares of the set size in which frames may be computed.
+/// Range of the resolution's scale.
 pub const SCALES: std::ops::RangeInclusive<f32> = 0.25..=2.0;
 
-/// What the user sets for whatever runs.
+/// The user's settings for the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Samples a frame may ask for, percent of its pixels.
@@ -40,11 +40,11 @@ pub struct Settings {
     pub size: [u32; 2],
     /// The resolution's scale, of [`SCALES`].
     pub scale: f32,
-    /// Where nodes run that do not say.
+    /// Default placement for nodes without `on:`.
     pub backend: Backend,
     /// When samples arrive.
     pub pacing: Pace,
-    /// Light, dark, or as the system has it.
+    /// Light, dark, or following the system.
     pub theme: ThemePreference,
 }
 
@@ -52,9 +52,9 @@ pub struct Settings {
 pub struct Session {
     /// The graph's text.
     pub document: Document,
-    /// What runs it.
+    /// The engine that runs it.
     pub engine: Engine,
-    /// What the engine said last, taken once for each frame of the window.
+    /// The engine's last state, taken once for each frame of the window.
     pub state: Arc<State>,
     /// All stage kinds.
     pub registry: Arc<Registry>,
@@ -64,37 +64,37 @@ pub struct Session {
     pub inspection: Picked,
     /// The graph that views are compared with.
     pub beside: Beside,
-    /// What the user has set.
+    /// The user's settings.
     pub settings: Settings,
-    /// What panes have asked for in this frame of the window.
+    /// Requests of panes in this frame of the window.
     intents: Vec<Intent>,
-    /// What became of the last action.
+    /// The outcome of the last action.
     notice: Option<String>,
-    /// The camera, once the scene is there.
+    /// The camera, once the scene is loaded.
     rig: Option<Rig>,
     /// The scene that was asked for, by its name or file.
     scene: String,
     /// The scene that the camera is in.
     within: String,
-    /// Where to look once the scene of that name is there.
+    /// The camera to set once the scene of that name is loaded.
     look: Option<Seen>,
     /// The path that is being recorded.
     recorder: Option<Recorder>,
-    /// The path at hand.
+    /// The current path.
     route: Option<Route>,
     /// Work beside this thread.
     jobs: Jobs,
-    /// How often the window is drawn.
+    /// The frame rate of the window.
     pulse: Pulse,
     /// The window's time, seconds.
     now: f64,
     /// The run's seed.
     seed: u32,
-    /// Whether times are measured; see [`Options::measured`].
+    /// True if times are measured; see [`Options::measured`].
     measured: bool,
-    /// The document's revision that the engine has.
+    /// The document's revision that was sent to the engine.
     sent: u64,
-    /// The ports whose values the engine takes.
+    /// The ports that the engine captures.
     watched: Vec<String>,
 }
 
@@ -140,32 +140,32 @@ impl Session {
         session
     }
 
-    /// Asks the window for something, while a pane is drawn.
+    /// Adds a pane's request to the window.
     pub fn push(&mut self, intent: Intent) {
         self.intents.push(intent);
     }
 
-    /// What panes have asked for since the last call.
+    /// The requests of panes since the last call.
     pub fn take_intents(&mut self) -> Vec<Intent> {
         std::mem::take(&mut self.intents)
     }
 
-    /// What became of the last action.
+    /// The outcome of the last action.
     pub fn notice(&self) -> Option<&str> {
         self.notice.as_deref()
     }
 
-    /// Tells the user what became of an action.
+    /// Shows a notice of an action's outcome.
     pub fn tell(&mut self, notice: impl Into<String>) {
         self.notice = Some(notice.into());
     }
 
-    /// Starts work on a thread of its own; a notice tells its outcome.
+    /// Starts work on a thread of its own; a notice reports its outcome.
     pub fn start(&self, work: impl FnOnce() -> Outcome + Send + 'static) {
         self.jobs.start(work);
     }
 
-    /// Takes the engine's news and hands over the document's and which ports are watched; once for each frame of the
+    /// Takes the engine's news and sends it the document's changes and the watched ports; once for each frame of the
     /// window, at `now` seconds of its time.
     pub fn sync(&mut self, mut watched: Vec<String>, now: f64) {
         self.now = now;
@@ -198,7 +198,7 @@ impl Session {
         }
     }
 
-    /// The camera in the hand goes where the scene and the path under way lead it.
+    /// Moves the user's camera with a new scene and along the path under way.
     fn follow(&mut self) {
         if let Some(home) = self.state.home
             && self.within != self.state.scene
@@ -228,12 +228,12 @@ impl Session {
         self.notice = Some(outcome.unwrap_or_else(|error| error));
     }
 
-    /// Frames of the window in the last second, where times are measured.
+    /// The window's frames in the last second, if times are measured.
     pub fn window_rate(&self) -> Option<usize> {
         self.measured.then(|| self.pulse.rate())
     }
 
-    /// Goes on with another graph.
+    /// Switches to another graph.
     pub fn open(&mut self, document: Document) {
         self.document = document;
         self.selected = None;
@@ -248,7 +248,7 @@ impl Session {
         &self.scene
     }
 
-    /// Goes on with another scene, once it is read.
+    /// Switches to another scene, once it is read.
     pub fn open_scene(&mut self, scene: String) {
         self.recorder = None;
         self.route = None;
@@ -256,12 +256,12 @@ impl Session {
         self.engine.send(Command::Scene(scene));
     }
 
-    /// Looks from there as soon as the scene is.
+    /// Sets the camera as soon as the scene is loaded.
     pub fn look_from(&mut self, seen: Seen) {
         self.look = Some(seen);
     }
 
-    /// The scene's name, or its file's without folder and ending.
+    /// The scene's name, or its file's name without folder and extension.
     pub fn scene_stem(&self) -> String {
         Path::new(&self.scene).file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
@@ -271,27 +271,27 @@ impl Session {
         self.settings.size.map(|side| ((side as f32 * self.settings.scale).round() as u32).clamp(1, MAX_SIDE))
     }
 
-    /// Tells the engine of a changed size or scale.
+    /// Sends a changed size or scale to the engine.
     pub fn resize(&self) {
         self.engine.send(Command::Size(self.frame_size()));
     }
 
-    /// The camera, once the scene is there.
+    /// The camera, once the scene is loaded.
     pub fn camera(&self) -> Option<Camera> {
         self.rig.map(|rig| rig.camera)
     }
 
-    /// Seconds of the path that is being recorded.
+    /// Length in seconds of the path that is being recorded.
     pub fn recorded_seconds(&self) -> Option<f32> {
         self.recorder.as_ref().map(Recorder::seconds)
     }
 
-    /// The path at hand.
+    /// The current path.
     pub fn route(&self) -> Option<&Route> {
         self.route.as_ref()
     }
 
-    /// Begins to record the camera's path, or ends that and has it at hand.
+    /// Starts recording the camera's path, or stops and makes it the current path.
     pub fn toggle_recorder(&mut self) {
         match (self.recorder.take(), &self.rig) {
             (Some(mut recorder), rig) => {
@@ -310,17 +310,17 @@ impl Session {
         }
     }
 
-    /// Whether frames of a path are to come.
+    /// True if frames of a path are still to come.
     pub fn is_playing(&self) -> bool {
         self.state.playing.as_ref().is_some_and(Playing::is_under_way)
     }
 
-    /// How many frames the path at hand has, as far as that is known; else two seconds' worth.
+    /// Number of frames of the current path, if known; else two seconds' worth.
     pub fn route_frames(&self) -> u32 {
         self.route.as_ref().and_then(|route| route.frames).unwrap_or(60)
     }
 
-    /// Has a path at hand and plays it from its beginning.
+    /// Makes a path the current one and plays it from its beginning.
     pub fn play(&mut self, route: Route) {
         self.recorder = None;
         self.notice = None;
@@ -328,10 +328,10 @@ impl Session {
         self.route = Some(route);
     }
 
-    /// Plays the first frames of the path at hand into a sink, as fast as they can be made.
+    /// Plays the first frames of the current path into a sink, as fast as they can be rendered.
     ///
     /// # Errors
-    /// That there is no path.
+    /// There is no path.
     pub fn record(&mut self, frames: u32, sink: Arc<Mutex<dyn Sink>>) -> Result<(), String> {
         let way = self.route.as_ref().ok_or("there is no path")?.way.clone();
         self.notice = None;
@@ -339,10 +339,10 @@ impl Session {
         Ok(())
     }
 
-    /// Saves the path at hand; the notice says how the command line takes it.
+    /// Saves the current path; the notice shows the command line for it.
     ///
     /// # Errors
-    /// That there is no path, that it needs no file, or that it cannot be written.
+    /// There is no path, it needs no file, or it cannot be written.
     pub fn save_route(&mut self, path: &Path) -> Result<(), String> {
         let route = self.route.as_mut().ok_or("there is no path")?;
         let Way::Keys(text) = &route.way else {
@@ -355,7 +355,7 @@ impl Session {
         Ok(())
     }
 
-    /// Plays the path at hand, or leaves it.
+    /// Plays the current path, or leaves it.
     pub fn toggle_playback(&mut self) {
         if self.is_playing() {
             self.engine.send(Command::Stop);
@@ -374,7 +374,7 @@ impl Session {
     /// The command line that makes the picture of a port; of the graph's first output where that is empty.
     ///
     /// # Errors
-    /// What has to be saved first, or that there is no picture yet.
+    /// The graph or the path has to be saved first, or there is no picture yet.
     pub fn command_line(&self, port: &str) -> Result<CommandLine, String> {
         if self.document.unsaved().next().is_some() {
             return Err("save the graph first: the command line reads its file".into());
@@ -415,7 +415,7 @@ impl Session {
         }
     }
 
-    /// What is wrong with the graph: with its text, else with what it says.
+    /// The problems of the graph: of its text, else of its contents.
     pub fn problems(&self) -> &[Problem] {
         match self.document.problems() {
             [] => &self.state.problems,
@@ -423,12 +423,12 @@ impl Session {
         }
     }
 
-    /// Makes one of core's edits; where it fails, the notice says why.
+    /// Makes one of core's edits; if it fails, a notice says why.
     pub fn edit(&mut self, tag: Tag, edit: impl FnOnce(&mut GraphFile) -> Result<(), Problems>) {
         self.notice = self.document.edit(tag, edit).err().map(|problems| problems.to_string());
     }
 
-    /// The same, with places of the canvas that change in the same step.
+    /// The same, with places on the canvas that change in the same step.
     pub fn edit_placed(
         &mut self,
         edit: impl FnOnce(&mut GraphFile, &mut Places) -> Result<(), Problems>,
@@ -437,7 +437,7 @@ impl Session {
         self.notice.is_none()
     }
 
-    /// Saves; the notice says what became of it.
+    /// Saves; a notice reports the outcome.
     pub fn save(&mut self) {
         self.notice = Some(match self.document.save() {
             Ok(()) => "saved".into(),
@@ -445,7 +445,7 @@ impl Session {
         });
     }
 
-    /// Takes over what other programs have written to the files since.
+    /// Takes over changes that other programs have made to the files.
     pub fn refresh(&mut self) {
         if self.document.refresh() {
             self.notice = Some("read again, as another program has changed it".into());

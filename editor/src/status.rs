@@ -1,4 +1,4 @@
-//! The line at the bottom: what is wrong, else how fast it runs.
+//! The status line at the bottom: problems, else the frame rate.
 
 use egui::{Align, Label, Layout, ProgressBar, RichText, ScrollArea, Sense, Ui};
 
@@ -10,7 +10,7 @@ use crate::{
     theme,
 };
 
-/// Most of the window's height that problems take.
+/// Largest share of the window's height that problems take.
 const MOST: f32 = 120.0;
 
 /// Shows it.
@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     ui.add_space(2.0);
 }
 
-/// All problems, each with its place; a click leads there.
+/// All problems, each with its position; a click leads there.
 fn problems(ui: &mut Ui, session: &mut Session) {
     if session.problems().is_empty() {
         return;
@@ -78,7 +78,7 @@ fn state(ui: &mut Ui, session: &Session) {
     }
 }
 
-/// How far a path is.
+/// The progress of a path.
 fn progress(ui: &mut Ui, session: &Session, playing: &Playing) {
     let what = if playing.recorded { "recording frame" } else { "playing frame" };
     ui.label(format!("{what} {} of {}", playing.frame, playing.frames));

@@ -1,4 +1,4 @@
-//! Work that is too long for the window's thread.
+//! Work that takes too long for the window's thread.
 
 use std::{
     sync::mpsc::{self, TryRecvError},
@@ -8,16 +8,16 @@ use std::{
 
 use egui::Context;
 
-/// One piece of work at a time on a thread of its own, told apart by a key; the newest finished one counts.
+/// One piece of work at a time on a thread of its own, identified by a key; the newest finished result counts.
 pub struct Task<K, T> {
     running: Option<Running<K, T>>,
-    /// No result where it was taken, and where the work has panicked: it is not tried again.
+    /// `None` if the result was taken, or if the work has panicked: it is not tried again.
     done: Option<(K, Option<T>)>,
-    /// Work of this length needs no rest.
+    /// Work up to this length needs no rest.
     free: Duration,
-    /// Until then other threads have their turn.
+    /// Until then other threads get the cores.
     rest: Option<Instant>,
-    /// Whether the key that was wanted last is not done yet.
+    /// True if the last wanted key is not done yet.
     behind: bool,
 }
 
@@ -34,19 +34,19 @@ impl<K, T> Default for Task<K, T> {
 }
 
 impl<K: PartialEq, T: Send + 'static> Task<K, T> {
-    /// Work that only rests from what takes longer than `free`.
+    /// Work that rests only after it took longer than `free`.
     pub fn free(free: Duration) -> Self {
         Self { free, ..Self::default() }
     }
 
-    /// Sees to it that there will be a result for a key: call it in every frame of the window while one is wanted. Work
-    /// that is done again and again takes half of the time at most, but for what is free.
+    /// Makes sure that there will be a result for a key: call it in every frame of the window while one is wanted. Repeated
+    /// work takes at most half of the time, unless it is shorter than `free`.
     pub fn want(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.poll();
         self.want_after_take(context, key, work);
     }
 
-    /// The same for work that builds on the last result that was taken: one that has come since then is not overlooked.
+    /// The same for work that builds on the last taken result: a result that has arrived since then is not skipped.
     pub fn want_after_take(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.behind = self.done().is_none_or(|done| *done != key);
         if self.running.is_some() || !self.behind {
@@ -60,7 +60,7 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
         let (tell, result) = mpsc::channel();
         let woken = context.clone();
         let started = thread::Builder::new().name("viewer".into()).spawn(move || {
-            // Nobody may want it any more.
+            // The receiver may be gone.
             let _ = tell.send(work());
             drop(tell);
             woken.request_repaint();
@@ -70,19 +70,19 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
         }
     }
 
-    /// The newest result there is, and what it is of.
+    /// The newest result, and its key.
     pub fn result(&self) -> Option<(&K, &T)> {
         let (key, result) = self.done.as_ref()?;
         Some((key, result.as_ref()?))
     }
 
-    /// The newest result, once.
+    /// The newest result; returned once.
     pub fn take(&mut self) -> Option<T> {
         self.poll();
         self.done.as_mut()?.1.take()
     }
 
-    /// What is done.
+    /// The key of the finished result.
     pub fn done(&self) -> Option<&K> {
         self.done.as_ref().map(|(key, _)| key)
     }
@@ -92,12 +92,12 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
         self.rest = None;
     }
 
-    /// Whether what was wanted last is not done yet.
+    /// True if the last wanted key is not done yet.
     pub fn is_behind(&self) -> bool {
         self.behind
     }
 
-    /// Whether work is under way.
+    /// True if work is under way.
     pub fn is_busy(&self) -> bool {
         self.running.is_some()
     }

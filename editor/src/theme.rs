@@ -1,10 +1,10 @@
 //! Spacing and colours, of a dark and a light theme.
 //!
-//! Whatever is read has a contrast of 4.5 at least against what it stands on; a test goes through all of it.
+//! All text has a contrast of at least 4.5 to its background; a test checks every pair.
 
 use egui::{Color32, Context, CornerRadius, Stroke, Theme, Ui, Visuals, vec2};
 
-/// Colours that say something.
+/// Colours with a meaning.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
     /// Wrong.
@@ -31,7 +31,7 @@ const LIGHT: Palette = Palette {
     gpu: Color32::from_rgb(36, 112, 28),
 };
 
-/// Says: this is the one in use.
+/// Marks the one in use.
 pub const ACCENT: Color32 = DARK.accent;
 /// Nodes that run on the CPU.
 pub const CPU: Color32 = DARK.cpu;
@@ -54,7 +54,7 @@ pub fn apply(context: &Context) {
         style.spacing.item_spacing = vec2(8.0, 5.0);
         style.spacing.button_padding = vec2(7.0, 3.0);
         style.spacing.slider_width = 84.0;
-        // Buttons, sliders and boxes in a row are of one height.
+        // Buttons, sliders and boxes in a row have the same height.
         style.spacing.interact_size.y = 22.0;
         style.spacing.combo_width = 60.0;
         // Plain steps where sliders snap, and no surprise while a graph runs.
@@ -74,7 +74,7 @@ pub fn apply(context: &Context) {
     }
 }
 
-/// Egui's own colours, where their contrast is too low, and what says something.
+/// Egui's own colours where their contrast is too low, and the colours with a meaning.
 fn color(visuals: &mut Visuals) {
     let palette = palette_of(visuals);
     let gray = Color32::from_gray;

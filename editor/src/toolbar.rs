@@ -1,4 +1,4 @@
-//! The toolbar: menus, running, the camera's path, sampling, placing, and the file.
+//! The toolbar: menus, running, the camera's path, sampling, placement, and the file.
 
 use egui::{Button, ComboBox, DragValue, Response, RichText, Slider, Ui, WidgetType};
 
@@ -10,7 +10,7 @@ use crate::{
     theme,
 };
 
-/// Frames as people ask for them.
+/// Common frame sizes.
 const SIZES: [[u32; 2]; 6] = [[256, 256], [512, 512], [640, 480], [768, 768], [1024, 1024], [1280, 720]];
 
 const BACKENDS: [(Backend, &str, &str); 3] = [
@@ -48,7 +48,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     ui.add_space(3.0);
 }
 
-/// A button that is a sign; `name` is what it is called where it cannot be seen.
+/// A button with a symbol; `name` is its accessible name.
 fn sign(ui: &mut Ui, enabled: bool, sign: impl Into<RichText>, name: &str) -> Response {
     let button = ui.add_enabled(enabled, Button::new(sign.into()).min_size([24.0, 0.0].into()));
     button.named(WidgetType::Button, name)

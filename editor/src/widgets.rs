@@ -1,4 +1,4 @@
-//! Names and places of the widgets in the window, for a program that drives it from outside with mouse and keyboard.
+//! Names and positions of the window's widgets, for a program that drives it from outside with mouse and keyboard.
 
 use std::{collections::HashMap, env, fs, path::PathBuf};
 
@@ -8,17 +8,17 @@ use egui::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Names the file, in RON, that a list of [`Widget`] is written to after each frame of the window that changes it.
+/// The environment variable with the file, in RON, that a list of [`Widget`] is written to after each frame that changes it.
 pub const VARIABLE: &str = "EPIGRAPH_WIDGETS";
 
-/// A widget, as assistive technology is told of it.
+/// A widget, as assistive technology sees it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Widget {
-    /// What it is: a `Button`, a `Slider`.
+    /// Its role: a `Button`, a `Slider`.
     pub role: String,
-    /// What it is called: its own text, or its label's.
+    /// Its name: its own text, or its label's.
     pub name: String,
-    /// The text in it; of a label, what it says.
+    /// Its value; the text of a label.
     pub value: String,
     /// Left, top, right and bottom in the window, pixels.
     pub rect: [f64; 4],

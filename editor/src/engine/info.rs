@@ -1,4 +1,4 @@
-//! What is worth knowing of a graph that runs, as a value that any thread may keep.
+//! The facts about a running graph, as a value that any thread may keep.
 
 use epigraph_core::{
     Access, Culled, Dims, Download, Graph, Node, NodeId, Plan, Port, PortRef, Side, Step, StepId, StorageId,
@@ -11,11 +11,11 @@ use epigraph_pictures::is_image;
 pub struct GraphInfo {
     /// Nodes that run, those of parts as `part/node`.
     pub nodes: Vec<NodeInfo>,
-    /// What was left out, and why.
+    /// The nodes that were left out, and why.
     pub culled: Vec<Culled>,
-    /// Names of the outputs, and the ports behind them.
+    /// Names of the outputs, and the ports that they show.
     pub outputs: Vec<(String, String)>,
-    /// What a frame does, in order.
+    /// The steps of a frame, in order.
     pub steps: Vec<StepInfo>,
     /// Bytes of memory on the CPU and on the GPU.
     pub bytes: [u64; 2],
@@ -45,11 +45,11 @@ pub struct NodeInfo {
 /// A port of a node that runs.
 #[derive(Clone, Debug)]
 pub struct PortInfo {
-    /// What the stage declares; the meaning is that of what is connected, where it declares none.
+    /// The stage's declaration; the meaning is that of the connected port if it declares none.
     pub port: Port,
-    /// How many elements there are.
+    /// Its number of elements along each dimension.
     pub dims: Dims,
-    /// The `node.port` that it takes from.
+    /// The `node.port` that it reads from.
     pub source: Option<String>,
 }
 
@@ -58,31 +58,31 @@ pub struct PortInfo {
 pub struct StepInfo {
     /// The node's name, or the transfer's.
     pub name: String,
-    /// The node that runs; none for transfers.
+    /// The node that runs; `None` for transfers.
     pub node: Option<String>,
     /// Where it runs.
     pub side: Side,
-    /// Whether it only copies something for whoever looks at it.
+    /// True if it only copies a port for a viewer.
     pub is_tap: bool,
-    /// What crosses from side to side; none for nodes.
+    /// The value that crosses between the sides; `None` for nodes.
     pub transfer: Option<Transfer>,
 }
 
 /// A value that crosses from one side to the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transfer {
-    /// How a download waits; none for an upload.
+    /// How a download waits; `None` for an upload.
     pub download: Option<Download>,
     /// The `node.port` that wrote it.
     pub from: String,
-    /// The inputs that it is for, as `node.port`.
+    /// The inputs that receive it, as `node.port`.
     pub to: Vec<String>,
     /// Bytes.
     pub bytes: u64,
 }
 
 impl PortInfo {
-    /// Whether it has the shape of an image, in frames of `size`.
+    /// True if it has the shape of an image, in frames of `size`.
     pub fn is_image(&self, size: [u32; 2]) -> bool {
         let [field] = self.port.fields.as_slice() else { return false };
         is_image(&field.element, self.dims, size)
@@ -90,7 +90,7 @@ impl PortInfo {
 }
 
 impl GraphInfo {
-    /// Takes what is worth knowing.
+    /// Collects the facts.
     pub fn new(graph: &Graph, plan: &Plan, size: [u32; 2], gpu: Option<String>) -> Self {
         let node = |(id, node): (NodeId, &Node)| {
             let port = |(port, declared): (usize, &Port)| PortInfo {
@@ -159,21 +159,21 @@ impl GraphInfo {
     }
 }
 
-/// Finds out between which ports the transfers of a plan stand.
+/// Finds the ports between which a plan's transfers run.
 struct Crossing<'a> {
     graph: &'a Graph,
     plan: &'a Plan,
 }
 
 impl Crossing<'_> {
-    /// What a step carries across; none where it carries nothing.
+    /// The value that a step transfers; `None` if it is not a transfer.
     fn transfer(&self, id: StepId) -> Option<Transfer> {
         let (value, download, side) = match self.plan.steps[id] {
             Step::Upload(value) => (value, None, Side::Gpu),
             Step::Download(value, download) => (value, Some(download), Side::Cpu),
             Step::Run(_) | Step::Tap { .. } => return None,
         };
-        // Values of the frame before were written after all steps of this one up to here.
+        // A previous frame's value comes from the last step that wrote it.
         let steps = self.plan.steps.as_raw_slice();
         let index = id.index();
         let before = if value.previous { &steps[..0] } else { &steps[..index] };
@@ -191,7 +191,7 @@ impl Crossing<'_> {
         Some(Transfer { download, from, to, bytes: self.plan.storages[value.storage].bytes() })
     }
 
-    /// The port through which a node writes a storage, if it does.
+    /// The port through which a node writes a storage, if any.
     fn writes(&self, node: NodeId, storage: StorageId) -> Option<String> {
         let value = Value::now(storage);
         let ports = self.graph.nodes[node].declaration().ports.iter().zip(&self.plan.nodes[node].bindings);

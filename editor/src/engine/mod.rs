@@ -1,9 +1,9 @@
-//! The engine: a thread of its own that owns the scene, its tracer, the graph and its memory, and runs frame after frame.
+//! The engine: a thread that owns the scene, its tracer, the graph and its memory, and runs frame after frame.
 //!
-//! The user interface sends [`Command`]s and looks at the [`State`] that was published last. Neither side waits for the
-//! other: commands queue up and of several of one kind the last counts; a state is a value that is replaced as a whole.
-//! What fails (a graph that does not compile, a stage that panics, a lost device) is told in the state, and what ran
-//! before runs on.
+//! The user interface sends [`Command`]s and reads the last published [`State`]. Neither side waits for the
+//! other: commands queue up, and of several of one kind the last counts; a state is a value that is replaced as a whole.
+//! Failures (a graph that does not compile, a stage that panics, a lost device) are reported in the state, and the last
+//! working graph runs on.
 
 mod info;
 mod playback;
@@ -31,10 +31,10 @@ pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo, Transfer};
 pub use playback::{Playback, Playing, Sink, Way};
 pub use record::{RECORDED, Record, StepCost};
 
-/// Most frames a second: more than a screen shows would only take the cores from the tracer.
+/// Most frames per second: more than a screen shows would only take cores from the tracer.
 pub const MAX_RATE: f32 = 60.0;
 
-/// What the engine starts with.
+/// The engine's initial settings.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The scene's name or file.
@@ -43,15 +43,15 @@ pub struct Options {
     pub size: [u32; 2],
     /// Samples a frame may ask for, as a share of its pixels, above 0 to 1.
     pub samples: f32,
-    /// Where nodes run that do not say.
+    /// Default placement for nodes without `on:`.
     pub backend: Backend,
     /// When samples arrive.
     pub pacing: Pace,
-    /// Whether frames wait for [`Command::Step`].
+    /// True if frames wait for [`Command::Step`].
     pub paused: bool,
     /// The run's seed.
     pub seed: u32,
-    /// Whether times are measured. Where not, every step counts as a millisecond and rates as [`MAX_RATE`], so that a
+    /// True if times are measured. If not, every step counts as a millisecond and the rate is [`MAX_RATE`], so that a
     /// picture of the window is the same in every run.
     pub measured: bool,
 }
@@ -71,10 +71,10 @@ impl Default for Options {
     }
 }
 
-/// Texts of shader files that hold instead of what the files hold, by path.
+/// Texts of shader files, by path, that override the files' contents.
 pub type Shaders = BTreeMap<PathBuf, Arc<str>>;
 
-/// Another graph to run beside the one in hand, with the same views and as many samples, to be compared with.
+/// A graph to run beside the current one for comparison, with the same views and as many samples.
 #[derive(Clone, Debug)]
 pub struct Other {
     /// The graph.
@@ -85,12 +85,12 @@ pub struct Other {
     pub watched: Vec<String>,
 }
 
-/// What the engine says of the graph beside.
+/// The engine's report on the graph beside.
 #[derive(Clone, Debug, Default)]
 pub struct OtherState {
     /// Its file.
     pub path: String,
-    /// As compiled.
+    /// The compiled graph.
     pub graph: Option<Arc<GraphInfo>>,
     /// Why it does not run.
     pub trouble: Option<String>,
@@ -100,47 +100,47 @@ pub struct OtherState {
     pub snapshots: Vec<Arc<Snapshot>>,
 }
 
-/// What the user interface asks of the engine.
+/// The user interface's commands to the engine.
 #[derive(Clone, Debug)]
 pub enum Command {
-    /// Run this graph from now on, with what the present one keeps from frame to frame wherever that fits.
+    /// Run this graph from now on, with the present graph's history wherever that fits.
     Graph(Arc<GraphFile>),
     /// Compile the graph anew, with these texts for its shaders.
     Shaders(Arc<Shaders>),
     /// Look from here.
     Camera(Camera),
-    /// Wait for [`Command::Step`], or go on.
+    /// Pause until [`Command::Step`], or go on.
     Pause(bool),
-    /// Run so many frames even while paused.
+    /// Run this many frames even while paused.
     Step(u32),
-    /// Forget all that is kept from frame to frame, and count frames from 0 again.
+    /// Discard everything kept from frame to frame, and count frames from 0 again.
     Reset,
     /// Samples a frame may ask for, as a share of its pixels.
     Samples(f32),
     /// Width and height of the frame, pixels.
     Size([u32; 2]),
-    /// Another scene, by its name or file. Where it cannot be read, the present one stays.
+    /// Another scene, by its name or file. If it cannot be read, the present one stays.
     Scene(String),
-    /// Forget what is kept and run along a path, [`Pace::Exact`] whatever is set; then wait. Where one is under way, it
-    /// is left.
+    /// Discard what is kept and run along a path with [`Pace::Exact`], whatever the setting; then pause. If a path is
+    /// under way, leave it.
     Play(Playback),
-    /// Leave the path, and wait.
+    /// Leave the path, and pause.
     Stop,
-    /// Where nodes run that do not say.
+    /// Default placement for nodes without `on:`.
     Backend(Backend),
     /// When samples arrive.
     Pace(Pace),
     /// Ports to take [`Snapshot`]s of, as `node.port`; the graph's outputs are always taken. Unknown ones are skipped.
-    /// While frames wait, all ports of the last one can be had, unless it was too large for that: then one more is run.
+    /// While paused, all ports of the last frame are available, unless their copies were too large: then one more is run.
     Watch(Vec<String>),
-    /// Run this graph beside the one in hand, frame for frame; none ends that.
+    /// Run this graph beside the current one, frame for frame; `None` ends that.
     Other(Option<Other>),
-    /// Tell what every node did at this pixel, column and row, in the next frame; while frames wait, in the last one, if
-    /// copies of all of it were made, else in one more. None ends that.
+    /// Report what every node did at this pixel, column and row, in the next frame; while paused, in the last one if all
+    /// ports were copied, else in one more. `None` ends that.
     Inspect(Option<[u32; 2]>),
 }
 
-/// How far the engine is.
+/// The engine's phase.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Phase {
     /// The scene is being read and its tracer built.
@@ -152,12 +152,12 @@ pub enum Phase {
     Failed(String),
 }
 
-/// What the engine says of itself; a new one after every frame and every command.
+/// The engine's published state; replaced after every frame and every command.
 #[derive(Clone, Debug, Default)]
 pub struct State {
     /// Whether there is a scene.
     pub phase: Phase,
-    /// How many commands have been obeyed.
+    /// Number of commands obeyed.
     pub commands: u64,
     /// The scene's name or file, once it is loaded.
     pub scene: String,
@@ -167,35 +167,35 @@ pub struct State {
     pub bounds: [[f32; 3]; 2],
     /// The graph that runs.
     pub graph: Option<Arc<GraphInfo>>,
-    /// What is wrong with the graph that was given last; it then does not run, and [`State::graph`] is an earlier one.
+    /// Problems of the graph given last; it then does not run, and [`State::graph`] is an earlier one.
     pub problems: Vec<Problem>,
-    /// Why frames have stopped, or a setting could not be obeyed.
+    /// Why frames have stopped, or why a setting could not be applied.
     pub trouble: Option<String>,
     /// Frames run since the start or the last reset.
     pub frames: u32,
-    /// Whether frames wait.
+    /// True if frames are paused.
     pub paused: bool,
-    /// How many are still to run nevertheless.
+    /// Number of frames that still run while paused.
     pub owed: u32,
-    /// The path that the last frame is of, until the camera is moved or frames are counted anew.
+    /// The path of the last frame, until the camera is moved or the frame count is reset.
     pub playing: Option<Playing>,
-    /// What became of the last recording.
+    /// The outcome of the last recording.
     pub recorded: Option<Result<String, String>>,
     /// The camera of the last frame.
     pub camera: Option<Camera>,
     /// Milliseconds of each of the graph's steps in the last frame, in the order of [`GraphInfo::steps`].
     pub times: Vec<f32>,
-    /// What the last [`RECORDED`] frames cost, the oldest first.
+    /// The costs of the last [`RECORDED`] frames, the oldest first.
     pub records: Arc<[Arc<Record>]>,
-    /// Milliseconds of the whole last frame, but for copies for those who look.
+    /// Milliseconds of the last frame, without copies for viewers.
     pub frame_ms: f32,
     /// Frames in the last second.
     pub rate: f32,
-    /// Samples that the last frame could ask for.
+    /// Number of samples that the last frame could ask for.
     pub samples: u32,
     /// The inspected pixel, as of the last frame that was captured for it.
     pub inspection: Option<Arc<Inspection>>,
-    /// What becomes of the graph beside, where there is one.
+    /// The state of the graph beside, if there is one.
     pub other: Option<OtherState>,
     /// The watched ports and the outputs as of the last frame: one for each field.
     pub snapshots: Vec<Arc<Snapshot>>,
@@ -208,7 +208,7 @@ impl State {
     }
 }
 
-/// The engine's end in the user interface. Dropping it ends the thread after the frame under way.
+/// The user interface's handle to the engine. Dropping it ends the thread after the frame under way.
 pub struct Engine {
     commands: Option<mpsc::Sender<Command>>,
     published: Arc<Mutex<Arc<State>>>,
@@ -244,18 +244,18 @@ impl Engine {
 
     /// Queues a command.
     pub fn send(&self, command: Command) {
-        // The thread ends only with this handle, or when it could not start, which `is_alive` tells.
+        // The thread ends only with this handle, or if it could not start, which `is_alive` reports.
         if let Some(commands) = &self.commands {
             let _ = commands.send(command);
         }
     }
 
-    /// What the engine said last.
+    /// The engine's last state.
     pub fn state(&self) -> Arc<State> {
         self.published.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Whether the thread still runs.
+    /// True if the thread still runs.
     pub fn is_alive(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
@@ -265,7 +265,7 @@ impl Drop for Engine {
     fn drop(&mut self) {
         self.commands = None;
         if let Some(thread) = self.thread.take() {
-            // A panic has been printed; there is nobody left to tell.
+            // A panic has been printed; nobody is left to report it to.
             let _ = thread.join();
         }
     }

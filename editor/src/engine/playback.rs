@@ -1,4 +1,4 @@
-//! Camera paths that are run frame by frame: the same frames each time.
+//! Camera paths played frame by frame: the same frames each time.
 
 use std::{
     fmt,
@@ -12,9 +12,9 @@ use epigraph_scenes::{CameraPath, PathError, Scene};
 /// A camera path as a text.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Way {
-    /// As the command line's `--camera` takes it, such as `orbit:2` or `fly:FILE.ron`.
+    /// An argument of the command line's `--camera`, such as `orbit:2` or `fly:FILE.ron`.
     Named(String),
-    /// What stands in a file of keyframes.
+    /// The contents of a file of keyframes.
     Keys(Arc<str>),
 }
 
@@ -22,7 +22,7 @@ impl Way {
     /// The path through a scene.
     ///
     /// # Errors
-    /// That the text makes no path, or that its file cannot be read.
+    /// The text is not a path, or its file cannot be read.
     pub fn path(&self, scene: &Scene) -> Result<CameraPath, PathError> {
         match self {
             Self::Named(text) => CameraPath::parse(text, scene),
@@ -31,35 +31,35 @@ impl Way {
     }
 }
 
-/// Takes the frames of a playback, one after the other, on the engine's thread, which waits for it.
+/// Receives the frames of a playback, one after the other, on the engine's thread, which waits for it.
 pub trait Sink: Send {
-    /// Takes what the watched ports and the outputs hold after frame `index`.
+    /// Receives the contents of the watched ports and the outputs after frame `index`.
     ///
     /// # Errors
-    /// That it could not be kept; the playback then stops.
+    /// They could not be kept; the playback then stops.
     fn take(&mut self, index: u32, snapshots: &[Arc<Snapshot>]) -> Result<(), String>;
 
-    /// The last frame has been taken. What became of them, for people to read. A sink that is dropped without this was
-    /// cancelled.
+    /// Ends the recording after the last frame. Returns the outcome, as text for the user. A sink that is dropped without
+    /// this was cancelled.
     ///
     /// # Errors
-    /// That they could not be kept.
+    /// They could not be kept.
     fn finish(&mut self) -> Result<String, String>;
 }
 
-/// What to run.
+/// A path to play.
 #[derive(Clone)]
 pub struct Playback {
-    /// Along which path.
+    /// The path.
     pub way: Way,
-    /// How many frames; none: until the path stands still or begins anew, or [`Playback::ENDLESS`] where it never does.
+    /// Number of frames; `None`: until the path stops or repeats, or [`Playback::ENDLESS`] if it never does.
     pub frames: Option<u32>,
-    /// Who takes the frames; then they run as fast as they can, else at the path's pace.
+    /// The receiver of the frames, which then run as fast as they can; without one, they run at the path's pace.
     pub sink: Option<Arc<Mutex<dyn Sink>>>,
 }
 
 impl Playback {
-    /// Frames of a path that neither ends nor repeats itself: ten seconds of its time.
+    /// Number of frames for a path that neither ends nor repeats: ten seconds of its time.
     pub const ENDLESS: u32 = 300;
 }
 
@@ -72,21 +72,21 @@ impl fmt::Debug for Playback {
     }
 }
 
-/// How far a playback is.
+/// The progress of a playback.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Playing {
-    /// Along which path.
+    /// The path.
     pub way: Way,
-    /// Frames shown.
+    /// Number of frames shown.
     pub frame: u32,
-    /// Of so many.
+    /// Number of frames in all.
     pub frames: u32,
-    /// Whether they are recorded.
+    /// True if they are recorded.
     pub recorded: bool,
 }
 
 impl Playing {
-    /// Whether there are frames to come.
+    /// True if there are frames to come.
     pub fn is_under_way(&self) -> bool {
         self.frame < self.frames
     }

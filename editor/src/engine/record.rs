@@ -1,35 +1,36 @@
-//! What the last frames cost.
+//! The costs of the last frames.
 
 use std::sync::Arc;
 
 use super::GraphInfo;
 
-/// How many frames are remembered.
+/// Number of frames remembered.
 pub const RECORDED: usize = 300;
 
-/// What a frame cost.
+/// The cost of a frame.
 #[derive(Clone, Debug)]
 pub struct Record {
     /// Its number.
     pub frame: u32,
     /// When it ended, in seconds since the engine began.
     pub at: f64,
-    /// Milliseconds of the whole.
+    /// Milliseconds of the whole frame.
     pub ms: f32,
     /// Its graph.
     pub graph: Arc<GraphInfo>,
-    /// What each of the graph's steps cost, in the order of [`GraphInfo::steps`].
+    /// The costs of the graph's steps, in the order of [`GraphInfo::steps`].
     pub steps: Vec<StepCost>,
 }
 
-/// What a step cost.
+/// The cost of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepCost {
-    /// When it began, in milliseconds since the frame did. Nodes on a GPU that keeps time are of the frame before.
+    /// When it began, in milliseconds since the frame began. If the GPU measures times itself, those of its nodes are of the
+    /// previous frame.
     pub start: f32,
     /// Milliseconds.
     pub ms: f32,
-    /// Bytes that went from one side to the other.
+    /// Bytes transferred between the sides.
     pub moved: u64,
 }
 

@@ -1,4 +1,4 @@
-//! A graph with its memory, ready to run, and how one is made from a file.
+//! A graph with its memory, ready to run, and its compilation from a file.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -17,18 +17,18 @@ pub struct Running {
     pub info: Arc<GraphInfo>,
     /// The taps that it was compiled with.
     pub taps: Taps,
-    /// Whether it can capture all that its nodes write.
+    /// True if it can capture all outputs of its nodes.
     pub is_open: bool,
-    /// Whether a frame of it has been timed in which it did not.
+    /// True if a frame without that capture has been timed.
     pub is_timed: bool,
 }
 
-/// Which ports can be captured beside the outputs.
+/// The ports that can be captured besides the outputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taps {
-    /// These, as `node.port`, as far as the graph has them.
+    /// These, as `node.port`, if the graph has them.
     pub watched: Vec<String>,
-    /// And all that nodes write, unless copies of that would be larger than so many bytes.
+    /// In addition all outputs of all nodes, unless their copies would exceed this many bytes.
     pub all: u64,
 }
 
@@ -36,9 +36,9 @@ impl Running {
     /// Compiles and allocates.
     ///
     /// # Errors
-    /// All problems of the file. Those of a device or of memory have no place in it.
+    /// All problems of the file. Those of a device or of memory have no position in it.
     pub fn new(setup: Setup, taps: Taps) -> Result<Self, Problems> {
-        // A panic here is a bug of the compiler; the window and the files outlive it.
+        // A panic here is a bug of the compiler; the window and the files survive it.
         let made = catch_unwind(AssertUnwindSafe(|| {
             let mut compiled = setup.compile().map_err(problems)?;
             let is_open = keep(&mut compiled, &taps)?;
@@ -56,13 +56,13 @@ impl Running {
     }
 }
 
-/// What a panic says.
+/// The message of a panic.
 pub fn message(panic: &(dyn std::any::Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
 }
 
-/// What keeps a graph from running, as problems of it.
+/// The reasons why a graph cannot run, as problems of it.
 pub fn problems(error: impl Into<Error>) -> Problems {
     match error.into() {
         Error::Graph(problems) => problems,
@@ -73,8 +73,8 @@ pub fn problems(error: impl Into<Error>) -> Problems {
     }
 }
 
-/// Keeps the watched ports, as far as the graph has them, and all that nodes write, unless copies of that would be too
-/// large: then the answer is no.
+/// Keeps the watched ports that the graph has, and all outputs of all nodes, unless the copies would be too large: then
+/// it returns false.
 fn keep(compiled: &mut Compiled, taps: &Taps) -> Result<bool, Problems> {
     let watched: Vec<Source> = taps.watched.iter().filter_map(|name| name.parse().ok()).collect();
     if compiled.keep(&watched).is_err() {
@@ -88,7 +88,7 @@ fn keep(compiled: &mut Compiled, taps: &Taps) -> Result<bool, Problems> {
     if bytes > taps.all {
         return Ok(false);
     }
-    // Only of nodes that run anyway: looking must not change what is left out.
+    // Only of nodes that run anyway: viewing must not change which nodes are left out.
     let all = inspect::taps(compiled.graph());
     compiled.keep(&all).map_err(problems)?;
     Ok(true)

@@ -47,7 +47,7 @@ pub fn run(
 ) {
     let mut options = options;
     let mut early = Vec::new();
-    // Without a scene there is nothing to do but to wait for one.
+    // Without a scene, wait for one.
     let place = loop {
         match load(&options.scene) {
             Ok(place) => break place,
@@ -90,36 +90,36 @@ struct Worker {
     place: Place,
     host: Arc<Host>,
     gpu: Option<Arc<Gpu>>,
-    /// The graph that was given last.
+    /// The graph given last.
     file: Option<Arc<GraphFile>>,
     /// The texts of its shaders.
     shaders: Arc<Shaders>,
-    /// The graph that compiled last, and its shaders.
+    /// The last graph that compiled, and its shaders.
     good: Option<(Arc<GraphFile>, Arc<Shaders>)>,
     /// The shaders that a graph is compiled with, where the registry finds them.
     read: ReadShaders,
     watched: Vec<String>,
     rebuild: Rebuild,
     running: Option<Running>,
-    /// What ran before, until the new one has shown that it runs.
+    /// The graph before, until the new one has run a frame.
     before: Option<Running>,
     camera: Camera,
     /// The camera of the last frame.
     shown: Option<Camera>,
     /// The path under way.
     path: Option<Path>,
-    /// Frames to run though paused.
+    /// Number of frames to run although paused.
     owed: u32,
     index: u32,
     /// A frame has failed; nothing runs until something changes.
     stopped: bool,
-    /// What is inspected.
+    /// The inspected pixel.
     inspected: Option<Inspected>,
-    /// All that the graph's nodes wrote in the last frame, where that was captured.
+    /// All outputs of the graph's nodes in the last frame, if they were captured.
     capture: Option<Capture>,
     /// The graph beside.
     other: Option<Other>,
-    /// What the last frames cost.
+    /// The costs of the last frames.
     records: VecDeque<Arc<Record>>,
     /// When the engine began.
     began: Instant,
@@ -167,7 +167,7 @@ impl Worker {
         worker
     }
 
-    /// Says which scene it is.
+    /// Records the scene in the state.
     fn tell_scene(&mut self) {
         let scene = &self.place.scene;
         self.state.phase = Phase::Ready;
@@ -217,13 +217,13 @@ impl Worker {
         }
     }
 
-    /// What there is to say now.
+    /// Returns the state to publish.
     fn news(&mut self) -> State {
         self.state.owed = self.owed;
         self.state.clone()
     }
 
-    /// From the beginning of a frame to that of the next, at least.
+    /// The least time from the beginning of a frame to that of the next.
     fn interval(&self) -> Duration {
         let rate = match &self.path {
             Some(Path { sink: Some(_), .. }) => return Duration::ZERO,
@@ -257,7 +257,7 @@ impl Worker {
             Command::Pause(paused) => {
                 let begins = paused && !self.options.paused;
                 self.pause(paused);
-                // One more, of which all can be seen while frames wait.
+                // One more frame, with all ports captured for the pause.
                 self.owed = u32::from(begins && self.index > 0);
                 Rebuild::No
             }
@@ -340,7 +340,7 @@ impl Worker {
         if self.path.is_some() { Pace::Exact } else { self.options.pacing }
     }
 
-    /// Leaves behind the samples that are under way, at the present pace.
+    /// Replaces the host: drops the samples under way and takes up the present pace.
     fn renew_host(&mut self) {
         self.host = host(&self.place, self.pacing());
         for running in [&mut self.running, &mut self.before].into_iter().flatten() {
@@ -349,14 +349,14 @@ impl Worker {
     }
 }
 
-/// What the stages get beside their ports.
+/// The services that stages get besides their ports.
 fn host(place: &Place, pacing: Pace) -> Arc<Host> {
-    // One core stays for the frame and the window.
+    // One core is left to the frame and the window.
     let cores = thread::available_parallelism().map_or(1, usize::from);
     place.host(pacing, (cores - 1).max(1))
 }
 
-/// This share of the pixels. One that is no number, or nothing, still means one sample.
+/// This share of the pixels. NaN and 0 still mean one sample.
 fn samples(share: f32) -> Samples {
     Samples::Share(f64::from(share))
 }

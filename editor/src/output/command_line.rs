@@ -1,4 +1,4 @@
-//! The command line that makes the picture in view without the window.
+//! The command line that renders the picture in view without the window.
 
 use std::{borrow::Cow, fmt, path::Path};
 
@@ -6,14 +6,14 @@ use epigraph_scenes::{Camera, CameraPath};
 
 use crate::engine::Backend;
 
-/// What the picture depends on.
+/// Everything that the picture depends on.
 #[derive(Clone, Debug)]
 pub struct CommandLine {
     /// The graph's file.
     pub graph: String,
     /// The scene's name or file.
     pub scene: String,
-    /// What `--camera` takes.
+    /// The argument of `--camera`.
     pub camera: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
@@ -21,16 +21,16 @@ pub struct CommandLine {
     pub samples: u32,
     /// The run's seed.
     pub seed: u32,
-    /// Where nodes run that do not say.
+    /// Default placement for nodes without `on:`.
     pub backend: Backend,
-    /// How many frames; the last one is the picture.
+    /// Number of frames; the last one is the picture.
     pub frames: u32,
     /// The port, as `node.port`; empty for the graph's image.
     pub port: String,
 }
 
 impl CommandLine {
-    /// What `--camera` takes for a camera that stands still.
+    /// The argument of `--camera` for a still camera.
     pub fn still(camera: &Camera, home: Option<Camera>) -> String {
         if home == Some(*camera) { "still".into() } else { CameraPath::view(camera) }
     }
@@ -53,7 +53,7 @@ impl fmt::Display for CommandLine {
     }
 }
 
-/// A word for the shell.
+/// A word quoted for the shell.
 fn quoted(word: &str) -> Cow<'_, str> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-:,+=@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

@@ -1,4 +1,4 @@
-//! The frames of a path as files: an animated PNG, or a PNG for each.
+//! The frames of a path as files: an animated PNG, or a PNG per frame.
 
 use std::{
     fs::File,
@@ -14,19 +14,19 @@ use png::{BitDepth, ColorType, Encoder, Writer};
 
 use crate::engine::Sink;
 
-/// How frames are recorded.
+/// The format of recorded frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// One animated PNG.
     Animation,
-    /// A PNG for each frame.
+    /// A PNG per frame.
     Numbered,
 }
 
-/// Records the port `name` of so many frames under `path`, shown as `look` says.
+/// Records the port `name` of `frames` frames under `path`, shown with the given look.
 ///
 /// # Errors
-/// That the file cannot be written.
+/// The file cannot be written.
 pub fn sink(
     format: Format,
     path: &Path,
@@ -47,9 +47,9 @@ pub fn sink(
     })
 }
 
-/// What is recorded.
+/// The recorded port.
 struct Port {
-    /// As snapshots are called.
+    /// Its name among the snapshots.
     name: String,
     look: Look,
 }
@@ -63,7 +63,7 @@ impl Port {
     }
 }
 
-/// A PNG for each frame.
+/// A PNG per frame.
 struct Numbered {
     port: Port,
     path: PathBuf,
@@ -92,8 +92,8 @@ impl Sink for Numbered {
     }
 }
 
-/// An animated PNG at the path's pace, round and round. Where there are others, frame 0 is left out: no sample has come yet
-/// then, so it is empty, and would be what programs show that know no animations.
+/// An animated PNG at the path's pace, looping. If there are others, frame 0 is left out: no sample has arrived yet,
+/// so it is empty, and programs that do not support animation would show it.
 struct Animation {
     port: Port,
     target: Target,
@@ -102,14 +102,14 @@ struct Animation {
     writing: Option<Writing>,
 }
 
-/// The file while it is not whole. Dropping it, as cancelling does, leaves nothing behind.
+/// The unfinished file. Dropping it, as cancelling does, leaves nothing behind.
 struct Writing {
     encoder: Writer<BufWriter<File>>,
     draft: Draft,
 }
 
 impl Animation {
-    /// The first frame that is in it.
+    /// The first frame in the file.
     fn first(&self) -> u32 {
         u32::from(self.frames > 1)
     }
@@ -138,7 +138,7 @@ impl Sink for Animation {
             self.writing = Some(self.open(picture.size)?);
         }
         let Some(writing) = &mut self.writing else { return Ok(()) };
-        // Where the size has changed under way, this is what refuses it.
+        // The encoder rejects a size that has changed under way.
         writing.encoder.write_image_data(picture.colors.as_flattened()).map_err(|error| error.to_string())
     }
 

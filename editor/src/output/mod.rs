@@ -1,4 +1,4 @@
-//! What leaves the editor: the command line that makes the same picture, the frames of a path.
+//! The editor's output: the command line that renders the same picture, the frames of a path.
 
 mod command_line;
 mod frames;

@@ -1,4 +1,4 @@
-//! The thread that writes, so that a slow disk holds up nothing.
+//! The thread that writes files, so that a slow disk blocks nothing.
 
 use std::{
     fs,
@@ -12,11 +12,11 @@ use epigraph_pictures::Target;
 enum Order {
     Write(PathBuf, String),
     Remove(PathBuf),
-    /// Tell when all before is done.
+    /// Signal when all earlier requests are done.
     Flush(mpsc::Sender<()>),
 }
 
-/// Its end in the window's thread. Dropping it waits until all is written.
+/// The window thread's handle to it. Dropping it waits until everything is written.
 pub struct Keeper {
     orders: Option<mpsc::Sender<Order>>,
     thread: Option<JoinHandle<()>>,
@@ -34,16 +34,16 @@ impl Keeper {
         self.send(Order::Write(path, text));
     }
 
-    /// Removes a file, if it is there.
+    /// Removes a file, if it exists.
     pub fn remove(&self, path: PathBuf) {
         self.send(Order::Remove(path));
     }
 
-    /// Waits until all that was ordered is done.
+    /// Waits until all requests are done.
     pub fn flush(&self) {
         let (tell, done) = mpsc::channel();
         self.send(Order::Flush(tell));
-        // An error says that the thread never was.
+        // An error means that the thread could not be started.
         let _ = done.recv();
     }
 
@@ -64,7 +64,7 @@ impl Drop for Keeper {
 }
 
 fn obey(order: Order) {
-    // A folder that cannot be written to must not keep anybody from their work: what was to be kept is lost, as it would
+    // A folder that cannot be written to must not interrupt the user's work: the file is lost, as it would
     // be without this thread.
     match order {
         Order::Write(path, text) => {

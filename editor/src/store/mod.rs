@@ -1,7 +1,7 @@
-//! What outlives the window: the session, and what was never saved.
+//! State that outlives the window: the session, and unsaved changes.
 //!
-//! Both lie in a folder of the user's configuration, as RON. Files are written whole or not at all, on a thread of
-//! their own; one that cannot be read counts as none, and is said to be so.
+//! Both are in a folder of the user's configuration, as RON. Files are written whole or not at all, on a thread of
+//! their own; one that cannot be read counts as missing, and is reported.
 
 mod keeper;
 mod recovery;
@@ -22,37 +22,37 @@ pub use session::{Seen, Stored};
 /// The session's file.
 const SESSION: &str = "session.ron";
 
-/// The folder in which things are kept.
+/// The folder of these files.
 pub struct Store {
     folder: PathBuf,
     keeper: Keeper,
-    /// The session as it was kept last.
+    /// The last kept session.
     session: String,
-    /// The document as of the last recovery file, where there is one.
+    /// The document as of the last recovery file, if there is one.
     kept: Option<Kept>,
 }
 
 impl Store {
     /// In the user's folder for configuration: `XDG_CONFIG_HOME` or `~/.config` on Linux, `~/Library/Application Support`
-    /// on macOS, roaming `AppData` on Windows. `None` where there is no such folder.
+    /// on macOS, roaming `AppData` on Windows. `None` if there is no such folder.
     pub fn of_user() -> Option<Self> {
         Some(Self::at(dirs::config_dir()?.join("epigraph-editor")))
     }
 
-    /// In this folder, which is made when something is kept.
+    /// In this folder, which is created with its first file.
     pub fn at(folder: PathBuf) -> Self {
         Self { folder, keeper: Keeper::start(), session: String::new(), kept: None }
     }
 
-    /// The session of last time.
+    /// The last session.
     ///
     /// # Errors
-    /// That there is one that cannot be read.
+    /// There is a session that cannot be read.
     pub fn session(&self) -> Result<Option<Stored>, String> {
         self.read(SESSION)
     }
 
-    /// Keeps the session, where it is not what was kept last.
+    /// Keeps the session, unless it equals the last kept one.
     pub fn keep_session(&mut self, stored: &Stored<impl Serialize>) {
         let Ok(text) = text(stored) else { return };
         if text != self.session {
@@ -61,7 +61,7 @@ impl Store {
         }
     }
 
-    /// Waits until all that was kept is written.
+    /// Waits until everything kept is written.
     pub fn flush(&mut self) {
         self.keeper.flush();
     }
@@ -81,7 +81,7 @@ fn text(value: &impl Serialize) -> ron::Result<String> {
     ron::ser::to_string_pretty(value, ron::ser::PrettyConfig::default())
 }
 
-/// The one path of a file, whatever folder the program runs in.
+/// The canonical path of a file, whatever the current folder.
 fn real(path: &str) -> String {
     let path = Path::new(path);
     path.canonicalize()

@@ -1,4 +1,4 @@
-//! What was not saved when the program ended, whatever ended it.
+//! Unsaved changes when the program ended, for whatever reason.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -10,19 +10,19 @@ use crate::{
     files::short,
 };
 
-/// What is unsaved of a graph and its parts.
+/// The unsaved changes of a graph and its parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recovery {
     /// The graph's file.
     pub graph: String,
     /// Files and their texts.
     pub texts: Vec<(String, String)>,
-    /// Where the boxes of the canvas stand; none where that is saved.
+    /// The places of the canvas's boxes; `None` if they are saved.
     #[serde(default)]
     pub places: Option<Places>,
 }
 
-/// Tells one state of a document from the others.
+/// Identifies a state of a document.
 #[derive(PartialEq)]
 pub(super) struct Kept {
     revision: u64,
@@ -41,7 +41,7 @@ impl Kept {
 }
 
 impl Store {
-    /// Keeps what is unsaved in a document, and forgets it once it is saved; nothing happens while neither has changed.
+    /// Keeps the unsaved changes of a document, and deletes them once it is saved; does nothing while neither has changed.
     pub fn keep_unsaved(&mut self, document: &Document) {
         if !document.is_dirty() {
             if let Some(kept) = self.kept.take() {
@@ -58,12 +58,12 @@ impl Store {
         }
     }
 
-    /// Another document is open from now on: what is kept of the one before stays.
+    /// Another document is open from now on: the previous one's unsaved changes stay.
     pub fn change_document(&mut self) {
         self.kept = None;
     }
 
-    /// What was unsaved of a document when it was open last, where that differs from what it says now.
+    /// The unsaved changes of a document when it was last open, if they differ from its present contents.
     pub fn recovery(&self, document: &Document) -> Option<Recovery> {
         let name = self.recovery_file(document.path());
         let recovery: Recovery = self.read(name.file_name()?.to_str()?).ok()??;
@@ -72,13 +72,13 @@ impl Store {
         (is_sound && recovery.differs_from(document)).then_some(recovery)
     }
 
-    /// Forgets what was unsaved.
+    /// Deletes the unsaved changes.
     pub fn discard(&mut self, document: &Document) {
         self.keeper.remove(self.recovery_file(document.path()));
     }
 
     fn recovery_file(&self, path: &str) -> PathBuf {
-        // FNV-1a, so that a path of any length and any letters makes a file name.
+        // FNV-1a, so that a path of any length and any letters becomes a file name.
         let hash = real(path).bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
         });
@@ -98,13 +98,13 @@ impl Recovery {
     fn differs_from(&self, document: &Document) -> bool {
         let text =
             |path: &str| self.texts.iter().any(|(of, text)| *of == real(path) && document.text(path) != text);
-        // As a file would say it: the program may have died between saving and forgetting, and files have whole points.
+        // As saved in a file: the program may have died between saving and deleting, and files hold whole points.
         let written = |places: &Places| places::write(places, None);
         document.paths().any(text)
             || self.places.as_ref().is_some_and(|places| written(places) != written(document.places()))
     }
 
-    /// What there is, as a sentence without its end.
+    /// A description of the changes, as a sentence without its end.
     pub fn what(&self) -> String {
         let name = short(&self.graph);
         match self.texts.len() {
@@ -114,7 +114,7 @@ impl Recovery {
         }
     }
 
-    /// Makes the document say it, as one change.
+    /// Applies the changes to the document, as one step.
     pub fn take_over(self, document: &mut Document) {
         let paths: Vec<String> = document.paths().map(Into::into).collect();
         let texts = paths.into_iter().filter_map(|path| {
@@ -160,7 +160,7 @@ mod tests {
         let recovery = store.recovery(&again(&document)).unwrap();
         assert!(recovery.texts.is_empty() && recovery.what().contains("boxes"), "{recovery:?}");
 
-        // Moving again is kept too, though the graph's texts are what they were.
+        // Another move is kept too, although the graph's texts are unchanged.
         put(&mut document, "fill", [30.0, 40.25]);
         let path = document.path().to_owned();
         let typed = format!("{}// more\n", document.text(&path));
@@ -175,7 +175,7 @@ mod tests {
         opened.undo();
         assert!(opened.places().is_empty() && opened.text(&path) == before && !opened.can_undo());
 
-        // What is saved is not offered, even where the program ends before it forgets.
+        // Saved changes are not offered, even if the program ends before it deletes them.
         document.save().unwrap();
         assert_eq!(store.recovery(&again(&document)), None);
         store.keep_unsaved(&document);

@@ -1,4 +1,4 @@
-//! The session as a value that can be kept.
+//! The session as a serializable value.
 
 use egui::ThemePreference;
 use egui_tiles::Tree;
@@ -10,10 +10,10 @@ use crate::{
     panes::Pane,
 };
 
-/// Where the user looked.
+/// The user's view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
-    /// In which scene.
+    /// The scene.
     pub scene: String,
     /// The eye, metres.
     pub eye: Vec3,
@@ -21,14 +21,14 @@ pub struct Seen {
     pub rotation: Quat,
 }
 
-/// What comes back when the program starts again. It is kept from a borrowed tree of panes.
+/// The state to restore when the program starts again. It is serialized from a borrowed tree of panes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Stored<Panes = Tree<Pane>> {
     /// The graph's file.
     pub graph: String,
     /// The scene's name or file.
     pub scene: String,
-    /// Where the user looked.
+    /// The user's view.
     pub seen: Option<Seen>,
     /// Width and height of the frame, pixels.
     pub size: [u32; 2],
@@ -36,11 +36,11 @@ pub struct Stored<Panes = Tree<Pane>> {
     pub scale: f32,
     /// Samples a frame may ask for, percent of its pixels.
     pub samples: f32,
-    /// Where nodes run that do not say.
+    /// Default placement for nodes without `on:`.
     pub backend: Backend,
     /// When samples arrive.
     pub pacing: Pace,
-    /// Light, dark, or as the system has it.
+    /// Light, dark, or following the system.
     pub theme: ThemePreference,
     /// Ports on the number keys.
     pub slots: [Option<String>; 9],

@@ -1,4 +1,4 @@
-//! Which ports are captured in which frames: those in view in each, and all of them in a frame that is looked at long.
+//! The choice of captured ports: those in view in every frame, and all of them in a frame shown during a pause.
 
 use super::{Path, Rebuild, Worker};
 use crate::engine::{
@@ -6,8 +6,8 @@ use crate::engine::{
     running::{Running, Taps},
 };
 
-/// Bytes that copies of all ports may take for a pause alone: those of about two million pixels. Where they would be
-/// larger, a port that was not watched takes one more frame to be seen.
+/// Most bytes of copies of all ports for a pause: those of about two million pixels. If they would be
+/// larger, a port that was not watched takes one more frame to appear.
 const LARGEST: u64 = 1 << 30;
 
 impl Worker {
@@ -21,14 +21,14 @@ impl Worker {
         Taps { watched: self.watched.clone(), all }
     }
 
-    /// Sees to it that the graph has these taps before it runs again.
+    /// Makes sure that the graph has these taps before it runs again.
     pub(super) fn follow_taps(&mut self) {
         let taps = self.taps();
         let serves = |running: &Running| {
             let has_all = || taps.watched.iter().all(|name| has(running, name));
             running.taps == taps || running.is_open && taps.all > 0 && has_all()
         };
-        // One that has failed would only fail again.
+        // A failed graph would only fail again.
         if self.has_work() && !self.running.as_ref().is_some_and(serves) {
             self.rebuild = self.rebuild.max(Rebuild::Taps);
         }
@@ -45,37 +45,37 @@ impl Worker {
             let snapshots = capture.snapshots.iter().filter(|snapshot| is_watched(&snapshot.name));
             self.state.snapshots = snapshots.cloned().collect();
         } else if self.watched.iter().any(|name| self.is_unseen(name)) {
-            // Memory of the last frame is in use again by other ports.
+            // Other ports have reused the memory of the last frame.
             self.owed = self.owed.max(1);
         }
     }
 
-    /// Whether all ports are captured in the coming frame.
+    /// True if all ports are captured in the coming frame.
     pub(super) fn captures(&self) -> bool {
         let wanted = self.inspected.as_ref().is_some_and(|inspected| inspected.wanted);
         let last = self.options.paused && self.owed <= 1 || self.is_last_of_path();
         self.running.as_ref().is_some_and(|running| running.is_open) && (wanted || last)
     }
 
-    /// Whether a pause comes after the next frame, as the path is at its end then.
+    /// True if a pause follows the next frame because it is the last one of the path.
     fn is_last_of_path(&self) -> bool {
         self.path.as_ref().is_some_and(|path: &Path| self.index + 1 == path.frames)
     }
 
-    /// Whether the graph has a port of that name, `node.port`, that the last frame was not asked for.
+    /// True if the graph has a port of that name, `node.port`, that the last frame did not capture.
     fn is_unseen(&self, name: &str) -> bool {
         let there = self.running.as_ref().is_some_and(|running| has(running, name));
         there && self.state.fields(name).next().is_none()
     }
 }
 
-/// Whether a node of the graph has a port of that name, `node.port`.
+/// True if a node of the graph has a port of that name, `node.port`.
 fn has(running: &Running, name: &str) -> bool {
     let node = name.rsplit_once('.').and_then(|(node, port)| Some((running.info.node(node)?, port)));
     node.is_some_and(|(node, port)| node.ports.iter().any(|info| info.port.name == port))
 }
 
-/// Whether a snapshot of that name is of an output, or is watched.
+/// True if a snapshot of that name is of an output or of a watched port.
 pub(super) fn is_watched(graph: &GraphInfo, watched: &[String], name: &str) -> bool {
     watched.iter().any(|watched| watched == name) || graph.outputs.iter().any(|(output, _)| output == name)
 }

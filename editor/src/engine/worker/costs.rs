@@ -1,4 +1,4 @@
-//! What frames cost: the last one, those of the last second, and a record of each.
+//! The costs of frames: of the last one, of those of the last second, and a record of each.
 
 use std::{
     sync::Arc,
@@ -11,7 +11,7 @@ use super::Worker;
 use crate::engine::{GraphInfo, MAX_RATE, RECORDED, Record, StepCost};
 
 impl Worker {
-    /// Notes what a frame cost that has just ended and `took` so long, copies for those who look included.
+    /// Records the cost of a frame that has just ended and lasted `took`, copies for viewers included.
     pub(super) fn measure(&mut self, took: Duration, graph: &GraphInfo, steps: &[StepCost]) {
         self.state.times = steps.iter().map(|step| step.ms).collect();
         if !self.options.measured {
@@ -27,7 +27,7 @@ impl Worker {
         self.state.rate = self.ends.len() as f32;
     }
 
-    /// Remembers what the frame that has just ended cost.
+    /// Adds the cost of the frame that has just ended to the records.
     pub(super) fn record(&mut self, graph: Arc<GraphInfo>, steps: Vec<StepCost>) {
         while self.records.len() >= RECORDED {
             self.records.pop_front();
@@ -46,13 +46,13 @@ impl Worker {
     }
 }
 
-/// Milliseconds without the steps that only copy something for whoever looks.
+/// Milliseconds without the steps that only copy a port for a viewer.
 pub(super) fn own_ms(took: Duration, graph: &GraphInfo, times: &[f32]) -> f32 {
     let taps = graph.steps.iter().zip(times).filter(|(step, _)| step.is_tap).map(|(_, ms)| ms);
     (took.as_secs_f32() * 1000.0 - taps.sum::<f32>()).max(0.0)
 }
 
-/// What each step of the last frame cost.
+/// The cost of each step of the last frame.
 pub(super) fn step_costs(executor: &Executor) -> Vec<StepCost> {
     let costs = executor.starts().iter().zip(executor.times()).zip(executor.moved());
     costs.map(|((&start, &ms), &moved)| StepCost { start, ms, moved }).collect()

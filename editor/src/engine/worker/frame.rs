@@ -1,4 +1,4 @@
-//! A frame, and what becomes of it.
+//! A frame, and the handling of its outcome.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -14,7 +14,7 @@ use epigraph_stages::World;
 use super::{Path, Rebuild, Worker, capture::is_watched, costs::step_costs, message, samples};
 
 impl Worker {
-    /// The camera and what the stages get of this frame.
+    /// The frame's camera and the services for its stages.
     fn next_frame(&self, size: [u32; 2]) -> (Camera, Frame) {
         let samples = samples(self.options.samples).of(size);
         let (index, seed) = (self.index, self.options.seed);
@@ -49,8 +49,8 @@ impl Worker {
         });
         match result {
             Ok((took, mut snapshots)) => {
-                // Copies of all ports slow down the steps between them, as they push everything out of the caches. So where
-                // there is a frame before that was timed without, its costs stay.
+                // Copies of all ports slow down the steps between them, because they evict everything from the caches. So
+                // if an earlier frame was timed without them, its costs stay.
                 let costs = (!(captures && running.is_timed)).then(|| step_costs(&run.executor));
                 running.is_timed |= !captures;
                 let captured = captures.then(|| snapshots.clone());
@@ -86,7 +86,7 @@ impl Worker {
         self.state.samples = samples;
     }
 
-    /// The graph before takes over where this one never ran; else frames stop until something changes.
+    /// If this graph never ran, the graph before takes over; else frames stop until something changes.
     fn failed(&mut self, error: &RunError) {
         self.owed = self.owed.saturating_sub(1);
         self.leave_path();
@@ -109,7 +109,7 @@ impl Worker {
         }
     }
 
-    /// What was on the GPU is gone. Another device is opened once; a loss before its first frame stops everything.
+    /// The GPU's memory is lost. Another device is opened once; a loss before its first frame stops everything.
     fn lose(&mut self, error: &RunError) {
         self.gpu = None;
         self.running = None;

@@ -1,4 +1,4 @@
-//! A pixel under inspection, and what is told of it.
+//! The inspected pixel, and the report on it.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -8,21 +8,21 @@ use std::{
 use super::{Worker, message};
 use crate::inspect;
 
-/// A pixel that is inspected.
+/// The inspected pixel.
 pub(super) struct Inspected {
     pixel: [u32; 2],
-    /// Whether the next frame is to be captured even if it is one of many.
+    /// True if the next frame is to be captured even if it is one of many.
     pub wanted: bool,
 }
 
 impl Worker {
-    /// Begins, goes on or ends an inspection.
+    /// Starts, continues or ends an inspection.
     pub(super) fn inspect(&mut self, pixel: Option<[u32; 2]>) {
         let Some(pixel) = pixel else {
             (self.inspected, self.state.inspection) = (None, None);
             return;
         };
-        // A captured frame that still stands tells of every pixel.
+        // A captured frame that is still valid holds every pixel.
         let stands = self.options.paused && self.capture.is_some();
         if self.options.paused && !stands {
             self.owed = self.owed.max(1);
@@ -33,7 +33,7 @@ impl Worker {
         }
     }
 
-    /// Tells of the inspected pixel in the frame that has just ended, if that was captured.
+    /// Reports on the inspected pixel in the frame that has just ended, if that was captured.
     pub(super) fn tell_capture(&mut self) {
         if let (Some(_), Some(inspected)) = (&self.capture, &mut self.inspected) {
             inspected.wanted = false;
@@ -41,7 +41,7 @@ impl Worker {
         }
     }
 
-    /// Tells of the inspected pixel in the captured frame.
+    /// Reports on the inspected pixel in the captured frame.
     fn tell(&mut self) {
         if let (Some(Inspected { pixel, .. }), Some(capture), Some(running)) =
             (&self.inspected, &self.capture, &self.running)

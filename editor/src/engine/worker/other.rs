@@ -1,4 +1,4 @@
-//! Another graph, run beside the one in hand: the same views, as many samples, a cloud and a tracer's queue of its own.
+//! Another graph, run beside the current one: the same views, as many samples, its own cloud and tracer queue.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -18,25 +18,25 @@ use crate::engine::{
 /// The graph beside.
 pub(super) struct Other {
     asked: engine::Other,
-    /// Where it stands, until it is compiled again.
+    /// The graph as last compiled.
     running: Option<Running>,
     host: Arc<Host>,
     pacing: Pace,
-    /// What it is compiled for has changed since.
+    /// True if it must be compiled again.
     stale: bool,
     /// It cannot run until something changes.
     failed: bool,
 }
 
 impl Worker {
-    /// Runs this graph beside from the next frame on; none ends that.
+    /// Runs this graph beside the current one from the next frame on; `None` ends that.
     pub(super) fn set_other(&mut self, asked: Option<engine::Other>) {
         let Some(asked) = asked else {
             (self.other, self.state.other) = (None, None);
             return;
         };
         if self.options.paused && self.index > 0 {
-            // Something is to be seen of it.
+            // A frame has to run before there is anything to show.
             self.owed = self.owed.max(1);
         }
         match &mut self.other {
@@ -53,7 +53,7 @@ impl Worker {
         }
     }
 
-    /// The graph in hand is compiled anew.
+    /// The current graph is compiled anew.
     pub(super) fn rebuild_other(&mut self, rebuild: Rebuild) {
         let (place, pacing) = (self.place.clone(), self.pacing());
         let Some(other) = self.other.as_mut().filter(|_| rebuild > Rebuild::Taps) else { return };
@@ -63,7 +63,7 @@ impl Worker {
         }
     }
 
-    /// Runs its share of a frame.
+    /// Runs its part of a frame.
     pub(super) fn run_other(&mut self, frame: &Frame) {
         let Some(mut other) = self.other.take_if(|other| !other.failed) else { return };
         let ran = catch_unwind(AssertUnwindSafe(|| self.try_other(&mut other, frame)));
@@ -80,7 +80,7 @@ impl Worker {
         self.other = Some(other);
     }
 
-    /// How long it took, if there was something to run.
+    /// Runs a frame of it; returns how long that took, or why it does not run.
     fn try_other(&mut self, other: &mut Other, frame: &Frame) -> Result<Duration, String> {
         if other.pacing != self.pacing() {
             other.pacing = self.pacing();

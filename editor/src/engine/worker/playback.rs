@@ -1,4 +1,4 @@
-//! Camera paths that the engine follows frame by frame, and hands to whoever records them.
+//! Camera paths that the engine follows frame by frame, with their frames passed to a sink that records them.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -43,7 +43,7 @@ impl Worker {
         }
     }
 
-    /// Hands the frame to whoever records the path under way, and leaves the path at its end.
+    /// Passes the frame to the sink of the path under way, and leaves the path at its end.
     pub(super) fn advance(&mut self) {
         let Some(Path { frames, sink, .. }) = &self.path else { return };
         let taken = sink.as_ref().map(|sink| {
