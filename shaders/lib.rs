@@ -5,6 +5,9 @@
 //! assert!(epigraph_shaders::text("age.wgsl").contains("#import"));
 //! ```
 
+/// This folder, where the package was built. It need not exist where the program runs.
+pub const FOLDER: &str = env!("CARGO_MANIFEST_DIR");
+
 /// The path of each shader within this folder, and its text; in alphabetical order of the paths.
 pub const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/files.rs"));
 

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use epigraph::{Backend, Error};
 use epigraph_core::{
     Facts, Graph, GraphFile, Plan, PlannedNode, Problem, Problems, Registry, Settings, Side, Step,
-    check_shader, compile, compose_shader,
+    check_stage, compile,
 };
 use epigraph_pictures::{Target, readable};
 use serde_json::{Value, json};
@@ -94,13 +94,8 @@ fn check_shaders(file: &GraphFile, graph: &Graph, registry: &Registry) -> Result
     let mut problems = Problems::default();
     let mut count = 0;
     for node in &graph.nodes {
-        let declaration = node.declaration();
-        let Some(shader) = &declaration.shader else { continue };
-        count += 1;
-        let errors = match compose_shader(shader, &registry.library, declaration.needs) {
-            Ok(reflected) => check_shader(&reflected, &shader.name, declaration, &node.stage.specs()),
-            Err(error) => vec![error],
-        };
+        count += usize::from(node.declaration().shader.is_some());
+        let errors = check_stage(&*node.stage, &registry.library);
         let place = file.node_at(&node.name).map(|(node, file)| file.place(node.kind.span));
         problems.0.extend(errors.into_iter().map(|error| {
             let problem = Problem::new(error).node(&node.name);

@@ -105,9 +105,11 @@ pub use port::{
     Access, Dims, Element, Extent, Field, FieldRef, Format, Holds, In, ItemMember, Lifetime, Meaning, Member,
     Out, Port, PortElement, Scalar, plain, scratch, texel,
 };
-pub use reflect::{Entry, Reflected, Space, Variable, check as check_shader, compose as compose_shader};
+pub use reflect::{
+    Entry, Reflected, Space, Variable, check as check_shader, check_stage, compose as compose_shader, imports,
+};
 pub use registry::{Kind, NodeContext, Registry};
-pub use shader::{Needs, Pass, Shader, ShaderLibrary, ShaderModule, Threads};
+pub use shader::{EditedTexts, Needs, Pass, Shader, ShaderLibrary, ShaderModule, Threads};
 pub use side::{Download, PerSide, Side};
 pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Stage};
-pub use wgsl::{wgsl_kind, wgsl_kind_from};
+pub use wgsl::wgsl_kind;

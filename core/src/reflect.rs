@@ -11,8 +11,9 @@ use crate::{
     shader::{Needs, Shader, ShaderLibrary},
 };
 
-pub use check::check;
-pub(crate) use compose::{Composed, compose as join};
+pub use check::{check, check_stage};
+pub use compose::imports;
+pub(crate) use compose::{Composed, at_its_line, compose as join, is_edited};
 
 /// A composed and validated shader with its variables by name.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use crate::{
     file::{GraphFile, NodeDef, ParamDef},
     params::{ParamError, ParamSpec, Params},
     port::Meaning,
-    shader::{ShaderLibrary, ShaderModule},
+    shader::{EditedTexts, ShaderLibrary, ShaderModule},
     stage::{AnyStage, Bound, Declaration, Stage},
 };
 
@@ -147,8 +147,15 @@ impl Registry {
     }
 
     /// Adds a shared shader module.
-    pub fn with_module(mut self, name: &'static str, source: &'static str) -> Self {
-        self.library.modules.push(ShaderModule::new(name, source));
+    pub fn with_module(mut self, module: ShaderModule) -> Self {
+        self.library.modules.push(module);
+        self
+    }
+
+    /// Takes these texts for shaders, those of `wgsl` nodes and those that are embedded: for an editor, which has texts
+    /// that no file holds yet. [`compile`](crate::compile) checks each shader that differs from what is embedded.
+    pub fn with_edited(mut self, texts: EditedTexts) -> Self {
+        self.library.edited = texts;
         self
     }
 

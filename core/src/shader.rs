@@ -1,6 +1,11 @@
 //! Shaders as the framework sees them: a file of WGSL with `#import`s, and the passes that run its entry points.
 
-use std::borrow::Cow;
+use std::{
+    borrow::Cow,
+    fmt,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use crate::{constant::Constant, port::FieldRef};
 
@@ -11,6 +16,8 @@ pub struct Shader {
     pub name: Cow<'static, str>,
     /// The text.
     pub source: Cow<'static, str>,
+    /// The file that the text is from, for editors. It need not exist where the program runs.
+    pub file: Option<PathBuf>,
     /// Names for `#ifdef`.
     pub defines: Vec<&'static str>,
     /// Numbers that it has from Rust.
@@ -18,9 +25,15 @@ pub struct Shader {
 }
 
 impl Shader {
-    /// A shader without `#ifdef` names and constants.
+    /// A shader without file, `#ifdef` names and constants.
     pub fn new(name: impl Into<Cow<'static, str>>, source: impl Into<Cow<'static, str>>) -> Self {
-        Self { name: name.into(), source: source.into(), defines: Vec::new(), constants: Vec::new() }
+        let (name, source) = (name.into(), source.into());
+        Self { name, source, file: None, defines: Vec::new(), constants: Vec::new() }
+    }
+
+    /// The same shader, from this file.
+    pub fn from_file(self, file: impl Into<PathBuf>) -> Self {
+        Self { file: Some(file.into()), ..self }
     }
 }
 
@@ -31,14 +44,21 @@ pub struct ShaderModule {
     pub name: Cow<'static, str>,
     /// The text.
     pub source: Cow<'static, str>,
+    /// The file that the text is from, for editors. It need not exist where the program runs.
+    pub file: Option<PathBuf>,
     /// Numbers that it has from Rust. Shaders that import it have them too.
     pub constants: Vec<Constant>,
 }
 
 impl ShaderModule {
-    /// A module without constants.
+    /// A module without file and constants.
     pub fn new(name: impl Into<Cow<'static, str>>, source: impl Into<Cow<'static, str>>) -> Self {
-        Self { name: name.into(), source: source.into(), constants: Vec::new() }
+        Self { name: name.into(), source: source.into(), file: None, constants: Vec::new() }
+    }
+
+    /// The same module, from this file.
+    pub fn from_file(self, file: impl Into<PathBuf>) -> Self {
+        Self { file: Some(file.into()), ..self }
     }
 
     /// Its name for `#import`: its file's name without folder and `.wgsl`.
@@ -53,6 +73,48 @@ impl ShaderModule {
 pub struct ShaderLibrary {
     /// All of them.
     pub modules: Vec<ShaderModule>,
+    /// Texts that an editor has of shader files, those of modules and others.
+    pub edited: EditedTexts,
+}
+
+impl ShaderLibrary {
+    /// The module that `#import NAME` means.
+    pub fn module(&self, name: &str) -> Option<&ShaderModule> {
+        self.modules.iter().find(|module| module.import() == name)
+    }
+}
+
+/// Texts that take the place of shader files, and of what the program has embedded of them. By default there are none.
+#[derive(Clone, Default)]
+pub struct EditedTexts(Option<Arc<TextOf>>);
+
+/// Gives the text of a file, if there is one for it.
+type TextOf = dyn Fn(&Path) -> Option<Arc<str>> + Send + Sync;
+
+impl EditedTexts {
+    /// The texts that a function gives by the paths of the files.
+    pub fn new(text: impl Fn(&Path) -> Option<Arc<str>> + Send + Sync + 'static) -> Self {
+        Self(Some(Arc::new(text)))
+    }
+
+    /// The text of a file.
+    pub fn get(&self, file: &Path) -> Option<Arc<str>> {
+        self.0.as_ref()?(file)
+    }
+
+    /// The text of a file, else the embedded one.
+    pub(crate) fn or_embedded<'t>(&self, file: Option<&Path>, embedded: &'t str) -> Cow<'t, str> {
+        match file.and_then(|file| self.get(file)) {
+            Some(text) if *text != *embedded => Cow::Owned(text.to_string()),
+            _ => Cow::Borrowed(embedded),
+        }
+    }
+}
+
+impl fmt::Debug for EditedTexts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "EditedTexts(..)" } else { "EditedTexts" })
+    }
 }
 
 /// Which wgpu features a pass needs beyond the portable set.
@@ -130,5 +192,6 @@ macro_rules! shader {
             concat!($name, ".wgsl"),
             include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl")),
         )
+        .from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl"))
     };
 }

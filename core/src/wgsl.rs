@@ -37,15 +37,12 @@
 //! Every `@compute` entry point is a pass, in the order of the file, with one thread for each element of the first port
 //! that it uses and may write.
 
-use std::{
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::{fs, path::PathBuf};
 
 use naga::{ShaderStage, StorageAccess};
 
 use crate::{
-    error::{GraphError, Place, Problem, Problems},
+    error::{GraphError, Problem, Problems},
     facts::Facts,
     file::{FlatNode, GraphFile},
     params::{ParamError, ParamKind, ParamSpec, ParamValue, parse_ron, parse_value},
@@ -60,13 +57,7 @@ use crate::{
 ///
 /// The syntax of a parameter's default and range is a line of its comment, `/// = 0.5 in 0..2 unit m`.
 pub fn wgsl_kind() -> Box<dyn Kind> {
-    wgsl_kind_from(|path| fs::read_to_string(path))
-}
-
-/// [`wgsl_kind`] with shaders whose texts `read` gives by their paths: for an editor, which has texts that no file holds
-/// yet.
-pub fn wgsl_kind_from(read: impl Fn(&Path) -> io::Result<String> + Send + Sync + 'static) -> Box<dyn Kind> {
-    Box::new(WgslKind { read: Box::new(read) })
+    Box::new(WgslKind)
 }
 
 impl GraphFile {
@@ -87,12 +78,7 @@ impl GraphFile {
 /// The name in graph files.
 const KIND: &str = "wgsl";
 
-/// Gives the text of a file.
-type Read = dyn Fn(&Path) -> io::Result<String> + Send + Sync;
-
-struct WgslKind {
-    read: Box<Read>,
-}
+struct WgslKind;
 
 impl Kind for WgslKind {
     fn name(&self) -> &'static str {
@@ -126,14 +112,18 @@ impl Kind for WgslKind {
             problem(GraphError::Value { name: "shader".into(), expected, cause: error.cause })
         })?;
         let file = cx.folder(param).join(&path);
-        let source = (self.read)(&file).map_err(|error| {
+        let edited = cx.library.edited.get(&file).map(|text| text.to_string());
+        let source = edited.map_or_else(|| fs::read_to_string(&file), Ok).map_err(|error| {
             problem(GraphError::Io { action: "read", cause: format!("{}: {error}", file.display()) })
         })?;
 
-        let shader = Shader::new(path, source);
+        let shader = Shader::new(path, source).from_file(file);
         let reflected = reflect::compose(&shader, cx.library, Needs { atomic64: true });
-        let reflected = reflected
-            .map_err(|error| at_its_line(error, &file, &cx.node.name.value).unwrap_or_else(problem))?;
+        let reflected =
+            reflected.map_err(|error| match reflect::at_its_line(error, &shader, cx.library) {
+                Ok(placed) => placed.node(&cx.node.name.value),
+                Err(error) => problem(error),
+            })?;
         let name = shader.name.clone();
         let mut messages = Vec::new();
         let declaration = declare(shader, &reflected, cx.meaning, &mut messages);
@@ -160,17 +150,6 @@ impl Kind for WgslKind {
         })
         .into_result()?;
         Ok(Box::new(WgslStage { declaration, specs, words }))
-    }
-}
-
-/// A problem in a user's file, at its line there; the error itself where the line is in another file.
-fn at_its_line(error: GraphError, file: &Path, node: &str) -> Result<Problem, GraphError> {
-    match error {
-        GraphError::Shader { shader, message, place: Some(place) } if place.file == shader => {
-            let place = Place { file: file.display().to_string(), ..*place };
-            Ok(Problem::new(GraphError::Shader { shader, message, place: None }).at(place).node(node))
-        }
-        error => Err(error),
     }
 }
 

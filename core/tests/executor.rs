@@ -3,7 +3,7 @@
 
 use epigraph_core::{
     CpuContext, Executor, Extent, Frame, GraphFile, Host, In, Io, Out, Registry, RunError, Settings, Shader,
-    Side, Source, Stage, Step, compile, params, testing::gpu, texel,
+    ShaderModule, Side, Source, Stage, Step, compile, params, testing::gpu, texel,
 };
 
 /// Counts frames in kept memory and writes pixel index + 1000 * frame.
@@ -297,8 +297,8 @@ impl Stage for Wide {
 
 fn registry() -> Registry {
     Registry::default()
-        .with_module("frame", epigraph_shaders::text("shared/frame.wgsl"))
-        .with_module("index", epigraph_shaders::text("shared/index.wgsl"))
+        .with_module(ShaderModule::new("frame", epigraph_shaders::text("shared/frame.wgsl")))
+        .with_module(ShaderModule::new("index", epigraph_shaders::text("shared/index.wgsl")))
         .with::<Ramp>()
         .with::<Mix>()
         .with::<Bump>()

@@ -22,6 +22,7 @@ item! {
 fn library() -> ShaderLibrary {
     ShaderLibrary {
         modules: vec![ShaderModule::new("shared/frame.wgsl", FRAME), ShaderModule::new("index", INDEX)],
+        ..ShaderLibrary::default()
     }
 }
 

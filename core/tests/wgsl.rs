@@ -87,6 +87,7 @@ fn make(shader: &str, params: &str) -> Result<Box<dyn AnyStage>, Problems> {
     let file = GraphFile::load(&graph)?;
     let library = ShaderLibrary {
         modules: vec![ShaderModule::new("frame.wgsl", epigraph_shaders::text("shared/frame.wgsl"))],
+        ..ShaderLibrary::default()
     };
     let cx = NodeContext {
         file: &file,

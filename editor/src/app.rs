@@ -1,5 +1,7 @@
 //! The window: a toolbar, movable panes, and a status line.
 
+use std::sync::Arc;
+
 use eframe::{CreationContext, Frame};
 use egui::{Context, Key, KeyboardShortcut, Modifiers, Ui};
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
@@ -7,7 +9,7 @@ use epigraph::Registry;
 
 use crate::{
     dialog::{Answer, Dialog},
-    document::Document,
+    document::{Document, Sources},
     engine::{Command, Options},
     help,
     intent::{Ask, Intent},
@@ -85,7 +87,8 @@ impl App {
 
     /// Opens what the program starts with, with these kinds of stage.
     pub fn open(creation: &CreationContext, opening: Opening, registry: Registry) -> Self {
-        let Opening { document, options, stored, store, notice } = opening;
+        let Opening { mut document, options, stored, store, notice } = opening;
+        document.use_sources(Arc::new(Sources::new(&registry)));
         theme::apply(&creation.egui_ctx);
         widgets::publish(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
@@ -193,8 +196,9 @@ impl App {
     }
 
     /// Switches to another graph. Unsaved changes of the one before are kept until it is opened again.
-    pub fn go_on(&mut self, document: Document) {
+    pub fn go_on(&mut self, mut document: Document) {
         self.keep();
+        document.use_sources(self.session.document.sources().clone());
         if let Some(store) = &mut self.store {
             store.change_document();
             self.recovery = store.recovery(&document);

@@ -54,7 +54,11 @@ impl Beside {
         let path = self.path.as_deref().unwrap_or(document.path());
         if self.open.as_ref().is_none_or(|(open, _)| open != path) {
             self.choices = files::graphs(Path::new(document.path()));
-            let open = Document::open(Path::new(path)).map_err(|problems| problems.to_string());
+            let open = Document::open(Path::new(path)).map(|mut open| {
+                open.use_sources(document.sources().clone());
+                open
+            });
+            let open = open.map_err(|problems| problems.to_string());
             self.open = Some((path.to_owned(), open));
         }
         let Some((_, Ok(open))) = &self.open else { return end(&mut self.sent) };

@@ -27,6 +27,7 @@ macro_rules! shader {
             concat!($name, ".wgsl"),
             const { epigraph_shaders::text(concat!($name, ".wgsl")) },
         )
+        .from_file(std::path::Path::new(epigraph_shaders::FOLDER).join(concat!($name, ".wgsl")))
     };
 }
 
@@ -66,7 +67,9 @@ pub use shared::{
     world::World,
 };
 
-use epigraph_core::{Registry, wgsl_kind};
+use std::path::Path;
+
+use epigraph_core::{Registry, ShaderModule, wgsl_kind};
 
 /// All stages, and the shader modules that any shader may import.
 pub fn registry() -> Registry {
@@ -99,7 +102,10 @@ pub fn registry() -> Registry {
         .with::<trace::Trace>()
         .with_kind(wgsl_kind());
     let modules = epigraph_shaders::FILES.iter().filter(|(path, _)| path.starts_with("shared/"));
-    let registry = modules.fold(registry, |registry, (path, text)| registry.with_module(path, text));
+    let registry = modules.fold(registry, |registry, (path, text)| {
+        let file = Path::new(epigraph_shaders::FOLDER).join(path);
+        registry.with_module(ShaderModule::new(*path, *text).from_file(file))
+    });
     registry
         .with_constants("cloud", shared::cloud::CONSTANTS)
         .with_constants("edge_pixel", shared::edge_pixel::CONSTANTS)

@@ -135,15 +135,12 @@ mod tests {
     #[test]
     fn a_program_is_shared_while_it_is_in_use() {
         let gpu = Gpu::open(AdapterChoice::Any).unwrap();
-        let shader = |twice: &str| Shader {
-            name: "twice.wgsl".into(),
-            source: format!(
+        let shader = |twice: &str| {
+            let text = format!(
                 "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
                  @compute @workgroup_size(1) fn main() {{ out[0] = {twice}; }}"
-            )
-            .into(),
-            defines: Vec::new(),
-            constants: Vec::new(),
+            );
+            Shader::new("twice.wgsl", text)
         };
         let get =
             |text: &str| gpu.programs.get(&gpu, &shader(text), &ShaderLibrary::default(), Needs::default());

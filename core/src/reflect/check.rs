@@ -4,14 +4,14 @@ use std::borrow::Cow;
 
 use naga::{ShaderStage, StorageAccess};
 
-use super::{Entry, Reflected, Space, Variable};
+use super::{Entry, Reflected, Space, Variable, compose};
 use crate::{
     error::GraphError,
     frame::Frame,
     params::ParamSpec,
     port::{Access, Element, Member, Port, Scalar},
-    shader::Pass,
-    stage::Declaration,
+    shader::{Pass, ShaderLibrary},
+    stage::{AnyStage, Declaration},
 };
 
 /// Storage buffers that an entry point may use on every WebGPU device we target (Chromium's limit).
@@ -22,6 +22,16 @@ const MAX_STORAGE_TEXTURES: usize = 4;
 const MAX_INVOCATIONS: u64 = 256;
 /// Bytes of workgroup memory (WebGPU's default limit).
 const MAX_WORKGROUP_BYTES: u32 = 16384;
+
+/// What is wrong with a stage's shader: that it does not parse or validate, or else all that [`check`] finds.
+pub fn check_stage(stage: &dyn AnyStage, library: &ShaderLibrary) -> Vec<GraphError> {
+    let declaration = stage.declaration();
+    let Some(shader) = &declaration.shader else { return Vec::new() };
+    match compose(shader, library, declaration.needs) {
+        Ok(reflected) => check(&reflected, &shader.name, declaration, &stage.specs()),
+        Err(error) => vec![error],
+    }
+}
 
 /// Everything in which a shader differs from what its stage declares: a variable for each field of each port, of the
 /// right kind, element type and access; `params` laid out as the parameters; `frame` laid out as [`Frame`]; an entry

@@ -5,8 +5,10 @@
 //! comment, and a place in it is a line of one file. (naga_oil was tried. In imported modules it refuses struct members that end in a digit and type aliases, and loses
 //! constants without a type; it renames what it imports, and in the importing shader also members of the same name.)
 
+use std::borrow::Cow;
+
 use crate::{
-    error::{GraphError, Place, Span},
+    error::{GraphError, Place, Problem, Span},
     shader::{Shader, ShaderLibrary, ShaderModule},
 };
 
@@ -41,6 +43,59 @@ impl Composed {
     }
 }
 
+/// A problem of a shader at its line in the file that it stands in: the shader's own, or that of a module that an editor
+/// has a text of. The error itself where there is no such file.
+pub(crate) fn at_its_line(
+    error: GraphError,
+    shader: &Shader,
+    library: &ShaderLibrary,
+) -> Result<Problem, GraphError> {
+    let GraphError::Shader { shader: name, message, place: Some(place) } = error else { return Err(error) };
+    let file = if place.file == shader.name {
+        shader.file.as_ref()
+    } else {
+        let module = library.modules.iter().find(|module| place.file == module.name);
+        module.and_then(|module| module.file.as_ref()).filter(|file| library.edited.get(file).is_some())
+    };
+    let Some(file) = file else {
+        return Err(GraphError::Shader { shader: name, message, place: Some(place) });
+    };
+    let place = Place { file: file.display().to_string(), ..*place };
+    Ok(Problem::new(GraphError::Shader { shader: name, message, place: None }).at(place))
+}
+
+/// Whether an editor has another text of the shader, or of a module that it imports, than the program has embedded.
+pub(crate) fn is_edited(shader: &Shader, library: &ShaderLibrary) -> bool {
+    let mut texts = vec![library.edited.or_embedded(shader.file.as_deref(), &shader.source)];
+    let mut seen: Vec<&str> = Vec::new();
+    while let Some(text) = texts.pop() {
+        if matches!(text, Cow::Owned(_)) {
+            return true;
+        }
+        for module in imports(&text).filter_map(|import| library.module(import)) {
+            if !seen.contains(&module.import()) {
+                seen.push(module.import());
+                texts.push(library.edited.or_embedded(module.file.as_deref(), &module.source));
+            }
+        }
+    }
+    false
+}
+
+/// The names after `#import` in a shader or module, whether their lines are kept or not.
+pub fn imports(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().filter_map(directive).filter_map(|words| match words[..] {
+        ["import", module] => Some(module),
+        _ => None,
+    })
+}
+
+/// The words of a directive, without the `#`; none for a line of WGSL.
+fn directive(line: &str) -> Option<Vec<&str>> {
+    let directive = line.trim_start().strip_prefix('#')?;
+    Some(directive.split("//").next().unwrap_or_default().split_whitespace().collect())
+}
+
 fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
     let place = Some(Box::new(Place::of(name, source, at)));
     GraphError::Shader { shader: name.to_owned(), message: message.to_owned(), place }
@@ -52,25 +107,23 @@ fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
 /// a file of their own.
 pub(crate) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Composed, GraphError> {
     let mut composed = Composed { text: String::new(), name: shader.name.to_string(), parts: Vec::new() };
-    let mut imports: Vec<&str> = Vec::new();
+    let mut imports: Vec<String> = Vec::new();
     let mut next = 0;
-    let (mut name, mut source): (&str, &str) = (&shader.name, &shader.source);
+    let (mut name, mut source, mut file) = (&*shader.name, &*shader.source, shader.file.as_deref());
     let mut constants = &shader.constants[..];
     loop {
         composed.parts.push(Part { name: format!("constants of {name}"), start: composed.text.len() });
         constants.iter().for_each(|constant| constant.declare(&mut composed.text));
         composed.parts.push(Part { name: name.to_owned(), start: composed.text.len() });
-        preprocess(name, source, shader, library, &mut imports, &mut composed.text)?;
-        let Some(module) = imports.get(next).and_then(|import| find(library, import)) else {
+        let text = library.edited.or_embedded(file, source);
+        preprocess(name, &text, shader, library, &mut imports, &mut composed.text)?;
+        let Some(module) = imports.get(next).and_then(|import| library.module(import)) else {
             return Ok(composed);
         };
         next += 1;
-        (name, source, constants) = (&module.name, &module.source, &module.constants);
+        (name, source, file) = (&*module.name, &*module.source, module.file.as_deref());
+        constants = &module.constants;
     }
-}
-
-fn find<'l>(library: &'l ShaderLibrary, name: &str) -> Option<&'l ShaderModule> {
-    library.modules.iter().find(|module| module.import() == name)
 }
 
 /// An open `#ifdef`.
@@ -82,12 +135,12 @@ struct Condition {
     at: Span,
 }
 
-fn preprocess<'s>(
+fn preprocess(
     name: &str,
-    source: &'s str,
+    source: &str,
     shader: &Shader,
     library: &ShaderLibrary,
-    imports: &mut Vec<&'s str>,
+    imports: &mut Vec<String>,
     out: &mut String,
 ) -> Result<(), GraphError> {
     let mut conditions: Vec<Condition> = Vec::new();
@@ -99,7 +152,7 @@ fn preprocess<'s>(
         let fail = |message: &str| error_in(name, source, at, message);
         let keep = conditions.last().is_none_or(|condition| condition.outer && condition.holds);
 
-        let Some(directive) = line.trim_start().strip_prefix('#') else {
+        let Some(directive) = directive(line) else {
             if keep {
                 out.push_str(line.trim_end_matches(['\r', '\n']));
             }
@@ -107,21 +160,19 @@ fn preprocess<'s>(
             continue;
         };
         out.push('\n');
-        let directive = directive.split("//").next().unwrap_or_default();
-        match directive.split_whitespace().collect::<Vec<_>>()[..] {
+        match directive[..] {
             ["import", module] if keep => {
-                if find(library, module).is_none() {
+                if library.module(module).is_none() {
                     let known = library.modules.iter().map(ShaderModule::import);
                     return Err(fail(&GraphError::unknown("module", module, known).to_string()));
                 }
-                if !imports.contains(&module) {
-                    imports.push(module);
+                if !imports.iter().any(|known| known == module) {
+                    imports.push(module.to_owned());
                 }
             }
             ["import", _] => {}
-            ["ifdef", define] | ["ifndef", define] => {
-                let defined = shader.defines.contains(&define);
-                let holds = defined == directive.trim_start().starts_with("ifdef");
+            [word @ ("ifdef" | "ifndef"), define] => {
+                let holds = shader.defines.contains(&define) == (word == "ifdef");
                 conditions.push(Condition { outer: keep, holds, in_else: false, at });
             }
             ["else"] => match conditions.last_mut() {

@@ -10,17 +10,13 @@ pub mod nodes;
 mod params;
 mod pins;
 pub mod places;
+mod shaders;
 mod swap;
 #[cfg(test)]
 pub(crate) mod tests;
 mod unsaved;
 
-use std::{
-    collections::BTreeMap,
-    fs, io,
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
 
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
 use epigraph_pictures::Target;
@@ -28,6 +24,8 @@ use epigraph_pictures::Target;
 pub use params::{home, param_text, remove_param};
 pub use pins::{INPUTS, Pin, ends, output_port, pins};
 pub use places::Places;
+use shaders::ShaderFiles;
+pub use shaders::Sources;
 pub use swap::{fitting, swap};
 
 /// Texts by the path of their file, the graph's own and those of its parts.
@@ -63,8 +61,9 @@ pub struct Document {
     tag: Tag,
     notice: Option<String>,
     file: Option<Arc<GraphFile>>,
-    /// Nodes of kind `wgsl` and the paths of their shaders.
-    shaders: Vec<(String, String)>,
+    /// Where the shaders of stages are from.
+    sources: Arc<Sources>,
+    shaders: ShaderFiles,
     problems: Vec<Problem>,
     revision: u64,
 }
@@ -93,7 +92,8 @@ impl Document {
             future: Vec::new(),
             tag: Tag::Once,
             file: None,
-            shaders: Vec::new(),
+            sources: Arc::default(),
+            shaders: ShaderFiles::default(),
             problems: Vec::new(),
             revision: 0,
         };
@@ -107,7 +107,7 @@ impl Document {
         &self.path
     }
 
-    /// The paths of all texts: the graph's own first, then its parts'.
+    /// The paths of all texts: the graph's own first, then its parts' and its shaders'.
     pub fn paths(&self) -> impl Iterator<Item = &str> {
         let parts = self.contents.texts.keys().map(String::as_str).filter(|path| *path != self.path);
         std::iter::once(self.path.as_str()).chain(parts)
@@ -116,25 +116,6 @@ impl Document {
     /// The text of a file; empty where there is none of that path.
     pub fn text(&self, path: &str) -> &str {
         self.contents.texts.get(path).map_or("", |text| text)
-    }
-
-    /// The shader files of the graph's nodes of kind `wgsl` that could be read, with their texts.
-    pub fn shaders(&self) -> impl Iterator<Item = (&str, &Arc<str>)> {
-        self.contents
-            .texts
-            .iter()
-            .filter(|(path, _)| self.user_of(path).is_some())
-            .map(|(path, text)| (path.as_str(), text))
-    }
-
-    /// The path of the shader file of a node, by the node's address.
-    pub fn shader_of(&self, address: &str) -> Option<&str> {
-        self.shaders.iter().find(|(node, _)| node == address).map(|(_, path)| path.as_str())
-    }
-
-    /// The first node that uses a shader file.
-    pub fn user_of(&self, shader: &str) -> Option<&str> {
-        self.shaders.iter().find(|(_, path)| path == shader).map(|(node, _)| node.as_str())
     }
 
     /// The graph as of the last texts without problems; none where there never were any.
@@ -301,22 +282,6 @@ impl Document {
         changed
     }
 
-    /// Reads the shaders that are not known yet; whether there were any. One that cannot be read is told on compiling.
-    fn add_shaders(&mut self) -> bool {
-        let mut found = false;
-        for (_, path) in &self.shaders {
-            if !self.contents.texts.contains_key(path)
-                && let Ok(text) = fs::read_to_string(path)
-            {
-                let text: Arc<str> = text.into();
-                self.contents.texts.insert(path.clone(), text.clone());
-                self.saved.texts.insert(path.clone(), text);
-                found = true;
-            }
-        }
-        found
-    }
-
     fn change_texts(&mut self, tag: Tag, texts: Texts) {
         self.change(tag, texts, Places::clone(&self.contents.places));
     }
@@ -363,19 +328,13 @@ impl Document {
         match read {
             Ok(file) => {
                 add_parts(&file, &mut self.contents.texts, &mut self.saved.texts);
-                self.shaders = file.shaders().into_iter().map(name_shader).collect();
-                self.add_shaders();
+                self.find_shaders(&file);
                 self.file = Some(Arc::new(file));
                 self.problems = Vec::new();
             }
             Err(problems) => self.problems = problems.0,
         }
     }
-}
-
-/// A shader's path as texts are named.
-fn name_shader((node, path): (String, PathBuf)) -> (String, String) {
-    (node, path.display().to_string())
 }
 
 /// Writes a file, whole or not at all.

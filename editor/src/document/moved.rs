@@ -70,7 +70,9 @@ impl Document {
         write(path, &moved(file, path))?;
         write_places(path, &self.contents.places)?;
         let revision = self.revision;
+        let sources = self.sources.clone();
         *self = Self::open(path)?;
+        self.use_sources(sources);
         self.revision = revision + 1;
         Ok(())
     }

@@ -24,7 +24,7 @@ use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
 use epigraph_scenes::Camera;
 
 use crate::inspect::Inspection;
-use worker::{ReadShaders, shader_kind};
+use worker::{ReadShaders, edited};
 
 pub use epigraph::{Backend, Pace};
 pub use info::{GraphInfo, NodeInfo, PortInfo, StepInfo, Transfer};
@@ -220,7 +220,7 @@ impl Engine {
     /// Starts the thread, with these kinds of stage. `wake` is called from it whenever there is a new state.
     pub fn start(options: Options, registry: Registry, wake: impl Fn() + Send + 'static) -> Self {
         let read = ReadShaders::default();
-        let registry = Arc::new(registry.with_kind(shader_kind(&read)));
+        let registry = Arc::new(registry.with_edited(edited(&read)));
         let (sender, commands) = mpsc::channel();
         let first = State { paused: options.paused, ..State::default() };
         let published = Arc::new(Mutex::new(Arc::new(first)));

@@ -286,6 +286,56 @@ fn random_edits_never_end_the_engine_nor_take_its_graph() {
     assert!(ran > 60, "{ran} edited graphs ran");
 }
 
+/// The path of a shader that is embedded in this program, with a text in its place.
+fn shader(path: &str, text: String) -> (PathBuf, Arc<str>) {
+    (Path::new(epigraph_shaders::FOLDER).join(path), text.into())
+}
+
+fn shaders(texts: impl IntoIterator<Item = (PathBuf, Arc<str>)>) -> Command {
+    Command::Shaders(Arc::new(texts.into_iter().collect()))
+}
+
+#[test]
+fn shaders_of_stages_run_as_edited_and_the_last_good_one_runs_on() {
+    let cull = epigraph_shaders::text("depth_cull.wgsl");
+    let edited = |from: &str, to: &str| {
+        assert!(cull.contains(from));
+        shader("depth_cull.wgsl", cull.replace(from, to))
+    };
+    // The whole picture of the fourth frame, computed anew from the first.
+    let options = Options { backend: Backend::Gpu, ..options() };
+    let engine = Engine::start(options, epigraph::registry(), || ());
+    send(&engine, [Command::Graph(graph("render-cache.ron"))], 0);
+    let fourth = |texts| image(&send(&engine, [shaders(texts), Command::Reset, Command::Step(4)], 4));
+    let built = fourth(vec![]);
+    assert_eq!(fourth(vec![shader("depth_cull.wgsl", cull.to_owned())]), built);
+    let bare = fourth(vec![edited("if is_hidden {", "if true {")]);
+    assert_ne!(bare, built, "all points are culled");
+
+    // What is wrong is reported where it is, and what ran before runs on.
+    let faulty = edited("fn cull(", "fn culls(u: v32, ");
+    let line = 1 + cull.lines().position(|line| line.contains("fn cull(")).unwrap();
+    let state = send(&engine, [shaders([faulty.clone()]), Command::Step(1)], 5);
+    let problem = &state.problems[0];
+    let place = problem.place.as_ref().unwrap();
+    assert_eq!((place.file.as_str(), place.line), (faulty.0.to_str().unwrap(), line), "{problem}");
+    assert!(problem.node.as_deref() == Some("view/cull") && problem.error.to_string().contains("v32"));
+    assert_eq!((fourth(vec![faulty]), engine.state().problems.len()), (bare, 1));
+
+    // A module, too; and where nothing has run yet, it is what is embedded that does.
+    let pixel = epigraph_shaders::text("shared/pixel.wgsl");
+    let broken = shader("shared/pixel.wgsl", format!("{pixel}\nfn broken() -> u33 {{ return 0u; }}\n"));
+    let state = send(&engine, [shaders([broken.clone()]), Command::Step(1)], 5);
+    let place = state.problems[0].place.as_ref().unwrap();
+    assert_eq!((place.file.as_str(), place.line), (broken.0.to_str().unwrap(), pixel.lines().count() + 2));
+    assert_eq!(state.problems.len(), 1, "{:?}", state.problems);
+    let options = Options { backend: Backend::Gpu, ..self::options() };
+    let engine = Engine::start(options, epigraph::registry(), || ());
+    let commands = [shaders([broken]), Command::Graph(graph("render-cache.ron")), Command::Step(4)];
+    let state = send(&engine, commands, 4);
+    assert_eq!((image(&state), state.problems.len()), (built, 1));
+}
+
 /// Panics in its first frame when it is told to.
 struct Unruly {
     out: Out<texel::R32Float>,

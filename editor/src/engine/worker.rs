@@ -24,7 +24,7 @@ use epigraph_core::{Capture, Gpu, GraphFile, Host, MAX_SIDE, Registry};
 use epigraph_scenes::{Camera, FRAMES_PER_SECOND};
 
 use build::Rebuild;
-pub use build::shader_kind;
+pub use build::edited;
 use inspected::Inspected;
 use other::Other;
 use playback::Path;
@@ -34,7 +34,7 @@ use super::{
     running::{Running, message},
 };
 
-/// The shader texts that a graph is compiled with, where [`shader_kind`] finds them.
+/// The shader texts that a graph is compiled with, where [`edited`] finds them.
 pub type ReadShaders = Arc<Mutex<Arc<Shaders>>>;
 
 /// Runs until the sender of the commands is gone. `registry` reads shaders from `read`.

@@ -1,4 +1,7 @@
-use std::{fs, path::PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use egui::{Key, Modifiers, accesskit::Role};
 use egui_kittest::kittest::Queryable;
@@ -78,6 +81,40 @@ fn a_shader_is_edited_in_place_and_saved_whole() {
     let saved = fs::read_to_string(&shader).unwrap();
     assert!(saved.contains("// mine") && saved.len() == sound.len() + "// mine\n".len(), "{saved}");
     assert!(!opened.app().session.document.is_dirty());
+}
+
+#[test]
+fn the_shader_of_a_stage_is_edited_where_its_source_is() {
+    let mut opened = Opened::new("render-cache.ron");
+    opened.frames(2);
+    assert!(!opened.app().session.document.is_dirty());
+    opened.click("Shader");
+    opened.harness.state_mut().session.selected = Some("tonemap".into());
+    opened.settle(4);
+    let sound = epigraph_shaders::text("tonemap.wgsl");
+    let field = opened.harness.get_by_role(Role::MultilineTextInput);
+    assert_eq!(field.value().as_deref(), Some(sound));
+    assert!(opened.harness.query_by_label_contains("its twin in Rust runs").is_some());
+    field.focus();
+    opened.harness.run_steps(2);
+    opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Home);
+    opened.harness.run_steps(2);
+    opened.harness.get_by_role(Role::MultilineTextInput).type_text("mine");
+    opened.until("the problem", |app| !app.session.problems().is_empty());
+    let problem = opened.app().session.problems()[0].clone();
+    let place = problem.place.as_ref().unwrap();
+    assert!(place.file.ends_with("tonemap.wgsl") && place.text.contains("mine"), "{problem}");
+    opened.frames(1);
+    opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    opened.until("no problem", |app| app.session.problems().is_empty());
+    assert!(!opened.app().session.document.is_dirty());
+
+    // The cursor in a shared file selects nothing else.
+    let module = Path::new(epigraph_shaders::FOLDER).join("shared/frame.wgsl");
+    let path = module.display().to_string();
+    opened.push(Intent::Jump(Jump { path, at: (1, 1) }));
+    opened.settle(4);
+    assert_eq!(opened.app().session.selected.as_deref(), Some("tonemap"));
 }
 
 #[test]

@@ -1,9 +1,12 @@
 //! From a graph's file to what runs.
 
-use std::{collections::HashMap, fs, sync::PoisonError};
+use std::{
+    collections::HashMap,
+    sync::{Arc, PoisonError},
+};
 
 use epigraph::{Device, Setup};
-use epigraph_core::{GraphFile, Kind, Problems, wgsl_kind_from};
+use epigraph_core::{EditedTexts, GraphFile, Problems};
 
 use super::{ReadShaders, Worker, samples};
 use crate::engine::running::{Running, Taps, problems};
@@ -31,7 +34,10 @@ impl Worker {
         self.state.problems = Vec::new();
         self.rebuild_other(rebuild);
         let newest = self.file.clone().map(|file| (file, self.shaders.clone()));
-        for (file, shaders) in [newest, self.good.clone()].into_iter().flatten() {
+        // Before one has compiled, the shaders in the files, and those that are embedded, are the last good ones.
+        let as_built = || Some((self.file.clone()?, Arc::default()));
+        let last = self.good.clone().or_else(as_built);
+        for (file, shaders) in [newest, last].into_iter().flatten() {
             *self.read.lock().unwrap_or_else(PoisonError::into_inner) = shaders.clone();
             let taps = self.taps();
             match self.compile(&file, taps) {
@@ -107,11 +113,8 @@ impl Worker {
     }
 }
 
-/// The kind `wgsl` with texts that stand in for files.
-pub fn shader_kind(read: &ReadShaders) -> Box<dyn Kind> {
+/// Texts that stand in for shader files.
+pub fn edited(read: &ReadShaders) -> EditedTexts {
     let read = read.clone();
-    wgsl_kind_from(move |path| {
-        let text = read.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned();
-        text.map_or_else(|| fs::read_to_string(path), |text| Ok(text.to_string()))
-    })
+    EditedTexts::new(move |path| read.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned())
 }

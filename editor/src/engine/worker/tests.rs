@@ -15,7 +15,7 @@ fn worker() -> Worker {
         ..Options::default()
     };
     let read = ReadShaders::default();
-    let registry = Arc::new(epigraph::registry().with_kind(shader_kind(&read)));
+    let registry = Arc::new(epigraph::registry().with_edited(edited(&read)));
     let mut worker = Worker::new(options, registry, read, load("cornell").unwrap());
     let graph = path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/render-cache.ron");
     worker.obey(Command::Graph(Arc::new(GraphFile::load(&graph).unwrap())), &|_| ());

@@ -13,7 +13,7 @@ use egui::{
     text_edit::TextEditOutput,
     vec2,
 };
-use epigraph_core::Problem;
+use epigraph_core::{Problem, Side};
 use search::Search;
 pub use syntax::Language;
 use syntax::{Highlight, HighlightKind};
@@ -71,7 +71,7 @@ impl TextPane {
         }
         let paths = self.paths(session);
         let Some(first) = paths.first() else {
-            ui.strong("No shader of your own here.");
+            ui.strong("No shader to edit here.");
             ui.weak(
                 "A node of kind `wgsl` runs a shader file: its variables are the node's ports and parameters. Add one on \
                  the canvas, and name a file: params: (shader: \"mine.wgsl\").",
@@ -98,6 +98,9 @@ impl TextPane {
             files.response.widget_info(|| WidgetInfo::labeled(WidgetType::ComboBox, true, "File"));
             view = self.search.show(ui, &self.buffer).map(|bytes| View { bytes, focus: false });
         });
+        if self.twin_runs(session) {
+            ui.weak("On the CPU, its twin in Rust runs and not this shader.");
+        }
         if let Some(jump) = jump {
             let at = places::byte(&self.buffer, places::character(&self.buffer, jump.at));
             view = Some(View { bytes: at..at, focus: true });
@@ -125,6 +128,14 @@ impl TextPane {
             Language::Ron => Some(session.document.file()?.node_at(selected)?.1.path.clone()),
             Language::Wgsl => session.document.shader_of(selected).map(str::to_owned),
         }
+    }
+
+    /// Whether all nodes with the shader that is shown run on the CPU.
+    fn twin_runs(&self, session: &Session) -> bool {
+        let users: Vec<&str> = session.document.users_of(&self.path).collect();
+        let nodes = session.state.graph.iter().flat_map(|graph| &graph.nodes);
+        let mut sides = nodes.filter(|node| users.contains(&node.name.as_str())).map(|node| node.side);
+        sides.next().is_some_and(|first| first == Side::Cpu && sides.all(|side| side == Side::Cpu))
     }
 
     /// The lines of the selected node, if they are in view and the text is as it was read.
@@ -241,7 +252,11 @@ impl TextPane {
         // Typing moves the cursor too, but not to another node.
         let Some(at) = cursor.filter(|_| moved && !output.response.changed()) else { return };
         let node = match self.language {
-            Language::Wgsl => session.document.user_of(&self.path).map(str::to_owned),
+            Language::Wgsl => {
+                let users: Vec<&str> = session.document.users_of(&self.path).collect();
+                let is_selected = |user: &&&str| session.selected.as_deref() == Some(**user);
+                users.iter().find(is_selected).or(users.first()).map(|user| (*user).to_owned())
+            }
             Language::Ron if session.document.problems().is_empty() => {
                 let file = session.document.file();
                 file.and_then(|file| places::node_at(file, &self.path, places::byte(&self.buffer, at)))
