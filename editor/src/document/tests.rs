@@ -285,7 +285,9 @@ fn a_swap_keeps_the_wires_and_parameters_that_both_kinds_have() {
     let inputs: Vec<&str> = node.inputs.iter().map(|input| input.port.value.as_str()).collect();
     assert_eq!(inputs, ["cloud", "id", "previous"]);
     assert_eq!(node.inputs[2].from.value.to_string(), "interpolate.color");
-    assert!(document.text(document.path()).contains("// Each pixel's primary region takes the mean"));
+    assert!(
+        document.text(document.path()).contains("// Each pixel's primary region takes the weighted mean")
+    );
     document.undo();
     assert!(!document.can_undo() && !document.is_dirty());
 }
