@@ -7,13 +7,13 @@
 //! let mut run = Run::open("epi")?
 //!     .scene("cornell")
 //!     .camera("orbit")
-//!     .size([96, 64])
+//!     .size([512, 512])
 //!     .samples(Samples::Share(0.05))
 //!     .keep(&["interpolate.color"])
 //!     .start()?;
-//! run.frames(4)?;
+//! run.frames(30)?;
 //! let color: Image<[f32; 4]> = run.read("interpolate.color")?;
-//! assert_eq!(color.size, [96, 64]);
+//! # assert_eq!(color.size, [512, 512]);
 //! # Ok(())
 //! # }
 //! ```

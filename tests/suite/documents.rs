@@ -114,3 +114,14 @@ fn the_readme_shows_the_files_of_the_stage() {
         assert!(readme.contains(&format!("```{language}\n{file}```")), "README.md shows another {path}");
     }
 }
+
+#[test]
+fn the_readme_shows_the_program_that_the_library_tests() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let front = fs::read_to_string(root().join("run/src/lib.rs")).unwrap();
+    let front: String =
+        front.lines().filter_map(|line| line.strip_prefix("//! ")).map(|line| format!("{line}\n")).collect();
+    let program = readme.split("```rust\n").find(|block| block.starts_with("let mut run = Run::open"));
+    let program = program.and_then(|block| block.split("```").next()).expect("the README shows a program");
+    assert!(front.contains(program), "the library's front page has another program");
+}
