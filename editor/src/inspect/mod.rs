@@ -1,7 +1,7 @@
-//! One pixel through the whole graph: what every node did there in one frame, in the order in which they run.
+//! One pixel through the whole graph: the effect of every node there in one frame, in execution order.
 //!
-//! That needs copies of all that all nodes wrote ([`Capture`]). The engine takes them only while somebody inspects, and
-//! then only in frames that are asked for; what they mean, the stages say themselves.
+//! That needs copies of all outputs of all nodes ([`Capture`]). The engine makes them only during an inspection, and
+//! then only in frames that request it; the stages themselves explain the values.
 
 mod picked;
 #[cfg(test)]
@@ -14,10 +14,10 @@ use glam::Vec3;
 
 pub use picked::Picked;
 
-/// How far the place where a ray meets the scene may lie from the point that it is aimed at, as a share of the distance.
+/// Largest distance between the ray's hit and the point that it is aimed at, as a share of the ray's length.
 const SAME_PLACE: f32 = 1e-3;
 
-/// A pixel through the graph, in one frame.
+/// One pixel through the graph, in one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspection {
     /// Column and row.
@@ -26,13 +26,13 @@ pub struct Inspection {
     pub frame: u32,
     /// Bytes that were copied for it.
     pub bytes: u64,
-    /// The point of the cloud that the pixel first shows; none where there is no such thing.
+    /// The point of the cloud that the pixel first shows; `None` if there is none.
     pub sample: Option<Vec<Finding>>,
-    /// The nodes that run, in their order.
+    /// The nodes that run, in execution order.
     pub nodes: Vec<Visit>,
 }
 
-/// What one node did at the pixel.
+/// The effect of one node at the pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visit {
     /// Its address.
@@ -41,14 +41,14 @@ pub struct Visit {
     pub kind: String,
     /// Where it ran.
     pub side: Side,
-    /// What the stage tells of it; none where it cannot tell anything.
+    /// The stage's explanation; `None` if it has none.
     pub findings: Option<Vec<Finding>>,
-    /// What it wrote there, as plain numbers: port and values.
+    /// The values that it wrote there, as plain numbers: port and values.
     pub values: Vec<(String, String)>,
 }
 
 impl Visit {
-    /// Whether there is anything to show.
+    /// True if there is anything to show.
     pub fn is_silent(&self) -> bool {
         match &self.findings {
             Some(findings) => findings.is_empty(),
@@ -68,7 +68,7 @@ pub fn taps(graph: &Graph) -> Vec<Source> {
     graph.nodes.iter().flat_map(ports).collect()
 }
 
-/// Looks at one pixel of a captured frame.
+/// Inspects one pixel of a captured frame.
 pub fn inspect(
     graph: &Graph,
     plan: &Plan,
@@ -103,7 +103,7 @@ pub fn inspect(
     }
 }
 
-/// What a port holds at a pixel; none for lists.
+/// The contents of a port at a pixel; `None` for lists.
 fn value(snapshot: &Snapshot, extent: &Extent, size: [u32; 2], [x, y]: [u32; 2]) -> Option<String> {
     let scale = match extent {
         Extent::Frame(scale) => (*scale).max(1),
@@ -114,7 +114,7 @@ fn value(snapshot: &Snapshot, extent: &Extent, size: [u32; 2], [x, y]: [u32; 2])
     fits.then(|| epigraph_pictures::describe(snapshot, [x / scale, y / scale].map(|along| along as usize)))?
 }
 
-/// Adds the surface on which the sample lies. The cloud does not keep it, so a ray is sent to the point.
+/// Adds the surface on which the sample lies. The cloud does not store it, so a ray is traced to the point.
 fn with_surface(sample: Sample, capture: &Capture, tracer: &Tracer) -> Vec<Finding> {
     let mut findings = sample.findings;
     let Some(position) = sample.surface.map(Vec3::from) else { return findings };

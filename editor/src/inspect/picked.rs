@@ -1,12 +1,12 @@
-//! The pixel that the user has picked, and when the engine is to look at it.
+//! The picked pixel, and when the engine has to inspect it.
 
-/// A picked pixel. The engine is asked to look only while a pane shows what it finds.
+/// The picked pixel. The engine inspects it only while a pane shows the result.
 #[derive(Default)]
 pub struct Picked {
     pixel: Option<[u32; 2]>,
-    /// Whether a pane shows it in this frame of the window.
+    /// True if a pane shows it in this frame of the window.
     is_shown: bool,
-    /// Counted up by everything that asks for a new look.
+    /// Incremented by every request for a new inspection.
     looks: u64,
     sent: Option<([u32; 2], u64)>,
 }
@@ -17,29 +17,29 @@ impl Picked {
         self.pixel
     }
 
-    /// Picks a pixel, which a pane will show.
+    /// Picks a pixel, for a pane to show.
     pub fn pick(&mut self, pixel: [u32; 2]) {
         self.pixel = Some(pixel);
         self.is_shown = true;
         self.look();
     }
 
-    /// Picks none.
+    /// Clears the picked pixel.
     pub fn forget(&mut self) {
         self.pixel = None;
     }
 
-    /// A pane shows it; to be said in every frame of the window.
+    /// Marks the pixel as shown by a pane; to be called in every frame of the window.
     pub fn show(&mut self) {
         self.is_shown = true;
     }
 
-    /// Asks for a new look at the same pixel.
+    /// Requests a new inspection of the same pixel.
     pub fn look(&mut self) {
         self.looks += 1;
     }
 
-    /// What the engine is to be told, if anything; once for each frame of the window.
+    /// The change to send to the engine, if any; once for each frame of the window.
     pub fn news(&mut self) -> Option<Option<[u32; 2]>> {
         let shown = std::mem::take(&mut self.is_shown);
         let wish = self.pixel.filter(|_| shown).map(|pixel| (pixel, self.looks));
@@ -59,14 +59,14 @@ mod tests {
         let mut picked = Picked::default();
         assert_eq!(picked.news(), None);
         picked.pick([3, 4]);
-        // The pane is on its way to the front.
+        // The pane is about to come to the front.
         assert_eq!(picked.news(), Some(Some([3, 4])));
         picked.show();
         assert_eq!(picked.news(), None);
         picked.show();
         picked.look();
         assert_eq!(picked.news(), Some(Some([3, 4])));
-        // Now another pane lies before it.
+        // Now another pane hides it.
         assert_eq!(picked.news(), Some(None));
         assert_eq!(picked.news(), None);
     }

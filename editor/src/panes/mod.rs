@@ -20,7 +20,7 @@ pub use viewer::Viewer;
 
 use crate::{intent::Intent, keyboard, session::Session};
 
-/// What a tile shows. Of it, sessions keep what the user has set.
+/// The contents of a tile. Sessions keep the parts that the user has set.
 #[derive(Serialize, Deserialize)]
 pub enum Pane {
     /// An image.
@@ -41,11 +41,11 @@ pub enum Pane {
     Times(#[serde(skip)] TimesPane),
 }
 
-/// The panes at work on a session.
+/// The panes of a session.
 pub struct Panes<'a> {
-    /// What they share.
+    /// Their shared state.
     pub session: &'a mut Session,
-    /// How many viewers there are; the last one cannot be closed.
+    /// Number of viewers; the last one cannot be closed.
     pub viewers: usize,
 }
 
@@ -54,7 +54,7 @@ impl Behavior<Pane> for Panes<'_> {
         keyboard::pane(ui, tile, self.tab_title_for_pane(pane).text());
         let frame = egui::Frame::new().inner_margin(6).fill(ui.visuals().panel_fill);
         frame.show(ui, |ui| {
-            // The frame fills the tile, also where the pane has little to say.
+            // The frame fills the tile, even if the pane's contents do not.
             ui.set_min_size(ui.available_size());
             match pane {
                 Pane::Viewer(viewer) => viewer.show(ui, self.session),
@@ -99,7 +99,7 @@ impl Behavior<Pane> for Panes<'_> {
     }
 
     fn simplification_options(&self) -> SimplificationOptions {
-        // A pane alone keeps its tab, where others can be dropped.
+        // A single pane keeps its tab, where others can be dropped.
         SimplificationOptions { all_panes_must_have_tabs: true, ..SimplificationOptions::default() }
     }
 

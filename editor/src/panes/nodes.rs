@@ -1,4 +1,4 @@
-//! The list of nodes in the order in which they run, with what they cost and what they write.
+//! The list of nodes in execution order, with their costs and outputs.
 
 use egui::{Align, Button, Layout, RichText, ScrollArea, Sense, TextEdit, Ui, WidgetInfo, WidgetType, vec2};
 use epigraph_core::Side;
@@ -80,7 +80,7 @@ fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
     }
 }
 
-/// What the node writes; a click shows it.
+/// The node's outputs; a click shows one.
 fn ports(ui: &mut Ui, session: &mut Session, node: &NodeInfo) {
     for info in node.ports.iter().filter(|info| info.port.is_output()) {
         let name = format!("{}.{}", node.name, info.port.name);

@@ -1,4 +1,4 @@
-//! The selected node: what it does, where it runs, its parameters from the stage's own declaration.
+//! The selected node: its purpose, its side, its parameters from the stage's own declaration.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::{
     theme,
 };
 
-/// Ranges wider than this are not for a slider.
+/// Wider ranges get no slider.
 const WIDEST: f64 = 1e5;
 
 /// Shows it.
@@ -59,7 +59,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     });
 }
 
-/// A node that stands for a graph of its own: its nodes.
+/// A node that contains a graph of its own: its nodes.
 fn part(ui: &mut Ui, session: &mut Session, address: &str) {
     ui.strong(address);
     ui.weak("Stands for a graph of its own, with these nodes:");
@@ -139,7 +139,7 @@ fn parameter(ui: &mut Ui, session: &mut Session, file: &GraphFile, address: &str
     ui.end_row();
 }
 
-/// Takes the parameter out of the file.
+/// Removes the parameter from the file.
 fn reset(ui: &mut Ui, spec: &ParamSpec, enabled: bool) -> egui::Response {
     let reset = ui.add_enabled(enabled, egui::Button::new("⟲").frame(false));
     let name = format!("default of {}", spec.name);
@@ -153,7 +153,7 @@ fn explain(spec: &ParamSpec) -> String {
     format!("{}\n{}{range}{unit}; default {}", spec.doc, spec.kind.words(), spec.default)
 }
 
-/// A widget for RON text of that kind.
+/// A widget for the RON text of a parameter of that kind.
 fn widget(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> egui::Response {
     match &spec.kind {
         ParamKind::Bool => {
@@ -191,7 +191,7 @@ fn number(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> egui::Response {
     };
     let mut number = before;
     let (low, high) = spec.range.unwrap_or((f64::MIN, f64::MAX));
-    // A value outside its range stays as it is written until somebody edits it.
+    // A value outside its range stays as written until the user edits it.
     let response = if high - low <= WIDEST {
         let slider = Slider::new(&mut number, low..=high).clamping(SliderClamping::Edits);
         ui.add(if whole { slider.integer() } else { slider.max_decimals(4) })

@@ -1,4 +1,4 @@
-//! What the canvas does to the document. Each is one step of undo, places included.
+//! The canvas's edits of the document. Each is one step of undo, places included.
 
 use egui::{Pos2, Vec2, vec2};
 use epigraph_core::Source;
@@ -14,10 +14,10 @@ use crate::{
     session::Session,
 };
 
-/// Where a copy stands beside its original.
+/// Offset of a copy from its original.
 const ASIDE: Vec2 = vec2(36.0, 36.0);
 
-/// Writes down where all blocks stand, so that none moves when one is moved or added.
+/// Stores the places of all blocks, so that none moves when another is moved or added.
 fn settle(sight: &Sight, places: &mut Places) {
     for (block, rect) in sight.model.blocks.iter().zip(&sight.rects) {
         places.entry(block.address.clone()).or_insert(rect.min.into());
@@ -25,7 +25,7 @@ fn settle(sight: &Sight, places: &mut Places) {
 }
 
 impl CanvasPane {
-    /// Addresses of the selected nodes, without what stands for the surroundings.
+    /// Addresses of the selected nodes, without the blocks of inputs and outputs.
     fn chosen(&self, sight: &Sight) -> Vec<String> {
         let blocks = sight.model.blocks.iter().filter(|block| block.is_node());
         blocks
@@ -46,7 +46,7 @@ impl CanvasPane {
         self.selection = addresses.into_iter().collect();
     }
 
-    /// Takes the selected wire off, or removes the selected nodes with their wires.
+    /// Removes the selected wire, or the selected nodes with their wires.
     pub(super) fn delete(&mut self, session: &mut Session, sight: &Sight) {
         if let Some((address, port)) = self.wire.take() {
             self.disconnect(session, sight, &address, &port);
@@ -80,7 +80,7 @@ impl CanvasPane {
         }
     }
 
-    /// Bypasses the selected stages; where all of them are bypassed already, lets them run again.
+    /// Bypasses the selected stages; if all of them are bypassed already, lets them run again.
     pub(super) fn bypass(&mut self, session: &mut Session, sight: &Sight) {
         let stages = sight.model.blocks.iter().filter(|block| block.role == Role::Stage);
         let stages: Vec<&Block> = stages.filter(|block| self.selection.contains(&block.address)).collect();
@@ -101,7 +101,7 @@ impl CanvasPane {
         }
     }
 
-    /// Gives a node another name, everywhere where it is called by it.
+    /// Renames a node, with all references to it.
     pub(super) fn rename(&mut self, session: &mut Session, sight: &Sight, address: &str, name: &str) {
         if nodes::split(address).1 == name {
             return;
@@ -118,7 +118,7 @@ impl CanvasPane {
         }
     }
 
-    /// Leaves the selected blocks where they are seen, moved on by so much.
+    /// Stores the places of the selected blocks as seen, moved by `by`.
     pub(super) fn shift(&mut self, session: &mut Session, sight: &Sight, by: Vec2, tag: Tag) {
         session.document.place(tag, |places| {
             settle(sight, places);
@@ -130,7 +130,7 @@ impl CanvasPane {
         });
     }
 
-    /// Puts all blocks where the automatic arrangement wants them.
+    /// Puts all blocks at the places of the automatic arrangement.
     pub(super) fn arrange(&mut self, session: &mut Session, sight: &Sight) {
         let arranged = sight.arranged(self.view.pane.size());
         session.document.place(Tag::Once, |places| {
@@ -144,7 +144,7 @@ impl CanvasPane {
         self.search = Some(Search::new(self.view.back(corner), corner, None));
     }
 
-    /// Adds a node, joined to the wire that was dropped.
+    /// Adds a node, connected to the wire that was dropped.
     pub(super) fn add(
         &mut self,
         session: &mut Session,
@@ -177,7 +177,7 @@ impl CanvasPane {
         }
     }
 
-    /// Joins two pins, or says why not.
+    /// Connects two pins, or shows why that is impossible.
     pub(super) fn connect(&mut self, session: &mut Session, sight: &Sight, a: PinRef, b: PinRef) {
         if let Some(why) = sight.model.refusal(a, b) {
             session.tell(why);
@@ -192,7 +192,7 @@ impl CanvasPane {
         });
     }
 
-    /// Takes the wire off an input.
+    /// Removes the wire from an input.
     pub(super) fn disconnect(&mut self, session: &mut Session, sight: &Sight, address: &str, port: &str) {
         let Some(block) = sight.model.block(address).map(|index| &sight.model.blocks[index]) else { return };
         session
@@ -220,7 +220,7 @@ impl CanvasPane {
     }
 }
 
-/// Sets what an input of a node, or an output of the graph, takes from.
+/// Sets the source of a node's input, or of an output of the graph.
 fn set_end(
     file: &mut epigraph_core::GraphFile,
     block: &Block,

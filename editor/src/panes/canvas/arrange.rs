@@ -1,7 +1,7 @@
-//! Places for boxes that nobody has placed: columns from left to right along the wires, in the manner of Sugiyama, Tagawa
+//! Places for boxes that have none: columns from left to right along the wires, in the manner of Sugiyama, Tagawa
 //! and Toda ("Methods for Visual Understanding of Hierarchical System Structures", 1981): wires that close a cycle are
 //! set aside, each box gets the column after its last source, the order within columns is improved by barycentres until
-//! wires cross little, and heights follow neighbours so that wires run level. What is too long for the pane to be read is
+//! wires cross little, and heights follow neighbours so that wires run level. A graph too long to be readable in the pane is
 //! folded into rows, like a text.
 
 use std::collections::BTreeSet;
@@ -13,15 +13,15 @@ const GAP: f32 = 30.0;
 /// Between columns, and more for each wire that passes between them.
 const ALLEY: f32 = 46.0;
 const LANE: f32 = 3.0;
-/// Between rows, and more for each output whose wires lead from one to the next.
+/// Between rows, plus room for each output whose wires lead from one to the next.
 const CORRIDOR: f32 = 44.0;
 const TRACK: f32 = 7.0;
-/// Most rows, and by how much each must magnify what fits into the pane to be worth it.
+/// Most rows, and the least gain in magnification that more rows must bring.
 const ROWS: usize = 4;
 const WORTH: f32 = 1.12;
 /// Height that a wire takes where it passes a column.
 const PASSAGE: f32 = 12.0;
-/// How often orders and heights are improved.
+/// Number of sweeps over orders and heights.
 const SWEEPS: usize = 12;
 
 /// A wire between boxes: indices, and the heights of its ends from the tops of the boxes.
@@ -31,13 +31,13 @@ pub struct Link {
     pub from: (usize, f32),
     /// The box it ends at, and how far below its top.
     pub to: (usize, f32),
-    /// Whether it carries last frame's value, which says nothing of order.
+    /// True if it carries the last frame's value, which does not constrain the order.
     pub back: bool,
-    /// Room that it needs between columns for what stands on it.
+    /// Room that it needs between columns for the items on it.
     pub room: f32,
 }
 
-/// What stands in a column: a box, or a wire that passes.
+/// An item of a column: a box, or a passing wire.
 #[derive(Clone, Debug)]
 struct Item {
     size: Vec2,
@@ -76,7 +76,7 @@ pub fn arrange(sizes: &[Vec2], links: &[Link], room: Vec2) -> Vec<Pos2> {
         .collect()
 }
 
-/// The links without those that carry last frame's values and those that would still close a cycle.
+/// The links without those that carry the last frame's values and those that would still close a cycle.
 fn acyclic(count: usize, links: &[Link]) -> Vec<Link> {
     let mut forward: Vec<Link> = Vec::new();
     let mut after = vec![Vec::new(); count];
@@ -92,7 +92,7 @@ fn acyclic(count: usize, links: &[Link]) -> Vec<Link> {
         }
         false
     };
-    // Wires that lead on in the file's order come first: its author has put the nodes as they are to be read.
+    // Wires that follow the file's order come first: its author has put the nodes in reading order.
     let mut sorted: Vec<&Link> = links.iter().filter(|link| !link.back).collect();
     sorted.sort_by_key(|link| link.from.0 >= link.to.0);
     for link in sorted {
@@ -104,7 +104,7 @@ fn acyclic(count: usize, links: &[Link]) -> Vec<Link> {
     forward
 }
 
-/// The column of each box: after all its sources, and where it has none, just before the first that it feeds.
+/// The column of each box: after all its sources, and if it has none, just before the first box that it feeds.
 fn columns(count: usize, links: &[Link]) -> Vec<usize> {
     let mut columns = vec![0; count];
     // Each round settles at least one more column of a graph without cycles.
@@ -148,7 +148,7 @@ fn stretches(items: &mut Vec<Item>, links: &[Link]) -> Vec<Stretch> {
     stretches
 }
 
-/// Orders columns by the mean place of what their items are joined to, now from the left, now from the right, and keeps
+/// Orders columns by the mean position of their items' neighbours, alternately from the left and from the right, and keeps
 /// the order with the fewest crossings.
 fn untangle(order: &mut Vec<Vec<usize>>, items: &[Item], stretches: &[Stretch]) {
     let mut best = (crossings(order, items, stretches), order.clone());
@@ -188,7 +188,7 @@ fn places(order: &[Vec<usize>], count: usize) -> Vec<f32> {
     places
 }
 
-/// How far down its box an end lies, so that pins of one box count in their order.
+/// The height of an end within its box, so that a box's pins count in their order.
 fn share((item, height): (usize, f32), items: &[Item]) -> f32 {
     height / items[item].size.y.max(1.0)
 }
@@ -211,7 +211,7 @@ fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
     (count > 0).then(|| sum / count as f32)
 }
 
-/// The middle one; of two, the upper: then at least one wire runs level.
+/// The median; of an even number, the upper one: then at least one wire runs level.
 fn middle(mut values: Vec<f32>) -> Option<f32> {
     values.sort_by(f32::total_cmp);
     values.get(values.len().saturating_sub(1) / 2).copied()
@@ -246,7 +246,7 @@ fn level(order: &[Vec<usize>], items: &mut [Item], stretches: &[Stretch]) {
     }
 }
 
-/// Puts the items of a column as near to their wishes as their order and sizes allow, in the sense of least squares: with
+/// Puts the items of a column as close to their wished heights as order and sizes allow, in the least-squares sense: with
 /// each item's distance from the first taken off, that is isotonic regression, solved by pooling adjacent violators.
 fn stack(column: &[usize], items: &mut [Item], wishes: &[f32]) {
     let mut offsets = Vec::with_capacity(column.len());
@@ -270,14 +270,14 @@ fn stack(column: &[usize], items: &mut [Item], wishes: &[f32]) {
     }
 }
 
-/// How much room a column takes.
+/// The room that a column takes.
 struct Column {
     width: f32,
     /// To the next one.
     alley: f32,
     top: f32,
     bottom: f32,
-    /// Outputs whose wires lead on from it to the next.
+    /// Number of outputs whose wires lead from it to the next.
     tracks: usize,
 }
 
@@ -300,8 +300,8 @@ fn columns_of(order: &[Vec<usize>], items: &[Item], stretches: &[Stretch], boxes
     order.iter().enumerate().map(column).collect()
 }
 
-/// Where each column begins: how far right, and by how much its boxes are to be lowered. As many rows as let the most be
-/// read in the pane.
+/// The offset of each column: how far right, and how far its boxes are lowered. Uses more rows if their gain in
+/// magnification is worth it.
 fn fold(columns: &[Column], room: Vec2) -> Vec<Pos2> {
     let mut best: Option<(f32, Vec<Pos2>)> = None;
     for rows in 1..=ROWS.min(columns.len()) {
@@ -314,7 +314,7 @@ fn fold(columns: &[Column], room: Vec2) -> Vec<Pos2> {
     best.map(|(_, corners)| corners).unwrap_or_default()
 }
 
-/// The columns in so many rows of about equal width, and the size of the whole. Columns of all rows stand below each other,
+/// The columns in `rows` rows of about equal width, and the size of the whole. Columns of all rows are aligned vertically,
 /// so that wires find their way between them.
 fn in_rows(columns: &[Column], rows: usize) -> (Vec<Pos2>, Vec2) {
     let rows = split(columns, rows);
@@ -344,7 +344,7 @@ fn split(columns: &[Column], rows: usize) -> Vec<&[Column]> {
     let (mut split, mut start, mut done) = (Vec::new(), 0, 0.0);
     for (index, column) in columns.iter().enumerate() {
         let width = column.width + column.alley;
-        // A column belongs to the row in whose share its middle lies.
+        // A column belongs to the row that its centre falls into.
         if index > start && done + 0.5 * width > whole * (split.len() + 1) as f32 / rows as f32 {
             split.push(&columns[start..index]);
             start = index;
@@ -361,7 +361,7 @@ mod tests {
 
     use super::*;
 
-    /// Room for anything in one row.
+    /// Room for any graph in one row.
     const WIDE: Vec2 = vec2(1e6, 1e6);
 
     fn link(from: usize, to: usize) -> Link {

@@ -1,4 +1,4 @@
-//! What the engine says of blocks: what they cost, where they run, why they do not.
+//! The engine's facts about blocks: cost, side, reasons why they do not run.
 
 use epigraph_core::{Download, Element, Field, GraphFile, PerSide, Side, Source};
 use epigraph_pictures::{Mode, readable};
@@ -9,20 +9,20 @@ use crate::{
     engine::{GraphInfo, PortInfo, Transfer},
 };
 
-/// What is known of a block.
+/// The facts about a block.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facts {
-    /// Milliseconds of it, or of all that is in it.
+    /// Milliseconds of it, or of all nodes in it.
     pub ms: Option<f32>,
     /// Bytes that it writes.
     pub bytes: u64,
-    /// Whether something of it runs on each side.
+    /// For each side, true if any of its nodes runs there.
     pub sides: PerSide<bool>,
-    /// How many nodes it stands for that run, and how many that do not.
+    /// Numbers of its nodes that run, and that do not.
     pub nodes: [usize; 2],
     /// Why it does not run.
     pub why: Option<String>,
-    /// What its thumbnail shows.
+    /// The image of its thumbnail.
     pub picture: Option<PictureOf>,
 }
 
@@ -36,7 +36,7 @@ pub struct PictureOf {
 }
 
 impl Facts {
-    /// What is known of a block. `file` is the whole graph, `times` are milliseconds of the graph's steps.
+    /// Collects the facts about a block. `file` is the whole graph, `times` are milliseconds of the graph's steps.
     pub fn new(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo, times: &[f32]) -> Self {
         if !block.is_node() {
             return Self::default();
@@ -88,13 +88,13 @@ impl Facts {
     }
 }
 
-/// Whether a node is the block's, or in it.
+/// True if a node is the block's, or in it.
 pub fn contains(block: &str, node: &str) -> bool {
     nodes::within(node, block).is_some()
 }
 
-/// The first texture that a block writes, or else its first list of one element per pixel, but rather no ids: those tell
-/// the eye nothing.
+/// The first texture that a block writes, or else its first list of one element per pixel; ids only if there is nothing
+/// else, as they mean little to the eye.
 fn picture(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo) -> Option<PictureOf> {
     let index = model.block(&block.address)?;
     let outputs = (0..block.outputs.len()).filter_map(|pin| {
@@ -118,8 +118,8 @@ fn port<'g>(graph: &'g GraphInfo, node: &str, port: &str) -> Option<&'g PortInfo
     graph.node(node)?.ports.iter().find(|info| info.port.name == port)
 }
 
-/// The port of a stage that a wire in a part takes from, by its address in the whole graph; none for what the part is not
-/// given.
+/// The source of a wire in a part, as a stage's port with its address in the whole graph; `None` if the part has no such
+/// input.
 fn origin(file: &GraphFile, part: &str, source: &Source) -> Option<Source> {
     if source.node == INPUTS && !part.is_empty() {
         let (outer, name) = nodes::split(part);
@@ -136,7 +136,7 @@ fn origin(file: &GraphFile, part: &str, source: &Source) -> Option<Source> {
 pub struct Crossing {
     /// Index of the wire in the model: the first of those that carry it.
     pub wire: usize,
-    /// To which side.
+    /// The receiving side.
     pub to: Side,
     /// How a download waits.
     pub download: Option<Download>,
@@ -147,7 +147,7 @@ pub struct Crossing {
 }
 
 impl Crossing {
-    /// All of the model's: one for each output and direction, whatever the number of wires.
+    /// All transfers of the model: one for each output and direction, whatever the number of wires.
     pub fn all(model: &Model, file: &GraphFile, graph: &GraphInfo, times: &[f32]) -> Vec<Self> {
         let mut found: Vec<Self> = Vec::new();
         for (step, ms) in graph.steps.iter().zip(times) {
@@ -172,12 +172,12 @@ impl Crossing {
         found
     }
 
-    /// What it is called.
+    /// Its name.
     pub fn verb(&self) -> &'static str {
         if self.to == Side::Gpu { "upload" } else { "download" }
     }
 
-    /// How long what reads it waits, in words.
+    /// The wait of its readers, in words.
     pub fn waits(&self) -> String {
         match self.download {
             None => "before its first reader runs".into(),
@@ -188,7 +188,7 @@ impl Crossing {
     }
 }
 
-/// Whether a transfer is for the end of a wire, and comes from its beginning.
+/// True if a transfer starts at the wire's source and serves its end.
 fn is_on(
     wire: &super::model::Wire,
     transfer: &Transfer,

@@ -1,4 +1,4 @@
-//! Mouse and keys on the canvas.
+//! Mouse and key input on the canvas.
 
 use std::collections::BTreeSet;
 
@@ -25,50 +25,50 @@ use crate::{
     session::Session,
 };
 
-/// How fast the wheel zooms: doublings for each point of scrolling.
+/// Zoom per point of scrolling, in doublings.
 const WHEEL: f32 = 1.0 / 180.0;
-/// How near to a wire the pointer meets it, points on screen.
+/// Largest distance at which the pointer hits a wire, points on screen.
 const NEAR: f32 = 6.0;
-/// How far the arrow keys move blocks; with shift, less.
+/// Distance that the arrow keys move blocks; less with shift.
 const STRIDES: [f32; 2] = [16.0, 2.0];
-/// Size of the place of a pin that takes the pointer, at least.
+/// Least size of a pin's hit area.
 const TOUCH: f32 = 7.0;
 
-/// What the pointer is doing.
+/// The pointer's action.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Gesture {
     /// Nothing.
     #[default]
     Idle,
-    /// Moves the selected blocks: by how much so far.
+    /// Moves the selected blocks: the offset so far.
     Move(Vec2),
-    /// Draws a box around blocks, from this point of the canvas. They join those in the set.
+    /// Draws a box around blocks, from this point of the canvas. They are added to the set.
     Select(Pos2, BTreeSet<String>),
     /// Draws a wire.
     Wire(Held),
 }
 
-/// A wire in the hand, by names, as the document may change meanwhile.
+/// A wire being dragged, by names, as the document may change meanwhile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Held {
-    /// The block of the pin that it hangs on.
+    /// The block of the fixed pin.
     address: String,
-    /// Whether that is an output.
+    /// True if that is an output.
     output: bool,
-    /// The pin.
+    /// The name of the fixed pin.
     port: String,
     /// The input that it was taken off.
     taken: Option<(String, String)>,
 }
 
 impl Held {
-    /// The pin that it hangs on.
+    /// The fixed pin.
     pub fn pin(&self, sight: &Sight) -> Option<PinRef> {
         sight.model.pin(&self.address, self.output, &self.port)
     }
 }
 
-/// What the pointer is over.
+/// The item under the pointer.
 #[derive(Default)]
 pub struct Over {
     /// A block.
@@ -80,7 +80,7 @@ pub struct Over {
 }
 
 impl CanvasPane {
-    /// Lets mouse and keys do what they are for; what the pointer is over.
+    /// Handles mouse and keys; returns the item under the pointer.
     pub(super) fn handle(
         &mut self,
         ui: &mut Ui,
@@ -122,7 +122,7 @@ impl CanvasPane {
         over
     }
 
-    /// Wheel and drags with the other buttons.
+    /// Panning and zooming by wheel and the other buttons.
     fn navigate(&mut self, ui: &Ui, ground: &Response) {
         if !ui.rect_contains_pointer(self.view.pane) {
             return;
@@ -266,7 +266,7 @@ impl CanvasPane {
         }
         if response.drag_started_by(PointerButton::Primary) {
             let wire = if at.output { None } else { sight.model.wire_to(at) };
-            // From an input that has a wire, that wire is picked up.
+            // Dragging from an input with a wire picks up that wire.
             let (from, taken) = match wire {
                 Some(wire) => (wire.from, Some((block.address.clone(), pin.name.clone()))),
                 None => (at, None),
@@ -284,7 +284,7 @@ impl CanvasPane {
         });
     }
 
-    /// The name of a pin: a click on an output's shows it.
+    /// The name of a pin: a click on an output's shows its values.
     fn pin_name(&self, ui: &Ui, session: &mut Session, sight: &Sight, at: PinRef, id: Id, over: &mut Over) {
         let (block, pin) = (&sight.model.blocks[at.block], sight.model.at(at));
         let rect = sight.rects[at.block];
@@ -308,7 +308,7 @@ impl CanvasPane {
         }
     }
 
-    /// Goes on with what was begun, and ends it where the button is let go.
+    /// Continues the pointer's action, and ends it when the button is released.
     fn gesture(&mut self, ui: &Ui, session: &mut Session, sight: &Sight, ground: &Response) {
         let (down, pointer, escape) = ui.input(|input| {
             (input.pointer.primary_down(), input.pointer.latest_pos(), input.key_pressed(Key::Escape))
@@ -333,14 +333,14 @@ impl CanvasPane {
                 let selection: Vec<String> = self.selection.iter().cloned().collect();
                 self.select(session, selection);
             }
-            // They are seen where the pointer has taken them.
+            // The blocks are drawn where the pointer has taken them.
             Gesture::Move(by) if by != Vec2::ZERO => self.shift(session, sight, Vec2::ZERO, Tag::Once),
             Gesture::Move(_) => {}
             Gesture::Wire(held) => self.drop_wire(session, sight, &held, pointer, ground),
         }
     }
 
-    /// A wire is let go: on a pin, on a block, or on the ground.
+    /// A wire is dropped: on a pin, on a block, or on the ground.
     fn drop_wire(
         &mut self,
         session: &mut Session,
@@ -378,7 +378,7 @@ impl CanvasPane {
         }
     }
 
-    /// The pin of a block that a wire fits, where it is clear which one is meant; else the notice says why not.
+    /// The pin of a block that a wire fits, if the choice is unambiguous; else a notice explains why not.
     fn only_fit(&self, session: &mut Session, sight: &Sight, from: PinRef, block: usize) -> Option<PinRef> {
         let fits = |pin: &PinRef| pin.block == block && sight.model.refusal(from, *pin).is_none();
         let fitting: Vec<PinRef> = sight.pins().filter(fits).collect();
@@ -453,7 +453,7 @@ impl CanvasPane {
     }
 }
 
-/// A block in words, for those who do not see it.
+/// A block in words, for screen readers.
 fn describe(block: &Block, facts: &Facts) -> String {
     let mut words = block.label();
     if let Some(why) = &facts.why {
@@ -534,7 +534,7 @@ fn chip(ui: &Ui, sight: &Sight, crossing: &Crossing, rect: Rect) -> Response {
     response
 }
 
-/// The marks that go with what is under the pointer and in the hand.
+/// The marks of the item under the pointer and of the wire being dragged.
 pub fn marks<'a>(pane: &'a CanvasPane, sight: &Sight, over: &Over, wrong: &'a BTreeSet<usize>) -> Marks<'a> {
     let held = match &pane.gesture {
         Gesture::Wire(held) => held.pin(sight),

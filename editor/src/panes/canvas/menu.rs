@@ -1,4 +1,4 @@
-//! The row above the canvas, and what a right click on a block offers.
+//! The row above the canvas, and the context menu of a block.
 
 use egui::{Button, RichText, Ui};
 use epigraph_core::Side;
@@ -11,7 +11,7 @@ use crate::{
 };
 
 impl CanvasPane {
-    /// Where one is, and what can be done with all of it.
+    /// The path of parts, and the actions on the whole canvas.
     pub(super) fn header(&mut self, ui: &mut Ui, session: &mut Session, sight: &Sight) {
         ui.horizontal(|ui| {
             self.breadcrumb(ui, session);
@@ -63,7 +63,7 @@ impl CanvasPane {
         }
     }
 
-    /// What can be done with a block, and with all that are selected.
+    /// The actions on a block, and on all selected ones.
     pub(super) fn block_menu(&mut self, ui: &mut Ui, session: &mut Session, sight: &Sight, index: usize) {
         let block = &sight.model.blocks[index];
         if block.role == Role::Part && ui.button("Open").on_hover_text("Double click").clicked() {

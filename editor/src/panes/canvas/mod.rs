@@ -1,8 +1,8 @@
 //! The graph as boxes and wires, to be looked at and edited: a projection of the document, made anew whenever that
 //! changes. Every edit goes to the document and comes back from there.
 //!
-//! [`model`] says what there is, [`facts`] what the engine says of it, [`shape`] and [`arrange`] how large it is and where
-//! it stands, [`route`] how wires run; none of these touches a window. [`sight`] holds them together for one moment,
+//! [`model`] holds the graph, [`facts`] the engine's news of it, [`shape`] and [`arrange`] the sizes and places of
+//! boxes, [`route`] the paths of wires; none of these touches a window. [`sight`] holds them together for one moment,
 //! [`paint`] draws that, [`hand`] takes mouse and keys, [`act`] turns them into edits.
 
 mod act;
@@ -46,12 +46,12 @@ use self::{
 };
 use crate::{engine::GraphInfo, intent::Intent, session::Session};
 
-/// New times count this much, so that they can be read.
+/// Weight of new times in the running mean, so that they are readable.
 const WEIGHT: f32 = 0.1;
 /// Height of the row of buttons, and of the legend.
 const HEADER: f32 = 30.0;
 const LEGEND: f32 = 24.0;
-/// Room that is kept between boxes that have grown.
+/// Room kept between boxes that have grown.
 const ROOM: f32 = 14.0;
 
 /// The canvas's own state.
@@ -59,9 +59,9 @@ pub struct CanvasPane {
     /// The address of the part that is shown; empty for the graph itself.
     part: String,
     shown: Option<Projected>,
-    /// The document that it is of.
+    /// The path of the document that it shows.
     path: String,
-    /// Places of boxes that nobody has placed, and what they were arranged for.
+    /// Places of boxes without places of their own, and the boxes they were arranged for.
     auto: HashMap<String, Pos2>,
     arranged: Arranged,
     view: View,
@@ -74,7 +74,7 @@ pub struct CanvasPane {
     gesture: Gesture,
     search: Option<Search>,
     renaming: Option<Renaming>,
-    /// Milliseconds of the graph's steps, smoothed, and the frame they are of.
+    /// Milliseconds of the graph's steps, smoothed, and their frame.
     times: (u32, Vec<f32>),
     heat: bool,
     thumbnails: bool,
@@ -83,14 +83,14 @@ pub struct CanvasPane {
     watched: Watch,
 }
 
-/// Blocks and wires, and what they were made of.
+/// Blocks and wires, and their sources.
 struct Projected {
     file: Arc<GraphFile>,
     graph: Option<Arc<GraphInfo>>,
     model: Arc<Model>,
 }
 
-/// What boxes were last arranged for: other boxes are arranged anew.
+/// The boxes that were last arranged: others are arranged anew.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Arranged {
     part: String,
@@ -149,7 +149,7 @@ impl CanvasPane {
         self.smooth(session);
         self.follow(session, &model);
         let mut sight = self.look(ui, session, &file, model);
-        // Everything has its place before the buttons, which may ask for it.
+        // Everything is placed before the buttons, which may need the places.
         let whole = ui.available_rect_before_wrap();
         let pane = whole.with_min_y(whole.top() + HEADER);
         self.view.resize(pane.with_max_y((pane.bottom() - LEGEND).max(pane.top() + 1.0)));
@@ -171,7 +171,7 @@ impl CanvasPane {
         });
     }
 
-    /// Shows what is in a part, or the graph itself.
+    /// Shows the contents of a part, or the graph itself.
     pub fn open(&mut self, part: String) {
         if part != self.part {
             self.part = part;
@@ -181,7 +181,7 @@ impl CanvasPane {
         }
     }
 
-    /// Blocks and wires of the document as it is.
+    /// Blocks and wires of the present document.
     fn model(&mut self, file: &Arc<GraphFile>, session: &Session) -> Option<Arc<Model>> {
         let graph = session.state.graph.as_ref();
         if let Some(shown) = &self.shown
@@ -206,7 +206,7 @@ impl CanvasPane {
         Some(model)
     }
 
-    /// Takes over what was selected elsewhere.
+    /// Takes over the selection of other panes.
     fn follow(&mut self, session: &Session, model: &Model) {
         if session.selected != self.seen {
             self.seen.clone_from(&session.selected);
@@ -275,7 +275,7 @@ impl CanvasPane {
         }
     }
 
-    /// Finds places for blocks that have none: beside those that they are joined to, as the arrangement has them.
+    /// Places blocks that have no place: beside those that they are connected to, as in the arrangement.
     fn fill_in(&mut self, sight: &Sight, placed: &[Option<Pos2>]) {
         let arranged = sight.arranged(self.view.pane.size());
         let shift = |index: usize| {
@@ -292,7 +292,7 @@ impl CanvasPane {
         }
     }
 
-    /// Moves boxes that nobody has placed down where they would lie on others, as they have grown; whether there were any.
+    /// Moves boxes without places of their own down if they have grown over others; true if there were any.
     fn spread(&mut self, sight: &Sight, fixed: &dyn Fn(&str) -> bool) -> bool {
         let mut order: Vec<usize> = (0..sight.rects.len()).collect();
         order.sort_by(|a, b| sight.rects[*a].top().total_cmp(&sight.rects[*b].top()));
@@ -356,13 +356,13 @@ impl CanvasPane {
         }
     }
 
-    /// What a block's thumbnail shows, and where on screen it is.
+    /// A block's thumbnail port, and its rectangle on screen.
     fn picture<'a>(&self, sight: &'a Sight, index: usize) -> Option<(&'a PictureOf, Rect)> {
         let (place, picture) = (sight.shapes[index].thumbnail?, sight.facts[index].picture.as_ref()?);
         Some((picture, self.view.rect(place.translate(sight.rects[index].min.to_vec2()))))
     }
 
-    /// Says which ports thumbnails show, and takes their newest values.
+    /// Requests the ports of the thumbnails, and takes their newest values.
     fn watch(&mut self, ui: &Ui, session: &mut Session, sight: &Sight) {
         if !self.thumbnails {
             self.watched = Watch::default();

@@ -1,5 +1,5 @@
-//! What the canvas shows of a graph or of a part: blocks and wires. A projection of the document, made anew whenever
-//! that changes; places are not in it.
+//! The blocks and wires that the canvas shows of a graph or of a part. A projection of the document, rebuilt whenever
+//! that changes; it holds no places.
 
 use epigraph_core::{GraphFile, Port, Registry, Source};
 
@@ -11,16 +11,16 @@ use crate::document::{
 };
 use crate::engine::GraphInfo;
 
-/// What a block stands for.
+/// The role of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// A node with a stage.
     Stage,
     /// A node that is a graph of its own.
     Part,
-    /// What the part is given.
+    /// The inputs of the part.
     Inputs,
-    /// What the graph gives.
+    /// The outputs of the graph or part.
     Outputs,
 }
 
@@ -33,11 +33,11 @@ pub struct Block {
     pub name: String,
     /// Its stage kind.
     pub kind: String,
-    /// What it does, one line.
+    /// Its purpose, one line.
     pub doc: String,
-    /// What it stands for.
+    /// Its role.
     pub role: Role,
-    /// Whether the file asks to pass its input through.
+    /// True if the file asks to pass its input through.
     pub bypass: bool,
     /// Where wires end.
     pub inputs: Vec<Pin>,
@@ -46,12 +46,12 @@ pub struct Block {
 }
 
 impl Block {
-    /// Whether it is a node, which can be edited; else it stands for the surroundings.
+    /// True if it is a node, which can be edited; else it stands for the inputs or outputs.
     pub fn is_node(&self) -> bool {
         matches!(self.role, Role::Stage | Role::Part)
     }
 
-    /// What it is called in the whole graph.
+    /// Its name in the whole graph.
     pub fn label(&self) -> String {
         join(split(&self.address).0, &self.name)
     }
@@ -67,9 +67,9 @@ impl Block {
 pub struct PinRef {
     /// Index in [`Model::blocks`].
     pub block: usize,
-    /// Whether wires begin there.
+    /// True for an output, where wires begin.
     pub output: bool,
-    /// Index in the block's outputs, or else its inputs.
+    /// Index in the block's outputs or inputs.
     pub pin: usize,
 }
 
@@ -80,7 +80,7 @@ pub struct Wire {
     pub from: PinRef,
     /// Where it ends.
     pub to: PinRef,
-    /// Whether it carries last frame's value.
+    /// True if it carries the last frame's value.
     pub history: bool,
 }
 
@@ -89,15 +89,15 @@ pub struct Wire {
 pub struct Model {
     /// The address of the part that is shown; empty for the graph itself.
     pub part: String,
-    /// Nodes in the order of the file, with what stands for the surroundings at the ends.
+    /// Nodes in the order of the file, with the blocks of inputs and outputs at the ends.
     pub blocks: Vec<Block>,
     /// Wires in the order of the file.
     pub wires: Vec<Wire>,
 }
 
 impl Model {
-    /// The graph itself, where `part` is empty, or the part of that address; none where there is no such part. Ports that
-    /// only compiling tells are taken from what runs.
+    /// The graph itself if `part` is empty, or the part of that address; `None` if there is no such part. Ports that are
+    /// known only after compilation are taken from the running graph.
     pub fn new(file: &GraphFile, part: &str, registry: &Registry, graph: Option<&GraphInfo>) -> Option<Self> {
         let within = scope(file, part)?;
         let [inputs, outputs] = ends(within, registry);
@@ -183,12 +183,12 @@ impl Model {
         Some(PinRef { block, output, pin })
     }
 
-    /// What is known of a pin.
+    /// The information on a pin.
     pub fn at(&self, at: PinRef) -> &Pin {
         &self.blocks[at.block].pins(at.output)[at.pin]
     }
 
-    /// What a wire from this output says in the file.
+    /// The text in the file for a wire from this output.
     pub fn source(&self, at: PinRef) -> Source {
         let (block, pin) = (&self.blocks[at.block], self.at(at));
         if block.role == Role::Inputs {
@@ -201,7 +201,7 @@ impl Model {
         }
     }
 
-    /// A pin for people: `node.port`.
+    /// The label of a pin: `node.port`.
     pub fn name(&self, at: PinRef) -> String {
         format!("{}.{}", self.blocks[at.block].name, self.at(at).name)
     }
@@ -211,7 +211,7 @@ impl Model {
         self.wires.iter().find(|wire| wire.to == to)
     }
 
-    /// Why a wire cannot join two pins, in words; none where it can.
+    /// Why a wire cannot join two pins, in words; `None` if it can.
     pub fn refusal(&self, a: PinRef, b: PinRef) -> Option<String> {
         let (from, to) = match (a.output, b.output) {
             (true, false) => (a, b),
@@ -236,7 +236,7 @@ impl Model {
     }
 }
 
-/// Completes the pins of a node by its ports as compiled, where its kind declares none.
+/// Completes the pins of a node from its compiled ports, if its kind declares none.
 fn learn<'p>(pins: &mut Vec<Pin>, ports: impl Iterator<Item = &'p Port>) {
     if pins.iter().any(|pin| pin.fields.is_some()) {
         return;

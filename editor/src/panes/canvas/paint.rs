@@ -19,21 +19,21 @@ use super::{
 };
 use crate::{document::Pin, theme};
 
-/// Of a pin, and of the place that takes the pointer.
+/// Radius of a pin, and of its hit area.
 pub const PIN_RADIUS: f32 = 4.5;
-/// Smallest letters of names, and of what stands below.
+/// Smallest font size of names, and of the texts below.
 const SMALLEST: f32 = 11.0;
 const SMALLEST_INFO: f32 = 10.0;
-/// Corners of boxes.
+/// Corner radius of boxes.
 const CORNER: f32 = 6.0;
-/// What costs most.
+/// The colour of the highest cost.
 pub const HOT: Color32 = Color32::from_rgb(214, 84, 40);
-/// Of what does not go with the wire that is being drawn.
+/// Opacity of everything that does not fit the wire being drawn.
 const DIM: f32 = 0.28;
-/// Of what does not run.
+/// Opacity of everything that does not run.
 const IDLE: f32 = 0.5;
 
-/// What of the canvas is in use.
+/// The parts of the canvas in use.
 pub struct Marks<'a> {
     /// Addresses of selected blocks.
     pub selection: &'a BTreeSet<String>,
@@ -45,17 +45,17 @@ pub struct Marks<'a> {
     pub wrong: &'a BTreeSet<usize>,
     /// The pin whose wire is being drawn.
     pub held: Option<PinRef>,
-    /// Whether costs tint the heads.
+    /// True if costs tint the heads.
     pub heat: bool,
 }
 
 /// Draws on a pane.
 pub struct Brush<'a> {
-    /// Where to.
+    /// The painter.
     pub painter: &'a Painter,
     /// The window's colours.
     pub visuals: &'a Visuals,
-    /// What is in the pane.
+    /// The contents of the pane.
     pub view: View,
 }
 
@@ -64,12 +64,12 @@ impl Brush<'_> {
         theme::palette_of(self.visuals)
     }
 
-    /// The colour of a pin on this theme's ground.
+    /// The colour of a pin on this theme's background.
     fn tone(&self, color: Color32) -> Color32 {
         if self.visuals.dark_mode { color } else { on_paper(color) }
     }
 
-    /// The ground: dots, so that moving shows.
+    /// The background: dots, so that panning is visible.
     pub fn ground(&self) {
         let View { pane, zoom, .. } = self.view;
         self.painter.rect_filled(pane, 0.0, self.visuals.extreme_bg_color);
@@ -121,7 +121,7 @@ impl Brush<'_> {
         }
     }
 
-    /// A line; dashed for last frame's values.
+    /// A line; dashed for the last frame's values.
     fn line(&self, points: Vec<Pos2>, stroke: Stroke, dashed: bool) {
         if dashed {
             self.painter.extend(Mark::dashed_line(&points, stroke, 6.0, 4.0));
@@ -148,7 +148,7 @@ impl Brush<'_> {
         self.tone(color(sight.model.at(wire.from)))
     }
 
-    /// A block with all that is in it, but its thumbnail.
+    /// A block with its contents, without its thumbnail.
     pub fn block(&self, sight: &Sight, index: usize, marks: &Marks) {
         let (block, facts, shape) = (&sight.model.blocks[index], &sight.facts[index], &sight.shapes[index]);
         let rect = self.view.rect(sight.rects[index]);
@@ -197,7 +197,7 @@ impl Brush<'_> {
         }
     }
 
-    /// The head's ground, warmer the more the block costs.
+    /// The head's background, warmer the more the block costs.
     fn head(
         &self,
         rect: Rect,
@@ -236,7 +236,7 @@ impl Brush<'_> {
             () => Stroke::new(1.0, self.visuals.widgets.inactive.fg_stroke.color.gamma_multiply(0.35)),
         };
         if block.role == Role::Part {
-            // A second edge behind the first: there is more inside.
+            // A second edge behind the first: the block contains a graph.
             let behind = rect.translate(vec2(3.0, 3.0) * self.view.zoom.max(0.6));
             let clip = self.painter.with_clip_rect(
                 Rect::from_min_max(pos2(rect.left(), rect.bottom()), behind.max + vec2(2.0, 2.0))
@@ -284,7 +284,7 @@ impl Brush<'_> {
         );
     }
 
-    /// From afar: the name as large as can be read, and what it costs or why it does not run.
+    /// Zoomed out: the name as large as possible, and the cost or why it does not run.
     fn overview(&self, rect: Rect, block: &Block, facts: &Facts, ink: Color32) {
         let zoom = self.view.zoom;
         let (size, small) = ((NAME * zoom).max(SMALLEST), (INFO * zoom).max(SMALLEST_INFO));
@@ -369,7 +369,7 @@ impl Brush<'_> {
         );
     }
 
-    /// One or more lines of text, cut where they are wider than there is room.
+    /// One or more lines of text, cut if they exceed the width.
     fn text(
         &self,
         at: Pos2,
@@ -380,7 +380,7 @@ impl Brush<'_> {
         rows: usize,
         struck: bool,
     ) -> Rect {
-        // Few sizes of letters, so that zooming does not fill the font's texture.
+        // Few font sizes, so that zooming does not fill the font's texture.
         let font = FontId::proportional((size * 2.0).round() / 2.0);
         let strikethrough = if struck { Stroke::new(1.0, color) } else { Stroke::NONE };
         let format = TextFormat { strikethrough, ..TextFormat::simple(font, color) };
@@ -397,7 +397,7 @@ impl Brush<'_> {
         rect
     }
 
-    /// What tints, colours and dashes mean, in a row of its own.
+    /// The legend of tints, colours and dashes, in a row of its own.
     pub fn legend(&self, hottest: Option<f32>, crossings: bool) {
         let pane = self.view.pane;
         let mut x = pane.left() + 8.0;
@@ -434,7 +434,7 @@ impl Brush<'_> {
         }
     }
 
-    /// The box that selects.
+    /// The selection box.
     pub fn selection(&self, rect: Rect) {
         let rect = self.view.rect(rect);
         self.painter.rect(
@@ -454,7 +454,7 @@ const BUNDLE: Color32 = Color32::from_rgb(205, 135, 205);
 const KINDS: [(Color32, &str); 4] =
     [(IMAGE, "texture"), (NUMBERS, "numbers"), (RECORDS, "records"), (BUNDLE, "bundle")];
 
-/// One colour for each kind of element, so that wires that fit look alike.
+/// One colour for each kind of element, so that compatible wires look alike.
 pub fn color(pin: &Pin) -> Color32 {
     match pin.fields.as_deref() {
         Some([only]) => match &only.element {
@@ -467,13 +467,13 @@ pub fn color(pin: &Pin) -> Color32 {
     }
 }
 
-/// A colour for a light ground.
+/// A colour for a light background.
 pub fn on_paper(color: Color32) -> Color32 {
     let [r, g, b, _] = color.to_array().map(|channel| (f32::from(channel) * 0.72) as u8);
     Color32::from_rgb(r, g, b)
 }
 
-/// Where a transfer is drawn.
+/// The rectangle of a transfer.
 pub fn chip_rect(view: View, crossing: &Crossing, at: Pos2) -> Rect {
     let zoom = view.zoom.max(0.62);
     // About the width of its text.
@@ -481,7 +481,7 @@ pub fn chip_rect(view: View, crossing: &Crossing, at: Pos2) -> Rect {
     Rect::from_center_size(view.point(at), vec2(width, 20.0) * zoom)
 }
 
-/// How warm a share of the highest cost looks: small ones differ visibly from nothing.
+/// The tint for a share of the highest cost: small costs differ visibly from zero.
 fn warmth(share: f32) -> f32 {
     share.clamp(0.0, 1.0).powf(0.7)
 }
@@ -494,7 +494,7 @@ fn chip_text(crossing: &Crossing) -> String {
     format!("{} {}", arrow(crossing), readable(crossing.bytes))
 }
 
-/// Milliseconds for people.
+/// Milliseconds as text.
 pub fn milliseconds(ms: f32) -> String {
     if ms < 10.0 { format!("{ms:.2} ms") } else { format!("{ms:.1} ms") }
 }

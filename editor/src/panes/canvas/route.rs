@@ -1,5 +1,5 @@
-//! The way of a wire: level through the gaps between boxes, in curves from one gap to the next. Recomputed from where boxes
-//! stand, so that it stays clear of them wherever somebody moves them.
+//! The paths of wires: level through the gaps between boxes, in curves from one gap to the next. Recomputed from the
+//! places of the boxes, so that wires stay clear of them wherever the user moves them.
 
 use std::collections::BTreeSet;
 
@@ -9,24 +9,24 @@ use egui::{Pos2, Rect, epaint::CubicBezierShape, pos2};
 const MARGIN: f32 = 9.0;
 /// Between wires from different pins that pass the same gap.
 const LANE: f32 = 7.0;
-/// Between wires that turn back at the same column, and how many do so before there is no more room.
+/// Between wires that turn back at the same column, and how many of them there is room for.
 const TURN: f32 = 4.0;
 const TURNS: usize = 8;
-/// How far a wire runs out of a pin before it turns.
+/// Length of a wire's straight run out of a pin before it turns.
 const REACH: f32 = 34.0;
-/// Points that a curve is flattened to.
+/// Number of points that a curve is flattened to.
 const STEPS: usize = 14;
 
-/// Boxes that stand above each other.
+/// A column of boxes.
 struct Column {
     left: f32,
     right: f32,
-    /// Heights that are taken, from and to, each with whom they are taken by: none for a box, else the wires' pin.
+    /// Occupied ranges of height, each with its owner: `None` for a box, else the wires' pin.
     taken: Vec<(f32, f32, Option<usize>)>,
 }
 
-/// The ways of wires between pins, as lines from point to point. Each wire comes with a number for the pin it begins at:
-/// wires from one pin may share their way.
+/// The paths of wires between pins, as polylines. Each wire comes with the number of its source pin:
+/// wires from one pin may share their path.
 pub fn routes(boxes: &[Rect], wires: &[(Pos2, Pos2, usize)]) -> Vec<Vec<Pos2>> {
     let mut columns = columns(boxes);
     let mut routes = vec![Vec::new(); wires.len()];
@@ -61,7 +61,7 @@ fn columns(boxes: &[Rect]) -> Vec<Column> {
     columns
 }
 
-/// A point of a way: whether the wire runs to the right there.
+/// A point of a path: true if the wire runs to the right there.
 type Turn = (Pos2, bool);
 
 fn way(from: Pos2, to: Pos2, pin: usize, columns: &mut [Column]) -> Vec<Turn> {
@@ -73,7 +73,7 @@ fn way(from: Pos2, to: Pos2, pin: usize, columns: &mut [Column]) -> Vec<Turn> {
             if forward {
                 column.left >= from.x && column.right <= to.x
             } else {
-                // Back to the input of a box: around all that stands from there to here.
+                // Back to the input of a box: around all boxes from there to here.
                 column.right >= to.x && column.left <= from.x
             }
         })
@@ -98,15 +98,15 @@ fn way(from: Pos2, to: Pos2, pin: usize, columns: &mut [Column]) -> Vec<Turn> {
 }
 
 impl Column {
-    /// How many other pins' wires have passed it.
+    /// Number of other pins' wires that have passed it.
     fn turns(&self, pin: usize) -> usize {
         let pins: BTreeSet<usize> =
             self.taken.iter().filter_map(|(.., by)| *by).take_while(|by| *by != pin).collect();
         pins.len() % TURNS
     }
 
-    /// A height that no box and no other pin's wire takes: on the way from one height to the other, if possible where the
-    /// straight line would be, else with the smallest detour.
+    /// A height that no box and no other pin's wire occupies: on the way from one height to the other, if possible on the
+    /// straight line, else with the smallest detour.
     fn free(&self, [from, to]: [f32; 2], share: f32, pin: usize) -> f32 {
         let wanted = from + (to - from) * share;
         let others = || self.taken.iter().filter(|(.., by)| *by != Some(pin));
@@ -142,7 +142,7 @@ fn curve(way: &[Turn]) -> Vec<Pos2> {
     points
 }
 
-/// The distance of a point to a way.
+/// The distance of a point from a path.
 pub fn distance(route: &[Pos2], to: Pos2) -> f32 {
     let pieces = route.windows(2).map(|ends| {
         let along = ends[1] - ends[0];
@@ -152,7 +152,7 @@ pub fn distance(route: &[Pos2], to: Pos2) -> f32 {
     pieces.fold(f32::INFINITY, f32::min)
 }
 
-/// The point of a way that lies so far from its beginning, or its middle where it is shorter than twice that.
+/// The point of a path at this distance from its beginning, or its middle if it is shorter than twice that.
 pub fn along(route: &[Pos2], length: f32) -> Pos2 {
     let whole: f32 = route.windows(2).map(|ends| ends[0].distance(ends[1])).sum();
     let mut left = length.min(whole / 2.0);

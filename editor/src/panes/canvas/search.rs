@@ -1,4 +1,4 @@
-//! Adding a node by typing what it is or does.
+//! The search box that adds a node by its name or description.
 
 use egui::{Area, Button, Frame, Id, Key, Modifiers, Order, Pos2, ScrollArea, TextEdit, Ui};
 use epigraph_core::{Declaration, Port, Registry};
@@ -11,23 +11,23 @@ const HEIGHT: f32 = 300.0;
 
 /// An open search.
 pub struct Search {
-    /// Where the node is to stand, in the canvas's points.
+    /// The place for the node, in the canvas's points.
     pub at: Pos2,
-    /// Where the list is, on screen.
+    /// The corner of the list, on screen.
     pub corner: Pos2,
-    /// The pin whose wire the node is to take: its block's address and its name, whether it is an output, and what it
-    /// holds.
+    /// The pin whose wire the node will take: its block's address, whether it is an output, and the pin
+    /// itself.
     pub wire: Option<(String, bool, Pin)>,
     text: String,
     row: usize,
     opened: bool,
 }
 
-/// What a search came to.
+/// The result of a search in a frame of the window.
 pub enum Found {
-    /// Go on.
+    /// Still open.
     Open,
-    /// Nothing.
+    /// Closed without a choice.
     Closed,
     /// A stage kind, and the port that takes the wire.
     Kind(&'static str, Option<String>),
@@ -50,7 +50,7 @@ impl Search {
     /// Shows it.
     pub fn show(&mut self, ui: &Ui, registry: &Registry) -> Found {
         let pressed = |key| ui.input_mut(|input| input.consume_key(Modifiers::NONE, key));
-        // Taken before the text field sees them.
+        // Handled before the text field sees them.
         if pressed(Key::Escape) {
             return Found::Closed;
         }
@@ -109,7 +109,7 @@ impl Search {
         }
     }
 
-    /// Whether it was chosen.
+    /// True if it was chosen.
     fn entry(&self, ui: &mut Ui, row: usize, one: &Match, scroll: bool) -> bool {
         let text = egui::RichText::new(one.kind).strong();
         let port = one.port.as_ref().map_or(String::new(), |port| format!("  {port}"));
@@ -126,8 +126,8 @@ impl Search {
         chosen
     }
 
-    /// The kinds that match, best first: those whose names begin with what was typed, whose names have it, whose
-    /// descriptions have all of its words.
+    /// The kinds that match, best first: those whose names begin with the query, whose names contain it, whose
+    /// descriptions contain all of its words.
     fn matches(&self, registry: &Registry) -> Vec<Match> {
         let wanted = self.text.trim().to_lowercase();
         let mut matches: Vec<(usize, Match)> = Vec::new();
@@ -150,7 +150,7 @@ impl Search {
     }
 }
 
-/// How well a kind matches, 0 best; none where it does not.
+/// How well a kind matches, 0 best; `None` if it does not.
 fn rank(wanted: &str, name: &str, doc: &str) -> Option<usize> {
     let doc = doc.to_lowercase();
     match () {
@@ -161,7 +161,7 @@ fn rank(wanted: &str, name: &str, doc: &str) -> Option<usize> {
     }
 }
 
-/// The first port of a kind that can be joined to a pin, those that cannot be left without a wire first.
+/// The first port of a kind that can be connected to a pin, required ones first.
 fn fitting(kind: &Declaration, pin: &Pin, output: bool) -> Option<String> {
     let fits = |port: &&Port| {
         let own = Pin::of(port);

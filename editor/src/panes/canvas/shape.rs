@@ -1,4 +1,4 @@
-//! The shape of a box: how large it is, and where its pins and texts stand in it. All in the canvas's points, from the
+//! The shape of a box: its size, and the places of its pins and texts. All in the canvas's points, from the
 //! box's upper left corner.
 
 use egui::{Rect, Vec2, pos2, vec2};
@@ -12,7 +12,7 @@ use super::{
 pub const NAME: f32 = 15.0;
 pub const INFO: f32 = 12.0;
 pub const PIN: f32 = 13.0;
-/// Between a box's border and what is in it.
+/// Between a box's border and its contents.
 pub const PAD: f32 = 10.0;
 /// Height of the name with the line below.
 pub const HEAD: f32 = 44.0;
@@ -21,19 +21,19 @@ pub const ROW: f32 = 19.0;
 pub const LINE: f32 = 16.0;
 /// Between the names of an input and an output in a row.
 const BETWEEN: f32 = 18.0;
-/// Letters of another size are not quite in proportion.
+/// Glyph widths do not scale exactly with the font size.
 const SLACK: f32 = 8.0;
 /// Between the last pin and the border, or what follows.
 const FOOT: f32 = 7.0;
-/// No box is narrower or wider. What is longer is cut.
+/// Least and greatest width of a box. Longer texts are cut.
 const WIDTHS: [f32; 2] = [132.0, 280.0];
 /// Largest height of a thumbnail.
 const THUMBNAIL: f32 = 96.0;
 
-/// Where what is in a box.
+/// The layout of a box.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
-    /// Of the whole box.
+    /// Size of the whole box.
     pub size: Vec2,
     /// The thumbnail.
     pub thumbnail: Option<Rect>,
@@ -74,7 +74,7 @@ impl Shape {
         Self { size: vec2(width, height), thumbnail, why }
     }
 
-    /// Where a pin sits, on the box's border.
+    /// The position of a pin, on the box's border.
     pub fn pin(&self, at: PinRef) -> Vec2 {
         vec2(if at.output { self.size.x } else { 0.0 }, HEAD + ROW * (at.pin as f32 + 0.5))
     }

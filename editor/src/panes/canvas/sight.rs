@@ -1,4 +1,4 @@
-//! All that is on the canvas at the moment: the model with what the engine says of it, and where everything stands.
+//! The canvas at the moment: the model with the engine's news of it, and the place of everything.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -14,35 +14,35 @@ use super::{
 };
 use crate::engine::GraphInfo;
 
-/// How far from its pin a transfer sits on its wire.
+/// Distance of a transfer from its pin on the wire.
 const TRANSFER: f32 = 54.0;
 
-/// About the size of a transfer.
+/// Approximate size of a transfer.
 const CHIP: Vec2 = vec2(84.0, 22.0);
 
 /// The canvas at one moment, in its own points.
 pub struct Sight {
     /// Blocks and wires.
     pub model: Arc<Model>,
-    /// What is known of each block.
+    /// The facts about each block.
     pub facts: Vec<Facts>,
     /// The shape of each block.
     pub shapes: Vec<Shape>,
-    /// Where each block stands.
+    /// The place of each block.
     pub rects: Vec<Rect>,
-    /// The way of each wire.
+    /// The path of each wire.
     pub routes: Vec<Vec<Pos2>>,
     /// Transfers between the sides.
     pub crossings: Vec<Crossing>,
-    /// The middle of each transfer.
+    /// The centre of each transfer.
     pub chips: Vec<Pos2>,
 }
 
-/// A graph that runs: what is known of it, and milliseconds of its steps.
+/// A graph that runs: the facts about it, and milliseconds of its steps.
 pub type Run<'a> = Option<(&'a GraphInfo, &'a [f32])>;
 
 impl Sight {
-    /// Blocks with their shapes, not yet at their places.
+    /// Blocks with their shapes, not yet placed.
     pub fn new(
         model: Arc<Model>,
         file: &GraphFile,
@@ -62,7 +62,7 @@ impl Sight {
         Self { model, facts, shapes, rects: Vec::new(), routes: Vec::new(), crossings, chips: Vec::new() }
     }
 
-    /// Places for all blocks in a pane of that size, as if nobody had placed any.
+    /// Places for all blocks in a pane of that size, as if the user had placed none.
     pub fn arranged(&self, room: Vec2) -> HashMap<String, Pos2> {
         let sizes: Vec<Vec2> = self.shapes.iter().map(|shape| shape.size).collect();
         let height = |pin: PinRef| (pin.block, self.shapes[pin.block].pin(pin).y);
@@ -78,7 +78,7 @@ impl Sight {
         addresses.zip(arrange(&sizes, &links, room)).collect()
     }
 
-    /// Puts blocks at their places and leads the wires around them.
+    /// Places the blocks and routes the wires around them.
     pub fn place(&mut self, place: impl Fn(&str) -> Pos2) {
         let blocks = self.model.blocks.iter().zip(&self.shapes);
         self.rects =
@@ -99,7 +99,7 @@ impl Sight {
         self.chips = self.crossings.iter().map(chip).collect();
     }
 
-    /// Where a pin sits.
+    /// The position of a pin.
     pub fn pin(&self, at: PinRef) -> Pos2 {
         self.rects[at.block].min + self.shapes[at.block].pin(at)
     }
@@ -113,14 +113,14 @@ impl Sight {
         })
     }
 
-    /// The stretch of the canvas that blocks, wires and what stands on them cover.
+    /// The area of the canvas that blocks, wires and the items on them cover.
     pub fn bounds(&self) -> Rect {
         let chips = self.chips.iter().map(|chip| Rect::from_center_size(*chip, CHIP));
         let points = self.routes.iter().flatten().map(|point| Rect::from_pos(*point));
         self.rects.iter().copied().chain(chips).chain(points).fold(Rect::NOTHING, Rect::union)
     }
 
-    /// The milliseconds of the block that costs most.
+    /// Milliseconds of the most expensive block.
     pub fn hottest(&self) -> f32 {
         self.facts.iter().filter_map(|facts| facts.ms).fold(0.0, f32::max)
     }

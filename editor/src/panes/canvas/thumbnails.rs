@@ -1,4 +1,4 @@
-//! Small live images of what nodes write.
+//! Small live images of nodes' outputs.
 
 use std::{
     collections::HashMap,
@@ -20,7 +20,7 @@ const PAUSE: f64 = 0.25;
 #[derive(Default)]
 pub struct Thumbnails {
     shown: HashMap<String, Shown>,
-    /// The next one, drawn beside the window's thread: it may have to wait for cores that are busy with the graph.
+    /// The next one, drawn away from the window's thread: it may have to wait for cores that are busy with the graph.
     work: Task<Of, ColorImage>,
 }
 
@@ -30,7 +30,7 @@ struct Shown {
     texture: TextureHandle,
 }
 
-/// Values of a port, which are not kept in memory by it.
+/// Values of a port; a weak reference, so that it does not keep them in memory.
 #[derive(Clone)]
 struct Of {
     port: String,
@@ -50,7 +50,7 @@ impl PartialEq for Of {
 }
 
 impl Thumbnails {
-    /// Forgets all.
+    /// Drops all images.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
@@ -60,7 +60,7 @@ impl Thumbnails {
         self.shown.get(port).map(|shown| &shown.texture)
     }
 
-    /// Takes the newest values of one port whose image is oldest: one after the other.
+    /// Takes the newest values of the port whose image is oldest; one port at a time.
     pub fn update<'s>(&mut self, context: &Context, snapshots: impl Iterator<Item = &'s Arc<Snapshot>>) {
         let now = context.input(|input| input.time);
         self.take(context, now);
@@ -82,7 +82,7 @@ impl Thumbnails {
         });
     }
 
-    /// Shows what is finished.
+    /// Shows finished images.
     fn take(&mut self, context: &Context, now: f64) {
         let (Some(image), Some(of)) = (self.work.take(), self.work.done()) else { return };
         let texture = match self.shown.remove(&of.port) {

@@ -1,4 +1,4 @@
-//! The canvas as a drawing: what is on screen, in the colours of paper.
+//! The canvas as a vector drawing: the canvas's contents, in colours for paper.
 
 use egui::{Pos2, Rect, pos2};
 use epigraph_pictures::{
@@ -85,7 +85,7 @@ impl Drawing {
         let (block, facts, rect) = (&sight.model.blocks[index], &sight.facts[index], sight.rects[index]);
         let idle = block.bypass || facts.why.is_some();
         let (ink, weak) = if idle { (IDLE, IDLE) } else { (INK, WEAK) };
-        // Without its thumbnail, which is of one moment.
+        // Without its thumbnail, which shows a single moment.
         let rect =
             sight.shapes[index].thumbnail.map_or(rect, |picture| rect.with_max_y(rect.top() + picture.top()));
         self.framed(svg, rect, PAPER);

@@ -1,22 +1,22 @@
-//! Which stretch of the canvas is in the pane.
+//! The part of the canvas that the pane shows.
 
 use egui::{Pos2, Rect, Vec2};
 
-/// Points on screen for each point of the canvas, at least and at most.
+/// Points on screen per point of the canvas, at least and at most.
 const ZOOMS: [f32; 2] = [0.15, 2.5];
-/// The most that fitting magnifies.
+/// Largest magnification when fitting.
 const FIT_ZOOM: f32 = 1.15;
-/// Room around what is fitted, points on screen.
+/// Room around the fitted area, points on screen.
 const FRAME: f32 = 26.0;
-/// From which zoom on pins have names.
+/// Zoom from which on pins have names.
 const LEGIBLE: f32 = 0.66;
 
-/// A zoom and a place.
+/// A zoom and a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Points on screen for each point of the canvas.
+    /// Points on screen per point of the canvas.
     pub zoom: f32,
-    /// The canvas's point in the middle of the pane.
+    /// The canvas's point at the centre of the pane.
     pub center: Pos2,
     /// The pane.
     pub pane: Rect,
@@ -44,30 +44,30 @@ impl View {
         self.center + (at - self.pane.center()) / self.zoom
     }
 
-    /// Takes another pane; what was at the upper left corner stays there.
+    /// Takes another pane; the point at the upper left corner stays there.
     pub fn resize(&mut self, pane: Rect) {
         self.center += (pane.size() - self.pane.size()) / (2.0 * self.zoom);
         self.pane = pane;
     }
 
-    /// Whether names of pins can be read.
+    /// True if names of pins are readable.
     pub fn is_near(&self) -> bool {
         self.zoom >= LEGIBLE
     }
 
-    /// Moves what is shown by a drag on screen.
+    /// Pans by a drag on screen.
     pub fn pan(&mut self, by: Vec2) {
         self.center -= by / self.zoom;
     }
 
-    /// Magnifies about a point on screen.
+    /// Zooms about a point on screen.
     pub fn zoom(&mut self, by: f32, about: Pos2) {
         let fixed = self.back(about);
         self.zoom = (self.zoom * by).clamp(ZOOMS[0], ZOOMS[1]);
         self.center += fixed - self.back(about);
     }
 
-    /// Shows all of a stretch of the canvas.
+    /// Fits an area of the canvas into the pane.
     pub fn fit(&mut self, bounds: Rect) {
         if !bounds.is_finite() || self.pane.width() < 1.0 {
             return;
@@ -78,7 +78,7 @@ impl View {
         self.center = bounds.center();
     }
 
-    /// Moves as little as needed to show a box.
+    /// Pans as little as needed to show a box.
     pub fn reveal(&mut self, rect: Rect) {
         let seen =
             Rect::from_min_max(self.back(self.pane.min), self.back(self.pane.max)).shrink(FRAME / self.zoom);

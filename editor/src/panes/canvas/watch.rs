@@ -1,16 +1,16 @@
-//! Which ports the engine takes for thumbnails: those in sight, and for a while those that were.
+//! The ports that the engine captures for thumbnails: visible ones, and for a while those that were visible.
 //!
-//! The engine compiles the graph anew for other ports. So while somebody moves about the canvas, what has left sight is
-//! still taken for some seconds, and what comes into sight may have to wait a moment for more to come with it.
+//! The engine recompiles the graph for other ports. So while the user moves about the canvas, a port that is out of sight is
+//! still captured for some seconds, and a port that comes into sight may wait a moment for others to join it.
 
 use std::collections::BTreeMap;
 
-/// Seconds for which a port is taken that is out of sight.
+/// Seconds for which a port stays captured after it left sight.
 const KEPT: f64 = 5.0;
 /// Least number of seconds from one change to the next.
 const APART: f64 = 0.5;
 
-/// The ports that are taken.
+/// The captured ports.
 #[derive(Debug, Default)]
 pub struct Watch {
     /// When each was last in sight, seconds.
@@ -20,13 +20,13 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// What is taken now.
+    /// The ports captured now.
     pub fn ports(&self) -> &[String] {
         &self.asked
     }
 
-    /// Takes all ports that there are thumbnails of, and which of them are in sight at `now`. Gives the seconds until it
-    /// has to be asked again, if it has to.
+    /// Takes all ports that have thumbnails, and whether they are visible at `now`. Returns the seconds until the next
+    /// call is needed, if one is.
     pub fn see<'a>(&mut self, ports: impl Iterator<Item = (&'a str, bool)>, now: f64) -> Option<f64> {
         let before = std::mem::take(&mut self.seen);
         for (port, in_sight) in ports {
@@ -53,7 +53,7 @@ impl Watch {
 mod tests {
     use super::*;
 
-    /// What is taken when of three ports these are in sight.
+    /// The ports captured of three when these are visible.
     fn see(watch: &mut Watch, in_sight: &[&str], now: f64) -> String {
         watch.see(["a.x", "b.x", "c.x"].into_iter().map(|port| (port, in_sight.contains(&port))), now);
         watch.ports().join(" ")
@@ -74,7 +74,7 @@ mod tests {
         let mut watch = Watch::default();
         let mut changes = 0;
         let mut before = String::new();
-        // Something else is in sight in each of sixty frames a second.
+        // In each of sixty frames a second, a different port is visible.
         for frame in 0..120 {
             let now = see(&mut watch, &[["a.x", "b.x", "c.x"][frame % 3]], frame as f64 / 60.0);
             changes += usize::from(now != before);
@@ -91,7 +91,7 @@ mod tests {
         assert_eq!(watch.see(both(), 10.25), Some(0.25));
         assert_eq!(watch.see(both(), 10.5), None);
         assert_eq!(watch.ports(), ["a.x", "b.x"]);
-        // A port that the graph no longer has is not kept.
+        // A port that the graph no longer has is dropped.
         watch.see([("b.x", false)].into_iter(), 12.0);
         assert_eq!(watch.ports(), ["b.x"]);
     }

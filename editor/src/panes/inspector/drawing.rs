@@ -12,22 +12,22 @@ use crate::theme;
 /// Width and height of a drawing, points.
 pub const SIDE: f32 = 96.0;
 
-/// Says: this one counts, in the colour of the views' glyphs.
+/// Marks a cell that counts, in the colour of the views' glyphs.
 const COUNTS: Color32 = Color32::from_rgb(REACHED[0], REACHED[1], REACHED[2]);
 /// An edge, in the colour of the views' strokes.
 const LINE: Color32 = Color32::from_rgb(EDGE[0], EDGE[1], EDGE[2]);
-/// Says: this one speaks against it.
+/// Marks a cell that counts against it.
 const AGAINST: Color32 = Color32::from_rgb(186, 74, 70);
 /// A crossed slot of a side.
 const CROSSED: Color32 = Color32::from_rgb(240, 170, 60);
 
-/// Linear radiance as the screen shows it.
+/// Linear radiance as displayed.
 pub fn screen(linear: [f32; 3]) -> Color32 {
     let [r, g, b] = tone::to_srgb8(linear);
     Color32::from_rgb(r, g, b)
 }
 
-/// Draws a finding that is to be drawn; nothing for others.
+/// Draws a finding that has a drawing; nothing for others.
 pub fn show(ui: &mut Ui, finding: &Finding) {
     match finding {
         Finding::Around(around) => show_around(ui, around),
@@ -58,7 +58,7 @@ fn show_around(ui: &mut Ui, Around { name, cells }: &Around) {
         if 2 * index + 1 == cells.len() {
             painter.rect_stroke(square, 1.0, Stroke::new(1.5, theme::ACCENT), StrokeKind::Inside);
         }
-        // Short texts fit into their cells; the others are there on hover.
+        // Short texts fit into their cells; the others are shown on hover.
         if cell.text.len() <= 3 && side >= 16.0 {
             let font = FontId::proportional(8.5);
             painter.text(square.center(), Align2::CENTER_CENTER, &cell.text, font, contrast(fill));
@@ -122,7 +122,7 @@ fn show_sketch(ui: &mut Ui, marks: &[Mark]) {
     );
 }
 
-/// Black or white, whichever can be read on a colour.
+/// Black or white, whichever is readable on a colour.
 fn contrast(on: Color32) -> Color32 {
     let light = 2 * u32::from(on.r()) + 5 * u32::from(on.g()) + u32::from(on.b()) > 8 * 140;
     if light { Color32::BLACK } else { Color32::WHITE }

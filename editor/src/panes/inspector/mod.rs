@@ -1,4 +1,4 @@
-//! One pixel through the whole graph: the sample behind it, and what each node did there.
+//! One pixel through the whole graph: the sample behind it, and the effect of each node.
 
 mod drawing;
 
@@ -14,10 +14,10 @@ use crate::{
     theme,
 };
 
-/// Seconds between looks while frames run and the pane follows them.
+/// Seconds between inspections while frames run and the pane follows them.
 const FOLLOW: f64 = 0.5;
 
-/// Points between what is told of a node and its drawing.
+/// Points between a node's findings and its drawing.
 const GAP: f32 = 8.0;
 /// Room for the names of values, points.
 const NAMES: f32 = 68.0;
@@ -27,11 +27,11 @@ const MARGIN: f32 = 10.0;
 /// The pane's own state.
 #[derive(Default)]
 pub struct InspectorPane {
-    /// Look again and again while frames run.
+    /// Inspect repeatedly while frames run.
     follow: bool,
     /// Show the plain numbers too.
     numbers: bool,
-    /// When it looked last, seconds of the window's time.
+    /// Time of the last inspection, seconds of the window's time.
     looked: f64,
 }
 
@@ -51,7 +51,7 @@ impl InspectorPane {
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 3.0;
             ui.spacing_mut().interact_size.y = 16.0;
-            // Nothing makes it wider than it is: what does not fit is wrapped.
+            // No contents widen the pane: long lines are wrapped.
             ui.set_max_width(ui.available_width() - MARGIN);
             self.body(ui, session, &inspection);
         });
@@ -171,7 +171,7 @@ fn show_findings(ui: &mut Ui, findings: &[Finding]) {
     let is_drawing = |finding: &&Finding| matches!(finding, Finding::Around(_) | Finding::Sketch(_));
     let drawings: Vec<&Finding> = findings.iter().filter(is_drawing).collect();
     let taken = if drawings.is_empty() { 0.0 } else { drawing::SIDE + GAP };
-    // Of what the pane has, not of what something above may have stretched it to.
+    // The pane's own width, not a width that contents above may have stretched it to.
     let width = (ui.clip_rect().right() - MARGIN - ui.cursor().left() - taken).max(80.0);
     ui.horizontal_top(|ui| {
         ui.spacing_mut().item_spacing.x = GAP;
@@ -183,7 +183,7 @@ fn show_findings(ui: &mut Ui, findings: &[Finding]) {
     });
 }
 
-/// A value with its name before it, or a reason.
+/// A value after its name, or a reason.
 fn show_finding(ui: &mut Ui, finding: &Finding) {
     let named = |ui: &mut Ui, name: &str, show: &mut dyn FnMut(&mut Ui)| {
         ui.horizontal_top(|ui| {
@@ -218,7 +218,7 @@ fn color(ui: &mut Ui, linear: [f32; 3]) {
     });
 }
 
-/// What the node's ports hold, as plain numbers.
+/// The contents of the node's ports, as plain numbers.
 fn numbers(ui: &mut Ui, visit: &Visit) {
     for (port, value) in &visit.values {
         ui.horizontal_wrapped(|ui| {

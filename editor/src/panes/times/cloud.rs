@@ -1,4 +1,4 @@
-//! How full the cloud is, how old its points are, and how many samples come.
+//! Occupancy of the cloud, ages of its points, and number of new samples.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::{
     theme,
 };
 
-/// Ages of one bar.
+/// Number of ages per bar.
 const BIN: usize = 8;
 
 /// Shows it.
@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
         ui.weak("No stage of this graph counts the points of the cloud by age.");
         return;
     };
-    // Small lists, and copied only while they are shown.
+    // The lists are small, and copied only while they are shown.
     let arrived = output(&graph, ARRIVED);
     for (_, port) in [Some(&ages), arrived.as_ref()].into_iter().flatten() {
         session.push(Intent::Watch(port.clone()));
@@ -77,7 +77,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
         .show(ui, |plot| plot.bar_chart(BarChart::new("points", bars).color(color)));
 }
 
-/// How many samples came in the last frame and come in a second.
+/// Number of samples in the last frame, and per second.
 fn samples(ui: &mut Ui, session: &Session, arrived: Option<&str>, records: &[Arc<Record>]) {
     let Some(count) =
         arrived.and_then(|name| session.state.fields(name).next()?.get::<u32>().first().copied())
@@ -93,7 +93,7 @@ fn samples(ui: &mut Ui, session: &Session, arrived: Option<&str>, records: &[Arc
     });
 }
 
-/// Frames a second over the last ones.
+/// Recent frames per second.
 fn rate(records: &[Arc<Record>]) -> Option<f64> {
     const FRAMES: usize = 30;
     let recent = &records[records.len().saturating_sub(FRAMES)..];

@@ -1,4 +1,4 @@
-//! One frame as lanes: what ran when, on the CPU, on the GPU, and between them.
+//! One frame as lanes: the steps over time on the CPU, on the GPU, and the transfers between them.
 
 use egui::{Align2, Color32, FontId, Painter, Rect, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2};
 use epigraph_core::Side;
@@ -90,7 +90,7 @@ fn draw(painter: &Painter, bar: Rect, step: &StepInfo, is_hovered: bool, is_sele
     if is_selected {
         painter.rect_stroke(bar, 1.0, Stroke::new(1.5, theme::ACCENT), egui::StrokeKind::Outside);
     }
-    // A bar's name stands in it where it fits.
+    // A bar's name is written into it if it fits.
     let name = step.name.rsplit('/').next().unwrap_or(&step.name);
     let galley = painter.layout_no_wrap(name.to_owned(), FontId::proportional(11.0), Color32::BLACK);
     if galley.size().x + 4.0 < bar.width() {
@@ -118,7 +118,7 @@ fn scale(ui: &Ui, painter: &Painter, rect: Rect, end: f32, x: impl Fn(f32) -> f3
     }
 }
 
-/// The least of 1, 2 and 5 times a power of ten that is not below.
+/// The least of 1, 2 and 5 times a power of ten that is not below the value.
 fn round_step(least: f32) -> f32 {
     let power = 10f32.powf(least.log10().floor());
     [1.0, 2.0, 5.0, 10.0]

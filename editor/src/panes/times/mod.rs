@@ -1,4 +1,4 @@
-//! What a frame costs: each step, over the last frames and within one; what moves between the sides; the cloud.
+//! The cost of a frame: each step, over the last frames and within one; transfers between the sides; the cloud.
 
 mod cloud;
 mod lanes;
@@ -11,7 +11,7 @@ use summary::{StepSummary, median, summarize};
 
 use crate::session::Session;
 
-/// What the pane shows.
+/// The pages of the pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Part {
     #[default]
@@ -33,7 +33,7 @@ const PARTS: [(Part, &str, &str); 4] = [
 pub struct TimesPane {
     part: Part,
     plot: plot::Choice,
-    /// Which frame [`Self::steps`] are of.
+    /// The frame of [`Self::steps`].
     last: Option<u32>,
     steps: Vec<StepSummary>,
 }

@@ -1,4 +1,4 @@
-//! What steps cost over the last frames, as lines or one on top of the other.
+//! The costs of steps over the last frames, as lines or stacked.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -8,10 +8,10 @@ use egui_plot::{FilledArea, Line, Plot, PlotPoints};
 use super::StepSummary;
 use crate::engine::{RECORDED, Record};
 
-/// Steps that are plotted until somebody chooses: those that cost most.
+/// Number of steps that are plotted by default: the most expensive ones.
 const FIRST: usize = 6;
 
-/// Colours that tell plotted steps apart, also in grey and for most colour-blind eyes: those of Okabe and Ito (2008),
+/// Colours that distinguish the plotted steps, also in grey and for most colour-blind users: those of Okabe and Ito (2008),
 /// and some between.
 const COLORS: [Color32; 10] = [
     Color32::from_rgb(230, 159, 0),
@@ -26,10 +26,10 @@ const COLORS: [Color32; 10] = [
     Color32::from_rgb(170, 130, 90),
 ];
 
-/// What is plotted, and how.
+/// The plotted steps and the style.
 #[derive(Default)]
 pub struct Choice {
-    /// Names of steps; none until somebody chooses.
+    /// Names of steps; `None` until the user chooses.
     chosen: Option<BTreeSet<String>>,
     stacked: bool,
 }

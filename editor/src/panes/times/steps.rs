@@ -1,4 +1,4 @@
-//! What each step costs, as bars, the dearest first.
+//! The cost of each step, as bars, the most expensive first.
 
 use egui::{Align2, FontId, Rect, ScrollArea, Sense, Ui, WidgetInfo, WidgetType, pos2, vec2};
 use epigraph_core::Side;
@@ -36,7 +36,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, steps: &[StepSummary]) {
     });
 }
 
-/// A bar with a name and figures; whether it was clicked.
+/// A bar with a name and figures; true if it was clicked.
 fn bar(ui: &mut Ui, step: &StepSummary, share: f32) -> bool {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 18.0), Sense::click());
     let color = if step.side == Side::Cpu { theme::palette(ui).cpu } else { theme::palette(ui).gpu };

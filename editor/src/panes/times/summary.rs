@@ -11,11 +11,11 @@ use crate::engine::{Record, StepCost, StepInfo};
 pub struct StepSummary {
     /// The node's name, or the transfer's.
     pub name: String,
-    /// The node that runs; none for transfers.
+    /// The node that runs; `None` for transfers.
     pub node: Option<String>,
     /// Where it runs.
     pub side: Side,
-    /// Of the last frame.
+    /// Cost in the last frame.
     pub last: StepCost,
     /// Milliseconds: the median over the frames.
     pub median: f32,
@@ -23,12 +23,12 @@ pub struct StepSummary {
     pub series: Vec<f32>,
 }
 
-/// The steps of the graph of the last record, in their order, over the frames of this graph: those since it was changed.
-/// Copies for whoever looks at them are left out.
+/// The steps of the last record's graph, in order, over the frames since the graph was changed. Copies for viewers are
+/// left out.
 pub fn summarize(records: &[Arc<Record>]) -> Vec<StepSummary> {
     let Some(last) = records.last() else { return Vec::new() };
     let wanted = steps(last);
-    // Watching another port compiles the graph anew, but its steps stay.
+    // Watching another port recompiles the graph, but its steps stay the same.
     let same = |own: &Vec<(&StepInfo, StepCost)>| {
         own.iter().map(|step| &step.0.name).eq(wanted.iter().map(|step| &step.0.name))
     };
@@ -53,7 +53,7 @@ pub fn steps(record: &Record) -> Vec<(&StepInfo, StepCost)> {
     steps.filter(|(step, _)| !step.is_tap).collect()
 }
 
-/// The median; of an even number the lower of the two in the middle, of none 0.
+/// The median; the lower middle value of an even number, 0 of none.
 pub fn median(values: &[f32]) -> f32 {
     let mut values = values.to_vec();
     let Some(middle) = values.len().checked_sub(1).map(|last| last / 2) else { return 0.0 };

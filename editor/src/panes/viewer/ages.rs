@@ -1,4 +1,4 @@
-//! Images of ids, shown as how old their points are.
+//! Images of ids, shown as the ages of their points.
 
 use std::sync::Arc;
 
@@ -16,15 +16,15 @@ use crate::{
 /// The field of a cloud that holds ages.
 const META: &str = "meta";
 
-/// What an image of ids tells of its points.
+/// What an image of ids shows of its points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Told {
-    /// Which they are.
+    /// The ids themselves.
     #[default]
     Ids,
-    /// How old they are, in the stage's own unit.
+    /// The age, in the stage's own unit.
     Ages,
-    /// How many frames ago they came.
+    /// The number of frames since they came.
     Frames,
 }
 
@@ -40,7 +40,7 @@ impl Told {
     ];
 }
 
-/// The ages of an image's points, while they are to be shown.
+/// The ages of an image's points, while they are shown.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct Ages {
@@ -51,18 +51,18 @@ pub(super) struct Ages {
     made: Task<Sources, Option<Arc<Snapshot>>>,
 }
 
-/// The ports, as `node.port`, that tell of points.
+/// The ports, as `node.port`, that describe the points.
 struct Ports {
     cloud: String,
     dates: Option<String>,
 }
 
-/// What an image of ages is made of: the ids, the cloud's words, and the dates where they are told.
+/// The sources of an image of ages: the ids, the cloud's words, and the dates if there are any.
 #[derive(Clone)]
 struct Sources {
     told: Told,
     fields: Vec<Arc<Snapshot>>,
-    /// The number of the frame that they are of.
+    /// The number of their frame.
     frame: u32,
 }
 
@@ -87,13 +87,13 @@ impl Sources {
 }
 
 impl Ages {
-    /// The ports that are needed besides the ids.
+    /// The ports that are needed in addition to the ids.
     pub fn watched(&self) -> impl Iterator<Item = String> {
         self.from.iter().flat_map(|from| [Some(from.cloud.clone()), from.dates.clone()]).flatten()
     }
 
-    /// The image to show of the ids of the port `name`: themselves, or the ages of their points as soon as those are
-    /// there; none until then.
+    /// The image to show for the ids of the port `name`: the ids, or the ages of their points as soon as those are
+    /// computed; `None` until then.
     pub fn image(
         &mut self,
         context: &Context,
@@ -112,7 +112,7 @@ impl Ages {
         if self.told == Told::Frames {
             fields.push(state.fields(from.dates.as_deref()?).next()?.clone());
         }
-        // All is of the last frame that ran.
+        // All sources are of the last frame that ran.
         let sources = Sources { told: self.told, fields, frame: state.frames.saturating_sub(1) };
         let asked = sources.clone();
         self.made.want(context, sources, move || asked.image());
@@ -120,12 +120,12 @@ impl Ages {
         image.clone().filter(|_| sources.told == self.told && sources.fields[0].name == id.name)
     }
 
-    /// Whether there are newer ages to come.
+    /// True if newer ages are to come.
     pub fn is_behind(&self) -> bool {
         self.from.is_some() && self.made.is_behind()
     }
 
-    /// Offers what can be told; whether another was chosen, and if so whether it is a number.
+    /// Offers the choices; returns whether the choice changed, and if so whether it is a number.
     pub fn choose(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) -> Option<bool> {
         let before = self.told;
         for (told, label, doc) in Told::ALL {
@@ -141,7 +141,7 @@ impl Ages {
     }
 }
 
-/// The port of the cloud that a node takes its points from, or any.
+/// The port of the cloud that a node takes its points from, or else the graph's first one.
 fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
     let node = graph.node(port.rsplit_once('.')?.0);
     let source = |node: &NodeInfo| {
@@ -159,7 +159,7 @@ fn dates_of(graph: &GraphInfo, cloud: &str) -> Option<String> {
         if let Some(dates) = node.ports.iter().find(|info| info.port.meaning == Some(DATE)) {
             return Some(format!("{}.{}", node.name, dates.port.name));
         }
-        // What is updated in place comes in and goes out under one name.
+        // A port that is updated in place has the same name as input and output.
         at = graph.port(&at)?.source.clone()?;
     }
 }

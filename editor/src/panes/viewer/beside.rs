@@ -1,4 +1,4 @@
-//! A view against another graph: which one, and what it costs.
+//! The comparison with another graph: the choice of the graph, and its cost.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use epigraph_core::Snapshot;
 
 use crate::{engine::State, files::short, name::Named, session::Session, theme};
 
-/// The choice of the graph, and what a frame of either costs.
+/// The choice of the graph, and the frame times of both.
 pub fn row(ui: &mut Ui, session: &mut Session) {
     ui.horizontal_wrapped(|ui| {
         let saved = format!("{} as saved", short(session.document.path()));
@@ -39,10 +39,10 @@ pub fn row(ui: &mut Ui, session: &mut Session) {
     }
 }
 
-/// What the graph beside wrote to the port of that name, else to its first output; nothing as long as it has run no frame.
+/// The output of the graph beside at the port of that name, else its first output; `None` until it has run a frame.
 ///
 /// # Errors
-/// Why it does not run.
+/// The reason why it does not run.
 pub fn image(state: &State, port: &str) -> Result<Option<Arc<Snapshot>>, String> {
     let Some(other) = &state.other else { return Ok(None) };
     if let Some(trouble) = &other.trouble {

@@ -1,5 +1,5 @@
-//! Two images side by side in time: the one in view against another port, another graph's, a file, or what was held of it
-//! before a change.
+//! Comparison of two images: the one in view with another port, another graph's port, a file, or an earlier image of itself
+//! that was held.
 
 use std::{
     path::{Path, PathBuf},
@@ -27,31 +27,31 @@ use crate::{
     theme,
 };
 
-/// How far an arrow key moves the wipe's line, as a share of the image.
+/// Step of the wipe's line per arrow key, as a share of the image.
 const WIPE_STEP: f32 = 0.01;
 
-/// What the image in view is held against.
+/// The image that the one in view is compared with.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum With {
-    /// What was held.
+    /// The held image.
     Held,
-    /// A port, `node.port`, or the graph's first output where it is empty.
+    /// A port, `node.port`, or the graph's first output if it is empty.
     Port(String),
-    /// The same port of the graph beside, or its first output where it has none of that name.
+    /// The same port of the graph beside, or its first output if it has none of that name.
     Graph,
     /// An image file.
     File,
 }
 
-/// How both are shown.
+/// The display of both images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Way {
-    /// One left of a line, the other right of it.
+    /// One image left of a line, the other right of it.
     #[default]
     Wipe,
-    /// How far their shown colours are apart.
+    /// The difference of displayed colours.
     Difference,
-    /// What a person sees of that.
+    /// The perceived difference.
     Flip,
 }
 
@@ -61,12 +61,12 @@ const WAYS: [(Way, &str, &str); 3] = [
     (Way::Flip, "FLIP map", "What a person sees of the difference: black nothing, pale yellow everything"),
 ];
 
-/// How far two images are apart.
+/// Measures of the difference between two images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// Root of the mean squared difference: of linear light where both are, else of shown colours.
+    /// Root mean square error: of linear light if both images are linear, else of displayed colours.
     pub rmse: f64,
-    /// Peak signal-to-noise ratio of shown colours, decibels.
+    /// Peak signal-to-noise ratio of displayed colours, decibels.
     pub psnr: f64,
     /// Mean structural similarity.
     pub ssim: f64,
@@ -74,14 +74,14 @@ pub struct Figures {
     pub flip: f64,
 }
 
-/// What is measured away from the window's thread.
+/// Measurements made away from the window's thread.
 struct Measured {
     figures: Figures,
     /// FLIP's map as colours.
     map: Arc<ColorImage>,
 }
 
-/// The two images that figures are of.
+/// The two images that are measured.
 #[derive(Clone)]
 struct Pair([Arc<Painted>; 2]);
 
@@ -91,7 +91,7 @@ impl PartialEq for Pair {
     }
 }
 
-/// An image that is kept, and how many frames had run by then.
+/// A held image, and the number of frames run by then.
 #[derive(Clone)]
 struct Held {
     image: Arc<Snapshot>,
@@ -100,23 +100,23 @@ struct Held {
 
 /// A comparison.
 pub struct Compare {
-    /// What the image is held against.
+    /// The image to compare with.
     pub with: With,
-    /// How both are shown.
+    /// The display of both.
     pub way: Way,
-    /// Where the wipe's line is, as a share of the image's width.
+    /// The position of the wipe's line, as a share of the image's width.
     pub wipe: f32,
-    /// What differences are multiplied by.
+    /// Gain of the differences.
     gain: f32,
     held: Option<Held>,
     path: String,
-    /// The file that was asked for, and how often.
+    /// The requested file, and the number of requests.
     asked: Option<(PathBuf, u32)>,
     file: Task<(PathBuf, u32), Result<Arc<Snapshot>, String>>,
-    /// The other image as it was last.
+    /// The last other image.
     last: Option<Arc<Snapshot>>,
     measured: Task<Pair, Measured>,
-    /// FLIP's map on the graphics card, and what it is of.
+    /// FLIP's map on the graphics card, and the pair that it belongs to.
     flip: Option<(Pair, TextureHandle)>,
     trouble: Option<String>,
     /// The graph beside and its port.
@@ -124,7 +124,7 @@ pub struct Compare {
 }
 
 impl Compare {
-    /// Holds an image of the last of so many frames, to be compared with what becomes of it.
+    /// Holds an image of the last of `frames` frames, to be compared with later ones.
     pub fn holding(image: Option<Arc<Snapshot>>, frames: u32) -> Self {
         Self {
             with: With::Held,
@@ -148,7 +148,7 @@ impl Compare {
         (self.held, self.with) = (Some(Held { image, frames }), With::Held);
     }
 
-    /// Reads a file, to be compared with.
+    /// Reads a file to compare with.
     pub fn open(&mut self, path: &Path) {
         let times = self.asked.as_ref().map_or(0, |(_, times)| times + 1);
         self.path = path.display().to_string();
@@ -156,22 +156,22 @@ impl Compare {
         self.with = With::File;
     }
 
-    /// The port that is compared with, if it is one.
+    /// The port to compare with, if it is a port.
     pub fn port(&self) -> Option<&str> {
         if let With::Port(port) = &self.with { Some(port) } else { None }
     }
 
-    /// The figures of the newest pair of images that there are.
+    /// The measures of the newest pair of images.
     pub fn figures(&self) -> Option<&Figures> {
         self.measured.result().map(|(_, measured)| &measured.figures).filter(|_| self.trouble.is_none())
     }
 
-    /// Why nothing is compared.
+    /// The reason why nothing is compared.
     pub fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
     }
 
-    /// The controls and the figures.
+    /// The controls and the measures.
     pub fn header(&mut self, ui: &mut Ui, session: &mut Session, graph: &GraphInfo, shown: Option<&Layer>) {
         let frames = session.state.frames;
         ui.horizontal_wrapped(|ui| {
@@ -282,7 +282,7 @@ impl Compare {
         }
     }
 
-    /// The other image, where the one in view can be compared with it. Call it once for each frame of the window.
+    /// The other image, if the one in view can be compared with it. Call it once for each frame of the window.
     pub fn other(
         &mut self,
         ui: &Ui,
@@ -310,12 +310,12 @@ impl Compare {
         }
     }
 
-    /// What differences are multiplied by, where they are shown.
+    /// Gain of the differences, if they are shown.
     pub fn gain(&self) -> Option<f32> {
         (self.way == Way::Difference).then_some(self.gain)
     }
 
-    /// Measures how far the pictures are apart; once for each frame of the window.
+    /// Measures the difference between the pictures; once for each frame of the window.
     pub fn measure(&mut self, context: &Context, pictures: &Pictures) {
         let (Some(image), Some(other), None) = (&pictures.image, &pictures.other, &self.trouble) else {
             self.flip = None;
@@ -346,7 +346,7 @@ impl Compare {
             },
             With::Port(port) => {
                 let name = header::name(graph, port);
-                // Until it comes, the last one of it stays.
+                // Until it arrives, its last image stays.
                 Ok(state
                     .fields(&name)
                     .next()
@@ -389,7 +389,7 @@ impl Compare {
                 tag(painter, placed, Align2::RIGHT_TOP, self.name(graph));
             }
             (Way::Difference, Some(texture), _) => map(texture),
-            // It comes about at once: until then, the image in view stays.
+            // The map arrives almost at once: until then, the image in view stays.
             (Way::Difference, None, _) => {}
             (Way::Flip, _, Some((_, texture))) => map(texture),
             (Way::Flip, _, None) => {
@@ -400,7 +400,7 @@ impl Compare {
         }
     }
 
-    /// The line between both images, which can be dragged.
+    /// The draggable line between both images.
     pub fn wipe_line(&mut self, ui: &Ui, placed: &Placed, pictures: &Pictures) {
         if self.way != Way::Wipe || pictures.other.is_none() {
             return;
@@ -439,7 +439,7 @@ impl Compare {
         );
     }
 
-    /// Where the line is on screen; never out of it.
+    /// The line's position on screen, never outside it.
     fn line(&self, placed: &Placed) -> f32 {
         let visible = placed.visible();
         (placed.image.left() + self.wipe * placed.image.width())
@@ -464,7 +464,7 @@ impl Measured {
 }
 
 impl Figures {
-    /// What stands in the pane: name, value, explanation.
+    /// The measures as shown in the pane: name, value, explanation.
     fn named(&self) -> [(&'static str, String, &'static str); 4] {
         [
             (
@@ -483,7 +483,7 @@ impl Figures {
     }
 }
 
-/// What an image is, in a corner of it.
+/// A label in a corner of an image.
 fn tag(painter: &Painter, placed: &Placed, corner: Align2, text: String) {
     let text = painter.layout_no_wrap(text, FontId::proportional(11.0), Color32::WHITE);
     let area = corner.align_size_within_rect(text.size() + vec2(12.0, 6.0), placed.visible().shrink(6.0));

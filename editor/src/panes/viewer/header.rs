@@ -1,4 +1,4 @@
-//! What a view shows and how: the rows above the image.
+//! The rows above the image: the port and its look.
 
 use egui::{ComboBox, DragValue, Ui, WidgetType};
 use epigraph_pictures::{Lane, Mode, Ramp, lanes};
@@ -11,7 +11,7 @@ use crate::{
 
 const STOPS: std::ops::RangeInclusive<f32> = -16.0..=16.0;
 
-/// The snapshots' name of a port; that of the first output for the empty one.
+/// The name of a port's snapshots; the first output's for an empty name.
 pub fn name(graph: &GraphInfo, port: &str) -> String {
     match port {
         "" => graph.outputs.first().map_or(String::new(), |(name, _)| name.clone()),
@@ -19,12 +19,12 @@ pub fn name(graph: &GraphInfo, port: &str) -> String {
     }
 }
 
-/// What the first output is called.
+/// The label of the first output.
 pub fn output(graph: &GraphInfo) -> String {
     format!("output {}", name(graph, ""))
 }
 
-/// Offers ports: images, and lists unless only images will do. `offer` gets the port, its label and what it holds.
+/// Offers ports: images, and lists too unless `images` is set. `offer` gets the port, its label and its contents in words.
 pub fn ports(
     ui: &mut Ui,
     graph: &GraphInfo,
@@ -54,7 +54,7 @@ pub fn ports(
 }
 
 impl Viewer {
-    /// The first row: what is shown, and what can be opened beside it.
+    /// The first row: the port, and the panels that can be opened beside it.
     pub(super) fn header(&mut self, ui: &mut Ui, graph: &GraphInfo, frames: u32) {
         ui.horizontal_wrapped(|ui| {
             self.choose_port(ui, graph);
@@ -112,7 +112,7 @@ impl Viewer {
         }
     }
 
-    /// The second row: how the mode shows numbers, where there is something to choose.
+    /// The second row: the mode's settings, if it has any.
     pub(super) fn look_row(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) {
         let Some(layer) = self.layer() else { return };
         let (mode, lanes) = (layer.shown.mode, lanes(&layer.snapshot.element));
@@ -146,7 +146,7 @@ impl Viewer {
         }
     }
 
-    /// Channels in any order, and how light it is.
+    /// The order of channels, and the exposure.
     fn color_row(&mut self, ui: &mut Ui, lanes: &[Lane]) {
         let count = lanes.len();
         let look = &mut self.look;
@@ -192,7 +192,7 @@ impl Viewer {
         self.layer().is_some_and(|layer| layer.snapshot.element == Element::Texel(Format::Rgba8Unorm))
     }
 
-    /// Ids can be shown as the ages of their points.
+    /// Offers to show ids as the ages of their points.
     fn ages_row(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) {
         if self.is_of_points(graph)
             && let Some(is_number) = self.ages.choose(ui, graph, name)
@@ -202,7 +202,7 @@ impl Viewer {
         }
     }
 
-    /// Which lane, where there are several.
+    /// The lane, if there are several.
     fn lane(&mut self, ui: &mut Ui, lanes: &[Lane]) {
         if lanes.len() < 2 {
             return;

@@ -1,4 +1,4 @@
-//! The histogram of what is shown, with ends of the range that can be dragged.
+//! The histogram of the image, with draggable ends of the range.
 
 use egui::{
     Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
@@ -11,7 +11,7 @@ use crate::theme;
 const HEIGHT: f32 = 66.0;
 const LABELS: f32 = 14.0;
 const TICKS: usize = 6;
-/// Least distance of the ends, as a share of the axis.
+/// Least distance between the ends, as a share of the axis.
 const NARROWEST: f32 = 0.005;
 
 const CHANNELS: [Color32; 3] =
@@ -20,12 +20,12 @@ const CHANNELS: [Color32; 3] =
 /// The histogram of an image.
 #[derive(Default)]
 pub struct HistogramView {
-    /// The axis stays while an end is dragged.
+    /// The axis, frozen while an end is dragged.
     dragged: Option<Histogram>,
 }
 
 impl HistogramView {
-    /// Shows what is counted of a layer, once it is. A drag sets the look's range.
+    /// Shows a layer's histogram once it is counted. A drag sets the look's range.
     pub fn show(&mut self, ui: &mut Ui, layer: &Layer, counted: Option<&Option<Histogram>>, look: &mut Look) {
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram"));
@@ -59,7 +59,7 @@ impl HistogramView {
         }
     }
 
-    /// The ends of the range as lines to drag; whether one is being dragged.
+    /// The ends of the range as lines to drag; true while one is dragged.
     fn ends(&self, ui: &Ui, plot: Rect, histogram: &Histogram, range: [f32; 2], look: &mut Look) -> bool {
         let axis = &histogram.axis;
         let shares = range.map(|end| axis.share(end));
@@ -92,7 +92,7 @@ impl HistogramView {
     }
 }
 
-/// Heights follow the logarithm of the counts, so that rare values show as well.
+/// Heights are logarithmic, so that rare values are visible too.
 fn bars(painter: &egui::Painter, plot: Rect, histogram: &Histogram) {
     let most = histogram.counts.iter().flatten().copied().max().unwrap_or(0).max(1);
     let height = |count: u32| plot.height() * (count as f32).ln_1p() / (most as f32).ln_1p();

@@ -1,4 +1,4 @@
-//! An image on the graphics card, and what it was made of.
+//! An image on the graphics card, with the values it was made of.
 
 use std::{ops::Deref, sync::Arc};
 
@@ -6,26 +6,26 @@ use egui::{ColorImage, Context, ImageData, TextureFilter, TextureHandle, Texture
 use epigraph_core::Snapshot;
 use epigraph_pictures::{Look, Mode, Shown, edges, show};
 
-/// Pixels are squares when they are large, and means when they are small.
+/// Enlarged pixels are squares, and reduced ones are averaged.
 const OPTIONS: TextureOptions =
     TextureOptions { magnification: TextureFilter::Nearest, ..TextureOptions::LINEAR };
 
 /// A port's image as colours.
 pub struct Painted {
-    /// The numbers.
+    /// The values.
     pub snapshot: Arc<Snapshot>,
-    /// How they became colours.
+    /// The settings with which they became colours.
     pub look: Look,
     /// The colours.
     pub shown: Shown,
-    /// The words of pixels, where the mode draws what they mean.
+    /// The words of pixels, in modes that draw their meaning.
     pub words: Vec<u32>,
-    /// Shares of the pixels that are empty, simple and complex, where the mode tells classes.
+    /// Shares of the pixels that are empty, simple and complex, in the mode that shows classes.
     pub classes: Option<[f32; 3]>,
 }
 
 impl Painted {
-    /// Makes numbers colours. Takes a while for large images.
+    /// Converts values to colours. Slow for large images.
     pub fn new(snapshot: Arc<Snapshot>, look: Look) -> Self {
         let shown = show(&snapshot, &look);
         let draws = matches!(shown.mode, Mode::Edges | Mode::Classes | Mode::Reach);
@@ -39,15 +39,15 @@ impl Painted {
         Self { snapshot, look, shown, words, classes }
     }
 
-    /// Whether it is of this image, shown like this.
+    /// True if it shows this image with this look.
     pub fn is_of(&self, snapshot: &Arc<Snapshot>, look: &Look) -> bool {
         Arc::ptr_eq(&self.snapshot, snapshot) && self.look == *look
     }
 }
 
-/// A port's image as it is shown.
+/// A port's image on screen.
 pub struct Layer {
-    /// What is shown.
+    /// The painted image.
     pub painted: Arc<Painted>,
     /// The colours on the card.
     pub texture: TextureHandle,
@@ -61,12 +61,12 @@ impl Deref for Layer {
     }
 }
 
-/// Colours as the card takes them.
+/// Colours in the format of the card.
 pub fn pixels(size: [usize; 2], colors: &[[u8; 3]]) -> ColorImage {
     ColorImage::from_rgb(size, colors.as_flattened())
 }
 
-/// Puts pixels into a texture: the one that there is, or a new one.
+/// Uploads pixels to the existing texture, or to a new one.
 pub fn upload(
     texture: Option<TextureHandle>,
     context: &Context,

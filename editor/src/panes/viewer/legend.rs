@@ -1,4 +1,4 @@
-//! What the colours mean.
+//! The legend of the colours.
 
 use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, pos2, vec2};
 use epigraph_pictures::{Curve, Mode, Number, Paint, Scale, edges};
@@ -10,10 +10,10 @@ const BAR: egui::Vec2 = vec2(220.0, 10.0);
 const MARGIN: f32 = 10.0;
 const FONT: f32 = 11.0;
 const TICKS: usize = 5;
-/// Of the 5x5 pixels around one.
+/// Number of pixels around the centre of a 5x5 neighbourhood.
 const REACHABLE: f32 = 24.0;
 
-/// Draws the legend into the lower left corner of the pane, where the mode has one.
+/// Draws the legend into the lower left corner of the pane, if the mode has one.
 pub fn draw(painter: &Painter, pane: Rect, layer: &Layer) {
     let shown = &layer.shown;
     match (shown.mode, shown.scale, layer.classes) {

@@ -15,16 +15,16 @@ const COLUMN_WIDTH: f32 = 86.0;
 /// Space between columns.
 const GAP: f32 = 4.0;
 
-/// What rows are sorted by.
+/// The sort key and direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sorting {
     /// The column.
     pub column: usize,
-    /// Whether the largest come first.
+    /// True if the largest come first.
     pub descending: bool,
 }
 
-/// A sorting of a port's fields.
+/// A request to sort a port's fields.
 #[derive(Clone)]
 struct Sorted {
     fields: Vec<Arc<Snapshot>>,
@@ -45,15 +45,15 @@ fn same(a: &[Arc<Snapshot>], b: &[Arc<Snapshot>]) -> bool {
 #[derive(Default)]
 pub struct List {
     newest: Option<Table>,
-    /// None: in the order of the list.
+    /// `None`: in the list's order.
     pub sorting: Option<Sorting>,
     sorted: Task<Sorted, (Table, Vec<u32>)>,
     /// The first row of the page.
     top: usize,
-    /// The element that was jumped to.
+    /// The element that was last jumped to.
     marked: Option<usize>,
     wanted: usize,
-    /// What is left of scrolling that was less than a row.
+    /// The fraction of a row left over from scrolling.
     scrolled: f32,
 }
 
@@ -73,7 +73,7 @@ impl List {
         }
     }
 
-    /// The elements of a page of so many rows.
+    /// The elements of a page of `rows` rows.
     pub fn page(&self, rows: usize) -> Vec<usize> {
         let Some((table, order)) = self.shown() else { return Vec::new() };
         let element = |row: usize| order.map_or(row, |order| order[row] as usize);
@@ -113,7 +113,7 @@ impl List {
         }
     }
 
-    /// Turning pages, jumping, and how many rows there are.
+    /// Buttons to turn pages, the jump field, and the number of rows.
     fn bar(&mut self, ui: &mut Ui, page: usize) {
         let Some(count) = self.shown().map(|(table, _)| table.rows) else { return };
         ui.horizontal(|ui| {
@@ -149,7 +149,7 @@ impl List {
         });
     }
 
-    /// The row that an element is in.
+    /// The row of an element.
     fn row_of(&self, element: usize) -> usize {
         let order = self.shown().and_then(|(_, order)| order);
         order.and_then(|order| order.iter().position(|row| *row as usize == element)).unwrap_or(element)
@@ -159,7 +159,7 @@ impl List {
         self.top = row.clamp(0, count.saturating_sub(page) as i64) as usize;
     }
 
-    /// A click sorts: smallest first, largest first, as it was.
+    /// Clicks cycle through: smallest first, largest first, unsorted.
     fn headings(&mut self, ui: &mut Ui, table: &Table) {
         ui.horizontal(|ui| {
             cell(ui, INDEX_WIDTH, |ui| {
@@ -210,7 +210,7 @@ impl List {
     }
 }
 
-/// A place of its own width whose contents stand at its right side.
+/// A cell of fixed width with right-aligned contents.
 fn cell(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
     ui.allocate_ui_with_layout(vec2(width, ROW), Layout::right_to_left(Align::Center), |ui| {
         ui.set_min_width(width);

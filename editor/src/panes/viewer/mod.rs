@@ -40,23 +40,23 @@ use crate::{
     session::Session,
 };
 
-/// What lies behind and beside images.
+/// The background around images.
 const GROUND: Color32 = Color32::from_gray(14);
 
 /// One view of a port.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Viewer {
-    /// Tells it from the others.
+    /// The viewer's id.
     pub id: u64,
     /// The port as `node.port`; empty for the graph's first output.
     pub port: String,
-    /// How it is shown.
+    /// The settings with which it is shown.
     pub look: Look,
-    /// The comparison with another image, while there is one.
+    /// The comparison with another image, if any.
     #[serde(skip)]
     pub compare: Option<Box<Compare>>,
-    /// The table, where the port is a list.
+    /// The table, if the port is a list.
     #[serde(skip)]
     pub list: Option<Box<List>>,
     place: Place,
@@ -79,12 +79,12 @@ impl Viewer {
         self.layer().map(|layer| &layer.shown)
     }
 
-    /// The numbers of the picture on screen.
+    /// The values of the picture on screen.
     pub fn snapshot(&self) -> Option<&Arc<Snapshot>> {
         self.layer().map(|layer| &layer.snapshot)
     }
 
-    /// Whether its picture is not yet that of what there is and what is chosen.
+    /// True if the picture is stale.
     pub fn is_behind(&self) -> bool {
         self.pictures.is_behind() || self.ages.is_behind()
     }
@@ -94,7 +94,7 @@ impl Viewer {
         self.pictures.image.as_ref()
     }
 
-    /// The ports that it needs to see.
+    /// The ports that it has to see.
     pub fn watched(&self) -> impl Iterator<Item = String> {
         let against = self.compare.as_deref().and_then(Compare::port).map(str::to_owned);
         [Some(self.port.clone()), against].into_iter().flatten().chain(self.ages.watched())
@@ -163,7 +163,7 @@ impl Viewer {
         }
     }
 
-    /// Whether the port holds ids of points.
+    /// True if the port holds ids of points.
     fn is_of_points(&self, graph: &GraphInfo) -> bool {
         let meaning = graph.port(&self.port).and_then(|info| info.port.meaning);
         meaning.is_some_and(|meaning| [ID, KEPT].contains(&meaning))
@@ -178,7 +178,7 @@ impl Viewer {
         }
     }
 
-    /// An image file that is dropped on the window is compared with.
+    /// Compares with an image file that is dropped on the window.
     pub fn take_dropped(&mut self, ui: &Ui) {
         let dropped = ui.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
         let Some(path) = dropped else { return };
@@ -188,7 +188,7 @@ impl Viewer {
         }
     }
 
-    /// The image and what lies over it.
+    /// The image and its overlays.
     fn image(&mut self, ui: &mut Ui, session: &mut Session, graph: &GraphInfo, name: &str) {
         let Some(layer) = &self.pictures.image else { return };
         let footer = ui.text_style_height(&egui::TextStyle::Body) + 6.0;
@@ -244,7 +244,7 @@ fn hovered(response: &Response, placed: &Placed) -> Option<[usize; 2]> {
     Some(placed.pixel(pointer))
 }
 
-/// The line below the image: the pixel under the pointer, or what the mouse does.
+/// The line below the image: the pixel under the pointer, or help on the mouse.
 fn foot(ui: &mut Ui, response: &Response, placed: &Placed, layer: &Layer) {
     let text = match hovered(response, placed) {
         Some([x, y]) => {

@@ -1,4 +1,4 @@
-//! What is drawn into large pixels: their values, strokes of edges, maps of what they reach.
+//! Overlays on enlarged pixels: their values, strokes of edges, maps of reachable pixels.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use epigraph_pictures::{Mode, edges, in_pixel};
@@ -6,14 +6,14 @@ use epigraph_pictures::{Mode, edges, in_pixel};
 use super::{layer::Layer, place::Placed};
 use crate::theme;
 
-/// Points a pixel takes from which on its values are written into it.
+/// Points per pixel from which on its values are written into it.
 const LEGIBLE: f32 = 44.0;
-/// Points a pixel takes from which on strokes are drawn into it.
+/// Points per pixel from which on strokes are drawn into it.
 const STROKES: f32 = 6.0;
-/// Points a pixel takes from which on a map of what it reaches is drawn into it.
+/// Points per pixel from which on a map of the reachable pixels is drawn into it.
 const MAPS: f32 = 14.0;
 
-/// How much of the image shows behind strokes.
+/// Brightness of the image behind strokes.
 const FAINT: u8 = 70;
 const GRID: Color32 = Color32::from_rgb(44, 49, 72);
 
@@ -22,7 +22,7 @@ pub fn rgb([r, g, b]: [u8; 3]) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// What the image's own colours are multiplied by, so that what is drawn over them stands out.
+/// Factor on the image's own colours, so that the overlay stands out.
 pub fn tint(layer: &Layer, placed: &Placed) -> Color32 {
     match layer.shown.mode {
         Mode::Edges if placed.zoom() >= STROKES => Color32::from_gray(FAINT),
@@ -30,7 +30,7 @@ pub fn tint(layer: &Layer, placed: &Placed) -> Color32 {
     }
 }
 
-/// Draws into the pixels that show.
+/// Draws into the visible pixels.
 pub fn draw(painter: &Painter, placed: &Placed, layer: &Layer) {
     let zoom = placed.zoom();
     match layer.shown.mode {
@@ -53,7 +53,7 @@ fn values(painter: &Painter, placed: &Placed, layer: &Layer) {
     }
 }
 
-/// Black or white, whichever reads better on a colour.
+/// Black or white, whichever has more contrast on a colour.
 fn legible_on([r, g, b]: [u8; 3]) -> Color32 {
     let light = 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) > 8 * 140;
     if light { Color32::BLACK } else { Color32::WHITE }
@@ -84,7 +84,7 @@ fn strokes(painter: &Painter, placed: &Placed, pixel: [usize; 2], ring: u32, col
     }
 }
 
-/// Lines between pixels.
+/// The grid between pixels.
 fn grid(painter: &Painter, placed: &Placed) {
     let visible = placed.visible();
     let [from, to] = [placed.pixel(visible.min), placed.pixel(visible.max)];
@@ -97,7 +97,7 @@ fn grid(painter: &Painter, placed: &Placed) {
     }
 }
 
-/// In each pixel a small map of the 5x5 pixels around it.
+/// A small map in each pixel of the 5x5 pixels around it.
 fn maps(painter: &Painter, placed: &Placed, layer: &Layer) {
     for pixel in placed.pixels() {
         let word = layer.words.get(pixel[1] * placed.size[0] + pixel[0]).copied().unwrap_or(0);
@@ -107,9 +107,9 @@ fn maps(painter: &Painter, placed: &Placed, layer: &Layer) {
     }
 }
 
-/// The 5x5 pixels around one: itself, those that it reaches, and those that it does not.
+/// The 5x5 pixels around one: the centre, the reached pixels, and the others.
 pub fn map(painter: &Painter, within: Rect, r24: u32) {
-    // Whole points: fractions of them would make stripes of many maps.
+    // Whole points: fractions would alias into stripes where there are many maps.
     let side = (within.width() / 5.0).floor().max(1.0);
     let first = (within.center() - vec2(2.5, 2.5) * side).round();
     let gap = if side < 5.0 { 0.0 } else { 1.0 };
@@ -119,7 +119,7 @@ pub fn map(painter: &Painter, within: Rect, r24: u32) {
     }
 }
 
-/// Marks in the image what the pixel under the pointer reaches; where pixels are small, in a corner of the pane.
+/// Marks the pixels in the image that the pixel under the pointer reaches; if pixels are small, in a corner of the pane.
 pub fn reach_of(painter: &Painter, placed: &Placed, layer: &Layer, [x, y]: [usize; 2]) {
     let Some(word) = layer.words.get(y * placed.size[0] + x).filter(|_| layer.shown.mode == Mode::Reach)
     else {

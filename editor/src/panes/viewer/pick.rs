@@ -5,7 +5,7 @@ use egui::{Painter, Rect, Response, Stroke, StrokeKind, Ui, vec2};
 use super::Placed;
 use crate::{intent::Intent, session::Session, theme};
 
-/// A click picks a pixel of the frame, which has so many pixels; the picked one is marked.
+/// A click picks a pixel of the frame, whose width and height are `frame`; the picked one is marked.
 pub fn pick(ui: &Ui, session: &mut Session, response: &Response, placed: &Placed, frame: [u32; 2]) {
     let (size, frame) = (placed.size, frame.map(|side| side.max(1) as usize));
     if response.clicked()
@@ -23,7 +23,7 @@ pub fn pick(ui: &Ui, session: &mut Session, response: &Response, placed: &Placed
     }
 }
 
-/// Marks a pixel: a frame around it, large enough to be found, that shows on light and dark.
+/// Marks a pixel with a frame around it, large enough to be found, visible on light and dark.
 fn mark(painter: &Painter, pixel: Rect) {
     let around = pixel.expand((6.0 - 0.5 * pixel.width()).max(1.0));
     for (width, color) in [(3.0, egui::Color32::from_black_alpha(170)), (1.5, theme::ACCENT)] {

@@ -1,8 +1,8 @@
-//! The pictures of a view. They are worked out away from the window's thread, which only hands finished pixels to the
-//! graphics card: nothing that it does here grows with the image but that copy.
+//! The pictures of a view. They are computed away from the window's thread, which only uploads finished pixels to the
+//! graphics card: no other work on that thread grows with the image.
 //!
-//! All that is seen at once comes from one piece of work, so that both sides of a comparison, their difference and the
-//! histogram are of the same frame. Until it is done, the pictures before stay.
+//! Everything visible at one time comes from one piece of work, so that both sides of a comparison, their difference and the
+//! histogram are of the same frame. Until it is done, the previous pictures stay.
 
 use std::{sync::Arc, time::Duration};
 
@@ -13,29 +13,29 @@ use epigraph_pictures::{Histogram, Look, apart};
 use super::layer::{Layer, Painted, pixels, upload};
 use crate::task::Task;
 
-/// Pictures of usual sizes keep up with the graph, also where all cores are busy; only those that take longer leave some
+/// Pictures of usual sizes keep up with the graph even if all cores are busy; only slower ones leave some
 /// of their time to the tracer.
 const FREE: Duration = Duration::from_millis(100);
 
-/// What is to be drawn.
+/// The pictures to draw.
 #[derive(Clone)]
 pub struct Order {
     /// The image in view.
     pub image: Arc<Snapshot>,
-    /// The image of the same size that it is held against.
+    /// The image of the same size to compare with.
     pub other: Option<Arc<Snapshot>>,
-    /// How.
+    /// The settings.
     pub wish: Wish,
 }
 
-/// How images are to be drawn: what a person chooses.
+/// The user's settings for the pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wish {
-    /// How numbers become colours.
+    /// The mapping from numbers to colours.
     pub look: Look,
-    /// Whether they are counted.
+    /// True if a histogram is counted.
     pub histogram: bool,
-    /// What differences are multiplied by, where they are shown.
+    /// Gain of the differences, if they are shown.
     pub gain: Option<f32>,
 }
 
@@ -46,7 +46,7 @@ impl PartialEq for Order {
     }
 }
 
-/// What came of an order.
+/// The result of an order.
 struct Drawn {
     image: Fresh,
     other: Option<Fresh>,
@@ -54,21 +54,21 @@ struct Drawn {
     histogram: Option<Option<Histogram>>,
 }
 
-/// A painted image with its pixels; without, where the card has them already.
+/// A painted image with its pixels, or without if the card has them already.
 struct Fresh {
     painted: Arc<Painted>,
     pixels: Option<ColorImage>,
 }
 
-/// The newest pictures that are finished.
+/// The newest finished pictures.
 pub struct Pictures {
     /// The image in view.
     pub image: Option<Layer>,
-    /// What it is held against.
+    /// The image to compare with.
     pub other: Option<Layer>,
-    /// How far their colours are apart.
+    /// The difference of their colours.
     pub difference: Option<TextureHandle>,
-    /// How often which values occur, once that is counted; none where they are no amounts.
+    /// The histogram, once it is counted; `Some(None)` if the values are not quantities.
     pub histogram: Option<Option<Histogram>>,
     work: Task<Order, Drawn>,
 }
@@ -80,12 +80,12 @@ impl Default for Pictures {
 }
 
 impl Pictures {
-    /// Sees to it that an order is carried out, and shows what is finished: call it in every frame of the window.
+    /// Makes sure that an order is carried out, and shows finished pictures: call it in every frame of the window.
     pub fn update(&mut self, context: &Context, order: Order) {
         if let Some(drawn) = self.work.take() {
             self.show(context, drawn);
         }
-        // Newer frames may come when there is time for them, but nobody is to wait for what he has chosen.
+        // Newer frames may come when there is time for them, but a change of the settings must not wait.
         if self.work.done().is_some_and(|done| done.wish != order.wish) {
             self.work.hurry();
         }
@@ -95,7 +95,7 @@ impl Pictures {
         self.work.want_after_take(context, order, move || Drawn::new(&asked, before));
     }
 
-    /// Whether something newer is being worked out.
+    /// True if newer pictures are being computed.
     pub fn is_behind(&self) -> bool {
         self.work.is_behind()
     }
@@ -109,7 +109,7 @@ impl Pictures {
     }
 }
 
-/// Replaces a layer. It has been the same since the work began that found its colours unchanged.
+/// Replaces a layer. An order without pixels found the layer's colours unchanged, and the layer has not changed since.
 fn fresh(layer: &mut Option<Layer>, context: &Context, fresh: Option<Fresh>) {
     let texture = layer.take().map(|layer| layer.texture);
     *layer = fresh.and_then(|Fresh { painted, pixels }| {
@@ -141,7 +141,7 @@ impl Drawn {
 }
 
 impl Fresh {
-    /// What is painted already is not painted again.
+    /// Paints the image, unless it is painted already.
     fn new(snapshot: &Arc<Snapshot>, look: Look, before: Option<Arc<Painted>>) -> Self {
         if let Some(painted) = before.filter(|before| before.is_of(snapshot, &look)) {
             return Self { painted, pixels: None };

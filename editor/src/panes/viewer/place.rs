@@ -1,35 +1,35 @@
-//! Where the image lies in the pane: zooming and panning.
+//! The placement of the image in the pane: zoom and pan.
 
 use egui::{PointerButton, Pos2, Rect, Response, Ui, Vec2, pos2, vec2};
 use serde::{Deserialize, Serialize};
 
-/// Points a pixel may take at most.
+/// Most points per pixel.
 const MAX_ZOOM: f32 = 256.0;
-/// How fast the wheel zooms: doublings for each point of scrolling.
+/// Zoom per point of scrolling, in doublings.
 const WHEEL: f32 = 1.0 / 150.0;
 
-/// How an image of any size lies in the pane.
+/// The placement of an image of any size in the pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Place {
-    /// Points for each pixel; none fits the image into the pane.
+    /// Points per pixel; `None` fits the image into the pane.
     pub zoom: Option<f32>,
-    /// The image's middle from the pane's middle, points.
+    /// From the pane's centre to the image's centre, points.
     offset: Vec2,
 }
 
 /// An image on screen.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
-    /// What of the window there is for it.
+    /// The part of the window for it.
     pub pane: Rect,
-    /// Where all of it would lie.
+    /// The rectangle of the whole image.
     pub image: Rect,
     /// Its width and height, pixels.
     pub size: [usize; 2],
 }
 
 impl Place {
-    /// In the middle, with so many points for each pixel; none fits it into the pane.
+    /// Centred, with this many points per pixel; `None` fits it into the pane.
     pub fn centered(zoom: Option<f32>) -> Self {
         Self { zoom, offset: Vec2::ZERO }
     }
@@ -70,7 +70,7 @@ impl Place {
 }
 
 impl Placed {
-    /// Points for each pixel.
+    /// Points per pixel.
     pub fn zoom(&self) -> f32 {
         self.image.width() / self.size[0].max(1) as f32
     }
@@ -83,22 +83,22 @@ impl Placed {
         [index(share.x, self.size[0]), index(share.y, self.size[1])]
     }
 
-    /// The point at a place in the image, in pixels from its top left corner.
+    /// The screen position of a place in the image, in pixels from its top left corner.
     pub fn point(&self, [x, y]: [f32; 2]) -> Pos2 {
         self.image.min + vec2(x, y) * self.zoom()
     }
 
-    /// Where a pixel lies.
+    /// The rectangle of a pixel.
     pub fn square(&self, [x, y]: [usize; 2]) -> Rect {
         Rect::from_min_size(self.point([x as f32, y as f32]), Vec2::splat(self.zoom()))
     }
 
-    /// The part of the image that shows.
+    /// The visible part of the image.
     pub fn visible(&self) -> Rect {
         self.pane.intersect(self.image)
     }
 
-    /// The pixels that show, row by row.
+    /// The visible pixels, row by row.
     pub fn pixels(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
         let visible = self.visible();
         let [from, to] = [self.pixel(visible.min), self.pixel(visible.max)];
@@ -107,7 +107,7 @@ impl Placed {
     }
 }
 
-/// All of a texture.
+/// The whole of a texture.
 pub const WHOLE: Rect = Rect { min: Pos2::ZERO, max: pos2(1.0, 1.0) };
 
 #[cfg(test)]
@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(placed.pixel(pos2(13.0, 45.5)), [1, 0]);
         assert_eq!(placed.square([1, 0]).min, pos2(12.0, 45.0));
         assert_eq!(placed.pixels().count(), 50 * 25);
-        // Far in, only some show.
+        // Zoomed in, only some are visible.
         let near = Place::centered(Some(50.0)).put(pane, [50, 25]);
         assert!(near.pixels().count() <= 9, "{}", near.pixels().count());
         assert!(near.pixels().all(|pixel| near.square(pixel).intersects(pane)));

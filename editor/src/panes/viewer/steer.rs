@@ -1,10 +1,10 @@
-//! Mouse and keys move the camera.
+//! Camera control with mouse and keys.
 
 use egui::{Key, PointerButton, Response, Ui};
 
 use crate::session::Session;
 
-/// Radians that the camera turns for each point of a drag.
+/// Radians of camera rotation per point of a drag.
 const TURN: f32 = 0.006;
 
 /// Turns drags and held keys into movements.
@@ -17,7 +17,7 @@ pub fn steer(ui: &Ui, session: &mut Session, response: &Response) {
     if response.dragged_by(PointerButton::Secondary) {
         session.move_camera(|rig| rig.look(drag.x, drag.y));
     }
-    // Keys belong to a text field while one has the focus.
+    // Keys belong to a text field while it has the focus.
     let typing = ui.ctx().memory(|memory| memory.focused().is_some_and(|id| id != response.id));
     if !(response.hovered() || response.has_focus()) || typing || ui.input(|input| input.modifiers.command) {
         return;
