@@ -1,4 +1,4 @@
-//! Copies of what the nodes of a graph wrote in one frame, and the view that each node has of them.
+//! Copies of what the nodes of a graph wrote in one frame, and each node's view of them.
 
 use std::sync::Arc;
 
@@ -18,11 +18,11 @@ pub struct Snapshot {
     pub name: String,
     /// The field, empty for the only one.
     pub field: String,
-    /// What the port's values are, as far as that is declared.
+    /// What the port's values mean, if declared.
     pub meaning: Option<Meaning>,
     /// Its elements.
     pub element: Element,
-    /// How many.
+    /// The number of elements, as width and height.
     pub dims: Dims,
     /// The frame it was taken in.
     pub frame: u64,
@@ -58,8 +58,7 @@ impl Capture {
         self.snapshots.iter().map(|snapshot| snapshot.bytes.len() as u64).sum()
     }
 
-    /// A pixel inside of the frame, as seen by a node of `graph`, of which this is a capture. `element` is
-    /// [`Site::element`].
+    /// A pixel inside the frame, as seen by a node of the captured `graph`. `element` becomes [`Site::element`].
     pub fn site(&self, graph: &Graph, node: NodeId, pixel: [u32; 2], element: Option<usize>) -> Site<'_> {
         let ports = (0..graph.nodes[node].sources.len()).map(|port| self.contents(graph, node, port));
         Site::new(&self.frame, pixel, element, ports.collect())

@@ -1,4 +1,4 @@
-//! The way from a file to a plan: check the file and the shaders that an editor has changed, then plan the graph.
+//! From a file to a plan: check the file and the shaders that an editor has changed, then plan the graph.
 
 use crate::{
     error::{GraphError, Place, Problem, Problems},
@@ -10,7 +10,7 @@ use crate::{
     shader::Shader,
 };
 
-/// Checks a file and compiles it: the way from text to a graph and its plan.
+/// Checks a file and compiles it to a graph and its plan.
 pub fn compile(
     file: &GraphFile,
     registry: &Registry,

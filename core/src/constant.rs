@@ -1,4 +1,4 @@
-//! Constants that a shader has from its Rust declaration, so that no number is written twice.
+//! Constants that a shader gets from a Rust declaration, so that no number is written twice.
 
 use std::{borrow::Cow, fmt::Write};
 
@@ -7,8 +7,8 @@ use crate::{
     port::Scalar,
 };
 
-/// A named number that a shader knows without declaring it. [`crate::constants!`] makes those of a stage or shared module;
-/// each parameter with a [`crate::choice!`] gives its own, see [`Constant::of_choice`].
+/// A named number that a shader can use without declaring it. [`crate::constants!`] makes those of a stage or shared
+/// module; each parameter with a [`crate::choice!`] gives its own, see [`Constant::of_choice`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constant {
     name: Cow<'static, str>,
@@ -33,13 +33,13 @@ impl Constant {
         Self { name: Cow::Borrowed(name), scalar: Scalar::I32, bits: value as u32 }
     }
 
-    /// A constant of type `f32`. The value is finite: WGSL has no constants that are not.
+    /// A constant of type `f32`. The value must be finite: WGSL has no constants for infinity and NaN.
     pub const fn f32(name: &'static str, value: f32) -> Self {
         Self { name: Cow::Borrowed(name), scalar: Scalar::F32, bits: value.to_bits() }
     }
 
-    /// The values of a parameter that takes one of several names, as they are in the uniform: `RULE_SEED_EXACT` for the
-    /// variant `SeedExact` of the parameter `rule`. None for other parameters.
+    /// The uniform values of a parameter with named choices: `RULE_SEED_EXACT` for the variant `SeedExact` of the
+    /// parameter `rule`. Empty for other parameters.
     pub fn of_choice(param: &ParamSpec) -> Vec<Self> {
         let ParamKind::Choice(variants) = &param.kind else { return Vec::new() };
         let named =
@@ -53,11 +53,11 @@ impl Constant {
         &self.name
     }
 
-    /// Adds its declaration in WGSL, a line.
+    /// Appends its WGSL declaration, one line.
     pub(crate) fn declare(&self, out: &mut String) {
         let value = match self.scalar {
             Scalar::U32 => format!("{}u", self.bits),
-            // The least number has no literal of its own type.
+            // WGSL has no literal for the smallest i32.
             Scalar::I32 => format!("{}", self.bits as i32),
             Scalar::F32 => format!("{:?}f", f32::from_bits(self.bits)),
         };
@@ -94,7 +94,7 @@ macro_rules! constants {
     ($($(#[$meta:meta])* $vis:vis const $name:ident: $ty:ident = $value:expr;)*) => {
         $($(#[$meta])* $vis const $name: $ty = $value;)*
 
-        /// The constants that the shader knows too.
+        /// The constants that the shader gets too.
         pub(crate) const CONSTANTS: &[$crate::Constant] =
             &[$($crate::Constant::$ty(stringify!($name), $name)),*];
     };

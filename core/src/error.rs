@@ -1,8 +1,8 @@
-//! What can be wrong with a graph, as data: every problem names where it stands, what was found and what to do.
+//! Everything that can be wrong with a graph, as data: each problem names its place, what was found and what to do.
 
 use std::fmt;
 
-/// A stretch of a graph file's text, in bytes.
+/// A range of a graph file's text, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Span {
     /// First byte.
@@ -11,12 +11,12 @@ pub struct Span {
     pub end: usize,
 }
 
-/// A value with the place it was read from.
+/// A value and the place it was read from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spanned<T> {
     /// The value.
     pub value: T,
-    /// Where it stands.
+    /// Its place in the text.
     pub span: Span,
 }
 
@@ -28,34 +28,34 @@ pub enum GraphError {
     Io {
         /// "read" or "write".
         action: &'static str,
-        /// The system's words.
+        /// The operating system's message.
         cause: String,
     },
-    /// The text is not RON, or not of the graph file's shape.
+    /// The text is not RON, or does not have the structure of a graph file.
     #[error("{0}")]
     Syntax(String),
-    /// A file of a later format.
-    #[error("version {found} of the graph format is not known; this program reads version 1")]
+    /// A file of a newer format version.
+    #[error("unsupported version {found} of the graph format; this program reads version 1")]
     Version {
-        /// What the file says.
+        /// The version in the file.
         found: u32,
     },
-    /// A name that stands twice where it may stand once.
-    #[error("{what} `{name}` stands twice")]
+    /// A name that is used twice where it must be unique.
+    #[error("duplicate {what} `{name}`")]
     Duplicate {
         /// "node", "parameter", "input" or "output".
         what: &'static str,
         /// The name.
         name: String,
     },
-    /// A name that nothing bears.
+    /// A name that does not exist.
     #[error("unknown {what} `{found}`{}", hint(nearest, known))]
     Unknown {
-        /// What the name should have been one of: "stage kind", "parameter", "node", "port", "input", "field".
+        /// What the name refers to: "stage kind", "parameter", "node", "port", "input", "field".
         what: &'static str,
         /// The name as written.
         found: String,
-        /// The nearest known name, when one is near.
+        /// The most similar known name, if one is similar enough.
         nearest: Option<String>,
         /// All known names.
         known: Vec<String>,
@@ -67,7 +67,7 @@ pub enum GraphError {
         name: String,
         /// The type, with its range or choices.
         expected: String,
-        /// What the parser says.
+        /// The parser's message.
         cause: String,
     },
     /// A parameter outside its range.
@@ -97,9 +97,9 @@ pub enum GraphError {
         port: String,
         /// The producing `node.port`.
         source_port: String,
-        /// Element type it takes.
+        /// The element type that the port takes.
         expected: String,
-        /// Element type it gets.
+        /// The element type that is connected.
         found: String,
     },
     /// A wire between ports of different extents.
@@ -109,15 +109,15 @@ pub enum GraphError {
         port: String,
         /// The producing `node.port`.
         source_port: String,
-        /// Extent it takes.
+        /// The extent that the port takes.
         expected: String,
-        /// Extent it gets.
+        /// The extent that is connected.
         found: String,
     },
     /// Nodes that wait for each other within one frame.
     #[error("these nodes wait for each other within a frame: {}; let one of them read last frame's value through a history input", .path.join(" -> "))]
     Cycle {
-        /// The nodes along the cycle; the first stands again at the end.
+        /// The nodes along the cycle; the first is repeated at the end.
         path: Vec<String>,
     },
     /// Two nodes that update one version of a resource in place.
@@ -132,7 +132,8 @@ pub enum GraphError {
         /// The other.
         second: String,
     },
-    /// A wire that may not be: history of an updated resource, a placement that a stage does not have, and so on.
+    /// A wire that is not allowed: history of an updated resource, a placement that a stage does not support, and so
+    /// on.
     #[error("{0}")]
     Invalid(String),
     /// A shader that does not parse, validate or fit its ports.
@@ -140,9 +141,9 @@ pub enum GraphError {
     Shader {
         /// The shader file's name.
         shader: String,
-        /// What naga says, or what differs from the ports.
+        /// naga's message, or how the shader differs from the ports.
         message: String,
-        /// Where in the shader's file, or in that of a module that it imports, unless the problem tells.
+        /// The place in the shader's file or in an imported module's, unless the message contains it.
         place: Option<Box<Place>>,
     },
 }
@@ -165,7 +166,7 @@ fn hint(nearest: &Option<String>, known: &[String]) -> String {
 }
 
 impl GraphError {
-    /// An unknown name, with the nearest of the known ones where one is near enough to be a slip of the finger.
+    /// An unknown name, with the most similar known name if it is similar enough to be a typo.
     pub fn unknown<S: AsRef<str>>(
         what: &'static str,
         found: &str,
@@ -191,7 +192,7 @@ pub struct Place {
     pub line: usize,
     /// Column in characters, from 1; 0 for the file as a whole.
     pub column: usize,
-    /// How many characters to underline, at least one.
+    /// Number of characters to underline, at least one.
     pub length: usize,
     /// The whole line.
     pub text: String,
@@ -229,12 +230,12 @@ fn floor_char_boundary(text: &str, at: usize) -> usize {
     at
 }
 
-/// One problem with its place.
+/// One problem and its place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     /// What is wrong.
     pub error: GraphError,
-    /// The file, and the place in it where one is known.
+    /// The file, and the place in it if known.
     pub place: Option<Place>,
     /// The node it concerns.
     pub node: Option<String>,
@@ -248,19 +249,19 @@ impl Problem {
         Self { error, place: None, node: None, port: None }
     }
 
-    /// The same problem, at a place.
+    /// Adds a place.
     pub fn at(mut self, place: Place) -> Self {
         self.place = Some(place);
         self
     }
 
-    /// The same problem, of a node.
+    /// Adds the node.
     pub fn node(mut self, name: &str) -> Self {
         self.node = Some(name.to_owned());
         self
     }
 
-    /// The same problem, of a port.
+    /// Adds the port.
     pub fn port(mut self, name: &str) -> Self {
         self.port = Some(name.to_owned());
         self
@@ -283,7 +284,7 @@ impl fmt::Display for Problem {
         {
             let number = place.line.to_string();
             let pad = " ".repeat(number.len());
-            // Tabs keep their width under the marker line.
+            // Tabs keep their width in the line of markers.
             let lead: String = place
                 .text
                 .chars()
@@ -297,12 +298,12 @@ impl fmt::Display for Problem {
     }
 }
 
-/// All problems found in one go; never empty when it is an error.
+/// All problems found in one pass; never empty when returned as an error.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Problems(pub Vec<Problem>);
 
 impl Problems {
-    /// `Ok` when there is none.
+    /// `Ok` if there are no problems.
     pub fn into_result(self) -> Result<(), Self> {
         if self.0.is_empty() { Ok(()) } else { Err(self) }
     }

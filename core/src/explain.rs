@@ -1,7 +1,7 @@
-//! What a frame did at one pixel: what each stage finds worth telling about what it read and wrote there.
+//! What a frame did at one pixel: what each stage reports about the values it read and wrote there.
 //!
-//! Only a stage knows what its numbers mean and by which rule they came about. [`Stage::explain`](crate::Stage::explain)
-//! decodes them and applies the rule anew to what the stage read; the application shows the [`Finding`]s.
+//! Only a stage knows what its numbers mean and which rule produced them. [`Stage::explain`](crate::Stage::explain)
+//! decodes them and applies the rule again to the stage's inputs; the application shows the [`Finding`]s.
 
 use std::borrow::Cow;
 
@@ -12,80 +12,80 @@ use crate::{
     port::{FieldRef, In, Out, PortElement},
 };
 
-/// Something worth knowing about a pixel.
+/// One fact about a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Finding {
-    /// A value in words.
+    /// A named value as text.
     Value {
-        /// What it is.
+        /// Its name.
         name: Cow<'static, str>,
         /// The value with its unit.
         text: String,
     },
     /// Linear Rec. 709 radiance.
     Color {
-        /// What it is.
+        /// Its name.
         name: Cow<'static, str>,
         /// Red, green and blue.
         linear: [f32; 3],
     },
-    /// Why it came about, as a sentence: the rule, applied to this frame's numbers.
+    /// The reason, as a sentence: the rule, applied to this frame's numbers.
     Why(String),
-    /// The pixels around.
+    /// The pixel's neighbourhood.
     Around(Around),
-    /// The pixel enlarged.
+    /// The pixel, enlarged.
     Sketch(Vec<Mark>),
 }
 
-/// A square of pixels, of which the one in question is the middle one.
+/// A square of pixels, centred on the inspected one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Around {
-    /// What is told of each.
+    /// The quantity shown for each pixel.
     pub name: Cow<'static, str>,
-    /// An odd number of rows, from the top, of as many cells.
+    /// The rows from the top: an odd number, each with as many cells.
     pub cells: Vec<Cell>,
 }
 
-/// What is told of one of the pixels around.
+/// What is shown for one pixel of a neighbourhood.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cell {
-    /// What it has to do with the pixel in question.
+    /// Its relation to the inspected pixel.
     pub role: Role,
-    /// Its colour, linear radiance, where that matters.
+    /// Its colour as linear radiance, if that matters.
     pub linear: Option<[f32; 3]>,
-    /// Its number in words; may be empty.
+    /// Its number as text; may be empty.
     pub text: String,
 }
 
-/// What one of the pixels around has to do with the one in question.
+/// How a neighbouring pixel relates to the inspected one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Role {
-    /// Nothing: it is empty, or outside of the image.
+    /// Not at all: it is empty, or outside the image.
     #[default]
     None,
-    /// It was looked at.
+    /// It was examined.
     Counts,
-    /// It was looked at, and speaks against the pixel or its sample.
+    /// It was examined, and counts against the pixel or its sample.
     Against,
     /// It cannot be reached.
     Apart,
 }
 
-/// A mark in a pixel that is drawn enlarged. Places are in pixels from its top left corner.
+/// A mark in a pixel that is drawn enlarged. Positions are in pixels from its top left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mark {
     /// Where an edge crosses a side: from, to.
     Crossing([[f32; 2]; 2]),
-    /// A stretch of an edge within the pixel: from, to.
+    /// A segment of an edge within the pixel: from, to.
     Edge([[f32; 2]; 2]),
-    /// The cell that holds the pixel's sample: two corners.
+    /// The cell of the pixel's sample: two corners.
     Sample([[f32; 2]; 2]),
     /// Where the next sample should go.
     Aim([f32; 2]),
 }
 
 impl Finding {
-    /// A value in words.
+    /// A named value as text.
     pub fn value(name: impl Into<Cow<'static, str>>, text: impl Into<String>) -> Self {
         Self::Value { name: name.into(), text: text.into() }
     }
@@ -97,7 +97,7 @@ impl Finding {
     }
 }
 
-/// The bytes of each field of a port; none where they are not known.
+/// The bytes of each field of a port; `None` if unknown.
 pub(crate) type Fields<'a> = Vec<Option<&'a [u8]>>;
 
 /// What a port of a node held in a captured frame.
@@ -108,18 +108,18 @@ pub(crate) struct PortContents<'a> {
     pub written: Fields<'a>,
 }
 
-/// A pixel as one node of a captured frame sees it; [`Capture::site`](crate::Capture::site) makes it.
+/// A pixel as one node of a captured frame sees it; made by [`Capture::site`](crate::Capture::site).
 pub struct Site<'a> {
     frame: &'a Frame,
     ports: Vec<PortContents<'a>>,
     /// Column and row.
     pub pixel: [u32; 2],
-    /// The element of the graph's lists that belongs to the pixel, for stages that work on lists: a point's slot.
+    /// For stages that work on lists: the list element that belongs to the pixel, such as a point's slot.
     pub element: Option<usize>,
 }
 
 impl<'a> Site<'a> {
-    /// A pixel inside of the frame, as seen by a node with these ports.
+    /// A pixel inside the frame, as seen by a node with these ports.
     pub(crate) fn new(
         frame: &'a Frame,
         pixel: [u32; 2],
@@ -139,12 +139,12 @@ impl<'a> Site<'a> {
         self.frame().size.map(|side| side as usize)
     }
 
-    /// The index of the pixel in ports of one element a pixel.
+    /// The index of the pixel in ports with one element per pixel.
     pub fn at(&self) -> usize {
         self.pixel[1] as usize * self.size()[0] + self.pixel[0] as usize
     }
 
-    /// The index of the pixel that lies so many columns and rows away; none outside of the image.
+    /// The index of the pixel at this offset in columns and rows; `None` outside the image.
     pub fn beside(&self, [dx, dy]: [i32; 2]) -> Option<usize> {
         let [width, height] = self.size();
         let x = (self.pixel[0] as usize).checked_add_signed(dx as isize).filter(|x| *x < width)?;
@@ -152,7 +152,8 @@ impl<'a> Site<'a> {
         Some(y * width + x)
     }
 
-    /// The square of pixels that reaches so many to each side, row by row, told by `cell` from its offset.
+    /// The square of pixels up to `reach` pixels away on each side, row by row; `cell` describes the pixel at an
+    /// offset.
     pub fn around(
         &self,
         name: impl Into<Cow<'static, str>>,
@@ -163,13 +164,13 @@ impl<'a> Site<'a> {
         Finding::Around(Around { name: name.into(), cells: offsets.map(&mut cell).collect() })
     }
 
-    /// What the node read from an input. None where that is not known: of history, of results that come late from the
-    /// GPU, and of what was not captured.
+    /// What the node read from an input. `None` if unknown: history, results that come late from the GPU, and anything
+    /// that was not captured.
     pub fn read<E: PortElement>(&self, port: In<E>) -> Option<Cow<'a, [E::Cpu]>> {
         elements(&self.port(port.at).read, port.at)
     }
 
-    /// What an output that is changed in place held before; none as for [`Site::read`].
+    /// The contents of an output that is changed in place, before the node ran; `None` as in [`Site::read`].
     pub fn before<E: PortElement>(&self, port: Out<E>) -> Option<Cow<'a, [E::Cpu]>> {
         elements(&self.port(port.at).read, port.at)
     }
@@ -186,7 +187,7 @@ impl<'a> Site<'a> {
 
 fn elements<'a, T: Pod>(fields: &Fields<'a>, at: FieldRef) -> Option<Cow<'a, [T]>> {
     let bytes = (*fields.get(at.field as usize)?)?;
-    // Bytes of a vector lie where the allocator put them, which suits every element as a rule.
+    // The bytes of a vector are wherever the allocator put them; the alignment usually suits every element.
     Some(match bytemuck::try_cast_slice(bytes) {
         Ok(elements) => Cow::Borrowed(elements),
         Err(_) => Cow::Owned(bytemuck::pod_collect_to_vec(bytes)),

@@ -1,9 +1,9 @@
-//! What an application states about what it shows, by name.
+//! What an application states about the content it shows, by name.
 //!
-//! No quantity or fact has a meaning here. A crate of stages defines its own as constants, the application states them in
-//! [`Settings::facts`](crate::Settings::facts), and stages use them: a quantity as the length of a list, both to find out
-//! that they are not needed ([`Stage::needless`](crate::Stage::needless)). What follows from what the application states,
-//! a crate can add itself: [`Registry::with_count`](crate::Registry::with_count).
+//! Quantities and facts have no meaning here. A crate of stages defines its own as constants, the application states
+//! them in [`Settings::facts`](crate::Settings::facts), and stages use them: a quantity as the length of a list, both
+//! to detect that a stage is not needed ([`Stage::needless`](crate::Stage::needless)). A crate can derive further
+//! quantities from what the application states: [`Registry::with_count`](crate::Registry::with_count).
 //!
 //! ```
 //! use epigraph_core::{Extent, Fact, Facts, Quantity};
@@ -20,12 +20,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Something that there is a number of, such as the edges of a scene.
+/// Something that can be counted, such as the edges of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quantity {
     /// Its name; quantities of the same name are the same.
     pub name: &'static str,
-    /// What one of them is called, as in "a list of one per edge".
+    /// The singular, as in "a list of one per edge".
     pub one: &'static str,
 }
 
@@ -44,7 +44,7 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// States how many there are of a quantity.
+    /// States the count of a quantity.
     pub fn with(mut self, quantity: Quantity, count: u32) -> Self {
         self.counts.insert(quantity.name, count);
         self
@@ -60,7 +60,7 @@ impl Facts {
         self
     }
 
-    /// How many there are of a quantity; 0 where that is not stated.
+    /// The count of a quantity; 0 if not stated.
     pub fn count(&self, quantity: Quantity) -> u32 {
         self.counts.get(quantity.name).copied().unwrap_or(0)
     }

@@ -1,9 +1,9 @@
-//! Graph files: RON text, the graph's shape as read from it, and the place of everything.
+//! Graph files: RON text, the graph's structure as read from it, and the place of everything.
 //!
 //! A file is read in three layers, so that one mistake does not hide the next. ron checks that the text is RON at all;
-//! that is the only kind of problem reported alone. [`scan`] then splits the text into blocks and items, and [`parse`]
-//! reads each field on its own and collects every problem. Because an item knows its bytes, an [`edit`] replaces just
-//! those and reads the result anew: comments, order and spacing of all else stay. A graph may contain others ([`parts`]).
+//! only such a problem is reported alone. [`scan`] then splits the text into blocks and items, and [`parse`] reads each
+//! field separately and collects every problem. Because an item knows its bytes, an [`edit`] replaces only those and
+//! parses the result again: all other comments, order and spacing stay. A graph may contain others ([`parts`]).
 
 mod edit;
 mod parse;
@@ -18,7 +18,7 @@ use crate::{
 };
 pub(crate) use parts::{Flat, FlatNode};
 
-/// A graph file as written: its text, and the graph's shape with the place of everything in the text.
+/// A graph file as written: its text, and the graph's structure with the place of everything in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraphFile {
     /// The file's name as the user gave it.
@@ -27,35 +27,35 @@ pub struct GraphFile {
     pub text: String,
     /// Version of the format; always 1 so far.
     pub version: u32,
-    /// What the graph does, in words; empty when the file does not say.
+    /// What the graph does, in words; empty if the file does not say.
     pub doc: String,
-    /// Nodes in the order of the file; no name stands twice.
+    /// Nodes in file order; names are unique.
     pub nodes: Vec<NodeDef>,
-    /// Outputs in the order of the file; no name stands twice.
+    /// Outputs in file order; names are unique.
     pub outputs: Vec<OutputDef>,
-    /// The files of nodes of kind `graph`, by the node's name; read by [`GraphFile::load`] and
+    /// The files of nodes of kind `graph`, by node name; read by [`GraphFile::load`] and
     /// [`GraphFile::with_parts`].
     pub parts: Vec<(String, GraphFile)>,
 }
 
-/// One node as written. Whether its kind, ports and parameters exist is not known here.
+/// One node as written. Its kind, ports and parameters are not checked yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeDef {
     /// Its name, unique in the file, without a dot.
     pub name: Spanned<String>,
     /// The stage kind.
     pub kind: Spanned<String>,
-    /// Where it runs; none leaves that to the run's default.
+    /// Where it runs; `None` for the run's default.
     pub on: Option<Spanned<Side>>,
-    /// How GPU results reach it when it runs on the CPU; none means [`Download::Sync`].
+    /// How GPU results reach it when it runs on the CPU; `None` means [`Download::Sync`].
     pub download: Option<Spanned<Download>>,
-    /// Whether the user asks to pass its input through.
+    /// Whether the user bypasses it.
     pub bypass: bool,
-    /// Connected inputs in the order of the file; no port stands twice.
+    /// Connected inputs in file order; ports are unique.
     pub inputs: Vec<InputDef>,
-    /// Parameters in the order of the file; no name stands twice.
+    /// Parameters in file order; names are unique.
     pub params: Vec<ParamDef>,
-    /// For nodes of a part, by their addresses in it: parameters that hold instead of those in the part's file.
+    /// For nodes of a part, by their addresses in it: parameters that override those in the part's file.
     pub set: Vec<(Spanned<String>, Vec<ParamDef>)>,
 }
 
@@ -104,7 +104,7 @@ impl fmt::Display for Source {
 impl FromStr for Source {
     type Err = GraphError;
 
-    /// Reads `NODE.PORT`; [`GraphError::Invalid`] unless there is exactly one dot with a name on either side.
+    /// Parses `NODE.PORT`; [`GraphError::Invalid`] unless there is exactly one dot with a name on either side.
     fn from_str(text: &str) -> Result<Self, GraphError> {
         match text.split_once('.') {
             Some((node, port)) if !node.is_empty() && !port.is_empty() && !port.contains('.') => {
@@ -119,19 +119,19 @@ impl GraphFile {
     /// Reads a file and its parts.
     ///
     /// # Errors
-    /// That one cannot be read, or all problems of their texts; see [`GraphFile::parse`].
+    /// If a file cannot be read, or all problems of their texts; see [`GraphFile::parse`].
     pub fn load(path: &Path) -> Result<Self, Problems> {
         let name = path.display().to_string();
         let text = fs::read_to_string(path).map_err(|error| unreadable(&name, &error))?;
         Self::parse(&name, &text)?.with_parts(&|path| fs::read_to_string(path))
     }
 
-    /// The place of a stretch of the text.
+    /// The place of a range of the text.
     pub fn place(&self, span: Span) -> Place {
         Place::of(&self.path, &self.text, span)
     }
 
-    /// The node of that name.
+    /// The node with this name.
     pub fn node(&self, name: &str) -> Option<&NodeDef> {
         self.nodes.iter().find(|node| node.name.value == name)
     }

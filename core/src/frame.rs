@@ -1,4 +1,4 @@
-//! What every shader and twin may know of the present frame. `shaders/shared/frame.wgsl` mirrors it.
+//! The constants of the current frame for every shader and twin. `shaders/shared/frame.wgsl` mirrors it.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -51,7 +51,7 @@ pub struct Frame {
     pub view: View,
     /// The view of the frame before.
     pub previous: View,
-    /// The view expected when samples asked for now will be shown.
+    /// The predicted view at the time when samples requested now will be shown.
     pub predicted: View,
     /// Width and height in pixels.
     pub size: [u32; 2],
@@ -59,9 +59,9 @@ pub struct Frame {
     pub index: u32,
     /// The run's seed.
     pub seed: u32,
-    /// Samples that may be asked for in this frame.
+    /// Number of samples that may be requested in this frame.
     pub samples: u32,
-    /// Keeps the size a multiple of 16 bytes.
+    /// Pads the size to a multiple of 16 bytes.
     pub padding: [u32; 3],
 }
 

@@ -1,7 +1,7 @@
-//! A checked graph: every node has its stage, every wire joins ports that fit, every extent is a number.
+//! A checked graph: every node has its stage, every wire connects compatible ports, every extent is a number.
 //!
-//! Checking goes on after each problem, so that a file's problems are reported together. What the scene makes needless
-//! is bypassed here, and nodes that nothing reads are left out; both with a reason that people can read.
+//! Checking continues after each problem, so that a file's problems are reported together. Nodes that the scene makes
+//! needless are bypassed here, and nodes that nothing reads are left out; both with a reason in words.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -21,7 +21,7 @@ use crate::{
 /// Largest width or height of a frame in pixels.
 pub const MAX_SIDE: u32 = 16384;
 
-/// Most frames that a download may be late: each frame under way keeps a buffer.
+/// Maximum latency of a download in frames: each frame in flight keeps a buffer.
 pub const MAX_LATENCY: u32 = 16;
 
 /// What a graph is compiled for.
@@ -29,24 +29,24 @@ pub const MAX_LATENCY: u32 = 16;
 pub struct Settings {
     /// Width and height of the frame, each 1 to [`MAX_SIDE`].
     pub size: [u32; 2],
-    /// Samples a frame may ask for: the extent of request lists.
+    /// Maximum number of samples per frame: the extent of request lists.
     pub samples: u32,
-    /// What the application states about what it shows.
+    /// What the application states about the content it shows.
     pub facts: Facts,
-    /// Where nodes run that do not say.
+    /// Default placement for nodes without `on:`.
     pub side: Side,
-    /// Leave out what the facts make needless. Off: every node of the file runs.
+    /// Leave out nodes that the facts make needless. If false, every node of the file runs.
     pub prune: bool,
-    /// Share memory between transients whose lives do not overlap.
+    /// Share memory between transients whose lifetimes do not overlap.
     pub pooling: bool,
     /// Fill transients with NaN or 0xDEADBEEF before their first use.
     pub poison: bool,
-    /// Ports to be read after their node: they keep their nodes alive.
+    /// Ports to read after their node has run: they keep their nodes alive.
     pub taps: Vec<Source>,
 }
 
 impl Settings {
-    /// For a frame of this size: all on the CPU, pruned, pooled.
+    /// For a frame of this size: everything on the CPU, pruned, pooled.
     pub fn new(size: [u32; 2], samples: u32) -> Self {
         Self {
             size,
@@ -61,7 +61,7 @@ impl Settings {
     }
 }
 
-/// A port of a node: of one that runs, where nothing else is said.
+/// A port of a node; of a running node unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PortRef<N = NodeId> {
     /// The node.
@@ -78,7 +78,7 @@ pub struct Node {
     pub kind: String,
     /// Where it runs.
     pub side: Side,
-    /// How results of the GPU reach it when it runs on the CPU.
+    /// How GPU results reach it when it runs on the CPU.
     pub download: Download,
     /// Its stage.
     pub stage: Box<dyn AnyStage>,
@@ -116,7 +116,7 @@ pub struct Graph {
     pub nodes: IndexVec<NodeId, Node>,
     /// Named outputs.
     pub outputs: Vec<(String, PortRef)>,
-    /// What is read besides: the settings' taps, in their order.
+    /// Further ports to read: the settings' taps, in order.
     pub taps: Vec<(Source, PortRef)>,
     /// What was left out.
     pub culled: Vec<Culled>,
@@ -128,7 +128,7 @@ impl Graph {
         let [width, height] = settings.size;
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
             let text =
-                format!("size {width}x{height} is not possible; each side may be 1 to {MAX_SIDE} pixels");
+                format!("invalid size {width}x{height}; each side must be 1 to {MAX_SIDE} pixels");
             return Err(Problem::new(GraphError::Invalid(text)).into());
         }
         let flat = file.flatten()?;
@@ -152,7 +152,7 @@ impl Graph {
         Ok(graph)
     }
 
-    /// The node of that name.
+    /// The node with this name.
     pub fn node(&self, name: &str) -> Option<NodeId> {
         self.nodes.position(|node| node.name == name)
     }
@@ -165,7 +165,7 @@ impl Graph {
         at
     }
 
-    /// What the values of a port are: what its stage declares, else what is connected to it means.
+    /// What the values of a port mean: as its stage declares, otherwise as the connected port.
     pub fn meaning(&self, mut at: PortRef) -> Option<Meaning> {
         loop {
             let node = &self.nodes[at.node];
@@ -176,7 +176,7 @@ impl Graph {
         }
     }
 
-    /// Sets [`Node::dims`] from the declared extents. An error names the node and what is wrong with its extent.
+    /// Sets [`Node::dims`] from the declared extents. An error names the node and the problem with its extent.
     pub(crate) fn resolve_dims(&mut self, settings: &Settings) -> Result<(), (NodeId, String)> {
         let mut resolver = Resolver { graph: self, settings, known: HashMap::new(), visiting: Vec::new() };
         for node in self.nodes.indices() {
@@ -197,7 +197,7 @@ impl Graph {
     }
 }
 
-/// A node's stage before wires are known to be sound.
+/// A node's stage before its wires are checked.
 struct Made {
     stage: Box<dyn AnyStage>,
 }
@@ -208,7 +208,7 @@ impl Made {
     }
 }
 
-/// A port of a node of the file, be it one that will run or not.
+/// A port of a node of the file, whether or not that node will run.
 type FlatPort = PortRef<FlatId>;
 
 /// For each node of the file, the sources of its connected inputs by their ports.
@@ -267,7 +267,7 @@ impl Checker<'_> {
             .collect()
     }
 
-    /// The output port that `source` names. `None` without a problem where its node is itself broken.
+    /// The output port that `source` names. `None`, without a problem, if its node is itself invalid.
     fn resolve(
         &self,
         source: &Source,
@@ -409,8 +409,8 @@ impl Checker<'_> {
         taps
     }
 
-    /// Decides which nodes are stepped over and rewires around them: an updated port hands on its input, a written one
-    /// the first connected input of the same element, or nothing.
+    /// Decides which nodes are bypassed and rewires around them: an updated port is replaced by its input, a written
+    /// one by the first connected input with the same element, or by nothing.
     fn bypass(
         &mut self,
         made: &IndexVec<FlatId, Made>,
@@ -435,7 +435,7 @@ impl Checker<'_> {
                     bypassed.taps = taps;
                     bypassed.why.insert(index, why);
                 }
-                // A stage that the scene makes needless stays where something still asks for its output.
+                // A stage that the scene makes needless stays if something still needs its output.
                 Err(_) if !asked => {}
                 Err(reason) => {
                     let span = self.flat.nodes[index].def.name.span;
@@ -451,7 +451,7 @@ impl Checker<'_> {
         bypassed
     }
 
-    /// Declares again the stages whose optional inputs lost their source to a bypass.
+    /// Declares the stages again whose optional inputs lost their source to a bypass.
     fn remake(&mut self, made: &mut IndexVec<FlatId, Made>, bypass: &Bypassed) {
         for (index, slot) in made.iter_mut_enumerated() {
             let lost = self.flat.nodes[index].def.inputs.iter().any(|input| {
@@ -502,7 +502,7 @@ impl Checker<'_> {
                 && !(1..=MAX_LATENCY).contains(&frames)
             {
                 let text = format!(
-                    "Latent({frames}) is not possible; a download may be 1 to {MAX_LATENCY} frames late"
+                    "invalid latency Latent({frames}); a download may be 1 to {MAX_LATENCY} frames late"
                 );
                 self.problem(index, span, None, GraphError::Invalid(text));
             }
@@ -550,7 +550,7 @@ impl Checker<'_> {
         }
     }
 
-    /// One version of a resource has at most one updater, and last frame's value is only kept of what is not updated.
+    /// Each version of a resource has at most one updater, and history is only kept of resources that are not updated.
     fn check_updates(&mut self, graph: &Graph) {
         let mut updater: HashMap<PortRef, NodeId> = HashMap::new();
         for (index, node) in graph.nodes.iter_enumerated() {
@@ -632,7 +632,7 @@ fn describe(port: &Port) -> String {
     }
 }
 
-/// The port whose fields an output carries: an update of some fields of a bundle passes all of them on.
+/// The port whose fields an output carries: an update of some fields of a bundle passes on all of them.
 fn full_fields<'m>(
     made: &'m IndexVec<FlatId, Option<Made>>,
     wires: &Wires,
@@ -692,12 +692,12 @@ fn step_over(made: &IndexVec<FlatId, Made>, now: &Bypassed, index: FlatId) -> Re
     }
     let mut taps = Vec::new();
     for (source, at) in &now.taps {
-        taps.push((source.clone(), redirect(*at).ok_or_else(|| format!("`{source}` was asked for"))?));
+        taps.push((source.clone(), redirect(*at).ok_or_else(|| format!("`{source}` was requested"))?));
     }
     Ok((wires, outputs, taps))
 }
 
-/// The nodes that something shown depends on, in this frame or through history and kept memory.
+/// The nodes that some output or tap depends on, in this frame or through history and kept memory.
 fn live(made: &IndexVec<FlatId, Made>, bypass: &Bypassed) -> BTreeSet<FlatId> {
     let mut live = BTreeSet::new();
     let mut todo: Vec<FlatId> = bypass
@@ -728,7 +728,7 @@ fn live(made: &IndexVec<FlatId, Made>, bypass: &Bypassed) -> BTreeSet<FlatId> {
             if !is_kept(kept) {
                 continue;
             }
-            // Kept memory carries every update into the next frame, whoever reads which version.
+            // Kept memory carries every update into the next frame, whichever version is read.
             for (other, stage) in made.iter_enumerated() {
                 let updates = stage.ports().iter().enumerate().any(|(port, declared)| {
                     declared.access == Access::Update
@@ -770,10 +770,10 @@ impl Resolver<'_> {
         Ok(dims)
     }
 
-    /// An extent in numbers; `None` where any will do.
+    /// An extent in numbers; `None` if any extent is accepted.
     fn declared(&mut self, node: NodeId, extent: &Extent) -> Result<Option<Dims>, String> {
         let [width, height] = self.settings.size;
-        // Lists are never empty: a buffer of no bytes cannot be bound. Shaders test validity element by element.
+        // Lists are never empty: a buffer of zero bytes cannot be bound. Shaders test validity per element.
         let list = |count: u64| {
             u32::try_from(count.max(1))
                 .map(|width| Some(Dims { width, height: 1 }))
@@ -796,14 +796,14 @@ impl Resolver<'_> {
         }
     }
 
-    /// The dims of the port that an extent names.
+    /// The dims of the port that an extent refers to.
     fn other(&mut self, node: NodeId, name: &str) -> Result<Dims, String> {
         let port = self.graph.nodes[node].declaration().port(name);
         let port = port.ok_or_else(|| format!("the extent names `{name}`, but there is no such port"))?;
         self.dims(PortRef { node, port })
     }
 
-    /// Compares a connected input with what it declares.
+    /// Compares a connected input with its declaration.
     fn fits(&mut self, at: PortRef, found: Dims) -> Result<(), String> {
         let node = &self.graph.nodes[at.node];
         let port = &node.declaration().ports[at.port];

@@ -1,4 +1,4 @@
-//! One stage alone, with given inputs: how stages are tested and compared across sides.
+//! A single stage with given inputs: for testing stages and comparing their two sides.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -27,7 +27,7 @@ const GIVEN: NodeId = NodeId::from_raw_unchecked(0);
 /// The stage's node.
 const STAGE: NodeId = NodeId::from_raw_unchecked(1);
 
-/// Owns the memory of the inputs; the harness fills it from outside.
+/// Owns the memory of the inputs, which the harness fills.
 struct Given(Declaration);
 
 impl AnyStage for Given {
@@ -48,54 +48,54 @@ impl AnyStage for Given {
     }
 }
 
-/// Runs a stage on data that a test gives.
+/// Runs a stage on test data.
 pub struct Harness<S: Stage> {
     params: S::Params,
     settings: Settings,
     inputs: HashMap<String, (usize, Vec<u8>)>,
     running: HashMap<Side, Executor>,
-    /// The frame that [`Harness::run`] runs; its number is counted up by each run.
+    /// The frame that [`Harness::run`] runs; each run increments its number.
     pub frame: Frame,
 }
 
-/// What a stage wrote.
+/// What a stage wrote in one frame.
 pub struct Outputs(HashMap<String, Snapshot>);
 
 impl Outputs {
     /// The elements of `port` or `port.field`, row by row where the port is two-dimensional.
     ///
     /// # Panics
-    /// If the stage has no such output, or its bytes are no whole number of `T`.
+    /// If the stage has no such output, or its bytes are not a whole number of `T`.
     pub fn get<T: bytemuck::Pod>(&self, name: &str) -> Vec<T> {
         self.0.get(name).unwrap_or_else(|| panic!("no output `{name}`")).get()
     }
 }
 
 impl<S: Stage> Harness<S> {
-    /// A stage with these parameters. Poison follows `settings`.
+    /// A stage with these parameters. `settings` decide about poisoning.
     pub fn new(params: S::Params, settings: &Settings) -> Self {
         let frame = Frame { size: settings.size, samples: settings.samples, ..Frame::default() };
         Self { params, settings: settings.clone(), inputs: HashMap::new(), running: HashMap::new(), frame }
     }
 
-    /// Sets the elements of input `port` or `port.field`, row by row where the port is two-dimensional. A list is as long
-    /// as the data given; a port of the frame's extent takes exactly its number of elements.
+    /// Sets the elements of input `port` or `port.field`, row by row if the port is two-dimensional. A list takes the
+    /// length of the data; a port of the frame's extent needs exactly its number of elements.
     pub fn set<T: bytemuck::Pod>(&mut self, name: &str, elements: &[T]) {
         let bytes = bytemuck::cast_slice(elements).to_vec();
         self.inputs.insert(name.to_owned(), (elements.len(), bytes));
     }
 
-    /// Forgets what kept ports hold.
+    /// Clears the contents of kept ports.
     pub fn reset(&mut self) {
         self.running.clear();
         self.frame.index = 0;
     }
 
-    /// Runs one frame and gives every output, in-place updates included.
+    /// Runs one frame and returns every output, including ports updated in place.
     ///
     /// # Errors
-    /// [`RunError::Stage`] if the stage fails, an input that it needs has no data, or data was set for an input that it
-    /// does not have or that has another size; the other errors as [`Executor::new`] and [`Executor::run`].
+    /// [`RunError::Stage`] if the stage fails, a required input has no data, or data was set for an input that does not
+    /// exist or has another size; otherwise as [`Executor::new`] and [`Executor::run`].
     pub fn run(
         &mut self,
         side: Side,
@@ -142,7 +142,7 @@ impl<S: Stage> Harness<S> {
             .filter(|port| port.is_input() && connected(&port.name))
             .map(|port| Port {
                 access: Access::Write,
-                // History inputs need a writer of this frame; kept memory would refuse them.
+                // History inputs need a writer in this frame; kept memory would reject them.
                 lifetime: if port.access == Access::History {
                     Lifetime::Transient
                 } else {

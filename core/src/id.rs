@@ -1,4 +1,4 @@
-//! Typed indices, so that a node's number cannot be taken for a storage's.
+//! Typed indices, so that a node's index cannot be used as a storage's.
 
 use index_vec::define_index_type;
 

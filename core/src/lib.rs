@@ -1,8 +1,8 @@
 //! Epigraph's core: graph file -> checked graph -> plan -> execution. It knows no algorithm.
 //!
 //! A [`GraphFile`] is text with the place of everything in it. [`Registry`] turns its nodes into stages, each of which
-//! has declared its ports once ([`Io`]). Shaders are composed and compared with those ports by naga, without a GPU.
-//! [`compile`] gives a [`Plan`], which needs no GPU either; an [`Executor`] allocates its memory and runs it.
+//! declares its ports once ([`Io`]). naga composes shaders and compares them with those ports, without a GPU.
+//! [`compile`] makes a [`Plan`], which needs no GPU either; an [`Executor`] allocates its memory and runs it.
 //!
 //! ```
 //! use epigraph_core::{
@@ -12,7 +12,7 @@
 //! params! {
 //!     /// Parameters of [`Ramp`].
 //!     pub struct RampParams {
-//!         /// From each pixel to the next.
+//!         /// Difference between neighbouring pixels.
 //!         step: f32 = 1.0, in 0.0..=10.0;
 //!     }
 //! }
@@ -53,7 +53,7 @@
 //! let values = executor.snapshot("values", "")?.expect("an output").get::<f32>();
 //! assert_eq!(values, [0.0, 0.5, 1.0, 1.5]);
 //!
-//! // What is wrong with a graph is said with its place, and what was probably meant.
+//! // An error names its place, and suggests what was probably meant.
 //! let file = GraphFile::parse("ramp.ron", &text.replace("step", "stop"))?;
 //! let problems = compile(&file, &registry, &settings).err().expect("a parameter that there is not");
 //! assert!(problems.to_string().contains("did you mean `step`?"));

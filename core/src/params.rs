@@ -1,5 +1,5 @@
-//! Parameters: one field with one doc line gives the RON syntax, the default, the range, the text of `epigraph stages`,
-//! the editor's widget and the shader's uniform.
+//! Parameters: one field with one doc line defines the RON syntax, the default, the range, the text of `epigraph
+//! stages`, the editor's widget and the shader's uniform.
 
 use serde::de::DeserializeOwned;
 
@@ -12,18 +12,18 @@ pub enum ParamKind {
     Bool,
     /// A whole number.
     U32,
-    /// A whole number with sign.
+    /// A signed whole number.
     I32,
     /// A number.
     F32,
-    /// One of these names; its index in the uniform.
+    /// One of these names; its index is in the uniform.
     Choice(Vec<String>),
-    /// A text in quotes, such as a path. It has no place in the uniform.
+    /// A quoted string, such as a path. It is not part of the uniform.
     Text,
 }
 
 impl ParamKind {
-    /// The scalar that stands for it in a uniform; none for what stays out of the uniform.
+    /// The scalar type in the uniform; `None` for kinds that are not part of the uniform.
     pub fn scalar(&self) -> Option<Scalar> {
         match self {
             Self::F32 => Some(Scalar::F32),
@@ -46,18 +46,18 @@ impl ParamKind {
     }
 }
 
-/// Everything that is said about one parameter.
+/// Everything about one parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamSpec {
     /// Name in the graph file and in the shader's `Params` struct.
     pub name: String,
     /// One sentence.
     pub doc: String,
-    /// Unit, or empty.
+    /// Unit; may be empty.
     pub unit: String,
-    /// What it takes.
+    /// The kind of value.
     pub kind: ParamKind,
-    /// Lowest and highest value, both included; none for names and truth values.
+    /// Lowest and highest value, both inclusive; `None` for names and booleans.
     pub range: Option<(f64, f64)>,
     /// The default, as RON.
     pub default: String,
@@ -65,11 +65,11 @@ pub struct ParamSpec {
 
 /// A type that can be a parameter.
 pub trait ParamValue: DeserializeOwned + PartialEq + Clone {
-    /// What it takes.
+    /// The kind of value.
     fn kind() -> ParamKind;
     /// Its 32 bits in the uniform.
     fn bits(&self) -> u32;
-    /// As a number where it has a range.
+    /// As a number, if its kind can have a range.
     fn number(&self) -> Option<f64>;
     /// As RON text.
     fn ron(&self) -> String;
@@ -119,7 +119,7 @@ impl ParamValue for bool {
 /// Defines an enum that can be a parameter: `choice! { /// Doc. pub enum Rule { /// Doc. Relative, /// Doc. Absolute } }`.
 /// The first variant has index 0 in the uniform.
 ///
-/// The package has to depend on `epigraph-core` under this name: what is derived for the enum looks for serde there.
+/// The package must depend on `epigraph-core` under this name: the derived code for the enum looks for serde there.
 #[macro_export]
 macro_rules! choice {
     ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[$variant_meta:meta])* $variant:ident),* $(,)? }) => {
@@ -145,12 +145,12 @@ macro_rules! choice {
     };
 }
 
-/// An error within one parameter's text: where it is, and what the parser says.
+/// An error within one parameter's text: its place and the parser's message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamError {
     /// Line and column (from 1) within the value's text.
     pub at: (usize, usize),
-    /// The parser's words, or "outside its range".
+    /// The parser's message, or "outside its range".
     pub cause: String,
     /// Whether the value parsed but lies outside its range.
     pub out_of_range: bool,
@@ -162,9 +162,9 @@ pub trait Params: Default + Clone + PartialEq + Send + Sync + 'static {
     fn specs() -> Vec<ParamSpec>;
     /// Sets parameter `index` from RON text.
     fn set(&mut self, index: usize, ron: &str) -> Result<(), ParamError>;
-    /// The uniform's words, in order.
+    /// The uniform's words (32 bits each), in order.
     fn words(&self) -> Vec<u32>;
-    /// The present values as RON text, in order.
+    /// The current values as RON text, in order.
     fn values(&self) -> Vec<String>;
 }
 
@@ -189,7 +189,7 @@ pub(crate) fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, ParamError
     ron::from_str(text).map_err(|error| ParamError {
         at: (error.span.start.line, error.span.start.col),
         cause: match error.code {
-            // Which there are is told with every error.
+            // Every error lists the variants anyway.
             ron::Error::NoSuchEnumVariant { found, .. } => format!("there is no `{found}`"),
             code => code.to_string(),
         },
@@ -197,10 +197,10 @@ pub(crate) fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, ParamError
     })
 }
 
-/// Parses one value and checks its range; the building block of [`crate::params!`].
+/// Parses one value and checks its range; used by [`crate::params!`].
 pub fn parse_value<T: ParamValue>(text: &str, range: Option<(f64, f64)>) -> Result<T, ParamError> {
     let value: T = parse_ron(text)?;
-    // A NaN lies in no range, so `contains` refuses it too.
+    // No range contains NaN, so `contains` rejects it too.
     if let (Some((low, high)), Some(number)) = (range, value.number())
         && !(low..=high).contains(&number)
     {

@@ -1,18 +1,19 @@
 //! The plan: a checked graph as a list of steps over numbered memory. A plain value that needs no GPU.
 //!
 //! Four passes, each a function below: *order* (petgraph; producers before consumers, readers before the updater that
-//! overwrites them), *storages* (one for each written field; updates in place share their source's), *steps* (nodes
-//! with the transfers that their sides make necessary), *slots* (memory shared by transients whose lives do not overlap).
+//! overwrites their input), *storages* (one for each written field; updates in place share their source's), *steps*
+//! (nodes with the transfers between their sides), *slots* (memory shared by transients whose lifetimes do not
+//! overlap).
 //!
 //! The words for memory, here and in the executor:
 //!
-//! - A *storage* ([`Storage`]) is what one field of an output holds. Ports that are updated in place work on the storage of
-//!   their source.
+//! - A *storage* ([`Storage`]) is the resource behind one field of an output. Ports that are updated in place use the
+//!   storage of their source.
 //! - A *value* ([`Value`]) is the contents of a storage, of this frame or of the frame before.
-//! - A *binding* ([`PlannedNode::bindings`]) is what a field of a port works on: a value.
-//! - A *slot* ([`Slot`]) is room for the contents of a storage on one side. Storages whose lives do not overlap use the same
-//!   slot in turn; one whose last frame's value is read has two.
-//! - *Memory* is what the executor makes of a slot: bytes on the CPU, a buffer or a texture on the GPU.
+//! - A *binding* ([`PlannedNode::bindings`]) is the value that a field of a port reads or writes.
+//! - A *slot* ([`Slot`]) is room for the contents of a storage on one side. Storages whose lifetimes do not overlap
+//!   take turns in a slot; a storage with history has two.
+//! - *Memory* is what the executor allocates for a slot: bytes on the CPU, a buffer or a texture on the GPU.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -40,7 +41,7 @@ use crate::{
 pub enum Life {
     /// Until the last step of the frame that uses them; the slot is pooled.
     Transient,
-    /// From frame to frame.
+    /// Persistent, from frame to frame.
     Persistent,
     /// Until the end of the next frame, because some node reads last frame's contents: two slots that swap.
     History,
@@ -49,13 +50,13 @@ pub enum Life {
 /// One written field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Storage {
-    /// `node.port` or `node.port.field` of its writer.
+    /// `node.port` or `node.port.field` of the port that first writes it.
     pub name: String,
     /// Its elements.
     pub element: Element,
-    /// How many.
+    /// The number of elements, as width and height.
     pub dims: Dims,
-    /// How it lives.
+    /// How long its contents live.
     pub life: Life,
     /// The side that holds its contents at the frame's end.
     pub home: Side,
@@ -69,14 +70,14 @@ impl Storage {
         self.dims.count() as u64 * u64::from(self.element.bytes())
     }
 
-    /// Memory that fits it.
+    /// A slot that fits it.
     fn slot(&self) -> Slot {
         Slot { element: self.element.clone(), dims: self.dims }
     }
 }
 
-/// The slots of this frame's and of last frame's value of a storage, which swap after each frame. They are the same but
-/// for history.
+/// The slots of this frame's and last frame's value of a storage, which swap after each frame. Without history, both
+/// are the same slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SlotPair([SlotId; 2]);
 
@@ -86,7 +87,7 @@ impl SlotPair {
         Self([slot; 2])
     }
 
-    /// The slot of one of the values in frames of a parity: 0 for even frames, 1 for odd ones.
+    /// The slot of one of the values in frames of this parity: 0 for even frames, 1 for odd ones.
     pub fn at(self, parity: usize, previous: bool) -> SlotId {
         self.0[parity ^ usize::from(previous)]
     }
@@ -102,7 +103,7 @@ impl SlotPair {
 pub struct Value {
     /// The storage.
     pub storage: StorageId,
-    /// Whether it is last frame's.
+    /// Whether this is last frame's value.
     pub previous: bool,
 }
 
@@ -113,16 +114,16 @@ impl Value {
     }
 }
 
-/// One thing that a frame does.
+/// One step of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
     /// Runs a node.
     Run(NodeId),
-    /// CPU memory to GPU memory.
+    /// Copies CPU memory to GPU memory.
     Upload(Value),
-    /// GPU memory to CPU memory.
+    /// Copies GPU memory to CPU memory.
     Download(Value, Download),
-    /// Hands the present contents of a tapped storage to whoever asked for them.
+    /// Captures the current contents of a tapped storage.
     Tap {
         /// The tap.
         tap: TapId,
@@ -134,9 +135,9 @@ pub enum Step {
 /// Memory on one side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slot {
-    /// What it holds; all of its users agree on it.
+    /// Its elements; the same for all of its users.
     pub element: Element,
-    /// How many elements.
+    /// The number of elements, as width and height.
     pub dims: Dims,
 }
 
@@ -154,7 +155,7 @@ pub struct Tap {
     pub name: String,
     /// The port.
     pub at: PortRef,
-    /// What its values are, as far as that is declared.
+    /// What the port's values mean, if declared.
     pub meaning: Option<Meaning>,
     /// Its storages, field by field.
     pub fields: Vec<TapField>,
@@ -169,37 +170,37 @@ pub struct TapField {
     pub storage: StorageId,
 }
 
-/// What each field of each port works on; `None` where an optional input is not connected.
+/// The value of each field of each port; `None` for an optional input that is not connected.
 pub type Bindings = Vec<Vec<Option<Value>>>;
 
-/// A node and what it works on.
+/// A node and the values it reads and writes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedNode {
     /// Its name.
     pub name: String,
     /// Its stage kind.
     pub kind: String,
-    /// The column of the application's table of times that it counts towards; none: the rest of the frame.
+    /// The column of the application's table of times that it counts towards; `None`: the rest of the frame.
     pub column: Option<&'static str>,
     /// Where it runs.
     pub side: Side,
-    /// What its ports work on.
+    /// The values of its ports.
     pub bindings: Bindings,
     /// The storages that it is the first to write in a frame.
     pub first_writes: Vec<StorageId>,
     /// The storages that it changes in place.
     pub updates: Vec<StorageId>,
-    /// Whether it is skipped in frames in which neither its inputs nor the view have changed. Its outputs are kept then.
+    /// Whether it is skipped in frames in which neither its inputs nor the view has changed. Its outputs are then kept.
     pub per_view: bool,
 }
 
 impl PlannedNode {
-    /// What its ports work on, those that are connected.
+    /// The values of its connected ports.
     pub fn values(&self) -> impl Iterator<Item = Value> {
         self.bindings.iter().flatten().flatten().copied()
     }
 
-    /// What one of its fields works on; `None` where its input is not connected.
+    /// The value of one field; `None` if its input is not connected.
     pub fn value(&self, at: FieldRef) -> Option<Value> {
         self.bindings[at.port as usize][at.field as usize]
     }
@@ -210,10 +211,10 @@ impl PlannedNode {
     }
 }
 
-/// Order, memory and transfers of a frame.
+/// The order, memory and transfers of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// What happens, in order.
+    /// The steps, in order.
     pub steps: IndexVec<StepId, Step>,
     /// The graph's nodes.
     pub nodes: IndexVec<NodeId, PlannedNode>,
@@ -231,7 +232,7 @@ impl Plan {
     /// Compiles a checked graph.
     ///
     /// # Errors
-    /// [`GraphError::Cycle`] where nodes wait for each other.
+    /// [`GraphError::Cycle`] if nodes wait for each other.
     pub fn new(graph: &Graph, settings: &Settings) -> Result<Self, Problems> {
         let order = order(graph)?;
         let (mut storages, bindings) = storages(graph);
@@ -242,7 +243,7 @@ impl Plan {
         Ok(Self { steps, nodes, storages, slots, taps, culled: graph.culled.clone() })
     }
 
-    /// The nodes in the order in which they run.
+    /// The nodes in execution order.
     pub fn order(&self) -> impl Iterator<Item = NodeId> {
         self.steps.iter().filter_map(|step| match step {
             Step::Run(node) => Some(*node),
@@ -276,28 +277,28 @@ impl Plan {
         self.nodes[node].first_writes.iter().map(|&storage| self.storages[storage].bytes()).sum()
     }
 
-    /// The storages that a node fills whatever they held before, which poison mode makes sure of.
+    /// The storages that a node writes completely, so that poison mode may overwrite them before.
     pub(crate) fn written_anew(&self, node: NodeId) -> impl Iterator<Item = StorageId> {
         let node = &self.nodes[node];
         let kept = |storage: &StorageId| self.storages[*storage].life == Life::Persistent;
         node.first_writes.iter().copied().filter(move |storage| node.per_view || !kept(storage))
     }
 
-    /// The side on which a tap finds its storages: that of the node it taps.
+    /// The side on which a tap reads its storages: that of the tapped node.
     pub(crate) fn tap_side(&self, tap: TapId) -> Side {
         self.nodes[self.taps[tap].at.node].side
     }
 
-    /// The slot of a value on one side, in frames of a parity.
+    /// The slot of a value on one side, in frames of this parity.
     ///
     /// # Panics
-    /// Where no step uses the value on that side.
+    /// If no step uses the value on that side.
     pub(crate) fn slot(&self, value: Value, side: Side, parity: usize) -> SlotId {
         let pair = self.storages[value.storage].slots[side];
         pair.expect("the plan gives memory wherever a step needs it").at(parity, value.previous)
     }
 
-    /// What a step is called in tables: the node's name, or the transfer's.
+    /// A step's name in tables: the node's, or the transfer's.
     pub fn step_name(&self, step: &Step) -> String {
         let name = |value: &Value| &self.storages[value.storage].name;
         match step {
@@ -396,7 +397,7 @@ impl fmt::Display for Plan {
             self.nodes.iter_enumerated().filter(|(_, node)| node.per_view)
         {
             let bytes = megabytes(self.node_bytes(id));
-            writeln!(f, "not again while its inputs and the view stay the same: {name} ({kind}), {bytes}")?;
+            writeln!(f, "skipped while its inputs and the view are unchanged: {name} ({kind}), {bytes}")?;
         }
         Ok(())
     }
@@ -406,8 +407,8 @@ fn megabytes(bytes: u64) -> String {
     format!("{:.2} MiB", bytes as f64 / (1024.0 * 1024.0))
 }
 
-/// Producers before consumers; readers of a version before its updater. Among nodes that may run, one on the same side
-/// as the last comes first (fewer changes of side, fewer submissions), then the file's order decides.
+/// Producers before consumers; readers of a version before its updater. Among the nodes that are ready, one on the same
+/// side as the previous node comes first (fewer changes of side, fewer submissions), then file order decides.
 fn order(graph: &Graph) -> Result<Vec<NodeId>, Problems> {
     let before = precedence(graph);
     let mut waiting: IndexVec<NodeId, usize> = graph
@@ -435,7 +436,7 @@ fn order(graph: &Graph) -> Result<Vec<NodeId>, Problems> {
     if order.len() == waiting.len() { Ok(order) } else { Err(cycle(graph, &before).into()) }
 }
 
-/// An edge from each node to each that must come after it.
+/// An edge from each node to each node that must come after it.
 fn precedence(graph: &Graph) -> DiGraph<NodeId, ()> {
     let mut before = DiGraph::new();
     for node in graph.nodes.indices() {
@@ -464,7 +465,7 @@ fn precedence(graph: &Graph) -> DiGraph<NodeId, ()> {
     before
 }
 
-/// The vertex of a node: they were added in the same order.
+/// The vertex of a node: nodes were added in the same order.
 fn vertex(node: NodeId) -> NodeIndex {
     NodeIndex::new(node.index())
 }
@@ -477,7 +478,7 @@ fn cycle(graph: &Graph, before: &DiGraph<NodeId, ()>) -> Problem {
         .flatten()
         .map(|node| before[node])
         .collect();
-    // Inside a strongly connected group, walking on always closes a loop.
+    // Inside a strongly connected group, any walk eventually closes a loop.
     let mut path: Vec<NodeId> = on_cycle.first().copied().into_iter().collect();
     while let Some(&last) = path.last() {
         let next =
@@ -499,7 +500,7 @@ type Storages = IndexVec<StorageId, Storage>;
 type Nodes = IndexVec<NodeId, PlannedNode>;
 type Taps = IndexVec<TapId, Tap>;
 
-/// One storage for each field of each written port, and what every port works on.
+/// One storage for each field of each written port, and the value of every port.
 fn storages(graph: &Graph) -> (Storages, IndexVec<NodeId, Bindings>) {
     let mut storages = Storages::new();
     let mut of_field: BTreeMap<(PortRef, String), StorageId> = BTreeMap::new();
@@ -558,9 +559,9 @@ fn storages(graph: &Graph) -> (Storages, IndexVec<NodeId, Bindings>) {
     (storages, bindings)
 }
 
-/// The nodes with what they work on. Where a node may be skipped, its outputs become kept ones. A node that changes
-/// something in place must run in every frame, and so must one whose outputs of the last frame are read, because these
-/// swap.
+/// The nodes with the values they read and write. If a node may be skipped, its outputs become persistent. A node must
+/// run in every frame if it changes something in place, or if its outputs of the last frame are read, because their
+/// slots swap.
 fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &mut Storages, prune: bool) -> Nodes {
     let plan_node = |(bindings, node): (Bindings, &Node)| {
         let with_access = |access: Access| {
@@ -582,7 +583,7 @@ fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &mut Sto
     bindings.into_iter().zip(&graph.nodes).map(plan_node).collect()
 }
 
-/// All fields of the tapped ports, whichever of them the tapped node itself uses.
+/// All fields of the tapped ports, including those that the tapped node itself does not use.
 fn taps(graph: &Graph, nodes: &Nodes) -> Taps {
     let named = graph.taps.iter().map(|(source, at)| (source.to_string(), *at));
     let outputs = graph.outputs.iter().map(|(name, at)| (name.clone(), *at));
@@ -604,11 +605,12 @@ fn taps(graph: &Graph, nodes: &Nodes) -> Taps {
         .collect()
 }
 
-/// Which sides hold the present contents of each storage.
+/// Which sides hold the current contents of each storage.
 type Valid = IndexVec<StorageId, PerSide<bool>>;
 
-/// The nodes in order, with transfers where a side lacks what it reads. A storage that lives on begins a frame valid
-/// where the last frame left it valid, so the walk is done three times: the first two find out where that is.
+/// The nodes in order, with transfers to a side that lacks its inputs. A persistent storage begins a frame valid on the
+/// sides where the last frame left it valid, so the walk is done three times: the first two find out which sides those
+/// are.
 fn steps(
     graph: &Graph,
     order: &[NodeId],
@@ -630,7 +632,7 @@ fn steps(
             let side = graph.nodes[node].side;
             let declaration = graph.nodes[node].declaration();
             let ports = declaration.ports.iter().zip(&nodes[node].bindings);
-            // A stage that only owns kept memory touches it on neither side.
+            // A stage that only owns kept memory accesses it on neither side.
             let ports = ports.filter(|(port, _)| !declaration.idle || port.lifetime == Lifetime::Transient);
             for (port, values) in ports.clone() {
                 if port.access == Access::Write && port.lifetime == Lifetime::Transient {
@@ -667,8 +669,8 @@ fn steps(
     steps
 }
 
-/// Gives memory to every storage on every side that uses it. Transients with equal descriptions share a slot when their
-/// first and last uses do not overlap.
+/// Allocates a slot for every storage on every side that uses it. Transients with equal descriptions share a slot if
+/// their first and last uses do not overlap.
 fn slots(
     steps: &IndexVec<StepId, Step>,
     graph: &Graph,

@@ -1,4 +1,4 @@
-//! Ports: what a stage reads and writes. A port's name is the name of the WGSL variable that it binds.
+//! Ports: what a stage reads and writes. A port's name is the name of the WGSL variable that binds it.
 
 use std::{borrow::Cow, fmt, marker::PhantomData};
 
@@ -6,18 +6,18 @@ use bytemuck::Pod;
 
 use crate::facts::Quantity;
 
-/// A texture format that both sides can hold. All are storage-writable on every WebGPU device.
+/// A texture format that both sides support. All can be written as storage textures on every WebGPU device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Format {
-    /// One f32.
+    /// One channel, f32.
     R32Float,
-    /// One u32.
+    /// One channel, u32.
     R32Uint,
-    /// Four bytes, 0 to 1.
+    /// Four channels of 8 bits, 0 to 1.
     Rgba8Unorm,
-    /// Four f16.
+    /// Four channels, f16.
     Rgba16Float,
-    /// Four f32.
+    /// Four channels, f32.
     Rgba32Float,
 }
 
@@ -31,12 +31,12 @@ impl Format {
         }
     }
 
-    /// Whether shaders read it as f32; else as u32.
+    /// Whether shaders read it as f32; otherwise as u32.
     pub fn is_float(self) -> bool {
         self != Self::R32Uint
     }
 
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 5] =
         [Self::R32Float, Self::R32Uint, Self::Rgba8Unorm, Self::Rgba16Float, Self::Rgba32Float];
 
@@ -87,12 +87,12 @@ pub struct Member {
     pub offset: u32,
 }
 
-/// What one element of a port is.
+/// The type of one element of a port.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Element {
     /// A texel: the port binds a texture.
     Texel(Format),
-    /// A texel of any format that a shader reads as f32: what a `texture_2d<f32>` of unknown origin takes. Inputs only.
+    /// A texel of any format that a shader reads as f32: for a `texture_2d<f32>` of unknown format. Inputs only.
     AnyFloatTexel,
     /// An array element: the port binds a storage buffer `array<T>`.
     Item {
@@ -110,13 +110,13 @@ impl Element {
     pub fn bytes(&self) -> u32 {
         match self {
             Self::Texel(format) => format.bytes(),
-            // Inputs allocate nothing: the format that is connected counts.
+            // Inputs allocate nothing: the connected format counts.
             Self::AnyFloatTexel => 0,
             Self::Item { stride, .. } => *stride,
         }
     }
 
-    /// Whether an input with these elements takes the elements `given`.
+    /// Whether an input with these elements accepts the elements `given`.
     pub fn accepts(&self, given: &Element) -> bool {
         match (self, given) {
             (Self::AnyFloatTexel, Self::Texel(format)) => format.is_float(),
@@ -135,10 +135,10 @@ impl fmt::Display for Element {
     }
 }
 
-/// Rust types that say what a port's elements are: `u32`, `[f32; 4]`, structs made with [`crate::item!`] for buffers,
-/// and the markers of [`texel`] for textures.
+/// Rust types that describe a port's elements: `u32`, `[f32; 4]`, structs made with [`crate::item!`] for buffers, and
+/// the markers of [`texel`] for textures.
 pub trait PortElement: 'static {
-    /// What the CPU twin sees a slice of.
+    /// The slice element of the CPU twin.
     type Cpu: Pod;
     /// The element's description.
     fn element() -> Element;
@@ -198,7 +198,8 @@ item_members! {
 /// Defines a `repr(C)` struct that is one element of a buffer port. The WGSL struct has the same name, members and
 /// offsets; naga checks that. Pad by hand where WGSL aligns (a vec3 or vec4 starts at a multiple of 16 bytes).
 ///
-/// The package has to depend on `epigraph-core` under this name: what is derived for the struct looks for bytemuck there.
+/// The package must depend on `epigraph-core` under this name: the derived code for the struct looks for bytemuck
+/// there.
 #[macro_export]
 macro_rules! item {
     ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident: $ty:ty),* $(,)? }) => {
@@ -246,44 +247,44 @@ pub mod texel {
     }
 
     texels! {
-        /// One f32.
+        /// One channel, f32.
         R32Float, f32;
-        /// One u32.
+        /// One channel, u32.
         R32Uint, u32;
-        /// Four bytes, 0 to 1.
+        /// Four channels of 8 bits, 0 to 1.
         Rgba8Unorm, [u8; 4];
-        /// Four f16.
+        /// Four channels, f16.
         Rgba16Float, [half::f16; 4];
-        /// Four f32.
+        /// Four channels, f32.
         Rgba32Float, [f32; 4];
     }
 }
 
-/// How many elements a port has.
+/// The number of elements of a port.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Extent {
     /// Per pixel of the frame, divided by this number on each axis, rounded up: 1 is full resolution.
     Frame(u32),
     /// A list with this many elements for each pixel of the frame, rounded up.
     PerPixel(f32),
-    /// A list with one element for each sample that a frame may ask for: [`Frame::samples`](crate::Frame::samples).
+    /// A list with one element for each sample that a frame may request: [`Frame::samples`](crate::Frame::samples).
     Requests,
     /// One for each corner of the frame's pixels: one more than the frame on each axis.
     Corners,
-    /// A list with one element for each of a quantity of the application.
+    /// A list with one element for each item of one of the application's quantities.
     Each(Quantity),
-    /// As many as another port of the same stage.
+    /// The extent of another port of the same stage.
     Like(Cow<'static, str>),
     /// A list of u32 with one bit for each element of another port of the same stage, the first in the lowest bit.
     BitsOf(Cow<'static, str>),
-    /// Exactly this many: width and height.
+    /// A fixed width and height.
     Fixed([u32; 2]),
-    /// Whatever is connected (inputs only).
+    /// The extent of the connected port (inputs only).
     Any,
 }
 
 impl Quantity {
-    /// A list with one element for each.
+    /// A list with one element for each item of the quantity.
     pub const fn list(self) -> Extent {
         Extent::Each(self)
     }
@@ -338,16 +339,16 @@ pub enum Access {
     History,
     /// Changes the connected value in place and passes it on under the same name.
     Update,
-    /// Writes every element that anyone will read.
+    /// Writes every element that any node reads.
     Write,
 }
 
 /// How long a written value lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Lifetime {
-    /// Until its last reader of the frame; the memory is then pooled.
+    /// Until its last reader in the frame; the memory is then pooled.
     Transient,
-    /// From frame to frame, zero at the start; survives a recompile when its description is equal.
+    /// From frame to frame, zero at the start; kept across a recompile if its description is the same.
     Persistent,
 }
 
@@ -361,18 +362,18 @@ pub struct Field {
     pub element: Element,
 }
 
-/// What the values of a port are: a depth, a priority, a list of samples. Applications define their own as constants, with
-/// [`meanings`](crate::meanings); here they are only compared and printed.
+/// What the values of a port mean: a depth, a priority, a list of samples. Applications define their own as constants,
+/// with [`meanings`](crate::meanings); this crate only compares and prints them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Meaning {
-    /// A word or two.
+    /// Its name, a word or two.
     pub name: &'static str,
-    /// One sentence, for ports that say no more.
+    /// One sentence, for ports without a sentence of their own.
     pub doc: &'static str,
 }
 
 impl Meaning {
-    /// For a port of this meaning that has a sentence of its own.
+    /// For a port of this meaning with a sentence of its own.
     pub fn doc(self, doc: &'static str) -> Holds {
         Holds { doc, meaning: Some(self), scratch: false }
     }
@@ -384,7 +385,7 @@ impl fmt::Display for Meaning {
     }
 }
 
-/// Defines constants of type [`Meaning`]. A constant's documentation is its sentence.
+/// Defines constants of type [`Meaning`]. A constant's doc comment is its sentence.
 ///
 /// ```
 /// epigraph_core::meanings! {
@@ -402,8 +403,8 @@ macro_rules! meanings {
     )+};
 }
 
-/// What a stage says a port holds. It is made from a sentence, from a [`Meaning`], which has a sentence, from both by
-/// [`Meaning::doc`], or by [`scratch`].
+/// The description of a port. It is made from a sentence, from a [`Meaning`], from both by [`Meaning::doc`], or by
+/// [`scratch`].
 #[derive(Clone, Copy, Debug)]
 pub struct Holds {
     pub(crate) doc: &'static str,
@@ -412,7 +413,7 @@ pub struct Holds {
 }
 
 impl Holds {
-    /// For a port that nobody but its stage can make sense of.
+    /// For a port whose values make sense only to its stage.
     pub fn scratch(self) -> Self {
         Self { scratch: true, ..self }
     }
@@ -430,12 +431,12 @@ impl From<Meaning> for Holds {
     }
 }
 
-/// For a port that nobody but its stage can make sense of: `io.write("sums", scratch("Points before each block."), ...)`.
+/// For a port whose values make sense only to its stage: `io.write("sums", scratch("Points before each block."), ...)`.
 pub fn scratch(doc: &'static str) -> Holds {
     Holds::from(doc).scratch()
 }
 
-/// Everything a stage says about one port.
+/// Everything that a stage declares about one port.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Port {
     /// Name in the graph file and in the shader.
@@ -446,13 +447,13 @@ pub struct Port {
     pub access: Access,
     /// Its variables.
     pub fields: Vec<Field>,
-    /// What its values are; none where the stage does not say.
+    /// What its values mean; `None` if the stage does not say.
     pub meaning: Option<Meaning>,
-    /// Whether nobody but its stage can make sense of its values.
+    /// Whether its values make sense only to its stage.
     pub scratch: bool,
-    /// How many elements.
+    /// Its number of elements.
     pub extent: Extent,
-    /// How long it lives (written ports).
+    /// How long its values live (written ports).
     pub lifetime: Lifetime,
     /// Whether it may stay unconnected.
     pub optional: bool,
@@ -472,13 +473,13 @@ impl Port {
         self.access != Access::Write
     }
 
-    /// Whether a wire may start here.
+    /// Whether a wire may start at this port.
     pub fn is_output(&self) -> bool {
         matches!(self.access, Access::Write | Access::Update)
     }
 }
 
-/// Which field of which port a handle stands for.
+/// The port and field that a handle refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldRef {
     /// Index in the stage's list of ports.
@@ -487,13 +488,13 @@ pub struct FieldRef {
     pub field: u16,
 }
 
-/// A handle to something readable; only a declaration can mint it.
+/// A handle for reading; only a declaration can make one.
 pub struct In<E: ?Sized> {
     pub(crate) at: FieldRef,
     _element: PhantomData<fn() -> Box<E>>,
 }
 
-/// A handle to something writable; only a declaration can mint it.
+/// A handle for writing; only a declaration can make one.
 pub struct Out<E: ?Sized> {
     pub(crate) at: FieldRef,
     _element: PhantomData<fn() -> Box<E>>,

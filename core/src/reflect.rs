@@ -1,4 +1,4 @@
-//! Shaders as values: composed, validated and listed variable by variable with naga, without a GPU.
+//! Shaders as values: naga composes, validates and lists them variable by variable, without a GPU.
 
 mod check;
 mod compose;
@@ -18,26 +18,26 @@ pub(crate) use compose::{Composed, at_its_line, compose as join, is_edited};
 /// A composed and validated shader with its variables by name.
 #[derive(Clone, Debug)]
 pub struct Reflected {
-    /// The whole shader; goes to wgpu as it is.
+    /// The whole shader, as passed to wgpu.
     pub module: naga::Module,
-    /// What the validator found out about it.
+    /// The validator's results.
     pub info: naga::valid::ModuleInfo,
-    /// Everything that is bound, in the order of declaration; imported modules come last.
+    /// All bound variables in declaration order; those of imported modules come last.
     pub variables: Vec<Variable>,
-    /// All entry points, in the order of declaration.
+    /// All entry points, in declaration order.
     pub entries: Vec<Entry>,
 }
 
-/// A variable that is bound.
+/// A bound variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
-    /// As written.
+    /// Its name.
     pub name: String,
     /// `@group`.
     pub group: u32,
     /// `@binding`.
     pub binding: u32,
-    /// What it is.
+    /// Its address space and type.
     pub space: Space,
     /// Its declaration in WGSL without attributes: `var<storage, read> weights: array<f32>`.
     pub wgsl: String,
@@ -45,7 +45,7 @@ pub struct Variable {
     pub doc: String,
 }
 
-/// Where a variable lives, and what of.
+/// A variable's address space and type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Space {
     /// `var<uniform>`. Members of nested structs are named `view.eye`.
@@ -54,7 +54,7 @@ pub enum Space {
     Buffer {
         /// `read_write`; else `read`.
         writable: bool,
-        /// One array element. `atomic<T>` counts as `T`, and `atomic<u64>` as `vec2<u32>`.
+        /// The type of one array element. `atomic<T>` counts as `T`, and `atomic<u64>` as `vec2<u32>`.
         element: Element,
     },
     /// `texture_2d<f32>` or `texture_2d<u32>`.
@@ -66,13 +66,13 @@ pub enum Space {
         /// Read, write or both.
         access: naga::StorageAccess,
     },
-    /// Something that no port binds: a sampler, a cube map, a buffer that is not an array of 32-bit scalars, vectors or
+    /// Anything that no port binds: a sampler, a cube map, a buffer that is not an array of 32-bit scalars, vectors or
     /// structs of those.
     Other,
 }
 
 impl Space {
-    /// Whether the shader may change it.
+    /// Whether the shader may write it.
     pub fn writable(&self) -> bool {
         match self {
             Self::Buffer { writable, .. } => *writable,
@@ -85,7 +85,7 @@ impl Space {
 /// An entry point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// As written.
+    /// Its name.
     pub name: String,
     /// Compute, vertex or fragment.
     pub stage: naga::ShaderStage,
@@ -93,17 +93,17 @@ pub struct Entry {
     pub workgroup_size: [u32; 3],
     /// Bytes of `var<workgroup>` memory that it uses.
     pub workgroup_bytes: u32,
-    /// Indices of the [`Reflected::variables`] that it uses, itself or through functions.
+    /// Indices of the [`Reflected::variables`] that it uses, directly or through functions.
     pub uses: Vec<usize>,
 }
 
 impl Reflected {
-    /// The variable of that name, with its index.
+    /// The variable with this name, with its index.
     pub fn variable(&self, name: &str) -> Option<(usize, &Variable)> {
         self.variables.iter().enumerate().find(|(_, variable)| variable.name == name)
     }
 
-    /// The entry point of that name, with its index.
+    /// The entry point with this name, with its index.
     pub fn entry(&self, name: &str) -> Option<(usize, &Entry)> {
         self.entries.iter().enumerate().find(|(_, entry)| entry.name == name)
     }
@@ -111,16 +111,16 @@ impl Reflected {
 
 /// Composes, parses, validates and lists a shader.
 ///
-/// A line `#import NAME` brings in the library's module of that name (its file's name without folder and `.wgsl`);
-/// `#ifdef`, `#ifndef`, `#else` and `#endif` go by [`Shader::defines`]. Names of an imported module are used as they
-/// are. 64-bit integers are admitted with [`Needs::atomic64`] only.
+/// A line `#import NAME` includes the library's module of that name (its file name without folder and `.wgsl`);
+/// `#ifdef`, `#ifndef`, `#else` and `#endif` depend on [`Shader::defines`]. Names from an imported module need no
+/// prefix. 64-bit integers are accepted only with [`Needs::atomic64`].
 ///
-/// Errors: [`GraphError::Shader`] with the file, the line and what naga says.
+/// Errors: [`GraphError::Shader`] with the file, the line and naga's message.
 pub fn compose(shader: &Shader, library: &ShaderLibrary, needs: Needs) -> Result<Reflected, GraphError> {
     validate(&join(shader, library)?, needs)
 }
 
-/// Parses, validates and lists a shader that has been put together; the rest of [`compose`].
+/// Parses, validates and lists a composed shader; the second half of [`compose`].
 pub(crate) fn validate(composed: &Composed, needs: Needs) -> Result<Reflected, GraphError> {
     let options = naga::front::wgsl::Options {
         parse_doc_comments: true,
@@ -128,7 +128,7 @@ pub(crate) fn validate(composed: &Composed, needs: Needs) -> Result<Reflected, G
     };
     let module =
         naga::front::wgsl::Frontend::new_with_options(options).parse(&composed.text).map_err(|error| {
-            // Some labels stand for types that are implied, nowhere in the text.
+            // Some labels refer to implied types, which do not occur in the text.
             let label = error.labels().find(|(span, _)| span.is_defined());
             let mut message = error.message().to_owned();
             if let Some((_, label)) = label.filter(|(_, label)| !label.is_empty()) {
@@ -201,7 +201,7 @@ fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {
         .collect();
 
     let mut layouter = naga::proc::Layouter::default();
-    // The validator has laid out the same types already.
+    // The validator has already laid out the same types.
     layouter.update(module.to_ctx()).expect("a valid module can be laid out");
     let entries = module
         .entry_points
@@ -266,7 +266,7 @@ fn space_of(module: &naga::Module, variable: &naga::GlobalVariable) -> Space {
     known.unwrap_or(Space::Other)
 }
 
-/// The layout of a type; none if it holds anything but 32-bit scalars, vectors and structs of those.
+/// The layout of a type; `None` if it contains anything but 32-bit scalars, vectors and structs of those.
 fn element_of(module: &naga::Module, ty: naga::Handle<naga::Type>, stride: u32) -> Option<Element> {
     let mut members = Vec::new();
     add_members(module, ty, "", 0, &mut members)?;
@@ -289,7 +289,7 @@ fn add_members(
     let (scalar, lanes) = match module.types[ty].inner {
         TypeInner::Scalar(scalar) => (scalar, 1),
         TypeInner::Vector { size, scalar } => (scalar, size as u32),
-        // The two halves of a 64-bit atomic are a vec2<u32> to everyone else.
+        // Everywhere else, the two halves of a 64-bit atomic are a vec2<u32>.
         TypeInner::Atomic(naga::Scalar::U64) => (naga::Scalar::U32, 2),
         TypeInner::Atomic(scalar) => (scalar, 1),
         TypeInner::Struct { members: ref inner, .. } => {

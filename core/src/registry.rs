@@ -1,4 +1,4 @@
-//! The kinds of stage that graph files may name.
+//! The stage kinds that graph files may name.
 
 use std::{collections::BTreeMap, marker::PhantomData, path::Path};
 
@@ -13,19 +13,19 @@ use crate::{
     stage::{AnyStage, Bound, Declaration, Stage},
 };
 
-/// A node's definition in its file, and what its kind may ask about the surroundings.
+/// A node's definition in its file, and what its kind may query about its surroundings.
 pub struct NodeContext<'a> {
-    /// The file, for places and for paths relative to it.
+    /// The file, for error places and relative paths.
     pub file: &'a GraphFile,
     /// The node.
     pub node: &'a NodeDef,
-    /// Whether an input will carry a value.
+    /// Whether an input will be connected.
     pub connected: &'a dyn Fn(&str) -> bool,
-    /// The meaning of that name, where some stage has a port of that meaning.
+    /// The meaning with this name, if some stage has a port with that meaning.
     pub meaning: &'a dyn Fn(&str) -> Option<Meaning>,
     /// The shader modules that shaders may import.
     pub library: &'a ShaderLibrary,
-    /// The files of parameters that do not stand in `file`, by the parameters' names.
+    /// The files of parameters that are set outside `file`, by parameter name.
     pub set_in: &'a BTreeMap<String, &'a GraphFile>,
 }
 
@@ -35,12 +35,12 @@ impl NodeContext<'_> {
         Problem::new(error).at(self.file.place(span)).node(&self.node.name.value)
     }
 
-    /// A problem of one of the node's parameters, at a place of the file that sets it.
+    /// A problem of one of the node's parameters, at a place in the file that sets it.
     pub fn param_problem(&self, param: &ParamDef, error: GraphError, span: Span) -> Problem {
         Problem::new(error).at(self.file_of(param).place(span)).node(&self.node.name.value)
     }
 
-    /// The folder that a relative path in a parameter starts from: that of the file that sets it.
+    /// The base folder of a relative path in a parameter: that of the file that sets it.
     pub fn folder(&self, param: &ParamDef) -> &Path {
         folder(self.file_of(param))
     }
@@ -49,8 +49,8 @@ impl NodeContext<'_> {
         self.set_in.get(&param.name.value).copied().unwrap_or(self.file)
     }
 
-    /// Sets each parameter that the node names by calling `set(index, text)`; reports unknown names, values that do
-    /// not parse and values out of range, all of them.
+    /// Sets each parameter that the node names by calling `set(index, text)`; reports all unknown names, values that do
+    /// not parse and values out of range.
     pub fn set_params(
         &self,
         specs: &[ParamSpec],
@@ -91,12 +91,12 @@ pub trait Kind: Send + Sync {
     fn name(&self) -> &'static str;
     /// One line.
     fn doc(&self) -> &'static str;
-    /// Parameters of the kind, as far as they do not depend on the node.
+    /// The kind's parameters that do not depend on the node.
     fn specs(&self) -> Vec<ParamSpec>;
-    /// Its ports, shader and passes with default parameters and every optional input connected; none where that
-    /// depends on the node.
+    /// Its ports, shader and passes with default parameters and every optional input connected; `None` if they depend
+    /// on the node.
     fn declaration(&self) -> Option<Declaration>;
-    /// A stage with the node's parameters; all problems where there are any.
+    /// Makes a stage with the node's parameters, or returns all problems.
     fn make(&self, cx: &NodeContext) -> Result<Box<dyn AnyStage>, Problems>;
 }
 
@@ -122,10 +122,10 @@ impl<S: Stage> Kind for StageKind<S> {
     }
 }
 
-/// How many there are of a quantity, given what the application states.
+/// The count of a quantity, computed from what the application states.
 type Count = dyn Fn(&Facts) -> u32 + Send + Sync;
 
-/// All kinds of stage, and the shader modules that they share.
+/// All stage kinds, and the shader modules that they share.
 #[derive(Default)]
 pub struct Registry {
     kinds: BTreeMap<&'static str, Box<dyn Kind>>,
@@ -159,17 +159,17 @@ impl Registry {
         self
     }
 
-    /// Gives constants, made with [`crate::constants!`], to the module of that name.
+    /// Gives constants, made with [`crate::constants!`], to the module with this name.
     ///
     /// # Panics
-    /// Where there is no such module.
+    /// If there is no such module.
     pub fn with_constants(mut self, module: &str, constants: &[Constant]) -> Self {
         let module = self.library.modules.iter_mut().find(|known| known.import() == module);
         module.expect("a module before its constants").constants.extend_from_slice(constants);
         self
     }
 
-    /// States how many there are of a quantity of your own. `count` is given what the application states.
+    /// Defines the count of a quantity of your own. `count` is called with what the application states.
     pub fn with_count(
         mut self,
         quantity: Quantity,
@@ -179,7 +179,7 @@ impl Registry {
         self
     }
 
-    /// What the application states, and what the stages' crates add to it.
+    /// What the application states, with what the stages' crates derive from it.
     pub(crate) fn facts(&self, stated: &Facts) -> Facts {
         let add = |facts: Facts, (quantity, count): &(Quantity, Box<Count>)| {
             let count = count(&facts);
@@ -188,12 +188,12 @@ impl Registry {
         self.counts.iter().fold(stated.clone(), add)
     }
 
-    /// The kind of that name.
+    /// The kind with this name.
     pub fn get(&self, name: &str) -> Option<&dyn Kind> {
         self.kinds.get(name).map(Box::as_ref)
     }
 
-    /// The meaning of that name among those that ports of the stages have.
+    /// The meaning with this name, among those of the stages' ports.
     pub fn meaning(&self, name: &str) -> Option<Meaning> {
         let ports = self.kinds().filter_map(Kind::declaration).flat_map(|declared| declared.ports);
         ports.filter_map(|port| port.meaning).find(|meaning| meaning.name == name)

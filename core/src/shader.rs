@@ -1,4 +1,4 @@
-//! Shaders as the framework sees them: a file of WGSL with `#import`s, and the passes that run its entry points.
+//! Shaders as the framework sees them: a WGSL file with `#import`s, and the passes that run its entry points.
 
 use std::{
     borrow::Cow,
@@ -20,7 +20,7 @@ pub struct Shader {
     pub file: Option<PathBuf>,
     /// Names for `#ifdef`.
     pub defines: Vec<&'static str>,
-    /// Numbers that it has from Rust.
+    /// Constants that it gets from Rust.
     pub constants: Vec<Constant>,
 }
 
@@ -46,7 +46,7 @@ pub struct ShaderModule {
     pub source: Cow<'static, str>,
     /// The file that the text is from, for editors. It need not exist where the program runs.
     pub file: Option<PathBuf>,
-    /// Numbers that it has from Rust. Shaders that import it have them too.
+    /// Constants that it gets from Rust. Shaders that import it get them too.
     pub constants: Vec<Constant>,
 }
 
@@ -61,7 +61,7 @@ impl ShaderModule {
         Self { file: Some(file.into()), ..self }
     }
 
-    /// Its name for `#import`: its file's name without folder and `.wgsl`.
+    /// Its name in `#import`: the file's name without folder and `.wgsl`.
     pub fn import(&self) -> &str {
         let file = self.name.rsplit_once('/').map_or(&*self.name, |(_, file)| file);
         file.strip_suffix(".wgsl").unwrap_or(file)
@@ -71,38 +71,38 @@ impl ShaderModule {
 /// WGSL modules that shaders may `#import` by name.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderLibrary {
-    /// All of them.
+    /// All modules.
     pub modules: Vec<ShaderModule>,
     /// Texts that an editor has of shader files, those of modules and others.
     pub edited: EditedTexts,
 }
 
 impl ShaderLibrary {
-    /// The module that `#import NAME` means.
+    /// The module with this name in `#import`.
     pub fn module(&self, name: &str) -> Option<&ShaderModule> {
         self.modules.iter().find(|module| module.import() == name)
     }
 }
 
-/// Texts that take the place of shader files, and of what the program has embedded of them. By default there are none.
+/// Texts that replace shader files and their embedded copies. Empty by default.
 #[derive(Clone, Default)]
 pub struct EditedTexts(Option<Arc<TextOf>>);
 
-/// Gives the text of a file, if there is one for it.
+/// Returns the replacement text of a file, if any.
 type TextOf = dyn Fn(&Path) -> Option<Arc<str>> + Send + Sync;
 
 impl EditedTexts {
-    /// The texts that a function gives by the paths of the files.
+    /// The texts that a function returns by file path.
     pub fn new(text: impl Fn(&Path) -> Option<Arc<str>> + Send + Sync + 'static) -> Self {
         Self(Some(Arc::new(text)))
     }
 
-    /// The text of a file.
+    /// The replacement text of a file, if any.
     pub fn get(&self, file: &Path) -> Option<Arc<str>> {
         self.0.as_ref()?(file)
     }
 
-    /// The text of a file, else the embedded one.
+    /// The replacement text of a file, otherwise the embedded one.
     pub(crate) fn or_embedded<'t>(&self, file: Option<&Path>, embedded: &'t str) -> Cow<'t, str> {
         match file.and_then(|file| self.get(file)) {
             Some(text) if *text != *embedded => Cow::Owned(text.to_string()),
@@ -124,13 +124,14 @@ pub struct Needs {
     pub atomic64: bool,
 }
 
-/// How many threads a compute pass has.
+/// The number of threads of a compute pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Threads {
     /// One for each element of a port: x, y for images and other two-dimensional extents; for lists a linear index
-    /// split over x and y (`shared/index.wgsl` puts it together), because a dispatch has at most 65,535 groups a side.
+    /// split over x and y (`shared/index.wgsl` combines them), because a dispatch has at most 65,535 workgroups per
+    /// axis.
     Over(FieldRef),
-    /// One for each `n` elements of a list, rounded up: block sums and scans.
+    /// One for each `n` elements of a list, rounded up: for block sums and scans.
     Blocks(FieldRef, u32),
     /// This many workgroups along x.
     Groups(u32),
@@ -143,30 +144,30 @@ pub enum Pass {
     Compute {
         /// Entry point.
         entry: Cow<'static, str>,
-        /// How many threads.
+        /// The number of threads.
         threads: Threads,
     },
-    /// Classic raster: one point for each element of a list, depth tested (less), into a texture port.
+    /// Point rasterization: one point for each element of a list, depth tested (less), into a texture port.
     Points {
         /// Vertex entry point.
         vertex: &'static str,
         /// Fragment entry point.
         fragment: &'static str,
-        /// The list that gives the number of vertices.
+        /// The list whose length is the number of vertices.
         count: FieldRef,
         /// The texture port to draw to, cleared to `clear`.
         target: FieldRef,
         /// First component's clear value.
         clear: u32,
     },
-    /// Classic raster of lines with a width: two triangles, six vertices, for each element of a list, without a depth
+    /// Rasterization of lines with a width: two triangles, six vertices, for each element of a list, without a depth
     /// test, into a texture port that is cleared to 0.
     Lines {
         /// Vertex entry point.
         vertex: &'static str,
         /// Fragment entry point.
         fragment: &'static str,
-        /// The list that gives the number of lines.
+        /// The list whose length is the number of lines.
         count: FieldRef,
         /// The texture port to draw to.
         target: FieldRef,
@@ -174,7 +175,7 @@ pub enum Pass {
 }
 
 impl Pass {
-    /// What a raster pass draws to.
+    /// The texture that a raster pass draws to.
     pub fn target(&self) -> Option<FieldRef> {
         match self {
             Self::Compute { .. } => None,
@@ -183,8 +184,8 @@ impl Pass {
     }
 }
 
-/// Embeds a shader of the package that names it: `shader!("median")` is `shaders/median.wgsl` beside its `Cargo.toml`.
-/// That there is no such file is a compile error.
+/// Embeds a shader of the calling package: `shader!("median")` is `shaders/median.wgsl` beside its `Cargo.toml`. A
+/// missing file is a compile error.
 #[macro_export]
 macro_rules! shader {
     ($name:literal) => {

@@ -38,17 +38,17 @@ impl fmt::Display for Side {
     }
 }
 
-/// How results of the GPU reach a node that runs on the CPU.
+/// How GPU results reach a node that runs on the CPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Download {
     /// This frame's values: submit and wait.
     #[default]
     Sync,
-    /// The values of so many frames ago, without waiting.
+    /// The values of this many frames ago, without waiting.
     Latent(u32),
 }
 
-/// Something that each side has one of, indexed by [`Side`].
+/// One value for each side, indexed by [`Side`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PerSide<T> {
     /// The CPU's.
@@ -58,7 +58,7 @@ pub struct PerSide<T> {
 }
 
 impl<T> PerSide<T> {
-    /// What `make` gives for each side.
+    /// Calls `make` for each side.
     pub fn new(mut make: impl FnMut(Side) -> T) -> Self {
         Self { cpu: make(Side::Cpu), gpu: make(Side::Gpu) }
     }

@@ -31,19 +31,19 @@ pub trait Stage: Sized + Send + Sync + 'static {
     /// Its parameters, defined with [`crate::params!`].
     type Params: Params;
 
-    /// Says which ports, shader and passes it has with these parameters; keeps the handles.
+    /// Declares ports, shader and passes for these parameters; keeps the handles.
     fn declare(params: &Self::Params, io: &mut Io) -> Self;
 
     /// The CPU twin: the same result as the shader on plain slices.
     fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String>;
 
-    /// What it did at a pixel, computed anew from what it read and wrote in a frame. None where it has nothing to tell, or
-    /// where what it would tell from was not captured.
+    /// What it did at a pixel, recomputed from what it read and wrote in a frame. `None` if it has nothing to report,
+    /// or if what it needs was not captured.
     fn explain(&self, _params: &Self::Params, _site: &Site) -> Option<Vec<Finding>> {
         None
     }
 
-    /// Why the facts make this stage needless, if they do. Its inputs are then passed through.
+    /// Why the facts make this stage needless, or `None` if they do not. Its inputs are then passed through.
     fn needless(_params: &Self::Params, _facts: &Facts) -> Option<&'static str> {
         None
     }
@@ -52,9 +52,9 @@ pub trait Stage: Sized + Send + Sync + 'static {
 /// Everything a stage has declared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Declaration {
-    /// In the order of declaration.
+    /// In declaration order.
     pub ports: Vec<Port>,
-    /// None for a stage that runs on the CPU only.
+    /// `None` for a stage that runs on the CPU only.
     pub shader: Option<Shader>,
     /// The GPU's steps in order.
     pub passes: Vec<Pass>,
@@ -62,21 +62,21 @@ pub struct Declaration {
     pub needs: Needs,
     /// Whether there is a CPU twin.
     pub cpu: bool,
-    /// Only owns memory: there is nothing to run.
+    /// Whether it only owns memory: nothing runs.
     pub idle: bool,
-    /// Its outputs follow from its inputs and the frame's view alone.
+    /// Whether its outputs depend only on its inputs and the frame's view.
     pub per_view: bool,
-    /// The column of the application's table of times that the stage counts towards; none: the rest of the frame.
+    /// The column of the application's table of times that the stage counts towards; `None`: the rest of the frame.
     pub column: Option<&'static str>,
 }
 
 impl Declaration {
-    /// Index of the port of that name.
+    /// Index of the port with this name.
     pub fn port(&self, name: &str) -> Option<usize> {
         self.ports.iter().position(|port| port.name == name)
     }
 
-    /// Whether the stage can run there.
+    /// Whether the stage can run on this side.
     pub fn runs_on(&self, side: Side) -> bool {
         match side {
             Side::Cpu => self.cpu,
@@ -115,7 +115,7 @@ impl<'a> Io<'a> {
         }
     }
 
-    /// An input of this frame.
+    /// An input with this frame's values.
     pub fn read<E: PortElement>(
         &mut self,
         name: &'static str,
@@ -125,7 +125,7 @@ impl<'a> Io<'a> {
         self.port(Access::Read, name, holds.into(), extent).read("")
     }
 
-    /// An input of the frame before; all zero in the first frame.
+    /// An input with the values of the frame before; all zero in the first frame.
     pub fn history<E: PortElement>(
         &mut self,
         name: &'static str,
@@ -135,7 +135,7 @@ impl<'a> Io<'a> {
         self.port(Access::History, name, holds.into(), extent).read("")
     }
 
-    /// An input that may stay unconnected; then `None`.
+    /// An input that may stay unconnected; the handle is then `None`.
     pub fn optional<E: PortElement>(
         &mut self,
         name: &'static str,
@@ -200,8 +200,8 @@ impl<'a> Io<'a> {
         self.declared.shader.as_mut().expect("name the shader before its defines").defines.push(name);
     }
 
-    /// Gives the shader the constants of this list, made with [`crate::constants!`]. Those of its parameters' choices it has
-    /// anyway.
+    /// Gives the shader the constants of this list, made with [`crate::constants!`]. It gets those of its parameters'
+    /// choices in any case.
     pub fn constants(&mut self, constants: &[Constant]) {
         let shader = self.declared.shader.as_mut().expect("name the shader before its constants");
         shader.constants.extend_from_slice(constants);
@@ -217,30 +217,30 @@ impl<'a> Io<'a> {
         self.declared.passes.push(Pass::Compute { entry: entry.into(), threads });
     }
 
-    /// Adds any pass.
+    /// Adds a pass of any kind.
     pub fn pass(&mut self, pass: Pass) {
         self.declared.passes.push(pass);
     }
 
-    /// Says that the stage only owns memory and does nothing in a frame.
+    /// Declares that the stage only owns memory and does nothing in a frame.
     pub fn idle(&mut self) {
         self.declared.idle = true;
     }
 
-    /// Says that the outputs follow from the inputs, the parameters and [`Frame::view`] alone: not from the rest of the
-    /// frame, from the host, or from what was there before. The stage is then skipped, and its outputs keep their values,
-    /// in frames in which neither the view nor any input has changed. An input is unchanged where its writer was skipped
-    /// too or said so ([`CpuContext::unchanged`]).
+    /// Declares that the outputs depend only on the inputs, the parameters and [`Frame::view`]: not on the rest of the
+    /// frame, the host, or the outputs' previous contents. The stage is then skipped, and its outputs keep their
+    /// values, in frames in which neither the view nor any input has changed. An input is unchanged if its writer was
+    /// skipped too or reported it as unchanged ([`CpuContext::unchanged`]).
     pub fn per_view(&mut self) {
         self.declared.per_view = true;
     }
 
-    /// Names the column of the application's table of times that the stage counts towards.
+    /// Sets the column of the application's table of times that the stage counts towards.
     pub fn column(&mut self, name: &'static str) {
         self.declared.column = Some(name);
     }
 
-    /// Says that the passes need 64-bit atomics.
+    /// Declares that the passes need 64-bit atomics.
     pub fn needs_atomic64(&mut self) {
         self.declared.needs.atomic64 = true;
     }
@@ -268,23 +268,23 @@ impl Bundle<'_> {
         Out::mint(self.add::<E>(field))
     }
 
-    /// Makes the written values live from frame to frame.
+    /// Keeps the written values from frame to frame.
     pub fn persistent(&mut self) {
         self.port.lifetime = Lifetime::Persistent;
     }
 }
 
-/// Things that an application hands to its stages: the scene's tracer and the like, one of each type.
+/// Objects that an application provides to its stages, such as the scene's tracer: one of each type.
 #[derive(Default)]
 pub struct Host(HashMap<TypeId, Box<dyn Any + Send + Sync>>);
 
 impl Host {
-    /// Adds or replaces the thing of this type.
+    /// Adds or replaces the object of this type.
     pub fn insert<T: Any + Send + Sync>(&mut self, thing: T) {
         self.0.insert(TypeId::of::<T>(), Box::new(thing));
     }
 
-    /// The thing of this type.
+    /// The object of this type.
     pub fn get<T: Any>(&self) -> Option<&T> {
         self.0.get(&TypeId::of::<T>())?.downcast_ref()
     }
@@ -297,7 +297,7 @@ pub struct CpuMemory {
 }
 
 impl CpuMemory {
-    /// Zeroed memory of at least `bytes` bytes; `None` where there is not as much.
+    /// Zeroed memory of at least `bytes` bytes; `None` if there is not enough.
     pub fn new(bytes: u64) -> Option<Self> {
         let count = usize::try_from(bytes.div_ceil(16)).ok()?;
         let mut words = Vec::new();
@@ -317,14 +317,14 @@ impl CpuMemory {
     }
 }
 
-/// A binding on the CPU: the slot of its value, and how many elements it has.
+/// A binding on the CPU: the slot of its value, and its number of elements.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Binding {
     pub slot: SlotId,
     pub dims: Dims,
 }
 
-/// What a CPU twin works with: the slices of its ports, the frame, and the host's things.
+/// What a CPU twin works with: the slices of its ports, the frame, and the host's objects.
 pub struct CpuContext<'a> {
     pub(crate) frame: &'a Frame,
     pub(crate) host: &'a Host,
@@ -334,12 +334,12 @@ pub struct CpuContext<'a> {
 }
 
 impl CpuContext<'_> {
-    /// The present frame.
+    /// The current frame.
     pub fn frame(&self) -> &Frame {
         self.frame
     }
 
-    /// The host's thing of this type, or what to tell the user.
+    /// The host's object of this type, or a message for the user.
     pub fn host<T: Any>(&self) -> Result<&T, String> {
         self.host
             .get()
@@ -351,9 +351,9 @@ impl CpuContext<'_> {
             .expect("a handle of an unconnected port is never given out")
     }
 
-    /// Says that a kept output has the same contents as in the frame before, so that it need not be uploaded again, and
-    /// stages that follow from it and the view ([`Io::per_view`]) need not run again.
-    /// Only for [`Io::persistent`] outputs; pooled memory holds something else by now.
+    /// Reports that a kept output has the same contents as in the frame before, so that it need not be uploaded again,
+    /// and stages that depend only on it and the view ([`Io::per_view`]) need not run again. Only for
+    /// [`Io::persistent`] outputs; pooled memory has been reused since.
     pub fn unchanged(&self, port: impl Into<FieldRef>) {
         self.unchanged.borrow_mut().push(port.into());
     }
@@ -383,7 +383,7 @@ fn elements<T: bytemuck::Pod>(bytes: &[u8], dims: Dims) -> &[T] {
     bytemuck::cast_slice(&bytes[..dims.count() * size_of::<T>()])
 }
 
-/// A stage with its parameters, its type forgotten.
+/// A stage with its parameters, type-erased.
 pub trait AnyStage: Send + Sync {
     /// What it declared.
     fn declaration(&self) -> &Declaration;
@@ -397,7 +397,7 @@ pub trait AnyStage: Send + Sync {
     fn words(&self) -> Vec<u32>;
     /// Its parameters, in the order of the words.
     fn specs(&self) -> Vec<ParamSpec>;
-    /// Why the facts make it needless, if they do.
+    /// Why the facts make it needless, or `None` if they do not.
     fn needless(&self, facts: &Facts) -> Option<&'static str>;
 }
 
@@ -408,7 +408,7 @@ pub(crate) struct Bound<S: Stage> {
 }
 
 impl<S: Stage> Bound<S> {
-    /// Lets the stage declare itself; `connected` says whether an input carries a value.
+    /// Lets the stage declare itself; `connected` tells whether an input is connected.
     pub fn new(params: S::Params, connected: &dyn Fn(&str) -> bool) -> Self {
         let mut io = Io::new(connected);
         let stage = S::declare(&params, &mut io);

@@ -1,8 +1,8 @@
 //! For the tests of a stage: random inputs, and a comparison of its shader with its CPU twin.
 //!
 //! A [`Harness`] holds one stage and the inputs that a test gives it. [`run_both`] runs a frame on the CPU and one on the GPU
-//! from the same inputs; [`Both`] compares what the two wrote, port by port. Everything here panics where something is
-//! wrong, so that a test needs no error handling.
+//! from the same inputs; [`Both`] compares what the two wrote, port by port. Everything here panics on errors, so that
+//! a test needs no error handling.
 //!
 //! ```
 //! use epigraph_core::{
@@ -23,7 +23,7 @@
 //!     fn declare(_: &(), io: &mut Io) -> Self {
 //!         let number = io.read("number", "Any numbers.", Extent::Any);
 //!         let double = io.write("double", "Twice each number.", Extent::Like("number".into()));
-//!         // Stages of a package of their own keep the shader in a file: `shader!("double")`.
+//!         // Stages in a package keep the shader in a file: `shader!("double")`.
 //!         io.shader(Shader::new("double.wgsl", "
 //!             @group(0) @binding(0) var<storage, read> number: array<f32>;
 //!             @group(0) @binding(1) var<storage, read_write> double: array<f32>;
@@ -49,7 +49,7 @@
 //! let numbers: Vec<f32> = (0..1000).map(|_| random.between(-10.0, 10.0)).collect();
 //! let mut harness = Harness::<Double>::new((), &settings([1, 1], 1));
 //! harness.set("number", &numbers);
-//! // The registry brings the modules that shaders import; its stages do not matter here.
+//! // The registry provides the modules that shaders import; its stages do not matter here.
 //! let both = run_both(&mut harness, &Registry::default());
 //! both.assert_equal::<f32>("double");
 //! assert_eq!(both.cpu.get::<f32>("double")[0], 2.0 * numbers[0]);
@@ -72,15 +72,15 @@ use crate::{
 };
 
 /// Settings for a frame of `size` (width and height in pixels) with `samples` samples. Memory that a stage has not yet
-/// written is poisoned: a stage that reads it gives NaN or wild numbers, and does so on every run.
+/// written is poisoned: a stage that reads it produces NaN or wild numbers, on every run.
 pub fn settings(size: [u32; 2], samples: u32) -> Settings {
     Settings { poison: true, ..Settings::new(size, samples) }
 }
 
-/// The GPU that all tests of a program share, opened at the first call. A software driver will do.
+/// The GPU that all tests of a program share, opened at the first call. A software driver is enough.
 ///
 /// # Panics
-/// If there is none, with the packages to install: tests of shaders never skip.
+/// If there is none, naming the packages to install: tests of shaders never skip.
 pub fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
     let open = || Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")));
@@ -135,7 +135,7 @@ impl Both {
         self.assert_equal_but::<T>(name, 0);
     }
 
-    /// Asserts that all elements of an output but at most `allowed` are equal. A test should say why any may differ.
+    /// Asserts that all but at most `allowed` elements of an output are equal. A test should say why any may differ.
     ///
     /// # Panics
     /// As [`Both::assert_equal`].

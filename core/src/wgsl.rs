@@ -15,8 +15,8 @@
 //! | `var<storage, read> array<T>` | input |
 //! | `var<storage, read_write> array<T>` | updated in place |
 //!
-//! A port that is called as what the values of other stages' ports are, such as `depth` or `priority`, holds the same; any
-//! other holds what is connected to it.
+//! A port named after the meaning of another stage's port, such as `depth` or `priority`, has that meaning; any other
+//! port takes the meaning of what is connected to it.
 //!
 //! Two names are not ports: `frame`, after `#import frame`, and `params`, a uniform struct of f32, u32 and i32, each of
 //! which is a parameter of the node. Its `///` comment is its documentation; a line of it that starts with `=` gives
@@ -34,8 +34,8 @@
 //! @group(0) @binding(1) var<uniform> params: Params;
 //! ```
 //!
-//! Every `@compute` entry point is a pass, in the order of the file, with one thread for each element of the first port
-//! that it uses and may write.
+//! Every `@compute` entry point is a pass, in file order, with one thread for each element of the first writable port
+//! that it uses.
 
 use std::{fs, path::PathBuf};
 
@@ -55,15 +55,15 @@ use crate::{
 
 /// The kind `wgsl`: a node names a shader file, whose variables are its ports and parameters.
 ///
-/// The syntax of a parameter's default and range is a line of its comment, `/// = 0.5 in 0..2 unit m`.
+/// A line of a parameter's comment gives its default and range: `/// = 0.5 in 0..2 unit m`.
 pub fn wgsl_kind() -> Box<dyn Kind> {
     Box::new(WgslKind)
 }
 
 impl GraphFile {
-    /// The shader files of its nodes of kind `wgsl`, those of parts included, each with its node's address.
+    /// The shader files of all nodes of kind `wgsl`, including those of parts, each with its node's address.
     pub fn shaders(&self) -> Vec<(String, PathBuf)> {
-        // What is wrong with the parts is told on compiling.
+        // Problems of parts are reported when compiling.
         let nodes = self.flatten().map(|flat| flat.nodes).unwrap_or_default();
         let shader = |node: FlatNode| {
             let param = node.def.params.iter().find(|param| param.name.value == "shader")?;
@@ -177,7 +177,7 @@ impl AnyStage for WgslStage {
     }
 }
 
-/// Ports and passes of a shader; adds a message for everything that cannot be one.
+/// Ports and passes of a shader; adds a message for every variable or entry point that cannot be one.
 fn declare(
     shader: Shader,
     reflected: &Reflected,
@@ -243,7 +243,7 @@ fn declare(
     Declaration { ports, shader: Some(shader), passes, needs, ..Declaration::default() }
 }
 
-/// The port of a variable, or why it has none.
+/// The port of a variable, or why it cannot be one.
 fn port(variable: &Variable, meaning: &dyn Fn(&str) -> Option<Meaning>) -> Result<Port, String> {
     let store_only = StorageAccess::STORE;
     let (access, element) = match &variable.space {
@@ -285,7 +285,7 @@ fn port(variable: &Variable, meaning: &dyn Fn(&str) -> Option<Meaning>) -> Resul
     })
 }
 
-/// The parameters in `params`, each with its default's word; adds a message for everything that cannot be one.
+/// The parameters in `params`, each with its default as a uniform word; adds a message for every invalid one.
 fn parameters(reflected: &Reflected, messages: &mut Vec<String>) -> Vec<(ParamSpec, u32)> {
     let Some((_, variable)) = reflected.variable("params") else { return Vec::new() };
     let Space::Uniform(Element::Item { members, .. }) = &variable.space else {
@@ -317,7 +317,7 @@ fn parameter(member: &Member, index: usize, doc: Vec<&str>) -> Result<(ParamSpec
         return Err("only f32, u32 and i32 can be parameters, one after the other".into());
     }
     if member.name == "shader" {
-        return Err("this name is the shader file's; take another".into());
+        return Err("this name is reserved for the shader file; choose another".into());
     }
     let (settings, prose): (Vec<&str>, Vec<&str>) = doc.into_iter().partition(|line| line.starts_with('='));
     let (kind, zero) = match member.scalar {
@@ -359,7 +359,7 @@ fn set_default(spec: &mut ParamSpec, line: &str) -> Option<()> {
     if let Some(range) = range {
         let (low, high) = range.split_once("..")?;
         let (low, high): (f64, f64) = (low.trim().parse().ok()?, high.trim().parse().ok()?);
-        // Refuses NaN too.
+        // Rejects NaN too.
         spec.range = Some((low <= high).then_some((low, high))?);
     }
     spec.default = default.trim().to_owned();

@@ -219,7 +219,7 @@ fn fields_of_the_graph_are_checked() {
     );
     assert_told(
         "(version: 2, nodes: {}, outputs: {})",
-        &[("1:11: version 2 of the graph format is not known; this program reads version 1", 1)],
+        &[("1:11: unsupported version 2 of the graph format; this program reads version 1", 1)],
     );
     assert_told(
         "(version: \"1\", doc: 3, nodes: [], outputs: (), version: 1, node: {})",
@@ -228,7 +228,7 @@ fn fields_of_the_graph_are_checked() {
             ("1:21: expected a text in double quotes, found `3`", 1),
             ("1:31: expected { \"NODE\": (kind: \"KIND\"), ... }, found `[]`", 2),
             ("1:44: expected { \"NAME\": \"NODE.PORT\", ... }, found `()`", 2),
-            ("1:48: field `version` stands twice", 7),
+            ("1:48: duplicate field `version`", 7),
             ("1:60: unknown field `node`, did you mean `nodes`?", 4),
         ],
     );
@@ -241,7 +241,7 @@ fn fields_of_a_node_are_checked() {
         &node("position: (1, 2)"),
         &[("3:1: unknown field `position`; known: kind, on, download, bypass, inputs, params, set", 8)],
     );
-    assert_told(&node("kind: \"again\""), &[("3:1: field `kind` stands twice", 4)]);
+    assert_told(&node("kind: \"again\""), &[("3:1: duplicate field `kind`", 4)]);
     assert_told(&node("on: Gup"), &[("3:5: unknown side `Gup`, did you mean `Gpu`?", 3)]);
     assert_told(&node("on: Tpu2000"), &[("3:5: unknown side `Tpu2000`; known: Gpu, Cpu", 7)]);
     assert_told(&node("on: \"gpu\""), &[("3:5: expected Gpu or Cpu, found `\"gpu\"`", 5)]);
@@ -263,7 +263,7 @@ fn fields_of_a_node_are_checked() {
         &[("2:6: expected (kind: \"KIND\", ...), found `Node(kind: \"k\")`", 15)],
     );
     assert_told(&nodes("n: (kind: \"k\")"), &[("2:1: expected a name in double quotes, found `n`", 1)]);
-    assert_told(&nodes("\"n\": (kind: \"k\"), \"n\": (kind: \"j\")"), &[("2:19: node `n` stands twice", 3)]);
+    assert_told(&nodes("\"n\": (kind: \"k\"), \"n\": (kind: \"j\")"), &[("2:19: duplicate node `n`", 3)]);
     assert_told(
         &nodes("\"a.b\": (kind: \"k\"), \"\": (kind: \"k\")"),
         &[
@@ -282,12 +282,12 @@ fn wires_and_parameters_are_checked() {
     );
     assert_told(&node("inputs: { \"p\": \".b\" }"), &[("3:16: `.b` is not a port; write \"NODE.PORT\"", 4)]);
     assert_told(&node("inputs: { \"p\": 1 }"), &[("3:16: expected a port as \"NODE.PORT\", found `1`", 1)]);
-    assert_told(&node("inputs: { \"p\": \"a.b\", \"p\": \"a.c\" }"), &[("3:23: input `p` stands twice", 3)]);
+    assert_told(&node("inputs: { \"p\": \"a.b\", \"p\": \"a.c\" }"), &[("3:23: duplicate input `p`", 3)]);
     assert_told(
         &node("inputs: [\"a.b\"]"),
         &[("3:9: expected { \"PORT\": \"NODE.PORT\", ... }, found `[\"a.b\"]`", 7)],
     );
-    assert_told(&node("params: (a: 1, a: 2)"), &[("3:16: parameter `a` stands twice", 1)]);
+    assert_told(&node("params: (a: 1, a: 2)"), &[("3:16: duplicate parameter `a`", 1)]);
     assert_told(
         &node("params: (1, 2)"),
         &[
@@ -301,7 +301,7 @@ fn wires_and_parameters_are_checked() {
     );
     assert_told(
         "(version: 1, nodes: {}, outputs: { \"o\": \"a.b\", \"o\": \"a.c\", \"p\": \"a\" })",
-        &[("1:48: output `o` stands twice", 3), ("1:65: `a` is not a port; write \"NODE.PORT\"", 3)],
+        &[("1:48: duplicate output `o`", 3), ("1:65: `a` is not a port; write \"NODE.PORT\"", 3)],
     );
 }
 
@@ -359,7 +359,7 @@ fn escapes_in_names_are_understood() {
         .collect();
     assert_eq!(inputs, ["pq a.b", "q c.d"]);
     assert_eq!(file.nodes[0].params[0].name.value, "type");
-    assert_told(&node(r#"inputs: { "p": "a.b", "\u{70}": "a.c" }"#), &[("3:23: input `p` stands twice", 8)]);
+    assert_told(&node(r#"inputs: { "p": "a.b", "\u{70}": "a.c" }"#), &[("3:23: duplicate input `p`", 8)]);
 
     file.set_param("n", "type", "2").unwrap();
     file.set_input("n", "pq", Some(&source("x.y"))).unwrap();
@@ -605,11 +605,11 @@ fn a_failed_edit_leaves_the_file_as_it_was() {
         (|file| file.set_param("cull", "a", "1, b: 2"), "parameter `a`: Non-whitespace trailing characters"),
         (|file| file.set_param("cull", "a", "1)"), "parameter `a`: Non-whitespace trailing characters"),
         (|file| file.set_param("cull", "a", "/* 1"), "parameter `a`: Unclosed block comment"),
-        (|file| file.add_node("cull", "k"), "node `cull` stands twice"),
+        (|file| file.add_node("cull", "k"), "duplicate node `cull`"),
         (|file| file.add_node("a.b", "k"), "`a.b` cannot name a node"),
         (|file| file.copy_node("x", "y"), "unknown node `x`"),
-        (|file| file.copy_node("cull", "cloud"), "node `cloud` stands twice"),
-        (|file| file.rename_node("cull", "cloud"), "node `cloud` stands twice"),
+        (|file| file.copy_node("cull", "cloud"), "duplicate node `cloud`"),
+        (|file| file.rename_node("cull", "cloud"), "duplicate node `cloud`"),
         (|file| file.rename_node("cull", ""), "`` cannot name a node"),
         (
             |file| file.set_input("cull", "id", Some(&Source { node: "a.b".into(), port: "c".into() })),

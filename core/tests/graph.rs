@@ -396,7 +396,7 @@ fn sizes_and_latencies_have_bounds() {
         let settings = Settings::new(size, 0);
         let error =
             compile(&file("\"s\": (kind: \"source\"),", "s.out"), &registry(), &settings).err().unwrap();
-        assert!(error.to_string().contains("each side may be 1 to 16384 pixels"), "{error}");
+        assert!(error.to_string().contains("each side must be 1 to 16384 pixels"), "{error}");
     }
     let nodes =
         r#""s": (kind: "source"), "f": (kind: "filter", download: Latent(99), inputs: { "in": "s.out" }),"#;

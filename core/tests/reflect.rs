@@ -181,7 +181,7 @@ fn a_moved_frame_member_is_found() {
         &with_main(&grown),
         &declaration(vec![]),
         &[],
-        &["`more: vec4<f32>` at byte 224 is one too many"],
+        &["`more: vec4<f32>` at byte 224 is not expected"],
     );
 }
 
@@ -322,7 +322,7 @@ fn struct_layouts_are_compared() {
         ("struct Point { position: vec3<f32> }", "member `age: u32` at byte 12 is missing"),
         (
             "struct Point { position: vec3<f32>, age: u32, id: u32 }",
-            "member `id: u32` at byte 16 is one too many",
+            "member `id: u32` at byte 16 is not expected",
         ),
         (
             "struct Point { position: vec3<f32>, @size(8) age: u32 }",
@@ -507,12 +507,12 @@ fn conditions_keep_and_drop_lines() {
 #[test]
 fn directives_are_checked() {
     let cases = [
-        ("#ifdef A\n", "line 1, column 1: no `#endif` follows"),
+        ("#ifdef A\n", "line 1, column 1: missing `#endif`"),
         ("\n#else\n", "line 2, column 1: `#else` without"),
         ("#ifdef A\n#else\n#else\n#endif", "line 3, column 1: `#else` without"),
         ("#endif", "line 1, column 1: `#endif` without"),
-        ("#define A 1", "not a directive; there are `#import MODULE`"),
-        ("#import", "not a directive"),
+        ("#define A 1", "unknown directive; known: `#import MODULE`"),
+        ("#import", "unknown directive"),
         ("#import fram", "unknown module `fram`, did you mean `frame`?"),
     ];
     for (source, part) in cases {

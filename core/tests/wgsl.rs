@@ -270,7 +270,7 @@ fn what_cannot_be_a_port_is_told() {
 fn malformed_parameters_are_told() {
     let cases = [
         ("strength: f32", "strength: vec2<f32>", "only f32, u32 and i32"),
-        ("strength: f32", "shader: f32", "this name is the shader file's"),
+        ("strength: f32", "shader: f32", "this name is reserved for the shader file"),
         ("= 0.5 in 0..2", "= 0.5 in 0-2", "`= 0.5 in 0-2` is not of the form"),
         ("= 0.5 in 0..2", "= 0.5 in 2..0", "is not of the form"),
         ("= 0.5 in 0..2", "= 2.5 in 0..2", "its default 2.5: outside its range"),

@@ -1,4 +1,4 @@
-//! The GPU as the executor sees it: one device and queue, and the first error that came in asynchronously.
+//! The GPU as the executor sees it: one device and queue, and the first asynchronous error.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard},
@@ -7,7 +7,7 @@ use std::{
 
 use super::{RunError, programs::Programs};
 
-/// Which adapters will do.
+/// Which adapters are acceptable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AdapterChoice {
     /// A hardware GPU.
@@ -37,7 +37,7 @@ impl Gpu {
     /// Opens the best adapter.
     ///
     /// # Errors
-    /// [`RunError::NoGpu`] where there is none, [`RunError::Gpu`] where it cannot be opened.
+    /// [`RunError::NoGpu`] if there is no adapter, [`RunError::Gpu`] if it cannot be opened.
     pub fn open(choice: AdapterChoice) -> Result<Self, RunError> {
         pollster::block_on(Self::open_async(choice))
     }
@@ -89,7 +89,7 @@ impl Gpu {
         format!("{} ({})", self.info.name, self.info.backend)
     }
 
-    /// Whether the adapter runs on the CPU: correct, but its times are not a GPU's.
+    /// Whether the adapter runs on the CPU: correct, but its times say nothing about a GPU.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
@@ -99,23 +99,23 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::SHADER_INT64_ATOMIC_MIN_MAX)
     }
 
-    /// The most bytes of a list that a shader can bind.
+    /// The largest storage buffer that a shader can bind, in bytes.
     pub fn most_bound(&self) -> u64 {
         self.device.limits().max_storage_buffer_binding_size
     }
 
-    /// Whether time can be measured on the device itself. Timestamps of software adapters are not to be trusted.
+    /// Whether the device can measure time itself. Timestamps of software adapters are not reliable.
     pub fn has_timestamps(&self) -> bool {
         !self.is_software() && self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
-    /// The first error since the last call that no call returned.
+    /// The first error since the last call of this function that no other call returned.
     pub(crate) fn check(&self) -> Result<(), RunError> {
         self.check_lost()?;
         self.failure().take().map_or(Ok(()), Err)
     }
 
-    /// Whether the device is gone. That is for good: no call succeeds any more.
+    /// Whether the device is lost. A lost device does not come back: every later call fails.
     pub(crate) fn check_lost(&self) -> Result<(), RunError> {
         match &*self.failure() {
             Some(lost @ RunError::Lost(_)) => Err(lost.clone()),
@@ -127,22 +127,22 @@ impl Gpu {
         self.failure.lock().expect("no panic while noting a failure")
     }
 
-    /// Waits until everything submitted is done.
+    /// Waits until all submitted work is done.
     pub(crate) fn wait(&self) -> Result<(), RunError> {
-        // A minute is far beyond any frame: then the device hangs, which the user should hear of.
+        // A minute is far longer than any frame: the device hangs, and the user should know.
         let poll = wgpu::PollType::Wait { submission_index: None, timeout: Some(Duration::from_secs(60)) };
         let polled = self.device.poll(poll).map_err(|error| RunError::Gpu(error.to_string()));
-        // What the device itself says of a loss counts more than that it could not be waited for.
+        // The device's own message about a loss matters more than the failed wait.
         self.check().and(polled.map(|_| ()))
     }
 
-    /// Gives the device up, as when a driver is updated or a cable pulled: every later call fails with
+    /// Destroys the device, as a driver update or a pulled cable would: every later call fails with
     /// [`RunError::Lost`].
     pub fn lose(&self) {
         self.device.destroy();
     }
 
-    /// Runs `make` and turns validation and out-of-memory errors in it into an error.
+    /// Runs `make` and returns validation and out-of-memory errors in it as an error.
     pub(crate) fn scoped<T>(&self, make: impl FnOnce() -> T) -> Result<T, RunError> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -158,7 +158,7 @@ impl Gpu {
 
 fn note(first: &Mutex<Option<RunError>>, failure: RunError) {
     let mut first = first.lock().expect("no panic while noting a failure");
-    // A loss explains whatever failed before it was told.
+    // A loss explains all failures that were reported before it.
     if first.is_none() || matches!(failure, RunError::Lost(_)) {
         *first = Some(failure);
     }

@@ -1,6 +1,6 @@
 //! Runs a plan, frame after frame.
 //!
-//! All memory, pipelines and bind groups are made in [`Executor::new`]; a frame only walks the plan's steps. GPU steps are
+//! [`Executor::new`] makes all memory, pipelines and bind groups; a frame only walks the plan's steps. GPU steps are
 //! recorded into one encoder that is submitted at the frame's end, or earlier where a CPU step must wait for a result.
 
 mod device;
@@ -35,7 +35,7 @@ use crate::{
     stage::{Binding, CpuContext, CpuMemory, Host},
 };
 
-/// What can go wrong while a plan is built or run.
+/// Errors while a plan is built or run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RunError {
     /// No adapter.
@@ -44,10 +44,10 @@ pub enum RunError {
          Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1"
     )]
     NoGpu,
-    /// Out of memory, or a call that the device refuses.
+    /// Out of memory, or a call that the device rejects.
     #[error("GPU: {0}")]
     Gpu(String),
-    /// The device is gone, and with it all that was on it; another may be opened.
+    /// The device is lost with everything on it; another may be opened.
     #[error("the GPU was lost: {0}")]
     Lost(String),
     /// A stage failed.
@@ -55,15 +55,15 @@ pub enum RunError {
     Stage {
         /// The node.
         node: String,
-        /// What it says.
+        /// The stage's message.
         message: String,
     },
-    /// Main memory does not suffice.
+    /// Not enough main memory.
     #[error("not enough memory for {bytes} bytes of `{name}`; choose a smaller size")]
     Memory {
         /// The storage.
         name: String,
-        /// Its bytes.
+        /// Its size in bytes.
         bytes: u64,
     },
 }
@@ -104,11 +104,11 @@ pub struct Executor {
 }
 
 impl Executor {
-    /// Allocates and builds everything. `gpu` may be `None` for a plan that runs on the CPU alone.
+    /// Allocates and builds everything. `gpu` may be `None` for a plan that only uses the CPU.
     ///
     /// # Errors
-    /// [`RunError::NoGpu`] where the plan needs one, [`RunError::Memory`] and [`RunError::Gpu`] where memory does not
-    /// suffice, [`RunError::Stage`] where a shader does not fit its stage.
+    /// [`RunError::NoGpu`] if the plan needs a GPU and none is given, [`RunError::Memory`] and [`RunError::Gpu`] if
+    /// memory does not suffice, [`RunError::Stage`] if a shader does not fit its stage.
     pub fn new(
         graph: Graph,
         plan: Plan,
@@ -154,46 +154,46 @@ impl Executor {
         })
     }
 
-    /// The graph that runs.
+    /// The running graph.
     pub fn graph(&self) -> &Graph {
         &self.graph
     }
 
-    /// The plan that runs.
+    /// The running plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Whether the GPU is in use and keeps time itself.
+    /// Whether the GPU is in use and measures time itself.
     pub fn gpu_has_clock(&self) -> bool {
         self.gpu.as_ref().is_some_and(GpuSide::has_clock)
     }
 
-    /// Milliseconds of each of the plan's steps in the last frame (GPU steps: of the frame before it, where the device
-    /// keeps time; zero for steps that are only recorded).
+    /// Duration in milliseconds of each of the plan's steps in the last frame. If the device measures time, GPU steps
+    /// are those of the frame before it. Steps that are only recorded are zero.
     pub fn times(&self) -> &[f32] {
         self.times.as_raw_slice()
     }
 
-    /// When each of the plan's steps began, milliseconds since the frame did. Steps on a GPU that keeps time are of the
-    /// frame before, as [`Executor::times`], from the first of them on.
+    /// When each of the plan's steps began, in milliseconds since the frame began. On a GPU that measures time, the
+    /// steps are those of the frame before, as in [`Executor::times`], relative to the first of them.
     pub fn starts(&self) -> &[f32] {
         self.starts.as_raw_slice()
     }
 
-    /// Bytes that each of the plan's steps moved between CPU and GPU in the last frame: none where the other side had them
-    /// already.
+    /// Bytes that each of the plan's steps moved between CPU and GPU in the last frame: zero if the other side was up
+    /// to date.
     pub fn moved(&self) -> &[u64] {
         self.moved.as_raw_slice()
     }
 
-    /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never do, and those with
-    /// [`PlannedNode::per_view`] only where there is something new.
+    /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never run, and those
+    /// with [`PlannedNode::per_view`] run only when something has changed.
     pub fn ran(&self) -> &IndexSlice<NodeId, [bool]> {
         &self.ran[self.parity() ^ 1]
     }
 
-    /// How many frames have run.
+    /// The number of frames that have run.
     pub fn frames(&self) -> u64 {
         self.frame
     }
@@ -201,14 +201,14 @@ impl Executor {
     /// Runs one frame. With `capture`, the tapped ports are copied as they pass; [`Executor::snapshots`] has them.
     ///
     /// # Errors
-    /// [`RunError::Stage`] where a stage fails or panics, [`RunError::Gpu`] where the device refuses something. The next
-    /// call runs: the frame that failed does not count, so that [`Executor::frames`] and what nodes read of the frame before
-    /// are as if it had not been begun. It is not undone, though. Kept values, on both sides, have whatever the nodes before
-    /// the failing one wrote, and perhaps part of what that one would have written. The next frame transfers everything and
-    /// runs every node, even where nothing seems to have changed. Taps of nodes that ran show the failed frame, the others
-    /// an earlier one.
+    /// [`RunError::Stage`] if a stage fails or panics, [`RunError::Gpu`] if the device rejects something. The next call
+    /// runs a frame again: the failed frame does not count, so [`Executor::frames`] and the values that nodes read from
+    /// the frame before are as if it had never begun. It is not undone, though. Kept values, on both sides, hold what
+    /// the nodes before the failing one wrote, and perhaps part of what the failing one would have written. The next
+    /// frame transfers everything and runs every node, even if nothing seems to have changed. Taps of nodes that ran
+    /// show the failed frame, the others an earlier one.
     ///
-    /// [`RunError::Lost`] where the device is gone. Then every further call fails with it and does nothing.
+    /// [`RunError::Lost`] if the device is lost. Every further call then fails with it and does nothing.
     pub fn run(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
         if let Some(gpu) = &self.gpu {
             gpu.gpu.check_lost()?;
@@ -221,7 +221,7 @@ impl Executor {
         done
     }
 
-    /// The frame number's last bit: history pairs swap with it.
+    /// The lowest bit of the frame number: history pairs swap with it.
     fn parity(&self) -> usize {
         (self.frame % 2) as usize
     }
@@ -251,7 +251,7 @@ impl Executor {
         Ok(())
     }
 
-    /// Submits the frame and takes the times of the one before.
+    /// Submits the frame and reads the times of the frame before.
     fn end(&mut self) -> Result<(), RunError> {
         let parity = self.parity();
         let Some(gpu) = &mut self.gpu else { return Ok(()) };
@@ -260,7 +260,7 @@ impl Executor {
         if self.profile && self.frame > 0 {
             let (times, starts) = (&mut self.times, &mut self.starts);
             let (step_of_node, nodes) = (&self.step_of_node, &self.plan.nodes);
-            // A node that was skipped has left its timestamps of an earlier frame.
+            // A skipped node still has the timestamps of an earlier frame.
             let ran_before = &self.ran[parity ^ 1];
             let on_gpu = |node: NodeId| nodes[node].side == Side::Gpu;
             gpu.node_times(
@@ -290,7 +290,7 @@ impl Executor {
         matches!(self.plan.steps[index], Step::Run(node) if self.plan.nodes[node].side == Side::Gpu)
     }
 
-    /// Without a clock on the device, waiting after each step is the only way to tell their times apart.
+    /// Without a clock on the device, waiting after each step is the only way to measure each one.
     fn finish_step(&mut self, index: StepId) -> Result<(), RunError> {
         let wait = self.profile && self.is_gpu_step(index);
         match &mut self.gpu {
@@ -371,7 +371,7 @@ impl Executor {
             unchanged: &self.unchanged,
         };
         let fail = |message| RunError::Stage { node: self.plan.nodes[node].name.clone(), message };
-        // A stage that panics is a bug, but it must not take the application's window and files with it.
+        // A stage that panics is a bug, but it must not take down the application, with its window and unsaved files.
         match catch_unwind(AssertUnwindSafe(|| stage.run_cpu(&cx))) {
             Ok(result) => result.map_err(fail),
             Err(panic) => {
@@ -416,15 +416,15 @@ impl Executor {
         }
     }
 
-    /// Captures only those taps and outputs from now on for whose names `wanted` holds. A tap that is not wanted costs its
-    /// memory and no time.
+    /// From now on, captures only the taps and outputs whose names `wanted` accepts. Other taps cost memory but no
+    /// time.
     pub fn want(&mut self, wanted: impl Fn(&str) -> bool) {
         for state in &mut self.taps {
             state.wanted = wanted(&state.snapshot.name);
         }
     }
 
-    /// The wanted taps as of the last captured frame; waits for those still under way.
+    /// The wanted taps as of the last captured frame; waits for pending ones.
     pub fn snapshots(&mut self) -> Result<Vec<&Snapshot>, RunError> {
         for state in self.taps.iter_mut().filter(|state| state.wanted) {
             if let (Some(ring), Some(gpu), false) = (&mut state.ring, &self.gpu, state.taken) {
@@ -443,8 +443,8 @@ impl Executor {
         Ok(all.into_iter().find(|snapshot| snapshot.name == name && snapshot.field == field))
     }
 
-    /// Takes over what an earlier executor keeps from frame to frame, and what is on its way to the CPU there, wherever
-    /// name, element and number are the same: a changed graph goes on with the points that it has.
+    /// Takes over what an earlier executor keeps from frame to frame, and its pending readbacks, for storages whose
+    /// name, element and size are equal: a changed graph continues with the points it has.
     ///
     /// # Errors
     /// [`RunError::Gpu`] where the old contents cannot be read.
@@ -461,13 +461,13 @@ impl Executor {
         Ok(())
     }
 
-    /// What the next frame finds in a storage that lives on.
+    /// What the next frame reads from a persistent storage.
     fn contents(&mut self, id: StorageId) -> Result<Vec<u8>, RunError> {
         let storage = &self.plan.storages[id];
         let parity = self.parity();
         let value = Value { storage: id, previous: storage.life == Life::History };
         let mut bytes = vec![0; storage.bytes() as usize];
-        // Memory that no node touches was given on neither side; it is still zero.
+        // Memory that no node touches is on neither side; it is still zero.
         if storage.slots[storage.home].is_none() {
             return Ok(bytes);
         }
@@ -479,8 +479,8 @@ impl Executor {
         Ok(bytes)
     }
 
-    /// Replaces what the next frame finds in a storage that lives on, on both sides. Does nothing, and returns false, if
-    /// there is no such storage or it has another size.
+    /// Replaces what the next frame reads from a persistent storage, on both sides. Does nothing and returns false if
+    /// there is no such storage or its size differs.
     pub(crate) fn restore(&mut self, storage: &str, bytes: &[u8]) -> bool {
         let Some(id) = self.plan.storages.position(|s| s.name == storage) else { return false };
         let storage = &self.plan.storages[id];
@@ -599,7 +599,7 @@ mod tests {
         }
     }
 
-    /// Fills on the GPU of its own; the result is downloaded in the frame for a node on the CPU.
+    /// The fill runs on a GPU of its own; a node on the CPU reads the downloaded result in the same frame.
     fn fill(gpu: &Arc<Gpu>) -> Result<Executor, RunError> {
         let text = r#"#![enable(implicit_some)]
             Graph(version: 1, nodes: {
@@ -620,7 +620,7 @@ mod tests {
         Ok(executor.snapshot("image", "")?.unwrap().get::<u32>())
     }
 
-    /// A device of its own: other tests go on with theirs.
+    /// A device of its own: other tests keep theirs.
     fn gpu() -> Arc<Gpu> {
         Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")))
     }
@@ -654,7 +654,7 @@ mod tests {
             assert_eq!(run(&mut executor), Ok(vec![7; 64]));
             seen.push((executor.times[fill] >= 0.0, executor.starts[fill]));
         }
-        // It is the first node on the GPU, from which begins are counted.
+        // It is the first node on the GPU; begins are relative to it.
         assert_eq!(seen, [(false, -1.0), (true, 0.0), (true, 0.0), (true, 0.0)]);
     }
 
@@ -663,7 +663,7 @@ mod tests {
         let gpu = gpu();
         let mut executor = fill(&gpu).unwrap();
         assert_eq!(run(&mut executor), Ok(vec![7; 64]));
-        // A copy beyond the end of a buffer makes all that is recorded with it invalid.
+        // A copy beyond the end of a buffer invalidates everything recorded with it.
         let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: None,
             size: 16,

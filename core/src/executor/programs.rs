@@ -1,5 +1,6 @@
-//! Compiled shaders and their pipelines. They last as long as an executor has them, so that a graph that is compiled anew
-//! while the one before is still there, for another parameter or another port in view, takes over all that stays.
+//! Compiled shaders and their pipelines. They live as long as an executor uses them. When a graph is recompiled while
+//! the previous executor still exists, for another parameter or another visible port, the new one reuses everything
+//! unchanged.
 
 use std::{
     collections::HashMap,
@@ -12,7 +13,7 @@ use crate::{
     shader::{Needs, Shader, ShaderLibrary},
 };
 
-/// The programs in use on a device, by their whole text.
+/// The programs in use on a device, by their full source.
 #[derive(Default)]
 pub(crate) struct Programs {
     known: Mutex<HashMap<(String, Needs), Weak<Program>>>,
@@ -26,7 +27,7 @@ pub(crate) struct Program {
     raster: Mutex<HashMap<Raster, wgpu::RenderPipeline>>,
 }
 
-/// What a raster pipeline is made for.
+/// The key of a raster pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Raster {
     pub vertex: &'static str,
@@ -37,10 +38,10 @@ pub(crate) struct Raster {
 }
 
 impl Programs {
-    /// The program of a shader, compiled where no executor has it.
+    /// The program of a shader, compiled unless an executor already holds it.
     ///
     /// # Errors
-    /// What naga or wgpu say, in words.
+    /// The message of naga or wgpu.
     pub fn get(
         &self,
         gpu: &Gpu,
@@ -86,7 +87,7 @@ impl Program {
         lock(&self.compute).entry(entry.to_owned()).or_insert_with(make).clone()
     }
 
-    /// The pipeline that draws into a texture of some format.
+    /// The pipeline that draws into a texture of a given format.
     pub fn raster(&self, device: &wgpu::Device, raster: &Raster) -> wgpu::RenderPipeline {
         let Raster { vertex, fragment, topology, format, depth_test } = raster;
         let make = || {
@@ -122,7 +123,7 @@ impl Program {
     }
 }
 
-/// Locks even after a panic elsewhere: nothing here is left half done.
+/// Locks even after a panic elsewhere: no update here can be left half done.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

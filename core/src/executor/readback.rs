@@ -19,10 +19,10 @@ struct Entry {
     frame: u64,
 }
 
-/// A ring of equal buffers, one for each frame under way.
+/// A ring of equal buffers, one for each frame in flight.
 pub(super) struct Readback {
     entries: Vec<Entry>,
-    /// Frames of the executors that had it before.
+    /// Frames run by the executors that owned it before.
     before: u64,
 }
 
@@ -45,8 +45,8 @@ impl Readback {
         self.entries.len()
     }
 
-    /// Takes the ring of another executor, which has run so many frames, with what is under way in it; that one goes on
-    /// with an empty one. Nothing happens where they differ in length.
+    /// Takes another executor's ring, with its pending readbacks; `frames` is the number of frames that executor has
+    /// run. It continues with an empty ring. Nothing happens if the lengths differ.
     pub fn take_over(&mut self, other: &mut Self, frames: u64) {
         if self.len() == other.len() {
             std::mem::swap(self, other);
@@ -54,20 +54,20 @@ impl Readback {
         }
     }
 
-    /// The buffer to copy this frame's result into. What it held and nobody took is dropped.
+    /// The buffer to copy this frame's result into. An old result that nobody read is dropped.
     pub fn record(&mut self, frame: u64) -> &wgpu::Buffer {
         let (count, frame) = (self.entries.len() as u64, self.before + frame);
         let entry = &mut self.entries[(frame % count) as usize];
         if matches!(entry.state.load(Ordering::Acquire), MAPPING | MAPPED) {
             entry.buffer.unmap();
         }
-        // A fresh flag: the callback of a mapping that was dropped must not speak for this one.
+        // A fresh flag: the callback of a dropped mapping must not set it.
         entry.state = Arc::new(AtomicU8::new(RECORDED));
         entry.frame = frame;
         &entry.buffer
     }
 
-    /// Asks for the recorded buffers; call it after the submission.
+    /// Requests the mapping of the recorded buffers; call it after the submission.
     pub fn map(&mut self) {
         for entry in &self.entries {
             if entry.state.compare_exchange(RECORDED, MAPPING, Ordering::AcqRel, Ordering::Acquire).is_ok() {
@@ -79,13 +79,13 @@ impl Readback {
         }
     }
 
-    /// Gives `frame`'s bytes to `read`, waiting for them if they are still under way. Does nothing where that frame
-    /// was not recorded.
+    /// Passes `frame`'s bytes to `read`, waiting for them if they are still pending. Does nothing if that frame was not
+    /// recorded.
     pub fn take(&mut self, gpu: &Gpu, frame: u64, read: impl FnOnce(&[u8])) -> Result<(), RunError> {
         self.take_late(gpu, frame, 0, read)
     }
 
-    /// The same with the bytes of so many frames before `frame`, be it another executor's.
+    /// The same with the bytes of an earlier frame, this many before `frame`; it may be another executor's.
     pub fn take_late(
         &mut self,
         gpu: &Gpu,
@@ -99,7 +99,7 @@ impl Readback {
         if entry.frame != frame || entry.state.load(Ordering::Acquire) < MAPPING {
             return Ok(());
         }
-        // Another thread that polls the same device may still be running our callback when the wait is over.
+        // Another thread that polls the same device may still be running our callback after the wait.
         while entry.state.load(Ordering::Acquire) == MAPPING {
             gpu.wait()?;
             std::thread::yield_now();
@@ -110,7 +110,7 @@ impl Readback {
         }
         let range = entry.buffer.get_mapped_range(..).map_err(|error| RunError::Gpu(error.to_string()))?;
         read(&range);
-        // It stays mapped until it is recorded into again: a frame that fails may be run again and asks for the same.
+        // It stays mapped until the next recording: a failed frame may be run again and read the same bytes.
         Ok(())
     }
 }

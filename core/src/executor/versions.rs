@@ -1,6 +1,6 @@
-//! Which contents of each storage each side holds, as numbers: a write gives a new one, a transfer hands it on. What would
-//! be done again with the same numbers is left out: transfers of kept memory, and nodes that follow from their inputs and
-//! the view (see [`Io::per_view`](crate::Io::per_view)).
+//! Which contents of each storage each side holds, as version numbers: a write makes a new one, a transfer copies it.
+//! Work that would repeat with the same numbers is skipped: transfers of kept memory, and nodes that depend only on
+//! their inputs and the view (see [`Io::per_view`](crate::Io::per_view)).
 
 use index_vec::IndexVec;
 
@@ -12,21 +12,21 @@ use crate::{
     side::{PerSide, Side},
 };
 
-/// The numbers of a plan's contents.
+/// The version numbers of a plan's contents.
 pub(super) struct Versions {
-    /// The number given out last.
+    /// The last number used.
     last: u64,
     /// For each storage: what each side holds.
     held: IndexVec<StorageId, PerSide<u64>>,
     view: View,
     view_version: u64,
-    /// For each node that may be skipped, after its last run: the number of the view, then those of all that it works
-    /// on. Empty before its first run.
+    /// For each node that may be skipped, as of its last run: the number of the view, then those of everything it reads
+    /// and writes. Empty before its first run.
     seen: IndexVec<NodeId, Vec<u64>>,
 }
 
 impl Versions {
-    /// Nothing is known to be the same on both sides yet.
+    /// At the start, nothing is known to be equal on both sides.
     pub fn new(plan: &Plan) -> Self {
         let seen = plan
             .nodes
@@ -46,8 +46,8 @@ impl Versions {
         self.last
     }
 
-    /// Forgets everything, as after a frame that failed: each side may hold anything, so that all transfers are done and all
-    /// nodes run in the next frame.
+    /// Forgets everything, as after a failed frame: each side may hold anything, so the next frame does all transfers
+    /// and runs all nodes.
     pub fn forget(&mut self) {
         for storage in self.held.indices() {
             let [cpu, gpu] = [self.next(), self.next()];
@@ -56,7 +56,7 @@ impl Versions {
         self.seen.iter_mut().for_each(Vec::clear);
     }
 
-    /// Begins a frame. Views are the same if their bits are.
+    /// Begins a frame. Views are equal if their bits are.
     pub fn begin(&mut self, view: &View) {
         if bytemuck::bytes_of(view) != bytemuck::bytes_of(&self.view) {
             self.view = *view;
@@ -64,20 +64,20 @@ impl Versions {
         }
     }
 
-    /// Whether a node may be skipped because its outputs hold what it would write.
+    /// Whether a node may be skipped because its outputs already hold what it would write.
     pub fn is_current(&self, plan: &Plan, node: NodeId) -> bool {
         plan.nodes[node].per_view && self.state(plan, node).eq(self.seen[node].iter().copied())
     }
 
-    /// The numbers of the view and of all that a node works on. Its outputs are among them: somebody may have changed
-    /// them in place or replaced them.
+    /// The numbers of the view and of everything a node reads and writes. Its outputs are included: another node may
+    /// have changed them in place, or the caller replaced them.
     fn state<'a>(&'a self, plan: &'a Plan, node: NodeId) -> impl Iterator<Item = u64> + 'a {
         let node = &plan.nodes[node];
         let held = node.values().map(|value| self.held[value.storage][node.side]);
         std::iter::once(self.view_version).chain(held)
     }
 
-    /// Notes that a node ran and wrote everything but the kept fields that it says are unchanged.
+    /// Records that a node ran and wrote everything except the kept fields that it reports as unchanged.
     pub fn ran(&mut self, plan: &Plan, node: NodeId, unchanged: &[FieldRef]) {
         let planned = &plan.nodes[node];
         let is = |field: &FieldRef| planned.value(*field).map(|value| value.storage);
@@ -95,8 +95,8 @@ impl Versions {
         }
     }
 
-    /// Notes a transfer; false where the side holds the contents already. A transient's memory is shared, and a history
-    /// pair swaps: only kept memory still holds what it held.
+    /// Records a transfer; false if the side already holds the contents. A transient's memory is shared, and a history
+    /// pair swaps: only kept memory still holds its old contents.
     pub fn transfer(&mut self, plan: &Plan, storage: StorageId, to: Side) -> bool {
         let held = &mut self.held[storage];
         let same = held.cpu == held.gpu;
@@ -104,12 +104,12 @@ impl Versions {
         !(same && plan.storages[storage].life == Life::Persistent)
     }
 
-    /// Notes that a side was given contents of some earlier frame.
+    /// Records that a side received the contents of some earlier frame.
     pub fn late(&mut self, storage: StorageId, to: Side) {
         self.held[storage][to] = self.next();
     }
 
-    /// Notes that a storage's contents were replaced on both sides.
+    /// Records that a storage's contents were replaced on both sides.
     pub fn replaced(&mut self, storage: StorageId) {
         let next = self.next();
         self.held[storage] = PerSide { cpu: next, gpu: next };

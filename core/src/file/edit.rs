@@ -1,7 +1,7 @@
-//! Edits that change only the characters concerned.
+//! Edits that change only the characters they concern.
 //!
-//! Every edit is a list of replacements in the text; the result is read anew, and taken only when it is a graph file.
-//! New items follow the style of their block: a line of their own where the closing bracket has one, else in line.
+//! Every edit is a list of replacements in the text; the result is parsed again, and kept only if it is a graph file.
+//! New items follow the style of their block: on their own line if the closing bracket is, else inline.
 
 use serde::de::IgnoredAny;
 
@@ -15,10 +15,10 @@ use crate::{
     side::{Download, Side},
 };
 
-/// What one more level of brackets is indented by where the block itself does not show it.
+/// Indentation of one more level if the block itself does not show it.
 const INDENT: &str = "    ";
 
-/// A stretch of the text and what takes its place.
+/// A range of the text and its replacement.
 struct Change {
     span: Span,
     text: String,
@@ -69,16 +69,15 @@ impl Group {
     }
 }
 
-/// All edits leave the file as it was when they fail. Beside the errors named at each, the text that results may not
-/// be a graph file (a name that stands twice, for one); then they give the problems of that text.
+/// All edits leave the file unchanged when they fail. Apart from the errors named at each, the resulting text may not
+/// be a graph file (because of a duplicate name, for example); they then return the problems of that text.
 impl GraphFile {
-    /// Sets a parameter, adding it where the node has none of that name: `--set node.param=value`. `value` is RON.
-    /// `part/node`, or the inner name alone where it is clear ([`GraphFile::address_of`]), sets one in the text of a part,
-    /// or where the part's node sets it.
-    /// Whether the stage has such a parameter is not known here.
+    /// Sets a parameter, adding it if the node does not have it yet: `--set node.param=value`. `value` is RON.
+    /// `part/node`, or the inner name alone if it is unambiguous ([`GraphFile::address_of`]), sets one in the text of a
+    /// part, or where the part's node overrides it. Does not check that the stage has such a parameter.
     ///
     /// # Errors
-    /// [`GraphError::Unknown`] node, [`GraphError::Invalid`] for a name that is no identifier,
+    /// [`GraphError::Unknown`] node, [`GraphError::Invalid`] for a name that is not an identifier,
     /// [`GraphError::Value`] for a value that is not one RON value.
     pub fn set_param(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
         let node = &self.address_of(node)[..];
@@ -93,7 +92,7 @@ impl GraphFile {
             let names = part.nodes.iter().map(|inner| format!("{node}/{}", inner.name.value));
             let names = names.collect::<Vec<_>>().join(", ");
             return Err(problem(GraphError::Invalid(format!(
-                "it stands for a part, whose nodes have the parameters: {names}"
+                "it includes a part, whose nodes have the parameters: {names}"
             ))));
         }
         if !is_identifier(param) {
@@ -106,7 +105,7 @@ impl GraphFile {
                 cause: error.code.to_string(),
             }));
         }
-        // A comment beside the value could swallow what follows it in the file.
+        // A comment beside the value could swallow the text after it.
         let span = scan::root(value).unwrap_or_default();
         let value = &value[span.start..span.end];
         match node.split_once('/') {
@@ -121,7 +120,7 @@ impl GraphFile {
         }
     }
 
-    /// Whether the node of a part sets this parameter of a node in it.
+    /// Whether the node of a part overrides this parameter of a node in it.
     fn sets(&self, part: &str, inner: &str, param: &str) -> bool {
         let set = self.node(part).into_iter().flat_map(|node| &node.set);
         set.filter(|(node, _)| node.value == inner)
@@ -129,7 +128,7 @@ impl GraphFile {
             .any(|known| known.name.value == param)
     }
 
-    /// Removes a parameter, so that the stage's default holds.
+    /// Removes a parameter, so that the stage's default applies.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node or parameter.
@@ -160,7 +159,7 @@ impl GraphFile {
         self.set_field(node, "kind", Some(quoted(kind)))
     }
 
-    /// Places a node, or leaves it to the run's default.
+    /// Places a node, or leaves it at the run's default.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node.
@@ -168,7 +167,7 @@ impl GraphFile {
         self.set_field(node, "on", on.map(|side| format!("{side:?}")))
     }
 
-    /// Sets how GPU results reach a node on the CPU, or leaves it to the default.
+    /// Sets how GPU results reach a node on the CPU, or leaves it at the default.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node.
@@ -184,7 +183,7 @@ impl GraphFile {
         self.set_field(node, "bypass", bypass.then(|| "true".into()))
     }
 
-    /// Adds a node after all others, without inputs and parameters.
+    /// Adds a node after all others, without inputs or parameters.
     ///
     /// # Errors
     /// [`GraphError::Duplicate`] name.
@@ -197,7 +196,7 @@ impl GraphFile {
         self.apply(insert(&self.text, &self.top("nodes")?, &item))
     }
 
-    /// Adds a node after all others that is written like `name`: the same kind, wires and parameters.
+    /// Adds a copy of `name` after all other nodes: the same kind, wires and parameters.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node, [`GraphError::Duplicate`] name.
@@ -216,7 +215,7 @@ impl GraphFile {
         Ok(())
     }
 
-    /// Removes a node with every wire and output that takes from it, or from a node in it where it is a part.
+    /// Removes a node with every wire and output that reads it, or reads a node in it if it is a part.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node.
@@ -239,7 +238,7 @@ impl GraphFile {
         Ok(())
     }
 
-    /// Renames a node, also in every wire and output that takes from it, or from a node in it where it is a part.
+    /// Renames a node, also in every wire and output that reads it, or reads a node in it if it is a part.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] node.
@@ -261,7 +260,7 @@ impl GraphFile {
         Ok(())
     }
 
-    /// Sets an output, adding it where there is none of that name, or removes it.
+    /// Sets an output, adding it if it does not exist, or removes it.
     ///
     /// # Errors
     /// None of its own.
@@ -298,7 +297,7 @@ impl GraphFile {
         self.apply(changes)
     }
 
-    /// Whether there was such an item.
+    /// Removes an item; returns whether it existed.
     fn remove_in(&mut self, node: &str, group: Group, name: &str) -> Result<bool, Problems> {
         let node = self.node_block(node)?;
         let block = child(&self.text, &node, group.name());
@@ -318,7 +317,7 @@ impl GraphFile {
         block.ok_or_else(|| Problem::new(GraphError::Syntax(format!("`{field}` is missing"))).into())
     }
 
-    /// The stretch of the text that defines a node, from its name to its closing bracket.
+    /// The range of the text that defines a node, from its name to its closing bracket.
     pub fn node_span(&self, name: &str) -> Option<Span> {
         let start = self.node(name)?.name.span.start;
         Some(Span { start, end: self.node_block(name).ok()?.close + 1 })
@@ -329,7 +328,7 @@ impl GraphFile {
             .ok_or_else(|| Problem::new(GraphError::unknown("node", name, self.names())).into())
     }
 
-    /// Makes the changes, none of which overlap, and reads the result.
+    /// Applies the changes, which must not overlap, and parses the result.
     fn apply(&mut self, mut changes: Vec<Change>) -> Result<(), Problems> {
         changes.sort_by_key(|change| change.span.start);
         let mut text = String::with_capacity(self.text.len());
@@ -346,18 +345,18 @@ impl GraphFile {
     }
 }
 
-/// What follows the name of a node in the address that a wire takes from: nothing for the node itself, `/NODE` for one
-/// within it. None where the wire takes from another.
+/// The rest of the address that a wire reads, after the name of a node: empty for the node itself, `/NODE` for one
+/// within it. `None` if the wire reads another node.
 fn within<'s>(source: &'s Source, node: &str) -> Option<&'s str> {
     source.node.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
 }
 
-/// A string in RON, whose escapes are among those of Rust.
+/// A RON string. Rust's escapes used here are valid in RON.
 fn quoted(text: &str) -> String {
     format!("{text:?}")
 }
 
-/// Index of the item of that name.
+/// Index of the item with this name.
 fn find(text: &str, block: &Block, name: &str) -> Option<usize> {
     block.items.iter().position(|item| {
         item.key.is_some_and(|key| {
@@ -370,7 +369,7 @@ fn find(text: &str, block: &Block, name: &str) -> Option<usize> {
     })
 }
 
-/// The block that is the value of the item of that name.
+/// The block that is the value of the item with this name.
 fn child(text: &str, block: &Block, name: &str) -> Option<Block> {
     scan::block(text, block.items[find(text, block, name)?].value)
 }
@@ -389,7 +388,7 @@ fn put(
     }
 }
 
-/// Adds `item` at the block's end.
+/// Adds `item` at the end of the block.
 fn insert(text: &str, block: &Block, item: &str) -> Vec<Change> {
     let last = block.items.last();
     let closing = line_start(text, block.close);
@@ -420,7 +419,7 @@ fn insert(text: &str, block: &Block, item: &str) -> Vec<Change> {
     }]
 }
 
-/// Takes out an item with its comma and, where it stands alone on its lines, the lines. Comments around it stay.
+/// Removes an item with its comma and, if it is alone on its lines, the lines. Comments around it stay.
 fn remove(text: &str, block: &Block, index: usize) -> Vec<Change> {
     let item = &block.items[index];
     let previous = index.checked_sub(1).map(|previous| &block.items[previous]);
@@ -443,7 +442,7 @@ fn remove(text: &str, block: &Block, index: usize) -> Vec<Change> {
         start = line_start(text, start);
         end += rest_of_line.len();
     } else if is_last && !ends_line {
-        // Up to what comes before, unless that is a comment: a line comment must keep its newline.
+        // Remove the space up to the preceding text, unless that is a comment: a line comment must keep its newline.
         let before =
             previous.map_or(block.open + 1, |item| item.comma.map_or(item.value.end, |comma| comma + 1));
         start = if is_blank(&text[before..start]) { before } else { start - space_before(text, start) };
@@ -467,7 +466,7 @@ fn line_start(text: &str, at: usize) -> usize {
     text[..at].rfind('\n').map_or(0, |newline| newline + 1)
 }
 
-/// The space before `at` on its line, if nothing else stands there.
+/// The space before `at` on its line, if nothing else is there.
 fn indent(text: &str, at: usize) -> Option<&str> {
     Some(&text[line_start(text, at)..at]).filter(|before| is_blank(before))
 }

@@ -1,4 +1,4 @@
-//! From text to the graph's shape, with every problem on the way.
+//! From text to the graph's structure, collecting every problem.
 
 use std::collections::HashSet;
 
@@ -16,18 +16,18 @@ use crate::{
 /// The version of the format that this program reads and writes.
 const VERSION: u32 = 1;
 
-/// So many problems are told; each carries its line's text, so a broken data file must not give thousands.
+/// Maximum number of reported problems; each carries its line's text, so a broken data file must not produce thousands.
 const MOST_PROBLEMS: usize = 100;
 
 const GRAPH_FIELDS: [&str; 4] = ["version", "doc", "nodes", "outputs"];
 const NODE_FIELDS: [&str; 7] = ["kind", "on", "download", "bypass", "inputs", "params", "set"];
 
 impl GraphFile {
-    /// Reads a file's text. `path` is its name for messages.
+    /// Parses a file's text. `path` is its name for messages.
     ///
     /// # Errors
-    /// All problems of the text, in its order: either that it is not RON, or everything in it that is not as a graph
-    /// file should be. Only the first hundred are told, with the number of the rest.
+    /// All problems of the text, in order: either that it is not RON, or every deviation from a graph file. Only the
+    /// first hundred are reported, with the number of the rest.
     pub fn parse(path: &str, text: &str) -> Result<Self, Problems> {
         if let Err(error) = ron::from_str::<IgnoredAny>(text) {
             let span = syntax_span(text, &error);
@@ -41,7 +41,7 @@ impl GraphFile {
     }
 }
 
-/// ron's words; where a bracket may be missing, also which one is open. The slip is often there, lines earlier.
+/// ron's message; if a bracket may be missing, also which one is open. The mistake is often there, lines earlier.
 fn syntax_message(path: &str, text: &str, code: &ron::Error, span: Span) -> String {
     use ron::Error::*;
     let of_brackets = matches!(
@@ -58,13 +58,13 @@ fn syntax_message(path: &str, text: &str, code: &ron::Error, span: Span) -> Stri
     }
 }
 
-/// Where a syntax error stands. ron tells how far it was before and after the step that failed.
+/// The place of a syntax error. ron reports its position before and after the step that failed.
 fn syntax_span(text: &str, error: &ron::error::SpannedError) -> Span {
     let end = offset(text, &error.span.end);
-    // Where ron went back to try another reading, it may tell a start behind the end.
+    // When ron backtracks to try another reading, it may report a start behind the end.
     let start = offset(text, &error.span.start).min(end);
     match error.code {
-        // What is missing is missing at the end of that step, and space before what is wrong is not wrong.
+        // Something missing is missing at the end of that step, and space before the wrong text is not wrong.
         ron::Error::Eof | ron::Error::ExpectedComma => Span { start: end, end },
         ron::Error::InvalidEscape(_) => {
             Span { start: start + text[start..end].rfind('\\').unwrap_or(0), end }
@@ -79,12 +79,12 @@ fn offset(text: &str, position: &ron::error::Position) -> usize {
     text[line..].char_indices().nth(position.col - 1).map_or(text.len(), |(column, _)| line + column)
 }
 
-/// A kind of block: what its items are called, how they are named, and how to write it.
+/// A kind of block: what its items are called, how they are named, and how it is written.
 struct Shape {
     item: &'static str,
     /// Whether items are named by strings in braces; by identifiers in parentheses otherwise.
     quoted: bool,
-    /// Name that may stand before the bracket.
+    /// Name that may precede the bracket.
     name: &'static str,
     example: &'static str,
 }
@@ -107,12 +107,12 @@ const PARAMS: Shape = Shape::record("", "parameter", "(name: value, ...)");
 const SET: Shape = Shape::map("node", "{ \"NODE\": (name: value, ...), ... }");
 const OUTPUTS: Shape = Shape::map("output", "{ \"NAME\": \"NODE.PORT\", ... }");
 
-/// A named value of a block.
+/// A named value in a block.
 type Entry = (Spanned<String>, Span);
 
 struct Reader<'a> {
     text: &'a str,
-    /// The node being read, for its problems.
+    /// The node being read, to be named in its problems.
     node: Option<String>,
     found: Vec<(Span, Problem)>,
 }
@@ -153,7 +153,7 @@ impl Reader<'_> {
         self.report(GraphError::Syntax(format!("expected {expected}, found `{found}`")), span);
     }
 
-    /// A value read by ron; reports one of another type.
+    /// A value read by ron; reports values of another type.
     fn scalar<T: DeserializeOwned>(&mut self, span: Span, expected: &str) -> Option<Spanned<T>> {
         match ron::from_str(self.slice(span)) {
             Ok(value) => Some(Spanned { value, span }),
@@ -164,7 +164,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A value of an enum; reports a name that is none of its variants, with the nearest.
+    /// A value of an enum; reports a name that is not one of its variants, with the most similar one.
     fn variant<T: DeserializeOwned>(
         &mut self,
         span: Span,
@@ -192,8 +192,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The block at `span` and the named values in it; reports another type of value, items without a name or with
-    /// the wrong kind of name, and names that stand twice.
+    /// The block at `span` and the named values in it; reports another type of value, items without a name or with the
+    /// wrong kind of name, and duplicate names.
     fn entries(&mut self, span: Span, shape: &Shape) -> Option<Vec<Entry>> {
         let bracket = if shape.quoted { '{' } else { '(' };
         let is_named = |name: Span| self.slice(name) == shape.name;
@@ -214,7 +214,7 @@ impl Reader<'_> {
                 let Some(name) = self.scalar(key, "a name in double quotes") else { continue };
                 name
             } else {
-                // ron lets only identifiers stand here; `r#` before one is not part of the name.
+                // ron accepts only identifiers here; `r#` before one is not part of the name.
                 let name = self.slice(key);
                 Spanned { value: name.strip_prefix("r#").unwrap_or(name).to_owned(), span: key }
             };
@@ -352,7 +352,7 @@ impl Reader<'_> {
     }
 }
 
-/// Whether RON reads this as an identifier without `r#`; only the signs that shaders allow too.
+/// Whether RON reads this as an identifier without `r#`; only the characters that shaders allow too.
 pub(super) fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c == '_' || c.is_alphabetic())
         && name.chars().all(|c| c == '_' || c.is_alphanumeric())

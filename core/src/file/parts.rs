@@ -1,11 +1,11 @@
-//! Graphs made of graphs. A node `"NAME": (kind: "graph", params: (file: "part.ron"), inputs: { "x": "NODE.PORT" })` stands
-//! for all nodes of another file. Within the part, `"inputs.x"` is what the including node connects to `x`; outside, the
-//! part's outputs are ports of the including node, and its nodes have addresses `NAME/NODE`. `on` and `download` of the
-//! including node hold for nodes of the part that do not say otherwise and can run there. What it says in
-//! `set: { "NODE": (param: value) }` holds instead of what the part says.
+//! Graphs made of graphs. A node `"NAME": (kind: "graph", params: (file: "part.ron"), inputs: { "x": "NODE.PORT" })`
+//! includes all nodes of another file, a part. Within the part, `"inputs.x"` is whatever the including node connects to
+//! `x`; outside, the part's outputs are ports of the including node, and its nodes have addresses `NAME/NODE`. `on` and
+//! `download` of the including node are the defaults for nodes of the part that can run there. `set: { "NODE": (param:
+//! value) }` in the including node overrides parameters of the part.
 //!
-//! [`GraphFile::flatten`] writes the whole out as one list of nodes, each with the file it comes from, so that checking
-//! and compiling know nothing of parts.
+//! [`GraphFile::flatten`] expands everything to one list of nodes, each with the file it comes from, so that checking
+//! and compiling need not know about parts.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -22,33 +22,33 @@ use crate::{
     side::{Download, Side},
 };
 
-/// The kind of a node that stands for a file.
+/// The kind of a node that includes a file.
 pub(crate) const PART_KIND: &str = "graph";
 
 /// The parameter that names the file.
 const FILE_PARAM: &str = "file";
 
-/// The node that a part's inputs are ports of.
+/// The node whose ports are a part's inputs.
 const INPUTS: &str = "inputs";
 
-/// A node of the whole, with the file that its places are in.
+/// A node of the flattened graph, with the file that its places refer to.
 pub(crate) struct FlatNode<'f> {
     pub def: NodeDef,
     pub file: &'f GraphFile,
-    /// What the node of its part says for nodes that do not say themselves.
+    /// The defaults that the part's node gives.
     pub default: PartDefaults,
-    /// The files of parameters that an including node has set, by the parameters' names.
+    /// The files of parameters that an including node overrides, by parameter name.
     pub set_in: BTreeMap<String, &'f GraphFile>,
 }
 
-/// Placement that a part gives to its nodes.
+/// Default placement of a part's nodes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct PartDefaults {
     pub side: Option<Side>,
     pub download: Option<Download>,
 }
 
-/// A graph written out.
+/// A flattened graph.
 pub(crate) struct Flat<'f> {
     pub file: &'f GraphFile,
     pub nodes: IndexVec<FlatId, FlatNode<'f>>,
@@ -56,7 +56,7 @@ pub(crate) struct Flat<'f> {
 }
 
 impl GraphFile {
-    /// Reads the files of all parts, and of their parts. `read` gives the text of a path.
+    /// Reads the files of all parts, recursively. `read` returns the text of a path.
     ///
     /// # Errors
     /// All problems of all parts, each with its file.
@@ -127,8 +127,8 @@ impl GraphFile {
         self.parts.iter().find(|(name, _)| name == node).map(|(_, part)| part)
     }
 
-    /// The address of a node that is called by its own name alone: the name where the graph itself has such a node, or
-    /// else where its parts have exactly one. Other names are given back as they are.
+    /// The address of a node given by its own name alone: the name itself if the graph has such a node, otherwise the
+    /// address in its parts if it is unambiguous. Other names are returned unchanged.
     pub fn address_of(&self, name: &str) -> String {
         let mut found = Vec::new();
         self.find(name, "", &mut found);
@@ -146,13 +146,13 @@ impl GraphFile {
         }
     }
 
-    /// The names of all nodes, of parts and in them.
+    /// The names of all nodes, including those in parts.
     pub(super) fn names(&self) -> Vec<&str> {
         let own = self.nodes.iter().map(|node| node.name.value.as_str());
         own.chain(self.parts.iter().flat_map(|(_, part)| part.names())).collect()
     }
 
-    /// The node of this address and the file that it stands in, a part or this one.
+    /// The node with this address and the file that contains it, a part or this one.
     pub fn node_at(&self, address: &str) -> Option<(&NodeDef, &Self)> {
         match address.split_once('/') {
             Some((node, rest)) => self.part(node)?.node_at(rest),
@@ -160,7 +160,7 @@ impl GraphFile {
         }
     }
 
-    /// Writes the graph out: the nodes of parts in the place of the nodes that stand for them.
+    /// Flattens the graph: replaces each node that includes a part by the part's nodes.
     pub(crate) fn flatten(&self) -> Result<Flat<'_>, Problems> {
         let mut flat = Flat { file: self, nodes: IndexVec::new(), outputs: Vec::new() };
         let mut problems = Problems::default();
@@ -185,7 +185,7 @@ impl GraphFile {
 }
 
 impl Flat<'_> {
-    /// The port that a name means, through outputs of parts.
+    /// The port that a name refers to, through outputs of parts.
     pub fn resolve(&self, source: &Source) -> Result<Source, GraphError> {
         let scope = Scope::whole(self.file);
         let source = Source { node: self.file.address_of(&source.node), port: source.port.clone() };
@@ -193,17 +193,17 @@ impl Flat<'_> {
     }
 }
 
-/// A file as part of the whole: where its names lead.
+/// A file within the flattened graph: resolves its names.
 struct Scope<'f> {
     file: &'f GraphFile,
     prefix: String,
-    /// What the including node connects; none for the whole itself.
+    /// What the including node connects; `None` for the top-level file.
     inputs: Option<HashMap<String, Source>>,
-    /// Parameters that including nodes set, by the address of their node in this file; outer files last.
+    /// Parameters that including nodes override, by the address of their node in this file; outer files last.
     set: Vec<Set<'f>>,
 }
 
-/// A parameter that an including node sets.
+/// A parameter that an including node overrides.
 #[derive(Clone)]
 struct Set<'f> {
     node: &'f str,
@@ -220,7 +220,7 @@ impl<'f> Scope<'f> {
         Self { file, prefix: format!("{}{node}/", self.prefix), inputs: Some(inputs), set: Vec::new() }
     }
 
-    /// What this file and those that include it set in the part of `node`.
+    /// What this file and the files that include it override in the part of `node`.
     fn set_within(&self, node: &'f NodeDef) -> Vec<Set<'f>> {
         let own = node.set.iter().flat_map(|(address, params)| {
             params.iter().map(|param| Set { node: &address.value, param, file: self.file })
@@ -232,7 +232,7 @@ impl<'f> Scope<'f> {
         own.chain(outer).collect()
     }
 
-    /// The address of a port in the whole; `None` for a part's input that is not connected.
+    /// The address of a port in the flattened graph; `None` for a part's input that is not connected.
     fn resolve(&self, source: &Source) -> Result<Option<Source>, GraphError> {
         if let (INPUTS, Some(inputs)) = (source.node.as_str(), &self.inputs) {
             return Ok(inputs.get(&source.port).cloned());

@@ -1,6 +1,6 @@
 //! Splits RON text into blocks and items, with the place of each.
 //!
-//! The text must be RON, which ron checks beforehand: what is left to know here is only how strings, characters and
+//! The text must be RON, which ron checks beforehand: this module only needs to know where strings, characters and
 //! comments end, so that a bracket or a comma within them does not count.
 
 use crate::error::Span;
@@ -13,13 +13,13 @@ pub(super) struct Block {
     pub open: usize,
     /// Byte of the closing bracket.
     pub close: usize,
-    /// What stands between the commas.
+    /// The items between the commas.
     pub items: Vec<Item>,
 }
 
 /// `key: value` or `value`, both without surrounding space and comments.
 pub(super) struct Item {
-    /// What stands before the colon.
+    /// The text before the colon.
     pub key: Option<Span>,
     /// The value.
     pub value: Span,
@@ -28,13 +28,13 @@ pub(super) struct Item {
 }
 
 impl Item {
-    /// First byte of the key, or of the value without one.
+    /// First byte of the key, or of the value if there is no key.
     pub fn start(&self) -> usize {
         self.key.unwrap_or(self.value).start
     }
 }
 
-/// The place of the document's value, after `#![...]` attributes; none for a document without one.
+/// The place of the document's value, after `#![...]` attributes; `None` for an empty document.
 pub(super) fn root(text: &str) -> Option<Span> {
     let mut tokens = Tokens { text, at: 0, end: text.len() };
     let mut first = tokens.next()?;
@@ -56,7 +56,7 @@ pub(super) fn root(text: &str) -> Option<Span> {
     Some(Span { start: first.span.start, end })
 }
 
-/// Splits the value at `span` into its items; none unless it is a bracketed list.
+/// Splits the value at `span` into its items; `None` unless it is a bracketed list.
 pub(super) fn block(text: &str, span: Span) -> Option<Block> {
     let mut tokens = Tokens { text, at: span.start, end: span.end };
     let first = tokens.next()?;
@@ -95,7 +95,7 @@ pub(super) fn block(text: &str, span: Span) -> Option<Block> {
     None
 }
 
-/// The innermost bracket that is open at byte `at` of a text that need not be RON.
+/// The innermost bracket that is open at byte `at`; the text need not be RON.
 pub(super) fn open_bracket(text: &str, at: usize) -> Option<usize> {
     let mut open = Vec::new();
     for token in (Tokens { text, at: 0, end: text.len() }).take_while(|token| token.span.start < at) {
@@ -122,7 +122,7 @@ struct Token {
     span: Span,
 }
 
-/// The tokens of `text[at..end]`. A number may come as several tokens, since nobody here looks into it.
+/// The tokens of `text[at..end]`. A number may be split into several tokens; nothing here depends on it.
 struct Tokens<'a> {
     text: &'a str,
     at: usize,
@@ -149,11 +149,11 @@ impl Iterator for Tokens<'_> {
     }
 }
 
-/// Bytes of space and comments at the start of `text`. Block comments nest.
+/// Length in bytes of the space and comments at the start of `text`. Block comments nest.
 pub(super) fn trivia(text: &str) -> usize {
     let mut rest = text;
     loop {
-        // The two direction marks are space to ron, though not to Unicode.
+        // ron treats the two direction marks as space, though Unicode does not.
         rest = rest.trim_start_matches(|c: char| c.is_whitespace() || matches!(c, '\u{200E}' | '\u{200F}'));
         if rest.starts_with("//") {
             rest = rest.find('\n').map_or("", |newline| &rest[newline..]);
@@ -204,7 +204,7 @@ fn is_word(c: char) -> bool {
     c == '_' || c.is_alphanumeric()
 }
 
-/// Length of what follows the prefixes of raw strings, byte strings, bytes and raw identifiers.
+/// Length of the rest after the prefixes of raw strings, byte strings, bytes and raw identifiers.
 fn suffix(word: &str, rest: &str) -> usize {
     match word {
         "b" if rest.starts_with('"') => 1 + quoted(&rest[1..], '"'),
@@ -216,7 +216,7 @@ fn suffix(word: &str, rest: &str) -> usize {
                 let terminator = format!("\"{}", &rest[..hashes]);
                 hashes + 1 + body.find(&terminator).map_or(body.len(), |end| end + terminator.len())
             } else {
-                // A raw identifier may hold these signs besides those of a word.
+                // A raw identifier may contain these characters besides those of a word.
                 hashes
                     + body.find(|c| !(is_word(c) || "+-.".contains(c))).unwrap_or(body.len()) * hashes.min(1)
             }
@@ -225,7 +225,7 @@ fn suffix(word: &str, rest: &str) -> usize {
     }
 }
 
-/// Length up to and with the closing `quote`, which does not count behind a backslash.
+/// Length up to and including the closing `quote`, which does not count after a backslash.
 fn quoted(text: &str, quote: char) -> usize {
     let mut escaped = false;
     for (at, c) in text.char_indices() {

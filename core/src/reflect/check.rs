@@ -23,7 +23,7 @@ const MAX_INVOCATIONS: u64 = 256;
 /// Bytes of workgroup memory (WebGPU's default limit).
 const MAX_WORKGROUP_BYTES: u32 = 16384;
 
-/// What is wrong with a stage's shader: that it does not parse or validate, or else all that [`check`] finds.
+/// The problems of a stage's shader: that it does not parse or validate, otherwise all that [`check`] finds.
 pub fn check_stage(stage: &dyn AnyStage, library: &ShaderLibrary) -> Vec<GraphError> {
     let declaration = stage.declaration();
     let Some(shader) = &declaration.shader else { return Vec::new() };
@@ -33,11 +33,11 @@ pub fn check_stage(stage: &dyn AnyStage, library: &ShaderLibrary) -> Vec<GraphEr
     }
 }
 
-/// Everything in which a shader differs from what its stage declares: a variable for each field of each port, of the
-/// right kind, element type and access; `params` laid out as the parameters; `frame` laid out as [`Frame`]; an entry
-/// point for each pass; all within the portable limits. `shader` is the file's name for the messages.
+/// All differences between a shader and its stage's declaration. There must be a variable for each field of each port,
+/// with the right kind, element type and access; `params` laid out as the parameters; `frame` laid out as [`Frame`]; an
+/// entry point for each pass; all within the portable limits. `shader` is the file's name for messages.
 ///
-/// Optional ports may be absent (their variable stands behind an `#ifdef`), and so may the targets of a raster pass.
+/// Optional ports may be absent (their variable is behind an `#ifdef`), and so may the targets of a raster pass.
 pub fn check(
     reflected: &Reflected,
     shader: &str,
@@ -121,7 +121,7 @@ impl<'a> Check<'a> {
         ));
     }
 
-    /// Names that the declaration gives to variables.
+    /// Names that the declaration assigns to variables.
     fn claimed(&self) -> Vec<String> {
         let ports = self.declaration.ports.iter();
         ports.flat_map(|port| (0..port.fields.len()).map(|field| port.variable(field))).collect()
@@ -167,7 +167,7 @@ impl<'a> Check<'a> {
                 if let Some(difference) = difference(element, &expected) {
                     let wanted = struct_text(&expected);
                     self.errors
-                        .push(format!("`{found}` has another layout than the stage: {difference}{wanted}"));
+                        .push(format!("`{found}` differs in layout from the stage: {difference}{wanted}"));
                 }
             }
             _ => {
@@ -183,7 +183,7 @@ impl<'a> Check<'a> {
         for name in self.unclaimed() {
             let unknown = GraphError::unknown("variable", name, self.claimed());
             self.errors
-                .push(format!("{unknown}; what a shader binds is a port of the stage, `params` or `frame`"));
+                .push(format!("{unknown}; a shader binds only ports of the stage, `params` and `frame`"));
         }
     }
 
@@ -282,7 +282,7 @@ fn stage_name(stage: ShaderStage) -> &'static str {
     }
 }
 
-/// The declaration that a field of a port should have in the shader.
+/// The declaration that the shader should have for a field of a port.
 fn wanted(name: &str, port: &Port, field: usize) -> String {
     let writes = matches!(port.access, Access::Update | Access::Write);
     match &port.fields[field].element {
@@ -312,7 +312,7 @@ fn mismatch(variable: &Variable, port: &Port, field: usize, target: bool) -> Opt
             if *scalar != texture_scalar(format.is_float()) {
                 return Some(format!("its format is {}", format.wgsl()).into());
             }
-            // An output can be read as a texture only when it is drawn to rather than stored to.
+            // An output is declared as a sampled texture only if it is a render target, not a storage texture.
             (port.access == Access::Write && !target)
                 .then_some("an output is written with textureStore".into())
         }
@@ -337,7 +337,7 @@ fn mismatch(variable: &Variable, port: &Port, field: usize, target: bool) -> Opt
             if let Some(difference) = difference(element, expected) {
                 return Some(format!("{difference}{}", struct_text(expected)).into());
             }
-            // Members agree; a struct also has to bear the stage's name for it, so that readers find one for the other.
+            // Members agree; a struct must also have the stage's name for it, so that readers find one from the other.
             let is_struct = members.iter().all(|member| !member.name.is_empty());
             match element {
                 Element::Item { name: found, .. } if is_struct && found != name => {
@@ -353,7 +353,7 @@ fn mismatch(variable: &Variable, port: &Port, field: usize, target: bool) -> Opt
     }
 }
 
-/// The first difference between two layouts, in words.
+/// The first difference between two layouts, as text.
 fn difference(found: &Element, expected: &Element) -> Option<String> {
     let (
         Element::Item { stride, members, .. },
@@ -368,7 +368,7 @@ fn difference(found: &Element, expected: &Element) -> Option<String> {
             (Some(found), Some(expected)) => {
                 return Some(format!("{}, expected {}", words(found), words(expected)));
             }
-            (Some(found), None) => return Some(format!("{} is one too many", words(found))),
+            (Some(found), None) => return Some(format!("{} is not expected", words(found))),
             (None, Some(expected)) => return Some(format!("{} is missing", words(expected))),
             (None, None) => {}
         }
@@ -384,7 +384,7 @@ fn words(member: &Member) -> String {
     }
 }
 
-/// `, with struct Point { age: u32 }` for structs without nested ones, else nothing.
+/// `, with struct Point { age: u32 }` for structs without nested structs, otherwise empty.
 fn struct_text(element: &Element) -> String {
     let Element::Item { name, members, .. } = element else { return String::new() };
     if members.iter().any(|member| member.name.is_empty() || member.name.contains('.')) {

@@ -1,9 +1,10 @@
-//! `#import` and `#ifdef`, by lines, and the constants from Rust.
+//! `#import` and `#ifdef`, line by line, and the constants from Rust.
 //!
-//! WGSL lets declarations stand in any order, so importing a module is putting its text behind the shader's, once. A
+//! Declarations in WGSL may come in any order, so importing a module means appending its text to the shader's, once. A
 //! file's constants from Rust are put before it. The result is plain WGSL: names stay as written, naga sees every doc
-//! comment, and a place in it is a line of one file. (naga_oil was tried. In imported modules it refuses struct members that end in a digit and type aliases, and loses
-//! constants without a type; it renames what it imports, and in the importing shader also members of the same name.)
+//! comment, and a place in it is a line of one file. (naga_oil was tried. In imported modules it rejects type aliases
+//! and struct members that end in a digit, and loses constants without a type; it renames what it imports, and in the
+//! importing shader also members of the same name.)
 
 use std::borrow::Cow;
 
@@ -12,7 +13,7 @@ use crate::{
     shader::{Shader, ShaderLibrary, ShaderModule},
 };
 
-/// A shader with the modules that it imports behind it, as one WGSL text.
+/// A shader followed by the modules that it imports, as one WGSL text.
 pub(crate) struct Composed {
     pub text: String,
     /// The shader's file.
@@ -22,12 +23,12 @@ pub(crate) struct Composed {
 
 struct Part {
     name: String,
-    /// First byte in the text; its end is the next part's start.
+    /// First byte in the text; the part ends where the next one starts.
     start: usize,
 }
 
 impl Composed {
-    /// A problem at a stretch of the text, told by the file and line that it comes from.
+    /// A problem at a range of the text, reported at the file and line that it comes from.
     pub fn error(&self, at: Span, message: &str) -> GraphError {
         let index = self.parts.partition_point(|part| part.start <= at.start).saturating_sub(1);
         let start = self.parts[index].start;
@@ -36,7 +37,7 @@ impl Composed {
         error_in(&self.parts[index].name, &self.text[start..end], local, message)
     }
 
-    /// A problem of the whole.
+    /// A problem of the whole shader.
     pub fn error_anywhere(&self, message: &str) -> GraphError {
         let (shader, message) = (self.name.clone(), message.to_owned());
         GraphError::Shader { shader, message, place: None }
@@ -101,10 +102,10 @@ fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
     GraphError::Shader { shader: name.to_owned(), message: message.to_owned(), place }
 }
 
-/// Puts a shader together: `#import NAME` brings in the library's module of that name, `#ifdef NAME`, `#ifndef NAME`,
-/// `#else` and `#endif` keep or drop lines by the shader's defines. Directives stand on lines of their own, which are
-/// blank in the result, so that lines keep their numbers. Constants from Rust precede the file that has them; they count as
-/// a file of their own.
+/// Composes a shader: `#import NAME` includes the library's module of that name, `#ifdef NAME`, `#ifndef NAME`, `#else`
+/// and `#endif` keep or drop lines depending on the shader's defines. Directives are on lines of their own, which are
+/// blank in the result, so that line numbers stay the same. Constants from Rust precede the file that uses them and
+/// count as a file of their own.
 pub(crate) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Composed, GraphError> {
     let mut composed = Composed { text: String::new(), name: shader.name.to_string(), parts: Vec::new() };
     let mut imports: Vec<String> = Vec::new();
@@ -128,7 +129,7 @@ pub(crate) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Compos
 
 /// An open `#ifdef`.
 struct Condition {
-    /// Whether the lines around it are kept.
+    /// Whether the surrounding lines are kept.
     outer: bool,
     holds: bool,
     in_else: bool,
@@ -189,13 +190,13 @@ fn preprocess(
             }
             _ => {
                 return Err(fail(
-                    "not a directive; there are `#import MODULE`, `#ifdef NAME`, `#ifndef NAME`, `#else` and `#endif`",
+                    "unknown directive; known: `#import MODULE`, `#ifdef NAME`, `#ifndef NAME`, `#else` and `#endif`",
                 ));
             }
         }
     }
     match conditions.last() {
-        Some(open) => Err(error_in(name, source, open.at, "no `#endif` follows")),
+        Some(open) => Err(error_in(name, source, open.at, "missing `#endif`")),
         None => Ok(()),
     }
 }

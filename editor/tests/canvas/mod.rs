@@ -299,7 +299,7 @@ fn a_name_is_changed_everywhere() {
     opened.harness.event(Event::Text("view".into()));
     opened.harness.run_steps(2);
     key(&mut opened, Modifiers::NONE, Key::Enter);
-    assert!(notice(&opened).contains("stands twice"), "{}", notice(&opened));
+    assert!(notice(&opened).contains("duplicate"), "{}", notice(&opened));
     assert_eq!(opened.text(), before);
 }
 

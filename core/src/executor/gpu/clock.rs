@@ -1,4 +1,4 @@
-//! When nodes begin and end on a device that keeps time.
+//! When nodes begin and end on a device with timestamps.
 
 use super::{Gpu, RunError};
 use crate::{executor::readback::Readback, id::NodeId};
@@ -13,7 +13,7 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// For a plan with that many nodes.
+    /// For a plan with this many nodes.
     pub fn new(gpu: &Gpu, nodes: usize) -> Self {
         let nodes = nodes as u32;
         let count = 2 * nodes.max(1);
@@ -36,8 +36,7 @@ impl Clock {
         }
     }
 
-    /// The timestamps that one pass of a node writes: the first pass that of the node's begin, the last one that of its
-    /// end.
+    /// The timestamps that one pass of a node writes: the first pass writes the node's begin, the last one its end.
     pub fn of_pass(&self, node: NodeId, is_first: bool, is_last: bool) -> Option<PassTimes<'_>> {
         let begin = is_first.then_some(2 * node.raw());
         let end = is_last.then_some(2 * node.raw() + 1);
@@ -52,13 +51,13 @@ impl Clock {
         encoder.copy_buffer_to_buffer(&self.resolved, 0, staged, 0, u64::from(count) * 8);
     }
 
-    /// Asks for the recorded timestamps; call it after the submission.
+    /// Requests the recorded timestamps; call it after the submission.
     pub fn map(&mut self) {
         self.readback.map();
     }
 
-    /// For each node: when it began, from the first of those that `ran`, and how long it took, both in milliseconds; zeros
-    /// for those that did not run. Nothing where the frame was not recorded.
+    /// For each node: when it began, relative to the first node that `ran`, and how long it took, both in milliseconds;
+    /// zeros for nodes that did not run. `None` if the frame was not recorded.
     pub fn read(
         &mut self,
         gpu: &Gpu,

@@ -1,4 +1,4 @@
-//! The memory of slots on the GPU, and how its contents lie in a staging buffer.
+//! The memory of slots on the GPU, and the layout of its contents in a staging buffer.
 
 use index_vec::IndexVec;
 
@@ -11,7 +11,7 @@ use crate::{
     side::Side,
 };
 
-/// Copies between buffers and textures want rows of a multiple of this many bytes.
+/// Rows must be a multiple of this many bytes in copies between buffers and textures.
 const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
 /// The memory of one slot on the GPU.
@@ -21,7 +21,7 @@ pub(super) enum GpuMemory {
 }
 
 impl GpuMemory {
-    /// As a shader binds it.
+    /// The binding for a shader.
     pub fn binding(&self) -> wgpu::BindingResource<'_> {
         match self {
             Self::Buffer(buffer) => buffer.as_entire_binding(),
@@ -61,7 +61,7 @@ impl GpuMemory {
         }
     }
 
-    /// Replaces the contents before the next submission.
+    /// Replaces the contents before the next submission takes effect.
     pub fn write(&self, queue: &wgpu::Queue, bytes: &[u8], layout: Layout) {
         let mut padded = vec![0; layout.staged_bytes() as usize];
         layout.pad(bytes, &mut padded);
@@ -74,7 +74,7 @@ impl GpuMemory {
     }
 }
 
-/// How a slot's contents lie in a staging buffer: rows of textures are padded there.
+/// The layout of a slot's contents in a staging buffer: rows of textures are padded there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout {
     row: usize,
@@ -102,7 +102,7 @@ impl Layout {
         u64::from(self.padded_row) * u64::from(self.rows)
     }
 
-    /// Whether the contents lie in a staging buffer as they do on the CPU.
+    /// Whether the layout in a staging buffer is the same as on the CPU.
     pub fn is_packed(&self) -> bool {
         self.row == self.padded_row as usize
     }
@@ -132,7 +132,7 @@ impl Layout {
     }
 }
 
-/// Makes sure that shaders can bind every storage.
+/// Checks that shaders can bind every storage.
 pub(super) fn check_limits(gpu: &Gpu, plan: &Plan) -> Result<(), RunError> {
     let limits = gpu.device.limits();
     for storage in plan.storages.iter().filter(|storage| storage.slots.gpu.is_some()) {
@@ -153,7 +153,7 @@ pub(super) fn check_limits(gpu: &Gpu, plan: &Plan) -> Result<(), RunError> {
     Ok(())
 }
 
-/// Makes the memory of every slot.
+/// Allocates the memory of every slot.
 pub(super) fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> IndexVec<SlotId, GpuMemory> {
     let targets = raster_targets(graph, plan);
     let slots = plan.slots.gpu.iter_enumerated();
@@ -183,7 +183,7 @@ pub(super) fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> Ind
         .collect()
 }
 
-/// Describes a texture of one level and one sample.
+/// Describes a texture with one mip level and one sample.
 pub(super) fn texture(
     dims: Dims,
     format: wgpu::TextureFormat,
@@ -238,7 +238,7 @@ pub(crate) fn poison_word(element: &Element) -> u32 {
     }
 }
 
-/// For each slot, a staging buffer full of poison.
+/// For each slot, a staging buffer filled with poison.
 pub(super) fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> IndexVec<SlotId, wgpu::Buffer> {
     let slots = plan.slots.gpu.iter();
     slots

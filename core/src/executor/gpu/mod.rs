@@ -36,11 +36,11 @@ pub(super) struct GpuSide {
     pub gpu: Arc<Gpu>,
     memory: IndexVec<SlotId, GpuMemory>,
     frame: wgpu::Buffer,
-    /// None for nodes that run on the CPU or only own memory.
+    /// `None` for nodes that run on the CPU or only own memory.
     nodes: IndexVec<NodeId, Option<GpuNode>>,
     uploads: HashMap<Value, Upload>,
     downloads: HashMap<Value, Readback>,
-    /// In poison mode: for each slot, what fills it before a node writes it.
+    /// In poison mode: for each slot, the buffer that fills it before a node writes it.
     poison: Option<IndexVec<SlotId, wgpu::Buffer>>,
     encoder: Option<wgpu::CommandEncoder>,
     clock: Option<Clock>,
@@ -76,12 +76,12 @@ impl GpuSide {
         Ok(Self { gpu, memory, frame, nodes, uploads, downloads, poison, encoder: None, clock })
     }
 
-    /// Writes the frame's constants; the first thing of a frame.
+    /// Writes the frame's constants; must come first in a frame.
     pub fn begin(&mut self, frame: &Frame) {
         self.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
     }
 
-    /// Keeps time even on a software device, whose times mean little, where it can.
+    /// Measures time even on a software device, whose times mean little, if the device can.
     #[cfg(test)]
     pub fn keep_time(&mut self) {
         if self.gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
@@ -89,13 +89,13 @@ impl GpuSide {
         }
     }
 
-    /// Records commands of a test's own.
+    /// Records a test's own commands.
     #[cfg(test)]
     pub fn record(&mut self, commands: impl FnOnce(&mut wgpu::CommandEncoder)) {
         commands(encoder(&self.gpu, &mut self.encoder));
     }
 
-    /// Submits what is recorded, if anything.
+    /// Submits the recorded commands, if any.
     pub fn submit(&mut self) {
         submit(&self.gpu, &mut self.encoder);
     }
@@ -109,8 +109,8 @@ impl GpuSide {
         self.gpu.check()
     }
 
-    /// Ends a frame that failed: what its steps have recorded takes effect, as what they did on the CPU has. Errors that
-    /// follow from the failure are dropped.
+    /// Ends a frame that failed: the commands recorded so far take effect, as do the CPU steps that have run. Errors
+    /// that follow from the failure are dropped.
     pub fn abandon(&mut self) {
         self.close();
         let _ = self.gpu.check();
@@ -126,12 +126,13 @@ impl GpuSide {
         }
     }
 
-    /// Whether the device keeps time itself.
+    /// Whether the device measures time itself.
     pub fn has_clock(&self) -> bool {
         self.clock.is_some()
     }
 
-    /// The begins and durations of the nodes of frame `frame`, as [`Clock::read`] gives them, where the device keeps time.
+    /// The begins and durations of the nodes of frame `frame`, as [`Clock::read`] returns them, if the device measures
+    /// time.
     pub fn node_times(
         &mut self,
         frame: u64,
@@ -144,7 +145,8 @@ impl GpuSide {
         }
     }
 
-    /// Takes over what is on its way to the CPU from a side that has run so many frames, wherever it is the same storage.
+    /// Takes over the pending readbacks of another executor's GPU side, which has run this many frames, for equal
+    /// storages.
     pub fn take_over_downloads(&mut self, plan: &Plan, old: &mut Self, old_plan: &Plan, frames: u64) {
         if !Arc::ptr_eq(&self.gpu, &old.gpu) {
             return;
@@ -186,7 +188,7 @@ impl GpuSide {
     }
 }
 
-/// The frame's encoder; a new one after each submission.
+/// The frame's encoder; a new one is made after each submission.
 fn encoder<'e>(gpu: &Gpu, encoder: &'e mut Option<wgpu::CommandEncoder>) -> &'e mut wgpu::CommandEncoder {
     encoder.get_or_insert_with(|| gpu.device.create_command_encoder(&Default::default()))
 }
@@ -197,7 +199,7 @@ fn submit(gpu: &Gpu, encoder: &mut Option<wgpu::CommandEncoder>) {
     }
 }
 
-/// Staging buffers for the plan's uploads, rings of them for its downloads.
+/// Makes staging buffers for the plan's uploads and readback rings for its downloads.
 fn transfers(device: &wgpu::Device, plan: &Plan) -> (HashMap<Value, Upload>, HashMap<Value, Readback>) {
     let (mut uploads, mut downloads) = (HashMap::new(), HashMap::new());
     let layout = |value: Value| {

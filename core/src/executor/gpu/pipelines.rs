@@ -19,19 +19,20 @@ use crate::{
     side::Side,
 };
 
-/// Lists are dispatched in rows of at most this many workgroups; `shared/index.wgsl` knows it as `groups.x`.
+/// Lists are dispatched in rows of at most this many workgroups; `shared/index.wgsl` reads the row length from
+/// `groups.x`.
 const MAX_GROUPS_X: u32 = 32768;
 
-/// A node as it is recorded.
+/// A node, ready to be recorded.
 pub(super) struct GpuNode {
     pub passes: Vec<GpuPass>,
-    /// Kept for the executor that comes after this one.
+    /// Kept alive for the next executor.
     _program: Arc<Program>,
 }
 
 pub(super) struct GpuPass {
     pub pipeline: Pipeline,
-    /// For even and odd frames, which see the history pairs swapped.
+    /// For even and odd frames, whose history pairs are swapped.
     pub bindings: [wgpu::BindGroup; 2],
 }
 

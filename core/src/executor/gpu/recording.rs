@@ -1,4 +1,4 @@
-//! The recording of a frame's steps.
+//! Records a frame's steps.
 
 use std::cell::RefCell;
 
@@ -17,7 +17,7 @@ use crate::{
 };
 
 impl GpuSide {
-    /// Records a node; `parity` is the frame number's last bit.
+    /// Records a node; `parity` is the lowest bit of the frame number.
     pub fn run(&mut self, plan: &Plan, node: NodeId, parity: usize, timed: bool) {
         let Some(built) = &self.nodes[node] else { return };
         let encoder = encoder(&self.gpu, &mut self.encoder);
@@ -30,7 +30,7 @@ impl GpuSide {
                 self.memory[slot].copy_in(encoder, &poison[slot], layout);
             }
         }
-        // One compute pass for each run of dispatches; wgpu orders dispatches that share memory.
+        // One compute pass for consecutive dispatches; wgpu orders dispatches that share memory.
         let compute = |pass: &GpuPass| pass.pipeline.is_compute();
         let runs = || built.passes.chunk_by(|a, b| compute(a) && compute(b));
         let last = runs().count().saturating_sub(1);
@@ -83,7 +83,7 @@ impl GpuSide {
         }
     }
 
-    /// Records a copy from the CPU. The staging buffer is written before the submission, each upload has its own.
+    /// Records a copy from the CPU. Each upload has its own staging buffer, which is written before the submission.
     pub fn upload(&mut self, plan: &Plan, value: Value, parity: usize, memory: &RefCell<CpuMemory>) {
         let upload = self.uploads.get_mut(&value).expect("built for every upload");
         let memory = memory.borrow();
@@ -99,8 +99,8 @@ impl GpuSide {
         self.memory[slot].copy_in(encoder, &upload.staging, upload.layout);
     }
 
-    /// Copies to the CPU: submits and waits where the download is not late, else delivers what was recorded as many frames
-    /// ago as it is late.
+    /// Copies to the CPU. Without latency, submits and waits; with a latency of N frames, delivers what was recorded N
+    /// frames ago.
     pub fn download(
         &mut self,
         plan: &Plan,
@@ -116,7 +116,7 @@ impl GpuSide {
         let late = readback.len() as u64 - 1;
         let read = |staged: &[u8]| layout.unpad(staged, memory.borrow_mut().bytes_mut());
         if late > 0 {
-            // Deliver first: the ring's oldest entry is the one this frame overwrites next.
+            // Deliver first: this frame overwrites the ring's oldest entry next.
             readback.take_late(&self.gpu, frame, late, read)?;
             from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
             return Ok(());
