@@ -1,4 +1,4 @@
-//! Makes points older, and takes the oldest away.
+//! Ages points and evicts the oldest.
 
 use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
 use rayon::prelude::*;
@@ -17,11 +17,11 @@ epigraph_core::constants! {
     const AGE_WHEN_REPLACED: f32 = 128.0 * AGE_ONE as f32;
     /// The age in 8.8 fixed point from which points are evicted.
     const AGE_OF_EVICTION: u32 = 255 * AGE_ONE;
-    /// How much a frame weighs in the moving average of arrivals.
+    /// Weight of one frame in the moving average of arrivals.
     const RATE_WEIGHT: f32 = 0.1;
 }
 
-/// Points that a thread takes at a time.
+/// Points per parallel task.
 const CHUNK: usize = 16384;
 
 epigraph_core::params! {
@@ -36,8 +36,8 @@ epigraph_core::params! {
     }
 }
 
-/// Ages every point but those of this frame by an increment that brings it to 128 by the time its turn to be replaced
-/// comes (`algorithms.md` section 1.5), and counts the points of each whole age.
+/// Ages every point except this frame's by an increment that brings it to age 128 when its turn to be replaced comes
+/// (`algorithms.md` section 1.5), and counts the points of each whole age.
 pub struct Age {
     cloud_image_id: In<u32>,
     cloud_meta: Out<u32>,
@@ -120,13 +120,13 @@ impl Stage for Age {
     }
 }
 
-/// The moving average after one more frame; it starts with the first samples.
+/// The moving average after one more frame; it starts at the first frame with samples.
 fn averaged(rate: f32, arrived: f32) -> f32 {
     if rate == 0.0 { arrived } else { rate + RATE_WEIGHT * (arrived - rate) }
 }
 
-/// What points age in a frame, 8.8 fixed point: with `rate` of `capacity` points replaced in a frame, oldest first, a
-/// point lives capacity / rate frames.
+/// The age increment per frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first,
+/// a point lives capacity / rate frames.
 fn increment(rate: f32, capacity: u32) -> u32 {
     (AGE_WHEN_REPLACED * rate / capacity as f32).round_ties_even().min(AGE as f32) as u32
 }
@@ -217,7 +217,7 @@ mod tests {
         for arrived in [0, 1, 777, count] {
             let mut harness = harness(AgeParams::default(), arrived, &meta, &image_id);
             let both = run_both(&mut harness);
-            // Quotients that lie within a rounding of a half could round apart; none of these does.
+            // Quotients within a rounding error of a half could round differently; none of these does.
             both.assert_equal::<u32>("cloud.meta");
             both.assert_equal::<u32>("histogram");
             both.assert_close("rate", 0.0);

@@ -1,8 +1,8 @@
-//! Smooths edges without a sample more: a pixel that an edge cuts in two mixes its own colour, which is that of its
-//! primary region, with that of a neighbour beyond the edge, by area (`algorithms.md` section 2.8).
+//! Smooths edges without additional samples: a pixel that an edge cuts in two mixes its own colour, that of its primary
+//! region, with the colour of a neighbour beyond the edge, by area (`algorithms.md` section 2.8).
 //!
-//! The area differs from the exact coverage of a straight edge by 1/16 at most, because crossings are known to 1/8 of a
-//! pixel's side; 1/70 on average.
+//! Crossings are known to 1/8 of a pixel's side, so the area differs from the exact coverage of a straight edge by at
+//! most 1/16, on average 1/70.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -21,16 +21,16 @@ use crate::{
 mod explain;
 
 constants! {
-    /// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary are one.
+    /// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary region are joined.
     const SECONDARY_TO_PRIMARY: u32 = 4;
 }
 
 choice! {
     /// Which neighbour lends the colour of the secondary region.
     pub enum Neighbour {
-        /// The one that lies most squarely across the edge, of those whose primary region joins the secondary.
+        /// Of the neighbours whose primary region joins the secondary, the one most nearly perpendicular to the edge.
         Best,
-        /// The mean of all of those, weighted by how squarely across the edge they lie.
+        /// The mean of all of those, weighted by how nearly perpendicular to the edge they are.
         Average,
         /// None: edges stay jagged.
         Off,
@@ -98,7 +98,7 @@ impl Stage for Antialias {
     }
 }
 
-/// The colour of a simple pixel, from that of its primary region and from its neighbours'.
+/// The colour of a simple pixel, from its primary region's and its neighbours' colours.
 fn blend(rule: Neighbour, cls: u32, n8: u32, own: [f32; 4], neighbours: [Option<&[f32; 4]>; 8]) -> [f32; 4] {
     let weights = weights(rule, cls, n8, neighbours.map(|neighbour| neighbour.is_some()));
     let (mut beyond, mut total) = ([0.0; 3], 0.0);
@@ -118,7 +118,7 @@ fn blend(rule: Neighbour, cls: u32, n8: u32, own: [f32; 4], neighbours: [Option<
     [mix(0), mix(1), mix(2), own[3]]
 }
 
-/// What each neighbour contributes to the colour of a simple pixel's secondary region; 0 for those that lend nothing.
+/// Each neighbour's weight in the colour of a simple pixel's secondary region; 0 for those that do not contribute.
 fn weights(rule: Neighbour, cls: u32, n8: u32, exists: [bool; 8]) -> [f32; 8] {
     let [p, q] = ends(cls);
     let normal = Chord::new(p, q).normal;
@@ -138,7 +138,8 @@ fn weights(rule: Neighbour, cls: u32, n8: u32, exists: [bool; 8]) -> [f32; 8] {
     weights
 }
 
-/// How squarely across an edge the neighbour in direction `d` lies: the length of the edge's normal along it.
+/// How nearly perpendicular to an edge the neighbour in direction `d` lies: the edge's normal projected on that
+/// direction.
 fn squareness([x, y]: [i32; 2], d: usize) -> f32 {
     let [dx, dy] = DIRECTIONS[d];
     let along = (x * dx + y * dy) as f32;
@@ -170,8 +171,8 @@ mod tests {
         harness
     }
 
-    /// The middle of 3x3 pixels, class and reachability given, whose colour is 1 and whose neighbours' are 10 + d, d the
-    /// direction.
+    /// The middle of 3x3 pixels, class and reachability given, with colour 1 and neighbours of colour 10 + d for
+    /// direction d.
     fn middle(neighbour: Neighbour, cls: u32, n8: u32) -> f32 {
         let mut pixels = [([1.0; 4], EMPTY, 0); 9];
         pixels[4].1 = cls;
@@ -292,7 +293,7 @@ mod tests {
     #[test]
     fn both_sides_agree() {
         let mut random = Random(17);
-        // Any bits at all, at the image's border too.
+        // Arbitrary bits, at the image's border too.
         let pixels: Vec<_> = (0..61 * 43)
             .map(|_| {
                 let color = [0; 4].map(|_| random.between(0.0, 4.0));
@@ -304,7 +305,7 @@ mod tests {
             .collect();
         for neighbour in [Neighbour::Best, Neighbour::Average, Neighbour::Off] {
             let both = run_both(&mut harness(neighbour, [61, 43], &pixels));
-            // Some sums, a division and a mix of numbers below 4.
+            // A few sums, a division and a mix of numbers below 4.
             both.assert_close("color", 2e-6);
             let primary: Vec<_> = pixels.iter().map(|pixel| pixel.0).collect();
             assert_eq!(both.gpu.get::<[f32; 4]>("color") == primary, neighbour == Neighbour::Off);

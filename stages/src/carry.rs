@@ -1,4 +1,4 @@
-//! Takes the points of a body along when it moves, and ages points where the light changes.
+//! Moves the points of moving bodies, and ages points where the light changes.
 
 use epigraph_core::{Access, CpuContext, Extent, Facts, In, Io, Out, Stage};
 use rayon::prelude::*;
@@ -12,30 +12,30 @@ use crate::{
     },
 };
 
-/// Points that a thread takes at a time.
+/// Points per parallel task.
 const CHUNK: usize = 16384;
 
 epigraph_core::params! {
-    /// What becomes of points where something moves.
+    /// How points change where something moves.
     pub struct CarryParams {
-        /// Age added in each frame in which a point's body moves: it turns towards the light or away.
+        /// Age added in each frame in which a point's body moves: it turns towards the light or away from it.
         penalty: f32 = 2.0, in 0.0..=255.0, unit "age";
-        /// Age added for each per cent by which the light that arrives at a point changes in a frame, as far as that follows
-        /// from where the lights are.
+        /// Age added for each per cent by which the light arriving at a point changes in a frame, computed from the
+        /// positions of the lights.
         relight: f32 = 32.0, in 0.0..=255.0, unit "age";
-        /// Age added in each frame in which a body moves, as its box tells, between a point and all of its light, or light
-        /// moves behind it; in proportion where that is a part of the light.
+        /// Age added in each frame in which a body, by its bounding box, moves between a point and its light, or a
+        /// light moves behind a body; proportional if that is only a part of the light.
         shadow: f32 = 64.0, in 0.0..=255.0, unit "age";
     }
 }
 
-/// Moves the points of moved bodies rigidly with them, so that they stay where they were hit: on the surface that edges are
-/// found on. Samples that came for the last frame's scene are in the cloud by now, and are moved like all others.
+/// Moves the points of moved bodies rigidly with them, so that they stay where they were hit: on the surface on which
+/// edges are found. Samples of the last frame's scene are in the cloud by now, and move like all others.
 ///
-/// Colours stay as they were, and where the light is another they are out of date. Such points age faster, the more the
-/// light has changed: they are seen anew sooner, and leave the cloud sooner. Known of the light is what arrives
-/// where nothing is in the way, and where the boxes of bodies are. Other shadows, those of what stands still in a light
-/// that moves, show where new samples have other colours (see `integrate`).
+/// Colours are not changed, and are out of date where the light has changed. Such points age faster, in proportion to
+/// the change: they are sampled again sooner, and leave the cloud sooner. The stage only knows the unoccluded light and
+/// the boxes of bodies. Other shadows, such as those of static objects in a moving light, are detected when new samples
+/// have other colours (see `integrate`).
 pub struct Carry {
     cloud_position: Out<[f32; 4]>,
     cloud_meta: Out<u32>,
@@ -98,7 +98,7 @@ impl Stage for Carry {
                 let here = [x, y, z];
                 let there = if rests { here } else { move_by.point(here) };
                 *position = [there[0], there[1], there[2], w];
-                // What is infinitely far away sends its own light.
+                // A point at infinity emits its own light.
                 if *meta & FRESH != 0 || w == 0.0 {
                     continue;
                 }
@@ -117,7 +117,7 @@ impl Stage for Carry {
     }
 }
 
-/// The lights of a frame, and what may stand in their way.
+/// The lights of a frame, and what may occlude them.
 #[derive(PartialEq)]
 struct Light<'a> {
     lamps: &'a [Lamp],
@@ -125,14 +125,14 @@ struct Light<'a> {
 }
 
 impl Light<'_> {
-    /// Luminance of all light at a point where nothing is in the way.
+    /// Luminance of the unoccluded light at a point.
     fn at(&self, point: [f32; 3]) -> f32 {
         self.lamps.iter().map(|lamp| lamp.at(point)).sum()
     }
 }
 
-/// The share of a point's light of which a part is or was covered by a body, other than its own, that moves against the
-/// lamp.
+/// The share of a point's light that is or was partly occluded by a body, other than the point's own, that moves
+/// relative to the light.
 fn shadowed(before: &Light, now: &Light, here: [f32; 3], there: [f32; 3], own: u32) -> f32 {
     let (mut light, mut covered) = (0.0, 0.0);
     for (lamp_before, lamp) in before.lamps.iter().zip(now.lamps) {
@@ -153,7 +153,7 @@ fn shadowed(before: &Light, now: &Light, here: [f32; 3], there: [f32; 3], own: u
     if light > 0.0 { covered / light } else { 0.0 }
 }
 
-/// How far two luminances are apart, as a share of the larger.
+/// The relative difference of two luminances, as a share of the larger.
 fn change(before: f32, now: f32) -> f32 {
     let larger = before.max(now);
     if larger > 0.0 { (before - now).abs() / larger } else { 0.0 }
@@ -224,7 +224,7 @@ mod tests {
         let shift = Pose { translation: Vec3::X, ..Pose::REST };
         let moves = [Pose::REST, Pose::REST, shift].map(|pose| Move::of(&pose));
         let of = |body: u32| LIVE | body << BODY_SHIFT;
-        // What stands still, a body that rests, one that moves: old, fresh, almost too old; an empty slot.
+        // A static point, a body at rest, a moving one: old, fresh, almost too old; an empty slot.
         let meta =
             [of(0) | 7, of(1) | 7, of(2) | CHANGED | 7, of(2) | FRESH, of(2) | 0xFFF0, 2 << BODY_SHIFT];
         let dark = [Lamp::NONE; 2];
@@ -273,12 +273,11 @@ mod tests {
         let meta: Vec<u32> = (0..count).map(|_| random.bits()).collect();
         for now in [LAMP, Lamp { position: [0.1, 4.0, 0.2], uniform_share: 0.3, ..LAMP }] {
             let both = run_both(&mut harness(&positions, &meta, &moves, [LAMP, now], [cube(0.0), cube(0.1)]));
-            // Some roundings of sums of four terms up to 3.
+            // A few rounding errors of sums of four terms up to 3.
             both.assert_close("cloud.position", 2e-6);
             let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<u32>("cloud.meta"));
-            // The change of light is a difference of two numbers that round: off by 1e-6 of them, it is a twentieth of
-            // a unit of age.
-            // And a line that grazes the box may meet it or not.
+            // The change of light is a difference of two rounded numbers: a relative error of 1e-6 is a twentieth of a
+            // unit of age. A line that grazes the box may or may not hit it.
             let near = |(a, b): &(&u32, &u32)| *a & !AGE == *b & !AGE && (*a & AGE).abs_diff(*b & AGE) <= 1;
             let far = cpu.iter().zip(&gpu).filter(|pair| !near(pair)).count();
             assert!(far < 5, "{far}");

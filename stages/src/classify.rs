@@ -1,16 +1,16 @@
-//! Divides pixels by the edges that cross their sides: empty, simple (a chord cuts it in two) or complex; says which
-//! region of a simple pixel is the primary one, that of its sample, and how large it is; and drops samples of which the
-//! sub-pixel cell does not tell the region (`algorithms.md` sections 2.3 and 2.4).
+//! Classifies pixels by the edges that cross their sides: empty, simple (a chord cuts it in two) or complex. Finds
+//! which region of a simple pixel is the primary one, that of its sample, and its area; and drops samples whose
+//! sub-pixel cell does not determine the region (`algorithms.md` sections 2.3 and 2.4).
 //!
-//! Where one segment ends and the next begins within a pixel, its edge is no chord but bends at that vertex: at a corner of
-//! a lamp a sample beyond the chord would spread the lamp's light around. If `vertex` is connected, region and area are
-//! those of the bent edge.
+//! If one segment ends and the next begins within a pixel, the edge is not a chord but bends at that vertex: at a
+//! corner of a lamp, a sample beyond the chord would spread the lamp's light around. If `vertex` is connected, region
+//! and area are those of the bent edge.
 //!
-//! A pixel whose sample is dropped asks for another one. If that were always traced through the pixel's centre, and the
-//! chord passed there, it would be dropped again in every frame: `aim` leads it elsewhere. A sample aimed at the centre
-//! may come back in any of the four cells that meet there, by rounding; so where the chord touches one of these cells,
-//! `aim` is the middle of the cell of the primary region that lies farthest from the chord. As each cell reaches equally
-//! far, that one is unambiguous if any cell of the region is.
+//! A pixel whose sample is dropped requests another one. If that were always traced through the pixel's centre and the
+//! chord passed there, it would be dropped again in every frame: `aim` moves it elsewhere. Because of rounding, a
+//! sample aimed at the centre may come back in any of the four cells that meet there; so if the chord touches one of
+//! these cells, `aim` is the middle of the cell of the primary region that is farthest from the chord. All cells have
+//! the same size, so that one is unambiguous if any cell of the region is.
 
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
 use rayon::prelude::*;
@@ -32,7 +32,7 @@ use crate::{
 mod explain;
 
 choice! {
-    /// What becomes of a sample whose cell touches the chord.
+    /// How to treat a sample whose cell touches the chord.
     pub enum Ambiguous {
         /// It does not count in this frame; the cloud keeps it.
         Drop,
@@ -46,7 +46,7 @@ params! {
     pub struct ClassifyParams {
         /// Bits of the sub-pixel cell, half of them for each axis: the same as those of the projection.
         subpixel_bits: u32 = 8, in 4..=8, unit "bits";
-        /// What becomes of a sample whose cell touches the chord.
+        /// How to treat a sample whose cell touches the chord.
         ambiguous: Ambiguous = Ambiguous::Drop;
     }
 }
@@ -109,7 +109,7 @@ impl Stage for Classify {
             let (id, subpixel) = (&id[row.clone()], &subpixel[row.clone()]);
             let above = &mask[y * (width + 1)..][..width + 1];
             let below = &mask[(y + 1) * (width + 1)..][..width];
-            // As if no edge crossed; most pixels are done with that, several at a time.
+            // As if no edge crossed; most pixels need nothing more, and are processed several at a time.
             kept.copy_from_slice(id);
             aim.fill(PIXEL_CENTER);
             for (cls, (id, cell)) in cls.iter_mut().zip(id.iter().zip(subpixel)) {
@@ -137,7 +137,7 @@ impl Stage for Classify {
 /// The bits of a pixel that is one region.
 const WHOLE: u32 = PRIMARY_IS_A | PIXEL_AREA << AREA_SHIFT;
 
-/// The cells of a pixel, and what becomes of ambiguous samples.
+/// The cells of a pixel, and how to treat ambiguous samples.
 #[derive(Clone, Copy)]
 struct Grid {
     /// Logarithm of the number of cells of an axis, 2 to 4.
@@ -170,7 +170,7 @@ impl Grid {
         let (p, q) = (ring.trailing_zeros(), 31 - ring.leading_zeros());
         let chord = Chord::new(p, q);
         let bend = Bend::new(chord, [p, q].map(slot_position), vertex);
-        // The triangle between chord and vertex changes sides.
+        // The triangle between chord and vertex belongs to the other side.
         let area = (area_of_a(p, q) as i32 - bend.map_or(0, |bend| bend.side)) as u32;
         // Without a sample the larger region is the primary one.
         let mut is_a = 2 * area >= PIXEL_AREA;
@@ -205,8 +205,8 @@ impl Grid {
         chord.side(corner) + chord.side(corner.map(|at| at + size))
     }
 
-    /// How far twice the chord's function at a cell's corners lies from that at its centre, at most: where the latter is
-    /// larger the chord does not touch the cell.
+    /// Maximum difference between twice the chord's function at a cell's corners and at its centre: if the value at the
+    /// centre is larger, the chord does not touch the cell.
     fn reach(self, chord: Chord) -> i32 {
         let [x, y] = chord.normal;
         (16 >> self.log2) * (x.abs() + y.abs())
@@ -230,28 +230,28 @@ impl Grid {
     }
 }
 
-/// An edge that turns at a vertex within the pixel: not the chord, but two halves by way of the vertex. The region inside of
-/// the corner is what lies on the inner side of both, as their ends lie on the pixel's perimeter.
+/// An edge that turns at a vertex within the pixel: instead of the chord, two halves that meet in the vertex. The
+/// region inside the corner is the area on the inner side of both, since their ends are on the pixel's perimeter.
 #[derive(Clone, Copy)]
 struct Bend {
-    /// From the first crossing to the vertex, and on to the second.
+    /// From the first crossing to the vertex, and from there to the second.
     halves: [Chord; 2],
     /// The chord's function at the vertex: negative if the edge bends into B. Also the triangle's area, in 1/512 pixel.
     side: i32,
 }
 
 impl Bend {
-    /// None where there is no vertex or it lies on the chord.
+    /// `None` if there is no vertex or it is on the chord.
     fn new(chord: Chord, [p, q]: [[i32; 2]; 2], vertex: u32) -> Option<Self> {
         let at = [vertex & 0xFF, vertex >> 8 & 0xFF].map(|along| along as i32);
         let side = if vertex == 0 { 0 } else { chord.side(at) };
         (side != 0).then(|| Self { halves: [Chord::between(p, at), Chord::between(at, q)], side })
     }
 
-    /// Where a square lies, from the functions of both halves at its centre and how much they change in it at most: a
+    /// The side of a square, from the functions of both halves at its centre and their maximum change within it: a
     /// number that is positive for region A and negative for B, and whether the edge may touch the square.
     fn locate(self, distance: impl Fn(Chord) -> i32, reach: impl Fn(Chord) -> i32) -> (i32, bool) {
-        // Inside of the corner lies region A where the edge bends into B.
+        // Region A is inside the corner if the edge bends into B.
         let sign = -self.side.signum();
         let inwards = self.halves.map(|half| sign * distance(half));
         let reach = self.halves.map(reach);
@@ -274,7 +274,7 @@ mod tests {
     const FINE: Grid = Grid { log2: 4, guess: false };
     const COARSE: Grid = Grid { log2: 2, guess: false };
 
-    /// Which cell an aim falls into.
+    /// The cell that contains an aim.
     fn cell_at(aim: u32, log2: u32) -> u32 {
         let index = |share: u32| (share << log2) >> 16;
         index(aim >> 16) << log2 | index(aim & 0xFFFF)
@@ -362,7 +362,7 @@ mod tests {
             let mut centres = 0;
             for ring in simple_rings() {
                 let (without, aim) = grid.classify(ring, 0, false, 0);
-                // One that comes back a rounding off the target is not ambiguous either.
+                // One that comes back with a rounding error is not ambiguous either.
                 for (dx, dy) in [(0, 0), (0, -64), (-64, 0), (-64, -64), (64, 64)] {
                     let moved = |share: u32, by: i32| share.wrapping_add_signed(by);
                     let landed = moved(aim & 0xFFFF, dx) | moved(aim >> 16, dy) << 16;
@@ -376,7 +376,7 @@ mod tests {
                 }
                 centres += u32::from(aim == PIXEL_CENTER);
             }
-            // The centre is the rule where the chord is not near.
+            // The aim is the centre unless the chord is near.
             assert!(centres > 160 && centres < 496, "{centres} of 496");
         }
     }
@@ -416,7 +416,7 @@ mod tests {
         [slot_position(p)].into_iter().chain(passed).chain([slot_position(q), vertex]).collect()
     }
 
-    /// Whether a place in 1/32 pixel, odd in x, lies in a polygon: by the sides that a ray upwards crosses.
+    /// Whether a place in 1/32 pixel, odd in x, is inside a polygon: by the number of sides that an upward ray crosses.
     fn holds(polygon: &[[i32; 2]], [x, y]: [i32; 2]) -> bool {
         let sides = polygon.iter().zip(polygon.iter().cycle().skip(1));
         sides.fold(false, |inside, (a, b)| {
@@ -428,7 +428,8 @@ mod tests {
 
     #[test]
     fn an_edge_that_bends_within_a_pixel() {
-        // A chord straight across at 9/16 from the top, and a vertex 8/16 above it: a quarter of the pixel goes over to A.
+        // A chord straight across at 9/16 from the top, and a vertex 8/16 above it: a quarter of the pixel is added to
+        // A.
         let (ring, vertex) = (0x0800_1000, 0x10000 | 1 << 8 | 8);
         let area = |vertex, cell| {
             let (cls, _) = FINE.classify(ring, vertex, true, cell);

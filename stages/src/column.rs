@@ -16,5 +16,5 @@ pub const E2: &str = "E2";
 pub const I1: &str = "I1";
 /// Reachability, interpolation, anti-aliasing.
 pub const I2: &str = "I2";
-/// Tracing, which the papers' table leaves out.
+/// Tracing, which is not in the papers' table.
 pub const TRACE: &str = "trace";

@@ -1,5 +1,5 @@
-//! Collects the edges whose bits are set, in their order: the last step of [`crate::silhouette`], and a stage of its own
-//! for the CPU, where the papers did it.
+//! Collects the edges whose bits are set, in order: the last step of [`crate::silhouette`], and a stage of its own for
+//! the CPU, where the papers did it.
 
 use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage};
 
@@ -9,10 +9,10 @@ use crate::{
     shared::segments::{MeshEdge, Segment},
 };
 
-/// Words of 32 edges that a task goes through.
+/// Words of 32 edges per parallel task.
 const BLOCK: usize = 256;
 
-/// A list of edges, and the segments that become of some of them.
+/// A list of edges, and a segment for each marked edge.
 pub struct Compaction {
     vertices: In<[f32; 4]>,
     edges: In<MeshEdge>,
@@ -49,7 +49,7 @@ impl Compaction {
     }
 }
 
-/// Writes the segment of each bit of `words`, of which the first is bit `first`.
+/// Writes the segment of each set bit of `words`; their first bit has index `first`.
 fn collect(
     words: &[u32],
     first: usize,

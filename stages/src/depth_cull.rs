@@ -1,18 +1,18 @@
-//! Drops points that shine through a nearer surface, and gives the depth that later stages test against: the mean of the
-//! 3x3 pixels, shifted back by the threshold (`algorithms.md` sections 1.3 and 3).
+//! Drops points that shine through a nearer surface, and computes the depth that later stages test against: the mean of
+//! the 3x3 pixels, shifted back by the threshold (`algorithms.md` sections 1.3 and 3).
 //!
-//! *Majority*, the default, lets the points of the 5x5 pixels vote: a point goes if at least half of the others are
-//! clearly nearer, z_q (1 + threshold) < z. They vote twice, the second time without those that went. On a surface so
-//! steep that its depth changes by the threshold from pixel to pixel, as in images a few pixels high, half of the others
-//! are nearer, and a larger threshold is needed. Along the image's border, where part of the square is missing, more than
-//! half are needed.
+//! *Majority*, the default, lets the points of the 5x5 pixels vote: a point is dropped if at least half of the others
+//! are clearly nearer, z_q (1 + threshold) < z. There are two votes, the second without the points that the first
+//! dropped. On a surface so steep that its depth changes by the threshold from pixel to pixel, as in images a few
+//! pixels high, half of the others are nearer, and a larger threshold is needed. Along the image's border, where part
+//! of the square is missing, more than half are needed.
 //!
-//! The other two rules compare with a mean over 3x3 pixels, as the papers do. Hidden points lift that mean: where a
-//! surface has points in only half of its pixels, as after a quick turn, they hold each other up, and one at infinity
-//! holds up all around it. *Relative* compares linear distances: z > (1 + threshold) * mean. *SeedExact* is the papers'
-//! rule: means of the depth zd of a 24-bit z-buffer, f (z - n) / (z (f - n)), shifted by threshold * (f - n) metres. The
-//! mean of zd is a harmonic mean of z, and near zd = 1 the shift loses its digits: it fits scenes with f / n of a few
-//! hundred.
+//! The other two rules compare with a mean over 3x3 pixels, as the papers do. Hidden points raise that mean: if a
+//! surface has points in only half of its pixels, as after a quick turn, the hidden points keep each other alive, and
+//! one at infinity keeps all around it. *Relative* compares linear distances: z > (1 + threshold) * mean. *SeedExact*
+//! is the papers' rule: means of the depth zd of a 24-bit z-buffer, f (z - n) / (z (f - n)), shifted by
+//! threshold * (f - n) metres. The mean of zd is a harmonic mean of z, and near zd = 1 the shift loses precision: the
+//! rule suits scenes with f / n of a few hundred.
 
 use std::ops::Range;
 
@@ -32,7 +32,7 @@ use crate::{
 #[path = "explain/depth_cull.rs"]
 mod explain;
 
-/// Pixels of a row whose means are made together.
+/// Pixels of a row whose means are computed together.
 const BLOCK: usize = 64;
 
 choice! {
@@ -153,8 +153,8 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// Applies a rule of means: `value` is what it compares, for a distance; `shift` gives the least value that is hidden
-    /// where the mean is its argument, and `distance` the distance of a value, at most `far`.
+    /// Applies a rule of means: `value` maps a distance to the quantity that the rule compares; `shift` maps a mean to
+    /// the smallest hidden value, and `distance` maps a value to a distance of at most `far`.
     fn cull(
         &self,
         id: &mut [u32],
@@ -178,7 +178,8 @@ impl Image<'_> {
         });
     }
 
-    /// Calls `each` with [`Image::mean_at`] of every pixel of a row. Each column is added up once, and several at a time.
+    /// Calls `each` with [`Image::mean_at`] of every pixel of a row. Sums each column only once, several columns at a
+    /// time.
     #[inline(always)]
     fn means(&self, y: usize, value: impl Fn(f32) -> f32, mut each: impl FnMut(usize, Option<f32>)) {
         for first in (0..self.width).step_by(BLOCK) {
@@ -190,7 +191,7 @@ impl Image<'_> {
                 let row = &self.depth[row * self.width..][from..to];
                 let columns = sums[inside.clone()].iter_mut().zip(&mut counts[inside.clone()]);
                 for ((sum, count), depth) in columns.zip(row) {
-                    // All ones where depth < EMPTY_DEPTH. A branch on whether a pixel is empty would be predicted badly.
+                    // All ones if depth < EMPTY_DEPTH. A branch on whether a pixel is empty would be predicted badly.
                     let there = (depth.wrapping_sub(EMPTY_DEPTH) as i32 >> 31) as u32;
                     *sum += f32::from_bits(value(f32::from_bits(*depth)).to_bits() & there);
                     *count += f32::from_bits(1f32.to_bits() & there);
@@ -203,8 +204,8 @@ impl Image<'_> {
         }
     }
 
-    /// The mean of the values of the 3x3 pixels around one; none where all are empty. The values of each column are added
-    /// up, then the columns.
+    /// The mean of the values of the 3x3 pixels around one; `None` if all are empty. Sums each column, then the
+    /// columns.
     fn mean_at(&self, [x, y]: [usize; 2], value: impl Fn(f32) -> f32) -> Option<f32> {
         let (mut sum, mut count) = (0.0, 0);
         for x in x.saturating_sub(1)..(x + 2).min(self.width) {
@@ -221,7 +222,7 @@ impl Image<'_> {
         (count > 0).then(|| sum / count as f32)
     }
 
-    /// The depths that the majority rule leaves.
+    /// The depths after the majority rule.
     fn vote(&self, scale: f32, kept: &mut [u32]) {
         kept.par_chunks_mut(self.width * BAND).enumerate().for_each(|(band, kept)| {
             let first = band * BAND * self.width;
@@ -230,7 +231,8 @@ impl Image<'_> {
         });
     }
 
-    /// Drops what has gone before, and what the majority rule now drops; the filtered depth of what was there before.
+    /// Drops the points that the first vote dropped and those that this vote drops; the filtered depth is that
+    /// of the points before this vote.
     fn vote_again(&self, scale: f32, id: &mut [u32], filtered: &mut [f32], far: f32) {
         let band = self.width * BAND;
         let bands = id.par_chunks_mut(band).zip(filtered.par_chunks_mut(band));
@@ -252,8 +254,8 @@ impl Image<'_> {
         });
     }
 
-    /// Calls `drop` for the pixels of some whole rows, counted row by row, for which [`Image::is_outvoted`] holds. It asks only
-    /// those that have a clearly nearer pixel around them.
+    /// Calls `drop` for the pixels of some whole rows, indexed row by row, for which [`Image::is_outvoted`] holds.
+    /// Tests only pixels that have a clearly nearer pixel around them.
     fn outvoted(&self, pixels: Range<usize>, scale: f32, mut drop: impl FnMut(usize)) {
         let rows = pixels.start / self.width..pixels.end / self.width;
         let distances = |pixels: Range<usize>, distances: &mut [f32]| {
@@ -274,21 +276,21 @@ impl Image<'_> {
         is_there && voters > 0 && nearer >= self.majority(x, y, voters)
     }
 
-    /// How many of so many voters are enough: half. Of pixels outside of the image nothing is known; they count as if they
-    /// showed points that are not nearer, or else a strip of background along the border, narrower than what hides it,
-    /// would lose its points. But 7 of 8 are always enough.
+    /// The number of votes that outvote a point, given the number of voters: half. Pixels outside the image count as
+    /// voters that are not nearer; otherwise a strip of background along the border, narrower than the object that
+    /// hides it, would lose its points. But 7 of 8 are always enough.
     fn majority(&self, x: usize, y: usize, voters: i32) -> i32 {
         let span = |at: usize, size: usize| ((at + 3).min(size) - at.saturating_sub(2)) as i32;
-        // Without the pixel itself. With none there are no voters either.
+        // Without the pixel itself. If there are none, there are no voters either.
         let inside = (span(x, self.width) * span(y, self.height) - 1).max(1);
         (voters * (inside * 7 / 4).min(24) + 2 * inside - 1) / (2 * inside)
     }
 
-    /// How many other points the 5x5 pixels show, and how many of them are clearly nearer.
+    /// The number of other points in the 5x5 pixels, and how many of them are clearly nearer.
     #[inline(always)]
     fn ballot(&self, x: usize, y: usize, scale: f32) -> [i32; 2] {
         let z = f32::from_bits(self.depth[y * self.width + x]);
-        // The point itself is no voter, and never nearer than itself.
+        // The point itself is not a voter, and is never nearer than itself.
         let (mut voters, mut nearer) = (-1, 0);
         for y in y.saturating_sub(2)..(y + 3).min(self.height) {
             for depth in &self.depth[y * self.width..][x.saturating_sub(2)..(x + 3).min(self.width)] {
@@ -319,14 +321,14 @@ impl ZBuffer {
         (near / (1.0 - depth * ((far - near) / far))).clamp(*near, *far)
     }
 
-    /// The depth of what lies `share` * (far - near) behind, at most 1.
+    /// The depth of a point `share` * (far - near) behind, at most 1.
     fn shift(&self, share: f32, depth: f32) -> f32 {
         let rho = self.near / self.far;
         let q = 1.0 - rho;
         let (a, b) = (rho - share * q, share);
         let (g, h) = (-share * q * q, rho + share * q);
         let denominator = g * depth + h;
-        // Where rounding leaves nothing of it, the result lies beyond the far plane.
+        // If rounding leaves nothing of it, the result is beyond the far plane.
         if denominator > 0.0 { ((a * depth + b) / denominator).min(1.0) } else { 1.0 }
     }
 }
@@ -393,7 +395,7 @@ mod tests {
 
     #[test]
     fn half_of_the_others_outvote_a_point() {
-        // 5x5 pixels: n nearer, f a little farther, . empty; p lies at 10.
+        // 5x5 pixels: n nearer, f a little farther, . empty; p is at 10.
         let dropped = |rows: [&str; 5], near: f32| {
             let z = |c| match c {
                 'n' => near,
@@ -409,7 +411,7 @@ mod tests {
         // Clearly nearer: 9.5 * 1.05 < 10, but not 9.53 * 1.05.
         assert!(dropped([".....", ".....", ".np..", ".....", "....."], 9.5));
         assert!(!dropped([".....", ".....", ".np..", ".....", "....."], 9.53));
-        // Half is enough, less is not. Voters at the rim count like those beside the point.
+        // Half is enough, less is not. Voters at the rim count as much as those beside the point.
         assert!(dropped(["n...f", ".....", "..p..", ".....", "....."], 5.0));
         assert!(!dropped(["n...f", ".....", "..p..", ".....", "f...."], 5.0));
         // A straight border of a full surface, one pixel away: two columns of five, 10 of 24.
@@ -440,7 +442,7 @@ mod tests {
         assert_eq!(voted(&["fnnnnnnn"; 7])[3], "fnnnnnnn");
         assert_eq!(voted(&["nnnnnnnf"; 7])[3], "nnnnnnnf");
         assert_eq!(voted(&["nnnfnnnn"; 7])[3], "nnn.nnnn");
-        // One that is alone goes there too, and in the corner.
+        // A single one is dropped there too, and in the corner.
         let all = "nnnnnnnn";
         assert_eq!(voted(&[all, all, "fnnnnnnn", all, all])[2], ".nnnnnnn");
         assert_eq!(voted(&["fnnnnnnn", all, all])[0], ".nnnnnnn");
@@ -516,7 +518,8 @@ mod tests {
         assert_eq!((out.get::<f32>("filtered")[0], out.get::<u32>("id")[0]), (1000.0, 0));
     }
 
-    /// Images of all widths around a block, with depths that are random, or hard: extreme, equal, or apart by a rounding.
+    /// Images of all widths around a block, with depths that are random or difficult: extreme, equal, or a rounding
+    /// apart.
     fn images() -> Vec<([usize; 2], Vec<u32>)> {
         let mut random = Random(17);
         let mut images = Vec::new();

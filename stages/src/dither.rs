@@ -1,19 +1,21 @@
 //! Turns priorities into requests for samples (`algorithms.md` sections 1.7, 1.8 and 11.2).
 //!
-//! *Systematic*, the default: pixels in an order that keeps neighbours together, their priorities added up; each time the
-//! sum passes a multiple of T = (sum of all) / (samples wanted), the pixel asks for a sample. Integers throughout, so both
-//! sides agree bit for bit. The order is tiles of 16x16 in scanline order, inside a tile the Morton curve. Priorities
-//! are cut at T first, as a pixel asks but once. Pixels whose priority is still above the smaller T that the cut leaves
-//! make the number fall short of what is wanted; else it is exact.
+//! *Systematic*, the default: visits pixels in an order that keeps neighbours together and adds up their priorities;
+//! each time the sum passes a multiple of T = (sum of all) / (samples wanted), the pixel requests a sample. All
+//! arithmetic is in integers, so both sides agree bit for bit. The order is tiles of 16x16 in scanline order, and the
+//! Morton curve inside a tile. Priorities are clamped to T first, because a pixel requests at most one sample. Clamping
+//! lowers T; if priorities still exceed the lower T, there are fewer requests than wanted; otherwise the number is
+//! exact.
 //!
 //! *Serpentine*: error diffusion along scanlines of alternating direction, as in the papers; sequential, hence on the CPU
-//! only. It falls short a little in the first frame; what the last row leaves over goes to the first row of the next.
+//! only. The first frame gets slightly too few requests; the error left after the last row goes to the first row of the
+//! next frame.
 //!
-//! Empty cells of `occupancy` ask first, for samples of the predicted view, up to their share of the budget: where there
-//! are more, about every n-th asks, picked systematically like pixels of equal priority.
+//! Empty cells of `occupancy` come first: they request samples of the predicted view, up to their share of the budget.
+//! If there are more cells, about every n-th is picked, systematically, like pixels of equal priority.
 //!
-//! Near the frame's border half of the pixels in bare places ask for a sample of the predicted view as well: what moves
-//! out of the frame is gone before a sample of the present view arrives, so that a strip of background narrower than a
+//! Near the frame's border, half of the pixels in bare places request a sample of the predicted view as well: what
+//! moves out of the frame is gone before a sample of the current view arrives, so a strip of background narrower than a
 //! cell, between an object and the border, would never get one.
 
 use std::ops::Range;
@@ -42,13 +44,13 @@ constants! {
     const TILE: u32 = 16;
     /// The highest priority.
     const MAX_PRIORITY: u32 = 255;
-    /// From this priority on a pixel without a point has next to no samples around it.
+    /// From this priority on, a pixel without a point has almost no samples around it.
     const BARE: u32 = 200;
-    /// 2^32 over the golden ratio: its multiples, modulo 2^32, are spread evenly however many there are.
+    /// 2^32 over the golden ratio: its multiples, modulo 2^32, are evenly spread for any count.
     const GOLDEN: u32 = 0x9E37_79B9;
 }
 
-/// Tiles whose requests one task of the CPU finds.
+/// Tiles per parallel task on the CPU.
 const TASK_TILES: usize = 16;
 
 choice! {
@@ -62,9 +64,9 @@ choice! {
 }
 
 choice! {
-    /// Where in the pixel a sample is asked for.
+    /// Where in the pixel a sample is requested.
     pub enum Aim {
-        /// At the centre, or where the input `aim` says.
+        /// At the centre, or at the input `aim`.
         Center,
         /// Anywhere, at random.
         Random,
@@ -76,12 +78,13 @@ params! {
     pub struct DitherParams {
         /// How pixels are picked.
         kind: Kind = Kind::Systematic;
-        /// Where in the pixel a sample is asked for; samples of the predicted view are always asked for at random.
+        /// Where in the pixel a sample is requested; samples of the predicted view are always requested at random
+        /// positions.
         aim: Aim = Aim::Center;
-        /// The share of the samples that may go to empty cells of the predicted view.
+        /// Maximum share of the samples for empty cells of the predicted view.
         predicted_share: f32 = 0.5, in 0.0..=1.0;
-        /// How far from the frame's border half of the bare pixels ask for a sample of the predicted view while the camera
-        /// moves; 0: none.
+        /// Width of the strip along the frame's border in which half of the bare pixels request a sample of the
+        /// predicted view while the camera moves; 0: none.
         border: u32 = 16, in 0..=256, unit "pixels";
     }
 }
@@ -243,7 +246,7 @@ impl Stage for Dither {
     }
 }
 
-/// The request of an empty cell: somewhere in it, from the predicted view.
+/// The request of an empty cell: at a random place in it, from the predicted view.
 fn ask_cell(frame: &Frame, [x, y]: [u32; 2]) -> Request {
     let noise = hash(frame, y << 16 | x);
     // The last cells may reach beyond the image.
@@ -252,7 +255,7 @@ fn ask_cell(frame: &Frame, [x, y]: [u32; 2]) -> Request {
     ask_predicted(frame, y * frame.size[0] + x, noise)
 }
 
-/// A request of the predicted view, somewhere in a pixel: `noise` says where.
+/// A request of the predicted view at a place in a pixel given by `noise`.
 fn ask_predicted(frame: &Frame, pixel: u32, noise: u32) -> Request {
     Request { pixel, aim: hash(frame, noise), reuse: NO_POINT, view: VIEW_PREDICTED }
 }
@@ -266,8 +269,8 @@ fn ask_pixel(frame: &Frame, aim: Aim, pixel: u32, id: &[u32], aims: Option<&[u32
     Request { pixel, aim, reuse: id[pixel as usize], view: VIEW_NOW }
 }
 
-/// 32 bits that look random, other ones in each frame and run: the PCG output function (O'Neill 2014), in turn on each
-/// part of the input.
+/// 32 pseudorandom bits, different in each frame and run: the PCG output function (O'Neill 2014), applied to each part
+/// of the input in turn.
 fn hash(frame: &Frame, value: u32) -> u32 {
     pcg(value ^ pcg(frame.index ^ pcg(frame.seed)))
 }
@@ -278,7 +281,8 @@ fn pcg(value: u32) -> u32 {
     (word >> 22) ^ word
 }
 
-/// How far priorities are shifted down, so that their sum stays below 2^32 in images of more than 2^24 pixels.
+/// The number of bits by which priorities are shifted down, so that their sum stays below 2^32 in images of more than
+/// 2^24 pixels.
 fn shift(dims: Dims) -> u32 {
     if dims.count() <= 1 << 24 { 0 } else { 4 }
 }
@@ -287,17 +291,17 @@ fn weight(priority: u32, shift: u32, limit: u32) -> u32 {
     (priority.min(MAX_PRIORITY) >> shift).min(limit)
 }
 
-/// The weight that asks for one sample: what lies above it would be lost.
+/// The weight of one request: any excess would be lost.
 fn limit(total: u32, wanted: u32) -> u32 {
     (total / wanted.max(1)).max(1)
 }
 
-/// Where in the first interval the frame's first request lies: u * total for a u that is spread evenly over frames.
+/// The position of the frame's first request in the first interval: u * total, with u evenly distributed over frames.
 fn offset(frame: &Frame, total: u32) -> u32 {
     ((u64::from(frame.index.wrapping_mul(GOLDEN)) * u64::from(total)) >> 32) as u32
 }
 
-/// Places of a tile's pixels along the Morton curve: the even bits of the index are x, the odd ones y.
+/// Positions of a tile's pixels along the Morton curve: the even bits of the index are x, the odd ones y.
 const MORTON: [[u8; 2]; (TILE * TILE) as usize] = {
     const fn even(n: usize) -> u8 {
         ((n & 1) | (n >> 1 & 2) | (n >> 2 & 4) | (n >> 3 & 8)) as u8
@@ -335,7 +339,7 @@ impl<F: Fn(u32) -> u32 + Sync> Weights<'_, F> {
     }
 }
 
-/// Turns sums into the sums of all before; gives the sum of all.
+/// Replaces each sum by the sum of all before it; returns the total.
 fn scan(tiles: &mut [u32]) -> u32 {
     let mut sum = 0;
     for tile in tiles {
@@ -344,8 +348,8 @@ fn scan(tiles: &mut [u32]) -> u32 {
     sum
 }
 
-/// Systematic sampling as defined: the weights in their order, one after the other, and a request for the n-th multiple of
-/// the sum of all / `wanted` where their sum, moved by `offset`, passes it. Where one weight passes several, the last counts.
+/// Systematic sampling by definition: adds up the weights in order, and makes a request for each multiple of the total
+/// / `wanted` that the sum, shifted by `offset`, passes. If one weight passes several, only the last counts.
 #[cfg(test)]
 fn ask_in_order<F: Fn(u32) -> u32>(
     weights: &Weights<'_, F>,
@@ -383,7 +387,7 @@ struct Selection<'a> {
 }
 
 impl Selection<'_> {
-    /// The sum of weights in the unit in which a request is due at every multiple of `total`.
+    /// The sum of weights, scaled so that a request is due at every multiple of `total`.
     fn progress(&self, sum: u32) -> u64 {
         u64::from(sum) * u64::from(self.wanted) + u64::from(self.offset)
     }
@@ -394,7 +398,7 @@ impl Selection<'_> {
         (self.progress(sum) / u64::from(self.total)) as usize
     }
 
-    /// Writes the requests of a range of tiles, which are those `requests` and no others: a part of what `ask_in_order` writes.
+    /// Writes the requests of a range of tiles, given as `requests`: a part of the output of `ask_in_order`.
     fn ask<F: Fn(u32) -> u32 + Sync>(
         &self,
         weights: &Weights<'_, F>,
@@ -438,7 +442,7 @@ impl Selection<'_> {
     }
 }
 
-/// Error diffusion. `carry` has one entry for each column.
+/// Error diffusion. `carry` has one entry per column.
 fn serpentine(
     priority: &[u32],
     carry: &mut [f32],
@@ -489,12 +493,12 @@ mod tests {
         harness
     }
 
-    /// The requests that ask for something.
+    /// The requests that are not empty.
     fn asked(requests: &[Request]) -> Vec<Request> {
         requests.iter().filter(|request| request.pixel != NO_PIXEL).copied().collect()
     }
 
-    /// Runs both sides, asserts that they agree, and gives the requests that ask for something. Each asks for another
+    /// Runs both sides, asserts that they agree, and returns the non-empty requests. Asserts that each has its own
     /// pixel of the image and names its point.
     fn ask(harness: &mut Harness<Dither>) -> Vec<Request> {
         let both = run_both(harness);
@@ -591,7 +595,7 @@ mod tests {
         for shift in [0, 16] {
             let mean =
                 random.iter().map(|aim| f64::from(aim >> shift & 0xFFFF)).sum::<f64>() / random.len() as f64;
-            // Ten standard deviations of the mean of 1000 even numbers.
+            // Ten standard deviations of the mean of 1000 uniform numbers.
             assert!((mean / 65536.0 - 0.5).abs() < 0.1, "{mean}");
         }
     }

@@ -1,34 +1,34 @@
-//! Marks where edges cross the sides of pixels, at an eighth of a pixel (`algorithms.md` section 2.2).
+//! Marks where edges cross the sides of pixels, to an eighth of a pixel (`algorithms.md` section 2.2).
 //!
-//! A side of a pixel has eight slots. `mask` holds for each pixel the slots of its left side, that lie at k/8 to (k+1)/8
-//! of a pixel from the top, in bits 0 to 7, and those of its top side, from the left, in bits 8 to 15; right and bottom
-//! side are the left and top ones of the neighbours, for which the image has one more column and row.
+//! A side of a pixel has eight slots. `mask` holds for each pixel the slots of its left side, from k/8 to (k+1)/8 of a
+//! pixel from the top, in bits 0 to 7, and those of its top side, from the left, in bits 8 to 15; the right and bottom
+//! sides are the left and top sides of the neighbours, so the image has one more column and row.
 //!
 //! With `middle`, bits 16 to 23 hold the slots of the vertical line through the pixel's middle, from the top, and bits 24
-//! to 31 those of the horizontal one, from the left. The rule is the same: it is that of a grid of half pixels, with four
-//! slots to the side of each quarter of a pixel.
+//! to 31 those of the horizontal one, from the left. The rule is that of a grid of half pixels, with four slots to the
+//! side of each quarter of a pixel.
 //!
-//! **Exactness.** The ends of a segment are rounded to 1/256 of a pixel; from there on all is integers, so that both
-//! sides of the program agree and edges that share a vertex fit together. Vertices and edges that lie exactly on lines of
-//! the pixel grid are handled as if everything were moved to the right by an infinitely small distance and down by a
-//! yet infinitely smaller one. So closed polygons cross the perimeter of every pixel an even number of times, and a line
-//! crosses it twice or not at all, even one through the pixels' corners or along their sides.
+//! **Exactness.** The ends of a segment are rounded to 1/256 of a pixel; all arithmetic after that is in integers, so
+//! that both sides of the program agree and edges that share a vertex fit together. Vertices and edges exactly on lines
+//! of the pixel grid are treated as if everything were shifted to the right by an infinitesimal distance and down by an
+//! infinitely smaller one. Closed polygons therefore cross the perimeter of every pixel an even number of times, and a
+//! line crosses it twice or not at all, even one through the pixels' corners or along their sides.
 //!
-//! **Clipping.** A segment is cut at the near plane and, to bound the integers, at a square of 65,535 pixels around the
-//! middle of the image, before it is rounded. Both lie outside of the image, so no crossing in the image is lost or
-//! gained. A cut end differs from a point on the line by a rounding, that is less than 1/100 of a pixel, and less again
-//! at the image; ends that are not cut keep their coordinates.
+//! **Clipping.** Before rounding, a segment is clipped at the near plane and, to bound the integers, at a square of
+//! 65,535 pixels around the middle of the image. Both are outside the image, so no crossing in the image is lost or
+//! gained. A clipped end is off the line by less than 1/100 of a pixel, and by less still at the image; ends that are
+//! not clipped keep their coordinates.
 //!
-//! **Penumbrae.** The boundaries of a soft shadow are edges only where its penumbra is narrow on the screen: its width is
-//! taken as if it lay across the view.
+//! **Penumbrae.** The boundaries of a soft shadow are edges only where its penumbra is narrow on the screen; its width
+//! is computed as if it were perpendicular to the view.
 //!
-//! **Depth.** An edge is hidden where it lies behind the filtered depth of the pixels beside the crossing; 1 / z is
-//! interpolated linearly along the segment on the screen. Beside a middle line lies its own pixel on both sides; with
-//! `Either` those next to it count too, so that an edge that shows at a side of the pixel goes on within it.
+//! **Depth.** An edge is hidden where it is behind the filtered depth of the pixels on both sides of the crossing; 1 /
+//! z is interpolated linearly along the segment on the screen. A middle line has its own pixel on both sides; with
+//! `Either` the pixels next to it count too, so that an edge that shows at a side of the pixel continues within it.
 //!
-//! **Merging.** Two edges a slot apart, such as a crease and the boundary of a shadow along it, part nothing that the eye
-//! could see, yet they make a pixel complex. With `merge` a run of crossed slots on one side counts as its first. Both
-//! pixels beside that side see the same, so regions are still joined alike from either.
+//! **Merging.** Two edges a slot apart, such as a crease and the boundary of a shadow along it, separate nothing
+//! visible, yet they make a pixel complex. With `merge`, a run of crossed slots on one side counts as its first. The
+//! two pixels at that side see the same crossings, so regions are joined consistently.
 
 use std::{
     cell::Ref,
@@ -61,27 +61,27 @@ constants! {
     const PIXEL_SHIFT: u32 = 8;
     /// The binary logarithm of an eighth of a pixel in units.
     const SLOT_SHIFT: u32 = 5;
-    /// Pixels from one edge of the space in which segments are drawn to the other: coordinates differ by less than 2^24
-    /// units, so that 256 times a difference fits into 32 bits and a product of two into 48.
+    /// Size in pixels of the space in which segments are drawn: coordinates differ by less than 2^24 units, so that 256
+    /// times a difference fits into 32 bits and a product of two into 48.
     const SPAN: f32 = 65535.0;
     /// Metres beyond which a coordinate counts as no number.
     const LIMIT: f32 = 1e20;
     /// Workgroups that draw segments with many crossings on the GPU.
     const LONG_GROUPS: u32 = 256;
-    /// Set in `vertex` where there is one.
+    /// Set in `vertex` if the pixel has a vertex.
     pub const VERTEX: u32 = 0x10000;
 }
 
-/// How many segments with many crossings there may be; the rest is drawn by one thread each.
+/// Maximum number of segments with many crossings; each of the rest is drawn by one thread.
 const LONG_SEGMENTS: u32 = 65536;
 
-/// Segments of one task on the CPU.
+/// Segments per parallel task on the CPU.
 const CHUNK: usize = 16;
 
 choice! {
     /// How the GPU finds the pixels that a segment crosses.
     pub enum Method {
-        /// A thread goes through the crossings of a segment, or a workgroup if there are many.
+        /// One thread per segment processes its crossings, or a workgroup if there are many.
         Compute,
         /// The rasteriser draws segments as lines two pixels wide, and each pixel marks its own sides: the papers' way.
         Lines,
@@ -93,7 +93,7 @@ choice! {
     pub enum DepthTest {
         /// It shows if it does so at either pixel.
         Either,
-        /// The one whose left or top side it is, or the other where that is outside of the image: the papers' rule.
+        /// The one whose left or top side is crossed, or the other if that one is outside the image: the papers' rule.
         Owner,
         /// It shows if it does so at both pixels.
         Both,
@@ -105,7 +105,8 @@ choice! {
 params! {
     /// Parameters of [`EdgeRaster`].
     pub struct EdgeRasterParams {
-        /// How the GPU finds the pixels that a segment crosses; the CPU has one way for both, and the result is the same.
+        /// How the GPU finds the pixels that a segment crosses; the CPU has a single method, and the result is the
+        /// same.
         method: Method = Method::Compute;
         /// Which of the two pixels beside a crossing decide whether the edge shows there.
         depth_test: DepthTest = DepthTest::Either;
@@ -121,7 +122,7 @@ params! {
 }
 
 item! {
-    /// The part of a segment that is drawn: two points in the image in 1/256 pixel, and 1 / z there.
+    /// The visible part of a segment: two points in the image in 1/256 pixel, and 1 / z there.
     pub struct Snapped {
         /// From the left edge.
         ax: i32,
@@ -147,18 +148,18 @@ pub struct EdgeRaster {
     filtered: In<f32>,
     mask: Out<u32>,
     vertex: Out<u32>,
-    /// Mask and vertices while they are drawn: threads change them in any order.
+    /// Mask and vertices while they are being drawn: threads change them in any order.
     drawn: Mutex<[Vec<AtomicU32>; 2]>,
 }
 
-/// Segments, and how many of them there are; without it, all of the list.
+/// A list of segments and its count; without a count, the whole list is used.
 struct List {
     names: &'static Names,
     segments: In<Segment>,
     count: Option<In<u32>>,
 }
 
-/// What belongs to a list: its meaning, ports, defines and entry points.
+/// What differs between the lists: meaning, ports, defines and entry points.
 struct Names {
     meaning: Meaning,
     segments: &'static str,
@@ -204,7 +205,7 @@ impl List {
         }
     }
 
-    /// The segments that there are.
+    /// The segments that count.
     fn read<'a>(&self, cx: &'a CpuContext) -> Ref<'a, [Segment]> {
         let count = self.count.map_or(u32::MAX, |count| cx.read(count)[0]);
         Ref::map(cx.read(self.segments), |segments| &segments[..segments.len().min(count as usize)])
@@ -316,18 +317,18 @@ impl Stage for EdgeRaster {
     }
 }
 
-/// Each byte's runs of set bits as their lowest bit.
+/// Replaces each byte's runs of set bits by their lowest bit.
 fn merged(mask: u32) -> u32 {
     mask & !((mask & 0x7F7F_7F7F) << 1)
 }
 
-/// What is drawn into.
+/// What the segments are drawn into.
 struct Image<'a> {
     view: View,
     size: [i32; 2],
     depth_test: DepthTest,
     max_penumbra: f32,
-    /// The binary logarithm of the number of lines to a pixel: 1 if the middle ones are drawn too.
+    /// The binary logarithm of the number of lines per pixel: 1 if the middle ones are drawn too.
     halves: u32,
     filtered: &'a [f32],
     mask: &'a [AtomicU32],
@@ -335,7 +336,7 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// The part of a segment in front of the near plane and in the space that is drawn, as pixels in fixed point.
+    /// The part of a segment in front of the near plane and inside the drawing space, as pixels in fixed point.
     fn snap(&self, segment: &Segment) -> Option<Snapped> {
         let within = |p: [f32; 3]| p.iter().all(|c| c.abs() <= LIMIT);
         if !(within(segment.a) && within(segment.b)) {
@@ -358,7 +359,7 @@ impl Image<'_> {
             return None;
         }
         let between = |t: f32| [0, 1, 2].map(|axis| a[axis] + t * (b[axis] - a[axis]));
-        // An end that is not cut off keeps its very coordinates, so that edges go on meeting in it.
+        // An end that is not clipped keeps its exact coordinates, so that edges still meet in it.
         let start = if t[0] > 0.0 { between(t[0]) } else { a };
         let end = if t[1] < 1.0 { between(t[1]) } else { b };
         let inverse = [start, end].map(|p| 1.0 / p[2].max(near));
@@ -385,7 +386,7 @@ impl Image<'_> {
         [along(self.view.right) * scale[0], -(along(self.view.up) * scale[1]), along(self.view.forward)]
     }
 
-    /// Marks all crossings and both ends.
+    /// Marks all crossings and both ends of a segment.
     fn draw(&self, snapped: &Snapped) {
         let Snapped { ax, ay, bx, by, inverse_a, inverse_b, .. } = *snapped;
         if [ax, ay] != [bx, by] {
@@ -403,7 +404,7 @@ impl Image<'_> {
         }
     }
 
-    /// Marks an end, if it lies in the image and is not hidden.
+    /// Marks an end if it is in the image and not hidden.
     fn mark_end(&self, at: [i32; 2], inverse: f32, penumbra: f32) {
         let pixel = at.map(|along| along >> PIXEL_SHIFT);
         let is_inside = (0..2).all(|axis| (0..self.size[axis]).contains(&pixel[axis]));
@@ -418,7 +419,7 @@ impl Image<'_> {
         }
     }
 
-    /// Marks a crossing with a line, if it lies in the image and is not hidden.
+    /// Marks a crossing with a line if it is in the image and not hidden.
     fn mark(&self, axis: usize, line: i32, crossing: &Crossing) {
         let Crossing { slot, z } = *crossing;
         let is_middle = line & self.halves as i32 == 1;
@@ -479,7 +480,7 @@ impl Image<'_> {
     }
 }
 
-/// The part of t where a distance that goes from `a` (t = 0) to `b` (t = 1) is not negative.
+/// The range of t in which a distance that goes from `a` (t = 0) to `b` (t = 1) is not negative.
 fn cut(t: [f32; 2], a: f32, b: f32) -> [f32; 2] {
     if a < 0.0 && b < 0.0 {
         [1.0, 0.0]
@@ -494,19 +495,19 @@ fn cut(t: [f32; 2], a: f32, b: f32) -> [f32; 2] {
 
 /// The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top edge.
 struct Lines {
-    /// The binary logarithm of the lines' distance in units.
+    /// The binary logarithm of the line spacing in units.
     shift: u32,
-    /// The end with the lesser coordinate along the axis: that coordinate, and the other one.
+    /// The end with the smaller coordinate along the axis: that coordinate, and the other one.
     start: [i32; 2],
-    /// From there to the other end; the first is positive where there are lines.
+    /// Vector from there to the other end; its first component is positive if there are lines.
     delta: [i32; 2],
-    /// 1 / z there, and from there to the other end.
+    /// 1 / z there, and its difference to the other end.
     inverse: [f32; 2],
     first: i32,
     last: i32,
 }
 
-/// Where a segment crosses a line.
+/// The crossing of a segment and a line.
 struct Crossing {
     /// In eighths of a pixel from the image's top or left edge.
     slot: i32,
@@ -531,7 +532,7 @@ impl Lines {
             start: a,
             delta: [b[0] - a[0], b[1] - a[1]],
             inverse: [inverse[0], inverse[1] - inverse[0]],
-            // A vertex on a line lies beyond it.
+            // A vertex on a line counts as beyond it.
             first: ((a[0] >> shift) + 1).max(0),
             last: (b[0] >> shift).min(size << halves),
         }
@@ -546,8 +547,8 @@ impl Lines {
         let quotient = (product / u64::from(length)) as i32;
         let rest = product % u64::from(length);
 
-        // In a crossing with the very end of a slot the slot before counts on vertical lines, if the segment goes down:
-        // the perturbation that puts vertices beyond lines moves it there.
+        // At a crossing exactly at the end of a slot, the slot before counts on vertical lines if the segment descends:
+        // the perturbation that moves vertices beyond lines moves the crossing there.
         let (whole, before) = if self.delta[1] > 0 {
             (self.start[1] + quotient, vertical && rest == 0)
         } else {
@@ -605,7 +606,7 @@ mod tests {
         run_cpu(&mut harness(DepthTest::Either, size, segments)).get("mask")
     }
 
-    /// Bits that are set: column, row, bit.
+    /// The bits that are set: column, row, bit.
     fn bits(mask: &[u32], size: [u32; 2]) -> Vec<[u32; 3]> {
         let width = size[0] + 1;
         let all = (0..mask.len() as u32).flat_map(|corner| (0..32).map(move |bit| [corner, bit]));
@@ -1076,7 +1077,7 @@ mod tests {
                     let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<u32>("mask"));
                     let count = cpu.iter().map(|mask| mask.count_ones()).sum::<u32>();
                     let differing = cpu.iter().zip(&gpu).map(|(a, b)| (a ^ b).count_ones()).sum::<u32>();
-                    // A shader may fuse the products of the projection: an end near the middle between two units may
+                    // A shader may fuse the products of the projection: an end close to halfway between two units may
                     // be rounded to the other one, and a crossing near the end of a slot then falls into the next. The
                     // depth test compares floats.
                     let what = format!("{name} {method:?} {depth_test:?}: {differing} of {count} differ");

@@ -1,4 +1,4 @@
-//! What a scene states about itself: the lengths of lists, and reasons to leave stages out.
+//! What a scene states about itself: the lengths of lists, and reasons to skip stages.
 
 use epigraph_core::{Fact, Facts, Quantity};
 use epigraph_scenes::{Scene, SceneFacts};

@@ -1,9 +1,9 @@
-//! Colours every pixel from the points near it, and says how much a new sample there is worth
+//! Colours every pixel from the points near it, and computes how much a new sample there is worth
 //! (`algorithms.md` sections 1.4, 1.6 and 11.2).
 //!
 //! Colour: the weighted mean of the 3x3 pixels that show a point, weights 4 for the centre, 2 for edges, 1 for corners;
-//! where none does, the plain mean of the 7x7; where that is empty too, last frame's colour or black. Linear radiance
-//! is averaged, which measured better than tone-mapped.
+//! if none does, the plain mean of the 7x7; if that is empty too, last frame's colour or black. The mean is of linear
+//! radiance, which measured better than tone-mapped.
 
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
@@ -27,7 +27,7 @@ constants! {
 }
 
 choice! {
-    /// What a pixel shows that has no point within reach.
+    /// What a pixel without any point within the kernel shows.
     pub enum Empty {
         /// The colour of the frame before.
         Hold,
@@ -37,10 +37,10 @@ choice! {
 }
 
 choice! {
-    /// How the priority of a pixel follows from its surroundings.
+    /// How the priority of a pixel depends on its surroundings.
     pub enum Priority {
-        /// Pixels without a point: 255 (1 - w)^6 with w the share of the kernel's weight that is there; others: half
-        /// the point's age. The best of those measured.
+        /// Pixels without a point: 255 (1 - w)^6, where w is the present share of the kernel's weight; others: half the
+        /// point's age. The best of the measured rules.
         Measured,
         /// Pixels without a point: 255 (1 - w); others: the point's age, at most 254.
         Classic,
@@ -50,12 +50,12 @@ choice! {
 params! {
     /// Parameters of [`Fill`].
     pub struct FillParams {
-        /// What a pixel shows that has no point within reach.
+        /// What a pixel without any point within the kernel shows.
         empty: Empty = Empty::Hold;
-        /// Show the points as they are, and mix colours only where there is none. Sharper and noisier: measured at 5%,
-        /// mean FLIP is 5 to 12% lower on the Cornell box and 2 to 4% higher on the room with its noisier light.
+        /// Show the points as they are, and mix colours only in pixels without a point. Sharper and noisier: measured
+        /// at 5%, mean FLIP is 5 to 12% lower on the Cornell box and 2 to 4% higher on the room with its noisier light.
         keep_points: bool = false;
-        /// How the priority of a pixel follows from its surroundings.
+        /// How the priority of a pixel depends on its surroundings.
         priority: Priority = Priority::Measured;
     }
 }
@@ -105,7 +105,7 @@ impl Stage for Fill {
         let rows = points.par_chunks_mut(width).zip(priority.par_chunks_mut(width)).zip(id.par_chunks(width));
         rows.for_each(|((points, priority), id)| {
             for ((point, priority), &id) in points.iter_mut().zip(priority).zip(id) {
-                // 0xFFFFFFFF, for none, is no point's id.
+                // 0xFFFFFFFF, for none, is not a point's id.
                 (*point, *priority) = match (radiance.get(id as usize), meta.get(id as usize)) {
                     (Some(&radiance), Some(meta)) => {
                         let [r, g, b] = decode_radiance(radiance);
@@ -275,7 +275,7 @@ mod tests {
             assert_eq!(color[2], [0.5, 0.5, 0.0, 1.0]);
             assert_eq!(color[6], [0.0, 1.0, 0.0, 1.0]);
             assert_eq!(color[8], last);
-            // The wide kernel feeds no priority.
+            // The wide kernel does not affect priorities.
             assert_eq!([priority[2], priority[6], priority[8]], [255; 3]);
         }
     }

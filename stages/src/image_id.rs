@@ -1,4 +1,4 @@
-//! Tells points where they are seen.
+//! Records for each point which pixel shows it.
 
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params,
@@ -14,17 +14,17 @@ use crate::{
 mod explain;
 
 constants! {
-    /// Pixels that the papers' texel can tell apart (`algorithms.md` section 4).
+    /// Number of pixels that the papers' texel can distinguish (`algorithms.md` section 4).
     const TEXEL_PIXELS: usize = 0x7F_FFFF;
 }
 
 choice! {
-    /// How large the number of a pixel may be.
+    /// The size of pixel indices.
     pub enum Ids {
-        /// 32 bits: images are never too large.
+        /// 32 bits: enough for every image.
         Word,
-        /// The papers': 24 bits beside the age in an RGBA8 texel. The topmost marks a change of colour and 0x7FFFFF a
-        /// point that is not drawn, so a point seen at pixel 8,388,607 or later counts as not drawn.
+        /// The papers': 24 bits beside the age in an RGBA8 texel. The highest bit marks a change of colour, and
+        /// 0x7FFFFF a point that is not drawn, so a point seen at pixel 8,388,607 or later counts as not drawn.
         Texel,
     }
 }
@@ -32,12 +32,12 @@ choice! {
 params! {
     /// Parameters of [`ImageId`].
     pub struct ImageIdParams {
-        /// How large the number of a pixel may be.
+        /// The size of pixel indices.
         ids: Ids = Ids::Word;
     }
 }
 
-/// Writes into every point the pixel that shows it, or [`NOT_DRAWN`] if none does: a point may lie outside the image, be
+/// Writes for every point the pixel that shows it, or [`NOT_DRAWN`] if none does: a point may be outside the image,
 /// hidden, culled, or share its pixel with a nearer one (`algorithms.md` section 1.5).
 pub struct ImageId {
     cloud_image_id: Out<u32>,
@@ -71,7 +71,7 @@ impl Stage for ImageId {
         };
         image_id.fill(NOT_DRAWN);
         for (pixel, &id) in id[..told].iter().enumerate() {
-            // A pixel without a point has an id beyond every slot.
+            // A pixel without a point has an id larger than every slot.
             if let Some(image_id) = image_id.get_mut(id as usize) {
                 *image_id = pixel as u32;
             }

@@ -19,22 +19,22 @@ use crate::{
 mod explain;
 
 epigraph_core::constants! {
-    /// Points seen at most this many pixels from a changed one are flagged, on each axis: a square of 7 x 7.
+    /// Points seen at most this many pixels from a changed one, on each axis, are flagged: a square of 7 x 7.
     const REACH: u32 = 3;
 }
 
 epigraph_core::params! {
     /// When a colour counts as changed.
     pub struct IntegrateParams {
-        /// Difference of tone-mapped luma Y / (1 + Y) between a new sample and the point it was asked for to renew,
-        /// above which the points seen around it are flagged.
+        /// Difference of tone-mapped luma Y / (1 + Y), between a new sample and the point that it was requested to
+        /// renew, above which the points seen around it are flagged.
         threshold: f32 = 0.1, in 0.0..=1.0, unit "luma";
     }
 }
 
-/// Writes each sample into its slot, as a fresh point of age 0, and keeps in which frame it came. Where a sample has
-/// another colour than the point that its pixel showed, the points seen in the 7 x 7 pixels around it are flagged as
-/// changed, which makes them age faster (`algorithms.md` section 1.5).
+/// Writes each sample into its slot, as a fresh point of age 0, and records the frame in which it came. If a sample has
+/// a different colour from the point that its pixel showed, the points seen in the 7 x 7 pixels around it are flagged
+/// as changed, which makes them age faster (`algorithms.md` section 1.5).
 pub struct Integrate {
     cloud_position: Out<[f32; 4]>,
     cloud_radiance: Out<u32>,
@@ -64,7 +64,7 @@ impl Stage for Integrate {
             io.history("samples", SAMPLES.doc("The samples that arrived in the last frame."), Extent::Any);
         let slots = io.read("slots", SLOT, Extent::Like("samples".into()));
         let arrived = io.write("arrived", ARRIVED, Extent::Fixed([1, 1]));
-        // Frame numbers need no clearing.
+        // Stamps are frame numbers, so they need no clearing.
         let changed = io.persistent(
             "changed",
             "Frame number + 1 in which a colour last changed nearby.",
@@ -104,7 +104,7 @@ impl Stage for Integrate {
 
         // clear, compare
         let shown = Shown { meta: &meta, radiance: &radiance, threshold: params.threshold };
-        // Equal stamps may come in any order, and few come at all: the threads seldom meet.
+        // Equal stamps may be written in any order, and there are few: threads rarely meet.
         let stamps = Mutex::new(&mut *changed);
         let compared = samples.par_iter().zip(slots).with_min_len(1024).filter(|&(sample, &slot)| {
             let takes = takes(sample, slot, capacity);
@@ -116,7 +116,7 @@ impl Stage for Integrate {
         });
         arrived[0] = compared.count() as u32;
 
-        // flag: most points pass every test, so doing without branches is faster than skipping
+        // flag: most points pass every test, so branchless code is faster than skipping
         let last = changed.len() as u32 - 1;
         let changed = &*changed;
         meta.par_iter_mut().zip(&*image_id).with_min_len(4096).for_each(|(meta, &pixel)| {
@@ -154,12 +154,12 @@ impl Stage for Integrate {
     }
 }
 
-/// Whether there is a sample that has a slot.
+/// Whether there is a sample and it has a slot.
 fn takes(sample: &Sample, slot: u32, capacity: usize) -> bool {
     sample.hit != HIT_NONE && (slot as usize) < capacity
 }
 
-/// What pixels showed before this frame's samples.
+/// What pixels showed before this frame's samples arrived.
 struct Shown<'a> {
     meta: &'a [u32],
     radiance: &'a [u32],
@@ -167,20 +167,20 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    /// Whether the point that a sample was asked for to renew is live, and had another colour.
+    /// Whether the point that a sample was requested to renew is live and had a different colour.
     fn differs_from(&self, sample: &Sample) -> bool {
         let point = sample.reuse as usize;
         if sample.view != VIEW_NOW || self.meta.get(point).is_none_or(|meta| meta & LIVE == 0) {
             return false;
         }
         let before = decode_radiance(self.radiance[point]);
-        // Compared as it will be stored.
+        // Compared with stored precision.
         let after = decode_radiance(encode_radiance(sample.radiance));
         (tone_mapped_luma(after) - tone_mapped_luma(before)).abs() > self.threshold
     }
 }
 
-/// Stamps the 7 x 7 pixels around one, as far as they lie in the image.
+/// Stamps the 7 x 7 pixels around one, clipped to the image.
 fn stamp_around(pixel: u32, [width, height]: [u32; 2], stamp: u32, changed: &mut [u32]) {
     let (x, y) = (pixel % width, pixel / width);
     for y in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
@@ -241,7 +241,7 @@ mod tests {
         let (position, meta) = (out.get::<[f32; 4]>("cloud.position"), out.get::<u32>("cloud.meta"));
         assert_eq!((position[9], meta[9]), ([1.0, 2.0, 3.0, 1.0], LIVE | FRESH));
         assert_eq!((position[2], meta[2]), ([1.0, 2.0, 3.0, 0.0], LIVE | FRESH));
-        // An entry that holds no sample has no effect, whatever its slot.
+        // An empty entry has no effect, whatever its slot.
         assert_eq!((position[3], meta[3]), ([1.0; 4], LIVE | 3));
         let of_body = Sample { body: 200, ..sample(4, GREY) };
         let meta = run_cpu(&mut harness(16, &[of_body], &[9])).get::<u32>("cloud.meta")[9];
@@ -286,7 +286,7 @@ mod tests {
             y.flat_map(|y| x.clone().map(move |x| y * 16 + x)).filter(|&slot| slot != but).collect()
         };
         assert_eq!(slots, around(5..12, 2..9, 5 * 16 + 8));
-        // The image's corners cut the square.
+        // The image's corners clip the square.
         assert_eq!(flagged(sample(0, [2.0; 3])), around(0..4, 0..4, 0));
         assert_eq!(flagged(sample(16 * 12 - 1, [2.0; 3])), around(12..16, 8..12, 16 * 12 - 1));
     }
@@ -336,7 +336,7 @@ mod tests {
         harness.frame.index = 17;
         let both = run_both(&mut harness);
         for output in ["cloud.radiance", "cloud.image_id", "cloud.meta", "arrived", "changed", "dates"] {
-            // The comparison of lumas rounds, but none of these lies that close to the threshold.
+            // The comparison of lumas rounds, but none of these is that close to the threshold.
             both.assert_equal::<u32>(output);
         }
         both.assert_equal::<[f32; 4]>("cloud.position");

@@ -1,16 +1,16 @@
-//! Colours every pixel from the samples in its 5x5 pixels that lie on the same side of all edges, and says how much a
-//! new sample there is worth (`algorithms.md` sections 1.6, 2.7 and 11.2).
+//! Colours every pixel from the samples in its 5x5 pixels that are on the same side of all edges, and computes how much
+//! a new sample there is worth (`algorithms.md` sections 1.6, 2.7 and 11.2).
 //!
-//! The colour is that of the pixel's primary region. The pixel's own sample counts, and those that `r24` says the
-//! primary region reaches. A complex pixel, in which edges leave no region to speak of, takes all samples around. Weights
-//! follow the distance from the pixel's centre to where in its pixel the sample really lies; the papers' fixed kernel
-//! is the alternative.
+//! The colour is that of the pixel's primary region. It is the mean of the pixel's own sample and the samples that the
+//! primary region reaches according to `r24`. A complex pixel, whose regions are unknown, takes all samples around it.
+//! Weights depend on the distance from the pixel's centre to the sample's actual position in its pixel; the papers'
+//! fixed kernel is the alternative.
 //!
-//! Weights are whole numbers, and so small that their sums are exact in any order: both sides give the same priorities,
-//! and so go on to ask for the same samples. Only the colours are rounded.
+//! Weights are whole numbers, and small enough that their sums are exact in any order: both sides compute the same
+//! priorities, and so request the same samples. Only the colours are rounded.
 //!
-//! Alpha is the sum of the weights, as a share of what it would be with a sample in the centre of each of the 25 pixels.
-//! Where it is 0 nothing could be reached, the colour is black, and `spread` has to find one.
+//! Alpha is the sum of the weights, relative to that of a sample in the centre of each of the 25 pixels. Alpha 0 means
+//! that no sample could be reached: the colour is black, and `spread` has to find one.
 
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
@@ -32,12 +32,12 @@ use crate::{
 mod explain;
 
 constants! {
-    /// Pixels to each side of the centre.
+    /// Radius of the kernel in pixels.
     const REACH: usize = 2;
-    /// Pixels on each side of the kernel.
+    /// Width of the kernel in pixels.
     const SPAN: usize = 2 * REACH + 1;
-    /// The sum of the weights of five samples in the centres of their pixels along an axis, but for rounding. Those nearest to
-    /// the pixel that they can be weigh 1.5 times as much at most: a sum of products stays below 2^24.
+    /// The sum of the weights of five samples in the centres of their pixels along an axis, up to rounding. Samples at
+    /// their nearest possible positions weigh at most 1.5 times as much: a sum of products stays below 2^24.
     const AXIS: f32 = 2048.0;
     /// The sum of all 25 weights of samples in the centres.
     const FULL: f32 = AXIS * AXIS;
@@ -45,19 +45,19 @@ constants! {
     const ALL: u32 = 0x1FF_FFFF;
 }
 
-/// Rows of a task of the CPU.
+/// Rows per parallel task on the CPU.
 const BAND: usize = 32;
-/// Columns that a task goes down at a time.
+/// Columns that a task processes at a time.
 const TILE: usize = 64;
-/// Pixels that are summed side by side.
+/// Pixels that are summed in parallel lanes.
 const LANES: usize = 8;
 
 choice! {
-    /// How the weight of a sample follows from where it lies.
+    /// How the weight of a sample depends on its position.
     pub enum Kernel {
-        /// A Gaussian of the distance to the sample's place in its pixel.
+        /// A Gaussian of the distance to the sample's position in its pixel.
         Gaussian,
-        /// The papers' kind of kernel: 1, 4, 6, 4, 1 along each axis, wherever in its pixel the sample lies.
+        /// The papers' kind of kernel: 1, 4, 6, 4, 1 along each axis, regardless of the position in the pixel.
         Binomial,
     }
 }
@@ -67,7 +67,7 @@ choice! {
     pub enum Space {
         /// Linear radiance. Measured best.
         Linear,
-        /// Radiance divided by 1 + luminance, which keeps a bright sample from outshining all others.
+        /// Radiance divided by 1 + luminance, so that a bright sample does not outshine all others.
         ToneMapped,
     }
 }
@@ -75,15 +75,15 @@ choice! {
 params! {
     /// Parameters of [`Interpolate`].
     pub struct InterpolateParams {
-        /// How the weight of a sample follows from where it lies.
+        /// How the weight of a sample depends on its position.
         kernel: Kernel = Kernel::Gaussian;
         /// Standard deviation of the Gaussian. Between 0.6, which keeps detail, and 0.8, which hides noise.
         sigma: f32 = 0.7, in 0.3..=2.0, unit "px";
-        /// Bits of the cells in `subpixel`, as `project` has them.
+        /// Bits of the cells in `subpixel`, as in `project`.
         subpixel_bits: u32 = 8, in 2..=8, unit "bits";
         /// What is averaged.
         space: Space = Space::Linear;
-        /// How the priority of a pixel follows from its surroundings.
+        /// How the priority of a pixel depends on its surroundings.
         priority: Priority = Priority::Measured;
     }
 }
@@ -157,7 +157,7 @@ impl Stage for Interpolate {
                         for lane in 0..lanes {
                             reached[lane] = taps(cls[at + lane], r24[at + lane]);
                         }
-                        // Far from all edges, as most pixels are, the test of each tap can be left out.
+                        // Far from all edges, as most pixels are, no tap needs a test.
                         let sums = if reached == [ALL; LANES] {
                             around.sum::<true>(x - left, y, &reached)
                         } else {
@@ -185,12 +185,12 @@ impl Stage for Interpolate {
     }
 }
 
-/// Which of the 25 pixels of the kernel count, bit 12 being the pixel itself.
+/// Which of the 25 pixels of the kernel count; bit 12 is the pixel itself.
 fn taps(cls: u32, r24: u32) -> u32 {
     if cls & CLASS == COMPLEX {
         return ALL;
     }
-    // `r24` leaves out the centre.
+    // `r24` does not include the centre.
     (r24 & 0xFFF) | 1 << 12 | (r24 & 0xFF_F000) << 1
 }
 
@@ -202,7 +202,7 @@ fn with_point(rule: Priority, age: u32) -> u32 {
     }
 }
 
-/// Priority of a pixel without a point for which this share of the kernel's weight was there.
+/// Priority of a pixel without a point, given the present share of the kernel's weight.
 fn without_point(rule: Priority, share: f32) -> u32 {
     // In 1/256, to the nearest. Exact, as the share is a whole number of 1 / FULL.
     let missing = ((1.0 - share) * 256.0 + 0.5) as u32;
@@ -216,13 +216,13 @@ fn without_point(rule: Priority, share: f32) -> u32 {
     }
 }
 
-/// Radiance brought below luminance 1.
+/// Compresses radiance to a luminance below 1.
 fn compress(color: [f32; 3]) -> [f32; 3] {
     let scale = 1.0 / (1.0 + luminance(color));
     color.map(|channel| channel * scale)
 }
 
-/// Undoes [`compress`]. The largest radiance that the cloud holds leaves 1 - luminance at 1.5e-5.
+/// The inverse of [`compress`]. For the largest radiance that the cloud can hold, 1 - luminance is 1.5e-5.
 fn expand(color: [f32; 3]) -> [f32; 3] {
     let scale = 1.0 / (1.0 - luminance(color)).max(1e-5);
     color.map(|channel| channel * scale)
@@ -232,7 +232,7 @@ fn expand(color: [f32; 3]) -> [f32; 3] {
 struct Weights {
     /// For each row or column of cells, the weights of a sample in it at each offset + [`REACH`].
     axis: [[f32; SPAN]; 16],
-    /// Bits of a row or column, and the mask of that many.
+    /// Bits of a row or column, and their mask.
     shift: u32,
     mask: u32,
 }
@@ -249,7 +249,7 @@ impl Weights {
             Kernel::Binomial => [1.0, 4.0, 6.0, 4.0, 1.0][pixel],
         };
         let scale = AXIS / (0..SPAN).map(|pixel| weight(pixel, 0.0)).sum::<f32>();
-        // However far it is, a sample that is reached counts.
+        // Every reached sample counts, however far it is.
         let rounded = |weight: f32| (weight * scale + 0.5).floor().max(1.0);
         let aside = |cell: usize| (cell as f32 + 0.5) / cells as f32 - 0.5;
         let axis =
@@ -275,7 +275,7 @@ fn offsets() -> impl Iterator<Item = [i32; 2]> {
 }
 
 impl Image<'_> {
-    /// The weight and the colour of the sample at an offset from a pixel, if there is one.
+    /// The weight and the colour of the sample at an offset from a pixel, or `None`.
     fn tap(&self, weights: &Weights, pixel: [usize; 2], offset: [i32; 2]) -> Option<(f32, [f32; 3])> {
         let along = |axis: usize| pixel[axis].checked_add_signed(offset[axis] as isize);
         let (x, y) = (along(0)?, along(1)?);
@@ -283,7 +283,7 @@ impl Image<'_> {
             return None;
         }
         let at = y * self.width + x;
-        // NO_POINT is no point's id.
+        // NO_POINT is not a point's id.
         let color = decode_radiance(*self.radiance.get(self.id[at] as usize)?);
         let weight = |cell: u32, offset: i32| {
             weights.axis[(cell & weights.mask) as usize][(offset + REACH as i32) as usize]
@@ -298,7 +298,7 @@ impl Image<'_> {
     }
 
     /// The weighted sums of red, green and blue of the samples that count for a pixel, and the sum of their weights: the rule.
-    /// [`Around::sum`] follows it for several pixels side by side; its sums have the same bits.
+    /// [`Around::sum`] computes the same for several pixels at once, with identical bits.
     fn sum_at(&self, weights: &Weights, pixel: [usize; 2], taps: u32) -> [f32; 4] {
         let mut sums = [0.0; 4];
         for (tap, offset) in offsets().enumerate() {
@@ -312,14 +312,14 @@ impl Image<'_> {
     }
 }
 
-/// Columns of a row of samples: a tile and what its kernels reach.
+/// Columns of a row of samples: a tile plus the radius of its kernels.
 const COLUMNS: usize = TILE + 2 * REACH;
 
-/// A row of samples, as structures of arrays, so that neighbouring pixels are summed side by side.
+/// A row of samples, as structures of arrays, so that neighbouring pixels are summed in parallel lanes.
 #[derive(Clone, Copy)]
 struct Row {
     rgb: [[f32; COLUMNS]; 3],
-    /// The weight along x of each sample, seen from each offset; 0 where there is none.
+    /// The weight along x of each sample, seen from each offset; 0 if there is no sample.
     x: [[f32; COLUMNS]; SPAN],
     /// The weight along y.
     y: [[f32; COLUMNS]; SPAN],
@@ -339,7 +339,7 @@ impl Around {
         }
     }
 
-    /// Takes in row `y` - [`REACH`] of the image, which may lie outside, from column `left` - [`REACH`] on.
+    /// Loads row `y` - [`REACH`] of the image, which may be outside, from column `left` - [`REACH`] on.
     fn load(&mut self, image: &Image, weights: &Weights, left: usize, y: usize) {
         let row = &mut self.rows[y % SPAN];
         let columns = REACH.saturating_sub(left)..COLUMNS.min(image.width + REACH - left);
@@ -364,7 +364,7 @@ impl Around {
                 row.y[offset][column] = y[offset];
             }
         }
-        // Over columns outside too, so that several are decoded at a time.
+        // Includes columns outside the image, so that several are decoded at a time.
         let [r, g, b] = &mut row.rgb;
         for (((r, g), b), radiance) in r.iter_mut().zip(g).zip(b).zip(radiance) {
             [*r, *g, *b] = match image.space {
@@ -374,7 +374,8 @@ impl Around {
         }
     }
 
-    /// [`Image::sum_at`] of [`LANES`] pixels from column `x` of the tile on, of row `y`; with `EVERY`, `taps` are [`ALL`]. Not inlined: within the loop over rows the compiler does not find the lanes.
+    /// [`Image::sum_at`] of [`LANES`] pixels of row `y`, from column `x` of the tile on; with `EVERY`, `taps` are
+    /// [`ALL`]. Not inlined: inside the loop over rows the compiler does not vectorize the lanes.
     #[inline(never)]
     fn sum<const EVERY: bool>(&self, x: usize, y: usize, taps: &[u32; LANES]) -> Sums {
         let mut sums = [[0.0; LANES]; 4];
@@ -387,7 +388,7 @@ impl Around {
                 let (along_x, along_y) = (of(&row.x[dx]), of(&row.y[dy]));
                 let [r, g, b] = [of(&row.rgb[0]), of(&row.rgb[1]), of(&row.rgb[2])];
                 for lane in 0..LANES {
-                    // All ones where the pixel counts.
+                    // All ones if the pixel counts.
                     let counts = if EVERY { !0 } else { (taps[lane] >> (dy * SPAN + dx) & 1).wrapping_neg() };
                     let weight = f32::from_bits((along_x[lane] * along_y[lane]).to_bits() & counts);
                     sums[0][lane] += weight * r[lane];
@@ -405,7 +406,7 @@ impl Around {
 struct Sums([[f32; LANES]; 4]);
 
 impl Sums {
-    /// The colours, and the share of the kernel's weight that was there; zeros where there was none.
+    /// The colours, and the present share of the kernel's weight; zeros without any sample.
     fn over(self, space: Space) -> [[f32; LANES]; 4] {
         let Self([r, g, b, weight]) = self;
         let over = |sum: [f32; LANES]| -> [f32; LANES] {
@@ -441,7 +442,7 @@ mod tests {
         r24: u32,
     }
 
-    /// The middle one of 16 x 16 cells is not one: this is the one below and right of the centre.
+    /// The nearest cell to the middle, of 16 x 16: the one below and right of the centre.
     const CENTER: u32 = 8 * 16 + 8;
     const OPEN: Pixel = Pixel { sample: None, cls: EMPTY, r24: 0xFF_FFFF };
 
@@ -455,7 +456,7 @@ mod tests {
         harness.set("r24", &pixels.iter().map(|pixel| pixel.r24).collect::<Vec<_>>());
         let cell = |pixel: &Pixel| pixel.sample.map_or(0, |sample| sample.2);
         harness.set("subpixel", &pixels.iter().map(cell).collect::<Vec<_>>());
-        // A cloud has one slot at least.
+        // A cloud has at least one slot.
         let none = [0].into_iter().filter(|_| samples.is_empty());
         let radiance = samples.iter().map(|sample| encode_radiance(sample.0)).chain(none.clone());
         harness.set("cloud.radiance", &radiance.collect::<Vec<_>>());
@@ -575,7 +576,8 @@ mod tests {
         let color = run_cpu(&mut harness(params.clone(), [2, 1], &pixels)).get::<[f32; 4]>("color");
         // Weights 6 : 4 of the same row: (0.75 * 4 / 10) = 0.3, expanded 3/7.
         assert!((color[0][0] - 3.0 / 7.0).abs() < 1e-6, "{color:?}");
-        // The brightest point there is survives both ways, to the digits that 1 - luminance has left.
+        // The brightest possible point survives compression and expansion, with the precision that is left in 1 -
+        // luminance.
         pixels[0].sample = None;
         pixels[1].sample = gray(MAX_RADIANCE);
         let color = run_cpu(&mut harness(params, [2, 1], &pixels)).get::<[f32; 4]>("color");

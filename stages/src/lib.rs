@@ -1,7 +1,8 @@
 //! The stages of Epigraph: one file for each step of an algorithm, with its ports, parameters and CPU twin; the shader
-//! of the same name lies in `shaders/`. [`meaning`] names what their ports hold, [`column`] where their times are added up.
+//! with the same name is in `shaders/`. [`meaning`] names what their ports hold, [`column`] the columns of the table of
+//! times.
 //!
-//! [`registry`] has all of them, for [`epigraph_core::compile`]. A stage can also run alone, on given data:
+//! [`registry`] contains all of them, for [`epigraph_core::compile`]. A stage can also run alone, on given data:
 //!
 //! ```
 //! use epigraph_core::{Harness, Host, Settings, Side};
@@ -19,8 +20,8 @@
 //! # }
 //! ```
 
-/// The shader of that name in the folder `shaders`. It is a package of its own, so this differs from
-/// [`epigraph_core::shader!`], which looks in the package at hand.
+/// The shader with this name in the folder `shaders`. That is a package of its own, so this differs from
+/// [`epigraph_core::shader!`], which looks in the current package.
 macro_rules! shader {
     ($name:literal) => {
         epigraph_core::Shader::new(

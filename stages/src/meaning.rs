@@ -1,20 +1,20 @@
-//! What the values of the stages' ports are. Pictures choose how to show a port by its meaning, and the inspector, the
-//! gallery and the bench find the ports that they need by it, whatever the ports are called.
+//! Meanings of the stages' port values. Pictures choose how to show a port by its meaning, and the inspector, the
+//! gallery and the bench use it to find the ports that they need, regardless of the ports' names.
 
 epigraph_core::meanings! {
     /// The points.
     POINTS = "points";
-    /// What to sample; entries without a pixel ask for nothing.
+    /// What to sample; entries without a pixel are empty.
     REQUESTS = "requests";
-    /// What was seen; entries without a hit hold nothing.
+    /// What was seen; entries without a hit are empty.
     SAMPLES = "samples";
     /// The slot of each sample, 0xFFFFFFFF for none.
     SLOT = "slot";
-    /// How many samples came into the cloud.
+    /// The number of samples that entered the cloud.
     ARRIVED = "arrived samples";
     /// Live points of each whole age.
     AGES = "points by age";
-    /// Frame number + 1 in which the sample of each slot came, 0 where that is not known.
+    /// Frame number + 1 in which the sample of each slot came, 0 if unknown.
     DATE = "date";
 
     /// The point that each pixel shows, 0xFFFFFFFF for none.
@@ -27,18 +27,18 @@ epigraph_core::meanings! {
     CELL = "cell";
     /// The age of the point that each pixel shows, 0 to 255.
     AGE = "age";
-    /// How many frames ago the point came that each pixel shows.
+    /// Age in frames of the point that each pixel shows.
     FRAMES_AGO = "frames ago";
 
     /// Crossings with the left (bits 0 to 7) and top (8 to 15) side of each pixel.
     CROSSINGS = "crossings";
-    /// Where in the pixel an edge turns: 0 for nowhere, else 0x10000 | y << 8 | x in 1/16 pixel.
+    /// Where in the pixel an edge turns: 0 if it does not, else 0x10000 | y << 8 | x in 1/16 pixel.
     TURN = "turn";
     /// Class and regions of each pixel.
     CLASS = "class";
-    /// Which regions of each pixel join which of its eight neighbours'.
+    /// Which regions of each pixel join which regions of its eight neighbours.
     JOINS = "joins";
-    /// Which of the 24 pixels around the primary region reaches.
+    /// Which of the 24 pixels around it the primary region of each pixel reaches.
     REACH = "reach";
 
     /// Linear radiance.
@@ -66,7 +66,7 @@ epigraph_core::meanings! {
     SILHOUETTES = "silhouettes";
     /// Boundaries of shadows.
     SHADOWS = "shadow boundaries";
-    /// How many elements of a list count.
+    /// The number of elements of a list that count.
     COUNT = "count";
 
     /// How each body has moved since the last frame.

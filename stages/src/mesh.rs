@@ -1,4 +1,4 @@
-//! Hands the triangles and edges of the scene to the stages that look for silhouettes and shadows.
+//! Provides the triangles and edges of the scene to the stages that find silhouettes and shadows.
 
 use std::{
     ops::Range,
@@ -31,14 +31,14 @@ choice! {
 params! {
     /// Parameters of [`Mesh`].
     pub struct MeshParams {
-        /// How the normals of faces are stored. Stages that read them are to be set alike; the types of the port differ,
-        /// so a mismatch is an error.
+        /// How the normals of faces are stored. Stages that read them need the same setting; the port's type depends on
+        /// it, so a mismatch is an error.
         normals: Normals = Normals::F32;
     }
 }
 
 /// The scene's mesh as lists, from the [`World`] that the application provides. They are written in the first frame, and
-/// again when the application shows another scene; vertices and normals of bodies that move, whenever they have moved.
+/// again when the application shows another scene; vertices and normals of moving bodies, whenever they have moved.
 pub struct Mesh {
     vertices: Out<[f32; 4]>,
     faces: Out<[u32; 4]>,
@@ -119,21 +119,21 @@ impl Stage for Mesh {
     }
 }
 
-/// All of a list, however long it is.
+/// All of a list, of any length.
 const EVERYTHING: Range<usize> = 0..usize::MAX;
 
-/// The bodies that have another pose in a scene than `before`; `None` for another scene.
+/// The bodies whose pose differs from that in `before`; `None` for another scene.
 fn moved_since<'a>(before: &Arc<Scene>, scene: &'a Arc<Scene>) -> Option<Vec<&'a Body>> {
     if Arc::ptr_eq(before, scene) {
         return Some(Vec::new());
     }
-    // Poses of one scene share what they are poses of.
+    // Poses of one scene share the same bodies.
     let same = !scene.bodies.is_empty() && Arc::ptr_eq(&before.bodies, &scene.bodies);
     let poses = before.poses.iter().zip(&scene.poses);
     same.then(|| scene.bodies.iter().zip(poses).filter(|(_, (a, b))| a != b).map(|(body, _)| body).collect())
 }
 
-/// Writes the elements of some ranges of items; a list of which no range is given is unchanged.
+/// Writes the elements of the items in the given ranges; without ranges, the list is unchanged.
 fn write<S, T: PortElement>(
     cx: &CpuContext,
     out: Out<T>,
@@ -148,7 +148,7 @@ fn write<S, T: PortElement>(
     fill(&mut cx.write(out), ranges, items, |_, item| element(item))
 }
 
-/// Writes one element for each item of some ranges; a list of none has one element, of zeros.
+/// Writes one element for each item of some ranges; a list without items has one element, all zeros.
 fn fill<S, T: bytemuck::Pod>(
     out: &mut [T],
     ranges: &[Range<usize>],
@@ -183,24 +183,24 @@ fn mesh_edge(edge: &Edge) -> MeshEdge {
     MeshEdge { vertices: edge.vertices, faces: edge.faces, kind, pad: 0 }
 }
 
-/// A normal as three f16, the first in the low bits: what WGSL's `unpack2x16float` takes apart.
+/// A normal as three f16, the first in the low bits; WGSL's `unpack2x16float` decodes them.
 pub fn encode_f16([x, y, z]: [f32; 3]) -> [u32; 2] {
     let bits = |value| u32::from(f16::from_f32(value).to_bits());
     [bits(x) | bits(y) << 16, bits(z)]
 }
 
-/// The normal of [`encode_f16`].
+/// The inverse of [`encode_f16`].
 pub fn decode_f16([xy, z]: [u32; 2]) -> [f32; 3] {
     [xy & 0xFFFF, xy >> 16, z & 0xFFFF].map(|bits| f16::from_bits(bits as u16).to_f32())
 }
 
 constants! {
-    /// Stands for a zero normal in [`encode_oct16`]: -32768 twice, which no unit vector gives.
+    /// The code of a zero normal in [`encode_oct16`]: -32768 twice, which no unit vector maps to.
     const NO_NORMAL: u32 = 0x8000_8000;
 }
 
-/// A unit vector, or zero, as its place on an unfolded octahedron: x in the low 16 bits and y in the high ones, each from
-/// -32767 to 32767. It is off by less than 7e-5 radians.
+/// A unit vector, or zero, mapped to an unfolded octahedron: x in the low 16 bits and y in the high ones, each from
+/// -32767 to 32767. The error is less than 7e-5 radians.
 pub fn encode_oct16([x, y, z]: [f32; 3]) -> u32 {
     let sum = x.abs() + y.abs() + z.abs();
     if sum == 0.0 {
@@ -214,7 +214,7 @@ pub fn encode_oct16([x, y, z]: [f32; 3]) -> u32 {
     u32::from(bits(x)) | u32::from(bits(y)) << 16
 }
 
-/// The direction of [`encode_oct16`], not of unit length: silhouettes need its sign only.
+/// The inverse of [`encode_oct16`], not normalized: silhouettes need only its sign.
 pub fn decode_oct16(bits: u32) -> [f32; 3] {
     if bits == NO_NORMAL {
         return [0.0; 3];
@@ -339,7 +339,7 @@ mod tests {
             worst_f16 = worst_f16.max(angle(n, decode_f16(encode_f16(n.into())).into()));
             worst_oct16 = worst_oct16.max(angle(n, decode_oct16(encode_oct16(n.into())).into()));
         }
-        // Each of three numbers near 1 is off by half a unit of its last place at most: 2^-12.
+        // Each of three numbers near 1 has an error of at most half a unit of its last place: 2^-12.
         assert!(worst_f16 < 3f32.sqrt() / 4096.0 && worst_f16 > 1e-4, "{worst_f16}");
         assert!(worst_oct16 < 7e-5 && worst_oct16 > 1e-5, "{worst_oct16}");
         for axis in axes {

@@ -1,4 +1,4 @@
-//! How bodies and lights of the scene have moved since the last frame; the stage `carry` takes the points along.
+//! How bodies and lights of the scene have moved since the last frame; the stage `carry` moves the points with them.
 
 use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage};
 use epigraph_scenes::MAX_BODIES;
@@ -9,14 +9,14 @@ use crate::{
     shared::moves::{Blocker, Lamp, Move},
 };
 
-/// Elements of the list: one for each number of a body, of which 0 stands for what does not move.
+/// Elements of the list: one for each body number; 0 is everything static.
 const NUMBERS: u32 = MAX_BODIES as u32 + 1;
 
-/// Most lights and most blockers of the lists; of more, the first count.
+/// Maximum number of lights and of blockers in the lists; if there are more, the first ones count.
 const LIGHTS: u32 = 16;
 const BLOCKERS: u32 = 16;
 
-/// Hands the motion of a frame from the [`World`] to other stages: on the CPU only.
+/// Provides the motion of a frame from the [`World`] to other stages: on the CPU only.
 pub struct Motion {
     moves: Out<Move>,
     lights_before: Out<Lamp>,

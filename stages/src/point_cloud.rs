@@ -13,7 +13,7 @@ epigraph_core::params! {
 }
 
 /// A fixed number of slots for points, empty at the start and kept from frame to frame (`algorithms.md` section 1.1). The
-/// stages that update it form a chain; this one has nothing to do in a frame.
+/// stages that update it form a chain; this one does nothing in a frame.
 pub struct PointCloud;
 
 impl Stage for PointCloud {

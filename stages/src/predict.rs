@@ -1,5 +1,5 @@
-//! Which parts of the image the cloud leaves bare from where the camera is expected to be, so that samples can be asked
-//! for before the gaps are seen (`algorithms.md` section 1.8). A quarter of the resolution on each axis, no depth.
+//! Which parts of the image have no points in the predicted view, so that samples can be requested before the gaps
+//! become visible (`algorithms.md` section 1.8). At a quarter of the resolution on each axis, without depth.
 
 use std::sync::Mutex;
 
@@ -23,7 +23,7 @@ epigraph_core::constants! {
     pub const CELL: u32 = 4;
 }
 
-/// Points that the CPU looks through at a time.
+/// Points per parallel task on the CPU.
 const CHUNK: usize = 4096;
 
 /// See the module.
@@ -67,7 +67,7 @@ impl Stage for Predict {
             return Ok(());
         }
         occupancy.fill(0);
-        // Marks come in any order, so threads may take turns: projecting costs much more than marking.
+        // Marks may be set in any order, so threads share one lock: projecting costs much more than marking.
         let occupancy = Mutex::new(occupancy);
         position.par_chunks(CHUNK).zip(meta.par_chunks(CHUNK)).for_each(|(position, meta)| {
             let mut cells = [0; CHUNK];
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn the_predicted_view_counts() {
-        // Straight ahead of a camera that is expected to have moved a unit to the right, in an image of 3x2 cells.
+        // Straight ahead of a camera that is predicted a unit to the right, in an image of 3x2 cells.
         let mut harness = harness([10, 8], &[[1.0, 0.0, -5.0, 1.0], [0.0, 0.0, 5.0, 1.0]], &[LIVE; 2]);
         harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..View::default() };
         let both = run_both(&mut harness);
@@ -164,7 +164,7 @@ mod tests {
         harness.frame.predicted = View { eye: [0.1, 0.0, 0.0], ..View::default() };
         let both = run_both(&mut harness);
         assert!(both.cpu.get::<u32>("occupancy").contains(&1));
-        // A point within a rounding of a cell's edge may mark the neighbour.
+        // A point within a rounding error of a cell's edge may mark the neighbour.
         both.assert_equal_but::<u32>("occupancy", 4);
     }
 }

@@ -1,11 +1,11 @@
-//! Projects the point cloud: which point each pixel shows, how far away it is, and where in the pixel it lies
-//! (`algorithms.md` sections 1.2 and 5). The nearest point wins, and of equally near ones the lowest id, so that the
-//! result does not depend on the order in which threads run.
+//! Projects the point cloud: which point each pixel shows, its distance, and its position in the pixel (`algorithms.md`
+//! sections 1.2 and 5). The nearest point wins, and among equally near ones the lowest id, so that the result does not
+//! depend on the order in which threads run.
 //!
-//! Three methods on the GPU give that result. *TwoPass* needs no extension: an `atomicMin` on the depth, then one on the
-//! id among the points that have that depth. *Atomic64* puts depth and id into one 64-bit `atomicMin`. *Raster* draws
-//! points with the depth test; its depth buffer holds z / far, so of two points whose z differ by a rounding of that
-//! quotient (a relative 1e-7) the lower id wins instead of the nearer point.
+//! Three methods on the GPU compute that result. *TwoPass* needs no extension: an `atomicMin` on the depth, then one on
+//! the id among the points with that depth. *Atomic64* combines depth and id in one 64-bit `atomicMin`. *Raster* draws
+//! points with the depth test; its depth buffer holds z / far, so of two points whose z differ by less than the
+//! rounding of that quotient (a relative 1e-7) the lower id wins instead of the nearer point.
 
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Pass, Site, Stage, choice, constants, params,
@@ -25,11 +25,11 @@ use crate::{
 #[path = "explain/project.rs"]
 mod explain;
 
-/// Points that the CPU projects or looks through at a time.
+/// Points per parallel task on the CPU.
 const CHUNK: usize = 1024;
 
 constants! {
-    /// The `depth` of a pixel that shows no point: the bits of infinity.
+    /// The `depth` of a pixel without a point: the bits of infinity.
     pub const EMPTY_DEPTH: u32 = f32::INFINITY.to_bits();
 }
 
@@ -38,7 +38,7 @@ choice! {
     pub enum Method {
         /// Two passes of 32-bit atomics; runs everywhere.
         TwoPass,
-        /// One pass of 64-bit atomics; needs a device that has them.
+        /// One pass of 64-bit atomics; needs a device that supports them.
         Atomic64,
         /// Points drawn by the rasteriser with a depth buffer.
         Raster,
@@ -48,7 +48,7 @@ choice! {
 params! {
     /// Parameters of [`Project`].
     pub struct ProjectParams {
-        /// How the GPU finds the nearest point of each pixel; the CPU has one way for all.
+        /// How the GPU finds the nearest point of each pixel; the CPU has a single method.
         method: Method = Method::TwoPass;
         /// Bits of the sub-pixel cell, half of them for each axis: 8 gives 16 x 16 cells, 4 gives 4 x 4.
         subpixel_bits: u32 = 8, in 2..=8, unit "bits";
@@ -152,7 +152,7 @@ impl Stage for Project {
             }
         });
 
-        // Each thread owns a band of the image and goes through all points in the order of their ids.
+        // Each thread owns a band of the image and processes all points in the order of their ids.
         let band = id.len().div_ceil(rayon::current_num_threads());
         let bands =
             id.par_chunks_mut(band).zip(depth.par_chunks_mut(band)).zip(subpixel.par_chunks_mut(band));
@@ -172,8 +172,9 @@ fn is_drawn(meta: u32, max_age: u32) -> bool {
     meta & LIVE != 0 && (meta & AGE) / AGE_ONE <= max_age
 }
 
-/// Where the points that fall into a pixel lie, with their ids; first that which the pixel shows: the nearest, and of equally
-/// near ones that of the lowest id. This is the rule; [`Band::claim`] finds the first of every pixel.
+/// The positions of the points that fall into a pixel, with their ids; the first is the one that the pixel shows: the
+/// nearest, and among equally near ones that with the lowest id. This is the rule; [`Band::claim`] finds the first of
+/// every pixel.
 fn fallen(
     position: &[[f32; 4]],
     meta: &[u32],
@@ -190,7 +191,7 @@ fn fallen(
     fallen
 }
 
-/// A stretch of the image's pixels.
+/// A range of the image's pixels.
 struct Band<'a> {
     first: u32,
     id: &'a mut [u32],
@@ -205,7 +206,7 @@ impl Band<'_> {
         self.subpixel.fill(0);
         let mut mine = [0; CHUNK];
         for (chunk, projected) in projected.chunks(CHUNK).enumerate() {
-            // First picks the band's points without a branch: whether a point is one of them cannot be predicted.
+            // First selects the band's points without a branch, which could not be predicted.
             let mut count = 0;
             for (i, [pixel, _]) in projected.iter().enumerate() {
                 mine[count] = i;
@@ -214,7 +215,7 @@ impl Band<'_> {
             for &i in &mine[..count] {
                 let [pixel, depth] = projected[i];
                 let at = (pixel - self.first) as usize;
-                // The bits of positive floats are ordered like the floats; ids come in rising order.
+                // The bits of positive floats are ordered like the floats; ids come in ascending order.
                 if depth < self.depth[at] {
                     self.depth[at] = depth;
                     self.id[at] = (chunk * CHUNK + i) as u32;
@@ -334,7 +335,7 @@ mod tests {
         if gpu().is_software() { 0 } else { on_hardware }
     }
 
-    /// Asserts that `differing` pixels at most show another point, and gives how far apart the rest is.
+    /// Asserts that at most `differing` pixels show another point, and returns the maximum difference of the rest.
     fn compare(both: &Both, allowed: usize) {
         let (cpu, gpu) = (both.cpu.get::<u32>("id"), both.gpu.get::<u32>("id"));
         assert!(cpu.iter().filter(|&&id| id != NO_POINT).count() > cpu.len() / 4);
@@ -385,8 +386,8 @@ mod tests {
                 let params = ProjectParams { method, subpixel_bits, ..ProjectParams::default() };
                 let mut harness = harness(params, [101, 77], &points);
                 let both = run_both(&mut harness);
-                // A shader may fuse or reorder what the twin rounds step by step: a point within a rounding of a
-                // pixel's edge may fall to the neighbour, and one of a cell's edge into the next cell.
+                // A shader may fuse or reorder what the twin rounds step by step: a point within a rounding error of a
+                // pixel's edge may fall into the neighbour, and one at a cell's edge into the next cell.
                 compare(&both, roundings(8));
                 both.assert_equal_but::<u32>("subpixel", roundings(24));
             }

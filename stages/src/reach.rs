@@ -1,11 +1,11 @@
-//! Which samples a pixel may be interpolated from: those that a reasonably direct path reaches without crossing an edge
+//! Which samples a pixel may be interpolated from: those that a fairly direct path reaches without crossing an edge
 //! (`algorithms.md` section 2.5).
 //!
-//! Paths go from pixel to pixel. For pixels that share a side, the crossings of the side tell which of their regions
-//! touch: a 2x2 Boolean matrix. A path by way of a third pixel is a Boolean product, a choice of paths a sum. Diagonal
-//! neighbours are reached through the two pixels beside them, and the outer ring of the 5x5 pixels through the inner one.
-//! A complex pixel joins nothing, and neither does what lies outside the image. Both sides work on tiles, and skip those
-//! where all pixels are empty, as 85 to 95% of an image's are: every path is open there.
+//! Paths go from pixel to pixel. For pixels that share a side, the crossings of the side determine which of their
+//! regions touch: a 2x2 Boolean matrix. A path through a third pixel is a Boolean product, a choice of paths a sum.
+//! Diagonal neighbours are reached through the two pixels beside them, and the outer ring of the 5x5 pixels through the
+//! inner one. A complex pixel joins nothing, and neither does anything outside the image. Both sides work on tiles, and
+//! skip those in which all pixels are empty, as 85 to 95% of an image's are: every path is open there.
 
 use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, scratch,
@@ -22,23 +22,23 @@ use crate::{
 mod explain;
 
 constants! {
-    /// N8 of a pixel whose 3x3 pixels are all empty: the primary regions are joined.
+    /// N8 of a pixel whose 3x3 pixels are all empty: all primary regions are joined.
     const ALL_NEIGHBOURS: u32 = 0x1111_1111;
     /// R24 of a pixel whose 5x5 pixels are all empty.
     const ALL_REACHED: u32 = 0xFF_FFFF;
 }
 
-/// Pixels of a tile's side.
+/// Pixels on each side of a tile.
 const TILE: usize = 16;
-/// The tile's with those around that its depend on.
+/// The same with the margin of pixels that the tile depends on.
 const SPAN: usize = TILE + 4;
 
 choice! {
     /// Which pixels of the inner ring lead to one of the outer ring.
     pub enum Rule {
-        /// Those that lie within half a pixel of the straight way: the path turns by 45 degrees at most.
+        /// Those within half a pixel of the straight line: the path turns by at most 45 degrees.
         Narrow,
-        /// All that touch it: from a diagonal neighbour the path may also turn by 90 degrees.
+        /// All adjacent ones: from a diagonal neighbour the path may also turn by 90 degrees.
         Wide,
     }
 }
@@ -58,7 +58,7 @@ params! {
     pub struct ReachParams {
         /// Which pixels of the inner ring lead to one of the outer ring.
         rule: Rule = Rule::Narrow;
-        /// How the GPU divides the work; the CPU has one way for both.
+        /// How the GPU divides the work; the CPU has a single method.
         method: Method = Method::Fused;
     }
 }
@@ -143,16 +143,16 @@ impl Stage for Reach {
     }
 }
 
-/// A word for each pixel of a tile and of those around it, row by row.
+/// A word for each pixel of a tile and its margin, row by row.
 type Span = [u32; SPAN * SPAN];
 
-/// What is known of a tile's pixels in the end; the words of those around are of no use.
+/// The results for a tile's pixels; the words of the margin are meaningless.
 struct Tile {
     n8: Span,
     r24: Span,
 }
 
-/// What is known of an image in the beginning.
+/// The inputs of an image.
 struct Image<'a> {
     mask: &'a [u32],
     cls: &'a [u32],
@@ -161,7 +161,7 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// The tile whose span begins at this pixel, which may lie outside.
+    /// The tile whose span begins at this pixel, which may be outside the image.
     fn tile(&self, x: i32, y: i32, wide: bool) -> Tile {
         let cls = self.classes(x, y);
         if cls.iter().fold(0, |all, cls| all | cls) & CLASS == EMPTY {
@@ -191,7 +191,7 @@ impl Image<'_> {
             let at = [(x + (i % SPAN) as i32) as usize + dx, (y + (i / SPAN) as i32) as usize + dy];
             self.mask[at[1] * (self.width + 1) + at[0]]
         };
-        // Nothing depends on what lies to the right of and below the span.
+        // Nothing depends on the pixels to the right of and below the span.
         let cls = |i: usize| cls.get(i).copied().unwrap_or(COMPLEX);
         std::array::from_fn(|i| {
             let (own, right, below) = (cls(i), cls(i + 1), cls(i + SPAN));
@@ -202,7 +202,7 @@ impl Image<'_> {
     }
 }
 
-/// N8 of the pixels of a span but the outermost.
+/// N8 of the pixels of a span except the outermost.
 fn neighbours(pairs: &Span) -> Span {
     let mut n8 = [0; SPAN * SPAN];
     for y in 1..SPAN - 1 {
@@ -228,8 +228,8 @@ pub(crate) fn bit_of([x, y]: [i32; 2]) -> u32 {
     1 << (raw - i32::from(raw > 12))
 }
 
-/// R24 of the pixels of a span but the two outermost. A direction at a time for a row of pixels: the compiler makes that
-/// vector instructions.
+/// R24 of the pixels of a span except the two outermost. One direction at a time for a row of pixels, so that the
+/// compiler vectorizes it.
 fn reached(n8: &Span, wide: bool) -> Span {
     let mut r24 = [0; SPAN * SPAN];
     for y in 2..SPAN - 2 {
@@ -239,7 +239,7 @@ fn reached(n8: &Span, wide: bool) -> Span {
         for (d, offset) in DIRECTIONS.into_iter().enumerate() {
             let [dx, dy] = offset;
             let next = &n8[(first as i32 + dy * SPAN as i32 + dx) as usize..][..TILE];
-            // Bit 4 d: the way goes on in direction d, from a region of the neighbour that is joined to the primary
+            // Bit 4 d: the path continues in direction d, from a region of the neighbour that is joined to the primary
             // region here.
             let mut onward = [0; TILE];
             for x in 0..TILE {
@@ -294,7 +294,7 @@ mod tests {
         harness
     }
 
-    /// N8 and R24 with each method on each side, which have to be the same.
+    /// N8 and R24 with each method on each side, which must be equal.
     fn reach(rule: Rule, mask: &Mask, cls: &[u32]) -> (Vec<u32>, Vec<u32>) {
         let [fused, three] = [Method::Fused, Method::ThreePass].map(|method| {
             let both = run_both(&mut harness(ReachParams { rule, method }, mask, cls));
@@ -410,7 +410,7 @@ mod tests {
         assert!(narrower > 100, "{narrower}");
     }
 
-    /// The matrix of P and Q is the transpose of that of Q and P, and the one reaches the other as the other the one.
+    /// The matrix of P and Q is the transpose of that of Q and P, and reachability is symmetric.
     fn assert_symmetric(size: [u32; 2], n8: &[u32], r24: &[u32]) {
         let [width, height] = size.map(|side| side as i32);
         let at = |words: &[u32], x: i32, y: i32| {

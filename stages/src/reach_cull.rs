@@ -1,9 +1,10 @@
-//! Drops samples that shine through a nearer surface, after edges are known: a sample goes if at least half of those that
-//! it can be mixed with, the reachable ones of its 5x5 pixels, are clearly nearer (`algorithms.md` sections 2.9 and 11.2). In a
-//! sparse image most such samples have no near neighbour in the 3x3 pixels that the depth cull looks at.
+//! Drops samples that shine through a nearer surface, once edges are known: a sample is dropped if at least half of the
+//! samples that it can be mixed with, the reachable ones of its 5x5 pixels, are clearly nearer (`algorithms.md`
+//! sections 2.9 and 11.2). In a sparse image most such samples have no near neighbour in the 3x3 pixels that the depth
+//! cull examines.
 //!
-//! Every pass judges by the samples that the pass before has left. A sample with none in reach stays; so do those of
-//! complex pixels, which reach nothing and are used by nobody but complex pixels.
+//! Every pass judges by the samples that the previous pass left. A sample without others in reach stays; so do those of
+//! complex pixels, which reach nothing and are used only by complex pixels.
 
 use std::ops::Range;
 
@@ -29,7 +30,7 @@ params! {
     pub struct ReachCullParams {
         /// A sample is clearly nearer if (1 + threshold) times its distance is less.
         threshold: f32 = 0.05, in 0.0..=10.0;
-        /// How often all samples are judged; 0 drops none.
+        /// Number of passes over all samples; 0 drops none.
         passes: u32 = 2, in 0..=4;
     }
 }
@@ -116,7 +117,7 @@ impl Stage for ReachCull {
     }
 }
 
-/// Whether a pass writes `id`: every other one, and the last.
+/// Whether a pass writes `id`: every second one, and the last.
 fn writes_id(pass: u32, passes: u32) -> bool {
     (passes - pass) % 2 == 1
 }
@@ -132,7 +133,7 @@ struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// The samples of the rows from `top` on for which [`Samples::is_behind`] does not hold. It asks only those that have a
+    /// The samples of the rows from `top` on for which [`Samples::is_behind`] does not hold. Tests only those with a
     /// clearly nearer one around them.
     fn cull(&self, top: usize, to: &mut [u32]) {
         to.copy_from_slice(&self.id[top * self.width..][..to.len()]);
@@ -140,7 +141,7 @@ impl Samples<'_> {
         let distances = |pixels: Range<usize>, distances: &mut [f32]| {
             let given = self.id[pixels.clone()].iter().zip(&self.depth[pixels]);
             for (distance, (&id, &depth)) in distances.iter_mut().zip(given) {
-                // Without a branch, and so several at a time.
+                // Without a branch, so that several are processed at a time.
                 let none = 0u32.wrapping_sub(u32::from(id == NO_POINT));
                 *distance = f32::from_bits(depth & !none | EMPTY_DEPTH & none);
             }
@@ -158,7 +159,7 @@ impl Samples<'_> {
         count > 0 && 2 * nearer >= count
     }
 
-    /// How many samples are in reach, and how many of them are clearly nearer.
+    /// The number of samples in reach, and how many of them are clearly nearer.
     #[inline(always)]
     fn ballot(&self, x: usize, y: usize) -> [u32; 2] {
         let p = y * self.width + x;
@@ -170,7 +171,7 @@ impl Samples<'_> {
             rest &= rest - 1;
             let raw = k + usize::from(k >= 12);
             let (x, y) = ((x + raw % 5).wrapping_sub(2), (y + raw / 5).wrapping_sub(2));
-            // Bits never lead out of the image; this keeps foreign data from doing harm.
+            // Bits never point outside the image; this guards against invalid input.
             if x < self.width && y < self.height {
                 let q = y * self.width + x;
                 let is_there = self.id[q] != NO_POINT;
@@ -189,7 +190,7 @@ mod tests {
     use super::*;
     use crate::shared::testing::{Both, Random, run_both, run_cpu, settings};
 
-    /// Samples by their distances, none where that is infinite; every pixel reaches those of `r24`.
+    /// Samples by their distances, infinite for none; every pixel reaches those of `r24`.
     fn harness(params: ReachCullParams, size: [u32; 2], z: &[f32], r24: &[u32]) -> Harness<ReachCull> {
         let mut harness = Harness::new(params, &settings(size, 0));
         let id = |(p, z): (u32, &f32)| if z.is_infinite() { NO_POINT } else { 1000 + p };
@@ -202,7 +203,7 @@ mod tests {
         harness
     }
 
-    /// Asserts that both sides agree and that the state follows the sample; gives which pixels have one.
+    /// Asserts that both sides agree and that the state follows the sample; returns which pixels have one.
     fn stay(both: &Both) -> Vec<bool> {
         both.assert_equal::<u32>("id");
         both.assert_equal::<u32>("cls");
@@ -216,7 +217,7 @@ mod tests {
         stay
     }
 
-    /// Whether a sample at `z` stays in one pass, that reaches others along a row.
+    /// Whether a sample at `z` stays after one pass in which it reaches others along a row.
     fn stays(threshold: f32, z: f32, others: [f32; 4], r24: u32) -> bool {
         let row = [others[0], others[1], z, others[2], others[3]];
         let mut words = [0; 5];
@@ -235,12 +236,12 @@ mod tests {
         assert!(all([10.0, 10.0, 10.0, 1.0]));
         assert!(!all([10.0, 10.0, 1.0, 1.0]));
         assert!(!all([10.0, 1.0, 1.0, 1.0]));
-        // Few are enough, as long as there is one.
+        // A few are enough, even a single one.
         assert!(all([10.0, NONE, 1.0, 20.0]));
         assert!(!all([10.0, NONE, NONE, 1.0]));
         assert!(!all([NONE, NONE, 1.0, NONE]));
         assert!(all([NONE; 4]));
-        // What an edge hides does not count: bits 11 and 12 are the pixels beside it.
+        // Samples hidden by an edge do not count: bits 11 and 12 are the pixels beside it.
         assert!(stays(0.05, 10.0, [1.0, 10.0, 10.0, 1.0], 0b11 << 11));
         assert!(!stays(0.05, 10.0, [10.0, 1.0, 1.0, 10.0], 0b11 << 11));
         // A complex pixel reaches nothing.
@@ -310,14 +311,14 @@ mod tests {
         let mut random = Random(31);
         for size in [[1, 1], [3, 2], [61, 47]] {
             let pixels = size[0] * size[1];
-            // A near surface with holes before a far one, smooth in the left part and rough in the right.
+            // A near surface with holes in front of a far one, smooth in the left part and rough in the right.
             let z = |p: u32| match random.below(6) {
                 0 | 1 => NONE,
                 2 if p % size[0] > size[0] / 3 => random.between(40.0, 50.0),
                 _ => random.between(10.0, 10.4),
             };
             let z: Vec<f32> = (0..pixels).map(z).collect();
-            // Some bits lead out of the image, which must do no harm.
+            // Some bits point outside the image, which must do no harm.
             let r24: Vec<u32> =
                 (0..pixels).map(|_| random.bits() & (random.bits() | 0xFF00) & 0xFF_FFFF).collect();
             let mut before = usize::MAX;

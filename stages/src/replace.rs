@@ -13,24 +13,24 @@ use crate::{
 };
 
 epigraph_core::constants! {
-    /// Stands for the age of empty slots: above every age of a point.
+    /// The age of empty slots: higher than any point's.
     const EMPTY: u32 = 256;
-    /// A claim of no sample.
+    /// The claim of no sample.
     const UNCLAIMED: u32 = u32::MAX;
 }
 
 epigraph_core::params! {
     /// Which slots samples may take.
     pub struct ReplaceParams {
-        /// A sample takes the place of the point that its pixel showed when the sample was asked for.
+        /// A sample replaces the point that its pixel showed when the sample was requested.
         reuse: bool = true;
     }
 }
 
-/// Gives every sample a slot of its own (`algorithms.md` section 1.9). A sample asked for at a pixel that showed a point
-/// takes that point's slot; the lowest index wins where several want one. All others take the slots that are left,
-/// oldest first, an empty slot being older than any point: all that are older than the age at which the histogram of
-/// ages covers the need, then some of just that age, both in the order of the slots. Samples that find no place get
+/// Assigns each sample a slot of its own (`algorithms.md` section 1.9). A sample requested at a pixel that showed a
+/// point takes that point's slot; if several samples want one, the lowest index wins. All others take the remaining
+/// slots, oldest first, where empty slots are older than any point: all slots older than the age at which the histogram
+/// of ages covers the need, then some of exactly that age, both in slot order. Samples that find no slot get
 /// [`NO_POINT`].
 pub struct Replace {
     cloud_meta: In<u32>,
@@ -163,18 +163,18 @@ impl Stage for Replace {
     }
 }
 
-/// Whether a sample shows anew what a live point shows.
+/// Whether a sample renews a live point.
 fn renews(sample: &Sample, meta: &[u32]) -> bool {
     sample.hit != HIT_NONE && meta.get(sample.reuse as usize).is_some_and(|meta| meta & LIVE != 0)
 }
 
-/// The whole age of a point; [`EMPTY`] for an empty slot.
+/// The whole-number age of a point; [`EMPTY`] for an empty slot.
 fn age(meta: u32) -> u32 {
     if meta & LIVE == 0 { EMPTY } else { (meta & AGE) / AGE_ONE }
 }
 
-/// The greatest age of which there are, together with all greater ones, `need` free slots (0 where there are not so
-/// many at all), and the number of free slots of greater age. Empty slots are the oldest.
+/// The highest age such that there are `need` free slots of that age or higher (0 if there are not that many at all),
+/// and the number of free slots of higher age. Empty slots are the oldest.
 fn choose(capacity: usize, need: u32, histogram: &[u32], claimed: &[u32]) -> [u32; 2] {
     let empty = (capacity as u32).saturating_sub(histogram.iter().sum());
     if empty >= need {
@@ -247,7 +247,8 @@ mod tests {
         let meta = [point(5), point(0x10_00), point(0x20_00), 0];
         let samples =
             [sample(0), sample(0), Sample { hit: HIT_BACKGROUND, ..sample(1) }, sample(3), sample(99)];
-        // Slot 3 is not live and 99 is none, so with the loser three look for a place, but there are only two.
+        // Slot 3 is not live and 99 does not exist, so three samples, with the loser, need a slot, but there are only
+        // two.
         assert_eq!(slots(true, &meta, &samples), [0, 2, 1, 3, NO_POINT]);
         // Without reuse the need is three: slots 2 and 3 are older than the age of slot 1.
         assert_eq!(slots(false, &meta, &samples[..3]), [2, 3, 1]);
@@ -260,7 +261,7 @@ mod tests {
         assert_eq!(slots(true, &meta, &[sample(1), sample(NO_POINT)]), [1, 2]);
     }
 
-    /// Random points, of which some are dead, and samples, of which some ask for the same slots.
+    /// Random points, some of them dead, and samples, some of which request the same slots.
     fn random(seed: u64, capacity: u32, count: u32) -> (Vec<u32>, Vec<Sample>) {
         let mut random = Random(seed);
         let meta = (0..capacity)
@@ -301,7 +302,7 @@ mod tests {
 
     #[test]
     fn both_sides_agree() {
-        // 70,001 slots make blocks of two tiles, and the last of them short.
+        // 70,001 slots make blocks of two tiles, and the last block is short.
         for (seed, capacity, count) in [(5, 70_001, 9_000), (6, 300, 400), (7, 5, 1), (8, 70_001, 1)] {
             for reuse in [true, false] {
                 let (meta, samples) = random(seed, capacity, count);

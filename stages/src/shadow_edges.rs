@@ -1,6 +1,6 @@
-//! Finds the boundaries of shadows as segments of the world (`algorithms.md` section 2.1). They do not depend on the view,
-//! so they are found once for a scene, again only where something has moved, and handed over only when they are others: on
-//! the CPU only.
+//! Finds the boundaries of shadows as segments in the world (`algorithms.md` section 2.1). They do not depend on the
+//! view, so they are searched once for a scene, again only where something has moved, and written only when they have
+//! changed: on the CPU only.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -16,7 +16,7 @@ use crate::{
 params! {
     /// Parameters of [`ShadowEdges`].
     pub struct ShadowEdgesParams {
-        /// Most segments; of more, the long ones with a narrow penumbra are kept.
+        /// Maximum number of segments; if there are more, long ones with a narrow penumbra are kept.
         capacity: u32 = 262144, in 1..=4194304, unit "segments";
         /// How close to its blocker an object shows no boundary on itself; a share of the light's distance from the
         /// blocker. A tenth of it for boundaries on other objects.
@@ -31,8 +31,8 @@ params! {
 /// [`World`]; see [`epigraph_scenes::ShadowSearch`]. The flags of a segment are those of [`shadow_flags`].
 ///
 /// With [`Pace::Exact`](crate::Pace::Exact) a frame waits for the result of its scene. With
-/// [`Pace::Async`](crate::Pace::Async) no frame waits: there are no segments until threads of their own have found them,
-/// and after something has moved the old ones stay until then. The [`World`] keeps the result, so that a recompile finds it
+/// [`Pace::Async`](crate::Pace::Async) no frame waits: there are no segments until background threads have found them,
+/// and after a movement the old ones stay until then. The [`World`] keeps the result, so that a recompile finds it
 /// again.
 pub struct ShadowEdges {
     segments: Out<Segment>,
@@ -41,15 +41,15 @@ pub struct ShadowEdges {
     written: Mutex<Written>,
 }
 
-/// What the outputs hold.
+/// What the outputs contain.
 #[derive(Default)]
 enum Written {
-    /// Whatever was there when the graph was compiled.
+    /// Whatever they contained when the graph was compiled.
     #[default]
     Unknown,
-    /// No segments, because the search goes on.
+    /// No segments, because the search is still running.
     Nothing,
-    /// What a search has found.
+    /// The result of a search.
     Found(Weak<ShadowSegments>),
 }
 
@@ -158,7 +158,7 @@ mod tests {
         harness.run(Side::Cpu, &crate::registry(), host, None).unwrap()
     }
 
-    /// What the stage is to write, as found by `scenes`.
+    /// The expected output of the stage, as found by `scenes`.
     fn expected(tracer: &Tracer) -> Vec<Segment> {
         let settings = ShadowSettings { max_penumbra: 1.0, ..ShadowSettings::default() };
         let found = shadow_segments(tracer, &settings, &|_| true).unwrap();

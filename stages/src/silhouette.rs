@@ -1,12 +1,12 @@
-//! Finds the edges of the mesh that are silhouettes for the eye (`algorithms.md` section 2.1).
+//! Finds the edges of the mesh that are silhouettes from the eye (`algorithms.md` section 2.1).
 //!
-//! A pass over the faces asks once for each whether it faces the eye; edges then look at nothing but the bits of their
-//! two faces. An edge between smoothly joined faces is a silhouette if just one of them faces the eye, a crease if either
-//! does, a border if its face does or always. As all edges of a face see the same bit, the silhouettes of a closed mesh
-//! are closed loops, whatever rounding did to the bit.
+//! A pass over the faces tests once for each whether it faces the eye; edges then only need the bits of their two
+//! faces. An edge between smoothly joined faces is a silhouette if exactly one of them faces the eye, a crease if
+//! either does, a border if its face does, or always. Since all edges of a face see the same bit, the silhouettes of a
+//! closed mesh are closed loops, however the bit was rounded.
 //!
-//! A prefix sum puts the silhouettes into a list without gaps, in the order of the edges. The papers read the bits of the
-//! edges back and did this on the CPU: that is `compaction: Readback` with the stage [`crate::compact`] after it.
+//! A prefix sum compacts the silhouettes into a list, in edge order. The papers read the bits of the edges back and did
+//! this on the CPU: that is `compaction: Readback`, followed by the stage [`crate::compact`].
 
 use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage, Threads, choice, params, scratch};
 use glam::Vec3;
@@ -29,7 +29,7 @@ choice! {
     pub enum Collect {
         /// Here, by a prefix sum.
         PrefixSum,
-        /// By a node of kind `compact` that reads `drawn`, on the CPU: the papers' way.
+        /// By a node of kind `compact` that reads `drawn`, on the CPU: as in the papers.
         Readback,
     }
 }
@@ -41,7 +41,7 @@ params! {
         normals: Normals = Normals::F32;
         /// Where the silhouettes are collected.
         compaction: Collect = Collect::PrefixSum;
-        /// Edges with one face are always drawn; else only where their face faces the eye.
+        /// Draw edges with one face always; otherwise only if their face faces the eye.
         two_sided_borders: bool = true;
     }
 }
@@ -133,7 +133,7 @@ impl Stage for Silhouette {
 }
 
 impl Silhouette {
-    /// A face faces the eye if the eye lies on the side of its plane to which its normal points, not in the plane.
+    /// A face faces the eye if the eye is on the side of its plane to which its normal points, not in the plane.
     fn face_eye(&self, cx: &CpuContext, normal: impl Fn(usize) -> Vec3 + Sync) {
         let (vertices, faces) = (&cx.read(self.vertices)[..], &cx.read(self.faces)[..]);
         let eye = Vec3::from(cx.frame().view.eye);
@@ -431,7 +431,7 @@ mod tests {
         let lists = Lists::of(&Scene::load("chains").unwrap());
         for normals in [Normals::F32, Normals::F16, Normals::Oct16] {
             for eye in eyes(Vec3::Y, 3.0, 2) {
-                // A sum of three products may round to the other side of zero on a shader that fuses them.
+                // A sum of three products may round to the other side of zero in a shader that fuses them.
                 let params = SilhouetteParams { normals, ..SilhouetteParams::default() };
                 assert_sides_agree(&lists, params, eye, 4);
             }
@@ -459,7 +459,7 @@ mod tests {
         }
     }
 
-    /// As many faces as the papers' dragon has, 871,414, and 1.3 million edges.
+    /// As many faces as the papers' dragon, 871,414, and 1.3 million edges.
     #[test]
     fn more_than_a_million_edges_close_on_both_sides() {
         let lists = Lists::of_shape(&Shape::sphere(1.0, 768, 569));
@@ -475,7 +475,7 @@ mod tests {
         }
     }
 
-    /// Triangles of which no two have a side in common.
+    /// Triangles that share no sides.
     fn loose_triangles(count: u32) -> Lists {
         let mut random = Random(5);
         let positions: Vec<Vec3> =

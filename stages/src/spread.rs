@@ -1,14 +1,14 @@
-//! Gives a colour to the pixels from which no sample could be reached: at the start, where something comes into view, at
-//! the smallest budgets (`algorithms.md` sections 2.10 and 11.2).
+//! Gives a colour to pixels that reach no sample: at the start, where something comes into view, and with the smallest
+//! budgets (`algorithms.md` sections 2.10 and 11.2).
 //!
-//! First colours spread: in each step a hole takes the mean colour of those of its eight neighbours that have one and
-//! whose primary region joins its own, so no colour crosses an edge. The steps come in rounds of eight; a round is a
-//! single pass of the GPU, which makes all its steps on tiles that overlap by eight pixels; tiles without a hole that
-//! anything joins are not on its list. The result is that of the steps one by one.
+//! First colours spread: in each step, a hole takes the mean colour of those of its eight neighbours that have one and
+//! whose primary region joins its own, so no colour crosses an edge. Steps come in rounds of eight; a round is a single
+//! GPU pass, which performs all its steps on tiles that overlap by eight pixels; its list skips tiles without holes
+//! that any neighbour joins. The result equals that of single steps.
 //!
-//! What remains are regions without any sample: enclosed by edges, or farther away than the steps reach. Each hole takes
-//! the mean of the smallest square around it that holds colours: 3, 5, 9 or 17 pixels wide, then aligned blocks of 16,
-//! 32, 64 and so on. It is the cheap relative of push-pull, without smoothing: nothing but specks needs it.
+//! What remains are regions without any sample: enclosed by edges, or too far away for the number of steps. Each hole
+//! takes the mean of the smallest square around it that holds colours: 3, 5, 9 or 17 pixels wide, then aligned blocks
+//! of 16, 32, 64 and so on. It is a cheap relative of push-pull, without smoothing: only specks need it.
 
 use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, constants, params, scratch, texel,
@@ -25,33 +25,33 @@ use crate::{
 mod explain;
 
 constants! {
-    /// Pixels on each side of a tile, the finest of the aligned blocks.
+    /// Pixels on each side of a tile, which is the smallest of the aligned blocks.
     const TILE: usize = 16;
-    /// Steps of a round.
+    /// Steps per round.
     const ROUND: u32 = 8;
-    /// What `filled` holds for holes; else the round in which a hole was filled, 0 for pixels that were none.
+    /// What `filled` holds for holes; otherwise the round in which a hole was filled, 0 for pixels that were not holes.
     const HOLE: u32 = u32::MAX;
 }
 
-/// Pixels for each of the GPU's threads in a round, if all were holes. More would leave cores idle at the start, where
-/// most are; fewer would start threads for nothing later, where a few are.
+/// Pixels per GPU thread in a round, if all were holes. More would leave cores idle at the start, when most are; fewer
+/// would start threads for nothing later, when only a few are.
 const PIXELS_PER_THREAD: u32 = 8;
 
-/// What ends the holes of a row in a list.
+/// Terminates the list of a row's holes.
 const END: u32 = u32::MAX;
 
 /// Pixels to each side of the squares around a hole.
 const SQUARES: [usize; 4] = [1, 2, 4, 8];
 
-/// Holes that are worth a task of their own.
+/// Holes per parallel task.
 const CHUNK: usize = 512;
 
 choice! {
     /// How holes are filled.
     pub enum Method {
-        /// From what joins them, step by step; what is left over like `PushPull`.
+        /// From what joins them, step by step; the remaining ones like `PushPull`.
         Spread,
-        /// From what lies around them, edges or not.
+        /// From what is around them, across edges too.
         PushPull,
         /// Not at all: they stay black, with alpha 0.
         Off,
@@ -181,7 +181,7 @@ impl Stage for Spread {
     }
 }
 
-/// A hole and the colour that it takes: an element of `found` on the CPU, where it is a list.
+/// A hole and the colour that it takes: an element of `found` on the CPU, which uses it as a list.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct Hole {
@@ -189,18 +189,19 @@ struct Hole {
     pixel: u32,
 }
 
-/// Lists the holes for which `wanted` holds, in their order; gives how many. There must be room for all pixels.
+/// Lists the holes for which `wanted` holds, in order; returns their number. There must be room for all pixels.
 fn list_holes(
     list: &mut [Hole],
     width: usize,
     filled: &[u32],
     wanted: impl Fn(usize) -> bool + Sync,
 ) -> usize {
-    // Each row lists its own in its own place; then they move up.
+    // Each row lists its own in its own place; then the lists are compacted.
     list.par_chunks_mut(width).zip(filled.par_chunks(width)).enumerate().for_each(|(y, (row, filled))| {
         let mut count = 0;
         for (block, filled) in filled.chunks(TILE).enumerate() {
-            // Most blocks have no hole. With one, all bits are found together, as holes have them all.
+            // Most blocks have no hole. A hole has all bits set, so the union of a block's values shows whether it has
+            // any.
             if filled.iter().fold(0, |bits, filled| bits | filled) != HOLE {
                 continue;
             }
@@ -228,7 +229,7 @@ fn list_holes(
     count
 }
 
-/// Colours with alpha 1, or zeros: an alpha of 0 or less is a hole's.
+/// Colours with alpha 1, or zeros: an alpha of 0 or less marks a hole.
 struct Image<'a> {
     color: &'a mut [[f32; 4]],
     width: usize,
@@ -236,10 +237,10 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// Spreads colours into the holes, in so many rounds.
+    /// Spreads colours into the holes, in this many rounds.
     fn spread(&mut self, n8: &[u32], filled: &mut [u32], rounds: u32, list: &mut [Hole]) {
-        // The holes next to colours: those that the coming step fills. Each step lists those of the next behind its own;
-        // none is listed twice, so there is room.
+        // The holes next to colours: those that the coming step fills. Each step appends those of the next one; none is
+        // listed twice, so there is room.
         let is_next_to_color = |p| self.joined(n8, p).any(|q| self.color[q][3] > 0.0);
         let mut front = 0..list_holes(list, self.width, filled, is_next_to_color);
         for step in 0..rounds * ROUND {
@@ -254,7 +255,7 @@ impl Image<'_> {
                 filled[hole] = step / ROUND + 1;
                 for p in joined(self.width, self.height, n8, hole) {
                     if self.color[p][3] == 0.0 {
-                        // Listed, and still no colour.
+                        // Listed, but still without a colour.
                         self.color[p][3] = -1.0;
                         list[end].pixel = p as u32;
                         end += 1;
@@ -263,11 +264,11 @@ impl Image<'_> {
             }
             front = front.end..end;
         }
-        // What the last step has listed stays a hole.
+        // Holes that the last step has listed stay holes.
         list[front].iter().for_each(|hole| self.color[hole.pixel as usize][3] = 0.0);
     }
 
-    /// Gives colours to holes, each from the image without the others. There must be one for each.
+    /// Assigns colours to holes, each from the image without the others. There must be one for each.
     fn fill(&mut self, holes: &mut [Hole], color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
         holes.par_iter_mut().with_min_len(CHUNK).for_each(|hole| {
             let [r, g, b, _] = color(self, hole.pixel as usize);
@@ -310,7 +311,7 @@ fn joined(width: usize, height: usize, n8: &[u32], p: usize) -> impl Iterator<It
     })
 }
 
-/// The mean of those colours that are no holes; a hole if all are.
+/// The mean of those colours that are not holes; a hole if all are.
 fn mean(colors: impl Iterator<Item = [f32; 4]>) -> [f32; 4] {
     let mut sum = [0.0; 4];
     colors.filter(|color| color[3] > 0.0).for_each(|color| add(&mut sum, color));
@@ -321,26 +322,26 @@ fn add(sum: &mut [f32; 4], color: [f32; 4]) {
     (0..4).for_each(|channel| sum[channel] += color[channel]);
 }
 
-/// The mean of a sum of colours; zeros for a sum of none.
+/// The mean of a sum of colours; zeros if it is empty.
 fn over([r, g, b, count]: [f32; 4]) -> [f32; 4] {
     if count > 0.0 { [r / count, g / count, b / count, 1.0] } else { [0.0; 4] }
 }
 
-/// Sums of colours and how many: of tiles, then of blocks of 2x2, of 4x4 tiles and so on, up to the whole image.
+/// Sums of colours and their number: for tiles, then for blocks of 2x2, of 4x4 tiles and so on, up to the whole image.
 struct Pyramid<'a> {
     sums: &'a mut [[f32; 4]],
-    /// Of the finest level, in tiles.
+    /// Size of the finest level, in tiles.
     width: usize,
     height: usize,
 }
 
 impl<'a> Pyramid<'a> {
-    /// Of an image of this size in pixels.
+    /// For an image of this size in pixels.
     fn new(sums: &'a mut [[f32; 4]], width: usize, height: usize) -> Self {
         Self { sums, width: width.div_ceil(TILE), height: height.div_ceil(TILE) }
     }
 
-    /// Adds up an image; gives whether it holds any colour.
+    /// Sums an image; returns whether it contains any colour.
     fn pull(&mut self, image: &Image) -> bool {
         let (mut width, mut height) = (self.width, self.height);
         let (tiles, mut coarser) = self.sums.split_at_mut(width * height);
@@ -409,7 +410,7 @@ mod tests {
         harness
     }
 
-    /// N8 where `open` says whether two neighbours join; it is asked once for each pair.
+    /// N8 in which `open` tells whether two neighbours join; it is called once for each pair.
     fn reach(size: [u32; 2], mut open: impl FnMut([usize; 2], [usize; 2]) -> bool) -> Vec<u32> {
         let [width, height] = size.map(|side| side as usize);
         let mut n8 = vec![0; width * height];
@@ -428,7 +429,7 @@ mod tests {
         n8
     }
 
-    /// The definition: so many times, every hole takes the mean of the colours that it is joined to.
+    /// The definition: this many times, every hole takes the mean of the colours that it is joined to.
     fn steps(size: [u32; 2], color: &[[f32; 4]], n8: &[u32], count: u32) -> Vec<[f32; 4]> {
         let [width, height] = size.map(|side| side as usize);
         let opaque = |&[r, g, b, a]: &[f32; 4]| if a > 0.0 { [r, g, b, 1.0] } else { NONE };
@@ -503,7 +504,7 @@ mod tests {
 
     #[test]
     fn one_color_anywhere_fills_the_image() {
-        // Sizes about tiles and blocks of tiles.
+        // Sizes close to those of tiles and blocks of tiles.
         for size in [[1, 1], [16, 16], [17, 1], [33, 8], [3, 161], [300, 170]] {
             let count = (size[0] * size[1]) as usize;
             let mut harness = harness(params(Method::Spread, 1), size, &vec![NONE; count], &vec![0; count]);
@@ -539,7 +540,7 @@ mod tests {
     fn both_sides_follow_the_definition() {
         let mut random = Random(23);
         for size in [[151, 70], [16, 96], [47, 33]] {
-            // Mazes, with more or fewer walls; the wall around a block stays shut.
+            // Mazes with more or fewer walls; the wall around a block stays closed.
             for walls in [1, 3, 6] {
                 let n8 = reach(size, |p, q| {
                     let is_block = |[x, y]: [usize; 2]| x / 20 == 1 && y / 10 == 1;
@@ -558,7 +559,7 @@ mod tests {
                     .collect();
                 for rounds in [1, 3] {
                     let both = run_both(&mut harness(params(Method::Spread, rounds), size, &color, &n8));
-                    // Means of means of numbers below 9, some hundred in the worst chain.
+                    // Means of means of numbers below 9, up to some hundred in a chain.
                     both.assert_close("color", 1e-5);
                     both.assert_equal::<u32>("filled");
                     let cpu = both.cpu.get::<[f32; 4]>("color");

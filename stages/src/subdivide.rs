@@ -1,26 +1,26 @@
 //! Colours complex pixels by quarters (`algorithms.md` sections 2.2 and 2.11): an option of the original that its GPU version
 //! dropped, off by default.
 //!
-//! Edges leave no region to speak of in a complex pixel, so `interpolate` mixes all samples around it, and colours bleed.
-//! But most quarters of such a pixel are empty or simple. `edge_raster` with `middle` records where edges cross the two
-//! lines through each pixel's middle. With these the 3x3 pixels around a complex one become 6x6 quarters, and what holds
-//! for pixels holds for quarters (sections 2.3 to 2.5):
+//! Regions of a complex pixel are unknown, so `interpolate` mixes all samples around it, and colours bleed. But most
+//! quarters of such a pixel are empty or simple. `edge_raster` with `middle` records where edges cross the two lines
+//! through each pixel's middle. With these, the 3x3 pixels around a complex one become 6x6 quarters, and the rules for
+//! pixels hold for quarters (sections 2.3 to 2.5):
 //!
 //! - **Classes.** A quarter's perimeter is a ring of 16 slots, four a side, clockwise from its top left corner: the outer
 //!   sides are halves of the pixel's sides, the inner ones halves of its middle lines. With at most one crossing it is
 //!   empty, one region; with two it is simple, and the chord between the slots' centres parts region A from region B;
 //!   with more it is complex. So are the quarters outside of the image.
-//! - **Reachability.** Of quarters that share a side, those regions are joined that touch along an interval of it between
-//!   crossings. A region reaches another if some shortest way from quarter to quarter, over shared sides, leads through
-//!   joined regions: the direct paths. A complex quarter joins nothing.
-//! - **Samples.** A sample lies in the quarter, and in the region of it, in which its sub-pixel cell lies. Where the chord
-//!   touches the cell, or the quarter is complex, the sample does not count.
+//! - **Reachability.** For quarters that share a side, the regions are joined that touch along an interval between
+//!   crossings. A region reaches another if some shortest path from quarter to quarter, over shared sides, leads
+//!   through joined regions: the direct paths. A complex quarter joins nothing.
+//! - **Samples.** A sample belongs to the quarter, and to the region of it, that contains its sub-pixel cell. If the
+//!   chord touches the cell, or the quarter is complex, the sample does not count.
 //!
 //! Each region of the pixel's four quarters takes the mean of the samples that it reaches, weighted by a Gaussian of their
-//! distance from the quarter's centre. If it reaches none it takes that of the colours of the pixels around, each at those
-//! of its corners that lie in its primary region and that the region reaches: these colours come from farther away, and
-//! across no edge either. If there is none of these, or the quarter is complex, it keeps the pixel's colour, the mean over
-//! 5x5. The pixel is the mean of the regions, by area; it needs no other anti-aliasing. No other pixel changes.
+//! distance from the quarter's centre. If it reaches none, it takes the mean of the colours of the pixels around, each
+//! at those of its corners that are in its primary region and that the region reaches: these colours come from farther
+//! away, but across no edge either. If there are none, or the quarter is complex, it keeps the pixel's colour, the mean
+//! over 5x5. The pixel is the mean of the regions, by area; it needs no other anti-aliasing. No other pixel changes.
 
 use std::cell::LazyCell;
 
@@ -40,7 +40,7 @@ use crate::{
 };
 
 constants! {
-    /// Pixels along an axis of those around one, itself included.
+    /// Pixels along an axis of the neighbourhood, itself included.
     const PIXELS: usize = 3;
     /// Quarters along that axis.
     const SPAN: usize = 2 * PIXELS;
@@ -50,8 +50,8 @@ constants! {
     const QUARTER_AREA: u32 = PIXEL_AREA / 4;
 }
 
-/// Distances along an axis of a tap from the centre of one of the pixel's own quarters, in 1/32 pixel: the window's sides
-/// lie 40 and 56 off.
+/// Number of distances along an axis, in 1/32 pixel, from the centre of one of the pixel's own quarters to a tap: the
+/// window's sides are 40 and 56 away.
 const DISTANCES: usize = 57;
 
 /// The four quarters of the pixel itself.
@@ -60,9 +60,9 @@ const OWN: [[usize; 2]; 4] = [[2, 2], [3, 2], [2, 3], [3, 3]];
 params! {
     /// Parameters of [`Subdivide`].
     pub struct SubdivideParams {
-        /// Standard deviation of the Gaussian. Of no great influence, as few samples are reached.
+        /// Standard deviation of the Gaussian. It has little influence, as few samples are reached.
         sigma: f32 = 0.5, in 0.3..=2.0, unit "px";
-        /// Bits of the cells in `subpixel`, as `project` has them.
+        /// Bits of the cells in `subpixel`, as in `project`.
         subpixel_bits: u32 = 8, in 2..=8, unit "bits";
     }
 }
@@ -141,7 +141,7 @@ fn quarter_ring(left: u32, top: u32, right: u32, bottom: u32) -> u32 {
     top | right << 4 | reversed(bottom) << 8 | reversed(left) << 12
 }
 
-/// Class and chord of a quarter, in the bits of `cls`, with A for the primary region.
+/// Class and chord of a quarter, in the bits of `cls`, with A as the primary region.
 fn classify(ring: u32) -> u32 {
     let class = class_of(ring) | PRIMARY_IS_A;
     if class & CLASS == SIMPLE {
@@ -172,15 +172,15 @@ fn areas(quarter: u32) -> [u32; 2] {
     [a, QUARTER_AREA - a]
 }
 
-/// The region of a quarter in which a square cell lies, if it lies in one: `corner` is its top left one and `size` the
-/// length of its sides, in 1/16 pixel.
+/// The region of a quarter that contains a square cell, if one does: `corner` is its top left one and `size` the length
+/// of its sides, in 1/16 pixel.
 fn region_of_cell(quarter: u32, corner: [i32; 2], size: i32) -> Option<u32> {
     if quarter & CLASS != SIMPLE {
         return (quarter & CLASS == EMPTY).then_some(0);
     }
     let [p, q] = ends(quarter).map(slot_position);
     let chord = Chord::between(p, q);
-    // Twice the chord's function at the cell's centre, and how far that at a corner lies from it at most.
+    // Twice the chord's function at the cell's centre, and its maximum difference to that at a corner.
     let distance = chord.side(corner) + chord.side(corner.map(|at| at + size));
     let reach = size * (chord.normal[0].abs() + chord.normal[1].abs());
     (distance.abs() > reach).then_some(u32::from(distance < 0))
@@ -195,12 +195,13 @@ struct Window {
 }
 
 impl Window {
-    /// For each quarter the matrix of this one and it: which regions reach which.
+    /// For each quarter, the matrix of this one and it: which regions reach which.
     fn reached(&self, [column, row]: [usize; 2]) -> [u32; QUARTERS] {
         let mut reached = [0; QUARTERS];
         let start = SPAN * row + column;
         reached[start] = [1, 9, 0][(self.quarters[start] & CLASS) as usize];
-        // Outwards, so that the quarters a step nearer are done: from the start to the end, then back to the beginning.
+        // Outwards, so that the quarters a step nearer are ready: from the start to the end, then back to the
+        // beginning.
         for i in 0..SPAN {
             let v = if row + i < SPAN { row + i } else { SPAN - 1 - i };
             for j in 0..SPAN {
@@ -234,7 +235,7 @@ struct Tap {
     rgb: [f32; 3],
 }
 
-/// What the stage reads.
+/// The stage's inputs.
 struct Image<'a> {
     radiance: &'a [u32],
     id: &'a [u32],
@@ -260,7 +261,7 @@ impl Image<'_> {
         let window = self.window(pixel);
         let samples: [Option<Tap>; PIXELS * PIXELS] =
             std::array::from_fn(|place| self.sample(&window, pixel, place));
-        // Where all regions reach samples these are not needed.
+        // Not needed if all regions reach samples.
         let corners = LazyCell::new(|| -> [Option<Tap>; QUARTERS] {
             std::array::from_fn(|quarter| self.corner(&window, pixel, quarter))
         });
@@ -284,7 +285,7 @@ impl Image<'_> {
         [r, g, b, alpha]
     }
 
-    /// The mean of the taps that a region of a quarter reaches, if there are any.
+    /// The mean of the taps that a region of a quarter reaches, or `None`.
     fn mean(
         &self,
         taps: &[Option<Tap>],
@@ -308,14 +309,14 @@ impl Image<'_> {
         (total > 0.0).then(|| sum.map(|channel| channel / total))
     }
 
-    /// The pixel of a place among the 3x3 around one, if the image has it.
+    /// The pixel at a position among the 3x3 around one, if it is in the image.
     fn neighbour(&self, pixel: [usize; 2], place: [usize; 2]) -> Option<usize> {
         let x = (pixel[0] + place[0]).checked_sub(1)?;
         let y = (pixel[1] + place[1]).checked_sub(1)?;
         (x < self.size[0] && y < self.size[1]).then_some(y * self.size[0] + x)
     }
 
-    /// The sample of a place among the 3x3 pixels, if there is one and it is known in which region it lies.
+    /// The sample at a position among the 3x3 pixels, if there is one and its region is known.
     fn sample(&self, window: &Window, pixel: [usize; 2], place: usize) -> Option<Tap> {
         let place = [place % PIXELS, place / PIXELS];
         let p = self.neighbour(pixel, place)?;
@@ -333,7 +334,7 @@ impl Image<'_> {
         Some(Tap { quarter, region, at: corner.map(|at| 2 * at + size), rgb })
     }
 
-    /// The colour of the pixel in which a quarter lies, at the corner that they share, if that lies in the primary region.
+    /// The colour of the quarter's pixel, at the corner that they share, if that is in the primary region.
     fn corner(&self, window: &Window, pixel: [usize; 2], quarter: usize) -> Option<Tap> {
         let (u, v) = (quarter % SPAN, quarter / SPAN);
         let cls = self.cls[self.neighbour(pixel, [u / 2, v / 2])?];
@@ -352,7 +353,7 @@ impl Image<'_> {
     fn window(&self, pixel: [usize; 2]) -> Window {
         let mut window = Window { quarters: [COMPLEX; QUARTERS], pairs: [0; QUARTERS] };
         let inside = |q: usize| self.neighbour(pixel, [q % SPAN / 2, q / SPAN / 2]).is_some();
-        // In half pixels; not used outside of the image.
+        // In half pixels; not used outside the image.
         let place =
             |q: usize| [(2 * pixel[0] + q % SPAN).wrapping_sub(2), (2 * pixel[1] + q / SPAN).wrapping_sub(2)];
         for q in (0..QUARTERS).filter(|&q| inside(q)) {
@@ -398,7 +399,7 @@ mod tests {
     /// The cell below and right of the centre of 16x16.
     const CENTER: u32 = 8 * 16 + 8;
 
-    /// What the stage reads, in grays.
+    /// The stage's inputs, in grays.
     struct Input {
         mask: Mask,
         cls: Vec<u32>,
@@ -444,7 +445,7 @@ mod tests {
             harness
         }
 
-        /// The red of a pixel, on the CPU, with the shader held against it.
+        /// The red of a pixel, computed on the CPU and compared with the shader.
         fn red(&self, p: usize) -> f32 {
             let both = run_both(&mut self.harness(SubdivideParams::default()));
             // Sums and quotients of numbers up to 1000, exponential functions to about 1e-6 each.
@@ -464,8 +465,8 @@ mod tests {
         input
     }
 
-    /// What becomes of the middle pixel there if its first quarter has colour 10, and what the four parts of the image have
-    /// is known: the second quarter has 3/16 of a pixel by a half above the line and 5/16 below, and so on.
+    /// The colour of the middle pixel there if its first quarter has colour 10, given the colours of the four parts of
+    /// the image: the second quarter has 3/16 of a pixel by a half above the line and 5/16 below, and so on.
     fn parted([above, left, rest]: [f32; 3]) -> f32 {
         (128.0 * 10.0 + 48.0 * above + 48.0 * left + (80.0 + 80.0 + 128.0) * rest) / 512.0
     }
@@ -495,7 +496,7 @@ mod tests {
         let mut input = crossing_lines();
         input.primary = vec![1.0, 2.0, 2.0, 3.0, 10.0, 4.0, 3.0, 4.0, 4.0];
         assert!((input.red(4) - parted([2.0, 3.0, 4.0])).abs() < 1e-5);
-        // Where there is a sample, these do not.
+        // If there is a sample, these do not count.
         input.samples[2] = Some((7.0, CENTER));
         assert!((input.red(4) - parted([7.0, 3.0, 4.0])).abs() < 1e-5);
         // With neither, the pixel keeps its colour: complex pixels lend none.
@@ -632,7 +633,7 @@ mod tests {
             input.primary[4] = 100.0;
             let color = run_cpu(&mut input.harness(SubdivideParams::default())).get::<[f32; 4]>("color");
             if color[4][0] > 1.0 {
-                // Some region reaches nothing, and keeps the colour.
+                // Some region reaches nothing, and keeps the pixel's colour.
                 continue;
             }
             let covered = (0..64 * 64)
@@ -667,7 +668,7 @@ mod tests {
             for subpixel_bits in [2, 4, 6, 8] {
                 for sigma in [0.3, 0.5, 2.0] {
                     let both = run_both(&mut input.harness(SubdivideParams { sigma, subpixel_bits }));
-                    // Means of numbers up to 2; their weights, down to e^-34, are off by 1e-5 of themselves at most.
+                    // Means of numbers up to 2; their weights, down to e^-34, have a relative error of at most 1e-5.
                     both.assert_close("color", 2e-5);
                     let color = both.cpu.get::<[f32; 4]>("color");
                     for (p, color) in color.iter().enumerate() {

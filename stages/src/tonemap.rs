@@ -1,4 +1,4 @@
-//! The last step: linear radiance to the bytes that a screen shows.
+//! The last step: from linear radiance to the bytes that a screen shows.
 
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
 use rayon::prelude::*;
@@ -11,15 +11,15 @@ use crate::{
 #[path = "explain/tonemap.rs"]
 mod explain;
 
-/// What shows a NaN: loud, so that it is found.
+/// The colour of NaN: conspicuous, so that it is found.
 const MAGENTA: [u8; 3] = [255, 0, 255];
 
 choice! {
-    /// How radiance is brought into the range that a screen shows.
+    /// How radiance is mapped to the range of a screen.
     pub enum Curve {
-        /// Cut off at 1.
+        /// Clamped to 1.
         Clamp,
-        /// Divided by 1 + luminance, then cut off (Reinhard et al. 2002).
+        /// Divided by 1 + luminance, then clamped (Reinhard et al. 2002).
         Reinhard,
     }
 }
@@ -27,9 +27,9 @@ choice! {
 params! {
     /// Parameters of [`Tonemap`].
     pub struct TonemapParams {
-        /// Doubles the brightness with each step.
+        /// Each step doubles the brightness.
         exposure: f32 = 0.0, in -24.0..=24.0, unit "EV";
-        /// How radiance is brought into the range that a screen shows.
+        /// How radiance is mapped to the range of a screen.
         curve: Curve = Curve::Clamp;
     }
 }
@@ -73,11 +73,11 @@ impl Stage for Tonemap {
     }
 }
 
-/// The sRGB encoding as a search: the bytes that the rounded formula gives, without its power.
+/// The sRGB encoding as a search: the same bytes as the rounded formula, without its power.
 struct Srgb {
-    /// Where each byte ends: the least value of the next one, infinity for the last.
+    /// Where each byte ends: the smallest value of the next one, infinity for the last.
     end: [f32; 256],
-    /// The byte of the least value with given upper bits, for those of [`Srgb::FIRST`] to those of 1.
+    /// The byte of the smallest value with given upper bits, from those of [`Srgb::FIRST`] to those of 1.
     start: Vec<u8>,
 }
 
@@ -104,7 +104,7 @@ impl Srgb {
     fn encode(&self, value: f32) -> u8 {
         let value = value.clamp(Self::FIRST, 1.0);
         let byte = self.start[((value.to_bits() - Self::FIRST.to_bits()) >> Self::SHIFT) as usize];
-        // Values with the same upper bits differ by a factor of 1/128 at most, and codes by 0.87: one step is enough.
+        // Values with the same upper bits differ by a factor of at most 1/128, and codes by 0.87: one step is enough.
         byte + u8::from(value >= self.end[usize::from(byte)])
     }
 
@@ -158,7 +158,7 @@ mod tests {
             let linear = f64::from(value).min(1.0);
             let code =
                 if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-            // A value whose code is within a rounding of a half may go either way.
+            // A value whose code is within a rounding error of a half may round either way.
             let code = 255.0 * code;
             let byte = srgb.encode(value);
             assert!((f64::from(byte) - code).abs() < 0.5 + 1e-4, "{value}: {byte} for {code}");

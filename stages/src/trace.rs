@@ -13,9 +13,9 @@ use crate::{
 mod explain;
 
 epigraph_core::choice! {
-    /// Which light samples carry.
+    /// Which light samples include.
     pub enum Light {
-        /// From the lights to the first surface, and one glossy reflection.
+        /// Direct light at the first surface, and one glossy reflection.
         Direct,
         /// All light, over many bounces.
         Path,
@@ -23,19 +23,19 @@ epigraph_core::choice! {
 }
 
 epigraph_core::params! {
-    /// What a sample costs.
+    /// Cost and quality of a sample.
     pub struct TraceParams {
-        /// Light paths of one sample, of which it is the mean.
+        /// Light paths per sample; the sample is their mean.
         spp: u32 = 4, in 1..=4096, unit "paths";
         /// Direct light or full paths.
         mode: Light = Light::Direct;
-        /// Most reflections after the first surface.
+        /// Maximum number of reflections after the first surface.
         max_bounces: u32 = 8, in 0..=64;
     }
 }
 
-/// Answers requests with the tracer of the [`World`] that the application provides: one ray through the place in its pixel
-/// that each request names, of this frame's view or of the predicted one. On the CPU only.
+/// Answers requests with the tracer of the [`World`] that the application provides: one ray through the position in the
+/// pixel that each request names, of this frame's view or of the predicted one. On the CPU only.
 pub struct Trace {
     requests: In<Request>,
     samples: Out<Sample>,

@@ -1,5 +1,5 @@
-//! The point cloud: a structure of arrays with a fixed number of slots, of which some hold a live point. The bundle port
-//! `cloud` carries it; a stage declares the fields that it uses. Mirrored by `shaders/shared/cloud.wgsl`.
+//! The point cloud: a structure of arrays with a fixed number of slots, some of which hold a live point. The bundle
+//! port `cloud` carries it; a stage declares the fields that it uses. Mirrored by `shaders/shared/cloud.wgsl`.
 //!
 //! | field | element | holds |
 //! |---|---|---|
@@ -21,20 +21,20 @@ epigraph_core::constants! {
     pub const FRESH: u32 = 1 << 18;
     /// Where the number of the body begins in `meta`.
     pub const BODY_SHIFT: u32 = 24;
-    /// The index of no point: what a pixel without a point shows, and the slot of a sample that finds no place.
+    /// The index of no point: the value of a pixel without a point, and the slot of a sample that finds no slot.
     pub const NO_POINT: u32 = u32::MAX;
     /// The `image_id` of a point that no pixel shows.
     pub const NOT_DRAWN: u32 = u32::MAX;
-    /// Largest number that RGB9E5 holds: 511/512 * 2^16.
+    /// Largest number in RGB9E5: 511/512 * 2^16.
     pub const MAX_RADIANCE: f32 = 65408.0;
 }
 
-/// Linear radiance as RGB9E5 (`EXT_texture_shared_exponent`): three 9-bit mantissas from the low bits on, one 5-bit
+/// Linear radiance as RGB9E5 (`EXT_texture_shared_exponent`): three 9-bit mantissas from the low bits up, one 5-bit
 /// exponent, bias 15. The error of a channel is at most 1/512 of the largest channel. Negative numbers and NaN become
-/// 0, numbers above [`MAX_RADIANCE`] and infinity become that.
+/// 0; numbers above [`MAX_RADIANCE`], and infinity, are clamped to it.
 pub fn encode_radiance(color: [f32; 3]) -> u32 {
-    // Bit patterns of positive floats are ordered like the floats; what lies above infinity is NaN or negative. Shaders
-    // may assume that neither exists, so both sides look at the bits.
+    // Bit patterns of positive floats are ordered like the floats; those above infinity are NaN or negative. Shaders
+    // may assume that neither exists, so both sides test the bits.
     let [r, g, b] = color.map(|channel| {
         let bits = channel.to_bits();
         f32::from_bits(if bits > f32::INFINITY.to_bits() { 0 } else { bits.min(MAX_RADIANCE.to_bits()) })
@@ -57,8 +57,8 @@ pub fn decode_radiance(bits: u32) -> [f32; 3] {
     [bits & 511, bits >> 9 & 511, bits >> 18 & 511].map(|mantissa| mantissa as f32 * scale)
 }
 
-/// Picks the value of each of `ids` from those of all points; for ids of no point, any. The time goes to cache misses, and a
-/// loop that does nothing else has many of them under way at once.
+/// Gathers from the values of all points those of `ids`; any value for the id of no point. Cache misses dominate, and a
+/// loop that does nothing else keeps many of them in flight at once.
 pub fn gather(values: &[u32], ids: &[u32], to: &mut [u32]) {
     let last = values.len() - 1;
     to.iter_mut().zip(ids).for_each(|(to, &id)| *to = values[(id as usize).min(last)]);

@@ -1,4 +1,4 @@
-//! What a colour says to the eye. Mirrored by `shaders/shared/color.wgsl`.
+//! Luminance of colours. Mirrored by `shaders/shared/color.wgsl`.
 
 /// Relative luminance of a linear Rec. 709 colour.
 pub fn luminance([r, g, b]: [f32; 3]) -> f32 {

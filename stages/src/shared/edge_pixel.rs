@@ -1,17 +1,17 @@
-//! How edges divide a pixel: crossings with its sides, its class, its two regions, and the 2x2 Boolean matrices that tell
+//! How edges divide a pixel: crossings with its sides, its class, its two regions, and the 2x2 Boolean matrices of
 //! which regions of two pixels are joined (`algorithms.md` sections 2.3 to 2.5). Mirrored by
 //! `shaders/shared/edge_pixel.wgsl`.
 //!
 //! The perimeter of a pixel is a ring of 32 slots, eight a side, clockwise from the top left corner. A simple pixel is
-//! cut by the chord between the centres of its two crossed slots p < q: region A lies on the side of the slots between
-//! p and q, region B on the other.
+//! cut by the chord between the centres of its two crossed slots p < q: region A is on the side of the slots between p
+//! and q, region B on the other.
 
 epigraph_core::constants! {
     /// The class of a pixel with at most one crossing: it is one region.
     pub const EMPTY: u32 = 0;
     /// The class of a pixel with two crossings: a chord cuts it into two regions.
     pub const SIMPLE: u32 = 1;
-    /// The class of a pixel with more crossings, and of everything outside the image: nothing is known of its regions.
+    /// The class of a pixel with more crossings, and of everything outside the image: its regions are unknown.
     pub const COMPLEX: u32 = 2;
     /// Bits of `cls` that hold the class.
     pub const CLASS: u32 = 3;
@@ -19,13 +19,13 @@ epigraph_core::constants! {
     pub const P_SHIFT: u32 = 2;
     /// Lowest of the five bits of `cls` that hold the second crossed slot of a simple pixel.
     pub const Q_SHIFT: u32 = 7;
-    /// Set in `cls` where the primary region is A.
+    /// Set in `cls` if the primary region is A.
     pub const PRIMARY_IS_A: u32 = 1 << 12;
     /// Lowest of the ten bits of `cls` that hold the area of the primary region, see [`PIXEL_AREA`].
     pub const AREA_SHIFT: u32 = 13;
-    /// Set in `cls` where the pixel has a sample that counts.
+    /// Set in `cls` if the pixel has a sample that counts.
     pub const VALID: u32 = 1 << 23;
-    /// Set in `cls` where the cell of the pixel's sample touches the chord.
+    /// Set in `cls` if the cell of the pixel's sample touches the chord.
     pub const AMBIGUOUS: u32 = 1 << 24;
     /// Lowest of the four bits of `cls` that hold the sample's cell of 4x4, row by row.
     pub const CELL_SHIFT: u32 = 25;
@@ -88,8 +88,8 @@ pub fn area_of_a(p: u32, q: u32) -> u32 {
     area_of_arc([p, q], [p, q].map(slot_position), corners)
 }
 
-/// The area between a ring's arc from slot p to slot q, whose places are given, and the chord: in 1/512 pixel, where
-/// places are in 1/16. `corners` are the ring's corners, each with the slot that it lies before.
+/// The area between a ring's arc from slot p to slot q, given by their positions, and the chord: in 1/512 pixel, with
+/// positions in 1/16. `corners` are the ring's corners, each with the slot that follows it.
 pub fn area_of_arc([p, q]: [u32; 2], [first, end]: [[i32; 2]; 2], corners: [(u32, [i32; 2]); 3]) -> u32 {
     let cross = |a: [i32; 2], b: [i32; 2]| a[0] * b[1] - b[0] * a[1];
     // The polygon: along the ring from p over the corners to q, and back along the chord.
@@ -103,7 +103,7 @@ pub fn area_of_arc([p, q]: [u32; 2], [first, end]: [[i32; 2]; 2], corners: [(u32
     (doubled + cross(last, end) + cross(end, first)) as u32
 }
 
-/// The line of a simple pixel's chord, as a function of the place that is positive in region A and negative in B.
+/// The line of a simple pixel's chord, as a linear function of position, positive in region A and negative in B.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chord {
     /// Normal of the chord, towards A.
@@ -118,20 +118,20 @@ impl Chord {
         Self::between(slot_position(p), slot_position(q))
     }
 
-    /// The chord between two places on the perimeter, clockwise, in 1/16 pixel.
+    /// The chord between two positions on the perimeter, clockwise, in 1/16 pixel.
     pub fn between(p: [i32; 2], q: [i32; 2]) -> Self {
         let normal = [q[1] - p[1], p[0] - q[0]];
         Self { normal, offset: -(normal[0] * q[0] + normal[1] * q[1]) }
     }
 
-    /// The function at a place in 1/16 pixel from the top left corner.
+    /// The function at a position in 1/16 pixel from the top left corner.
     pub fn side(self, [x, y]: [i32; 2]) -> i32 {
         self.normal[0] * x + self.normal[1] * y + self.offset
     }
 }
 
-/// The region of a pixel that is not complex at a place on its ring that is no crossing: 0 primary, 1 secondary. The
-/// place is in quarters of a slot from the top left corner, 0 to 128.
+/// The region of a pixel that is not complex, at a position on its ring that is not a crossing: 0 primary, 1 secondary.
+/// The position is in quarters of a slot from the top left corner, 0 to 128.
 #[inline]
 pub fn region(cls: u32, place: u32) -> u32 {
     let [p, q] = ends(cls);
@@ -139,8 +139,8 @@ pub fn region(cls: u32, place: u32) -> u32 {
     u32::from(cls & CLASS == SIMPLE && is_a != (cls & PRIMARY_IS_A != 0))
 }
 
-/// Which regions of two pixels touch at the side that they share, as a matrix. `crossings` gives the side's mask of so many
-/// slots; `places` the places on both rings, in quarters of a slot, of a place on the side.
+/// Which regions of two pixels touch at the side that they share, as a matrix. `crossings` is the side's mask with this
+/// many slots; `places` maps a position on the side to the positions on both rings, in quarters of a slot.
 #[inline(always)]
 pub fn joined(
     p: u32,
@@ -170,8 +170,8 @@ pub fn joined(
     }
 }
 
-/// The Boolean product of two matrices: which regions of P and R are joined through Q, from those of P and Q and of Q and
-/// R. Bit 2 * (region of the first) + (region of the second).
+/// The Boolean product of two matrices: which regions of P and R are joined through Q, from the matrix of P and Q and
+/// that of Q and R. Bit 2 * (region of the first) + (region of the second).
 #[inline(always)]
 pub fn chain(pq: u32, qr: u32) -> u32 {
     // Each column of the first times each row of the second: through the primary region of Q, or the secondary.
@@ -180,13 +180,13 @@ pub fn chain(pq: u32, qr: u32) -> u32 {
     through_primary | through_secondary
 }
 
-/// The bits if the lowest bit of the number is set; else 0. Without a branch.
+/// The bits if the lowest bit of the number is set, otherwise 0. Branchless.
 #[inline(always)]
 pub fn if_odd(number: u32, bits: u32) -> u32 {
     0u32.wrapping_sub(number & 1) & bits
 }
 
-/// The matrix of Q and P from that of P and Q.
+/// The matrix of Q and P, from that of P and Q.
 #[inline(always)]
 pub fn transpose(pq: u32) -> u32 {
     (pq & 9) | ((pq & 2) << 1) | ((pq & 4) >> 1)
@@ -260,16 +260,16 @@ mod tests {
             for q in p + 1..32 {
                 let chord = Chord::new(p, q);
                 assert_eq!([p, q].map(|slot| chord.side(slot_position(slot))), [0, 0]);
-                // A quadrature of the half plane: exact at the corners of a fine grid but for what the chord cuts.
+                // A quadrature of the half plane: exact except in cells of a fine grid that the chord cuts.
                 let inside = (0..64).flat_map(|x| (0..64).map(move |y| [2 * x + 1, 2 * y + 1]));
                 let [nx, ny] = chord.normal;
                 let is_a = |at: &[i32; 2]| nx * at[0] + ny * at[1] + 8 * chord.offset > 0;
                 let share = inside.filter(is_a).count() as f32 / 4096.0;
                 let area = area_of_a(p, q);
                 assert!(area <= PIXEL_AREA);
-                // A chord passes through 128 of the 64 x 64 cells at most, and halves them on average.
+                // A chord passes through at most 128 of the 64 x 64 cells, and halves them on average.
                 assert!((share - area as f32 / 512.0).abs() < 0.017, "{p} {q}: {share} {area}");
-                // The middles of all other slots lie on the side that `region` says, unless on the chord's own line.
+                // The middles of all other slots are on the side that `region` returns, unless on the chord's own line.
                 let cls = SIMPLE | p << P_SHIFT | q << Q_SHIFT | PRIMARY_IS_A;
                 for slot in (0..32).filter(|&slot| slot != p && slot != q) {
                     let side = chord.side(slot_position(slot));
@@ -282,7 +282,7 @@ mod tests {
     }
 }
 
-/// Masks for tests: what the edge raster writes, made by the exact rule on i64.
+/// Masks for tests: the output of the edge raster, computed by the exact rule in i64.
 #[cfg(test)]
 pub mod testing {
     use crate::shared::testing::Random;
@@ -293,7 +293,7 @@ pub mod testing {
         pub size: [u32; 2],
         /// Row by row.
         pub words: Vec<u32>,
-        /// Lines to a pixel: 1, or 2 with the middle ones.
+        /// Lines per pixel: 1, or 2 with the middle ones.
         lines: i64,
     }
 
@@ -303,7 +303,7 @@ pub mod testing {
             Self { size, words: vec![0; (size[0] as usize + 1) * (size[1] as usize + 1)], lines: 1 }
         }
 
-        /// The same; crossings with the pixels' middle lines are marked too.
+        /// The same, with crossings of the pixels' middle lines marked too.
         pub fn with_middle(self) -> Self {
             Self { lines: 2, ..self }
         }

@@ -1,4 +1,4 @@
-//! What several stages share: element types, codecs and helpers, mirrored by `shaders/shared/`.
+//! Shared by several stages: element types, codecs and helpers, mirrored by `shaders/shared/`.
 
 pub mod cloud;
 pub mod color;

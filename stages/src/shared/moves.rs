@@ -1,4 +1,5 @@
-//! Rigid motions as matrices, lights, and the boxes of bodies that may stand in their way. Mirrored by `shaders/shared/moves.wgsl`.
+//! Rigid motions as matrices, lights, and the boxes of bodies that may occlude them. Mirrored by
+//! `shaders/shared/moves.wgsl`.
 
 use epigraph_scenes::{Body, Light, Pose};
 use glam::{Mat3, Vec3};
@@ -8,7 +9,7 @@ use super::{color::luminance, view::dot};
 epigraph_core::item! {
     /// A rigid motion.
     pub struct Move {
-        /// Row of the new x: factors of x, y, z and 1.
+        /// Row of the new x: coefficients of x, y, z and 1.
         x: [f32; 4],
         /// Row of the new y.
         y: [f32; 4],
@@ -18,10 +19,10 @@ epigraph_core::item! {
 }
 
 impl Move {
-    /// The motion of a body that rests.
+    /// The motion of a body at rest.
     pub const REST: Self = Self { x: [1.0, 0.0, 0.0, 0.0], y: [0.0, 1.0, 0.0, 0.0], z: [0.0, 0.0, 1.0, 0.0] };
 
-    /// The motion that takes a body from rest to a pose.
+    /// The motion that takes a body from its rest pose to a pose.
     pub fn of(pose: &Pose) -> Self {
         let rows = Mat3::from_quat(pose.rotation).transpose();
         let row = |row: Vec3, shift: f32| row.extend(shift).to_array();
@@ -29,40 +30,41 @@ impl Move {
         Self { x: row(rows.x_axis, x), y: row(rows.y_axis, y), z: row(rows.z_axis, z) }
     }
 
-    /// Where it takes a point.
+    /// The moved point.
     pub fn point(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         [self.x, self.y, self.z].map(|row| row[0] * x + row[1] * y + row[2] * z + row[3])
     }
 }
 
 epigraph_core::constants! {
-    /// A quad's light at less than this cosine to its normal counts as none: that of its own points would be a rounding.
+    /// A quad's light at less than this cosine to its normal counts as zero: at the quad's own points it would be a
+    /// rounding error.
     const GRAZING: f32 = 1e-3;
 }
 
 epigraph_core::item! {
-    /// A light, or the middle of one with an area, seen from afar.
+    /// A light, approximated by its centre if it has an area.
     pub struct Lamp {
         /// Where it is, metres.
         position: [f32; 3],
-        /// Luminance of its radiant intensity: of a quad's, straight ahead. 0 for an entry that stands for no light, after all
+        /// Luminance of its radiant intensity; for a quad, along its normal. 0 for unused entries, which follow all
         /// others.
         power: f32,
-        /// The direction in which a quad emits, of unit length; zero for a point light.
+        /// The unit direction in which a quad emits; zero for a point light.
         normal: [f32; 3],
-        /// The share that it emits whatever the direction: 1 for a point light, 0 for a quad.
+        /// The share of its light that does not depend on direction: 1 for a point light, 0 for a quad.
         uniform_share: f32,
-        /// How far from its position it reaches, metres; 0 for a point light.
+        /// Radius around its position, metres; 0 for a point light.
         radius: f32,
-        /// Keeps the size a multiple of 16 bytes.
+        /// Pads the size to a multiple of 16 bytes.
         pad: u32,
-        /// Likewise.
+        /// Padding.
         more: [u32; 2],
     }
 }
 
 impl Lamp {
-    /// Nothing.
+    /// An unused entry.
     pub const NONE: Self = Self {
         position: [0.0; 3],
         power: 0.0,
@@ -95,7 +97,7 @@ impl Lamp {
         }
     }
 
-    /// Luminance of the light that it sends to a point where nothing is in the way, per area across its direction.
+    /// Luminance of the unoccluded light at a point, per area perpendicular to its direction.
     pub fn at(&self, point: [f32; 3]) -> f32 {
         let towards = difference(point, self.position);
         let squared = dot(towards, towards).max(1e-12);
@@ -108,25 +110,25 @@ impl Lamp {
 epigraph_core::item! {
     /// The box of a body, in its pose.
     pub struct Blocker {
-        /// Rows that take a point to where the body is at rest, and the middle of its box the origin.
+        /// Rows of the matrix that takes a point to the body's rest pose, with the middle of its box at the origin.
         x: [f32; 4],
-        /// Likewise.
+        /// The second row.
         y: [f32; 4],
-        /// Likewise.
+        /// The third row.
         z: [f32; 4],
         /// Half of its sides, metres.
         extent: [f32; 3],
-        /// Number of the body; 0 for an entry that stands for none, after all others.
+        /// Number of the body; 0 for unused entries, which follow all others.
         body: u32,
     }
 }
 
 impl Blocker {
-    /// Nothing.
+    /// An unused entry.
     pub const NONE: Self =
         Self { x: Move::REST.x, y: Move::REST.y, z: Move::REST.z, extent: [0.0; 3], body: 0 };
 
-    /// The body of that number in a pose; nothing if it has no surface.
+    /// The body with this number in a pose; an unused entry if it has no surface.
     pub fn of(body: &Body, number: u32, pose: &Pose) -> Self {
         let [low, high] = body.bounds_at_rest();
         if low.x > high.x {
@@ -138,14 +140,14 @@ impl Blocker {
         Self { x, y, z, extent: (0.5 * (high - low)).into(), body: number }
     }
 
-    /// Whether it may cover a part of a lamp from a point: whether the line between them meets the box, grown by as much
-    /// of the lamp's radius as the lines to the rest of the lamp are apart there.
+    /// Whether it may cover a part of a lamp from a point: whether the line between them hits the box, enlarged by the
+    /// distance there between that line and the lines to the rim of the lamp.
     pub fn covers(&self, lamp: &Lamp, point: [f32; 3]) -> bool {
         let here = Move { x: self.x, y: self.y, z: self.z };
         let start = here.point(point);
         let along = difference(here.point(lamp.position), start);
         let nearest = (-dot(start, along) / dot(along, along).max(1e-12)).clamp(0.0, 1.0);
-        // Most lines pass far from the box, which a ball around it tells.
+        // Most lines pass far from the box; a bounding sphere rejects them.
         let middle: [f32; 3] = std::array::from_fn(|axis| start[axis] + nearest * along[axis]);
         let ball = dot(self.extent, self.extent).sqrt() + 2.0 * lamp.radius * nearest;
         if dot(middle, middle) > ball * ball {
@@ -154,7 +156,7 @@ impl Blocker {
         let (mut enter, mut leave) = (0f32, 1f32);
         for axis in 0..3 {
             let extent = self.extent[axis] + lamp.radius * nearest;
-            // A line along the slab is in it or not: the quotients are then far beyond 0 and 1.
+            // A line parallel to a slab is inside or outside: the quotients are then far beyond 0 and 1.
             let slope = if along[axis].abs() < 1e-12 { 1e-12 } else { along[axis] };
             let (a, b) = ((-extent - start[axis]) / slope, (extent - start[axis]) / slope);
             enter = enter.max(a.min(b));
@@ -176,14 +178,15 @@ mod tests {
 
     #[test]
     fn a_box_covers_what_lies_in_its_shadow() {
-        // A cube of half side 1 around (0, 2, 0), lit from 4: its shadow on the floor ends at 4, that of its upper edge.
+        // A cube of half side 1 around (0, 2, 0), lit from 4: its upper edge casts the shadow's boundary at 4 on the
+        // floor.
         let rows = Move { y: [0.0, 1.0, 0.0, -2.0], ..Move::REST };
         let cube = Blocker { x: rows.x, y: rows.y, z: rows.z, extent: [1.0; 3], body: 1 };
         for (x, covered) in [(0.0, true), (3.99, true), (4.01, false), (-3.99, true), (-4.01, false)] {
             assert_eq!(cube.covers(&LAMP, [x, 0.0, 0.5]), covered, "{x}");
         }
         assert!(!cube.covers(&LAMP, [0.0, 5.0, 0.0]), "it lies behind the lamp");
-        // Of a lamp with an area a part is covered farther out.
+        // If the lamp has an area, a part of it is covered farther out.
         let wide = Lamp { radius: 0.2, ..LAMP };
         assert!(cube.covers(&wide, [4.4, 0.0, 0.0]) && !cube.covers(&wide, [9.0, 0.0, 0.0]));
     }

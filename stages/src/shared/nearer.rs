@@ -1,27 +1,27 @@
-//! Which pixels have something clearly nearer around them: the first question of both culls, and cheap enough to ask
-//! everywhere. Most of an image is smooth, so few pixels need to be looked at closely.
+//! Which pixels have something clearly nearer around them: the first test of both culls, cheap enough to run
+//! everywhere. Most of an image is smooth, so few pixels need more tests.
 
 use std::ops::Range;
 
-/// Pixels around one in each direction; those along an axis, itself included.
+/// Radius and width of the neighbourhood, in pixels.
 const REACH: usize = 2;
 const SPAN: usize = 2 * REACH + 1;
 
-/// Rows that one task goes through: the first has to look at two rows before it as well.
+/// Rows per parallel task: the first row also needs the two rows before it.
 pub const BAND: usize = 32;
 
-/// Pixels of a row that are looked at together.
+/// Pixels of a row that are processed together.
 const BLOCK: usize = 64;
 
-/// The lesser distance, as the processor's minimum has it.
+/// The smaller distance; compiles to the processor's minimum.
 #[inline(always)]
 fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
 /// Calls `each` with column and row of the pixels of some rows whose distance is finite and more than `scale` times the
-/// least distance of the 5x5 pixels around. `distances` writes those of a stretch of pixels, counted row by row, infinite
-/// where there is nothing.
+/// smallest distance of the 5x5 pixels around. `distances` writes those of a range of pixels, indexed row by row,
+/// infinite for empty ones.
 #[inline(always)]
 pub fn where_nearer(
     [width, height]: [usize; 2],
@@ -31,7 +31,8 @@ pub fn where_nearer(
     mut each: impl FnMut(usize, usize),
 ) {
     for left in (0..width).step_by(BLOCK) {
-        // The least distances of the SPAN pixels around each of a block, in row y - REACH of the image, which may lie outside.
+        // The smallest distances of the SPAN pixels around each of a block, in row y - REACH of the image, which may be
+        // outside.
         let nearest_of_row = |y: usize| {
             let mut row = [f32::INFINITY; BLOCK + 2 * REACH];
             if (REACH..height + REACH).contains(&y) {
@@ -46,7 +47,7 @@ pub fn where_nearer(
             }
             nearest
         };
-        // That of y at y modulo SPAN.
+        // Row y is at index y modulo SPAN.
         let mut nearest_of_rows = [[f32::INFINITY; BLOCK]; SPAN];
         for y in rows.start..rows.start + 2 * REACH {
             nearest_of_rows[y % SPAN] = nearest_of_row(y);
@@ -60,7 +61,7 @@ pub fn where_nearer(
             }
             let mut own = [f32::INFINITY; BLOCK];
             distances(y * width + left..y * width + left + count, &mut own[..count]);
-            // Apart from the calls, and so several at a time: which pixels hold nothing is random.
+            // Separate from the calls, so that several are processed at a time: which pixels are empty is random.
             let mut is_farther = [false; BLOCK];
             for ((is_farther, own), nearest) in is_farther.iter_mut().zip(&own).zip(&nearest) {
                 *is_farther = (nearest * scale < *own) & (*own < f32::INFINITY);

@@ -3,24 +3,24 @@
 use super::cloud::NO_POINT;
 
 epigraph_core::constants! {
-    /// The `pixel` of a request that asks for nothing.
+    /// The `pixel` of an empty request.
     pub const NO_PIXEL: u32 = u32::MAX;
-    /// The `aim` at a pixel's centre.
+    /// The `aim` at the pixel's centre.
     pub const PIXEL_CENTER: u32 = 0x8000_8000;
     /// The `view` of requests of the camera of the frame.
     pub const VIEW_NOW: u32 = 0;
     /// The `view` of requests of the camera predicted for a later frame.
     pub const VIEW_PREDICTED: u32 = 1;
-    /// The `hit` of an entry that holds no sample; zeroed memory is a list of none.
+    /// The `hit` of an entry without a sample; zeroed memory is an empty list.
     pub const HIT_NONE: u32 = 0;
     /// The `hit` of a sample on a surface.
     pub const HIT_SURFACE: u32 = 1;
-    /// The `hit` of a sample whose ray met nothing.
+    /// The `hit` of a sample whose ray hit nothing.
     pub const HIT_BACKGROUND: u32 = 2;
 }
 
 epigraph_core::item! {
-    /// Asks for one sample.
+    /// A request for one sample.
     pub struct Request {
         /// Pixel index y * W + x, or [`NO_PIXEL`].
         pixel: u32,
@@ -34,7 +34,7 @@ epigraph_core::item! {
 }
 
 epigraph_core::item! {
-    /// What one ray saw, with the request that it answers.
+    /// The result of one ray, with the request that it answers.
     pub struct Sample {
         /// Surface point, metres; for [`HIT_BACKGROUND`] the ray's unit direction.
         position: [f32; 3],
@@ -42,7 +42,7 @@ epigraph_core::item! {
         hit: u32,
         /// Linear radiance towards the eye.
         radiance: [f32; 3],
-        /// Number of the body that it met, 0 for what does not move.
+        /// Number of the body that the ray hit, 0 for static geometry.
         body: u32,
         /// As in the request.
         pixel: u32,
@@ -56,10 +56,10 @@ epigraph_core::item! {
 }
 
 impl Request {
-    /// A request that asks for nothing.
+    /// An empty request.
     pub const NONE: Self = Self { pixel: NO_PIXEL, aim: PIXEL_CENTER, reuse: NO_POINT, view: VIEW_NOW };
 
-    /// Where the ray goes, in pixels from the top left corner of an image `width` pixels wide.
+    /// The target of the ray, in pixels from the top left corner of an image `width` pixels wide.
     pub fn target(&self, width: u32) -> [f32; 2] {
         let share = |bits: u32| bits as f32 / 65536.0;
         [

@@ -1,4 +1,4 @@
-//! The sample behind a pixel: which point of the cloud it shows, and what is known of it.
+//! The sample of a pixel: which point of the cloud it shows, and what the cloud stores about it.
 
 use epigraph_core::{
     Access, Capture, Extent, Finding, Graph, Node, NodeId, Port, PortElement, PortRef, Snapshot,
@@ -15,14 +15,14 @@ use crate::meaning::{DATE, ID, POINTS};
 pub struct Sample {
     /// Its slot.
     pub point: usize,
-    /// Where it lies, metres; none for one whose ray met nothing.
+    /// Its position, metres; `None` if its ray hit nothing.
     pub surface: Option<[f32; 3]>,
-    /// What the cloud knows of it.
+    /// What the cloud stores about it.
     pub findings: Vec<Finding>,
 }
 
-/// The point of the cloud that a pixel first shows, before any is culled, with what the cloud knows of it; `order` are the
-/// graph's nodes in the order in which they run. None where no node gives a point to each pixel, or this pixel has none.
+/// The point of the cloud that a pixel first shows, before any is culled, with what the cloud stores about it; `order`
+/// is the graph's nodes in execution order. `None` if no node assigns points to pixels, or this pixel has none.
 pub fn behind(
     graph: &Graph,
     order: impl Iterator<Item = NodeId>,
@@ -44,7 +44,7 @@ pub fn behind(
     Some(sample)
 }
 
-/// The output that says which point each pixel shows.
+/// The output with the point that each pixel shows.
 fn id_port(node: &Node) -> Option<&Port> {
     let is_id = |port: &&Port| {
         port.meaning == Some(ID)
@@ -56,7 +56,7 @@ fn id_port(node: &Node) -> Option<&Port> {
     node.declaration().ports.iter().find(is_id)
 }
 
-/// Adds what the cloud knows of a point.
+/// Adds what the cloud stores about a point.
 fn know(graph: &Graph, capture: &Capture, cloud: PortRef, sample: &mut Sample) -> Option<()> {
     let name = graph.name(cloud);
     let bits: u32 = element(capture.field(&name, "meta")?, sample.point)?;
@@ -78,8 +78,8 @@ fn know(graph: &Graph, capture: &Capture, cloud: PortRef, sample: &mut Sample) -
     Some(())
 }
 
-/// In which frame a point came into the cloud. Its sample was traced before that: at the earliest in the frame before, and
-/// where frames do not wait for samples, as many frames earlier as tracing took.
+/// The frame in which a point came into the cloud. Its sample was traced before that: in the previous frame at the
+/// latest, and if frames do not wait for samples, as many frames earlier as tracing took.
 fn came(graph: &Graph, capture: &Capture, cloud: PortRef, point: usize) -> String {
     let known = dates(graph, capture, cloud).and_then(|dates| element::<u32>(dates, point));
     let Some(frame) = known.and_then(|date| date.checked_sub(1)) else {
@@ -92,7 +92,7 @@ fn came(graph: &Graph, capture: &Capture, cloud: PortRef, point: usize) -> Strin
     }
 }
 
-/// The dates that a stage on the way from the cloud's memory to here writes down.
+/// The dates that a stage between the cloud's memory and here records.
 fn dates<'a>(graph: &Graph, capture: &'a Capture, mut cloud: PortRef) -> Option<&'a Snapshot> {
     loop {
         let node = &graph.nodes[cloud.node];

@@ -1,7 +1,7 @@
 //! Edges of the mesh, and the line segments that edge stages find. Mirrored by `shaders/shared/segments.wgsl`.
 
 epigraph_core::constants! {
-    /// Stands for the second face of a border in [`MeshEdge`].
+    /// The second face of a border in [`MeshEdge`].
     pub const NO_FACE: u32 = u32::MAX;
     /// The `kind` of an edge between two faces that meet smoothly.
     pub const REGULAR: u32 = 0;
@@ -26,7 +26,7 @@ epigraph_core::item! {
         faces: [u32; 2],
         /// [`REGULAR`], [`CREASE`] or [`BORDER`].
         kind: u32,
-        /// Keeps the size a multiple of 8 bytes.
+        /// Pads the size to a multiple of 8 bytes.
         pad: u32,
     }
 }
@@ -45,14 +45,14 @@ epigraph_core::item! {
     }
 }
 
-/// The flags of a shadow's boundary: its kind in bits 0 and 1; in bits 16 to 31 the width of its penumbra in metres, the
-/// upper half of an f32, rounded up. A penumbra wider than some pixels is no step in the image, and its boundaries
-/// are then no edges (`algorithms.md` section 11.2).
+/// The flags of a shadow's boundary: its kind in bits 0 and 1; in bits 16 to 31 the width of its penumbra in metres, as
+/// the upper half of an f32, rounded up. A penumbra wider than a few pixels is not a step in the image, so its
+/// boundaries are not edges then (`algorithms.md` section 11.2).
 pub fn shadow_flags(kind: u32, penumbra: f32) -> u32 {
     (penumbra.max(0.0).to_bits().saturating_add(0xFFFF) & 0xFFFF_0000) | kind
 }
 
-/// The width of the penumbra across a segment with these flags, metres on the receiver; 0 where the edge is sharp.
+/// The width of the penumbra across a segment with these flags, metres on the receiver; 0 if the edge is sharp.
 pub fn penumbra_width(flags: u32) -> f32 {
     f32::from_bits(flags & 0xFFFF_0000)
 }

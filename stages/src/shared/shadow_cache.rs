@@ -1,4 +1,4 @@
-//! The shadow boundaries of a world, found when somebody asks and kept: in the frame that asks, or on threads of their own.
+//! The shadow boundaries of a world, found on demand and cached: in the requesting frame, or on background threads.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -6,10 +6,10 @@ use epigraph_scenes::{Scene, ShadowSearch, ShadowSegments, ShadowSettings, Trace
 
 use super::source::Pace;
 
-/// Searches kept at a time: a graph with two stages of different parameters, and some room to try others.
+/// Maximum number of cached searches: a graph with two stages of different parameters, and some room to try others.
 const KEPT_SEARCHES: usize = 4;
 
-/// Shadow boundaries by how they are found: the searches last begun, oldest first.
+/// Shadow boundaries by search settings: the most recent searches, oldest first.
 #[derive(Default)]
 pub struct ShadowCache(Mutex<Vec<Arc<Search>>>);
 
@@ -24,26 +24,26 @@ enum How {
     Async(Worker),
 }
 
-/// A search in the frame that asks.
+/// A search within the requesting frame.
 struct Exact {
     search: ShadowSearch,
-    /// The scene that was searched last, in its pose, and what was found.
+    /// The scene that was searched last, in its pose, and the result.
     last: Option<(Arc<Scene>, Arc<ShadowSegments>)>,
 }
 
-/// A search on a thread of its own, which dropping this ends at the next opportunity.
+/// A search on a background thread; dropping it stops the search at the next opportunity.
 struct Worker(Arc<Shared>);
 
 #[derive(Default)]
 struct Shared {
     state: Mutex<State>,
-    /// Signalled when there is a pose to search, or the end has come.
+    /// Signalled when there is a pose to search, or the thread should end.
     changed: Condvar,
 }
 
 #[derive(Default)]
 struct State {
-    /// The pose asked for last.
+    /// The last requested pose.
     asked: Option<Arc<Scene>>,
     /// Its tracer, until the thread takes it.
     waiting: Option<Arc<Tracer>>,
@@ -52,11 +52,11 @@ struct State {
 }
 
 impl ShadowCache {
-    /// The shadow boundaries of the tracer's scene in its pose. With [`Pace::Async`] those found last, or none yet: where
-    /// something has moved since, they are searched anew meanwhile. The same value until others are found.
+    /// The shadow boundaries of the tracer's scene in its pose. With [`Pace::Async`] those found last, or none yet: if
+    /// something has moved since, a new search runs in the background. The same value until the result changes.
     ///
     /// # Errors
-    /// Where the system has no thread for the search.
+    /// If the system cannot start a thread for the search.
     pub fn find(
         &self,
         tracer: &Arc<Tracer>,
@@ -70,7 +70,7 @@ impl ShadowCache {
         })
     }
 
-    /// The search with these settings, begun if there is none.
+    /// The search with these settings, started if necessary.
     fn search(&self, settings: ShadowSettings, pace: Pace) -> Result<Arc<Search>, String> {
         let mut searches = lock(&self.0);
         if let Some(known) = searches.iter().find(|search| search.settings == settings) {
@@ -90,7 +90,7 @@ impl ShadowCache {
         Ok(search)
     }
 
-    /// The settings of the searches that are kept.
+    /// The settings of the cached searches.
     #[cfg(test)]
     pub fn kept(&self) -> Vec<ShadowSettings> {
         lock(&self.0).iter().map(|search| search.settings).collect()
@@ -113,13 +113,13 @@ impl Exact {
     }
 }
 
-/// What was found before if it is the same: whoever has it need not take it again.
+/// The previous result if the new one is equal, so that its users need not read it again.
 fn same_or(before: Option<Arc<ShadowSegments>>, found: ShadowSegments) -> Arc<ShadowSegments> {
     before.filter(|before| **before == found).unwrap_or_else(|| Arc::new(found))
 }
 
 impl Worker {
-    /// Starts the thread, which computes on half of the machine's: the others are left to the frames.
+    /// Starts the thread, which uses half of the machine's threads: the others are left for the frames.
     fn start(settings: ShadowSettings) -> Result<Self, String> {
         let fail = |error: &dyn std::fmt::Display| format!("no thread for the search for shadows: {error}");
         let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
@@ -132,7 +132,7 @@ impl Worker {
         Ok(worker)
     }
 
-    /// What was found last; a pose that was not asked for before takes the place of one that still waits.
+    /// The last result; a newly requested pose replaces one that is still waiting.
     fn ask(&self, tracer: &Arc<Tracer>) -> Option<Arc<ShadowSegments>> {
         let mut state = lock(&self.0.state);
         if !state.asked.as_ref().is_some_and(|asked| Arc::ptr_eq(asked, tracer.scene())) {
@@ -145,9 +145,9 @@ impl Worker {
 }
 
 impl Shared {
-    /// The thread's life: it searches the newest pose, again and again. Poses that came and went meanwhile are left out. A
-    /// search is not given up for a newer pose, though: while things move, one would come in every frame, and none be
-    /// finished.
+    /// The thread's main loop: searches the newest pose, again and again, and skips poses that came meanwhile. It does
+    /// not abort a search for a newer pose, though: while things move, one would come in every frame, and no search
+    /// would finish.
     fn work(&self, settings: ShadowSettings) {
         let mut search = ShadowSearch::new(settings);
         while let Some(tracer) = self.next() {
@@ -163,7 +163,7 @@ impl Shared {
         }
     }
 
-    /// Waits for a pose; `None` at the end.
+    /// Waits for a pose; `None` if the thread should end.
     fn next(&self) -> Option<Arc<Tracer>> {
         let idle = |state: &mut State| !state.stop && state.waiting.is_none();
         let state = self.changed.wait_while(lock(&self.state), idle);
@@ -200,7 +200,7 @@ mod tests {
         shadow_segments(tracer, &ShadowSettings::default(), &|_| true).unwrap()
     }
 
-    /// Asks until there is something that counts, for ten seconds at most.
+    /// Asks until there is a non-empty result, for at most ten seconds.
     fn ask_until(
         cache: &ShadowCache,
         tracer: &Arc<Tracer>,
@@ -236,7 +236,7 @@ mod tests {
     fn what_stays_the_same_is_the_same_value() {
         let (cache, tracer) = (ShadowCache::default(), moving());
         let rest = tracer.scene().poses.clone();
-        // The light and what hangs with it stay; a box goes far away, and then farther.
+        // The light and its mount stay; a box moves far away, and then farther.
         let away = |x: f32| {
             let mut poses = rest.clone();
             poses[0] = Pose { translation: glam::Vec3::new(x, 0.0, 0.0), ..Pose::REST };
@@ -255,7 +255,7 @@ mod tests {
         let first = tracer.at(0);
         let found = ask_until(&cache, &first, |_| true);
         assert_eq!(*found, expected(&first));
-        // A pose a frame: the first answer is the old one, and in the end the newest pose has its own.
+        // One pose per frame: the first answer is the old one, and in the end the newest pose gets its own.
         let pace = Pace::Async;
         for frame in 1..30 {
             let now = cache.find(&tracer.at(frame), ShadowSettings::default(), pace).unwrap().unwrap();
@@ -273,7 +273,7 @@ mod tests {
         worker.ask(&moving());
         drop(worker);
         for _ in 0..1000 {
-            // The thread holds the other one.
+            // The thread holds the other reference.
             if Arc::strong_count(&shared) == 1 {
                 return;
             }

@@ -23,7 +23,7 @@ use super::{
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(crate = "epigraph_core::serde")]
 pub enum Pace {
-    /// All of them in the frame that asks: the same picture in every run.
+    /// All of them in the requesting frame: the same picture in every run.
     #[default]
     Exact,
     /// When they are done; no frame waits for them.
@@ -31,7 +31,7 @@ pub enum Pace {
 }
 
 impl Pace {
-    /// Both, by name, with what they do.
+    /// Both, with their names and descriptions.
     pub const ALL: [(Self, &str, &str); 2] = [
         (Self::Exact, "exact", "All of them in the frame after their request: the same picture in every run"),
         (Self::Async, "async", "When they are done; no frame waits for them"),
@@ -56,35 +56,35 @@ impl FromStr for Pace {
 
 /// Answers requests for samples: a ray tracer, another renderer, a recording.
 ///
-/// In each frame [`SampleSource::answer`] gets what the frame asks for and hands back what has been finished, of this
-/// frame's requests or of earlier ones. It must not wait for work that takes longer than a frame, unless its pace is
+/// In each frame [`SampleSource::answer`] gets the frame's requests and returns finished samples, of this frame's
+/// requests or of earlier ones. It must not wait for work that takes longer than a frame, unless its pace is
 /// [`Pace::Exact`].
 pub trait SampleSource: Send + Sync {
-    /// Takes the requests of a frame and writes finished samples to the beginning of `samples`, which is zeroed before:
-    /// entries that stay zero hold none. There is one entry for each request.
+    /// Takes the requests of a frame and writes finished samples to the beginning of `samples`, which is zeroed:
+    /// entries that stay zero are empty. There is one entry for each request.
     ///
-    /// A sample that comes in a later frame than its request has to forget the slot that it was to renew
-    /// ([`Request::late`]), and has to move along with the body it lies on ([`Query::carry`]).
+    /// A sample that comes in a later frame than its request must drop the slot that it was to renew
+    /// ([`Request::late`]), and must move with the body on which it lies ([`Query::carry`]).
     fn answer(&self, query: &Query, samples: &mut [Sample]);
 
-    /// Whether all samples arrive in the frame that asks for them. Other searches through the scene, such as the one for
-    /// shadow boundaries, keep the same pace.
+    /// Whether all samples arrive in the requesting frame. Other searches in the scene, such as the one for shadow
+    /// boundaries, follow the same pace.
     fn pace(&self) -> Pace;
 }
 
-/// What one frame asks of a [`SampleSource`].
+/// A frame's requests to a [`SampleSource`].
 #[derive(Clone, Copy)]
 pub struct Query<'a> {
     /// The frame: its views, number, size in pixels and seed.
     pub frame: &'a Frame,
-    /// Light paths of a sample and how to follow them, as the node that asks has it.
+    /// Number of light paths per sample and how to trace them, as set in the requesting node.
     pub settings: &'a TraceSettings,
-    /// The scene with everything in its place of this frame, behind a ray tracer.
+    /// The scene, with everything in its pose of this frame, behind a ray tracer.
     pub tracer: &'a Arc<Tracer>,
     pub(super) requests: &'a [Request],
 }
 
-/// The ray through a requested place of the image.
+/// The ray through a requested position in the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// The eye, metres.
@@ -94,7 +94,7 @@ pub struct Ray {
 }
 
 impl<'a> Query<'a> {
-    /// The requests, in the order of their entries. Entries that ask for nothing are left out.
+    /// The requests, in entry order. Empty entries are left out.
     pub fn requests(&self) -> impl Iterator<Item = &'a Request> + use<'a> {
         self.requests.iter().filter(|request| request.pixel != NO_PIXEL)
     }
@@ -104,7 +104,7 @@ impl<'a> Query<'a> {
         self.requests.len()
     }
 
-    /// The ray of a request: of the frame's view or of the one that is predicted, as the request has it.
+    /// The ray of a request, in the frame's view or the predicted one, as requested.
     pub fn ray(&self, request: &Request) -> Ray {
         let Frame { view, predicted, size: [width, height], .. } = self.frame;
         let view = if request.view == VIEW_PREDICTED { predicted } else { view };
@@ -115,7 +115,7 @@ impl<'a> Query<'a> {
         Ray { origin: view.eye.into(), direction }
     }
 
-    /// Moves a sample that was taken in the scene of an earlier frame to where its body is now.
+    /// Moves a sample that was traced in the scene of an earlier frame to the current position of its body.
     pub fn carry(&self, frame: u32, sample: &mut Sample) {
         let scene = self.tracer.scene();
         let Some(body) = sample.body.checked_sub(1).map(|body| body as usize) else { return };
@@ -125,31 +125,31 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// The request as the tracer takes it, with random numbers of its frame, view and pixel.
+    /// The request in the tracer's format, with random numbers of its frame, view and pixel.
     fn job(&self, request: &Request) -> Job {
         let Ray { origin, direction } = self.ray(request);
-        // Pixel indices have 28 bits at most, which leaves the top bit to tell the views apart.
+        // Pixel indices have at most 28 bits, so the top bit can distinguish the views.
         let key = Rng::key(self.frame.index, request.pixel | u32::from(request.view != VIEW_NOW) << 31);
         Job { origin, direction, key }
     }
 }
 
 impl Request {
-    /// The request as a sample should carry it that comes in a later frame: by then its slot may hold another point.
+    /// The request to attach to a sample that comes in a later frame: by then its slot may hold another point.
     pub fn late(self) -> Self {
         Self { reuse: NO_POINT, ..self }
     }
 }
 
 impl Sample {
-    /// What a ray saw on a surface that does not move: a point, metres, and its linear radiance towards the eye.
+    /// The result of a ray that hit static geometry: a point, metres, and its linear radiance towards the eye.
     pub fn surface(request: &Request, position: Vec3, radiance: Vec3) -> Self {
         let &Request { pixel, aim, reuse, view } = request;
         let (position, radiance) = (position.into(), radiance.into());
         Self { position, hit: HIT_SURFACE, radiance, body: 0, pixel, aim, reuse, view }
     }
 
-    /// What a ray saw that met nothing. It is kept as a point at infinity.
+    /// The result of a ray that hit nothing. It is stored as a point at infinity.
     pub fn background(request: &Request, ray: Ray, radiance: Vec3) -> Self {
         Self { hit: HIT_BACKGROUND, ..Self::surface(request, ray.direction.normalize(), radiance) }
     }
@@ -163,10 +163,10 @@ impl Sample {
     }
 }
 
-/// The ray tracer of the scene as a source: in the frame that asks, on all threads.
+/// The scene's ray tracer as a source: in the requesting frame, on all threads.
 #[derive(Default)]
 pub struct ExactTracer {
-    /// Lists that are filled anew in each frame, kept for their memory.
+    /// Lists that are refilled in each frame, kept for their memory.
     scratch: Mutex<Scratch>,
 }
 
@@ -178,11 +178,11 @@ struct Scratch {
 }
 
 impl SampleSource for ExactTracer {
-    /// The samples are in the order of their requests.
+    /// The samples are in request order.
     fn answer(&self, query: &Query, samples: &mut [Sample]) {
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
         let Scratch { asked, jobs, hits } = &mut *scratch;
-        // Room for as many as there may be, so that no later frame allocates.
+        // Reserve the maximum, so that no later frame allocates.
         let most = query.capacity();
         asked.clear();
         asked.reserve(most);
@@ -205,7 +205,7 @@ impl SampleSource for ExactTracer {
     }
 }
 
-/// The ray tracer of the scene as a source that no frame waits for: it works on threads of its own.
+/// The scene's ray tracer as a source that no frame waits for: it works on threads of its own.
 pub struct BackgroundTracer {
     queue: AsyncTracer<Tag>,
     finished: Mutex<Vec<TaggedHit<Tag>>>,

@@ -1,4 +1,4 @@
-//! Where points of the cloud fall in an image. Mirrored by `shaders/shared/view.wgsl`, operation by operation.
+//! Where points of the cloud project to in an image. Mirrored by `shaders/shared/view.wgsl`, operation by operation.
 
 use epigraph_core::View;
 
@@ -13,7 +13,7 @@ pub struct Projected {
     pub z: f32,
 }
 
-/// Several projected points, as a structure of arrays: most of the work is then done for four at a time.
+/// Several projected points, as a structure of arrays: most of the work is vectorized, four at a time.
 pub struct Several {
     x: [f32; SEVERAL],
     y: [f32; SEVERAL],
@@ -21,15 +21,15 @@ pub struct Several {
     is_drawn: [bool; SEVERAL],
 }
 
-/// How many points [`Several`] has room for.
+/// Capacity of [`Several`].
 pub const SEVERAL: usize = 64;
 
 impl Several {
     /// Projects up to [`SEVERAL`] points (w = 1) and directions (w = 0) into an image of `size` pixels.
     ///
-    /// Points beyond the far plane are moved onto it and drawn, or else the background would look like missing samples
-    /// (`algorithms.md` section 1.2). Directions are drawn on the far plane. The eye is subtracted before anything else,
-    /// so that positions of 1e7 metres lose only what their own f32 has lost already.
+    /// Points beyond the far plane are moved onto it and drawn, because otherwise the background would look like
+    /// missing samples (`algorithms.md` section 1.2). Directions are drawn on the far plane. The eye is subtracted
+    /// first, so that positions of 1e7 metres lose no precision beyond that of their own f32.
     pub fn project(view: &View, positions: &[[f32; 4]], size: [u32; 2]) -> Self {
         let [x, y, z] = [[0.0; SEVERAL]; 3];
         let mut several = Self { x, y, z, is_drawn: [false; SEVERAL] };
@@ -42,8 +42,8 @@ impl Several {
         several
     }
 
-    /// The point of this index; none if it is not to be drawn, as it lies before the near plane or outside the image, or
-    /// holds a NaN.
+    /// The point with this index; `None` if it is not drawn because it is in front of the near plane, outside the
+    /// image, or contains a NaN.
     #[inline(always)]
     pub fn get(&self, index: usize) -> Option<Projected> {
         let point = Projected { x: self.x[index], y: self.y[index], z: self.z[index] };
@@ -51,7 +51,7 @@ impl Several {
     }
 }
 
-/// Where a point is, and whether it is to be drawn. It has no branch, which would keep loops from placing four at a time.
+/// The position of a point, and whether it is drawn. Branchless, so that loops are vectorized.
 #[inline(always)]
 fn place(view: &View, position: [f32; 4], size: [u32; 2]) -> (Projected, bool) {
     let is_direction = position[3] == 0.0;
@@ -78,7 +78,7 @@ impl Projected {
         [self.x as u32, self.y as u32]
     }
 
-    /// Which of `cells` x `cells` cells of its pixel the point lies in, row by row from the top left one.
+    /// Which of `cells` x `cells` cells of its pixel contains the point, row by row from the top left one.
     pub fn cell(self, cells: u32) -> u32 {
         let [x, y] = self.pixel();
         let column = ((self.x - x as f32) * cells as f32) as u32;

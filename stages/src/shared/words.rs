@@ -1,4 +1,4 @@
-//! How explanations put things.
+//! Wording of explanations.
 
 use epigraph_core::Mark;
 
@@ -23,7 +23,7 @@ pub fn percent(share: f32) -> String {
     format!("{:.0}%", 100.0 * share)
 }
 
-/// So many of something: a noun that takes an s.
+/// A count and its noun, with an s in the plural.
 pub fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
@@ -49,7 +49,7 @@ pub fn crossings(ring: u32) -> Vec<Mark> {
     slots.map(|slot| Mark::Crossing(slot_sides(slot))).collect()
 }
 
-/// The ends of a slot, in pixels from the top left corner.
+/// The ends of a slot, in pixels from the top left corner of the pixel.
 fn slot_sides(slot: u32) -> [[f32; 2]; 2] {
     let centre = slot_position(slot);
     let along = if slot >> 3 & 1 == 0 { [1, 0] } else { [0, 1] };

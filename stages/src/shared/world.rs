@@ -1,5 +1,5 @@
-//! What the application hands to the stages: the scene behind a ray tracer; and the conversions between `scenes` and
-//! `core`, which do not know each other.
+//! What the application provides to the stages: the scene behind a ray tracer; and the conversions between `scenes` and
+//! `core`, which do not depend on each other.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -14,24 +14,24 @@ use super::{
 };
 use crate::facts;
 
-/// Frames from the request of a sample to the frame for which the predicted view stands: samples enter the cloud one
-/// frame after they were asked for, and one more (`algorithms.md` section 1.8).
+/// Frames from the request of a sample to the frame that the predicted view anticipates: samples enter the cloud one
+/// frame after their request, and one more (`algorithms.md` section 1.8).
 pub const PREDICTION_FRAMES: f32 = 2.0;
 
 /// The scene and the source of samples, as the stages see them: insert one into the [`epigraph_core::Host`].
 pub struct World {
-    /// The scene before anything has moved, behind a ray tracer. See [`World::at`].
+    /// The scene before any movement, behind a ray tracer. See [`World::at`].
     pub tracer: Arc<Tracer>,
     source: Box<dyn SampleSource>,
-    /// The shadow boundaries of the scene, kept for all graphs.
+    /// The shadow boundaries of the scene, cached for all graphs.
     pub(crate) shadows: ShadowCache,
-    /// The tracer of the frame asked for last.
+    /// The tracer of the last requested frame.
     posed: Mutex<Arc<Tracer>>,
 }
 
 impl World {
-    /// A world whose samples come from its own ray tracer. With [`Pace::Async`] it works on `threads` threads beside the
-    /// frames.
+    /// A world whose samples come from its own ray tracer. With [`Pace::Async`] the tracer uses `threads` background
+    /// threads.
     pub fn new(tracer: Arc<Tracer>, pace: Pace, threads: usize) -> Self {
         match pace {
             Pace::Exact => Self::with_source(tracer, Box::new(ExactTracer::default())),
@@ -39,8 +39,8 @@ impl World {
         }
     }
 
-    /// A world whose samples come from elsewhere. The scene behind `tracer` still gives edges, shadows and motion to the
-    /// graphs that ask for them; it may be empty.
+    /// A world whose samples come from elsewhere. Graphs still get edges, shadows and motion from the scene behind
+    /// `tracer`; it may be empty.
     pub fn with_source(tracer: Arc<Tracer>, source: Box<dyn SampleSource>) -> Self {
         let posed = Mutex::new(tracer.clone());
         Self { tracer, source, shadows: ShadowCache::default(), posed }
@@ -51,7 +51,7 @@ impl World {
         self.source.pace()
     }
 
-    /// The tracer of the scene in a frame: the same value as for the frame before where nothing has moved.
+    /// The tracer of the scene in a frame: the same value as for the frame before if nothing has moved.
     pub fn at(&self, frame: u32) -> Arc<Tracer> {
         let mut posed = self.posed.lock().unwrap_or_else(PoisonError::into_inner);
         let poses = self.tracer.scene().poses_at(frame);
@@ -81,7 +81,7 @@ impl World {
         }
     }
 
-    /// Frame `index` along a camera path. `samples` may be asked for in it; the first frame has itself as its previous.
+    /// Frame `index` along a camera path, with up to `samples` requests; the first frame is its own previous one.
     pub fn frame(path: &CameraPath, index: u32, size: [u32; 2], samples: u32, seed: u32) -> Frame {
         let (now, previous) = (path.camera(index), path.camera(index.saturating_sub(1)));
         Frame {
@@ -96,7 +96,7 @@ impl World {
         }
     }
 
-    /// Answers the requests of a frame from the source of samples, in the scene of that frame. The samples lie at the
+    /// Answers the requests of a frame from the source of samples, in the scene of that frame. The samples are at the
     /// beginning of `samples`; the rest of it is zero.
     pub fn answer(
         &self,
