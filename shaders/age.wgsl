@@ -1,4 +1,4 @@
-// Makes points older, and takes the oldest away. Twin: `stages/src/age.rs`.
+// Ages points and evicts the oldest. Twin: `stages/src/age.rs`.
 
 #import cloud
 #import index
@@ -24,7 +24,7 @@ fn measure(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-// The workgroup's part of the histogram: most points have one of few ages, so its threads would queue for the same bin.
+// The workgroup's part of the histogram: most points share a few ages, so its threads would contend for the same bin.
 var<workgroup> counts: array<atomic<u32>, 256>;
 
 @compute @workgroup_size(256)
@@ -74,12 +74,12 @@ fn grow_point(slot: u32) {
     atomicAdd(&counts[age / AGE_ONE], 1u);
 }
 
-// The moving average after one more frame; it starts with the first samples.
+// The moving average after one more frame; it starts at the first frame with samples.
 fn averaged(rate: f32, arrived: f32) -> f32 {
     return select(rate + RATE_WEIGHT * (arrived - rate), arrived, rate == 0.0);
 }
 
-// What points age in a frame, 8.8 fixed point: with `rate` of `capacity` points replaced in a frame, oldest first, a
+// The age increment per frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first, a
 // point lives capacity / rate frames.
 fn increment(rate: f32, capacity: u32) -> u32 {
     return u32(min(round(AGE_WHEN_REPLACED * rate / f32(capacity)), f32(AGE)));

@@ -27,7 +27,7 @@ fn antialias(@builtin(global_invocation_id) pixel: vec3<u32>) {
     textureStore(color, pixel.xy, result);
 }
 
-// The colour of a simple pixel, from that of its primary region and from its neighbours'.
+// The colour of a simple pixel, from its primary region's and its neighbours' colours.
 fn blend(pixel: vec2<i32>, cls: u32, n8: u32, own: vec4<f32>) -> vec4<f32> {
     let ends = ends_of(cls);
     let normal = chord_of(ends.x, ends.y).normal;
@@ -55,7 +55,7 @@ fn blend(pixel: vec2<i32>, cls: u32, n8: u32, own: vec4<f32>) -> vec4<f32> {
     return vec4(own.rgb * share + beyond / total * (1.0 - share), own.a);
 }
 
-// How squarely across an edge the neighbour in direction `d` lies: the length of the edge's normal along it.
+// How nearly perpendicular to an edge the neighbour in direction `d` lies: the edge's normal projected on that direction.
 fn squareness(normal: vec2<i32>, d: u32) -> f32 {
     let toward = direction(d);
     let along = f32(normal.x * toward.x + normal.y * toward.y);

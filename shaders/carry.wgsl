@@ -1,4 +1,4 @@
-// Takes the points of a body along when it moves, and ages points where the light changes. Twin: `stages/src/carry.rs`.
+// Moves the points of moving bodies, and ages points where the light changes. Twin: `stages/src/carry.rs`.
 
 #import cloud
 #import index
@@ -37,7 +37,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         there = moved_point(motion, point.xyz);
     }
     cloud_position[slot] = vec4(there, point.w);
-    // What is infinitely far away sends its own light.
+    // A point at infinity emits its own light.
     if (bits & FRESH) != 0u || point.w == 0.0 {
         return;
     }
@@ -53,7 +53,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     cloud_meta[slot] = (bits & ~AGE) | min((bits & AGE) + u32(round(penalty)), AGE);
 }
 
-// The share of a point's light of which a part is or was covered by a body, other than its own, that moves against the lamp.
+// The share of a point's light that is or was partly occluded by a body, other than its own, that moves relative to the light.
 fn shadowed(here: vec3<f32>, there: vec3<f32>, own: u32) -> f32 {
     var light = 0.0;
     var covered = 0.0;
@@ -79,14 +79,14 @@ fn shadowed(here: vec3<f32>, there: vec3<f32>, own: u32) -> f32 {
     return select(0.0, covered / light, light > 0.0);
 }
 
-// Whether a body is where it was.
+// Whether a body has not moved.
 fn same_box(k: u32) -> bool {
     return all(blockers[k].x == blockers_before[k].x)
         && all(blockers[k].y == blockers_before[k].y)
         && all(blockers[k].z == blockers_before[k].z);
 }
 
-// How far two luminances are apart, as a share of the larger.
+// The relative difference of two luminances, as a share of the larger.
 fn change(before: f32, now: f32) -> f32 {
     let larger = max(before, now);
     return select(0.0, abs(before - now) / larger, larger > 0.0);

@@ -1,4 +1,4 @@
-// Classes of pixels, primary regions, samples kept, and where to aim the next one. Twin: `stages/src/classify.rs`.
+// Classes of pixels, primary regions, kept samples, and where to aim the next one. Twin: `stages/src/classify.rs`.
 
 #import cloud
 #import edge_pixel
@@ -22,7 +22,7 @@ struct Params {
 @group(0) @binding(8) var<storage, read> vertex: array<u32>;
 #endif
 
-// An edge: the chord, or where it bends the halves from the first crossing to the vertex and on to the second, with the
+// An edge: the chord, or if it bends, the halves from the first crossing to the vertex and on to the second, with the
 // chord's function at the vertex: negative if the edge bends into B. It is also the triangle's area, in 1/512 pixel.
 struct Edge {
     chord: Chord,
@@ -37,7 +37,7 @@ fn edge_of(ends: vec2<u32>, p: u32) -> Edge {
     if vertex[p] != 0u {
         let at = vec2<i32>((vec2(vertex[p]) >> vec2(0u, 8u)) & vec2(0xFFu));
         edge.side = chord_side(chord, at);
-        // A vertex on the chord bends nothing.
+        // A vertex on the chord does not bend the edge.
         if edge.side != 0 {
             edge.halves[0] = chord_between(slot_position(ends.x), at);
             edge.halves[1] = chord_between(at, slot_position(ends.y));
@@ -47,13 +47,13 @@ fn edge_of(ends: vec2<u32>, p: u32) -> Edge {
     return edge;
 }
 
-// Where a square lies, from the functions of both halves at its centre and how much they change in it at most: x is positive
+// The side of a square, from the functions of both halves at its centre and their maximum change within it: x is positive
 // for region A and negative for B, y is 0 if the edge does not touch the square.
 fn locate(edge: Edge, distance: vec2<i32>, reach: vec2<i32>) -> vec2<i32> {
     if edge.side == 0 {
         return vec2(distance.x, i32(abs(distance.x) <= reach.x));
     }
-    // Inside of the corner lies region A where the edge bends into B.
+    // Region A is inside the corner if the edge bends into B.
     let inwards = -sign(edge.side) * distance;
     let is_inside = all(inwards > reach);
     let is_outside = any(inwards < -reach);
@@ -72,8 +72,8 @@ fn distance_of(chord: Chord, cell: vec2<u32>) -> i32 {
     return chord_side(chord, corner) + chord_side(chord, corner + size);
 }
 
-// How far twice the chord's function at a cell's corners lies from that at its centre, at most: where the latter is
-// larger the chord does not touch the cell.
+// Maximum difference between twice the chord's function at a cell's corners and at its centre: if the value at the centre
+// is larger, the chord does not touch the cell.
 fn reach_of(chord: Chord) -> i32 {
     return i32(16u >> cells_log2()) * (abs(chord.normal.x) + abs(chord.normal.y));
 }
@@ -122,7 +122,7 @@ fn classify(@builtin(global_invocation_id) pixel: vec3<u32>) {
     } else {
         let ends = vec2(firstTrailingBit(ring), firstLeadingBit(ring));
         let edge = edge_of(ends, p);
-        // The triangle between chord and vertex changes sides.
+        // The triangle between chord and vertex belongs to the other side.
         var area = u32(i32(area_of_a(ends.x, ends.y)) - edge.side);
         // Without a sample the larger region is the primary one.
         var is_a = 2u * area >= PIXEL_AREA;

@@ -1,5 +1,5 @@
-// Drops points that lie behind those around them, and keeps the shifted mean depth of 3x3 pixels. With MAJORITY `vote`,
-// then `cull`; else `cull`.
+// Drops points behind those around them, and writes the shifted mean depth of 3x3 pixels. With MAJORITY: `vote`,
+// then `cull`; otherwise `cull` only.
 
 #import cloud
 #import frame
@@ -32,7 +32,7 @@ fn buffer_distance(d: f32) -> f32 {
     return clamp(near / (1.0 - d * ((far - near) / far)), near, far);
 }
 
-// The depth of what lies share * (far - near) behind, at most 1.
+// The depth of a point share * (far - near) behind, at most 1.
 fn buffer_shift(share: f32, d: f32) -> f32 {
     let rho = frame.view.near / frame.view.far;
     let q = 1.0 - rho;
@@ -41,14 +41,14 @@ fn buffer_shift(share: f32, d: f32) -> f32 {
     let g = -share * q * q;
     let h = rho + share * q;
     let denominator = g * d + h;
-    // Where rounding leaves nothing of it, the result lies beyond the far plane.
+    // If rounding leaves nothing of it, the result is beyond the far plane.
     if denominator > 0.0 {
         return min((a * d + b) / denominator, 1.0);
     }
     return 1.0;
 }
 
-// What the rule compares: the distance or the z-buffer's depth.
+// The quantity that the rule compares: the distance or the z-buffer's depth.
 fn value(z: u32) -> f32 {
     if params.rule == RULE_SEED_EXACT {
         return buffer_depth(bitcast<f32>(z));
@@ -56,7 +56,7 @@ fn value(z: u32) -> f32 {
     return bitcast<f32>(z);
 }
 
-// The depths that are averaged: those of all points, or what the first vote leaves.
+// The depths to average: those of all points, or those left by the first vote.
 fn averaged(p: u32) -> u32 {
 #ifdef MAJORITY
     return first_vote[p];
@@ -65,9 +65,9 @@ fn averaged(p: u32) -> u32 {
 #endif
 }
 
-// The mean value of the 3x3 pixels, negative where all are empty.
+// The mean value of the 3x3 pixels, negative if all are empty.
 fn mean_of(pixel: vec2<i32>) -> f32 {
-    // Column by column: the twin adds each column up once.
+    // Column by column, like the twin, which sums each column only once.
     var sum = 0.0;
     var count = 0.0;
     for (var dx = -1; dx <= 1; dx++) {
@@ -99,7 +99,7 @@ fn voter(round: u32, p: u32) -> u32 {
     return first_vote[p];
 }
 
-// How many of so many voters are enough: half; pixels outside of the image count as points that are not nearer, but 7 of 8
+// The number of votes that outvote a point: half; pixels outside the image count as points that are not nearer, but 7 of 8
 // are always enough.
 fn majority(pixel: vec2<i32>, voters: i32) -> i32 {
     let span = min(pixel + 3, vec2<i32>(frame.size)) - max(pixel - 2, vec2(0));
@@ -107,11 +107,11 @@ fn majority(pixel: vec2<i32>, voters: i32) -> i32 {
     return (voters * min(inside * 7 / 4, 24) + 2 * inside - 1) / (2 * inside);
 }
 
-// Whether enough of the other points of the 5x5 pixels are clearly nearer, and there are any.
+// Whether there are other points in the 5x5 pixels, and enough of them are clearly nearer.
 fn is_outvoted(round: u32, pixel: vec2<i32>) -> bool {
     let z = bitcast<f32>(voter(round, pixel_index(vec2<u32>(pixel))));
     let scale = 1.0 + params.threshold;
-    // The point itself is no voter, and never nearer than itself.
+    // The point itself is not a voter, and is never nearer than itself.
     var voters = -1;
     var nearer = 0;
     for (var dy = -2; dy <= 2; dy++) {

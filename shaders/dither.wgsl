@@ -1,7 +1,7 @@
-// Turns priorities into requests for samples by systematic sampling; `stages/src/dither.rs` says how.
+// Turns priorities into requests for samples by systematic sampling; `stages/src/dither.rs` explains the algorithm.
 //
-// Cells of the predicted view and pixels go the same way: weights are added up by tile, one workgroup scans the tiles'
-// sums, and each pixel finds out whether the sum of weights passes a multiple of total / wanted in it.
+// Cells of the predicted view and pixels are processed alike: weights are summed by tile, one workgroup scans the tiles'
+// sums, and each pixel tests whether the sum of weights passes a multiple of total / wanted in it.
 
 #import cloud
 #import frame
@@ -19,7 +19,7 @@ struct Params {
     border: u32,
 }
 
-// Entries of `state`: empty cells; requests for them; the weight that asks for one sample; sum of all limited weights.
+// Entries of `state`: empty cells; requests for them; the weight of one request; sum of all clamped weights.
 const CELLS_TOTAL: u32 = 0u;
 const CELLS_WANTED: u32 = 1u;
 const LIMIT: u32 = 2u;
@@ -47,18 +47,18 @@ fn clear(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgrou
     }
 }
 
-// How many tiles an image has.
+// The number of tiles of an image.
 fn tile_count(size: vec2<u32>) -> u32 {
     let tiles = (size + TILE - 1u) / TILE;
     return tiles.x * tiles.y;
 }
 
-// Samples wanted in all.
+// Total number of samples wanted.
 fn budget() -> u32 {
     return min(frame.samples, arrayLength(&requests));
 }
 
-// 32 bits that look random, other ones in each frame and run.
+// 32 pseudorandom bits, different in each frame and run.
 fn hash(value: u32) -> u32 {
     return pcg(value ^ pcg(frame.index ^ pcg(frame.seed)));
 }
@@ -69,14 +69,14 @@ fn pcg(value: u32) -> u32 {
     return (word >> 22u) ^ word;
 }
 
-// Place of the n-th pixel of a tile: the even bits of n are x, the odd ones y.
+// Position of the n-th pixel of a tile: the even bits of n are x, the odd ones y.
 fn morton(n: u32) -> vec2<u32> {
     let bits = vec2(n, n >> 1u);
     return (bits & vec2(1u)) | ((bits >> vec2(1u)) & vec2(2u)) | ((bits >> vec2(2u)) & vec2(4u))
         | ((bits >> vec2(3u)) & vec2(8u));
 }
 
-// Requests due when the weights so far add up to `sum`.
+// Number of requests due when the weights so far add up to `sum`.
 fn due(sum: u32, total: u32, wanted: u32) -> u32 {
     let offset = wide_multiply(frame.index * GOLDEN, total).high;
     return wide_divide(wide_add(wide_multiply(sum, wanted), offset), total);
@@ -153,12 +153,12 @@ fn ask_cells(
     requests[after - 1u] = ask_predicted(pixel_index(pixel), noise);
 }
 
-// A request of the predicted view, somewhere in a pixel: `noise` says where.
+// A request of the predicted view at a place in a pixel given by `noise`.
 fn ask_predicted(pixel: u32, noise: u32) -> Request {
     return Request(pixel, hash(noise), NO_POINT, VIEW_PREDICTED);
 }
 
-// Whether what a pixel shows may be out of the frame before a sample of it arrives.
+// Whether the content of a pixel may leave the frame before a sample of it arrives.
 fn leaves(at: vec2<u32>, pixel: u32) -> bool {
     let margin = min(at, frame.size - 1u - at);
     return !same_view(frame.predicted, frame.view) && id[pixel] == NO_POINT && priority[pixel] >= BARE
@@ -166,7 +166,7 @@ fn leaves(at: vec2<u32>, pixel: u32) -> bool {
 }
 #endif
 
-// Requests for cells, which come first.
+// Number of requests for cells, which come first.
 fn cells_wanted() -> u32 {
 #ifdef OCCUPANCY
     return state[CELLS_WANTED];
@@ -175,12 +175,12 @@ fn cells_wanted() -> u32 {
 #endif
 }
 
-// Samples that are left for pixels.
+// Number of samples left for pixels.
 fn pixels_wanted() -> u32 {
     return budget() - cells_wanted();
 }
 
-// How far priorities are shifted down, so that their sum stays below 2^32 in images of more than 2^24 pixels.
+// Number of bits by which priorities are shifted down, so that their sum stays below 2^32 in images of more than 2^24 pixels.
 fn priority_shift() -> u32 {
     return select(4u, 0u, frame.size.x * frame.size.y <= 0x1000000u);
 }

@@ -16,7 +16,7 @@ struct Params {
     merge: u32,
 }
 
-// The binary logarithm of the number of lines to a pixel: 1 if the middle ones are drawn too.
+// The binary logarithm of the number of lines per pixel: 1 if the middle ones are drawn too.
 #ifdef MIDDLE
 const HALVES: u32 = 1u;
 #else
@@ -28,8 +28,8 @@ const LINE_SHIFT: u32 = PIXEL_SHIFT - HALVES;
 const LONG: i32 = 32;
 const LONG_THREADS: u32 = 64u;
 
-// The part of a segment that is drawn: two points in fixed point, 1 / z there, and the width of the penumbra whose boundary
-// it is, in pixels at a distance of 1 metre.
+// The visible part of a segment: two points in fixed point, 1 / z there, and the width of the penumbra that it bounds,
+// in pixels at a distance of 1 metre.
 struct Snapped {
     ax: i32,
     ay: i32,
@@ -73,7 +73,7 @@ fn clear(@builtin(global_invocation_id) corner: vec3<u32>) {
 }
 
 #ifdef MERGE
-// Each side's runs of crossed slots as their first.
+// Replaces each side's runs of crossed slots by their first slot.
 @compute @workgroup_size(8, 8, 1)
 fn merge(@builtin(global_invocation_id) corner: vec3<u32>) {
     if all(corner.xy <= frame.size) {
@@ -114,7 +114,7 @@ struct Corner {
     @location(1) @interpolate(flat) inverse_and_penumbra: vec3<f32>,
 }
 
-// Outside of what is drawn.
+// Outside the drawing space.
 const NOWHERE: Corner = Corner(vec4(2.0, 2.0, 2.0, 1.0), vec4(0), vec3(0.0));
 
 #ifdef SILHOUETTES
@@ -137,8 +137,8 @@ fn shadow_corner(@builtin(vertex_index) vertex: u32) -> Corner {
 }
 #endif
 
-// A corner of the two triangles over a segment that is longer by a pixel at each end and two pixels wide: they cover the
-// centre of every pixel with a crossing at its left or top side, for that is at most 0.71 pixels away.
+// A corner of the two triangles over a segment, extended by a pixel at each end and two pixels wide: they cover the
+// centre of every pixel with a crossing at its left or top side, which is at most 0.71 pixels away.
 fn corner(segment: Segment, nth: u32) -> Corner {
     var snapped: Snapped;
     if !snap(segment, &snapped) {
@@ -164,7 +164,7 @@ fn corner(segment: Segment, nth: u32) -> Corner {
 }
 
 // Marks the crossings with the lines to the left of a pixel and above it, and with its middle lines. Pixels of a column
-// have such lines together and set the same bits, which does no harm.
+// share such lines and set the same bits, which does no harm.
 @fragment
 fn mark_pixel(in: Corner) -> @location(0) u32 {
     let rest = in.inverse_and_penumbra;
@@ -257,8 +257,8 @@ fn draw(snapped: Snapped, first: i32, step: i32) {
 
 // ---- Projection, clipping and snapping
 
-// The part of a segment in front of the near plane and in the space that is drawn, as pixels in fixed point; false where
-// there is none.
+// The part of a segment in front of the near plane and inside the drawing space, as pixels in fixed point; false if
+// it is empty.
 fn snap(segment: Segment, snapped: ptr<function, Snapped>) -> bool {
     if !(all(abs(segment.a) <= vec3(LIMIT)) && all(abs(segment.b) <= vec3(LIMIT))) {
         return false;
@@ -278,7 +278,7 @@ fn snap(segment: Segment, snapped: ptr<function, Snapped>) -> bool {
     if t.x > t.y {
         return false;
     }
-    // An end that is not cut off keeps its very coordinates, so that edges go on meeting in it.
+    // An end that is not clipped keeps its exact coordinates, so that edges still meet in it.
     let start = select(a, a + t.x * (b - a), t.x > 0.0);
     let end = select(b, a + t.y * (b - a), t.y < 1.0);
     let inverse = vec2(1.0 / max(start.z, frame.view.near), 1.0 / max(end.z, frame.view.near));
@@ -302,7 +302,7 @@ fn to_view(position: vec3<f32>, scale: vec2<f32>) -> vec3<f32> {
     );
 }
 
-// The part of t where a distance that goes from `a` (t = 0) to `b` (t = 1) is not negative.
+// The range of t in which a distance that goes from `a` (t = 0) to `b` (t = 1) is not negative.
 fn cut(t: vec2<f32>, a: f32, b: f32) -> vec2<f32> {
     if a < 0.0 && b < 0.0 {
         return vec2(1.0, 0.0);
@@ -320,14 +320,14 @@ fn cut(t: vec2<f32>, a: f32, b: f32) -> vec2<f32> {
 
 // The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top edge.
 struct Lines {
-    // The end with the lesser coordinate along the axis: that coordinate, and the other one.
+    // The end with the smaller coordinate along the axis: that coordinate, and the other one.
     start: vec2<i32>,
-    // From there to the other end; x > 0 where there are lines.
+    // Vector from there to the other end; x > 0 if there are lines.
     delta: vec2<i32>,
-    // 1 / z there, and from there to the other end.
+    // 1 / z there, and its difference to the other end.
     inverse: f32,
     inverse_delta: f32,
-    // Of the segment.
+    // The penumbra of the segment.
     penumbra: f32,
     first: i32,
     count: i32,
@@ -350,14 +350,14 @@ fn lines(snapped: Snapped, axis: u32) -> Lines {
         b = c;
         inverse = inverse.yx;
     }
-    // A vertex on a line lies beyond it.
+    // A vertex on a line counts as beyond it.
     let first = max((a.x >> LINE_SHIFT) + 1, 0);
     let last = min(b.x >> LINE_SHIFT, size << HALVES);
     let count = max(last - first + 1, 0);
     return Lines(a, b - a, inverse.x, inverse.y - inverse.x, snapped.penumbra, first, count);
 }
 
-// Marks the crossing with a line, if it lies in the image and is not hidden.
+// Marks the crossing with a line if it is in the image and not hidden.
 fn mark(lines: Lines, axis: u32, nth: i32) {
     let line = lines.first + nth;
     let along = u32((line << LINE_SHIFT) - lines.start.x);
@@ -367,8 +367,8 @@ fn mark(lines: Lines, axis: u32, nth: i32) {
     let quotient = wide_divide(product, length);
     let rest = product.low - quotient * length;
 
-    // In a crossing with the very end of a slot the slot before counts on vertical lines, if the segment goes down: the
-    // perturbation that puts vertices beyond lines moves it there.
+    // At a crossing exactly at the end of a slot, the slot before counts on vertical lines if the segment descends: the
+    // perturbation that moves vertices beyond lines moves the crossing there.
     var whole: i32;
     var before: bool;
     if lines.delta.y > 0 {
@@ -394,7 +394,7 @@ fn mark(lines: Lines, axis: u32, nth: i32) {
     }
 }
 
-// Marks an end, if it lies in the image and is not hidden.
+// Marks an end if it is in the image and not hidden.
 fn mark_end(at: vec2<i32>, inverse: f32, penumbra: f32) {
     let pixel = at >> vec2(PIXEL_SHIFT);
     let z = 1.0 / inverse;

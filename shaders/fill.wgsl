@@ -1,4 +1,4 @@
-// Colours every pixel from the points near it, and says how much a new sample there is worth.
+// Colours every pixel from the points near it, and computes how much a new sample there is worth.
 
 #import cloud
 #import frame
@@ -34,7 +34,7 @@ fn gather(@builtin(global_invocation_id) pixel: vec3<u32>) {
     }
 }
 
-// The entry of `points` at a place that may lie outside the image.
+// The entry of `points` at a position that may be outside the image.
 fn point_at(q: vec2<i32>) -> vec4<f32> {
     if is_outside(q) {
         return vec4(0.0);
@@ -42,7 +42,7 @@ fn point_at(q: vec2<i32>) -> vec4<f32> {
     return points[pixel_index(vec2<u32>(q))];
 }
 
-// The entries above, at and below a place, weighted 1, 2 and 1. Three such columns, weighted likewise, make the 3x3
+// The entries above, at and below a position, weighted 1, 2 and 1. Three such columns, weighted likewise, make the 3x3
 // weights: 4 for the centre, 2 for edges, 1 for corners.
 fn column(q: vec2<i32>) -> vec4<f32> {
     return point_at(q - vec2(0, 1)) + 2.0 * point_at(q) + point_at(q + vec2(0, 1));

@@ -1,4 +1,4 @@
-// Tells points where they are seen. Twin: `stages/src/image_id.rs`.
+// Records for each point which pixel shows it. Twin: `stages/src/image_id.rs`.
 
 #import cloud
 #import frame
@@ -30,7 +30,7 @@ fn mark(@builtin(global_invocation_id) thread: vec3<u32>) {
     if params.ids == IDS_TEXEL && pixel >= TEXEL_PIXELS {
         return;
     }
-    // A pixel without a point has an id beyond every slot. A point is in one pixel, so threads do not collide.
+    // A pixel without a point has an id larger than every slot. A point is in one pixel, so threads do not collide.
     if id[pixel] < arrayLength(&cloud_image_id) {
         cloud_image_id[id[pixel]] = pixel;
     }

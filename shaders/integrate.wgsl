@@ -68,12 +68,12 @@ fn insert(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     dates[slot] = frame.index + 1u;
 }
 
-// Whether there is a sample that has a slot.
+// Whether there is a sample and it has a slot.
 fn takes(index: u32) -> bool {
     return samples[index].hit != HIT_NONE && slots[index] < arrayLength(&cloud_meta);
 }
 
-// Whether the point that a sample was asked for to renew is live, and had another colour.
+// Whether the point that a sample was requested to renew is live and had a different colour.
 fn differs_from_shown(index: u32) -> bool {
     let point = samples[index].reuse;
     if samples[index].view != VIEW_NOW || point >= arrayLength(&cloud_meta) {
@@ -83,12 +83,12 @@ fn differs_from_shown(index: u32) -> bool {
         return false;
     }
     let before = decode_radiance(cloud_radiance[point]);
-    // Compared as it will be stored.
+    // Compared with stored precision.
     let after = decode_radiance(encode_radiance(samples[index].radiance));
     return abs(tone_mapped_luma(after) - tone_mapped_luma(before)) > params.threshold;
 }
 
-// Stamps the 7 x 7 pixels around one, as far as they lie in the image.
+// Stamps the 7 x 7 pixels around one, clipped to the image.
 fn stamp_around(index: u32) {
     let pixel = vec2(index % frame.size.x, index / frame.size.x);
     let first = pixel - min(pixel, vec2(REACH));

@@ -1,4 +1,4 @@
-// Colours every pixel from the samples in its 5x5 pixels that no edge parts from it, and says how much a new sample
+// Colours every pixel from the samples in its 5x5 pixels that no edge separates from it, and computes how much a new sample
 // there is worth.
 
 #import cloud
@@ -15,10 +15,10 @@ struct Params {
     priority: u32,
 }
 
-// Most cells along an axis of a pixel.
+// Maximum number of cells along an axis of a pixel.
 const CELLS: u32 = 16u;
 
-// Pixels on each side of a workgroup's, and of what their kernels reach.
+// Pixels on each side of a workgroup's tile, without and with the radius of its kernels.
 const GROUP: u32 = 16u;
 const SIDE: u32 = GROUP + 2u * REACH;
 
@@ -32,7 +32,7 @@ const SIDE: u32 = GROUP + 2u * REACH;
 @group(0) @binding(8) var color: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(9) var<storage, read_write> priority: array<u32>;
 
-// The samples of the tile and around it: radiance, and the cell in the pixel; -1 where there is none.
+// The samples of the tile and around it: radiance, and the cell in the pixel; -1 if there is none.
 var<workgroup> samples: array<vec4<f32>, SIDE * SIDE>;
 // For each row or column of cells, the weights along that axis of a sample in it at each offset + REACH.
 var<workgroup> axis: array<f32, CELLS * SPAN>;
@@ -52,16 +52,16 @@ fn load(q: vec2<i32>) -> vec4<f32> {
     return vec4(radiance, f32(subpixel[p]));
 }
 
-// Which of the 25 pixels of the kernel count, bit 12 being the pixel itself.
+// Which of the 25 pixels of the kernel count; bit 12 is the pixel itself.
 fn taps(p: u32) -> u32 {
     if (cls[p] & CLASS) == COMPLEX {
         return ALL;
     }
-    // r24 leaves out the centre.
+    // r24 does not include the centre.
     return (r24[p] & 0xFFFu) | (1u << 12u) | ((r24[p] & 0xFFF000u) << 1u);
 }
 
-// The weight along an axis at a distance in pixels, before it is scaled.
+// The unscaled weight along an axis at a distance in pixels.
 fn kernel(distance: f32) -> f32 {
     if params.kernel == KERNEL_GAUSSIAN {
         return exp(-distance * distance / (2.0 * params.sigma * params.sigma));
@@ -79,7 +79,7 @@ fn axis_weight(i: u32) -> f32 {
         aside = 0.0;
     }
     let scale = AXIS / (kernel(0.0) + 2.0 * (kernel(1.0) + kernel(2.0)));
-    // However far it is, a sample that is reached counts.
+    // Every reached sample counts, however far it is.
     return max(floor(kernel(pixel + aside) * scale + 0.5), 1.0);
 }
 
@@ -143,7 +143,7 @@ fn with_point(age: u32) -> u32 {
     return min(age / AGE_ONE, 254u);
 }
 
-// Priority of a pixel without a point for which this share of the kernel's weight was there.
+// Priority of a pixel without a point, given the present share of the kernel's weight.
 fn without_point(share: f32) -> u32 {
     // In 1/256, to the nearest. Exact, as the share is a whole number of 1 / FULL.
     let missing = u32((1.0 - share) * 256.0 + 0.5);

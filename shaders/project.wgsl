@@ -1,4 +1,4 @@
-// The nearest point of each pixel, its depth and its place in the pixel. Of equally near points the lowest id wins.
+// The nearest point of each pixel, its depth and its position in the pixel. Among equally near points the lowest id wins.
 // TwoPass runs clear, project, claim, resolve; with ATOMIC64 clear, project, resolve; with RASTER vertex and fragment,
 // then resolve.
 
@@ -92,7 +92,7 @@ fn vertex(@builtin(vertex_index) i: u32) -> Vertex {
     }
     // The pixel's centre, so that the rasteriser's own rounding cannot move the point to a neighbour.
     let centre = (floor(point.at) + 0.5) / vec2<f32>(frame.size);
-    // Depth 1 is the cleared value and never passes the test: the far plane lies just before it.
+    // Depth 1 is the cleared value and never passes the test: the far plane is just in front of it.
     let z = point.z / frame.view.far * 0.9999999;
     return Vertex(vec4(2.0 * centre.x - 1.0, 1.0 - 2.0 * centre.y, z, 1.0), i);
 }
@@ -115,7 +115,7 @@ fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if winner != NO_POINT {
         let point = project_id(winner);
         atomicStore(&depth[p], bitcast<u32>(point.z));
-        // Another pipeline may have rounded otherwise: keep the point in the pixel that shows it.
+        // Another pipeline may have rounded differently: keep the point in the pixel that shows it.
         let least = vec2<f32>(pixel.xy);
         subpixel[p] = cell(clamp(point.at, least, least + 0.99));
     }
@@ -143,8 +143,8 @@ fn project(@builtin(global_invocation_id) thread: vec3<u32>, @builtin(num_workgr
         return;
     }
     let p = pixel_index(vec2<u32>(point.at));
-    // The bits of positive floats are ordered like the floats. Kept, not computed again in the next pass: another
-    // pipeline may round otherwise, and the point would be lost.
+    // The bits of positive floats are ordered like the floats. Stored, not recomputed in the next pass: another
+    // pipeline may round differently, and the point would be lost.
     let z = bitcast<u32>(point.z);
     projected[i] = vec2(p, z);
     cells[i] = cell(point.at);

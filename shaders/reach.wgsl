@@ -1,5 +1,5 @@
 // Which pixels of the 5x5 around each can be reached without crossing an edge. Twin: `stages/src/reach.rs`.
-// With FUSED one pass over tiles in workgroup memory, else neighbours, main_half and copy_half.
+// With FUSED, one pass over tiles in workgroup memory; otherwise neighbours, main_half and copy_half.
 
 #import edge_pixel
 #import frame
@@ -30,8 +30,8 @@ fn mask_at(at: vec2<i32>) -> u32 {
     return mask[corner_index(vec2<u32>(at))];
 }
 
-// Which regions of two simple or empty pixels touch at the side that they share, with these crossings. The places on the
-// rings, in quarters of a slot, of a place on the side are those of its start plus or minus the place.
+// Which regions of two simple or empty pixels touch at the side that they share, with these crossings. A position on the
+// side maps to a position on each ring, in quarters of a slot: the side's start there plus or minus the position.
 fn joined_by(p: u32, q: u32, crossings: u32, starts: vec2<u32>, steps: vec2<u32>) -> u32 {
     // The crossings cut the side into intervals; each joins the regions at its middle.
     var rest = crossings;
@@ -101,7 +101,7 @@ fn reached_from(at: vec2<i32>) -> u32 {
         let matrix = own >> (4u * d);
         let offset = direction(d);
         reached |= if_odd(matrix, bit_of(offset));
-        // Bit 4 d: the way goes on in direction d, from a region of the neighbour that is joined to the primary region
+        // Bit 4 d: the path continues in direction d, from a region of the neighbour that is joined to the primary region
         // here.
         let next = n8_at(at + offset);
         let onward = if_odd(matrix, next) | if_odd(matrix >> 1u, next >> 2u);
@@ -114,7 +114,7 @@ fn reached_from(at: vec2<i32>) -> u32 {
 }
 
 #ifdef FUSED
-// Pixels on each side of a workgroup's, and with those around that these depend on.
+// Pixels on each side of a workgroup's tile, without and with the margin that the tile depends on.
 const GROUP: u32 = 16u;
 const SIDE: u32 = GROUP + 4u;
 
@@ -124,7 +124,7 @@ var<workgroup> tile_cls: array<u32, SIDE * SIDE>;
 var<workgroup> tile_pairs: array<u32, SIDE * SIDE>;
 var<workgroup> tile_n8: array<u32, SIDE * SIDE>;
 
-// Places count from the first of these pixels.
+// Positions are relative to the first of these pixels.
 fn tile_index(at: vec2<i32>) -> u32 {
     return u32(at.y) * SIDE + u32(at.x);
 }
@@ -157,7 +157,7 @@ fn fused(
     if is_busy {
         for (var i = lane; i < SIDE * SIDE; i += GROUP * GROUP) {
             let at = vec2(i % SIDE, i / SIDE);
-            // Nothing depends on what lies to the right of and below these pixels.
+            // Nothing depends on the pixels to the right of and below these.
             let right = select(COMPLEX, tile_cls[min(i + 1u, SIDE * SIDE - 1u)], at.x + 1u < SIDE);
             let below = select(COMPLEX, tile_cls[min(i + SIDE, SIDE * SIDE - 1u)], at.y + 1u < SIDE);
             tile_pairs[i] = pair_of(base + vec2<i32>(at), tile_cls[i], right, below);
@@ -214,7 +214,7 @@ fn main_half(@builtin(global_invocation_id) pixel: vec3<u32>) {
     }
 }
 
-// P reaches Q as Q reaches P.
+// Reachability is symmetric.
 @compute @workgroup_size(8, 8, 1)
 fn copy_half(@builtin(global_invocation_id) pixel: vec3<u32>) {
     let at = vec2<i32>(pixel.xy);

@@ -1,5 +1,5 @@
-// Drops samples that at least half of the samples in reach are clearly nearer than. Twin: `stages/src/reach_cull.rs`.
-// Every pass reads what the one before has left and writes the other image; the last one writes id.
+// Drops samples if at least half of the samples in reach are clearly nearer. Twin: `stages/src/reach_cull.rs`.
+// Every pass reads what the previous pass left and writes the other image; the last one writes id.
 
 #import cloud
 #import edge_pixel
@@ -49,7 +49,7 @@ fn judge(image: u32, pixel: vec2<u32>) -> u32 {
         rest &= rest - 1u;
         let raw = i32(k + u32(k >= 12u));
         let at = vec2<i32>(pixel) + vec2(raw % 5, raw / 5) - 2;
-        // Bits never lead out of the image; this keeps foreign data from doing harm.
+        // Bits never point outside the image; this guards against invalid input.
         if is_outside(at) {
             continue;
         }

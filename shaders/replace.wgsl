@@ -61,8 +61,8 @@ fn count_samples(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     }
 }
 
-// One thread for each age of points, from the greatest down: the greatest age of which there are, together with all
-// greater ones, enough free slots (0 where there are not so many at all), and the number of free slots of greater age.
+// One thread for each age of points, from the highest down. Finds the highest age such that there are enough free slots of
+// that age or higher (0 if there are not that many at all), and the number of free slots of higher age.
 @compute @workgroup_size(SCAN_THREADS)
 fn choose(@builtin(local_invocation_index) lane: u32) {
     let need = workgroup_scan(lane, sample_sums[lane]).total;
@@ -101,7 +101,7 @@ fn collect_slots(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
         return;
     }
     let sums = select(vec2(0u), slot_sums[lane], lane < group.x);
-    // Where the next free slot goes that is older than the chosen age, and the next one of just that age.
+    // Where to write the next free slot that is older than the chosen age, and the next one of exactly that age.
     var next = vec2(workgroup_scan(lane, sums.x).total, choice[0].y + workgroup_scan(lane, sums.y).total);
     for (var tile = range.x; tile < range.y; tile += SCAN_THREADS) {
         let slot = tile + lane;
@@ -151,7 +151,7 @@ fn assign(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     }
 }
 
-// Whether a sample shows anew what a live point shows.
+// Whether a sample renews a live point.
 fn renews(index: u32) -> bool {
     let slot = samples[index].reuse;
     if samples[index].hit == HIT_NONE || slot >= arrayLength(&cloud_meta) {
@@ -168,12 +168,12 @@ fn wins(index: u32) -> bool {
     return atomicLoad(&claims[samples[index].reuse]) == index;
 }
 
-// The whole age of a point; EMPTY for an empty slot.
+// The whole-number age of a point; EMPTY for an empty slot.
 fn age(meta_bits: u32) -> u32 {
     return select((meta_bits & AGE) / AGE_ONE, EMPTY, (meta_bits & LIVE) == 0u);
 }
 
-// Whether a slot is free and older than the chosen age; whether it is free and of just that age.
+// Whether a slot is free and older than the chosen age; whether it is free and of exactly that age.
 fn candidate(slot: u32) -> vec2<bool> {
     if atomicLoad(&claims[slot]) != UNCLAIMED {
         return vec2(false);

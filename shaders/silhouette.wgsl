@@ -1,4 +1,4 @@
-// Which edges of the mesh are silhouettes for the eye. All passes but the first work on bits: faces or edges by 32.
+// Which edges of the mesh are silhouettes from the eye. All passes but the first work on bits: 32 faces or edges per word.
 
 #import frame
 #import index
@@ -62,7 +62,7 @@ fn workgroup_bits(lane: u32, bit: bool) -> u32 {
     return atomicLoad(&words[lane % 8u]);
 }
 
-// A face faces the eye if the eye lies on the side of its plane to which its normal points, not in the plane.
+// A face faces the eye if the eye is on the side of its plane to which its normal points, not in the plane.
 @compute @workgroup_size(256, 1, 1)
 fn face_eye(
     @builtin(global_invocation_id) id: vec3<u32>,

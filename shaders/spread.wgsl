@@ -1,5 +1,5 @@
-// Gives a colour to the pixels from which no sample could be reached. Spread runs clear, prepare, some rounds of spread,
-// pull and push; PushPull leaves out the rounds; Off only copies.
+// Gives a colour to pixels that reach no sample. Spread runs clear, prepare, some rounds of spread,
+// pull and push; PushPull skips the rounds; Off only copies.
 
 #import edge_pixel
 #import frame
@@ -10,17 +10,17 @@ struct Params {
     rounds: u32,
 }
 
-// Pixels on each side of what influences a tile in a round: a step from each is a pixel.
+// Pixels on each side of the area that influences a tile in a round: one pixel of margin per step.
 const SIDE: u32 = TILE + 2u * ROUND;
 
-// Threads of a workgroup, and pixels of each of them in a round.
+// Threads of a workgroup, and pixels per thread in a round.
 const THREADS: u32 = 256u;
 const EACH: u32 = SIDE * SIDE / THREADS;
 
 // The red of a hole.
 const NONE: f32 = -1.0;
 
-// The bits of N8: the primary regions of both pixels are one.
+// The bits of N8: the primary regions of both pixels are joined.
 const PRIMARY_TO_PRIMARY: u32 = 0x11111111u;
 
 @group(0) @binding(1) var<uniform> params: Params;
@@ -44,7 +44,7 @@ var<workgroup> row_sums: array<vec4<f32>, TILE>;
 var<workgroup> open: atomic<u32>;
 // The last step in which a hole was filled, counted from 1.
 var<workgroup> grown: atomic<u32>;
-// What all threads are to know.
+// Values that all threads need.
 var<workgroup> shared_state: vec2<u32>;
 
 fn put_at(i: u32, c: vec3<f32>) {
@@ -53,7 +53,7 @@ fn put_at(i: u32, c: vec3<f32>) {
     blue[i] = c.b;
 }
 
-// The colour at a place and 1; zeros for a hole.
+// The colour at a position and 1; zeros for a hole.
 fn color_at(i: u32) -> vec4<f32> {
     if red[i] < 0.0 {
         return vec4(0.0);
@@ -61,7 +61,7 @@ fn color_at(i: u32) -> vec4<f32> {
     return vec4(red[i], green[i], blue[i], 1.0);
 }
 
-// The colour of a pixel that was filled in this round; 0 are those that were no holes.
+// The colour of a pixel that was filled in this round; 0 for pixels that were not holes.
 fn color_of(pixel: vec2<u32>, round: u32) -> vec3<f32> {
     if round == 0u {
         return textureLoad(primary, pixel, 0).rgb;
@@ -88,7 +88,7 @@ fn tiles_size() -> vec2<u32> {
     return (frame.size + TILE - 1u) / TILE;
 }
 
-// Writes down what the tile's pixels are now.
+// Writes the current state of the tile's pixels.
 fn add_up(t: u32, lane: u32, rounds: u32) {
     workgroupBarrier();
     if lane < TILE {
@@ -156,8 +156,8 @@ fn prepare(
     }
 }
 
-// A round of steps: the workgroups share the listed tiles. Where few are open, starting a workgroup for each of the others
-// would cost more than all else.
+// A round of steps: the workgroups share the listed tiles. If few are open, starting a workgroup for each of the others
+// would cost more than everything else.
 @compute @workgroup_size(THREADS, 1, 1)
 fn spread(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -173,8 +173,8 @@ fn spread(
     }
 }
 
-// Neighbouring tiles may write their pixels at the same time: what they fill in this round bears its number and is taken
-// for the hole that it was.
+// Neighbouring tiles may write their pixels at the same time: pixels that they fill in this round have its number and
+// still count as holes.
 fn spread_tile(tile: vec2<u32>, lane: u32) {
     let t = tile.y * tiles_size().x + tile.x;
     if lane == 0u {
@@ -223,7 +223,7 @@ fn spread_tile(tile: vec2<u32>, lane: u32) {
         if lane == 0u {
             shared_state.x = atomicLoad(&grown);
         }
-        // Once a step fills nothing, neither does another. (This waits for all threads, like a barrier.)
+        // Once a step fills nothing, no later one does. (This waits for all threads, like a barrier.)
         if workgroupUniformLoad(&shared_state).x <= step {
             break;
         }
@@ -264,7 +264,7 @@ fn sum_joined(i: u32, joined: u32) -> vec4<f32> {
     return sum;
 }
 
-// Adds up blocks of tiles, level by level.
+// Sums blocks of tiles, level by level.
 @compute @workgroup_size(THREADS, 1, 1)
 fn pull(@builtin(local_invocation_index) lane: u32) {
     var size = tiles_size();
@@ -289,7 +289,7 @@ fn pull(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-// The picture; what is still a hole takes the mean of what lies around it.
+// The picture; each remaining hole takes the mean of the smallest area around it that holds colours.
 @compute @workgroup_size(8, 8, 1)
 fn push(@builtin(global_invocation_id) pixel: vec3<u32>) {
     if any(pixel.xy >= frame.size) {

@@ -1,4 +1,4 @@
-// Colours complex pixels by quarters, each from the samples that no edge parts from it. Twin: `stages/src/subdivide.rs`.
+// Colours complex pixels by quarters, each from the samples that no edge separates from it. Twin: `stages/src/subdivide.rs`.
 
 #import cloud
 #import edge_pixel
@@ -10,7 +10,7 @@ struct Params {
     subpixel_bits: u32,
 }
 
-// The region of a tap that there is not.
+// The region of a missing tap.
 const NONE: u32 = 2u;
 
 @group(0) @binding(1) var<uniform> params: Params;
@@ -99,7 +99,7 @@ fn weighted(tap: Tap, reached: ptr<function, array<u32, QUARTERS>>, quarter: vec
 
 // ---- Quarters
 
-// Class and chord of a quarter, in the bits of `cls`, with A for the primary region.
+// Class and chord of a quarter, in the bits of `cls`, with A as the primary region.
 fn classify(ring: u32) -> u32 {
     let bits = class_of(ring) | PRIMARY_IS_A;
     if (bits & CLASS) != SIMPLE {
@@ -141,7 +141,7 @@ fn areas_of(quarter: u32) -> vec2<u32> {
     return vec2(a, QUARTER_AREA - a);
 }
 
-// The region of a quarter in which a square cell lies, or NONE: `corner` is its top left one and `size` the length of its
+// The region of a quarter that contains a square cell, or NONE: `corner` is its top left one and `size` the length of its
 // sides, in 1/16 pixel.
 fn region_of_cell(quarter: u32, corner: vec2<i32>, size: i32) -> u32 {
     if (quarter & CLASS) != SIMPLE {
@@ -149,7 +149,7 @@ fn region_of_cell(quarter: u32, corner: vec2<i32>, size: i32) -> u32 {
     }
     let ends = ends_of(quarter);
     let chord = chord_between(quarter_slot(ends.x), quarter_slot(ends.y));
-    // Twice the chord's function at the cell's centre, and how far that at a corner lies from it at most.
+    // Twice the chord's function at the cell's centre, and its maximum difference to that at a corner.
     let distance = chord_side(chord, corner) + chord_side(chord, corner + size);
     let reach = size * (abs(chord.normal.x) + abs(chord.normal.y));
     return select(NONE, u32(distance < 0), abs(distance) > reach);
@@ -184,7 +184,7 @@ fn joined(p: u32, q: u32, crossings: u32, is_right: bool) -> u32 {
 
 // ---- The window
 
-// The pixel of a place among the 3x3 around one.
+// The pixel at a position among the 3x3 around one.
 fn neighbour(pixel: vec2<i32>, place: vec2<u32>) -> vec2<i32> {
     return pixel + vec2<i32>(place) - 1;
 }
@@ -231,10 +231,10 @@ fn window_of(pixel: vec2<i32>) -> Window {
     return window;
 }
 
-// For each quarter the matrix of this one and it: which regions reach which.
+// For each quarter, the matrix of this one and it: which regions reach which.
 fn reached_from(window: ptr<function, Window>, start: vec2<u32>) -> array<u32, QUARTERS> {
     var reached: array<u32, QUARTERS>;
-    // Outwards, so that the quarters a step nearer are done: from the start to the end, then back to the beginning.
+    // Outwards, so that the quarters a step nearer are ready: from the start to the end, then back to the beginning.
     for (var i = 0u; i < SPAN; i++) {
         let v = select(SPAN - 1u - i, start.y + i, start.y + i < SPAN);
         for (var j = 0u; j < SPAN; j++) {
@@ -263,7 +263,7 @@ fn reached_from(window: ptr<function, Window>, start: vec2<u32>) -> array<u32, Q
 
 // ---- Taps
 
-// The sample of a place among the 3x3 pixels, if there is one and it is known in which region it lies.
+// The sample at a position among the 3x3 pixels, if there is one and its region is known.
 fn sample_of(window: ptr<function, Window>, pixel: vec2<i32>, nth: u32) -> Tap {
     let place = vec2(nth % PIXELS, nth / PIXELS);
     let at = neighbour(pixel, place);
@@ -281,7 +281,7 @@ fn sample_of(window: ptr<function, Window>, pixel: vec2<i32>, nth: u32) -> Tap {
     return Tap(quarter, region, 2 * corner + i32(size), decode_radiance(cloud_radiance[id[p]]));
 }
 
-// The colour of the pixel in which a quarter lies, at the corner that they share, if that lies in the primary region.
+// The colour of the quarter's pixel, at the corner that they share, if that is in the primary region.
 fn corner_of(window: ptr<function, Window>, pixel: vec2<i32>, quarter: u32) -> Tap {
     let place = vec2(quarter % SPAN, quarter / SPAN);
     let at = neighbour(pixel, place / 2u);

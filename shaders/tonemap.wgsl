@@ -22,7 +22,7 @@ fn encode(value: vec3<f32>) -> vec3<f32> {
 }
 
 fn show(c: vec3<f32>) -> vec3<f32> {
-    // A shader compiler may assume that there is no NaN and no infinity, so look at the bits.
+    // A shader compiler may assume that there is no NaN and no infinity, so test the bits.
     let bits = bitcast<vec3<u32>>(c);
     if any((bits & vec3(0x7FFFFFFFu)) > vec3(INFINITY)) {
         return vec3(1.0, 0.0, 1.0);
@@ -43,6 +43,6 @@ fn tonemap(@builtin(global_invocation_id) pixel: vec3<u32>) {
         return;
     }
     let shown = show(textureLoad(color, pixel.xy, 0).rgb * exp2(params.exposure));
-    // Rounded here: how a store rounds is left to the device.
+    // Rounded here: the rounding of a store depends on the device.
     textureStore(image, pixel.xy, vec4(floor(shown * 255.0 + 0.5) / 255.0, 1.0));
 }

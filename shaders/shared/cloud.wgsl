@@ -1,10 +1,10 @@
 // The point cloud: bits of cloud_meta and the codec of cloud_radiance. Mirrors `stages/src/shared/cloud.rs`, which declares
 // the constants AGE, AGE_ONE, LIVE, CHANGED, FRESH, BODY_SHIFT, NO_POINT, NOT_DRAWN and MAX_RADIANCE.
 
-// Linear radiance as RGB9E5: three 9-bit mantissas from the low bits on, one 5-bit exponent, bias 15.
+// Linear radiance as RGB9E5: three 9-bit mantissas from the low bits up, one 5-bit exponent, bias 15.
 fn encode_radiance(color: vec3<f32>) -> u32 {
-    // Bit patterns of positive floats are ordered like the floats; what lies above infinity is NaN or negative.
-    // A shader compiler may assume that neither exists, so look at the bits.
+    // Bit patterns of positive floats are ordered like the floats; those above infinity are NaN or negative.
+    // A shader compiler may assume that neither exists, so test the bits.
     let bits = bitcast<vec3<u32>>(color);
     let bounded = min(bits, vec3(bitcast<u32>(MAX_RADIANCE)));
     let c = bitcast<vec3<f32>>(select(bounded, vec3(0u), bits > vec3(0x7F800000u)));

@@ -1,4 +1,4 @@
-// What a colour says to the eye. Mirrors `stages/src/shared/color.rs`.
+// Luminance of colours. Mirrors `stages/src/shared/color.rs`.
 
 // Relative luminance of a linear Rec. 709 colour.
 fn luminance(c: vec3<f32>) -> f32 {

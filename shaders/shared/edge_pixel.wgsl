@@ -1,9 +1,9 @@
-// How edges divide a pixel: crossings with its sides, its class, its two regions, and the 2x2 Boolean matrices that tell
-// which regions of two pixels are joined. Mirrors `stages/src/shared/edge_pixel.rs`, which explains the ring of slots
+// How edges divide a pixel: crossings with its sides, its class, its two regions, and the 2x2 Boolean matrices of which
+// regions of two pixels are joined. Mirrors `stages/src/shared/edge_pixel.rs`, which explains the ring of slots
 // and declares the constants: the classes EMPTY, SIMPLE and COMPLEX, the bits of `cls` and PIXEL_AREA.
 
 // The neighbour in direction d: E, SE, S, SW, W, NW, N, NE. Two bits for each component plus one: an array would be
-// copied to memory wherever d is no constant.
+// copied to memory wherever d is not a constant.
 fn direction(d: u32) -> vec2<i32> {
     let shift = 2u * (d & 7u);
     return vec2<i32>((vec2(0x901Au, 0x01A9u) >> vec2(shift)) & vec2(3u)) - 1;
@@ -61,7 +61,7 @@ fn area_of_a(p: u32, q: u32) -> u32 {
     return u32(doubled + cross_of(last, end) + cross_of(end, first));
 }
 
-// The line of a simple pixel's chord, as a function of the place that is positive in region A and negative in B.
+// The line of a simple pixel's chord, as a linear function of position, positive in region A and negative in B.
 struct Chord {
     // Normal of the chord, towards A.
     normal: vec2<i32>,
@@ -74,27 +74,27 @@ fn chord_of(p: u32, q: u32) -> Chord {
     return chord_between(slot_position(p), slot_position(q));
 }
 
-// The chord between two places on the perimeter, clockwise, in 1/16 pixel.
+// The chord between two positions on the perimeter, clockwise, in 1/16 pixel.
 fn chord_between(a: vec2<i32>, b: vec2<i32>) -> Chord {
     let normal = vec2(b.y - a.y, a.x - b.x);
     return Chord(normal, -(normal.x * b.x + normal.y * b.y));
 }
 
-// The function at a place in 1/16 pixel from the top left corner.
+// The function at a position in 1/16 pixel from the top left corner.
 fn chord_side(chord: Chord, at: vec2<i32>) -> i32 {
     return chord.normal.x * at.x + chord.normal.y * at.y + chord.offset;
 }
 
-// The region of a pixel that is not complex at a place on its ring that is no crossing: 0 primary, 1 secondary. The
-// place is in quarters of a slot from the top left corner, 0 to 128.
+// The region of a pixel that is not complex, at a position on its ring that is not a crossing: 0 primary, 1 secondary. The
+// position is in quarters of a slot from the top left corner, 0 to 128.
 fn region_of(cls: u32, place: u32) -> u32 {
     let ends = 4u * ends_of(cls) + 2u;
     let is_a = ends.x < place && place < ends.y;
     return u32((cls & CLASS) == SIMPLE && is_a != ((cls & PRIMARY_IS_A) != 0u));
 }
 
-// The Boolean product of two matrices: which regions of P and R are joined through Q, from those of P and Q and of Q and
-// R. Bit 2 * (region of the first) + (region of the second).
+// The Boolean product of two matrices: which regions of P and R are joined through Q, from the matrix of P and Q and that of
+// Q and R. Bit 2 * (region of the first) + (region of the second).
 fn chain(pq: u32, qr: u32) -> u32 {
     // Each column of the first times each row of the second: through the primary region of Q, or the secondary.
     let through_primary = if_odd(pq, qr & 3u) | if_odd(pq >> 2u, (qr & 3u) << 2u);
@@ -102,12 +102,12 @@ fn chain(pq: u32, qr: u32) -> u32 {
     return through_primary | through_secondary;
 }
 
-// The bits if the lowest bit of the number is set; else 0.
+// The bits if the lowest bit of the number is set, otherwise 0.
 fn if_odd(number: u32, bits: u32) -> u32 {
     return (0u - (number & 1u)) & bits;
 }
 
-// The matrix of Q and P from that of P and Q.
+// The matrix of Q and P, from that of P and Q.
 fn transpose_of(pq: u32) -> u32 {
     return (pq & 9u) | ((pq & 2u) << 1u) | ((pq & 4u) >> 1u);
 }

@@ -1,4 +1,4 @@
-// The present frame, as the core hands it to every shader that imports this file. Mirrors `core/src/frame.rs`.
+// The current frame, as the core passes it to every shader that imports this file. Mirrors `core/src/frame.rs`.
 
 // A pinhole view: project p by subtracting the eye, then three dot products.
 struct View {
@@ -25,7 +25,7 @@ struct Frame {
     view: View,
     // The view of the frame before.
     previous: View,
-    // The view expected when samples asked for now will be shown.
+    // The predicted view at the time when samples requested now will be shown.
     predicted: View,
     // Width and height in pixels.
     size: vec2<u32>,
@@ -33,7 +33,7 @@ struct Frame {
     index: u32,
     // The run's seed.
     seed: u32,
-    // Samples that may be asked for in this frame.
+    // Number of samples that may be requested in this frame.
     samples: u32,
 }
 

@@ -1,8 +1,8 @@
-// Which places are pixels of the frame, and their index in lists.
+// Which positions are pixels of the frame, and their index in lists.
 
 #import frame
 
-// Whether a place lies outside the image.
+// Whether a position is outside the image.
 fn is_outside(pixel: vec2<i32>) -> bool {
     return any(pixel < vec2(0)) || any(pixel >= vec2<i32>(frame.size));
 }

@@ -19,7 +19,7 @@ struct Sample {
     hit: u32,
     // Linear radiance towards the eye.
     radiance: vec3<f32>,
-    // Number of the body that it met, 0 for what does not move.
+    // Number of the body that the ray hit, 0 for static geometry.
     body: u32,
     // The rest as in the request.
     pixel: u32,

@@ -1,7 +1,7 @@
 // Prefix sums of lists of any length in two passes of SCAN_BLOCKS workgroups of SCAN_THREADS threads each.
 // `stages/src/shared/scan.rs` declares SCAN_BLOCKS.
 //
-// Every workgroup works on one block, a stretch of the list (scan_block). The first pass adds up each block:
+// Every workgroup works on one block, a range of the list (scan_block). The first pass sums each block:
 //
 //     let range = scan_block(group.x, count);
 //     var sum = 0u;
@@ -9,8 +9,8 @@
 //     let total = workgroup_scan(lane, sum).total;
 //     if lane == 0u { sums[group.x] = total; }
 //
-// The second finds where its block starts, goes through the block a tile of SCAN_THREADS elements at a time, and knows
-// for each element the sum of all before it. Every thread takes part in every tile:
+// The second finds where its block starts, and goes through the block a tile of SCAN_THREADS elements at a time, with
+// the sum of all elements before each one. Every thread takes part in every tile:
 //
 //     let before = workgroup_scan(lane, select(0u, sums[lane], lane < group.x)).total;
 //     for (var tile = range.x; tile < range.y; tile += SCAN_THREADS) {
@@ -32,17 +32,17 @@ struct Scan {
     total: u32,
 }
 
-// Threads are summed in rows of this many, and rows then; both have the same number.
+// Threads are summed in rows of this many, then the rows are; there are as many rows as threads in a row.
 const SCAN_ROW: u32 = 16u;
 
 var<workgroup> scan_values: array<u32, SCAN_THREADS>;
 var<workgroup> scan_rows: array<u32, SCAN_ROW>;
 
 // Sums over the threads of a workgroup. `lane` is local_invocation_index; all SCAN_THREADS threads of the workgroup
-// have to call it together. Two short serial sums need 3 barriers where log2(256) parallel steps would need 16: on
+// must call it together. Two short serial sums need 3 barriers where log2(256) parallel steps would need 16: on
 // lavapipe that is several times faster.
 fn workgroup_scan(lane: u32, value: u32) -> Scan {
-    // Readers of the call before may still be at work.
+    // Readers of the previous call may still be running.
     workgroupBarrier();
     scan_values[lane] = value;
     workgroupBarrier();

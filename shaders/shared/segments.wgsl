@@ -15,7 +15,7 @@ struct Segment {
     edge: u32,
 }
 
-// The width of the penumbra across a segment with these flags, metres on the receiver; 0 where the edge is sharp.
+// The width of the penumbra across a segment with these flags, metres on the receiver; 0 if the edge is sharp.
 fn penumbra_width(flags: u32) -> f32 {
     return bitcast<f32>(flags & 0xFFFF0000u);
 }

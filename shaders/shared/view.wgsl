@@ -1,10 +1,10 @@
-// Where points of the cloud fall in an image. Mirrors `stages/src/shared/view.rs`, operation by operation. Import frame
-// too: it holds View.
+// Where points of the cloud project to in an image. Mirrors `stages/src/shared/view.rs`, operation by operation. Import
+// frame too: it defines View.
 
 struct Projected {
     // Pixels from the left and top edges.
     at: vec2<f32>,
-    // Distance along the view axis, metres, at most that of the far plane; negative: not to be drawn.
+    // Distance along the view axis, metres, at most that of the far plane; negative: not drawn.
     z: f32,
 }
 
@@ -25,13 +25,13 @@ fn project_point(view: View, position: vec4<f32>, size: vec2<u32>) -> Projected 
     return Projected(vec2(x, y), select(-1.0, clamped, drawn));
 }
 
-// Which of `cells` x `cells` cells of its pixel a projected point lies in, row by row from the top left one.
+// Which of `cells` x `cells` cells of its pixel contains a projected point, row by row from the top left one.
 fn cell_of(at: vec2<f32>, cells: u32) -> u32 {
     let cell = vec2<u32>((at - floor(at)) * f32(cells));
     return cell.y * cells + cell.x;
 }
 
-// The built-in dot product leaves the order of its sums open.
+// The built-in dot product does not specify the order of its sums.
 fn dot_in_order(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }

@@ -24,8 +24,8 @@ fn wide_subtract(a: Wide, b: Wide) -> Wide {
     return Wide(a.high - b.high - select(0u, 1u, a.low < b.low), a.low - b.low);
 }
 
-// floor(a / b) where that is below 2^32 and b is not 0. Each turn takes away a multiple of b found in f32, made small
-// enough that rounding cannot make it too large; three turns leave a remainder of a few b.
+// floor(a / b) if that is below 2^32 and b is not 0. Each iteration subtracts a multiple of b computed in f32, reduced
+// so that rounding cannot make it too large; three iterations leave a remainder of a few b.
 fn wide_divide(a: Wide, b: u32) -> u32 {
     var quotient = 0u;
     var rest = a;
