@@ -127,8 +127,7 @@ impl Graph {
     pub fn check(file: &GraphFile, registry: &Registry, settings: &Settings) -> Result<Self, Problems> {
         let [width, height] = settings.size;
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
-            let text =
-                format!("invalid size {width}x{height}; each side must be 1 to {MAX_SIDE} pixels");
+            let text = format!("invalid size {width}x{height}; each side must be 1 to {MAX_SIDE} pixels");
             return Err(Problem::new(GraphError::Invalid(text)).into());
         }
         let flat = file.flatten()?;

@@ -60,7 +60,7 @@ impl Stage for Age {
         let arrived = io.read("arrived", ARRIVED, Extent::Fixed([1, 1]));
         let rate = io.persistent(
             "rate",
-            "Moving average of the samples that come in a frame.",
+            "Moving average of the samples that arrive per frame.",
             Extent::Fixed([1, 1]),
         );
         let histogram = io.write("histogram", AGES, Extent::Fixed([256, 1]));

@@ -244,7 +244,7 @@ mod tests {
                 continue;
             }
             let (p, q) = (ring.trailing_zeros(), 31 - ring.leading_zeros());
-            // A is white if the first corner in it is: corners stand at slots 8, 16 and 24 of the ring.
+            // A is white if the first corner in it is: corners are at slots 8, 16 and 24 of the ring.
             let corner = [(8, [1.0, 0.0]), (16, [1.0, 1.0]), (24, [0.0, 1.0])];
             let Some((_, place)) = corner.into_iter().find(|&(slot, _)| p < slot && slot <= q) else {
                 continue;

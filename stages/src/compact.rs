@@ -28,7 +28,7 @@ impl Compaction {
             SILHOUETTES.doc("The silhouettes, in the order of the edges."),
             facts::EDGES.list(),
         );
-        let count = io.write("count", COUNT.doc("How many silhouettes there are."), Extent::Fixed([1, 1]));
+        let count = io.write("count", COUNT.doc("The number of silhouettes."), Extent::Fixed([1, 1]));
         Self { vertices, edges, segments, count }
     }
 

@@ -193,7 +193,7 @@ const SHADOWS: Names = Names {
 impl List {
     fn declare(io: &mut Io, names: &'static Names) -> Option<Self> {
         let segments = io.optional(names.segments, names.meaning, Extent::Any);
-        let count_doc = "How many of them there are; all of the list if not connected.";
+        let count_doc = "The number of segments; the whole list if not connected.";
         let count = io.optional(names.count, COUNT.doc(count_doc), Extent::Fixed([1, 1]));
         Some(Self { names, segments: segments?, count })
     }
@@ -252,7 +252,7 @@ impl Stage for EdgeRaster {
             Method::Compute => {
                 let (long, long_count) = (Extent::Fixed([LONG_SEGMENTS, 1]), Extent::Fixed([1, 1]));
                 io.write::<Snapped>("long", scratch("Segments with many crossings."), long);
-                io.write::<u32>("long_count", scratch("How many there are."), long_count);
+                io.write::<u32>("long_count", scratch("The number of these segments."), long_count);
                 lists.for_each(|list| io.dispatch(list.names.draw, list.segments));
                 io.compute("draw_long", Threads::Groups(LONG_GROUPS));
             }

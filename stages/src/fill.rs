@@ -74,7 +74,7 @@ pub struct Fill {
 impl Stage for Fill {
     const KIND: &'static str = "fill";
     const DOC: &'static str =
-        "Colours every pixel from the points near it; says where new samples are worth most.";
+        "Colours every pixel from the points near it; computes where new samples are worth most.";
     type Params = FillParams;
 
     fn declare(_: &FillParams, io: &mut Io) -> Self {

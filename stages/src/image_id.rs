@@ -47,7 +47,7 @@ pub struct ImageId {
 impl Stage for ImageId {
     const KIND: &'static str = "image_id";
     const DOC: &'static str =
-        "Tells each point which pixel shows it, so that points that none shows can age faster.";
+        "Records for each point which pixel shows it, so that points that are not seen can age faster.";
     type Params = ImageIdParams;
 
     fn declare(_: &Self::Params, io: &mut Io) -> Self {

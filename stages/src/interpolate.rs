@@ -102,7 +102,7 @@ pub struct Interpolate {
 
 impl Stage for Interpolate {
     const KIND: &'static str = "interpolate";
-    const DOC: &'static str = "Colours every pixel from the samples around it that no edge parts from it; says where new ones are worth most.";
+    const DOC: &'static str = "Colours every pixel from the samples around it that no edge separates from it; computes where new ones are worth most.";
     type Params = InterpolateParams;
 
     fn declare(_: &InterpolateParams, io: &mut Io) -> Self {

@@ -32,7 +32,7 @@ impl Stage for Motion {
 
     fn declare((): &(), io: &mut Io) -> Self {
         io.column(column::P1);
-        let doc = "By number of the body; 0, which stands for what does not move, and numbers of none rest.";
+        let doc = "By body number; number 0, for everything static, and unused numbers do not move.";
         Self {
             moves: io.write("moves", MOVES.doc(doc), Extent::Fixed([NUMBERS, 1])),
             lights_before: io.write(

@@ -18,8 +18,7 @@ pub struct PointCloud;
 
 impl Stage for PointCloud {
     const KIND: &'static str = "point_cloud";
-    const DOC: &'static str =
-        "Keeps the cached samples as points of the world, in slots that are used again.";
+    const DOC: &'static str = "Keeps the cached samples as points in the world, in slots that are reused.";
     type Params = PointCloudParams;
 
     fn declare(params: &Self::Params, io: &mut Io) -> Self {

@@ -69,8 +69,8 @@ impl Stage for ShadowEdges {
                 ),
                 Extent::Fixed([params.capacity, 1]),
             ),
-            count: io.persistent("count", COUNT.doc("How many of them there are; 0 while they are sought."), number.clone()),
-            dropped: io.persistent("dropped", "How many more were found than there is room for.", number),
+            count: io.persistent("count", COUNT.doc("The number of boundaries; 0 while the search runs."), number.clone()),
+            dropped: io.persistent("dropped", "The number of boundaries that were dropped for lack of room.", number),
             written: Mutex::default(),
         }
     }

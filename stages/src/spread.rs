@@ -80,7 +80,7 @@ pub struct Spread {
 
 impl Stage for Spread {
     const KIND: &'static str = "spread";
-    const DOC: &'static str = "Fills pixels that no sample reached, along what no edge parts.";
+    const DOC: &'static str = "Fills pixels that no sample reached, without crossing edges.";
     type Params = SpreadParams;
 
     fn declare(params: &SpreadParams, io: &mut Io) -> Self {
@@ -97,7 +97,7 @@ impl Stage for Spread {
         let pyramid = io.write(
             "pyramid",
             scratch(
-                "Sums of colours and how many, of tiles of 16x16 pixels, then of blocks of 2x2, 4x4 ... tiles.",
+                "Sums and numbers of colours, of tiles of 16x16 pixels, then of blocks of 2x2, 4x4 ... tiles.",
             ),
             // A quarter of that would do, but for what rounding adds to images of a few tiles.
             Extent::Frame(TILE as u32 / 4),
@@ -119,7 +119,7 @@ impl Stage for Spread {
             scratch("Tiles with such holes at the start, in any order."),
             tiles(),
         );
-        io.write::<u32>("open_count", scratch("How many there are."), Extent::Fixed([1, 1]));
+        io.write::<u32>("open_count", scratch("The number of these tiles."), Extent::Fixed([1, 1]));
         io.shader(shader!("spread"));
         io.constants(CONSTANTS);
         match params.method {

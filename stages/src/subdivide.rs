@@ -81,7 +81,7 @@ pub struct Subdivide {
 impl Stage for Subdivide {
     const KIND: &'static str = "subdivide";
     const DOC: &'static str =
-        "Colours complex pixels by quarters, each from the samples that no edge parts from it.";
+        "Colours complex pixels by quarters, each from the samples that no edge separates from it.";
     type Params = SubdivideParams;
 
     fn declare(_: &SubdivideParams, io: &mut Io) -> Self {

@@ -10,7 +10,7 @@ use crate::shared::{
     words::{count, crossings, metres},
 };
 
-/// How many edges are told.
+/// Maximum number of listed edges.
 const TOLD: usize = 6;
 
 pub(super) fn at(stage: &EdgeRaster, params: &EdgeRasterParams, site: &Site) -> Option<Vec<Finding>> {

@@ -81,7 +81,7 @@ fn sources(
     None
 }
 
-/// Whether a colour lies so many steps from a pixel.
+/// Whether a colour is this many steps away from a pixel.
 fn leads(filled: &[u32], n8: &[u32], [width, height]: [usize; 2], from: usize, steps: usize) -> bool {
     let mut front = vec![from];
     for _ in 0..steps {
