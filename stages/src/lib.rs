@@ -1,6 +1,6 @@
 //! The stages of Epigraph: one file for each step of an algorithm, with its ports, parameters and CPU twin; the shader
-//! with the same name is in `shaders/`. [`meaning`] names what their ports hold, [`column`] the columns of the table of
-//! times.
+//! with the same name is in `shaders/`. [`meaning`] names what their ports hold, [`column`](mod@column) the columns
+//! of the table of times.
 //!
 //! [`registry`] contains all of them, for [`epigraph_core::compile`]. A stage can also run alone, on given data:
 //!
