@@ -243,10 +243,10 @@ impl App {
             ui.add_space(3.0);
             ui.horizontal_wrapped(|ui| {
                 ui.strong(format!("{} when the program ended.", recovery.what()));
-                if ui.button("Take over").on_hover_text("Undo leads back to what is saved").clicked() {
+                if ui.button("Take over").on_hover_text("Undo returns to the saved version").clicked() {
                     decided = Some(true);
                 }
-                if ui.button("Discard").on_hover_text("They are lost then").clicked() {
+                if ui.button("Discard").on_hover_text("Deletes the unsaved changes").clicked() {
                     decided = Some(false);
                 }
             });

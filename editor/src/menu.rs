@@ -10,7 +10,7 @@ use crate::{
 
 /// Paths that come with the program.
 const ROUTES: [(&str, &str); 3] = [
-    ("orbit", "To and fro around what the scene's camera looks at"),
+    ("orbit", "Back and forth around the point that the scene's camera looks at"),
     ("fly", "A gentle loop forwards and sideways"),
     ("shake", "As if held by hand"),
 ];

@@ -299,7 +299,7 @@ impl Session {
                     recorder.note(self.now, rig.camera);
                 }
                 self.notice =
-                    Some(format!("a path of {:.1} s is at hand: play it, or save it", recorder.seconds()));
+                    Some(format!("recorded a path of {:.1} s: play it, or save it", recorder.seconds()));
                 self.route = Some(recorder.finish());
             }
             (None, Some(rig)) => {
@@ -346,7 +346,7 @@ impl Session {
     pub fn save_route(&mut self, path: &Path) -> Result<(), String> {
         let route = self.route.as_mut().ok_or("there is no path")?;
         let Way::Keys(text) = &route.way else {
-            return Err(format!("{} needs no file: the command line knows it by that name", route.label()));
+            return Err(format!("{} needs no file: the command line takes its name", route.label()));
         };
         let written = Target::new(path).and_then(|target| target.write(text.as_bytes()));
         written.map_err(|error| error.to_string())?;
@@ -448,7 +448,7 @@ impl Session {
     /// Takes over changes that other programs have made to the files.
     pub fn refresh(&mut self) {
         if self.document.refresh() {
-            self.notice = Some("read again, as another program has changed it".into());
+            self.notice = Some("reloaded, as another program has changed it".into());
         }
         self.beside.refresh();
     }

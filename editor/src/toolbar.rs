@@ -20,11 +20,11 @@ const BACKENDS: [(Backend, &str, &str); 3] = [
 ];
 
 const PACINGS: [(Pace, &str, &str); 2] = [
-    (Pace::Async, "When traced", "Samples come when they are done; no frame waits for them."),
+    (Pace::Async, "When traced", "Samples arrive once they are traced; no frame waits for them."),
     (
         Pace::Exact,
         "Each frame",
-        "All samples come in the frame of their request: the same picture in every run.",
+        "All samples arrive in the frame that requests them: every run gives the same picture.",
     ),
 ];
 
@@ -57,8 +57,7 @@ fn sign(ui: &mut Ui, enabled: bool, sign: impl Into<RichText>, name: &str) -> Re
 fn running(ui: &mut Ui, session: &mut Session) {
     let paused = session.state.paused;
     let label = if paused { "▶ Run" } else { "⏸ Pause" };
-    if ui.add(Button::new(label).min_size([72.0, 0.0].into())).on_hover_text("Run frames, or hold").clicked()
-    {
+    if ui.add(Button::new(label).min_size([72.0, 0.0].into())).on_hover_text("Run or pause").clicked() {
         session.engine.send(Command::Pause(!paused));
     }
     let step = ui.add_enabled(paused, Button::new("Step"));
@@ -69,8 +68,7 @@ fn running(ui: &mut Ui, session: &mut Session) {
     {
         session.engine.send(Command::Step(1));
     }
-    if ui.button("Reset").on_hover_text("Forget the cloud of samples and start again from frame 0").clicked()
-    {
+    if ui.button("Reset").on_hover_text("Discard the cloud of samples and restart from frame 0").clicked() {
         session.engine.send(Command::Reset);
     }
 }
@@ -113,7 +111,7 @@ fn sampling(ui: &mut Ui, session: &mut Session) {
         .max_decimals(1)
         .clamping(egui::SliderClamping::Always);
     let response = ui.add(slider).labelled_by(label.id);
-    if response.on_hover_text("Samples a frame may ask for, as a share of its pixels").changed() {
+    if response.on_hover_text("Most samples per frame, as a share of its pixels").changed() {
         session.engine.send(Command::Samples(session.settings.samples / 100.0));
     }
     let pacing = session.settings.pacing;
@@ -141,7 +139,10 @@ fn placing(ui: &mut Ui, session: &mut Session) {
             }
         }
     });
-    response.response.named(WidgetType::ComboBox, "Backend").on_hover_text("Where nodes run that do not say");
+    response
+        .response
+        .named(WidgetType::ComboBox, "Backend")
+        .on_hover_text("Default placement for nodes without `on:`");
     let text = |[width, height]: [u32; 2]| format!("{width}×{height}");
     let combo = ComboBox::from_id_salt("size").selected_text(text(session.settings.size)).width(86.0);
     let response = combo.show_ui(ui, |ui| {

@@ -75,8 +75,7 @@ fn part(ui: &mut Ui, session: &mut Session, address: &str) {
 /// The stage kind and the side.
 fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &str, node: &NodeDef) {
     let present = node.kind.value.as_str();
-    let label =
-        ui.label("stage").on_hover_text("What the node does; others that fit its wires can take its place");
+    let label = ui.label("stage").on_hover_text("The node's stage; others that fit its wires can replace it");
     let mut chosen = None;
     let combo = ComboBox::from_id_salt("kind").selected_text(present).width(120.0);
     let combo = combo.show_ui(ui, |ui| {
@@ -94,7 +93,8 @@ fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &
         session.edit(Tag::Once, |file| swap(file, address, kind, &registry));
     }
 
-    let label = ui.label("runs on").on_hover_text("Left to the run, a node goes where the toolbar says");
+    let label =
+        ui.label("runs on").on_hover_text("A node left to the run uses the toolbar's default placement");
     let mut on = node.on.as_ref().map(|on| on.value);
     let text = |on: Option<Side>| match on {
         None => "left to the run",
@@ -144,7 +144,7 @@ fn reset(ui: &mut Ui, spec: &ParamSpec, enabled: bool) -> egui::Response {
     let reset = ui.add_enabled(enabled, egui::Button::new("⟲").frame(false));
     let name = format!("default of {}", spec.name);
     reset.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, enabled, &name));
-    reset.on_hover_text(format!("Take it out of the file; the stage's default is {}", spec.default))
+    reset.on_hover_text(format!("Remove it from the file; the stage's default is {}", spec.default))
 }
 
 fn explain(spec: &ParamSpec) -> String {

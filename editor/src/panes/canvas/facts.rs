@@ -182,8 +182,8 @@ impl Crossing {
         match self.download {
             None => "before its first reader runs".into(),
             Some(Download::Sync) => "the frame waits for it".into(),
-            Some(Download::Latent(1)) => "1 frame late, and nobody waits".into(),
-            Some(Download::Latent(frames)) => format!("{frames} frames late, and nobody waits"),
+            Some(Download::Latent(1)) => "1 frame late, without waiting".into(),
+            Some(Download::Latent(frames)) => format!("{frames} frames late, without waiting"),
         }
     }
 }

@@ -154,7 +154,7 @@ impl CanvasPane {
                 let wire = &sight.model.wires[wire];
                 ui.strong(format!("{} → {}", sight.model.name(wire.from), sight.model.name(wire.to)));
                 ui.label(sight.model.at(wire.from).words());
-                ui.weak("Click and Delete, or drag its end off, to take it away");
+                ui.weak("Click and press Delete, or drag its end off, to remove it");
             });
         }
         let extend = ui.input(|input| input.modifiers.shift || input.modifiers.command);
@@ -480,7 +480,7 @@ fn block_hint(ui: &mut Ui, block: &Block, facts: &Facts) {
         ui.weak(format!("{}, writes {}", milliseconds(ms), readable(facts.bytes)));
     }
     if block.role == Role::Part {
-        ui.weak("Double click to see what is in it");
+        ui.weak("Double click to open it");
     }
 }
 
@@ -503,10 +503,10 @@ fn pin_hint(ui: &mut Ui, session: &Session, sight: &Sight, at: PinRef) {
         ui.weak(format!("now {}", info.dims));
     }
     if pin.history {
-        ui.weak("takes the value of the frame before");
+        ui.weak("takes the previous frame's value");
     }
     if !at.output && pin.optional {
-        ui.weak("may stay without a wire");
+        ui.weak("needs no wire");
     }
     if at.output && block.is_node() {
         ui.weak("Click its name to see it; drag to connect");

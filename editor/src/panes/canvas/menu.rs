@@ -18,20 +18,20 @@ impl CanvasPane {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 export(ui, session, sight);
                 let thumbnails = ui.selectable_label(self.thumbnails, "Thumbnails");
-                if thumbnails.on_hover_text("What each node writes, as a small live image. Copying those in sight takes a little of each frame").clicked() {
+                if thumbnails.on_hover_text("Each node's output, as a small live image. Copying the visible ones takes a little of each frame").clicked() {
                     self.thumbnails = !self.thumbnails;
                 }
                 let heat = ui.selectable_label(self.heat, "Cost");
                 if heat.on_hover_text("Tint nodes by their milliseconds").clicked() {
                     self.heat = !self.heat;
                 }
-                if ui.button("Fit").on_hover_text("Show all of it: F").clicked() {
+                if ui.button("Fit").on_hover_text("Show the whole graph: F").clicked() {
                     self.wants_fit = true;
                 }
-                if ui.button("Arrange").on_hover_text("Put all boxes in order along the wires").clicked() {
+                if ui.button("Arrange").on_hover_text("Arrange all boxes along the wires").clicked() {
                     self.arrange(session, sight);
                 }
-                if ui.button("+ Add").on_hover_text("Add a stage: a right click on the ground does it at the pointer").clicked() {
+                if ui.button("+ Add").on_hover_text("Add a stage; right click the background to add it at the pointer").clicked() {
                     self.search_at(self.view.pane.center());
                 }
             });
@@ -46,7 +46,7 @@ impl CanvasPane {
             return;
         }
         let mut target = None;
-        if ui.link(name).on_hover_text("Back to the whole graph: Backspace goes one up").clicked() {
+        if ui.link(name).on_hover_text("Back to the whole graph; Backspace goes up one level").clicked() {
             target = Some(String::new());
         }
         let parts: Vec<&str> = self.part.split('/').collect();
@@ -73,7 +73,7 @@ impl CanvasPane {
         let several = self.selection.len() > 1;
         if block.role == Role::Stage {
             let label = if block.bypass { "Run again" } else { "Bypass" };
-            let hint = "Hand its input on as its output, where the types fit: B";
+            let hint = "Pass its input through as its output, if the types fit: B";
             if ui.button(label).on_hover_text(hint).clicked() {
                 self.bypass(session, sight);
                 ui.close();

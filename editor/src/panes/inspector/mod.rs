@@ -75,14 +75,18 @@ impl InspectorPane {
                     session.inspection.forget();
                 }
                 ui.checkbox(&mut self.numbers, "numbers")
-                    .on_hover_text("Also what each port holds there, as plain numbers");
+                    .on_hover_text("Also show each port's values there, as plain numbers");
             });
         });
         if !paused {
             ui.horizontal(|ui| {
                 ui.checkbox(&mut self.follow, "follow")
-                    .on_hover_text("Look again twice a second. Each look copies what all nodes write");
-                if ui.small_button("Pause").on_hover_text("Hold, with the last frame laid open").clicked() {
+                    .on_hover_text("Inspect twice a second. Each time copies the outputs of all nodes");
+                if ui
+                    .small_button("Pause")
+                    .on_hover_text("Pause, with all ports of the last frame available")
+                    .clicked()
+                {
                     session.engine.send(Command::Pause(true));
                 }
             });

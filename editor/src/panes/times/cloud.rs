@@ -88,7 +88,7 @@ fn samples(ui: &mut Ui, session: &Session, arrived: Option<&str>, records: &[Arc
         ui.label(format!("{count} samples came in the last frame"));
         if let Some(rate) = rate(records).filter(|_| !session.state.paused) {
             ui.weak(format!("{:.1} thousand a second", f64::from(count) * rate / 1000.0))
-                .on_hover_text("As many in each frame, at the present frames a second");
+                .on_hover_text("At this number per frame and the present frame rate");
         }
     });
 }

@@ -23,9 +23,9 @@ enum Part {
 
 const PARTS: [(Part, &str, &str); 4] = [
     (Part::Steps, "Steps", "What each step costs: median and last frame; what it moves between CPU and GPU"),
-    (Part::Plot, "Plot", "What steps cost over the last frames"),
+    (Part::Plot, "Plot", "The cost of steps over the last frames"),
     (Part::Frame, "Frame", "When the steps of the last frame ran, on each side"),
-    (Part::Cloud, "Cloud", "How full the cloud is, how old its points are, how many samples come"),
+    (Part::Cloud, "Cloud", "Occupancy of the cloud, ages of its points, number of new samples"),
 ];
 
 /// The pane's own state.

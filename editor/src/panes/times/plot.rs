@@ -76,7 +76,7 @@ impl Choice {
         });
         ui.horizontal(|ui| {
             ui.weak(format!("ms in {RECORDED} frames; grey: the whole frame"));
-            ui.checkbox(&mut self.stacked, "stacked").on_hover_text("One on top of the other");
+            ui.checkbox(&mut self.stacked, "stacked").on_hover_text("Stack the steps");
         });
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
             ui.horizontal_wrapped(|ui| {

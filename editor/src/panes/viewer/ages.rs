@@ -134,7 +134,7 @@ impl Ages {
             ui.add_enabled_ui(known, |ui| {
                 ui.selectable_value(&mut self.told, told, label)
                     .on_hover_text(doc)
-                    .on_disabled_hover_text("No stage of this graph keeps when points came");
+                    .on_disabled_hover_text("No stage of this graph stores the dates of points");
             });
         }
         (self.told != before).then_some(self.told != Told::Ids)

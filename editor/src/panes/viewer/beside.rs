@@ -17,18 +17,21 @@ pub fn row(ui: &mut Ui, session: &mut Session) {
         let combo = ComboBox::from_id_salt("beside").selected_text(shown).width(190.0).height(420.0);
         let response = combo.show_ui(ui, |ui| {
             ui.selectable_value(&mut chosen, None, &saved)
-                .on_hover_text("What your changes do to the picture, and to its cost");
+                .on_hover_text("Shows the effect of your changes on the picture and its cost");
             for choice in beside.choices() {
                 ui.selectable_value(&mut chosen, Some(choice.text.clone()), short(&choice.text))
                     .on_hover_text(&choice.doc);
             }
         });
-        response.response.named(WidgetType::ComboBox, "Graph beside").on_hover_text("Which graph");
+        response
+            .response
+            .named(WidgetType::ComboBox, "Graph beside")
+            .on_hover_text("The graph to compare with");
         beside.path = chosen;
         if let (None, Some(other)) = (beside.trouble(), &session.state.other)
             && other.graph.is_some()
         {
-            let doc = "One frame of this graph, and one of the other";
+            let doc = "Frame times of this graph and of the other";
             ui.weak("frame").on_hover_text(doc);
             let (own, other) = (session.state.frame_ms, other.frame_ms);
             ui.label(format!("{own:.1} ms against {other:.1} ms")).on_hover_text(doc);

@@ -57,8 +57,8 @@ pub enum Way {
 
 const WAYS: [(Way, &str, &str); 3] = [
     (Way::Wipe, "Wipe", "One left of the line, the other right of it; drag the line"),
-    (Way::Difference, "Difference", "How far the shown colours are apart, channel by channel"),
-    (Way::Flip, "FLIP map", "What a person sees of the difference: black nothing, pale yellow everything"),
+    (Way::Difference, "Difference", "Difference of the displayed colours, per channel"),
+    (Way::Flip, "FLIP map", "Perceived difference: black is none, pale yellow the largest"),
 ];
 
 /// Measures of the difference between two images.
@@ -178,7 +178,7 @@ impl Compare {
             ui.label("against");
             self.choose(ui, graph);
             let hold = ui.add_enabled(shown.is_some(), egui::Button::new("Hold"));
-            if hold.on_hover_text("Keep this image, and compare what becomes of it").clicked()
+            if hold.on_hover_text("Hold this image, and compare later ones with it").clicked()
                 && let Some(layer) = shown
             {
                 self.hold(layer.snapshot.clone(), frames);
@@ -189,7 +189,7 @@ impl Compare {
             if self.way == Way::Difference {
                 let gain =
                     DragValue::new(&mut self.gain).range(1.0..=256.0).speed(0.1).prefix("× ").max_decimals(1);
-                ui.add(gain).on_hover_text("What differences are multiplied by");
+                ui.add(gain).on_hover_text("Gain of the differences");
             }
         });
         match self.with {
@@ -219,7 +219,7 @@ impl Compare {
         response
             .response
             .named(WidgetType::ComboBox, "Held against")
-            .on_hover_text("What the image is held against");
+            .on_hover_text("The image to compare with");
         self.with = chosen;
     }
 
@@ -470,10 +470,10 @@ impl Figures {
             (
                 "FLIP",
                 format!("{:.4}", self.flip),
-                "Mean FLIP at 67 pixels a degree: 0 no difference, 1 the largest",
+                "Mean FLIP at 67 pixels per degree: 0 is no difference, 1 the largest",
             ),
-            ("PSNR", format!("{:.2} dB", self.psnr), "Peak signal-to-noise ratio of the shown colours"),
-            ("SSIM", format!("{:.4}", self.ssim), "Mean structural similarity: 1 is the same"),
+            ("PSNR", format!("{:.2} dB", self.psnr), "Peak signal-to-noise ratio of the displayed colours"),
+            ("SSIM", format!("{:.4}", self.ssim), "Mean structural similarity: 1 for equal images"),
             (
                 "RMSE",
                 format!("{:.5}", self.rmse),

@@ -62,11 +62,9 @@ impl Viewer {
                 return;
             }
             self.choose_mode(ui);
-            ui.toggle_value(&mut self.histogram_open, "Histogram")
-                .on_hover_text("How often which values occur");
+            ui.toggle_value(&mut self.histogram_open, "Histogram").on_hover_text("Histogram of the values");
             let mut comparing = self.compare.is_some();
-            let doc =
-                "Hold this image and compare what becomes of it; another port, another graph, or a file";
+            let doc = "Compare with this image held, another port, another graph, or a file";
             if ui.toggle_value(&mut comparing, "Compare").on_hover_text(doc).changed() {
                 let image = self.layer().map(|layer| layer.snapshot.clone());
                 self.compare = comparing.then(|| Box::new(Compare::holding(image, frames)));
@@ -90,7 +88,7 @@ impl Viewer {
                 ui.selectable_value(&mut chosen, name, label).on_hover_text(doc);
             });
         });
-        response.response.named(WidgetType::ComboBox, "Port in view").on_hover_text("Which port to see");
+        response.response.named(WidgetType::ComboBox, "Port in view").on_hover_text("The port to show");
         self.choose(chosen);
     }
 
@@ -105,7 +103,7 @@ impl Viewer {
                 ui.selectable_value(&mut self.look.mode, Some(mode), label);
             }
         });
-        response.response.named(WidgetType::ComboBox, "Shown as").on_hover_text("How numbers become colours");
+        response.response.named(WidgetType::ComboBox, "Shown as").on_hover_text("How numbers map to colours");
         if self.look.mode != mode {
             // A range in the old mode's numbers would mean nothing.
             self.look.range = None;
@@ -131,7 +129,10 @@ impl Viewer {
                                 ui.selectable_value(&mut self.look.ramp, ramp, label);
                             }
                         });
-                        response.response.named(WidgetType::ComboBox, "Ramp").on_hover_text("Which colours");
+                        response
+                            .response
+                            .named(WidgetType::ComboBox, "Ramp")
+                            .on_hover_text("The colours of the ramp");
                     }
                     self.range(ui, mode);
                 });
@@ -168,7 +169,7 @@ impl Viewer {
                     ui.selectable_value(&mut look.channels[channel], lane, letter(lane));
                 }
             });
-            let what = format!("What is shown as {name}");
+            let what = format!("Lane shown as {name}");
             response.response.named(WidgetType::ComboBox, &what).on_hover_text(&what);
         }
         let is_light = lanes.iter().all(Lane::is_float) && count > 2 && !self.is_encoded();
@@ -180,8 +181,9 @@ impl Viewer {
                 .max_decimals(2)
                 .prefix("exposure ");
             let exposure = ui.add(exposure.suffix(" stops")).named(WidgetType::DragValue, "Exposure");
-            exposure.on_hover_text("Twice as bright for each; only in this view. Double click to type");
-            if self.look.exposure != 0.0 && ui.button("0").on_hover_text("As it is").clicked() {
+            exposure
+                .on_hover_text("Each stop doubles the brightness, in this view only. Double click to type");
+            if self.look.exposure != 0.0 && ui.button("0").on_hover_text("Reset the exposure").clicked() {
                 self.look.exposure = 0.0;
             }
         }
@@ -213,7 +215,7 @@ impl Viewer {
                 ui.selectable_value(&mut self.look.lane, index, &lane.name);
             }
         });
-        response.response.named(WidgetType::ComboBox, "Lane").on_hover_text("Which lane");
+        response.response.named(WidgetType::ComboBox, "Lane").on_hover_text("The lane to show");
     }
 
     /// The ends of the range.

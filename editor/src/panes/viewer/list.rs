@@ -138,7 +138,7 @@ impl List {
             let label = ui.label("row");
             let jump = DragValue::new(&mut self.wanted).range(0..=count.saturating_sub(1)).speed(1.0);
             let jump = ui.add(jump).labelled_by(label.id);
-            if jump.on_hover_text("Jump to the element of this number. Click to type").changed() {
+            if jump.on_hover_text("Jump to the element with this index. Click to type").changed() {
                 self.marked = Some(self.wanted);
                 self.go(self.row_of(self.wanted) as i64 - page as i64 / 3, count, page);
             }
@@ -171,10 +171,7 @@ impl List {
                 cell(ui, COLUMN_WIDTH, |ui| {
                     let text = RichText::new(format!("{}{arrow}", heading.name)).strong();
                     let button = ui.add(Button::new(text).frame(false).truncate());
-                    if button
-                        .on_hover_text("Sort: smallest first, largest first, as the list has it")
-                        .clicked()
-                    {
+                    if button.on_hover_text("Sort: smallest first, largest first, unsorted").clicked() {
                         self.sorting = match sorting.map(|sorting| sorting.descending) {
                             None => Some(Sorting { column, descending: false }),
                             Some(false) => Some(Sorting { column, descending: true }),
