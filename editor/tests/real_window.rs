@@ -292,17 +292,20 @@ fn what_was_not_saved_outlives_a_program_that_is_killed() {
     desk.select("tonemap");
     desk.drag("Slider", "exposure", [5.0, 0.0]);
     let config = desk.folder.path().join("config");
-    desk.until("file that keeps the unsaved text", |_| holds_text(&config, "exposure").then_some(()));
+    desk.until("file that keeps the unsaved text", |_| holds_unsaved(&config, "exposure").then_some(()));
     desk.crash();
     assert_eq!(fs::read_to_string(desk.graph()).unwrap(), opened);
     desk.click("Button", "Take over");
     desk.save("the unsaved exposure", |text| text.contains("exposure"));
 }
 
-/// Whether a file in a folder, or in a folder in it, has some text.
-fn holds_text(path: &Path, text: &str) -> bool {
+/// Returns true if the folder, or one within it, has a file of unsaved work with some text. The session has the word too, for
+/// the exposure of the view; and a file that is being written bears another name.
+fn holds_unsaved(path: &Path, text: &str) -> bool {
     if let Ok(entries) = fs::read_dir(path) {
-        return entries.flatten().any(|entry| holds_text(&entry.path(), text));
+        return entries.flatten().any(|entry| holds_unsaved(&entry.path(), text));
     }
-    fs::read_to_string(path).is_ok_and(|found| found.contains(text))
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let is_kept = name.starts_with("unsaved-") && name.ends_with(".ron");
+    is_kept && fs::read_to_string(path).is_ok_and(|found| found.contains(text))
 }

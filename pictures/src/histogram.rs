@@ -71,6 +71,7 @@ fn count(values: &[f32], axis: &Scale) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use epigraph_core::{Dims, PortElement, texel};
+    use epigraph_stages::meaning::{DEPTH, ID};
 
     use super::*;
 
@@ -103,13 +104,15 @@ mod tests {
         assert_eq!((histogram.axis.range, histogram.counts.len()), ([0.0, 3.0], 3));
         let single = Look { channels: [1; 3], ..Look::default() };
         assert_eq!(Histogram::new(&colors, &single).unwrap().counts.len(), 1);
-        assert_eq!(Histogram::new(&snapshot("a.id", u32::element(), &[1u32]), &Look::default()), None);
+        let ids = Snapshot { meaning: Some(ID), ..snapshot("a.id", u32::element(), &[1u32]) };
+        assert_eq!(Histogram::new(&ids, &Look::default()), None);
         assert_eq!(Histogram::new(&snapshot("a.rate", f32::element(), &[f32::NAN]), &Look::default()), None);
     }
 
     #[test]
     fn depths_run_from_far_to_near() {
         let depths = snapshot("a.depth", f32::element(), &[2.0f32, 4.0, 8.0, 100.0]);
+        let depths = Snapshot { meaning: Some(DEPTH), ..depths };
         let histogram = Histogram::new(&depths, &Look { far: 100.0, ..Look::default() }).unwrap();
         assert_eq!(histogram.axis.range, [8.0, 2.0]);
         assert_eq!(histogram.counts[0][0], 1);
