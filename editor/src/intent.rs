@@ -2,7 +2,7 @@
 
 use egui_tiles::TileId;
 
-/// A pane's request; [`crate::app::App::handle`] carries it out.
+/// A pane's request, which the app carries out once all panes are drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Intent {
     /// Show a port, `node.port`, in the viewer in use; the graph's first output where it is empty.
