@@ -70,8 +70,7 @@ pub fn threads(wanted: Option<u16>) -> Result<usize, CliError> {
 }
 
 /// Warns about samples whose radiance is not finite: a fault of the scene or the tracer that is invisible in the picture.
-pub fn warn_of_bad_samples(tracer: &Tracer) {
-    let count = tracer.non_finite();
+pub fn warn_of_bad_samples(count: u64) {
     if count > 0 {
         eprintln!("warning: {count} samples had a radiance that is not finite; they count as black");
     }

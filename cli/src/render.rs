@@ -67,7 +67,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     let graph = compiled.file().path.clone();
     let mut run = compiled.start()?;
     let measured = run_frames(&mut run, args.frames, &traced)?;
-    open::warn_of_bad_samples(place.tracer());
+    open::warn_of_bad_samples(run.non_finite_samples());
 
     let look = Look { far: place.path.camera(run.index() - 1).far, ..Look::default() };
     files.write(&mut run.executor, output.as_deref(), &tiles, &look)?;

@@ -7,8 +7,8 @@ use epigraph_core::{
     Source,
 };
 use epigraph_pictures::is_image;
-use epigraph_scenes::{Camera, CameraPath, predict};
-use epigraph_stages::{World, shared::world::PREDICTION_FRAMES};
+use epigraph_scenes::{Camera, CameraPath};
+use epigraph_stages::World;
 
 use crate::{Error, Image, Pixel};
 
@@ -94,31 +94,10 @@ impl Run {
         let Settings { size, samples, .. } = self.settings;
         match &self.camera {
             Some(camera) => {
-                Self::live_frame(self.shown.as_ref(), camera, self.index, size, samples, self.seed)
+                let previous = self.shown.as_ref().unwrap_or(camera);
+                World::frame(previous, camera, self.index, size, samples, self.seed)
             }
-            None => World::frame(&self.path, self.index, size, samples, self.seed),
-        }
-    }
-
-    /// Frame `index` of an interactive camera. `shown` is the camera of the previous frame, if any.
-    pub fn live_frame(
-        shown: Option<&Camera>,
-        camera: &Camera,
-        index: u32,
-        size: [u32; 2],
-        samples: u32,
-        seed: u32,
-    ) -> Frame {
-        let previous = shown.unwrap_or(camera);
-        Frame {
-            view: World::view(camera, size),
-            previous: World::view(previous, size),
-            predicted: World::view(&predict(previous, camera, PREDICTION_FRAMES), size),
-            size,
-            index,
-            seed,
-            samples,
-            ..Frame::default()
+            None => World::frame_of(&self.path, self.index, size, samples, self.seed),
         }
     }
 

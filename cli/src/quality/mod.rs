@@ -132,7 +132,7 @@ impl<'a> Quality<'a> {
                     });
                 }
             }
-            open::warn_of_bad_samples(tracer);
+            open::warn_of_bad_samples(tracer.non_finite());
         }
         Ok(rows)
     }

@@ -16,7 +16,7 @@ use crate::facts;
 
 /// Frames from the request of a sample to the frame that the predicted view anticipates: samples enter the cloud one
 /// frame after their request, and one more (`algorithms.md` section 1.8).
-pub const PREDICTION_FRAMES: f32 = 2.0;
+const PREDICTION_FRAMES: f32 = 2.0;
 
 /// The scene and the source of samples, as the stages see them: insert one into the [`epigraph_core::Host`].
 pub struct World {
@@ -81,19 +81,32 @@ impl World {
         }
     }
 
-    /// Frame `index` along a camera path, with up to `samples` requests; the first frame is its own previous one.
-    pub fn frame(path: &CameraPath, index: u32, size: [u32; 2], samples: u32, seed: u32) -> Frame {
-        let (now, previous) = (path.camera(index), path.camera(index.saturating_sub(1)));
+    /// Frame `index` of a camera that moved from `previous` to `now`, for an image of `size` pixels, with up to
+    /// `samples` requests. A first frame has the same camera twice.
+    pub fn frame(
+        previous: &Camera,
+        now: &Camera,
+        index: u32,
+        size: [u32; 2],
+        samples: u32,
+        seed: u32,
+    ) -> Frame {
         Frame {
-            view: Self::view(&now, size),
-            previous: Self::view(&previous, size),
-            predicted: Self::view(&predict(&previous, &now, PREDICTION_FRAMES), size),
+            view: Self::view(now, size),
+            previous: Self::view(previous, size),
+            predicted: Self::view(&predict(previous, now, PREDICTION_FRAMES), size),
             size,
             index,
             seed,
             samples,
             ..Frame::default()
         }
+    }
+
+    /// Frame `index` along a camera path.
+    pub fn frame_of(path: &CameraPath, index: u32, size: [u32; 2], samples: u32, seed: u32) -> Frame {
+        let (previous, now) = (path.camera(index.saturating_sub(1)), path.camera(index));
+        Self::frame(&previous, &now, index, size, samples, seed)
     }
 
     /// Answers the requests of a frame from the source of samples, in the scene of that frame. The samples are at the
@@ -134,7 +147,7 @@ mod tests {
     fn rays_are_those_of_the_camera() {
         let (scene, world) = world();
         let path = CameraPath::parse("orbit", &scene).unwrap();
-        let (frame, settings) = (World::frame(&path, 9, SIZE, 10, 1), TraceSettings::default());
+        let (frame, settings) = (World::frame_of(&path, 9, SIZE, 10, 1), TraceSettings::default());
         let query = Query { frame: &frame, settings: &settings, tracer: &world.tracer, requests: &[] };
         for (view, camera) in [
             (VIEW_NOW, path.camera(9)),
@@ -154,7 +167,7 @@ mod tests {
     #[test]
     fn answers_skip_what_was_not_asked_and_repeat_exactly() {
         let (scene, world) = world();
-        let frame = World::frame(&CameraPath::parse("still", &scene).unwrap(), 3, SIZE, 4, 7);
+        let frame = World::frame_of(&CameraPath::parse("still", &scene).unwrap(), 3, SIZE, 4, 7);
         let requests = [request(700), Request::NONE, request(701), Request::NONE];
         let garbage = Sample { hit: 77, ..Sample::default() };
         let settings = TraceSettings::default();
@@ -179,7 +192,7 @@ mod tests {
         let mut seen = Vec::new();
         // Ask once, then only collect: ten seconds at most.
         for index in 0..1000 {
-            let frame = World::frame(&path, index, SIZE, 2, 7);
+            let frame = World::frame_of(&path, index, SIZE, 2, 7);
             let requests = if index == 0 { [request(700), request(701)] } else { [Request::NONE; 2] };
             world.answer(&frame, &requests, &TraceSettings::default(), &mut samples);
             seen.extend(samples.iter().filter(|sample| sample.hit != HIT_NONE).copied());
@@ -204,7 +217,7 @@ mod tests {
         let requests: Vec<Request> = (0..64 * 64).map(request).collect();
         let answer = |index: u32| {
             let mut samples = vec![Sample::default(); requests.len()];
-            let frame = World::frame(&path, index, size, 1, 7);
+            let frame = World::frame_of(&path, index, size, 1, 7);
             world.answer(&frame, &requests, &TraceSettings::default(), &mut samples);
             samples
         };
@@ -235,7 +248,7 @@ mod tests {
         let nothing = vec![Request::NONE; requests.len()];
         let answer = |world: &World, index: u32, requests: &[Request]| {
             let mut samples = vec![Sample::default(); requests.len()];
-            let frame = World::frame(&path, index, size, 1, 7);
+            let frame = World::frame_of(&path, index, size, 1, 7);
             world.answer(&frame, requests, &TraceSettings::default(), &mut samples);
             samples.into_iter().filter(|sample| sample.hit != HIT_NONE).collect::<Vec<_>>()
         };

@@ -6,7 +6,6 @@ use std::{
     time::Instant,
 };
 
-use epigraph::Run;
 use epigraph_core::{Capture, Frame, RunError};
 use epigraph_scenes::Camera;
 use epigraph_stages::World;
@@ -19,10 +18,10 @@ impl Worker {
         let samples = samples(self.options.samples).of(size);
         let (index, seed) = (self.index, self.options.seed);
         if let Some(Path { path, .. }) = &self.path {
-            return (path.camera(index), World::frame(path, index, size, samples, seed));
+            return (path.camera(index), World::frame_of(path, index, size, samples, seed));
         }
-        let frame = Run::live_frame(self.shown.as_ref(), &self.camera, index, size, samples, seed);
-        (self.camera, frame)
+        let previous = self.shown.as_ref().unwrap_or(&self.camera);
+        (self.camera, World::frame(previous, &self.camera, index, size, samples, seed))
     }
 
     pub(super) fn frame(&mut self) {
