@@ -12,8 +12,9 @@ use crate::{
     facts::Facts,
     file::{Flat, FlatNode, GraphFile, Source},
     id::{FlatId, NodeId},
-    port::{Access, Dims, Extent, Lifetime, Meaning, Port},
+    port::{Access, Dims, Extent, FieldRef, Lifetime, Meaning, Port},
     registry::{NodeContext, Registry},
+    shader::Pass,
     side::{Download, Side},
     stage::{AnyStage, Declaration},
 };
@@ -97,7 +98,49 @@ impl Node {
     fn ports(&self) -> impl Iterator<Item = (usize, &Port, Option<PortRef>)> {
         self.declaration().ports.iter().enumerate().map(|(index, port)| (index, port, self.sources[index]))
     }
+
+    /// Checks what a pass requires of the dims of its ports.
+    fn check_pass(&self, pass: &Pass) -> Result<(), String> {
+        let dims = |at: FieldRef| self.dims[at.port as usize];
+        let port = |at: FieldRef| &self.declaration().ports[at.port as usize];
+        let name = |at: FieldRef| port(at).variable(at.field as usize);
+        if let Some(&counts) = pass.group_counts() {
+            let given = |text: &str| format!("`{}` gives numbers of workgroups, but {text}", name(counts));
+            if port(counts).is_input() && self.sources[counts.port as usize].is_none() {
+                return Err(given("it is not connected"));
+            }
+            let element = &port(counts).fields[counts.field as usize].element;
+            let bytes = dims(counts).count() as u64 * u64::from(element.bytes());
+            if bytes < GROUP_COUNTS_BYTES {
+                return Err(given(&format!("it has only {bytes} bytes; they are three u32")));
+            }
+        }
+        let Pass::Draw { vertices, count, targets, .. } = pass else { return Ok(()) };
+        if let [first, others @ ..] = &targets[..]
+            && let Some(other) = others.iter().find(|other| dims(**other) != dims(*first))
+        {
+            return Err(format!(
+                "a pass draws to `{}` ({}) and `{}` ({}); its targets must have the same size",
+                name(*first),
+                dims(*first),
+                name(*other),
+                dims(*other)
+            ));
+        }
+        let elements = dims(*count).count() as u64;
+        if elements.saturating_mul(u64::from(*vertices)) > u64::from(u32::MAX) {
+            return Err(format!(
+                "a pass draws {elements} elements of `{}` with {vertices} vertices each; {} vertices are the limit",
+                name(*count),
+                u32::MAX
+            ));
+        }
+        Ok(())
+    }
 }
+
+/// Bytes of the numbers of workgroups along x, y and z that an indirect dispatch reads.
+const GROUP_COUNTS_BYTES: u64 = 12;
 
 /// A node that was left out.
 #[derive(Clone, Debug, PartialEq)]
@@ -175,7 +218,7 @@ impl Graph {
         }
     }
 
-    /// Sets [`Node::dims`] from the declared extents. An error names the node and the problem with its extent.
+    /// Sets [`Node::dims`] from the declared extents. An error names the node and the problem with its extents.
     pub(crate) fn resolve_dims(&mut self, settings: &Settings) -> Result<(), (NodeId, String)> {
         let mut resolver = Resolver { graph: self, settings, known: HashMap::new(), visiting: Vec::new() };
         for node in self.nodes.indices() {
@@ -185,6 +228,11 @@ impl Graph {
         }
         for (at, dims) in resolver.known {
             self.nodes[at.node].dims[at.port] = dims;
+        }
+        for (index, node) in self.nodes.iter_enumerated() {
+            for pass in &node.declaration().passes {
+                node.check_pass(pass).map_err(|text| (index, text))?;
+            }
         }
         Ok(())
     }

@@ -109,7 +109,7 @@ pub use reflect::{
     Entry, Reflected, Space, Variable, check as check_shader, check_stage, compose as compose_shader, imports,
 };
 pub use registry::{Kind, NodeContext, Registry};
-pub use shader::{EditedTexts, Needs, Pass, Shader, ShaderLibrary, ShaderModule, Threads};
+pub use shader::{EditedTexts, Needs, Pass, Shader, ShaderLibrary, ShaderModule, Shape, Threads};
 pub use side::{Download, PerSide, Side};
 pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Stage};
 pub use wgsl::wgsl_kind;

@@ -135,7 +135,36 @@ pub enum Threads {
     Blocks(FieldRef, u32),
     /// This many workgroups along x.
     Groups(u32),
+    /// As many workgroups along x, y and z as the first three u32 of a buffer port, which an earlier pass or node has
+    /// written. The pass itself may read that port only if it is an input. If a count is zero, or greater than the
+    /// device's limit (65,535 on most), no thread runs.
+    Indirect(FieldRef),
 }
+
+/// What the vertices of a [`Pass::Draw`] form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shape {
+    /// Each vertex is a point, one pixel large.
+    Points,
+    /// Every two vertices are the ends of a line, one pixel wide.
+    Lines,
+    /// Every three vertices are the corners of a triangle; both faces are drawn.
+    Triangles,
+}
+
+impl Shape {
+    /// Vertices of one point, line or triangle.
+    pub fn vertices(self) -> u32 {
+        match self {
+            Self::Points => 1,
+            Self::Lines => 2,
+            Self::Triangles => 3,
+        }
+    }
+}
+
+/// Targets of a draw, at most (WebGPU's default limit).
+pub(crate) const MAX_TARGETS: usize = 8;
 
 /// One step on the GPU.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,40 +176,57 @@ pub enum Pass {
         /// The number of threads.
         threads: Threads,
     },
-    /// Point rasterization: one point for each element of a list, depth tested (less), into a texture port.
-    Points {
+    /// Rasterization into texture ports.
+    ///
+    /// There are no vertex buffers. The vertex entry point gets `@builtin(vertex_index)`, numbered through all elements:
+    /// vertex i belongs to element i / `vertices`. `@location(n)` of the fragment entry point is written to the nth
+    /// target, without blending.
+    Draw {
         /// Vertex entry point.
-        vertex: &'static str,
+        vertex: Cow<'static, str>,
         /// Fragment entry point.
-        fragment: &'static str,
-        /// The list whose length is the number of vertices.
+        fragment: Cow<'static, str>,
+        /// What the vertices form.
+        shape: Shape,
+        /// The number of vertices of each element, a multiple of [`Shape::vertices`].
+        vertices: u32,
+        /// The port whose number of elements is the number of elements to draw. An empty list counts as one element of
+        /// zeros, since buffers are never empty.
         count: FieldRef,
-        /// The texture port to draw to, cleared to `clear`.
-        target: FieldRef,
-        /// First component's clear value.
-        clear: u32,
-    },
-    /// Rasterization of lines with a width: two triangles, six vertices, for each element of a list, without a depth
-    /// test, into a texture port that is cleared to 0.
-    Lines {
-        /// Vertex entry point.
-        vertex: &'static str,
-        /// Fragment entry point.
-        fragment: &'static str,
-        /// The list whose length is the number of lines.
-        count: FieldRef,
-        /// The texture port to draw to.
-        target: FieldRef,
+        /// The texture outputs to draw to, one to eight of the same size.
+        targets: Vec<FieldRef>,
+        /// Whether a fragment is drawn only if its depth is less than that of all fragments drawn there before (and less
+        /// than 1). The executor owns the depth texture and clears it to 1 before the pass.
+        depth: bool,
+        /// What all channels of the targets are cleared to before the pass; for targets of u32 a whole number.
+        clear: f64,
     },
 }
 
 impl Pass {
-    /// The texture that a raster pass draws to.
-    pub fn target(&self) -> Option<FieldRef> {
+    /// The textures that it draws to; none for compute passes.
+    pub fn targets(&self) -> &[FieldRef] {
         match self {
-            Self::Compute { .. } => None,
-            Self::Points { target, .. } | Self::Lines { target, .. } => Some(*target),
+            Self::Compute { .. } => &[],
+            Self::Draw { targets, .. } => targets,
         }
+    }
+
+    /// The buffer that its numbers of workgroups are in, if it is dispatched indirectly.
+    pub fn group_counts(&self) -> Option<&FieldRef> {
+        match self {
+            Self::Compute { threads: Threads::Indirect(at), .. } => Some(at),
+            _ => None,
+        }
+    }
+
+    /// Its entry points in the order in which they run.
+    pub fn entries(&self) -> impl Iterator<Item = &str> {
+        let (first, second) = match self {
+            Self::Compute { entry, .. } => (entry, None),
+            Self::Draw { vertex, fragment, .. } => (vertex, Some(fragment)),
+        };
+        [Some(first), second].into_iter().flatten().map(AsRef::as_ref)
     }
 }
 

@@ -2,8 +2,8 @@
 
 use epigraph_core::{
     Access, Declaration, Element, Extent, Field, FieldRef, Format, Frame, GraphError, Lifetime, Needs,
-    ParamKind, ParamSpec, Pass, Port, PortElement, Reflected, Shader, ShaderLibrary, ShaderModule, Space,
-    Threads, check_shader, compose_shader, item, texel,
+    ParamKind, ParamSpec, Pass, Port, PortElement, Reflected, Shader, ShaderLibrary, ShaderModule, Shape,
+    Space, Threads, check_shader, compose_shader, item, texel,
 };
 
 const FRAME: &str = epigraph_shaders::text("shared/frame.wgsl");
@@ -402,7 +402,16 @@ fn entry_points_are_checked() {
 
 fn raster(target: Port) -> Declaration {
     let at = |port| FieldRef { port, field: 0 };
-    let points = Pass::Points { vertex: "place", fragment: "paint", count: at(0), target: at(1), clear: 0 };
+    let points = Pass::Draw {
+        vertex: "place".into(),
+        fragment: "paint".into(),
+        shape: Shape::Points,
+        vertices: 1,
+        count: at(0),
+        targets: vec![at(1)],
+        depth: true,
+        clear: 0.0,
+    };
     let compute = Pass::Compute { entry: "main".into(), threads: Threads::Over(at(1)) };
     Declaration {
         ports: vec![port("list", Access::Read, <[f32; 4]>::element()), target],

@@ -39,8 +39,8 @@ use std::{
 };
 
 use epigraph_core::{
-    CpuContext, Extent, Finding, In, Io, Meaning, Out, Pass, Site, Stage, Threads, View, choice, constants,
-    item, params, scratch, texel,
+    CpuContext, Extent, Finding, In, Io, Meaning, Out, Pass, Shape, Site, Stage, Threads, View, choice,
+    constants, item, params, scratch, texel,
 };
 use glam::Vec3;
 use rayon::prelude::*;
@@ -261,11 +261,15 @@ impl Stage for EdgeRaster {
                 let visited: Out<texel::R32Uint> =
                     io.write("visited", scratch("1 where a line was drawn last."), Extent::Corners);
                 lists.for_each(|list| {
-                    io.pass(Pass::Lines {
-                        vertex: list.names.corner,
-                        fragment: "mark_pixel",
+                    io.pass(Pass::Draw {
+                        vertex: list.names.corner.into(),
+                        fragment: "mark_pixel".into(),
+                        shape: Shape::Triangles,
+                        vertices: 6,
                         count: list.segments.into(),
-                        target: visited.into(),
+                        targets: vec![visited.into()],
+                        depth: false,
+                        clear: 0.0,
                     });
                 });
             }

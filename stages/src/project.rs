@@ -8,8 +8,8 @@
 //! rounding of that quotient (a relative 1e-7) the lower id wins instead of the nearer point.
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Pass, Site, Stage, choice, constants, params,
-    scratch, texel,
+    Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Pass, Shape, Site, Stage, choice, constants,
+    params, scratch, texel,
 };
 use rayon::prelude::*;
 
@@ -111,12 +111,15 @@ impl Stage for Project {
                 io.define("RASTER");
                 let drawn: Out<texel::R32Uint> =
                     io.write("drawn", scratch("The point that was drawn."), pixels);
-                io.pass(Pass::Points {
-                    vertex: "vertex",
-                    fragment: "fragment",
+                io.pass(Pass::Draw {
+                    vertex: "vertex".into(),
+                    fragment: "fragment".into(),
+                    shape: Shape::Points,
+                    vertices: 1,
                     count: position.into(),
-                    target: drawn.into(),
-                    clear: NO_POINT,
+                    targets: vec![drawn.into()],
+                    depth: true,
+                    clear: NO_POINT.into(),
                 });
             }
         }

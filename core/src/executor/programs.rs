@@ -30,10 +30,10 @@ pub(crate) struct Program {
 /// The key of a raster pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Raster {
-    pub vertex: &'static str,
-    pub fragment: &'static str,
+    pub vertex: String,
+    pub fragment: String,
     pub topology: wgpu::PrimitiveTopology,
-    pub format: wgpu::TextureFormat,
+    pub formats: Vec<wgpu::TextureFormat>,
     pub depth_test: bool,
 }
 
@@ -87,9 +87,10 @@ impl Program {
         lock(&self.compute).entry(entry.to_owned()).or_insert_with(make).clone()
     }
 
-    /// The pipeline that draws into a texture of a given format.
+    /// The pipeline that draws into textures of given formats.
     pub fn raster(&self, device: &wgpu::Device, raster: &Raster) -> wgpu::RenderPipeline {
-        let Raster { vertex, fragment, topology, format, depth_test } = raster;
+        let Raster { vertex, fragment, topology, formats, depth_test } = raster;
+        let targets: Vec<_> = formats.iter().map(|&format| Some(format.into())).collect();
         let make = || {
             device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
                 label: Some(vertex),
@@ -113,7 +114,7 @@ impl Program {
                     module: &self.module,
                     entry_point: Some(fragment),
                     compilation_options: Default::default(),
-                    targets: &[Some((*format).into())],
+                    targets: &targets,
                 }),
                 multiview_mask: None,
                 cache: None,

@@ -70,7 +70,7 @@ struct Check<'a> {
 
 impl<'a> Check<'a> {
     fn is_target(&self, port: usize) -> bool {
-        let mut targets = self.declaration.passes.iter().filter_map(Pass::target);
+        let mut targets = self.declaration.passes.iter().flat_map(Pass::targets);
         targets.any(|target| target.port as usize == port)
     }
 
@@ -209,18 +209,14 @@ impl<'a> Check<'a> {
             Pass::Compute { entry, .. } => {
                 self.entry(entry, ShaderStage::Compute);
             }
-            Pass::Points { vertex, fragment, target, .. } | Pass::Lines { vertex, fragment, target, .. } => {
-                let stages = [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)];
-                for (name, stage) in stages {
+            Pass::Draw { vertex, fragment, .. } => {
+                for (name, stage) in [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)] {
                     let Some(entry) = self.entry(name, stage) else { continue };
-                    let port = &self.declaration.ports[target.port as usize];
-                    let targets: Vec<String> =
-                        (0..port.fields.len()).map(|field| port.variable(field)).collect();
-                    for &used in &entry.uses {
-                        let used = &self.reflected.variables[used].name;
-                        if targets.contains(used) {
-                            self.errors
-                                .push(format!("`{name}` uses `{used}`, which this raster pass draws to"));
+                    for target in pass.targets() {
+                        let target =
+                            self.declaration.ports[target.port as usize].variable(target.field as usize);
+                        if entry.uses.iter().any(|&used| self.reflected.variables[used].name == target) {
+                            self.errors.push(format!("`{name}` uses `{target}`, which this pass draws to"));
                         }
                     }
                 }

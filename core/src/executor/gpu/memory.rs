@@ -1,13 +1,16 @@
 //! The memory of slots on the GPU, and the layout of its contents in a staging buffer.
 
+use std::collections::HashSet;
+
 use index_vec::IndexVec;
 
 use super::{Gpu, RunError};
 use crate::{
     graph::Graph,
     id::SlotId,
-    plan::{Plan, PlannedNode, SlotPair},
-    port::{Dims, Element, Format, Scalar},
+    plan::{Plan, SlotPair},
+    port::{Dims, Element, FieldRef, Format, Scalar},
+    shader::Pass,
     side::Side,
 };
 
@@ -34,6 +37,14 @@ impl GpuMemory {
         match self {
             Self::Texture(texture, view) => (texture, view),
             Self::Buffer(_) => unreachable!("checked: raster targets are textures"),
+        }
+    }
+
+    /// The buffer that an indirect dispatch reads.
+    pub fn buffer(&self) -> &wgpu::Buffer {
+        match self {
+            Self::Buffer(buffer) => buffer,
+            Self::Texture(..) => unreachable!("checked: numbers of workgroups are in buffers"),
         }
     }
 
@@ -155,7 +166,8 @@ pub(super) fn check_limits(gpu: &Gpu, plan: &Plan) -> Result<(), RunError> {
 
 /// Allocates the memory of every slot.
 pub(super) fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> IndexVec<SlotId, GpuMemory> {
-    let targets = raster_targets(graph, plan);
+    let targets = slots_of(graph, plan, Pass::targets);
+    let counts = slots_of(graph, plan, Pass::group_counts);
     let slots = plan.slots.gpu.iter_enumerated();
     slots
         .map(|(id, slot)| match &slot.element {
@@ -171,14 +183,19 @@ pub(super) fn allocate(device: &wgpu::Device, graph: &Graph, plan: &Plan) -> Ind
                 let view = texture.create_view(&Default::default());
                 GpuMemory::Texture(texture, view)
             }
-            _ => GpuMemory::Buffer(device.create_buffer(&wgpu::BufferDescriptor {
-                label: None,
-                size: slot.bytes(),
-                usage: wgpu::BufferUsages::STORAGE
-                    | wgpu::BufferUsages::COPY_SRC
-                    | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })),
+            _ => {
+                let mut usage =
+                    wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+                if counts.contains(&id) {
+                    usage |= wgpu::BufferUsages::INDIRECT;
+                }
+                GpuMemory::Buffer(device.create_buffer(&wgpu::BufferDescriptor {
+                    label: None,
+                    size: slot.bytes(),
+                    usage,
+                    mapped_at_creation: false,
+                }))
+            }
         })
         .collect()
 }
@@ -211,18 +228,18 @@ fn wgpu_format(format: Format) -> wgpu::TextureFormat {
     }
 }
 
-fn raster_targets(graph: &Graph, plan: &Plan) -> Vec<SlotId> {
-    let mut targets = Vec::new();
-    for (node, PlannedNode { bindings, .. }) in graph.nodes.iter().zip(&plan.nodes) {
-        for pass in &node.declaration().passes {
-            if let (Some(target), Side::Gpu) = (pass.target(), node.side) {
-                let values = bindings[target.port as usize].iter().flatten();
-                let slots = values.filter_map(|value| plan.storages[value.storage].slots.gpu);
-                targets.extend(slots.flat_map(SlotPair::both));
-            }
-        }
-    }
-    targets
+/// The slots that the passes of GPU nodes use for a purpose; `fields` gives the fields of a pass that serve it.
+fn slots_of<'g, F: IntoIterator<Item = &'g FieldRef>>(
+    graph: &'g Graph,
+    plan: &Plan,
+    fields: impl Fn(&'g Pass) -> F,
+) -> HashSet<SlotId> {
+    let nodes = graph.nodes.iter().zip(&plan.nodes).filter(|(node, _)| node.side == Side::Gpu);
+    let values = nodes.flat_map(|(node, planned)| {
+        let passes = &node.declaration().passes;
+        passes.iter().flat_map(&fields).filter_map(|field| planned.value(*field))
+    });
+    values.filter_map(|value| plan.storages[value.storage].slots.gpu).flat_map(SlotPair::both).collect()
 }
 
 /// The 32-bit pattern that poisons an element: NaN where it is a float.

@@ -15,7 +15,7 @@ use crate::{
     plan::Plan,
     port::{Dims, FieldRef},
     reflect::{self, Entry, Reflected},
-    shader::{Pass, ShaderLibrary, Threads},
+    shader::{Pass, ShaderLibrary, Shape, Threads},
     side::Side,
 };
 
@@ -39,15 +39,24 @@ pub(super) struct GpuPass {
 pub(super) enum Pipeline {
     Compute {
         pipeline: wgpu::ComputePipeline,
-        groups: [u32; 2],
+        groups: Groups,
     },
     Raster {
         pipeline: wgpu::RenderPipeline,
         vertices: u32,
-        target: SlotId,
-        clear: u32,
+        /// For even and odd frames.
+        targets: [Vec<SlotId>; 2],
         depth: Option<wgpu::TextureView>,
+        clear: f64,
     },
+}
+
+/// The number of workgroups of a dispatch.
+pub(super) enum Groups {
+    /// Along x and y.
+    Known([u32; 2]),
+    /// At the start of a buffer, for even and odd frames.
+    InBuffer([SlotId; 2]),
 }
 
 impl Pipeline {
@@ -107,53 +116,67 @@ impl Builder<'_> {
 
     fn pipeline(&self, program: &Program, pass: &Pass, node: NodeId) -> Pipeline {
         let device = &self.gpu.device;
-        let dims = &self.graph.nodes[node].dims;
         match pass {
             Pass::Compute { entry, threads } => {
                 let size = entry_of(&program.reflected, entry).workgroup_size;
                 let pipeline = program.compute(device, entry);
-                Pipeline::Compute { pipeline, groups: groups(*threads, size, dims) }
+                Pipeline::Compute { pipeline, groups: self.groups(*threads, size, node) }
             }
-            Pass::Points { vertex, fragment, count, target, clear } => {
-                let (dims, target) = (dims[target.port as usize], self.slot(node, *target, 0));
-                let depth = device.create_texture(&texture(
-                    dims,
-                    wgpu::TextureFormat::Depth32Float,
-                    wgpu::TextureUsages::RENDER_ATTACHMENT,
-                ));
+            Pass::Draw { vertex, fragment, shape, vertices, count, targets, depth, clear } => {
+                let slots = |parity| targets.iter().map(|target| self.slot(node, *target, parity)).collect();
+                let targets: [Vec<SlotId>; 2] = [0, 1].map(slots);
+                let textures = || targets[0].iter().map(|target| self.memory[*target].target().0);
                 let raster = Raster {
-                    vertex,
-                    fragment,
-                    topology: wgpu::PrimitiveTopology::PointList,
-                    format: self.memory[target].target().0.format(),
-                    depth_test: true,
+                    vertex: vertex.to_string(),
+                    fragment: fragment.to_string(),
+                    topology: match shape {
+                        Shape::Points => wgpu::PrimitiveTopology::PointList,
+                        Shape::Lines => wgpu::PrimitiveTopology::LineList,
+                        Shape::Triangles => wgpu::PrimitiveTopology::TriangleList,
+                    },
+                    formats: textures().map(wgpu::Texture::format).collect(),
+                    depth_test: *depth,
                 };
+                let depth = depth.then(|| {
+                    let size = textures().next().expect("checked: a draw has a target").size();
+                    let dims = Dims { width: size.width, height: size.height };
+                    let (format, usage) =
+                        (wgpu::TextureFormat::Depth32Float, wgpu::TextureUsages::RENDER_ATTACHMENT);
+                    device.create_texture(&texture(dims, format, usage)).create_view(&Default::default())
+                });
                 Pipeline::Raster {
                     pipeline: program.raster(device, &raster),
-                    vertices: self.list_length(node, *count),
-                    target,
+                    vertices: self.list_length(node, *count) * vertices,
+                    targets,
+                    depth,
                     clear: *clear,
-                    depth: Some(depth.create_view(&Default::default())),
-                }
-            }
-            Pass::Lines { vertex, fragment, count, target } => {
-                let target = self.slot(node, *target, 0);
-                let raster = Raster {
-                    vertex,
-                    fragment,
-                    topology: wgpu::PrimitiveTopology::TriangleList,
-                    format: self.memory[target].target().0.format(),
-                    depth_test: false,
-                };
-                Pipeline::Raster {
-                    pipeline: program.raster(device, &raster),
-                    vertices: self.list_length(node, *count).saturating_mul(6),
-                    target,
-                    clear: 0,
-                    depth: None,
                 }
             }
         }
+    }
+
+    fn groups(&self, threads: Threads, size: [u32; 3], node: NodeId) -> Groups {
+        let dims = &self.graph.nodes[node].dims;
+        let list = |count: usize| {
+            let groups = u32::try_from(count.div_ceil(size[0] as usize)).unwrap_or(u32::MAX).max(1);
+            let x = groups.min(MAX_GROUPS_X);
+            [x, groups.div_ceil(x)]
+        };
+        Groups::Known(match threads {
+            Threads::Over(at) => {
+                let dims = dims[at.port as usize];
+                if size[1] > 1 {
+                    [dims.width.div_ceil(size[0]), dims.height.div_ceil(size[1])]
+                } else {
+                    list(dims.count())
+                }
+            }
+            Threads::Blocks(at, n) => list(dims[at.port as usize].count().div_ceil(n as usize)),
+            Threads::Groups(count) => [count, 1],
+            Threads::Indirect(at) => {
+                return Groups::InBuffer([0, 1].map(|parity| self.slot(node, at, parity)));
+            }
+        })
     }
 
     fn list_length(&self, node: NodeId, at: FieldRef) -> u32 {
@@ -182,14 +205,8 @@ impl Builder<'_> {
                 fields.insert(declared.variable(field), FieldRef { port: port as u16, field: field as u16 });
             }
         }
-        let names: &[&str] = match pass {
-            Pass::Compute { entry, .. } => &[entry],
-            Pass::Points { vertex, fragment, .. } | Pass::Lines { vertex, fragment, .. } => {
-                &[vertex, fragment]
-            }
-        };
         let mut used: Vec<usize> =
-            names.iter().flat_map(|name| &entry_of(reflected, name).uses).copied().collect();
+            pass.entries().flat_map(|name| &entry_of(reflected, name).uses).copied().collect();
         used.sort_unstable();
         used.dedup();
         let entries: Vec<wgpu::BindGroupEntry> = used
@@ -218,24 +235,4 @@ impl Builder<'_> {
 
 fn entry_of<'r>(reflected: &'r Reflected, name: &str) -> &'r Entry {
     reflected.entry(name).expect("checked: every pass has its entry point").1
-}
-
-fn groups(threads: Threads, size: [u32; 3], dims: &[Dims]) -> [u32; 2] {
-    let list = |count: usize| {
-        let groups = u32::try_from(count.div_ceil(size[0] as usize)).unwrap_or(u32::MAX).max(1);
-        let x = groups.min(MAX_GROUPS_X);
-        [x, groups.div_ceil(x)]
-    };
-    match threads {
-        Threads::Over(at) => {
-            let dims = dims[at.port as usize];
-            if size[1] > 1 {
-                [dims.width.div_ceil(size[0]), dims.height.div_ceil(size[1])]
-            } else {
-                list(dims.count())
-            }
-        }
-        Threads::Blocks(at, n) => list(dims[at.port as usize].count().div_ceil(n as usize)),
-        Threads::Groups(count) => [count, 1],
-    }
 }

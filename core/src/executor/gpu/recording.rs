@@ -5,13 +5,14 @@ use std::cell::RefCell;
 use super::{
     GpuSide, RunError, encoder,
     memory::Layout,
-    pipelines::{GpuPass, Pipeline},
+    pipelines::{GpuPass, Groups, Pipeline},
     submit,
 };
 use crate::{
     executor::readback::Readback,
     id::{NodeId, StorageId},
     plan::{Plan, Value},
+    shader::MAX_TARGETS,
     side::Side,
     stage::CpuMemory,
 };
@@ -48,21 +49,30 @@ impl GpuSide {
                     };
                     recorded.set_pipeline(pipeline);
                     recorded.set_bind_group(0, &pass.bindings[parity], &[]);
-                    recorded.dispatch_workgroups(groups[0], groups[1], 1);
+                    match groups {
+                        Groups::Known([x, y]) => recorded.dispatch_workgroups(*x, *y, 1),
+                        Groups::InBuffer(slots) => {
+                            recorded.dispatch_workgroups_indirect(self.memory[slots[parity]].buffer(), 0);
+                        }
+                    }
                 }
-            } else if let Pipeline::Raster { pipeline, vertices, target, clear, depth } = &run[0].pipeline {
-                let clear = wgpu::Color { r: f64::from(*clear), ..wgpu::Color::BLACK };
-                let mut recorded = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: None,
-                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                        view: self.memory[*target].target().1,
+            } else if let Pipeline::Raster { pipeline, vertices, targets, depth, clear } = &run[0].pipeline {
+                let clear = wgpu::Color { r: *clear, g: *clear, b: *clear, a: *clear };
+                let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(clear), store: wgpu::StoreOp::Store };
+                let targets = &targets[parity];
+                // An array, because a steady frame allocates nothing.
+                let attachments: [_; MAX_TARGETS] = std::array::from_fn(|index| {
+                    let view = self.memory[*targets.get(index)?].target().1;
+                    Some(wgpu::RenderPassColorAttachment {
+                        view,
                         depth_slice: None,
                         resolve_target: None,
-                        ops: wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(clear),
-                            store: wgpu::StoreOp::Store,
-                        },
-                    })],
+                        ops,
+                    })
+                });
+                let mut recorded = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: None,
+                    color_attachments: &attachments[..targets.len()],
                     depth_stencil_attachment: depth.as_ref().map(|view| {
                         wgpu::RenderPassDepthStencilAttachment {
                             view,
