@@ -185,10 +185,11 @@ impl Graph {
             made.into_iter().map(|made| made.expect("no problems, so all were made")).collect();
 
         let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
-        let bypass = checker.bypass(&made, wires, outputs, taps);
+        let mut bypass = checker.bypass(&made, wires, outputs, taps);
+        checker.problems.clone().into_result()?;
+        checker.remake(&mut made, &mut bypass);
         checker.problems.clone().into_result()?;
         let live = live(&made, &bypass);
-        checker.remake(&mut made, &bypass);
         let graph = checker.assemble(made, bypass, &live);
         checker.problems.into_result()?;
         Ok(graph)
@@ -252,6 +253,11 @@ struct Made {
 impl Made {
     fn ports(&self) -> &[Port] {
         &self.stage.declaration().ports
+    }
+
+    /// Index of the port with this name.
+    fn port(&self, name: &str) -> Option<usize> {
+        self.stage.declaration().port(name)
     }
 }
 
@@ -475,7 +481,7 @@ impl Checker<'_> {
                 (false, Some(why)) => why.to_owned(),
                 (false, None) => continue,
             };
-            match step_over(made, &bypassed, index) {
+            match step_over(made, &bypassed, index, asked) {
                 Ok((wires, outputs, taps)) => {
                     bypassed.wires = wires;
                     bypassed.outputs = outputs;
@@ -498,20 +504,94 @@ impl Checker<'_> {
         bypassed
     }
 
-    /// Declares the stages again whose optional inputs lost their source to a bypass.
-    fn remake(&mut self, made: &mut IndexVec<FlatId, Made>, bypass: &Bypassed) {
-        for (index, slot) in made.iter_mut_enumerated() {
-            let lost = self.flat.nodes[index].def.inputs.iter().any(|input| {
-                let port = slot.ports().iter().position(|port| port.name == input.port.value);
-                port.is_some_and(|port| !bypass.wires[index].contains_key(&port))
-            });
-            if lost && !bypass.why.contains_key(&index) {
-                let kept: BTreeSet<String> =
-                    bypass.wires[index].keys().map(|&port| slot.ports()[port].name.to_string()).collect();
-                if let Some(again) = self.make(index, &|name| kept.contains(name)) {
-                    *slot = again;
-                }
+    /// Declares the stages again whose optional inputs lost their source to a bypass. Such a stage may have fewer ports
+    /// then, so everything that refers to one by its index is resolved again by name.
+    fn remake(&mut self, made: &mut IndexVec<FlatId, Made>, bypass: &mut Bypassed) {
+        let mut lost_by = HashMap::new();
+        // A stage may lose an input to one that was made again.
+        while let Some((index, lost)) = self.lost_inputs(made, bypass, &lost_by) {
+            let kept: BTreeSet<String> =
+                bypass.wires[index].keys().map(|&port| made[index].ports()[port].name.to_string()).collect();
+            if let Some(again) = self.make(index, &|name| kept.contains(name)) {
+                let before = std::mem::replace(&mut made[index], again);
+                self.renumber(index, &before, made, bypass, &lost);
             }
+            lost_by.insert(index, lost);
+        }
+    }
+
+    /// A node that runs, and its inputs that the file connects and that lost their source; one that `known` does not
+    /// list with these.
+    fn lost_inputs(
+        &self,
+        made: &IndexVec<FlatId, Made>,
+        bypass: &Bypassed,
+        known: &HashMap<FlatId, Vec<String>>,
+    ) -> Option<(FlatId, Vec<String>)> {
+        let is_lost = |index: FlatId, name: &str| {
+            made[index].port(name).is_some_and(|port| !bypass.wires[index].contains_key(&port))
+        };
+        let running = made.indices().filter(|index| !bypass.why.contains_key(index));
+        let lost = running.map(|index| {
+            let names = self.flat.nodes[index].def.inputs.iter().map(|input| &input.port.value);
+            (index, names.filter(|name| is_lost(index, name)).cloned().collect::<Vec<_>>())
+        });
+        let mut news = lost.filter(|(index, lost)| !lost.is_empty() && known.get(index) != Some(lost));
+        news.next()
+    }
+
+    /// Resolves by name what refers to the ports of a node that was made again without its inputs `lost`.
+    fn renumber(
+        &mut self,
+        index: FlatId,
+        before: &Made,
+        made: &IndexVec<FlatId, Made>,
+        bypass: &mut Bypassed,
+        lost: &[String],
+    ) {
+        let moved = |port: usize| made[index].port(&before.ports()[port].name);
+        let found = |at: &FlatPort| if at.node == index { moved(at.port) } else { Some(at.port) };
+        let missing = |port: usize| {
+            format!(
+                "`{}.{}` does not exist now: nothing is connected to `{}`, since its source is left out",
+                self.flat.nodes[index].def.name.value,
+                before.ports()[port].name,
+                lost.join("`, `")
+            )
+        };
+        let mut problems = Vec::new();
+
+        let own = std::mem::take(&mut bypass.wires[index]);
+        bypass.wires[index] =
+            own.into_iter().filter_map(|(port, source)| Some((moved(port)?, source))).collect();
+        for (consumer, inputs) in bypass.wires.iter_mut_enumerated() {
+            inputs.retain(|&input, source| {
+                if let Some(port) = found(source) {
+                    source.port = port;
+                    return true;
+                }
+                let wanted = &made[consumer].ports()[input];
+                if !wanted.optional && !bypass.why.contains_key(&consumer) {
+                    let error = GraphError::Invalid(missing(source.port));
+                    problems.push((consumer, wanted.name.to_string(), error));
+                }
+                false
+            });
+        }
+        for (name, at) in &mut bypass.outputs {
+            match found(at) {
+                Some(port) => at.port = port,
+                None => self.problems.0.push(Problem::new(GraphError::Invalid(missing(at.port))).port(name)),
+            }
+        }
+        for (_, at) in &mut bypass.taps {
+            match found(at) {
+                Some(port) => at.port = port,
+                None => self.problems.0.push(Problem::new(GraphError::Invalid(missing(at.port)))),
+            }
+        }
+        for (consumer, port, error) in problems {
+            self.problem(consumer, self.input_span(consumer, &port), Some(&port), error);
         }
     }
 
@@ -698,7 +778,14 @@ fn full_fields<'m>(
 
 type Rewired = (Wires, Vec<(String, FlatPort)>, Vec<(Source, FlatPort)>);
 
-fn step_over(made: &IndexVec<FlatId, Made>, now: &Bypassed, index: FlatId) -> Result<Rewired, String> {
+/// Rewires around a node. If the user did not ask for it, a tap of what the node itself writes keeps the node: the value
+/// of another port would be a wrong answer.
+fn step_over(
+    made: &IndexVec<FlatId, Made>,
+    now: &Bypassed,
+    index: FlatId,
+    asked: bool,
+) -> Result<Rewired, String> {
     let ports = made[index].ports();
     let replacement = |port: usize| -> Option<FlatPort> {
         let inputs = &now.wires[index];
@@ -739,7 +826,9 @@ fn step_over(made: &IndexVec<FlatId, Made>, now: &Bypassed, index: FlatId) -> Re
     }
     let mut taps = Vec::new();
     for (source, at) in &now.taps {
-        taps.push((source.clone(), redirect(*at).ok_or_else(|| format!("`{source}` was requested"))?));
+        let keeps = at.node == index && !asked && ports[at.port].access == Access::Write;
+        let at = if keeps { None } else { redirect(*at) };
+        taps.push((source.clone(), at.ok_or_else(|| format!("`{source}` was requested"))?));
     }
     Ok((wires, outputs, taps))
 }

@@ -89,6 +89,13 @@ stage!(Maybe, "maybe", |io| {
     io.optional::<u32>("hint", "may be missing", Extent::Any);
     io.write::<f32>("out", "numbers", Extent::Frame(1));
 });
+stage!(Helper, "helper", |io| {
+    if io.optional::<u32>("hint", "may be missing", Extent::Any).is_some() {
+        io.write::<u32>("work", scratch("only with a hint"), Extent::Frame(4));
+    }
+    io.write::<f32>("out", "numbers", Extent::Frame(1));
+    io.write::<u32>("sums", scratch("sums"), Extent::Fixed([8, 1]));
+});
 stage!(Cloud, "cloud", |io| {
     let mut cloud = io.bundle(Access::Write, "points", "a structure of arrays", Extent::PerPixel(1.5));
     cloud.write::<[f32; 4]>("position");
@@ -147,6 +154,7 @@ fn registry() -> Registry {
         .with::<Moving>()
         .with::<Guess>()
         .with::<Maybe>()
+        .with::<Helper>()
         .with::<Cloud>()
         .with::<Aging>()
         .with::<Splat>()
@@ -260,6 +268,51 @@ fn the_scene_decides_what_is_left_out() {
     assert_eq!(plan.nodes.len(), 4);
     // What something still asks for stays, needless or not.
     assert_eq!(order(nodes, "guess.out"), ["guess"]);
+}
+
+#[test]
+fn ports_are_found_by_name_when_a_stage_has_fewer_of_them() {
+    // `second` is before `first` in the file: losing an input passes on against the file's order too.
+    let nodes = r#"
+        "guess": (kind: "guess"),
+        "second": (kind: "helper", inputs: { "hint": "first.work" }),
+        "first": (kind: "helper", inputs: { "hint": "guess.out" }),"#;
+    for moves in [false, true] {
+        let mut settings = settings();
+        settings.facts = Facts::default().stating(CAMERA_MOVES, moves);
+        for port in ["first.out", "first.sums", "second.out", "second.sums"] {
+            settings.taps = vec![port.parse().unwrap()];
+            let (graph, _) = compiled(nodes, "second.out", &settings);
+            assert_eq!(graph.name(graph.taps[0].1), port);
+            assert_eq!(graph.name(graph.outputs[0].1), "second.out");
+        }
+        for port in ["first.work", "second.work"] {
+            settings.taps = vec![port.parse().unwrap()];
+            let found = compile(&file(nodes, "second.out"), &registry(), &settings);
+            if moves {
+                let (graph, _) = found.unwrap();
+                assert_eq!(graph.name(graph.taps[0].1), port);
+            } else {
+                let text = found.err().expect("not while the camera rests").to_string();
+                let lost = "does not exist now: nothing is connected to `hint`, since its source is left out";
+                assert!(text.contains(&format!("`{port}` {lost}")), "{text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tap_keeps_what_the_scene_makes_needless() {
+    let nodes = r#"
+        "source": (kind: "source"),
+        "moving": (kind: "moving", inputs: { "in": "source.out" }),
+        "last": (kind: "filter", inputs: { "in": "moving.out" }),"#;
+    let mut settings = settings();
+    assert_eq!(order(nodes, "last.out"), ["source", "last"]);
+    // Not the value of `source.out`, which has the same elements.
+    settings.taps = vec!["moving.out".parse().unwrap()];
+    let (graph, _) = compiled(nodes, "last.out", &settings);
+    assert_eq!(graph.name(graph.taps[0].1), "moving.out");
 }
 
 #[test]

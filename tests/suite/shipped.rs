@@ -1,6 +1,6 @@
 //! Every shipped graph compiles at every placement, and every shader fits its stage, without a GPU.
 
-use epigraph_core::{Facts, Settings, Side, check_shader, compile, compose_shader};
+use epigraph_core::{Access, Facts, Settings, Side, check_shader, compile, compose_shader};
 use epigraph_stages::{facts::CAMERA_MOVES, registry};
 use epigraph_tests::{GRAPHS, graph};
 
@@ -41,4 +41,43 @@ fn an_all_gpu_frame_is_one_submission_but_for_the_tracer() {
         .collect();
     // Rays are traced on the CPU: requests come down, samples go up (once for each of their two readers' first).
     assert_eq!(transfers, ["upload trace.samples", "download request.requests"]);
+}
+
+#[test]
+fn a_tap_is_the_port_of_its_name_whether_or_not_the_camera_moves() {
+    let registry = registry();
+    for name in GRAPHS {
+        let file = graph(name);
+        let settings = |moves| {
+            let facts = Facts::default().stating(CAMERA_MOVES, moves);
+            Settings { facts, ..Settings::new([320, 200], 1000) }
+        };
+        let whole = Settings { prune: false, ..settings(true) };
+        let (whole, _) = compile(&file, &registry, &whole).unwrap_or_else(|p| panic!("{p}"));
+        let mut missing = Vec::new();
+        for node in &whole.nodes {
+            for port in node.declaration().ports.iter().filter(|port| port.is_output()) {
+                let tap = format!("{}.{}", node.name, port.name);
+                for moves in [true, false] {
+                    let taps = vec![tap.parse().expect("a port's name")];
+                    match compile(&file, &registry, &Settings { taps, ..settings(moves) }) {
+                        Ok((graph, plan)) => {
+                            assert_eq!(plan.taps[0].name, tap, "{name}");
+                            // What a node updates in place may be named after the node that wrote it last.
+                            if port.access == Access::Write {
+                                assert_eq!(graph.name(graph.taps[0].1), tap, "{name}");
+                            }
+                        }
+                        Err(problems) => {
+                            assert!(problems.to_string().contains("does not exist now"), "{problems}");
+                            assert!(!moves, "{name}: {tap}");
+                            missing.push(tap.clone());
+                        }
+                    }
+                }
+            }
+        }
+        // What `dither` needs for the predicted view only.
+        assert!(matches!(&missing[..], [one] if one.ends_with("request.cell_tiles")), "{name}: {missing:?}");
+    }
 }
