@@ -1,8 +1,8 @@
-//! Three chains of interlinked links hang from a beam and shadow each other and the round floor below.
+//! Three chains hang from a beam. They cast shadows on each other and on the round floor below.
 //!
-//! The papers' scene of this name has 73,728 triangles and 110,592 edges (`algorithms.md` section 7.3), which are 3/2 edges
-//! a triangle: every mesh in it is closed. So is every mesh here, and the two lights are points, which need no
-//! triangles: 22 links of 3,072 triangles, a frame of three rods of 1,024 and a floor of 3,072.
+//! The papers' scene of this name has 73,728 triangles and 110,592 edges (`algorithms.md` section 7.3), that is, 3/2
+//! edges per triangle: all of its meshes are closed. This scene has the same counts: 22 links of 3,072 triangles, a
+//! frame of three rods of 1,024 and a floor of 3,072, all closed. Its two lights are points and have no triangles.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -13,14 +13,14 @@ use crate::{Camera, Material, Scene, Shape, Surface};
 
 /// Radius of a link's wire, metres.
 const WIRE: f32 = 0.036;
-/// Radius of the half circles at both ends of a link, to the middle of the wire.
+/// Radius of the half circles at both ends of a link, measured to the middle of the wire, metres.
 const BEND: f32 = 0.086;
-/// Half the length of a link's straight sides.
+/// Half the length of a link's straight sides, metres.
 const STRAIGHT: f32 = 0.075;
-/// Facets along a link (a multiple of 4) and around its wire.
+/// Numbers of facets along a link (a multiple of 4) and around its wire.
 const ALONG: u32 = 64;
 const AROUND: u32 = 24;
-/// Between things that touch: meshes that interpenetrate have no edge where they meet.
+/// Gap between objects that touch, metres: meshes that interpenetrate have no edge where they meet.
 const GAP: f32 = 0.001;
 
 const BEAM_RADIUS: f32 = 0.04;
@@ -61,11 +61,11 @@ pub(super) fn scene() -> Result<Scene, MeshError> {
     {
         let swing = Affine3A::from_translation(Vec3::new(x, BEAM_HEIGHT, 0.0))
             * Affine3A::from_rotation_x(swing.to_radians());
-        // The first link goes around the beam, inside its own upper bend; each other one hangs in the one above.
+        // The beam passes through the upper bend of the first link. Each of the others hangs from the link above it.
         let first = BEAM_RADIUS + GAP - (STRAIGHT + BEND - WIRE);
         let pitch = 2.0 * (STRAIGHT + BEND - WIRE) - GAP;
         for i in 0..links {
-            // Links alternate between across and along the beam, and the chain has a slight twist.
+            // Links are alternately parallel and perpendicular to the beam, and the chain is slightly twisted.
             let twist = FRAC_PI_2 * (i + 1) as f32 + 0.11 * i as f32;
             let hang = Affine3A::from_rotation_translation(
                 Quat::from_rotation_y(twist),
@@ -82,11 +82,11 @@ pub(super) fn scene() -> Result<Scene, MeshError> {
     builder.build("chains", camera, Vec3::new(0.03, 0.04, 0.06), 0.0, CREASE_ANGLE)
 }
 
-/// A link around the origin in the xy plane, long along y.
+/// A link in the xy plane, centred on the origin, its long axis along y.
 fn link() -> Shape {
     let quarter = ALONG / 4;
     let centre_line = move |i: u32| {
-        // Two half circles of ALONG / 2 points; their ends bound the straight sides.
+        // Two half circles of ALONG / 2 points each. The straight sides connect their ends.
         let (half, step) = (i / (2 * quarter), i % (2 * quarter));
         let angle = PI * step as f32 / (2 * quarter - 1) as f32;
         let bend = BEND * Vec3::new(angle.cos(), angle.sin(), 0.0) + STRAIGHT * Vec3::Y;
@@ -95,7 +95,7 @@ fn link() -> Shape {
     Shape::ring(ALONG, AROUND, WIRE, centre_line, |_| Vec3::Z)
 }
 
-/// A round rod along y that starts at the origin, with rounded ends: 1,024 triangles.
+/// A round rod that extends from the origin along y and has rounded ends: 1,024 triangles.
 fn rod(radius: f32, length: f32) -> Shape {
     const ROUNDING: u32 = 7;
     let end = 0.35 * radius;
@@ -110,7 +110,7 @@ fn rod(radius: f32, length: f32) -> Shape {
     Shape::lathe(&profile, 32)
 }
 
-/// A plate with a rounded upper rim whose upper side is at y = 0: 3,072 triangles.
+/// A round plate with a rounded upper rim and its upper side at y = 0: 3,072 triangles.
 fn round_floor() -> Shape {
     const RADIUS: f32 = 1.9;
     const THICKNESS: f32 = 0.12;

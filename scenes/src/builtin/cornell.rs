@@ -1,8 +1,9 @@
 //! The Cornell box, from the measurements that the Cornell University Program of Computer Graphics published.
 //!
-//! Positions are theirs, from millimetres to metres. Their x grows to the left of the picture and z away from the
-//! camera, which is a right-handed frame with y up: no axis needs turning. Their reflectance spectra are given
-//! here as linear Rec. 709 colours, the light's emission as an RGB radiance of the same hue.
+//! Positions are the published ones, converted from millimetres to metres. Their x axis points to the left of the
+//! picture, y up and z away from the camera: a right-handed frame like ours, so that no axis has to be flipped.
+//! Reflectance spectra are converted to linear Rec. 709 colours, and the light's emission to an RGB radiance of the
+//! same hue.
 
 use glam::Vec3;
 
@@ -14,8 +15,8 @@ const RED: Vec3 = Vec3::new(0.63, 0.065, 0.05);
 const GREEN: Vec3 = Vec3::new(0.14, 0.45, 0.091);
 const LIGHT: Vec3 = Vec3::new(17.0, 12.0, 4.0);
 
-/// The published light lies in the plane of the ceiling, which has a hole for it. Here the ceiling is whole and the
-/// light hangs this far below it, in millimetres.
+/// Distance of the light below the ceiling, millimetres. The published light lies in a hole of the ceiling; here the
+/// ceiling has no hole.
 const LIGHT_DROP: f32 = 1.0;
 
 pub(super) fn scene() -> Result<Scene, MeshError> {

@@ -1,4 +1,5 @@
-//! The built-in scenes: those made by code, and scene files, most of which use meshes from `scenes/fetch`.
+//! The built-in scenes. Some are made by code; the others are scene files, most of which use meshes from
+//! `scenes/fetch`.
 
 mod chains;
 mod cornell;
@@ -15,7 +16,7 @@ use crate::{Scene, SceneError};
 pub struct SceneInfo {
     /// Its name.
     pub name: &'static str,
-    /// A description in one line.
+    /// A one-line description.
     pub doc: &'static str,
     /// True if its mesh has to be fetched first, with `scenes/fetch NAME`.
     pub needs_fetch: bool,
@@ -26,7 +27,7 @@ enum Source {
     Code(fn() -> Result<Scene, MeshError>),
     /// Described by this embedded scene file.
     File(&'static str),
-    /// Likewise, with meshes from `scenes/fetch`.
+    /// Described by this embedded scene file, which needs meshes from `scenes/fetch`.
     Fetched(&'static str),
 }
 
@@ -79,7 +80,7 @@ const BUILTINS: &[Builtin] = &[
     },
 ];
 
-/// All built-in scenes, in the order to list them.
+/// All built-in scenes, in the order in which to list them.
 pub fn scene_names() -> Vec<SceneInfo> {
     BUILTINS
         .iter()
@@ -108,8 +109,8 @@ pub(crate) fn by_code(name: &str) -> Option<Result<Scene, SceneError>> {
     Some(make().map_err(|source| SceneError::Mesh { name: name.to_owned(), source }))
 }
 
-/// Candidate parents of the folder `data` of fetched meshes: the folder in the variable `EPIGRAPH_SCENES`, `scenes` in the
-/// current folder, and the source tree from which the program was built.
+/// The folders that may contain the folder `data` of fetched meshes: the value of the environment variable
+/// `EPIGRAPH_SCENES`, `scenes` in the current folder, and the source tree from which the program was built.
 fn scene_folders() -> Vec<PathBuf> {
     let named = std::env::var_os("EPIGRAPH_SCENES").map(PathBuf::from);
     named.into_iter().chain([PathBuf::from("scenes"), PathBuf::from(env!("CARGO_MANIFEST_DIR"))]).collect()
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn chains_has_the_papers_counts_and_is_closed() {
+    fn chains_has_as_many_triangles_and_edges_as_in_the_papers_and_no_borders() {
         let scene = Scene::load("chains").unwrap();
         assert_eq!((scene.mesh.triangles.len(), scene.mesh.edges.len()), (73_728, 110_592));
         assert_eq!(count(&scene.mesh, EdgeKind::Border), 0);
@@ -148,7 +149,7 @@ mod tests {
     fn cornell_moving_has_four_bodies_that_stay_in_the_box() {
         let scene = Scene::load("cornell-moving").unwrap();
         assert_eq!((scene.mesh.triangles.len(), scene.bodies.len(), scene.lights.len()), (60, 4, 1));
-        // Away from the walls, not counting the lowest face of what stands on the floor.
+        // The limits of positions: off all walls but the floor, on which some bodies stand.
         let walls = [glam::Vec3::new(0.01, 0.0, 0.01), glam::Vec3::new(0.54, 0.548, 0.55)];
         for frame in 0..240 {
             let posed = scene.posed(&scene.poses_at(frame));
@@ -159,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn room_has_about_the_papers_count_and_only_closed_things() {
+    fn room_has_about_as_many_triangles_as_in_the_papers_and_only_closed_objects() {
         let scene = Scene::load("room").unwrap();
         let mesh = &scene.mesh;
         assert!((99_990..=102_010).contains(&mesh.triangles.len()), "{} triangles", mesh.triangles.len());
@@ -169,7 +170,7 @@ mod tests {
             3 * 4,
             "the quads of the lights are the only open surfaces"
         );
-        // Every thing looks outwards: the volume that its triangles enclose is positive.
+        // The triangles of every object face outwards: the signed volume that they enclose is positive.
         let mut volume = vec![0.0_f64; *mesh.object.last().unwrap() as usize + 1];
         for face in 0..mesh.triangles.len() {
             let [a, b, c] = mesh.corners(face).map(|p| p.as_dvec3());
@@ -185,11 +186,11 @@ mod tests {
     fn cornell_is_the_published_box() {
         let scene = Scene::load("cornell").unwrap();
         assert_eq!(scene.mesh.triangles.len(), 36);
-        // Two closed boxes of 18, the walls (12 along the room, 5 diagonals) and the light.
+        // 18 edges for each of two closed boxes, 17 for the walls (5 of them are diagonals), 5 for the light.
         assert_eq!(scene.mesh.edges.len(), 2 * 18 + 17 + 5);
         assert_eq!(count(&scene.mesh, EdgeKind::Border), 4 + 4);
         assert!(matches!(scene.lights[..], [Light::Quad { u, v, .. }] if u.cross(v).y < 0.0));
-        // Seen by the camera, the red wall is at the left and every wall shows its front.
+        // The camera sees the red wall at the left, and every wall faces it.
         let camera = scene.camera;
         for (face, &material) in scene.mesh.material.iter().enumerate() {
             let centre = scene.mesh.corners(face).iter().sum::<glam::Vec3>() / 3.0;

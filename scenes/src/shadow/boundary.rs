@@ -1,4 +1,4 @@
-//! Finds the parts of an event's cuts that are shadow boundaries, by shadow rays from both sides.
+//! Finds the parts of an event's cuts that are shadow boundaries, with shadow rays to points on both sides of a cut.
 
 use glam::DVec3;
 
@@ -9,26 +9,27 @@ use super::{
 };
 use crate::Tracer;
 
-/// How far from the blocker's outline the rays of both sides pass, as a share of the largest coordinate. Rays in f32 are
-/// exact to about a tenth of it.
+/// Distance from the blocker's outline at which the rays pass it on either side, as a share of the largest coordinate:
+/// about ten times the error of rays in f32.
 pub(super) const CLEARANCE: f64 = 2e-5;
 
-/// Rays end this share of the largest coordinate off the receiver's plane and the light's: 32 units in the last
-/// place, as the tracer's do.
+/// Distance of the rays' ends from the receiver's plane and from the light's, as a share of the largest coordinate: 32
+/// units in the last place, as in the tracer.
 const LIFT: f64 = 32.0 * f32::EPSILON as f64;
 
-/// Receivers and lights seen at less than this sine of an angle are left alone, and so are receivers at less to the event's
-/// plane: rays would pass along the surface.
+/// Minimum sine of the angle between a ray and the surface of a receiver or light, and between a receiver and the
+/// event's plane. Shallower cases are skipped, as their rays would graze the surface.
 const MIN_SINE: f64 = 0.01;
 
-/// Long cuts are looked at in steps of this share of the scene's diagonal, at most [`MAX_STEPS`] of them.
+/// Length of the steps in which a cut is sampled, as a share of the scene's diagonal. A cut has at most [`MAX_STEPS`]
+/// steps; those of very long cuts are longer.
 const STEP: f64 = 1.0 / 256.0;
 const MAX_STEPS: f64 = 256.0;
 
-/// Number of bisection steps to find the ends of boundaries.
+/// Number of bisection steps that locate an end of a boundary.
 const HALVINGS: u32 = 8;
 
-/// Half octaves below the scene's diagonal beyond which widths of penumbrae are not distinguished.
+/// The least [`Width`]: narrower penumbrae are not distinguished.
 const NARROWEST: f64 = -24.0;
 
 /// Finds the boundaries of one light's events.
@@ -37,23 +38,27 @@ pub(super) struct Finder<'a> {
     receivers: &'a Receivers,
     source: &'a Source,
     contact: [f64; 2],
-    /// Metres: the scene's diagonal, the widest penumbra of interest, the clearance of rays, their distance from surfaces.
+    /// The scene's diagonal, metres.
     diagonal: f64,
+    /// Maximum width of a penumbra, metres.
     max_penumbra: f64,
+    /// [`CLEARANCE`] and [`LIFT`] in metres.
     clearance: f64,
     lift: f64,
 }
 
-/// A cut, and how its points are told apart.
+/// A cut whose points are tested.
 struct Line<'a> {
     event: &'a Event,
     ends: [DVec3; 2],
     normal: DVec3,
-    /// Across the line on the receiver, by the unit of distance from the event's plane, to the blocker's side.
+    /// A step across the line on the receiver, towards the blocker's side, that changes the distance from the event's
+    /// plane by 1.
     across: DVec3,
 }
 
-/// A point of a boundary: its penumbra in half octaves below the scene's diagonal.
+/// The width of the penumbra at a point of a boundary as a share of the scene's diagonal, in half octaves, rounded
+/// down: 0 is the diagonal itself, -2 is half of it.
 type Width = i32;
 
 impl<'a> Finder<'a> {
@@ -93,8 +98,8 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Whether the light's point of a short edge or a vertex sees past its middle: most of the silhouettes of a dense mesh
-    /// are hidden by others, and so cause nothing.
+    /// Returns true if the light sees the middle of the event's edge (or its vertex). A cheap first test for short
+    /// edges: most silhouette edges of a dense mesh are hidden from the light by others, and then cast no boundary.
     fn sees_outline(&self, event: &Event) -> bool {
         let middle = event.middle - event.normal * self.clearance;
         self.clear(event.light(), middle, 0.0)
@@ -141,7 +146,8 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Where between two places the line begins or ends to be a boundary.
+    /// The place between two others at which a boundary begins or ends, by bisection. `is_here` is true if `here` is on
+    /// the boundary and `there` is not, false if it is the other way round.
     fn border(&self, line: &Line, mut here: f64, mut there: f64, is_here: bool) -> f64 {
         for _ in 0..HALVINGS {
             let middle = 0.5 * (here + there);
@@ -154,12 +160,12 @@ impl<'a> Finder<'a> {
         0.5 * (here + there)
     }
 
-    /// The width of the penumbra at a point of a line, or `None` if that is not on a boundary.
+    /// The width of the penumbra at a point of a line, or `None` if the point is not on a boundary.
     fn width(&self, line: &Line, place: f64) -> Option<Width> {
         let point = line.ends[0].lerp(line.ends[1], place);
         let [light, blocker] = line.event.in_line(point);
         let width = self.penumbra(line, point, blocker)?;
-        // The rays that pass the blocker at the clearance.
+        // The ends of the two rays that pass the blocker on either side at the clearance.
         let away = self.clearance * point.distance(light) / blocker.distance(light);
         let [bright, dark] = [-away, away].map(|away| point + line.across * away);
         let sees = |from: DVec3, light: DVec3| self.sees(from, line.normal, light);
@@ -177,15 +183,15 @@ impl<'a> Finder<'a> {
         outermost.then(|| (2.0 * (width / self.diagonal).log2()).floor().max(NARROWEST) as Width)
     }
 
-    /// Width of the penumbra across a line, metres: how far the corners of the light move the boundary at a point of the
-    /// blocker. `None` if that is farther than of interest.
+    /// Width of the penumbra across a line, metres: the largest distance between `point` and the shadow of `blocker`
+    /// from any corner of the light. `None` if it exceeds the maximum width.
     fn penumbra(&self, line: &Line, point: DVec3, blocker: DVec3) -> Option<f64> {
         let across = line.across.normalize();
         let moved = |&light: &DVec3| {
             let (above, ray) = (line.normal.dot(light - point), blocker - light);
             let sinks = -line.normal.dot(ray);
             let meets = light + ray * (above / sinks);
-            // A corner below the receiver's horizon moves it infinitely far.
+            // From a corner below the receiver's horizon, the shadow is infinitely far away.
             if above > 0.0 && sinks > 0.0 { across.dot(meets - point).abs() } else { f64::INFINITY }
         };
         match line.event.kind {
@@ -195,7 +201,7 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// The upper end of the range of widths, metres.
+    /// The greatest width of a penumbra, metres, that rounds down to `width`.
     fn widest(&self, kind: ShadowKind, width: Width) -> f32 {
         match kind {
             ShadowKind::Hard => 0.0,
@@ -203,19 +209,19 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Returns true if light gets from a point of the light to a receiver with the given normal.
+    /// Returns true if the point `from` of a receiver with the given normal sees the point `light` of the light.
     fn sees(&self, from: DVec3, normal: DVec3, light: DVec3) -> bool {
         let towards = (light - from).normalize_or_zero();
         let sine = normal.dot(towards);
         sine >= MIN_SINE && self.clear(light, from, self.lift / sine)
     }
 
-    /// Returns true if nothing lies between a point of the light and the ray's end, which stops `short` before `to`.
+    /// Returns true if nothing blocks the ray from a point of the light to a point at the distance `short` before `to`.
     fn clear(&self, light: DVec3, to: DVec3, short: f64) -> bool {
         let (direction, distance) = (to - light).normalize_and_length();
         let begin = match self.source.normal {
             None => 0.0,
-            // Off the light's own surface.
+            // The ray starts off the light's own surface.
             Some(normal) if normal.dot(direction) >= MIN_SINE => self.lift / normal.dot(direction),
             Some(_) => return false,
         };

@@ -1,5 +1,5 @@
-//! Events: the planes in which a light's outline and a blocker's outline meet, and which parts of them lie in the shadow's
-//! boundary.
+//! Events: the planes that touch the outlines of a light and of a blocker, and the part of each plane in which a shadow
+//! boundary can lie.
 
 use std::ops::Range;
 
@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use super::{ShadowKind, across};
 use crate::{Light, Mesh, NO_FACE, Pose};
 
-/// Two points count as one plane's if they lie within this share of the largest coordinate of it: some units in the
-/// last place of positions in f32.
+/// Maximum distance of a point that counts as in a plane, as a share of the largest coordinate: some units in the last
+/// place of f32 positions.
 const COPLANAR: f64 = 1e-6;
 
-/// A light as a polygon of one or four corners.
+/// A light as a polygon with one corner (a point light) or four.
 pub(super) struct Source {
     /// In order around the light.
     pub corners: Vec<DVec3>,
@@ -22,7 +22,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// `None` for a quad without area, which sends no light.
+    /// The polygon of `light`; `None` for a quad without area, which emits no light.
     pub fn new(light: &Light) -> Option<Self> {
         match *light {
             Light::Point { position, .. } => Some(Self { corners: vec![position.as_dvec3()], normal: None }),
@@ -39,13 +39,13 @@ impl Source {
         self.normal.is_some()
     }
 
-    /// Distance in front of the light, metres; for a point light everything is in front.
+    /// Distance of a point in front of the light's plane, metres; infinite for a point light.
     pub fn in_front(&self, point: DVec3) -> f64 {
         self.normal.map_or(f64::INFINITY, |normal| normal.dot(point - self.corners[0]))
     }
 }
 
-/// A linear function of position, not negative on the side that counts.
+/// A half-space as a linear function of position, which is at least 0 inside.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HalfSpace {
     pub gradient: DVec3,
@@ -58,8 +58,8 @@ impl HalfSpace {
         Self { gradient, offset: -gradient.dot(origin) }
     }
 
-    /// Within the plane of `normal`: the side of the line through `origin` along `direction` on which `inside` lies, in
-    /// metres.
+    /// For points in the plane with the given normal: their distance from the line through `origin` along `direction`,
+    /// metres, positive on the side on which `inside` lies.
     fn beside(normal: DVec3, origin: DVec3, direction: DVec3, inside: DVec3) -> Self {
         let gradient = normal.cross(direction).normalize_or_zero();
         let sign = gradient.dot(inside - origin).signum();
@@ -81,7 +81,7 @@ impl HalfSpace {
         Self { gradient: self.gradient + other.gradient, offset: self.offset + other.offset }
     }
 
-    /// The function of positions at rest whose value is that of this one where the pose takes them.
+    /// This function of a point as a function of the point's position at rest, that is, before `pose` is applied.
     pub fn at_rest(&self, pose: &Pose) -> Self {
         let turn = DMat3::from_quat(pose.rotation.as_dquat());
         Self { gradient: turn.transpose() * self.gradient, offset: self.at(pose.translation.as_dvec3()) }
@@ -92,43 +92,44 @@ impl HalfSpace {
         self.gradient.dot(point) + self.offset
     }
 
-    /// Largest value in a box.
+    /// The largest value in a box, given its centre and half its size.
     pub fn most(&self, center: DVec3, half: DVec3) -> f64 {
         self.at(center) + self.gradient.abs().dot(half)
     }
 }
 
-/// The elements of light and blocker that touch the plane.
+/// The elements of the light and of the blocker that lie in the event's plane.
 #[derive(Clone, Copy, Debug)]
 enum Touch {
-    /// A corner of the light, or a point light, and an edge.
+    /// A corner of the light (or a point light) and an edge of the blocker.
     Corner { light: DVec3 },
-    /// An edge of the light and a vertex.
+    /// An edge of the light and a vertex of the blocker.
     Vertex { light: [DVec3; 2], vertex: DVec3 },
-    /// An edge of the light and an edge in one plane.
+    /// An edge of the light and an edge of the blocker.
     Parallel { light: [DVec3; 2], edge: [DVec3; 2] },
 }
 
-/// A part of a plane in which the view of a light changes: from the blocker on, away from the light, without end.
+/// The part of a plane in which the visible part of a light changes. It begins at the blocker and extends away from the
+/// light without end.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Event {
-    /// Unit normal of the plane, towards the side on which the blocker lies.
+    /// Unit normal of the plane, towards the blocker's side.
     pub normal: DVec3,
-    /// What it separates, where nothing else is in the way.
+    /// The regions that it separates if no other object is in the way.
     pub kind: ShadowKind,
     /// See [`super::ShadowSegment::edge`].
     pub edge: u32,
-    /// Faces that meet the blocker's edge; they cannot receive its boundary.
+    /// The faces at the blocker's edge, which cannot receive its boundary; [`NO_FACE`] if there are fewer than two.
     pub own_faces: [u32; 2],
-    /// The vertex whose faces cannot receive the boundary, likewise; `u32::MAX` for none.
+    /// The blocker's vertex, whose faces cannot receive its boundary; `u32::MAX` if the blocker is an edge.
     pub own_vertex: u32,
     /// Length of the blocker's edge, metres; 0 for a vertex.
     pub length: f64,
     /// The middle of the blocker's edge, or its vertex.
     pub middle: DVec3,
-    /// The ends of the part on either side.
+    /// The limits of the part on both sides, for points in the plane.
     pub sides: [HalfSpace; 2],
-    /// Distance behind the blocker as a share of the light's distance before it.
+    /// Distance of a point behind the blocker as a share of the distance between the light and the blocker.
     pub reach: HalfSpace,
     touch: Touch,
 }
@@ -139,7 +140,7 @@ impl Event {
         self.normal.dot(point - self.middle)
     }
 
-    /// A light's point that stands for all when a receiver's side is asked for.
+    /// A point of the light in the plane. It decides which side of a receiver faces the light.
     pub fn light(&self) -> DVec3 {
         match self.touch {
             Touch::Corner { light } => light,
@@ -147,13 +148,13 @@ impl Event {
         }
     }
 
-    /// The points of the light and of the blocker which a point of the boundary sees in line.
+    /// The points of the light and of the blocker that lie on a line with a point of the boundary.
     pub fn in_line(&self, point: DVec3) -> [DVec3; 2] {
         match self.touch {
             Touch::Corner { light } => [light, light + (point - light) / (1.0 + self.reach.at(point))],
             Touch::Vertex { light, vertex } => [self.on_light(light, point, vertex).0, vertex],
             Touch::Parallel { light: ends, edge } => {
-                // Of the part of the light's edge that is seen across the blocker's edge, the middle.
+                // The middle of the part of the light's edge that the point sees across the blocker's edge.
                 let seen = edge.map(|end| self.on_light(ends, point, end).1.clamp(0.0, 1.0));
                 let light = ends[0].lerp(ends[1], 0.5 * (seen[0] + seen[1]));
                 let height = |p: DVec3| self.reach.gradient.dot(p - light);
@@ -162,11 +163,12 @@ impl Event {
         }
     }
 
-    /// How much more than [`reach`](Self::reach) says a distance at the blocker may grow on the way to a receiver; `None`
-    /// without a bound.
+    /// A bound on the factor by which the true magnification of a distance, from the blocker to a receiver, exceeds `1
+    /// + reach`; `None` if there is no useful bound.
     pub fn magnification(&self) -> Option<f64> {
         let Touch::Parallel { light, edge } = self.touch else { return Some(1.0) };
-        // Heights of the blocker above the points of the light's edge, of which that of the farthest is 1.
+        // The blocker's lowest height above a point of the light's edge, in units of the height above the farthest
+        // corner.
         let height = |light: DVec3| {
             let above = edge.map(|end| self.reach.gradient.dot(end - light));
             above[0].min(above[1])
@@ -175,8 +177,8 @@ impl Event {
         (least > 0.01).then(|| 1.0 / least)
     }
 
-    /// Where the line from `point` through `through`, both in the plane, meets the line of the light's edge: the place, and as
-    /// a share of the edge's length.
+    /// The intersection of the line from `point` through `through`, both in the plane, with the line of the light's
+    /// edge: its position, and its place along the edge as a share of the edge's length.
     fn on_light(&self, [start, end]: [DVec3; 2], point: DVec3, through: DVec3) -> (DVec3, f64) {
         let side = end - start;
         let up = self.normal.cross(side);
@@ -186,10 +188,10 @@ impl Event {
     }
 }
 
-/// Which faces show their front to each corner of a light.
+/// For each of some faces, the corners of a light that see its front.
 pub(super) struct Facing {
     first: usize,
-    /// A bit for each corner.
+    /// For each face from `first` on, one bit per corner.
     bits: Vec<u8>,
 }
 
@@ -199,18 +201,18 @@ impl Facing {
     }
 }
 
-/// The scene's edges and vertices as blockers.
+/// Finds the events of the scene's edges and vertices.
 pub(super) struct Blockers<'a> {
     mesh: &'a Mesh,
     around: &'a Around,
-    /// Distance within which a point counts as in a plane, metres.
+    /// [`COPLANAR`] in metres.
     tolerance: f64,
 }
 
 /// The edges at each vertex.
 #[derive(Default)]
 pub(super) struct Around {
-    /// Those of vertex v are `edges[first[v]..first[v + 1]]`.
+    /// The edges at vertex v are `edges[first[v]..first[v + 1]]`.
     first: Vec<u32>,
     edges: Vec<u32>,
 }
@@ -235,7 +237,8 @@ impl Around {
 }
 
 impl<'a> Blockers<'a> {
-    /// `around` knows the edges at the vertices whose events will be asked for; `reach` is the largest coordinate.
+    /// `around` must hold the edges at each vertex that is passed to [`Self::vertex_events`]; `reach` is the largest
+    /// coordinate.
     pub fn new(mesh: &'a Mesh, around: &'a Around, reach: f64) -> Self {
         Self { mesh, around, tolerance: COPLANAR * reach }
     }
@@ -244,7 +247,7 @@ impl<'a> Blockers<'a> {
         self.mesh.positions[vertex as usize].as_dvec3()
     }
 
-    /// Which of some faces show their front to each corner of a light.
+    /// For each of the given faces, the corners of a light that see its front.
     pub fn facing(&self, source: &Source, faces: Range<usize>) -> Facing {
         let first = faces.start;
         let faces = self.mesh.triangles[faces.clone()].par_iter().zip(&self.mesh.face_normals[faces]);
@@ -258,12 +261,12 @@ impl<'a> Blockers<'a> {
         Facing { first, bits }
     }
 
-    /// The events of one edge with the corners of a light; `facing` knows its faces.
+    /// The events of one edge with the corners of a light; `facing` must include the edge's faces.
     pub fn edge_events(&self, source: &Source, facing: &Facing, index: usize) -> Vec<Event> {
         let mut events = Vec::new();
         let edge = &self.mesh.edges[index];
         let [first, second] = edge.faces;
-        // From which corners it is a silhouette.
+        // The corners from which the edge is a silhouette, one bit each.
         let outline = if second == NO_FACE { 0xF } else { facing.of(first) ^ facing.of(second) };
         if outline == 0 {
             return events;
@@ -294,17 +297,17 @@ impl<'a> Blockers<'a> {
             };
             let (touch, sides, reach) = match parallel {
                 None => (Touch::Corner { light }, [beside(0, light), beside(1, light)], beyond(light)),
-                // The other corner adds the same.
+                // The other corner has already given the same event.
                 Some(other) if other < corner && outline >> other & 1 == 1 => continue,
                 Some(other) => {
                     let lights = [light, source.corners[other]];
-                    // At each end the line to that corner of the light which gives the wider part.
+                    // At each end, of the lines through both corners, the one that gives the wider part.
                     let widest = |end: usize| {
                         let [one, other] = [0, 1].map(|i| (beside(end, lights[i]), lights[1 - i]));
                         if one.0.at(one.1) <= 0.0 { one.0 } else { other.0 }
                     };
                     let [near, far] = lights.map(beyond);
-                    // The lower reach of both: from the corner farther away.
+                    // The smaller of both values of `reach`: that of the corner farther away.
                     let nearest = near.gradient.length() <= far.gradient.length();
                     let touch = Touch::Parallel { light: lights, edge: ends };
                     (touch, [widest(0), widest(1)], if nearest { near } else { far })
@@ -372,7 +375,8 @@ impl<'a> Blockers<'a> {
         events
     }
 
-    /// On which side of a plane through a silhouette edge its faces lie, both on the same: 1 or -1.
+    /// The side of a plane through a silhouette edge on which the edge's faces lie: 1 or -1, or `None` if they lie in
+    /// it.
     fn side_of_faces(&self, normal: DVec3, origin: DVec3, ends: [u32; 2], faces: [u32; 2]) -> Option<f64> {
         let third = |face: &u32| {
             let triangle = self.mesh.triangles.get(*face as usize)?;
@@ -383,9 +387,10 @@ impl<'a> Blockers<'a> {
         (farthest != 0.0).then(|| farthest.signum())
     }
 
-    /// What a plane through a corner of the light and an edge of the blocker separates, by the side on which the rest of
-    /// the light lies (`normal` points to the blocker's); and another corner that lies in it. `None` if it cuts the
-    /// light, or holds all of it.
+    /// The regions that a plane through a corner of the light and an edge of the blocker separates, and another corner
+    /// that lies in the plane, if any. The plane bounds the umbra if the rest of the light lies on the blocker's side,
+    /// to which `normal` points, and the penumbra if it lies on the other side. `None` if the plane cuts or contains
+    /// the light.
     fn separation(
         &self,
         source: &Source,

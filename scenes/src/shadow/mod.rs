@@ -1,14 +1,14 @@
 //! Shadow boundaries as line segments on the surfaces that receive them (`algorithms.md` sections 2.1, 11.2 and 11.3).
 //!
-//! A boundary is where the view of a light changes. From a point light that happens behind the edges that are its
-//! silhouettes: hard boundaries. From a quad light it happens behind a blocker's edge and a corner of the light, or a
-//! blocker's vertex and an edge of the light; the outermost of these bound the umbra, where nothing of the light is
-//! seen, and the penumbra, where part of it is. Each such pair spans a plane (`event`), the plane cuts
-//! the receivers (`receivers`), and shadow rays decide which parts of the cuts are boundaries (`boundary`).
+//! At a boundary, the visible part of a light changes. The boundaries of a point light are hard and lie behind its
+//! silhouette edges. Those of a quad light lie in planes through a blocker's edge and a corner of the light, or through
+//! a blocker's vertex and an edge of the light. The outermost of them bound the umbra, where no part of the light is
+//! visible, and the penumbra, where a part of it is. Each such plane is an event (`event`). It cuts the receivers
+//! (`receivers`), and shadow rays decide which parts of the cuts are boundaries (`boundary`).
 //!
-//! Nothing here depends on a view. When bodies move, only events that they affect are searched again (`search`, `region`).
-//! Not found are events of three edges (curved boundaries between the others), boundaries within a penumbra, penumbrae
-//! wider than [`ShadowSettings::max_penumbra`], and edges where meshes interpenetrate.
+//! Nothing here depends on a view. When bodies move, only the events that they affect are searched again (`search`,
+//! `region`). The search does not find events of three edges (curved boundaries between the others), boundaries within
+//! a penumbra, penumbrae wider than [`ShadowSettings::max_penumbra`], or edges where meshes interpenetrate.
 
 mod boundary;
 mod event;
@@ -24,9 +24,9 @@ pub use search::{ShadowSearch, ShadowWork};
 /// The regions that a shadow boundary separates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ShadowKind {
-    /// Light from shadow of a point light.
+    /// Points that see a point light from points that do not.
     Hard,
-    /// Points that see a part of a quad light from points that see nothing of it.
+    /// Points that see a part of a quad light from points that do not see it at all.
     Umbra,
     /// Points that see all of a quad light from points that see a part of it.
     Penumbra,
@@ -39,12 +39,12 @@ pub struct ShadowSegment {
     pub ends: [Vec3; 2],
     /// The regions that it separates.
     pub kind: ShadowKind,
-    /// Width of the penumbra across the boundary, metres on the receiver; 0 for hard boundaries. Along one segment it
-    /// varies by a factor of less than 1.5; this is the largest width, or that of a penumbra too narrow to matter.
+    /// An upper bound of the penumbra's width across the boundary, metres on the receiver; 0 for hard boundaries. The
+    /// width is at least 2/3 of this, unless the penumbra is too narrow to matter.
     pub penumbra: f32,
     /// Index of the blocker's edge in the mesh, or of an edge at the blocker's vertex.
     pub edge: u32,
-    /// Index of the receiver's triangle (one of them, if the segment runs over several coplanar ones).
+    /// Index of the receiver's triangle, or of one of them if the segment runs over several coplanar triangles.
     pub face: u32,
 }
 
@@ -53,10 +53,11 @@ pub struct ShadowSegment {
 pub struct ShadowSettings {
     /// Maximum number of segments. If there are more, the most important are kept: long ones with a narrow penumbra.
     pub capacity: usize,
-    /// Least distance of a boundary from its blocker on the same object, as a share of the light's distance from the
-    /// blocker: closer boundaries repeat the blocker's own edges. For other objects, a tenth of it.
+    /// Minimum distance of a boundary from its blocker, as a share of the light's distance from the blocker, if both
+    /// lie on the same object: closer boundaries only repeat the blocker's edges. On other objects, a tenth of this.
     pub contact: f32,
-    /// Maximum width of penumbrae, as a share of the diagonal of the scene's bounds. Boundaries of wider ones are dropped.
+    /// Maximum width of penumbrae, as a share of the diagonal of the scene's bounds. Boundaries of wider ones are
+    /// dropped.
     pub max_penumbra: f32,
 }
 
@@ -69,17 +70,17 @@ impl Default for ShadowSettings {
 /// The shadow boundaries of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShadowSegments {
-    /// By light, then by edge or vertex of the blocker.
+    /// Ordered by light, then by the blocker's edge or vertex.
     pub segments: Vec<ShadowSegment>,
     /// Number of segments dropped because of [`ShadowSettings::capacity`].
     pub dropped: usize,
 }
 
-/// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads. The result does not depend on their
-/// number. [`ShadowSearch`] does so for one pose after another.
+/// Finds the shadow boundaries of the tracer's scene in its present pose, on rayon's threads. The result does not
+/// depend on the number of threads. For a sequence of poses, use [`ShadowSearch`].
 ///
-/// `progress` is called from time to time, from any thread, with the finished share, in [0, 1). If it returns `false`, the
-/// search ends and returns `None`.
+/// `progress` is called from time to time, from any thread, with the finished share, in [0, 1). If it returns `false`,
+/// the search ends and returns `None`.
 pub fn shadow_segments(
     tracer: &Tracer,
     settings: &ShadowSettings,

@@ -1,5 +1,6 @@
-//! The scene's triangles as receivers, under hierarchies of boxes that are searched with the planes of events: one of what
-//! stands still, and one for each body, of its triangles at rest, to which planes are taken by the body's pose.
+//! Cuts the scene's triangles, the receivers, with the planes of events. Bounding volume hierarchies find the
+//! triangles: one holds the static geometry, and each body has one of its triangles at rest. The body's pose transforms
+//! planes to it.
 
 use std::{collections::HashMap, time::Duration};
 
@@ -17,23 +18,24 @@ use crate::{Mesh, NO_FACE, Pose, Scene, Surface};
 /// Adjacent receivers whose normals have a larger cosine are coplanar.
 const ONE_PLANE: f64 = 1.0 - 1e-9;
 
-/// Vertices of bodies lie within this share of the largest coordinate of where their pose takes them.
+/// Maximum rounding error of a body's posed vertices, as a share of the largest coordinate.
 const ROUNDING: f64 = 1e-6;
 
 /// The line in which an event's plane cuts a receiver.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
-    /// On the receiver, ordered like the event's sides.
+    /// Points on the receiver, in the order of the event's sides.
     pub ends: [DVec3; 2],
     /// The receiver's unit normal on the light's side.
     pub normal: DVec3,
-    /// The receiver.
+    /// Index of the receiver's triangle.
     pub face: u32,
 }
 
-/// Boxes around some faces, and how far from them their faces may be, metres: rounding of poses.
+/// A bounding volume hierarchy of some faces.
 struct Boxes {
     tree: Bvh2,
+    /// Maximum distance of a face from its box, metres: the rounding error of poses.
     slack: f64,
 }
 
@@ -47,7 +49,7 @@ impl Boxes {
     }
 }
 
-/// The part of space in which an event may meet its receivers, as the boxes see it.
+/// The part of space in which an event may meet its receivers, in the coordinates of a hierarchy.
 struct Reached {
     plane: HalfSpace,
     sides: [HalfSpace; 2],
@@ -73,14 +75,15 @@ impl Reached {
 pub(super) struct Receivers {
     still: Boxes,
     bodies: Vec<Boxes>,
-    /// Of each material: whether it scatters light, so that a shadow shows.
+    /// For each material: true if it scatters light, so that shadows on it are visible.
     scatters: Vec<bool>,
-    /// Of each object: whether it has no border, so that nothing sees the backs of its faces.
+    /// For each object: true if it has no border, so that the backs of its faces are never visible.
     closed: Vec<bool>,
 }
 
 impl Receivers {
-    /// Builds the hierarchies; takes about half a second for a million triangles. `reach` is the largest coordinate.
+    /// Builds the hierarchies, which takes about half a second for a million triangles. `reach` is the largest
+    /// coordinate.
     pub fn new(scene: &Scene, reach: f64) -> Self {
         let mesh = &scene.mesh;
         let mut moves = vec![false; mesh.triangles.len()];
@@ -105,8 +108,8 @@ impl Receivers {
         Self { still, bodies, scatters, closed }
     }
 
-    /// The cuts of an event's plane with the receivers behind the blocker, in no order of meaning, but always the same.
-    /// `contact` is the least reach on the blocker's own object and on others.
+    /// Appends the cuts of an event's plane with the receivers behind the blocker, in a deterministic order. `contact`
+    /// is the minimum of the event's `reach` on the blocker's own object and on others.
     pub fn cut(&self, scene: &Scene, event: &Event, contact: [f64; 2], cuts: &mut Vec<Cut>) {
         let reached = Reached::new(event);
         self.cut_boxes(&self.still, &reached, scene, event, contact, cuts);
@@ -131,7 +134,7 @@ impl Receivers {
         while let Some(node) = stack.pop() {
             let bounds = node.aabb();
             let center = Vec3::from((bounds.min + bounds.max) * 0.5).as_dvec3();
-            // Rounding of the centre in f32 must not lose what touches the box from outside.
+            // The f32 rounding of the centre must not exclude what just touches the box.
             let slack = 1e-6 * (bounds.max.abs().max(bounds.min.abs())).max_element();
             let half = Vec3::from((bounds.max - bounds.min) * 0.5 + slack).as_dvec3() + *rounding;
             if plane.at(center).abs() > plane.gradient.abs().dot(half)
@@ -162,14 +165,15 @@ impl Receivers {
         {
             return None;
         }
-        // From the lower to the higher vertex along each side, so that neighbours find the same point.
+        // Sides run from the lower to the higher vertex index, so that neighbouring triangles compute the same point.
         let mut sorted = triangle;
         sorted.sort_unstable();
         let corners = sorted.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
         let distances = corners.map(|corner| event.distance(corner));
         let crossing = |[from, to]: [usize; 2]| {
             let [a, b] = [distances[from], distances[to]];
-            // A corner in the plane counts as in front of it: one of two neighbours has the side.
+            // A corner in the plane counts as in front of it, so that only one of two neighbours has a side in the
+            // plane.
             ((a >= 0.0) != (b >= 0.0)).then(|| corners[from].lerp(corners[to], a / (a - b)))
         };
         let mut crossings = [[0, 1], [0, 2], [1, 2]].into_iter().filter_map(crossing);
@@ -190,7 +194,7 @@ impl Receivers {
     }
 }
 
-/// The part of a line where a linear function with these values at its ends is positive.
+/// The part of a line on which a linear function is positive, given its values at both ends.
 fn clip([start, end]: [DVec3; 2], at_start: f64, at_end: f64) -> Option<[DVec3; 2]> {
     let zero = || start.lerp(end, at_start / (at_start - at_end));
     match (at_start > 0.0, at_end > 0.0) {
@@ -205,14 +209,14 @@ fn glossy(surface: Surface) -> bool {
     matches!(surface, Surface::Glossy { .. })
 }
 
-/// Joins cuts that continue each other in one plane, such as those of a floor's two triangles; sorts them on the way.
+/// Sorts the cuts and joins those that continue each other in one plane, such as the cuts of a floor's two triangles.
 pub(super) fn join(cuts: &mut Vec<Cut>, event: &Event) {
     let key = |point: DVec3| point.to_array().map(f64::to_bits);
     cuts.sort_by(|a, b| {
         let [a, b] = [a, b].map(|cut| event.sides[0].at(cut.ends[0]));
         a.total_cmp(&b)
     });
-    // Which cut ends at a point. Neighbouring triangles give the same bits there.
+    // From points to the cuts that end there. Neighbouring triangles compute the same bits for a point.
     let mut ending: HashMap<[u64; 3], usize> = HashMap::with_capacity(cuts.len());
     let mut joined: Vec<Cut> = Vec::with_capacity(cuts.len());
     for cut in cuts.drain(..) {

@@ -1,4 +1,4 @@
-//! The regions in which the light rays of events run, and the bodies that may block them.
+//! The regions that contain all rays of an event, and the boxes of bodies that may block them.
 
 use glam::{DMat3, DVec3};
 
@@ -8,23 +8,23 @@ use super::{
 };
 use crate::{Body, Pose};
 
-/// The least sine at which receivers are looked at is 1/100: so much farther than off the event's plane, rays may end beside
-/// the event's part of it.
+/// The factor by which a ray may end farther beside the event's part of the plane than off the plane: the inverse of
+/// the minimum sine between receivers and the plane, 1/100.
 const BESIDE: f64 = 100.0;
 
-/// Geometry within this share of the largest coordinate of a region's side may be cut by rays in f32.
+/// Distance outside of a region at which rays in f32 may still hit geometry, as a share of the largest coordinate.
 const SLACK: f64 = 1e-5;
 
 /// A body's box in one of its poses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PosedBox {
     center: DVec3,
-    /// Half of its size.
+    /// Its axes, each half as long as the box.
     sides: [DVec3; 3],
 }
 
 impl PosedBox {
-    /// `None` for a body without a surface.
+    /// The box of `body` in `pose`; `None` for a body without triangles.
     pub fn new(body: &Body, pose: &Pose) -> Option<Self> {
         let [low, high] = body.bounds_at_rest().map(|corner| corner.as_dvec3());
         if low.x > high.x {
@@ -38,29 +38,30 @@ impl PosedBox {
         })
     }
 
-    /// Largest value of a linear function in the box.
+    /// The largest value of a linear function in the box.
     fn most(&self, function: &HalfSpace) -> f64 {
         let beyond = self.sides.iter().map(|&side| function.gradient.dot(side).abs());
         function.at(self.center) + beyond.sum::<f64>()
     }
 }
 
-/// A convex region in which all rays run that decide about an event: between the light and whatever may receive its
-/// boundary. What does not touch it changes nothing about the event.
+/// A convex region that contains all rays on which an event's boundaries depend: those between the light and all
+/// possible receivers. Geometry outside of it does not affect the event.
 pub(super) struct Region {
-    /// Not negative within.
+    /// At least 0 inside the region.
     sides: [HalfSpace; 4],
     slack: f64,
 }
 
 impl Region {
-    /// `reach` is the largest coordinate of the scene. `None` where the rays may run anywhere: a blocker so close to the
-    /// light that the clearance of rays counts.
+    /// The region of `event`; `reach` is the largest coordinate of the scene. `None` if the region has no useful bound,
+    /// as the blocker is so close to the light that the clearance of rays is not small.
     pub fn new(event: &Event, source: &Source, reach: f64) -> Option<Self> {
-        // How far a ray that passes the blocker at the clearance is off the plane, as a linear function: none at the light.
+        // The distance from the plane of a ray that passes the blocker at the clearance, as a linear function of
+        // position, which is 0 at the light.
         let clearance = CLEARANCE * reach * event.magnification()?;
         let off = event.reach.plus(1.0).times(clearance);
-        // A ray's end lies off its place on the receiver, and so this function is a little less there.
+        // A ray does not end exactly at its point on the receiver, where this function is a little smaller.
         if 2.0 * BESIDE * off.gradient.length() > 1.0 {
             return None;
         }
@@ -71,7 +72,7 @@ impl Region {
             event.sides[0].and(&off.times(2.0 * BESIDE)),
             event.sides[1].and(&off.times(2.0 * BESIDE)),
         ];
-        // From the light's corners, too, rays go to all of the receivers.
+        // The corners of the light are inside, as rays go from each of them to all receivers.
         let with_light = |side: &HalfSpace| {
             let least = source.corners.iter().map(|&corner| side.at(corner)).fold(0.0, f64::min);
             side.plus(-least)
@@ -79,7 +80,7 @@ impl Region {
         Some(Self { sides: sides.each_ref().map(with_light), slack: SLACK * reach })
     }
 
-    /// Returns true if a box may intersect it.
+    /// Returns true if a box may intersect the region.
     pub fn touches(&self, posed: &PosedBox) -> bool {
         self.sides.iter().all(|side| posed.most(side) >= -self.slack)
     }

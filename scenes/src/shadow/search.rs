@@ -1,9 +1,10 @@
 //! The search for a scene's shadow boundaries, and its incremental update after motion.
 //!
-//! An event's boundaries depend on its light, its blocker, and the geometry in the region of its rays (`region`).
-//! So a search keeps all events with their boundaries. After bodies have moved, it searches the events of their own edges
-//! and lights again, and those other events whose region contains a moved body, at its old or new place: the body may be
-//! or have been a receiver, or an obstacle between light and receiver. All other events stay the same, to the bit.
+//! An event's boundaries depend on its light, its blocker, and the geometry in the region of its rays (`region`). So a
+//! search keeps all events with their boundaries. After bodies have moved, it searches again the events of their own
+//! edges and lights, and all other events whose region contains a moved body, in its old or new pose, as the body may
+//! be (or have been) a receiver, or an obstacle between light and receiver. All other events are unchanged, bit for
+//! bit.
 
 use std::{
     ops::Range,
@@ -25,7 +26,7 @@ use super::{
 };
 use crate::{Body, Light, Pose, Scene, Tracer};
 
-/// Number of blockers' edges or vertices between two calls of `progress`.
+/// Number of edges or vertices that are searched between two calls of `progress`.
 const PROGRESS_STEP: usize = 4096;
 
 /// Statistics of the last search, in events: pairs of a light and a blocker's edge or vertex that may cast a boundary.
@@ -33,14 +34,14 @@ const PROGRESS_STEP: usize = 4096;
 pub struct ShadowWork {
     /// Searched because their light or their blocker has moved, or for the first time.
     pub own: usize,
-    /// Searched because a moved body may be or have been one of their receivers, or in front of one.
+    /// Searched because a moved body may be (or have been) one of their receivers, or in front of one.
     pub touched: usize,
     /// Not searched.
     pub kept: usize,
 }
 
-/// Finds the shadow boundaries of a scene, pose after pose. It keeps the last result and searches only events that have
-/// changed; the result equals that of a full search.
+/// Finds the shadow boundaries of a scene in one pose after another. It keeps the last result and searches only the
+/// events that may have changed. The result equals that of a full search.
 pub struct ShadowSearch {
     settings: ShadowSettings,
     known: Option<Known>,
@@ -54,16 +55,16 @@ struct Known {
     receivers: Receivers,
     around: Around,
     reach: f64,
-    /// State after the last search; `None` before the first.
+    /// The poses of the last search; empty before the first.
     poses: Vec<Pose>,
     lights: Vec<Light>,
-    /// For each light its events, by place.
+    /// The events of each light, ordered by [`Found::place`].
     found: Vec<Vec<Found>>,
 }
 
 /// An event, and the boundaries that it causes.
 struct Found {
-    /// Index of the blocker's edge; or of its vertex, plus the number of edges.
+    /// Index of the blocker's edge, or index of its vertex plus the number of edges.
     place: usize,
     event: Event,
     segments: Vec<ShadowSegment>,
@@ -72,12 +73,12 @@ struct Found {
 /// The bodies that have moved since the last search.
 struct Moved<'a> {
     bodies: Vec<&'a Body>,
-    /// Their old and new places.
+    /// Their boxes in the old and in the new poses.
     boxes: Vec<PosedBox>,
 }
 
 impl ShadowSearch {
-    /// A search without any results yet.
+    /// A search that has no results yet.
     pub fn new(settings: ShadowSettings) -> Self {
         Self { settings, known: None, work: ShadowWork::default() }
     }
@@ -87,11 +88,12 @@ impl ShadowSearch {
         self.work
     }
 
-    /// Finds the shadow boundaries of the tracer's scene, in its pose, on rayon's threads. The result does not depend on
-    /// their number. Searches everything if the last scene was not a pose of this one.
+    /// Finds the shadow boundaries of the tracer's scene in its present pose, on rayon's threads. The result does not
+    /// depend on the number of threads. The search is a full one if the last scene was another one, not just in another
+    /// pose.
     ///
-    /// `progress` is called from time to time, from any thread, with the finished share, in [0, 1). If it returns `false`,
-    /// the search ends and returns `None`.
+    /// `progress` is called from time to time, from any thread, with the finished share, in [0, 1). If it returns
+    /// `false`, the search ends and returns `None`.
     pub fn find(
         &mut self,
         tracer: &Tracer,
@@ -102,7 +104,7 @@ impl ShadowSearch {
         if scene.lights.is_empty() {
             return Some(ShadowSegments::default());
         }
-        // Taken out, so that a search that ends early leaves no partial state.
+        // Taken out of `self`, so that a search that ends early leaves no partial state.
         let known = self.known.take().filter(|known| Arc::ptr_eq(&known.bodies, &scene.bodies));
         let mut known = known.unwrap_or_else(|| Known::new(scene));
         let moved = Moved::new(scene, &known.poses);
@@ -176,7 +178,7 @@ impl<'a> Moved<'a> {
         }
     }
 
-    /// Whether a place, counted after so many edges if it is a vertex, belongs to one of them.
+    /// Returns true if a [`Found::place`] belongs to one of the bodies; `edges` is the mesh's number of edges.
     fn owns(&self, place: usize, edges: usize) -> bool {
         let of = |body: &&Body| match place.checked_sub(edges) {
             Some(vertex) => body.vertices.contains(&vertex),
@@ -205,7 +207,8 @@ impl OfLight<'_> {
         found
     }
 
-    /// Searches the events that motion may have changed. Returns how many of them are not the moved bodies' own.
+    /// Searches the events that motion may have changed. Returns the number of those that do not belong to moved
+    /// bodies.
     fn again(&self, found: &mut Vec<Found>, moved: &Moved) -> usize {
         if moved.bodies.is_empty() {
             return 0;
@@ -221,7 +224,7 @@ impl OfLight<'_> {
         for body in &moved.bodies {
             self.search(body.edges.clone(), body.vertices.clone(), body.faces.clone(), found);
         }
-        // A stable sort keeps the events of one place in order.
+        // The sort is stable, so that the events of one place keep their order.
         found.par_sort_by_key(|found| found.place);
         touched
     }
@@ -238,7 +241,7 @@ impl OfLight<'_> {
         let find = |place: usize, events: Vec<Event>| {
             events.into_iter().filter_map(move |event| {
                 let segments = self.boundaries(&event);
-                // In a static scene, regions are never needed again.
+                // Events without boundaries matter only if bodies may move into their regions.
                 (moves || !segments.is_empty()).then_some(Found { place, event, segments })
             })
         };
@@ -261,7 +264,7 @@ impl OfLight<'_> {
     }
 }
 
-/// The largest coordinate of the scene and its lights in any frame, to which the rounding of rays is relative.
+/// The largest coordinate of the scene and its lights in any frame. Rounding errors of rays are proportional to it.
 fn reach_of(scene: &Scene) -> f64 {
     let still = |index: &usize| !scene.bodies.iter().any(|body| body.lights.contains(index));
     let lights = (0..scene.lights.len()).filter(still).map(|index| match scene.lights[index] {
@@ -280,8 +283,8 @@ fn reach_of(scene: &Scene) -> f64 {
     f64::from(points.map(Vec3::max_element).fold(f32::MIN_POSITIVE, f32::max))
 }
 
-/// Keeps the `capacity` most important segments in their order. A penumbra counts against a segment's length from a
-/// thousandth of the scene's `diagonal` on.
+/// Keeps the `capacity` most important segments, in their order. The importance of a segment is its length, divided by
+/// the sum of its penumbra's width and a thousandth of the scene's `diagonal`.
 fn keep_important(segments: &mut Vec<ShadowSegment>, capacity: usize, diagonal: f32) {
     if segments.len() <= capacity {
         return;
@@ -297,7 +300,7 @@ fn keep_important(segments: &mut Vec<ShadowSegment>, capacity: usize, diagonal: 
     *segments = order.into_iter().map(|index| segments[index]).collect();
 }
 
-/// The progress of a search, and whether to continue.
+/// The progress of a search, and whether `progress` has stopped it.
 struct Work<'a> {
     done: AtomicUsize,
     all: usize,
@@ -310,7 +313,7 @@ impl<'a> Work<'a> {
         Self { done: AtomicUsize::new(0), all, progress, stopped: AtomicBool::new(false) }
     }
 
-    /// Counts an edge or vertex. Returns false if the search should stop.
+    /// Counts an edge or vertex. Returns false if the search must stop.
     fn step(&self) -> bool {
         let done = self.done.fetch_add(1, Ordering::Relaxed);
         if done.is_multiple_of(PROGRESS_STEP) && !(self.progress)(done as f32 / self.all as f32) {

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::*;
 use crate::{Camera, Light, Material, Rng, Scene, SceneBuilder, Shape, Surface};
 
-/// A scene under construction, in a frame scaled by `scale`.
+/// A scene under construction. All coordinates passed to it are multiplied by `scale`.
 struct World {
     builder: SceneBuilder,
     scale: f32,
@@ -22,7 +22,7 @@ impl World {
         self.builder.add(&shape.transformed(scale), 0).unwrap();
     }
 
-    /// A square at height `y`, front up, corners at (x ± half, z ± half).
+    /// Adds a square at height `y` that faces up, with its corners at (x ± half, z ± half).
     fn square(&mut self, y: f32, half: f32, [x, z]: [f32; 2]) {
         let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
         self.add(Shape::quad(corners.map(|[u, v]| Vec3::new(x + half * u, y, z + half * v))));
@@ -32,7 +32,7 @@ impl World {
         self.builder.point_light(Vec3::from(position) * self.scale, Vec3::ONE);
     }
 
-    /// A square light at height `y` that shines down, around the y axis.
+    /// Adds a square light at height `y` that shines down, centred on the y axis.
     fn lamp(&mut self, y: f32, half: f32) {
         let [corner, u, v] = [Vec3::new(-half, y, -half), Vec3::X * 2.0 * half, Vec3::Z * 2.0 * half];
         let [corner, u, v] = [corner, u, v].map(|p| p * self.scale);
@@ -45,7 +45,7 @@ impl World {
     }
 }
 
-/// Finds boundaries of penumbrae of any width.
+/// Settings with which penumbrae of any width are found.
 const WIDE: ShadowSettings = ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 1.0 };
 
 fn find(scene: &Arc<Scene>, settings: &ShadowSettings) -> Vec<ShadowSegment> {
@@ -62,7 +62,7 @@ fn of_kind(segments: &[ShadowSegment], kind: ShadowKind) -> Vec<ShadowSegment> {
     segments.iter().filter(|segment| segment.kind == kind).copied().collect()
 }
 
-/// Asserts that segments cover the sides of a closed polygon at height `y`, each place once.
+/// Asserts that segments cover the sides of a closed polygon at height `y` exactly once.
 #[track_caller]
 fn assert_outline(segments: &[ShadowSegment], y: f32, corners: &[[f32; 2]], scale: f32, tolerance: f32) {
     let corner = |i: usize| Vec3::new(corners[i % corners.len()][0], y, corners[i % corners.len()][1]);
@@ -92,12 +92,12 @@ fn square(half: f32) -> [[f32; 2]; 4] {
 fn a_point_light_projects_a_square() {
     for scale in [1e-3, 1.0, 1e6] {
         let mut world = World::new(scale);
-        // The diagonal of the floor crosses the shadow.
+        // The floor is shifted so that its diagonal crosses the shadow.
         world.square(0.0, 5.0, [0.5, 1.0]);
         world.square(2.0, 1.0, [0.0; 2]);
         world.point([0.0, 4.0, 0.0]);
         let segments = find(&world.scene(), &ShadowSettings::default());
-        assert_eq!(segments.len(), 4, "cuts of both triangles of the floor are joined");
+        assert_eq!(segments.len(), 4, "the cuts of the floor's two triangles are not joined");
         assert!(segments.iter().all(|s| s.kind == ShadowKind::Hard && s.penumbra == 0.0));
         assert_outline(&segments, 0.0, &square(2.0), scale, 1e-5);
     }
@@ -108,7 +108,7 @@ fn the_nearest_receiver_takes_the_shadow() {
     let mut world = World::new(1.0);
     world.square(0.0, 5.0, [0.0; 2]);
     world.square(2.0, 1.0, [0.0; 2]);
-    // Between the light and the square above: it receives nothing, and its shadow does not reach the floor.
+    // Above the other square: it receives no shadow, and its own falls on that square and not on the floor.
     world.square(3.0, 0.2, [0.1, 0.0]);
     world.point([0.0, 4.0, 0.0]);
     let segments = find(&world.scene(), &ShadowSettings::default());
@@ -122,7 +122,8 @@ fn the_nearest_receiver_takes_the_shadow() {
 fn a_shadow_ends_where_another_one_covers_it() {
     let mut world = World::new(1.0);
     world.square(0.0, 9.0, [0.0; 2]);
-    // Shadows of half sides 2 and 2 around x = 0 and x = 3, of different heights: they overlap for x in 1..2.
+    // Two blockers at different heights whose shadows have half sides of 2 and centres at x = 0 and x = 3: they overlap
+    // for x in 1..2.
     world.square(2.0, 1.0, [0.0; 2]);
     world.square(3.0, 0.5, [0.75, 0.25]);
     world.point([0.0, 4.0, 0.0]);
@@ -138,7 +139,7 @@ fn a_shadow_ends_where_another_one_covers_it() {
         [2.0, -1.0],
         [2.0, -2.0],
     ];
-    // Long cuts are split to the 65,536th part of the scene's diagonal.
+    // The ends of boundaries are located to within 1/65,536 of the scene's diagonal.
     assert_outline(&floor, 0.0, &union, 1.0, 2e-3);
 }
 
@@ -150,11 +151,12 @@ fn a_lamp_gives_umbra_and_penumbra() {
         world.square(2.0, 1.0, [0.0; 2]);
         world.lamp(4.0, 0.5);
         let segments = find(&world.scene(), &WIDE);
-        // From a light's end at x = w past the blocker's edge at x = 1, halfway down: 1 + (1 - w).
+        // The ray from a light's end at x = w passes the blocker's edge at x = 1 halfway down, and so meets the floor
+        // at x = 1 + (1 - w).
         for (kind, half) in [(ShadowKind::Umbra, 1.5), (ShadowKind::Penumbra, 2.5)] {
             assert_outline(&of_kind(&segments, kind), 0.0, &square(half), scale, 1e-3);
         }
-        // From one boundary to the other: 1, rounded up to half an octave of the scene's diagonal.
+        // The penumbra is 1 wide, rounded up to half octaves of the scene's diagonal.
         assert!(segments.iter().all(|s| (0.999..1.42).contains(&(s.penumbra / scale))));
     }
 }
@@ -168,7 +170,7 @@ fn vertices_of_blockers_meet_edges_of_lights() {
     world.add(Shape::quad(tips.map(|[x, z]| Vec3::new(x, 2.0, z))));
     world.lamp(4.0, 0.5);
     let segments = find(&world.scene(), &WIDE);
-    // Twice the diamond, eroded and dilated by the square of the light.
+    // The diamond, enlarged twice, is eroded (umbra) and dilated (penumbra) by the square of the light.
     assert_outline(&of_kind(&segments, ShadowKind::Umbra), 0.0, &tips, 1.0, 1e-3);
     let octagon = [
         [-0.5, -2.5],
@@ -195,7 +197,7 @@ fn a_blocker_smaller_than_the_light_has_no_umbra() {
 }
 
 #[test]
-fn wide_penumbrae_are_left_out() {
+fn penumbrae_above_the_maximum_width_are_dropped() {
     let mut world = World::new(1.0);
     world.square(0.0, 5.0, [0.0; 2]);
     world.square(2.0, 1.0, [0.0; 2]);
@@ -208,13 +210,13 @@ fn wide_penumbrae_are_left_out() {
 }
 
 #[test]
-fn a_box_on_the_floor_repeats_no_edge_of_itself() {
+fn a_box_on_the_floor_has_no_boundaries_along_its_own_edges() {
     let mut world = World::new(1.0);
     world.square(0.0, 6.0, [0.3, 0.7]);
     world.add(Shape::cuboid(Vec3::new(-1.0, 0.0, -1.0), Vec3::ONE));
     world.point([4.0, 3.0, 0.0]);
     let segments = find(&world.scene(), &ShadowSettings::default());
-    // The last side closes the polygon under the box: the line of contact, where there is nothing.
+    // The last side of the polygon lies under the box, where it touches the floor: there is no boundary.
     let outline = [[1.0, 1.0], [-0.5, 1.5], [-3.5, 1.5], [-3.5, -1.5], [-0.5, -1.5], [1.0, -1.0]];
     let shadow = |from: [f32; 2], to: [f32; 2]| (to[0] - from[0]).hypot(to[1] - from[1]);
     let expected: f32 = outline.windows(2).map(|side| shadow(side[0], side[1])).sum();
@@ -233,11 +235,11 @@ fn scenes_without_shadows_give_no_segments() {
     world.add(Shape::sphere(1.0, 16, 8));
     world.point([3.0, 0.0, 0.0]);
     world.lamp(5.0, 0.5);
-    assert_eq!(find(&world.scene(), &WIDE), [], "a convex body casts nothing on itself");
+    assert_eq!(find(&world.scene(), &WIDE), [], "a convex body cannot cast a shadow on itself");
 }
 
-/// Whether the segment between two points misses every triangle: f64, one triangle after the other (Möller and
-/// Trumbore 1997). Independent of the tracer's hierarchy and its test.
+/// Returns true if the segment between two points misses every triangle (Möller and Trumbore 1997, in f64). It uses
+/// neither the tracer's hierarchies nor its triangle test.
 fn clear(scene: &Scene, from: DVec3, to: DVec3) -> bool {
     let ray = to - from;
     !(0..scene.mesh.triangles.len()).any(|face| {
@@ -252,7 +254,7 @@ fn clear(scene: &Scene, from: DVec3, to: DVec3) -> bool {
     })
 }
 
-/// A segment's middle, moved to both sides along the receiver, and off it towards a light.
+/// Two points on either side of a segment's middle, on the receiver and slightly above it, on the side of a light.
 fn sides(scene: &Scene, segment: &ShadowSegment, light: DVec3) -> [DVec3; 2] {
     let [a, b] = segment.ends.map(|p| p.as_dvec3());
     let middle = a.midpoint(b);
@@ -263,7 +265,7 @@ fn sides(scene: &Scene, segment: &ShadowSegment, light: DVec3) -> [DVec3; 2] {
     [-1.0, 1.0].map(|side| middle + across * (side * 2e-4 * size) + normal * (1e-6 * size))
 }
 
-/// Balls and boxes in a random heap over a floor.
+/// Balls and boxes in random positions above a floor.
 fn heap(seed: u64, scale: f32, light: impl Fn(&mut World, &mut Rng)) -> Arc<Scene> {
     let mut rng = Rng::new(seed, 0);
     let mut world = World::new(scale);
@@ -297,7 +299,8 @@ fn exactly_one_side_of_every_hard_boundary_is_lit() {
             let [one, other] = sides(&scene, segment, light).map(|from| clear(&scene, light, from));
             one == other
         });
-        // Rays pass ten times farther off than those that chose the segments: thin slivers of light or shadow differ.
+        // These rays start ten times farther from the boundary than those of the search, and so miss thin slivers of
+        // light or shadow.
         let (wrong, allowed) = (wrong.count(), segments.len() / 50);
         assert!(wrong <= allowed, "{wrong} of {} at seed {seed}", segments.len());
     }
@@ -335,12 +338,12 @@ fn every_change_of_light_has_a_boundary() {
             }
         }
     }
-    // Where outlines cross, the ends of short segments are not sought: a whole one counts or does not.
+    // Where outlines cross, the search does not locate the ends of short segments: it keeps or drops them whole.
     assert!(changes > 150 && missed <= changes / 100, "{missed} of {changes}");
 }
 
 #[test]
-fn umbrae_see_nothing_and_the_unshadowed_see_all_of_a_lamp() {
+fn an_umbra_sees_no_part_of_a_lamp_and_unshadowed_points_see_all_of_it() {
     let mut counts = [0; 2];
     for seed in [1, 2] {
         let scene = heap(seed, 1.0, |world, _| world.lamp(5.0, 0.15));
@@ -350,7 +353,7 @@ fn umbrae_see_nothing_and_the_unshadowed_see_all_of_a_lamp() {
         let segments = find(&scene, &WIDE);
         for segment in &segments {
             let shares = sides(&scene, segment, corner).map(|from| {
-                // Just below the lamp, whose own triangles would stop the rays.
+                // The rays end just below the lamp, as its own triangles would block them.
                 let place =
                     |i: i32| corner + u * (f64::from(i % 8) + 0.5) / 8.0 + v * (f64::from(i / 8) + 0.5) / 8.0;
                 (0..64).filter(|&i| clear(&scene, from, place(i) - DVec3::Y * 1e-6)).count()
@@ -359,7 +362,7 @@ fn umbrae_see_nothing_and_the_unshadowed_see_all_of_a_lamp() {
             counts[usize::from(segment.kind == ShadowKind::Penumbra)] += 1;
             wrong += usize::from(if segment.kind == ShadowKind::Umbra { !umbra } else { !all });
         }
-        // Five rays stand for the lamp where boundaries are chosen, 64 here.
+        // The search tests five points of the lamp, this test 64.
         assert!(wrong <= segments.len() / 100, "{wrong} of {} at seed {seed}", segments.len());
     }
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
@@ -371,10 +374,10 @@ fn the_boxes_of_cornell_have_closed_penumbrae() {
     let segments = find(&scene, &WIDE);
     for kind in [ShadowKind::Umbra, ShadowKind::Penumbra] {
         let kind = of_kind(&segments, kind);
-        // The boxes stand on faces 10 to 33; the light is the last two.
+        // Faces 0 to 9 are the walls, 10 to 33 the boxes, and the last two the light.
         assert!(!kind.is_empty() && kind.iter().all(|s| scene.mesh.edges[s.edge as usize].faces[0] >= 10));
-        // Ends that no other segment continues: where a boundary meets a box, leaves the room at its open front, or
-        // passes into another.
+        // The ends at which no other segment begins: where a boundary meets a box, reaches the open front of the room,
+        // or enters another shadow.
         let ends: Vec<Vec3> = kind.iter().flat_map(|s| s.ends).collect();
         let lonely = |p: &&Vec3| ends.iter().filter(|q| q.distance(**p) < 2e-3).count() == 1;
         let lonely = ends.iter().filter(lonely).count();
@@ -393,7 +396,7 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn more_than_the_capacity_keeps_the_long_ones_in_order() {
+fn beyond_the_capacity_the_longest_segments_are_kept_in_order() {
     let scene = heap(8, 1.0, |world, _| world.point([0.0, 5.0, 0.0]));
     let all = find(&scene, &ShadowSettings::default());
     let capacity = all.len() / 3;
@@ -409,7 +412,7 @@ fn more_than_the_capacity_keeps_the_long_ones_in_order() {
 }
 
 #[test]
-fn a_cancelled_search_ends() {
+fn a_cancelled_search_returns_nothing() {
     let scene = heap(9, 1.0, |world, _| world.lamp(5.0, 0.1));
     assert_eq!(shadow_segments(&Tracer::new(scene), &WIDE, &|share| !(0.0..1.0).contains(&share)), None);
 }

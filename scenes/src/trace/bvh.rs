@@ -1,8 +1,8 @@
-//! The scene's triangles under eight-wide bounding volume hierarchies (obvhs), in coordinates scaled to a common
-//! size, with a triangle test that lets no ray slip through a shared edge.
+//! Finds the triangles that rays hit, with eight-wide bounding volume hierarchies (obvhs). Coordinates are scaled to a
+//! common size, and the triangle test is watertight: no ray slips through a shared edge.
 //!
-//! Static geometry has one hierarchy, and each body its own over its triangles at rest, into whose space rays are
-//! transformed by the body's pose. So nothing is rebuilt when bodies move.
+//! Static geometry has one hierarchy. Each body has its own, of its triangles at rest, and its pose transforms rays to
+//! it. So no hierarchy is rebuilt when bodies move.
 
 use std::{sync::Arc, time::Duration};
 
@@ -15,12 +15,12 @@ use obvhs::ray::{Ray, RayHit};
 
 use crate::{Mesh, Pose, Scene};
 
-/// The largest coordinate is scaled to [2^9, 2^10): the tolerances of obvhs are absolute (1e-4), so the scene has to be
-/// large compared to them.
+/// The largest coordinate is scaled to [2^9, 2^10), so that the scene is large compared to the tolerances of obvhs,
+/// which are absolute (1e-4).
 const SCALED_EXPONENT: i32 = 10;
 
-/// Boxes grow by this much on each side, in scaled units: more than the rounding of the slab test, so that a ray
-/// along a box's face is not lost.
+/// Boxes are enlarged by this much on each side, in scaled units. It exceeds the rounding error of the slab test, so
+/// that rays along a box's face are not lost.
 const PAD: f32 = 1.0 / 1024.0;
 
 /// The hit of a ray with the mesh.
@@ -37,9 +37,9 @@ pub(super) struct Intersection {
 struct Triangle([Vec3A; 3]);
 
 impl Triangle {
-    /// The signed volumes that the ray's line spans with each edge (Plücker coordinates): all of one sign exactly
-    /// where the line passes inside, and proportional to the weight of the opposite corner. An edge's value from
-    /// one side is bitwise the negative of that from the other, so that neighbours never both miss.
+    /// The signed volumes that the ray's line spans with each edge (Plücker coordinates). They have the same sign if
+    /// and only if the line intersects the triangle, and each is proportional to the weight of the opposite corner.
+    /// Both triangles at an edge compute exactly opposite values for it, so that a ray never misses both.
     #[inline(always)]
     fn volumes(&self, ray: &Ray) -> ([Vec3A; 3], Vec3) {
         let [a, b, c] = self.0.map(|corner| corner - ray.origin);
@@ -47,8 +47,8 @@ impl Triangle {
         ([a, b, c], Vec3::new(volume(b, c), volume(c, a), volume(a, b)))
     }
 
-    /// Distance along the ray, infinite for a miss. Interpolated between the corners' distances, so that a
-    /// triangle seen edge-on still gives a point of itself.
+    /// Distance along the ray, infinite for a miss. It is interpolated between the corners' distances, so that the hit
+    /// lies in the triangle even if the ray is nearly parallel to it.
     #[inline(always)]
     fn intersect(&self, ray: &Ray) -> f32 {
         let (corners, v) = self.volumes(ray);
@@ -62,7 +62,7 @@ impl Triangle {
     }
 }
 
-/// The hierarchies of a scene, each body's in its present pose.
+/// The hierarchies of a scene, those of the bodies in their present poses.
 #[derive(Clone)]
 pub(super) struct Bvhs {
     still: Arc<Bvh>,
@@ -70,7 +70,7 @@ pub(super) struct Bvhs {
 }
 
 impl Bvhs {
-    /// Builds the hierarchies; takes about a second for a million triangles.
+    /// Builds the hierarchies, which takes about a second for a million triangles.
     pub fn new(scene: &Scene) -> Self {
         let mesh = &scene.mesh;
         let largest = mesh.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
@@ -142,8 +142,8 @@ impl Bvh {
         Self { nodes, triangles, scale }
     }
 
-    /// The nearest triangle along the ray, closer than `limit`, and its distance, both in scaled units; `direction` is of
-    /// unit length.
+    /// The nearest triangle along the ray that is closer than `limit`, with its distance. Both distances are in scaled
+    /// units; `direction` is of unit length.
     fn closest(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<(f32, Intersection)> {
         let ray = self.ray(origin, direction, limit);
         let mut hit = RayHit::none();

@@ -12,11 +12,11 @@ pub(super) struct Quad {
     corner: Vec3,
     u: Vec3,
     v: Vec3,
-    /// Unit, on the emitting side.
+    /// Unit normal on the emitting side.
     normal: Vec3,
     area: f32,
     radiance: Vec3,
-    /// True if rays can hit it, that is, if its triangles are part of the mesh.
+    /// True if its triangles are part of the mesh, so that rays can hit them.
     in_mesh: bool,
 }
 
@@ -34,9 +34,9 @@ pub(super) struct Incident {
     pub target: Vec3,
     /// Unit direction from the shaded point.
     pub direction: Vec3,
-    /// Radiance over `pdf`; for a point light its irradiance on a plane across the direction.
+    /// Radiance divided by the density; for a point light, the irradiance on a plane perpendicular to the direction.
     pub power: Vec3,
-    /// Density of the direction, 1/sr, if a scattered ray could find the same light, else 0.
+    /// Density of the direction, 1/sr, or 0 if no scattered ray can hit the light.
     pub pdf: f32,
 }
 
@@ -49,12 +49,12 @@ impl Point {
 }
 
 impl Quad {
-    /// The light from the point `(s, t)` in [0, 1)^2 of the quad; `None` from behind.
+    /// The light at `from` from the point `(s, t)` in [0, 1)^2 of the quad; `None` if `from` is behind the quad.
     pub fn towards(&self, from: Vec3, [s, t]: [f32; 2]) -> Option<Incident> {
         let point = self.corner + s * self.u + t * self.v;
         let direction = (point - from).try_normalize()?;
         let pdf = self.pdf(from, point, direction)?;
-        // The shadow ray ends in front of the light: by several units in the last place of its coordinates.
+        // The shadow ray ends several units in the last place of its coordinates in front of the light.
         let reach = [self.corner, self.u, self.v].map(|p| p.abs().max_element()).into_iter().sum();
         let target = super::offset(point, self.normal, reach);
         Some(Incident {
@@ -65,7 +65,8 @@ impl Quad {
         })
     }
 
-    /// Density, 1/sr, with which [`Quad::towards`] chooses `direction` to `point`; `None` from behind.
+    /// Density, 1/sr, with which [`Quad::towards`] samples `direction`, the direction to `point`; `None` if `from` is
+    /// behind the quad.
     pub fn pdf(&self, from: Vec3, point: Vec3, direction: Vec3) -> Option<f32> {
         let cosine = -direction.dot(self.normal);
         let pdf = (point - from).length_squared() / (cosine * self.area);
@@ -118,7 +119,8 @@ impl Emitters {
         self.faces.get(&face).map(|&i| &self.quads[i])
     }
 
-    /// A face belongs to a quad light if it emits, faces the same way and all its vertices are corners of the quad.
+    /// Maps faces to quad lights. A face belongs to a quad light if it emits, has the same normal, and all of its
+    /// vertices are corners of the quad.
     fn find_faces(&mut self, scene: &Scene) {
         let mesh = &scene.mesh;
         let mut faces = HashMap::new();

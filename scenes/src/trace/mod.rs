@@ -1,12 +1,13 @@
 //! The ray tracer that answers requests for samples.
 //!
-//! One sample is one primary hit, the first visible surface, and the mean radiance of `spp` light paths that
-//! start there. Every function of a ray, a seed and a key gives the same bits on any number of threads.
+//! A sample is the primary hit of a ray (the first visible surface) and the mean radiance of `spp` light paths that
+//! start there. The result depends only on the ray, the seed and the key: it has the same bits on any number of
+//! threads.
 //!
-//! Light reaches a path in two ways: lights are sampled at every vertex (next-event estimation), and scattered
-//! rays may hit an emissive face. Both find the quad lights, so there the two are weighted by the balance heuristic
-//! (Veach and Guibas 1995), lobe by lobe; other emissive faces and the background are found by scattered rays
-//! alone and count in full.
+//! Light reaches a path in two ways: lights are sampled at every vertex (next-event estimation), and scattered rays may
+//! hit an emissive face. Quad lights are found in both ways, which are therefore weighted by the balance heuristic
+//! (Veach and Guibas 1995), separately for each lobe. Other emissive faces and the background are found only by
+//! scattered rays, and count in full.
 
 mod bvh;
 mod emitter;
@@ -33,17 +34,17 @@ const NO_FACE: u32 = crate::NO_FACE;
 /// Russian roulette begins at this bounce.
 const ROULETTE_BOUNCE: u32 = 3;
 
-/// A path survives roulette with at most this probability, so that paths end even in a closed white room.
+/// Maximum probability with which a path survives roulette, so that paths end even in a closed white room.
 const MAX_SURVIVAL: f32 = 0.97;
 
-/// In direct mode, a glossy surface seen in a glossy surface has a lobe at least this wide (alpha): only lights
-/// are sampled there, and a narrow lobe would give rare bright points.
+/// Minimum lobe width (alpha) of a glossy surface that is reflected in another one, in direct mode: there, only lights
+/// are sampled, so that a narrow lobe would give rare, bright pixels.
 const REFLECTED_ALPHA: f32 = 0.1;
 
-/// Rays start this many units in the last place of the triangle's coordinates off the surface.
+/// Distance from the surface at which rays start, in units in the last place of the triangle's coordinates.
 const OFFSET_ULPS: f32 = 32.0;
 
-/// Stratified pairs of a sample's first vertex: the lobe and the direction; those of the quad lights follow.
+/// The stratified pairs at a sample's first vertex: one for the lobe, one for the direction, then one per quad light.
 const LOBE_PAIR: u32 = 0;
 const DIRECTION_PAIR: u32 = 1;
 const FIRST_LIGHT_PAIR: u32 = 2;
@@ -51,10 +52,10 @@ const FIRST_LIGHT_PAIR: u32 = 2;
 /// The light transport that a sample includes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Mode {
-    /// Light that comes from the lights to the first surface, directly or over mirrors, and one glossy reflection.
+    /// Direct light at the first surface that is not a mirror, and one glossy reflection.
     #[default]
     Direct,
-    /// All light: paths of many bounces; the background lights the scene too.
+    /// All light, by paths of many bounces. The background lights the scene too.
     Path,
 }
 
@@ -78,19 +79,19 @@ impl Default for TraceSettings {
 /// A sample: the result of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Where the ray met the first surface, metres; if it met none, its unit direction (a point at infinity,
-    /// `algorithms.md` section 11.3).
+    /// The point of the first surface that the ray hits, metres; if it hits none, its unit direction (a point at
+    /// infinity, `algorithms.md` section 11.3).
     pub position: Vec3,
-    /// True if it met a surface.
+    /// True if the ray hit a surface.
     pub hit: bool,
     /// Radiance towards the ray's origin.
     pub radiance: Vec3,
-    /// Index of the triangle met; `u32::MAX` for none.
+    /// Index of the triangle that it hit; `u32::MAX` if none.
     pub face: u32,
 }
 
 impl Default for Hit {
-    /// The sample of a ray that met nothing and saw black.
+    /// The sample of a ray that hits nothing, with black radiance.
     fn default() -> Self {
         Self { position: Vec3::NEG_Z, hit: false, radiance: Vec3::ZERO, face: NO_FACE }
     }
@@ -116,7 +117,7 @@ pub struct Tracer {
     non_finite: Arc<AtomicU64>,
 }
 
-/// The first surface point that a ray meets: its geometry, without its radiance.
+/// The first surface point that a ray hits, without its radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Seen {
     /// Position, metres.
@@ -125,11 +126,11 @@ pub(crate) struct Seen {
     pub face: u32,
     /// Unit normal of the triangle, on the viewer's side.
     pub facing: Vec3,
-    /// Start of shadow rays from it, off the surface.
+    /// The start of shadow rays, off the surface.
     pub start: Vec3,
 }
 
-/// A point on a surface as seen by the ray that found it.
+/// A point of a surface, seen from the ray that hit it.
 #[derive(Clone, Copy)]
 struct Vertex {
     position: Vec3,
@@ -137,20 +138,20 @@ struct Vertex {
     /// Unit geometric normal, on the viewer's side.
     facing: Vec3,
     to_viewer: Vec3,
-    /// Largest coordinate of the triangle: its position is exact to some units in the last place of this.
+    /// Largest coordinate of the triangle. The error of the position is a few units in the last place of this.
     reach: f32,
     bsdf: Bsdf,
-    /// Radiance that the surface itself emits towards the viewer.
+    /// Radiance that the surface emits towards the viewer.
     emission: Vec3,
 }
 
-/// The sampling of a scattered ray, for the weight of the light that it finds.
+/// The densities with which a scattered ray was sampled, from which follows the weight of the light that it hits.
 #[derive(Clone, Copy)]
 struct Origin {
     position: Vec3,
-    /// Density of the ray, times the probability of its lobe; infinite for a mirror.
+    /// Density of the ray's direction times the probability of its lobe; infinite for a mirror.
     pdf: f32,
-    /// Probability with which sampling lights at the origin considered each light.
+    /// Probability with which each light was sampled at the origin.
     light_probability: f32,
 }
 
@@ -162,7 +163,7 @@ impl Tracer {
         Self { scene, bvh, emitters, non_finite: Arc::default() }
     }
 
-    /// The tracer of the scene in a frame: this one if no pose differs. Hierarchies are shared, not rebuilt; see
+    /// The tracer of the scene in a frame; this tracer if no pose differs. Hierarchies are shared, not rebuilt. See
     /// [`Scene::posed`] for the data that is rewritten.
     pub fn at(self: &Arc<Self>, frame: u32) -> Arc<Self> {
         let poses = self.scene.poses_at(frame);
@@ -202,8 +203,8 @@ impl Tracer {
         self.emitters.quads.len() + self.emitters.points.len()
     }
 
-    /// Returns true if nothing lies between a surface and the point `at` in [0, 1]^2 of a light (a point light has only
-    /// one); `None` if the surface or the light faces away. Lights are counted from 0.
+    /// Returns true if nothing lies between a surface and the point `at` of the light with index `light`, or `None` if
+    /// the surface or the light faces away. `at` is in [0, 1]^2 for quad lights and has no effect for point lights.
     pub(crate) fn sees_light(&self, surface: &Seen, light: usize, at: [f32; 2]) -> Option<bool> {
         let Emitters { quads, points, .. } = &self.emitters;
         let incident = match quads.get(light) {
@@ -214,7 +215,8 @@ impl Tracer {
         Some(self.bvh.visible(surface.start, incident.target))
     }
 
-    /// The number of samples so far, in all poses of the scene, whose radiance was not finite. They were made black.
+    /// The number of samples so far, in all poses of the scene, whose radiance was not finite. They are returned as
+    /// black.
     pub fn non_finite(&self) -> u64 {
         self.non_finite.load(Ordering::Relaxed)
     }
@@ -233,8 +235,8 @@ impl Tracer {
         Hit { position: first.position, hit: true, radiance, face: first.face }
     }
 
-    /// Traces `jobs` on rayon's threads into the elements of `out` with the same index; the shorter of the two
-    /// slices ends it. The random numbers follow from `seed` and each job's key.
+    /// Traces `jobs` on rayon's threads and writes each result to the element of `out` with the same index. If one
+    /// slice is shorter, the rest of the other is ignored. The random numbers depend on `seed` and on each job's key.
     pub fn trace_batch(&self, jobs: &[Job], settings: &TraceSettings, seed: u64, out: &mut [Hit]) {
         jobs.par_iter()
             .zip(out)
@@ -246,9 +248,9 @@ impl Tracer {
         self.trace(job.origin, job.direction, settings, &mut Rng::new(seed, job.key))
     }
 
-    /// Radiance from a vertex towards its viewer.
+    /// The radiance from a vertex towards its viewer.
     fn radiance(&self, first: &Vertex, settings: &TraceSettings, rng: &mut Rng) -> Vec3 {
-        // Mirrors are deterministic, so they are followed once for all light paths.
+        // Reflection in mirrors is deterministic, so it is traced once for all light paths.
         let mut vertex = *first;
         let mut tint = Vec3::ONE;
         let mut radiance = vertex.emission;
@@ -275,7 +277,8 @@ impl Tracer {
         radiance + tint * (exact + sampled / paths as f32)
     }
 
-    /// One light path from `first`: the radiance that quad lights, scattered rays and further bounces contribute.
+    /// The radiance of one light path from `first`: the contributions of quad lights, scattered rays and further
+    /// bounces.
     fn light_path(
         &self,
         first: &Vertex,
@@ -343,7 +346,7 @@ impl Tracer {
         radiance
     }
 
-    /// Light of one of all lights, chosen at random, scattered to the viewer of `vertex`.
+    /// The contribution of one light, chosen at random from all lights, scattered towards the viewer of `vertex`.
     fn one_light(&self, vertex: &Vertex, shares: PerLobe, rng: &mut Rng) -> Vec3 {
         let Emitters { quads, points, .. } = &self.emitters;
         let count = quads.len() + points.len();
@@ -358,13 +361,13 @@ impl Tracer {
         light.map_or(Vec3::ZERO, |light| self.lit(vertex, &light, self.light_probability(), shares))
     }
 
-    /// Probability of each light in [`Tracer::one_light`].
+    /// The probability with which [`Tracer::one_light`] chooses each light.
     fn light_probability(&self) -> f32 {
         1.0 / (self.emitters.quads.len() + self.emitters.points.len()).max(1) as f32
     }
 
-    /// A sampled light's contribution, scattered by both lobes to the viewer of `vertex`; black in shadow. `shares`
-    /// are the probabilities that a scattered ray of each lobe also looks for the light.
+    /// The contribution of a sampled light, scattered by both lobes towards the viewer of `vertex`; black in shadow.
+    /// `shares` are the probabilities with which a scattered ray of each lobe is traced, which may hit the light too.
     fn lit(&self, vertex: &Vertex, light: &Incident, probability: f32, shares: PerLobe) -> Vec3 {
         if vertex.facing.dot(light.direction) <= 0.0 {
             return Vec3::ZERO;
@@ -386,8 +389,8 @@ impl Tracer {
         arriving
     }
 
-    /// Weight of the emission that a scattered ray met: the balance heuristic where the face belongs to a quad
-    /// light, all of it elsewhere.
+    /// The weight of the emission of a face that a scattered ray hit: by the balance heuristic if the face belongs to a
+    /// quad light, otherwise 1.
     fn weight_of_hit(&self, origin: &Origin, direction: Vec3, hit: &Vertex) -> f32 {
         if hit.emission == Vec3::ZERO || origin.pdf.is_infinite() {
             return 1.0;
@@ -427,8 +430,8 @@ impl Tracer {
 }
 
 impl Vertex {
-    /// Start of rays that leave it: off the surface, and slightly towards the viewer, so that in a corner it is off the
-    /// other surface too.
+    /// The start of rays from the vertex. It is off the surface, and slightly towards the viewer, so that in a corner
+    /// it is off the other surface too.
     fn start(&self) -> Vec3 {
         offset(self.position, self.facing + self.to_viewer, self.reach)
     }
@@ -441,8 +444,8 @@ impl Vertex {
         Some(((direction - 2.0 * depth * self.facing).normalize(), color))
     }
 
-    /// Chooses a lobe by `shares` (whose sum may be 0: no ray) and a direction of it. Gives direction, weight and
-    /// density, the last two with the lobe's probability in them.
+    /// Samples a lobe by `shares`, and a direction of the lobe. Returns direction, weight and density, of which the
+    /// last two include the lobe's probability; `None` if `shares` are 0 or the direction points into the surface.
     fn scatter(&self, shares: PerLobe, choice: f32, uv: [f32; 2]) -> Option<(Vec3, Vec3, f32)> {
         let [diffuse, specular] = shares;
         if diffuse + specular == 0.0 {
@@ -462,7 +465,7 @@ fn interpolate(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
     corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z
 }
 
-/// A point off its surface in `direction` by more than the rounding of positions whose coordinates are at most `reach`.
+/// `position` moved in `direction` by more than the rounding error of coordinates that are at most `reach`.
 fn offset(position: Vec3, direction: Vec3, reach: f32) -> Vec3 {
     position + direction * (reach * OFFSET_ULPS * f32::EPSILON)
 }

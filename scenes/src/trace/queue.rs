@@ -6,13 +6,13 @@ use std::thread::JoinHandle;
 
 use super::{Hit, Job, TraceSettings, Tracer};
 
-/// Maximum number of waiting batches. With one batch per frame, a request waits at most this many frames.
+/// Maximum number of batches in the queue. With one batch per frame, a request waits for at most this many frames.
 const MAX_WAITING: usize = 3;
 
-/// Jobs that a worker takes at a time: at most a millisecond of work for a few light paths per sample.
+/// Number of jobs that a worker takes at a time: at most a millisecond of work with a few light paths per sample.
 const CHUNK: usize = 64;
 
-/// A request with a tag by which the caller recognises the answer.
+/// A request with a tag that identifies the answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaggedJob<T> {
     /// The request.
@@ -30,7 +30,7 @@ pub struct TaggedHit<T> {
     pub tag: T,
 }
 
-/// Worker threads that trace batches of requests in the order of their submission. Dropping it ends the threads.
+/// Worker threads that trace batches of requests in order of submission. Dropping this value ends the threads.
 pub struct AsyncTracer<T> {
     shared: Arc<Shared<T>>,
     workers: Vec<JoinHandle<()>>,
@@ -74,8 +74,8 @@ impl<T: Copy + Send + 'static> AsyncTracer<T> {
         Self { shared, workers }
     }
 
-    /// Queues a batch for `tracer` and returns at once. If the workers fall behind, the oldest batches that no worker has
-    /// begun are dropped. Returns the number of dropped jobs.
+    /// Queues a batch for `tracer` and returns at once. If the workers fall behind, the oldest batches that no worker
+    /// has begun are dropped. Returns the number of dropped jobs.
     pub fn submit(
         &self,
         tracer: &Arc<Tracer>,
@@ -147,7 +147,7 @@ impl<T> Drop for AsyncTracer<T> {
         lock(&self.shared.state).stop = true;
         self.shared.changed.notify_all();
         for worker in self.workers.drain(..) {
-            // A worker that panicked has reported it on stderr; there is nothing left to do here.
+            // If a worker has panicked, the panic was already printed to stderr.
             let _ = worker.join();
         }
     }

@@ -1,32 +1,32 @@
-//! Random numbers of the tracer: a small generator and a stratified sequence, both functions of a seed and a key
-//! alone, so that the same request gets the same numbers on any thread.
+//! The tracer's random numbers: a small generator and a stratified sequence. Both depend only on a seed and a key, so
+//! that a request gets the same numbers on any thread.
 
 /// 2^-24: scales 24 bits to [0, 1).
 const UNIT: f32 = 1.0 / (1u64 << 24) as f32;
 
-/// The stratified pair of [`Rng::subpixel`]; the tracer counts its own from 0.
+/// Index of the stratified pair of [`Rng::subpixel`]. The tracer numbers its own pairs from 0.
 const SUBPIXEL_PAIR: u32 = u32::MAX;
 
 /// The random numbers of one sample: a PCG32 generator (O'Neill 2014, XSH-RR output) for unstratified numbers, and
-/// Owen-scrambled Sobol pairs that stratify the light paths of one sample or of one pixel.
+/// Owen-scrambled Sobol pairs that stratify the light paths of a sample or of a pixel.
 #[derive(Clone, Debug)]
 pub struct Rng {
     state: u64,
     increment: u64,
-    /// Seeds the Sobol pairs; common to all samples of one key.
+    /// Seed of the Sobol pairs, common to all samples of a key.
     sequence: u32,
-    /// Index of the sample among those of the key.
+    /// Index of the sample among those of its key.
     nth: u32,
 }
 
 impl Rng {
-    /// The generator of a job: `seed` of the run, `key` of the job (see [`Rng::key`]).
+    /// The generator of a job, from the run's `seed` and the job's `key` (see [`Rng::key`]).
     pub fn new(seed: u64, key: u64) -> Self {
         Self::nth(seed, key, 0)
     }
 
-    /// The generator of sample `nth` among several of the same key. Its Sobol pairs continue where those of
-    /// sample `nth - 1` ended, so that all samples of a pixel are stratified together.
+    /// The generator of sample number `nth` of a key. Its Sobol pairs continue where those of sample `nth - 1` end, so
+    /// that all samples of a pixel are stratified together.
     pub fn nth(seed: u64, key: u64, nth: u32) -> Self {
         let root = mix(mix(seed) ^ key);
         let mut rng = Self {
@@ -62,7 +62,8 @@ impl Rng {
         [self.next_f32(), self.next_f32()]
     }
 
-    /// Position of the sample within its pixel, both coordinates in [0, 1). All samples of a key are stratified together.
+    /// Position of the sample within its pixel, both coordinates in [0, 1). All samples of a key are stratified
+    /// together.
     pub fn subpixel(&self) -> [f32; 2] {
         self.stratified(SUBPIXEL_PAIR, 0, 1)
     }
@@ -75,7 +76,7 @@ impl Rng {
     }
 }
 
-/// The top 24 bits as a number in [0, 1): all that an f32 holds without rounding up to 1.
+/// The top 24 bits as a number in [0, 1): an f32 holds no more bits without rounding up to 1.
 fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * UNIT
 }
@@ -93,8 +94,8 @@ fn hash32(x: u32) -> u32 {
     (mix(u64::from(x)) >> 32) as u32
 }
 
-/// Point `index` of the first two Sobol dimensions, in an order and with digits scrambled after Owen by `seed`
-/// (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020).
+/// Point `index` of the first two Sobol dimensions. `seed` shuffles the order and Owen-scrambles the digits (Burley,
+/// "Practical Hash-based Owen Scrambling", JCGT 2020).
 fn sobol_pair(index: u32, seed: u32) -> [f32; 2] {
     let index = owen_scramble(index, seed);
     let x = index.reverse_bits();
@@ -102,8 +103,8 @@ fn sobol_pair(index: u32, seed: u32) -> [f32; 2] {
     [unit(owen_scramble(x, hash32(seed ^ 1))), unit(owen_scramble(y, hash32(seed ^ 2)))]
 }
 
-/// Second Sobol dimension. Its generator matrix is Pascal's triangle modulo 2, the fifth Kronecker power of
-/// `[[1, 1], [0, 1]]`: five butterflies instead of a product with 32 columns.
+/// The second Sobol dimension. Its generator matrix is Pascal's triangle modulo 2, the fifth Kronecker power of `[[1,
+/// 1], [0, 1]]`, so that five butterflies replace a product with 32 columns.
 fn sobol_second(index: u32) -> u32 {
     let mut x = index;
     x ^= (x >> 1) & 0x5555_5555;
@@ -116,7 +117,7 @@ fn sobol_second(index: u32) -> u32 {
 
 /// Nested uniform scramble: flips each bit by a hash of the bits above it.
 fn owen_scramble(x: u32, seed: u32) -> u32 {
-    // In reversed order "the bits above" are the bits below, on which every carry and product depends.
+    // In reversed order, these are the bits below it: carries and products depend on lower bits only.
     let mut x = x.reverse_bits().wrapping_add(seed);
     x ^= x.wrapping_mul(0x6c50_b47c);
     x ^= x.wrapping_mul(0xb82f_1e52);
@@ -130,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_keys_give_equal_numbers_and_others_do_not() {
+    fn equal_keys_give_equal_numbers_and_different_keys_do_not() {
         let draw = |seed, key, nth| Rng::nth(seed, key, nth).next_u32();
         assert_eq!(draw(1, 7, 0), draw(1, 7, 0));
         assert_ne!(draw(1, 7, 0), draw(2, 7, 0));
@@ -151,7 +152,8 @@ mod tests {
 
     #[test]
     fn pairs_of_a_pixel_fill_every_stratum_once() {
-        // 64 samples of one light path each: any split into 64 equal boxes of 2^a x 2^b holds one point a box.
+        // 64 samples of one light path each: if the unit square is divided into 64 boxes of equal size, 2^a by 2^b,
+        // each box contains one point.
         for (nx, ny) in [(1, 64), (8, 8), (64, 1), (16, 4)] {
             let mut seen = vec![0; 64];
             for nth in 0..64 {

@@ -1,4 +1,4 @@
-//! Scattering at a surface point: a Lambertian lobe below a GGX lobe, or a perfect mirror.
+//! Scattering at a surface point: a Lambertian base under a GGX lobe, or a perfect mirror.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
@@ -6,10 +6,12 @@ use glam::Vec3;
 
 use crate::{Material, Surface};
 
-/// Least width of a lobe (alpha, the square of the roughness): narrower ones cannot be told from a mirror in f32.
+/// Minimum width of a lobe (alpha, the square of the roughness). In f32, narrower lobes cannot be distinguished from a
+/// mirror.
 const MIN_ALPHA: f32 = 2e-3;
 
-/// Below this cosine the shading normal is bent towards the viewer.
+/// Minimum cosine between the shading normal and the direction to the viewer. Below it, the normal is bent towards the
+/// viewer.
 const MIN_COSINE: f32 = 1e-3;
 
 /// The two lobes of a surface that is not a mirror.
@@ -27,18 +29,18 @@ pub(super) type PerLobe = [f32; 2];
 pub(super) struct Scatter {
     /// Unit direction away from the surface.
     pub direction: Vec3,
-    /// BSDF times cosine over density.
+    /// BSDF times cosine, divided by the density.
     pub weight: Vec3,
     /// Density of the direction, 1/sr.
     pub pdf: f32,
 }
 
-/// A lobe's BSDF times cosine towards a direction and its sampling density for it.
+/// The value and the sampling density of a lobe in one direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LobeValue {
     /// BSDF times cosine, 1/sr.
     pub value: Vec3,
-    /// Density with which [`Bsdf::sample`] gives the direction, 1/sr.
+    /// Density with which [`Bsdf::sample`] samples the direction, 1/sr.
     pub pdf: f32,
 }
 
@@ -54,7 +56,7 @@ pub(super) struct Bsdf {
     to_viewer: Vec3,
     /// Tint of a mirror.
     color: Vec3,
-    /// Albedo of the diffuse lobe: what the GGX lobe leaves of the colour.
+    /// Albedo of the diffuse lobe: the colour, reduced by the share that the GGX lobe reflects.
     diffuse: Vec3,
     glossy: Option<Glossy>,
     mirror: bool,
@@ -113,17 +115,17 @@ impl Bsdf {
         }
     }
 
-    /// Probabilities with which a path continues in either lobe, by the share of light that each reflects.
+    /// Probabilities with which a path continues in each lobe, in proportion to the light that the lobe reflects.
     pub fn lobe_shares(&self) -> PerLobe {
         let Some(glossy) = self.glossy else { return [1.0, 0.0] };
         let diffuse = self.diffuse.max_element();
         let specular = glossy_albedo(self.normal.dot(self.to_viewer), glossy);
-        // A lobe that reflects anything gets a minimum probability, as rare choices with large weights are noise.
+        // Each lobe that reflects light has a minimum probability, as rare choices with large weights are noisy.
         let share = if diffuse > 0.0 { (specular / (specular + diffuse)).clamp(0.1, 0.9) } else { 1.0 };
         [1.0 - share, share]
     }
 
-    /// Both lobes towards a light.
+    /// Values and densities of both lobes in the direction to a light.
     pub fn evaluate(&self, to_light: Vec3) -> [LobeValue; 2] {
         let (cos_o, cos_i) = (self.normal.dot(self.to_viewer), self.normal.dot(to_light));
         if cos_i <= 0.0 || self.mirror {
@@ -140,7 +142,7 @@ impl Bsdf {
         [diffuse, LobeValue { value, pdf: d / (1.0 + lambda_o) }]
     }
 
-    /// Samples a direction of one lobe from two numbers in [0, 1); `None` if it would enter the surface.
+    /// Samples a direction of one lobe from two numbers in [0, 1); `None` if the direction points into the surface.
     pub fn sample(&self, lobe: Lobe, [u, v]: [f32; 2]) -> Option<Scatter> {
         let (tangent, bitangent) = self.normal.any_orthonormal_pair();
         let (sin_phi, cos_phi) = (TAU * u).sin_cos();
@@ -177,8 +179,8 @@ impl Bsdf {
     }
 }
 
-/// Share of a white sky that the GGX lobe reflects to the viewer: Karis's fit ("Physically Based Shading on Mobile",
-/// 2014), in perceptual roughness.
+/// Share of the light of a white sky that the GGX lobe reflects to the viewer, by Karis's fit ("Physically Based
+/// Shading on Mobile", 2014), which is a function of perceptual roughness.
 fn glossy_albedo(cosine: f32, Glossy { f0, alpha }: Glossy) -> f32 {
     let roughness = alpha.sqrt();
     let (smooth, offset) = (1.0 - roughness, 0.0425 - 0.0275 * roughness);
@@ -276,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn white_surfaces_reflect_what_they_receive() {
+    fn white_surfaces_reflect_all_light() {
         for roughness in [0.05, 0.3, 1.0] {
             for cosine in [0.05, 0.5, 1.0] {
                 let bsdf = glossy(roughness, 0.04, 1.0, cosine);

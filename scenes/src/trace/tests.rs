@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use super::*;
 use crate::{Camera, Light, Mesh, Surface, reference};
 
-/// A scene of flat quads, each with its own material, of unit size scaled by `scale`.
+/// A scene of quads, each with its own material. All coordinates are multiplied by `scale`.
 struct Stage {
     scene: Scene,
     scale: f32,
@@ -27,7 +27,7 @@ impl Stage {
         Self { scene, scale }
     }
 
-    /// Adds the parallelogram `corner + s u + t v`, front side towards `u x v`.
+    /// Adds the parallelogram `corner + s u + t v`, whose front side faces `u x v`.
     fn quad(&mut self, corner: Vec3, u: Vec3, v: Vec3, surface: Surface, color: f32, emission: f32) {
         let mesh = &mut self.scene.mesh;
         let base = mesh.positions.len() as u32;
@@ -42,19 +42,19 @@ impl Stage {
         self.scene.materials.push(Material { name: String::new(), color, surface, emission });
     }
 
-    /// Adds a light with its triangles.
+    /// Adds a quad light and its triangles.
     fn quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: f32) {
         self.quad(corner, u, v, Surface::Diffuse, 0.0, radiance);
         let [corner, u, v] = [corner, u, v].map(|p| p * self.scale);
         self.scene.lights.push(Light::Quad { corner, u, v, radiance: Vec3::splat(radiance) });
     }
 
-    /// Adds the six sides of the cube [-1, 1]^3, fronts inwards.
+    /// Adds the six sides of the cube [-1, 1]^3, facing inwards.
     fn room(&mut self, color: f32, emission: f32) {
         for axis in 0..3 {
             for sign in [-1.0, 1.0] {
                 let [n, u, v] = [0, 1, 2].map(|i| Vec3::AXES[(axis + i) % 3]);
-                // u x v = n, so the inward front of the side at +n needs the sides in the other order.
+                // u x v = n, so u and v are swapped for the side at +n, which must face -n.
                 let (u, v) = if sign < 0.0 { (u, v) } else { (v, u) };
                 self.quad(n * sign - u - v, 2.0 * u, 2.0 * v, Surface::Diffuse, color, emission);
             }
@@ -68,12 +68,12 @@ impl Stage {
 
 const UP: Vec3 = Vec3::Y;
 
-/// A large floor at y = 0, front up.
+/// A large floor at y = 0 that faces up.
 fn floor(stage: &mut Stage, surface: Surface, color: f32) {
     stage.quad(Vec3::new(-5.0, 0.0, -5.0), Vec3::Z * 10.0, Vec3::X * 10.0, surface, color, 0.0);
 }
 
-/// A light of side `side` at height 1 above the origin that shines down.
+/// A square light with sides of length `side`, at height 1 above the origin, that shines down.
 fn ceiling_light(stage: &mut Stage, side: f32, radiance: f32) {
     stage.quad_light(Vec3::new(-0.5 * side, 1.0, -0.5 * side), Vec3::X * side, Vec3::Z * side, radiance);
 }
@@ -91,8 +91,8 @@ fn assert_near(found: f32, expected: f32, relative: f32) {
     assert!((found / expected - 1.0).abs() <= relative, "found {found}, expected {expected}");
 }
 
-/// Irradiance share of a square light of side `side` parallel to and `height` above a point below its centre:
-/// four times the corner form factor (Howell, configuration C-11 with both sides equal).
+/// Form factor of a square light with sides of length `side`, `height` above a parallel surface, for the point below
+/// its centre: four times the corner form factor (Howell, configuration C-11 with equal sides).
 fn form_factor(side: f32, height: f32) -> f32 {
     let x = 0.5 * side / height;
     let root = (1.0 + x * x).sqrt();
@@ -109,7 +109,7 @@ fn quad_light_matches_its_form_factor() {
         // Radiance = albedo * E / pi with E = pi * L * F.
         let expected = 0.8 * 3.0 * form_factor(side, 1.0);
         for mode in [Mode::Direct, Mode::Path] {
-            // The light itself is black, so that paths end there.
+            // The light's material is black, so paths end at the light.
             let hit = look(&tracer, Vec3::new(0.1, 0.5, 0.0), Vec3::ZERO, &settings(mode, 1 << 14));
             assert_near(hit.radiance.x, expected, 0.01);
         }
@@ -131,7 +131,7 @@ fn point_light_falls_with_the_square_of_the_distance() {
 fn point_light_casts_a_hard_shadow_at_the_right_place() {
     let mut stage = Stage::new(1.0);
     floor(&mut stage, Surface::Diffuse, 0.5);
-    // Half way between floor and light: the shadow is twice as wide, |x| < 0.4.
+    // The blocker is halfway between floor and light, so the shadow is twice as wide: |x| < 0.4.
     stage.quad(Vec3::new(-0.2, 1.0, -0.2), Vec3::Z * 0.4, Vec3::X * 0.4, Surface::Diffuse, 0.5, 0.0);
     stage.scene.lights.push(Light::Point { position: UP * 2.0, intensity: Vec3::ONE });
     let tracer = stage.tracer();
@@ -150,7 +150,8 @@ fn quad_light_casts_a_soft_shadow() {
     let mut stage = Stage::new(1.0);
     floor(&mut stage, Surface::Diffuse, 0.5);
     ceiling_light(&mut stage, 0.2, 10.0);
-    // A half plane x < 0 half way up: at x = 0 half the light is seen, the penumbra is |x| < 0.1.
+    // The blocker is the half plane x < 0, halfway up: at x = 0, half of the light is visible, and the penumbra is |x|
+    // < 0.1.
     stage.quad(Vec3::new(-4.0, 0.5, -4.0), Vec3::Z * 8.0, Vec3::X * 4.0, Surface::Diffuse, 0.5, 0.0);
     let tracer = stage.tracer();
     let at = |x: f32| {
@@ -158,13 +159,13 @@ fn quad_light_casts_a_soft_shadow() {
         look(&tracer, Vec3::new(x + 1.0, 0.3, 0.0), target, &settings(Mode::Direct, 4096)).radiance.x
     };
     assert_eq!(at(-0.11), 0.0);
-    // A small light's irradiance goes with the fourth power of the cosine.
+    // The irradiance of a small light is proportional to the fourth power of the cosine.
     assert_near(at(0.0) / at(0.11), 0.5 * (1.0f32 + 0.11 * 0.11).powi(2), 0.01);
     assert!(at(-0.05) < at(0.0) && at(0.0) < at(0.05));
 }
 
 #[test]
-fn a_light_shows_its_front_only() {
+fn a_quad_light_emits_only_to_its_front() {
     let mut stage = Stage::new(1.0);
     ceiling_light(&mut stage, 1.0, 7.0);
     let tracer = stage.tracer();
@@ -174,7 +175,7 @@ fn a_light_shows_its_front_only() {
 }
 
 #[test]
-fn closed_furnace_reaches_the_geometric_series() {
+fn closed_furnace_has_the_radiance_of_the_geometric_series() {
     for (albedo, bounces) in [(0.5, 64), (0.9, 400)] {
         let mut stage = Stage::new(1.0);
         stage.room(albedo, 0.25);
@@ -185,8 +186,8 @@ fn closed_furnace_reaches_the_geometric_series() {
 }
 
 #[test]
-fn closed_furnace_with_a_quad_light_counts_it_once() {
-    // All six sides are quad lights too: found by light sampling and by scattered rays, with the same result.
+fn closed_furnace_of_quad_lights_counts_each_light_once() {
+    // All six sides are quad lights too. Light sampling and scattered rays both find them, and the result is the same.
     let mut stage = Stage::new(1.0);
     stage.room(0.5, 0.25);
     for face in (0..12).step_by(2) {
@@ -200,7 +201,7 @@ fn closed_furnace_with_a_quad_light_counts_it_once() {
 }
 
 #[test]
-fn convex_surface_in_a_white_background_shows_its_albedo() {
+fn convex_surface_before_a_white_background_shows_its_albedo() {
     let glossy = Surface::Glossy { roughness: 0.4, f0: 0.04 };
     for (surface, albedo, tolerance) in
         [(Surface::Diffuse, 0.6, 0.0), (Surface::Mirror, 0.6, 0.0), (glossy, 1.0, 0.03)]
@@ -214,9 +215,9 @@ fn convex_surface_in_a_white_background_shows_its_albedo() {
 }
 
 #[test]
-fn glossy_floor_shows_a_quad_light_alike_in_both_modes_and_however_it_is_found() {
-    // A floor without diffuse colour sees nothing but the light, so that both modes agree; without the light's
-    // triangles the light can be sampled only, which is noisy but right.
+fn a_glossy_floor_reflects_a_quad_light_alike_in_both_modes_and_by_either_sampling() {
+    // The floor has no diffuse colour, so all of its light comes from the quad light, and both modes agree. Without the
+    // light's triangles, scattered rays cannot hit the light: sampling the light alone is noisy, but correct.
     let build = |in_mesh: bool| {
         let mut stage = Stage::new(1.0);
         floor(&mut stage, Surface::Glossy { roughness: 0.5, f0: 0.3 }, 0.0);
@@ -283,7 +284,7 @@ fn an_empty_scene_is_all_background() {
 }
 
 #[test]
-fn rays_along_axes_with_either_zero_hit() {
+fn rays_along_axes_hit_with_positive_and_negative_zeros() {
     let mut stage = Stage::new(1.0);
     stage.room(0.5, 0.0);
     let tracer = stage.tracer();
@@ -301,7 +302,7 @@ fn rays_along_axes_with_either_zero_hit() {
 fn no_ray_leaves_a_closed_room_and_no_surface_shadows_itself_at_any_scale() {
     for scale in [1e-3, 1.0, 555.0, 1e7] {
         let mut stage = Stage::new(scale);
-        // A grid of small tiles: many shared edges, none with coordinates that are exact in binary.
+        // Grids of small tiles: many shared edges, with coordinates that are not exact in binary.
         let n = 24;
         for axis in 0..3 {
             for sign in [-1.0, 1.0] {
@@ -320,7 +321,7 @@ fn no_ray_leaves_a_closed_room_and_no_surface_shadows_itself_at_any_scale() {
             let axis = (rng.next_u32() % 3) as usize;
             p[axis] = p[axis].signum();
             if vertex {
-                // On the lattice: through a vertex or along an edge.
+                // A point of the lattice: the ray passes through a vertex or an edge.
                 p = (p * (0.5 * n as f32)).round() / (0.5 * n as f32);
             }
             p * scale
@@ -359,7 +360,7 @@ fn add_grid(stage: &mut Stage, center: Vec3, u: Vec3, v: Vec3, n: u32) {
 }
 
 #[test]
-fn a_radiance_that_is_not_finite_is_black_and_counted() {
+fn radiance_that_is_not_finite_becomes_black_and_is_counted() {
     let mut stage = Stage::new(1.0);
     floor(&mut stage, Surface::Diffuse, 0.5);
     stage.scene.lights.push(Light::Point { position: UP, intensity: Vec3::INFINITY });
@@ -370,13 +371,13 @@ fn a_radiance_that_is_not_finite_is_black_and_counted() {
 }
 
 #[test]
-fn corner_normals_shade_smoothly_and_never_let_light_through() {
+fn corner_normals_shade_smoothly_and_let_no_light_through_a_surface() {
     let mut stage = Stage::new(1.0);
     floor(&mut stage, Surface::Diffuse, 0.5);
     let tilted = Vec3::new(0.6, 0.8, 0.0);
     stage.scene.mesh.corner_normals = vec![[tilted; 3]; 2];
     let above = Light::Point { position: UP, intensity: Vec3::ONE };
-    // Below the floor, though on the front side of the tilted normal.
+    // This light is below the floor, but on the front side of the tilted normal.
     let below = Light::Point { position: Vec3::new(4.0, -0.5, 0.0), intensity: Vec3::ONE };
     for (light, expected) in [(above, 0.5 / PI * 0.8), (below, 0.0)] {
         stage.scene.lights = vec![light];
@@ -406,7 +407,7 @@ fn in_pool<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
 }
 
 #[test]
-fn batches_have_the_same_bits_on_any_number_of_threads_and_other_bits_for_another_seed() {
+fn batches_depend_on_the_seed_but_not_on_the_number_of_threads() {
     let (tracer, jobs) = room_and_jobs();
     let batch = |threads, seed| {
         let mut out = vec![Hit::default(); jobs.len()];
@@ -436,14 +437,14 @@ fn reference_image_is_the_same_on_any_number_of_threads_and_converges() {
         image.iter().zip(&converged).map(|(a, b)| a.distance_squared(*b)).sum::<f32>().sqrt()
     };
     let (rough, fine) = (error(4), error(256));
-    // 64 times the samples: an eighth of the error for independent ones, less for stratified ones.
+    // With 64 times as many samples, the error is an eighth if they are independent, and less if they are stratified.
     assert!(fine < rough / 6.0, "{rough} -> {fine}");
 }
 
 #[test]
 fn reference_pixels_are_averaged_over_their_area_and_each_row_is_reported_once() {
     let mut stage = Stage::new(1.0);
-    // Emissive left half of the view, black right half, seen through one row of three pixels.
+    // The left half of the view is emissive, the right half black. The image is one row of three pixels.
     stage.quad(Vec3::new(-9.0, -9.0, -1.0), Vec3::X * 9.0, Vec3::Y * 18.0, Surface::Diffuse, 0.0, 1.0);
     let (tracer, camera) = (stage.tracer(), Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0));
     let rows = std::sync::atomic::AtomicUsize::new(0);
@@ -458,7 +459,7 @@ fn reference_pixels_are_averaged_over_their_area_and_each_row_is_reported_once()
     assert_eq!(image[2], Vec3::ZERO);
     assert_eq!(rows.load(Ordering::Relaxed), 1);
     assert!(render([3, 9], usize::MAX).is_some() && rows.load(Ordering::Relaxed) == 9);
-    // After a stop there is no image, and rows not yet begun are skipped.
+    // A stopped render returns no image and skips the rows that have not begun.
     assert_eq!(render([3, 1000], 1), None);
     assert!(rows.load(Ordering::Relaxed) < 1000);
 }
@@ -487,10 +488,10 @@ fn workers_answer_every_request_with_its_tag_and_the_same_bits() {
 }
 
 #[test]
-fn workers_that_are_behind_drop_the_oldest_batches_they_have_not_begun() {
+fn if_workers_fall_behind_the_oldest_waiting_batches_are_dropped() {
     let (tracer, jobs) = room_and_jobs();
     let tracer = Arc::new(tracer);
-    // A worker busy with one long batch: what follows piles up.
+    // One worker is busy with a long batch, so the next batches wait.
     let long = settings(Mode::Path, 1 << 12);
     let queue = AsyncTracer::new(1);
     let batch = |tag: u32| jobs.iter().map(|&job| TaggedJob { job, tag }).collect::<Vec<_>>();
@@ -503,11 +504,11 @@ fn workers_that_are_behind_drop_the_oldest_batches_they_have_not_begun() {
     }
     assert_eq!(queue.submit(&tracer, batch(4), settings(Mode::Direct, 1), 0), jobs.len());
     assert!(queue.waiting() >= 3 * jobs.len());
-    // Ends within one chunk of work, whatever waits.
+    // Dropping the queue waits for one chunk of work at most, not for the waiting batches.
     drop(queue);
 }
 
-/// A room in which a ball and a quad light have moved, and the same scene as one that never moves.
+/// Tracers of a room in which a ball and a quad light have moved, and of a static scene with the same geometry.
 fn moved_and_still() -> [Tracer; 2] {
     let mut builder = crate::SceneBuilder::new();
     let (name, surface) = (String::new(), Surface::Diffuse);
@@ -526,13 +527,13 @@ fn moved_and_still() -> [Tracer; 2] {
     let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
     let rest = Arc::new(Tracer::new(Arc::new(builder.build("", camera, Vec3::ZERO, 0.0, 40.0).unwrap())));
     let moved = rest.at(7);
-    assert!(Arc::ptr_eq(&moved, &moved.at(8)), "the path has one pose");
+    assert!(Arc::ptr_eq(&moved, &moved.at(8)), "the motion has only one pose");
     let still = Scene { bodies: Arc::default(), poses: vec![], ..moved.scene().as_ref().clone() };
     [Tracer::new(moved.scene().clone()), Tracer::new(Arc::new(still))]
 }
 
 #[test]
-fn a_moved_scene_renders_like_a_static_one_at_the_same_place() {
+fn a_moved_scene_renders_like_a_static_one_in_the_same_pose() {
     let [moved, still] = moved_and_still();
     let (mut rng, how, mut on_ball) = (Rng::new(3, 0), settings(Mode::Direct, 4), 0);
     let mut point = |size: f32| size * (2.0 * Vec3::from([0; 3].map(|_| rng.next_f32())) - 1.0);

@@ -1,4 +1,4 @@
-//! Things that stand on the floor. Each is centred on the origin, stands at y = 0 and faces +z.
+//! The furniture. Each piece stands on the plane y = 0, centred on the origin, and faces +z.
 
 use glam::{Affine3A, Vec2, Vec3};
 
@@ -10,13 +10,14 @@ use crate::Shape;
 pub(super) const COFFEE_TABLE_HEIGHT: f32 = 0.42;
 pub(super) const DESK_HEIGHT: f32 = 0.74;
 
-/// A rounded box between two corners.
+/// A box with rounded edges between two opposite corners.
 fn block(low: [f32; 3], high: [f32; 3], radius: f32, segments: u32) -> Shape {
     let [low, high] = [low, high].map(Vec3::from);
     Shape::rounded_box(0.5 * (high - low), radius, segments).moved(low.midpoint(high))
 }
 
-/// A loose cushion across z: a superellipsoid of square outline, thin at its rim and `bulge` thicker in the middle.
+/// A loose cushion, upright and facing z: a superellipsoid with a square outline, thin at its rim and `bulge` thicker
+/// in the middle.
 fn pillow(half: [f32; 3], bulge: f32) -> Shape {
     let mut shape = Shape::sphere(1.0, 44, 22);
     for p in &mut shape.positions {
@@ -37,7 +38,7 @@ pub(super) fn armchair() -> Vec<Piece> {
     seat(0.42, Paint::Armchair, 1)
 }
 
-/// An upholstered seat of inner half width `half` for `places` people.
+/// An upholstered seat for `places` people; `half` is half its width between the arms.
 fn seat(half: f32, paint: Paint, places: u32) -> Vec<Piece> {
     const ARM: f32 = 0.16;
     const BACK: f32 = -0.45;
@@ -61,7 +62,7 @@ fn seat(half: f32, paint: Paint, places: u32) -> Vec<Piece> {
         let lean =
             Affine3A::from_translation(Vec3::new(0.0, 0.462, BACK + 0.36)) * Affine3A::from_rotation_x(-0.15);
         pieces.push((paint, back.transformed(lean)));
-        // A loose pillow in front of the back cushion's outer end.
+        // A loose pillow leans against the outer end of the back cushion.
         let side = if place == 0 { 1.0 } else { -1.0 };
         let x = if places == 1 { 0.0 } else { left + 0.5 * width - 0.22 * side };
         let tilt = Affine3A::from_translation(Vec3::new(x, 0.632, BACK + 0.545))
@@ -114,7 +115,7 @@ pub(super) fn coffee_table() -> Vec<Piece> {
     pieces
 }
 
-/// A desk with a drawer box; its long side along x.
+/// A desk with a drawer box, its long side parallel to x.
 pub(super) fn desk() -> Vec<Piece> {
     let under = DESK_HEIGHT - 0.03;
     let mut pieces = vec![
@@ -161,7 +162,7 @@ pub(super) fn chair() -> Vec<Piece> {
     pieces
 }
 
-/// A book case with five boards, books and a few other things.
+/// A bookcase with five shelves, which hold books and a few other objects.
 pub(super) fn shelf() -> Vec<Piece> {
     const HALF: f32 = 0.6;
     const DEPTH: f32 = 0.3;

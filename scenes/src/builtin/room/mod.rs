@@ -1,7 +1,9 @@
-//! A furnished living room for global illumination: a window, a pendant lamp and a desk lamp as lights, diffuse, glossy
-//! and mirroring things, about as many triangles as the papers' room (101k, `algorithms.md` section 7.3).
+//! A furnished living room for global illumination. Its lights are a window, a pendant lamp and a desk lamp; its
+//! objects are diffuse, glossy or mirrors. It has about as many triangles as the papers' room (101k, `algorithms.md`
+//! section 7.3).
 //!
-//! Things stand exactly on what carries them or keep [`GAP`] from it: where meshes interpenetrate there is no edge.
+//! Objects stand exactly on their support or [`GAP`] away from it: meshes that interpenetrate have no edge where they
+//! meet.
 
 mod furniture;
 mod objects;
@@ -13,22 +15,23 @@ use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
 use crate::{Camera, Scene, Shape};
 use paint::Paint;
 
-/// Between things that touch, metres.
+/// Gap between objects that touch, metres.
 const GAP: f32 = 0.001;
 
-/// The room: x from -HALF_WIDTH (window) to HALF_WIDTH, z from -HALF_DEPTH to HALF_DEPTH (behind the camera).
+/// The room extends in x from -HALF_WIDTH (the window) to HALF_WIDTH, in z from -HALF_DEPTH to HALF_DEPTH (behind the
+/// camera), and in y from 0 to HEIGHT, metres.
 const HALF_WIDTH: f32 = 2.5;
 const HALF_DEPTH: f32 = 2.2;
 const HEIGHT: f32 = 2.7;
 
-/// Where the desk lamp stands, and its turn in degrees.
+/// The position of the desk lamp, metres, and its rotation about the vertical axis, degrees.
 const DESK_LAMP_AT: [f32; 3] = [2.2, furniture::DESK_HEIGHT, -0.52];
 const DESK_LAMP_TURN: f32 = -20.0;
 
-/// A part of a thing: a shape and what it is painted with.
+/// A part of an object: its material and its shape.
 type Piece = (Paint, Shape);
 
-/// Adds a thing, turned by `degrees` about its vertical axis and moved to `at`.
+/// Adds an object, rotated by `degrees` about its vertical axis and moved to `at`.
 fn place(
     builder: &mut SceneBuilder,
     pieces: Vec<Piece>,
@@ -96,7 +99,7 @@ pub(super) fn scene() -> Result<Scene, MeshError> {
     builder.build("room", camera, Vec3::ZERO, 0.0, CREASE_ANGLE)
 }
 
-/// Floor, ceiling, walls, all seen from inside, and skirting boards.
+/// The floor, the ceiling and the walls, all facing inwards, and the skirting boards.
 fn shell(b: &mut SceneBuilder) -> Result<(), MeshError> {
     let corner = |x: f32, y: f32, z: f32| Vec3::new(x * HALF_WIDTH, y * HEIGHT, z * HALF_DEPTH);
     let [a0, b0, c0, d0] =
@@ -123,7 +126,7 @@ fn shell(b: &mut SceneBuilder) -> Result<(), MeshError> {
 }
 
 fn lights(b: &mut SceneBuilder) -> Result<(), MeshError> {
-    // The window: a bright pane just off the left wall, and its frame in front of it.
+    // The window: a bright pane just off the left wall, with a frame in front of it.
     let (low, high) =
         (Vec3::new(-HALF_WIDTH + 0.004, 0.95, -1.16), Vec3::new(-HALF_WIDTH + 0.004, 2.3, 0.18));
     let [width, height] = [high.z - low.z, high.y - low.y];
@@ -131,7 +134,7 @@ fn lights(b: &mut SceneBuilder) -> Result<(), MeshError> {
     let frame = objects::window_frame(width, height);
     place(b, frame, [low.x + GAP, low.y, 0.5 * (low.z + high.z)], 0.0)?;
 
-    // The pendant over the table.
+    // The pendant lamp over the table.
     let drop = 0.85;
     let at = [-0.42, HEIGHT - drop, -0.33];
     place(b, objects::pendant(drop), at, 0.0)?;
@@ -139,7 +142,7 @@ fn lights(b: &mut SceneBuilder) -> Result<(), MeshError> {
     let corner = Vec3::from(at) + Vec3::new(-half, 0.06, -half);
     b.quad_light(corner, 2.0 * half * Vec3::X, 2.0 * half * Vec3::Z, Vec3::new(34.0, 27.0, 18.0))?;
 
-    // The desk lamp's, in its shade.
+    // The light in the shade of the desk lamp.
     let [x, y, z] = objects::DESK_LAMP_LIGHT;
     let turn = Affine3A::from_translation(DESK_LAMP_AT.into())
         * Affine3A::from_rotation_y(DESK_LAMP_TURN.to_radians());

@@ -1,4 +1,5 @@
-//! Smaller things, and what hangs on walls and ceiling. Each stands at y = 0 on the origin unless it says otherwise.
+//! Smaller objects, and those that hang on the walls or from the ceiling. Each stands on the plane y = 0, centred on
+//! the origin, unless its comment says otherwise.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -8,13 +9,15 @@ use super::paint::Paint;
 use super::{GAP, Piece};
 use crate::Shape;
 
-/// A number in [0, 1) that looks random but is the same on every machine: multiples of the golden ratio.
+/// A number in [0, 1) that looks random but is the same on every machine: the fractional part of `index` times the
+/// golden ratio.
 fn scatter(index: u32) -> f32 {
     const GOLDEN_RATIO: u32 = 0x9e37_79b9;
     (index.wrapping_mul(GOLDEN_RATIO) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// The outer line of a hollow thing, its rim, and its inner line `wall` further in, down to `floor` of its height.
+/// The profile of a hollow object of revolution with radius `outline(t)` at the height `t * height`, t in 0..=1: up its
+/// outside, over the rim, and down its inside, which is offset by `wall` and ends at `floor` (a share of the height).
 fn hollow(outline: impl Fn(f32) -> f32, height: f32, wall: f32, floor: f32, steps: u32) -> Vec<Vec2> {
     let outer = (0..=steps).map(|i| i as f32 / steps as f32).map(|t| Vec2::new(outline(t), t * height));
     let inner = (0..=steps)
@@ -23,7 +26,7 @@ fn hollow(outline: impl Fn(f32) -> f32, height: f32, wall: f32, floor: f32, step
     std::iter::once(Vec2::ZERO).chain(outer).chain(inner).chain([Vec2::new(0.0, floor * height)]).collect()
 }
 
-/// An open vase of that height.
+/// An open vase, `height` metres high.
 pub(super) fn vase(paint: Paint, height: f32) -> Vec<Piece> {
     let outline = |t: f32| height * (0.16 + 0.13 * (t * 3.6 + 0.3).sin() + 0.05 * t * t * t);
     vec![(paint, Shape::lathe(&hollow(outline, height, 0.03 * height, 0.04, 12), 36))]
@@ -46,7 +49,7 @@ pub(super) fn fruit_bowl() -> Vec<Piece> {
     let mut pieces = vec![(Paint::White, Shape::lathe(&hollow(outline, 0.07, 0.006, 0.1, 9), 48))];
     let radius = 0.036;
     for k in 0..7 {
-        // Six around one.
+        // Six pieces around the last one.
         let paint = [Paint::Apple, Paint::Orange, Paint::Lime][k as usize % 3];
         let angle = TAU * k as f32 / 6.0;
         let ring = if k == 6 { 0.0 } else { 0.077 };
@@ -59,7 +62,7 @@ pub(super) fn fruit_bowl() -> Vec<Piece> {
 const BOOK_PAINTS: [Paint; 5] =
     [Paint::BookRed, Paint::BookBlue, Paint::BookCream, Paint::BookGreen, Paint::BookDark];
 
-/// Three books that lie on each other.
+/// A pile of three books.
 pub(super) fn book_pile() -> Vec<Piece> {
     let mut y = 0.0;
     (0..3)
@@ -73,7 +76,7 @@ pub(super) fn book_pile() -> Vec<Piece> {
         .collect()
 }
 
-/// Books side by side along x, their spines towards +z.
+/// A row of books from x = `from` to at most `to`, their spines towards +z. `seed` selects their sizes and colours.
 pub(super) fn book_row(from: f32, to: f32, seed: u32) -> Vec<Piece> {
     let mut pieces = Vec::new();
     let mut x = from;
@@ -90,7 +93,7 @@ pub(super) fn book_row(from: f32, to: f32, seed: u32) -> Vec<Piece> {
     pieces
 }
 
-/// A laptop, open, its screen at the back.
+/// An open laptop, its screen at the back.
 pub(super) fn laptop() -> Vec<Piece> {
     let base = Shape::rounded_box(Vec3::new(0.16, 0.008, 0.11), 0.006, 4).moved(Vec3::new(0.0, 0.008, 0.0));
     let lid = Shape::rounded_box(Vec3::new(0.16, 0.105, 0.004), 0.0035, 4);
@@ -104,10 +107,10 @@ pub(super) fn laptop() -> Vec<Piece> {
     ]
 }
 
-/// Where the desk lamp's light hangs, before the lamp is turned.
+/// The position of the desk lamp's light, before the lamp is rotated, metres.
 pub(super) const DESK_LAMP_LIGHT: [f32; 3] = [0.0, 0.375, 0.2];
 
-/// A lamp on an arm that reaches out to +z; its light is not part of it.
+/// A desk lamp whose arm reaches towards +z, without its light.
 pub(super) fn desk_lamp() -> Vec<Piece> {
     let foot: Vec<Vec2> =
         [[0.0, 0.0], [0.085, 0.0], [0.088, 0.006], [0.08, 0.014], [0.02, 0.022], [0.0, 0.022]]
@@ -126,12 +129,13 @@ pub(super) fn desk_lamp() -> Vec<Piece> {
     ]
 }
 
-/// A closed cap of thickness `wall`, open at the bottom: radius `outline(t)` from the rim (t = 0) to the top (t = 1).
+/// The profile of a lampshade that is open at the bottom and `wall` thick. Its outer radius is `outline(t)`, from the
+/// rim (t = 0) to the top (t = 1).
 fn shell(outline: impl Fn(f32) -> f32, height: f32, wall: f32, steps: u32) -> Vec<Vec2> {
     let up = (0..=steps).map(|i| i as f32 / steps as f32);
     let inner = up.clone().map(|t| Vec2::new(outline(t) - wall, t * (height - wall)));
     let outer = up.map(|t| Vec2::new(outline(t), t * height));
-    // From the inside of the top down to the rim, and up again on the outside.
+    // From the top down the inside to the rim, and up the outside.
     let top_inside = Vec2::new(0.0, height - wall);
     let top = Vec2::new(0.0, height);
     std::iter::once(top_inside)
@@ -148,7 +152,7 @@ fn rod(from: Vec3, to: Vec3, radius: f32) -> Shape {
         .transformed(Affine3A::from_rotation_translation(turn, from))
 }
 
-/// A lamp that hangs `drop` below the ceiling, its rim at y = 0; its light is not part of it.
+/// A pendant lamp with its rim at y = 0, `drop` below the ceiling, without its light.
 pub(super) fn pendant(drop: f32) -> Vec<Piece> {
     let outline = |t: f32| 0.24 * (1.0 - 0.82 * t * t);
     let cord = Shape::cylinder(0.004, 0.2 + GAP, drop - 0.03 - GAP, 20);
@@ -163,7 +167,8 @@ pub(super) fn pendant(drop: f32) -> Vec<Piece> {
     ]
 }
 
-/// The frame and bars of a window in the plane x = 0, its lower edge at y = 0, centred on z, seen from +x.
+/// The frame and bars of a window in the plane x = 0, for viewers at +x: its lower edge is at y = 0, its centre at z =
+/// 0.
 pub(super) fn window_frame(width: f32, height: f32) -> Vec<Piece> {
     const BAR: f32 = 0.03;
     const DEPTH: f32 = 0.025;
@@ -191,7 +196,8 @@ pub(super) fn window_frame(width: f32, height: f32) -> Vec<Piece> {
     pieces
 }
 
-/// A closed, wavy cloth that hangs along z from 0 to 0.34, seen from both sides, in the plane x = 0.
+/// A curtain in the plane x = 0, centred on z = 0: a wavy cloth as a closed mesh, so that both of its sides can be
+/// seen.
 pub(super) fn curtain() -> Vec<Piece> {
     const WIDTH: f32 = 0.34;
     const HEIGHT: f32 = 2.5;
@@ -199,7 +205,7 @@ pub(super) fn curtain() -> Vec<Piece> {
     const COLUMNS: u32 = 72;
     const ROWS: u32 = 11;
     let half = 0.0015;
-    // Around the cloth: there along its rear, back along its front.
+    // The columns go around the cloth: along its rear side, and back along its front side.
     let around = 2 * (COLUMNS + 1);
     let mut shape = Shape::surface(around, ROWS + 2, |i, j| {
         let i = i % around;
@@ -208,7 +214,7 @@ pub(super) fn curtain() -> Vec<Piece> {
         let v = (j.clamp(1, ROWS + 1) - 1) as f32 / ROWS as f32;
         let depth = 0.018 + 0.014 * (1.0 - v);
         let wave = depth * (TAU * FOLDS * t + 0.5 * (3.0 * v).sin()).sin();
-        // The two outermost rows close the cloth below and above: both faces meet in its middle.
+        // The first and the last row close the cloth: there, both sides meet in its middle plane.
         let face = if j == 0 || j == ROWS + 2 { 0.0 } else { face };
         Vec3::new(wave + face, v * HEIGHT, -0.5 * WIDTH + t * WIDTH)
     });
@@ -216,7 +222,7 @@ pub(super) fn curtain() -> Vec<Piece> {
     vec![(Paint::Curtain, shape)]
 }
 
-/// A round mirror on the wall z = 0, its centre at the origin.
+/// A round mirror on the wall z = 0, centred on the origin.
 pub(super) fn round_mirror() -> Vec<Piece> {
     let stand = Affine3A::from_rotation_x(FRAC_PI_2);
     let glass = Shape::cylinder(0.36, 0.0, 0.012, 96).transformed(stand);
@@ -227,7 +233,7 @@ pub(super) fn round_mirror() -> Vec<Piece> {
     vec![(Paint::Mirror, glass), (Paint::Copper, Shape::ring(72, 12, 0.021, circle, |_| Vec3::Z))]
 }
 
-/// A framed picture on the wall z = 0, its centre at the origin; `half` is half its size.
+/// A framed picture on the wall z = 0, centred on the origin; `half` is half its width and height.
 pub(super) fn picture(half: [f32; 2], paint: Paint) -> Vec<Piece> {
     const BAR: f32 = 0.012;
     let [x, y] = half;
@@ -251,14 +257,14 @@ pub(super) fn picture(half: [f32; 2], paint: Paint) -> Vec<Piece> {
     ]
 }
 
-/// A pot with long leaves that hang over.
+/// A potted plant with long, overhanging leaves.
 pub(super) fn plant() -> Vec<Piece> {
     const POT: f32 = 0.36;
     let outline = |t: f32| 0.14 + 0.05 * t + if t > 0.88 { 0.012 } else { 0.0 };
     let mut pieces = vec![(Paint::Terracotta, Shape::lathe(&hollow(outline, POT, 0.014, 0.1, 12), 40))];
     let soil = POT - 0.02;
     pieces.push((Paint::Soil, Shape::cylinder(0.165, soil - 0.02, soil, 48)));
-    // Rings of leaves from the middle outwards, each flatter than the one before.
+    // Rings of leaves from the centre outwards. The leaves of each ring are flatter than those of the ring inside it.
     for (ring, (count, radius, lift, length)) in
         [(5, 0.025, 80.0_f32, 0.46), (9, 0.06, 68.0, 0.42), (13, 0.1, 52.0, 0.32), (15, 0.14, 36.0, 0.24)]
             .into_iter()
@@ -277,13 +283,14 @@ pub(super) fn plant() -> Vec<Piece> {
     pieces
 }
 
-/// A pointed leaf that leaves the origin towards +x at `lift` radians above the horizon and bends down along its length.
+/// A pointed leaf that grows from the origin towards +x, `lift` radians above the horizontal, and bends down along its
+/// length.
 fn leaf(length: f32, lift: f32) -> Shape {
     const BEND: f32 = 0.9;
     let mut shape = Shape::sphere(1.0, 10, 12).transformed(Affine3A::from_rotation_z(-FRAC_PI_2));
     for p in &mut shape.positions {
         let t = 0.5 * (p.x + 1.0);
-        // A circular arc whose slope falls from `lift` by BEND.
+        // A circular arc, along which the slope decreases by BEND from `lift`.
         let slope = lift - BEND * t;
         let along = Vec3::new(lift.sin() - slope.sin(), slope.cos() - lift.cos(), 0.0) / BEND;
         let across = (t * PI).sin().max(0.0).powf(0.8);

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::{Material, Surface};
 
-/// A material of the room; its number is its index in the scene.
+/// A material of the room. Its discriminant is its index in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Paint {
     Wall,
@@ -41,7 +41,7 @@ pub(super) enum Paint {
 }
 
 impl Paint {
-    /// All, in the order of their numbers.
+    /// All materials, in the order of their indices.
     pub const ALL: [Self; 31] = [
         Self::Wall,
         Self::AccentWall,
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_indices() {
+    fn discriminants_are_indices() {
         assert!(Paint::ALL.iter().enumerate().all(|(index, paint)| *paint as usize == index));
     }
 }

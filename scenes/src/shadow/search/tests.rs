@@ -3,7 +3,7 @@ use glam::{Affine3A, Quat};
 use super::*;
 use crate::{Camera, Material, Motion, MotionKey, Rng, SceneBuilder, Shape, Surface, shadow_segments};
 
-/// Penumbrae of some width.
+/// Wider penumbrae than by default, so that there are more boundaries.
 const SETTINGS: ShadowSettings = ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 0.2 };
 
 fn builder() -> SceneBuilder {
@@ -18,7 +18,7 @@ fn built(builder: SceneBuilder) -> Tracer {
     Tracer::new(Arc::new(builder.build("test", camera, Vec3::ZERO, 0.0, 40.0).unwrap()))
 }
 
-/// A motion of which only the poses given by the tests count.
+/// A motion that makes a body movable. The tests set its poses themselves.
 fn motion() -> Motion {
     let key = MotionKey { time: 0.0, translate: Vec3::ZERO, rotate: Quat::IDENTITY };
     Motion { pivot: Vec3::ZERO, keys: vec![key], looped: false }
@@ -36,7 +36,8 @@ fn cube(center: [f32; 3], half: f32) -> Shape {
     Shape::cuboid(Vec3::splat(-half), Vec3::splat(half)).moved(center.into())
 }
 
-/// A floor, boxes of which every third one moves, a lamp and a point light that stand still, and a lamp that moves.
+/// A floor, nine boxes of which every third one can move, a static point light, a static lamp, and a lamp that can
+/// move.
 fn random_scene(rng: &mut Rng) -> Tracer {
     let mut builder = builder();
     builder.add(&floor(), 0).unwrap();
@@ -71,7 +72,7 @@ fn an_incremental_search_equals_a_full_one_to_the_bit() {
         for _ in 0..8 {
             let mut poses = tracer.scene().poses.clone();
             for pose in &mut poses {
-                // Some stay, some move a little, some far.
+                // Half of the bodies do not move, a quarter move a little and a quarter move far.
                 let size = [0.0, 0.0, 0.1, 2.0][(rng.next_f32() * 4.0) as usize];
                 let mut between = || size * (2.0 * rng.next_f32() - 1.0);
                 let turn = Quat::from_euler(glam::EulerRot::XYZ, between(), between(), between());
@@ -90,7 +91,7 @@ fn an_incremental_search_equals_a_full_one_to_the_bit() {
             last = now;
         }
     }
-    // The test is only meaningful if each kind of event occurs.
+    // The test is only meaningful if there are enough events of each kind.
     assert!(
         changes > 20 && work.own > 1000 && work.touched > 1000 && work.kept > 1000,
         "{changes}, {work:?}"
@@ -116,11 +117,11 @@ fn a_body_far_from_everything_searches_its_own_events_only() {
     let found = search.find(&there, &|_| true).unwrap();
     let ShadowWork { own, touched, kept } = search.work();
     assert!(own > 0 && own < all.own / 2 && touched == 0 && kept > 10, "{:?}", search.work());
-    // Its own shadow is among what was found.
+    // The result includes the shadow of the moved body.
     let body = &there.scene().bodies[0].edges;
     assert!(found.segments.iter().any(|segment| body.contains(&(segment.edge as usize))));
 
-    // Into the light of the others, and out again.
+    // The body moves between the light and the other objects, and out again.
     for pose in [shift(0.2, 1.8, 0.2), shift(4.6, -0.6, 4.5)] {
         search.find(&tracer.posed(&[pose]), &|_| true).unwrap();
         assert!(search.work().touched > 5, "{:?}", search.work());
@@ -149,14 +150,14 @@ fn a_light_that_moves_searches_its_own_events_only() {
     let after = search.find(&moved, &|_| true).unwrap().segments;
     let ShadowWork { own, touched, kept } = search.work();
     assert!(own > 0 && touched == 0 && kept > 0, "{:?}", search.work());
-    // By light: the first one's boundaries are as they were.
+    // Segments are ordered by light: those of the first light are unchanged.
     let same = before.iter().zip(&after).take_while(|(a, b)| a == b).count();
     assert!(same > 0 && same < after.len());
     assert_eq!(after, shadow_segments(&moved, &SETTINGS, &|_| true).unwrap().segments);
 }
 
 #[test]
-fn an_interrupted_search_starts_over() {
+fn after_an_interruption_the_next_search_is_a_full_one() {
     let mut rng = Rng::new(77, 0);
     let tracer = random_scene(&mut rng);
     let mut search = ShadowSearch::new(SETTINGS);
