@@ -451,8 +451,8 @@ fn the_papers_split_and_shaders_of_ones_own_are_told_too() {
     let (state, inspection) = run.look([40, 30]);
     assert_eq!(visit(&inspection, "view/project").side, Side::Gpu);
     assert_eq!(visit(&inspection, "request").side, Side::Cpu);
-    // The dither read the priorities of the frame before, so nothing is made up from this frame's.
-    assert!(!why(&inspection, "request").contains("A priority of"), "{}", why(&inspection, "request"));
+    // The dither read the last frame's priorities, so the explanation must not use those of this frame.
+    assert!(!why(&inspection, "request").contains("Its priority of"), "{}", why(&inspection, "request"));
     let id = port(&state, "view/cull.id")[at([40, 30])];
     if id != NONE {
         assert_eq!(said(inspection.sample.as_ref().unwrap(), "point"), Some(id.to_string().as_str()));
@@ -496,7 +496,7 @@ fn every_pixel_agrees_with_what_was_written() {
         seen[1] += cull("edges/reach_cull", kept[p], reached[p]);
         let is_hole = filled[p] != 0;
         seen[2] += usize::from(is_hole);
-        assert_eq!(!why(&inspection, "spread").starts_with("No hole"), is_hole, "{pixel:?}");
+        assert_eq!(!why(&inspection, "spread").starts_with("Not a hole"), is_hole, "{pixel:?}");
         // The samples around, weighted as told, are the colour; weights are told to a per cent.
         let cells = around(&inspection, "interpolate").iter().filter(|cell| cell.role == Role::Counts);
         let share = |cell: &Cell| cell.text.trim_end_matches('%').parse::<f32>().unwrap() / 100.0;

@@ -1,4 +1,4 @@
-//! How much older a point became, and why.
+//! How much a point aged, and why.
 
 use epigraph_core::{Finding, Site};
 
@@ -17,7 +17,7 @@ pub(super) fn at(stage: &Age, params: &AgeParams, site: &Site) -> Option<Vec<Fin
     findings.push(Finding::Why(if before & LIVE == 0 {
         "The slot was empty.".into()
     } else if before & FRESH != 0 {
-        "It came in this frame, so it does not age yet.".into()
+        "It entered the cloud in this frame, so it does not age yet.".into()
     } else {
         let mut parts = vec![format!(
             "{:.2} for the frame (about {rate:.0} of {} points are replaced in one)",
@@ -26,14 +26,14 @@ pub(super) fn at(stage: &Age, params: &AgeParams, site: &Site) -> Option<Vec<Fin
         )];
         if before & AGE > 0 && site.read(stage.cloud_image_id)?[point] == NOT_DRAWN {
             let times = params.not_drawn_penalty;
-            parts.push(format!("{times} times that, as no pixel showed it in the last frame"));
+            parts.push(format!("{times} times as much because no pixel showed it in the last frame"));
         }
         if before & CHANGED != 0 {
-            parts.push(format!("{}, as a colour changed near it", params.change_penalty));
+            parts.push(format!("{} because a colour changed near it", params.change_penalty));
         }
         let gone = after & LIVE == 0;
         let end = if gone {
-            format!(" From {} on it leaves the cloud.", units(AGE_OF_EVICTION))
+            format!(" Points of age {} or more leave the cloud.", units(AGE_OF_EVICTION))
         } else {
             String::new()
         };

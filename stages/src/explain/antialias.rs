@@ -1,4 +1,4 @@
-//! Which two colours an edge's pixel mixes.
+//! Which colours a pixel mixes that an edge cuts in two.
 
 use epigraph_core::{Finding, Site};
 
@@ -14,11 +14,11 @@ pub(super) fn at(stage: &Antialias, params: &AntialiasParams, site: &Site) -> Op
     let mut findings = vec![Finding::color("colour", &site.wrote(stage.color)?[at])];
     let why = |text: &str| Finding::Why(text.into());
     if cls & CLASS != SIMPLE {
-        findings.push(why("No edge cuts it in two: it keeps its colour."));
+        findings.push(why("The pixel keeps its colour: it is not simple, that is, cut in two by one edge."));
         return Some(findings);
     }
     if params.neighbour == Neighbour::Off {
-        findings.push(why("Edges stay jagged: it keeps its colour."));
+        findings.push(why("The pixel keeps its colour, as anti-aliasing is off (`neighbour: Off`)."));
         return Some(findings);
     }
     let share = primary_area(cls) as f32 / PIXEL_AREA as f32;
@@ -27,7 +27,7 @@ pub(super) fn at(stage: &Antialias, params: &AntialiasParams, site: &Site) -> Op
     let total: f32 = weights.iter().sum();
     if total == 0.0 {
         findings.push(why(
-            "An edge cuts it, but no neighbour beyond the edge joins its other side: it keeps its colour.",
+            "The pixel keeps its colour: no neighbour beyond its edge is joined to its secondary region.",
         ));
         return Some(findings);
     }
@@ -40,7 +40,7 @@ pub(super) fn at(stage: &Antialias, params: &AntialiasParams, site: &Site) -> Op
         names.push(NEIGHBOURS[d]);
     }
     findings.push(Finding::Why(format!(
-        "An edge cuts it: {} of its area has its own colour, the rest that of the pixel {} beyond the edge.",
+        "An edge cuts it: {} of its area has its own colour, the rest the colour beyond the edge ({}).",
         percent(share),
         names.join(" and ")
     )));

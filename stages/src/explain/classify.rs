@@ -1,4 +1,4 @@
-//! The class of a pixel in words, its edge drawn, and what became of its sample.
+//! The class of a pixel, a drawing of its edge, and whether its sample counts.
 
 use epigraph_core::{Finding, Mark, Site};
 
@@ -55,7 +55,7 @@ pub(super) fn at(stage: &Classify, params: &ClassifyParams, site: &Site) -> Opti
     Some(findings)
 }
 
-/// The edge of a simple pixel: its chord, or both halves where it bends.
+/// The edge of a simple pixel: its chord, or two lines if it bends.
 fn edge(cls: u32, vertex: u32) -> Vec<Mark> {
     let [p, q] = ends(cls);
     let [first, last] = [p, q].map(slot_position);
@@ -69,20 +69,20 @@ fn edge(cls: u32, vertex: u32) -> Vec<Mark> {
     }
 }
 
-/// What became of the sample.
+/// Whether the pixel has a sample that counts, and why.
 fn why(cls: u32, has_sample: bool, grid: Grid) -> String {
     let cells = 1 << grid.log2;
     match (has_sample, cls & AMBIGUOUS != 0, cls & CLASS) {
         (false, ..) => "No sample here.".into(),
         (true, true, _) if grid.guess => format!(
-            "Ambiguous: the sample's cell, of {cells}×{cells} in the pixel, touches the edge. It counts as on the side of its cell's centre."
+            "Ambiguous: the sample's cell, one of {cells}×{cells}, touches the edge. The sample counts as on the \
+             side of the cell's centre."
         ),
         (true, true, _) => format!(
-            "Ambiguous: the sample's cell, of {cells}×{cells} in the pixel, touches the edge, so its side is unknown. It does not count, and the next sample is aimed away from the edge."
+            "Ambiguous: the sample's cell, one of {cells}×{cells}, touches the edge, so the sample's side is unknown. \
+             It does not count, and the next sample is aimed away from the edge."
         ),
-        (true, false, SIMPLE) => {
-            "The sample's cell lies wholly on one side of the edge, so the sample counts.".into()
-        }
-        (true, false, _) => "No edge parts the sample from its pixel, so it counts.".into(),
+        (true, false, SIMPLE) => "The sample counts: its cell does not touch the edge.".into(),
+        (true, false, _) => "The sample counts: only samples of simple pixels can be ambiguous.".into(),
     }
 }

@@ -1,4 +1,4 @@
-//! Why a point was culled or stays: the points around it against the threshold.
+//! Why a point was culled or stays: its distance compared with those of the points around it.
 
 use epigraph_core::{Cell, Finding, Role, Site};
 
@@ -20,7 +20,7 @@ pub(super) fn at(stage: &DepthCull, params: &DepthCullParams, site: &Site) -> Op
         Finding::value("edge depth", metres(site.wrote(stage.filtered)?[at])),
     ];
     if before == NO_POINT {
-        findings.push(Finding::Why("No point here that could be hidden.".into()));
+        findings.push(Finding::Why("There is no point here to cull.".into()));
         return Some(findings);
     }
     let z = f32::from_bits(depth[at]);
@@ -56,7 +56,7 @@ pub(super) fn at(stage: &DepthCull, params: &DepthCullParams, site: &Site) -> Op
     Some(findings)
 }
 
-/// The vote that decided, with the voters.
+/// The vote that decided, and the points that voted.
 fn vote(image: Image, threshold: f32, z: f32, is_dropped: bool, first: bool, site: &Site) -> [Finding; 2] {
     let scale = 1.0 + threshold;
     let [x, y] = site.pixel.map(|along| along as usize);
@@ -67,10 +67,11 @@ fn vote(image: Image, threshold: f32, z: f32, is_dropped: bool, first: bool, sit
         (true, _) => {
             let vote = if first { "first" } else { "second" };
             format!(
-                "Culled in the {vote} vote: {nearer} of the {voters} other points in the 5×5 pixels are {limit}. {enough} are enough."
+                "Culled in the {vote} vote: {nearer} of the {voters} other points in the 5×5 pixels are {limit}. \
+                 {enough} are enough to cull it."
             )
         }
-        (false, 0) => "Stays: no other point in the 5×5 pixels to compare with.".into(),
+        (false, 0) => "Stays: there is no other point in the 5×5 pixels.".into(),
         (false, _) => format!(
             "Stays: {nearer} of the {voters} other points in the 5×5 pixels are {limit}. {enough} would cull it."
         ),

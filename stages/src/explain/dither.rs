@@ -27,13 +27,13 @@ pub(super) fn at(stage: &Dither, kind: Kind, site: &Site) -> Option<Vec<Finding>
         Kind::Systematic => "picked in proportion to priority along a space-filling curve",
         Kind::Serpentine => "picked by error diffusion of the priorities",
     };
-    let its = if findings.is_empty() { "none is" } else { "this is" };
+    let its = if findings.is_empty() { "none of them is" } else { "one of them is" };
     let mut why = format!("{} in this frame, {chosen}: {its} for this pixel.", count(asked, "request"));
-    // Late priorities are not those that the choice was made by.
+    // `None` if the priorities arrive late: the requests were then chosen by older ones.
     if let Some(priority) = site.read(stage.priority) {
         let total: u64 = priority.iter().map(|&priority| u64::from(priority)).sum();
         let expected = asked as f64 * f64::from(priority[site.at()]) / total.max(1) as f64;
-        why += &format!(" A priority of {} makes {:.0}% of one.", priority[site.at()], 100.0 * expected);
+        why += &format!(" Its priority of {} is {:.0}% of a request.", priority[site.at()], 100.0 * expected);
     }
     findings.push(Finding::Why(why));
     Some(findings)

@@ -1,4 +1,4 @@
-//! Where edges cross a pixel's sides, which ones they are, and which are hidden.
+//! Where edges cross a pixel's sides, which edges these are, and which of them are hidden.
 
 use std::sync::atomic::AtomicU32;
 
@@ -58,8 +58,10 @@ pub(super) fn at(stage: &EdgeRaster, params: &EdgeRasterParams, site: &Site) -> 
             let more = if many > TOLD { format!("; and {} more", many - TOLD) } else { String::new() };
             told.truncate(TOLD);
             let test = match params.depth_test {
-                DepthTest::Off => "Nothing hides edges".into(),
-                _ => format!("Edges behind the depth beside the side are hidden; here it is {depth}"),
+                DepthTest::Off => "No edge is hidden (`depth_test: Off`)".into(),
+                _ => {
+                    format!("Edges farther than the depth beside a side are hidden; this pixel's is {depth}")
+                }
             };
             format!(
                 "{} its sides: {}{more}. {test}.",
@@ -71,7 +73,7 @@ pub(super) fn at(stage: &EdgeRaster, params: &EdgeRasterParams, site: &Site) -> 
     Some(findings)
 }
 
-/// Tells the edges of a list that cross the pixel's sides, hidden or not.
+/// Appends a description of each edge of a list that crosses the pixel's sides, hidden or not.
 fn edges(image: &Image, list: &List, site: &Site, told: &mut Vec<String>) -> Option<()> {
     let [x, y] = site.pixel.map(|along| along as i32);
     let segments = site.read(list.segments)?;
@@ -104,8 +106,8 @@ fn edges(image: &Image, list: &List, site: &Site, told: &mut Vec<String>) -> Opt
         }
         if meets {
             let state = match (shown, soft) {
-                (true, _) => "shows",
-                (false, true) => "too soft a shadow to be an edge",
+                (true, _) => "visible",
+                (false, true) => "its penumbra too wide for an edge",
                 (false, false) => "hidden",
             };
             told.push(format!("{what} {} at {}, {state}", segment.edge, metres(nearest)));

@@ -1,4 +1,4 @@
-//! Which points a pixel's colour is made of, and why a new one is worth what it is.
+//! The points from which a pixel's colour is computed, and the reason for its priority.
 
 use epigraph_core::{Cell, Finding, Role, Site};
 
@@ -48,7 +48,7 @@ pub(super) fn at(stage: &Fill, params: &FillParams, site: &Site) -> Option<Vec<F
         }
         (0, 1..) => format!("No point in the 3×3 pixels: the mean of {} in the 7×7.", count(wide, "point")),
         (0, 0) if params.empty == Empty::Hold => {
-            "No point in the 7×7 pixels: the colour of the frame before.".into()
+            "No point in the 7×7 pixels: the colour of the last frame.".into()
         }
         (0, 0) => "No point in the 7×7 pixels: black.".into(),
     }));
@@ -57,13 +57,15 @@ pub(super) fn at(stage: &Fill, params: &FillParams, site: &Site) -> Option<Vec<F
         (true, rule) => {
             let age = site.read(stage.meta)?.get(id[at] as usize)? & AGE;
             let how = if rule == Priority::Measured { "half that age" } else { "that age" };
-            format!("Its point is of age {:.1}: the priority is {how}.", age as f32 / AGE_ONE as f32)
+            format!("Its point has age {:.1}: the priority is {how}.", age as f32 / AGE_ONE as f32)
         }
         (false, Priority::Measured) => format!(
-            "It shows no point, and {missing}/{WEIGHTS_SUM} of the weight is missing: the priority is 255 times the sixth power of that."
+            "It shows no point, and {missing}/{WEIGHTS_SUM} of the kernel's weight is missing: the priority is \
+             255 times the sixth power of this share."
         ),
         (false, Priority::Classic) => format!(
-            "It shows no point, and {missing}/{WEIGHTS_SUM} of the weight is missing: the priority is 255 times that."
+            "It shows no point, and {missing}/{WEIGHTS_SUM} of the kernel's weight is missing: the priority is \
+             255 times this share."
         ),
     }));
     Some(findings)

@@ -1,4 +1,4 @@
-//! Whether a point knows of a pixel that shows it.
+//! The pixel that shows a point.
 
 use epigraph_core::{Finding, Site};
 

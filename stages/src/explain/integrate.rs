@@ -1,4 +1,4 @@
-//! Whether a point came in this frame, and whether a colour changed near the pixel.
+//! Whether a point entered the cloud in this frame, and whether a colour changed near the pixel.
 
 use epigraph_core::{Finding, Site};
 
@@ -14,7 +14,8 @@ pub(super) fn at(stage: &Integrate, params: &IntegrateParams, site: &Site) -> Op
     if site.wrote(stage.changed)?[site.at()] == stamp {
         let side = 2 * REACH + 1;
         findings.push(Finding::Why(format!(
-            "A new sample within {side}×{side} pixels differs by more than {} in tone-mapped luma from the point that it renews: the points seen here count as changed.",
+            "A new sample in the {side}×{side} pixels differs by more than {} in tone-mapped luma from the point \
+             that it renews, so the points shown here count as changed.",
             params.threshold
         )));
     }

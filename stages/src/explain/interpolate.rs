@@ -1,4 +1,4 @@
-//! Which samples a pixel's colour is made of, and why a new one is worth what it is.
+//! The samples from which a pixel's colour is computed, and the reason for its priority.
 
 use epigraph_core::{Cell, Finding, Role, Site};
 
@@ -19,7 +19,7 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
     let taps = taps(cls, r24);
 
     let ([width, height], pixel) = (site.size(), site.pixel.map(|along| along as usize));
-    // Radiance is shown as it is, whatever is averaged.
+    // The cells show linear radiance, even if tone-mapped radiance is averaged.
     let image =
         Image { radiance: &radiance, id: &id, subpixel: &subpixel, width, height, space: Space::Linear };
     let sample = |offset| image.tap(&weights, pixel, offset);
@@ -46,12 +46,12 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
     findings.push(site.around("Samples by weight; crossed out: not within reach", REACH as i32, cell));
     let apart = match apart {
         0 => String::new(),
-        apart => format!(" {} around cannot be reached.", count(apart, "sample")),
+        apart => format!(" {} nearby cannot be reached.", count(apart, "sample")),
     };
     findings.push(Finding::Why(match used {
         0 => format!("No sample within reach: the pixel is a hole.{apart}"),
         _ if cls & CLASS == COMPLEX => {
-            format!("Complex: the mean of all {} around, as its regions are unknown.", count(used, "sample"))
+            format!("Complex, so its regions are unknown: the mean of all {} nearby.", count(used, "sample"))
         }
         _ => format!("The weighted mean of {}.{apart}", count(used, "sample")),
     }));
@@ -63,24 +63,23 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
     Some(findings)
 }
 
-/// How the priority comes about. The age is that of the pixel's own point, in 8.8 fixed point.
+/// The reason for the priority. `age` is the age of the pixel's own point, in 8.8 fixed point.
 fn why_priority(rule: Priority, age: Option<u32>, share: f32) -> String {
     let missing = percent(1.0 - share);
     match (rule, age) {
         (Priority::Measured, Some(age)) => {
-            format!(
-                "It has a sample of age {:.1}: the priority is half that age.",
-                age as f32 / AGE_ONE as f32
-            )
+            format!("Its sample has age {:.1}: the priority is half that age.", age as f32 / AGE_ONE as f32)
         }
         (Priority::Classic, Some(age)) => {
-            format!("It has a sample of age {:.1}: that is the priority.", age as f32 / AGE_ONE as f32)
+            format!("Its sample has age {:.1}: that is the priority.", age as f32 / AGE_ONE as f32)
         }
         (Priority::Measured, None) => format!(
-            "It has no sample of its own, and {missing} of the weight is missing: the priority is 255 times the sixth power of that."
+            "It has no sample of its own, and {missing} of the kernel's weight is missing: the priority is \
+             255 times the sixth power of this share."
         ),
         (Priority::Classic, None) => format!(
-            "It has no sample of its own, and {missing} of the weight is missing: the priority is 255 times that."
+            "It has no sample of its own, and {missing} of the kernel's weight is missing: the priority is \
+             255 times this share."
         ),
     }
 }

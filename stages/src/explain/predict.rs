@@ -1,4 +1,4 @@
-//! Whether the predicted view has points where the pixel lies.
+//! Whether the predicted view has points near the pixel.
 
 use epigraph_core::{Finding, Site};
 
@@ -13,7 +13,7 @@ pub(super) fn at(stage: &Predict, site: &Site) -> Option<Vec<Finding>> {
         _ if frame.predicted == frame.view => "The camera rests: nothing is predicted.".into(),
         true => format!("The predicted view has a point in these {CELL}×{CELL} pixels."),
         false => format!(
-            "The predicted view has no point in these {CELL}×{CELL} pixels: a sample may be asked for ahead."
+            "The predicted view has no point in these {CELL}×{CELL} pixels, so one may be requested in advance."
         ),
     })])
 }

@@ -1,4 +1,4 @@
-//! What the projection did at a pixel: every point that falls into it, the nearest first.
+//! The points that are projected to a pixel, the nearest first.
 
 use epigraph_core::{Finding, Site};
 
@@ -8,7 +8,7 @@ use crate::shared::{
     words::{count, metres, point},
 };
 
-/// How many of the points behind are named.
+/// Maximum number of points behind the nearest one that are listed.
 const NAMED: usize = 3;
 
 pub(super) fn at(stage: &Project, params: &ProjectParams, site: &Site) -> Option<Vec<Finding>> {

@@ -1,4 +1,4 @@
-//! Which pixels around one can be reached, and what parts it from the others.
+//! Which of the surrounding pixels a pixel reaches, and why it does not reach the others.
 
 use epigraph_core::{Cell, Finding, Role, Site};
 
@@ -17,7 +17,7 @@ pub(super) fn at(stage: &Reach, site: &Site) -> Option<Vec<Finding>> {
     };
     let mut findings = vec![Finding::value("reaches", format!("{} of 24", r24.count_ones()))];
     if r24 != ALL_REACHED {
-        // The first row of each neighbour's matrix: what its primary region joins of theirs.
+        // The rows of the matrices: the neighbours joined to the primary region, and those joined to the secondary one.
         let [primary, secondary] = [joined(0b0011), joined(0b1100)];
         let or_none = |names: String| if names.is_empty() { "nothing".into() } else { names };
         findings.push(Finding::value("joins", or_none(primary)));
@@ -45,16 +45,16 @@ pub(super) fn at(stage: &Reach, site: &Site) -> Option<Vec<Finding>> {
         }
     }
     let reasons = [
-        (parted, "beyond an edge, or only by a way that turns too much"),
-        (complex, "complex, which join nothing"),
-        (outside, "outside of the image"),
+        (parted, "beyond an edge, or on paths that turn too much"),
+        (complex, "complex, and so not joined to others"),
+        (outside, "outside the image"),
     ];
     let reasons = reasons.iter().filter(|(number, _)| *number > 0);
     let reasons: Vec<String> = reasons.map(|(number, why)| format!("{number} {why}")).collect();
     findings.push(Finding::Why(if cls[at] & CLASS == COMPLEX {
-        "The pixel is complex: nothing is known of its regions, so it reaches nothing.".into()
+        "The pixel is complex: its regions are unknown, so it reaches no other pixel.".into()
     } else if reasons.is_empty() {
-        "No edge between it and any of the 5×5 pixels.".into()
+        "No edge separates it from any of the 5×5 pixels.".into()
     } else {
         let missing = 24 - r24.count_ones() as usize;
         format!("{} cannot be reached: {}.", count(missing, "pixel"), reasons.join("; "))

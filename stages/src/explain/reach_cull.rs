@@ -1,4 +1,4 @@
-//! Why a sample was culled or stays, judged by those that it can be mixed with.
+//! Why a sample was culled or stays: its distance compared with those of the samples that it reaches.
 
 use epigraph_core::{Cell, Finding, Role, Site};
 
@@ -14,10 +14,10 @@ pub(super) fn at(stage: &ReachCull, params: &ReachCullParams, site: &Site) -> Op
     let id = site.wrote(stage.id)?[at];
     let mut findings = vec![Finding::value("point", point(id))];
     if kept[at] == NO_POINT {
-        findings.push(Finding::Why("No sample that counts is left to judge.".into()));
+        findings.push(Finding::Why("There is no sample here to cull.".into()));
         return Some(findings);
     }
-    // Each pass judges by what the one before has left, so they are run again up to the one that decides.
+    // Each pass compares samples with those that the pass before left, so all passes up to the deciding one run again.
     let [width, height] = site.size();
     let scale = 1.0 + params.threshold;
     let mut left = kept.to_vec();
@@ -38,10 +38,10 @@ pub(super) fn at(stage: &ReachCull, params: &ReachCullParams, site: &Site) -> Op
     let limit = format!("clearly nearer than its {}: below {}", metres(z), metres(z / scale));
     findings.push(Finding::Why(match (id == NO_POINT, voters) {
         (true, _) => format!(
-            "Culled in pass {}: {nearer} of the {voters} samples within reach are {limit}. Half is enough.",
+            "Culled in pass {}: {nearer} of the {voters} samples within reach are {limit}. Half of them are enough.",
             pass + 1
         ),
-        _ if params.passes == 0 => "Stays: nothing is judged with passes: 0.".into(),
+        _ if params.passes == 0 => "Stays: nothing is culled with `passes: 0`.".into(),
         (false, 0) => "Stays: there is no other sample within reach.".into(),
         (false, _) => {
             format!("Stays: {nearer} of the {voters} samples within reach are {limit}. Half would cull it.")

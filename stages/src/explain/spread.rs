@@ -1,4 +1,4 @@
-//! From where a hole took its colour.
+//! Where the colour of a hole comes from.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -13,11 +13,9 @@ pub(super) fn at(stage: &Spread, params: &SpreadParams, site: &Site) -> Option<V
     let color = site.wrote(stage.color)?;
     let mut findings = vec![Finding::color("colour", &color[at])];
     let why = match (filled[at], params.method) {
-        (0, _) => "No hole: it keeps its colour.".into(),
-        (HOLE, Method::Off) => "A hole that stays black, as nothing is filled.".into(),
-        (HOLE, _) if color[at][3] <= 0.0 => {
-            "A hole that stays black: the image holds no colour at all.".into()
-        }
+        (0, _) => "Not a hole: it keeps its colour.".into(),
+        (HOLE, Method::Off) => "A hole that stays black, as filling is off (`method: Off`).".into(),
+        (HOLE, _) if color[at][3] <= 0.0 => "A hole that stays black: the image contains no colour.".into(),
         (HOLE, _) => {
             findings.push(site.around("Pixels around that have colours", 1, |offset| {
                 let other = site.beside(offset).filter(|other| filled[*other] != HOLE);
@@ -28,8 +26,8 @@ pub(super) fn at(stage: &Spread, params: &SpreadParams, site: &Site) -> Option<V
                     text: String::new(),
                 }
             }));
-            let spread = if params.method == Method::Spread { "Nothing spread this far. " } else { "" };
-            format!("{spread}Filled with the mean of {}, edges or not.", smallest(&filled, site))
+            let spread = if params.method == Method::Spread { "No colour spread this far. " } else { "" };
+            format!("{spread}Filled with the mean of {}, regardless of edges.", smallest(&filled, site))
         }
         (round, _) => {
             let n8 = site.read(stage.n8)?;
@@ -44,7 +42,7 @@ pub(super) fn at(stage: &Spread, params: &SpreadParams, site: &Site) -> Option<V
             }));
             let names: Vec<String> = from.iter().map(|from| pixel(*from, width)).collect();
             format!(
-                "A hole, filled in round {round}: colours came {} along what no edge parts, at last from {}.",
+                "A hole, filled in round {round}: colours came {} without crossing an edge, at last from {}.",
                 count(steps, "step"),
                 names.join(", ")
             )
@@ -54,7 +52,7 @@ pub(super) fn at(stage: &Spread, params: &SpreadParams, site: &Site) -> Option<V
     Some(findings)
 }
 
-/// How many steps a hole lies from the nearest colour, and which of the pixels that join it are a step nearer.
+/// The number of steps from a hole to the nearest colour, and the pixels joined to the hole that are one step nearer.
 fn sources(
     filled: &[u32],
     n8: &[u32],
@@ -81,7 +79,7 @@ fn sources(
     None
 }
 
-/// Whether a colour is this many steps away from a pixel.
+/// Returns true if a path of `steps` steps leads from a pixel to a colour.
 fn leads(filled: &[u32], n8: &[u32], [width, height]: [usize; 2], from: usize, steps: usize) -> bool {
     let mut front = vec![from];
     for _ in 0..steps {
@@ -92,7 +90,7 @@ fn leads(filled: &[u32], n8: &[u32], [width, height]: [usize; 2], from: usize, s
     front.into_iter().any(|p| filled[p] == 0)
 }
 
-/// The smallest square or block around the pixel that holds colours.
+/// Describes the smallest square or block around the pixel that contains colours.
 fn smallest(filled: &[u32], site: &Site) -> String {
     let [width, height] = site.size();
     let [x, y] = site.pixel.map(|along| along as usize);

@@ -11,9 +11,9 @@ pub(super) fn at(stage: &Tonemap, params: &TonemapParams, site: &Site) -> Option
     let mut findings = vec![Finding::value("sRGB", format!("{r}, {g}, {b}"))];
     let brightest = linear[..3].iter().fold(0f32, |most, channel| most.max(channel * gain));
     if linear[..3].iter().any(|channel| channel.is_nan()) {
-        findings.push(Finding::Why("Its radiance is no number (NaN), which shows as magenta.".into()));
+        findings.push(Finding::Why("Its radiance is not a number (NaN), which is shown as magenta.".into()));
     } else if brightest > 1.0 && [r, g, b].contains(&255) {
-        findings.push(Finding::Why(format!("Brighter than the screen shows: {brightest:.2} of 1, cut off.")));
+        findings.push(Finding::Why(format!("Too bright for the screen: {brightest:.2} is clamped to 1.")));
     }
     Some(findings)
 }

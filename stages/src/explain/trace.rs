@@ -1,4 +1,4 @@
-//! The sample that was traced for the pixel, if there was one.
+//! The sample that was traced for the pixel, if any.
 
 use epigraph_core::{Finding, Site};
 
@@ -19,9 +19,9 @@ pub(super) fn at(stage: &Trace, site: &Site) -> Option<Vec<Finding>> {
             (HIT_SURFACE, body) => format!("moving body {body} at {}{view}", place(sample.position)),
             _ => format!("nothing in direction {}{view}", place(sample.position)),
         };
-        findings.push(Finding::value("ray met", what));
+        findings.push(Finding::value("ray hit", what));
         findings.push(Finding::color("radiance", &sample.radiance));
-        findings.push(Finding::Why("It comes into the cloud in the next frame.".into()));
+        findings.push(Finding::Why("It enters the cloud in the next frame.".into()));
     }
     Some(findings)
 }
