@@ -1,5 +1,5 @@
-//! A steady frame allocates nothing: counted over the whole process, tracing included. A binary of its own with one test,
-//! because the counting allocator is global.
+//! A steady frame allocates no memory. Allocations are counted in the whole process, including the tracer. The counting
+//! allocator is global, so this test is a binary of its own.
 
 use epigraph_core::{Settings, Side};
 use epigraph_tests::{Run, Stage, graph, tap};
@@ -10,7 +10,7 @@ static ALLOCATOR: &StatsAlloc<std::alloc::System> = &INSTRUMENTED_SYSTEM;
 
 #[test]
 fn a_steady_frame_allocates_nothing() {
-    // Inside the pool, as the command line runs it: work handed in from outside goes through a queue that allocates.
+    // Runs inside the pool, like the command line: work passed in from outside goes through a queue that allocates.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     let none = |what: &str, stats: Stats| {
         assert_eq!((stats.allocations, stats.reallocations), (0, 0), "{what}: {stats:?}");
@@ -18,7 +18,7 @@ fn a_steady_frame_allocates_nothing() {
     pool.install(|| {
         none("render cache", of_frames(&mut render_cache()));
 
-        // Few samples and a moving camera: holes in every frame, some of which no colour spreads to.
+        // With few samples and a moving camera, every frame has holes, some of which no colour spreads to.
         let mut epi = epi();
         none("edge-and-point image", of_frames(&mut epi));
         let filled = epi.captured("spread.filled").get::<u32>();
@@ -28,7 +28,7 @@ fn a_steady_frame_allocates_nothing() {
 
         let region = Region::new(ALLOCATOR);
         drop(std::hint::black_box(vec![1u8; 100]));
-        assert!(region.change().allocations >= 1, "the count must be able to fail");
+        assert!(region.change().allocations >= 1, "an allocation was not counted");
     });
 }
 
@@ -43,7 +43,7 @@ fn epi() -> Run {
     Run::new(&graph("epi.ron"), Stage { scene: "chains", camera: "orbit", settings })
 }
 
-/// What twenty frames allocate once a run has warmed up.
+/// The allocations of twenty frames of a run that has warmed up.
 fn of_frames(run: &mut Run) -> Stats {
     run.frames(12);
     let region = Region::new(ALLOCATOR);

@@ -1,5 +1,5 @@
-//! What others build on: the packages hold all that they need, and a package outside of the workspace adds a stage. Both
-//! tests call Cargo and share the workspace's target folder, so that the dependencies are not built again.
+//! Epigraph as a dependency: the packages contain all files that they need, and a package outside the workspace adds a
+//! stage. The tests call Cargo and share the workspace's target folder, so that the dependencies are not built again.
 
 use std::{
     env, fs,
@@ -19,7 +19,7 @@ fn target() -> PathBuf {
     env::current_exe().expect("a path").ancestors().nth(3).expect("a target folder").to_owned()
 }
 
-/// Runs a program to its end. What it printed.
+/// Runs a program to its end and returns its output.
 fn run(command: &mut Command) -> String {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     let [printed, errors] =
@@ -28,14 +28,14 @@ fn run(command: &mut Command) -> String {
     printed
 }
 
-/// Cargo in a folder, with the workspace's profile and target folder.
+/// Runs Cargo in a folder, with the workspace's profile and target folder.
 fn cargo(folder: &Path, arguments: &[&str]) -> String {
     let mut cargo = Command::new(env!("CARGO"));
     cargo.current_dir(folder).args(arguments).args(["--offline", "--target-dir"]).arg(target());
     run(&mut cargo)
 }
 
-/// An empty folder, always the same one: a package that moves is built anew.
+/// Empties a folder. Its path is the same in each run, as Cargo rebuilds a package that has moved.
 fn fresh(folder: PathBuf) -> PathBuf {
     if folder.exists() {
         fs::remove_dir_all(&folder).unwrap();
@@ -44,7 +44,7 @@ fn fresh(folder: PathBuf) -> PathBuf {
     folder
 }
 
-/// Copies a folder but for what Cargo makes in it.
+/// Copies a folder without the files that Cargo generates.
 fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
@@ -70,7 +70,7 @@ fn every_package_compiles_from_its_own_files() {
         else {
             continue;
         };
-        // With the present time on all files: Cargo compares times, and those in a package are all the same.
+        // -m gives all files the present time: Cargo compares times, and all files of a package have the same old one.
         run(Command::new("tar").arg("-xzmf").arg(entry.path()).arg("-C").arg(&folder));
         let (name, _) = package.rsplit_once('-').expect("name and version");
         manifest += &format!("{name} = {{ path = \"{package}\" }}\n");
@@ -90,11 +90,11 @@ fn a_package_of_ones_own_adds_a_stage() {
     fs::write(folder.join("Cargo.toml"), manifest).unwrap();
     fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
 
-    // The shader and the twin agree.
+    // The package's own tests: its shader and its twin agree.
     cargo(&folder, &["test", "--release", "--lib"]);
 
     cargo(&folder, &["build", "--release"]);
-    // The window's libraries take long to build and to link: the compiler's word is enough for the editor.
+    // The editor is only checked, as the libraries of its window take long to build and to link.
     cargo(&folder, &["check", "--release", "--features", "editor", "--bin", "editor"]);
 
     let program = target().join("release").join(format!("own_stage{}", env::consts::EXE_SUFFIX));
@@ -107,7 +107,7 @@ fn a_package_of_ones_own_adds_a_stage() {
     let cpu = picture("cpu.png", "--backend cpu");
     let gpu = picture("gpu.png", "--backend gpu");
     let without = picture("without.png", "--backend cpu --set median.factor=100");
-    // As for every graph: a rounding may shift a request for a sample.
+    // The same limit as for all graphs, as rounding may move a request for a sample.
     assert!(Difference::new(&cpu, &gpu).flip() < 0.002);
     assert!(Difference::new(&cpu, &without).flip() > 0.002);
 }

@@ -1,7 +1,7 @@
-//! Numbers that a shader and its twin share are written once, in Rust.
+//! Constants that a shader and its twin share are declared once, in Rust.
 //!
-//! What a shader may declare for itself are numbers that its twin does not have: the size of a workgroup and what follows
-//! from it, the entries of a list that only the shader uses, marks of a loop.
+//! A shader may declare only constants that its twin does not have: the size of a workgroup and numbers derived from
+//! it, the length of a list that only the shader uses, the markers of a loop.
 
 use std::{
     collections::BTreeSet,
@@ -11,7 +11,7 @@ use std::{
 
 use epigraph_core::{Constant, ParamKind};
 
-/// The Rust files of a folder and its folders, each with its text.
+/// The Rust files in a folder and its subfolders, each with its text.
 fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display())) {
@@ -26,7 +26,7 @@ fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
     files
 }
 
-/// The names of the numbers that a text declares as constants, in Rust or WGSL.
+/// The names of the numeric constants that a Rust or WGSL text declares.
 fn numbers(text: &str) -> BTreeSet<&str> {
     let name = |line| -> Option<&str> {
         let (_, declared): (&str, &str) = str::split_once(line, "const ")?;
@@ -61,7 +61,7 @@ fn shaders_name_the_variants_of_choices() {
                 let compared = after.trim_start_matches([' ', '=', '!']);
                 let names = Constant::of_choice(param);
                 let is_named = names.iter().any(|constant| compared.starts_with(constant.name()));
-                // A `switch` names them in its cases.
+                // A `switch` may use the variants' names as cases.
                 assert!(
                     is_named || after.starts_with(" {"),
                     "{}: `{read}{}`",
@@ -74,7 +74,7 @@ fn shaders_name_the_variants_of_choices() {
 }
 
 #[test]
-fn shaders_use_the_constants_that_they_are_given() {
+fn shaders_use_all_constants_of_their_stages() {
     for kind in epigraph_stages::registry().kinds() {
         let Some(shader) = kind.declaration().and_then(|declaration| declaration.shader) else { continue };
         let specs = kind.specs();

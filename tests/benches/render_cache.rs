@@ -1,5 +1,5 @@
-//! Time of each stage of the render cache on the CPU: 512x512, about 300k points, cornell, orbit, 5% a frame. Tracing is
-//! measured apart: the frame's figure is without it.
+//! Times of the render cache's stages on the CPU: 512x512 pixels, about 300,000 points, cornell, orbit, 5% of the
+//! pixels sampled per frame. The time of a frame excludes tracing, which is measured separately.
 //!
 //! `cargo bench -p epigraph-tests` runs it.
 
@@ -38,7 +38,7 @@ fn stages(criterion: &mut Criterion) {
                     let counted = steps.iter().filter(|(_, step)| counts(step));
                     ms += counted.map(|(index, _)| f64::from(times[*index])).sum::<f64>();
                 }
-                // Idle stages take no measurable time; the harness needs some.
+                // Skipped stages take no measurable time, but the harness needs a positive one.
                 Duration::from_secs_f64(ms.max(1e-6) / 1000.0)
             });
         });
@@ -54,9 +54,9 @@ fn rays(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("tracer");
     group.sample_size(10).measurement_time(Duration::from_secs(3));
     for name in ["cornell", "chains", "dragon"] {
-        // The dragon has to be fetched first (scenes/fetch dragon).
+        // The dragon must be fetched first (scenes/fetch dragon).
         let Ok(scene) = Scene::load(name) else {
-            eprintln!("{name} is not there: scenes/fetch {name} brings it");
+            eprintln!("skipped {name}: run `scenes/fetch {name}` first");
             continue;
         };
         let camera = CameraPath::parse("still", &scene).expect("a path").camera(0);

@@ -1,4 +1,4 @@
-//! What the integration tests and benches share: a graph on a scene along a camera path, run as the command line does.
+//! Helpers of the integration tests and benches: they run a graph on a scene and a camera path, like the command line.
 
 use std::{
     ops::{Deref, DerefMut},
@@ -22,12 +22,12 @@ pub const GRAPHS: [&str; 6] = [
     "experiments/complex-pixels.ron",
 ];
 
-/// Runs a frame of both from the CPU's state, and counts how many elements of each port of whole numbers differ; the most.
-/// A frame each from the same state: one unit of one priority shifts every later request, so that two runs part though
-/// nothing is wrong.
+/// Runs a frame of both from the CPU's state and compares ports of integers. Returns the largest number of elements
+/// that differ in a port. Two whole runs cannot be compared, as one unit of one priority would change all later
+/// requests.
 ///
 /// # Panics
-/// Where more than `allowed` differ.
+/// If more than `allowed` elements of a port differ.
 pub fn frame_on_both(cpu: &mut Run, gpu: &mut Run, ports: &[&str], allowed: usize, what: &str) -> usize {
     gpu.executor.inherit(&mut cpu.executor).unwrap_or_else(|error| panic!("{error}"));
     cpu.frame(true);
@@ -41,30 +41,30 @@ pub fn frame_on_both(cpu: &mut Run, gpu: &mut Run, ports: &[&str], allowed: usiz
     differ.max().unwrap_or(0)
 }
 
-/// The shipped graph of that name.
+/// The shipped graph with the given file name.
 ///
 /// # Panics
-/// Where there is none or it does not parse.
+/// If there is no such graph or it does not parse.
 pub fn graph(name: &str) -> GraphFile {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name);
     GraphFile::load(&path).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-/// A graph that runs frame by frame; what goes wrong is a panic.
+/// A graph that runs frame by frame. All errors are panics.
 pub struct Run(epigraph::Run);
 
-/// Where a graph runs.
+/// The scene, the camera path and the settings of a run.
 pub struct Stage {
     /// Scene name.
     pub scene: &'static str,
     /// Camera path.
     pub camera: &'static str,
-    /// Size, samples, side and so on; the facts are filled in from the scene.
+    /// Size, samples, side and so on. The facts are ignored: they come from the scene.
     pub settings: Settings,
 }
 
 impl Run {
-    /// Compiles and builds; exact pace, seed 1, profiling off.
+    /// Compiles a graph and allocates its memory, with exact pace, seed 1 and no profiling.
     ///
     /// # Panics
     /// On any error, as tests use valid graphs.
@@ -108,7 +108,7 @@ impl Run {
         self.0.advance(capture).unwrap_or_else(|error| panic!("{error}"));
     }
 
-    /// Runs `count` frames; the taps and outputs of the last one are captured.
+    /// Runs `count` frames, and captures the taps and outputs of the last one.
     pub fn frames(&mut self, count: u32) {
         self.0.frames(count).unwrap_or_else(|error| panic!("{error}"));
     }
@@ -116,7 +116,7 @@ impl Run {
     /// A captured port or output (`node.port`), or a field of one (`node.port.field`).
     ///
     /// # Panics
-    /// If it was not tapped.
+    /// If the port was not tapped.
     pub fn captured(&mut self, name: &str) -> Snapshot {
         self.0.snapshot(name).unwrap_or_else(|error| panic!("{error}")).clone()
     }
@@ -136,7 +136,7 @@ impl DerefMut for Run {
     }
 }
 
-/// `node.port`, to be tapped.
+/// The port `node.port` as a tap.
 pub fn tap(name: &str) -> Source {
     name.parse().unwrap_or_else(|_| panic!("`{name}` is not NODE.PORT"))
 }

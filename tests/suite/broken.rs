@@ -1,4 +1,5 @@
-//! Every file in `tests/broken` is refused, with a message that says where and what to do. The messages are snapshots.
+//! Every file in `tests/broken` is refused with a message that says where the problem is and how to solve it. The
+//! messages are snapshots.
 
 use std::{fs, path::Path};
 

@@ -1,4 +1,4 @@
-//! Complex pixels by quarters: on both sides, and closer to a converged picture.
+//! Complex pixels coloured by quarters: both sides agree, and the picture is closer to the converged one.
 
 use std::{path::Path, sync::Arc};
 
@@ -31,18 +31,18 @@ fn converged() -> Vec<[f32; 4]> {
     picture.iter().map(|color| [color[0], color[1], color[2], 1.0]).collect()
 }
 
-/// The sum of the squared differences of some pixels, on radiance cut at 1.
+/// The sum of the squared differences of radiance, clamped to 1, over some pixels.
 fn squares(a: &[[f32; 4]], b: &[[f32; 4]], pixels: &[usize]) -> f32 {
     let square = |p: usize, channel: usize| (a[p][channel].min(1.0) - b[p][channel].min(1.0)).powi(2);
     pixels.iter().map(|&p| (0..3).map(|channel| square(p, channel)).sum::<f32>()).sum()
 }
 
 #[test]
-fn quarters_bring_complex_pixels_closer_and_leave_the_others() {
+fn quarters_improve_complex_pixels_and_leave_the_others_unchanged() {
     let (before, classes) = run("epi.ron", Side::Cpu);
     let (after, same) = run("experiments/complex-pixels.ron", Side::Cpu);
-    assert!(classes == same, "the stage changes no class");
-    // The lowest two bits are the class; 2 is a complex one.
+    assert!(classes == same, "the stage changes a class");
+    // The lowest two bits are the class; 2 is complex.
     let (complex, others): (Vec<_>, Vec<_>) = (0..classes.len()).partition(|&p| classes[p] & 3 == 2);
     assert!(complex.len() > 10, "{} complex pixels", complex.len());
     assert!(others.iter().all(|&p| before[p] == after[p]));
@@ -54,7 +54,7 @@ fn quarters_bring_complex_pixels_closer_and_leave_the_others() {
 #[test]
 fn quarters_agree_on_both_sides() {
     let [cpu, gpu] = [Side::Cpu, Side::Gpu].map(|side| run("experiments/complex-pixels.ron", side).0);
-    // Once rounding moves a request, all later samples differ.
+    // After rounding has moved one request, all later samples differ.
     let all: Vec<usize> = (0..cpu.len()).collect();
     let rms = (squares(&cpu, &gpu, &all) / (3 * cpu.len()) as f32).sqrt();
     assert!(rms < 0.01, "{rms}");

@@ -1,4 +1,4 @@
-//! What the documents and the code say about each other.
+//! References between the documents and the code: cited sections and files exist, and quoted code is that of the files.
 
 use std::{
     collections::BTreeSet,
@@ -25,7 +25,7 @@ fn files(folder: &Path, extensions: &[&str], found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The text with each comment on one line, so that a citation is in one piece.
+/// The text with the lines of each comment joined, so that no citation is broken across lines.
 fn joined(text: &str) -> String {
     let lines = text.lines().map(|line| line.trim_start().trim_start_matches(['/', '!']).trim_end());
     lines.collect::<Vec<_>>().join(" ")
@@ -79,7 +79,7 @@ fn every_cited_section_of_the_algorithms_exists() {
     let mut count = 0;
     for path in sources.iter().filter(|path| !path.ends_with("tests/suite/documents.rs")) {
         let text = joined(&fs::read_to_string(path).unwrap());
-        // Within the page itself every section is one of its own.
+        // Within `algorithms.md`, a section without a file name is one of its own.
         let markers: &[&str] = if path.ends_with("docs/algorithms.md") {
             &["section"]
         } else {
@@ -116,7 +116,7 @@ fn the_readme_shows_the_files_of_the_stage() {
 }
 
 #[test]
-fn the_readme_shows_the_program_that_the_library_tests() {
+fn the_readme_shows_the_program_of_the_librarys_front_page() {
     let readme = fs::read_to_string(root().join("README.md")).unwrap();
     let front = fs::read_to_string(root().join("run/src/lib.rs")).unwrap();
     let front: String =

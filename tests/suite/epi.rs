@@ -1,5 +1,5 @@
-//! The edge-and-point image: the same on both sides, poisoned too, and closer to a converged picture than the render cache
-//! at equal samples.
+//! The edge-and-point image: both sides agree, with poison on, and at equal numbers of samples the picture is closer to
+//! the converged one than that of the render cache.
 
 use std::sync::Arc;
 
@@ -11,11 +11,11 @@ use glam::Vec3;
 const SIZE: [u32; 2] = [96, 72];
 const FRAMES: u32 = 12;
 
-/// What the edges make of a frame: all integers.
+/// The ports of the edge stages that hold integers.
 const INTEGERS: [&str; 5] =
     ["edge_raster.mask", "reach_cull.cls", "reach_cull.id", "reach.r24", "interpolate.priority"];
 
-/// Pixels of an integer image that roundings may decide, of 6,912.
+/// How many of the 6,912 pixels of an integer image may differ because of rounding.
 const ROUNDING: usize = 4;
 
 fn start(name: &str, scene: &'static str, camera: &'static str, side: Side) -> Run {
@@ -29,10 +29,10 @@ fn difference(a: &[u8], b: &[u8]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
 }
 
-/// Each frame starts from the same state. Where an f32 rounding then decides, a pixel may differ: a few in any
-/// integer image, and next to nothing in the picture.
+/// Both sides start each frame from the same state. Because of f32 rounding, a few pixels of each integer image may
+/// differ, and the picture hardly does.
 #[test]
-fn both_sides_make_the_same_of_the_same_state() {
+fn both_sides_compute_the_same_frame_from_the_same_state() {
     let mut worst = 0;
     for (scene, camera) in [("cornell", "still"), ("cornell", "orbit"), ("chains", "orbit")] {
         let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu].map(|side| start("epi.ron", scene, camera, side));
@@ -60,7 +60,7 @@ fn the_comparison_can_fail() {
     assert!(a.iter().zip(&b).filter(|(a, b)| a != b).count() > ROUNDING);
 }
 
-/// Root mean square of the difference to a converged picture, on radiance cut at 1.
+/// Root mean square difference from the converged picture, of radiance clamped to 1.
 fn error(name: &str, color: &str, scene: &'static str, camera: &'static str) -> f64 {
     let size = [128, 128];
     let mut file = graph(name);
@@ -72,7 +72,7 @@ fn error(name: &str, color: &str, scene: &'static str, camera: &'static str) -> 
     rms(&picture, &converged(scene, camera, size, 24))
 }
 
-/// The picture of frame `index` that the tracer makes with 64 rays for each pixel.
+/// The tracer's picture of frame `index`, with 64 rays per pixel.
 pub fn converged(scene: &str, camera: &str, size: [u32; 2], index: u32) -> Vec<Vec3> {
     let scene = Arc::new(Scene::load(scene).expect("a built-in scene"));
     let camera = CameraPath::parse(camera, &scene).expect("a camera path").camera(index);
@@ -81,7 +81,7 @@ pub fn converged(scene: &str, camera: &str, size: [u32; 2], index: u32) -> Vec<V
     reference::render(&tracer, &camera, size, 64, &settings, 7, &|| true).expect("not stopped")
 }
 
-/// Root mean square of the difference of two pictures, on radiance cut at 1.
+/// Root mean square difference of two pictures, of radiance clamped to 1.
 pub fn rms(a: &[[f32; 4]], b: &[Vec3]) -> f64 {
     assert_eq!(a.len(), b.len());
     let squares = a.iter().zip(b).flat_map(|(a, b)| {
@@ -91,8 +91,8 @@ pub fn rms(a: &[[f32; 4]], b: &[Vec3]) -> f64 {
 }
 
 #[test]
-fn edges_bring_it_closer_than_the_render_cache() {
-    // The links of the chains are a few pixels wide here: most of their pixels are complex.
+fn the_error_is_less_than_that_of_the_render_cache() {
+    // The links of the chains are only a few pixels wide here, so most of their pixels are complex.
     for (scene, camera, share) in
         [("cornell", "still", 0.7), ("cornell", "orbit", 0.7), ("chains", "orbit", 0.95)]
     {

@@ -1,4 +1,4 @@
-//! The whole render cache at the ends of what it may be given: sizes, budgets, clouds. Poison is on throughout.
+//! The whole render cache with extreme image sizes, numbers of samples and sizes of the cloud, mostly with poison on.
 
 use epigraph_core::{Executor, Facts, RunError, Settings, Side, compile};
 use epigraph_stages::facts::CAMERA_MOVES;
@@ -23,7 +23,8 @@ fn image(run: &mut Run) -> Vec<[u8; 4]> {
     image.get()
 }
 
-/// Pixels that are not black, and of those how many are where the tracer sees something too; and how many the tracer sees.
+/// Numbers of pixels: those that are not black in `image`, those that are not black in both, and those that are not
+/// black in `truth`.
 fn lit(image: &[[u8; 4]], truth: &[Vec3]) -> [usize; 3] {
     assert_eq!(image.len(), truth.len());
     let is_lit = |color: &[u8; 4]| color[..3] != [0; 3];
@@ -33,10 +34,10 @@ fn lit(image: &[[u8; 4]], truth: &[Vec3]) -> [usize; 3] {
     [image.iter().filter(|color| is_lit(color)).count(), both, seen]
 }
 
-/// Runs both sides and compares each frame; gives the pictures of the last one.
+/// Runs both sides, compares each frame, and returns the pictures of the last one.
 fn same_on_both_sides(size: [u32; 2], samples: u32) -> [Vec<[u8; 4]>; 2] {
-    // A software GPU rounds as the CPU does. Elsewhere a point that a rounding moves by a pixel changes that one and its
-    // neighbours, and any colour may be rounded to the next code.
+    // A software GPU rounds like the CPU. On other GPUs, rounding may move a point by a pixel, which changes the
+    // colours around it, and any colour may be rounded to the next code.
     let bytes = 4 * (size[0] * size[1]) as usize;
     let [codes, allowed] = if gpu().is_software() { [0, 0] } else { [1, bytes / 100] };
     let mut sides = [Side::Cpu, Side::Gpu].map(|side| run(size, samples, side));
@@ -51,17 +52,18 @@ fn same_on_both_sides(size: [u32; 2], samples: u32) -> [Vec<[u8; 4]>; 2] {
 }
 
 #[test]
-fn odd_sizes_run_alike_on_both_sides() {
+fn extreme_sizes_give_the_same_picture_on_both_sides() {
     for (size, samples) in [([1, 1], 1), ([1, 64], 20), ([8192, 3], 4000), ([3, 8192], 4000), ([17, 1], 40)] {
         let truth = converged("cornell", CAMERA, size, FRAMES - 1);
         for image in same_on_both_sides(size, samples) {
-            // Small or narrow pictures are hit or miss: of the box, half may be missing and a tenth or two pixels be beside it.
+            // In small or narrow pictures the box is inexact: half of its pixels may be missing, and a tenth of their
+            // number, or two pixels, may lie beside it.
             let [lit, both, seen] = lit(&image, &truth);
             assert!(2 * both >= seen && seen > 0, "{size:?}: of {seen} pixels of the box {both} are lit");
             assert!(lit - both <= 2 + seen / 10, "{size:?}: {lit} lit, {both} of them in the box");
             assert!(
                 image.as_flattened().iter().any(|byte| *byte != 0 && *byte != 255),
-                "{size:?}: nothing to see"
+                "{size:?}: the picture is empty"
             );
         }
     }
@@ -78,11 +80,12 @@ fn without_samples_the_picture_stays_black() {
 }
 
 #[test]
-fn a_budget_beyond_the_pixels_is_no_harm() {
+fn more_samples_than_pixels_are_harmless() {
     let size = [24, 16];
     let truth = converged("cornell", CAMERA, size, FRAMES - 1);
     for image in same_on_both_sides(size, 5000) {
-        // The box is a few pixels wider where points of its rim are spread. All black or all white would agree in half of them.
+        // The box may be a few pixels wider, as the colours at its rim spread. A black or white picture would agree in
+        // only half of the pixels.
         let [lit, both, seen] = lit(&image, &truth);
         let agree = image.len() + 2 * both - lit - seen;
         assert!(10 * agree >= 8 * image.len(), "{agree} of {} pixels agree with the tracer", image.len());
@@ -106,11 +109,11 @@ fn a_cloud_of_sixteen_million_points_runs() {
 }
 
 #[test]
-fn a_cloud_beyond_the_device_is_refused_with_its_name() {
+fn a_cloud_too_large_for_the_device_is_refused_with_its_name() {
     let mut file = graph("render-cache.ron");
     file.set_param("points", "points_per_pixel", "16.0").unwrap();
     let facts = Facts::default().stating(CAMERA_MOVES, true);
-    // Sixteen points for each pixel, of 16 bytes each: one row more than the device binds, whatever that is.
+    // 16 points per pixel, of 16 bytes each: one row of pixels more than the device's largest binding holds.
     let width = 4096;
     let rows = gpu().most_bound() / (16 * 16 * u64::from(width)) + 1;
     let size = [width, u32::try_from(rows).expect("devices bind less")];

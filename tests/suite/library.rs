@@ -1,4 +1,4 @@
-//! The crate `epigraph` as programs use it: what can be read, what is refused, cameras and samples of one's own.
+//! The crate `epigraph` as programs use it: ports that can be read, errors, and a program's own cameras and samples.
 
 use std::sync::{
     Arc,
@@ -16,7 +16,7 @@ fn setup() -> Setup {
 }
 
 #[test]
-fn ports_are_read_as_what_they_hold() {
+fn ports_are_read_as_elements_of_their_types() {
     let mut run =
         setup().keep(&["fill.color", "cull.id", "cloud/points.cloud", "trace.samples"]).start().unwrap();
     run.frames(3).unwrap();
@@ -28,7 +28,7 @@ fn ports_are_read_as_what_they_hold() {
     assert!(ids.pixels.iter().any(|&id| id != u32::MAX));
     let positions: Image<[f32; 4]> = run.read("cloud/points.cloud.position").unwrap();
     assert_eq!(positions.size[1], 1);
-    // Bytes of a picture are shares of 1.
+    // Bytes of a picture are read as numbers from 0 to 1.
     let picture: Image<[f32; 4]> = run.read("image").unwrap();
     assert!(picture.pixels.iter().flatten().all(|channel| (0.0..=1.0).contains(channel)));
 
@@ -41,7 +41,7 @@ fn ports_are_read_as_what_they_hold() {
 }
 
 #[test]
-fn what_cannot_run_is_refused_with_its_reason() {
+fn invalid_setups_are_refused_with_the_reason() {
     let text = |error: Error| error.to_string();
     let refused = |setup: Setup| text(setup.compile().map(drop).unwrap_err());
     assert!(text(Run::open("epj").map(drop).unwrap_err()).contains("did you mean `epi`"));
@@ -59,7 +59,7 @@ fn what_cannot_run_is_refused_with_its_reason() {
 }
 
 #[test]
-fn a_camera_of_ones_own_shows_what_the_path_would() {
+fn a_camera_of_ones_own_gives_the_same_picture_as_the_equal_path() {
     let place = Place::load("cornell", "orbit").unwrap();
     let mut led = setup().at(&place).start().unwrap();
     let mut moved = setup().at(&place.along("still").unwrap()).live().start().unwrap();
@@ -72,7 +72,7 @@ fn a_camera_of_ones_own_shows_what_the_path_would() {
     }
 }
 
-/// A floor at the height 0 under a white sky, and nothing else: the floor's colour is that of the frame.
+/// A source of samples: a floor at height 0 under a white sky. The floor's colour changes with the frame.
 #[derive(Default)]
 struct Floor {
     asked: AtomicU32,
@@ -116,7 +116,7 @@ fn samples_come_from_a_source_of_ones_own() {
         run.frames(8).unwrap();
         let color: Image<[f32; 4]> =
             run.read(if graph == "epi" { "antialias.color" } else { "fill.color" }).unwrap();
-        // The horizon is the middle row. No edge separates the halves there, so skip the rows near it.
+        // The horizon is the middle row. No edge separates sky and floor, so rows near it are not tested.
         assert_eq!(color[[20, 3]][..3], [1.0; 3], "{graph}: the sky");
         let floor = color[[20, 20]];
         assert!((floor[0] - 0.5).abs() < 2e-3 && (floor[1] - 0.25).abs() < 2e-3, "{graph}: {floor:?}");

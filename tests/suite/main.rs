@@ -1,4 +1,4 @@
-//! Integration tests: broken graphs and their messages, shipped graphs, parity of the sides.
+//! Integration tests of whole graphs: errors, shipped graphs, agreement of CPU and GPU, and quality.
 
 mod broken;
 mod complex;

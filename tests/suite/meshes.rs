@@ -1,5 +1,6 @@
-//! The edge-and-point image of meshes that no built-in scene has: as large as the papers' largest, nothing but borders, and
-//! seen along the planes of their faces. Both sides start each frame from the same state, poisoned.
+//! The edge-and-point image of meshes unlike those of the built-in scenes: as large as the papers' largest, with
+//! borders only, and seen along the planes of their faces. Both sides start each frame from the same state, with poison
+//! on.
 
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use glam::Vec3;
 const SIZE: [u32; 2] = [96, 72];
 const INTEGERS: [&str; 3] = ["silhouette.drawn", "edge_raster.mask", "reach_cull.cls"];
 
-/// Elements of an integer list or image that roundings may decide.
+/// How many elements of an integer list or image may differ because of rounding.
 const ROUNDING: usize = 4;
 
 /// A shape under a lamp, seen from `eye`, which looks at the origin.
@@ -24,7 +25,7 @@ fn scene(shape: &Shape, eye: Vec3) -> Arc<Scene> {
     Arc::new(builder.build("test", camera, Vec3::splat(0.1), 0.0, CREASE_ANGLE).unwrap())
 }
 
-/// Runs some frames on both sides and compares them; gives the bits of the silhouettes and the picture of the last.
+/// Runs some frames on both sides and compares them. Returns the last frame's bits of silhouettes, and its picture.
 #[track_caller]
 fn both_sides(scene: &Arc<Scene>, frames: u32) -> (Vec<u32>, Vec<u8>) {
     let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu].map(|side| {
@@ -45,13 +46,13 @@ fn ones(words: &[u32]) -> u32 {
     words.iter().map(|word| word.count_ones()).sum()
 }
 
-/// Pixels that are not what a ray into the open shows.
+/// The number of pixels that differ from the background, which the first pixel shows.
 fn covered(image: &[u8]) -> usize {
     image.chunks_exact(4).filter(|pixel| pixel[..] != image[..4]).count()
 }
 
 #[test]
-fn as_many_edges_as_the_papers_dragon_has() {
+fn a_mesh_with_as_many_edges_as_the_papers_dragon() {
     let scene = scene(&Shape::sphere(1.0, 768, 569), Vec3::new(0.0, 1.0, 3.0));
     assert_eq!(scene.mesh.edges.len(), 1_308_672);
     let (drawn, image) = both_sides(&scene, 2);
@@ -60,8 +61,8 @@ fn as_many_edges_as_the_papers_dragon_has() {
 }
 
 #[test]
-fn nothing_but_borders() {
-    // A fan of leaves that touch nowhere.
+fn a_mesh_of_borders_only() {
+    // A fan of triangles that do not touch each other.
     let leaf = |i: u32| {
         let turn = glam::Quat::from_rotation_z(i as f32 * 0.7) * glam::Quat::from_rotation_x(i as f32 * 0.3);
         [Vec3::new(0.1, 0.0, 0.1), Vec3::new(0.9, -0.25, 0.0), Vec3::new(0.9, 0.25, -0.1)].map(|p| turn * p)
@@ -73,7 +74,7 @@ fn nothing_but_borders() {
     };
     let scene = scene(&shape, Vec3::new(0.0, 0.2, 2.5));
     let (drawn, image) = both_sides(&scene, 6);
-    // All are drawn, as each has one face, whose back may be visible.
+    // All edges are drawn: borders always are, as the back of their face may be visible.
     assert_eq!(ones(&drawn), 27);
     assert!(covered(&image) > 300, "{} pixels covered", covered(&image));
 }
@@ -83,7 +84,7 @@ fn the_eye_in_the_plane_of_faces() {
     // The eye is level with the box's upper side, and in the plane of a quad, which it sees as a line.
     let cube = Shape::cuboid(Vec3::new(-0.5, -1.0, -0.5), Vec3::new(0.5, 0.0, 0.5));
     let (drawn, image) = both_sides(&scene(&cube, Vec3::new(0.0, 0.0, 2.5)), 6);
-    // Only the side towards the eye faces it.
+    // Only one side of the box faces the eye.
     assert_eq!(ones(&drawn), 4);
     assert!(covered(&image) > 300, "{} pixels covered", covered(&image));
     let corners = [[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 0.0, -1.0]];

@@ -1,4 +1,5 @@
-//! A scene in motion: its points, edges and shadows move, on both sides, and only what depends on it runs again.
+//! A scene in motion: points, edges and shadows move in the same way on both sides, and stages that do not depend on
+//! the motion are skipped.
 
 use std::sync::Arc;
 
@@ -20,18 +21,18 @@ fn settings(side: Side, ports: &[&str]) -> Settings {
 }
 
 #[test]
-fn both_sides_see_the_same_motion() {
+fn both_sides_show_the_same_motion() {
     let ports = ["silhouette.drawn", "edge_raster.mask", "cull.id"];
     let [mut cpu, mut gpu] =
         [Side::Cpu, Side::Gpu].map(|side| start(&graph("epi.ron"), SCENE, settings(side, &ports)));
     for frame in 0..12 {
-        // Rounding of an f32 matrix may move a point to the next pixel.
+        // The rounding of an f32 matrix may move a point to the next pixel.
         frame_on_both(&mut cpu, &mut gpu, &ports, 20, &format!("frame {frame}"));
     }
 }
 
 #[test]
-fn what_moves_runs_again_and_nothing_is_left_out_that_counts() {
+fn stages_that_depend_on_motion_run_only_where_something_moves() {
     let ran = |run: &Run, name: &str| {
         run.executor.plan().nodes.position(|node| node.name == name).map(|node| run.executor.ran()[node])
     };
@@ -51,10 +52,10 @@ fn what_moves_runs_again_and_nothing_is_left_out_that_counts() {
         run.frames(8);
         run.captured("image")
     };
-    assert!(image(true) == image(false), "where nothing moves, both stages change nothing");
+    assert!(image(true) == image(false), "in a static scene, a stage of motion changes the picture");
 }
 
-/// Root mean square of the difference of a frame to a converged picture of its scene, as a screen shows them.
+/// Root mean square difference between a frame and the converged picture, of values as shown on a screen.
 fn error(file: &GraphFile, color: &str) -> f64 {
     const FRAME: u32 = 24;
     let size = [192, 192];
@@ -68,7 +69,7 @@ fn error(file: &GraphFile, color: &str) -> f64 {
     let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
     let converged: Vec<Vec3> =
         reference::render(&tracer, &camera, size, 64, &settings, 7, &|| true).expect("not stopped");
-    // Without the lamp, which is far brighter than white, so that a few pixels of its rim would dominate.
+    // The lamp is excluded: it is far brighter than white, so that a few pixels at its rim would dominate.
     let lit: Vec<_> = picture.iter().zip(&converged).filter(|(_, b)| b.max_element() < 1.0).collect();
     let shown = |radiance: f32| f64::from(radiance.clamp(0.0, 1.0)).powf(1.0 / 2.2);
     let squares =
@@ -77,7 +78,7 @@ fn error(file: &GraphFile, color: &str) -> f64 {
 }
 
 #[test]
-fn ageing_by_the_change_of_light_brings_it_closer() {
+fn ageing_points_where_light_changes_reduces_the_error() {
     let mut aged = graph("epi.ron");
     aged.set_param("trace", "spp", "16").unwrap();
     let mut not = aged.clone();

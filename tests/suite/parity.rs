@@ -1,4 +1,5 @@
-//! The whole render cache on both sides, along a moving camera: the same picture within the stated bounds.
+//! The whole render cache on CPU and GPU, with a still and a moving camera: the pictures agree within the stated
+//! bounds.
 
 use epigraph_core::{Settings, Side};
 use epigraph_tests::{Run, Stage, graph, tap};
@@ -23,9 +24,9 @@ fn difference(a: &[u8], b: &[u8]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
 }
 
-/// An f32 that rounds differently on the two sides can move a point by one pixel, and that changes what is asked for
-/// next: the sides agree frame by frame only until then. What must hold is that such pixels are few and the picture is
-/// the same to the eye: at most 1% of the pixels show another point, half a code of difference on average.
+/// If a number rounds differently on the two sides, a point may move by one pixel, which changes the next requests for
+/// samples. From then on, the sides no longer agree exactly. But few pixels may differ, and the picture must look the
+/// same: at most 1% of the pixels show another point, and the mean difference is at most half a code.
 #[test]
 fn both_sides_show_the_same() {
     for camera in ["still", "orbit"] {

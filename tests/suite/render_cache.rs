@@ -15,10 +15,10 @@ use epigraph_tests::{Run, Stage, graph, tap};
 
 const SIZE: [u32; 2] = [128, 128];
 
-/// Samples of a frame: 5% of the pixels.
+/// Number of samples per frame: 5% of the pixels.
 const SAMPLES: u32 = 819;
 
-/// Ports that the tests look at.
+/// The ports that the tests read.
 const TAPS: [&str; 7] = [
     "image_id.cloud",
     "fill.color",
@@ -36,8 +36,8 @@ fn start(name: &str, side: Side, camera: &'static str, change: impl FnOnce(&mut 
     Run::new(&graph(name), Stage { scene: "cornell", camera, settings })
 }
 
-/// Mean difference between the image of the last frame and a converged one, as a share of the converged one's mean: 1 for
-/// a black image.
+/// Mean difference between the image of the last frame and a converged image, as a share of the converged image's mean:
+/// 1 for a black image.
 fn error(run: &mut Run) -> f32 {
     let settings = TraceSettings { spp: 4, ..TraceSettings::default() };
     let camera = run.path().camera(run.index() - 1);
@@ -56,7 +56,7 @@ fn error(run: &mut Run) -> f32 {
     difference / sum
 }
 
-/// Runs frames on this many threads; gives the last picture.
+/// Runs frames on `threads` threads and returns the last picture.
 fn picture(graph: &str, threads: usize, frames: u32, change: impl FnOnce(&mut Settings) + Send) -> Vec<u8> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     pool.install(|| {
@@ -126,7 +126,7 @@ fn the_cloud_fills_and_stays_consistent() {
 }
 
 #[test]
-fn the_same_bytes_for_any_number_of_threads() {
+fn the_picture_has_the_same_bytes_on_any_number_of_threads() {
     for graph in ["render-cache.ron", "render-cache-cpu-dither.ron"] {
         let one = picture(graph, 1, 20, |_| {});
         assert!(one == picture(graph, 2, 20, |_| {}), "{graph}");
@@ -138,7 +138,7 @@ fn the_same_bytes_for_any_number_of_threads() {
 }
 
 #[test]
-fn a_still_camera_converges_to_what_the_tracer_sees() {
+fn with_a_still_camera_the_image_converges_to_the_tracers() {
     let mut run = start("render-cache.ron", Side::Cpu, "still", |_| {});
     run.frames(2);
     let early = error(&mut run);
@@ -161,7 +161,7 @@ fn shaders_fit_their_stages() {
         checked.push(shader.name.to_string());
     }
     checked.sort_unstable();
-    // Each shader in the folder, and each once.
+    // The checked shaders are all shaders of the folder, each once.
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shaders");
     let names = fs::read_dir(folder).expect("the shaders").map(|entry| entry.expect("a file").file_name());
     let mut shipped: Vec<_> =
@@ -178,8 +178,8 @@ fn both_sides_show_the_same() {
         cpu.frame(true);
         gpu.frame(true);
     }
-    // A point whose projection rounds to another pixel changes the requests that follow, and with them the samples; so
-    // the pictures may eventually differ. On lavapipe they do not.
+    // If rounding projects a point to another pixel, later requests and samples change, so the pictures may differ in
+    // the end. With lavapipe they do not.
     let differing = cpu
         .captured("image")
         .bytes
@@ -191,7 +191,7 @@ fn both_sides_show_the_same() {
 }
 
 #[test]
-fn readbacks_that_come_late_do_little_harm() {
+fn late_readbacks_hardly_increase_the_error() {
     let mut split =
         start("render-cache-cpu-dither.ron", Side::Gpu, "orbit", |settings| settings.poison = true);
     split.frames(20);

@@ -1,4 +1,4 @@
-//! Every shipped graph compiles at every placement, and every shader fits its stage, without a GPU.
+//! Every shipped graph compiles in every placement, and every shader fits its stage: both are tested without a GPU.
 
 use epigraph_core::{Access, Facts, Settings, Side, check_shader, compile, compose_shader};
 use epigraph_stages::{facts::CAMERA_MOVES, registry};
@@ -28,7 +28,7 @@ fn shipped_graphs_compile_and_their_shaders_fit() {
 }
 
 #[test]
-fn an_all_gpu_frame_is_one_submission_but_for_the_tracer() {
+fn an_all_gpu_frame_is_one_submission_except_for_the_tracer() {
     let facts = Facts::default().stating(CAMERA_MOVES, true);
     let settings = Settings { side: Side::Gpu, facts, ..Settings::new([320, 200], 1000) };
     let (_, plan) =
@@ -39,7 +39,7 @@ fn an_all_gpu_frame_is_one_submission_but_for_the_tracer() {
         .filter(|step| !matches!(step, epigraph_core::Step::Run(_) | epigraph_core::Step::Tap { .. }))
         .map(|step| plan.step_name(step))
         .collect();
-    // Rays are traced on the CPU: requests come down, samples go up (once for each of their two readers' first).
+    // Rays are traced on the CPU, so requests are downloaded, and samples uploaded: once, though two stages read them.
     assert_eq!(transfers, ["upload trace.samples", "download request.requests"]);
 }
 

@@ -1,12 +1,12 @@
-//! Graphs that are split between the sides as in the papers. With immediate readbacks a split changes nothing. With late
-//! ones it asks for other samples: then the picture has to come as close to the scene.
+//! Graphs that are split between CPU and GPU as in the papers. With immediate readbacks, a split changes nothing. With
+//! late readbacks, it requests other samples, but the picture must be as close to the converged one.
 
 use epigraph_core::{Download, GraphFile, NodeDef, Settings, Side};
 use epigraph_tests::{Run, Stage, frame_on_both, gpu, graph, tap};
 
 use crate::epi::{converged, rms};
 
-/// Graphs, and those of their ports that are whole numbers.
+/// Graphs, and some of their ports that hold integers.
 const SPLITS: [(&str, &[&str]); 2] = [
     ("render-cache-cpu-dither.ron", &["cull.id", "fill.priority"]),
     (
@@ -47,14 +47,14 @@ fn start(file: &GraphFile, ports: &[&str], side: Side, scene: &'static str, came
     Run::new(file, Stage { scene, camera, settings })
 }
 
-/// How many pixels of an integer image roundings may decide, of 6,912. A software GPU rounds as the CPU does.
+/// How many of the 6,912 pixels of an integer image may differ because of rounding. A software GPU rounds like the CPU.
 fn roundings() -> usize {
     if gpu().is_software() { 0 } else { 4 }
 }
 
-/// Each frame starts from the same state, as in [`crate::epi`].
+/// Both start each frame from the same state, as in [`crate::epi`].
 #[test]
-fn in_step_a_split_changes_nothing() {
+fn with_immediate_readbacks_a_split_changes_nothing() {
     for (name, ports) in SPLITS {
         for (scene, camera) in PLACES {
             let mut split = start(&in_step(name), ports, Side::Gpu, scene, camera);
@@ -65,8 +65,8 @@ fn in_step_a_split_changes_nothing() {
                 let [cpu, split] = [&mut cpu, &mut split].map(|run| run.captured("image").bytes);
                 assert_eq!(cpu.len(), split.len());
                 let difference: u32 = cpu.iter().zip(&split).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
-                // A colour between two codes may become either; one such was seen. Where a pixel of an integer image
-                // differs, so do the colours around it.
+                // A colour halfway between two codes may be rounded to either (one such pixel was found). If a pixel of
+                // an integer image differs, so do the colours around it.
                 assert!(difference as usize <= 8 + 100 * roundings(), "{what}: {difference} codes in all");
                 assert!(frame == 0 || cpu.chunks_exact(4).any(|color| color[..3] != [0; 3]), "{what}: black");
             }
@@ -79,7 +79,7 @@ fn the_comparison_can_fail() {
     for (name, ports) in SPLITS {
         let mut late = start(&graph(name), ports, Side::Gpu, "cornell", "still");
         let mut cpu = start(&on_cpu(in_step(name)), ports, Side::Cpu, "cornell", "still");
-        // The first requests come a frame late.
+        // With the late readbacks, the first requests arrive a frame later.
         late.frames(2);
         cpu.frames(2);
         for port in ports {
@@ -89,10 +89,10 @@ fn the_comparison_can_fail() {
     }
 }
 
-/// Half the period of an orbit: the camera is then at the other end of its arc.
+/// Half the period of an orbit, in frames: after it, the camera is at the other end of its arc.
 const OLD: u32 = 28;
 
-/// Pictures of the frames [`OLD`] before the last one and the last one, of radiance.
+/// Radiance of two frames: one [`OLD`] frames before the last, and the last.
 fn pictures(
     mut file: GraphFile,
     color: &str,
@@ -112,10 +112,10 @@ fn pictures(
 
 const LATE_SIZE: [u32; 2] = [128, 128];
 
-/// Other samples make another error: measured, 0.68 to 1.03 times that of immediate readbacks. A tenth more is allowed, which
-/// pictures that are black, old or three pixels off exceed.
+/// With other samples, the error differs: measured, it is 0.68 to 1.03 times that of immediate readbacks. The limit is
+/// 1.1 times, which pictures that are black, outdated or shifted by three pixels exceed.
 #[test]
-fn late_readbacks_show_the_scene_as_well() {
+fn with_late_readbacks_the_error_is_about_the_same() {
     for (name, color, share) in
         [("render-cache-cpu-dither.ron", "fill.color", 10), ("hybrid.ron", "antialias.color", 50)]
     {

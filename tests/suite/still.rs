@@ -1,4 +1,5 @@
-//! What the eye sees of the mesh is not looked for again while nothing moves, and nobody can tell from the picture.
+//! While nothing moves, stages that depend only on the mesh and the view are skipped, which does not change the
+//! picture.
 
 use epigraph_core::{Settings, Side};
 use epigraph_tests::{Run, Stage, graph, tap};
@@ -6,8 +7,8 @@ use epigraph_tests::{Run, Stage, graph, tap};
 const SIZE: [u32; 2] = [64, 48];
 const FRAMES: u32 = 5;
 
-/// Graphs with the nodes that depend on the mesh and the view alone, and what must be the same with and without pruning.
-/// In the split graph, occupancy that comes a frame late asks for other samples than none, so that later images differ.
+/// Graphs, their nodes that depend only on the mesh and the view, and the ports that must be the same with and without
+/// pruning. In the split graph the picture is not among them: without pruning, a late `occupancy` changes the requests.
 const GRAPHS: [(&str, &[&str], &[&str]); 2] = [
     ("epi.ron", &["silhouette"], &["silhouette.drawn", "edge_raster.mask", "image"]),
     ("hybrid.ron", &["silhouette", "compact"], &["silhouette.drawn", "compact.count"]),
@@ -30,7 +31,7 @@ fn ran(run: &Run, name: &str) -> bool {
 }
 
 #[test]
-fn silhouettes_are_found_again_only_when_the_camera_moves() {
+fn silhouettes_are_recomputed_only_when_the_camera_moves() {
     for (name, nodes, _) in GRAPHS {
         for side in [Side::Cpu, Side::Gpu] {
             for (camera, moves) in [("still", false), ("orbit", true)] {
@@ -53,7 +54,7 @@ fn silhouettes_are_found_again_only_when_the_camera_moves() {
 }
 
 #[test]
-fn skipping_changes_no_bit() {
+fn skipping_stages_changes_no_bit() {
     for (name, nodes, ports) in GRAPHS {
         for side in [Side::Cpu, Side::Gpu] {
             for (camera, poison) in [("still", false), ("still", true), ("orbit", true)] {

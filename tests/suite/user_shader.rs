@@ -1,4 +1,4 @@
-//! The README's user shader: under twenty lines of code, in a graph, with a parameter that can be set.
+//! The user shader of the README: a file of fewer than twenty lines of code in a graph, with a parameter.
 
 use std::{fs, path::Path};
 
@@ -23,14 +23,14 @@ fn lines(jump: &str) -> usize {
 }
 
 #[test]
-fn the_users_shader_runs_and_its_parameter_counts() {
+fn the_users_shader_runs_and_its_parameter_has_an_effect() {
     let (fine, coarse) = (lines("0.05"), lines("0.4"));
     assert!(fine > 100, "{fine} pixels outlined");
     assert!(coarse < fine / 2, "{coarse} of {fine} pixels outlined");
 }
 
 #[test]
-fn the_readme_shows_the_file_that_is_run() {
+fn the_readme_shows_the_file_of_the_shader() {
     let shader = fs::read_to_string(root().join("graphs/experiments/outline.wgsl")).unwrap();
     let readme = fs::read_to_string(root().join("README.md")).unwrap();
     assert!(readme.contains(&shader));
