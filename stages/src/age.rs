@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn increments_of_the_specification() {
+    fn increments_are_those_of_the_specification() {
         // algorithms.md section 1.5: 2.133 = 546/256 and 0.4267 = 109/256.
         assert_eq!(increment(5000.0, 300_000), 546);
         assert_eq!(increment(1000.0, 300_000), 109);
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn each_kind_of_point_ages_by_its_own_rule() {
-        // One of four replaced in a frame: 128 / 4 = 32 = 0x20.00 a frame.
+        // One of four points is replaced per frame, so the increment is 128 / 4 = 32 = 0x20.00.
         let meta = [LIVE | FRESH, LIVE | 0x01_80, LIVE | CHANGED | 0x01_00, LIVE | 0x01_00];
         let seen = [7, 7, 7, NOT_DRAWN];
         let out = run_cpu(&mut harness(AgeParams::default(), 1, &meta, &seen));
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_are_evicted_or_stay_at_the_end() {
+    fn the_oldest_points_are_evicted_or_keep_the_maximum_age() {
         let meta = [0, LIVE | 0xE0_00, LIVE | 0xDE_FF, LIVE | FRESH | 0xFF_00];
         let run = |evict| {
             let mut harness = harness(AgeParams { evict, ..AgeParams::default() }, 1, &meta, &[0; 4]);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_starts_with_the_first_samples_and_then_follows_slowly() {
+    fn the_rate_starts_at_the_first_samples_and_then_changes_slowly() {
         let mut harness = harness(AgeParams::default(), 0, &[0; 4], &[0; 4]);
         let mut rate = |arrived: u32| {
             harness.set("arrived", &[arrived]);

@@ -171,8 +171,8 @@ mod tests {
         harness
     }
 
-    /// The middle of 3x3 pixels, class and reachability given, with colour 1 and neighbours of colour 10 + d for
-    /// direction d.
+    /// The resulting colour of the middle of 3x3 pixels with the given class and reachability. Its own colour is 1,
+    /// that of its neighbour in direction d is 10 + d.
     fn middle(neighbour: Neighbour, cls: u32, n8: u32) -> f32 {
         let mut pixels = [([1.0; 4], EMPTY, 0); 9];
         pixels[4].1 = cls;
@@ -182,7 +182,7 @@ mod tests {
         }
         let color = run_cpu(&mut harness(neighbour, [3, 3], &pixels)).get::<[f32; 4]>("color");
         pixels[4].0 = color[4];
-        assert_eq!(color, pixels.map(|pixel| pixel.0), "only the middle changes");
+        assert_eq!(color, pixels.map(|pixel| pixel.0), "only the middle pixel may change");
         color[4][0]
     }
 
@@ -198,8 +198,9 @@ mod tests {
     }
 
     #[test]
-    fn the_next_best_where_the_best_does_not_join() {
-        // The normal of 14..28 towards B is (6, -16) in 1/16 pixel: N, then NE, NW, E; the others lie behind.
+    fn the_next_best_neighbour_is_used_if_the_best_is_not_joined() {
+        // The normal of the chord 14..28 towards B is (6, -16) in 1/16 pixel: the best neighbours are N, then NE, NW
+        // and E; the others are on the other side.
         let join = |directions: &[u32]| directions.iter().map(|d| 4 << (4 * d)).sum::<u32>();
         let of = |neighbour, directions: &[u32]| middle(neighbour, simple(14, 28, true), join(directions));
         let mix = |neighbour: f32| 1.0 * 0.375 + neighbour * 0.625;
@@ -213,7 +214,7 @@ mod tests {
         for (directions, expected) in cases {
             assert!((of(Neighbour::Best, directions) - mix(expected)).abs() < 1e-5, "{directions:?}");
         }
-        // Only the ones that look across the edge count: the dot products are 16 and 22 / sqrt 2.
+        // Only neighbours beyond the edge count: the dot products are 16 and 22 / sqrt 2.
         let mean = (16.0 * 16.0 + 17.0 * 22.0 / 2f32.sqrt()) / (16.0 + 22.0 / 2f32.sqrt());
         assert!((of(Neighbour::Average, &[6, 7, 1]) - mix(mean)).abs() < 1e-5);
         assert_eq!(of(Neighbour::Average, &[1, 2, 3]), 1.0);
@@ -226,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_edges_are_covered_to_a_sixteenth() {
+    fn the_coverage_of_straight_edges_is_accurate_to_a_sixteenth() {
         let mut random = Random(3);
         let (mut worst, mut sum, mut count) = (0f64, 0.0, 0);
         while count < 3000 {
@@ -235,7 +236,7 @@ mod tests {
             let (normal_x, normal_y) = (angle.cos(), angle.sin());
             let through = [0; 2].map(|_| f64::from(random.between(0.0, 1.0)));
             let side = |[x, y]: [f64; 2]| (x - through[0]) * normal_x + (y - through[1]) * normal_y;
-            // Where it crosses the sides of the pixel: at x = 0 and 1, then at y = 0 and 1.
+            // The crossings of the line with the sides of the pixel: at x = 0 and 1, then at y = 0 and 1.
             let mask = |at: f64| if (0.0..1.0).contains(&at) { 1 << (at * 8.0) as u32 } else { 0 };
             let at_x = |x: f64| mask(through[1] - (x - through[0]) * normal_x / normal_y);
             let at_y = |y: f64| mask(through[0] - (y - through[1]) * normal_y / normal_x);
@@ -244,7 +245,7 @@ mod tests {
                 continue;
             }
             let (p, q) = (ring.trailing_zeros(), 31 - ring.leading_zeros());
-            // A is white if the first corner in it is: corners are at slots 8, 16 and 24 of the ring.
+            // Region A is white if its first corner is: corners are at slots 8, 16 and 24 of the ring.
             let corner = [(8, [1.0, 0.0]), (16, [1.0, 1.0]), (24, [0.0, 1.0])];
             let Some((_, place)) = corner.into_iter().find(|&(slot, _)| p < slot && slot <= q) else {
                 continue;
@@ -270,7 +271,7 @@ mod tests {
         assert!(worst > 0.03 && sum / f64::from(count) < 0.018, "{worst} {}", sum / f64::from(count));
     }
 
-    /// The exact area of the unit square where a linear function is positive: the square's corners, cut at its zeros.
+    /// The exact area of the part of the unit square in which a linear function is positive.
     fn coverage(side: &impl Fn([f64; 2]) -> f64) -> f64 {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0f64]];
         let mut polygon: Vec<[f64; 2]> = Vec::new();
@@ -293,7 +294,7 @@ mod tests {
     #[test]
     fn both_sides_agree() {
         let mut random = Random(17);
-        // Arbitrary bits, at the image's border too.
+        // Arbitrary bits, also at the image's border.
         let pixels: Vec<_> = (0..61 * 43)
             .map(|_| {
                 let color = [0; 4].map(|_| random.between(0.0, 4.0));

@@ -198,7 +198,7 @@ mod tests {
         Pose { rotation, translation: Vec3::new(between(2.0), between(2.0), between(2.0)) }
     }
 
-    /// A cube of side 2, two below the lamp, at this x: body 3.
+    /// A cube with sides of length 2, 2 below the lamp, at the given x: body 3.
     fn cube(x: f32) -> Blocker {
         let [row_x, row_y] = [[1.0, 0.0, 0.0, -x], [0.0, 1.0, 0.0, -2.0]];
         Blocker { x: row_x, y: row_y, extent: [1.0; 3], body: 3, ..Blocker::NONE }
@@ -206,7 +206,8 @@ mod tests {
 
     #[test]
     fn points_in_the_shadow_of_a_moved_box_age() {
-        // Its upper edges cast its shadow on the floor from -4 to 4; when it is at x = 1, from 0 to 4, to 4 farther.
+        // Its upper edges cast its shadow on the floor, from x = -4 to 4. If the cube is at x = 1, its edges are at 0
+        // and 2, and the shadow is 4 farther to the right.
         let positions = [-4.5, -3.0, 3.0, 5.0, 9.0].map(|x| [x, 0.0, 0.0, 1.0]);
         let ages = |boxes, body: u32| {
             let meta = [LIVE | body << BODY_SHIFT; 5];
@@ -215,8 +216,8 @@ mod tests {
         };
         let ten = 10 * 256;
         assert_eq!(ages([cube(0.0), cube(1.0)], 0), [0, ten, ten, ten, 0]);
-        assert_eq!(ages([cube(1.0), cube(1.0)], 0), [0; 5], "it has not moved");
-        assert_eq!(ages([cube(0.0), cube(1.0)], 3), [0; 5], "its own points");
+        assert_eq!(ages([cube(1.0), cube(1.0)], 0), [0; 5], "the box has not moved");
+        assert_eq!(ages([cube(0.0), cube(1.0)], 3), [0; 5], "a body does not occlude its own points");
     }
 
     #[test]
@@ -224,7 +225,8 @@ mod tests {
         let shift = Pose { translation: Vec3::X, ..Pose::REST };
         let moves = [Pose::REST, Pose::REST, shift].map(|pose| Move::of(&pose));
         let of = |body: u32| LIVE | body << BODY_SHIFT;
-        // A static point, a body at rest, a moving one: old, fresh, almost too old; an empty slot.
+        // Points of static geometry, of a body at rest, and of a moving body: old, fresh, almost too old. An empty
+        // slot.
         let meta =
             [of(0) | 7, of(1) | 7, of(2) | CHANGED | 7, of(2) | FRESH, of(2) | 0xFFF0, 2 << BODY_SHIFT];
         let dark = [Lamp::NONE; 2];
@@ -238,7 +240,8 @@ mod tests {
 
     #[test]
     fn points_age_by_the_change_of_light() {
-        // From a height of 4 to one of 5, straight above: 16/25 of the light is left, 36% less, 72 of age.
+        // The lamp rises from 4 to 5 straight above the point: 16/25 of the light is left, 36% less, which adds 72 to
+        // the age.
         let higher = Lamp { position: [0.0, 5.0, 0.0], ..LAMP };
         let positions = [[0.0, 0.0, 0.0, 1.0], [0.0, 6.0, 0.0, 1.0], [0.0, -1.0, 0.0, 0.0]];
         let ages = |lamps| {
@@ -246,11 +249,11 @@ mod tests {
             assert_eq!(out.get::<[f32; 4]>("cloud.position"), positions);
             out.get::<u32>("cloud.meta").iter().map(|meta| meta & AGE).collect::<Vec<_>>()
         };
-        // Behind the lamp it is dark before and after; and no lamp lights the background.
+        // Points behind the lamp are dark before and after, and lamps do not light the background.
         assert_eq!(ages([LAMP, higher]), [72 * 256, 0, 0]);
         assert_eq!(ages([higher, LAMP]), [72 * 256, 0, 0]);
         assert_eq!(ages([LAMP, LAMP]), [0; 3]);
-        // A point light shines upwards, too: the distance is 2, then 1. 75%.
+        // A point light shines upwards too: the distance is 2, then 1, so the light changes by 75%.
         let point = |lamp: Lamp| Lamp { normal: [0.0; 3], uniform_share: 1.0, ..lamp };
         assert_eq!(ages([LAMP, higher].map(point)), [72 * 256, 150 * 256, 0]);
     }
@@ -277,7 +280,7 @@ mod tests {
             both.assert_close("cloud.position", 2e-6);
             let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<u32>("cloud.meta"));
             // The change of light is a difference of two rounded numbers: a relative error of 1e-6 is a twentieth of a
-            // unit of age. A line that grazes the box may or may not hit it.
+            // unit of age. A line that grazes the box may hit or miss it.
             let near = |(a, b): &(&u32, &u32)| *a & !AGE == *b & !AGE && (*a & AGE).abs_diff(*b & AGE) <= 1;
             let far = cpu.iter().zip(&gpu).filter(|pair| !near(pair)).count();
             assert!(far < 5, "{far}");
@@ -288,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn needless_where_nothing_moves() {
+    fn the_stage_is_skipped_if_nothing_moves() {
         let params = CarryParams::default();
         assert!(Carry::needless(&params, &Facts::default()).is_some());
         assert!(Carry::needless(&params, &Facts::default().with(facts::BODIES, 1)).is_none());

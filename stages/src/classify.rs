@@ -64,7 +64,8 @@ pub struct Classify {
 
 impl Stage for Classify {
     const KIND: &'static str = "classify";
-    const DOC: &'static str = "Classes of pixels by the edges that cross them, the side that their samples lie on, and where to sample next.";
+    const DOC: &'static str = "Classes of pixels by the edges that cross them, the side that their samples lie on, \
+                                and where to sample next.";
     type Params = ClassifyParams;
 
     fn declare(_: &ClassifyParams, io: &mut Io) -> Self {
@@ -109,7 +110,7 @@ impl Stage for Classify {
             let (id, subpixel) = (&id[row.clone()], &subpixel[row.clone()]);
             let above = &mask[y * (width + 1)..][..width + 1];
             let below = &mask[(y + 1) * (width + 1)..][..width];
-            // As if no edge crossed; most pixels need nothing more, and are processed several at a time.
+            // First treats all pixels as if no edge crossed them, several at a time, which is enough for most of them.
             kept.copy_from_slice(id);
             aim.fill(PIXEL_CENTER);
             for (cls, (id, cell)) in cls.iter_mut().zip(id.iter().zip(subpixel)) {
@@ -134,7 +135,7 @@ impl Stage for Classify {
     }
 }
 
-/// The bits of a pixel that is one region.
+/// The bits of a pixel with a single region.
 const WHOLE: u32 = PRIMARY_IS_A | PIXEL_AREA << AREA_SHIFT;
 
 /// The cells of a pixel, and how to treat ambiguous samples.
@@ -146,7 +147,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// The bits for a sample in a cell, if there is one.
+    /// The bits of `cls` for the sample's cell; 0 without a sample.
     #[inline(always)]
     fn state(self, has_sample: bool, cell: u32) -> u32 {
         let [x, y] = self.place(cell).map(|index| index >> (self.log2 - 2));
@@ -160,7 +161,7 @@ impl Grid {
         [cell & last, cell >> self.log2 & last]
     }
 
-    /// The `cls` and `aim` of a pixel with this perimeter and vertex, and the cell of its sample if it has one.
+    /// The `cls` and `aim` of a pixel with the given perimeter, vertex and cell of its sample, if it has one.
     fn classify(self, ring: u32, vertex: u32, has_sample: bool, cell: u32) -> (u32, u32) {
         let mut cls = class_of(ring) | self.state(has_sample, cell);
         if cls & CLASS != SIMPLE {
@@ -212,7 +213,7 @@ impl Grid {
         (16 >> self.log2) * (x.abs() + y.abs())
     }
 
-    /// Where to aim in a simple pixel with this chord.
+    /// The `aim` of a simple pixel with this chord.
     fn aim(self, chord: Chord, bend: Option<Bend>, is_a: bool) -> u32 {
         // The square of the four cells that meet at the centre is twice as wide as a cell.
         let is_near = match bend {
@@ -230,8 +231,8 @@ impl Grid {
     }
 }
 
-/// An edge that turns at a vertex within the pixel: instead of the chord, two halves that meet in the vertex. The
-/// region inside the corner is the area on the inner side of both, since their ends are on the pixel's perimeter.
+/// An edge that bends at a vertex within the pixel: instead of the chord, two halves that meet in the vertex. The
+/// region inside the corner is the area on the inner side of both halves, as their ends are on the pixel's perimeter.
 #[derive(Clone, Copy)]
 struct Bend {
     /// From the first crossing to the vertex, and from there to the second.
@@ -241,7 +242,7 @@ struct Bend {
 }
 
 impl Bend {
-    /// `None` if there is no vertex or it is on the chord.
+    /// The bend at `vertex`; `None` if there is no vertex or it is on the chord.
     fn new(chord: Chord, [p, q]: [[i32; 2]; 2], vertex: u32) -> Option<Self> {
         let at = [vertex & 0xFF, vertex >> 8 & 0xFF].map(|along| along as i32);
         let side = if vertex == 0 { 0 } else { chord.side(at) };
@@ -287,7 +288,7 @@ mod tests {
 
     #[test]
     fn golden_pixels() {
-        // algorithms.md section 2.6: masks, crossed slots, area of A, the 4x4 cells' sides.
+        // algorithms.md section 2.6: masks, crossed slots, area of A, and the side of each of the 4x4 cells.
         let golden = [
             ([8, 0, 64, 0], [14, 28], 192, "BBBB?BBB????AAA?"),
             ([4, 8, 0, 0], [3, 29], 477, "??AA?AAAAAAAAAAA"),
@@ -337,8 +338,8 @@ mod tests {
     }
 
     #[test]
-    fn shares_of_ambiguous_cells() {
-        // Over all chords between two sides; for random lines algorithms.md section 2.4 gives 26.5, 13.6 and 7.7%.
+    fn the_share_of_ambiguous_cells() {
+        // The mean over all chords. For random lines, algorithms.md section 2.4 gives 26.5, 13.6 and 7.7%.
         for (log2, share) in [(2, 0.286458), (3, 0.146484), (4, 0.081543)] {
             let grid = Grid { log2, guess: false };
             let rings =
@@ -362,13 +363,13 @@ mod tests {
             let mut centres = 0;
             for ring in simple_rings() {
                 let (without, aim) = grid.classify(ring, 0, false, 0);
-                // One that comes back with a rounding error is not ambiguous either.
+                // A sample whose position has a rounding error is not ambiguous either.
                 for (dx, dy) in [(0, 0), (0, -64), (-64, 0), (-64, -64), (64, 64)] {
                     let moved = |share: u32, by: i32| share.wrapping_add_signed(by);
                     let landed = moved(aim & 0xFFFF, dx) | moved(aim >> 16, dy) << 16;
                     let (healed, _) = grid.classify(ring, 0, true, cell_at(landed, log2));
                     assert_eq!(healed & (VALID | AMBIGUOUS), VALID, "{ring:#x} {log2}");
-                    // Away from the centre it aims at the region that was the primary one.
+                    // If it is not the centre, the aim is in the region that was the primary one.
                     assert!(
                         aim == PIXEL_CENTER || (healed ^ without) & PRIMARY_IS_A == 0,
                         "{ring:#x} {log2}"
@@ -376,14 +377,14 @@ mod tests {
                 }
                 centres += u32::from(aim == PIXEL_CENTER);
             }
-            // The aim is the centre unless the chord is near.
+            // The aim is the centre unless the chord is near the centre.
             assert!(centres > 160 && centres < 496, "{centres} of 496");
         }
     }
 
     #[test]
-    fn a_sample_of_a_small_region_is_asked_for_again_there() {
-        // Cells 14 of E1 are in A, the smaller region; the centre is ambiguous.
+    fn the_next_sample_is_aimed_at_the_region_of_the_present_one_even_if_it_is_the_smaller() {
+        // Cell 14 of E1 is in A, the smaller region; the centre is ambiguous.
         let (cls, aim) = COARSE.classify(0x1000_4000, 0, true, 14);
         assert_eq!((cls & PRIMARY_IS_A, primary_area(cls)), (PRIMARY_IS_A, 192));
         assert_eq!(cell_at(aim, 2), 12);
@@ -416,7 +417,8 @@ mod tests {
         [slot_position(p)].into_iter().chain(passed).chain([slot_position(q), vertex]).collect()
     }
 
-    /// Whether a place in 1/32 pixel, odd in x, is inside a polygon: by the number of sides that an upward ray crosses.
+    /// Returns true if a position in 1/32 pixel, odd in x, is inside a polygon, by the number of sides that an upward
+    /// ray crosses.
     fn holds(polygon: &[[i32; 2]], [x, y]: [i32; 2]) -> bool {
         let sides = polygon.iter().zip(polygon.iter().cycle().skip(1));
         sides.fold(false, |inside, (a, b)| {
@@ -427,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_that_bends_within_a_pixel() {
+    fn the_area_and_regions_of_an_edge_that_bends() {
         // A chord straight across at 9/16 from the top, and a vertex 8/16 above it: a quarter of the pixel is added to
         // A.
         let (ring, vertex) = (0x0800_1000, 0x10000 | 1 << 8 | 8);
@@ -448,7 +450,7 @@ mod tests {
     }
 
     #[test]
-    fn bent_edges_part_a_pixel_like_polygons() {
+    fn bent_edges_divide_a_pixel_like_polygons() {
         let mut random = Random(21);
         let (mut ambiguous, mut lost) = (0, 0);
         for ring in simple_rings() {
@@ -475,9 +477,9 @@ mod tests {
                 }
             }
         }
-        // Where the region is a sliver at the vertex, the cell farthest from the chord may touch the edge: then a sample that
-        // is aimed there is lost too.
-        assert!(50 * lost < ambiguous, "{lost} of {ambiguous} are not told when aimed anew");
+        // If the region is a sliver at the vertex, the cell farthest from the chord may touch the edge. The next sample
+        // is then ambiguous too.
+        assert!(50 * lost < ambiguous, "{lost} of {ambiguous} are ambiguous again at their aim");
     }
 
     fn harness(params: ClassifyParams, mask: &Mask, id: &[u32], subpixel: &[u32]) -> Harness<Classify> {
@@ -539,7 +541,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ambiguous_pixel_heals() {
+    fn an_ambiguous_pixel_gets_a_valid_sample() {
         let mut random = Random(12);
         let mask = Mask::random([48, 40], 40, &mut random);
         let id: Vec<u32> = (0..48 * 40).collect();

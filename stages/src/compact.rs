@@ -12,7 +12,7 @@ use crate::{
 /// Words of 32 edges per parallel task.
 const BLOCK: usize = 256;
 
-/// A list of edges, and a segment for each marked edge.
+/// The list of edges, and the output of a segment for each marked edge.
 pub struct Compaction {
     vertices: In<[f32; 4]>,
     edges: In<MeshEdge>,
@@ -49,7 +49,7 @@ impl Compaction {
     }
 }
 
-/// Writes the segment of each set bit of `words`; their first bit has index `first`.
+/// Writes the segment of each set bit of `words`, whose first bit has index `first`.
 fn collect(
     words: &[u32],
     first: usize,
@@ -70,7 +70,7 @@ fn collect(
         let mut bits = word;
         while bits != 0 {
             let edge = first + 32 * index + bits.trailing_zeros() as usize;
-            *segments.next().expect("as many as bits") = segment(edge);
+            *segments.next().expect("one segment per bit") = segment(edge);
             bits &= bits - 1;
         }
     }

@@ -85,7 +85,8 @@ impl Stage for DepthCull {
         let filtered = io.write(
             "filtered",
             DEPTH.doc(
-                "Mean distance of the 3x3 pixels, shifted back by the threshold, metres; the far plane where all are empty.",
+                "Mean distance of the 3x3 pixels, shifted back by the threshold, metres; the far plane where all \
+                 are empty.",
             ),
             Extent::Frame(1),
         );
@@ -183,7 +184,7 @@ impl Image<'_> {
     #[inline(always)]
     fn means(&self, y: usize, value: impl Fn(f32) -> f32, mut each: impl FnMut(usize, Option<f32>)) {
         for first in (0..self.width).step_by(BLOCK) {
-            // Of the columns from the one before the block to the one after it.
+            // For the columns of the block and the one on either side of it.
             let (mut sums, mut counts) = ([0f32; BLOCK + 2], [0f32; BLOCK + 2]);
             let (from, to) = (first.saturating_sub(1), (first + BLOCK + 1).min(self.width));
             let inside = from + 1 - first..to + 1 - first;
@@ -356,7 +357,7 @@ mod tests {
         DepthCullParams { rule, threshold: 0.05 }
     }
 
-    /// Whether a point at `z` in the middle of 3x3 pixels is dropped where `count` neighbours lie at `z0`.
+    /// Returns true if a point at `z` in the middle of 3x3 pixels is dropped if `count` neighbours are at `z0`.
     fn is_dropped(params: DepthCullParams, view: View, z: f32, count: usize, z0: f32) -> bool {
         let mut depths = [EMPTY; 9];
         depths[4] = z;
@@ -411,14 +412,14 @@ mod tests {
         // Clearly nearer: 9.5 * 1.05 < 10, but not 9.53 * 1.05.
         assert!(dropped([".....", ".....", ".np..", ".....", "....."], 9.5));
         assert!(!dropped([".....", ".....", ".np..", ".....", "....."], 9.53));
-        // Half is enough, less is not. Voters at the rim count as much as those beside the point.
+        // Half of the others are enough, fewer are not. Voters at the rim count as much as those beside the point.
         assert!(dropped(["n...f", ".....", "..p..", ".....", "....."], 5.0));
         assert!(!dropped(["n...f", ".....", "..p..", ".....", "f...."], 5.0));
         // A straight border of a full surface, one pixel away: two columns of five, 10 of 24.
         assert!(!dropped(["nnfff", "nnfff", "nnpff", "nnfff", "nnfff"], 5.0));
     }
 
-    /// What is left of rows of points: n near, f far, . none.
+    /// The points that are left of some rows: n is near, f far, a dot empty.
     fn voted(rows: &[&str]) -> Vec<String> {
         let z = |c| match c {
             'n' => 1.0,
@@ -438,29 +439,29 @@ mod tests {
 
     #[test]
     fn a_strip_along_the_border_keeps_its_points() {
-        // The same strip, one pixel wide, is outvoted anywhere else: by 20 of 24.
+        // Anywhere else, the same strip of one pixel is outvoted, by 20 of 24.
         assert_eq!(voted(&["fnnnnnnn"; 7])[3], "fnnnnnnn");
         assert_eq!(voted(&["nnnnnnnf"; 7])[3], "nnnnnnnf");
         assert_eq!(voted(&["nnnfnnnn"; 7])[3], "nnn.nnnn");
-        // A single one is dropped there too, and in the corner.
+        // A single far point is dropped at the border too, and in the corner.
         let all = "nnnnnnnn";
         assert_eq!(voted(&[all, all, "fnnnnnnn", all, all])[2], ".nnnnnnn");
         assert_eq!(voted(&["fnnnnnnn", all, all])[0], ".nnnnnnn");
     }
 
     #[test]
-    fn what_was_outvoted_does_not_vote_again() {
-        // One row of points between empty ones: two to the left and two to the right vote.
+    fn points_dropped_by_the_first_vote_do_not_vote_again() {
+        // A row of points between empty rows: the two points to the left and the two to the right vote.
         let left = |text: &str| -> String {
             let empty = ".".repeat(text.len());
             voted(&[&empty, &empty, text, &empty, &empty]).swap_remove(2)
         };
-        // f at 2: voters n n f f, two of four, goes. f at 3: n f f f, stays, and again after the first vote has
-        // taken f at 2: one of three.
+        // f at 2 has the voters n n f f: two of four are nearer, and it is dropped. f at 3 has n f f f and stays; it
+        // stays in the second vote too, when f at 2 is gone: one of three.
         assert_eq!(left("nnffffff"), "nn.fffff");
-        // f at 3: voters n f f n, goes at once; f at 2 likewise; f at 4: f f n n.
+        // All are dropped in the first vote: f at 2 has the voters n n f f, f at 3 has n f f n, and f at 4 has f f n n.
         assert_eq!(left("nnfffnn"), "nn...nn");
-        // The middle one of five has only friends at first; after the first vote it has no voter at all and stays.
+        // The middle one of five has only far voters, and so stays in both votes.
         assert_eq!(left("nnfffffnn"), "nn.fff.nn");
     }
 
@@ -471,7 +472,7 @@ mod tests {
         let golden =
             [(0.0, 0.840336134f64), (0.909090909, 0.942535725), (0.98989899, 0.991718826), (1.0, 1.0)];
         for (depth, shifted) in golden {
-            // Some ulps of 1.
+            // The tolerance is some ulps of 1.
             assert!((f64::from(buffer.shift(0.05, depth as f32)) - shifted).abs() < 5e-7, "{depth}");
         }
         assert!((f64::from(buffer.depth(1000.0)) - 0.909090909).abs() < 2e-7);
@@ -483,8 +484,8 @@ mod tests {
 
     #[test]
     fn the_papers_rule_shifts_by_a_share_of_the_range() {
-        // One neighbour at 1000. A point at z is dropped where z > m + 0.05 * 9900, m the harmonic mean of both distances:
-        // z - 2000 z / (1000 + z) > 495.
+        // One neighbour at 1000. A point at z is dropped where z > m + 0.05 * 9900, m the harmonic mean of both
+        // distances: z - 2000 z / (1000 + z) > 495.
         let params = settled(Rule::SeedExact);
         let dropped = |z| is_dropped(params.clone(), view(100.0, 1e4), z, 1, 1000.0);
         let least = (1495.0 + (1495.0f32.powi(2) + 4.0 * 495_000.0).sqrt()) / 2.0;
@@ -501,7 +502,7 @@ mod tests {
             assert!(!dropped(Rule::Majority, 1.049) && dropped(Rule::Majority, 1.051), "{z}");
             assert!(!dropped(Rule::Relative, 1.05) && dropped(Rule::Relative, 1.07), "{z}");
         }
-        // The papers' has lost all its digits: what is a thousand times farther than its surroundings stays.
+        // The papers' rule has lost all its digits: points a thousand times farther than their surroundings stay.
         let params = settled(Rule::SeedExact);
         assert!(!is_dropped(params, view, 8e5, 8, 800.0));
     }
@@ -513,7 +514,7 @@ mod tests {
         assert_eq!(out.get::<f32>("filtered"), [3.0, 4.5, 6.0]);
         let out = run_cpu(&mut harness(params(), [2, 2], &[EMPTY; 4]));
         assert_eq!(out.get::<f32>("filtered"), [1000.0; 4]);
-        // Never beyond the far plane.
+        // The filtered depth is never beyond the far plane.
         let out = run_cpu(&mut harness(params(), [1, 1], &[900.0]));
         assert_eq!((out.get::<f32>("filtered")[0], out.get::<u32>("id")[0]), (1000.0, 0));
     }
@@ -543,7 +544,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_those_at_each_pixel() {
+    fn means_of_rows_equal_the_means_at_each_pixel() {
         let buffer = ZBuffer { near: 0.1, far: 1000.0 };
         for ([width, height], depth) in images() {
             let image = Image { depth: &depth, width, height };
@@ -566,7 +567,7 @@ mod tests {
     }
 
     #[test]
-    fn the_vote_is_that_of_each_pixel() {
+    fn the_vote_of_rows_equals_the_vote_at_each_pixel() {
         for threshold in [0.0, 0.05, 10.0] {
             let scale = 1.0 + threshold;
             for ([width, height], depth) in images() {
@@ -606,10 +607,10 @@ mod tests {
             let both = run_both(&mut harness);
             let dropped = both.cpu.get::<u32>("id").iter().filter(|&&id| id == NO_POINT).count();
             assert!(dropped > 61 * 47 / 4, "{dropped} empty or dropped");
-            // A comparison within a rounding of equality may fall the other way.
+            // Values that are equal up to rounding may compare either way.
             both.assert_equal_but::<u32>("id", 2);
             match rule {
-                // Nine sums and a division, of numbers up to 1000: some ulps of 1000.
+                // Nine sums and a division of numbers up to 1000: some ulps of 1000.
                 Rule::Majority | Rule::Relative => both.assert_close("filtered", 1e-3),
                 // The shift loses digits as z^2 / (c n f) ulps: 1e4 of them at a mean of 1000.
                 Rule::SeedExact => both.assert_close("filtered", 2.0),

@@ -7,9 +7,9 @@
 //! lowers T; if priorities still exceed the lower T, there are fewer requests than wanted; otherwise the number is
 //! exact.
 //!
-//! *Serpentine*: error diffusion along scanlines of alternating direction, as in the papers; sequential, hence on the CPU
-//! only. The first frame gets slightly too few requests; the error left after the last row goes to the first row of the
-//! next frame.
+//! *Serpentine*: error diffusion along scanlines of alternating direction, as in the papers; sequential, hence on the
+//! CPU only. The first frame gets slightly too few requests; the error left after the last row goes to the first row of
+//! the next frame.
 //!
 //! Empty cells of `occupancy` come first: they request samples of the predicted view, up to their share of the budget.
 //! If there are more cells, about every n-th is picked, systematically, like pixels of equal priority.
@@ -523,7 +523,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_as_wanted() {
+    fn the_number_of_requests_is_exact() {
         for priority in images() {
             for samples in [655, 6554, 13107] {
                 let mut harness = harness(DitherParams::default(), [256, 256], &priority, samples);
@@ -540,16 +540,16 @@ mod tests {
         let [_, step, _] = images();
         let requests = ask(&mut harness(DitherParams::default(), [256, 256], &step, 6554));
         let left = requests.iter().filter(|request| request.pixel % 256 < 64).count() as f32;
-        // A quarter of the pixels holds 255 / (255 + 3 * 10) of the priority.
+        // A quarter of the pixels has 255 / (255 + 3 * 10) of the sum of priorities.
         assert!((left / 6554.0 - 255.0 / 285.0).abs() < 0.01, "{left}");
     }
 
     #[test]
-    fn a_hot_spot_asks_once_a_pixel() {
+    fn a_pixel_requests_at_most_one_sample() {
         let hot =
             |p: u32| if (100..110).contains(&(p / 256)) && (50..60).contains(&(p % 256)) { 255 } else { 0 };
         let priority: Vec<u32> = (0..65536).map(hot).collect();
-        // A hundred pixels for 6554 samples.
+        // 100 pixels have a priority, and 6554 samples are wanted.
         assert_eq!(ask(&mut harness(DitherParams::default(), [256, 256], &priority, 6554)).len(), 100);
         assert_eq!(ask(&mut harness(DitherParams::default(), [256, 256], &priority, 60)).len(), 60);
     }
@@ -570,7 +570,7 @@ mod tests {
     }
 
     #[test]
-    fn other_pixels_in_other_frames() {
+    fn each_frame_picks_other_pixels() {
         let priority = vec![100; 64 * 64];
         let mut harness = harness(DitherParams::default(), [64, 64], &priority, 100);
         let [first, second] = [0, 1].map(|index| {
@@ -582,7 +582,7 @@ mod tests {
     }
 
     #[test]
-    fn aims() {
+    fn aims_are_the_centre_or_random() {
         let priority = vec![100; 64 * 64];
         let aims = |aim| {
             let params = DitherParams { aim, ..DitherParams::default() };
@@ -595,13 +595,13 @@ mod tests {
         for shift in [0, 16] {
             let mean =
                 random.iter().map(|aim| f64::from(aim >> shift & 0xFFFF)).sum::<f64>() / random.len() as f64;
-            // Ten standard deviations of the mean of 1000 uniform numbers.
+            // The tolerance is ten standard deviations of the mean of 1000 uniform numbers.
             assert!((mean / 65536.0 - 0.5).abs() < 0.1, "{mean}");
         }
     }
 
     #[test]
-    fn pixels_aim_where_their_input_says() {
+    fn the_input_aim_replaces_the_centre() {
         for aim in [Aim::Center, Aim::Random] {
             let params = DitherParams { aim, ..DitherParams::default() };
             let mut harness = harness(params, [20, 10], &[100; 200], 50);
@@ -613,8 +613,9 @@ mod tests {
     }
 
     #[test]
-    fn empty_cells_ask_first() {
-        // 30x22 pixels: 8x6 cells, the last of both axes cut. Cells of even columns are empty: 24.
+    fn empty_cells_come_first() {
+        // 30x22 pixels are 8x6 cells, of which the last row and column are cut off. The 24 cells in even columns are
+        // empty.
         let occupancy: Vec<u32> = (0..48).map(|cell| cell % 8 % 2).collect();
         for (samples, share, expected) in
             [(100, 0.5, 24), (20, 0.5, 10), (20, 0.0, 0), (20, 1.0, 20), (1, 0.5, 0)]
@@ -638,7 +639,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_prediction_changes_nothing() {
+    fn without_empty_cells_occupancy_has_no_effect() {
         let priority: Vec<u32> = (0..660).map(|p| p % 200).collect();
         let mut harness = harness(DitherParams::default(), [30, 22], &priority, 50);
         let without = run_cpu(&mut harness).get::<Request>("requests");
@@ -648,8 +649,8 @@ mod tests {
     }
 
     #[test]
-    fn bare_pixels_near_the_border_look_ahead_while_the_camera_moves() {
-        // 40x32 pixels, every second row bare, all of the highest priority; as many samples as pixels.
+    fn bare_pixels_near_the_border_request_the_predicted_view_while_the_camera_moves() {
+        // 40x32 pixels, all of the highest priority. Every second row is bare, and there are as many samples as pixels.
         let id: Vec<u32> =
             (0..40 * 32).map(|pixel| if pixel / 40 % 2 == 0 { NO_POINT } else { pixel }).collect();
         for (border, moves) in [(8, true), (0, true), (8, false)] {
@@ -665,7 +666,7 @@ mod tests {
             let requests = both.cpu.get::<Request>("requests");
             let ahead: Vec<&Request> =
                 requests.iter().filter(|request| request.view == VIEW_PREDICTED).collect();
-            // Of 40 * 32 - 24 * 16 pixels near the border half are bare.
+            // Half of the 40 * 32 - 24 * 16 pixels near the border are bare.
             let expected = if moves && border > 0 { 448 } else { 0 };
             assert!(ahead.len().abs_diff(expected / 2) <= expected / 10, "{} of {expected}", ahead.len());
             for request in ahead {
@@ -677,7 +678,7 @@ mod tests {
     }
 
     #[test]
-    fn tiles_ask_as_pixels_do_in_their_order() {
+    fn sampling_by_tiles_equals_sampling_pixel_by_pixel() {
         let mut random = Random(3);
         for [width, height] in [[1, 1], [16, 16], [17, 1], [3, 40], [300, 200]] {
             for most in [1, 2, 256] {
@@ -739,7 +740,7 @@ mod tests {
 
     #[test]
     fn golden_serpentine() {
-        // algorithms.md section 1.7.
+        // The example of algorithms.md section 1.7.
         let mut harness = harness(serpentine_params(), [4, 2], &[0, 100, 0, 100, 200, 0, 0, 0], 2);
         let out = run_cpu(&mut harness);
         let pixels: Vec<u32> =
@@ -754,7 +755,7 @@ mod tests {
             for samples in [655, 6554] {
                 let mut harness = harness(serpentine_params(), [256, 256], &priority, samples);
                 let counts = [0; 20].map(|_| asked(&run_cpu(&mut harness).get::<Request>("requests")).len());
-                // The last row leaves up to half a sample a column to the next frame.
+                // The last row carries up to half a sample per column over to the next frame.
                 let short = samples as usize - counts[0];
                 assert!((1..=128).contains(&short), "{short}");
                 let all: usize = counts.iter().sum();

@@ -4,9 +4,9 @@
 //! pixel from the top, in bits 0 to 7, and those of its top side, from the left, in bits 8 to 15; the right and bottom
 //! sides are the left and top sides of the neighbours, so the image has one more column and row.
 //!
-//! With `middle`, bits 16 to 23 hold the slots of the vertical line through the pixel's middle, from the top, and bits 24
-//! to 31 those of the horizontal one, from the left. The rule is that of a grid of half pixels, with four slots to the
-//! side of each quarter of a pixel.
+//! With `middle`, bits 16 to 23 hold the slots of the vertical line through the pixel's middle, from the top, and bits
+//! 24 to 31 those of the horizontal one, from the left. The rule is that of a grid of half pixels, with four slots to
+//! the side of each quarter of a pixel.
 //!
 //! **Exactness.** The ends of a segment are rounded to 1/256 of a pixel; all arithmetic after that is in integers, so
 //! that both sides of the program agree and edges that share a vertex fit together. Vertices and edges exactly on lines
@@ -110,13 +110,13 @@ params! {
         method: Method = Method::Compute;
         /// Which of the two pixels beside a crossing decide whether the edge shows there.
         depth_test: DepthTest = DepthTest::Either;
-        /// The boundaries of a penumbra count as edges where it is narrower than this on the screen: a wider one is no step
-        /// in the image (`algorithms.md` section 11.2).
+        /// The boundaries of a penumbra count as edges where it is narrower than this on the screen: a wider one is no
+        /// step in the image (`algorithms.md` section 11.2).
         max_penumbra: f32 = 2.0, in 0.0..=1e6, unit "pixels";
         /// Also mark the crossings with the lines through the pixels' middles, in bits 16 to 31: for `subdivide`.
         middle: bool = false;
-        /// Crossings in neighbouring slots of a side count as one, in the first of these slots. Closed outlines may then
-        /// cross a perimeter an odd number of times.
+        /// Crossings in neighbouring slots of a side count as one, in the first of these slots. Closed outlines may
+        /// then cross a perimeter an odd number of times.
         merge: bool = false;
     }
 }
@@ -229,14 +229,16 @@ impl Stage for EdgeRaster {
         let mask = io.write(
             "mask",
             CROSSINGS.doc(
-                "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15; with its middle lines, 16 to 31.",
+                "Crossings with each pixel's left side, bits 0 to 7, and top side, bits 8 to 15; with its middle \
+                 lines, 16 to 31.",
             ),
             Extent::Corners,
         );
         let vertex = io.write(
             "vertex",
             TURN.doc(
-                "An end of a segment in the pixel: 0 if none, else 0x10000 | y << 8 | x in 1/16 pixel, the greatest such number.",
+                "An end of a segment in the pixel: 0 if none, else 0x10000 | y << 8 | x in 1/16 pixel, the \
+                 greatest such number.",
             ),
             Extent::Frame(1),
         );
@@ -497,7 +499,8 @@ fn cut(t: [f32; 2], a: f32, b: f32) -> [f32; 2] {
     }
 }
 
-/// The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top edge.
+/// The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top
+/// edge.
 struct Lines {
     /// The binary logarithm of the line spacing in units.
     shift: u32,
@@ -520,8 +523,8 @@ struct Crossing {
 }
 
 impl Lines {
-    /// Vertical lines for axis 0, horizontal ones for axis 1, of an image with `size` pixels along the axis; `halves` is 0
-    /// for one line to a pixel, and 1 for two.
+    /// Vertical lines for axis 0, horizontal ones for axis 1, of an image with `size` pixels along the axis; `halves`
+    /// is 0 for one line to a pixel, and 1 for two.
     fn new(snapped: &Snapped, axis: usize, size: i32, halves: u32) -> Self {
         let shift = PIXEL_SHIFT - halves;
         let Snapped { ax, ay, bx, by, inverse_a, inverse_b, .. } = *snapped;
@@ -575,13 +578,13 @@ mod tests {
         testing::{Random, run_both, run_cpu, settings},
     };
 
-    /// A view in which a point at z = 1 has its pixel coordinates as x and y, from the image's middle.
+    /// A view in which the x and y of a point at z = 1 are its pixel coordinates, relative to the image's middle.
     fn view(size: [u32; 2]) -> View {
         let [tan_x, tan_y] = size.map(|side| 0.5 * side as f32);
         View { tan_x, tan_y, near: 0.5, far: 1000.0, ..View::default() }
     }
 
-    /// The point at distance z whose image lies at (x, y) in 1/256 pixel.
+    /// The point at distance z that projects to (x, y), in 1/256 pixel.
     fn point([x, y]: [i32; 2], z: f32, size: [u32; 2]) -> [f32; 3] {
         let [x, y] = [x as f32 / 256.0 - 0.5 * size[0] as f32, y as f32 / 256.0 - 0.5 * size[1] as f32];
         [x * z, -y * z, -z]
@@ -610,7 +613,7 @@ mod tests {
         run_cpu(&mut harness(DepthTest::Either, size, segments)).get("mask")
     }
 
-    /// The bits that are set: column, row, bit.
+    /// Column, row and number of each set bit.
     fn bits(mask: &[u32], size: [u32; 2]) -> Vec<[u32; 3]> {
         let width = size[0] + 1;
         let all = (0..mask.len() as u32).flat_map(|corner| (0..32).map(move |bit| [corner, bit]));
@@ -618,7 +621,7 @@ mod tests {
         set.map(|[corner, bit]| [corner % width, corner / width, bit]).collect()
     }
 
-    /// Crossings of each pixel's perimeter, row by row.
+    /// The number of crossings of each pixel's perimeter, row by row.
     fn perimeters(mask: &[u32], [width, height]: [u32; 2]) -> Vec<u32> {
         let at = |x: u32, y: u32| mask[(y * (width + 1) + x) as usize];
         let count = |x, y| {
@@ -628,9 +631,9 @@ mod tests {
         (0..height).flat_map(|y| (0..width).map(move |x| count(x, y))).collect()
     }
 
-    /// Crossings of the perimeter of each quarter of a pixel, row by row.
+    /// The number of crossings of the perimeter of each quarter of a pixel, row by row.
     fn quarters(mask: &[u32], [width, height]: [u32; 2]) -> Vec<u32> {
-        // Bits of the line of half pixels that begins at a corner, x and y in half pixels.
+        // The number of crossings of the half pixel's side that begins at a corner; x and y are in half pixels.
         let slots = |x: u32, y: u32, axis: u32| {
             let corner = (y / 2 * (width + 1) + x / 2) as usize;
             let (line, along) = if axis == 0 { (x, y) } else { (y, x) };
@@ -650,7 +653,7 @@ mod tests {
         model_of(size, ends, false)
     }
 
-    /// The same, with the pixels' middle lines or without.
+    /// The same, optionally with the pixels' middle lines.
     fn model_of(size: [u32; 2], [x0, y0, x1, y1]: [i64; 4], middle: bool) -> Vec<u32> {
         let lines = if middle { 2 } else { 1 };
         let step = 256 / lines;
@@ -684,7 +687,7 @@ mod tests {
         mask
     }
 
-    /// Asserts that both sides draw the segments as the model does.
+    /// Asserts that both sides give the same mask as the model.
     #[track_caller]
     fn assert_like_model(size: [u32; 2], ends: &[[i32; 4]]) {
         let segments: Vec<Segment> = ends.iter().map(|&ends| flat(ends, size)).collect();
@@ -705,7 +708,7 @@ mod tests {
 
     #[test]
     fn golden_crossings() {
-        // algorithms.md section 2.6, E10.
+        // Example E10 of algorithms.md section 2.6.
         let size = [7, 7];
         let segment = [-256, 496, 2048, 1360];
         let inside = |[x, y, _]: &[u32; 3]| (1..=5).contains(x) && (1..=5).contains(y);
@@ -718,11 +721,11 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_on_a_side_marks_the_row_below() {
+    fn an_edge_on_a_side_counts_as_below_or_to_the_right_of_it() {
         let size = [6, 6];
         let expected: Vec<_> = (2..=5).map(|x| [x, 2, 0]).collect();
         assert_eq!(bits(&mask(size, &[flat([256, 512, 1280, 512], size)]), size), expected);
-        // And one on a vertical side the column to the right.
+        // An edge on a vertical side counts as in the column to the right.
         let expected: Vec<_> = (2..=5).map(|y| [2, y, 8]).collect();
         assert_eq!(bits(&mask(size, &[flat([512, 256, 512, 1280], size)]), size), expected);
     }
@@ -762,7 +765,7 @@ mod tests {
         let mut random = Random(3);
         let mut edges = Vec::new();
         for polygon in 0..120 {
-            // Half of them have their vertices on corners of pixels; some reach out of the image.
+            // Half of the polygons have their vertices on corners of pixels. Some reach beyond the image.
             let (step, count) = if polygon % 2 == 0 { (256, 14) } else { (8, 14 * 32) };
             let vertices: Vec<[i32; 2]> = (0..3 + random.below(4))
                 .map(|_| [0; 2].map(|_| step * random.below(count) as i32 - 512))
@@ -783,7 +786,7 @@ mod tests {
 
     #[test]
     fn long_segments_of_any_slope_are_exact() {
-        // The ends stay within the space that is drawn, so nothing is cut; most segments have many crossings.
+        // The ends are within the drawing space, so nothing is clipped. Most segments have many crossings.
         let size = [256, 64];
         let mut random = Random(4);
         let ends: Vec<[i32; 4]> = (0..200)
@@ -797,8 +800,8 @@ mod tests {
     }
 
     #[test]
-    fn long_segments_beyond_the_list_are_drawn_too() {
-        // One through each slot of the left sides, more of them than the list for long ones has places.
+    fn long_segments_that_exceed_the_list_are_drawn_too() {
+        // One segment for each slot of the left sides: more than the capacity of the list of long segments.
         let size = [40, 8800];
         let segments: Vec<Segment> =
             (0..8 * 8800).map(|slot| flat([-256, 32 * slot + 16, 41 * 256, 32 * slot + 16], size)).collect();
@@ -812,8 +815,8 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_of_a_million_pixels_is_cut_without_a_trace() {
-        // In 1/256 pixel, so 4 million pixels each way.
+    fn clipping_does_not_change_the_crossings_of_very_long_segments() {
+        // In 1/256 pixel, so about 4 million pixels in each direction.
         let (size, reach) = ([64, 64], 1 << 30);
         for (ends, near) in [
             ([-reach, 5000, reach, 5000], [-256, 5000, 65536, 5000]),
@@ -823,7 +826,7 @@ mod tests {
         ] {
             assert_eq!(mask(size, &[flat(ends, size)]), model(size, near.map(i64::from)), "{ends:?}");
         }
-        // The same with the ends at distances that are far apart.
+        // A segment whose ends have very different distances.
         let segment = |reach: f32| Segment {
             a: [-reach, 12.0, -1.0],
             b: [reach, 12000.0, -1000.0],
@@ -834,8 +837,9 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_before_the_near_plane_is_cut_off() {
-        // A straight line on a floor 2 m below the eye goes through under it; its image runs from the horizon's middle down.
+    fn segments_are_clipped_at_the_near_plane() {
+        // A straight line on a floor 2 m below the eye passes beneath it. Its image runs down from the middle of the
+        // horizon.
         let size = [64, 64];
         let mut harness = harness(DepthTest::Off, size, &[]);
         let segment = |z: f32| Segment { a: [1.0, -2.0, -1e6], b: [1.0, -2.0, z], ..Segment::default() };
@@ -849,12 +853,12 @@ mod tests {
             both.cpu.get::<u32>("mask")
         };
         let through = draw(segment(1e6));
-        // z = 2 is where the floor leaves the image at the bottom.
+        // At z = 2 the floor meets the lower border of the image.
         assert_eq!(draw(segment(-1.0)), through);
         assert_eq!(bits(&through, size).iter().filter(|bit| bit[2] >= 8).count(), 32);
-        // By hand: at the bottom of row 47, y = 16 of 32, so z = 4 and x = 8 pixels from the middle.
+        // By hand: at the bottom of row 47, y is 16 of 32, so z = 4, and x is 8 pixels from the middle.
         assert!(bits(&through, size).contains(&[40, 48, 8]));
-        // Wholly before the near plane, and behind the eye.
+        // Segments between the eye and the near plane, and behind the eye.
         for z in [-0.009, 5.0] {
             let hidden = Segment { a: [-1.0, -0.001, z], b: [1.0, 0.001, z], ..Segment::default() };
             assert!(draw(hidden).iter().all(|&mask| mask == 0), "{z}");
@@ -863,7 +867,8 @@ mod tests {
     #[test]
     fn depth_decides_at_each_crossing() {
         let size = [4, 4];
-        // From the left edge to the right along the row of y = 1.5, at distances from 1 to 3: 1 / z is linear on the screen.
+        // A segment from the left edge to the right one, along y = 1.5, at distances from 1 to 3. On the screen, 1 / z
+        // is linear.
         let segment =
             Segment { a: point([0, 384], 1.0, size), b: point([1024, 384], 3.0, size), ..Segment::default() };
         // At x = 2 the distance is 1 / (1 + 0.5 (1/3 - 1)) = 1.5.
@@ -891,9 +896,10 @@ mod tests {
 
     #[test]
     fn middle_lines_by_hand() {
-        // The crossing lines of algorithms.md section 2.6, in the pixel (3, 3) where they meet at about (832, 880): one
-        // crosses the middle line x = 896 at y = 832 + 128 / 2304 * (896 + 256) = 896, which on a slot's boundary is the slot
-        // above as it descends; the other y = 896 at x = 832 + 128 / 2304 * 1152 = 896, the slot to the right.
+        // The crossing lines of algorithms.md section 2.6, in pixel (3, 3), where they meet at about (832, 880). One
+        // crosses the middle line x = 896 at y = 832 + 128 / 2304 * (896 + 256) = 896, a boundary of slots: the slot
+        // above, as the line descends. The other crosses y = 896 at x = 832 + 128 / 2304 * 1152 = 896: the slot to the
+        // right.
         let size = [7, 7];
         let segments = [flat([-256, 832, 2048, 960], size), flat([832, -256, 960, 2048], size)];
         let mask = mask_with_middle(size, &segments);
@@ -904,7 +910,8 @@ mod tests {
 
     #[test]
     fn depth_decides_at_middle_lines() {
-        // A segment through the middle of pixel (1, 0) at distance 1, and what lies to the left of it, there, to the right.
+        // A segment through the middle line of pixel (1, 0), at distance 1. The filtered depths are those of the pixel
+        // to its left, its own, and that of the pixel to its right.
         let size = [3, 1];
         let segment = flat([-256, 100, 1024, 100], size);
         let shown = |depth_test, filtered: [f32; 3]| {
@@ -928,8 +935,9 @@ mod tests {
     }
 
     #[test]
-    fn boundaries_of_wide_penumbrae_are_no_edges() {
-        // The view has a pixel to a metre at 1 m, and the limit is 2 pixels: a penumbra of 2 m is narrow from 1 m on.
+    fn boundaries_of_wide_penumbrae_are_not_edges() {
+        // At a distance of 1 m, a pixel of the view is 1 m wide. The limit is 2 pixels, so a penumbra of 2 m is narrow
+        // enough at 1 m or farther away.
         let size = [8, 8];
         let ends = [point([-256, 1000], 0.6, size), point([2304, 1000], 8.0, size)];
         for (penumbra, limit) in [(0.0, 0.0), (2.0, 1.0), (8.0, 4.0), (64.0, 32.0)] {
@@ -943,7 +951,7 @@ mod tests {
                 let both = run_both(&mut harness);
                 both.assert_equal::<u32>("mask");
                 both.assert_equal::<u32>("vertex");
-                // 1 / z is linear on the screen; the left side of column 0 is a tenth of the way.
+                // On the screen, 1 / z is linear; the left side of column 0 is at a tenth of the segment.
                 let z = |x: u32| 1.0 / (1.0 / 0.6 + (1.0 / 8.0 - 1.0 / 0.6) * (x as f32 + 1.0) / 10.0);
                 let expected: Vec<u32> = (0..=8).filter(|&x| z(x) >= limit).collect();
                 let found: Vec<u32> =
@@ -954,7 +962,7 @@ mod tests {
     }
 
     #[test]
-    fn sides_of_the_image_have_one_pixel() {
+    fn at_the_border_of_the_image_the_depth_of_one_pixel_decides() {
         let size = [3, 3];
         let across = flat([-256, 384, 1024, 384], size);
         let down = flat([384, -256, 384, 1024], size);
@@ -973,7 +981,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_not_drawn() {
+    fn segments_that_are_not_finite_are_not_drawn() {
         let size = [32, 32];
         let mut broken = Vec::new();
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 3e38] {
@@ -993,7 +1001,7 @@ mod tests {
     }
 
     #[test]
-    fn points_and_empty_lists_leave_no_mark_and_frames_start_afresh() {
+    fn points_and_empty_lists_mark_nothing_and_each_frame_clears_the_mask() {
         let size = [8, 8];
         let mut harness = harness(DepthTest::Either, size, &[flat([0, 100, 2000, 1900], size)]);
         assert!(run_both(&mut harness).gpu.get::<u32>("mask").iter().any(|&mask| mask != 0));
@@ -1006,7 +1014,7 @@ mod tests {
     }
 
     #[test]
-    fn both_lists_are_drawn_as_far_as_they_are_filled() {
+    fn both_lists_are_drawn_up_to_their_counts() {
         let size = [8, 8];
         let segments = [[-256, 300, 4000, 1500], [300, -256, 900, 4000], [-256, 1900, 4000, 100]]
             .map(|ends| flat(ends, size));
@@ -1018,7 +1026,7 @@ mod tests {
         both.assert_equal::<u32>("vertex");
         assert_eq!(both.cpu.get::<u32>("mask"), mask(size, &segments[..2]));
 
-        // Without a count all of a list is drawn; without lists nothing.
+        // Without lists, nothing is drawn; without a count, the whole list.
         let mut harness = Harness::<EdgeRaster>::new(EdgeRasterParams::default(), &settings(size, 0));
         harness.frame.view = view(size);
         harness.set("filtered", &[1000f32; 64]);
@@ -1039,7 +1047,7 @@ mod tests {
         assert_eq!(merged(0b0110_0001), 0b0010_0001);
         assert_eq!(merged(0x0000_FF80), 0x0000_0180);
         assert_eq!(merged(0xFFFF_FFFF), 0x0101_0101);
-        // Upright lines in slots 4 and 5 of column 2 and slot 0 of column 3.
+        // Vertical lines in slots 4 and 5 of column 2 and in slot 0 of column 3.
         let size = [8, 8];
         let lines = [640, 672, 768].map(|x| flat([x, -10, x, 3000], size));
         let expected: Vec<[u32; 3]> = (0..9).flat_map(|y| [[2, y, 8 + 4], [3, y, 8]]).collect();
@@ -1061,7 +1069,7 @@ mod tests {
         };
         let far: Vec<Segment> =
             (0..400).map(|_| Segment { a: end(1.2), b: end(1.2), ..Segment::default() }).collect();
-        // A mesh has short edges that share vertices.
+        // Short segments, like the edges of a mesh.
         let near: Vec<Segment> = (0..4000)
             .map(|_| {
                 let (a, step) = (end(1.0), end(0.005));
@@ -1081,9 +1089,9 @@ mod tests {
                     let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<u32>("mask"));
                     let count = cpu.iter().map(|mask| mask.count_ones()).sum::<u32>();
                     let differing = cpu.iter().zip(&gpu).map(|(a, b)| (a ^ b).count_ones()).sum::<u32>();
-                    // A shader may fuse the products of the projection: an end close to halfway between two units may
-                    // be rounded to the other one, and a crossing near the end of a slot then falls into the next. The
-                    // depth test compares floats.
+                    // A shader may fuse the products of the projection. Then an end that is about halfway between two
+                    // units may be rounded to the other one, and a crossing may move to the next slot. The depth test
+                    // compares floats.
                     let what = format!("{name} {method:?} {depth_test:?}: {differing} of {count} differ");
                     assert!(count > 500 && differing * 500 <= count, "{what}");
                 }

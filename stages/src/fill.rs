@@ -233,7 +233,7 @@ mod tests {
         harness
     }
 
-    /// An image of `size` with given points at given pixels.
+    /// An image of `size` with the given pixels and the points that they show.
     fn image(size: [u32; 2], points: &[(usize, u32)]) -> Vec<u32> {
         let mut id = vec![NO_POINT; (size[0] * size[1]) as usize];
         points.iter().for_each(|&(pixel, point)| id[pixel] = point);
@@ -248,7 +248,7 @@ mod tests {
         let color =
             run_cpu(&mut harness(FillParams::default(), [3, 3], &id, &points)).get::<[f32; 4]>("color");
         assert_eq!(color[4], [4.0 / 7.0, 2.0 / 7.0, 1.0 / 7.0, 1.0]);
-        // Above the middle: red counts 2, green 1.
+        // In the pixel above the middle, red has weight 2 and green 1.
         assert_eq!(color[1], [2.0 / 3.0, 1.0 / 3.0, 0.0, 1.0]);
         assert_eq!(color[2], [1.0 / 3.0, 2.0 / 3.0, 0.0, 1.0]);
     }
@@ -263,8 +263,8 @@ mod tests {
     }
 
     #[test]
-    fn the_wide_kernel_only_where_the_near_one_is_empty() {
-        // One red point at the left of a row of six, a green one three pixels on.
+    fn the_wide_kernel_is_used_only_if_the_3x3_pixels_are_empty() {
+        // A row of nine pixels: a red point in the first, a green one in the fifth.
         let points = [([1.0, 0.0, 0.0], 0), ([0.0, 1.0, 0.0], 0)];
         let id = image([9, 1], &[(0, 0), (4, 1)]);
         for (empty, last) in [(Empty::Hold, HELD), (Empty::Clear, [0.0, 0.0, 0.0, 1.0])] {
@@ -306,7 +306,7 @@ mod tests {
     fn priorities_of_an_image() {
         let points = [([1.0; 3], 80 * AGE_ONE)];
         let mut harness = harness(FillParams::default(), [4, 1], &image([4, 1], &[(0, 0)]), &points);
-        // w = 2 of 16 beside the point: 255 (14 / 16)^6 = 114.4.
+        // Beside the point, w is 2 of 16: 255 (14 / 16)^6 = 114.4.
         assert_eq!(run_cpu(&mut harness).get::<u32>("priority"), [40, 114, 255, 255]);
     }
 
@@ -316,7 +316,7 @@ mod tests {
         let points: Vec<([f32; 3], u32)> =
             (0..500).map(|_| ([0; 3].map(|_| random.between(0.0, 1.0)), random.below(AGE + 1))).collect();
         let size = [53, 41];
-        // Crowded on the left, sparse on the right, so that all three ways of filling come up.
+        // Dense on the left and sparse on the right, so that all three ways of filling occur.
         let id: Vec<u32> = (0..size[0] * size[1])
             .map(|p| if random.below(1 + (p % 53) * 8) < 4 { random.below(500) } else { NO_POINT })
             .collect();
@@ -325,7 +325,7 @@ mod tests {
                 let params = FillParams { empty, keep_points, priority };
                 let both = run_both(&mut harness(params, size, &id, &points));
                 both.assert_equal::<u32>("priority");
-                // Up to 49 sums and a division of numbers below 1.
+                // The colours are sums of up to 49 numbers below 1, and a division.
                 both.assert_close("color", 1e-6);
                 let color = both.cpu.get::<[f32; 4]>("color");
                 assert!(color.contains(&if empty == Empty::Hold { HELD } else { [0.0, 0.0, 0.0, 1.0] }));

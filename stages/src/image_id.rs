@@ -92,7 +92,7 @@ mod tests {
     use crate::shared::testing::{Random, run_both, run_cpu, settings};
 
     #[test]
-    fn points_know_their_pixels() {
+    fn each_point_gets_the_pixel_that_shows_it() {
         let mut harness = Harness::<ImageId>::new(ImageIdParams::default(), &settings([3, 2], 1));
         harness.set("cloud.image_id", &[4u32, 77, 0, 9]);
         let none = u32::MAX;
@@ -107,7 +107,7 @@ mod tests {
         let fits = |width: usize, height: usize| width * height <= TEXEL_PIXELS;
         assert!(fits(2896, 2896) && !fits(2897, 2897));
         assert!(fits(3840, 2160) && !fits(4096, 2160));
-        // The last pixel that has an id, the first that has none, and the last of the image.
+        // The last pixel with an id, the first without one, and the last of the image.
         let (size, pixels) = ([4096, 2160], [0x7F_FFFE, 0x7F_FFFF, 4096 * 2160 - 1]);
         let mut id = vec![u32::MAX; 4096 * 2160];
         for (slot, pixel) in (0..).zip(pixels) {
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn both_sides_agree() {
         let mut random = Random(3);
-        // An odd size, and each point at one pixel at most: a shuffled cloud.
+        // An odd size and a shuffled cloud, in which at most one pixel shows each point.
         let size = [37, 29];
         let mut points: Vec<u32> = (0..1300).collect();
         for i in (1..points.len()).rev() {

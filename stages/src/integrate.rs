@@ -210,7 +210,7 @@ mod tests {
     const SIZE: [u32; 2] = [16, 12];
     const GREY: [f32; 3] = [0.5; 3];
 
-    /// A cloud in which point i is grey, live, of age i and seen at pixel i.
+    /// A cloud in which point i is grey and live, has age i and is shown by pixel i.
     fn harness(capacity: u32, samples: &[Sample], slots: &[u32]) -> Harness<Integrate> {
         let mut harness = Harness::new(IntegrateParams::default(), &settings(SIZE, samples.len() as u32));
         harness.set("cloud.position", &vec![[1.0f32; 4]; capacity as usize]);
@@ -255,7 +255,7 @@ mod tests {
     fn a_slot_keeps_the_date_of_its_last_sample() {
         let mut harness = harness(8, &[sample(4, GREY), sample(5, GREY)], &[6, 2]);
         assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 1, 0]);
-        // Neither frames without samples nor samples without a slot touch it.
+        // Frames without samples, and samples without a slot, do not change it.
         harness.frame.index = 4;
         harness.set("slots", &[6, NO_POINT]);
         assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 5, 0]);
@@ -271,7 +271,7 @@ mod tests {
         assert_eq!(run_cpu(&mut harness).get::<u32>("cloud.meta"), [LIVE, 0, LIVE | CHANGED | 7, LIVE]);
     }
 
-    /// The slots that are flagged when a sample of this kind comes in.
+    /// The slots that are flagged when this sample arrives.
     fn flagged(sample: Sample) -> Vec<u32> {
         let out = run_cpu(&mut harness(SIZE[0] * SIZE[1], &[sample], &[sample.pixel]));
         let meta = out.get::<u32>("cloud.meta");
@@ -279,8 +279,8 @@ mod tests {
     }
 
     #[test]
-    fn another_colour_flags_the_7x7_pixels_around_but_not_the_new_point() {
-        // Luma 1/3 against 2/3.
+    fn a_changed_colour_flags_the_points_of_the_7x7_pixels_but_not_the_new_point() {
+        // The luma changes from 1/3 to 2/3.
         let slots = flagged(sample(5 * 16 + 8, [2.0; 3]));
         let around = |x: std::ops::Range<u32>, y: std::ops::Range<u32>, but: u32| -> Vec<u32> {
             y.flat_map(|y| x.clone().map(move |x| y * 16 + x)).filter(|&slot| slot != but).collect()
@@ -292,8 +292,8 @@ mod tests {
     }
 
     #[test]
-    fn the_threshold_is_of_tone_mapped_luma() {
-        // 0.5 has luma 1/3; the threshold 0.1 is passed at Y = x / (1 - x) with x = 1/3 + 0.1: 0.7647.
+    fn the_threshold_applies_to_tone_mapped_luma() {
+        // 0.5 has luma 1/3. The threshold of 0.1 is exceeded above Y = x / (1 - x) with x = 1/3 + 0.1: 0.7647.
         assert!(flagged(sample(40, [0.755; 3])).is_empty());
         assert!(!flagged(sample(40, [0.775; 3])).is_empty());
     }
@@ -319,7 +319,7 @@ mod tests {
     fn both_sides_agree() {
         let mut random = Random(21);
         let capacity = 400;
-        // Every slot at most once, as `replace` gives them out.
+        // Every slot occurs at most once, as in the output of `replace`.
         let samples: Vec<Sample> = (0..300)
             .map(|_| Sample {
                 hit: random.below(3),
@@ -336,7 +336,7 @@ mod tests {
         harness.frame.index = 17;
         let both = run_both(&mut harness);
         for output in ["cloud.radiance", "cloud.image_id", "cloud.meta", "arrived", "changed", "dates"] {
-            // The comparison of lumas rounds, but none of these is that close to the threshold.
+            // Lumas are rounded, but none is so close to the threshold that this matters.
             both.assert_equal::<u32>(output);
         }
         both.assert_equal::<[f32; 4]>("cloud.position");

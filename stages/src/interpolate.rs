@@ -102,7 +102,8 @@ pub struct Interpolate {
 
 impl Stage for Interpolate {
     const KIND: &'static str = "interpolate";
-    const DOC: &'static str = "Colours every pixel from the samples around it that no edge separates from it; computes where new ones are worth most.";
+    const DOC: &'static str = "Colours every pixel from the samples around it that no edge separates from it; \
+                                computes where new ones are worth most.";
     type Params = InterpolateParams;
 
     fn declare(_: &InterpolateParams, io: &mut Io) -> Self {
@@ -297,8 +298,8 @@ impl Image<'_> {
         Some((weight, color))
     }
 
-    /// The weighted sums of red, green and blue of the samples that count for a pixel, and the sum of their weights: the rule.
-    /// [`Around::sum`] computes the same for several pixels at once, with identical bits.
+    /// The weighted sums of red, green and blue of the samples that count for a pixel, and the sum of their weights:
+    /// the rule. [`Around::sum`] computes the same for several pixels at once, with identical bits.
     fn sum_at(&self, weights: &Weights, pixel: [usize; 2], taps: u32) -> [f32; 4] {
         let mut sums = [0.0; 4];
         for (tap, offset) in offsets().enumerate() {
@@ -434,7 +435,7 @@ mod tests {
         testing::{Random, run_both, run_cpu, settings},
     };
 
-    /// A pixel's sample: radiance, age, cell; its class; its 24 bits.
+    /// A pixel: its sample (radiance, age and cell), class, and reached pixels.
     #[derive(Clone, Copy)]
     struct Pixel {
         sample: Option<([f32; 3], u32, u32)>,
@@ -442,7 +443,7 @@ mod tests {
         r24: u32,
     }
 
-    /// The nearest cell to the middle, of 16 x 16: the one below and right of the centre.
+    /// The cell of 16 x 16 below and to the right of the pixel's centre.
     const CENTER: u32 = 8 * 16 + 8;
     const OPEN: Pixel = Pixel { sample: None, cls: EMPTY, r24: 0xFF_FFFF };
 
@@ -475,7 +476,7 @@ mod tests {
 
     #[test]
     fn binomial_weights() {
-        // One sample at each place of 5x5 in turn: alpha is its weight in 256.
+        // One sample in each of the 5x5 pixels in turn: alpha is its weight, in 1/256.
         let row = [1, 4, 6, 4, 1];
         for at in 0..25 {
             let mut pixels = [OPEN; 25];
@@ -491,7 +492,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gaussian_follows_the_place_in_the_pixel() {
+    fn gaussian_weights_depend_on_the_position_in_the_pixel() {
         // Two samples in row 0 of a 3x1 image, seen from the middle: at 1 + 7.5/16 and 1 - 7.5/16 pixels along x, both
         // 0.5/16 below the middle.
         let mut pixels = [OPEN; 3];
@@ -526,8 +527,9 @@ mod tests {
     }
 
     #[test]
-    fn fewer_bits_of_the_place() {
-        // Two bits: 2 x 2 cells. Cell 1 is the upper right one, its middle a quarter pixel right of the pixel's.
+    fn positions_can_have_fewer_bits() {
+        // Two bits are 2 x 2 cells. Cell 1 is the upper right one, with its centre a quarter pixel right of the
+        // pixel's.
         let mut pixels = [OPEN; 2];
         pixels[1].sample = Some(([1.0; 3], 0, 1));
         let params = InterpolateParams { subpixel_bits: 2, sigma: 1.0, ..InterpolateParams::default() };
@@ -540,14 +542,14 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_reached_counts() {
-        // Values 0 to 24 around the middle of 5x5. Bit k of the word is pixel k, or k + 1 from the centre on.
+    fn only_reached_samples_count() {
+        // 5x5 pixels with values 0 to 24. Bit k of `r24` is pixel k, or pixel k + 1 from the centre on.
         let mut pixels = [OPEN; 25];
         (0..).zip(&mut pixels).for_each(|(i, pixel)| pixel.sample = gray(1.0 + i as f32));
         let value = |pixels: &[Pixel; 25]| {
             run_cpu(&mut harness(binomial(), [5, 5], pixels)).get::<[f32; 4]>("color")[12]
         };
-        // Its own sample always counts.
+        // The pixel's own sample always counts.
         pixels[12].r24 = 0;
         assert_eq!(value(&pixels), [13.0, 13.0, 13.0, 36.0 / 256.0]);
         pixels[12].sample = None;
@@ -557,7 +559,7 @@ mod tests {
             let expected = 1.0 + (bit + u32::from(bit >= 12)) as f32;
             assert_eq!(value(&pixels)[0], expected, "bit {bit}");
         }
-        // A complex pixel takes all.
+        // In a complex pixel, all samples count.
         pixels[12].r24 = 0;
         pixels[12].cls = COMPLEX;
         let [mean, .., share] = value(&pixels);
@@ -568,16 +570,15 @@ mod tests {
 
     #[test]
     fn tone_mapped_means() {
-        // 0 and 3: 0 and 3/4 once compressed. Their mean 3/8 expands to 3/5.
+        // 0 and 3 are compressed to 0 and 3/4. Their mean, 3/8, expands to 3/5.
         let mut pixels = [OPEN; 2];
         pixels[0].sample = gray(0.0);
         pixels[1].sample = gray(3.0);
         let params = InterpolateParams { space: Space::ToneMapped, sigma: 2.0, ..binomial() };
         let color = run_cpu(&mut harness(params.clone(), [2, 1], &pixels)).get::<[f32; 4]>("color");
-        // Weights 6 : 4 of the same row: (0.75 * 4 / 10) = 0.3, expanded 3/7.
+        // With weights 6 : 4 in one row, the mean is 0.75 * 4 / 10 = 0.3, which expands to 3/7.
         assert!((color[0][0] - 3.0 / 7.0).abs() < 1e-6, "{color:?}");
-        // The brightest possible point survives compression and expansion, with the precision that is left in 1 -
-        // luminance.
+        // The brightest possible point is compressed and expanded with the precision that is left in 1 - luminance.
         pixels[0].sample = None;
         pixels[1].sample = gray(MAX_RADIANCE);
         let color = run_cpu(&mut harness(params, [2, 1], &pixels)).get::<[f32; 4]>("color");
@@ -606,7 +607,8 @@ mod tests {
         }
     }
 
-    /// An image with all classes and words, crowded on the left and sparse on the right.
+    /// An image with random classes and reached pixels, and with samples that are dense on the left and sparse on the
+    /// right.
     fn random_image(size: [u32; 2], brightest: f32) -> Vec<Pixel> {
         let mut random = Random(31);
         let pixel = |p| {
@@ -622,7 +624,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_are_those_of_each_pixel() {
+    fn sums_of_several_pixels_equal_the_sums_at_each_pixel() {
         for size in [[1, 1], [2, 7], [7, 2], [64, 33], [67, 3], [151, 70]] {
             for (kernel, space, brightest) in [
                 (Kernel::Gaussian, Space::Linear, MAX_RADIANCE),
@@ -657,7 +659,7 @@ mod tests {
 
     #[test]
     fn both_sides_agree() {
-        // Wider than a tile and a run of lanes.
+        // The image is wider than a tile, and its width is not a multiple of the lanes.
         let size = [151, 70];
         let pixels = random_image(size, 2.0);
         for kernel in [Kernel::Gaussian, Kernel::Binomial] {
@@ -665,7 +667,7 @@ mod tests {
                 for priority in [Priority::Measured, Priority::Classic] {
                     let params = InterpolateParams { kernel, space, priority, ..Default::default() };
                     let both = run_both(&mut harness(params, size, &pixels));
-                    // 25 sums and a division of numbers up to 2.
+                    // The colours are sums of 25 numbers up to 2, and a division.
                     both.assert_close("color", 4e-6);
                     both.assert_equal::<u32>("priority");
                     let color = both.cpu.get::<[f32; 4]>("color");

@@ -37,8 +37,8 @@ params! {
     }
 }
 
-/// The scene's mesh as lists, from the [`World`] that the application provides. They are written in the first frame, and
-/// again when the application shows another scene; vertices and normals of moving bodies, whenever they have moved.
+/// The scene's mesh as lists, from the [`World`] that the application provides. They are written in the first frame,
+/// and again when the application shows another scene; vertices and normals of moving bodies, whenever they have moved.
 pub struct Mesh {
     vertices: Out<[f32; 4]>,
     faces: Out<[u32; 4]>,
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_are_those_of_the_scene_in_every_frame() {
+    fn every_frame_has_the_lists_of_the_scene() {
         let scene = Arc::new(Scene::load("cornell").unwrap());
         let mut harness = harness(Normals::F32, &scene);
         for frame in 0..2 {
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn another_scene_is_written_and_one_of_another_size_is_refused() {
+    fn a_new_scene_is_written_if_it_has_the_same_size_and_refused_otherwise() {
         let scene = Arc::new(Scene::load("cornell").unwrap());
         let mut harness = harness(Normals::F32, &scene);
         harness.run(Side::Cpu, &crate::registry(), &host(&scene), None).unwrap();
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_is_written_again() {
+    fn moved_bodies_are_written_again() {
         let scene = Arc::new(Scene::load("cornell-moving").unwrap());
         let host = host(&scene);
         let mut harness = harness(Normals::F32, &scene);
@@ -339,7 +339,7 @@ mod tests {
             worst_f16 = worst_f16.max(angle(n, decode_f16(encode_f16(n.into())).into()));
             worst_oct16 = worst_oct16.max(angle(n, decode_oct16(encode_oct16(n.into())).into()));
         }
-        // Each of three numbers near 1 has an error of at most half a unit of its last place: 2^-12.
+        // Each of the three numbers has an error of at most half a unit in the last place of numbers near 1: 2^-12.
         assert!(worst_f16 < 3f32.sqrt() / 4096.0 && worst_f16 > 1e-4, "{worst_f16}");
         assert!(worst_oct16 < 7e-5 && worst_oct16 > 1e-5, "{worst_oct16}");
         for axis in axes {
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn zero_stays_zero() {
+    fn a_zero_normal_is_decoded_as_zero() {
         assert_eq!(decode_f16(encode_f16([0.0; 3])), [0.0; 3]);
         assert_eq!(decode_oct16(encode_oct16([0.0; 3])), [0.0; 3]);
     }

@@ -105,7 +105,7 @@ mod tests {
     use crate::{Pace, shared::testing::settings};
 
     #[test]
-    fn moves_lead_from_the_last_frame_to_this_one() {
+    fn moves_take_points_from_the_last_frame_to_this_one() {
         let scene = Arc::new(Scene::load("cornell-moving").unwrap());
         let mut host = Host::default();
         host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1));
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn needless_where_nothing_moves() {
+    fn the_stage_is_skipped_if_nothing_moves() {
         assert!(Motion::needless(&(), &Facts::default()).is_some());
         assert!(Motion::needless(&(), &Facts::default().with(facts::BODIES, 1)).is_none());
     }

@@ -12,8 +12,8 @@ epigraph_core::params! {
     }
 }
 
-/// A fixed number of slots for points, empty at the start and kept from frame to frame (`algorithms.md` section 1.1). The
-/// stages that update it form a chain; this one does nothing in a frame.
+/// A fixed number of slots for points, empty at the start and kept from frame to frame (`algorithms.md` section 1.1).
+/// The stages that update it form a chain; this one does nothing in a frame.
 pub struct PointCloud;
 
 impl Stage for PointCloud {

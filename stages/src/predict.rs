@@ -116,8 +116,8 @@ mod tests {
     }
 
     #[test]
-    fn the_predicted_view_counts() {
-        // Straight ahead of a camera that is predicted a unit to the right, in an image of 3x2 cells.
+    fn points_are_projected_to_the_predicted_view() {
+        // The first point is straight ahead of the predicted camera, a unit to the right; the image has 3x2 cells.
         let mut harness = harness([10, 8], &[[1.0, 0.0, -5.0, 1.0], [0.0, 0.0, 5.0, 1.0]], &[LIVE; 2]);
         harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..View::default() };
         let both = run_both(&mut harness);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn dead_points_leave_no_mark() {
+    fn dead_points_mark_nothing() {
         let mut harness = harness([4, 4], &[[0.0, 0.0, -5.0, 1.0]], &[0]);
         harness.frame.predicted = View { eye: [0.1, 0.0, 0.0], ..View::default() };
         let both = run_both(&mut harness);
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_resting_camera_has_nothing_to_predict() {
+    fn all_cells_are_occupied_while_the_camera_rests() {
         let both = run_both(&mut harness([9, 4], &[[0.0, 0.0, -5.0, 1.0]], &[0]));
         for out in [both.cpu, both.gpu] {
             assert_eq!(out.get::<u32>("occupancy"), [1; 3]);
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn needless_for_a_still_camera() {
+    fn the_stage_is_skipped_for_a_still_camera() {
         assert!(Predict::needless(&(), &Facts::default()).is_some());
         assert!(Predict::needless(&(), &Facts::default().stating(facts::CAMERA_MOVES, true)).is_none());
     }
@@ -164,7 +164,7 @@ mod tests {
         harness.frame.predicted = View { eye: [0.1, 0.0, 0.0], ..View::default() };
         let both = run_both(&mut harness);
         assert!(both.cpu.get::<u32>("occupancy").contains(&1));
-        // A point within a rounding error of a cell's edge may mark the neighbour.
+        // A point within a rounding error of a cell's border may mark the neighbouring cell.
         both.assert_equal_but::<u32>("occupancy", 4);
     }
 }

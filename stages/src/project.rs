@@ -246,7 +246,7 @@ mod tests {
         harness
     }
 
-    /// Points whose pixel in a 4x4 image is (2, 1), in the middle.
+    /// A point at distance z that projects to the middle of pixel (2, 1) of a 4x4 image.
     fn at(z: f32) -> [f32; 4] {
         [0.25 * z, 0.25 * z, -z, 1.0]
     }
@@ -261,7 +261,7 @@ mod tests {
             let both = run_both(&mut harness);
             for out in [both.cpu, both.gpu] {
                 let pixel = 4 + 2;
-                // Points 1 and 4 are equally near: the lower id. 2 is dead and 3 too old.
+                // Points 1 and 4 are equally near, so the lower id wins. Point 2 is dead, and point 3 is too old.
                 let expected: Vec<u32> = (0..16).map(|p| if p == pixel { 1 } else { NO_POINT }).collect();
                 assert_eq!(out.get::<u32>("id"), expected, "{method:?}");
                 let depth = out.get::<u32>("depth");
@@ -293,8 +293,8 @@ mod tests {
     }
 
     #[test]
-    fn four_bits_give_four_cells_an_axis() {
-        // 0.8 of the way right and 0.3 down in pixel (2, 1) of 4x4: column 3, row 1.
+    fn four_bits_give_four_cells_per_axis() {
+        // At (0.8, 0.3) of pixel (2, 1) of 4x4: column 3, row 1 of its cells.
         let point = [0.4, 0.35, -1.0, 1.0];
         let cell = |subpixel_bits| {
             let params = ProjectParams { subpixel_bits, ..ProjectParams::default() };
@@ -315,7 +315,7 @@ mod tests {
         }
     }
 
-    /// A cloud in and around the view with a part that is dead, broken, far, behind or at infinity.
+    /// A cloud in and around the view. Some points are dead, not finite, far away, behind the eye or at infinity.
     fn cloud(count: usize) -> Vec<([f32; 4], u32)> {
         let mut random = Random(7);
         let point = |i: usize| {
@@ -333,12 +333,13 @@ mod tests {
         (0..count).map(point).collect()
     }
 
-    /// How many pixels may differ: as stated on hardware; none on a software GPU, which rounds as the twin does.
+    /// How many pixels may differ: `on_hardware` on a GPU, none on a software GPU, which rounds like the twin.
     fn roundings(on_hardware: usize) -> usize {
         if gpu().is_software() { 0 } else { on_hardware }
     }
 
-    /// Asserts that at most `differing` pixels show another point, and returns the maximum difference of the rest.
+    /// Asserts that at most `allowed` pixels show another point, and that the depths of the others differ by at most 2
+    /// ulps.
     fn compare(both: &Both, allowed: usize) {
         let (cpu, gpu) = (both.cpu.get::<u32>("id"), both.gpu.get::<u32>("id"));
         assert!(cpu.iter().filter(|&&id| id != NO_POINT).count() > cpu.len() / 4);
@@ -346,21 +347,21 @@ mod tests {
         let differing = cpu.len() - (0..cpu.len()).filter(same).count();
         assert!(differing <= allowed, "{differing} pixels show another point");
         let (cpu_depth, gpu_depth) = (both.cpu.get::<u32>("depth"), both.gpu.get::<u32>("depth"));
-        // Two roundings of the dot product may differ by as many ulps; bits of floats count ulps.
+        // The dot product is rounded twice, so it may differ by two ulps. Differences of floats' bits are in ulps.
         let apart = |p: usize| cpu_depth[p].abs_diff(gpu_depth[p]);
         let worst = (0..cpu.len()).filter(same).map(apart).max();
         assert!(worst <= Some(2), "{worst:?} ulps");
     }
 
     #[test]
-    fn each_pixel_shows_the_first_of_its_points() {
+    fn each_pixel_shows_the_nearest_of_its_points() {
         let size = [17, 11];
         for (tan, eye) in [(1.0, [0.0; 3]), (8.7e-4, [1e7, -1e7, 1e7]), (114.6, [-1e7, 0.0, 3.0])] {
             let mut points: Vec<_> = cloud(1500)
                 .into_iter()
                 .map(|([x, y, z, w], meta)| ([x * tan + eye[0], y * tan + eye[1], z + eye[2], w], meta))
                 .collect();
-            // Equally near ones, with other ids.
+            // Copies, which are equally near, with other ids.
             points.extend_from_within(..500);
             let params = ProjectParams { max_age: 254, ..ProjectParams::default() };
             let mut harness = harness(params, size, &points);
@@ -389,8 +390,8 @@ mod tests {
                 let params = ProjectParams { method, subpixel_bits, ..ProjectParams::default() };
                 let mut harness = harness(params, [101, 77], &points);
                 let both = run_both(&mut harness);
-                // A shader may fuse or reorder what the twin rounds step by step: a point within a rounding error of a
-                // pixel's edge may fall into the neighbour, and one at a cell's edge into the next cell.
+                // A shader may fuse or reorder operations, and so round differently: a point within a rounding error of
+                // a pixel's or cell's border may fall into the neighbouring one.
                 compare(&both, roundings(8));
                 both.assert_equal_but::<u32>("subpixel", roundings(24));
             }
@@ -399,7 +400,8 @@ mod tests {
 
     #[test]
     fn extreme_views_agree() {
-        // Through the narrow lens, metres count only from far away: nearer, the cloud would be one pixel.
+        // At 1e7 metres, f32 has steps of a metre. So in the narrow field of view the cloud must be far away: nearer,
+        // all of its points would fall into one pixel.
         for (tan, eye, far) in [(8.7e-4, [1e7, -1e7, 1e7], 1e5), (114.6, [-1e7, 0.0, 3.0], 1.0)] {
             let place = |[x, y, z, w]: [f32; 4]| {
                 [x * tan * far + eye[0], y * tan * far + eye[1], z * far + eye[2], w]

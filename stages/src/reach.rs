@@ -274,7 +274,7 @@ mod tests {
         },
     };
 
-    /// The classes of an image with samples in 4x4 cells.
+    /// The classes of an image in which `cells` gives the cell, of 4x4, of each pixel's sample.
     fn classes(mask: &Mask, cells: &[Option<u32>]) -> Vec<u32> {
         let params = ClassifyParams { subpixel_bits: 4, ..ClassifyParams::default() };
         let mut harness = Harness::<Classify>::new(params, &settings(mask.size, 0));
@@ -294,7 +294,7 @@ mod tests {
         harness
     }
 
-    /// N8 and R24 with each method on each side, which must be equal.
+    /// N8 and R24. Asserts that both methods give the same on both sides.
     fn reach(rule: Rule, mask: &Mask, cls: &[u32]) -> (Vec<u32>, Vec<u32>) {
         let [fused, three] = [Method::Fused, Method::ThreePass].map(|method| {
             let both = run_both(&mut harness(ReachParams { rule, method }, mask, cls));
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn without_edges_only_the_border_ends_the_way() {
+    fn without_edges_all_pixels_of_the_image_are_reached() {
         for size in [[1, 1], [2, 3], [40, 9]] {
             let mask = Mask::new(size);
             let cls = classes(&mask, &vec![None; (size[0] * size[1]) as usize]);
@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn random_polygons() {
+    fn reachability_between_random_polygons_is_symmetric() {
         let mut random = Random(21);
         let mut narrower = 0;
         for size in [[9, 9], [1, 20], [49, 33], [70, 51]] {
@@ -410,7 +410,7 @@ mod tests {
         assert!(narrower > 100, "{narrower}");
     }
 
-    /// The matrix of P and Q is the transpose of that of Q and P, and reachability is symmetric.
+    /// Asserts that the matrix of P and Q is the transpose of that of Q and P, and that reachability is symmetric.
     fn assert_symmetric(size: [u32; 2], n8: &[u32], r24: &[u32]) {
         let [width, height] = size.map(|side| side as i32);
         let at = |words: &[u32], x: i32, y: i32| {

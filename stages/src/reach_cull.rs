@@ -190,7 +190,8 @@ mod tests {
     use super::*;
     use crate::shared::testing::{Both, Random, run_both, run_cpu, settings};
 
-    /// Samples by their distances, infinite for none; every pixel reaches those of `r24`.
+    /// An image of samples with the distances `z`, infinite for pixels without a sample, and with the reached pixels
+    /// `r24`.
     fn harness(params: ReachCullParams, size: [u32; 2], z: &[f32], r24: &[u32]) -> Harness<ReachCull> {
         let mut harness = Harness::new(params, &settings(size, 0));
         let id = |(p, z): (u32, &f32)| if z.is_infinite() { NO_POINT } else { 1000 + p };
@@ -203,7 +204,8 @@ mod tests {
         harness
     }
 
-    /// Asserts that both sides agree and that the state follows the sample; returns which pixels have one.
+    /// Asserts that both sides agree and that exactly the pixels with a sample are valid. Returns which pixels have
+    /// one.
     fn stay(both: &Both) -> Vec<bool> {
         both.assert_equal::<u32>("id");
         both.assert_equal::<u32>("cls");
@@ -217,7 +219,7 @@ mod tests {
         stay
     }
 
-    /// Whether a sample at `z` stays after one pass in which it reaches others along a row.
+    /// Returns true if a sample at `z` stays after one pass. `others` are the distances of the other pixels of its row.
     fn stays(threshold: f32, z: f32, others: [f32; 4], r24: u32) -> bool {
         let row = [others[0], others[1], z, others[2], others[3]];
         let mut words = [0; 5];
@@ -226,22 +228,22 @@ mod tests {
         stay(&run_both(&mut harness(params, [5, 1], &row, &words)))[2]
     }
 
-    /// The pixels of the same row.
+    /// The bits of the pixels of the same row.
     const ROW: u32 = 0b1111 << 10;
     const NONE: f32 = f32::INFINITY;
 
     #[test]
-    fn half_of_those_in_reach_decide() {
+    fn half_of_the_samples_in_reach_cull_a_sample() {
         let all = |others| stays(0.05, 10.0, others, ROW);
         assert!(all([10.0, 10.0, 10.0, 1.0]));
         assert!(!all([10.0, 10.0, 1.0, 1.0]));
         assert!(!all([10.0, 1.0, 1.0, 1.0]));
-        // A few are enough, even a single one.
+        // A few samples are enough to decide, even a single one.
         assert!(all([10.0, NONE, 1.0, 20.0]));
         assert!(!all([10.0, NONE, NONE, 1.0]));
         assert!(!all([NONE, NONE, 1.0, NONE]));
         assert!(all([NONE; 4]));
-        // Samples hidden by an edge do not count: bits 11 and 12 are the pixels beside it.
+        // Samples beyond an edge do not count: bits 11 and 12 are the pixels beside the sample.
         assert!(stays(0.05, 10.0, [1.0, 10.0, 10.0, 1.0], 0b11 << 11));
         assert!(!stays(0.05, 10.0, [10.0, 1.0, 1.0, 10.0], 0b11 << 11));
         // A complex pixel reaches nothing.
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn how_much_nearer_is_clearly_nearer() {
+    fn the_threshold_defines_clearly_nearer() {
         for (z, stay) in [(1.0, true), (1.5, true), (1.5f32.next_up(), false)] {
             assert_eq!(stays(0.5, z, [1.0; 4], ROW), stay, "{z}");
         }
@@ -258,8 +260,9 @@ mod tests {
     }
 
     #[test]
-    fn each_pass_judges_by_what_is_left() {
-        // The far samples 1 and 2 do not reach each other: beside 0 both are dropped, and that leaves 3 alone with 0.
+    fn each_pass_uses_the_samples_that_the_last_pass_left() {
+        // The far samples 1 and 2 do not reach each other. The first pass drops both because of sample 0, so in the
+        // second pass sample 3 reaches only sample 0.
         let (size, z) = ([2, 2], [1.0, 10.0, 10.0, 10.0]);
         // Offsets in reading order: (1, 0) is bit 12, (0, 1) bit 16, (1, 1) bit 17; the opposite of k is 23 - k.
         let r24 =
@@ -275,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pass_judges_each_sample() {
+    fn a_pass_equals_the_rule_for_each_sample() {
         let mut random = Random(13);
         for size in [[1, 1], [2, 9], [63, 3], [64, 33], [65, 34]] {
             let pixels = size[0] * size[1];
@@ -311,14 +314,14 @@ mod tests {
         let mut random = Random(31);
         for size in [[1, 1], [3, 2], [61, 47]] {
             let pixels = size[0] * size[1];
-            // A near surface with holes in front of a far one, smooth in the left part and rough in the right.
+            // A near surface with holes, in the right part in front of a far one.
             let z = |p: u32| match random.below(6) {
                 0 | 1 => NONE,
                 2 if p % size[0] > size[0] / 3 => random.between(40.0, 50.0),
                 _ => random.between(10.0, 10.4),
             };
             let z: Vec<f32> = (0..pixels).map(z).collect();
-            // Some bits point outside the image, which must do no harm.
+            // Some bits point outside the image, and must have no effect.
             let r24: Vec<u32> =
                 (0..pixels).map(|_| random.bits() & (random.bits() | 0xFF00) & 0xFF_FFFF).collect();
             let mut before = usize::MAX;
@@ -340,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn no_samples() {
+    fn an_image_without_samples_stays_empty() {
         let both = run_both(&mut harness(ReachCullParams::default(), [4, 3], &[NONE; 12], &[0xFF_FFFF; 12]));
         assert_eq!(stay(&both), [false; 12]);
     }

@@ -201,7 +201,7 @@ mod tests {
         testing::{Random, run_both, run_cpu, settings},
     };
 
-    /// A live point of an age in 8.8 fixed point.
+    /// A live point of the given age, in 8.8 fixed point.
     fn point(age: u32) -> u32 {
         LIVE | age
     }
@@ -230,14 +230,14 @@ mod tests {
     fn empty_slots_come_first_and_in_order() {
         let meta = [point(0), 0, point(0xFFFF), 0];
         assert_eq!(slots(true, &meta, &[sample(NO_POINT); 2]), [1, 3]);
-        // A first frame: all is empty, and entries without a sample get nothing.
+        // As in the first frame, all slots are empty. Entries without a sample get no slot.
         assert_eq!(slots(true, &[0; 5], &[sample(NO_POINT), Sample::default(), sample(3)]), [0, NO_POINT, 1]);
     }
 
     #[test]
-    fn then_the_oldest_and_the_last_age_in_the_order_of_slots() {
-        // Whole ages 7, 9, 7, 200, 7, 9: three are older than 7, so a fourth sample takes the first of age 7, whatever
-        // the fraction.
+    fn the_oldest_points_are_replaced_and_equal_ages_in_slot_order() {
+        // Whole ages 7, 9, 7, 200, 7, 9: three are older than 7, so a fourth sample takes the first slot of age 7,
+        // regardless of the fractions.
         let meta = [0x07_F0, 0x09_00, 0x07_00, 0xC8_00, 0x07_FF, 0x09_80].map(point);
         assert_eq!(slots(true, &meta, &[sample(NO_POINT); 4]), [1, 3, 5, 0]);
     }
@@ -247,16 +247,16 @@ mod tests {
         let meta = [point(5), point(0x10_00), point(0x20_00), 0];
         let samples =
             [sample(0), sample(0), Sample { hit: HIT_BACKGROUND, ..sample(1) }, sample(3), sample(99)];
-        // Slot 3 is not live and 99 does not exist, so three samples, with the loser, need a slot, but there are only
-        // two.
+        // Slot 3 is not live, slot 99 does not exist, and the second sample loses its claim. So three samples need a
+        // slot, but only two are free.
         assert_eq!(slots(true, &meta, &samples), [0, 2, 1, 3, NO_POINT]);
-        // Without reuse the need is three: slots 2 and 3 are older than the age of slot 1.
+        // Without reuse, three samples need a slot: slots 2 and 3 are older than slot 1.
         assert_eq!(slots(false, &meta, &samples[..3]), [2, 3, 1]);
     }
 
     #[test]
     fn a_claimed_slot_does_not_count_as_old() {
-        // The oldest is claimed, so the need of one is met by the next age.
+        // The oldest point is claimed, so the other sample takes the next oldest.
         let meta = [point(0x01_00), point(0xF0_00), point(0x02_00)];
         assert_eq!(slots(true, &meta, &[sample(1), sample(NO_POINT)]), [1, 2]);
     }
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn slots_are_distinct_and_none_is_younger_than_one_that_stays() {
+    fn slots_are_distinct_and_no_replaced_point_is_younger_than_one_that_stays() {
         for (seed, count) in [(1, 0), (2, 1), (3, 700), (4, 3000)] {
             let (meta, samples) = random(seed, 2000, count);
             let slots = slots(true, &meta, &samples);
@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn both_sides_agree() {
-        // 70,001 slots make blocks of two tiles, and the last block is short.
+        // With 70,001 slots, blocks have two tiles, and the last block is shorter.
         for (seed, capacity, count) in [(5, 70_001, 9_000), (6, 300, 400), (7, 5, 1), (8, 70_001, 1)] {
             for reuse in [true, false] {
                 let (meta, samples) = random(seed, capacity, count);

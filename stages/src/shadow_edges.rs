@@ -44,7 +44,7 @@ pub struct ShadowEdges {
 /// What the outputs contain.
 #[derive(Default)]
 enum Written {
-    /// Whatever they contained when the graph was compiled.
+    /// The memory's content at compilation.
     #[default]
     Unknown,
     /// No segments, because the search is still running.
@@ -69,7 +69,11 @@ impl Stage for ShadowEdges {
                 ),
                 Extent::Fixed([params.capacity, 1]),
             ),
-            count: io.persistent("count", COUNT.doc("The number of boundaries; 0 while the search runs."), number.clone()),
+            count: io.persistent(
+                "count",
+                COUNT.doc("The number of boundaries; 0 while the search runs."),
+                number.clone(),
+            ),
             dropped: io.persistent("dropped", "The number of boundaries that were dropped for lack of room.", number),
             written: Mutex::default(),
         }
@@ -167,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_exact_frame_has_them_and_so_have_all_others() {
+    fn with_exact_pace_every_frame_has_all_segments() {
         let tracer = tracer();
         let (expected, host) = (expected(&tracer), host(&tracer, true));
         let mut harness = harness(params(1000));
@@ -181,11 +185,11 @@ mod tests {
     }
 
     #[test]
-    fn asynchronous_frames_have_none_until_all_are_there() {
+    fn with_asynchronous_pace_frames_have_no_segments_until_all_are_found() {
         let tracer = tracer();
         let (expected, host) = (expected(&tracer), host(&tracer, false));
         let mut harness = harness(params(1000));
-        // Ten seconds at most.
+        // Waits for at most ten seconds.
         for _ in 0..1000 {
             let out = run(&mut harness, &host);
             let count = out.get::<u32>("count")[0] as usize;
@@ -199,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recompile_and_another_stage_search_no_more() {
+    fn a_recompiled_stage_and_a_second_one_use_the_cached_searches() {
         let tracer = tracer();
         let host = host(&tracer, true);
         let world = host.get::<World>().unwrap();
@@ -221,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn old_searches_are_forgotten() {
+    fn the_oldest_searches_are_evicted_from_the_cache() {
         let tracer = tracer();
         let host = host(&tracer, true);
         for capacity in 1..10 {
@@ -247,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn flags_tell_kind_and_width() {
+    fn flags_hold_the_kind_and_the_width() {
         let tracer = tracer();
         let out = run(&mut harness(params(1000)), &host(&tracer, true));
         let settings = ShadowSettings { max_penumbra: 1.0, ..ShadowSettings::default() };
@@ -256,21 +260,21 @@ mod tests {
             let kind =
                 [ShadowKind::Hard, ShadowKind::Umbra, ShadowKind::Penumbra][segment.flags as usize & 3];
             assert_eq!(kind, found.kind);
-            // Rounded up to 8 bits of precision.
+            // The width is rounded up to 8 bits of precision.
             let width = penumbra_width(segment.flags) / found.penumbra;
             assert!((1.0..1.01).contains(&width), "{width}");
         }
     }
 
     #[test]
-    fn needless_without_a_shadow() {
+    fn the_stage_is_skipped_if_no_light_casts_shadows() {
         let mut scene = Scene::load("cornell").unwrap();
         let facts = World::facts(&scene, false);
         assert_eq!(ShadowEdges::needless(&params(1), &facts), None);
         scene.lights.retain(|light| matches!(light, Light::Point { .. }));
         let facts = World::facts(&scene, false);
         assert_eq!(ShadowEdges::needless(&params(1), &facts), Some("no light casts shadows"));
-        // Where it runs nevertheless, it finds none.
+        // If it runs nevertheless, it finds no boundaries.
         let tracer = Arc::new(Tracer::new(Arc::new(scene)));
         let settings = Settings { facts, ..settings([4, 4], 1) };
         let mut harness = Harness::<ShadowEdges>::new(params(5), &settings);

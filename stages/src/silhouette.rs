@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    /// The silhouettes of a frame as the twin lists them.
+    /// The silhouettes that the twin lists in a frame.
     fn segments(harness: &mut Harness<Silhouette>) -> Vec<Segment> {
         listed(&run_cpu(harness))
     }
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn borders_show_from_their_front_or_from_both_sides() {
+    fn borders_are_drawn_from_the_front_or_from_both_sides() {
         let lists = quad();
         let borders = all_of(&lists, BORDER);
         assert_eq!(borders.len(), 4);
@@ -277,7 +277,7 @@ mod tests {
             harness.frame.view.eye = [0.3, 0.2, z];
             edges_of(&segments(&mut harness))
         };
-        // z = 0: the eye lies exactly in the plane of the faces, which do not face it then.
+        // At z = 0, the eye is exactly in the plane of the faces, which then do not face it.
         for (two_sided, z, shown) in [
             (true, 2.0, true),
             (true, -2.0, true),
@@ -292,8 +292,8 @@ mod tests {
     }
 
     #[test]
-    fn creases_show_where_a_face_beside_them_does() {
-        // Diagonals of sides are regular edges between coplanar faces: never a silhouette.
+    fn creases_are_drawn_if_one_of_their_faces_faces_the_eye() {
+        // Diagonals of the cube's sides are regular edges between coplanar faces, and never silhouettes.
         let lists = Lists::of_shape(&Shape::cuboid(Vec3::ZERO, Vec3::ONE));
         let creases = all_of(&lists, CREASE);
         assert_eq!((lists.edges.len(), creases.len()), (18, 12));
@@ -302,7 +302,7 @@ mod tests {
             harness.frame.view.eye = eye;
             segments(&mut harness)
         };
-        // One side, two, three; in the plane of one.
+        // Eyes that see one side, two and three, and one in the plane of a side.
         assert_eq!(seen([0.5, 0.5, 3.0]).len(), 4);
         assert_eq!(seen([3.0, 0.5, 3.0]).len(), 7);
         assert_eq!(seen([3.0, 3.0, 3.0]).len(), 9);
@@ -327,7 +327,7 @@ mod tests {
         }
     }
 
-    /// Eyes around and inside, some in special places.
+    /// Eyes around and inside a mesh, some in special positions.
     fn eyes(center: Vec3, reach: f32, count: usize) -> Vec<Vec3> {
         let mut random = Random(9);
         let mut eyes: Vec<Vec3> = (0..count)
@@ -350,7 +350,7 @@ mod tests {
         ];
         for (index, (mut lists, center, reach)) in shapes.into_iter().enumerate() {
             assert!(lists.edges.iter().all(|edge| edge.faces[1] != NO_FACE), "shape {index} is not closed");
-            // Creases are drawn inside of outlines too; outlines are what this test is about.
+            // This test is about outlines, and creases are drawn inside of outlines too.
             lists.edges.iter_mut().for_each(|edge| edge.kind = REGULAR);
             for normals in [Normals::F32, Normals::F16, Normals::Oct16] {
                 let mut harness = lists.harness(SilhouetteParams { normals, ..Default::default() });
@@ -369,7 +369,7 @@ mod tests {
         }
     }
 
-    /// Whether edges form closed loops: an even number of them meets in every vertex.
+    /// Returns true if the edges form closed loops: an even number of them meets in every vertex.
     fn are_closed(lists: &Lists, edges: &[u32]) -> bool {
         let mut odd = HashSet::new();
         for vertex in edges.iter().flat_map(|&edge| lists.edges[edge as usize].vertices) {
@@ -389,7 +389,7 @@ mod tests {
         assert!(are_closed(&lists, &edges) && !are_closed(&lists, &edges[1..]));
     }
 
-    /// Asserts that both sides list the same silhouettes, but for `allowed` bits of faces.
+    /// Asserts that both sides list the same silhouettes, except for those of at most `allowed` faces.
     #[track_caller]
     fn assert_sides_agree(lists: &Lists, params: SilhouetteParams, eye: Vec3, allowed: u32) {
         let mut harness = lists.harness(params);
@@ -406,10 +406,10 @@ mod tests {
         };
         let faces = differing("facing", lists.faces.len());
         assert!(faces <= allowed, "{faces} faces differ");
-        // Edges follow from faces: three for each that differs.
+        // Each face that differs changes at most three edges.
         assert!(differing("drawn", lists.edges.len()) <= 3 * faces);
 
-        // Each side's list holds just its own bits, in order.
+        // Each side's list contains exactly the edges of its own bits, in order.
         for (out, side) in [(&both.cpu, Side::Cpu), (&both.gpu, Side::Gpu)] {
             let words = out.get::<u32>("drawn");
             let drawn = |edge: &u32| words[*edge as usize / 32] >> (edge % 32) & 1 == 1;
@@ -431,7 +431,7 @@ mod tests {
         let lists = Lists::of(&Scene::load("chains").unwrap());
         for normals in [Normals::F32, Normals::F16, Normals::Oct16] {
             for eye in eyes(Vec3::Y, 3.0, 2) {
-                // A sum of three products may round to the other side of zero in a shader that fuses them.
+                // If a shader fuses the three products, their sum may round to the other side of zero.
                 let params = SilhouetteParams { normals, ..SilhouetteParams::default() };
                 assert_sides_agree(&lists, params, eye, 4);
             }
@@ -459,7 +459,7 @@ mod tests {
         }
     }
 
-    /// As many faces as the papers' dragon, 871,414, and 1.3 million edges.
+    /// A mesh of as many faces as the papers' dragon, 871,414, with 1.3 million edges.
     #[test]
     fn more_than_a_million_edges_close_on_both_sides() {
         let lists = Lists::of_shape(&Shape::sphere(1.0, 768, 569));
@@ -475,7 +475,7 @@ mod tests {
         }
     }
 
-    /// Triangles that share no sides.
+    /// Triangles that share no edges.
     fn loose_triangles(count: u32) -> Lists {
         let mut random = Random(5);
         let positions: Vec<Vec3> =
@@ -498,7 +498,7 @@ mod tests {
                 if two_sided_borders {
                     assert_eq!(edges, all_of(&lists, BORDER));
                 } else {
-                    // Whole triangles: some face the eye, some do not.
+                    // The edges of whole triangles, as some face the eye and some do not.
                     assert!(are_closed(&lists, &edges));
                     assert!(edges.len() > 300 && edges.len() < 2700, "{} from {eye}", edges.len());
                 }
@@ -509,7 +509,7 @@ mod tests {
     #[test]
     fn the_eye_in_the_plane_of_faces_is_the_same_on_both_sides() {
         let cube = Lists::of_shape(&Shape::cuboid(Vec3::ZERO, Vec3::ONE));
-        // In the plane of one side, of two, of three; on an edge; within a side.
+        // Eyes in the plane of one side, two sides and three; on an edge; within a side.
         let eyes = [[1.0, 0.5, 3.0], [1.0, 1.0, 3.0], [1.0, 1.0, 1.0], [1.0, 1.0, 0.5], [1.0, 0.5, 0.25]];
         for eye in eyes.map(Vec3::from) {
             for two_sided_borders in [true, false] {

@@ -410,7 +410,7 @@ mod tests {
         harness
     }
 
-    /// N8 in which `open` tells whether two neighbours join; it is called once for each pair.
+    /// N8 in which two neighbours are joined if `open` returns true. It is called once for each pair.
     fn reach(size: [u32; 2], mut open: impl FnMut([usize; 2], [usize; 2]) -> bool) -> Vec<u32> {
         let [width, height] = size.map(|side| side as usize);
         let mut n8 = vec![0; width * height];
@@ -429,7 +429,7 @@ mod tests {
         n8
     }
 
-    /// The definition: this many times, every hole takes the mean of the colours that it is joined to.
+    /// Spreads colours by definition: `count` times, every hole takes the mean of the colours that it is joined to.
     fn steps(size: [u32; 2], color: &[[f32; 4]], n8: &[u32], count: u32) -> Vec<[f32; 4]> {
         let [width, height] = size.map(|side| side as usize);
         let opaque = |&[r, g, b, a]: &[f32; 4]| if a > 0.0 { [r, g, b, 1.0] } else { NONE };
@@ -445,7 +445,7 @@ mod tests {
 
     #[test]
     fn a_round_is_eight_steps() {
-        // A row of pixels, the first one red: as many steps as pixels that are filled.
+        // A row of pixels of which the first is red: each step fills one more pixel.
         let size = [200, 1];
         let mut color = [NONE; 200];
         color[0] = RED;
@@ -482,8 +482,8 @@ mod tests {
     }
 
     #[test]
-    fn closed_regions_take_what_lies_around() {
-        // 5x5 pixels with a closed middle in red and blue halves; the pixel in the corner is closed too.
+    fn closed_regions_take_the_mean_of_the_colours_around() {
+        // 5x5 pixels, red and blue halves, with a closed pixel in the middle and one in the corner.
         let size = [5, 5];
         let closed = |p: [usize; 2]| p == [2, 2] || p == [0, 0];
         let n8 = reach(size, |p, q| !closed(p) && !closed(q));
@@ -504,7 +504,7 @@ mod tests {
 
     #[test]
     fn one_color_anywhere_fills_the_image() {
-        // Sizes close to those of tiles and blocks of tiles.
+        // Sizes about those of tiles and blocks of tiles.
         for size in [[1, 1], [16, 16], [17, 1], [33, 8], [3, 161], [300, 170]] {
             let count = (size[0] * size[1]) as usize;
             let mut harness = harness(params(Method::Spread, 1), size, &vec![NONE; count], &vec![0; count]);
@@ -540,7 +540,7 @@ mod tests {
     fn both_sides_follow_the_definition() {
         let mut random = Random(23);
         for size in [[151, 70], [16, 96], [47, 33]] {
-            // Mazes with more or fewer walls; the wall around a block stays closed.
+            // Mazes with more or fewer walls. The wall around one block has no opening.
             for walls in [1, 3, 6] {
                 let n8 = reach(size, |p, q| {
                     let is_block = |[x, y]: [usize; 2]| x / 20 == 1 && y / 10 == 1;
@@ -559,7 +559,7 @@ mod tests {
                     .collect();
                 for rounds in [1, 3] {
                     let both = run_both(&mut harness(params(Method::Spread, rounds), size, &color, &n8));
-                    // Means of means of numbers below 9, up to some hundred in a chain.
+                    // Colours are means of means, some hundred in a chain, of numbers below 9.
                     both.assert_close("color", 1e-5);
                     both.assert_equal::<u32>("filled");
                     let cpu = both.cpu.get::<[f32; 4]>("color");

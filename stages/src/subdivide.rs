@@ -1,26 +1,27 @@
-//! Colours complex pixels by quarters (`algorithms.md` sections 2.2 and 2.11): an option of the original that its GPU version
-//! dropped, off by default.
+//! Colours complex pixels by quarters (`algorithms.md` sections 2.2 and 2.11): an option of the original that its GPU
+//! version dropped, off by default.
 //!
 //! Regions of a complex pixel are unknown, so `interpolate` mixes all samples around it, and colours bleed. But most
 //! quarters of such a pixel are empty or simple. `edge_raster` with `middle` records where edges cross the two lines
 //! through each pixel's middle. With these, the 3x3 pixels around a complex one become 6x6 quarters, and the rules for
 //! pixels hold for quarters (sections 2.3 to 2.5):
 //!
-//! - **Classes.** A quarter's perimeter is a ring of 16 slots, four a side, clockwise from its top left corner: the outer
-//!   sides are halves of the pixel's sides, the inner ones halves of its middle lines. With at most one crossing it is
-//!   empty, one region; with two it is simple, and the chord between the slots' centres parts region A from region B;
-//!   with more it is complex. So are the quarters outside of the image.
+//! - **Classes.** A quarter's perimeter is a ring of 16 slots, four a side, clockwise from its top left corner: the
+//!   outer sides are halves of the pixel's sides, the inner ones halves of its middle lines. With at most one crossing
+//!   it is empty, one region; with two it is simple, and the chord between the slots' centres parts region A from
+//!   region B; with more it is complex. So are the quarters outside of the image.
 //! - **Reachability.** For quarters that share a side, the regions are joined that touch along an interval between
 //!   crossings. A region reaches another if some shortest path from quarter to quarter, over shared sides, leads
 //!   through joined regions: the direct paths. A complex quarter joins nothing.
 //! - **Samples.** A sample belongs to the quarter, and to the region of it, that contains its sub-pixel cell. If the
 //!   chord touches the cell, or the quarter is complex, the sample does not count.
 //!
-//! Each region of the pixel's four quarters takes the mean of the samples that it reaches, weighted by a Gaussian of their
-//! distance from the quarter's centre. If it reaches none, it takes the mean of the colours of the pixels around, each
-//! at those of its corners that are in its primary region and that the region reaches: these colours come from farther
-//! away, but across no edge either. If there are none, or the quarter is complex, it keeps the pixel's colour, the mean
-//! over 5x5. The pixel is the mean of the regions, by area; it needs no other anti-aliasing. No other pixel changes.
+//! Each region of the pixel's four quarters takes the mean of the samples that it reaches, weighted by a Gaussian of
+//! their distance from the quarter's centre. If it reaches none, it takes the mean of the colours of the pixels around,
+//! each at those of its corners that are in its primary region and that the region reaches: these colours come from
+//! farther away, but across no edge either. If there are none, or the quarter is complex, it keeps the pixel's colour,
+//! the mean over 5x5. The pixel is the mean of the regions, by area; it needs no other anti-aliasing. No other pixel
+//! changes.
 
 use std::cell::LazyCell;
 
@@ -94,7 +95,8 @@ impl Stage for Subdivide {
         let mask = io.read(
             "mask",
             CROSSINGS.doc(
-                "Crossings with the left and top side of each pixel, and with its middle lines: set `middle` in `edge_raster`.",
+                "Crossings with the left and top side of each pixel, and with its middle lines: set `middle` in \
+                 `edge_raster`.",
             ),
             Extent::Corners,
         );
@@ -396,20 +398,20 @@ mod tests {
         testing::{Random, run_both, run_cpu, settings},
     };
 
-    /// The cell below and right of the centre of 16x16.
+    /// The cell of 16x16 below and to the right of the centre.
     const CENTER: u32 = 8 * 16 + 8;
 
-    /// The stage's inputs, in grays.
+    /// The stage's inputs, with grey colours.
     struct Input {
         mask: Mask,
         cls: Vec<u32>,
         primary: Vec<f32>,
-        /// Gray and cell.
+        /// The grey value and the cell of each pixel's sample.
         samples: Vec<Option<(f32, u32)>>,
     }
 
     impl Input {
-        /// Classes as `classify` finds them without samples; all colours 0.
+        /// Inputs with the classes of `classify` without samples, and with black colours.
         fn new(mask: Mask) -> Self {
             let [width, height] = mask.size.map(|side| side as usize);
             let word = |x: usize, y: usize| mask.words[y * (width + 1) + x];
@@ -431,7 +433,7 @@ mod tests {
 
         fn harness(&self, params: SubdivideParams) -> Harness<Subdivide> {
             let mut harness = Harness::new(params, &settings(self.mask.size, 0));
-            // A point for each pixel, used or not.
+            // The cloud has a point for each pixel, with or without a sample.
             let gray = |sample: &Option<(f32, u32)>| sample.map_or(0.0, |sample| sample.0);
             let radiance = self.samples.iter().map(|sample| encode_radiance([gray(sample); 3]));
             harness.set("cloud.radiance", &radiance.collect::<Vec<u32>>());
@@ -448,14 +450,14 @@ mod tests {
         /// The red of a pixel, computed on the CPU and compared with the shader.
         fn red(&self, p: usize) -> f32 {
             let both = run_both(&mut self.harness(SubdivideParams::default()));
-            // Sums and quotients of numbers up to 1000, exponential functions to about 1e-6 each.
+            // Sums and quotients of numbers up to 1000, and exponential functions with relative errors of about 1e-6.
             both.assert_close("color", 2e-2);
             both.cpu.get::<[f32; 4]>("color")[p][0]
         }
     }
 
-    /// A horizontal and a vertical line, 3/16 pixel from the corner of the middle one of 3x3 pixels: they meet in its first
-    /// quarter, and part the image in four.
+    /// A horizontal and a vertical line through the middle one of 3x3 pixels, 3/16 pixel from its corner. They cross in
+    /// its first quarter and divide the image into four parts.
     fn crossing_lines() -> Input {
         let mut mask = Mask::new([3, 3]).with_middle();
         mask.line([-256, 304], [1024, 304]);
@@ -465,8 +467,9 @@ mod tests {
         input
     }
 
-    /// The colour of the middle pixel there if its first quarter has colour 10, given the colours of the four parts of
-    /// the image: the second quarter has 3/16 of a pixel by a half above the line and 5/16 below, and so on.
+    /// The colour of the middle pixel of [`crossing_lines`] if its first quarter has colour 10, from the colours of the
+    /// parts of the image. For example, the second quarter has 3/16 of a pixel by a half above the line, and 5/16
+    /// below.
     fn parted([above, left, rest]: [f32; 3]) -> f32 {
         (128.0 * 10.0 + 48.0 * above + 48.0 * left + (80.0 + 80.0 + 128.0) * rest) / 512.0
     }
@@ -479,27 +482,27 @@ mod tests {
         }
         let expected = parted([2.0, 3.0, 4.0]);
         assert!((input.red(4) - expected).abs() < 1e-5);
-        // A sample in the complex quarter belongs to no part, and one whose cell touches a chord neither: row 3 of 16 is
-        // where the line runs to the right of it.
+        // A sample in the complex quarter belongs to no part; neither does a sample whose cell touches a chord. To the
+        // right of that quarter, the line touches row 3 of 16.
         input.samples[4] = Some((1000.0, 0));
         assert!((input.red(4) - expected).abs() < 1e-5);
         input.samples[4] = Some((1000.0, 3 * 16 + 12));
         assert!((input.red(4) - expected).abs() < 1e-5);
-        // One that is clearly below the line counts.
+        // A sample whose cell is below the line counts.
         input.samples[4] = Some((1000.0, 4 * 16 + 12));
         assert!(input.red(4) > 100.0);
     }
 
     #[test]
-    fn without_samples_the_colours_of_the_pixels_around_count() {
-        // Of the pixels that a line cuts the larger part is the primary one: below, and to the right.
+    fn without_samples_the_colours_of_the_pixels_around_are_used() {
+        // In pixels that a line cuts, the larger region is the primary one: below the line, or to its right.
         let mut input = crossing_lines();
         input.primary = vec![1.0, 2.0, 2.0, 3.0, 10.0, 4.0, 3.0, 4.0, 4.0];
         assert!((input.red(4) - parted([2.0, 3.0, 4.0])).abs() < 1e-5);
-        // If there is a sample, these do not count.
+        // If a region reaches a sample, these colours do not count.
         input.samples[2] = Some((7.0, CENTER));
         assert!((input.red(4) - parted([7.0, 3.0, 4.0])).abs() < 1e-5);
-        // With neither, the pixel keeps its colour: complex pixels lend none.
+        // Without either, the pixel keeps its colour: complex pixels around it do not count.
         for p in [0, 1, 2, 3, 5, 6, 7, 8] {
             input.cls[p] = COMPLEX;
         }
@@ -509,8 +512,9 @@ mod tests {
 
     #[test]
     fn golden_ring_of_three_crossings() {
-        // E9 of algorithms.md section 2.6 in the middle of 3x3 pixels, with its edge from left to right in slot 0 of the
-        // middle line too: the first quarter is complex, in the second the edge cuts off 1/16 pixel by a half above it.
+        // E9 of algorithms.md section 2.6 in the middle of 3x3 pixels. Its edge from left to right also crosses slot 0
+        // of the middle line. So the first quarter is complex, and in the second the edge cuts off 1/16 pixel by a
+        // half.
         let mut mask = Mask::new([3, 3]).with_middle();
         mask.words[4 + 1] = 1 | 1 << 8 | 1 << 16;
         mask.words[4 + 2] = 1;
@@ -525,16 +529,16 @@ mod tests {
 
     #[test]
     fn only_direct_paths_lead_to_samples() {
-        // An edge that ends in the lower half of the middle pixel leaves a way around its end. It is not direct from the upper
-        // quarters, but from the lower ones the samples on both sides are: (1.25, 1.75) and (1.75, 1.75) are the centres,
-        // and the samples lie at 0.53125 and 2.53125 in x, at 0.53125 in y.
+        // An edge ends in the lower half of the middle pixel, so paths lead around its end. From the upper quarters
+        // they are not direct, but the lower quarters, with centres at (1.25, 1.75) and (1.75, 1.75), reach the samples
+        // on both sides. These are at 0.53125 and 2.53125 in x, and at 0.53125 in y.
         let mut mask = Mask::new([3, 3]).with_middle();
         mask.line([304, -256], [304, 416]);
         let mut input = Input::new(mask);
         input.cls[4] = COMPLEX;
         input.samples[0] = Some((1.0, CENTER));
         input.samples[2] = Some((2.0, CENTER));
-        // With 1 / (2 sigma^2) = 2: the squares of the distances in x alone decide.
+        // 1 / (2 sigma^2) is 2. The distances in y are equal, so only those in x matter.
         let weight = |distance: f32| (-2.0 * distance * distance).exp();
         let mean = |centre: f32| {
             let [left, right] = [weight(centre - 0.53125), weight(centre - 2.53125)];
@@ -564,7 +568,8 @@ mod tests {
             let quarter = classify(quarter_ring(left, top, right, bottom));
             assert_eq!((quarter & CLASS, areas(quarter)), (class, [128, 0]));
         }
-        // Cells along the diagonal of a quarter cut by a chord from the middle of its left side to that of its right one.
+        // Cells along the diagonal of a quarter that is cut by a chord from the middle of its left side to the middle
+        // of its right side.
         let cut = classify(quarter_ring(2, 0, 2, 0));
         let regions = [0, 1, 2, 3, 4, 5, 6, 7].map(|at| region_of_cell(cut, [at, at], 1));
         let (a, b) = (Some(0), Some(1));
@@ -607,7 +612,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_parts_the_samples_and_covers_by_area() {
+    fn a_line_separates_the_samples_and_pixels_are_mixed_by_area() {
         let mut random = Random(5);
         let (mut worst, mut sum, mut count) = (0f64, 0.0, 0);
         while count < 400 {
@@ -621,8 +626,8 @@ mod tests {
             mask.line(a, b);
             let mut input = Input::new(mask);
             input.cls[4] = COMPLEX;
-            // Right of the line all is 1, left of it 0; four samples in the corner pixels. A line that has one in each part
-            // shows both.
+            // Samples are 1 to the right of the line and 0 to its left, and there are four, in the corner pixels. If
+            // both parts have samples, the picture shows both colours.
             let right = |x: f64, y: f64| {
                 (x - a[0] as f64) * (b[1] - a[1]) as f64 > (y - a[1] as f64) * (b[0] - a[0]) as f64
             };
@@ -633,7 +638,7 @@ mod tests {
             input.primary[4] = 100.0;
             let color = run_cpu(&mut input.harness(SubdivideParams::default())).get::<[f32; 4]>("color");
             if color[4][0] > 1.0 {
-                // Some region reaches nothing, and keeps the pixel's colour.
+                // A region reaches no sample, and keeps the pixel's colour.
                 continue;
             }
             let covered = (0..64 * 64)
@@ -643,7 +648,7 @@ mod tests {
             sum += error;
             count += 1;
         }
-        // A slot's centre is off by 1/16 pixel at most, so the chords are.
+        // A slot's centre is at most 1/16 pixel from the crossing, and so is the chord from the line.
         assert!(worst <= 1.0 / 16.0 + 0.01, "{worst}");
         assert!(sum / f64::from(count) < 0.02, "{}", sum / f64::from(count));
     }
@@ -660,7 +665,7 @@ mod tests {
                 if random.below(3) == 0 {
                     input.samples[p] = Some((random.between(0.0, 2.0), random.below(256)));
                 }
-                // More complex pixels than there are.
+                // More complex pixels than the mask has.
                 if random.below(4) == 0 {
                     input.cls[p] = COMPLEX;
                 }

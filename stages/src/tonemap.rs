@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_search_is_the_rounded_formula() {
+    fn the_search_equals_the_rounded_formula() {
         let srgb = Srgb::new();
         for step in 0..=200_000 {
             let value = step as f32 / 200_000.0 * 1.02;
@@ -183,12 +183,12 @@ mod tests {
     fn reinhard_halves_one() {
         let params = || TonemapParams { curve: Curve::Reinhard, ..TonemapParams::default() };
         assert_eq!(shown(params(), &[[1.0; 3]]), shown(TonemapParams::default(), &[[0.5; 3]]));
-        // White is never reached.
+        // The curve never reaches white.
         assert!(shown(params(), &[[100.0; 3]])[0][0] < 255);
     }
 
     #[test]
-    fn what_is_no_colour_shows() {
+    fn nan_is_magenta_and_infinity_is_white() {
         let colors = [[f32::NAN, 0.0, 0.0], [0.0, f32::INFINITY, 0.0], [f32::NEG_INFINITY, 0.5, 0.0]];
         for curve in [Curve::Clamp, Curve::Reinhard] {
             let mut harness = harness(TonemapParams { curve, ..TonemapParams::default() }, &colors[..2]);
@@ -209,7 +209,7 @@ mod tests {
             let both = run_both(&mut harness);
             let (cpu, gpu) = (both.cpu.get::<u8>("image"), both.gpu.get::<u8>("image"));
             let apart: Vec<u8> = cpu.iter().zip(gpu).map(|(cpu, gpu)| cpu.abs_diff(gpu)).collect();
-            // The shader's power is approximate: a code next to a half may round the other way.
+            // The shader's power function is approximate: a code close to a half may round the other way.
             assert!(apart.iter().all(|&apart| apart <= 1));
             let rounded = apart.iter().filter(|&&apart| apart == 1).count();
             assert!(rounded <= 16, "{rounded} bytes differ by 1");

@@ -3,10 +3,13 @@
 //!
 //! | field | element | holds |
 //! |---|---|---|
-//! | `position` | `vec4<f32>` | w = 1: xyz is a point, metres. w = 0: xyz is the unit direction of a ray that met nothing |
+//! | `position` | `vec4<f32>` | w = 1: a point, metres; w = 0: the unit direction of a ray that hit nothing |
 //! | `radiance` | `u32` | RGB9E5, see [`encode_radiance`] |
-//! | `image_id` | `u32` | pixel index y * W + x at which the point was last seen, or [`NOT_DRAWN`] |
-//! | `meta` | `u32` | bits 0 to 15: age in frames' increments, 8.8 fixed point; then [`LIVE`], [`CHANGED`], [`FRESH`]; bits 24 to 31: number of the body on which it lies, 0 for what does not move |
+//! | `image_id` | `u32` | index y * W + x of the pixel that last showed the point, or [`NOT_DRAWN`] |
+//! | `meta` | `u32` | age, flags and body |
+//!
+//! The bits of `meta`: 0 to 15 are the age in 8.8 fixed point, then come [`LIVE`], [`CHANGED`] and [`FRESH`], and 24 to
+//! 31 are the number of the body on which the point lies, or 0 if it lies on static geometry.
 
 epigraph_core::constants! {
     /// The bits of `meta` that hold the age.
@@ -57,8 +60,8 @@ pub fn decode_radiance(bits: u32) -> [f32; 3] {
     [bits & 511, bits >> 9 & 511, bits >> 18 & 511].map(|mantissa| mantissa as f32 * scale)
 }
 
-/// Gathers from the values of all points those of `ids`; any value for the id of no point. Cache misses dominate, and a
-/// loop that does nothing else keeps many of them in flight at once.
+/// Copies the values of the points `ids` from those of all points; any value if an id is not a point's. Cache misses
+/// dominate, and a loop that does nothing else keeps many of them in flight at once.
 pub fn gather(values: &[u32], ids: &[u32], to: &mut [u32]) {
     let last = values.len() - 1;
     to.iter_mut().zip(ids).for_each(|(to, &id)| *to = values[(id as usize).min(last)]);
@@ -96,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_radiance_is_mended() {
+    fn invalid_radiance_is_replaced() {
         let encoded = encode_radiance([f32::NAN, -1.0, 2.0]);
         assert_eq!(decode_radiance(encoded), [0.0, 0.0, 2.0]);
         let encoded = encode_radiance([f32::INFINITY, f32::NEG_INFINITY, f32::MAX]);

@@ -37,15 +37,15 @@ epigraph_core::constants! {
 /// (d + 4) & 7.
 pub const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 
-/// The perimeter of a pixel from the 8-bit masks of its sides, bit k for a crossing between k/8 and (k+1)/8 from the left
-/// or top.
+/// The perimeter of a pixel from the 8-bit masks of its sides, bit k for a crossing between k/8 and (k+1)/8 from the
+/// left or top.
 pub fn ring(left: u32, top: u32, right: u32, bottom: u32) -> u32 {
     let reversed = |mask: u32| mask.reverse_bits() >> 24;
     top | (right << 8) | (reversed(bottom) << 16) | (reversed(left) << 24)
 }
 
-/// The perimeter of a pixel of an image `width` pixels wide, from the crossings with the left (bits 0 to 7) and top (8 to
-/// 15) side of every pixel, one column and row more than there are pixels.
+/// The perimeter of a pixel of an image `width` pixels wide, from the crossings with the left (bits 0 to 7) and top (8
+/// to 15) side of every pixel, one column and row more than there are pixels.
 pub fn ring_at(mask: &[u32], [x, y]: [u32; 2], width: usize) -> u32 {
     let own = y as usize * (width + 1) + x as usize;
     let [right, below] = [mask[own + 1], mask[own + width + 1]];
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn chains_and_transposes() {
+    fn products_and_transposes_of_matrices() {
         // algorithms.md section 2.5.
         let chains =
             [(9, 9, 9), (6, 6, 9), (9, 6, 6), (6, 9, 6), (1, 1, 1), (5, 3, 15), (2, 4, 1), (15, 1, 5)];
@@ -255,12 +255,12 @@ mod tests {
     }
 
     #[test]
-    fn every_chord_divides_the_pixel() {
+    fn areas_and_regions_agree_for_every_chord() {
         for p in 0..32 {
             for q in p + 1..32 {
                 let chord = Chord::new(p, q);
                 assert_eq!([p, q].map(|slot| chord.side(slot_position(slot))), [0, 0]);
-                // A quadrature of the half plane: exact except in cells of a fine grid that the chord cuts.
+                // The area by counting the cells of a fine grid: exact except for cells that the chord cuts.
                 let inside = (0..64).flat_map(|x| (0..64).map(move |y| [2 * x + 1, 2 * y + 1]));
                 let [nx, ny] = chord.normal;
                 let is_a = |at: &[i32; 2]| nx * at[0] + ny * at[1] + 8 * chord.offset > 0;
@@ -269,7 +269,8 @@ mod tests {
                 assert!(area <= PIXEL_AREA);
                 // A chord passes through at most 128 of the 64 x 64 cells, and halves them on average.
                 assert!((share - area as f32 / 512.0).abs() < 0.017, "{p} {q}: {share} {area}");
-                // The middles of all other slots are on the side that `region` returns, unless on the chord's own line.
+                // The centres of all other slots are on the side that `region` returns, unless they are on the chord's
+                // line.
                 let cls = SIMPLE | p << P_SHIFT | q << Q_SHIFT | PRIMARY_IS_A;
                 for slot in (0..32).filter(|&slot| slot != p && slot != q) {
                     let side = chord.side(slot_position(slot));
@@ -303,12 +304,12 @@ pub mod testing {
             Self { size, words: vec![0; (size[0] as usize + 1) * (size[1] as usize + 1)], lines: 1 }
         }
 
-        /// The same, with crossings of the pixels' middle lines marked too.
+        /// The same mask, in which crossings of the pixels' middle lines are marked too.
         pub fn with_middle(self) -> Self {
             Self { lines: 2, ..self }
         }
 
-        /// Closed polygons, open polylines and their ends: `count` of them, from a third of a pixel to the image wide.
+        /// `count` closed polygons and open polylines, from a third of a pixel wide to as wide as the image.
         pub fn random(size: [u32; 2], count: u32, random: &mut Random) -> Self {
             let mut mask = Self::new(size);
             mask.random_lines(count, random);
@@ -349,8 +350,8 @@ pub mod testing {
                 for line in a[axis].div_euclid(step) + 1..=b[axis].div_euclid(step) {
                     let crossing = 8 * (a[1 - axis] * along + (step * line - a[axis]) * across);
                     let unit = 256 * along;
-                    // Vertices are moved by (e, e^2), e infinitesimal. That decides on a boundary of slots: a segment
-                    // that descends crosses vertical lines a little higher up.
+                    // Vertices are moved by (e, e^2), with e infinitesimal. This decides for crossings on a boundary of
+                    // slots: a segment that descends crosses vertical lines slightly higher.
                     let slot = if axis == 0 && across > 0 {
                         -(-crossing).div_euclid(unit) - 1
                     } else {

@@ -177,16 +177,16 @@ mod tests {
     const LAMP: Lamp = Lamp { position: [0.0, 4.0, 0.0], power: 1.0, uniform_share: 1.0, ..Lamp::NONE };
 
     #[test]
-    fn a_box_covers_what_lies_in_its_shadow() {
-        // A cube of half side 1 around (0, 2, 0), lit from 4: its upper edge casts the shadow's boundary at 4 on the
-        // floor.
+    fn a_box_covers_the_points_in_its_shadow() {
+        // A cube with sides of length 2 around (0, 2, 0), and a lamp at height 4: the shadow of its upper edge is at x
+        // = 4 on the floor.
         let rows = Move { y: [0.0, 1.0, 0.0, -2.0], ..Move::REST };
         let cube = Blocker { x: rows.x, y: rows.y, z: rows.z, extent: [1.0; 3], body: 1 };
         for (x, covered) in [(0.0, true), (3.99, true), (4.01, false), (-3.99, true), (-4.01, false)] {
             assert_eq!(cube.covers(&LAMP, [x, 0.0, 0.5]), covered, "{x}");
         }
-        assert!(!cube.covers(&LAMP, [0.0, 5.0, 0.0]), "it lies behind the lamp");
-        // If the lamp has an area, a part of it is covered farther out.
+        assert!(!cube.covers(&LAMP, [0.0, 5.0, 0.0]), "the cube is behind the lamp");
+        // If the lamp has an area, a part of it is covered from points farther out.
         let wide = Lamp { radius: 0.2, ..LAMP };
         assert!(cube.covers(&wide, [4.4, 0.0, 0.0]) && !cube.covers(&wide, [9.0, 0.0, 0.0]));
     }

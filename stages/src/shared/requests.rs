@@ -24,7 +24,8 @@ epigraph_core::item! {
     pub struct Request {
         /// Pixel index y * W + x, or [`NO_PIXEL`].
         pixel: u32,
-        /// Where in the pixel the ray goes, in 1/65536 of its width: x in the low 16 bits, y (downwards) in the high ones.
+        /// Where in the pixel the ray goes, in 1/65536 of its width: x in the low 16 bits, y (downwards) in the high
+        /// ones.
         aim: u32,
         /// Slot of the point that the pixel shows, or [`NO_POINT`].
         reuse: u32,

@@ -200,7 +200,7 @@ mod tests {
         shadow_segments(tracer, &ShadowSettings::default(), &|_| true).unwrap()
     }
 
-    /// Asks until there is a non-empty result, for at most ten seconds.
+    /// Requests a pose until `counts` accepts the result, for at most ten seconds.
     fn ask_until(
         cache: &ShadowCache,
         tracer: &Arc<Tracer>,
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn each_exact_pose_has_its_own() {
+    fn with_exact_pace_each_pose_has_its_own_boundaries() {
         let (cache, tracer) = (ShadowCache::default(), moving());
         let find = |tracer: &Arc<Tracer>| {
             cache.find(tracer, ShadowSettings::default(), Pace::Exact).unwrap().unwrap()
@@ -228,15 +228,15 @@ mod tests {
             let found = find(&posed);
             assert_eq!(*found, expected(&posed), "frame {frame}");
             assert!(found.segments.len() > 20);
-            assert!(Arc::ptr_eq(&found, &find(&posed)), "the same pose is not searched again");
+            assert!(Arc::ptr_eq(&found, &find(&posed)), "the same pose is searched again");
         }
     }
 
     #[test]
-    fn what_stays_the_same_is_the_same_value() {
+    fn equal_results_are_the_same_value() {
         let (cache, tracer) = (ShadowCache::default(), moving());
         let rest = tracer.scene().poses.clone();
-        // The light and its mount stay; a box moves far away, and then farther.
+        // The light and its mount do not move. A box moves far away, and then farther.
         let away = |x: f32| {
             let mut poses = rest.clone();
             poses[0] = Pose { translation: glam::Vec3::new(x, 0.0, 0.0), ..Pose::REST };
@@ -250,12 +250,13 @@ mod tests {
     }
 
     #[test]
-    fn asynchronous_poses_get_the_old_ones_until_theirs_are_found() {
+    fn with_asynchronous_pace_a_pose_gets_the_last_boundaries_until_its_own_are_found() {
         let (cache, tracer) = (ShadowCache::default(), moving());
         let first = tracer.at(0);
         let found = ask_until(&cache, &first, |_| true);
         assert_eq!(*found, expected(&first));
-        // One pose per frame: the first answer is the old one, and in the end the newest pose gets its own.
+        // One pose per frame: the first answers are those of an older pose, and in the end the newest pose gets its
+        // own.
         let pace = Pace::Async;
         for frame in 1..30 {
             let now = cache.find(&tracer.at(frame), ShadowSettings::default(), pace).unwrap().unwrap();
@@ -279,6 +280,6 @@ mod tests {
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        panic!("it goes on");
+        panic!("the search has not ended");
     }
 }

@@ -1,5 +1,5 @@
-//! Where samples come from: whoever answers the requests of a frame. The scene's ray tracer is one source; a renderer of
-//! your own is another ([`SampleSource`]).
+//! Where samples come from: whoever answers the requests of a frame. The scene's ray tracer is one source; a renderer
+//! of your own is another ([`SampleSource`]).
 
 use std::{
     fmt,

@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(at([0.0, 0.0, -10.0, 1.0]), Some(Projected { x: 256.0, y: 128.0, z: 10.0 }));
         // A quarter of the image to the right and up.
         assert_eq!(at([5.0, 2.5, -10.0, 1.0]), Some(Projected { x: 384.0, y: 64.0, z: 10.0 }));
-        // The left and top edges belong to the image, the right and bottom ones do not.
+        // The left and top edges are part of the image, the right and bottom ones are not.
         assert_eq!(at([-10.0, 5.0, -10.0, 1.0]), Some(Projected { x: 0.0, y: 0.0, z: 10.0 }));
         assert_eq!(at([10.0, 0.0, -10.0, 1.0]), None);
         assert_eq!(at([0.0, -5.0, -10.0, 1.0]), None);
@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn positions_of_ten_million_keep_their_pixel() {
         let far_away = View { eye: [1e7, -1e7, 1e7], ..view() };
-        // Multiples of 1, the step of f32 there, so that the difference is exact.
+        // Multiples of 1, the step of f32 numbers of this size, so that the difference is exact.
         let at = project(&far_away, [1e7 + 5.0, -1e7 + 2.0, 1e7 - 10.0, 1.0], SIZE);
         assert_eq!(at, project(&view(), [5.0, 2.0, -10.0, 1.0], SIZE));
     }
@@ -155,7 +155,7 @@ mod tests {
             for share in [-0.99f32, -0.5, 0.0, 0.25, 0.99] {
                 let p = project(&view, [share * tan * 20.0, 0.0, -20.0, 1.0], SIZE).expect("in the image");
                 let expected = 256.0 + 256.0 * share;
-                // Three roundings of numbers below 512.
+                // The tolerance covers three roundings of numbers below 512.
                 assert!((p.x - expected).abs() < 1e-4, "{degrees} {share}: {} {expected}", p.x);
             }
             assert_eq!(project(&view, [1.01 * tan * 20.0, 0.0, -20.0, 1.0], SIZE), None);
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_not_drawn() {
+    fn points_that_are_not_finite_are_not_drawn() {
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             for axis in 0..3 {
                 let mut p = [0.0, 0.0, -10.0, 1.0];

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_are_those_of_the_camera() {
+    fn rays_equal_those_of_the_camera() {
         let (scene, world) = world();
         let path = CameraPath::parse("orbit", &scene).unwrap();
         let (frame, settings) = (World::frame_of(&path, 9, SIZE, 10, 1), TraceSettings::default());
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_skip_what_was_not_asked_and_repeat_exactly() {
+    fn answers_skip_empty_requests_and_are_the_same_each_time() {
         let (scene, world) = world();
         let frame = World::frame_of(&CameraPath::parse("still", &scene).unwrap(), 3, SIZE, 4, 7);
         let requests = [request(700), Request::NONE, request(701), Request::NONE];
@@ -184,13 +184,13 @@ mod tests {
     }
 
     #[test]
-    fn samples_of_threads_come_late_and_renew_nothing() {
+    fn samples_of_background_threads_arrive_late_and_renew_no_point() {
         let (scene, World { tracer, .. }) = world();
         let world = World::new(tracer, Pace::Async, 1);
         let path = CameraPath::parse("still", &scene).unwrap();
         let mut samples = [Sample::default(); 2];
         let mut seen = Vec::new();
-        // Ask once, then only collect: ten seconds at most.
+        // Requests samples once and then only collects them, for at most ten seconds.
         for index in 0..1000 {
             let frame = World::frame_of(&path, index, SIZE, 2, 7);
             let requests = if index == 0 { [request(700), request(701)] } else { [Request::NONE; 2] };
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_sees_its_own_scene() {
+    fn samples_of_a_frame_are_of_its_own_scene() {
         let scene = Arc::new(Scene::load("cornell-moving").unwrap());
         let world = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1);
         assert!(Arc::ptr_eq(&world.at(3), &world.at(3)) && !Arc::ptr_eq(&world.at(3), &world.at(4)));
@@ -221,7 +221,7 @@ mod tests {
             world.answer(&frame, &requests, &TraceSettings::default(), &mut samples);
             samples
         };
-        // Of the sliding box, frame 0 and frame 30 see other points, each on its surface.
+        // Frames 0 and 30 see different points of the sliding box, each on its surface.
         let seen = [0, 30].map(|index| {
             let posed = scene.posed(&scene.poses_at(index));
             let body = &posed.bodies[0];
@@ -253,7 +253,7 @@ mod tests {
             samples.into_iter().filter(|sample| sample.hit != HIT_NONE).collect::<Vec<_>>()
         };
         let expected = answer(&exact, 5, &requests);
-        // Asked in frame 5; whatever comes then is let pass by.
+        // Requested in frame 5. Samples that arrive in the same frame are not checked.
         let mut seen = answer(&late, 5, &requests).len();
         let mut checked = 0;
         for _ in 0..1000 {
