@@ -1,6 +1,7 @@
 //! cargo run --release -p epigraph-examples --bin headless
 //!
-//! Renders the edge-and-point image along a camera path and writes each frame as a PNG: headless-0.png to headless-7.png.
+//! Renders the edge-and-point image along a camera path and writes each frame as a PNG: headless-0.png to
+//! headless-7.png.
 
 use std::{error::Error, path::Path};
 

@@ -14,7 +14,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         run.frame()?;
         let id: Image<u32> = run.read("view/cull.id")?;
         let depth: Image<u32> = run.read("view/project.depth")?;
-        // Pixels without a point have the id 0xFFFFFFFF. Depths are the bits of an f32, which integer atomics can compare.
+        // Pixels without a point have the id 0xFFFFFFFF. Depths are the bits of an f32, which integer atomics can
+        // compare.
         let seen = id.pixels.iter().zip(&depth.pixels).filter(|(id, _)| **id != u32::MAX);
         let metres: Vec<f32> = seen.map(|(_, depth)| f32::from_bits(*depth)).collect();
         let share = 100.0 * metres.len() as f32 / id.pixels.len() as f32;

@@ -1,4 +1,5 @@
-//! The small examples do what their first lines say. `own_stage`, a package of its own, has its test in `tests/outside.rs`.
+//! The small examples do what their first lines say. `own_stage`, a package of its own, has its test in
+//! `tests/outside.rs`.
 
 use std::{path::Path, process::Command};
 

@@ -55,7 +55,8 @@ fn blend(pixel: vec2<i32>, cls: u32, n8: u32, own: vec4<f32>) -> vec4<f32> {
     return vec4(own.rgb * share + beyond / total * (1.0 - share), own.a);
 }
 
-// How nearly perpendicular to an edge the neighbour in direction `d` lies: the edge's normal projected on that direction.
+// How nearly perpendicular to an edge the neighbour in direction `d` lies: the edge's normal projected on that
+// direction.
 fn squareness(normal: vec2<i32>, d: u32) -> f32 {
     let toward = direction(d);
     let along = f32(normal.x * toward.x + normal.y * toward.y);

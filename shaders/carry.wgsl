@@ -53,7 +53,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     cloud_meta[slot] = (bits & ~AGE) | min((bits & AGE) + u32(round(penalty)), AGE);
 }
 
-// The share of a point's light that is or was partly occluded by a body, other than its own, that moves relative to the light.
+// The share of a point's light that is or was partly occluded by a body, other than its own, that moves relative to the
+// light.
 fn shadowed(here: vec3<f32>, there: vec3<f32>, own: u32) -> f32 {
     var light = 0.0;
     var covered = 0.0;

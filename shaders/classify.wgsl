@@ -47,8 +47,8 @@ fn edge_of(ends: vec2<u32>, p: u32) -> Edge {
     return edge;
 }
 
-// The side of a square, from the functions of both halves at its centre and their maximum change within it: x is positive
-// for region A and negative for B, y is 0 if the edge does not touch the square.
+// The side of a square, from the functions of both halves at its centre and their maximum change within it: x is
+// positive for region A and negative for B, y is 0 if the edge does not touch the square.
 fn locate(edge: Edge, distance: vec2<i32>, reach: vec2<i32>) -> vec2<i32> {
     if edge.side == 0 {
         return vec2(distance.x, i32(abs(distance.x) <= reach.x));
@@ -72,8 +72,8 @@ fn distance_of(chord: Chord, cell: vec2<u32>) -> i32 {
     return chord_side(chord, corner) + chord_side(chord, corner + size);
 }
 
-// Maximum difference between twice the chord's function at a cell's corners and at its centre: if the value at the centre
-// is larger, the chord does not touch the cell.
+// Maximum difference between twice the chord's function at a cell's corners and at its centre: if the value at the
+// centre is larger, the chord does not touch the cell.
 fn reach_of(chord: Chord) -> i32 {
     return i32(16u >> cells_log2()) * (abs(chord.normal.x) + abs(chord.normal.y));
 }

@@ -99,8 +99,8 @@ fn voter(round: u32, p: u32) -> u32 {
     return first_vote[p];
 }
 
-// The number of votes that outvote a point: half; pixels outside the image count as points that are not nearer, but 7 of 8
-// are always enough.
+// The number of votes that outvote a point: half; pixels outside the image count as points that are not nearer, but 7
+// of 8 are always enough.
 fn majority(pixel: vec2<i32>, voters: i32) -> i32 {
     let span = min(pixel + 3, vec2<i32>(frame.size)) - max(pixel - 2, vec2(0));
     let inside = max(span.x * span.y - 1, 1);

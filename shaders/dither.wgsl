@@ -1,7 +1,7 @@
 // Turns priorities into requests for samples by systematic sampling; `stages/src/dither.rs` explains the algorithm.
 //
-// Cells of the predicted view and pixels are processed alike: weights are summed by tile, one workgroup scans the tiles'
-// sums, and each pixel tests whether the sum of weights passes a multiple of total / wanted in it.
+// Cells of the predicted view and pixels are processed alike: weights are summed by tile, one workgroup scans the
+// tiles' sums, and each pixel tests whether the sum of weights passes a multiple of total / wanted in it.
 
 #import cloud
 #import frame
@@ -180,7 +180,8 @@ fn pixels_wanted() -> u32 {
     return budget() - cells_wanted();
 }
 
-// Number of bits by which priorities are shifted down, so that their sum stays below 2^32 in images of more than 2^24 pixels.
+// Number of bits by which priorities are shifted down, so that their sum stays below 2^32 in images of more than 2^24
+// pixels.
 fn priority_shift() -> u32 {
     return select(4u, 0u, frame.size.x * frame.size.y <= 0x1000000u);
 }

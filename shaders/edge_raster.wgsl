@@ -1,5 +1,5 @@
-// Marks where edges cross the sides of pixels. Compute runs clear, draw_silhouettes, draw_shadows, draw_long; with LINES clear,
-// then silhouette_corner and shadow_corner as vertex shaders, each with mark_pixel.
+// Marks where edges cross the sides of pixels. Compute runs clear, draw_silhouettes, draw_shadows, draw_long; with
+// LINES clear, then silhouette_corner and shadow_corner as vertex shaders, each with mark_pixel.
 
 #import frame
 #import index
@@ -318,7 +318,8 @@ fn cut(t: vec2<f32>, a: f32, b: f32) -> vec2<f32> {
 
 // ---- Crossings
 
-// The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top edge.
+// The lines of the grid across one axis that a segment crosses in the image, numbered from the image's left or top
+// edge.
 struct Lines {
     // The end with the smaller coordinate along the axis: that coordinate, and the other one.
     start: vec2<i32>,

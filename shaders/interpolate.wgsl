@@ -1,5 +1,5 @@
-// Colours every pixel from the samples in its 5x5 pixels that no edge separates from it, and computes how much a new sample
-// there is worth.
+// Colours every pixel from the samples in its 5x5 pixels that no edge separates from it, and computes how much a new
+// sample there is worth.
 
 #import cloud
 #import color

@@ -1,6 +1,6 @@
-// The nearest point of each pixel, its depth and its position in the pixel. Among equally near points the lowest id wins.
-// TwoPass runs clear, project, claim, resolve; with ATOMIC64 clear, project, resolve; with RASTER vertex and fragment,
-// then resolve.
+// The nearest point of each pixel, its depth and its position in the pixel. Among equally near points the lowest id
+// wins. TwoPass runs clear, project, claim, resolve; with ATOMIC64 clear, project, resolve; with RASTER vertex and
+// fragment, then resolve.
 
 #import cloud
 #import frame

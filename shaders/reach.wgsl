@@ -30,8 +30,8 @@ fn mask_at(at: vec2<i32>) -> u32 {
     return mask[corner_index(vec2<u32>(at))];
 }
 
-// Which regions of two simple or empty pixels touch at the side that they share, with these crossings. A position on the
-// side maps to a position on each ring, in quarters of a slot: the side's start there plus or minus the position.
+// Which regions of two simple or empty pixels touch at the side that they share, with these crossings. A position on
+// the side maps to a position on each ring, in quarters of a slot: the side's start there plus or minus the position.
 fn joined_by(p: u32, q: u32, crossings: u32, starts: vec2<u32>, steps: vec2<u32>) -> u32 {
     // The crossings cut the side into intervals; each joins the regions at its middle.
     var rest = crossings;
@@ -101,8 +101,8 @@ fn reached_from(at: vec2<i32>) -> u32 {
         let matrix = own >> (4u * d);
         let offset = direction(d);
         reached |= if_odd(matrix, bit_of(offset));
-        // Bit 4 d: the path continues in direction d, from a region of the neighbour that is joined to the primary region
-        // here.
+        // Bit 4 d: the path continues in direction d, from a region of the neighbour that is joined to the primary
+        // region here.
         let next = n8_at(at + offset);
         let onward = if_odd(matrix, next) | if_odd(matrix >> 1u, next >> 2u);
         let most = select(1u, 2u, params.rule == RULE_WIDE && (d & 1u) == 1u);

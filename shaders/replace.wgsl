@@ -61,8 +61,8 @@ fn count_samples(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     }
 }
 
-// One thread for each age of points, from the highest down. Finds the highest age such that there are enough free slots of
-// that age or higher (0 if there are not that many at all), and the number of free slots of higher age.
+// One thread for each age of points, from the highest down. Finds the highest age such that there are enough free slots
+// of that age or higher (0 if there are not that many at all), and the number of free slots of higher age.
 @compute @workgroup_size(SCAN_THREADS)
 fn choose(@builtin(local_invocation_index) lane: u32) {
     let need = workgroup_scan(lane, sample_sums[lane]).total;

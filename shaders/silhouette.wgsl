@@ -1,4 +1,5 @@
-// Which edges of the mesh are silhouettes from the eye. All passes but the first work on bits: 32 faces or edges per word.
+// Which edges of the mesh are silhouettes from the eye. All passes but the first work on bits: 32 faces or edges per
+// word.
 
 #import frame
 #import index

@@ -1,4 +1,5 @@
-// Colours complex pixels by quarters, each from the samples that no edge separates from it. Twin: `stages/src/subdivide.rs`.
+// Colours complex pixels by quarters, each from the samples that no edge separates from it. Twin:
+// `stages/src/subdivide.rs`.
 
 #import cloud
 #import edge_pixel
@@ -22,14 +23,15 @@ const NONE: u32 = 2u;
 @group(0) @binding(7) var primary: texture_2d<f32>;
 @group(0) @binding(8) var color: texture_storage_2d<rgba32float, write>;
 
-// The quarters of the 3x3 pixels around one, row by row: class and chord of each; the matrices of each and its right (bits
-// 0 to 3) and lower (4 to 7) neighbours.
+// The quarters of the 3x3 pixels around one, row by row: class and chord of each; the matrices of each and its right
+// (bits 0 to 3) and lower (4 to 7) neighbours.
 struct Window {
     quarters: array<u32, QUARTERS>,
     pairs: array<u32, QUARTERS>,
 }
 
-// A colour somewhere in the window: the quarter and its region, the place in 1/32 pixel from the window's top left corner.
+// A colour somewhere in the window: the quarter and its region, the place in 1/32 pixel from the window's top left
+// corner.
 struct Tap {
     quarter: u32,
     region: u32,
@@ -141,8 +143,8 @@ fn areas_of(quarter: u32) -> vec2<u32> {
     return vec2(a, QUARTER_AREA - a);
 }
 
-// The region of a quarter that contains a square cell, or NONE: `corner` is its top left one and `size` the length of its
-// sides, in 1/16 pixel.
+// The region of a quarter that contains a square cell, or NONE: `corner` is its top left one and `size` the length of
+// its sides, in 1/16 pixel.
 fn region_of_cell(quarter: u32, corner: vec2<i32>, size: i32) -> u32 {
     if (quarter & CLASS) != SIMPLE {
         return select(NONE, 0u, (quarter & CLASS) == EMPTY);

@@ -77,8 +77,8 @@ fn snake(variant: &str) -> String {
     snake
 }
 
-/// Declares constants once for Rust and WGSL: `const` items of type u32, usize, i32 or f32, and `CONSTANTS`, which lists them for
-/// [`crate::Io::constants`] or [`crate::Registry::with_constants`].
+/// Declares constants once for Rust and WGSL: `const` items of type u32, usize, i32 or f32, and `CONSTANTS`, which
+/// lists them for [`crate::Io::constants`] or [`crate::Registry::with_constants`].
 ///
 /// ```
 /// epigraph_core::constants! {

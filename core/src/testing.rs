@@ -1,8 +1,8 @@
 //! For the tests of a stage: random inputs, and a comparison of its shader with its CPU twin.
 //!
-//! A [`Harness`] holds one stage and the inputs that a test gives it. [`run_both`] runs a frame on the CPU and one on the GPU
-//! from the same inputs; [`Both`] compares what the two wrote, port by port. Everything here panics on errors, so that
-//! a test needs no error handling.
+//! A [`Harness`] holds one stage and the inputs that a test gives it. [`run_both`] runs a frame on the CPU and one on
+//! the GPU from the same inputs; [`Both`] compares what the two wrote, port by port. Everything here panics on errors,
+//! so that a test needs no error handling.
 //!
 //! ```
 //! use epigraph_core::{
@@ -96,8 +96,8 @@ pub fn run_cpu<S: Stage>(harness: &mut Harness<S>, registry: &Registry) -> Outpu
     run(harness, registry, Side::Cpu)
 }
 
-/// Runs a frame of the CPU twin and a frame of the shader, from the same inputs. Each side keeps persistent ports of its
-/// own, so repeated calls compare frame after frame. The shader's modules come from `registry`.
+/// Runs a frame of the CPU twin and a frame of the shader, from the same inputs. Each side keeps persistent ports of
+/// its own, so repeated calls compare frame after frame. The shader's modules come from `registry`.
 ///
 /// # Panics
 /// As [`run_cpu`]; also if there is no GPU, or if the shader does not compile or does not fit the declaration.
@@ -115,8 +115,8 @@ fn run<S: Stage>(harness: &mut Harness<S>, registry: &Registry, side: Side) -> O
     }
 }
 
-/// What the CPU twin and the shader wrote from the same inputs. Outputs are named `port`, or `port.field` where a port has
-/// several fields; an updated port is an output too.
+/// What the CPU twin and the shader wrote from the same inputs. Outputs are named `port`, or `port.field` where a port
+/// has several fields; an updated port is an output too.
 pub struct Both {
     /// Written by the CPU twin.
     pub cpu: Outputs,
@@ -155,8 +155,8 @@ impl Both {
     }
 
     /// Asserts that no number of an output differs by more than `tolerance`. The output consists of f32, alone or in
-    /// vectors: `[f32; 4]` counts as four numbers. The tolerance is absolute, in the port's unit; infinity equals itself,
-    /// NaN nothing. A test should say why any number may differ.
+    /// vectors: `[f32; 4]` counts as four numbers. The tolerance is absolute, in the port's unit; infinity equals
+    /// itself, NaN nothing. A test should say why any number may differ.
     ///
     /// # Panics
     /// With the first number that differs by more; if there is no such output.

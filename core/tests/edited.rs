@@ -1,5 +1,4 @@
-//! Texts that an editor has of shaders take the place of the embedded ones, and what is wrong with them is reported where
-//! it is.
+//! Shader texts from an editor replace the embedded ones, and problems in them are reported with their position.
 
 use std::{path::Path, sync::Arc};
 

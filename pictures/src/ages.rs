@@ -8,17 +8,17 @@ use epigraph_stages::{
 
 use crate::{Number, lanes, look::NONE};
 
-/// The age, an integer from 0 to 255, of the point that each pixel shows, from an image of ids and the cloud's `meta`; no
-/// value where there is no live point. On average, a point's age is 128 when it is due to be replaced. `None` if either is
-/// not a list of words.
+/// The age, an integer from 0 to 255, of the point that each pixel shows, from an image of ids and the cloud's `meta`;
+/// no value where there is no live point. On average, a point's age is 128 when it is due to be replaced. `None` if
+/// either is not a list of words.
 pub fn ages(id: &Snapshot, meta: &Snapshot) -> Option<Snapshot> {
     let meta = words(meta)?;
     of_points(id, meaning::AGE, |point| is_live(*meta.get(point)?).then_some((meta[point] & AGE) / AGE_ONE))
 }
 
 /// The number of frames before frame `now` at which the point of each pixel came, from an image of ids and the cloud's
-/// `meta` and `dates` (frame numbers + 1). No value where there is no live point or it has no date. `None` if one of the
-/// three is not a list of words.
+/// `meta` and `dates` (frame numbers + 1). No value where there is no live point or it has no date. `None` if one of
+/// the three is not a list of words.
 pub fn frames_ago(id: &Snapshot, meta: &Snapshot, dates: &Snapshot, now: u32) -> Option<Snapshot> {
     let (meta, dates) = (words(meta)?, words(dates)?);
     of_points(id, meaning::FRAMES_AGO, |point| {

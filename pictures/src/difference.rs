@@ -45,7 +45,8 @@ impl Difference {
         flip::mean(&self.errors)
     }
 
-    /// The same over the pixels set in `mask`. A pixel's error depends on its neighbourhood, inside or outside the mask.
+    /// The same over the pixels set in `mask`. A pixel's error depends on its neighbourhood, inside or outside the
+    /// mask.
     pub fn flip_within(&self, mask: &[bool]) -> f64 {
         flip::mean(&chosen(&self.errors, mask))
     }

@@ -3,7 +3,8 @@
 
 use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE, ends, ring_at, slot_position};
 
-/// Names and colours of the classes: no edge crosses the pixel or one ends in it; one edge cuts it in two; anything else.
+/// Names and colours of the classes: no edge crosses the pixel or one ends in it; one edge cuts it in two; anything
+/// else.
 pub const CLASSES: [(&str, [u8; 3]); 3] =
     [("empty", [58, 63, 82]), ("simple", [92, 190, 140]), ("complex", [232, 86, 80])];
 
@@ -118,7 +119,8 @@ mod tests {
 
     #[test]
     fn a_simple_pixel_has_its_chord() {
-        // E1: from the left side at 7/16 to the right side at 13/16; the slots go clockwise, the right side's comes first.
+        // E1: from the left side at 7/16 to the right side at 13/16; the slots go clockwise, the right side's comes
+        // first.
         let right = Stroke { slot: 14, from: [1.0, 0.8125], to: [0.5, 0.625] };
         let left = Stroke { slot: 28, from: [0.0, 0.4375], to: [0.5, 0.625] };
         assert_eq!(strokes_at(&example(), [3, 3]), [right, left]);

@@ -19,7 +19,8 @@ use crate::{Lane, Number, lanes, look::is_depth, size, tone};
 /// The encoder's error.
 pub fn png([width, height]: [usize; 2], colors: &[[u8; 3]]) -> Result<Vec<u8>, String> {
     let mut bytes = Cursor::new(Vec::new());
-    // Compared with the fast level: half the size for drawings, 10% less for noisy pictures, some 0.2 s more per megapixel.
+    // Compared with the fast level: half the size for drawings, 10% less for noisy pictures, some 0.2 s more per
+    // megapixel.
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
     encoder
         .write_image(colors.as_flattened(), width as u32, height as u32, ExtendedColorType::Rgb8)
@@ -36,8 +37,8 @@ pub fn exr(size: [usize; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, String> {
     encode_exr(size, ["R", "G", "B"].into_iter().enumerate().map(|(i, name)| AnyChannel::new(name, lane(i))))
 }
 
-/// A port as an EXR file: one channel per scalar. Unsigned integers stay integers, except distances stored as their bits;
-/// signed ones become floats, exact up to 2^24. EXR files hold linear light, so sRGB-encoded bytes are decoded.
+/// A port as an EXR file: one channel per scalar. Unsigned integers stay integers, except distances stored as their
+/// bits; signed ones become floats, exact up to 2^24. EXR files hold linear light, so sRGB-encoded bytes are decoded.
 pub fn exr_of_port(snapshot: &Snapshot) -> Result<Vec<u8>, String> {
     let lanes = lanes(&snapshot.element);
     let single = lanes.len() == 1;

@@ -1,5 +1,5 @@
-//! FLIP, the difference that a person sees when two images alternate in place (Andersson et al. 2020, "FLIP: A Difference
-//! Evaluator for Alternating Images"). Section numbers below are that paper's.
+//! FLIP, the difference that a person sees when two images alternate in place (Andersson et al. 2020, "FLIP: A
+//! Difference Evaluator for Alternating Images"). Section numbers below are that paper's.
 
 use rayon::prelude::*;
 
@@ -22,8 +22,8 @@ const FEATURE_EXPONENT: f32 = 0.5;
 /// One number per pixel.
 type Plane = Vec<f32>;
 
-/// The error of each pixel of `test` against `reference`, 0 to 1, at 67 pixels per degree. Both hold sRGB colours in [0, 1]
-/// of an image of width and height `size`.
+/// The error of each pixel of `test` against `reference`, 0 to 1, at 67 pixels per degree. Both hold sRGB colours in
+/// [0, 1] of an image of width and height `size`.
 pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], size: [usize; 2]) -> Plane {
     let (opponent_a, opponent_b) = (opponent(reference), opponent(test));
     let colors = color_differences(&seen(&opponent_a, size), &seen(&opponent_b, size));

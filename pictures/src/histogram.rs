@@ -20,8 +20,8 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Counts the values of an image that a look shows; `None` in modes whose values are not quantities, and if there are no
-    /// values.
+    /// Counts the values of an image that a look shows; `None` in modes whose values are not quantities, and if there
+    /// are no values.
     pub fn new(snapshot: &Snapshot, look: &Look) -> Option<Self> {
         let mode = look.mode_for(snapshot);
         let all = lanes(&snapshot.element);

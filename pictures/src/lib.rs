@@ -3,7 +3,8 @@
 //!
 //! - [`lanes`]: the scalars of an element.
 //! - [`show`]: an image as sRGB colours, with a [`Look`]; [`describe`]: a pixel as text.
-//! - [`Scale`], [`Histogram`]: the mapping from values to shades, and counts of the values; [`Table`]: a list's elements.
+//! - [`Scale`], [`Histogram`]: the mapping from values to shades, and counts of the values; [`Table`]: a list's
+//!   elements.
 //! - [`edges`]: the words of the edge-and-point image, drawn.
 //! - [`Difference`], [`flip`], [`metrics`]: measures of the difference between two pictures.
 //! - [`Picture`], [`PortFile`], [`Target`], [`Draft`]: files.

@@ -1,4 +1,5 @@
-//! Ports as pictures: the meaning of the numbers decides how they are shown. If a port declares no meaning, its elements do.
+//! Ports as pictures: the meaning of the numbers decides how they are shown. If a port declares no meaning, its
+//! elements do.
 //!
 //! | mode | shown as | suits |
 //! |---|---|---|
@@ -11,8 +12,8 @@
 //! | [`Mode::Classes`] | empty, simple, complex | [`meaning::CLASS`] |
 //! | [`Mode::Reach`] | grey, white where all of the 5x5 pixels are reached | [`meaning::REACH`] |
 //!
-//! Odd values are loud: NaN magenta, infinity cyan, poison orange. Elements without a value (0xFFFFFFFF, far or infinite
-//! depth) have the quiet colour [`EMPTY`].
+//! Odd values are loud: NaN magenta, infinity cyan, poison orange. Elements without a value (0xFFFFFFFF, far or
+//! infinite depth) have the quiet colour [`EMPTY`].
 
 #[cfg(test)]
 mod tests;
@@ -198,8 +199,8 @@ impl Look {
         lane.numbers(snapshot).filter_map(|number| amount(number).ok()).collect()
     }
 
-    /// The default range of an image: from the lowest value to the highest, without a hundredth at either end; from 0 for
-    /// integers; the full range for priorities. `None` if there are no values.
+    /// The default range of an image: from the lowest value to the highest, without a hundredth at either end; from 0
+    /// for integers; the full range for priorities. `None` if there are no values.
     fn automatic(&self, snapshot: &Snapshot, lane: &Lane, curve: Curve) -> Option<[f32; 2]> {
         let values = || self.amounts(snapshot, lane);
         if curve == Curve::Reciprocal {

@@ -12,7 +12,8 @@ pub fn psnr(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
     -20.0 * rmse(a, b).log10()
 }
 
-/// Half the side of SSIM's window and the standard deviation of its Gaussian, in pixels (Wang et al. 2004, section III.C).
+/// Half the side of SSIM's window and the standard deviation of its Gaussian, in pixels (Wang et al. 2004, section
+/// III.C).
 const SSIM_RADIUS: usize = 5;
 const SSIM_SIGMA: f64 = 1.5;
 /// (K1 L)^2 and (K2 L)^2 for values in [0, 1] (Wang et al. 2004, equations 9 and 11).

@@ -95,8 +95,8 @@ impl PortFile {
     }
 }
 
-/// A table with a row for each element. The first columns are x and y for images, the index for lists; the scalars of every
-/// field follow.
+/// A table with a row for each element. The first columns are x and y for images, the index for lists; the scalars of
+/// every field follow.
 fn csv(fields: &[&Snapshot]) -> String {
     let Some(first) = fields.first() else { return String::new() };
     let is_image = first.dims.height > 1;

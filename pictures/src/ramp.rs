@@ -51,8 +51,8 @@ impl Ramp {
     }
 }
 
-/// A colour by its lightness, chroma and hue (in turns) in OKLab (Ottosson 2020; from linear Rec. 709), as sRGB, clamped to
-/// the gamut.
+/// A colour by its lightness, chroma and hue (in turns) in OKLab (Ottosson 2020; from linear Rec. 709), as sRGB,
+/// clamped to the gamut.
 fn lch(lightness: f32, chroma: f32, hue: f32) -> [u8; 3] {
     let (a, b) = (chroma * (hue * TAU).cos(), chroma * (hue * TAU).sin());
     let l = (lightness + 0.396_337_78 * a + 0.215_803_76 * b).powi(3);

@@ -16,8 +16,8 @@ pub const UNKNOWN: &str = "graph or file";
 /// `render-cache.ron` or `graphs/render-cache.ron`.
 ///
 /// # Errors
-/// The problems of the file. If there is neither a file nor a built-in graph, a single word gives [`GraphError::Unknown`]
-/// with [`UNKNOWN`].
+/// The problems of the file. If there is neither a file nor a built-in graph, a single word gives
+/// [`GraphError::Unknown`] with [`UNKNOWN`].
 pub fn load(name: &str) -> Result<GraphFile, Problems> {
     let path = Path::new(name);
     if path.exists() {

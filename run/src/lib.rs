@@ -18,10 +18,10 @@
 //! # }
 //! ```
 //!
-//! A [`Setup`] collects the settings of a run: a graph, a [`Place`] (a scene and a camera path through it), the image size,
-//! the number of samples and the placement of nodes. [`Setup::compile`] checks the graph and makes a plan, which needs no
-//! GPU; [`Compiled::start`] allocates memory. The resulting [`Run`] only runs frames. The command line and the editor are
-//! built on these types.
+//! A [`Setup`] collects the settings of a run: a graph, a [`Place`] (a scene and a camera path through it), the image
+//! size, the number of samples and the placement of nodes. [`Setup::compile`] checks the graph and makes a plan, which
+//! needs no GPU; [`Compiled::start`] allocates memory. The resulting [`Run`] only runs frames. The command line and the
+//! editor are built on these types.
 //!
 //! The layers below offer more control: [`epigraph_core`] (graph files, plans, executors, the stage interface),
 //! [`epigraph_stages`] (the built-in stages), [`epigraph_scenes`] (scenes, camera paths, the ray tracer) and

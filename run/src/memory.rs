@@ -16,8 +16,8 @@ pub fn available() -> Option<u64> {
     field("/proc/meminfo", "MemAvailable:")
 }
 
-/// Checks that about `bytes` bytes of main memory are available. Systems that overcommit memory would otherwise kill the
-/// process later without a message.
+/// Checks that about `bytes` bytes of main memory are available. Systems that overcommit memory would otherwise kill
+/// the process later without a message.
 ///
 /// # Errors
 /// [`Error::Memory`] if less is available.

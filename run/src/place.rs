@@ -62,8 +62,8 @@ impl Place {
         self.shared.tracer.get_or_init(|| Arc::new(Tracer::new(self.scene.clone())))
     }
 
-    /// The resources that stages use in addition to their ports: the scene, with its ray tracer as the source of samples.
-    /// [`Pace::Async`] starts `threads` tracing threads.
+    /// The resources that stages use in addition to their ports: the scene, with its ray tracer as the source of
+    /// samples. [`Pace::Async`] starts `threads` tracing threads.
     pub fn host(&self, pace: Pace, threads: usize) -> Arc<Host> {
         let make = || host(World::new(self.tracer().clone(), pace, threads));
         match pace {

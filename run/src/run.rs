@@ -79,7 +79,8 @@ impl Run {
         self.index
     }
 
-    /// The number of samples so far whose radiance was not finite: a fault of the scene or the tracer. They count as black.
+    /// The number of samples so far whose radiance was not finite: a fault of the scene or the tracer. They count as
+    /// black.
     pub fn non_finite_samples(&self) -> u64 {
         self.host.get::<World>().map_or(0, |world| world.tracer.non_finite())
     }

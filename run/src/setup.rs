@@ -17,8 +17,8 @@ use crate::{
 const SCENE: &str = "cornell";
 const CAMERA: &str = "orbit";
 
-/// The settings of a run. Every setting has a default: the Cornell box, an orbit of one degree per frame, 512 x 512 pixels,
-/// 5% of them sampled per frame, a hardware GPU if available.
+/// The settings of a run. Every setting has a default: the Cornell box, an orbit of one degree per frame, 512 x 512
+/// pixels, 5% of them sampled per frame, a hardware GPU if available.
 ///
 /// Apart from the graph file, nothing is read or checked before [`Setup::compile`] or [`Setup::start`].
 pub struct Setup {
@@ -109,8 +109,8 @@ impl Setup {
         self
     }
 
-    /// Says that somebody may move the camera by hand ([`Run::look`], [`Run::run`]): nothing is left out that a still camera
-    /// makes needless.
+    /// Says that somebody may move the camera by hand ([`Run::look`], [`Run::run`]): nothing is left out that a still
+    /// camera makes needless.
     pub fn live(mut self) -> Self {
         self.live = true;
         self

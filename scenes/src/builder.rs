@@ -266,8 +266,8 @@ impl SceneBuilder {
         body
     }
 
-    /// A body of the finished mesh. Faces keep their order, welded vertices are in the order of their faces, and edges in
-    /// that of their vertices, so the parts of a body are contiguous in every list.
+    /// A body of the finished mesh. Faces keep their order, welded vertices are in the order of their faces, and edges
+    /// in that of their vertices, so the parts of a body are contiguous in every list.
     fn body(&self, moving: &Moving, kept: &[usize], mesh: &Mesh) -> Body {
         let Moving { motion, triangles, lights, .. } = moving;
         let face = |old: usize| kept.partition_point(|&face| face < old);

@@ -27,8 +27,8 @@ pub struct Edge {
     pub kind: EdgeKind,
 }
 
-/// All triangles of a scene, with welded vertices: equal positions share an index unless they belong to different bodies.
-/// Data that does not depend on motion is shared by all poses of a scene.
+/// All triangles of a scene, with welded vertices: equal positions share an index unless they belong to different
+/// bodies. Data that does not depend on motion is shared by all poses of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Vertex positions, metres.

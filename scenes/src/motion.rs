@@ -85,7 +85,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// The pose of a frame. Between two keys, translations are interpolated linearly and rotations along the shorter arc.
+    /// The pose of a frame. Between two keys, translations are interpolated linearly and rotations along the shorter
+    /// arc.
     pub fn pose(&self, frame: u32) -> Pose {
         let (first, last) = (&self.keys[0], &self.keys[self.keys.len() - 1]);
         // In f64, so that motion stays smooth even after hours of frames.
@@ -232,7 +233,8 @@ mod tests {
         let motion = motion(false);
         assert_eq!(motion.pose(0), Pose::REST);
         assert_eq!(motion.pose(15), Pose::REST);
-        // A quarter turn about (1, y, 0) takes the origin from the -x to the +z side of the pivot; then it is translated.
+        // A quarter turn about (1, y, 0) takes the origin from the -x to the +z side of the pivot; then it is
+        // translated.
         assert!(motion.pose(45).point(Vec3::ZERO).distance(Vec3::new(3.0, 0.0, 1.0)) < 1e-6);
         let half = motion.pose(30).point(Vec3::new(1.0, 7.0, 0.0));
         assert!(half.distance(Vec3::new(2.0, 7.0, 0.0)) < 1e-6, "the pivot is only moved: {half}");

@@ -15,9 +15,9 @@ pub use flight::keyframes;
 const FORMS: [&str; 5] =
     ["still", "view:X,Y,Z:QX,QY,QZ,QW", "orbit[:DEGREES[:ARC]]", "fly[:FILE.ron]", "shake"];
 
-/// An orbit's default speed in degrees per frame, and its default arc in degrees. The arc is wide enough for every kind of
-/// disocclusion, and narrow enough to keep the eye of the Cornell box within the opening: from beside it, the camera would
-/// see the outer sides of the walls, whose points would stay in the cloud where the inner sides have theirs.
+/// An orbit's default speed in degrees per frame, and its default arc in degrees. The arc is wide enough for every kind
+/// of disocclusion, and narrow enough to keep the eye of the Cornell box within the opening: from beside it, the camera
+/// would see the outer sides of the walls, whose points would stay in the cloud where the inner sides have theirs.
 const ORBIT_SPEED: f32 = 1.0;
 const ORBIT_ARC: f32 = 28.0;
 
@@ -111,9 +111,9 @@ impl CameraPath {
     /// - `still`;
     /// - `view:X,Y,Z:QX,QY,QZ,QW`: a fixed eye point, with the rotation from camera to world space as a quaternion and
     ///   the scene's lens. [`CameraPath::view`] writes it;
-    /// - `orbit`, `orbit:DEGREES`, `orbit:DEGREES:ARC`: orbits the camera's target by `DEGREES` per frame (default 1), to
-    ///   and fro on an arc of `ARC` degrees (default 28) with the scene's view in the middle; 360 gives a full circle.
-    ///   An eye that starts inside the scene's bounds stays inside;
+    /// - `orbit`, `orbit:DEGREES`, `orbit:DEGREES:ARC`: orbits the camera's target by `DEGREES` per frame (default 1),
+    ///   to and fro on an arc of `ARC` degrees (default 28) with the scene's view in the middle; 360 gives a full
+    ///   circle. An eye that starts inside the scene's bounds stays inside;
     /// - `fly`, `fly:FILE.ron`: through keyframes, by default a gentle loop forwards and sideways. The file holds
     ///   `(looped: true, keys: [(time: 0.0, eye: (x, y, z), target: (x, y, z)), ...])`, times in seconds;
     /// - `shake`: small hand-held movements about the scene's view.
@@ -220,8 +220,8 @@ fn list<const N: usize>(text: &str) -> Option<[f32; N]> {
     numbers?.try_into().ok()
 }
 
-/// Distance to the camera's target along the view axis: that of the scene's centre, but, for an eye inside the scene, at
-/// least half the distance to the far side.
+/// Distance to the camera's target along the view axis: that of the scene's centre, but, for an eye inside the scene,
+/// at least half the distance to the far side.
 fn target_distance(scene: &Scene) -> f32 {
     let Camera { eye, rotation, .. } = scene.camera;
     let forward = rotation * Vec3::NEG_Z;

@@ -11,8 +11,8 @@ use crate::{Camera, Rng, TraceSettings, Tracer};
 /// Renders an image of `size` pixels, rows from the top, each the mean of `spp` samples spread evenly over the
 /// pixel's area (box filter); each sample carries `settings.spp` light paths. The same bits on any number of threads.
 ///
-/// `row_done` is called once for each finished row, from any thread. Where it returns false, the rows that are not yet begun
-/// are left out and there is no image.
+/// `row_done` is called once for each finished row, from any thread. Where it returns false, the rows that are not yet
+/// begun are left out and there is no image.
 pub fn render(
     tracer: &Tracer,
     camera: &Camera,

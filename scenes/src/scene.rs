@@ -29,8 +29,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene without surfaces and lights: for graphs whose samples come from another renderer. `bounds` is the box of what
-    /// that renderer shows, metres; camera paths such as `orbit` turn around it.
+    /// A scene without surfaces and lights: for graphs whose samples come from another renderer. `bounds` is the box of
+    /// what that renderer shows, metres; camera paths such as `orbit` turn around it.
     pub fn empty(name: &str, camera: Camera, bounds: [Vec3; 2]) -> Self {
         Self {
             name: name.to_owned(),

@@ -5,8 +5,8 @@ use glam::{Affine3A, Mat3A, Vec2, Vec3};
 use crate::MeshError;
 use crate::mesh::bounds_of;
 
-/// An indexed triangle surface from a loader or a procedural scene, before it becomes part of a [`Mesh`](crate::Mesh). It
-/// is neither checked nor welded.
+/// An indexed triangle surface from a loader or a procedural scene, before it becomes part of a [`Mesh`](crate::Mesh).
+/// It is neither checked nor welded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
     /// Vertex positions, metres.
@@ -64,8 +64,8 @@ impl Shape {
         Self::prism(&outline(low.y), &outline(high.y))
     }
 
-    /// A grid of `columns` x `rows` quads with vertices `point(i, j)`, i in 0..=columns to the right, j in 0..=rows upwards
-    /// as seen from the front, with smooth shading normals. Coinciding ends weld into a closed surface; a quad
+    /// A grid of `columns` x `rows` quads with vertices `point(i, j)`, i in 0..=columns to the right, j in 0..=rows
+    /// upwards as seen from the front, with smooth shading normals. Coinciding ends weld into a closed surface; a quad
     /// that degenerates to a triangle at a pole gives one triangle.
     pub fn surface(columns: u32, rows: u32, point: impl Fn(u32, u32) -> Vec3) -> Self {
         let mut shape = Self::default();
@@ -120,8 +120,8 @@ impl Shape {
         Self::lathe(&profile, columns)
     }
 
-    /// A closed box around the origin with edges rounded by `radius` in `segments` steps per quarter turn; `half` is half
-    /// its size. It consists of the octants of a sphere, moved apart: 16 segments (segments + 1) + 12 triangles.
+    /// A closed box around the origin with edges rounded by `radius` in `segments` steps per quarter turn; `half` is
+    /// half its size. It consists of the octants of a sphere, moved apart: 16 segments (segments + 1) + 12 triangles.
     pub fn rounded_box(half: Vec3, radius: f32, segments: u32) -> Self {
         let steps = segments + 1;
         let inner = half - radius;
@@ -215,7 +215,8 @@ impl Shape {
         (b - a).cross(c - a)
     }
 
-    /// This shape transformed by `transform`; a mirroring transform also flips the triangles, so that fronts stay fronts.
+    /// This shape transformed by `transform`; a mirroring transform also flips the triangles, so that fronts stay
+    /// fronts.
     pub fn transformed(&self, transform: Affine3A) -> Self {
         let normal_matrix: Mat3A = transform.matrix3.inverse().transpose();
         let mirrors = transform.matrix3.determinant() < 0.0;

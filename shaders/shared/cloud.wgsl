@@ -1,5 +1,5 @@
-// The point cloud: bits of cloud_meta and the codec of cloud_radiance. Mirrors `stages/src/shared/cloud.rs`, which declares
-// the constants AGE, AGE_ONE, LIVE, CHANGED, FRESH, BODY_SHIFT, NO_POINT, NOT_DRAWN and MAX_RADIANCE.
+// The point cloud: bits of cloud_meta and the codec of cloud_radiance. Mirrors `stages/src/shared/cloud.rs`, which
+// declares the constants AGE, AGE_ONE, LIVE, CHANGED, FRESH, BODY_SHIFT, NO_POINT, NOT_DRAWN and MAX_RADIANCE.
 
 // Linear radiance as RGB9E5: three 9-bit mantissas from the low bits up, one 5-bit exponent, bias 15.
 fn encode_radiance(color: vec3<f32>) -> u32 {

@@ -85,16 +85,16 @@ fn chord_side(chord: Chord, at: vec2<i32>) -> i32 {
     return chord.normal.x * at.x + chord.normal.y * at.y + chord.offset;
 }
 
-// The region of a pixel that is not complex, at a position on its ring that is not a crossing: 0 primary, 1 secondary. The
-// position is in quarters of a slot from the top left corner, 0 to 128.
+// The region of a pixel that is not complex, at a position on its ring that is not a crossing: 0 primary, 1 secondary.
+// The position is in quarters of a slot from the top left corner, 0 to 128.
 fn region_of(cls: u32, place: u32) -> u32 {
     let ends = 4u * ends_of(cls) + 2u;
     let is_a = ends.x < place && place < ends.y;
     return u32((cls & CLASS) == SIMPLE && is_a != ((cls & PRIMARY_IS_A) != 0u));
 }
 
-// The Boolean product of two matrices: which regions of P and R are joined through Q, from the matrix of P and Q and that of
-// Q and R. Bit 2 * (region of the first) + (region of the second).
+// The Boolean product of two matrices: which regions of P and R are joined through Q, from the matrix of P and Q and
+// that of Q and R. Bit 2 * (region of the first) + (region of the second).
 fn chain(pq: u32, qr: u32) -> u32 {
     // Each column of the first times each row of the second: through the primary region of Q, or the secondary.
     let through_primary = if_odd(pq, qr & 3u) | if_odd(pq >> 2u, (qr & 3u) << 2u);

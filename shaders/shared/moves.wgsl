@@ -1,5 +1,5 @@
-// Rigid motions as matrices, lights, and the boxes of bodies that may occlude them. Mirrors `stages/src/shared/moves.rs`,
-// which declares the constant GRAZING.
+// Rigid motions as matrices, lights, and the boxes of bodies that may occlude them. Mirrors
+// `stages/src/shared/moves.rs`, which declares the constant GRAZING.
 
 struct Move {
     // Rows of the new x, y and z: coefficients of x, y, z and 1.
@@ -61,8 +61,8 @@ struct Blocker {
     body: u32,
 }
 
-// Whether it may cover a part of a lamp from a point: whether the line between them hits the box, enlarged by the distance
-// there between that line and the lines to the rim of the lamp.
+// Whether it may cover a part of a lamp from a point: whether the line between them hits the box, enlarged by the
+// distance there between that line and the lines to the rim of the lamp.
 fn covers(blocker: Blocker, lamp: Lamp, point: vec3<f32>) -> bool {
     let here = Move(blocker.x, blocker.y, blocker.z);
     let start = moved_point(here, point);

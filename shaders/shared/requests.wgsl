@@ -1,5 +1,5 @@
-// Requests for samples and the samples that answer them. Mirrors `stages/src/shared/requests.rs`, which declares the constants
-// NO_PIXEL, PIXEL_CENTER, VIEW_NOW, VIEW_PREDICTED, HIT_NONE, HIT_SURFACE and HIT_BACKGROUND.
+// Requests for samples and the samples that answer them. Mirrors `stages/src/shared/requests.rs`, which declares the
+// constants NO_PIXEL, PIXEL_CENTER, VIEW_NOW, VIEW_PREDICTED, HIT_NONE, HIT_SURFACE and HIT_BACKGROUND.
 
 struct Request {
     // Pixel index y * W + x, or NO_PIXEL.

@@ -25,8 +25,8 @@ pub struct Gpu {
     pub(crate) programs: Programs,
 }
 
-/// Mesa's driver looks for a Wayland display when adapters are listed, and its library prints an error where a session has
-/// none. No frame needs a display, so nobody should read of it: stderr is held back until this is dropped.
+/// Mesa's driver looks for a Wayland display when adapters are listed, and its library prints an error if there is
+/// none. Frames need no display, so the error is misleading: this suppresses stderr until it is dropped.
 fn quiet() -> Option<gag::Gag> {
     let no_session = cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none();
     // Somebody else may hold stderr back already.

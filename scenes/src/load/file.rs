@@ -85,8 +85,8 @@ pub struct MotionSpec {
     /// The point about which it rotates, for objects at rest. Default: the origin.
     #[serde(default)]
     pub pivot: Vec3,
-    /// Poses in ascending order of time, at least one. Between two, translations are interpolated linearly and rotations
-    /// along the shorter arc.
+    /// Poses in ascending order of time, at least one. Between two, translations are interpolated linearly and
+    /// rotations along the shorter arc.
     pub keys: Vec<MotionKeySpec>,
     /// True if it restarts after the last key; otherwise it stays there. Default: false.
     #[serde(default)]
@@ -349,8 +349,8 @@ impl SceneFile {
         Ok(())
     }
 
-    /// Builds the scene that this file describes. Mesh files are searched in `folders`, in order; `fetch` is the name under
-    /// which `scenes/fetch` brings missing ones.
+    /// Builds the scene that this file describes. Mesh files are searched in `folders`, in order; `fetch` is the name
+    /// under which `scenes/fetch` brings missing ones.
     pub(crate) fn into_scene(
         self,
         name: &str,

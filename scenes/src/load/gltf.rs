@@ -1,8 +1,8 @@
-//! glTF 2.0, text and binary: the node tree's triangles, metallic-roughness factors, emission, `KHR_lights_punctual` and
-//! the first perspective camera. Textures, skins, morph targets, animations and sparse accessors are not read.
+//! glTF 2.0, text and binary: the node tree's triangles, metallic-roughness factors, emission, `KHR_lights_punctual`
+//! and the first perspective camera. Textures, skins, morph targets, animations and sparse accessors are not read.
 //!
-//! Light intensities are taken as they stand (1 cd as 1 W/sr), as viewers do that show them at exposure 1. A directional
-//! light becomes a point far away, a spot a point without a cone.
+//! Light intensities are taken as they stand (1 cd as 1 W/sr), as viewers do that show them at exposure 1. A
+//! directional light becomes a point far away, a spot a point without a cone.
 
 use std::collections::HashSet;
 use std::f32::consts::PI;
@@ -206,8 +206,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Each element of an accessor, `convert`ed from its bytes. Offsets, strides and counts of the file are checked against
-    /// the buffer before use.
+    /// Each element of an accessor, `convert`ed from its bytes. Offsets, strides and counts of the file are checked
+    /// against the buffer before use.
     fn elements<T>(&self, accessor: &gltf::Accessor, convert: impl Fn(&[u8]) -> T) -> Result<Vec<T>, String> {
         let outside = || format!("accessor {} reaches beyond its buffer", accessor.index());
         let (size, count) = (accessor.size(), accessor.count());

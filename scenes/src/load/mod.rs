@@ -32,8 +32,8 @@ impl Scene {
     /// `.ron` file at that path.
     ///
     /// # Errors
-    /// An unknown name or ending, a file that cannot be read or is broken, a mesh that has not been fetched, a mesh without
-    /// triangles or with vertices that are not finite.
+    /// An unknown name or ending, a file that cannot be read or is broken, a mesh that has not been fetched, a mesh
+    /// without triangles or with vertices that are not finite.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
         if let Some(scene) = builtin::load(name_or_path) {
             return scene;

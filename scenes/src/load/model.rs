@@ -7,8 +7,8 @@ use glam::{Affine3A, Vec3};
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
 use crate::{Camera, Light, Material, Scene, Shape};
 
-/// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light would
-/// cost more than it gains, so only paths that happen to hit it find its light.
+/// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light
+/// would cost more than it gains, so only paths that happen to hit it find its light.
 const MOST_PANELS: usize = 16;
 
 /// The shapes, materials, lights and camera of one file.

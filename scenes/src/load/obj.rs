@@ -1,5 +1,5 @@
-//! Wavefront OBJ with its MTL: positions, normals, faces of any number of corners, `usemtl`. Texture coordinates and maps
-//! are skipped; a polygon is fanned into triangles.
+//! Wavefront OBJ with its MTL: positions, normals, faces of any number of corners, `usemtl`. Texture coordinates and
+//! maps are skipped; a polygon is fanned into triangles.
 
 use std::collections::HashMap;
 
@@ -10,8 +10,8 @@ use crate::{Material, Shape, Surface};
 
 /// Reads an OBJ file; `library` returns the text of a material file that it references.
 ///
-/// Every run of faces between `o`, `g` and `usemtl` lines becomes a part. An undefined material is replaced by the default
-/// one, as in other readers.
+/// Every run of faces between `o`, `g` and `usemtl` lines becomes a part. An undefined material is replaced by the
+/// default one, as in other readers.
 pub(super) fn read(text: &str, library: impl Fn(&str) -> Result<String, String>) -> Result<Model, String> {
     let mut reader = Reader::default();
     for (number, line) in text.lines().enumerate() {

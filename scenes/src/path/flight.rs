@@ -172,8 +172,8 @@ impl Flight {
     }
 }
 
-/// The text of a keyframe file through these cameras, each at its time in seconds, ascending. Of a camera its place and the
-/// direction of its view are kept: the horizon is level.
+/// The text of a keyframe file through these cameras, each at its time in seconds, ascending. Of a camera its place and
+/// the direction of its view are kept: the horizon is level.
 pub fn keyframes(cameras: &[(f32, Camera)]) -> String {
     let mut text = String::from("(\n    looped: false,\n    keys: [\n");
     for (time, camera) in cameras {

@@ -12,18 +12,19 @@ const STEPS: usize = 4;
 const CENTER: [f32; 2] = [0.5; 2];
 const EXTREMES: [[f32; 2]; 5] = [CENTER, [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
 
-/// Which pixels of an image of `size` pixels (rows from the top) an edge cuts. Rays go through a lattice of 5 x 5 points of
-/// each pixel, the outermost on its sides; the pixel is cut where an edge separates two neighbours of the lattice:
+/// Which pixels of an image of `size` pixels (rows from the top) an edge cuts. Rays go through a lattice of 5 x 5
+/// points of each pixel, the outermost on its sides; the pixel is cut where an edge separates two neighbours of the
+/// lattice:
 ///
-/// - an outline: one ray meets a surface and the other none, or they meet different objects or materials, or either point
-///   lies farther off the plane of the other's triangle than a pixel is wide there, a step in depth that the slope of
-///   neither surface explains;
+/// - an outline: one ray meets a surface and the other none, or they meet different objects or materials, or either
+///   point lies farther off the plane of the other's triangle than a pixel is wide there, a step in depth that the
+///   slope of neither surface explains;
 /// - a crease: their triangles' normals (on the viewer's side) differ by more than [`CREASE_ANGLE`];
-/// - the hard boundary of a shadow: the centre of a light is seen from one and hidden from the other, though both triangles
-///   face it; and of an area light, one point of the pixel and half a pixel around it sees the centre and all corners, and
-///   another none of them: the penumbra is at most about two pixels wide, as of those that stages take for barriers
-///   (`algorithms.md` section 11.2). Where a surface turns away from a light there is no such boundary: it grows dark by
-///   degrees.
+/// - the hard boundary of a shadow: the centre of a light is seen from one and hidden from the other, though both
+///   triangles face it; and of an area light, one point of the pixel and half a pixel around it sees the centre and all
+///   corners, and another none of them: the penumbra is at most about two pixels wide, as of those that stages take for
+///   barriers (`algorithms.md` section 11.2). Where a surface turns away from a light there is no such boundary: it
+///   grows dark by degrees.
 ///
 /// Only what is seen directly counts: no edges within mirrors.
 pub fn edges(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
@@ -159,7 +160,8 @@ mod tests {
     use super::*;
     use crate::{Material, SceneBuilder, Shape};
 
-    /// A view from 2 m above the floor's origin, straight down: 10 pixels to the metre on the floor, x to the left, z up.
+    /// A view from 2 m above the floor's origin, straight down: 10 pixels to the metre on the floor, x to the left, z
+    /// up.
     const SIZE: [u32; 2] = [20, 20];
 
     fn camera() -> Camera {
@@ -265,8 +267,8 @@ mod tests {
             0.5 * Vec3::new(up.cos() * around.sin(), up.sin(), up.cos() * around.cos())
         });
         let marked = edges_of(&[sphere]);
-        // The outline of a ball of radius 0.5 at distance 2: tangent 0.5 / sqrt(2^2 - 0.5^2) of the half angle, the image's
-        // half side being 0.5.
+        // The outline of a ball of radius 0.5 at distance 2: tangent 0.5 / sqrt(2^2 - 0.5^2) of the half angle, the
+        // image's half side being 0.5.
         let radius = 10.0 * 0.5 / (4.0f32 - 0.25).sqrt() / 0.5;
         for (index, &marked) in marked.iter().enumerate() {
             let [x, y] = [(index % 20) as f32, (index / 20) as f32].map(|at| at + 0.5 - 10.0);
