@@ -36,6 +36,19 @@ impl Format {
         self != Self::R32Uint
     }
 
+    /// The scalar that shaders read it as.
+    pub(crate) fn scalar(self) -> Scalar {
+        if self.is_float() { Scalar::F32 } else { Scalar::U32 }
+    }
+
+    /// Its number of channels.
+    pub(crate) fn channels(self) -> u32 {
+        match self {
+            Self::R32Float | Self::R32Uint => 1,
+            Self::Rgba8Unorm | Self::Rgba16Float | Self::Rgba32Float => 4,
+        }
+    }
+
     /// All formats.
     pub const ALL: [Self; 5] =
         [Self::R32Float, Self::R32Uint, Self::Rgba8Unorm, Self::Rgba16Float, Self::Rgba32Float];

@@ -178,9 +178,9 @@ pub enum Pass {
     },
     /// Rasterization into texture ports.
     ///
-    /// There are no vertex buffers. The vertex entry point gets `@builtin(vertex_index)`, numbered through all elements:
-    /// vertex i belongs to element i / `vertices`. `@location(n)` of the fragment entry point is written to the nth
-    /// target, without blending.
+    /// There are no vertex buffers. The vertex entry point gets `@builtin(vertex_index)`, numbered through all
+    /// elements: vertex i belongs to element i / `vertices`. `@location(n)` of the fragment entry point is written to
+    /// the nth target, without blending.
     Draw {
         /// Vertex entry point.
         vertex: Cow<'static, str>,
@@ -195,8 +195,8 @@ pub enum Pass {
         count: FieldRef,
         /// The texture outputs to draw to, one to eight of the same size.
         targets: Vec<FieldRef>,
-        /// Whether a fragment is drawn only if its depth is less than that of all fragments drawn there before (and less
-        /// than 1). The executor owns the depth texture and clears it to 1 before the pass.
+        /// Whether a fragment is drawn only if its depth is less than 1 and than that of all fragments drawn there
+        /// before. The executor owns the depth texture and clears it to 1 before the pass.
         depth: bool,
         /// What all channels of the targets are cleared to before the pass; for targets of u32 a whole number.
         clear: f64,

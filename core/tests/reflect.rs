@@ -400,40 +400,321 @@ fn entry_points_are_checked() {
     assert_misfit("@fragment fn main() {}", &declared, &[], &["`main` is @fragment", "to be @compute"]);
 }
 
-fn raster(target: Port) -> Declaration {
+/// A draw of triangles for each element of `list` into these targets.
+fn raster(targets: Vec<Port>) -> Declaration {
     let at = |port| FieldRef { port, field: 0 };
-    let points = Pass::Draw {
+    let draw = Pass::Draw {
         vertex: "place".into(),
         fragment: "paint".into(),
-        shape: Shape::Points,
-        vertices: 1,
+        shape: Shape::Triangles,
+        vertices: 6,
         count: at(0),
-        targets: vec![at(1)],
-        depth: true,
+        targets: (1..=targets.len() as u16).map(at).collect(),
+        depth: false,
         clear: 0.0,
     };
-    let compute = Pass::Compute { entry: "main".into(), threads: Threads::Over(at(1)) };
+    let compute = Pass::Compute { entry: "main".into(), threads: Threads::Over(at(0)) };
+    let list = port("list", Access::Read, <[f32; 4]>::element());
     Declaration {
-        ports: vec![port("list", Access::Read, <[f32; 4]>::element()), target],
-        passes: vec![points, compute],
+        ports: [list].into_iter().chain(targets).collect(),
+        passes: vec![draw, compute],
         ..Declaration::default()
     }
 }
 
+fn ids() -> Port {
+    port("ids", Access::Write, texel::R32Uint::element())
+}
+
 const RASTER: &str = "
     @group(0) @binding(0) var<storage, read> list: array<vec4<f32>>;
-    @vertex fn place(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> { return list[i]; }
+    struct Vertex { @builtin(position) position: vec4<f32>, @location(0) size: f32 }
+    @vertex fn place(@builtin(vertex_index) i: u32) -> Vertex { return Vertex(list[i / 6u], 1.0); }
     @fragment fn paint() -> @location(0) u32 { return 1u; }
     @compute @workgroup_size(8, 8) fn main() {}";
 
 #[test]
-fn raster_targets_may_be_absent_or_read_but_not_by_their_pass() {
-    let declared = raster(port("id", Access::Write, texel::R32Uint::element()));
-    let id = "@group(0) @binding(1) var id: texture_2d<u32>;";
+fn targets_may_be_absent_or_read_but_not_by_their_pass() {
+    let declared = raster(vec![ids()]);
+    let ids = "@group(0) @binding(1) var ids: texture_2d<u32>;";
     assert_eq!(misfits(RASTER, &declared, &[]), [""; 0]);
-    assert_eq!(misfits(&format!("{RASTER}\n{id}"), &declared, &[]), [""; 0]);
-    let circular = RASTER.replace("return 1u", "return textureLoad(id, vec2(0), 0).x");
-    assert_misfit(&format!("{circular}\n{id}"), &declared, &[], &["`paint` uses `id`", "draws to"]);
+    assert_eq!(misfits(&format!("{RASTER}\n{ids}"), &declared, &[]), [""; 0]);
+    let circular = RASTER.replace("return 1u", "return textureLoad(ids, vec2(0), 0).x");
+    assert_misfit(&format!("{circular}\n{ids}"), &declared, &[], &["`paint` uses `ids`", "draws to"]);
+}
+
+#[test]
+fn one_field_of_a_bundle_may_be_a_target() {
+    let field = |name: &'static str, element| Field { name: name.into(), element };
+    let fields = vec![field("ids", texel::R32Uint::element()), field("sums", u32::element())];
+    let declared = raster(vec![Port { fields, ..port("out", Access::Write, u32::element()) }]);
+    let sums = "@group(0) @binding(1) var<storage, read_write> out_sums: array<u32>;";
+    assert_eq!(misfits(&format!("{RASTER}\n{sums}"), &declared, &[]), [""; 0]);
+    assert_misfit(RASTER, &declared, &[], &["port `out` has no variable `out_sums`"]);
+}
+
+#[test]
+fn the_entry_points_of_a_draw_are_checked() {
+    let declared = raster(vec![ids()]);
+    let cases = [
+        ("@vertex fn place", "@vertex fn plaice", "unknown entry point `place`, did you mean `plaice`?"),
+        ("@fragment fn paint", "@fragment fn pain", "unknown entry point `paint`, did you mean `pain`?"),
+        (
+            "@fragment fn paint() -> @location(0) u32 { return 1u; }",
+            "@compute @workgroup_size(1) fn paint() {}",
+            "`paint` is @compute; this pass needs it to be @fragment",
+        ),
+        (
+            "@builtin(vertex_index) i: u32",
+            "@builtin(vertex_index) i: u32, @builtin(instance_index) j: u32",
+            "`place` takes @builtin(instance_index), which is always 0; the element is @builtin(vertex_index) / 6u",
+        ),
+        (
+            "@builtin(vertex_index) i: u32",
+            "@builtin(vertex_index) i: u32, @location(3) at: vec2<f32>",
+            "`place` takes @location(3), but there are no vertex buffers",
+        ),
+        (
+            "return Vertex(list[i / 6u], 1.0);",
+            "sums[0] = 1u; return Vertex(list[i / 6u], 1.0);",
+            "`place` uses `sums`, which is writable",
+        ),
+        (
+            "fn paint()",
+            "fn paint(@location(1) size: f32)",
+            "`paint` takes f32 at @location(1), but `place` returns nothing",
+        ),
+        (
+            "fn paint()",
+            "fn paint(@location(0) size: vec2<f32>)",
+            "`paint` takes vec2<f32> at @location(0), but `place` returns f32",
+        ),
+        (
+            "fn paint()",
+            "fn paint(@location(0) @interpolate(flat) size: f32)",
+            "`place` returns it with another @interpolate",
+        ),
+    ];
+    let sums = "@group(0) @binding(1) var<storage, read_write> sums: array<u32>;";
+    let source = format!("{RASTER}\n{sums}");
+    let mut declared_with_sums = declared.clone();
+    declared_with_sums.ports.push(port("sums", Access::Write, u32::element()));
+    for (right, wrong, part) in cases {
+        assert!(source.contains(right), "{right}");
+        assert_misfit(&source.replace(right, wrong), &declared_with_sums, &[], &[part]);
+    }
+    // The fragment entry point may write.
+    let writing = source.replace("return 1u", "sums[0] = 1u; return 1u");
+    assert_eq!(misfits(&writing, &declared_with_sums, &[]), [""; 0]);
+    let passed =
+        RASTER.replace("fn paint()", "fn paint(@builtin(position) at: vec4<f32>, @location(0) size: f32)");
+    assert_eq!(misfits(&passed, &declared, &[]), [""; 0]);
+}
+
+#[test]
+fn what_a_fragment_returns_is_compared_with_the_targets() {
+    let color = || port("color", Access::Write, texel::Rgba16Float::element());
+    let two = raster(vec![ids(), color()]);
+    let paint = |returned: &str| {
+        let pixel = format!("struct Pixel {{ {returned} }}");
+        let old = "fn paint() -> @location(0) u32 { return 1u; }";
+        format!("{pixel}\n{}", RASTER.replace(old, "fn paint() -> Pixel { var pixel: Pixel; return pixel; }"))
+    };
+    let right = "@location(1) color: vec4<f32>, @location(0) id: u32";
+    assert_eq!(misfits(&paint(right), &two, &[]), [""; 0]);
+    let cases = [
+        (
+            "@location(0) id: u32",
+            "`paint` returns nothing at @location(1); for `color`, return vec4<f32> there",
+        ),
+        (
+            "@location(0) id: u32, @location(1) color: vec3<f32>",
+            "`paint` returns vec3<f32> at @location(1); for `color`, return vec4<f32>",
+        ),
+        (
+            "@location(0) id: u32, @location(1) color: vec4<u32>",
+            "`paint` returns vec4<u32> at @location(1); for `color`, return vec4<f32>",
+        ),
+        (
+            "@location(0) id: f32, @location(1) color: vec4<f32>",
+            "`paint` returns f32 at @location(0); for `ids`, return u32",
+        ),
+        (
+            "@location(0) id: u32, @location(1) color: vec4<f32>, @location(2) more: f32",
+            "`paint` returns @location(2), but its draw has 2 targets",
+        ),
+        (
+            "@location(0) id: u32, @location(1) color: vec4<f32>, @builtin(frag_depth) depth: f32",
+            "`paint` returns @builtin(frag_depth), but its draw has no depth test",
+        ),
+    ];
+    for (returned, part) in cases {
+        assert_misfit(&paint(returned), &two, &[], &[part]);
+    }
+    let mut tested = two;
+    let Pass::Draw { depth, .. } = &mut tested.passes[0] else { unreachable!() };
+    *depth = true;
+    assert_eq!(misfits(&paint(&format!("{right}, @builtin(frag_depth) depth: f32")), &tested, &[]), [""; 0]);
+    // A target takes the channels that it has.
+    assert_eq!(
+        misfits(&RASTER.replace("u32 { return 1u", "vec2<u32> { return vec2(1u)"), &raster(vec![ids()]), &[]),
+        [""; 0]
+    );
+}
+
+#[test]
+fn a_vertex_passes_on_few_values() {
+    let source = |count: u8| {
+        let members: String = (0..count).map(|i| format!("@location({i}) {}: f32,", letter(i))).collect();
+        RASTER.replace("@location(0) size: f32", &members).replace(
+            "return Vertex(list[i / 6u], 1.0)",
+            "var vertex: Vertex; vertex.position = list[i / 6u]; return vertex",
+        )
+    };
+    let triangles = raster(vec![ids()]);
+    assert_eq!(misfits(&source(16), &triangles, &[]), [""; 0]);
+    assert_misfit(&source(17), &triangles, &[], &["`place` returns 17 values; 16 work on every device"]);
+    let mut points = triangles;
+    let Pass::Draw { shape, .. } = &mut points.passes[0] else { unreachable!() };
+    *shape = Shape::Points;
+    assert_eq!(misfits(&source(15), &points, &[]), [""; 0]);
+    assert_misfit(&source(16), &points, &[], &["`place` returns 16 values; 15 work on every device"]);
+}
+
+/// Asserts that a changed draw into `ids` has one misfit, which holds `part`.
+fn assert_misdrawn(part: &str, change: impl Fn(&mut Pass)) {
+    let mut declared = raster(vec![ids()]);
+    change(&mut declared.passes[0]);
+    assert_misfit(RASTER, &declared, &[], &[part]);
+}
+
+#[test]
+fn the_numbers_of_a_draw_are_checked() {
+    for (to, count, part) in [
+        (Shape::Triangles, 4, "has 4 vertices for each element; triangles need a multiple of 3, at least 3"),
+        (Shape::Lines, 3, "has 3 vertices for each element; lines need a multiple of 2, at least 2"),
+        (Shape::Points, 0, "has 0 vertices for each element; points need a multiple of 1, at least 1"),
+    ] {
+        assert_misdrawn(part, |pass| {
+            let Pass::Draw { shape, vertices, .. } = pass else { unreachable!() };
+            (*shape, *vertices) = (to, count);
+        });
+    }
+    for (to, text) in [(0.5, "0.5"), (-1.0, "-1"), (4294967296.0, "4294967296"), (f64::NAN, "NaN")] {
+        let part = format!("`ids` has texels of u32; {text} cannot be what it is cleared to");
+        assert_misdrawn(&part, |pass| {
+            let Pass::Draw { clear, .. } = pass else { unreachable!() };
+            *clear = to;
+        });
+    }
+}
+
+#[test]
+fn targets_are_few_texture_outputs() {
+    let declared = raster(vec![]);
+    let found = misfits(RASTER, &declared, &[]);
+    assert!(
+        found[0].contains("the draw of `place` has 0 targets; it should have at least one"),
+        "{found:#?}"
+    );
+
+    let returned = |count: usize, ty: &str| {
+        let members: String =
+            (0..count).map(|i| format!("@location({i}) {}: {ty},", letter(i as u8))).collect();
+        let old = "fn paint() -> @location(0) u32 { return 1u; }";
+        let new =
+            format!("fn paint() -> Pixel {{ var pixel: Pixel; return pixel; }} struct Pixel {{ {members} }}");
+        RASTER.replace(old, &new)
+    };
+    let many = |count: usize, element: fn() -> Element| {
+        let named = |i: usize| Port { name: format!("t{i}").into(), ..port("", Access::Write, element()) };
+        raster((0..count).map(named).collect())
+    };
+    let part = "the draw of `place` has 9 targets; it should have at least one, and 8 work on every device";
+    let found = misfits(&returned(9, "u32"), &many(9, texel::R32Uint::element), &[]);
+    assert!(found[0].contains(part), "{found:#?}");
+    assert_eq!(misfits(&returned(8, "u32"), &many(8, texel::R32Uint::element), &[]), [""; 0]);
+    assert_eq!(misfits(&returned(2, "vec4<f32>"), &many(2, texel::Rgba32Float::element), &[]), [""; 0]);
+    assert_misfit(
+        &returned(3, "vec4<f32>"),
+        &many(3, texel::Rgba32Float::element),
+        &[],
+        &["the targets of `place` have 48 bytes a pixel; 32 work on every device"],
+    );
+
+    assert_misdrawn("the draw of `place` has the target `ids` twice", |pass| {
+        let Pass::Draw { targets, .. } = pass else { unreachable!() };
+        targets.push(targets[0]);
+    });
+    for (target, variable) in [
+        (port("sums", Access::Write, u32::element()), "var<storage, read_write> sums: array<u32>"),
+        (port("sums", Access::Read, texel::R32Uint::element()), "var sums: texture_2d<u32>"),
+    ] {
+        let source = format!("{RASTER}\n@group(0) @binding(1) {variable};");
+        assert_misfit(&source, &raster(vec![target]), &[], &["`sums` is not a texture output"]);
+    }
+}
+
+#[test]
+fn numbers_of_threads_are_checked() {
+    let list = || port("list", Access::Update, u32::element());
+    let at = FieldRef { port: 0, field: 0 };
+    let dispatch = |list: Port, threads| {
+        let passes = vec![Pass::Compute { entry: "main".into(), threads }];
+        Declaration { ports: vec![list], passes, ..Declaration::default() }
+    };
+    let source = |body: &str, ty: &str, access: &str| {
+        format!(
+            "@group(0) @binding(0) var<storage, {access}> list: array<{ty}>;
+            @compute @workgroup_size(1) fn main() {{ {body} }}"
+        )
+    };
+    let unused = source("", "u32", "read_write");
+    assert_eq!(misfits(&unused, &dispatch(list(), Threads::Groups(65_535)), &[]), [""; 0]);
+    assert_misfit(
+        &unused,
+        &dispatch(list(), Threads::Groups(65_536)),
+        &[],
+        &["`main` has 65536 workgroups; 65535 along an axis"],
+    );
+    assert_misfit(
+        &unused,
+        &dispatch(list(), Threads::Blocks(at, 0)),
+        &[],
+        &["one thread for each 0 elements"],
+    );
+
+    // Numbers of workgroups are u32 in any arrangement.
+    let indirect = Threads::Indirect(at);
+    assert_eq!(misfits(&unused, &dispatch(list(), indirect), &[]), [""; 0]);
+    let atomics = source("", "atomic<u32>", "read_write");
+    assert_eq!(misfits(&atomics, &dispatch(list(), indirect), &[]), [""; 0]);
+    let vectors = port("list", Access::Update, <[u32; 4]>::element());
+    assert_eq!(misfits(&source("", "vec4<u32>", "read_write"), &dispatch(vectors, indirect), &[]), [""; 0]);
+    let floats = port("list", Access::Update, f32::element());
+    assert_misfit(
+        &source("", "f32", "read_write"),
+        &dispatch(floats, indirect),
+        &[],
+        &["the numbers of workgroups of `main` come from `list`, which is array<f32>", "a buffer of u32"],
+    );
+    let texels = port("list", Access::Read, texel::R32Uint::element());
+    assert_misfit(
+        "@group(0) @binding(0) var list: texture_2d<u32>; @compute @workgroup_size(1) fn main() {}",
+        &dispatch(texels, indirect),
+        &[],
+        &["come from `list`, which is texture<r32uint>"],
+    );
+
+    // The pass may read them, but not from a variable that it could write.
+    assert_misfit(
+        &source("let x = list[0];", "u32", "read_write"),
+        &dispatch(list(), indirect),
+        &[],
+        &["`main` uses `list`, which is writable", "write them in an earlier pass"],
+    );
+    let read = port("list", Access::Read, u32::element());
+    assert_eq!(misfits(&source("let x = list[0];", "u32", "read"), &dispatch(read, indirect), &[]), [""; 0]);
 }
 
 #[test]

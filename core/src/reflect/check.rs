@@ -1,5 +1,7 @@
 //! Compares a shader with its stage's declaration.
 
+mod draw;
+
 use std::borrow::Cow;
 
 use naga::{ShaderStage, StorageAccess};
@@ -9,8 +11,8 @@ use crate::{
     error::GraphError,
     frame::Frame,
     params::ParamSpec,
-    port::{Access, Element, Member, Port, Scalar},
-    shader::{Pass, ShaderLibrary},
+    port::{Access, Element, FieldRef, Member, Port, Scalar},
+    shader::{Pass, ShaderLibrary, Threads},
     stage::{AnyStage, Declaration},
 };
 
@@ -18,6 +20,8 @@ use crate::{
 const MAX_BUFFERS: usize = 10;
 /// Storage textures that an entry point may use (WebGPU's default limit).
 const MAX_STORAGE_TEXTURES: usize = 4;
+/// Workgroups along an axis (WebGPU's default limit).
+const MAX_GROUPS: u32 = 65_535;
 /// Threads of a workgroup (WebGPU's default limit).
 const MAX_INVOCATIONS: u64 = 256;
 /// Bytes of workgroup memory (WebGPU's default limit).
@@ -34,10 +38,11 @@ pub fn check_stage(stage: &dyn AnyStage, library: &ShaderLibrary) -> Vec<GraphEr
 }
 
 /// All differences between a shader and its stage's declaration. There must be a variable for each field of each port,
-/// with the right kind, element type and access; `params` laid out as the parameters; `frame` laid out as [`Frame`]; an
-/// entry point for each pass; all within the portable limits. `shader` is the file's name for messages.
+/// with the right kind, element type and access; `params` laid out as the parameters; `frame` laid out as [`Frame`];
+/// entry points for each pass, which return what the targets of a draw take; all within the portable limits. `shader`
+/// is the file's name for messages.
 ///
-/// Optional ports may be absent (their variable is behind an `#ifdef`), and so may the targets of a raster pass.
+/// Optional ports may be absent (their variable is behind an `#ifdef`), and so may the targets of a draw.
 pub fn check(
     reflected: &Reflected,
     shader: &str,
@@ -46,7 +51,7 @@ pub fn check(
 ) -> Vec<GraphError> {
     let mut check = Check { reflected, declaration, errors: Vec::new() };
     for (index, port) in declaration.ports.iter().enumerate() {
-        check.port(port, check.is_target(index));
+        check.port(port, index as u16);
     }
     check.params(specs);
     check.frame();
@@ -69,16 +74,28 @@ struct Check<'a> {
 }
 
 impl<'a> Check<'a> {
-    fn is_target(&self, port: usize) -> bool {
-        let mut targets = self.declaration.passes.iter().flat_map(Pass::targets);
-        targets.any(|target| target.port as usize == port)
+    fn is_target(&self, at: FieldRef) -> bool {
+        self.declaration.passes.iter().flat_map(Pass::targets).any(|target| *target == at)
     }
 
-    fn port(&mut self, port: &Port, target: bool) {
+    /// The name of the variable of a field.
+    fn variable(&self, at: FieldRef) -> String {
+        self.declaration.ports[at.port as usize].variable(at.field as usize)
+    }
+
+    /// The variables that an entry point uses.
+    fn used(&self, entry: &'a Entry) -> impl Iterator<Item = &'a Variable> + use<'a> {
+        let reflected = self.reflected;
+        entry.uses.iter().map(|&used| &reflected.variables[used])
+    }
+
+    fn port(&mut self, port: &Port, index: u16) {
         let mut writable = false;
         let mut complete = true;
         for field in 0..port.fields.len() {
             let name = port.variable(field);
+            let target = self.is_target(FieldRef { port: index, field: field as u16 });
+            writable |= target;
             let Some((_, variable)) = self.reflected.variable(&name) else {
                 if !port.optional && !target {
                     self.missing(&name, port, field);
@@ -96,7 +113,7 @@ impl<'a> Check<'a> {
                 complete = false;
             }
         }
-        if port.access == Access::Write && complete && !writable && !target {
+        if port.access == Access::Write && complete && !writable {
             self.errors.push(format!(
                 "port `{}` is an output, but no variable of it is writable; declare `{}`",
                 port.name,
@@ -206,21 +223,44 @@ impl<'a> Check<'a> {
 
     fn pass(&mut self, pass: &Pass) {
         match pass {
-            Pass::Compute { entry, .. } => {
-                self.entry(entry, ShaderStage::Compute);
-            }
-            Pass::Draw { vertex, fragment, .. } => {
-                for (name, stage) in [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)] {
-                    let Some(entry) = self.entry(name, stage) else { continue };
-                    for target in pass.targets() {
-                        let target =
-                            self.declaration.ports[target.port as usize].variable(target.field as usize);
-                        if entry.uses.iter().any(|&used| self.reflected.variables[used].name == target) {
-                            self.errors.push(format!("`{name}` uses `{target}`, which this pass draws to"));
-                        }
-                    }
+            Pass::Compute { entry, threads } => {
+                if let Some(entry) = self.entry(entry, ShaderStage::Compute) {
+                    self.threads(entry, *threads);
                 }
             }
+            Pass::Draw { .. } => self.draw(pass),
+        }
+    }
+
+    fn threads(&mut self, entry: &'a Entry, threads: Threads) {
+        let name = &entry.name;
+        match threads {
+            Threads::Blocks(_, 0) => {
+                self.errors
+                    .push(format!("`{name}` should have one thread for each 0 elements; give 1 or more"));
+            }
+            Threads::Groups(count) if count > MAX_GROUPS => self.errors.push(format!(
+                "`{name}` has {count} workgroups; {MAX_GROUPS} along an axis work on every device"
+            )),
+            Threads::Indirect(counts) => {
+                let variable = self.variable(counts);
+                let port = &self.declaration.ports[counts.port as usize];
+                let element = &port.fields[counts.field as usize].element;
+                let is_u32 = |member: &Member| member.scalar == Scalar::U32;
+                if !matches!(element, Element::Item { members, .. } if members.iter().all(is_u32)) {
+                    self.errors.push(format!(
+                        "the numbers of workgroups of `{name}` come from `{variable}`, which is {element}; they should \
+                         come from a buffer of u32"
+                    ));
+                }
+                if self.used(entry).any(|used| used.name == variable && used.space.writable()) {
+                    self.errors.push(format!(
+                        "`{name}` uses `{variable}`, which is writable, but has its numbers of workgroups from there; \
+                         write them in an earlier pass, and do not use `{variable}` in this one"
+                    ));
+                }
+            }
+            Threads::Over(_) | Threads::Blocks(..) | Threads::Groups(_) => {}
         }
     }
 
@@ -286,7 +326,7 @@ fn wanted(name: &str, port: &Port, field: usize) -> String {
             format!("var {name}: texture_storage_2d<{}, write>", format.wgsl())
         }
         Element::Texel(format) => {
-            format!("var {name}: texture_2d<{}>", texture_scalar(format.is_float()).wgsl())
+            format!("var {name}: texture_2d<{}>", format.scalar().wgsl())
         }
         Element::AnyFloatTexel => format!("var {name}: texture_2d<f32>"),
         element @ Element::Item { .. } => {
@@ -296,16 +336,12 @@ fn wanted(name: &str, port: &Port, field: usize) -> String {
     }
 }
 
-fn texture_scalar(is_float: bool) -> Scalar {
-    if is_float { Scalar::F32 } else { Scalar::U32 }
-}
-
 /// Why a variable does not fit a field of a port.
 fn mismatch(variable: &Variable, port: &Port, field: usize, target: bool) -> Option<Cow<'static, str>> {
     let reads_only = matches!(port.access, Access::Read | Access::History);
     match (&port.fields[field].element, &variable.space) {
         (Element::Texel(format), Space::Texture(scalar)) => {
-            if *scalar != texture_scalar(format.is_float()) {
+            if *scalar != format.scalar() {
                 return Some(format!("its format is {}", format.wgsl()).into());
             }
             // An output is declared as a sampled texture only if it is a render target, not a storage texture.
