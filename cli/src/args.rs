@@ -100,8 +100,10 @@ pub enum Command {
         after_help = "Example:\n  epigraph check graphs/*.ron --dot plan.dot && dot -Tsvg plan.dot > plan.svg"
     )]
     Check(CheckArgs),
-    /// List the stage kinds, or one kind's ports and parameters
-    #[command(after_help = "Example:\n  epigraph stages depth_cull")]
+    /// List the stage kinds, or the ports and parameters of one kind or of a graph
+    #[command(
+        after_help = "Examples:\n  epigraph stages depth_cull\n  epigraph stages graphs/parts/view.ron"
+    )]
     Stages(StagesArgs),
     /// Trace a reference picture with many samples per pixel
     #[command(
@@ -146,7 +148,7 @@ pub struct GraphArgs {
     /// Maximum number of samples per frame: a count, or a percentage of the image's pixels
     #[arg(long, value_name = "N|P%", default_value = "5%", allow_hyphen_values = true)]
     pub samples: Samples,
-    /// Set a parameter of a node; may be repeated
+    /// Set a parameter of a node, or of the graph itself as param=value; may be repeated
     #[arg(long, value_name = "node.param=value")]
     pub set: Vec<Setting>,
     /// Run every node, even those that have no effect in this scene
@@ -201,8 +203,8 @@ pub struct RenderArgs {
 /// Arguments of `check`.
 #[derive(Args, Clone, Debug)]
 pub struct CheckArgs {
-    /// Graph files
-    #[arg(required = true)]
+    /// Graphs to check: files, or names of built-in graphs such as epi
+    #[arg(required = true, value_name = "GRAPH")]
     pub graphs: Vec<String>,
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -222,7 +224,8 @@ pub struct CheckArgs {
 /// Arguments of `stages`.
 #[derive(Args, Clone, Debug)]
 pub struct StagesArgs {
-    /// Stage kind to describe [default: list all kinds]
+    /// Stage kind to describe, or a graph file: its inputs, outputs and parameters [default: list all kinds]
+    #[arg(value_name = "KIND|FILE.ron")]
     pub kind: Option<String>,
     /// Write the description as JSON; - writes it to stdout instead of the text
     #[arg(long, value_name = "FILE")]
@@ -377,7 +380,7 @@ pub struct QualityArgs {
     /// Width and height of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "384x384", allow_hyphen_values = true)]
     pub size: Size,
-    /// Set a parameter of a node, in all graphs; may be repeated
+    /// Set a parameter of a node, or of the graph itself as param=value, in all graphs; may be repeated
     #[arg(long, value_name = "node.param=value")]
     pub set: Vec<Setting>,
     /// Samples per pixel of the references

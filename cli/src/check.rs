@@ -4,13 +4,13 @@ use std::process::ExitCode;
 
 use epigraph::{Backend, Error};
 use epigraph_core::{
-    Facts, Graph, GraphFile, Plan, PlannedNode, Problem, Problems, Registry, Settings, Side, Step,
-    check_stage, compile,
+    Facts, Graph, GraphFile, GraphValue, Plan, PlannedNode, Problem, Problems, Registry, Settings, Side,
+    Step, check_stage, compile,
 };
 use epigraph_pictures::{Target, readable};
 use serde_json::{Value, json};
 
-use crate::{args::CheckArgs, error::CliError, open, output::JsonTarget};
+use crate::{args::CheckArgs, error::CliError, open, output::JsonTarget, stages};
 
 /// Checks graphs. The exit code is a failure if any graph has a problem.
 pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError> {
@@ -69,6 +69,7 @@ fn settings(args: &CheckArgs, facts: Facts) -> Result<Settings, CliError> {
 
 /// A graph without problems.
 struct Checked {
+    params: Vec<GraphValue>,
     plan: Plan,
     /// The plan without pruning, to report how much pruning saves.
     whole: Plan,
@@ -82,11 +83,11 @@ fn check_one(
     registry: &Registry,
 ) -> Result<Checked, CliError> {
     let file = open::graph(name, &args.compile.set)?;
-    let (_, plan) = compile(&file, registry, settings)?;
+    let (Graph { params, .. }, plan) = compile(&file, registry, settings)?;
     // Nodes that only another scene needs are checked too.
     let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;
     let shaders = check_shaders(&file, &graph, registry)?;
-    Ok(Checked { plan, whole, shaders })
+    Ok(Checked { params, plan, whole, shaders })
 }
 
 /// Checks every node's shader against its ports, without a GPU. Returns the number of shaders.
@@ -123,7 +124,12 @@ impl Checked {
         if !self.plan.culled.is_empty() {
             text += &format!("pruning saves {} of memory\n", readable(saved));
         }
-        text + &format!("{} checked against their stages\n", count(self.shaders, "shader"))
+        text += &format!("{} checked against their stages\n", count(self.shaders, "shader"));
+        if !self.params.is_empty() {
+            let params = self.params.iter().map(|param| (name(param), &param.spec, Some(&param.value[..])));
+            text += &format!("parameters\n{}", stages::params(params));
+        }
+        text
     }
 
     fn json(&self) -> Value {
@@ -144,7 +150,22 @@ impl Checked {
             "culled": culled,
             "culled_bytes": total(&self.whole).saturating_sub(total(plan)),
             "shaders": self.shaders,
+            "params": self.params.iter().map(|param| {
+                let mut json = stages::param_json(&param.spec);
+                json["name"] = json!(name(param));
+                json["value"] = json!(param.value);
+                json
+            }).collect::<Vec<_>>(),
         })
+    }
+}
+
+/// A parameter as `--set` takes it: `sigma` of the graph itself, `view.sigma` of a part.
+fn name(param: &GraphValue) -> String {
+    if param.part.is_empty() {
+        param.spec.name.clone()
+    } else {
+        format!("{}.{}", param.part, param.spec.name)
     }
 }
 

@@ -27,9 +27,10 @@ pub fn graph(name: &str, settings: &[Setting]) -> Result<GraphFile, CliError> {
         }
         problems
     })?;
-    for Setting { node, param, value } in settings {
-        file.set_param(node, param, value)
-            .map_err(|problems| CliError::Input(format!("--set {node}.{param}={value}: {problems}")))?;
+    for setting in settings {
+        setting
+            .apply(&mut file)
+            .map_err(|problems| CliError::Input(format!("--set {setting}: {problems}")))?;
     }
     Ok(file)
 }

@@ -1,9 +1,14 @@
-//! `epigraph stages`: lists the stage kinds, or describes one.
+//! `epigraph stages`: lists the stage kinds, or describes one, or a graph as a part of others.
 
-use epigraph_core::{Access, Declaration, GraphError, Kind, Lifetime, ParamSpec, Port, Registry, Side};
+mod part;
+
+use epigraph::graphs;
+use epigraph_core::{
+    Access, Declaration, GraphError, Kind, Lifetime, PART_KIND, ParamSpec, Port, Registry, Side,
+};
 use serde_json::{Value, json};
 
-use crate::{args::StagesArgs, error::CliError, output::JsonTarget, table::Table};
+use crate::{args::StagesArgs, error::CliError, open, output::JsonTarget, table::Table};
 
 /// Lists all kinds, or describes one.
 pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
@@ -14,14 +19,28 @@ pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
             for kind in registry.kinds() {
                 table.row([kind.name().into(), sides(kind.declaration().as_ref()), kind.doc().into()]);
             }
+            table.row([PART_KIND.into(), String::new(), part::DOC.into()]);
             let all: Vec<Value> = registry.kinds().map(as_json).collect();
-            let text = format!("{table}\n`epigraph stages KIND` describes a kind's ports and parameters.\n");
+            let text = format!(
+                "{table}\n`epigraph stages KIND` describes a kind's ports and parameters, `epigraph stages FILE.ron` those of \
+                 a graph.\n"
+            );
             target.finish(&json!({ "stages": all }), &text)
         }
         Some(name) => match registry.get(name) {
             Some(kind) => target.finish(&as_json(kind), &as_text(kind)),
+            None if name == PART_KIND => {
+                let json =
+                    json!({ "kind": PART_KIND, "doc": part::DOC, "params": [param_json(&part::file())] });
+                target.finish(&json, &part::text())
+            }
+            None if name.ends_with(".ron") || graphs::names().any(|known| known == name) => {
+                let (json, text) = part::describe(&open::graph(name, &[])?, registry);
+                target.finish(&json, &text)
+            }
             None => {
-                Err(GraphError::unknown("stage kind", name, registry.kinds().map(|kind| kind.name())).into())
+                let kinds = registry.kinds().map(|kind| kind.name());
+                Err(GraphError::unknown("stage kind", name, kinds.chain([PART_KIND])).into())
             }
         },
     }
@@ -71,21 +90,25 @@ fn as_text(kind: &dyn Kind) -> String {
     }
     let specs = kind.specs();
     if !specs.is_empty() {
-        let mut table = Table::new(&["  name", "type", "default", "range", "unit", "what it does"]);
-        for spec in &specs {
-            let ParamSpec { name, doc, unit, kind, default, .. } = spec;
-            table.row([
-                format!("  {name}"),
-                kind.words(),
-                default.clone(),
-                range(spec),
-                unit.clone(),
-                doc.clone(),
-            ]);
-        }
-        text += &format!("\nparameters\n{table}");
+        let specs = specs.iter().map(|spec| (spec.name.clone(), spec, None));
+        text += &format!("\nparameters\n{}", params(specs));
     }
     text
+}
+
+/// A table of parameters: the name, what the parameter is, and its value if it has one besides the default.
+pub fn params<'s>(rows: impl Iterator<Item = (String, &'s ParamSpec, Option<&'s str>)>) -> Table {
+    let rows: Vec<_> = rows.collect();
+    let valued = rows.iter().any(|(.., value)| value.is_some());
+    let headings =
+        ["  name", "type", if valued { "value" } else { "default" }, "range", "unit", "what it does"];
+    let mut table = Table::new(&headings);
+    for (name, spec, value) in rows {
+        let value = value.unwrap_or(&spec.default);
+        let (kind, range) = (spec.kind.words(), range(spec));
+        table.row([format!("  {name}"), kind, value.into(), range, spec.unit.clone(), spec.doc.clone()]);
+    }
+    table
 }
 
 /// What other ports of the kind hold too; `scratch` for what nobody else can make sense of.
@@ -158,7 +181,8 @@ fn port_json(port: &Port) -> Value {
     })
 }
 
-fn param_json(spec: &ParamSpec) -> Value {
+/// A parameter for programs.
+pub fn param_json(spec: &ParamSpec) -> Value {
     json!({
         "name": spec.name,
         "type": spec.kind.words(),

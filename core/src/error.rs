@@ -166,7 +166,8 @@ fn hint(nearest: &Option<String>, known: &[String]) -> String {
 }
 
 impl GraphError {
-    /// An unknown name, with the most similar known name if it is similar enough to be a typo.
+    /// An unknown name, with the most similar known name if it is similar enough to be a typo. Of the address of a node in
+    /// a part, its own name alone may be meant.
     pub fn unknown<S: AsRef<str>>(
         what: &'static str,
         found: &str,
@@ -175,7 +176,11 @@ impl GraphError {
         let known: Vec<String> = known.into_iter().map(|name| name.as_ref().to_owned()).collect();
         let nearest = known
             .iter()
-            .map(|name| (strsim::damerau_levenshtein(name, found), name))
+            .map(|name| {
+                let own = name.rsplit('/').next().unwrap_or(name);
+                let distance = |name| strsim::damerau_levenshtein(name, found);
+                (distance(name).min(distance(own)), name)
+            })
             .filter(|(distance, _)| *distance <= found.chars().count().div_ceil(3))
             .min_by_key(|(distance, _)| *distance)
             .map(|(_, name)| name.clone());

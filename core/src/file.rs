@@ -3,11 +3,14 @@
 //! A file is read in three layers, so that one mistake does not hide the next. ron checks that the text is RON at all;
 //! only such a problem is reported alone. [`scan`] then splits the text into blocks and items, and [`parse`] reads each
 //! field separately and collects every problem. Because an item knows its bytes, an [`edit`] replaces only those and
-//! parses the result again: all other comments, order and spacing stay. A graph may contain others ([`parts`]).
+//! parses the result again: all other comments, order and spacing stay. A graph may contain others ([`parts`]), have
+//! parameters ([`param`]) and repeat nodes ([`repeat`]).
 
 mod edit;
+mod param;
 mod parse;
 mod parts;
+mod repeat;
 mod scan;
 
 use std::{fmt, fs, io, path::Path, str::FromStr};
@@ -16,7 +19,10 @@ use crate::{
     error::{GraphError, Place, Problem, Problems, Span, Spanned},
     side::{Download, Side},
 };
+pub use param::{GraphParam, GraphValue, handed, handing};
 pub(crate) use parts::{Flat, FlatNode};
+pub use parts::{PART_KIND, ParamPlaces};
+pub use repeat::{MAX_REPEAT, RepeatDef};
 
 /// A graph file as written: its text, and the graph's structure with the place of everything in the text.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +35,8 @@ pub struct GraphFile {
     pub version: u32,
     /// What the graph does, in words; empty if the file does not say.
     pub doc: String,
+    /// Parameters of the graph itself, in file order; names are unique.
+    pub params: Vec<GraphParam>,
     /// Nodes in file order; names are unique.
     pub nodes: Vec<NodeDef>,
     /// Outputs in file order; names are unique.
@@ -45,6 +53,8 @@ pub struct NodeDef {
     pub name: Spanned<String>,
     /// The stage kind.
     pub kind: Spanned<String>,
+    /// How it is repeated; `None` if it is there once.
+    pub repeat: Option<RepeatDef>,
     /// Where it runs; `None` for the run's default.
     pub on: Option<Spanned<Side>>,
     /// How GPU results reach it when it runs on the CPU; `None` means [`Download::Sync`].
@@ -55,7 +65,8 @@ pub struct NodeDef {
     pub inputs: Vec<InputDef>,
     /// Parameters in file order; names are unique.
     pub params: Vec<ParamDef>,
-    /// For nodes of a part, by their addresses in it: parameters that override those in the part's file.
+    /// For nodes of a part, by their addresses in it, and for copies of a repeated node, by their numbers: parameters that
+    /// override those written elsewhere.
     pub set: Vec<(Spanned<String>, Vec<ParamDef>)>,
 }
 

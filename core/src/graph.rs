@@ -3,14 +3,17 @@
 //! Checking continues after each problem, so that a file's problems are reported together. Nodes that the scene makes
 //! needless are bypassed here, and nodes that nothing reads are left out; both with a reason in words.
 
-use std::collections::{BTreeSet, HashMap};
+use std::{
+    collections::{BTreeSet, HashMap},
+    mem,
+};
 
 use index_vec::IndexVec;
 
 use crate::{
     error::{GraphError, Problem, Problems, Span, Spanned},
     facts::Facts,
-    file::{Flat, FlatNode, GraphFile, Source},
+    file::{Flat, FlatNode, GraphFile, GraphValue, Source},
     id::{FlatId, NodeId},
     port::{Access, Dims, Extent, FieldRef, Lifetime, Meaning, Port},
     registry::{NodeContext, Registry},
@@ -81,6 +84,8 @@ pub struct Node {
     pub side: Side,
     /// How GPU results reach it when it runs on the CPU.
     pub download: Download,
+    /// The parameters that differ from the stage's defaults, by name, with the RON text of their values.
+    pub params: Vec<(String, String)>,
     /// Its stage.
     pub stage: Box<dyn AnyStage>,
     /// The source of each port, for connected inputs.
@@ -163,6 +168,8 @@ pub struct Graph {
     pub taps: Vec<(Source, PortRef)>,
     /// What was left out.
     pub culled: Vec<Culled>,
+    /// The parameters of the graph itself and of its parts.
+    pub params: Vec<GraphValue>,
 }
 
 impl Graph {
@@ -180,18 +187,18 @@ impl Graph {
         let wires = checker.wire(&made);
         let outputs = checker.outputs(&made);
         let taps = checker.taps(&made);
-        checker.problems.into_result()?;
+        checker.finish()?;
         let mut made: IndexVec<FlatId, Made> =
             made.into_iter().map(|made| made.expect("no problems, so all were made")).collect();
 
         let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
         let mut bypass = checker.bypass(&made, wires, outputs, taps);
-        checker.problems.clone().into_result()?;
+        checker.finish()?;
         checker.remake(&mut made, &mut bypass);
-        checker.problems.clone().into_result()?;
+        checker.finish()?;
         let live = live(&made, &bypass);
         let graph = checker.assemble(made, bypass, &live);
-        checker.problems.into_result()?;
+        checker.finish()?;
         Ok(graph)
     }
 
@@ -282,6 +289,28 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
+    /// `Ok` if there are no problems. What several copies of a node have in common is reported once.
+    fn finish(&mut self) -> Result<(), Problems> {
+        let written = |problem: &Problem| {
+            let node =
+                self.flat.nodes.iter().find(|node| Some(&node.def.name.value) == problem.node.as_ref());
+            node.map(|node| &node.written)
+        };
+        let is_same = |a: &Problem, b: &Problem| {
+            let kind = |problem: &Problem| mem::discriminant(&problem.error);
+            written(a).is_some()
+                && (written(a), kind(a), &a.place, &a.port) == (written(b), kind(b), &b.place, &b.port)
+                && (a.node != b.node || a.error == b.error)
+        };
+        let mut problems = Problems::default();
+        for problem in mem::take(&mut self.problems.0) {
+            if !problems.0.iter().any(|other| is_same(other, &problem)) {
+                problems.0.push(problem);
+            }
+        }
+        problems.into_result()
+    }
+
     fn problem(&mut self, node: FlatId, span: Span, port: Option<&str>, error: GraphError) {
         let FlatNode { def, file, .. } = &self.flat.nodes[node];
         let mut problem = Problem::new(error).at(file.place(span)).node(&def.name.value);
@@ -290,7 +319,7 @@ impl Checker<'_> {
     }
 
     fn make(&mut self, index: FlatId, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
-        let FlatNode { def: node, file, set_in, .. } = &self.flat.nodes[index];
+        let FlatNode { def: node, file, places, .. } = &self.flat.nodes[index];
         let Some(kind) = self.registry.get(&node.kind.value) else {
             let known = self.registry.kinds().map(|kind| kind.name());
             let error = GraphError::unknown("stage kind", &node.kind.value, known);
@@ -299,7 +328,7 @@ impl Checker<'_> {
         };
         let meaning = &|name: &str| self.registry.meaning(name);
         let library = &self.registry.library;
-        let cx = NodeContext { file, node, connected, meaning, library, set_in };
+        let cx = NodeContext { file, node, connected, meaning, library, places };
         match kind.make(&cx) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {
@@ -372,6 +401,7 @@ impl Checker<'_> {
                 }
             }
             let Some(stage) = &made[index] else { continue };
+            self.check_through(index, stage.ports());
             for (at, port) in stage.ports().iter().enumerate() {
                 let connected = wires[index].contains_key(&at) || unresolved.contains(&at);
                 if port.is_input() && !port.optional && !connected {
@@ -383,6 +413,23 @@ impl Checker<'_> {
         }
         self.check_types(made, &wires);
         wires
+    }
+
+    /// Checks the names of the ports that chain a repeated node's copies.
+    fn check_through(&mut self, index: FlatId, ports: &[Port]) {
+        let flat = self.flat;
+        for (input, output) in flat.nodes[index].def.repeat.iter().flat_map(|repeat| &repeat.through) {
+            let mut check = |what, name: &Spanned<String>, is_such: fn(&Port) -> bool| {
+                let mut known = ports.iter().filter(|port| is_such(port)).map(|port| &port.name);
+                if known.all(|known| known != name.value.as_str()) {
+                    let known = ports.iter().filter(|port| is_such(port)).map(|port| &port.name);
+                    let error = GraphError::unknown(what, &name.value, known);
+                    self.problem(index, name.span, Some(&input.value), error);
+                }
+            };
+            check("input", input, Port::is_input);
+            check("output port", output, Port::is_output);
+        }
     }
 
     fn check_types(&mut self, made: &IndexVec<FlatId, Option<Made>>, wires: &Wires) {
@@ -513,7 +560,7 @@ impl Checker<'_> {
             let kept: BTreeSet<String> =
                 bypass.wires[index].keys().map(|&port| made[index].ports()[port].name.to_string()).collect();
             if let Some(again) = self.make(index, &|name| kept.contains(name)) {
-                let before = std::mem::replace(&mut made[index], again);
+                let before = mem::replace(&mut made[index], again);
                 self.renumber(index, &before, made, bypass, &lost);
             }
             lost_by.insert(index, lost);
@@ -561,7 +608,7 @@ impl Checker<'_> {
         };
         let mut problems = Vec::new();
 
-        let own = std::mem::take(&mut bypass.wires[index]);
+        let own = mem::take(&mut bypass.wires[index]);
         bypass.wires[index] =
             own.into_iter().filter_map(|(port, source)| Some((moved(port)?, source))).collect();
         for (consumer, inputs) in bypass.wires.iter_mut_enumerated() {
@@ -643,6 +690,11 @@ impl Checker<'_> {
                     .map(|download| download.value)
                     .or(default.download)
                     .unwrap_or_default(),
+                params: node
+                    .params
+                    .iter()
+                    .map(|param| (param.name.value.clone(), param.value.value.clone()))
+                    .collect(),
                 stage: made.stage,
                 sources,
                 dims,
@@ -650,7 +702,7 @@ impl Checker<'_> {
         }
         let outputs = bypass.outputs.iter().map(|(name, at)| (name.clone(), renumber(at))).collect();
         let taps = bypass.taps.iter().map(|(source, at)| (source.clone(), renumber(at))).collect();
-        let mut graph = Graph { nodes, outputs, taps, culled };
+        let mut graph = Graph { nodes, outputs, taps, culled, params: flat.params.clone() };
         self.check_updates(&graph);
         if self.problems.0.is_empty() {
             self.resolve_dims(&mut graph);

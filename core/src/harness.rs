@@ -173,6 +173,7 @@ impl<S: Stage> Harness<S> {
             kind: S::KIND.to_owned(),
             side,
             download: Download::Sync,
+            params: Vec::new(),
             stage,
             sources,
         };
@@ -185,6 +186,7 @@ impl<S: Stage> Harness<S> {
             outputs: Vec::new(),
             taps,
             culled: Vec::new(),
+            params: Vec::new(),
         };
         let fail = |message| RunError::Stage { node: "stage".into(), message };
         let settings = Settings { facts: registry.facts(&self.settings.facts), ..self.settings.clone() };

@@ -3,7 +3,7 @@
 
 use serde::de::DeserializeOwned;
 
-use crate::port::Scalar;
+use crate::{error::GraphError, port::Scalar};
 
 /// What kind of value a parameter takes.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +61,32 @@ pub struct ParamSpec {
     pub range: Option<(f64, f64)>,
     /// The default, as RON.
     pub default: String,
+}
+
+impl ParamSpec {
+    /// Checks a value's RON text: whether it is of this kind and in this range.
+    pub fn check(&self, text: &str) -> Result<(), ParamError> {
+        match &self.kind {
+            ParamKind::Bool => parse_value::<bool>(text, None).map(drop),
+            ParamKind::U32 => parse_value::<u32>(text, self.range).map(drop),
+            ParamKind::I32 => parse_value::<i32>(text, self.range).map(drop),
+            ParamKind::F32 => parse_value::<f32>(text, self.range).map(drop),
+            ParamKind::Text => parse_ron::<String>(text).map(drop),
+            ParamKind::Choice(names) if names.iter().any(|name| name == text) => Ok(()),
+            ParamKind::Choice(_) => {
+                Err(ParamError { at: (1, 1), cause: format!("there is no `{text}`"), out_of_range: false })
+            }
+        }
+    }
+
+    /// What to report of a value's text that was refused.
+    pub(crate) fn refusal(&self, text: &str, error: ParamError) -> GraphError {
+        let name = self.name.clone();
+        match self.range.filter(|_| error.out_of_range) {
+            Some((low, high)) => GraphError::Range { name, found: text.to_owned(), low, high },
+            None => GraphError::Value { name, expected: self.kind.words(), cause: error.cause },
+        }
+    }
 }
 
 /// A type that can be a parameter.

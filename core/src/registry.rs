@@ -6,7 +6,7 @@ use crate::{
     constant::Constant,
     error::{GraphError, Problem, Problems, Span},
     facts::{Facts, Quantity},
-    file::{GraphFile, NodeDef, ParamDef},
+    file::{GraphFile, NodeDef, ParamDef, ParamPlaces},
     params::{ParamError, ParamSpec, Params},
     port::Meaning,
     shader::{EditedTexts, ShaderLibrary, ShaderModule},
@@ -25,28 +25,38 @@ pub struct NodeContext<'a> {
     pub meaning: &'a dyn Fn(&str) -> Option<Meaning>,
     /// The shader modules that shaders may import.
     pub library: &'a ShaderLibrary,
-    /// The files of parameters that are set outside `file`, by parameter name.
-    pub set_in: &'a BTreeMap<String, &'a GraphFile>,
+    /// The places of parameters that are written outside `file`, by parameter name.
+    pub places: &'a BTreeMap<String, ParamPlaces<'a>>,
 }
 
 impl NodeContext<'_> {
     /// A problem of this node at a place of its file.
     pub fn problem(&self, error: GraphError, span: Span) -> Problem {
-        Problem::new(error).at(self.file.place(span)).node(&self.node.name.value)
+        self.problem_in(self.file, error, span)
     }
 
-    /// A problem of one of the node's parameters, at a place in the file that sets it.
-    pub fn param_problem(&self, param: &ParamDef, error: GraphError, span: Span) -> Problem {
-        Problem::new(error).at(self.file_of(param).place(span)).node(&self.node.name.value)
+    /// A problem of a parameter's name.
+    pub fn name_problem(&self, param: &ParamDef, error: GraphError) -> Problem {
+        self.problem_in(self.places(param).name, error, param.name.span)
     }
 
-    /// The base folder of a relative path in a parameter: that of the file that sets it.
+    /// A problem of a parameter's value.
+    pub fn value_problem(&self, param: &ParamDef, error: GraphError) -> Problem {
+        self.problem_in(self.places(param).value, error, param.value.span)
+    }
+
+    fn problem_in(&self, file: &GraphFile, error: GraphError, span: Span) -> Problem {
+        Problem::new(error).at(file.place(span)).node(&self.node.name.value)
+    }
+
+    /// The base folder of a relative path in a parameter: that of the file that the path is written in.
     pub fn folder(&self, param: &ParamDef) -> &Path {
-        folder(self.file_of(param))
+        folder(self.places(param).value)
     }
 
-    fn file_of(&self, param: &ParamDef) -> &GraphFile {
-        self.set_in.get(&param.name.value).copied().unwrap_or(self.file)
+    fn places(&self, param: &ParamDef) -> ParamPlaces<'_> {
+        let here = ParamPlaces { name: self.file, value: self.file };
+        self.places.get(&param.name.value).copied().unwrap_or(here)
     }
 
     /// Sets each parameter that the node names by calling `set(index, text)`; reports all unknown names, values that do
@@ -61,19 +71,12 @@ impl NodeContext<'_> {
             let Some(index) = specs.iter().position(|spec| spec.name == param.name.value) else {
                 let known = specs.iter().map(|spec| &spec.name);
                 let error = GraphError::unknown("parameter", &param.name.value, known);
-                problems.0.push(self.param_problem(param, error, param.name.span));
+                problems.0.push(self.name_problem(param, error));
                 continue;
             };
-            let spec = &specs[index];
             if let Err(error) = set(index, &param.value.value) {
-                let (low, high) = spec.range.unwrap_or_default();
-                let name = spec.name.clone();
-                let error = if error.out_of_range {
-                    GraphError::Range { name, found: param.value.value.clone(), low, high }
-                } else {
-                    GraphError::Value { name, expected: spec.kind.words(), cause: error.cause }
-                };
-                problems.0.push(self.param_problem(param, error, param.value.span));
+                let error = specs[index].refusal(&param.value.value, error);
+                problems.0.push(self.value_problem(param, error));
             }
         }
         problems

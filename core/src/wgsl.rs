@@ -67,7 +67,7 @@ impl GraphFile {
         let nodes = self.flatten().map(|flat| flat.nodes).unwrap_or_default();
         let shader = |node: FlatNode| {
             let param = node.def.params.iter().find(|param| param.name.value == "shader")?;
-            let file = node.set_in.get("shader").copied().unwrap_or(node.file);
+            let file = node.places.get("shader").map_or(node.file, |places| places.value);
             let path: String = parse_ron(&param.value.value).ok()?;
             Some((node.def.name.value.clone(), folder(file).join(path)))
         };
@@ -105,7 +105,7 @@ impl Kind for WgslKind {
             let message = "a `wgsl` node names its shader file: write params: (shader: \"FILE.wgsl\")";
             return Err(cx.problem(GraphError::Invalid(message.into()), cx.node.name.span).into());
         };
-        let problem = |error| cx.param_problem(param, error, param.value.span);
+        let problem = |error| cx.value_problem(param, error);
 
         let path: String = parse_ron(&param.value.value).map_err(|error| {
             let expected = ParamKind::Text.words();

@@ -239,7 +239,10 @@ fn fields_of_a_node_are_checked() {
     assert_told(&node("kin: 1"), &[("3:1: unknown field `kin`, did you mean `kind`?", 3)]);
     assert_told(
         &node("position: (1, 2)"),
-        &[("3:1: unknown field `position`; known: kind, on, download, bypass, inputs, params, set", 8)],
+        &[(
+            "3:1: unknown field `position`; known: kind, repeat, on, download, bypass, inputs, params, set",
+            8,
+        )],
     );
     assert_told(&node("kind: \"again\""), &[("3:1: duplicate field `kind`", 4)]);
     assert_told(&node("on: Gup"), &[("3:5: unknown side `Gup`, did you mean `Gpu`?", 3)]);

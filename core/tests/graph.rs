@@ -593,6 +593,7 @@ fn a_node_of_a_part_may_be_called_by_its_own_name() {
         ("first", "first"),
         ("second", "second"),
         ("outer/inner/second", "outer/inner/second"),
+        ("inner/second", "outer/inner/second"),
         ("nobody", "nobody"),
     ] {
         assert_eq!(file.address_of(name), address);
@@ -648,7 +649,7 @@ fn faults_in_what_is_set_are_told_where_it_is_set() {
         assert!(text.contains(wanted), "{wanted}\nnot in\n{text}");
     }
     let node = r#""s": (kind: "source", set: { "x": (a: 1) }),"#;
-    assert!(problems(node, "s.out").to_string().contains("`set` is for parts"));
+    assert!(problems(node, "s.out").to_string().contains("`set` is for parts and repeated nodes"));
     let node = r#"Graph(version: 1, nodes: { "b": (kind: "graph", set: { "x": 4 }) }, outputs: {})"#;
     let text = GraphFile::parse("test.ron", node).expect_err("it is broken").to_string();
     assert!(text.contains("expected (name: value, ...), found `4`"), "{text}");

@@ -95,7 +95,7 @@ fn make(shader: &str, params: &str) -> Result<Box<dyn AnyStage>, Problems> {
         connected: &|_| true,
         meaning: &|name| (name == DEPTH.name).then_some(DEPTH),
         library: &library,
-        set_in: &BTreeMap::new(),
+        places: &BTreeMap::new(),
     };
     wgsl_kind().make(&cx)
 }

@@ -204,6 +204,15 @@ impl Setup {
         Ok(self)
     }
 
+    /// Sets one of the graph's own parameters, as RON text: `set_graph("sigma", "0.5")`.
+    ///
+    /// # Errors
+    /// If the graph has no such parameter, or it cannot have this value.
+    pub fn set_graph(mut self, param: &str, value: &str) -> Result<Self, Error> {
+        self.file.set_graph_param(param, value)?;
+        Ok(self)
+    }
+
     /// Copies these ports, given as `node.port`, in each captured frame, so that [`Run::read`] finds them. The graph's
     /// outputs are always copied. The node of a kept port is not pruned.
     ///

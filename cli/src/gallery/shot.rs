@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use epigraph::{Device, Place, Registry, Run, Samples, Setup};
-use epigraph_core::{Graph, GraphFile, Meaning, Node, NodeDef, NodeId, Port, PortRef, Snapshot, Source};
+use epigraph_core::{Graph, GraphFile, Meaning, Node, NodeId, Port, PortRef, Snapshot, Source};
 use epigraph_pictures::{Look, Picture, show, size, tone};
 use epigraph_stages::{
     meaning::{CLASS, CROSSINGS, ID, POINTS, PRIORITY, REACH, SHADOWS},
@@ -227,20 +227,8 @@ fn with_outlines(file: &GraphFile, graph: &Graph, raster: NodeId) -> Result<Grap
             file.set_input(OUTLINES, &port.name, Some(&source(graph, from)))?;
         }
     }
-    let params = definition(&file, &raster.name).map(|node| node.params.clone()).unwrap_or_default();
-    for param in params {
-        file.set_param(OUTLINES, &param.name.value, &param.value.value)?;
+    for (param, value) in &raster.params {
+        file.set_param(OUTLINES, param, value)?;
     }
     Ok(file)
-}
-
-/// The definition of a node, which may be in a part.
-fn definition<'f>(file: &'f GraphFile, name: &str) -> Option<&'f NodeDef> {
-    match name.split_once('/') {
-        Some((part, inner)) => {
-            let (_, part) = file.parts.iter().find(|(node, _)| node == part)?;
-            definition(part, inner)
-        }
-        None => file.node(name),
-    }
 }

@@ -23,12 +23,7 @@ impl Report<'_> {
     pub fn setting(&self) -> String {
         let QualityArgs { size, spp, seed, .. } = self.args;
         let [width, height] = size.0;
-        let set: Vec<String> = self
-            .args
-            .set
-            .iter()
-            .map(|setting| format!(", {}.{} {}", setting.node, setting.param, setting.value))
-            .collect();
+        let set: Vec<String> = self.args.set.iter().map(|setting| format!(", {setting}")).collect();
         format!(
             "{width}x{height}, references of {spp} samples a pixel, seed {seed}, {}{}",
             self.side,
@@ -86,11 +81,7 @@ impl Report<'_> {
     /// The figures for programs; see the help of the command.
     pub fn json(&self) -> Value {
         let args = self.args;
-        let set: Vec<String> = args
-            .set
-            .iter()
-            .map(|setting| format!("{}.{}={}", setting.node, setting.param, setting.value))
-            .collect();
+        let set: Vec<String> = args.set.iter().map(ToString::to_string).collect();
         json!({
             "size": args.size.0,
             "seed": args.seed,

@@ -44,7 +44,13 @@ fn graphs_that_are_wrong() {
     place.write("binary.ron", [0xFF, 0xFE, 0x00]);
     assert_says(&place.fails("binary.ron"), &["binary.ron"]);
     assert_says(&place.fails("--set cull.treshold=1"), &["did you mean `threshold`", "node `view/cull`"]);
-    assert_says(&place.fails("--set culll.threshold=1"), &["did you mean `cull`"]);
+    assert_says(&place.fails("--set culll.threshold=1"), &["did you mean `view/cull`"]);
+    assert_says(&place.fails("--set sigma=1"), &["--set sigma=1", "has no parameter `sigma`", "view/cull"]);
+    assert_says(&place.fails("--set view.file=1"), &["in its `params`"]);
+    assert_says(
+        &place.fails("--set view.sigma=1"),
+        &["view.ron has no parameter `sigma`", "view/project, view/cull"],
+    );
     assert_says(&place.fails("--set cull.threshold=99"), &["99", "outside 0 to 10"]);
     assert_says(&place.fails("--save cull.nope=a.png"), &["--save", "unknown output port `nope`"]);
     assert_says(&place.fails("--save request.requests=a.png"), &["a list, not an image", ".csv"]);

@@ -158,6 +158,97 @@ fn stages_are_listed_and_described() {
     assert!(everything["stages"].as_array().is_some_and(|kinds| kinds.len() > 10));
 }
 
+/// A graph with a parameter that reaches two nodes of a part, one of them three times in a row.
+const PART: &str = r#"Graph(
+    version: 1,
+    doc: "Paler and paler.",
+    params: { "light": (default: 0.5, doc: "Factor of each step.", range: (0.0, 1.0), unit: "") },
+    nodes: {
+        "first": (kind: "wgsl", inputs: { "color": "inputs.color" }, params: (shader: "pale.wgsl", light: Param("light"))),
+        "row": (
+            kind: "wgsl",
+            repeat: (times: 3, through: { "color": "paler" }, count: "level"),
+            inputs: { "color": "first.paler" },
+            params: (shader: "pale.wgsl", light: Param("light")),
+        ),
+        "tonemap": (kind: "tonemap", inputs: { "color": "row.paler" }),
+    },
+    outputs: { "image": "tonemap.image" },
+)"#;
+const SHADER: &str = r#"
+struct Params { light: f32, level: u32 }
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var color: texture_2d<f32>;
+@group(0) @binding(2) var paler: texture_storage_2d<rgba32float, write>;
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let shift = f32(params.level) * 0.01;
+    textureStore(paler, id.xy, textureLoad(color, id.xy, 0) * params.light + vec4(shift));
+}
+"#;
+const WHOLE: &str = r#"Graph(
+    version: 1,
+    params: { "light": (default: 0.5) },
+    nodes: {
+        "epi": (kind: "graph", params: (file: "GRAPHS/epi.ron")),
+        "pale": (kind: "graph", params: (file: "part.ron", light: Param("light")), inputs: { "color": "epi/antialias.color" }),
+    },
+    outputs: { "image": "pale.image" },
+)"#;
+
+#[test]
+fn parameters_of_graphs_are_shown_and_set() {
+    let place = Place::new();
+    let graphs = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs");
+    place.write("part.ron", PART);
+    place.write("pale.wgsl", SHADER);
+    place.write("whole.ron", WHOLE.replace("GRAPHS", graphs));
+    let text = place.succeeds("stages part.ron");
+    for part in
+        ["Paler and paler.", "taken by", "first.color", "tonemap.image", "Factor of each step.", "0 to 1"]
+    {
+        assert!(text.contains(part), "`{part}` is not in:\n{text}");
+    }
+    let part = json(&place.succeeds("stages part.ron --json -"));
+    assert_eq!((&part["params"][0]["name"], &part["params"][0]["default"]), (&"light".into(), &"0.5".into()));
+    assert_eq!(
+        part["inputs"][0],
+        serde_json::json!({ "name": "color", "ports": ["first.color"], "doc": "" })
+    );
+
+    let text = place.succeeds("check whole.ron --set light=0.25");
+    assert!(text.contains("parameters") && text.contains("pale/row/2"), "{text}");
+    let plan = json(&place.succeeds("check whole.ron --set light=0.25 --json -"));
+    let params: Vec<_> =
+        plan["plan"]["params"].as_array().unwrap().iter().map(|p| (&p["name"], &p["value"])).collect();
+    assert_eq!(params, [(&"light".into(), &"0.25".into()), (&"pale.light".into(), &"0.25".into())]);
+    // The same light, set in two ways; and another.
+    for (name, set) in [("a", "light=0.25"), ("b", "pale.light=0.25"), ("c", "light=0.5")] {
+        place.succeeds(&format!("whole.ron {SMALL} --set {set} --out {name}.png"));
+    }
+    let bytes = |name: &str| std::fs::read(place.path(name)).expect("written");
+    assert!(bytes("a.png") == bytes("b.png") && bytes("a.png") != bytes("c.png"));
+    // One port of one copy.
+    place.succeeds(&format!(
+        "whole.ron {SMALL} --set pale/row/1.light=1.0 --out d.png --save row/1.paler=row.png"
+    ));
+    assert!(bytes("d.png") != bytes("c.png"));
+}
+
+#[test]
+fn the_kind_of_parts_is_explained() {
+    let place = Place::new();
+    assert!(place.succeeds("stages").contains("Includes the nodes of another graph file"));
+    let text = place.succeeds("stages graph");
+    for part in ["parts/view.ron", "file", "a text in quotes", "`on` and `download` are the defaults"] {
+        assert!(text.contains(part), "`{part}` is not in:\n{text}");
+    }
+    assert!(place.succeeds("stages epi").contains("epi.ron: Edge-and-point image"));
+    assert!(place.fails("stages graf").contains("did you mean `graph`?"));
+    let help = place.succeeds("check --help");
+    assert!(help.contains("<GRAPH>") && help.contains("names of built-in graphs such as epi"), "{help}");
+}
+
 #[test]
 fn help_and_version_succeed() {
     let place = Place::new();

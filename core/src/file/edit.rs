@@ -6,8 +6,10 @@
 use serde::de::IgnoredAny;
 
 use super::{
-    GraphFile, Source,
+    GraphFile, GraphParam, Source, handed,
     parse::is_identifier,
+    parts::{FILE_PARAM, file_elsewhere},
+    repeat::{no_copy, times},
     scan::{self, Block, Item},
 };
 use crate::{
@@ -74,50 +76,89 @@ impl Group {
 impl GraphFile {
     /// Sets a parameter, adding it if the node does not have it yet: `--set node.param=value`. `value` is RON.
     /// `part/node`, or the inner name alone if it is unambiguous ([`GraphFile::address_of`]), sets one in the text of a
-    /// part, or where the part's node overrides it. Does not check that the stage has such a parameter.
+    /// part, or where the part's node overrides it; `node/2` sets one of a repeated node's copies. Does not check that the
+    /// stage has such a parameter.
     ///
     /// # Errors
-    /// [`GraphError::Unknown`] node, [`GraphError::Invalid`] for a name that is not an identifier,
+    /// [`GraphError::Unknown`] node or parameter of a part, [`GraphError::Invalid`] for a name that is not an identifier,
     /// [`GraphError::Value`] for a value that is not one RON value.
     pub fn set_param(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
-        let node = &self.address_of(node)[..];
-        if let Some((part, inner)) = node.split_once('/')
-            && !self.sets(part, inner, param)
-            && let Some(part) = self.part_mut(part)
-        {
-            return part.set_param(inner, param, value);
-        }
-        let problem = |error| Problems::from(Problem::new(error).node(node));
-        if let Some(part) = self.part(node) {
-            let names = part.nodes.iter().map(|inner| format!("{node}/{}", inner.name.value));
-            let names = names.collect::<Vec<_>>().join(", ");
-            return Err(problem(GraphError::Invalid(format!(
-                "it includes a part, whose nodes have the parameters: {names}"
-            ))));
-        }
+        let address = self.address_of(node);
+        let problem = |error| Problems::from(Problem::new(error).node(&address));
         if !is_identifier(param) {
             return Err(problem(GraphError::Invalid(format!("`{param}` cannot name a parameter"))));
         }
-        if let Err(error) = ron::from_str::<IgnoredAny>(value) {
-            return Err(problem(GraphError::Value {
-                name: param.to_owned(),
-                expected: "a RON value, such as 8, 0.5, true or a name".into(),
-                cause: error.code.to_string(),
-            }));
+        let value = one_value(param, value).map_err(problem)?;
+        self.set_at("", &address, param, value)
+    }
+
+    /// Sets the default of one of the graph's own parameters: `--set param=value`. `value` is RON.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] parameter, [`GraphError::Value`] and [`GraphError::Range`] for a value that it cannot have.
+    pub fn set_graph_param(&mut self, name: &str, value: &str) -> Result<(), Problems> {
+        let GraphParam { default, spec, .. } = self.settable(name, "").map_err(Problem::new)?;
+        let value = one_value(name, value).map_err(Problem::new)?;
+        spec.check(value).map_err(|error| Problem::new(spec.refusal(value, error)))?;
+        self.apply(vec![Change::replace(default.span, value)])
+    }
+
+    /// Sets a parameter of a node of this file, which is the part of the address `around`, or in a part of it.
+    fn set_at(&mut self, around: &str, address: &str, param: &str, value: &str) -> Result<(), Problems> {
+        let full = format!("{around}{address}");
+        let refuse = |error| Err(Problem::new(error).node(&full).into());
+        let Some((node, copy, rest)) = self.enter(address).filter(|_| self.node_at(address).is_some()) else {
+            return Err(Problem::new(self.no_node(address)).into());
+        };
+        let name = node.name.value.clone();
+        let times = node.repeat.as_ref().and_then(|repeat| times(&repeat.times.value));
+        if let (Some(copy), Some(times)) = (copy, times)
+            && copy >= times
+        {
+            return refuse(no_copy(copy, times));
         }
-        // A comment beside the value could swallow the text after it.
-        let span = scan::root(value).unwrap_or_default();
-        let value = &value[span.start..span.end];
-        match node.split_once('/') {
-            Some((part, inner)) if self.sets(part, inner, param) => {
-                let node = self.node_block(part)?;
-                let params = child(&self.text, &node, "set").and_then(|set| child(&self.text, &set, inner));
-                let params = params.unwrap_or(node);
-                let item = || Group::Params.item(param, value);
-                self.apply(put(&self.text, &params, find(&self.text, &params, param), value, item))
+        let part = self.part(&name);
+        let within = &address[name.len()..].trim_start_matches('/');
+        match (rest, part) {
+            // A part's text goes on handing out its own parameters.
+            _ if copy.is_some() || self.sets(&name, within, param) => {
+                self.set_within(&name, within, param, value)
             }
-            _ => self.set_in(node, Group::Params, param, value),
+            (Some(rest), Some(part)) if part.hands(rest, param) => {
+                self.set_within(&name, within, param, value)
+            }
+            (Some(rest), _) => match self.part_mut(&name) {
+                Some(part) => part.set_at(full.strip_suffix(rest).unwrap_or(&full), rest, param, value),
+                None => refuse(self.no_node(address)),
+            },
+            (None, Some(_)) if param == FILE_PARAM => refuse(file_elsewhere()),
+            (None, Some(part)) => match part.settable(param, &full) {
+                Ok(_) => self.set_in(&name, Group::Params, param, value),
+                Err(error) => refuse(error),
+            },
+            (None, None) => self.set_in(&name, Group::Params, param, value),
         }
+    }
+
+    /// Whether a node takes this parameter from its graph.
+    fn hands(&self, address: &str, param: &str) -> bool {
+        let params = self.node_at(address).map(|(node, _)| &node.params[..]).unwrap_or_default();
+        params.iter().any(|def| def.name.value == param && handed(&def.value.value).is_some())
+    }
+
+    /// Sets a parameter in the `set` of a node, for the node with an address within it.
+    fn set_within(&mut self, node: &str, address: &str, param: &str, value: &str) -> Result<(), Problems> {
+        let node = self.node_block(node)?;
+        let item = || Group::Params.item(param, value);
+        let for_node = || format!("{}: ({})", quoted(address), item());
+        let set = child(&self.text, &node, "set");
+        let params = set.as_ref().and_then(|set| child(&self.text, set, address));
+        let changes = match (set, params) {
+            (_, Some(params)) => put(&self.text, &params, find(&self.text, &params, param), value, item),
+            (Some(set), None) => insert(&self.text, &set, &for_node()),
+            (None, None) => insert(&self.text, &node, &format!("set: {{ {} }}", for_node())),
+        };
+        self.apply(changes)
     }
 
     /// Whether the node of a part overrides this parameter of a node in it.
@@ -324,8 +365,7 @@ impl GraphFile {
     }
 
     fn node_block(&self, name: &str) -> Result<Block, Problems> {
-        child(&self.text, &self.top("nodes")?, name)
-            .ok_or_else(|| Problem::new(GraphError::unknown("node", name, self.names())).into())
+        child(&self.text, &self.top("nodes")?, name).ok_or_else(|| Problem::new(self.no_node(name)).into())
     }
 
     /// Applies the changes, which must not overlap, and parses the result.
@@ -349,6 +389,19 @@ impl GraphFile {
 /// within it. `None` if the wire reads another node.
 fn within<'s>(source: &'s Source, node: &str) -> Option<&'s str> {
     source.node.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
+}
+
+/// The one RON value in a text, without comments around it, which could swallow the text after it.
+fn one_value<'v>(param: &str, text: &'v str) -> Result<&'v str, GraphError> {
+    if let Err(error) = ron::from_str::<IgnoredAny>(text) {
+        return Err(GraphError::Value {
+            name: param.to_owned(),
+            expected: "a RON value, such as 8, 0.5, true or a name".into(),
+            cause: error.code.to_string(),
+        });
+    }
+    let span = scan::root(text).unwrap_or_default();
+    Ok(&text[span.start..span.end])
 }
 
 /// A RON string. Rust's escapes used here are valid in RON.

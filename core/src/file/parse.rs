@@ -19,8 +19,8 @@ const VERSION: u32 = 1;
 /// Maximum number of reported problems; each carries its line's text, so a broken data file must not produce thousands.
 const MOST_PROBLEMS: usize = 100;
 
-const GRAPH_FIELDS: [&str; 4] = ["version", "doc", "nodes", "outputs"];
-const NODE_FIELDS: [&str; 7] = ["kind", "on", "download", "bypass", "inputs", "params", "set"];
+const GRAPH_FIELDS: [&str; 5] = ["version", "doc", "params", "nodes", "outputs"];
+const NODE_FIELDS: [&str; 8] = ["kind", "repeat", "on", "download", "bypass", "inputs", "params", "set"];
 
 impl GraphFile {
     /// Parses a file's text. `path` is its name for messages.
@@ -80,7 +80,7 @@ fn offset(text: &str, position: &ron::error::Position) -> usize {
 }
 
 /// A kind of block: what its items are called, how they are named, and how it is written.
-struct Shape {
+pub(super) struct Shape {
     item: &'static str,
     /// Whether items are named by strings in braces; by identifiers in parentheses otherwise.
     quoted: bool,
@@ -90,11 +90,11 @@ struct Shape {
 }
 
 impl Shape {
-    const fn record(name: &'static str, item: &'static str, example: &'static str) -> Self {
+    pub(super) const fn record(name: &'static str, item: &'static str, example: &'static str) -> Self {
         Self { item, quoted: false, name, example }
     }
 
-    const fn map(item: &'static str, example: &'static str) -> Self {
+    pub(super) const fn map(item: &'static str, example: &'static str) -> Self {
         Self { item, quoted: true, name: "", example }
     }
 }
@@ -110,15 +110,16 @@ const OUTPUTS: Shape = Shape::map("output", "{ \"NAME\": \"NODE.PORT\", ... }");
 /// A named value in a block.
 type Entry = (Spanned<String>, Span);
 
-struct Reader<'a> {
-    text: &'a str,
+/// Reads the fields of a text that is RON, and collects its problems.
+pub(super) struct Reader<'a> {
+    pub(super) text: &'a str,
     /// The node being read, to be named in its problems.
     node: Option<String>,
     found: Vec<(Span, Problem)>,
 }
 
 impl Reader<'_> {
-    fn report(&mut self, error: GraphError, span: Span) {
+    pub(super) fn report(&mut self, error: GraphError, span: Span) {
         self.found.push((span, Problem { node: self.node.clone(), ..Problem::new(error) }));
     }
 
@@ -134,7 +135,7 @@ impl Reader<'_> {
         Problems(problems)
     }
 
-    fn slice(&self, span: Span) -> &str {
+    pub(super) fn slice(&self, span: Span) -> &str {
         &self.text[span.start..span.end]
     }
 
@@ -148,13 +149,23 @@ impl Reader<'_> {
         }
     }
 
-    fn expected(&mut self, expected: &str, span: Span) {
+    /// The text at `span` with its place.
+    pub(super) fn text_at(&self, span: Span) -> Spanned<String> {
+        Spanned { value: self.slice(span).to_owned(), span }
+    }
+
+    pub(super) fn expected(&mut self, expected: &str, span: Span) {
         let found = self.excerpt(span);
         self.report(GraphError::Syntax(format!("expected {expected}, found `{found}`")), span);
     }
 
+    /// A text in double quotes; empty, and reported, if the value is none.
+    pub(super) fn words(&mut self, span: Span) -> String {
+        self.scalar(span, "a text in double quotes").map(|text| text.value).unwrap_or_default()
+    }
+
     /// A value read by ron; reports values of another type.
-    fn scalar<T: DeserializeOwned>(&mut self, span: Span, expected: &str) -> Option<Spanned<T>> {
+    pub(super) fn scalar<T: DeserializeOwned>(&mut self, span: Span, expected: &str) -> Option<Spanned<T>> {
         match ron::from_str(self.slice(span)) {
             Ok(value) => Some(Spanned { value, span }),
             Err(_) => {
@@ -194,7 +205,7 @@ impl Reader<'_> {
 
     /// The block at `span` and the named values in it; reports another type of value, items without a name or with the
     /// wrong kind of name, and duplicate names.
-    fn entries(&mut self, span: Span, shape: &Shape) -> Option<Vec<Entry>> {
+    pub(super) fn entries(&mut self, span: Span, shape: &Shape) -> Option<Vec<Entry>> {
         let bracket = if shape.quoted { '{' } else { '(' };
         let is_named = |name: Span| self.slice(name) == shape.name;
         let block = scan::block(self.text, span)
@@ -227,21 +238,20 @@ impl Reader<'_> {
         Some(entries)
     }
 
-    fn unknown_field(&mut self, name: Spanned<String>, known: &[&str]) {
+    pub(super) fn unknown_field(&mut self, name: Spanned<String>, known: &[&str]) {
         self.report(GraphError::unknown("field", &name.value, known), name.span);
     }
 
     fn graph(&mut self, path: &str) -> GraphFile {
         let (mut version, mut doc, mut nodes, mut outputs) = (None, String::new(), None, None);
+        let mut params = Vec::new();
         let root = scan::root(self.text).unwrap_or_default();
         if let Some(entries) = self.entries(root, &GRAPH) {
             for (name, value) in entries {
                 match name.value.as_str() {
                     "version" => version = Some(self.version(value)),
-                    "doc" => {
-                        let text: Option<Spanned<String>> = self.scalar(value, "a text in double quotes");
-                        doc = text.map(|text| text.value).unwrap_or_default();
-                    }
+                    "doc" => doc = self.words(value),
+                    "params" => params = self.graph_params(value),
                     "nodes" => nodes = Some(self.nodes(value)),
                     "outputs" => outputs = Some(self.outputs(value)),
                     _ => self.unknown_field(name, &GRAPH_FIELDS),
@@ -261,6 +271,7 @@ impl Reader<'_> {
             text: self.text.to_owned(),
             version: version.unwrap_or(VERSION),
             doc,
+            params,
             nodes: nodes.unwrap_or_default(),
             outputs: outputs.unwrap_or_default(),
             parts: Vec::new(),
@@ -294,12 +305,14 @@ impl Reader<'_> {
         let (mut kind, mut has_kind) = (None, false);
         let (mut on, mut download, mut bypass) = (None, None, false);
         let (mut inputs, mut params, mut set) = (Vec::new(), Vec::new(), Vec::new());
+        let mut repeat = None;
         for (field, value) in self.entries(span, &NODE)? {
             match field.value.as_str() {
                 "kind" => {
                     has_kind = true;
                     kind = self.scalar(value, "a stage kind in double quotes");
                 }
+                "repeat" => repeat = self.repeat(value),
                 "on" => on = self.variant::<Side>(value, "side", ["Gpu", "Cpu"], "Gpu or Cpu"),
                 "download" => {
                     let expected = "Sync or Latent(FRAMES)";
@@ -318,7 +331,7 @@ impl Reader<'_> {
         if !has_kind {
             self.report(GraphError::Syntax("`kind` is missing; write kind: \"KIND\"".into()), name.span);
         }
-        Some(NodeDef { name, kind: kind?, on, download, bypass, inputs, params, set })
+        Some(NodeDef { name, kind: kind?, repeat, on, download, bypass, inputs, params, set })
     }
 
     fn inputs(&mut self, span: Span) -> Vec<InputDef> {
@@ -339,8 +352,12 @@ impl Reader<'_> {
 
     fn params(&mut self, span: Span) -> Vec<ParamDef> {
         let entries = self.entries(span, &PARAMS).unwrap_or_default();
-        let text = |span| Spanned { value: self.slice(span).to_owned(), span };
-        entries.into_iter().map(|(name, value)| ParamDef { name, value: text(value) }).collect()
+        let mut params = Vec::new();
+        for (name, value) in entries {
+            self.check_handing(value);
+            params.push(ParamDef { name, value: self.text_at(value) });
+        }
+        params
     }
 
     fn outputs(&mut self, span: Span) -> Vec<OutputDef> {

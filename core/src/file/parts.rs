@@ -1,11 +1,11 @@
 //! Graphs made of graphs. A node `"NAME": (kind: "graph", params: (file: "part.ron"), inputs: { "x": "NODE.PORT" })`
 //! includes all nodes of another file, a part. Within the part, `"inputs.x"` is whatever the including node connects to
 //! `x`; outside, the part's outputs are ports of the including node, and its nodes have addresses `NAME/NODE`. `on` and
-//! `download` of the including node are the defaults for nodes of the part that can run there. `set: { "NODE": (param:
-//! value) }` in the including node overrides parameters of the part.
+//! `download` of the including node are the defaults for nodes of the part that can run there. The part's own parameters
+//! are set beside `file`; `set: { "NODE": (param: value) }` in the including node overrides parameters of its nodes.
 //!
 //! [`GraphFile::flatten`] expands everything to one list of nodes, each with the file it comes from, so that checking
-//! and compiling need not know about parts.
+//! and compiling need not know about parts, parameters of graphs or repeated nodes.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -15,21 +15,32 @@ use std::{
 
 use index_vec::IndexVec;
 
-use super::{GraphFile, NodeDef, OutputDef, ParamDef, Source};
+use super::{
+    GraphFile, GraphValue, InputDef, NodeDef, OutputDef, ParamDef, Source, handed,
+    repeat::{copy_of, no_copy, times, times_expected},
+};
 use crate::{
     error::{GraphError, Problem, Problems, Span, Spanned},
     id::FlatId,
     side::{Download, Side},
 };
 
-/// The kind of a node that includes a file.
-pub(crate) const PART_KIND: &str = "graph";
+/// The kind of a node that includes a file, which is no stage's.
+pub const PART_KIND: &str = "graph";
 
 /// The parameter that names the file.
-const FILE_PARAM: &str = "file";
+pub(super) const FILE_PARAM: &str = "file";
 
 /// The node whose ports are a part's inputs.
 const INPUTS: &str = "inputs";
+
+/// Most nodes of a flattened graph, and most files that it is read from: parts that contain parts, and nodes that are
+/// repeated, multiply.
+const MOST_NODES: usize = 10_000;
+const MOST_FILES: usize = 1000;
+
+/// Most parts that one wire may lead through: those of a wire that leads in a circle are endless.
+const LONGEST_WIRE: u32 = 1000;
 
 /// A node of the flattened graph, with the file that its places refer to.
 pub(crate) struct FlatNode<'f> {
@@ -37,8 +48,20 @@ pub(crate) struct FlatNode<'f> {
     pub file: &'f GraphFile,
     /// The defaults that the part's node gives.
     pub default: PartDefaults,
-    /// The files of parameters that an including node overrides, by parameter name.
-    pub set_in: BTreeMap<String, &'f GraphFile>,
+    /// The places of parameters that are written in other files, by parameter name.
+    pub places: BTreeMap<String, ParamPlaces<'f>>,
+    /// Its address in the text: that of the node that it is a copy of.
+    pub written: String,
+}
+
+/// The files that the name and the value of a parameter are written in. They differ where a node takes the value from
+/// its graph.
+#[derive(Clone, Copy)]
+pub struct ParamPlaces<'f> {
+    /// The name's file.
+    pub name: &'f GraphFile,
+    /// The value's file.
+    pub value: &'f GraphFile,
 }
 
 /// Default placement of a part's nodes.
@@ -53,6 +76,17 @@ pub(crate) struct Flat<'f> {
     pub file: &'f GraphFile,
     pub nodes: IndexVec<FlatId, FlatNode<'f>>,
     pub outputs: Vec<OutputDef>,
+    /// The parameters of the graph itself, and of its parts.
+    pub params: Vec<GraphValue>,
+}
+
+/// The state of reading a file's parts.
+struct Reading<'r> {
+    read: &'r dyn Fn(&Path) -> io::Result<String>,
+    /// The files around the one being read.
+    within: Vec<String>,
+    /// The number of files read.
+    files: usize,
 }
 
 impl GraphFile {
@@ -61,42 +95,33 @@ impl GraphFile {
     /// # Errors
     /// All problems of all parts, each with its file.
     pub fn with_parts(mut self, read: &dyn Fn(&Path) -> io::Result<String>) -> Result<Self, Problems> {
-        self.read_parts(read, &mut Vec::new())?;
+        self.read_parts(&mut Reading { read, within: Vec::new(), files: 0 })?;
         Ok(self)
     }
 
-    fn read_parts(
-        &mut self,
-        read: &dyn Fn(&Path) -> io::Result<String>,
-        within: &mut Vec<String>,
-    ) -> Result<(), Problems> {
-        within.push(self.path.clone());
+    fn read_parts(&mut self, reading: &mut Reading) -> Result<(), Problems> {
+        reading.within.push(self.path.clone());
         let mut problems = Problems::default();
         let mut parts = Vec::new();
         for node in self.nodes.iter().filter(|node| node.kind.value == PART_KIND) {
-            match self.read_part(node, read, within) {
+            match self.read_part(node, reading) {
                 Ok(part) => parts.push((node.name.value.clone(), part)),
                 Err(found) => problems.0.extend(found.0),
             }
         }
-        within.pop();
+        reading.within.pop();
         problems.into_result()?;
         self.parts = parts;
         Ok(())
     }
 
-    fn read_part(
-        &self,
-        node: &NodeDef,
-        read: &dyn Fn(&Path) -> io::Result<String>,
-        within: &mut Vec<String>,
-    ) -> Result<Self, Problems> {
+    fn read_part(&self, node: &NodeDef, reading: &mut Reading) -> Result<Self, Problems> {
         let problem = |error, span| Problem::new(error).at(self.place(span)).node(&node.name.value);
-        if let Some(param) = node.params.iter().find(|param| param.name.value != FILE_PARAM) {
-            let error = GraphError::unknown("parameter", &param.name.value, [FILE_PARAM]);
-            return Err(problem(error, param.name.span).into());
-        }
         let Some(param) = node.params.iter().find(|param| param.name.value == FILE_PARAM) else {
+            if let [param] = &node.params[..] {
+                let error = GraphError::unknown("parameter", &param.name.value, [FILE_PARAM]);
+                return Err(problem(error, param.name.span).into());
+            }
             let text = "a node of kind `graph` names its file: params: (file: \"PART.ron\")";
             return Err(problem(GraphError::Invalid(text.into()), node.kind.span).into());
         };
@@ -106,16 +131,21 @@ impl GraphFile {
         })?;
         let path = Path::new(&self.path).parent().unwrap_or(Path::new("")).join(name);
         let shown = path.display().to_string();
-        if within.contains(&shown) {
+        if reading.within.contains(&shown) {
             let error = GraphError::Invalid(format!("{shown} contains itself"));
             return Err(problem(error, param.value.span).into());
         }
-        let text = read(&path).map_err(|error| {
+        reading.files += 1;
+        if reading.files > MOST_FILES {
+            let error = GraphError::Invalid(format!("the graph has more than {MOST_FILES} parts"));
+            return Err(problem(error, param.value.span).into());
+        }
+        let text = (reading.read)(&path).map_err(|error| {
             let cause = format!("{shown}: {error}");
             problem(GraphError::Io { action: "read", cause }, param.value.span)
         })?;
         let mut part = Self::parse(&shown, &text)?;
-        part.read_parts(read, within)?;
+        part.read_parts(reading)?;
         Ok(part)
     }
 
@@ -127,45 +157,74 @@ impl GraphFile {
         self.parts.iter().find(|(name, _)| name == node).map(|(_, part)| part)
     }
 
-    /// The address of a node given by its own name alone: the name itself if the graph has such a node, otherwise the
-    /// address in its parts if it is unambiguous. Other names are returned unchanged.
+    /// The address of a node given by its own name alone, or of something in it (`node/2`): the name itself if the graph
+    /// has such a node, otherwise the address in its parts if it is unambiguous. Other names are returned unchanged.
     pub fn address_of(&self, name: &str) -> String {
-        let mut found = Vec::new();
-        self.find(name, "", &mut found);
-        match &found[..] {
-            [address] if self.nodes.iter().all(|node| node.name.value != name) => address.clone(),
+        let head = name.split('/').next().unwrap_or(name);
+        match &self.called(head)[..] {
+            [address] if self.enter(name).is_none() => format!("{address}{}", &name[head.len()..]),
             _ => name.to_owned(),
         }
     }
 
-    fn find(&self, name: &str, prefix: &str, found: &mut Vec<String>) {
-        let own = self.nodes.iter().filter(|node| node.name.value == name);
-        found.extend(own.map(|_| format!("{prefix}{name}")));
-        for (node, part) in &self.parts {
-            part.find(name, &format!("{prefix}{node}/"), found);
+    /// The addresses of all nodes with this name, in this file and in its parts.
+    fn called(&self, name: &str) -> Vec<String> {
+        let is_it = |address: &String| address.rsplit('/').next() == Some(name);
+        self.addresses().into_iter().filter(is_it).collect()
+    }
+
+    /// The addresses of all nodes, including those in parts. Copies of a repeated node are not told apart.
+    pub(super) fn addresses(&self) -> Vec<String> {
+        let own = self.nodes.iter().map(|node| node.name.value.clone());
+        let inner = |(node, part): &(String, Self)| -> Vec<String> {
+            part.addresses().iter().map(|address| format!("{node}/{address}")).collect()
+        };
+        own.chain(self.parts.iter().flat_map(inner)).collect()
+    }
+
+    /// What to report of an address that no node has.
+    pub(super) fn no_node(&self, address: &str) -> GraphError {
+        match &self.called(address)[..] {
+            several @ [_, _, ..] => {
+                let several = several.join(", ");
+                GraphError::Invalid(format!(
+                    "several nodes are called `{address}`: {several}; write which one"
+                ))
+            }
+            _ => GraphError::unknown("node", address, self.addresses()),
         }
     }
 
-    /// The names of all nodes, including those in parts.
-    pub(super) fn names(&self) -> Vec<&str> {
-        let own = self.nodes.iter().map(|node| node.name.value.as_str());
-        own.chain(self.parts.iter().flat_map(|(_, part)| part.names())).collect()
+    /// Splits an address into a node of this file, the number of a copy if that node is repeated, and the address of a
+    /// node within it.
+    pub(super) fn enter<'a>(&self, address: &'a str) -> Option<(&NodeDef, Option<u32>, Option<&'a str>)> {
+        if let Some(node) = self.node(address) {
+            return Some((node, None, None));
+        }
+        let (name, rest) = address.split_once('/')?;
+        let node = self.node(name)?;
+        let (copy, rest) = if node.repeat.is_some() { copy_of(rest) } else { (None, Some(rest)) };
+        Some((node, copy, rest))
     }
 
-    /// The node with this address and the file that contains it, a part or this one.
+    /// The node with this address and the file that contains it, a part or this one. All copies of a repeated node are
+    /// written as one.
     pub fn node_at(&self, address: &str) -> Option<(&NodeDef, &Self)> {
-        match address.split_once('/') {
-            Some((node, rest)) => self.part(node)?.node_at(rest),
-            None => Some((self.node(address)?, self)),
+        let (node, _, rest) = self.enter(address)?;
+        match rest {
+            Some(rest) => self.part(&node.name.value)?.node_at(rest),
+            None => Some((node, self)),
         }
     }
 
-    /// Flattens the graph: replaces each node that includes a part by the part's nodes.
+    /// Flattens the graph: replaces each node that includes a part by the part's nodes, each repeated node by its copies,
+    /// and each parameter of a graph by its value.
     pub(crate) fn flatten(&self) -> Result<Flat<'_>, Problems> {
-        let mut flat = Flat { file: self, nodes: IndexVec::new(), outputs: Vec::new() };
-        let mut problems = Problems::default();
+        let flat = Flat { file: self, nodes: IndexVec::new(), outputs: Vec::new(), params: Vec::new() };
+        let mut builder = Builder { flat, problems: Problems::default() };
         let scope = Scope::whole(self);
-        add(&scope, PartDefaults::default(), &mut flat, &mut problems);
+        builder.add(&scope, "", PartDefaults::default());
+        let Builder { mut flat, mut problems } = builder;
         for output in &self.outputs {
             match scope.resolve(&output.from.value) {
                 Ok(Some(source)) => {
@@ -187,151 +246,460 @@ impl GraphFile {
 impl Flat<'_> {
     /// The port that a name refers to, through outputs of parts.
     pub fn resolve(&self, source: &Source) -> Result<Source, GraphError> {
-        let scope = Scope::whole(self.file);
         let source = Source { node: self.file.address_of(&source.node), port: source.port.clone() };
-        Ok(scope.resolve(&source)?.unwrap_or(source))
+        if self.file.enter(&source.node).is_none() {
+            return Err(self.file.no_node(&source.node));
+        }
+        Ok(Scope::whole(self.file).resolve(&source)?.unwrap_or(source))
     }
 }
 
-/// A file within the flattened graph: resolves its names.
-struct Scope<'f> {
+/// The text of a value, and the file it is in.
+#[derive(Clone)]
+struct Given<'f> {
+    text: Spanned<String>,
     file: &'f GraphFile,
-    prefix: String,
-    /// What the including node connects; `None` for the top-level file.
-    inputs: Option<HashMap<String, Source>>,
-    /// Parameters that including nodes override, by the address of their node in this file; outer files last.
-    set: Vec<Set<'f>>,
 }
 
 /// A parameter that an including node overrides.
 #[derive(Clone)]
 struct Set<'f> {
+    /// The address of its node in the file of the scope; empty for the node of the scope itself.
     node: &'f str,
-    param: &'f ParamDef,
+    name: &'f Spanned<String>,
+    /// The file that the name is in.
     file: &'f GraphFile,
+    value: Given<'f>,
 }
 
-impl<'f> Scope<'f> {
+/// A file within the flattened graph: resolves its names.
+struct Scope<'s, 'f> {
+    file: &'f GraphFile,
+    prefix: String,
+    /// The scope, node and copy that include the file; `None` for the top-level file.
+    outer: Option<(&'s Scope<'s, 'f>, &'f NodeDef, Option<u32>)>,
+    /// The values of the file's own parameters.
+    values: HashMap<&'f str, Given<'f>>,
+    /// Parameters that including nodes override; those of outer files last.
+    set: Vec<Set<'f>>,
+}
+
+impl<'s, 'f> Scope<'s, 'f> {
     fn whole(file: &'f GraphFile) -> Self {
-        Self { file, prefix: String::new(), inputs: None, set: Vec::new() }
+        let values = file.params.iter().map(|param| (&param.name.value[..], defaulted(file, &param.default)));
+        Self { file, prefix: String::new(), outer: None, values: values.collect(), set: Vec::new() }
     }
 
-    fn inner(&self, node: &str, file: &'f GraphFile, inputs: HashMap<String, Source>) -> Self {
-        Self { file, prefix: format!("{}{node}/", self.prefix), inputs: Some(inputs), set: Vec::new() }
+    /// The scope of a part that a node of this scope includes.
+    fn inner<'i>(&'i self, node: &'f NodeDef, copy: Option<u32>, part: &'f GraphFile) -> Scope<'i, 'f> {
+        let (own, set): (Vec<_>, Vec<_>) =
+            self.set_for(node, copy).into_iter().partition(|set| set.node.is_empty());
+        let value = |param: &'f super::GraphParam| {
+            let name = &param.name.value;
+            let set = own.iter().rev().find(|set| set.name.value == *name).map(|set| set.value.clone());
+            let beside = || self.params(node, copy).into_iter().find(|(known, _)| known.value == *name);
+            let value = set.or_else(|| Some(beside()?.1));
+            (&name[..], value.unwrap_or_else(|| defaulted(part, &param.default)))
+        };
+        let values = part.params.iter().map(value).collect();
+        let prefix = format!("{}/", self.name(node, copy));
+        Scope { file: part, prefix, outer: Some((self, node, copy)), values, set }
     }
 
-    /// What this file and the files that include it override in the part of `node`.
-    fn set_within(&self, node: &'f NodeDef) -> Vec<Set<'f>> {
+    /// The address of a node in the flattened graph.
+    fn name(&self, node: &NodeDef, copy: Option<u32>) -> String {
+        let copy = copy.map_or(String::new(), |copy| format!("/{copy}"));
+        format!("{}{}{copy}", self.prefix, node.name.value)
+    }
+
+    /// What is written for a value, or for the parameter of the graph that it hands on.
+    fn given(&self, text: &Spanned<String>) -> Given<'f> {
+        let value = handed(&text.value).and_then(|name| self.values.get(&name[..]).cloned());
+        value.unwrap_or_else(|| Given { text: text.clone(), file: self.file })
+    }
+
+    /// The parameters of a node, without those that are set elsewhere.
+    fn params(&self, node: &'f NodeDef, copy: Option<u32>) -> Vec<(Spanned<String>, Given<'f>)> {
+        let written = node.params.iter().map(|param| (param.name.clone(), self.given(&param.value)));
+        let counted = node.repeat.as_ref().zip(copy).and_then(|(repeat, copy)| repeat.counted(copy));
+        let counted = counted.map(|ParamDef { name, value }| (name, Given { text: value, file: self.file }));
+        written.chain(counted).collect()
+    }
+
+    /// How often a node is repeated; `None` if it is there once.
+    ///
+    /// # Errors
+    /// The text that is no number of copies.
+    fn times(&self, node: &NodeDef) -> Result<Option<u32>, Given<'f>> {
+        let Some(repeat) = &node.repeat else { return Ok(None) };
+        let given = self.given(&repeat.times);
+        times(&given.text.value).map(Some).ok_or(given)
+    }
+
+    /// Checks that a node has this copy.
+    fn check_copy(&self, node: &NodeDef, copy: Option<u32>) -> Result<(), GraphError> {
+        match (copy, self.times(node).ok().flatten()) {
+            (Some(copy), Some(times)) if copy >= times => Err(no_copy(copy, times)),
+            _ => Ok(()),
+        }
+    }
+
+    /// What this file and the files that include it override in a node, by addresses within that node. Later ones count:
+    /// those of outer files, and of one file those for single copies.
+    fn set_for(&self, node: &'f NodeDef, copy: Option<u32>) -> Vec<Set<'f>> {
+        let within = |rest: &'f str| match copy {
+            None => Some(rest),
+            Some(copy) => match copy_of(rest) {
+                (Some(other), rest) => (other == copy).then_some(rest.unwrap_or("")),
+                (None, rest) => rest,
+            },
+        };
         let own = node.set.iter().flat_map(|(address, params)| {
-            params.iter().map(|param| Set { node: &address.value, param, file: self.file })
+            let params = params.iter().filter_map(|param| {
+                let (node, value) = (within(&address.value)?, self.given(&param.value));
+                Some((address.value.len(), Set { node, name: &param.name, file: self.file, value }))
+            });
+            params.collect::<Vec<_>>()
         });
+        let mut own: Vec<_> = own.collect();
+        // `2/blur` counts more than `blur`.
+        own.sort_by_key(|(length, _)| *length);
         let outer = self.set.iter().filter_map(|set| {
-            let rest = set.node.strip_prefix(node.name.value.as_str())?.strip_prefix('/')?;
-            Some(Set { node: rest, ..set.clone() })
+            let rest = set.node.strip_prefix(&node.name.value[..])?;
+            let rest = if rest.is_empty() { rest } else { rest.strip_prefix('/')? };
+            Some(Set { node: within(rest)?, ..set.clone() })
         });
-        own.chain(outer).collect()
+        own.into_iter().map(|(_, set)| set).chain(outer).collect()
+    }
+
+    /// Whether a node has this copy, and a node within it this address.
+    ///
+    /// # Errors
+    /// That there is no such copy.
+    fn reaches(&self, node: &'f NodeDef, copy: Option<u32>, rest: Option<&str>) -> Result<bool, GraphError> {
+        self.check_copy(node, copy)?;
+        let Some(rest) = rest else { return Ok(true) };
+        let Some(part) = self.file.part(&node.name.value) else { return Ok(false) };
+        match part.enter(rest) {
+            Some((inner, of, rest)) => self.inner(node, copy, part).reaches(inner, of, rest),
+            None => Ok(false),
+        }
+    }
+
+    /// The port that an input of a node takes, in the names of this file.
+    fn input(&self, node: &NodeDef, copy: Option<u32>, port: &str) -> Option<Source> {
+        let before = copy.and_then(|copy| copy.checked_sub(1));
+        let through = node.repeat.as_ref().zip(before).and_then(|(repeat, before)| {
+            let output = repeat.output_to(port)?.value.clone();
+            Some(Source { node: format!("{}/{before}", node.name.value), port: output })
+        });
+        let written = || node.inputs.iter().find(|input| input.port.value == port);
+        through.or_else(|| Some(written()?.from.value.clone()))
     }
 
     /// The address of a port in the flattened graph; `None` for a part's input that is not connected.
     fn resolve(&self, source: &Source) -> Result<Option<Source>, GraphError> {
-        if let (INPUTS, Some(inputs)) = (source.node.as_str(), &self.inputs) {
-            return Ok(inputs.get(&source.port).cloned());
+        self.follow(source, LONGEST_WIRE)
+    }
+
+    fn follow(&self, source: &Source, left: u32) -> Result<Option<Source>, GraphError> {
+        let Some(left) = left.checked_sub(1) else {
+            return Err(GraphError::Invalid(format!(
+                "the wire from `{source}` leads in a circle through parts"
+            )));
+        };
+        if let (INPUTS, Some((outer, node, copy))) = (source.node.as_str(), self.outer) {
+            let input = outer.input(node, copy, &source.port);
+            return input.map_or(Ok(None), |source| outer.follow(&source, left));
         }
-        let (head, rest) = match source.node.split_once('/') {
-            Some((head, rest)) => (head, Some(rest)),
-            None => (source.node.as_str(), None),
+        let whole = |node| Some(Source { node, port: source.port.clone() });
+        let Some((node, copy, rest)) = self.file.enter(&source.node) else {
+            return Ok(whole(format!("{}{}", self.prefix, source.node)));
         };
-        let Some(part) = self.file.part(head) else {
-            return Ok(Some(Source {
-                node: format!("{}{}", self.prefix, source.node),
-                port: source.port.clone(),
-            }));
+        self.check_copy(node, copy)?;
+        // The last copy is what leaves a row.
+        let last = || self.times(node).ok().flatten().map(|times| times - 1);
+        let copy = copy.or_else(last);
+        let Some(part) = self.file.part(&node.name.value) else {
+            let rest = rest.map_or(String::new(), |rest| format!("/{rest}"));
+            return Ok(whole(self.name(node, copy) + &rest));
         };
-        let scope = self.inner(head, part, HashMap::new());
+        let scope = self.inner(node, copy, part);
         match rest {
-            Some(rest) => scope.resolve(&Source { node: rest.into(), port: source.port.clone() }),
+            Some(rest) => scope.follow(&Source { node: rest.into(), port: source.port.clone() }, left),
             None => {
                 let output = part.outputs.iter().find(|output| output.name.value == source.port);
                 let output = output.ok_or_else(|| {
                     let known = part.outputs.iter().map(|output| &output.name.value);
                     GraphError::unknown("output of a part", &source.port, known)
                 })?;
-                scope.resolve(&output.from.value)
+                scope.follow(&output.from.value, left)
             }
         }
     }
 }
 
-fn add<'f>(scope: &Scope<'f>, default: PartDefaults, flat: &mut Flat<'f>, problems: &mut Problems) {
-    for node in &scope.file.nodes {
-        let name = format!("{}{}", scope.prefix, node.name.value);
-        let mut problem = |error, span: Span, port: Option<&str>| {
-            let mut problem = Problem::new(error).at(scope.file.place(span)).node(&name);
-            problem.port = port.map(str::to_owned);
-            problems.0.push(problem);
-        };
-        let mut def = node.clone();
-        def.name.value.clone_from(&name);
-        def.inputs.clear();
-        for input in &node.inputs {
-            match scope.resolve(&input.from.value) {
-                Ok(Some(source)) => {
-                    let mut input = input.clone();
-                    input.from.value = source;
-                    def.inputs.push(input);
+fn defaulted<'f>(file: &'f GraphFile, text: &Spanned<String>) -> Given<'f> {
+    Given { text: text.clone(), file }
+}
+
+/// Collects the nodes of a flattened graph, and all problems.
+struct Builder<'f> {
+    flat: Flat<'f>,
+    problems: Problems,
+}
+
+impl<'f> Builder<'f> {
+    /// Reports a problem, once for all copies of a node and all places that include a file.
+    fn report(&mut self, problem: Problem) {
+        let known = |other: &Problem| (&other.error, &other.place) == (&problem.error, &problem.place);
+        if !self.problems.0.iter().any(known) {
+            self.problems.0.push(problem);
+        }
+    }
+
+    fn problem(&mut self, file: &GraphFile, node: &str, span: Span, error: GraphError) {
+        self.report(Problem::new(error).at(file.place(span)).node(node));
+    }
+
+    /// Adds the nodes of a scope; `written` is the address of its part in the text, with a slash.
+    fn add(&mut self, scope: &Scope<'_, 'f>, written: &str, default: PartDefaults) {
+        let file = scope.file;
+        for param in &file.params {
+            let part = scope.prefix.trim_end_matches('/').to_owned();
+            let value = scope.values[&param.name.value[..]].text.value.clone();
+            self.flat.params.push(GraphValue { part, spec: param.spec.clone(), value });
+        }
+        for node in &file.nodes {
+            let times = scope.times(node).unwrap_or_else(|given| {
+                let place = given.file.place(given.text.span);
+                // Unless the including node has been told already that this is no such number.
+                if self.problems.0.iter().all(|problem| problem.place.as_ref() != Some(&place)) {
+                    let (name, expected) = ("times".into(), times_expected());
+                    let cause = format!("found `{}`", given.text.value);
+                    let error = GraphError::Value { name, expected, cause };
+                    self.problem(given.file, &scope.name(node, None), given.text.span, error);
                 }
-                Ok(None) => {}
-                Err(error) => problem(error, input.from.span, Some(&input.port.value)),
+                Some(1)
+            });
+            self.check_written(scope, node);
+            let copies = times.map_or(vec![None], |times| (0..times).map(Some).collect());
+            for copy in copies {
+                if self.flat.nodes.len() >= MOST_NODES {
+                    let text = format!("the graph has more than {MOST_NODES} nodes");
+                    self.report(Problem::new(GraphError::Invalid(text)));
+                    return;
+                }
+                self.add_node(scope, node, copy, format!("{written}{}", node.name.value), default);
             }
         }
+    }
+
+    /// Checks what can be checked before the node's kind is known.
+    fn check_written(&mut self, scope: &Scope<'_, 'f>, node: &'f NodeDef) {
+        let (file, name) = (scope.file, scope.name(node, None));
+        for value in node.values() {
+            if let Some(param) = handed(&value.value).filter(|param| file.param(param).is_none()) {
+                let known = file.params.iter().map(|param| &param.name.value);
+                let error = match file.params.is_empty() {
+                    true => GraphError::Invalid(format!(
+                        "the graph has no parameters; write params: {{ {param:?}: (default: VALUE) }} beside `nodes`"
+                    )),
+                    false => GraphError::unknown("parameter of the graph", &param, known),
+                };
+                self.problem(file, &name, value.span, error);
+            }
+        }
+        let counted = node.repeat.as_ref().and_then(|repeat| repeat.count.as_ref());
+        if let Some(param) =
+            node.params.iter().find(|param| Some(&param.name.value) == counted.map(|c| &c.value))
+        {
+            let text = format!("`repeat` counts `{}`; do not set it here", param.name.value);
+            self.problem(file, &name, param.name.span, GraphError::Invalid(text));
+        }
+        let part = file.part(&node.name.value);
+        for (address, _) in &node.set {
+            if node.kind.value != PART_KIND && node.repeat.is_none() {
+                let text =
+                    "`set` is for parts and repeated nodes; a stage's own parameters are set in `params`";
+                self.problem(file, &name, address.span, GraphError::Invalid(text.into()));
+                break;
+            }
+            if node.kind.value == PART_KIND && part.is_none() {
+                continue;
+            }
+            let (copy, rest) = if node.repeat.is_some() {
+                copy_of(&address.value)
+            } else {
+                (None, Some(&address.value[..]))
+            };
+            let error = match scope.reaches(node, copy, rest) {
+                Ok(true) => continue,
+                Ok(false) => {
+                    let copies =
+                        (0..scope.times(node).ok().flatten().unwrap_or(0)).map(|copy| copy.to_string());
+                    let known = copies.chain(part.into_iter().flat_map(GraphFile::addresses));
+                    GraphError::unknown("node", &address.value, known)
+                }
+                Err(error) => error,
+            };
+            self.problem(file, &name, address.span, error);
+        }
+    }
+
+    fn add_node(
+        &mut self,
+        scope: &Scope<'_, 'f>,
+        node: &'f NodeDef,
+        copy: Option<u32>,
+        written: String,
+        default: PartDefaults,
+    ) {
+        let name = scope.name(node, copy);
         if node.kind.value != PART_KIND {
-            if let Some((address, _)) = node.set.first() {
-                let text = "`set` is for parts; a stage's own parameters are set in `params`";
-                problem(GraphError::Invalid(text.into()), address.span, None);
+            let mut def = NodeDef { inputs: self.inputs(scope, node, copy), ..node.clone() };
+            def.name.value = name;
+            let mut places = BTreeMap::new();
+            def.params.clear();
+            for (name, value) in scope.params(node, copy) {
+                put(&mut def.params, &mut places, name, scope.file, value);
             }
-            let mut set_in = BTreeMap::new();
-            for set in scope.set.iter().filter(|set| set.node == node.name.value) {
-                def.params.retain(|param| param.name.value != set.param.name.value);
-                def.params.push(set.param.clone());
-                set_in.insert(set.param.name.value.clone(), set.file);
+            for set in scope.set_for(node, copy).into_iter().filter(|set| set.node.is_empty()) {
+                put(&mut def.params, &mut places, set.name.clone(), set.file, set.value);
             }
-            flat.nodes.push(FlatNode { def, file: scope.file, default, set_in });
-            continue;
+            places.retain(|_, places: &mut ParamPlaces| !places.are(scope.file));
+            self.flat.nodes.push(FlatNode { def, file: scope.file, default, places, written });
+            return;
         }
         if node.bypass {
-            problem(
-                GraphError::Invalid("a part cannot be bypassed; bypass its nodes".into()),
-                node.name.span,
-                None,
-            );
+            let error = GraphError::Invalid("a part cannot be bypassed; bypass its nodes".into());
+            self.problem(scope.file, &name, node.name.span, error);
         }
         let Some(part) = scope.file.part(&node.name.value) else {
-            problem(GraphError::Invalid("its file has not been read".into()), node.kind.span, None);
-            continue;
+            let error = GraphError::Invalid("its file has not been read".into());
+            self.problem(scope.file, &name, node.kind.span, error);
+            return;
         };
-        for (address, _) in node.set.iter().filter(|(address, _)| part.node_at(&address.value).is_none()) {
-            problem(GraphError::unknown("node", &address.value, part.names()), address.span, None);
+        self.check_inputs(scope, node, &name, part);
+        self.check_params(scope, node, copy, part);
+        let default = PartDefaults {
+            side: node.on.as_ref().map(|on| on.value).or(default.side),
+            download: node.download.as_ref().map(|download| download.value).or(default.download),
+        };
+        self.add(&scope.inner(node, copy, part), &(written + "/"), default);
+    }
+
+    /// The wires into a stage.
+    fn inputs(&mut self, scope: &Scope<'_, 'f>, node: &NodeDef, copy: Option<u32>) -> Vec<InputDef> {
+        let through = node.repeat.iter().flat_map(|repeat| &repeat.through).filter(|_| copy > Some(0));
+        let through = through.map(|(input, output)| (input, output.span));
+        let taken: BTreeSet<&str> = through.clone().map(|(input, _)| input.value.as_str()).collect();
+        let written = node.inputs.iter().map(|input| (&input.port, input.from.span));
+        let written = written.filter(|(port, _)| !taken.contains(port.value.as_str()));
+        let mut inputs = Vec::new();
+        for (port, span) in written.chain(through) {
+            let Some(source) = scope.input(node, copy, &port.value) else { continue };
+            match scope.resolve(&source) {
+                Ok(Some(value)) => {
+                    inputs.push(InputDef { port: port.clone(), from: Spanned { value, span } })
+                }
+                Ok(None) => {}
+                Err(error) => {
+                    let problem =
+                        Problem::new(error).at(scope.file.place(span)).node(&scope.name(node, copy));
+                    self.report(problem.port(&port.value));
+                }
+            }
         }
+        inputs
+    }
+
+    /// Checks the names and the sources of what is connected to a part.
+    fn check_inputs(&mut self, scope: &Scope<'_, 'f>, node: &NodeDef, name: &str, part: &GraphFile) {
         let taken: BTreeSet<&str> = part
             .nodes
             .iter()
             .flat_map(|node| &node.inputs)
-            .filter(|input| input.from.value.node == INPUTS)
-            .map(|input| input.from.value.port.as_str())
+            .map(|input| &input.from.value)
+            .chain(part.outputs.iter().map(|output| &output.from.value))
+            .filter(|source| source.node == INPUTS)
+            .map(|source| source.port.as_str())
             .collect();
-        for input in &node.inputs {
-            if !taken.contains(input.port.value.as_str()) {
-                let error = GraphError::unknown("input", &input.port.value, &taken);
-                problem(error, input.port.span, Some(&input.port.value));
+        let through = node.repeat.iter().flat_map(|repeat| &repeat.through);
+        let ports =
+            node.inputs.iter().map(|input| &input.port).chain(through.clone().map(|(input, _)| input));
+        for port in ports.filter(|port| !taken.contains(port.value.as_str())) {
+            let error = GraphError::unknown("input", &port.value, &taken);
+            let problem = Problem::new(error).at(scope.file.place(port.span)).node(name);
+            self.report(problem.port(&port.value));
+        }
+        let first = |output: &Spanned<String>| Source {
+            node: format!("{}/0", node.name.value),
+            port: output.value.clone(),
+        };
+        let chained = through.map(|(input, output)| (input, first(output), output.span));
+        let written =
+            node.inputs.iter().map(|input| (&input.port, input.from.value.clone(), input.from.span));
+        for (port, source, span) in written.chain(chained) {
+            if let Err(error) = scope.resolve(&source) {
+                let problem = Problem::new(error).at(scope.file.place(span)).node(name);
+                self.report(problem.port(&port.value));
             }
         }
-        let inputs =
-            def.inputs.iter().map(|input| (input.port.value.clone(), input.from.value.clone())).collect();
-        let inner = Scope { set: scope.set_within(node), ..scope.inner(&node.name.value, part, inputs) };
-        let default = PartDefaults {
-            side: def.on.map(|on| on.value).or(default.side),
-            download: def.download.map(|download| download.value).or(default.download),
-        };
-        add(&inner, default, flat, problems);
+    }
+
+    /// Checks the parameters of a part: those beside `file`, and those that are set elsewhere.
+    fn check_params(
+        &mut self,
+        scope: &Scope<'_, 'f>,
+        node: &'f NodeDef,
+        copy: Option<u32>,
+        part: &'f GraphFile,
+    ) {
+        let beside = scope.params(node, copy).into_iter().filter(|(name, _)| name.value != FILE_PARAM);
+        let beside = beside.map(|(name, value)| (name, scope.file, value));
+        let set = scope.set_for(node, copy).into_iter().filter(|set| set.node.is_empty());
+        let set = set.map(|set| (set.name.clone(), set.file, set.value));
+        let address = scope.name(node, copy);
+        for (name, file, value) in beside.chain(set) {
+            if name.value == FILE_PARAM {
+                self.problem(file, &address, name.span, file_elsewhere());
+                continue;
+            }
+            match part.settable(&name.value, &address) {
+                Ok(param) => {
+                    if let Err(error) = param.spec.check(&value.text.value) {
+                        let error = param.spec.refusal(&value.text.value, error);
+                        self.problem(value.file, &address, value.text.span, error);
+                    }
+                }
+                Err(error) => self.problem(file, &address, name.span, error),
+            }
+        }
+    }
+}
+
+/// What to report of setting a part's file from outside.
+pub(super) fn file_elsewhere() -> GraphError {
+    let text = "a part's `file` is named where the part is included, in its `params`";
+    GraphError::Invalid(text.into())
+}
+
+/// Adds a parameter, or replaces the one of this name.
+fn put<'f>(
+    params: &mut Vec<ParamDef>,
+    places: &mut BTreeMap<String, ParamPlaces<'f>>,
+    name: Spanned<String>,
+    file: &'f GraphFile,
+    value: Given<'f>,
+) {
+    params.retain(|param| param.name.value != name.value);
+    places.insert(name.value.clone(), ParamPlaces { name: file, value: value.file });
+    params.push(ParamDef { name, value: value.text });
+}
+
+impl ParamPlaces<'_> {
+    fn are(&self, file: &GraphFile) -> bool {
+        [self.name, self.value].into_iter().all(|own| std::ptr::eq(own, file))
     }
 }
