@@ -186,6 +186,14 @@ impl GraphError {
             .map(|(_, name)| name.clone());
         Self::Unknown { what, found: found.to_owned(), nearest, known }
     }
+
+    /// The known name that is nearest to an unknown one, if one is similar enough.
+    pub(crate) fn nearest(self) -> Option<String> {
+        match self {
+            Self::Unknown { nearest, .. } => nearest,
+            _ => None,
+        }
+    }
 }
 
 /// Line and column (from 1, in characters) of a problem, with the line's text for display.

@@ -326,9 +326,7 @@ impl Checker<'_> {
             self.problem(index, node.kind.span, None, error);
             return None;
         };
-        let meaning = &|name: &str| self.registry.meaning(name);
-        let library = &self.registry.library;
-        let cx = NodeContext { file, node, connected, meaning, library, places };
+        let cx = NodeContext { file, node, connected, registry: self.registry, places };
         match kind.make(&cx) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {

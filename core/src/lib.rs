@@ -112,4 +112,4 @@ pub use registry::{Kind, NodeContext, Registry};
 pub use shader::{EditedTexts, Needs, Pass, Shader, ShaderLibrary, ShaderModule, Shape, Threads};
 pub use side::{Download, PerSide, Side};
 pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Stage};
-pub use wgsl::wgsl_kind;
+pub use wgsl::{WgslClause, WgslFile, wgsl_clauses, wgsl_kind};

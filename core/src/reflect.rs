@@ -11,9 +11,10 @@ use crate::{
     shader::{Needs, Shader, ShaderLibrary},
 };
 
+pub(crate) use check::{Misfit, misfits};
 pub use check::{check, check_stage};
 pub use compose::imports;
-pub(crate) use compose::{Composed, at_its_line, compose as join, is_edited};
+pub(crate) use compose::{Composed, at_its_line, compose as join, conditions, is_edited};
 
 /// A composed and validated shader with its variables by name.
 #[derive(Clone, Debug)]
@@ -41,8 +42,6 @@ pub struct Variable {
     pub space: Space,
     /// Its declaration in WGSL without attributes: `var<storage, read> weights: array<f32>`.
     pub wgsl: String,
-    /// The `///` comment above it, lines joined.
-    pub doc: String,
 }
 
 /// A variable's address space and type.
@@ -95,6 +94,8 @@ pub struct Entry {
     pub workgroup_bytes: u32,
     /// Indices of the [`Reflected::variables`] that it uses, directly or through functions.
     pub uses: Vec<usize>,
+    /// Those of them that it writes.
+    pub writes: Vec<usize>,
 }
 
 impl Reflected {
@@ -123,7 +124,8 @@ pub fn compose(shader: &Shader, library: &ShaderLibrary, needs: Needs) -> Result
 /// Parses, validates and lists a composed shader; the second half of [`compose`].
 pub(crate) fn validate(composed: &Composed, needs: Needs) -> Result<Reflected, GraphError> {
     let options = naga::front::wgsl::Options {
-        parse_doc_comments: true,
+        // wgpu keeps one entry point of a module for a pipeline, but the comments of all, and then rejects the module.
+        parse_doc_comments: false,
         capabilities: naga::valid::Capabilities::all(),
     };
     let module =
@@ -172,12 +174,10 @@ fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {
         .iter()
         .filter_map(|(handle, variable)| Some((handle, variable, variable.binding?)))
         .collect();
-    let docs = module.doc_comments.as_deref();
     let variables = bound
         .iter()
-        .map(|(handle, variable, binding)| {
+        .map(|(_, variable, binding)| {
             let name = variable.name.clone().unwrap_or_default();
-            let comment = docs.and_then(|docs| docs.global_variables.get(handle));
             let space = match address_space_str(variable.space) {
                 (Some(space), Some(access)) => format!("<{space}, {access}>"),
                 (Some("storage"), None) => "<storage, read>".to_owned(),
@@ -190,12 +190,6 @@ fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {
                 group: binding.group,
                 binding: binding.binding,
                 space: space_of(&module, variable),
-                doc: comment
-                    .into_iter()
-                    .flatten()
-                    .flat_map(|line| uncomment(line))
-                    .collect::<Vec<_>>()
-                    .join(" "),
             }
         })
         .collect();
@@ -209,6 +203,9 @@ fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {
         .enumerate()
         .map(|(index, entry)| {
             let used = info.get_entry_point(index);
+            let with = |uses: naga::valid::GlobalUse| {
+                (0..bound.len()).filter(|&index| used[bound[index].0].intersects(uses)).collect()
+            };
             Entry {
                 name: entry.name.clone(),
                 stage: entry.stage,
@@ -221,16 +218,21 @@ fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {
                     })
                     .map(|(_, variable)| layouter[variable.ty].size)
                     .sum(),
-                uses: (0..bound.len()).filter(|&index| !used[bound[index].0].is_empty()).collect(),
+                uses: with(naga::valid::GlobalUse::all()),
+                writes: with(naga::valid::GlobalUse::WRITE | naga::valid::GlobalUse::ATOMIC),
             }
         })
         .collect();
     Reflected { variables, entries, module, info }
 }
 
-/// The lines of a doc comment (`///` or `/** */`) without their marks.
-pub(crate) fn uncomment(comment: &str) -> impl Iterator<Item = &str> {
-    comment.lines().map(|line| line.trim().trim_end_matches("*/").trim_start_matches(['/', '*']).trim())
+fn scalar_of(scalar: naga::Scalar) -> Option<Scalar> {
+    match (scalar.kind, scalar.width) {
+        (naga::ScalarKind::Float, 4) => Some(Scalar::F32),
+        (naga::ScalarKind::Uint, 4) => Some(Scalar::U32),
+        (naga::ScalarKind::Sint, 4) => Some(Scalar::I32),
+        _ => None,
+    }
 }
 
 fn space_of(module: &naga::Module, variable: &naga::GlobalVariable) -> Space {
@@ -285,7 +287,7 @@ fn add_members(
     offset: u32,
     members: &mut Vec<Member>,
 ) -> Option<()> {
-    use naga::{ScalarKind, TypeInner};
+    use naga::TypeInner;
     let (scalar, lanes) = match module.types[ty].inner {
         TypeInner::Scalar(scalar) => (scalar, 1),
         TypeInner::Vector { size, scalar } => (scalar, size as u32),
@@ -302,13 +304,7 @@ fn add_members(
         }
         _ => return None,
     };
-    let scalar = match (scalar.kind, scalar.width) {
-        (ScalarKind::Float, 4) => Scalar::F32,
-        (ScalarKind::Uint, 4) => Scalar::U32,
-        (ScalarKind::Sint, 4) => Scalar::I32,
-        _ => return None,
-    };
-    members.push(Member { name: name.to_owned().into(), scalar, lanes, offset });
+    members.push(Member { name: name.to_owned().into(), scalar: scalar_of(scalar)?, lanes, offset });
     Some(())
 }
 

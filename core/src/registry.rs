@@ -8,7 +8,7 @@ use crate::{
     facts::{Facts, Quantity},
     file::{GraphFile, NodeDef, ParamDef, ParamPlaces},
     params::{ParamError, ParamSpec, Params},
-    port::Meaning,
+    port::{Extent, Meaning, Port},
     shader::{EditedTexts, ShaderLibrary, ShaderModule},
     stage::{AnyStage, Bound, Declaration, Stage},
 };
@@ -21,10 +21,8 @@ pub struct NodeContext<'a> {
     pub node: &'a NodeDef,
     /// Whether an input will be connected.
     pub connected: &'a dyn Fn(&str) -> bool,
-    /// The meaning with this name, if some stage has a port with that meaning.
-    pub meaning: &'a dyn Fn(&str) -> Option<Meaning>,
-    /// The shader modules that shaders may import.
-    pub library: &'a ShaderLibrary,
+    /// All kinds, whose meanings, quantities and columns a node may name, and the shader modules.
+    pub registry: &'a Registry,
     /// The places of parameters that are written outside `file`, by parameter name.
     pub places: &'a BTreeMap<String, ParamPlaces<'a>>,
 }
@@ -125,6 +123,17 @@ impl<S: Stage> Kind for StageKind<S> {
     }
 }
 
+/// Each value once, in the order of their first occurrence.
+fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
+}
+
 /// The count of a quantity, computed from what the application states.
 type Count = dyn Fn(&Facts) -> u32 + Send + Sync;
 
@@ -196,10 +205,32 @@ impl Registry {
         self.kinds.get(name).map(Box::as_ref)
     }
 
+    /// The meanings of the stages' ports, each once.
+    pub fn meanings(&self) -> Vec<Meaning> {
+        distinct(self.ports().filter_map(|port| port.meaning))
+    }
+
     /// The meaning with this name, among those of the stages' ports.
     pub fn meaning(&self, name: &str) -> Option<Meaning> {
-        let ports = self.kinds().filter_map(Kind::declaration).flat_map(|declared| declared.ports);
-        ports.filter_map(|port| port.meaning).find(|meaning| meaning.name == name)
+        self.ports().filter_map(|port| port.meaning).find(|meaning| meaning.name == name)
+    }
+
+    /// The quantities that are the length of a stage's list or have a count of their own, each once.
+    pub fn quantities(&self) -> Vec<Quantity> {
+        let lists = self.ports().filter_map(|port| match port.extent {
+            Extent::Each(quantity) => Some(quantity),
+            _ => None,
+        });
+        distinct(lists.chain(self.counts.iter().map(|(quantity, _)| *quantity)))
+    }
+
+    /// The columns of the table of times that stages count towards, each once.
+    pub fn columns(&self) -> Vec<&'static str> {
+        distinct(self.kinds().filter_map(Kind::declaration).filter_map(|declared| declared.column))
+    }
+
+    fn ports(&self) -> impl Iterator<Item = Port> {
+        self.kinds().filter_map(Kind::declaration).flat_map(|declared| declared.ports)
     }
 
     /// All kinds in alphabetical order.

@@ -19,7 +19,7 @@ pub struct Shader {
     /// The file that the text is from, for editors. It need not exist where the program runs.
     pub file: Option<PathBuf>,
     /// Names for `#ifdef`.
-    pub defines: Vec<&'static str>,
+    pub defines: Vec<Cow<'static, str>>,
     /// Constants that it gets from Rust.
     pub constants: Vec<Constant>,
 }

@@ -197,7 +197,7 @@ impl<'a> Io<'a> {
 
     /// Defines a name for `#ifdef` in the shader.
     pub fn define(&mut self, name: &'static str) {
-        self.declared.shader.as_mut().expect("name the shader before its defines").defines.push(name);
+        self.declared.shader.as_mut().expect("name the shader before its defines").defines.push(name.into());
     }
 
     /// Gives the shader the constants of this list, made with [`crate::constants!`]. It gets those of its parameters'

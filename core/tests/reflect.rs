@@ -27,7 +27,8 @@ fn library() -> ShaderLibrary {
 }
 
 fn shader(source: &str, defines: &[&'static str]) -> Shader {
-    Shader { defines: defines.to_vec(), ..Shader::new("test.wgsl", source.to_owned()) }
+    let defines = defines.iter().map(|&name| name.into()).collect();
+    Shader { defines, ..Shader::new("test.wgsl", source.to_owned()) }
 }
 
 fn compose(source: &str) -> Reflected {

@@ -49,7 +49,24 @@ pub fn check(
     declaration: &Declaration,
     specs: &[ParamSpec],
 ) -> Vec<GraphError> {
-    let mut check = Check { reflected, declaration, errors: Vec::new() };
+    let shader_error = |misfit: Misfit| GraphError::Shader {
+        shader: shader.to_owned(),
+        message: misfit.message,
+        place: None,
+    };
+    misfits(reflected, declaration, specs).into_iter().map(shader_error).collect()
+}
+
+/// A difference between a shader and its stage's declaration.
+pub(crate) struct Misfit {
+    /// The variable or entry point that it concerns, unless that is missing.
+    pub about: Option<String>,
+    pub message: String,
+}
+
+/// What [`check`] reports.
+pub(crate) fn misfits(reflected: &Reflected, declaration: &Declaration, specs: &[ParamSpec]) -> Vec<Misfit> {
+    let mut check = Check { reflected, declaration, errors: Errors::default() };
     for (index, port) in declaration.ports.iter().enumerate() {
         check.port(port, index as u16);
     }
@@ -63,14 +80,31 @@ pub fn check(
     for entry in &reflected.entries {
         check.limits(entry);
     }
-    let shader_error = |message| GraphError::Shader { shader: shader.to_owned(), message, place: None };
-    check.errors.into_iter().map(shader_error).collect()
+    check.errors.misfits
 }
 
 struct Check<'a> {
     reflected: &'a Reflected,
     declaration: &'a Declaration,
-    errors: Vec<String>,
+    errors: Errors,
+}
+
+/// The misfits that have been found.
+#[derive(Default)]
+struct Errors {
+    /// What is being checked.
+    about: Option<String>,
+    misfits: Vec<Misfit>,
+}
+
+impl Errors {
+    fn about(&mut self, name: &str) {
+        self.about = Some(name.to_owned());
+    }
+
+    fn push(&mut self, message: String) {
+        self.misfits.push(Misfit { about: self.about.clone(), message });
+    }
 }
 
 impl<'a> Check<'a> {
@@ -94,6 +128,7 @@ impl<'a> Check<'a> {
         let mut complete = true;
         for field in 0..port.fields.len() {
             let name = port.variable(field);
+            self.errors.about(&name);
             let target = self.is_target(FieldRef { port: index, field: field as u16 });
             writable |= target;
             let Some((_, variable)) = self.reflected.variable(&name) else {
@@ -152,6 +187,7 @@ impl<'a> Check<'a> {
 
     fn params(&mut self, specs: &[ParamSpec]) {
         let Some((_, variable)) = self.reflected.variable("params") else { return };
+        self.errors.about("params");
         let members: Vec<Member> = specs
             .iter()
             .filter_map(|spec| Some((spec.name.clone(), spec.kind.scalar()?)))
@@ -173,6 +209,7 @@ impl<'a> Check<'a> {
 
     fn frame(&mut self) {
         if let Some((_, variable)) = self.reflected.variable("frame") {
+            self.errors.about("frame");
             self.uniform(variable, Frame::element());
         }
     }
@@ -198,6 +235,7 @@ impl<'a> Check<'a> {
 
     fn strangers(&mut self) {
         for name in self.unclaimed() {
+            self.errors.about(name);
             let unknown = GraphError::unknown("variable", name, self.claimed());
             self.errors
                 .push(format!("{unknown}; a shader binds only ports of the stage, `params` and `frame`"));
@@ -207,12 +245,17 @@ impl<'a> Check<'a> {
     fn bindings(&mut self) {
         for (index, variable) in self.reflected.variables.iter().enumerate() {
             let (name, group, binding) = (&variable.name, variable.group, variable.binding);
+            self.errors.about(name);
             if group != 0 {
                 self.errors.push(format!("`{name}` is in @group({group}); everything is bound in @group(0)"));
             }
             let earlier = &self.reflected.variables[..index];
             if let Some(other) = earlier.iter().find(|other| (other.group, other.binding) == (group, binding))
             {
+                // `frame` is in an imported module, which need not change.
+                if is_reserved(name) {
+                    self.errors.about(&other.name);
+                }
                 self.errors.push(format!(
                     "`{name}` and `{}` both have @binding({binding}); give each its own number",
                     other.name
@@ -234,6 +277,7 @@ impl<'a> Check<'a> {
 
     fn threads(&mut self, entry: &'a Entry, threads: Threads) {
         let name = &entry.name;
+        self.errors.about(name);
         match threads {
             Threads::Blocks(_, 0) => {
                 self.errors
@@ -265,6 +309,7 @@ impl<'a> Check<'a> {
     }
 
     fn entry(&mut self, name: &str, stage: ShaderStage) -> Option<&'a Entry> {
+        self.errors.about(name);
         let attribute = stage_name(stage);
         let reflected = self.reflected;
         match reflected.entry(name) {
@@ -284,6 +329,7 @@ impl<'a> Check<'a> {
     }
 
     fn limits(&mut self, entry: &Entry) {
+        self.errors.about(&entry.name);
         let used = || entry.uses.iter().map(|&index| &self.reflected.variables[index].space);
         let buffers = used().filter(|space| matches!(space, Space::Buffer { .. })).count();
         let textures = used().filter(|space| matches!(space, Space::StorageTexture { .. })).count();

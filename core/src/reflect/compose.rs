@@ -27,6 +27,9 @@ struct Part {
     start: usize,
 }
 
+/// The index of the shader's own part: its constants come first.
+const OWN: usize = 1;
+
 impl Composed {
     /// A problem at a range of the text, reported at the file and line that it comes from.
     pub fn error(&self, at: Span, message: &str) -> GraphError {
@@ -35,6 +38,17 @@ impl Composed {
         let end = self.parts.get(index + 1).map_or(self.text.len(), |next| next.start);
         let local = Span { start: at.start - start, end: at.end.saturating_sub(start) };
         error_in(&self.parts[index].name, &self.text[start..end], local, message)
+    }
+
+    /// The shader's own part of the text, in which each line has its number in the file.
+    pub fn own(&self) -> &str {
+        let end = self.parts.get(OWN + 1).map_or(self.text.len(), |next| next.start);
+        &self.text[self.parts[OWN].start..end]
+    }
+
+    /// A problem at a range of the shader's own part.
+    pub fn own_error(&self, at: Span, message: &str) -> GraphError {
+        error_in(&self.name, self.own(), at, message)
     }
 
     /// A problem of the whole shader.
@@ -87,6 +101,14 @@ pub(crate) fn is_edited(shader: &Shader, library: &ShaderLibrary) -> bool {
 pub fn imports(text: &str) -> impl Iterator<Item = &str> {
     text.lines().filter_map(directive).filter_map(|words| match words[..] {
         ["import", module] => Some(module),
+        _ => None,
+    })
+}
+
+/// The names after `#ifdef` and `#ifndef` in a shader.
+pub(crate) fn conditions(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().filter_map(directive).filter_map(|words| match words[..] {
+        ["ifdef" | "ifndef", define] => Some(define),
         _ => None,
     })
 }
@@ -173,7 +195,7 @@ fn preprocess(
             }
             ["import", _] => {}
             [word @ ("ifdef" | "ifndef"), define] => {
-                let holds = shader.defines.contains(&define) == (word == "ifdef");
+                let holds = shader.defines.iter().any(|known| known == define) == (word == "ifdef");
                 conditions.push(Condition { outer: keep, holds, in_else: false, at });
             }
             ["else"] => match conditions.last_mut() {

@@ -20,6 +20,7 @@ impl<'a> Check<'a> {
         let Pass::Draw { vertex, fragment, shape, vertices, targets, depth, clear, .. } = pass else {
             return;
         };
+        self.errors.about(vertex);
         let formats = self.targets(vertex, targets, *clear);
         let each = shape.vertices();
         if *vertices == 0 || vertices % each != 0 {
@@ -36,6 +37,7 @@ impl<'a> Check<'a> {
                 |used: &&Variable| targets.iter().any(|target| self.variable(*target) == used.name);
             if let Some(target) = self.used(entry).find(is_target) {
                 let target = &target.name;
+                self.errors.about(&entry.name);
                 self.errors.push(format!("`{}` uses `{target}`, which this pass draws to", entry.name));
             }
         }
@@ -91,6 +93,7 @@ impl<'a> Check<'a> {
 
     fn vertex(&mut self, entry: &'a Entry, shape: Shape, vertices: u32) {
         let name = &entry.name;
+        self.errors.about(name);
         for (binding, _) in self.inputs(entry) {
             match binding {
                 Binding::BuiltIn(BuiltIn::InstanceIndex) => self.errors.push(format!(
@@ -121,6 +124,7 @@ impl<'a> Check<'a> {
     /// Compares what a fragment entry point returns with the targets.
     fn fragment(&mut self, entry: &Entry, targets: &[(String, Format)], depth: bool) {
         let name = &entry.name;
+        self.errors.about(name);
         let outputs = self.outputs(entry);
         for (index, (target, format)) in targets.iter().enumerate() {
             let wanted = || match format.channels() {
@@ -159,6 +163,7 @@ impl<'a> Check<'a> {
 
     /// Compares what a fragment entry point takes with what the vertex entry point returns.
     fn varyings(&mut self, vertex: &Entry, fragment: &Entry) {
+        self.errors.about(&fragment.name);
         let outputs = self.outputs(vertex);
         for (taken, ty) in self.inputs(fragment) {
             let Binding::Location { location: at, interpolation, sampling, .. } = taken else { continue };
