@@ -14,3 +14,4 @@ mod shipped;
 mod split;
 mod still;
 mod user_shader;
+mod wgsl_nodes;
