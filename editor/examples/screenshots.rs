@@ -1,6 +1,9 @@
 //! Draws the pictures of `docs/editor.md`, without a screen: `docs/editor.png` and its fellows.
 //! Run it from the repository's folder.
 
+#[path = "../tests/support/renderer.rs"]
+mod renderer;
+
 use std::{error::Error, path::Path, thread, time::Duration};
 
 use egui::accesskit::Role;
@@ -28,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         paused: true,
         ..Options::default()
     };
-    let builder = Harness::builder().with_size([1280.0, 720.0]).wgpu();
+    let builder = Harness::builder().with_size([1280.0, 720.0]).renderer(renderer::Renderer::new());
     let mut window = builder.build_eframe(|creation| App::new(creation, document, options));
     window.state_mut().session.selected = Some("interpolate".into());
     run(&mut window, FRAMES);

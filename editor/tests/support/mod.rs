@@ -1,5 +1,7 @@
 //! A window without a screen on a graph of its own.
 
+mod renderer;
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -19,6 +21,7 @@ use epigraph_editor::{
     opening::Opening,
     store::Store,
 };
+use renderer::Renderer;
 
 /// No test waits longer for what must come.
 pub const PATIENCE: Duration = Duration::from_secs(120);
@@ -58,13 +61,13 @@ impl Opened {
     pub fn with(graph: &str, render: bool, size: [u32; 2]) -> Self {
         let (folder, path) = copy(graph);
         let builder = Harness::builder().with_size(WINDOW);
-        let builder = if render { builder.wgpu() } else { builder };
+        let builder = if render { builder.renderer(Renderer::new()) } else { builder };
         Self::build(builder, path, Some(folder), options(size))
     }
 
     /// On the shipped graph itself, to be looked at: the same picture wherever the tests run.
     pub fn shipped(graph: &str, builder: HarnessBuilder<App>, options: Options) -> Self {
-        Self::build(builder.wgpu(), Path::new("../graphs").join(graph), None, options)
+        Self::build(builder.renderer(Renderer::new()), Path::new("../graphs").join(graph), None, options)
     }
 
     fn build(
