@@ -1,7 +1,9 @@
-//! Epigraph as a dependency: the packages contain all files that they need, and a package outside the workspace adds a
-//! stage. The tests call Cargo and share the workspace's target folder, so that the dependencies are not built again.
+//! Epigraph as a dependency: the packages contain all files that they need, a package outside the workspace adds a
+//! stage, and every selection of packages builds the same libraries. The tests call Cargo and share the workspace's
+//! target folder, so that the dependencies are not built again.
 
 use std::{
+    collections::BTreeSet,
     env, fs,
     path::{Path, PathBuf},
     process::Command,
@@ -88,7 +90,6 @@ fn a_package_of_ones_own_adds_a_stage() {
     let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
     let manifest = manifest.replace("path = \"../../", &format!("path = \"{}/", root().display()));
     fs::write(folder.join("Cargo.toml"), manifest).unwrap();
-    fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
 
     // The package's own tests: its shader and its twin agree.
     cargo(&folder, &["test", "--release", "--lib"]);
@@ -110,4 +111,42 @@ fn a_package_of_ones_own_adds_a_stage() {
     // The same limit as for all graphs, as rounding may move a request for a sample.
     assert!(Difference::new(&cpu, &gpu).flip() < 0.002);
     assert!(Difference::new(&cpu, &without).flip() > 0.002);
+}
+
+/// The packages of a build, as `naga v30.0.1 default,wgsl-in`: name, version and features. A library is listed twice if
+/// programs and macros use it with different features.
+fn tree(arguments: &str) -> BTreeSet<String> {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.current_dir(root()).args(["tree", "--offline", "--prefix", "none", "--format", "{p} {f}"]);
+    let printed = run(cargo.args(arguments.split(' ')));
+    let lines = printed.lines().map(|line| line.trim_end_matches(" (*)").trim_end());
+    lines.filter(|line| !line.is_empty()).map(str::to_owned).collect()
+}
+
+#[test]
+fn all_selections_of_packages_share_their_libraries() {
+    // Cargo leaves out the features of dev-dependencies when it builds no test.
+    let kinds = ["normal,build", "normal,build,dev"];
+    let all = tree("--workspace --edges normal,build,dev");
+    assert!(all.iter().any(|package| package.starts_with("naga ")), "{all:?}");
+    let members = tree("--workspace --depth 0");
+    let names = members.iter().filter_map(|package| package.split(' ').next());
+    let own_stage = "--manifest-path examples/own_stage/Cargo.toml";
+    let selections = names
+        .map(|name| format!("--package {name}"))
+        .chain(["--workspace".into(), own_stage.into(), format!("{own_stage} --features editor")])
+        .flat_map(|selection| kinds.map(|kind| format!("{selection} --edges {kind}")));
+    let own = root().display().to_string();
+    let mut others = String::new();
+    for selection in selections {
+        for library in tree(&selection).difference(&all).filter(|package| !package.contains(&own)) {
+            others += &format!("cargo tree {selection}: {library}\n");
+        }
+    }
+    assert!(
+        others.is_empty(),
+        "Cargo would compile these libraries, and all that depend on them, a second time. Add the missing features to \
+         features/Cargo.toml. If versions differ, copy Cargo.lock to examples/own_stage/ and run `cargo tree` \
+         there.\n{others}"
+    );
 }

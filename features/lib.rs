@@ -1,0 +1,1 @@
+//! Empty. The `Cargo.toml` of this package explains its purpose.
