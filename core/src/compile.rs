@@ -16,16 +16,34 @@ pub fn compile(
     registry: &Registry,
     settings: &Settings,
 ) -> Result<(Graph, Plan), Problems> {
-    let graph = Graph::check(file, registry, settings)?;
-    check_edited(file, &graph, registry)?;
+    let whole = &*file.whole()?;
+    let graph = Graph::check(whole, registry, settings)?;
+    check_edited(whole, &graph, registry)?;
     let plan = Plan::new(&graph, settings).map_err(|mut problems| {
         for problem in &mut problems.0 {
-            let found = problem.node.as_ref().and_then(|name| file.node_at(name));
-            problem.place = found.map(|(node, file)| file.place(node.name.span));
+            let wire = match &problem.error {
+                GraphError::Cycle { path } => wire_of(file, whole, path),
+                _ => None,
+            };
+            let node = || problem.node.as_ref().and_then(|name| whole.node_at(name));
+            problem.place = wire.or_else(|| node().map(|(node, file)| file.place(node.name.span)));
         }
         problems
     })?;
     Ok((graph, plan))
+}
+
+/// The place of a wire between two of these nodes, which wait for each other, that is written in the graph's own file:
+/// where the graph changes another, the others have done no harm so far.
+fn wire_of(file: &GraphFile, whole: &GraphFile, path: &[String]) -> Option<Place> {
+    file.base.as_ref()?;
+    let flat = whole.flatten().ok()?;
+    let on_path = flat.nodes.iter().filter(|node| path.contains(&node.def.name.value));
+    let wires = on_path.flat_map(|node| node.def.inputs.iter().map(|input| (node.file, &input.from)));
+    let mut wires = wires.filter(|(_, from)| path.contains(&from.value.node));
+    wires
+        .find(|(within, from)| within.path_at(from.span) == file.path)
+        .map(|(within, from)| within.place(from.span))
 }
 
 /// Checks the shaders that differ from what is embedded. The embedded ones are sound: tests see to that.

@@ -55,8 +55,8 @@ pub enum GraphError {
         what: &'static str,
         /// The name as written.
         found: String,
-        /// The most similar known name, if one is similar enough.
-        nearest: Option<String>,
+        /// The most similar known names, if they are similar enough; several only if they are equally similar.
+        nearest: Vec<String>,
         /// All known names.
         known: Vec<String>,
     },
@@ -89,6 +89,20 @@ pub enum GraphError {
         port: String,
         /// Its sentence.
         doc: String,
+    },
+    /// A node that takes the place of another, but has not the ports that this needs.
+    #[error(
+        "{new} cannot take the place of {old}, as their ports differ:{}\n  connect inputs anew by rewire: {{ \"NODE.PORT\": \
+         \"NODE.PORT\" }} in a graph file, or by --wire NODE.PORT=NODE.PORT",
+        lines(differences)
+    )]
+    Swap {
+        /// The new node's kind or file.
+        new: String,
+        /// The replaced node's kind or file.
+        old: String,
+        /// Each difference in words: outputs that others read, inputs that must be connected, types.
+        differences: Vec<String>,
     },
     /// A wire between ports of different element types.
     #[error("`{source_port}` gives {found}, but `{port}` takes {expected}")]
@@ -148,6 +162,10 @@ pub enum GraphError {
     },
 }
 
+fn lines(differences: &[String]) -> String {
+    differences.iter().map(|difference| format!("\n  {difference}")).collect()
+}
+
 fn placed(message: &str, place: &Option<Box<Place>>) -> String {
     match place {
         Some(place) => {
@@ -157,11 +175,21 @@ fn placed(message: &str, place: &Option<Box<Place>>) -> String {
     }
 }
 
-fn hint(nearest: &Option<String>, known: &[String]) -> String {
+fn hint(nearest: &[String], known: &[String]) -> String {
     match nearest {
-        Some(name) => format!(", did you mean `{name}`?"),
-        None if known.is_empty() => String::new(),
-        None => format!("; known: {}", known.join(", ")),
+        [] if known.is_empty() => String::new(),
+        [] => format!("; known: {}", known.join(", ")),
+        nearest => format!(", did you mean {}?", quoted(nearest)),
+    }
+}
+
+/// Names in backquotes: `a`, `b` or `c`.
+fn quoted(names: &[String]) -> String {
+    let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    match names.split_last() {
+        Some((last, [])) => last.clone(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+        None => String::new(),
     }
 }
 
@@ -174,26 +202,48 @@ impl GraphError {
         known: impl IntoIterator<Item = S>,
     ) -> Self {
         let known: Vec<String> = known.into_iter().map(|name| name.as_ref().to_owned()).collect();
-        let nearest = known
-            .iter()
-            .map(|name| {
-                let own = name.rsplit('/').next().unwrap_or(name);
-                let distance = |name| strsim::damerau_levenshtein(name, found);
-                (distance(name).min(distance(own)), name)
-            })
-            .filter(|(distance, _)| *distance <= found.chars().count().div_ceil(3))
-            .min_by_key(|(distance, _)| *distance)
-            .map(|(_, name)| name.clone());
+        let nearest = nearest(found, &known, |name| strsim::damerau_levenshtein(name, found));
+        let nearest = nearest.into_iter().take(1).collect();
         Self::Unknown { what, found: found.to_owned(), nearest, known }
     }
 
     /// The known name that is nearest to an unknown one, if one is similar enough.
     pub(crate) fn nearest(self) -> Option<String> {
         match self {
-            Self::Unknown { nearest, .. } => nearest,
+            Self::Unknown { nearest, .. } => nearest.into_iter().next(),
             _ => None,
         }
     }
+
+    /// An unknown node, where the known ones are addresses: `fill` may mean `cache/fill`.
+    pub fn unknown_node<S: AsRef<str>>(found: &str, known: impl IntoIterator<Item = S>) -> Self {
+        let known: Vec<String> = known.into_iter().map(|name| name.as_ref().to_owned()).collect();
+        let tails = |address: &str| -> Vec<String> {
+            let slashes = address.match_indices('/').map(|(at, _)| address[at + 1..].to_owned());
+            [address.to_owned()].into_iter().chain(slashes).collect()
+        };
+        let distance = |address: &str| {
+            let tails = tails(address).into_iter();
+            tails.map(|tail| strsim::damerau_levenshtein(&tail, found)).min().unwrap_or(usize::MAX)
+        };
+        let mut nearest = nearest(found, &known, distance);
+        nearest.truncate(MOST_HINTS);
+        Self::Unknown { what: "node", found: found.to_owned(), nearest, known }
+    }
+}
+
+/// Most nodes that a message suggests.
+const MOST_HINTS: usize = 4;
+
+/// The names at the least distance, if that is small enough for a typo of `found`.
+fn nearest(found: &str, known: &[String], distance: impl Fn(&str) -> usize) -> Vec<String> {
+    let distances: Vec<usize> = known.iter().map(|name| distance(name)).collect();
+    let least = distances.iter().copied().min().unwrap_or(usize::MAX);
+    if least > found.chars().count().div_ceil(3) {
+        return Vec::new();
+    }
+    let at_least = |(name, distance): (&String, usize)| (distance == least).then(|| name.clone());
+    known.iter().zip(distances).filter_map(at_least).collect()
 }
 
 /// Line and column (from 1, in characters) of a problem, with the line's text for display.
@@ -325,6 +375,12 @@ impl Problems {
 impl From<Problem> for Problems {
     fn from(problem: Problem) -> Self {
         Self(vec![problem])
+    }
+}
+
+impl From<GraphError> for Problems {
+    fn from(error: GraphError) -> Self {
+        Problem::new(error).into()
     }
 }
 

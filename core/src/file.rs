@@ -4,24 +4,31 @@
 //! only such a problem is reported alone. [`scan`] then splits the text into blocks and items, and [`parse`] reads each
 //! field separately and collects every problem. Because an item knows its bytes, an [`edit`] replaces only those and
 //! parses the result again: all other comments, order and spacing stay. A graph may contain others ([`parts`]), have
-//! parameters ([`param`]) and repeat nodes ([`repeat`]).
+//! parameters ([`param`]), repeat nodes ([`repeat`]), and change another graph ([`base`]).
 
+mod base;
 mod edit;
+mod library;
 mod param;
 mod parse;
 mod parts;
+mod paths;
 mod repeat;
 mod scan;
 
 use std::{fmt, fs, io, path::Path, str::FromStr};
 
 use crate::{
-    error::{GraphError, Place, Problem, Problems, Span, Spanned},
+    error::{GraphError, Place, Problem, Problems, Spanned},
     side::{Download, Side},
 };
+pub(crate) use base::SourceText;
+pub use base::{Changes, Replaced, Rewire};
+pub use library::{Library, Origin};
 pub use param::{GraphParam, GraphValue, handed, handing};
-pub(crate) use parts::{Flat, FlatNode};
+pub(crate) use parts::{Flat, FlatNode, Swap};
 pub use parts::{PART_KIND, ParamPlaces};
+pub use paths::{moved_path, names_file, relative};
 pub use repeat::{MAX_REPEAT, RepeatDef};
 
 /// A graph file as written: its text, and the graph's structure with the place of everything in the text.
@@ -44,6 +51,13 @@ pub struct GraphFile {
     /// The files of nodes of kind `graph`, by node name; read by [`GraphFile::load`] and
     /// [`GraphFile::with_parts`].
     pub parts: Vec<(String, GraphFile)>,
+    /// What it changes in another graph, its base; `nodes` and `outputs` are then added to those of the base. `None`
+    /// for a graph that has no base.
+    pub base: Option<Changes>,
+    /// Where the text is from.
+    pub origin: Origin,
+    /// Texts of other files that items are from, for a graph made by [`GraphFile::whole`]; by ascending starts.
+    pub(crate) others: Vec<SourceText>,
 }
 
 /// One node as written. Its kind, ports and parameters are not checked yet.
@@ -65,9 +79,11 @@ pub struct NodeDef {
     pub inputs: Vec<InputDef>,
     /// Parameters in file order; names are unique.
     pub params: Vec<ParamDef>,
-    /// For nodes of a part, by their addresses in it, and for copies of a repeated node, by their numbers: parameters that
-    /// override those written elsewhere.
+    /// For nodes of a part, by their addresses in it, and for copies of a repeated node, by their numbers: parameters
+    /// that override those written elsewhere.
     pub set: Vec<(Spanned<String>, Vec<ParamDef>)>,
+    /// What it keeps of the node of the base whose place it has taken; `None` for any other node.
+    pub replaced: Option<Box<Replaced>>,
 }
 
 /// A wire into a node.
@@ -127,19 +143,22 @@ impl FromStr for Source {
 }
 
 impl GraphFile {
-    /// Reads a file and its parts.
+    /// Reads a file, its parts and its base, which are files too.
     ///
     /// # Errors
     /// If a file cannot be read, or all problems of their texts; see [`GraphFile::parse`].
     pub fn load(path: &Path) -> Result<Self, Problems> {
-        let name = path.display().to_string();
-        let text = fs::read_to_string(path).map_err(|error| unreadable(&name, &error))?;
-        Self::parse(&name, &text)?.with_parts(&|path| fs::read_to_string(path))
+        Self::load_with(path, &|path: &Path| fs::read_to_string(path))
     }
 
-    /// The place of a range of the text.
-    pub fn place(&self, span: Span) -> Place {
-        Place::of(&self.path, &self.text, span)
+    /// Reads a file, its parts and its base, which may be graphs of the library.
+    ///
+    /// # Errors
+    /// Those of [`GraphFile::load`].
+    pub fn load_with(path: &Path, library: &dyn Library) -> Result<Self, Problems> {
+        let name = path.display().to_string();
+        let text = library.read(path).map_err(|error| unreadable(&name, &error))?;
+        Self::parse(&name, &text)?.with_parts(library)
     }
 
     /// The node with this name.

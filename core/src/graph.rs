@@ -3,6 +3,8 @@
 //! Checking continues after each problem, so that a file's problems are reported together. Nodes that the scene makes
 //! needless are bypassed here, and nodes that nothing reads are left out; both with a reason in words.
 
+mod swap;
+
 use std::{
     collections::{BTreeSet, HashMap},
     mem,
@@ -10,6 +12,7 @@ use std::{
 
 use index_vec::IndexVec;
 
+use self::swap::Differences;
 use crate::{
     error::{GraphError, Problem, Problems, Span, Spanned},
     facts::Facts,
@@ -180,18 +183,24 @@ impl Graph {
             let text = format!("invalid size {width}x{height}; each side must be 1 to {MAX_SIDE} pixels");
             return Err(Problem::new(GraphError::Invalid(text)).into());
         }
-        let flat = file.flatten()?;
+        let whole = file.whole()?;
+        let flat = whole.flatten()?;
         let settings = &Settings { facts: registry.facts(&settings.facts), ..settings.clone() };
-        let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
+        let mut checker = Checker::new(&flat, registry, settings);
         let made = checker.make_all();
         let wires = checker.wire(&made);
         let outputs = checker.outputs(&made);
+        checker.report_differences(|node, port| {
+            let index = flat.nodes.position(|known| known.def.name.value == node);
+            let made = index.and_then(|index| made[index].as_ref());
+            made.is_none_or(|made| made.ports().iter().any(|known| known.name == port && known.is_input()))
+        });
         let taps = checker.taps(&made);
         checker.finish()?;
         let mut made: IndexVec<FlatId, Made> =
             made.into_iter().map(|made| made.expect("no problems, so all were made")).collect();
 
-        let mut checker = Checker { flat: &flat, registry, settings, problems: Problems::default() };
+        let mut checker = Checker::new(&flat, registry, settings);
         let mut bypass = checker.bypass(&made, wires, outputs, taps);
         checker.finish()?;
         checker.remake(&mut made, &mut bypass);
@@ -252,6 +261,65 @@ impl Graph {
     }
 }
 
+/// The stage of a node, if the inputs are connected that `connected` says.
+fn stage(
+    flat: &FlatNode,
+    registry: &Registry,
+    connected: &dyn Fn(&str) -> bool,
+) -> Result<Box<dyn AnyStage>, Problems> {
+    let FlatNode { def: node, file, places, .. } = flat;
+    let Some(kind) = registry.get(&node.kind.value) else {
+        let known = registry.kinds().map(|kind| kind.name());
+        let error = GraphError::unknown("stage kind", &node.kind.value, known);
+        return Err(Problem::new(error).at(file.place(node.kind.span)).node(&node.name.value).into());
+    };
+    kind.make(&NodeContext { file, node, connected, registry, places })
+}
+
+/// The stage of each node of a graph, with every input connected, whether or not the graph's wires fit.
+///
+/// # Errors
+/// All problems of kinds and parameters.
+pub(crate) fn stages(flat: &Flat, registry: &Registry) -> Result<Vec<Box<dyn AnyStage>>, Problems> {
+    let mut problems = Problems::default();
+    let mut stages = Vec::new();
+    for node in &flat.nodes {
+        match stage(node, registry, &|_| true) {
+            Ok(stage) => stages.push(stage),
+            Err(found) => problems.0.extend(found.0),
+        }
+    }
+    problems.into_result()?;
+    Ok(stages)
+}
+
+/// A node of a graph with its stage, whether or not it will run.
+pub struct StageOf {
+    /// The node's address.
+    pub address: String,
+    /// The address as it is written: that of the repeated node, for its copies.
+    pub written: String,
+    /// The stage, with every input connected.
+    pub stage: Box<dyn AnyStage>,
+}
+
+impl GraphFile {
+    /// The stages of all nodes, in file order. Wires are not checked.
+    ///
+    /// # Errors
+    /// All problems of changes, parts, kinds and parameters.
+    pub fn stages(&self, registry: &Registry) -> Result<Vec<StageOf>, Problems> {
+        let whole = self.whole()?;
+        let flat = whole.flatten()?;
+        let nodes = flat.nodes.iter().zip(stages(&flat, registry)?);
+        let of = |(node, stage): (&FlatNode, _)| {
+            let (address, written) = (node.def.name.value.clone(), node.written.clone());
+            StageOf { address, written, stage }
+        };
+        Ok(nodes.map(of).collect())
+    }
+}
+
 /// A node's stage before its wires are checked.
 struct Made {
     stage: Box<dyn AnyStage>,
@@ -286,9 +354,14 @@ struct Checker<'a> {
     registry: &'a Registry,
     settings: &'a Settings,
     problems: Problems,
+    differences: Differences,
 }
 
-impl Checker<'_> {
+impl<'a> Checker<'a> {
+    fn new(flat: &'a Flat<'a>, registry: &'a Registry, settings: &'a Settings) -> Self {
+        Self { flat, registry, settings, problems: Problems::default(), differences: Differences::default() }
+    }
+
     /// `Ok` if there are no problems. What several copies of a node have in common is reported once.
     fn finish(&mut self) -> Result<(), Problems> {
         let written = |problem: &Problem| {
@@ -319,15 +392,7 @@ impl Checker<'_> {
     }
 
     fn make(&mut self, index: FlatId, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
-        let FlatNode { def: node, file, places, .. } = &self.flat.nodes[index];
-        let Some(kind) = self.registry.get(&node.kind.value) else {
-            let known = self.registry.kinds().map(|kind| kind.name());
-            let error = GraphError::unknown("stage kind", &node.kind.value, known);
-            self.problem(index, node.kind.span, None, error);
-            return None;
-        };
-        let cx = NodeContext { file, node, connected, registry: self.registry, places };
-        match kind.make(&cx) {
+        match stage(&self.flat.nodes[index], self.registry, connected) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {
                 self.problems.0.extend(problems.0);
@@ -356,7 +421,9 @@ impl Checker<'_> {
         let nodes = &self.flat.nodes;
         let Some(node) = nodes.position(|node| node.def.name.value == source.node) else {
             let known = nodes.iter().map(|node| &node.def.name.value);
-            return Err(GraphError::unknown("node", &source.node, known));
+            return Err(self
+                .no_output(source)
+                .unwrap_or_else(|| GraphError::unknown_node(&source.node, known)));
         };
         let Some(made) = &made[node] else { return Ok(None) };
         match made.ports().iter().position(|port| port.name == source.port && port.is_output()) {
@@ -374,15 +441,26 @@ impl Checker<'_> {
         for (index, FlatNode { def: node, .. }) in flat.nodes.iter_enumerated() {
             let mut unresolved = BTreeSet::new();
             for input in &node.inputs {
+                let port = made[index].as_ref().and_then(|stage| {
+                    stage.ports().iter().position(|port| port.name == input.port.value && port.is_input())
+                });
+                let is_dropped =
+                    made[index].is_some() && port.is_none() && self.is_kept(index, &input.port.value);
+                if is_dropped {
+                    continue;
+                }
                 let source = match self.resolve(&input.from.value, made) {
                     Ok(source) => source,
                     Err(error) => {
-                        self.problem(index, input.from.span, Some(&input.port.value), error);
+                        let (name, span) = (&input.port.value[..], input.from.span);
+                        let declared = port.and_then(|port| Some(&made[index].as_ref()?.ports()[port]));
+                        if !self.lacks_output(&input.from.value, Some((index, name, declared)), "", span) {
+                            self.problem(index, span, Some(name), error);
+                        }
                         None
                     }
                 };
                 let Some(stage) = &made[index] else { continue };
-                let port = stage.ports().iter().position(|p| p.name == input.port.value && p.is_input());
                 let Some(port) = port else {
                     let known = stage.ports().iter().filter(|port| port.is_input()).map(|port| &port.name);
                     let error = GraphError::unknown("input", &input.port.value, known);
@@ -402,7 +480,7 @@ impl Checker<'_> {
             self.check_through(index, stage.ports());
             for (at, port) in stage.ports().iter().enumerate() {
                 let connected = wires[index].contains_key(&at) || unresolved.contains(&at);
-                if port.is_input() && !port.optional && !connected {
+                if port.is_input() && !port.optional && !connected && !self.lacks_input(index, port) {
                     let error =
                         GraphError::Missing { port: port.name.to_string(), doc: port.doc.to_string() };
                     self.problem(index, node.name.span, Some(&port.name), error);
@@ -450,11 +528,16 @@ impl Checker<'_> {
                 if fits {
                     continue;
                 }
-                let source_name =
-                    format!("{}.{}", flat.nodes[source.node].def.name.value, from.ports()[source.port].name);
+                let source_port = Source {
+                    node: flat.nodes[source.node].def.name.value.clone(),
+                    port: from.ports()[source.port].name.to_string(),
+                };
+                if self.has_other_type(index, wanted, &source_port, given) {
+                    continue;
+                }
                 let error = GraphError::Type {
                     port: wanted.name.to_string(),
-                    source_port: source_name,
+                    source_port: source_port.to_string(),
                     expected: describe(wanted),
                     found: describe(given),
                 };
@@ -480,9 +563,10 @@ impl Checker<'_> {
                 Ok(Some(at)) => outputs.push((output.name.value.clone(), at)),
                 Ok(None) => {}
                 Err(error) => {
-                    let problem =
-                        Problem::new(error).at(file.place(output.from.span)).port(&output.name.value);
-                    self.problems.0.push(problem);
+                    let (name, span) = (&output.name.value, output.from.span);
+                    if !self.lacks_output(&output.from.value, None, name, span) {
+                        self.problems.0.push(Problem::new(error).at(file.place(span)).port(name));
+                    }
                 }
             }
         }

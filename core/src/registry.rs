@@ -49,7 +49,7 @@ impl NodeContext<'_> {
 
     /// The base folder of a relative path in a parameter: that of the file that the path is written in.
     pub fn folder(&self, param: &ParamDef) -> &Path {
-        folder(self.places(param).value)
+        self.places(param).value.folder_at(param.value.span)
     }
 
     fn places(&self, param: &ParamDef) -> ParamPlaces<'_> {
@@ -79,11 +79,6 @@ impl NodeContext<'_> {
         }
         problems
     }
-}
-
-/// The folder of a file.
-pub(crate) fn folder(file: &GraphFile) -> &Path {
-    Path::new(&file.path).parent().unwrap_or(Path::new(""))
 }
 
 /// Makes stages of one kind.

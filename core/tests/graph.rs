@@ -465,7 +465,7 @@ const PART: &str = r#"Graph(version: 1, nodes: {
 }, outputs: { "result": "second.out" })"#;
 
 fn with_parts(nodes: &str, output: &str, parts: &[(&str, &str)]) -> Result<GraphFile, Problems> {
-    file(nodes, output).with_parts(&|path| {
+    file(nodes, output).with_parts(&|path: &std::path::Path| {
         let name = path.display().to_string();
         let part = parts.iter().find(|(known, _)| *known == name);
         part.map(|(_, text)| (*text).to_owned()).ok_or(std::io::ErrorKind::NotFound.into())

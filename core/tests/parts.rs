@@ -47,7 +47,7 @@ fn file(params: &str, nodes: &str, output: &str, parts: &[(&str, &str)]) -> Resu
 }
 
 fn read(text: &str, parts: &[(&str, &str)]) -> Result<GraphFile, Problems> {
-    GraphFile::parse("top.ron", text)?.with_parts(&|path| {
+    GraphFile::parse("top.ron", text)?.with_parts(&|path: &std::path::Path| {
         let name = path.display().to_string();
         let part = parts.iter().find(|(known, _)| *known == name);
         part.map(|(_, text)| (*text).to_owned()).ok_or(std::io::ErrorKind::NotFound.into())

@@ -1,8 +1,8 @@
 //! Finds graphs by name or file.
 
-use std::{io, path::Path};
+use std::{fs, io, path::Path};
 
-use epigraph_core::{GraphError, GraphFile, Problems};
+use epigraph_core::{GraphError, GraphFile, Library, Origin, Problems};
 
 pub use epigraph_graphs::names;
 
@@ -12,35 +12,50 @@ pub const DEFAULT: &str = "epi";
 /// What [`load`] says it was looking for if a name is unknown.
 pub const UNKNOWN: &str = "graph or file";
 
-/// Reads a graph: the file of that name if it exists, else the built-in graph of that name, given as `render-cache`,
-/// `render-cache.ron` or `graphs/render-cache.ron`.
+/// Files, and the graphs that come with the program, given as `render-cache`, `render-cache.ron` or
+/// `graphs/render-cache.ron`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Shipped;
+
+impl Library for Shipped {
+    fn read(&self, path: &Path) -> io::Result<String> {
+        fs::read_to_string(path)
+    }
+
+    fn shipped(&self, name: &str) -> Option<(String, String)> {
+        let bare = name.strip_prefix("graphs/").unwrap_or(name);
+        let file = format!("{}.ron", bare.strip_suffix(".ron").unwrap_or(bare));
+        let text = epigraph_graphs::text(&file)?;
+        Some((format!("graphs/{file}"), text.to_owned()))
+    }
+
+    fn names(&self) -> Vec<String> {
+        names().map(str::to_owned).collect()
+    }
+}
+
+/// Reads a graph: the file of that name if it exists, else the graph of that name that comes with the program. Graphs
+/// that it names itself, as parts or as its base, are found in the same way.
 ///
 /// # Errors
-/// The problems of the file. If there is neither a file nor a built-in graph, a single word gives
+/// The problems of the file. If there is neither a file nor a shipped graph, a single word gives
 /// [`GraphError::Unknown`] with [`UNKNOWN`].
 pub fn load(name: &str) -> Result<GraphFile, Problems> {
     let path = Path::new(name);
-    if path.exists() {
-        return GraphFile::load(path);
+    if let (false, Some((path, text))) = (path.is_file(), Shipped.shipped(name)) {
+        let mut file = GraphFile::parse(&path, &text)?;
+        file.origin = Origin::Shipped;
+        return file.with_parts(&Shipped);
     }
-    let bare = name.strip_prefix("graphs/").unwrap_or(name);
-    let bare = bare.strip_suffix(".ron").unwrap_or(bare);
-    match epigraph_graphs::text(&format!("{bare}.ron")) {
-        Some(text) => GraphFile::parse(&format!("graphs/{bare}.ron"), text)?.with_parts(&|path| {
-            let part =
-                path.strip_prefix("graphs").ok().and_then(Path::to_str).and_then(epigraph_graphs::text);
-            part.map(str::to_owned).ok_or_else(|| io::ErrorKind::NotFound.into())
-        }),
-        None => {
-            let mut problems = GraphFile::load(path).err().unwrap_or_default();
-            // A single word is probably a mistyped name rather than a path.
-            if !name.contains(['/', '\\', '.'])
-                && let Some(problem) = problems.0.first_mut()
-            {
-                problem.error = GraphError::unknown(UNKNOWN, name, names());
-                problem.place = None;
-            }
-            Err(problems)
+    GraphFile::load_with(path, &Shipped).map_err(|mut problems| {
+        // A single word is probably a mistyped name rather than a path.
+        if !path.exists()
+            && !name.contains(['/', '\\', '.'])
+            && let Some(problem) = problems.0.first_mut()
+        {
+            problem.error = GraphError::unknown(UNKNOWN, name, names());
+            problem.place = None;
         }
-    }
+        problems
+    })
 }

@@ -207,8 +207,10 @@ pub(crate) fn picture(file: &GraphFile, graph: &Graph, size: [u32; 2]) -> Result
         port.extent
     );
     let problem = Problem::new(GraphError::Invalid(text));
-    let written = file.outputs.iter().find(|output| output.name.value == *name);
-    Err(written.map_or(problem.clone(), |output| problem.at(file.place(output.from.span))).into())
+    // The graph has compiled, so its changes fit.
+    let whole = file.whole()?;
+    let written = whole.outputs.iter().find(|output| output.name.value == *name);
+    Err(written.map_or(problem.clone(), |output| problem.at(whole.place(output.from.span))).into())
 }
 
 /// Parses `node.port`.

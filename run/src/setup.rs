@@ -200,7 +200,10 @@ impl Setup {
     /// # Errors
     /// If there is no such node, or if the value is not valid RON. Unknown parameters are reported on compiling.
     pub fn set(mut self, node: &str, param: &str, value: &str) -> Result<Self, Error> {
-        self.file.set_param(node, param, value)?;
+        let address = self.file.whole()?.address_of(node);
+        self.file = self.file.with_param(&format!("set {node}.{param}={value}"), &address, param, value)?;
+        // An unknown node is reported here, where it is named.
+        self.file.whole()?;
         Ok(self)
     }
 
@@ -209,7 +212,7 @@ impl Setup {
     /// # Errors
     /// If the graph has no such parameter, or it cannot have this value.
     pub fn set_graph(mut self, param: &str, value: &str) -> Result<Self, Error> {
-        self.file.set_graph_param(param, value)?;
+        self.file = self.file.with_param(&format!("set {param}={value}"), "", param, value)?;
         Ok(self)
     }
 
@@ -419,11 +422,13 @@ impl Run {
         Ok(Setup::new(graphs::load(graph)?))
     }
 
-    /// Opens a graph from its text. Messages name it by `path`, and relative paths in it start there.
+    /// Opens a graph from its text. Messages name it by `path`, and relative paths in it start there. Its parts and its
+    /// base may be files, and graphs that come with the program.
     ///
     /// # Errors
-    /// All problems of the text.
+    /// All problems of the text and of what it names.
     pub fn parse(path: &Path, text: &str) -> Result<Setup, Error> {
-        Ok(Setup::new(GraphFile::parse(&path.display().to_string(), text)?))
+        let file = GraphFile::parse(&path.display().to_string(), text)?;
+        Ok(Setup::new(file.with_parts(&graphs::Shipped)?))
     }
 }

@@ -76,12 +76,12 @@ impl Group {
 impl GraphFile {
     /// Sets a parameter, adding it if the node does not have it yet: `--set node.param=value`. `value` is RON.
     /// `part/node`, or the inner name alone if it is unambiguous ([`GraphFile::address_of`]), sets one in the text of a
-    /// part, or where the part's node overrides it; `node/2` sets one of a repeated node's copies. Does not check that the
-    /// stage has such a parameter.
+    /// part, or where the part's node overrides it; `node/2` sets one of a repeated node's copies. Does not check that
+    /// the stage has such a parameter.
     ///
     /// # Errors
-    /// [`GraphError::Unknown`] node or parameter of a part, [`GraphError::Invalid`] for a name that is not an identifier,
-    /// [`GraphError::Value`] for a value that is not one RON value.
+    /// [`GraphError::Unknown`] node or parameter of a part, [`GraphError::Invalid`] for a name that is not an
+    /// identifier, [`GraphError::Value`] for a value that is not one RON value.
     pub fn set_param(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
         let address = self.address_of(node);
         let problem = |error| Problems::from(Problem::new(error).node(&address));
@@ -95,7 +95,8 @@ impl GraphFile {
     /// Sets the default of one of the graph's own parameters: `--set param=value`. `value` is RON.
     ///
     /// # Errors
-    /// [`GraphError::Unknown`] parameter, [`GraphError::Value`] and [`GraphError::Range`] for a value that it cannot have.
+    /// [`GraphError::Unknown`] parameter, [`GraphError::Value`] and [`GraphError::Range`] for a value that it cannot
+    /// have.
     pub fn set_graph_param(&mut self, name: &str, value: &str) -> Result<(), Problems> {
         let GraphParam { default, spec, .. } = self.settable(name, "").map_err(Problem::new)?;
         let value = one_value(name, value).map_err(Problem::new)?;
@@ -392,7 +393,7 @@ fn within<'s>(source: &'s Source, node: &str) -> Option<&'s str> {
 }
 
 /// The one RON value in a text, without comments around it, which could swallow the text after it.
-fn one_value<'v>(param: &str, text: &'v str) -> Result<&'v str, GraphError> {
+pub(super) fn one_value<'v>(param: &str, text: &'v str) -> Result<&'v str, GraphError> {
     if let Err(error) = ron::from_str::<IgnoredAny>(text) {
         return Err(GraphError::Value {
             name: param.to_owned(),

@@ -101,6 +101,13 @@ impl NodeDef {
         let params = self.params.iter().chain(set).map(|param| &param.value);
         params.chain(self.repeat.iter().map(|repeat| &repeat.times))
     }
+
+    /// The same, to be changed.
+    pub(super) fn values_mut(&mut self) -> impl Iterator<Item = &mut Spanned<String>> {
+        let set = self.set.iter_mut().flat_map(|(_, params)| params);
+        let params = self.params.iter_mut().chain(set).map(|param| &mut param.value);
+        params.chain(self.repeat.iter_mut().map(|repeat| &mut repeat.times))
+    }
 }
 
 const PARAMS: Shape = Shape::map("parameter", "{ \"NAME\": (default: VALUE, ...), ... }");

@@ -5,7 +5,8 @@ use std::collections::HashSet;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 use super::{
-    GraphFile, InputDef, NodeDef, OutputDef, ParamDef, Source,
+    GraphFile, InputDef, NodeDef, Origin, OutputDef, ParamDef, Source,
+    base::ChangeFields,
     scan::{self, Block},
 };
 use crate::{
@@ -19,7 +20,8 @@ const VERSION: u32 = 1;
 /// Maximum number of reported problems; each carries its line's text, so a broken data file must not produce thousands.
 const MOST_PROBLEMS: usize = 100;
 
-const GRAPH_FIELDS: [&str; 5] = ["version", "doc", "params", "nodes", "outputs"];
+const GRAPH_FIELDS: [&str; 9] =
+    ["version", "doc", "base", "params", "nodes", "replace", "rewire", "set", "outputs"];
 const NODE_FIELDS: [&str; 8] = ["kind", "repeat", "on", "download", "bypass", "inputs", "params", "set"];
 
 impl GraphFile {
@@ -192,7 +194,7 @@ impl Reader<'_> {
         self.scalar(span, expected)
     }
 
-    fn source(&mut self, span: Span) -> Option<Spanned<Source>> {
+    pub(super) fn source(&mut self, span: Span) -> Option<Spanned<Source>> {
         let text: Spanned<String> = self.scalar(span, "a port as \"NODE.PORT\"")?;
         match text.value.parse() {
             Ok(value) => Some(Spanned { value, span }),
@@ -244,7 +246,7 @@ impl Reader<'_> {
 
     fn graph(&mut self, path: &str) -> GraphFile {
         let (mut version, mut doc, mut nodes, mut outputs) = (None, String::new(), None, None);
-        let mut params = Vec::new();
+        let (mut params, mut changes) = (Vec::new(), ChangeFields::default());
         let root = scan::root(self.text).unwrap_or_default();
         if let Some(entries) = self.entries(root, &GRAPH) {
             for (name, value) in entries {
@@ -252,15 +254,24 @@ impl Reader<'_> {
                     "version" => version = Some(self.version(value)),
                     "doc" => doc = self.words(value),
                     "params" => params = self.graph_params(value),
-                    "nodes" => nodes = Some(self.nodes(value)),
+                    "nodes" => nodes = Some(self.nodes(value, &NODES)),
                     "outputs" => outputs = Some(self.outputs(value)),
+                    "base" | "replace" | "rewire" | "set" => self.change_field(name, value, &mut changes),
                     _ => self.unknown_field(name, &GRAPH_FIELDS),
                 }
             }
+            // A graph with a base has the nodes and outputs of that.
+            let is_whole = !changes.has_base();
             let missing = [
                 (version.is_none(), "`version` is missing; write version: 1"),
-                (nodes.is_none(), "`nodes` is missing; write nodes: { \"NODE\": (kind: \"KIND\") }"),
-                (outputs.is_none(), "`outputs` is missing; write outputs: { \"NAME\": \"NODE.PORT\" }"),
+                (
+                    is_whole && nodes.is_none(),
+                    "`nodes` is missing; write nodes: { \"NODE\": (kind: \"KIND\") }",
+                ),
+                (
+                    is_whole && outputs.is_none(),
+                    "`outputs` is missing; write outputs: { \"NAME\": \"NODE.PORT\" }",
+                ),
             ];
             for (_, message) in missing.into_iter().filter(|(is_missing, _)| *is_missing) {
                 self.report(GraphError::Syntax(message.into()), Span { start: root.start, end: root.start });
@@ -275,6 +286,9 @@ impl Reader<'_> {
             nodes: nodes.unwrap_or_default(),
             outputs: outputs.unwrap_or_default(),
             parts: Vec::new(),
+            base: self.changes(changes),
+            origin: Origin::File,
+            others: Vec::new(),
         }
     }
 
@@ -286,10 +300,11 @@ impl Reader<'_> {
         found
     }
 
-    fn nodes(&mut self, span: Span) -> Vec<NodeDef> {
+    /// Nodes by their names, which may be addresses: in `replace`, and in a graph that was written out in full.
+    pub(super) fn nodes(&mut self, span: Span, shape: &Shape) -> Vec<NodeDef> {
         let mut nodes = Vec::new();
-        for (name, value) in self.entries(span, &NODES).unwrap_or_default() {
-            if name.value.is_empty() || name.value.contains(['.', '/']) {
+        for (name, value) in self.entries(span, shape).unwrap_or_default() {
+            if name.value.contains('.') || name.value.split('/').any(str::is_empty) {
                 let message =
                     format!("`{}` cannot name a node; use a name without a dot or a slash", name.value);
                 self.report(GraphError::Invalid(message), name.span);
@@ -321,17 +336,20 @@ impl Reader<'_> {
                 "bypass" => bypass = self.scalar(value, "true or false").is_some_and(|flag| flag.value),
                 "inputs" => inputs = self.inputs(value),
                 "params" => params = self.params(value),
-                "set" => {
-                    let entries = self.entries(value, &SET).unwrap_or_default();
-                    set = entries.into_iter().map(|(node, value)| (node, self.params(value))).collect();
-                }
+                "set" => set = self.set(value),
                 _ => self.unknown_field(field, &NODE_FIELDS),
             }
         }
         if !has_kind {
             self.report(GraphError::Syntax("`kind` is missing; write kind: \"KIND\"".into()), name.span);
         }
-        Some(NodeDef { name, kind: kind?, repeat, on, download, bypass, inputs, params, set })
+        Some(NodeDef { name, kind: kind?, repeat, on, download, bypass, inputs, params, set, replaced: None })
+    }
+
+    /// Parameters by the addresses of their nodes.
+    pub(super) fn set(&mut self, span: Span) -> Vec<(Spanned<String>, Vec<ParamDef>)> {
+        let entries = self.entries(span, &SET).unwrap_or_default();
+        entries.into_iter().map(|(node, value)| (node, self.params(value))).collect()
     }
 
     fn inputs(&mut self, span: Span) -> Vec<InputDef> {

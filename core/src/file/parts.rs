@@ -7,16 +7,13 @@
 //! [`GraphFile::flatten`] expands everything to one list of nodes, each with the file it comes from, so that checking
 //! and compiling need not know about parts, parameters of graphs or repeated nodes.
 
-use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
-    io,
-    path::Path,
-};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use index_vec::IndexVec;
 
 use super::{
-    GraphFile, GraphValue, InputDef, NodeDef, OutputDef, ParamDef, Source, handed,
+    GraphFile, GraphValue, InputDef, Library, NodeDef, OutputDef, ParamDef, Source, handed,
+    parse::is_identifier,
     repeat::{copy_of, no_copy, times, times_expected},
 };
 use crate::{
@@ -32,7 +29,7 @@ pub const PART_KIND: &str = "graph";
 pub(super) const FILE_PARAM: &str = "file";
 
 /// The node whose ports are a part's inputs.
-const INPUTS: &str = "inputs";
+pub(super) const INPUTS: &str = "inputs";
 
 /// Most nodes of a flattened graph, and most files that it is read from: parts that contain parts, and nodes that are
 /// repeated, multiply.
@@ -52,6 +49,8 @@ pub(crate) struct FlatNode<'f> {
     pub places: BTreeMap<String, ParamPlaces<'f>>,
     /// Its address in the text: that of the node that it is a copy of.
     pub written: String,
+    /// Its inputs that read an input of a part that is not connected, and that.
+    pub open: Vec<(String, Source)>,
 }
 
 /// The files that the name and the value of a parameter are written in. They differ where a node takes the value from
@@ -78,11 +77,29 @@ pub(crate) struct Flat<'f> {
     pub outputs: Vec<OutputDef>,
     /// The parameters of the graph itself, and of its parts.
     pub params: Vec<GraphValue>,
+    /// The nodes, stages and parts, that have taken the place of others, by address.
+    pub swaps: BTreeMap<String, Swap<'f>>,
+}
+
+/// A node that has taken the place of another.
+pub(crate) struct Swap<'f> {
+    pub node: &'f NodeDef,
+    /// The graph that it is in.
+    pub file: &'f GraphFile,
+    /// Its file, if it is a part.
+    pub part: Option<&'f GraphFile>,
+}
+
+impl Swap<'_> {
+    /// The file that names the new node.
+    pub fn path(&self) -> &str {
+        self.file.path_at(self.node.kind.span)
+    }
 }
 
 /// The state of reading a file's parts.
 struct Reading<'r> {
-    read: &'r dyn Fn(&Path) -> io::Result<String>,
+    library: &'r dyn Library,
     /// The files around the one being read.
     within: Vec<String>,
     /// The number of files read.
@@ -90,29 +107,44 @@ struct Reading<'r> {
 }
 
 impl GraphFile {
-    /// Reads the files of all parts, recursively. `read` returns the text of a path.
+    /// Reads the files of all parts and the base, recursively.
     ///
     /// # Errors
-    /// All problems of all parts, each with its file.
-    pub fn with_parts(mut self, read: &dyn Fn(&Path) -> io::Result<String>) -> Result<Self, Problems> {
-        self.read_parts(&mut Reading { read, within: Vec::new(), files: 0 })?;
+    /// All problems of all files, each with its place.
+    pub fn with_parts(mut self, library: &dyn Library) -> Result<Self, Problems> {
+        self.read_parts(&mut Reading { library, within: Vec::new(), files: 0 })?;
         Ok(self)
     }
 
     fn read_parts(&mut self, reading: &mut Reading) -> Result<(), Problems> {
         reading.within.push(self.path.clone());
         let mut problems = Problems::default();
-        let mut parts = Vec::new();
-        for node in self.nodes.iter().filter(|node| node.kind.value == PART_KIND) {
-            match self.read_part(node, reading) {
-                Ok(part) => parts.push((node.name.value.clone(), part)),
-                Err(found) => problems.0.extend(found.0),
+        let mut read = |nodes: &[NodeDef]| -> Vec<(String, Self)> {
+            let mut parts = Vec::new();
+            for node in nodes.iter().filter(|node| node.kind.value == PART_KIND) {
+                match self.read_part(node, reading) {
+                    Ok(part) => parts.push((node.name.value.clone(), part)),
+                    Err(found) => problems.0.extend(found.0),
+                }
             }
-        }
+            parts
+        };
+        let parts = read(&self.nodes);
+        let replaced = self.base.as_ref().map(|changes| read(&changes.replace));
+        // One that is known already was not read from a file.
+        let base = self.base.as_ref().filter(|changes| changes.graph.is_none()).map(|changes| &changes.base);
+        let base = base.map(|base| self.read_named(base, None, reading)).transpose();
         reading.within.pop();
-        problems.into_result()?;
         self.parts = parts;
-        Ok(())
+        if let Some(changes) = &mut self.base {
+            changes.parts = replaced.unwrap_or_default();
+        }
+        match (base, &mut self.base) {
+            (Ok(Some(base)), Some(changes)) => changes.graph = Some(Box::new(base)),
+            (Ok(_), _) => {}
+            (Err(found), _) => problems.0.extend(found.0),
+        }
+        problems.into_result()
     }
 
     fn read_part(&self, node: &NodeDef, reading: &mut Reading) -> Result<Self, Problems> {
@@ -125,28 +157,37 @@ impl GraphFile {
             let text = "a node of kind `graph` names its file: params: (file: \"PART.ron\")";
             return Err(problem(GraphError::Invalid(text.into()), node.kind.span).into());
         };
-        let name: String = ron::from_str(&param.value.value).map_err(|error| {
+        let name = ron::from_str(&param.value.value).map_err(|error| {
             let (name, expected) = (FILE_PARAM.into(), "a path in double quotes".into());
             problem(GraphError::Value { name, expected, cause: error.code.to_string() }, param.value.span)
         })?;
-        let path = Path::new(&self.path).parent().unwrap_or(Path::new("")).join(name);
-        let shown = path.display().to_string();
-        if reading.within.contains(&shown) {
-            let error = GraphError::Invalid(format!("{shown} contains itself"));
-            return Err(problem(error, param.value.span).into());
+        let name = Spanned { value: name, span: param.value.span };
+        self.read_named(&name, Some(&node.name.value), reading)
+    }
+
+    /// Reads a graph that this file names, in a node or as its base, with all that it names.
+    fn read_named(
+        &self,
+        name: &Spanned<String>,
+        node: Option<&str>,
+        reading: &mut Reading,
+    ) -> Result<Self, Problems> {
+        let problem = |error| {
+            let problem = Problem::new(error).at(self.place(name.span));
+            Problems::from(Problem { node: node.map(str::to_owned), ..problem })
+        };
+        let found = self.find_named(&name.value, reading.library).map_err(problem)?;
+        if reading.within.contains(&found.path) {
+            return Err(problem(GraphError::Invalid(format!("{} contains itself", found.path))));
         }
         reading.files += 1;
         if reading.files > MOST_FILES {
-            let error = GraphError::Invalid(format!("the graph has more than {MOST_FILES} parts"));
-            return Err(problem(error, param.value.span).into());
+            return Err(problem(GraphError::Invalid(format!("the graph has more than {MOST_FILES} parts"))));
         }
-        let text = (reading.read)(&path).map_err(|error| {
-            let cause = format!("{shown}: {error}");
-            problem(GraphError::Io { action: "read", cause }, param.value.span)
-        })?;
-        let mut part = Self::parse(&shown, &text)?;
-        part.read_parts(reading)?;
-        Ok(part)
+        let mut graph = Self::parse(&found.path, &found.text)?;
+        graph.origin = found.origin;
+        graph.read_parts(reading)?;
+        Ok(graph)
     }
 
     pub(super) fn part_mut(&mut self, node: &str) -> Option<&mut Self> {
@@ -183,7 +224,7 @@ impl GraphFile {
     }
 
     /// What to report of an address that no node has.
-    pub(super) fn no_node(&self, address: &str) -> GraphError {
+    pub fn no_node(&self, address: &str) -> GraphError {
         match &self.called(address)[..] {
             several @ [_, _, ..] => {
                 let several = several.join(", ");
@@ -191,18 +232,18 @@ impl GraphFile {
                     "several nodes are called `{address}`: {several}; write which one"
                 ))
             }
-            _ => GraphError::unknown("node", address, self.addresses()),
+            _ => GraphError::unknown_node(address, self.addresses()),
         }
     }
 
     /// Splits an address into a node of this file, the number of a copy if that node is repeated, and the address of a
-    /// node within it.
+    /// node within it. The names of nodes may have slashes themselves.
     pub(super) fn enter<'a>(&self, address: &'a str) -> Option<(&NodeDef, Option<u32>, Option<&'a str>)> {
         if let Some(node) = self.node(address) {
             return Some((node, None, None));
         }
-        let (name, rest) = address.split_once('/')?;
-        let node = self.node(name)?;
+        let mut slashes = address.match_indices('/').map(|(at, _)| (&address[..at], &address[at + 1..]));
+        let (node, rest) = slashes.find_map(|(name, rest)| Some((self.node(name)?, rest)))?;
         let (copy, rest) = if node.repeat.is_some() { copy_of(rest) } else { (None, Some(rest)) };
         Some((node, copy, rest))
     }
@@ -220,10 +261,17 @@ impl GraphFile {
     /// Flattens the graph: replaces each node that includes a part by the part's nodes, each repeated node by its copies,
     /// and each parameter of a graph by its value.
     pub(crate) fn flatten(&self) -> Result<Flat<'_>, Problems> {
-        let flat = Flat { file: self, nodes: IndexVec::new(), outputs: Vec::new(), params: Vec::new() };
+        let flat = Flat {
+            file: self,
+            nodes: IndexVec::new(),
+            outputs: Vec::new(),
+            params: Vec::new(),
+            swaps: BTreeMap::new(),
+        };
         let mut builder = Builder { flat, problems: Problems::default() };
         let scope = Scope::whole(self);
         builder.add(&scope, "", PartDefaults::default());
+        builder.check_names();
         let Builder { mut flat, mut problems } = builder;
         for output in &self.outputs {
             match scope.resolve(&output.from.value) {
@@ -429,6 +477,10 @@ impl<'s, 'f> Scope<'s, 'f> {
             Some(rest) => scope.follow(&Source { node: rest.into(), port: source.port.clone() }, left),
             None => {
                 let output = part.outputs.iter().find(|output| output.name.value == source.port);
+                if output.is_none() && node.replaced.is_some() {
+                    // Reported with all other differences between the part and what it replaces.
+                    return Ok(whole(self.name(node, copy)));
+                }
                 let output = output.ok_or_else(|| {
                     let known = part.outputs.iter().map(|output| &output.name.value);
                     GraphError::unknown("output of a part", &source.port, known)
@@ -462,10 +514,23 @@ impl<'f> Builder<'f> {
         self.report(Problem::new(error).at(file.place(span)).node(node));
     }
 
+    /// Reports nodes whose address is that of a node in a part.
+    fn check_names(&mut self) {
+        let mut names = BTreeSet::new();
+        for node in &self.flat.nodes {
+            let name = &node.def.name;
+            if !names.insert(&name.value) {
+                let error = GraphError::Duplicate { what: "node", name: name.value.clone() };
+                self.problems.0.push(Problem::new(error).at(node.file.place(name.span)));
+            }
+        }
+    }
+
     /// Adds the nodes of a scope; `written` is the address of its part in the text, with a slash.
     fn add(&mut self, scope: &Scope<'_, 'f>, written: &str, default: PartDefaults) {
         let file = scope.file;
-        for param in &file.params {
+        // Those that a change hands into a part have no name of their own.
+        for param in file.params.iter().filter(|param| is_identifier(&param.name.value)) {
             let part = scope.prefix.trim_end_matches('/').to_owned();
             let value = scope.values[&param.name.value[..]].text.value.clone();
             self.flat.params.push(GraphValue { part, spec: param.spec.clone(), value });
@@ -539,7 +604,7 @@ impl<'f> Builder<'f> {
                     let copies =
                         (0..scope.times(node).ok().flatten().unwrap_or(0)).map(|copy| copy.to_string());
                     let known = copies.chain(part.into_iter().flat_map(GraphFile::addresses));
-                    GraphError::unknown("node", &address.value, known)
+                    GraphError::unknown_node(&address.value, known)
                 }
                 Err(error) => error,
             };
@@ -556,8 +621,18 @@ impl<'f> Builder<'f> {
         default: PartDefaults,
     ) {
         let name = scope.name(node, copy);
+        let part = scope.file.part(&node.name.value);
+        let mut default = default;
+        if let Some(replaced) = &node.replaced {
+            self.flat.swaps.insert(name.clone(), Swap { node, file: scope.file, part });
+            default = PartDefaults {
+                side: replaced.on.or(default.side),
+                download: replaced.download.or(default.download),
+            };
+        }
         if node.kind.value != PART_KIND {
-            let mut def = NodeDef { inputs: self.inputs(scope, node, copy), ..node.clone() };
+            let mut open = Vec::new();
+            let mut def = NodeDef { inputs: self.inputs(scope, node, copy, &mut open), ..node.clone() };
             def.name.value = name;
             let mut places = BTreeMap::new();
             def.params.clear();
@@ -568,14 +643,14 @@ impl<'f> Builder<'f> {
                 put(&mut def.params, &mut places, set.name.clone(), set.file, set.value);
             }
             places.retain(|_, places: &mut ParamPlaces| !places.are(scope.file));
-            self.flat.nodes.push(FlatNode { def, file: scope.file, default, places, written });
+            self.flat.nodes.push(FlatNode { def, file: scope.file, default, places, written, open });
             return;
         }
         if node.bypass {
             let error = GraphError::Invalid("a part cannot be bypassed; bypass its nodes".into());
             self.problem(scope.file, &name, node.name.span, error);
         }
-        let Some(part) = scope.file.part(&node.name.value) else {
+        let Some(part) = part else {
             let error = GraphError::Invalid("its file has not been read".into());
             self.problem(scope.file, &name, node.kind.span, error);
             return;
@@ -589,8 +664,14 @@ impl<'f> Builder<'f> {
         self.add(&scope.inner(node, copy, part), &(written + "/"), default);
     }
 
-    /// The wires into a stage.
-    fn inputs(&mut self, scope: &Scope<'_, 'f>, node: &NodeDef, copy: Option<u32>) -> Vec<InputDef> {
+    /// The wires into a stage; also those that are `open`, as they lead to an input of a part that is not connected.
+    fn inputs(
+        &mut self,
+        scope: &Scope<'_, 'f>,
+        node: &NodeDef,
+        copy: Option<u32>,
+        open: &mut Vec<(String, Source)>,
+    ) -> Vec<InputDef> {
         let through = node.repeat.iter().flat_map(|repeat| &repeat.through).filter(|_| copy > Some(0));
         let through = through.map(|(input, output)| (input, output.span));
         let taken: BTreeSet<&str> = through.clone().map(|(input, _)| input.value.as_str()).collect();
@@ -603,7 +684,10 @@ impl<'f> Builder<'f> {
                 Ok(Some(value)) => {
                     inputs.push(InputDef { port: port.clone(), from: Spanned { value, span } })
                 }
-                Ok(None) => {}
+                Ok(None) => {
+                    let part = scope.prefix.trim_end_matches('/').to_owned();
+                    open.push((port.value.clone(), Source { node: part, port: source.port }));
+                }
                 Err(error) => {
                     let problem =
                         Problem::new(error).at(scope.file.place(span)).node(&scope.name(node, copy));
@@ -616,15 +700,7 @@ impl<'f> Builder<'f> {
 
     /// Checks the names and the sources of what is connected to a part.
     fn check_inputs(&mut self, scope: &Scope<'_, 'f>, node: &NodeDef, name: &str, part: &GraphFile) {
-        let taken: BTreeSet<&str> = part
-            .nodes
-            .iter()
-            .flat_map(|node| &node.inputs)
-            .map(|input| &input.from.value)
-            .chain(part.outputs.iter().map(|output| &output.from.value))
-            .filter(|source| source.node == INPUTS)
-            .map(|source| source.port.as_str())
-            .collect();
+        let taken = part.taken();
         let through = node.repeat.iter().flat_map(|repeat| &repeat.through);
         let ports =
             node.inputs.iter().map(|input| &input.port).chain(through.clone().map(|(input, _)| input));

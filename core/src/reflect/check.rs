@@ -160,8 +160,8 @@ impl<'a> Check<'a> {
     fn missing(&mut self, name: &str, port: &Port, field: usize) {
         let free = (0..).find(|&binding| self.reflected.variables.iter().all(|v| v.binding != binding));
         let near = match GraphError::unknown("variable", name, self.unclaimed()) {
-            GraphError::Unknown { nearest: Some(near), .. } => {
-                format!(", or rename `{near}` if that is meant")
+            GraphError::Unknown { nearest, .. } if !nearest.is_empty() => {
+                format!(", or rename `{}` if that is meant", nearest[0])
             }
             _ => String::new(),
         };

@@ -63,7 +63,7 @@ use crate::{
     params::{ParamKind, ParamSpec, parse_ron},
     port::{Access, Lifetime, Port},
     reflect::{self, Composed, Misfit, Reflected},
-    registry::{Kind, NodeContext, Registry, folder},
+    registry::{Kind, NodeContext, Registry},
     shader::{Needs, Shader, ShaderLibrary},
     stage::{AnyStage, CpuContext, Declaration},
 };
@@ -96,13 +96,14 @@ pub fn wgsl_clauses() -> Vec<WgslClause> {
 impl GraphFile {
     /// The shader files of all nodes of kind `wgsl`, including those of parts, each with its node's address.
     pub fn shaders(&self) -> Vec<(String, PathBuf)> {
-        // Problems of parts are reported when compiling.
-        let nodes = self.flatten().map(|flat| flat.nodes).unwrap_or_default();
+        // Problems of parts and of changes are reported when compiling.
+        let Ok(whole) = self.whole() else { return Vec::new() };
+        let nodes = whole.flatten().map(|flat| flat.nodes).unwrap_or_default();
         let shader = |node: FlatNode| {
             let param = node.def.params.iter().find(|param| param.name.value == SHADER)?;
             let file = node.places.get(SHADER).map_or(node.file, |places| places.value);
             let path: String = parse_ron(&param.value.value).ok()?;
-            Some((node.def.name.value.clone(), folder(file).join(path)))
+            Some((node.def.name.value.clone(), file.folder_at(param.value.span).join(path)))
         };
         nodes.into_iter().filter(|node| node.def.kind.value == KIND).filter_map(shader).collect()
     }

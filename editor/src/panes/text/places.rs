@@ -86,7 +86,7 @@ mod tests {
         let inner = "Graph(version: 1, nodes: {\n \"in\": (kind: \"fill\"),\n}, outputs: { \"color\": \"in.color\" })";
         let outer = "Graph(version: 1, nodes: {\n  \"a\": (kind: \"graph\", params: (file: \"p.ron\")),\n  // why\n  \"b\": (\n    kind: \"tonemap\",\n  ),\n}, outputs: { \"image\": \"b.image\" })";
         let file = GraphFile::parse("g.ron", outer).unwrap();
-        let file = file.with_parts(&|_| Ok(inner.to_owned())).unwrap();
+        let file = file.with_parts(&|_: &std::path::Path| Ok(inner.to_owned())).unwrap();
         let b = of_node(&file, "b", "g.ron").unwrap();
         assert!(
             outer[b.clone()].starts_with("\"b\": (") && outer[b.clone()].ends_with("\n  )"),
