@@ -1,3 +1,5 @@
+mod analytic;
+
 use std::f32::consts::PI;
 use std::sync::atomic::Ordering;
 

@@ -1,0 +1,267 @@
+//! Radiance against closed forms: each number of bounces, several lights, mirrors, and surfaces with two lobes.
+//!
+//! Tolerances of 0.5% and 1% leave room for the noise of 2^14 and 2^16 paths.
+
+use glam::DVec3;
+
+use super::*;
+
+/// A rectangular lamp parallel to the floor.
+#[derive(Clone, Copy)]
+struct Lamp {
+    x: [f32; 2],
+    y: f32,
+    z: [f32; 2],
+    radiance: f32,
+}
+
+impl Lamp {
+    fn shine_down(self, stage: &mut Stage) {
+        let Self { x, y, z, radiance } = self;
+        stage.quad_light(
+            Vec3::new(x[0], y, z[0]),
+            Vec3::X * (x[1] - x[0]),
+            Vec3::Z * (z[1] - z[0]),
+            radiance,
+        );
+    }
+
+    fn shine_up(self, stage: &mut Stage) {
+        let Self { x, y, z, radiance } = self;
+        stage.quad_light(
+            Vec3::new(x[0], y, z[0]),
+            Vec3::Z * (z[1] - z[0]),
+            Vec3::X * (x[1] - x[0]),
+            radiance,
+        );
+    }
+
+    /// Radiance of a white surface that faces the lamp's plane, for the point at `x`, 0 and a distance of `height` from
+    /// that plane: the sum of four rectangles with a corner opposite to the point (Howell, configuration C-11).
+    fn lights(self, x: f32, height: f32) -> f32 {
+        let corner = |a: f32, b: f32| {
+            let (root_a, root_b) = ((1.0 + a * a).sqrt(), (1.0 + b * b).sqrt());
+            (a / root_a * (b / root_a).atan() + b / root_b * (a / root_b).atan()) / (2.0 * PI)
+        };
+        let [[x0, x1], [z0, z1]] = [self.x.map(|end| (end - x) / height), self.z.map(|end| end / height)];
+        self.radiance * (corner(x1, z1) - corner(x0, z1) - corner(x1, z0) + corner(x0, z0))
+    }
+}
+
+/// A glossy surface that reflects all light, almost like a mirror.
+const SMOOTH: Surface = Surface::Glossy { roughness: 0.02, f0: 1.0 };
+
+/// A viewer of the origin to whom [`SMOOTH`] shows the point at x = y = 1.
+const ASLANT: Vec3 = Vec3::new(-0.5, 0.5, 0.0);
+
+fn limited(mode: Mode, spp: u32, max_bounces: u32) -> TraceSettings {
+    TraceSettings { spp, mode, max_bounces }
+}
+
+/// Adds a large ceiling at y = 1 that faces down.
+fn ceiling(stage: &mut Stage, surface: Surface, color: f32) {
+    stage.quad(Vec3::new(-5.0, 1.0, -5.0), Vec3::X * 10.0, Vec3::Z * 10.0, surface, color, 0.0);
+}
+
+fn point_light(stage: &mut Stage, position: Vec3, intensity: f32) {
+    stage.scene.lights.push(Light::Point { position, intensity: Vec3::splat(intensity) });
+}
+
+/// BSDF times cosine of a glossy surface with normal +y: Lambert's below GGX with height-correlated masking (Heitz
+/// 2014) and Schlick's Fresnel term. The lower lobe loses what Karis's fit (2014) says that the upper one reflects.
+fn scattered(to_viewer: DVec3, to_light: DVec3, color: f64, roughness: f64, f0: f64) -> f64 {
+    let a2 = roughness.powi(4);
+    let half = (to_viewer + to_light).normalize();
+    let (cos_o, cos_i) = (to_viewer.y, to_light.y);
+    let density = a2 / (std::f64::consts::PI * (half.y * half.y * (a2 - 1.0) + 1.0).powi(2));
+    let fresnel = f0 + (1.0 - f0) * (1.0 - half.dot(to_light)).powi(5);
+    let root = |cosine: f64| (a2 + (1.0 - a2) * cosine * cosine).sqrt();
+    let visibility = 0.5 / (cos_o * root(cos_i) + cos_i * root(cos_o));
+    let [x, y, z, w] = [[-1.0, 1.0], [-0.0275, 0.0425], [-0.572, 1.04], [0.022, -0.04]]
+        .map(|[factor, offset]| roughness * factor + offset);
+    let fit = (x * x).min((-9.28 * cos_o).exp2()) * x + y;
+    let share = f0 * (z - 1.04 * fit) + w + 1.04 * fit;
+    cos_i * (color * (1.0 - share) / std::f64::consts::PI + density * fresnel * visibility)
+}
+
+#[test]
+fn lamps_add_up() {
+    let small = Lamp { x: [-0.9, -0.5], y: 1.0, z: [-0.2, 0.2], radiance: 5.0 };
+    let large = Lamp { x: [0.2, 1.8], y: 1.2, z: [-0.5, 1.0], radiance: 2.0 };
+    let low = Lamp { x: [-1.5, -0.2], y: 0.8, z: [0.6, 2.0], radiance: 1.0 };
+    for lamps in [&[small][..], &[small, large], &[large, small], &[low, large, small]] {
+        let mut stage = Stage::new(1.0);
+        floor(&mut stage, Surface::Diffuse, 0.8);
+        lamps.iter().for_each(|lamp| lamp.shine_down(&mut stage));
+        let expected = 0.8 * lamps.iter().map(|lamp| lamp.lights(0.0, lamp.y)).sum::<f32>();
+        let tracer = stage.tracer();
+        // Nothing but the lamps, which are black, is above the floor.
+        for (mode, bounces) in
+            [(Mode::Direct, 0), (Mode::Direct, 8), (Mode::Path, 0), (Mode::Path, 1), (Mode::Path, 8)]
+        {
+            let hit = look(&tracer, Vec3::new(0.1, 0.5, 0.0), Vec3::ZERO, &limited(mode, 1 << 14, bounces));
+            assert_near(hit.radiance.x, expected, 0.005);
+        }
+    }
+}
+
+#[test]
+fn an_emissive_face_beside_a_lamp_is_no_part_of_it() {
+    // They share a side, and only the lamp is a light.
+    let lamp = Lamp { x: [-1.0, 0.5], y: 1.0, z: [-1.0, 1.0], radiance: 2.0 };
+    let beside = Lamp { x: [0.5, 2.0], radiance: 1.0, ..lamp };
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Diffuse, 0.8);
+    lamp.shine_down(&mut stage);
+    beside.shine_down(&mut stage);
+    stage.scene.lights.pop();
+    let tracer = stage.tracer();
+    let (of_lamp, of_both) =
+        (0.8 * lamp.lights(0.0, 1.0), 0.8 * (lamp.lights(0.0, 1.0) + beside.lights(0.0, 1.0)));
+    for (mode, bounces, expected) in
+        [(Mode::Direct, 8, of_lamp), (Mode::Path, 0, of_lamp), (Mode::Path, 1, of_both)]
+    {
+        let hit = look(&tracer, Vec3::new(0.1, 0.5, 0.0), Vec3::ZERO, &limited(mode, 1 << 14, bounces));
+        assert_near(hit.radiance.x, expected, 0.005);
+    }
+}
+
+#[test]
+fn each_bounce_adds_a_term_of_the_geometric_series() {
+    let mut stage = Stage::new(1.0);
+    stage.room(0.5, 0.25);
+    let tracer = stage.tracer();
+    // Every path has the same radiance until roulette begins.
+    for (bounces, expected) in [(0, 0.25), (1, 0.375), (2, 0.4375), (3, 0.46875)] {
+        let hit = look(&tracer, Vec3::ZERO, Vec3::new(0.3, -1.0, 0.4), &limited(Mode::Path, 1, bounces));
+        assert_near(hit.radiance.x, expected, 1e-5);
+    }
+}
+
+#[test]
+fn lamps_light_the_last_bounce_too() {
+    let mut stage = Stage::new(1.0);
+    stage.room(0.5, 0.0);
+    let sides: Vec<[Vec3; 4]> =
+        stage.scene.mesh.positions.chunks(4).map(|p| [p[0], p[1], p[2], p[3]]).collect();
+    let mut stage = Stage::new(1.0);
+    for [a, b, _, d] in sides {
+        stage.quad_light(a, b - a, d - a, 0.25);
+        stage.scene.materials.last_mut().unwrap().color = Vec3::splat(0.5);
+    }
+    let tracer = stage.tracer();
+    for (bounces, expected) in [(0, 0.375), (1, 0.4375), (2, 0.46875)] {
+        let to = Vec3::new(0.3, -1.0, 0.4);
+        let hit = look(&tracer, Vec3::ZERO, to, &limited(Mode::Path, 1 << 16, bounces));
+        assert_near(hit.radiance.x, expected, 0.005);
+    }
+}
+
+#[test]
+fn mirrors_count_as_bounces() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, Surface::Diffuse, 0.5);
+    stage.quad(Vec3::new(1.0, 0.0, -5.0), Vec3::Z * 10.0, Vec3::Y * 5.0, Surface::Mirror, 0.6, 0.0);
+    point_light(&mut stage, UP * 2.0, 3.0);
+    stage.scene.background = Vec3::ONE;
+    let tracer = stage.tracer();
+    // The mirror shows the floor below the light. Without a bounce to spare, the floor is not lit by the background.
+    let floor = 0.6 * 0.5 * 3.0 / (4.0 * PI);
+    for (mode, bounces, expected) in [
+        (Mode::Direct, 0, 0.0),
+        (Mode::Direct, 1, floor),
+        (Mode::Direct, 2, floor),
+        (Mode::Path, 0, 0.0),
+        (Mode::Path, 1, floor),
+    ] {
+        let hit = look(&tracer, UP, Vec3::new(1.0, 0.5, 0.0), &limited(mode, 16, bounces));
+        assert!((hit.radiance.x - expected).abs() < 1e-5, "{mode:?}, {bounces} bounces: {hit:?}");
+    }
+}
+
+#[test]
+fn both_lobes_of_a_surface_reflect_a_lamp() {
+    let lamp = Lamp { x: [-1.2, -0.2], y: 1.0, z: [-0.5, 0.5], radiance: 4.0 };
+    let from = Vec3::new(0.5, 0.7, 0.0);
+    for (color, roughness, f0) in [(0.5, 0.3, 0.04), (0.5, 0.5, 0.3), (0.9, 0.7, 0.04), (0.05, 0.4, 0.5)] {
+        let mut stage = Stage::new(1.0);
+        floor(&mut stage, Surface::Glossy { roughness, f0 }, color);
+        lamp.shine_down(&mut stage);
+        let tracer = stage.tracer();
+        // The sum over a grid of points of the lamp, whose area is 1.
+        let to_viewer = from.as_dvec3().normalize();
+        let grid = (0..300 * 300).map(|i| {
+            let [s, t] = [i % 300, i / 300].map(|k| (f64::from(k) + 0.5) / 300.0);
+            let to_lamp = DVec3::new(s - 1.2, 1.0, t - 0.5);
+            let direction = to_lamp.normalize();
+            let [color, roughness, f0] = [color, roughness, f0].map(f64::from);
+            let value = scattered(to_viewer, direction, color, roughness, f0);
+            4.0 * value * direction.y / to_lamp.length_squared() / (300.0 * 300.0)
+        });
+        let expected = grid.sum::<f64>() as f32;
+        for (mode, bounces) in [(Mode::Direct, 0), (Mode::Direct, 1), (Mode::Path, 0), (Mode::Path, 1)] {
+            let hit = look(&tracer, from, Vec3::ZERO, &limited(mode, 1 << 16, bounces));
+            assert_near(hit.radiance.x, expected, 0.01);
+        }
+    }
+}
+
+#[test]
+fn direct_light_has_one_glossy_reflection() {
+    let mut stage = Stage::new(1.0);
+    stage.room(0.0, 0.25);
+    stage.scene.materials.iter_mut().for_each(|material| material.surface = SMOOTH);
+    let tracer = stage.tracer();
+    for (mode, terms) in [(Mode::Direct, [1.0, 2.0, 2.0, 2.0]), (Mode::Path, [1.0, 2.0, 3.0, 4.0])] {
+        for (bounces, terms) in (0..).zip(terms) {
+            let hit = look(&tracer, Vec3::ZERO, Vec3::new(0.1, -1.0, 0.2), &limited(mode, 16, bounces));
+            assert_near(hit.radiance.x, 0.25 * terms, 1e-3);
+        }
+    }
+}
+
+#[test]
+fn a_glossy_surface_shows_another_by_the_light_on_it() {
+    // Off the highlight, where a small change of direction changes little.
+    let light = Vec3::new(1.2, 0.3, 0.4);
+    let (own, f0) = (0.2, 0.5);
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, SMOOTH, 0.0);
+    ceiling(&mut stage, Surface::Glossy { roughness: own, f0 }, 0.0);
+    point_light(&mut stage, light, 3.0);
+    let tracer = stage.tracer();
+    // At x = y = 1; the ceiling faces down.
+    let to_light = DVec3::new(0.2, 0.7, 0.4);
+    for (mode, roughness) in [(Mode::Direct, f64::from(REFLECTED_ALPHA.sqrt())), (Mode::Path, own.into())] {
+        let to_viewer = DVec3::new(-1.0, 1.0, 0.0).normalize();
+        let value = scattered(to_viewer, to_light.normalize(), 0.0, roughness, f0.into());
+        let expected = (3.0 * value / to_light.length_squared()) as f32;
+        let hit = look(&tracer, ASLANT, Vec3::ZERO, &limited(mode, 1 << 10, 1));
+        assert_near(hit.radiance.x, expected, 0.01);
+    }
+}
+
+#[test]
+fn a_glossy_surface_shows_the_light_of_every_lamp() {
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, SMOOTH, 0.0);
+    ceiling(&mut stage, Surface::Diffuse, 0.5);
+    let lamps = [
+        Lamp { x: [1.5, 2.5], y: 0.1, z: [0.5, 1.5], radiance: 4.0 },
+        Lamp { x: [-0.5, 1.5], y: 0.3, z: [-3.0, -0.5], radiance: 2.0 },
+    ];
+    lamps.iter().for_each(|lamp| lamp.shine_up(&mut stage));
+    let points = [(Vec3::new(1.0, 0.2, 0.0), 1.0), (Vec3::new(2.0, 0.5, 0.3), 2.0)];
+    points.iter().for_each(|&(position, intensity)| point_light(&mut stage, position, intensity));
+    let of_points = points.map(|(position, intensity)| {
+        let to_light = position - Vec3::new(1.0, 1.0, 0.0);
+        intensity * -to_light.y / to_light.length().powi(3) / PI
+    });
+    let of_lamps = lamps.map(|lamp| lamp.lights(1.0, 1.0 - lamp.y));
+    let expected = 0.5 * of_points.iter().chain(&of_lamps).sum::<f32>();
+    let tracer = stage.tracer();
+    for mode in [Mode::Direct, Mode::Path] {
+        let hit = look(&tracer, ASLANT, Vec3::ZERO, &limited(mode, 1 << 16, 1));
+        assert_near(hit.radiance.x, expected, 0.01);
+    }
+}
