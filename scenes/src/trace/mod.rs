@@ -292,13 +292,13 @@ impl Tracer {
         let mut throughput = Vec3::ONE;
         let mut radiance = Vec3::ZERO;
         for bounce in bounces..=settings.max_bounces {
-            let at_first = bounce == bounces;
+            let (at_first, at_last) = (bounce == bounces, bounce == settings.max_bounces);
             let scattered = if let Some((direction, color)) = vertex.mirror() {
                 throughput *= color;
-                Some((direction, f32::INFINITY))
+                (!at_last).then_some((direction, f32::INFINITY))
             } else {
                 let shares = match settings.mode {
-                    _ if bounce == settings.max_bounces => [0.0; 2],
+                    _ if at_last => [0.0; 2],
                     Mode::Path => vertex.bsdf.lobe_shares(),
                     Mode::Direct if at_first && vertex.bsdf.is_glossy() => [0.0, 1.0],
                     Mode::Direct => [0.0; 2],

@@ -180,6 +180,31 @@ fn mirrors_count_as_bounces() {
 }
 
 #[test]
+fn light_comes_by_a_mirror() {
+    // The mirror above shows a lamp that shines up, beside the way of its light.
+    let lamp = Lamp { x: [0.5, 3.0], y: 0.2, z: [-3.0, 3.0], radiance: 2.0 };
+    // On the diffuse floor, the light of the lamp's image, 1.8 above.
+    let lit = 0.8 * 0.7 * lamp.lights(0.0, 1.8);
+    for (surface, color, mode, expected) in [
+        (Surface::Diffuse, 0.8, Mode::Path, lit),
+        (Surface::Diffuse, 0.8, Mode::Direct, 0.0),
+        (SMOOTH, 0.0, Mode::Path, 0.7 * 2.0),
+        (SMOOTH, 0.0, Mode::Direct, 0.7 * 2.0),
+    ] {
+        let mut stage = Stage::new(1.0);
+        floor(&mut stage, surface, color);
+        ceiling(&mut stage, Surface::Mirror, 0.7);
+        lamp.shine_up(&mut stage);
+        let tracer = stage.tracer();
+        for (bounces, expected) in [(0, 0.0), (1, 0.0), (2, expected)] {
+            let found = look(&tracer, ASLANT, Vec3::ZERO, &limited(mode, 1 << 16, bounces)).radiance.x;
+            assert!((found - expected).abs() <= 0.01 * expected, "{bounces}: {found}, expected {expected}");
+        }
+        assert_eq!(tracer.non_finite(), 0);
+    }
+}
+
+#[test]
 fn both_lobes_of_a_surface_reflect_a_lamp() {
     let lamp = Lamp { x: [-1.2, -0.2], y: 1.0, z: [-0.5, 0.5], radiance: 4.0 };
     let from = Vec3::new(0.5, 0.7, 0.0);
