@@ -471,7 +471,218 @@ mod tests {
         let external = JSON.replace(r#"[{"byteLength": 36}]"#, r#"[{"byteLength": 36, "uri": "a%20b.bin"}]"#);
         let files = |name: &str| if name == "a b.bin" { Ok(vec![0; 36]) } else { no_files(name) };
         assert!(read(external.as_bytes(), files).is_ok());
-        assert_eq!(decode_base64("TWFueQ==").unwrap(), b"Many");
-        assert!(decode_base64("TW?u").is_err());
+    }
+
+    #[test]
+    fn base64_has_64_digits_and_any_padding() {
+        // RFC 4648, section 10.
+        for (text, bytes) in [
+            ("", ""),
+            ("Zg==", "f"),
+            ("Zm8=", "fo"),
+            ("Zm9v", "foo"),
+            ("Zm9vYg==", "foob"),
+            ("Zm9vYmE=", "fooba"),
+            ("Zm9vYmFy", "foobar"),
+        ] {
+            assert_eq!(decode_base64(text).unwrap(), bytes.as_bytes());
+            assert_eq!(decode_base64(text.trim_end_matches('=')).unwrap(), bytes.as_bytes());
+        }
+        // All digits in their order: the numbers from 0 to 63, six bits each.
+        let digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+        let bits = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:08b}")).collect::<String>();
+        let expected: String = (0..64).map(|number| format!("{number:06b}")).collect();
+        assert_eq!(bits(&decode_base64(digits).unwrap()), expected);
+        for wrong in ["TW?u", "TW-u", "TW_u", "T=Wu", "TW u", "TW@u", "TW[u", "TW`u", "TW{u", "TW:u", "TW.u"]
+        {
+            assert!(decode_base64(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn percent_signs_encode_bytes_of_file_names() {
+        for (uri, name) in [
+            ("plain.bin", "plain.bin"),
+            ("a%20b.bin", "a b.bin"),
+            ("%C3%A9t%c3%a9", "\u{e9}t\u{e9}"),
+            ("100%", "100%"),
+            ("5%2", "5%2"),
+            ("%zz%41", "%zzA"),
+        ] {
+            assert_eq!(decode_percent(uri), name);
+        }
+    }
+
+    /// Number of vertices in [`vertices`]: more than 16 bits can count.
+    const VERTICES: u32 = 0x1_0300;
+
+    /// A buffer of positions (i, 2 i, 3 i) and normals (0, i, 0), each pair followed by four bytes of something else,
+    /// and the indices.
+    fn vertices(indices: &[u8]) -> Vec<u8> {
+        let vertex = |i: u32| {
+            let i = i as f32;
+            [i, 2.0 * i, 3.0 * i, 0.0, i, 0.0, f32::NAN].map(f32::to_le_bytes).concat()
+        };
+        (0..VERTICES).flat_map(vertex).chain(indices.iter().copied()).collect()
+    }
+
+    /// The shapes of a file with one primitive: members of its JSON object, bytes of its indices, and the JSON of their
+    /// accessor.
+    fn shapes(primitive: &str, indices: &[u8], accessor: &str, count: u32) -> Vec<Shape> {
+        let buffer = vertices(indices);
+        let (stride, first) = (28, 28 * VERTICES);
+        let json = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}],
+            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "NORMAL": 1}}{primitive}}}]}}],
+            "accessors": [
+                {{"bufferView": 0, "componentType": 5126, "count": {count}, "type": "VEC3",
+                    "min": [0, 0, 0], "max": [1, 2, 3]}},
+                {{"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": {count}, "type": "VEC3"}},
+                {{"bufferView": 1, "byteOffset": 4, "type": "SCALAR", {accessor}}}],
+            "bufferViews": [
+                {{"buffer": 0, "byteLength": {first}, "byteStride": {stride}}},
+                {{"buffer": 0, "byteOffset": {}, "byteLength": {}}}],
+            "buffers": [{{"byteLength": {}, "uri": "a.bin"}}]}}"#,
+            first - 4,
+            indices.len() + 4,
+            buffer.len(),
+        );
+        let model = read(json.as_bytes(), |_| Ok(buffer.clone())).unwrap();
+        model.parts.into_iter().map(|(shape, _)| shape).collect()
+    }
+
+    /// Triangles that begin with their lowest vertex.
+    fn turned(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+        let lowest_first = |t: &[u32; 3]| {
+            let lowest = (0..3).min_by_key(|&corner| t[corner]).unwrap_or(0);
+            [0, 1, 2].map(|corner| t[(lowest + corner) % 3])
+        };
+        triangles.iter().map(lowest_first).collect()
+    }
+
+    #[test]
+    fn triangles_strips_and_fans() {
+        let strip = [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]];
+        let fan = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
+        let list = [[0, 1, 2], [3, 4, 5]];
+        for (mode, count, expected) in [
+            ("", 6, &list[..]),
+            (r#", "mode": 4"#, 6, &list),
+            (r#", "mode": 4"#, 8, &list),
+            (r#", "mode": 4"#, 5, &list[..1]),
+            (r#", "mode": 5"#, 6, &strip),
+            (r#", "mode": 5"#, 3, &strip[..1]),
+            (r#", "mode": 5"#, 2, &[]),
+            (r#", "mode": 6"#, 6, &fan),
+            (r#", "mode": 6"#, 3, &fan[..1]),
+            (r#", "mode": 6"#, 1, &[]),
+        ] {
+            let [shape] = &shapes(mode, &[0; 8], r#""componentType": 5121, "count": 1"#, count)[..] else {
+                panic!("one primitive, one shape")
+            };
+            assert_eq!(turned(&shape.triangles), expected, "{mode} of {count} vertices");
+            assert_eq!(shape.positions.len(), count as usize);
+        }
+        for points_or_lines in 0..4 {
+            let mode = format!(r#", "mode": {points_or_lines}"#);
+            assert!(shapes(&mode, &[0; 8], r#""componentType": 5121, "count": 1"#, 6).is_empty());
+        }
+    }
+
+    #[test]
+    fn vertices_are_found_by_indices_of_any_type() {
+        let bytes = |list: &[u32], size: usize| -> Vec<u8> {
+            list.iter().flat_map(|index| index.to_le_bytes()[..size].to_vec()).collect()
+        };
+        for (kind, size, list) in [
+            (5121, 1, [0xFE, 3, 2]),
+            (5123, 2, [0xFFFE, 0x0102, 0x0201]),
+            (5125, 4, [0x1_0203, 0x0102, 0x1_0001]),
+        ] {
+            let accessor = format!(r#""componentType": {kind}, "count": 3"#);
+            let [shape] = &shapes(r#", "indices": 2"#, &bytes(&list, size), &accessor, VERTICES)[..] else {
+                panic!("one primitive, one shape")
+            };
+            assert_eq!(shape.triangles, [list]);
+            let at = |index: u32| shape.positions[index as usize];
+            assert!(list.iter().all(|&i| at(i) == i as f32 * Vec3::new(1.0, 2.0, 3.0)));
+            assert_eq!(shape.normals, [[Vec3::Y; 3]]);
+        }
+    }
+
+    #[test]
+    fn the_default_scene_or_the_first_or_all_nodes() {
+        // Node 1 is a child of node 0. Each node's mesh is one triangle at the place of the node.
+        let nodes = r#""nodes": [
+            {"mesh": 0, "translation": [10, 0, 0], "children": [1]},
+            {"mesh": 0, "matrix": [0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 1, 0, 0, 5, 0, 1]},
+            {"mesh": 0, "rotation": [0, 0, 1, 0]}],"#;
+        let start = JSON.find("\"scene\": 0").unwrap();
+        let end = JSON.find("\"cameras\"").unwrap();
+        let (parent, child, other) =
+            (Vec3::new(12.0, 0.0, 0.0), Vec3::new(10.0, 9.0, 0.0), Vec3::new(-2.0, 0.0, 0.0));
+        for (scenes, expected) in [
+            (r#""scene": 1, "scenes": [{"nodes": [0]}, {"nodes": [2]}],"#, &[other][..]),
+            (r#""scenes": [{"nodes": [0]}, {"nodes": [2]}],"#, &[parent, child]),
+            (r#""scenes": [{"nodes": [2, 0]}],"#, &[other, parent, child]),
+            ("", &[parent, child, other]),
+        ] {
+            let json = format!("{}{scenes}{nodes}{}", &JSON[..start], &JSON[end..]);
+            let model = read(&glb(&json), no_files).unwrap();
+            // The second vertex is at x = 2.
+            let found: Vec<Vec3> = model.parts.iter().map(|(shape, _)| shape.positions[1]).collect();
+            let near = found.iter().zip(expected).all(|(a, b)| a.distance(*b) < 1e-5);
+            assert!(near && found.len() == expected.len(), "{scenes}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn metals_and_dielectrics() {
+        let of = |members: &str| {
+            let from = r#""pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1], "metallicFactor": 0}"#;
+            assert!(JSON.contains(from));
+            let model = read(&glb(&JSON.replacen(from, members, 1)), no_files).unwrap();
+            let Material { color, surface, emission, .. } = model.materials[0].clone();
+            (color, surface, emission)
+        };
+        let pbr = |metallic: f32, roughness: f32| {
+            let factors = format!(r#""metallicFactor": {metallic}, "roughnessFactor": {roughness}"#);
+            let (color, surface, _) = of(&format!(
+                r#""pbrMetallicRoughness": {{"baseColorFactor": [0.5, 0.8, 0.2, 1], {factors}}}"#
+            ));
+            (color, surface)
+        };
+        let base = Vec3::new(0.5, 0.8, 0.2);
+        let glossy = |roughness, f0| Surface::Glossy { roughness, f0 };
+        for (metallic, roughness, factor, surface) in [
+            (0.0, 1.0, 1.0, Surface::Diffuse),
+            (0.0, 0.6, 1.0, Surface::Diffuse),
+            (0.0, 0.59, 1.0, glossy(0.59, 0.04)),
+            (0.0, 0.0, 1.0, glossy(0.02, 0.04)),
+            (1.0, 0.0, 1.0, Surface::Mirror),
+            (1.0, 0.07, 1.0, Surface::Mirror),
+            (1.0, 0.08, 0.5, glossy(0.08, 0.8)),
+            (1.0, 1.0, 0.5, glossy(1.0, 0.8)),
+            (0.5, 0.05, 0.75, glossy(0.05, 0.42)),
+            (0.5, 0.7, 0.75, Surface::Diffuse),
+        ] {
+            let found = pbr(metallic, roughness);
+            let alike = match (found.1, surface) {
+                (Surface::Glossy { roughness: r, f0: f }, Surface::Glossy { roughness, f0 }) => {
+                    r == roughness && (f - f0).abs() < 1e-6
+                }
+                (found, expected) => found == expected,
+            };
+            assert!(alike && found.0.distance(factor * base) < 1e-6, "{metallic}, {roughness}: {found:?}");
+        }
+        let emissive = r#""emissiveFactor": [1, 0.5, 0]"#;
+        let strong = r#""extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}"#;
+        assert_eq!(of(emissive).2, Vec3::new(1.0, 0.5, 0.0));
+        assert_eq!(of(&format!("{emissive}, {strong}")).2, Vec3::new(8.0, 4.0, 0.0));
+        let masked = format!(
+            r#"{emissive}, "emissiveTexture": {{"index": 0}}}}],
+            "images": [{{"uri": "a.png"}}], "textures": [{{"source": 0}}], "samplers": [{{"#
+        );
+        assert_eq!(of(&masked).2, Vec3::ZERO, "what the texture would show is not known");
     }
 }
