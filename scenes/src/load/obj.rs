@@ -223,6 +223,84 @@ mod tests {
     }
 
     #[test]
+    fn corners_are_written_in_many_ways() {
+        for (faces, triangles, normals) in [
+            ("f 1 2 3", &[[0, 1, 2]][..], &[][..]),
+            ("f 3 1 2", &[[2, 0, 1]], &[]),
+            ("f 1/4 2/4 3/4", &[[0, 1, 2]], &[]),
+            ("f 1/ 2/ 3/", &[[0, 1, 2]], &[]),
+            ("f 1// 2// 3//", &[[0, 1, 2]], &[]),
+            ("f 1//2 2//1 3//-1", &[[0, 1, 2]], &[[Vec3::Y, Vec3::X, Vec3::Y]]),
+            ("f 1/7/1 2/8/1 3/9/2", &[[0, 1, 2]], &[[Vec3::X, Vec3::X, Vec3::Y]]),
+            ("f 1//1 2 3/5", &[[0, 1, 2]], &[[Vec3::X, Vec3::ZERO, Vec3::ZERO]]),
+            ("f -5 -4 -1", &[[0, 1, 4]], &[]),
+            ("f 1 2 3 4 5", &[[0, 1, 2], [0, 2, 3], [0, 3, 4]], &[]),
+            ("  f\t1\t2  3 \r\nf 2 3 4 # f 1 2 5", &[[0, 1, 2], [1, 2, 3]], &[]),
+        ] {
+            // Vertices may have colours, or a weight.
+            let text = format!(
+                "v 0 1 2 9 9 9\nv 10 11 12\nv 2e1 21 +22.0 1\nv 30 31 -3.2\nv\t40  41 42\nvn 3 0 0\nvn 0 0.5 0\n\
+                vt 0 0\ns off\n\n{faces}\n"
+            );
+            let shape = &read(&text, library).unwrap().parts[0].0;
+            let positions = [
+                [0.0, 1.0, 2.0],
+                [10.0, 11.0, 12.0],
+                [20.0, 21.0, 22.0],
+                [30.0, 31.0, -3.2],
+                [40.0, 41.0, 42.0],
+            ]
+            .map(Vec3::from);
+            let places = |list: &[[usize; 3]], of: &dyn Fn(usize) -> Vec3| -> Vec<[Vec3; 3]> {
+                list.iter().map(|triangle| triangle.map(of)).collect()
+            };
+            let found: Vec<[usize; 3]> = shape.triangles.iter().map(|t| t.map(|i| i as usize)).collect();
+            assert_eq!(
+                places(&found, &|i| shape.positions[i]),
+                places(triangles, &|i| positions[i]),
+                "{faces}"
+            );
+            assert_eq!(shape.normals, normals, "{faces}");
+        }
+    }
+
+    #[test]
+    fn surfaces_of_materials() {
+        let glossy = |roughness, f0| Surface::Glossy { roughness, f0 };
+        // Ns = 900 (1 - roughness)^2.
+        for (illum, specular, exponent, surface) in [
+            (0, 0.5, 225.0, Surface::Diffuse),
+            (1, 0.5, 225.0, Surface::Diffuse),
+            (2, 0.0, 225.0, Surface::Diffuse),
+            (2, 0.5, 225.0, glossy(0.5, 0.04)),
+            (2, 1.0, 225.0, glossy(0.5, 0.08)),
+            (2, 9.0, 225.0, glossy(0.5, 0.08)),
+            (2, 0.5, 900.0, glossy(0.02, 0.04)),
+            (2, 0.5, 143.0, Surface::Diffuse),
+            (2, 0.5, 0.0, Surface::Diffuse),
+            (2, 0.5, -5.0, Surface::Diffuse),
+            (3, 0.0, 900.0, Surface::Diffuse),
+            (3, 0.5, 900.0, Surface::Mirror),
+            (3, 0.5, 1000.0, Surface::Mirror),
+            (3, 0.5, 225.0, glossy(0.5, 0.5)),
+            (3, 0.5, 0.0, glossy(1.0, 0.5)),
+            (7, 0.25, 225.0, glossy(0.5, 0.25)),
+        ] {
+            let text = format!("newmtl a\nillum {illum}\n Ks 0 {specular} 0\nNs {exponent}\n");
+            assert_eq!(read_materials(&text).unwrap()[0].surface, surface, "{text}");
+        }
+        // Without `illum` it is a coat; the rest is grey and dark.
+        let [plain, coat] =
+            &read_materials("# two\nnewmtl a b\nnewmtl c\nKs 1 1 1\nNs 225\nKd 2 -1 0.5").unwrap()[..]
+        else {
+            panic!("two materials")
+        };
+        let expected = (Vec3::splat(0.7), Surface::Diffuse, Vec3::ZERO);
+        assert_eq!((plain.name.as_str(), (plain.color, plain.surface, plain.emission)), ("a b", expected));
+        assert_eq!((coat.color, coat.surface), (Vec3::new(1.0, 0.0, 0.5), glossy(0.5, 0.08)));
+    }
+
+    #[test]
     fn errors_name_the_line() {
         for (from, to, expected) in [
             ("v 1 1 0", "v 1 nan 0", "line 5: `1 nan 0` is not finite"),
