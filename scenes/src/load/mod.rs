@@ -66,7 +66,7 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
         std::fs::read(&companion)
             .map_err(|error| format!("cannot read {}, which it references: {error}", companion.display()))
     };
-    let bytes = unpack(read_file(path)?).map_err(invalid)?;
+    let bytes = unpack(read_file(path)?, MOST_BYTES).map_err(invalid)?;
     let name = path.to_string_lossy().to_lowercase();
     let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
         ply::read(&bytes)
@@ -87,18 +87,18 @@ fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
     std::fs::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
 }
 
-/// Decompresses gzip data; other data is returned unchanged.
-fn unpack(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
+/// Decompresses gzip data, to at most `most` bytes; other data is returned unchanged.
+fn unpack(bytes: Vec<u8>, most: u64) -> Result<Vec<u8>, String> {
     if !bytes.starts_with(&[0x1f, 0x8b]) {
         return Ok(bytes);
     }
     let mut unpacked = Vec::new();
     flate2::read::MultiGzDecoder::new(bytes.as_slice())
-        .take(MOST_BYTES + 1)
+        .take(most + 1)
         .read_to_end(&mut unpacked)
         .map_err(|error| format!("it cannot be unpacked: {error}"))?;
-    if unpacked.len() as u64 > MOST_BYTES {
-        return Err(format!("it unpacks to more than {MOST_BYTES} bytes"));
+    if unpacked.len() as u64 > most {
+        return Err(format!("it unpacks to more than {most} bytes"));
     }
     Ok(unpacked)
 }

@@ -237,7 +237,28 @@ mod tests {
                 assert!(seen.length() < camera.far);
             }
         }
-        let [Light::Quad { corner, u, v, .. }] = scene.lights[..] else { panic!("{:?}", scene.lights) };
-        assert!(u.cross(v).dot(Vec3::new(2.0, 0.5, 1.0) - corner) > 0.0);
+        let [Light::Quad { corner, u, v, radiance }] = scene.lights[..] else { panic!("{:?}", scene.lights) };
+        let to_light = corner + 0.5 * (u + v) - Vec3::new(2.0, 0.5, 1.0);
+        // From the upper left, as wide as half the box's diagonal, and turned to the box.
+        assert!(to_light.x < 0.0 && to_light.y > 0.0 && to_light.z > 0.0);
+        let half_diagonal = 0.5 * 21f32.sqrt();
+        assert!([u, v].iter().all(|side| (side.length() - half_diagonal).abs() < 1e-5));
+        assert!(u.cross(v).normalize().distance(-to_light.normalize()) < 1e-5);
+        // A white surface that faces it has the radiance L A / (pi d^2).
+        let white = radiance * u.cross(v).length() / (std::f32::consts::PI * to_light.length_squared());
+        assert!(white.distance(Vec3::ONE) < 1e-5, "{white}");
+    }
+
+    #[test]
+    fn only_a_model_without_lights_and_camera_gets_them() {
+        let own = Light::Point { position: Vec3::ONE, intensity: Vec3::ONE };
+        let camera = Camera::look_at(Vec3::X, Vec3::ZERO, 1.0, 0.1, 9.0);
+        let model = Model {
+            lights: vec![own],
+            camera: Some(camera),
+            ..Model::from_shape(Shape::cuboid(Vec3::ZERO, Vec3::ONE))
+        };
+        let scene = model.into_scene("lit").unwrap();
+        assert_eq!((&scene.lights[..], scene.camera, scene.mesh.triangles.len()), (&[own][..], camera, 12));
     }
 }

@@ -1,5 +1,7 @@
 use super::*;
 
+use std::io::Write;
+
 use glam::{Affine3A, Vec3};
 
 use crate::{Light, Surface};
@@ -88,6 +90,38 @@ fn broken_meshes_are_errors() {
     binary.extend([0, 1, 2_i32].iter().flat_map(|i| i.to_be_bytes()));
     let message = error(&folder.file("nan-binary.ply", binary));
     assert!(message.contains("vertex 1 is not finite: (1, NaN, 0)"), "{message}");
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    packed.write_all(bytes).unwrap();
+    packed.finish().unwrap()
+}
+
+#[test]
+fn compressed_data_has_a_limit() {
+    let bytes: Vec<u8> = (0..=255).cycle().take(1000).collect();
+    // A file may consist of several compressed parts.
+    let parts = [gzip(&bytes[..300]), gzip(&bytes[300..])].concat();
+    for packed in [gzip(&bytes), parts] {
+        assert_eq!(unpack(packed.clone(), 1000).unwrap(), bytes);
+        assert_eq!(unpack(packed.clone(), u64::MAX - 1).unwrap(), bytes);
+        assert_eq!(unpack(packed.clone(), 999).unwrap_err(), "it unpacks to more than 999 bytes");
+        assert!(unpack(packed, 0).is_err());
+    }
+    // What is not compressed takes no more memory than its file.
+    assert_eq!(unpack(bytes.clone(), 10).unwrap(), bytes);
+}
+
+#[test]
+fn a_compressed_mesh_is_the_mesh() {
+    let folder = Folder::new("gzip");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n";
+    let [plain, packed] = [("a.ply", ply.as_bytes().to_vec()), ("b.PLY.GZ", gzip(ply.as_bytes()))]
+        .map(|(name, bytes)| Scene::load(&folder.file(name, bytes)).unwrap());
+    assert_eq!(plain.mesh.corners(0), [Vec3::ZERO, Vec3::X, 2.0 * Vec3::Y]);
+    assert_eq!(plain.mesh.positions, packed.mesh.positions);
 }
 
 const SCENE: &str = r#"Scene(
