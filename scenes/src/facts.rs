@@ -45,7 +45,10 @@ impl SceneFacts {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
+    use crate::{Camera, Material, SceneBuilder, Shape};
 
     #[test]
     fn facts_of_the_cornell_box() {
@@ -55,6 +58,35 @@ mod tests {
         assert_eq!(facts.regular_edges + facts.crease_edges + facts.border_edges, 58);
         assert_eq!(facts.border_edges, 8);
         assert!(facts.bodies == 0 && !facts.lights_move);
+    }
+
+    #[test]
+    fn lights_are_counted_by_kind_and_shadows_need_both_light_and_surface() {
+        let facts = |surface: bool, points: usize, quads: usize| {
+            let mut builder = SceneBuilder::new();
+            let lamp =
+                builder.material(Material { emission: Vec3::ONE, ..Material::diffuse("", Vec3::ZERO) });
+            let white = builder.material(Material::diffuse("", Vec3::ONE));
+            builder.add(&Shape::cuboid(Vec3::ZERO, Vec3::ONE), if surface { white } else { lamp }).unwrap();
+            (0..points).for_each(|_| builder.point_light(2.0 * Vec3::Y, Vec3::ONE));
+            (0..quads).for_each(|_| builder.quad_light(3.0 * Vec3::Y, Vec3::X, Vec3::Z, Vec3::ONE).unwrap());
+            let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+            SceneFacts::of(&builder.build("", camera, Vec3::ZERO, 0.0, 40.0).unwrap())
+        };
+        for (surface, points, quads, shadows) in [
+            (true, 0, 0, false),
+            (true, 1, 0, true),
+            (true, 0, 1, true),
+            (true, 3, 2, true),
+            (false, 3, 2, false),
+            (false, 0, 0, false),
+        ] {
+            let facts = facts(surface, points, quads);
+            assert_eq!((facts.point_lights, facts.quad_lights), (points, quads));
+            assert_eq!(facts.shadow_casters, shadows, "{surface}, {points}, {quads}");
+            assert_eq!((facts.crease_edges, facts.faces), (12, 12 + 2 * quads));
+            assert_eq!((facts.regular_edges, facts.border_edges), (6 + quads, 4 * quads));
+        }
     }
 
     #[test]

@@ -95,6 +95,32 @@ fn an_orbit_that_begins_inside_stays_inside() {
 }
 
 #[test]
+fn an_orbit_inside_keeps_a_margin_from_every_side() {
+    for (eye, target, bounds, arc) in [
+        // 0.5 + 0.5 sin(a) up to 0.96: a = 66.9 degrees.
+        ([0.5, 0.0, 0.0], [0.5, 0.0, -1.0], [[-1.0; 3], [1.0; 3]], 132),
+        ([-0.5, 0.0, 0.0], [-0.5, 0.0, -1.0], [[-1.0; 3], [1.0; 3]], 132),
+        // The same in a box beside the origin.
+        ([9.5, 4.0, 0.0], [9.5, 4.0, -1.0], [[8.0, 3.0, -1.0], [10.0, 5.0, 1.0]], 132),
+        // -0.05 + 0.95 cos(a) down to -0.96: a = 163.3 degrees.
+        ([0.0, 0.0, 0.9], [0.0, 0.0, 0.0], [[-1.0; 3], [1.0; 3]], 326),
+        ([0.0, 0.0, -0.9], [0.0, 0.0, 0.0], [[-1.0; 3], [1.0; 3]], 326),
+        // An eye in the margin counts as outside: it may go all the way round.
+        ([0.5, 0.97, 0.0], [0.5, 0.97, -1.0], [[-1.0; 3], [1.0; 3]], 360),
+        ([0.5, -0.97, 0.0], [0.5, -0.97, -1.0], [[-1.0; 3], [1.0; 3]], 360),
+        ([0.5, 0.95, 0.0], [0.5, 0.95, -1.0], [[-1.0; 3], [1.0; 3]], 132),
+        ([0.5, -0.95, 0.0], [0.5, -0.95, -1.0], [[-1.0; 3], [1.0; 3]], 132),
+        ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [[-1.0; 3], [1.0; 3]], 360),
+    ] {
+        let scene = Scene { bounds: bounds.map(Vec3::from), ..scene(eye.into(), target.into()) };
+        let path = CameraPath::parse("orbit:1:360", &scene).unwrap();
+        // To and fro on an arc, but once round the circle.
+        let frames = if arc < 360 { 2 * arc } else { 360 };
+        assert_eq!(path.frames(), Some(frames), "from {eye:?}");
+    }
+}
+
+#[test]
 fn shake_is_small_and_smooth() {
     let (path, base) = (path("shake"), outside().camera);
     for frame in 0..300 {
