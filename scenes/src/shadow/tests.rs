@@ -227,6 +227,54 @@ fn a_box_on_the_floor_has_no_boundaries_along_its_own_edges() {
 }
 
 #[test]
+fn boundaries_begin_at_the_contact_distance() {
+    let ground = Shape::quad(square(5.0).map(|[x, z]| Vec3::new(x, 0.0, z)));
+    let wall = [[-1.0, 0.0], [1.0, 0.0], [1.0, 0.5], [-1.0, 0.5]];
+    let wall = Shape::quad(wall.map(|[z, y]| Vec3::new(0.0, y, z)));
+    for (one_object, contact, begin) in
+        [(true, 0.1, 0.3), (true, 0.2, 0.6), (false, 0.1, 0.03), (false, 0.5, 0.15), (true, 0.0, 0.0)]
+    {
+        let mut world = World::new(1.0);
+        if one_object {
+            world.add(Shape::union([ground.clone(), wall.clone()]));
+        } else {
+            world.add(ground.clone());
+            world.add(wall.clone());
+        }
+        world.point([-3.0, 2.0, 0.0]);
+        let segments = find(&world.scene(), &ShadowSettings { contact, ..ShadowSettings::default() });
+        // The light is 3 in front of the wall at x = 0, and the shadow reaches to x = 1, where it is 4/3 as wide.
+        let begins = segments.iter().flat_map(|s| s.ends).map(|p| p.x).fold(f32::INFINITY, f32::min);
+        assert!((begins - begin).abs() < 1e-3, "{begins}, expected {begin}");
+        let expected = 8.0 / 3.0 + 2.0 * (1.0 - begin) * (10f32.sqrt() / 3.0);
+        assert!((length(&segments) - expected).abs() < 5e-3, "{} of {expected}", length(&segments));
+    }
+}
+
+#[test]
+fn only_surfaces_that_scatter_light_show_shadows() {
+    let glossy = Surface::Glossy { roughness: 0.5, f0: 0.04 };
+    for (surface, color, sides) in [
+        (Surface::Diffuse, Vec3::ONE, 4),
+        (Surface::Diffuse, Vec3::X, 4),
+        (Surface::Diffuse, Vec3::ZERO, 0),
+        (Surface::Mirror, Vec3::ONE, 0),
+        (glossy, Vec3::ZERO, 4),
+        (glossy, Vec3::ONE, 4),
+    ] {
+        let mut world = World::new(1.0);
+        let floor = Shape::quad(square(5.0).map(|[x, z]| Vec3::new(x, 0.0, z)));
+        let name = String::new();
+        let material = world.builder.material(Material { name, color, surface, emission: Vec3::ZERO });
+        world.builder.add(&floor, material).unwrap();
+        world.square(2.0, 1.0, [0.0; 2]);
+        world.point([0.0, 4.0, 0.0]);
+        let segments = find(&world.scene(), &ShadowSettings::default());
+        assert_eq!(segments.len(), sides, "{surface:?} of {color}");
+    }
+}
+
+#[test]
 fn scenes_without_shadows_give_no_segments() {
     let mut world = World::new(1.0);
     world.square(0.0, 5.0, [0.0; 2]);
