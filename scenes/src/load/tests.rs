@@ -161,6 +161,66 @@ fn a_scene_file_places_shapes_and_lights() {
     assert_eq!((metal.name.as_str(), metal.surface), ("metal", Surface::Glossy { roughness: 0.3, f0: 0.4 }));
 }
 
+/// The scene of one object, and more members of the file.
+fn scene_of(folder: &Folder, object: &str, members: &str) -> Scene {
+    let light = "lights: [Point(position: (0, 9, 0), intensity: (1, 1, 1))]";
+    let text = format!("Scene(version: 1, objects: [({object})], {light}, {members})");
+    Scene::load(&folder.file("scene.ron", text)).unwrap()
+}
+
+#[test]
+fn shapes_of_a_scene_file_fill_their_boxes() {
+    let folder = Folder::new("shapes");
+    let boxed = "shape: Box(low: (0, 0, 0), high: (1, 2, 3))";
+    for (object, low, high) in [
+        ("shape: Box(low: (1, -2, 3), high: (-1, 2, 4))", [-1.0, -2.0, 3.0], [1.0, 2.0, 4.0]),
+        ("shape: Quad(corner: (1, 2, 3), u: (2, 0, 0), v: (0, 0, -1))", [1.0, 2.0, 2.0], [3.0, 2.0, 3.0]),
+        ("shape: Sphere(center: (1, 2, 3), radius: 0.5)", [0.5, 1.5, 2.5], [1.5, 2.5, 3.5]),
+        ("shape: Cylinder(base: (1, 2, 3), radius: 0.5, height: 4)", [0.5, 2.0, 2.5], [1.5, 6.0, 3.5]),
+        (&format!("{boxed}, scale: 2, translate: (1, 0, 0)"), [1.0, 0.0, 0.0], [3.0, 4.0, 6.0]),
+        (&format!("{boxed}, height: 1, translate: (1, 0, 0)"), [0.75, 0.0, -0.75], [1.25, 1.0, 0.75]),
+        (&format!("{boxed}, repeat: (count: 3, step: (0, 0, 5))"), [0.0, 0.0, 0.0], [1.0, 2.0, 13.0]),
+        // About z, then x, then y.
+        (&format!("{boxed}, rotate: (90, 0, 90)"), [-2.0, -3.0, 0.0], [0.0, 0.0, 1.0]),
+        (&format!("{boxed}, rotate: (90, 90, 90)"), [0.0, -3.0, 0.0], [1.0, 0.0, 2.0]),
+    ] {
+        let [found_low, found_high] = scene_of(&folder, object, "").bounds;
+        let near = found_low.distance(low.into()) < 1e-5 && found_high.distance(high.into()) < 1e-5;
+        assert!(near, "{object}: {found_low} to {found_high}");
+    }
+}
+
+#[test]
+fn members_of_a_scene_file_shape_the_scene() {
+    let folder = Folder::new("members");
+    let boxed = "shape: Box(low: (0, 0, 0), high: (1, 1, 1))";
+    let creases = |members| crate::SceneFacts::of(&scene_of(&folder, boxed, members)).crease_edges;
+    assert_eq!([creases(""), creases("crease_angle: 89"), creases("crease_angle: 91")], [12, 12, 0]);
+    // Copies 0.05 apart: at 0.04, each keeps its 8 vertices.
+    let copies = format!("{boxed}, repeat: (count: 2, step: (1.05, 0, 0))");
+    let vertices = |members| scene_of(&folder, &copies, members).mesh.positions.len();
+    assert_eq!(
+        [vertices(""), vertices("weld_distance: 0.04"), vertices("weld_distance: 0.06")],
+        [16, 16, 12]
+    );
+    // The corner farthest from the eye is (1, 1, 4) away.
+    let camera = scene_of(&folder, boxed, "camera: (eye: (0, 0, 4), target: (0, 0, 0), fov: 90)").camera;
+    assert!(
+        (camera.far - 2.0 * 18f32.sqrt()).abs() < 1e-5 && (camera.near - 1e-3 * 18f32.sqrt()).abs() < 1e-6
+    );
+    // Only shapes without normals are smoothed, and only if the file says so.
+    assert!(scene_of(&folder, boxed, "").mesh.corner_normals.is_empty());
+    let smooth = scene_of(&folder, &format!("{boxed}, smooth: 100"), "").mesh;
+    assert!(smooth.corner_normals[0][0].distance(smooth.face_normals[0]) > 0.1);
+    // At the corners of the ball's facets, flat normals are up to 0.07 off.
+    let ball = scene_of(&folder, "shape: Sphere(center: (0, 0, 0), radius: 1), smooth: 1", "").mesh;
+    for (face, normals) in ball.corner_normals.iter().enumerate() {
+        assert!(
+            normals.iter().zip(ball.corners(face)).all(|(normal, corner)| normal.distance(corner) < 0.04)
+        );
+    }
+}
+
 #[test]
 fn objects_and_lights_of_a_scene_file_move() {
     let folder = Folder::new("motion");
