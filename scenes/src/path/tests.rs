@@ -199,6 +199,67 @@ fn flight_has_no_jumps_in_velocity() {
 }
 
 #[test]
+fn flights_last_from_their_start_to_their_end() {
+    let keys = |list: &[(f32, [i32; 3], [i32; 3])], looped: bool| {
+        let key = |(time, [x, y, z], [a, b, c]): &(f32, [i32; 3], [i32; 3])| {
+            format!("(time: {time:?}, eye: ({x}, {y}, {z}), target: ({a}, {b}, {c}))")
+        };
+        let keys: Vec<String> = list.iter().map(key).collect();
+        let text = format!("(looped: {looped}, keys: [{}])", keys.join(", "));
+        CameraPath::through(&text, Path::new("keys.ron"), &outside()).unwrap()
+    };
+    let (a, b, c) = ([0, 0, 3], [3, 0, 0], [0, 0, -3]);
+    let origin = [0; 3];
+    let three = [(1.0, a, origin), (2.0, b, origin), (4.0, c, origin)];
+    // A loop takes one more mean interval from its last key to its first, unless both are the same view.
+    for (path, frames) in [
+        (keys(&three, false), 4 * 30 + 1),
+        (keys(&three, true), 3 * 30 + 45),
+        (keys(&[(1.0, a, origin), (2.0, b, origin), (4.0, a, origin)], true), 3 * 30),
+        (keys(&[(1.0, a, origin), (2.0, b, origin), (4.0, a, b)], true), 3 * 30 + 45),
+        (keys(&[(1.0, a, origin), (2.0, b, origin), (4.0, [0, 0, 5], origin)], true), 3 * 30 + 45),
+        (keys(&three[..1], true), 1),
+        (keys(&[(0.0, a, origin)], false), 1),
+    ] {
+        assert_eq!(path.frames(), Some(frames));
+        assert_eq!(path.moves(), frames > 1);
+    }
+    // Before its first key, a loop is at its end.
+    let path = keys(&three, true);
+    assert!(path.camera(30).eye.distance(Vec3::Z * 3.0) < 1e-5);
+    assert!(path.camera(135 + 60).eye.distance(Vec3::X * 3.0) < 1e-4);
+    assert!(path.camera(15).eye.distance(path.camera(135 + 15).eye) < 1e-4);
+    // Around a square of keys, every side is the same curve: halfway, the ends' mean plus an eighth of the difference
+    // of their velocities.
+    let square = [(1.0, a, origin), (2.0, b, origin), (3.0, c, origin), (4.0, [-3, 0, 0], origin)];
+    let path = keys(&square, true);
+    for (frame, [x, z]) in [(45, [1.0, 1.0]), (75, [1.0, -1.0]), (105, [-1.0, -1.0]), (135, [-1.0, 1.0])] {
+        let eye = path.camera(frame).eye;
+        assert!(eye.distance(1.875 * Vec3::new(x, 0.0, z)) < 1e-4, "frame {frame}: {eye}");
+    }
+}
+
+#[test]
+fn a_recorded_view_from_the_origin_comes_back() {
+    let camera = Camera::look_at(Vec3::ZERO, Vec3::new(1.0, 2.0, -3.0), 0.8, 0.1, 10.0);
+    let again = CameraPath::through(&keyframes(&[(0.0, camera)]), Path::new("keys.ron"), &outside()).unwrap();
+    assert!(again.camera(0).eye == Vec3::ZERO && forward(&again.camera(0)).distance(forward(&camera)) < 1e-6);
+}
+
+#[test]
+fn shake_grows_with_the_distance_and_has_a_limit() {
+    let swayed = |distance: f32, frame: u32| {
+        let scene = scene(Vec3::Z * distance, Vec3::ZERO);
+        CameraPath::parse("shake", &scene).unwrap().camera(frame).eye - scene.camera.eye
+    };
+    for frame in 0..3000 {
+        let (near, far) = (swayed(4.0, frame), swayed(8.0, frame));
+        assert!(far.distance(2.0 * near) < 1e-5, "frame {frame}: {near}, {far}");
+        assert!(near.abs().max_element() <= 4.0 * SHAKE_SWAY + 1e-6, "frame {frame}: {near}");
+    }
+}
+
+#[test]
 fn errors_say_what_to_write_instead() {
     assert_eq!(
         message("orbitt"),
@@ -223,6 +284,12 @@ fn wrong_keyframes_are_errors() {
         ("(keys: [(time: 0.0, eye: (0,0,0)]", "ron: 1:33: "),
         ("(keys: [(time: 0.0, eye: (0,0,0), target: (0,0,0))])", "same point"),
         ("(keys: [(time: NaN, eye: (0,0,0), target: (0,0,1))])", "not finite"),
+        ("(keys: [(time: 0.0, eye: (0,inf,0), target: (0,0,1))])", "not finite"),
+        ("(keys: [(time: 0.0, eye: (0,0,0), target: (0,-inf,1))])", "not finite"),
+        (
+            "(keys: [(time: 1.0, eye: (0,0,0), target: (0,0,1)), (time: 1.0, eye: (0,1,0), target: (0,0,1))])",
+            "keyframe 1: its time is not after",
+        ),
         ("(kyes: [])", "kyes"),
     ];
     for (i, (text, part)) in bad.into_iter().enumerate() {
@@ -240,7 +307,14 @@ fn a_view_is_written_and_read_to_the_bit() {
     let path = path(&CameraPath::view(&camera));
     assert_eq!(path.camera(5), camera);
     assert!(!path.moves());
-    for wrong in ["view", "view:1,2,3", "view:1,2,3:0,0,0", "view:1,2,3:0,0,0,2", "view:1,2,x:0,0,0,1"] {
+    for wrong in [
+        "view",
+        "view:1,2,3",
+        "view:1,2,3:0,0,0",
+        "view:1,2,3:0,0,0,2",
+        "view:1,2,x:0,0,0,1",
+        "view:inf,2,3:0,0,0,1",
+    ] {
         assert!(message(wrong).contains("quaternion of length 1"), "{wrong}: {}", message(wrong));
     }
 }
