@@ -341,4 +341,34 @@ mod tests {
             assert!(point.cmpge(rest.bounds[0] - 1e-5).all() && point.cmple(rest.bounds[1] + 1e-5).all());
         }
     }
+
+    #[test]
+    fn a_loop_may_start_late() {
+        let key = |time: f32, x: f32| MotionKey { time, translate: x * Vec3::X, rotate: Quat::IDENTITY };
+        let motion = Motion { pivot: Vec3::ZERO, keys: vec![key(1.0, 0.0), key(3.0, 8.0)], looped: true };
+        // At 0, 0.5, 1, 2, 2.5 and 3.5 seconds; it takes two.
+        for (frame, x) in [(0, 4.0), (15, 6.0), (30, 0.0), (60, 4.0), (75, 6.0), (105, 2.0)] {
+            assert!((motion.pose(frame).translation.x - x).abs() < 1e-5, "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn the_swept_box_is_that_of_all_keys() {
+        let motion = |translate: Vec3, rotate: Quat| {
+            let rest = MotionKey { time: 0.0, translate: Vec3::ZERO, rotate: Quat::IDENTITY };
+            Motion {
+                pivot: Vec3::X,
+                keys: vec![rest, MotionKey { time: 1.0, translate, rotate }],
+                looped: false,
+            }
+        };
+        let points = [Vec3::new(3.0, 0.0, 0.0), Vec3::new(2.0, 1.0, 0.0)];
+        let swept = |translate, rotate| motion(translate, rotate).swept(&points);
+        let [x, y] = [Vec3::new(-1.0, 0.0, 0.0), Vec3::new(0.0, 5.0, 0.0)];
+        assert_eq!(swept(x, Quat::IDENTITY), [Vec3::new(1.0, 0.0, 0.0), Vec3::new(3.0, 1.0, 0.0)]);
+        assert_eq!(swept(y, Quat::IDENTITY), [Vec3::new(2.0, 0.0, 0.0), Vec3::new(3.0, 6.0, 0.0)]);
+        // The farthest point is 2 from the pivot.
+        let turned = swept(y, Quat::from_rotation_z(1.0));
+        assert_eq!(turned, [Vec3::new(-1.0, -2.0, -2.0), Vec3::new(3.0, 7.0, 2.0)]);
+    }
 }

@@ -296,4 +296,38 @@ mod tests {
         let mirrored = Shape::sphere(1.0, 16, 8).transformed(Affine3A::from_scale(Vec3::new(-2.0, 1.0, 1.0)));
         check(&mirrored, 8.0 / 3.0 * std::f32::consts::PI, 0.2);
     }
+
+    #[test]
+    fn normals_follow_a_transform_and_a_union() {
+        let normals = [Vec3::X, Vec3::new(0.6, 0.8, 0.0), Vec3::Z];
+        let triangle = Shape {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            normals: vec![normals],
+        };
+        // It mirrors y, so the last two corners change places; normals scale by the inverse.
+        let mirrored = triangle.transformed(Affine3A::from_scale(Vec3::new(2.0, -1.0, 4.0)));
+        let expected = [Vec3::X, Vec3::Z, Vec3::new(0.3, -0.8, 0.0).normalize()];
+        assert_eq!(mirrored.triangles, [[0, 2, 1]]);
+        assert!(mirrored.normals[0].iter().zip(expected).all(|(normal, b)| normal.distance(b) < 1e-6));
+        let flat = Shape { normals: vec![], ..triangle.clone() };
+        let both = Shape::union([flat.clone(), triangle.clone(), flat]);
+        assert_eq!(both.triangles, [[0, 1, 2], [3, 4, 5], [6, 7, 8]]);
+        assert_eq!(both.normals, [[Vec3::ZERO; 3], normals, [Vec3::ZERO; 3]]);
+    }
+
+    #[test]
+    fn smooth_normals_are_weighted_by_area() {
+        // Two triangles at a right angle along the x axis; the second is three times as large.
+        let mut shape = Shape {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, 3.0 * Vec3::Z],
+            triangles: vec![[0, 1, 2], [1, 0, 3]],
+            normals: vec![],
+        };
+        for (angle, at_the_edge) in [(91.0, Vec3::new(0.0, 3.0, 1.0).normalize()), (89.0, Vec3::Z)] {
+            shape.smooth(angle);
+            assert!(shape.normals[0][0].distance(at_the_edge) < 1e-6, "{angle}: {}", shape.normals[0][0]);
+            assert!(shape.normals[0][2].distance(Vec3::Z) < 1e-6);
+        }
+    }
 }

@@ -83,4 +83,12 @@ mod tests {
         assert_eq!(welded[0], points[0]);
         assert_eq!(weld_bodies(&points, &[0, 1, 1, 1], 0.01).0, [0, 1, 2, 3], "bodies stay apart");
     }
+
+    #[test]
+    fn vertices_within_epsilon_join_and_others_do_not() {
+        for (distance, joined) in [(0.99, true), (1.0, true), (1.01, false)] {
+            let (map, positions) = weld(&[Vec3::ZERO, distance * Vec3::X], 1.0);
+            assert_eq!((map[1] == 0, positions.len() == 1), (joined, joined), "{distance}");
+        }
+    }
 }
