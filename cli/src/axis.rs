@@ -8,8 +8,8 @@ pub struct Log {
 }
 
 impl Log {
-    /// An axis for these values, with a margin at both ends. It spans at least a decade, so that noise does not look like
-    /// growth.
+    /// An axis for these values, with a margin at both ends. It spans at least a decade, so that noise does not look
+    /// like growth.
     pub fn new([low, high]: [f64; 2], screen: [f64; 2]) -> Self {
         let span = high / low;
         let room = span.powf(0.06).max((10.0 / span).sqrt());

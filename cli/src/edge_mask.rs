@@ -1,4 +1,5 @@
-//! The mask of pixels near the edges of a reference, where pictures from sparse samples are worst and errors most visible.
+//! The mask of pixels near the edges of a reference, where pictures from sparse samples are worst and errors most
+//! visible.
 
 use std::path::Path;
 

@@ -15,8 +15,8 @@ const COMMANDS: [&str; 8] =
 /// Reads a graph by its name or file and applies `--set` in order.
 ///
 /// # Errors
-/// Problems of the graph file, and a `--set` with an unknown node or a value that is not valid RON. Unknown parameters are
-/// reported on compiling.
+/// Problems of the graph file, and a `--set` with an unknown node or a value that is not valid RON. Unknown parameters
+/// are reported on compiling.
 pub fn graph(name: &str, settings: &[Setting]) -> Result<GraphFile, CliError> {
     let mut file = graphs::load(name).map_err(|mut problems| {
         for problem in &mut problems.0 {
@@ -70,7 +70,8 @@ pub fn threads(wanted: Option<u16>) -> Result<usize, CliError> {
     Ok(rayon::current_num_threads())
 }
 
-/// Warns about samples whose radiance is not finite: a fault of the scene or the tracer that is invisible in the picture.
+/// Warns about samples whose radiance is not finite: a fault of the scene or the tracer that is invisible in the
+/// picture.
 pub fn warn_of_bad_samples(count: u64) {
     if count > 0 {
         eprintln!("warning: {count} samples had a radiance that is not finite; they count as black");

@@ -68,7 +68,8 @@ pub fn require_memory(size: [u32; 2]) -> Result<(), CliError> {
     Ok(memory::require(u64::from(size[0]) * u64::from(size[1]) * BYTES_PER_PIXEL)?)
 }
 
-/// The linear colours of a picture with `spp` samples per pixel, rows from the top. `label` is shown at the progress bar.
+/// The linear colours of a picture with `spp` samples per pixel, rows from the top. `label` is shown at the progress
+/// bar.
 ///
 /// # Errors
 /// [`CliError::Interrupted`].

@@ -64,8 +64,8 @@ impl Measured {
         }
     }
 
-    /// Mean number of samples that arrived per frame, or `None` if no frame was probed. The first frame has no requests to
-    /// wait for, so it counts only if it is the only one.
+    /// Mean number of samples that arrived per frame, or `None` if no frame was probed. The first frame has no requests
+    /// to wait for, so it counts only if it is the only one.
     fn mean_arrived(&self) -> Option<f64> {
         let counted = if self.arrived.len() > 1 { &self.arrived[1..] } else { &self.arrived };
         (!counted.is_empty()).then(|| counted.iter().sum::<u64>() as f64 / counted.len() as f64)

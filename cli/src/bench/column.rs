@@ -13,8 +13,8 @@ pub struct Column {
 /// The number of columns.
 pub const COUNT: usize = 8;
 
-/// The columns in the papers' order. Stages that name none of them (tone mapping, a user's own) and transfers count as the
-/// rest of the frame.
+/// The columns in the papers' order. Stages that name none of them (tone mapping, a user's own) and transfers count as
+/// the rest of the frame.
 pub const COLUMNS: [Column; COUNT] = [
     Column { name: column::P1, doc: "update points, request samples" },
     Column { name: column::P2, doc: "project points" },

@@ -15,8 +15,8 @@ use super::{
 };
 use crate::{args::BenchArgs, error::CliError, interrupt, open, progress};
 
-/// The cloud starts empty, and the fuller it is, the longer a frame takes. Samples that renew a point fill no slot, so the
-/// number of points settles only after this multiple of the frames that would fill the cloud.
+/// The cloud starts empty, and the fuller it is, the longer a frame takes. Samples that renew a point fill no slot, so
+/// the number of points settles only after this multiple of the frames that would fill the cloud.
 const FILLS: f64 = 1.5;
 
 /// Least and most warm-up frames, which are not counted.
@@ -29,8 +29,8 @@ const QUICK_WARM_UP: [u64; 2] = [3, 8];
 const FRAMES: u32 = 60;
 const QUICK_FRAMES: u32 = 10;
 
-/// Limits for slow machines and large images. The warm-up ends after this time, once [`WARM_UP`]'s least is done; so does
-/// counting, once [`LEAST_FRAMES`] frames are counted, unless the user gives a number of frames.
+/// Limits for slow machines and large images. The warm-up ends after this time, once [`WARM_UP`]'s least is done; so
+/// does counting, once [`LEAST_FRAMES`] frames are counted, unless the user gives a number of frames.
 const PATIENCE: Duration = Duration::from_secs(20);
 const LEAST_FRAMES: usize = 5;
 
@@ -124,8 +124,8 @@ pub enum Outcome {
 /// Runs a measurement.
 ///
 /// # Errors
-/// Problems of the graph for this scene, and stages that fail. Insufficient memory or an unsuitable GPU is not an error but
-/// [`Outcome::Beyond`].
+/// Problems of the graph for this scene, and stages that fail. Insufficient memory or an unsuitable GPU is not an error
+/// but [`Outcome::Beyond`].
 pub fn measure(job: &Job) -> Result<Outcome, CliError> {
     match try_measure(job) {
         Err(CliError::Run(

@@ -244,8 +244,8 @@ impl Results {
     }
 }
 
-/// The requested backends, without duplicates. The default is all, except the hybrid if the user chooses another graph than
-/// the one that it splits.
+/// The requested backends, without duplicates. The default is all, except the hybrid if the user chooses another graph
+/// than the one that it splits.
 fn backends(args: &BenchArgs) -> Vec<Split> {
     let asked = |backend: Split| {
         let choice = match backend {

@@ -2,8 +2,8 @@
 
 use super::times::Times;
 
-/// The source of the figures. The GPU rows also appear in table 4 of the technical report of 2005, on which this paper is
-/// based.
+/// The source of the figures. The GPU rows also appear in table 4 of the technical report of 2005, on which this paper
+/// is based.
 pub const SOURCE: &str = "Velázquez-Armendáriz, Lee, Bala, Walter: Implementing the Render Cache and the \
                           Edge-and-Point Image on Graphics Hardware, Graphics Interface 2006, tables 1 and 2";
 

@@ -1,4 +1,5 @@
-//! The tables as a picture: stacked bars for each scene beside the papers', and lines that show how the frame time scales.
+//! The tables as a picture: stacked bars for each scene beside the papers', and lines that show how the frame time
+//! scales.
 
 use epigraph_pictures::{
     grouped,

@@ -25,7 +25,8 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// The rows of a sweep, each with the quantity that the sweep varies, by backend and in ascending order of the quantity.
+    /// The rows of a sweep, each with the quantity that the sweep varies, by backend and in ascending order of the
+    /// quantity.
     pub fn sweep(&self, sweep: Sweep) -> Vec<(f64, &Row)> {
         let results = self.results;
         let rows = match sweep {

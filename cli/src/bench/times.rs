@@ -7,8 +7,8 @@ use super::column;
 pub struct Times {
     /// Times of [`column::COLUMNS`]; `None` if no such stage runs or the papers give no figure.
     pub columns: [Option<f64>; column::COUNT],
-    /// Time that no column counts: tone mapping, a user's shaders, transfers, commands and waiting. Zero if the columns sum
-    /// to more than the frame, as CPU and GPU work concurrently.
+    /// Time that no column counts: tone mapping, a user's shaders, transfers, commands and waiting. Zero if the columns
+    /// sum to more than the frame, as CPU and GPU work concurrently.
     pub rest: f64,
     /// All work on the GPU; `None` if the GPU does no work or the papers give no figure.
     pub gpu: Option<f64>,

@@ -1,5 +1,5 @@
-//! `epigraph gallery`: a page of pictures that shows the steps of the algorithm for each scene, with the command lines that
-//! reproduce them.
+//! `epigraph gallery`: a page of pictures that shows the steps of the algorithm for each scene, with the command lines
+//! that reproduce them.
 
 mod canvas;
 mod draw;

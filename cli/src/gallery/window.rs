@@ -14,8 +14,8 @@ const STEP: usize = 4;
 /// Least distance of a window from the image's border in pixels, if the image is large enough.
 const BORDER: usize = 20;
 
-/// Number of simple pixels, complex pixels, and pixels crossed by outlines and by shadow boundaries that a window needs to
-/// show each of them well.
+/// Number of simple pixels, complex pixels, and pixels crossed by outlines and by shadow boundaries that a window needs
+/// to show each of them well.
 const ENOUGH: [usize; 4] = [SIDE, 4, SIDE / 2, SIDE / 2];
 
 /// Number of simple pixels that a complex one outweighs.
@@ -56,9 +56,9 @@ impl Window {
     }
 
     /// The most instructive window: it shows as many as possible of silhouettes, shadows and complex pixels. Among such
-    /// windows it has the most simple pixels, less a penalty for complex ones, which show little. Only visible edges count.
-    /// The window keeps away from the image's border, where points that just came into view are missing. Of equal windows,
-    /// the first one in reading order is taken.
+    /// windows it has the most simple pixels, less a penalty for complex ones, which show little. Only visible edges
+    /// count. The window keeps away from the image's border, where points that just came into view are missing. Of
+    /// equal windows, the first one in reading order is taken.
     pub fn choose(image: &Dissected) -> Self {
         let [width, height] = image.shot.size;
         let size = image.shot.size.map(|side| side.min(SIDE));
@@ -147,7 +147,8 @@ mod tests {
     use super::*;
     use crate::gallery::shot::Layers;
 
-    /// A grey image with a white and a black vertical line of 60 pixels each. Both are simple; the black one is a shadow.
+    /// A grey image with a white and a black vertical line of 60 pixels each. Both are simple; the black one is a
+    /// shadow.
     fn lines(white: [usize; 2], black: [usize; 2]) -> Dissected {
         let [width, height] = [200, 100];
         let grey = vec![[90; 3]; width * height];

@@ -75,7 +75,8 @@ impl Job<'_> {
         Ok(compiled.require()?)
     }
 
-    /// Runs all frames up to the last one in `frames` (ascending), and compares those in `frames` with their references.
+    /// Runs all frames up to the last one in `frames` (ascending), and compares those in `frames` with their
+    /// references.
     pub fn run(&self, frames: &[u32], references: &References) -> Result<Vec<FrameFigures>, CliError> {
         let View { scene_name, camera, .. } = self.view;
         let mut run = self.setup().start()?;

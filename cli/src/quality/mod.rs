@@ -1,4 +1,5 @@
-//! `epigraph quality`: compares the pictures of graphs with converged references, at equal numbers of samples per frame.
+//! `epigraph quality`: compares the pictures of graphs with converged references, at equal numbers of samples per
+//! frame.
 
 mod measure;
 mod plot;

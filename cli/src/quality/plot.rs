@@ -37,8 +37,8 @@ type Kind = (f64, f64, fn(&Row) -> Option<Figures>);
 const WHOLE: Kind = (2.4, 3.8, |row| Some(row.whole()));
 const EDGES: Kind = (1.1, 2.4, Row::edges);
 
-/// Draws all panels: scenes from left to right and cameras from top to bottom, or for a single scene, its cameras from left
-/// to right.
+/// Draws all panels: scenes from left to right and cameras from top to bottom, or for a single scene, its cameras from
+/// left to right.
 pub fn svg(report: &Report) -> String {
     let mut svg = Svg::default();
     let names = |name: fn(&Row) -> &str| distinct(report.rows.iter().map(name));
