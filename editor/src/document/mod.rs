@@ -1,9 +1,9 @@
-//! The open graph: its text and that of its parts, with undo and redo.
+//! The open graph: its text and the texts of its parts, with undo and redo.
 //!
-//! The texts are the truth. Whatever changes them (typing, or one of core's edits, which touch only the characters
-//! concerned) ends up as a new set of texts; the one before goes to the past. Undo takes it back as it was, byte for byte.
-//! While a text is broken, [`Document::file`] is the last good one and [`Document::problems`] says what is wrong.
-//! Where the boxes of the canvas stand is part of that history, and has a file of its own ([`places`]).
+//! The texts are the source of truth. Each change (typing, or one of core's edits, which touch only the characters
+//! concerned) makes a new set of texts and pushes the previous one onto the undo stack, so undo restores it byte for
+//! byte. While a text is broken, [`Document::file`] is the last good graph and [`Document::problems`] lists the errors.
+//! The positions of the canvas's boxes are part of the same history, but are saved in a file of their own ([`places`]).
 
 mod moved;
 pub mod nodes;
@@ -28,23 +28,23 @@ use shaders::ShaderFiles;
 pub use shaders::Sources;
 pub use swap::{fitting, swap};
 
-/// Texts by the path of their file, the graph's own and those of its parts.
+/// Texts of the graph, its parts and its shaders, by file path.
 type Texts = BTreeMap<String, Arc<str>>;
 
-/// Says which changes belong together: those that follow each other with the same tag are undone in one go.
+/// Groups changes for undo: consecutive changes with the same tag are undone together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Tag {
-    /// A change of its own.
+    /// A change that is undone on its own.
     Once,
     /// Typing in a file.
     Typing(String),
     /// Dragging a parameter: node and name.
     Param(String, String),
-    /// Moving boxes of the canvas key by key.
+    /// Moving boxes of the canvas with the arrow keys.
     Moving,
 }
 
-/// What undo and redo lead back to.
+/// The contents that undo and redo restore.
 #[derive(Clone, PartialEq)]
 struct Contents {
     texts: Texts,
@@ -61,7 +61,7 @@ pub struct Document {
     tag: Tag,
     notice: Option<String>,
     file: Option<Arc<GraphFile>>,
-    /// Where the shaders of stages are from.
+    /// The files that the shaders of stages come from.
     sources: Arc<Sources>,
     shaders: ShaderFiles,
     problems: Vec<Problem>,
@@ -69,10 +69,10 @@ pub struct Document {
 }
 
 impl Document {
-    /// Opens a file with its parts. A file with problems opens too, to be mended.
+    /// Opens a file with its parts. A file with problems opens too, so that the user can fix it.
     ///
     /// # Errors
-    /// That the file cannot be read.
+    /// The file cannot be read.
     pub fn open(path: &Path) -> Result<Self, Problems> {
         let name = path.display().to_string();
         let text = fs::read_to_string(path).map_err(|error| {
@@ -113,64 +113,64 @@ impl Document {
         std::iter::once(self.path.as_str()).chain(parts)
     }
 
-    /// The text of a file; empty where there is none of that path.
+    /// The text of the file at this path; empty if the document has no such file.
     pub fn text(&self, path: &str) -> &str {
         self.contents.texts.get(path).map_or("", |text| text)
     }
 
-    /// The graph as of the last texts without problems; none where there never were any.
+    /// The graph as of the last texts without problems; `None` if there have not been any.
     pub fn file(&self) -> Option<&Arc<GraphFile>> {
         self.file.as_ref()
     }
 
-    /// What is wrong with the present texts. That a stage has no such port or parameter shows only on compiling.
+    /// Problems of the current texts. Unknown ports and parameters are found later, when the graph is compiled.
     pub fn problems(&self) -> &[Problem] {
         &self.problems
     }
 
-    /// Counted up by every change, undo and redo.
+    /// A number that increases when a text changes, also by undo and redo.
     pub fn revision(&self) -> u64 {
         self.revision
     }
 
-    /// Where the boxes of the canvas stand that somebody has placed.
+    /// Positions of the boxes that the user has placed on the canvas.
     pub fn places(&self) -> &Arc<Places> {
         &self.contents.places
     }
 
-    /// What there is to tell of opening, once.
+    /// A message about opening the file, for the user; returned once.
     pub fn take_notice(&mut self) -> Option<String> {
         self.notice.take()
     }
 
-    /// Whether a text or a place differs from its file as last read or written.
+    /// True if a text or a box position differs from its file as last read or written.
     pub fn is_dirty(&self) -> bool {
         let (present, saved) = (&self.contents, &self.saved);
         let changed = |(path, text): (&String, &Arc<str>)| saved.texts.get(path) != Some(text);
         present.texts.iter().any(changed) || present.places != saved.places
     }
 
-    /// Whether there is something to undo.
+    /// True if there is a change to undo.
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
-    /// Whether there is something to redo.
+    /// True if there is a change to redo.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
     }
 
-    /// Replaces a text by what the user has typed.
+    /// Replaces a text with the user's typing.
     pub fn type_text(&mut self, path: &str, text: &str) {
         let mut texts = self.contents.texts.clone();
         texts.insert(path.to_owned(), text.into());
         self.change_texts(Tag::Typing(path.to_owned()), texts);
     }
 
-    /// Makes one of core's edits. Parts that stand in the graph several times change in all places.
+    /// Makes one of core's edits. A part that the graph uses several times changes everywhere.
     ///
     /// # Errors
-    /// Those of the edit, or that the text has problems, so that it cannot be edited but by typing; nothing is changed.
+    /// Those of the edit, or the text has problems and can only be edited by typing. Nothing is changed then.
     pub fn edit(
         &mut self,
         tag: Tag,
@@ -179,7 +179,7 @@ impl Document {
         self.edit_placed(tag, |file, _| edit(file))
     }
 
-    /// The same, with places that change in the same step.
+    /// Makes one of core's edits and moves boxes, as one step of undo.
     ///
     /// # Errors
     /// Those of [`Document::edit`].
@@ -189,7 +189,7 @@ impl Document {
         edit: impl FnOnce(&mut GraphFile, &mut Places) -> Result<(), Problems>,
     ) -> Result<(), Problems> {
         let (Some(file), []) = (&self.file, self.problems.as_slice()) else {
-            let text = "the text has problems; mend them first";
+            let text = "the text has problems; fix them first";
             return Err(Problem::new(GraphError::Invalid(text.into())).into());
         };
         let mut edited = GraphFile::clone(file);
@@ -208,12 +208,12 @@ impl Document {
         self.change(tag, self.contents.texts.clone(), places);
     }
 
-    /// Lets the next change be undone on its own, whatever its tag: a drag or a stretch of typing has ended.
+    /// Ends a drag or a stretch of typing: the next change is undone separately, even with the same tag.
     pub fn seal(&mut self) {
         self.tag = Tag::Once;
     }
 
-    /// Takes back the last change.
+    /// Undoes the last change.
     pub fn undo(&mut self) {
         if let Some(contents) = self.past.pop() {
             let present = self.restore(contents);
@@ -221,7 +221,7 @@ impl Document {
         }
     }
 
-    /// Makes the change again that was taken back last.
+    /// Redoes the change that was undone last.
     pub fn redo(&mut self) {
         if let Some(contents) = self.future.pop() {
             let present = self.restore(contents);
@@ -229,11 +229,11 @@ impl Document {
         }
     }
 
-    /// Writes every changed text, and the places where they changed, to its file, each whole or not at all.
+    /// Writes every changed text, and the box positions if they changed, to its file, each whole or not at all.
     ///
     /// # Errors
-    /// That a file has been changed by somebody else since it was read, or cannot be written. Its text then stays
-    /// unsaved; files before it in [`Document::paths`] are written.
+    /// Another program has changed a file since it was read, or a file cannot be written. Its text then stays unsaved;
+    /// files before it in [`Document::paths`] have been written.
     pub fn save(&mut self) -> Result<(), Problems> {
         self.seal();
         let changed: Vec<String> = self
@@ -261,10 +261,10 @@ impl Document {
         Ok(())
     }
 
-    /// Reads files again that somebody else has changed, where nothing is unsaved in them; whether there were any.
-    /// Undo leads back to what they were.
+    /// Reloads the files that another program has changed, unless they have unsaved changes. Returns true if there were
+    /// any. Undo restores the previous texts.
     pub fn refresh(&mut self) -> bool {
-        // A shader's file may have come only now.
+        // A shader file may have been created since.
         let mut changed = self.add_shaders();
         let mut texts = self.contents.texts.clone();
         for (path, saved) in &mut self.saved.texts {
@@ -303,10 +303,10 @@ impl Document {
         self.replace(contents)
     }
 
-    /// Takes over new contents; the ones before.
+    /// Replaces the contents; returns the previous ones.
     fn replace(&mut self, contents: Contents) -> Contents {
         let before = std::mem::replace(&mut self.contents, contents);
-        // Where boxes stand is no matter of the graph's.
+        // Moving boxes does not change the graph.
         if before.texts != self.contents.texts {
             self.read();
             self.revision += 1;
@@ -314,7 +314,7 @@ impl Document {
         before
     }
 
-    /// Reads the texts anew. Parts that are not known yet come from their files.
+    /// Parses the texts. Parts that the document does not hold yet are read from their files.
     fn read(&mut self) {
         let texts = &self.contents.texts;
         let part = |path: &Path| -> io::Result<String> {
@@ -340,7 +340,7 @@ impl Document {
 /// Writes a file, whole or not at all.
 ///
 /// # Errors
-/// That it cannot be written.
+/// It cannot be written.
 pub fn write(path: &Path, text: &str) -> Result<(), Problems> {
     Target::new(path).and_then(|target| target.write(text.as_bytes())).map_err(|error| {
         let error = GraphError::Io { action: "write", cause: error.cause().into() };
@@ -348,7 +348,7 @@ pub fn write(path: &Path, text: &str) -> Result<(), Problems> {
     })
 }
 
-/// The texts of `file` that differ from those of `before`.
+/// Copies to `texts` the texts of `file` and its parts that differ from `before`.
 fn take_changed(file: &GraphFile, before: &Texts, texts: &mut Texts) {
     if before.get(&file.path).is_none_or(|text| **text != *file.text) {
         texts.insert(file.path.clone(), file.text.as_str().into());
@@ -358,7 +358,7 @@ fn take_changed(file: &GraphFile, before: &Texts, texts: &mut Texts) {
     }
 }
 
-/// Remembers the texts of parts that were read for the first time.
+/// Adds the texts of parts that were read for the first time, as saved.
 fn add_parts(file: &GraphFile, texts: &mut Texts, saved: &mut Texts) {
     for (_, part) in &file.parts {
         if !texts.contains_key(&part.path) {

@@ -1,4 +1,4 @@
-//! A graph under another path: what it refers to stays what it is.
+//! Copying a graph to another path, so that it still refers to the same files.
 
 use std::{fs, path::Path};
 
@@ -7,35 +7,35 @@ use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
 use super::{Contents, Document, Places, places, write};
 use crate::files::relative;
 
-/// Kinds of stage that name a file, and the parameter that does.
+/// Kinds of stage that name a file, and the parameter that holds the name.
 const REFERENCES: [(&str, &str); 2] = [("graph", "file"), ("wgsl", "shader")];
 
 impl Document {
-    /// Writes a copy of a graph file under another path, where it refers to the same files, and opens it.
+    /// Writes a copy of a graph file, which refers to the same files, to another path and opens it.
     ///
     /// # Errors
-    /// That the graph has problems, that there is such a file already, or that it cannot be written.
+    /// The graph has problems, the file exists already, or it cannot be written.
     pub fn copy(source: &Path, path: &Path) -> Result<Self, Problems> {
         let text = moved(&GraphFile::load(source)?, path);
         if path.exists() {
-            let cause = "there is such a file already; choose another name";
+            let cause = "the file exists already; choose another name";
             let error = GraphError::Io { action: "write", cause: cause.into() };
             return Err(Problem::new(error).at(Place::file(&path.display().to_string())).into());
         }
         write(path, &text)?;
-        // One that cannot be used was not worth a copy.
+        // An unusable layout is not copied.
         if let Ok(found) = places::read(&source.display().to_string()) {
             write_places(path, &found)?;
         }
         Self::open(path)
     }
 
-    /// Saves the graph under another path, where it refers to the same files, and goes on with that. Within a folder the
-    /// past can still be undone.
+    /// Saves the graph to another path, from where it refers to the same files, and continues with the new file. If the
+    /// folder is the same, earlier changes can still be undone.
     ///
     /// # Errors
-    /// That parts have unsaved changes and the folder is another, that the text has problems and would have to be
-    /// changed, or that the file cannot be written. The document is then as it was.
+    /// The file cannot be written; or the folder is a different one, and parts have unsaved changes or the text has
+    /// problems, so that its file names cannot be adapted. The document then stays as it was.
     pub fn save_as(&mut self, path: &Path) -> Result<(), Problems> {
         let name = path.display().to_string();
         let folder = |path: &Path| {
@@ -61,7 +61,7 @@ impl Document {
             return Ok(());
         }
         let (Some(file), []) = (&self.file, self.problems.as_slice()) else {
-            return Err(refused("the text has problems; mend them before it goes to another folder"));
+            return Err(refused("the text has problems; fix them before you save it in another folder"));
         };
         let unsaved = |part: &&str| self.contents.texts.get(*part) != self.saved.texts.get(*part);
         if let Some(part) = self.paths().skip(1).find(unsaved) {
@@ -82,13 +82,13 @@ fn refused(why: &str) -> Problems {
     Problem::new(GraphError::Invalid(why.into())).into()
 }
 
-/// Writes the layout of a graph, where there is one.
+/// Writes the layout of a graph, unless it is empty.
 fn write_places(graph: &Path, places: &Places) -> Result<(), Problems> {
     let graph = graph.display().to_string();
     if places.is_empty() { Ok(()) } else { write(&places::layout_path(&graph), &places::write(places, None)) }
 }
 
-/// The text of a graph for a file at `path`: names of files lead from there to where they led.
+/// The text of a graph for a file at `path`, with file names adapted to that folder.
 fn moved(file: &GraphFile, path: &Path) -> String {
     let folder = |path: &Path| path.parent().unwrap_or(Path::new("")).to_owned();
     let (from, to) = (folder(Path::new(&file.path)), folder(path));
@@ -98,7 +98,7 @@ fn moved(file: &GraphFile, path: &Path) -> String {
             names.extend(node.params.iter().filter(|def| def.name.value == *param).map(|def| &def.value));
         }
     }
-    // From the end, so that the places of those before stay right.
+    // Replace from the end, so that the earlier spans stay valid.
     names.sort_by_key(|name| std::cmp::Reverse(name.span.start));
     let mut text = file.text.clone();
     for name in names {
@@ -130,11 +130,11 @@ mod tests {
         };
         let source = fs::read_to_string(graphs.join("epi.ron")).unwrap();
         assert_eq!(kept(copy.text(copy.path())), kept(&source));
-        assert!(Document::copy(&graphs.join("epi.ron"), &path).is_err(), "it is there already");
+        assert!(Document::copy(&graphs.join("epi.ron"), &path).is_err(), "the file exists already");
     }
 
     #[test]
-    fn saving_under_another_name_keeps_the_past_and_the_old_file() {
+    fn saving_under_another_name_keeps_undo_and_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let old = folder.path().join("a.ron");
         let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");

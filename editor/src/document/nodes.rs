@@ -1,4 +1,4 @@
-//! Edits of several nodes at once, as the canvas makes them. Nodes are given by address; those of one edit stand in one
+//! The canvas's edits of several nodes at once. Nodes are given by address; all nodes of an edit belong to the same
 //! file, the graph or a part.
 
 use std::collections::BTreeMap;
@@ -7,39 +7,39 @@ use epigraph_core::{GraphError, GraphFile, Problem, Problems, Source};
 
 use super::home;
 
-/// The part that an address leads into, and the name in it.
+/// Splits a node's address into the address of its part (empty for the graph itself) and its name.
 pub fn split(address: &str) -> (&str, &str) {
     address.rsplit_once('/').unwrap_or(("", address))
 }
 
-/// What of an address follows that of a node: nothing for the node itself, `/...` for what is in it; none for others.
+/// The rest of an address after that of `node`: empty for the node itself, `/...` for nodes in it, `None` for others.
 pub fn within<'a>(address: &'a str, node: &str) -> Option<&'a str> {
     address.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
 }
 
-/// The address of a node by its part (empty for the graph itself) and its name.
+/// The address of a node with this part (empty for the graph itself) and name.
 pub fn join(part: &str, name: &str) -> String {
     if part.is_empty() { name.to_owned() } else { format!("{part}/{name}") }
 }
 
-/// The graph or the part of this address.
+/// The graph, or the part at this address.
 pub fn scope<'f>(file: &'f GraphFile, part: &str) -> Option<&'f GraphFile> {
     part.split('/')
         .filter(|name| !name.is_empty())
         .try_fold(file, |file, name| file.parts.iter().find(|(part, _)| part == name).map(|(_, part)| part))
 }
 
-/// The same, to be edited.
+/// Like [`scope`], but mutable.
 ///
 /// # Errors
 /// [`GraphError::Unknown`] part.
 pub fn scope_mut<'f>(file: &'f mut GraphFile, part: &str) -> Result<&'f mut GraphFile, Problems> {
-    // The home of any name within the part.
+    // `home` returns the file of any name in the part, even an empty one.
     let within = if part.is_empty() { String::new() } else { join(part, "") };
     home(file, &within).map(|(file, _)| file)
 }
 
-/// `wanted`, or where that is taken, the same with the first number that is free: `fill`, `fill2`, `fill3` ...
+/// `wanted`, or if that is taken, the same with the first free number: `fill`, `fill2`, `fill3` ...
 pub fn free_name(file: &GraphFile, wanted: &str) -> String {
     let stem = wanted.trim_end_matches(|letter: char| letter.is_ascii_digit());
     let stem = if stem.is_empty() { wanted } else { stem };
@@ -47,7 +47,7 @@ pub fn free_name(file: &GraphFile, wanted: &str) -> String {
     names.find(|name| file.node(name).is_none()).unwrap_or_default()
 }
 
-/// Adds a node after all others under a name that is free; its address.
+/// Adds a node after all others, with a free name. Returns its address.
 ///
 /// # Errors
 /// Those of core's edits.
@@ -58,8 +58,8 @@ pub fn add(file: &mut GraphFile, part: &str, kind: &str) -> Result<String, Probl
     Ok(join(part, &name))
 }
 
-/// Copies nodes with their parameters and wires; wires among them join the copies. The copies' addresses, in the order
-/// of `addresses`.
+/// Copies nodes with their parameters and wires; wires between them become wires between the copies. Returns the
+/// copies' addresses, in the order of `addresses`.
 ///
 /// # Errors
 /// Those of core's edits.
@@ -90,7 +90,7 @@ pub fn duplicate(file: &mut GraphFile, addresses: &[String]) -> Result<Vec<Strin
     Ok(addresses.iter().filter_map(|address| Some(join(part, copies.get(split(address).1)?))).collect())
 }
 
-/// Removes nodes with all wires and outputs that take from them.
+/// Removes nodes, and all wires and outputs that read from them.
 ///
 /// # Errors
 /// Those of core's edits.
@@ -102,7 +102,7 @@ pub fn remove(file: &mut GraphFile, addresses: &[String]) -> Result<(), Problems
     Ok(())
 }
 
-/// Marks nodes as bypassed, or lets them run again.
+/// Sets whether nodes are bypassed.
 ///
 /// # Errors
 /// Those of core's edits.
@@ -114,21 +114,22 @@ pub fn bypass(file: &mut GraphFile, addresses: &[String], bypass: bool) -> Resul
     Ok(())
 }
 
-/// Renames a node; its new address.
+/// Renames a node. Returns its new address.
 ///
 /// # Errors
-/// Those of core's edits, and that a graph around the node's part calls it by its name.
+/// Those of core's edits, or a graph that contains the node's part refers to the node by name.
 pub fn rename(file: &mut GraphFile, address: &str, name: &str) -> Result<String, Problems> {
     let (part, old) = split(address);
     if let Some(place) = mention(file, part, old) {
-        let text = format!("{place} calls it by its name, and would no longer find it");
+        let text = format!("{place} refers to it by name and would no longer find it");
         return Err(Problem::new(GraphError::Invalid(text)).node(address).into());
     }
     scope_mut(file, part)?.rename_node(old, name)?;
     Ok(join(part, name))
 }
 
-/// Which graph around a part calls a node of it by name, in a wire or in a parameter that it sets.
+/// The path of a graph that contains a part and refers to a node of it by name, in a wire or in a parameter that it
+/// sets.
 fn mention<'f>(file: &'f GraphFile, part: &str, name: &str) -> Option<&'f str> {
     let (outer, inner) = part.split_once('/').unwrap_or((part, ""));
     let node = file.node(outer).filter(|_| !part.is_empty())?;

@@ -1,9 +1,9 @@
-//! Nodes and parameters by address, in the graph itself or in a part.
+//! Parameters of nodes in the graph or in its parts, by address.
 
 use epigraph_core::{GraphError, GraphFile, Problem, Problems};
 
-/// The text that holds for a parameter: what a node of a part is given from outside, else what it says itself. None where
-/// the stage's default holds.
+/// The value of a parameter, as text: the one that an outer graph sets for a node of a part, else the node's own.
+/// `None` if the stage's default applies.
 pub fn param_text<'f>(file: &'f GraphFile, address: &str, param: &str) -> Option<&'f str> {
     let Some((part, inner)) = address.split_once('/') else {
         let params = &file.node(address)?.params;
@@ -22,7 +22,7 @@ fn set_text<'f>(file: &'f GraphFile, part: &str, inner: &str, param: &str) -> Op
     params.iter().find(|def| def.name.value == param).map(|def| def.value.value.as_str())
 }
 
-/// The file that a node stands in, the graph or a part, and the node's name there.
+/// The file that contains a node, the graph or a part, and the node's name in it.
 ///
 /// # Errors
 /// [`GraphError::Unknown`] part.
@@ -38,8 +38,8 @@ pub fn home<'f, 'a>(
     home(&mut file.parts[index].1, inner)
 }
 
-/// Lets the stage's default hold: takes the parameter out of the text where it stands, or where it is set for a node of
-/// a part from outside, writes `default` there.
+/// Resets a parameter to the stage's default: removes it from the node, or if an outer graph sets it for a node of a
+/// part, sets it to `default` there.
 ///
 /// # Errors
 /// Those of [`GraphFile::remove_param`] and [`GraphFile::set_param`].

@@ -1,10 +1,10 @@
-//! A node's pins: what wires may end and begin there.
+//! The pins of a node: its ports as the canvas shows them, where wires begin and end.
 
 use std::borrow::Cow;
 
 use epigraph_core::{Access, Extent, Field, GraphFile, Meaning, NodeDef, Port, Registry, Source};
 
-/// The node of a part that stands for what the part is given.
+/// The name in a part's wires that refers to the part's own inputs.
 pub const INPUTS: &str = "inputs";
 
 /// A place where wires end or begin.
@@ -12,22 +12,22 @@ pub const INPUTS: &str = "inputs";
 pub struct Pin {
     /// The port; of a node within a part, `NODE.PORT`.
     pub name: String,
-    /// One sentence.
+    /// A sentence about it.
     pub doc: String,
-    /// What its values are, as far as that is declared.
+    /// The declared meaning of its values, if any.
     pub meaning: Option<Meaning>,
-    /// Its fields; none where only compiling tells.
+    /// Its fields; `None` if they are known only after compiling.
     pub fields: Option<Vec<Field>>,
-    /// How many elements; none where only compiling tells.
+    /// Number of elements; `None` if it is known only after compiling.
     pub extent: Option<Extent>,
-    /// Whether an input may stay without a wire.
+    /// True for an input that may stay unconnected.
     pub optional: bool,
-    /// Whether an input takes the value of the frame before, so that it may close a cycle.
+    /// True for an input that reads the previous frame's value, so that it may close a cycle.
     pub history: bool,
 }
 
 impl Pin {
-    /// That of a declared port.
+    /// The pin of a declared port.
     pub fn of(port: &Port) -> Self {
         Self {
             name: port.name.to_string(),
@@ -40,7 +40,7 @@ impl Pin {
         }
     }
 
-    /// One of which nothing is declared.
+    /// A pin without a declaration.
     pub fn unknown(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -53,7 +53,7 @@ impl Pin {
         }
     }
 
-    /// What it holds, in words.
+    /// A description of its elements.
     pub fn words(&self) -> Cow<'static, str> {
         match self.fields.as_deref() {
             None => "any elements".into(),
@@ -62,8 +62,8 @@ impl Pin {
         }
     }
 
-    /// Whether a wire from `output` may end here, as far as elements say. A bundle that was updated in place has fields
-    /// that its updater does not name, so those that are missing do not count against it.
+    /// True if the elements of `output` fit, so that a wire from it may end here. A stage that updates a bundle in
+    /// place need not declare all of its fields, so missing fields are accepted.
     pub fn accepts(&self, output: &Self) -> bool {
         let (Some(taken), Some(given)) = (&self.fields, &output.fields) else { return true };
         taken.iter().all(|field| match given.iter().find(|other| other.name == field.name) {
@@ -87,7 +87,7 @@ pub fn pins(file: &GraphFile, node: &NodeDef, registry: &Registry) -> [Vec<Pin>;
             [side(Port::is_input), side(Port::is_output)]
         }
     };
-    // What is wired is shown, whether or not the stage knows it.
+    // Wired ports get a pin even if the stage does not declare them.
     for input in &node.inputs {
         add(&mut pins[0], &input.port.value);
     }
@@ -110,14 +110,14 @@ pub fn pins(file: &GraphFile, node: &NodeDef, registry: &Registry) -> [Vec<Pin>;
     pins
 }
 
-/// The pin of a node in a graph or in its parts, under another name.
+/// The pin of a node in the graph or in its parts, renamed to `name`.
 fn pin_at(file: &GraphFile, side: usize, at: &Source, name: &str, registry: &Registry) -> Option<Pin> {
     let (node, file) = file.node_at(&at.node)?;
     let pin = pins(file, node, registry)[side].iter().find(|pin| pin.name == at.port).cloned()?;
     Some(Pin { name: name.to_owned(), ..pin })
 }
 
-/// The port of a stage behind an output, through outputs of parts.
+/// The stage's port that an output shows, found through the outputs of parts.
 pub fn output_port(file: &GraphFile, source: &Source) -> Source {
     let (head, rest) =
         source.node.split_once('/').map_or((source.node.as_str(), None), |(head, rest)| (head, Some(rest)));
@@ -139,7 +139,7 @@ fn add(pins: &mut Vec<Pin>, name: &str) {
     }
 }
 
-/// What a graph is given and what it gives: the pins of a node that stands for it.
+/// The inputs and outputs of a graph, as the pins of the node that represents it.
 pub fn ends(part: &GraphFile, registry: &Registry) -> [Vec<Pin>; 2] {
     let mut inputs: Vec<Pin> = Vec::new();
     for node in &part.nodes {
@@ -148,7 +148,7 @@ pub fn ends(part: &GraphFile, registry: &Registry) -> [Vec<Pin>; 2] {
             let at = Source { node: node.name.value.clone(), port: input.port.value.clone() };
             let pin = pin_at(part, 0, &at, name, registry).unwrap_or_else(|| Pin::unknown(name));
             match inputs.iter_mut().find(|known| known.name == *name) {
-                // One reader of this frame's value, or one that cannot do without it, decides.
+                // The pin is of the current frame if any reader needs it so, and required if any reader requires it.
                 Some(known) => {
                     known.history &= pin.history;
                     known.optional &= pin.optional;

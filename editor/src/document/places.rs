@@ -1,5 +1,5 @@
-//! Where the boxes of the canvas stand: a file beside the graph's, `NAME.layout.ron`, so that the graph itself stays
-//! clean of what does not change its pictures.
+//! Positions of the canvas's boxes. They are saved in a file beside the graph, `NAME.layout.ron`, so that the graph
+//! file holds only what affects its pictures.
 
 use std::{
     collections::BTreeMap,
@@ -13,12 +13,12 @@ use serde::Deserialize;
 
 use super::nodes;
 
-/// The name that stands for what a part is given, within the part's address. No node can have it.
+/// The name of the box for a part's inputs, within the part's address. No node can have this name.
 pub const INPUTS_BOX: &str = ".inputs";
-/// The name that stands for a graph's outputs.
+/// The name of the box for the outputs of the graph or of a part. No node can have this name.
 pub const OUTPUTS_BOX: &str = ".outputs";
 
-/// Upper left corners of boxes in the canvas's points, by the nodes' addresses.
+/// Top left corners of boxes in points of the canvas, by the nodes' addresses.
 pub type Places = BTreeMap<String, [f32; 2]>;
 
 /// The only version of the format so far.
@@ -36,14 +36,15 @@ pub fn layout_path(graph: &str) -> PathBuf {
     Path::new(graph).with_extension("layout.ron")
 }
 
-/// Reads the places of a graph; none where there is no such file.
+/// Reads the layout of a graph; empty if there is no such file.
 ///
 /// # Errors
-/// Why the file cannot be used, in words.
+/// The reason why the file cannot be used, as text for the user.
 pub fn read(graph: &str) -> Result<Places, String> {
     let path = layout_path(graph);
-    let unusable =
-        |why: String| format!("{} cannot be used, so the boxes are arranged anew: {why}", path.display());
+    let unusable = |why: String| {
+        format!("{} cannot be used, so the boxes are arranged automatically: {why}", path.display())
+    };
     let text = match fs::read_to_string(&path) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Places::new()),
@@ -54,17 +55,17 @@ pub fn read(graph: &str) -> Result<Places, String> {
         return Err(unusable(format!("its version is {}, not {VERSION}", layout.version)));
     }
     if !are_finite(&layout.nodes) {
-        return Err(unusable("a place is not a number".into()));
+        return Err(unusable("a position is not a finite number".into()));
     }
     Ok(layout.nodes)
 }
 
-/// Whether all are numbers with which one can draw.
+/// True if all coordinates are finite.
 pub fn are_finite(places: &Places) -> bool {
     places.values().flatten().all(|at| at.is_finite())
 }
 
-/// The text of a layout file, with the nodes that the graph still has.
+/// The text of a layout file. If `file` is given, only boxes that it still has are included.
 pub fn write(places: &Places, file: Option<&GraphFile>) -> String {
     let is_there = |address: &str| file.is_none_or(|file| has_box(file, address));
     let mut text = format!(
@@ -77,7 +78,7 @@ pub fn write(places: &Places, file: Option<&GraphFile>) -> String {
     text + "    },\n)\n"
 }
 
-/// Whether the canvas shows a box of this address.
+/// True if the canvas shows a box with this address.
 fn has_box(file: &GraphFile, address: &str) -> bool {
     match nodes::split(address) {
         ("", OUTPUTS_BOX) => true,
@@ -86,7 +87,7 @@ fn has_box(file: &GraphFile, address: &str) -> bool {
     }
 }
 
-/// Lets the places of a node, and of all in it, follow its new address.
+/// Moves the positions of a node, and of all nodes in it, to its new address.
 pub fn rename(places: &mut Places, old: &str, new: &str) {
     let moved: Vec<String> =
         places.keys().filter(|address| nodes::within(address, old).is_some()).cloned().collect();

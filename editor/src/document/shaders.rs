@@ -1,5 +1,5 @@
-//! Shaders that can be edited beside the graph: those of its `wgsl` nodes, those of its stages, and the modules that any of
-//! them imports, as far as their files are there.
+//! Shaders that can be edited beside the graph: those of its `wgsl` nodes, those of its stages, and the modules that
+//! they import, if their files exist.
 
 use std::{collections::BTreeMap, fs, path::Path, sync::Arc};
 
@@ -7,17 +7,17 @@ use epigraph_core::{GraphFile, Kind, Registry, imports};
 
 use super::Document;
 
-/// The files that the shaders of stages were embedded from.
+/// The source files of the embedded shaders.
 #[derive(Debug, Default)]
 pub struct Sources {
-    /// By the kind of stage.
+    /// Paths of the stages' shaders, by stage kind.
     kinds: BTreeMap<&'static str, String>,
-    /// By the name for `#import`.
+    /// Paths of the modules, by their name for `#import`.
     modules: BTreeMap<String, String>,
 }
 
 impl Sources {
-    /// Those of a registry's stages and modules.
+    /// The source files of a registry's stages and modules.
     pub fn new(registry: &Registry) -> Self {
         let of_kind = |kind: &dyn Kind| Some((kind.name(), name(&kind.declaration()?.shader?.file?)));
         let modules = registry.library.modules.iter();
@@ -33,37 +33,37 @@ impl Sources {
 /// The shader files of a graph.
 #[derive(Default)]
 pub(super) struct ShaderFiles {
-    /// Nodes with a shader, and its file; `wgsl` nodes first.
+    /// Addresses of nodes with a shader, and the shader's path; `wgsl` nodes first.
     pub of_nodes: Vec<(String, String)>,
-    /// The files that could be read: those of nodes, then the modules.
+    /// Paths of the files that could be read: the nodes' shaders, then the modules.
     pub read: Vec<String>,
 }
 
 impl Document {
-    /// Has the shaders of stages too, from these files as far as they exist. To be called once a document is opened.
+    /// Adds the shaders of stages, if their files exist. Call this once after opening a document.
     pub fn use_sources(&mut self, sources: Arc<Sources>) {
         self.sources = sources;
         self.read();
     }
 
-    /// The files that the shaders of stages are from.
+    /// The source files of the stages' shaders.
     pub fn sources(&self) -> &Arc<Sources> {
         &self.sources
     }
 
-    /// The shader files that could be read, with their texts: those of nodes of kind `wgsl`, those of other stages, the
+    /// The shader files that could be read, with their texts: those of `wgsl` nodes, those of other stages, then the
     /// modules that they import.
     pub fn shaders(&self) -> impl Iterator<Item = (&str, &Arc<str>)> {
         let files = self.shaders.read.iter();
         files.filter_map(|path| Some((path.as_str(), self.contents.texts.get(path)?)))
     }
 
-    /// The path of the shader file of a node, by the node's address.
+    /// The path of the shader file of the node at this address.
     pub fn shader_of(&self, address: &str) -> Option<&str> {
         self.shaders.of_nodes.iter().find(|(node, _)| node == address).map(|(_, path)| path.as_str())
     }
 
-    /// The nodes whose shader is in this file.
+    /// Addresses of the nodes whose shader is this file.
     pub fn users_of<'d>(&'d self, shader: &'d str) -> impl Iterator<Item = &'d str> {
         let nodes = self.shaders.of_nodes.iter();
         nodes.filter(move |(_, path)| path == shader).map(|(node, _)| node.as_str())
@@ -77,7 +77,8 @@ impl Document {
         self.add_shaders();
     }
 
-    /// Reads the shaders that are not known yet; whether there were any. One that a `wgsl` node lacks is reported on compiling.
+    /// Reads the shaders that the document does not hold yet. Returns true if there were any. If the shader of a `wgsl`
+    /// node is missing, compiling reports it.
     pub(super) fn add_shaders(&mut self) -> bool {
         let mut found = false;
         let mut files: Vec<String> = Vec::new();
@@ -107,7 +108,7 @@ impl Document {
     }
 }
 
-/// Adds the nodes whose kind has a shader, those of parts too.
+/// Adds the nodes whose stage kind has a shader file, also those of parts.
 fn add_stages(
     file: &GraphFile,
     prefix: &str,
@@ -124,7 +125,7 @@ fn add_stages(
     }
 }
 
-/// A shader's path as texts are named.
+/// A shader's path as a key of [`Texts`](super::Texts).
 fn name(path: &Path) -> String {
     path.display().to_string()
 }
@@ -148,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_graph_has_the_shaders_of_its_stages_and_what_they_import() {
+    fn a_graph_has_the_shaders_of_its_stages_and_their_imports() {
         let folder = tempfile::tempdir().unwrap();
         let document = opened(folder.path(), Sources::new(&epigraph_stages::registry()));
         let found = short(&document);
@@ -158,11 +159,11 @@ mod tests {
         }
         let at = |file: &str| found.iter().position(|known| *known == file).unwrap();
         assert!(at("depth_cull.wgsl") < at("cloud.wgsl"), "modules come last: {found:?}");
-        assert!(!found.contains(&"spread.wgsl"), "it is of another graph: {found:?}");
+        assert!(!found.contains(&"spread.wgsl"), "it belongs to another graph: {found:?}");
         let path = document.shader_of("view/cull").unwrap();
         assert_eq!(document.text(path), epigraph_shaders::text("depth_cull.wgsl"));
         assert_eq!(document.users_of(path).collect::<Vec<_>>(), ["view/cull"]);
-        // Nobody has touched them.
+        // None of them has changed.
         assert!(!document.is_dirty() && document.unsaved().next().is_none() && !document.can_undo());
     }
 
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn where_no_sources_are_there_is_nothing_to_edit() {
+    fn without_source_files_no_shaders_can_be_edited() {
         let folder = tempfile::tempdir().unwrap();
         let gone = |name: &str| folder.path().join(name).display().to_string();
         let sources = Sources {

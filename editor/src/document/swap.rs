@@ -1,4 +1,4 @@
-//! Another stage in a node's place.
+//! Replacing a node's stage by another.
 
 use std::collections::BTreeSet;
 
@@ -6,8 +6,8 @@ use epigraph_core::{Access, GraphFile, Port, Problems, Registry, Source};
 
 use super::home;
 
-/// The stage kinds that can take a node's place: they have every output that is in use, of the same elements.
-/// Empty for nodes whose kind has no ports of its own, such as parts.
+/// The stage kinds that can replace a node's kind: they have all of its outputs that are in use, with the same fields.
+/// Empty if the node's kind declares no ports, as for parts.
 pub fn fitting(file: &GraphFile, address: &str, registry: &Registry) -> Vec<&'static str> {
     let Some((node, within)) = file.node_at(address) else { return Vec::new() };
     let Some(present) = registry.get(&node.kind.value).and_then(|kind| kind.declaration()) else {
@@ -33,8 +33,8 @@ pub fn fitting(file: &GraphFile, address: &str, registry: &Registry) -> Vec<&'st
     registry.kinds().filter(fits).map(|kind| kind.name()).collect()
 }
 
-/// Gives a node another kind. Wires and parameters that both kinds have stay as they are written; the rest goes. What the
-/// new kind needs of the frame before, it takes from its own output, where only one fits.
+/// Changes the kind of a node. Wires and parameters that both kinds have stay as they are; the others are removed.
+/// Required inputs that read the previous frame are wired to the node's own output, if exactly one fits.
 ///
 /// # Errors
 /// Those of core's edits.

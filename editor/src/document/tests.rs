@@ -4,7 +4,7 @@ use epigraph_core::{ParamKind, ParamSpec, Side, Source};
 
 use super::*;
 
-/// Copies the shipped graphs to a folder of their own; the main files.
+/// Copies the shipped graphs and their parts to `folder`. Returns the paths of the graphs.
 pub(crate) fn shipped(folder: &Path) -> Vec<PathBuf> {
     let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
     let mut files = Vec::new();
@@ -24,7 +24,7 @@ pub(crate) fn shipped(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// xorshift32 (Marsaglia 2003): enough to choose edits by.
+/// xorshift32 (Marsaglia 2003): random enough to choose edits.
 pub(crate) struct Random(pub u32);
 
 impl Random {
@@ -52,14 +52,14 @@ fn value(spec: &ParamSpec, random: &mut Random) -> String {
     }
 }
 
-/// All nodes with their addresses.
+/// Addresses and kinds of all nodes.
 fn addresses(file: &GraphFile, prefix: &str) -> Vec<(String, String)> {
     let own = file.nodes.iter().map(|node| (format!("{prefix}{}", node.name.value), node.kind.value.clone()));
     let parts = file.parts.iter().flat_map(|(name, part)| addresses(part, &format!("{prefix}{name}/")));
     own.chain(parts).collect()
 }
 
-/// An edit as a user might make it; many fail.
+/// Makes a random edit; many fail.
 pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
     let registry = epigraph_stages::registry();
     let Some(file) = document.file().cloned() else { return };
@@ -74,7 +74,7 @@ pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
     let source = Source { node: other.clone(), port: "color".into() };
     let choice = random.below(18);
     let number = random.below(1000);
-    // Many of these fail, as a user's would; what counts is that undo restores.
+    // Many of these fail. The tests check that undo restores the texts and that the engine survives.
     let _ = document.edit_placed(Tag::Once, |file, places| match choice {
         0..=3 => match random.pick(&specs) {
             Some(spec) => file.set_param(&address, &spec.name, &value(spec, random)),
@@ -105,7 +105,7 @@ pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
         }
     });
     if random.below(20) == 0 {
-        // Typing, which may well break the text, and more of it.
+        // Typing a character, which may break the text; then undo it.
         let paths: Vec<String> = document.paths().map(Into::into).collect();
         let path = random.pick(&paths).unwrap().clone();
         let mut text = document.text(&path).to_owned();
@@ -119,7 +119,7 @@ pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
 }
 
 #[test]
-fn undoing_random_edits_gives_back_every_file_byte_for_byte() {
+fn undoing_random_edits_restores_every_file_byte_for_byte() {
     let folder = tempfile::tempdir().unwrap();
     for (seed, path) in shipped(folder.path()).iter().enumerate() {
         let mut document = Document::open(path).unwrap();
@@ -149,7 +149,7 @@ fn undoing_random_edits_gives_back_every_file_byte_for_byte() {
 }
 
 #[test]
-fn every_parameter_of_every_stage_goes_into_the_text_and_out_again() {
+fn every_parameter_of_every_stage_can_be_set_and_removed() {
     let registry = epigraph_stages::registry();
     let mut random = Random(99);
     let mut parameters = 0;
@@ -167,7 +167,7 @@ fn every_parameter_of_every_stage_goes_into_the_text_and_out_again() {
             parameters += 1;
             let given = value(&spec, &mut random);
             document.edit(Tag::Once, |file| file.set_param("node", &spec.name, &given)).unwrap();
-            // What was written is what is read, by the document and by whoever opens the file.
+            // Both the document and a fresh parse read the value that was set.
             let written = document.text(document.path()).to_owned();
             let file = GraphFile::parse("one.ron", &written).unwrap();
             assert_eq!(param_text(&file, "node", &spec.name), Some(given.as_str()), "{}", kind.name());
@@ -185,7 +185,7 @@ fn every_parameter_of_every_stage_goes_into_the_text_and_out_again() {
     assert!(parameters > 40, "{parameters}");
 }
 
-/// A document in a folder of its own, with a part that stands in it twice.
+/// A document in this folder that uses the same part twice.
 fn small(folder: &Path) -> Document {
     let part = r#"Graph(version: 1, nodes: { "in": (kind: "fill", params: (sigma: 0.5)) }, outputs: { "o": "in.color" })"#;
     let main = "Graph(\n    version: 1,\n    nodes: {\n        // Kept.\n        \"a\": (kind: \"graph\", params: (file: \"part.ron\")),\n        \"b\": (kind: \"graph\", params: (file: \"part.ron\"), set: { \"in\": (radius: 2) }),\n        \"c\": (kind: \"fill\"),\n    },\n    outputs: { \"image\": \"a.o\" },\n)\n";
@@ -195,7 +195,7 @@ fn small(folder: &Path) -> Document {
 }
 
 #[test]
-fn a_drag_is_one_step_back() {
+fn a_drag_is_one_step_of_undo() {
     let folder = tempfile::tempdir().unwrap();
     let mut document = small(folder.path());
     let drag = |document: &mut Document, value: &str| {
@@ -217,7 +217,7 @@ fn a_drag_is_one_step_back() {
 }
 
 #[test]
-fn a_part_changes_in_all_its_places_and_is_saved_to_its_own_file() {
+fn a_part_changes_everywhere_and_is_saved_to_its_own_file() {
     let folder = tempfile::tempdir().unwrap();
     let mut document = small(folder.path());
     let main = fs::read_to_string(folder.path().join("main.ron")).unwrap();
@@ -258,7 +258,7 @@ fn a_broken_text_keeps_the_last_good_graph_and_can_be_saved() {
 }
 
 #[test]
-fn another_programs_work_is_not_overwritten() {
+fn changes_by_another_program_are_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let mut document = small(folder.path());
     let path = document.path().to_owned();
@@ -293,7 +293,7 @@ fn a_swap_keeps_the_wires_and_parameters_that_both_kinds_have() {
 }
 
 #[test]
-fn files_that_others_change_are_read_again_unless_there_is_unsaved_work_in_them() {
+fn files_changed_by_another_program_are_reloaded_unless_they_have_unsaved_changes() {
     let folder = tempfile::tempdir().unwrap();
     let mut document = small(folder.path());
     let part = folder.path().join("part.ron");
@@ -309,7 +309,7 @@ fn files_that_others_change_are_read_again_unless_there_is_unsaved_work_in_them(
 }
 
 #[test]
-fn pins_of_stages_and_parts_have_types_that_wires_must_fit() {
+fn wires_must_fit_the_elements_of_pins() {
     let folder = tempfile::tempdir().unwrap();
     let epi = shipped(folder.path()).into_iter().find(|path| path.ends_with("epi.ron")).unwrap();
     let document = Document::open(&epi).unwrap();
@@ -319,7 +319,7 @@ fn pins_of_stages_and_parts_have_types_that_wires_must_fit() {
         let pins = pins(file, file.node(node).unwrap(), &registry);
         pins[side].iter().find(|pin| pin.name == name).cloned().unwrap()
     };
-    // Every wire of the file fits, also those of parts.
+    // Every wire of the file fits, also those to and from parts.
     for node in &file.nodes {
         for input in &node.inputs {
             let (to, from) = (&input.port.value, &input.from.value);
@@ -333,7 +333,7 @@ fn pins_of_stages_and_parts_have_types_that_wires_must_fit() {
 }
 
 #[test]
-fn places_are_kept_beside_the_graph_and_belong_to_its_history() {
+fn box_positions_are_saved_beside_the_graph_and_can_be_undone() {
     let folder = tempfile::tempdir().unwrap();
     let mut document = small(folder.path());
     let layout = folder.path().join("main.layout.ron");
@@ -371,7 +371,7 @@ fn places_are_kept_beside_the_graph_and_belong_to_its_history() {
 }
 
 #[test]
-fn a_layout_that_cannot_be_used_is_told_and_left_alone() {
+fn an_unusable_layout_is_reported_and_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     small(folder.path());
     let layout = folder.path().join("main.layout.ron");
@@ -386,7 +386,7 @@ fn a_layout_that_cannot_be_used_is_told_and_left_alone() {
         let mut document = Document::open(&folder.path().join("main.ron")).unwrap();
         assert!(document.file().is_some() && document.places().is_empty());
         let notice = document.take_notice().unwrap();
-        assert!(notice.contains("main.layout.ron") && notice.contains("arranged anew"), "{notice}");
+        assert!(notice.contains("main.layout.ron") && notice.contains("arranged automatically"), "{notice}");
         document.edit(Tag::Once, |file| file.set_bypass("c", true)).unwrap();
         document.save().unwrap();
         assert_eq!(fs::read_to_string(&layout).unwrap(), text);
@@ -394,7 +394,7 @@ fn a_layout_that_cannot_be_used_is_told_and_left_alone() {
 }
 
 #[test]
-fn copies_are_wired_among_themselves_and_comments_stay() {
+fn copies_are_wired_to_each_other_and_comments_stay() {
     let folder = tempfile::tempdir().unwrap();
     let epi = shipped(folder.path()).into_iter().find(|path| path.ends_with("epi.ron")).unwrap();
     let mut document = Document::open(&epi).unwrap();
@@ -427,11 +427,11 @@ fn copies_are_wired_among_themselves_and_comments_stay() {
 }
 
 #[test]
-fn a_name_that_others_call_cannot_change_behind_their_back() {
+fn a_node_that_an_outer_graph_refers_to_cannot_be_renamed() {
     let folder = tempfile::tempdir().unwrap();
     let mut document = small(folder.path());
-    let told = document.edit(Tag::Once, |file| nodes::rename(file, "b/in", "x").map(|_| ())).unwrap_err();
-    assert!(told.to_string().contains("main.ron calls it by its name"), "{told}");
+    let error = document.edit(Tag::Once, |file| nodes::rename(file, "b/in", "x").map(|_| ())).unwrap_err();
+    assert!(error.to_string().contains("main.ron refers to it by name"), "{error}");
     assert!(!document.is_dirty());
     let free = nodes::free_name(document.file().unwrap(), "c");
     assert_eq!(free, "c2");

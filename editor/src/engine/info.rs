@@ -1,4 +1,4 @@
-//! The facts about a running graph, as a value that any thread may keep.
+//! Information about a running graph, as a value that other threads can keep.
 
 use epigraph_core::{
     Access, Culled, Dims, Download, Graph, Node, NodeId, Plan, Port, PortRef, Side, Step, StepId, StorageId,
@@ -9,7 +9,7 @@ use epigraph_pictures::is_image;
 /// A graph as compiled.
 #[derive(Clone, Debug)]
 pub struct GraphInfo {
-    /// Nodes that run, those of parts as `part/node`.
+    /// The nodes that run; those of parts are named `part/node`.
     pub nodes: Vec<NodeInfo>,
     /// The nodes that were left out, and why.
     pub culled: Vec<Culled>,
@@ -34,7 +34,7 @@ pub struct NodeInfo {
     pub name: String,
     /// Its stage kind.
     pub kind: String,
-    /// Where it runs.
+    /// The side it runs on.
     pub side: Side,
     /// Bytes that it writes.
     pub bytes: u64,
@@ -60,7 +60,7 @@ pub struct StepInfo {
     pub name: String,
     /// The node that runs; `None` for transfers.
     pub node: Option<String>,
-    /// Where it runs.
+    /// The side it runs on.
     pub side: Side,
     /// True if it only copies a port for a viewer.
     pub is_tap: bool,
@@ -90,7 +90,7 @@ impl PortInfo {
 }
 
 impl GraphInfo {
-    /// Collects the facts.
+    /// Collects the information.
     pub fn new(graph: &Graph, plan: &Plan, size: [u32; 2], gpu: Option<String>) -> Self {
         let node = |(id, node): (NodeId, &Node)| {
             let port = |(port, declared): (usize, &Port)| PortInfo {

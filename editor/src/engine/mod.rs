@@ -1,7 +1,7 @@
 //! The engine: a thread that owns the scene, its tracer, the graph and its memory, and runs frame after frame.
 //!
-//! The user interface sends [`Command`]s and reads the last published [`State`]. Neither side waits for the
-//! other: commands queue up, and of several of one kind the last counts; a state is a value that is replaced as a whole.
+//! The user interface sends [`Command`]s and reads the last published [`State`]. Neither side waits for the other:
+//! commands queue up, and of several of one kind the last counts; a state is a value that is replaced as a whole.
 //! Failures (a graph that does not compile, a stage that panics, a lost device) are reported in the state, and the last
 //! working graph runs on.
 
@@ -41,7 +41,7 @@ pub struct Options {
     pub scene: String,
     /// Width and height of the frame, pixels.
     pub size: [u32; 2],
-    /// Samples a frame may ask for, as a share of its pixels, above 0 to 1.
+    /// Maximum number of samples per frame, as a share of its pixels, above 0 and at most 1.
     pub samples: f32,
     /// Default placement for nodes without `on:`.
     pub backend: Backend,
@@ -74,7 +74,7 @@ impl Default for Options {
 /// Texts of shader files, by path, that override the files' contents.
 pub type Shaders = BTreeMap<PathBuf, Arc<str>>;
 
-/// A graph to run beside the current one for comparison, with the same views and as many samples.
+/// A graph to run beside the current one for comparison, with the same views and number of samples.
 #[derive(Clone, Debug)]
 pub struct Other {
     /// The graph.
@@ -103,9 +103,9 @@ pub struct OtherState {
 /// The user interface's commands to the engine.
 #[derive(Clone, Debug)]
 pub enum Command {
-    /// Run this graph from now on, with the present graph's history wherever that fits.
+    /// Run this graph from now on, with the current graph's history wherever that fits.
     Graph(Arc<GraphFile>),
-    /// Compile the graph anew, with these texts for its shaders.
+    /// Compile the graph again, with these texts for its shaders.
     Shaders(Arc<Shaders>),
     /// Look from here.
     Camera(Camera),
@@ -115,14 +115,14 @@ pub enum Command {
     Step(u32),
     /// Discard everything kept from frame to frame, and count frames from 0 again.
     Reset,
-    /// Samples a frame may ask for, as a share of its pixels.
+    /// Maximum number of samples per frame, as a share of its pixels.
     Samples(f32),
     /// Width and height of the frame, pixels.
     Size([u32; 2]),
-    /// Another scene, by its name or file. If it cannot be read, the present one stays.
+    /// Load another scene, by its name or file. If it cannot be read, the current one stays.
     Scene(String),
-    /// Discard what is kept and run along a path with [`Pace::Exact`], whatever the setting; then pause. If a path is
-    /// under way, leave it.
+    /// Discard everything kept and run along a path, always with [`Pace::Exact`]; then pause. This stops a path that is
+    /// under way.
     Play(Playback),
     /// Leave the path, and pause.
     Stop,
@@ -131,12 +131,13 @@ pub enum Command {
     /// When samples arrive.
     Pace(Pace),
     /// Ports to take [`Snapshot`]s of, as `node.port`; the graph's outputs are always taken. Unknown ones are skipped.
-    /// While paused, all ports of the last frame are available, unless their copies were too large: then one more is run.
+    /// While paused, all ports of the last frame are available, unless their copies were too large: then one more is
+    /// run.
     Watch(Vec<String>),
     /// Run this graph beside the current one, frame for frame; `None` ends that.
     Other(Option<Other>),
-    /// Report what every node did at this pixel, column and row, in the next frame; while paused, in the last one if all
-    /// ports were copied, else in one more. `None` ends that.
+    /// Report what every node did at this pixel, column and row, in the next frame; while paused, in the last one if
+    /// all ports were copied, else in one more. `None` ends that.
     Inspect(Option<[u32; 2]>),
 }
 
@@ -146,18 +147,18 @@ pub enum Phase {
     /// The scene is being read and its tracer built.
     #[default]
     Loading,
-    /// Frames run, or would if there were a graph.
+    /// The scene is loaded; frames run if there is a graph.
     Ready,
-    /// There is no scene, for this reason.
+    /// The scene could not be loaded, for this reason.
     Failed(String),
 }
 
 /// The engine's published state; replaced after every frame and every command.
 #[derive(Clone, Debug, Default)]
 pub struct State {
-    /// Whether there is a scene.
+    /// Whether the scene is loaded.
     pub phase: Phase,
-    /// Number of commands obeyed.
+    /// Number of commands carried out.
     pub commands: u64,
     /// The scene's name or file, once it is loaded.
     pub scene: String,
@@ -191,7 +192,7 @@ pub struct State {
     pub frame_ms: f32,
     /// Frames in the last second.
     pub rate: f32,
-    /// Number of samples that the last frame could ask for.
+    /// Maximum number of samples of the last frame.
     pub samples: u32,
     /// The inspected pixel, as of the last frame that was captured for it.
     pub inspection: Option<Arc<Inspection>>,
@@ -265,7 +266,7 @@ impl Drop for Engine {
     fn drop(&mut self) {
         self.commands = None;
         if let Some(thread) = self.thread.take() {
-            // A panic has been printed; nobody is left to report it to.
+            // A panic has been printed already.
             let _ = thread.join();
         }
     }

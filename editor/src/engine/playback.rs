@@ -36,14 +36,14 @@ pub trait Sink: Send {
     /// Receives the contents of the watched ports and the outputs after frame `index`.
     ///
     /// # Errors
-    /// They could not be kept; the playback then stops.
+    /// The frame could not be recorded; the playback then stops.
     fn take(&mut self, index: u32, snapshots: &[Arc<Snapshot>]) -> Result<(), String>;
 
-    /// Ends the recording after the last frame. Returns the outcome, as text for the user. A sink that is dropped without
-    /// this was cancelled.
+    /// Ends the recording after the last frame. Returns the outcome, as text for the user. A sink that is dropped
+    /// without this was cancelled.
     ///
     /// # Errors
-    /// They could not be kept.
+    /// The frames could not be recorded.
     fn finish(&mut self) -> Result<String, String>;
 }
 
@@ -54,7 +54,7 @@ pub struct Playback {
     pub way: Way,
     /// Number of frames; `None`: until the path stops or repeats, or [`Playback::ENDLESS`] if it never does.
     pub frames: Option<u32>,
-    /// The receiver of the frames, which then run as fast as they can; without one, they run at the path's pace.
+    /// The receiver of the frames. With one, frames run as fast as possible; without one, at the path's frame rate.
     pub sink: Option<Arc<Mutex<dyn Sink>>>,
 }
 
@@ -86,7 +86,7 @@ pub struct Playing {
 }
 
 impl Playing {
-    /// True if there are frames to come.
+    /// True if frames remain.
     pub fn is_under_way(&self) -> bool {
         self.frame < self.frames
     }

@@ -12,7 +12,7 @@ pub const RECORDED: usize = 300;
 pub struct Record {
     /// Its number.
     pub frame: u32,
-    /// When it ended, in seconds since the engine began.
+    /// When it ended, in seconds since the engine started.
     pub at: f64,
     /// Milliseconds of the whole frame.
     pub ms: f32,
@@ -25,8 +25,8 @@ pub struct Record {
 /// The cost of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepCost {
-    /// When it began, in milliseconds since the frame began. If the GPU measures times itself, those of its nodes are of the
-    /// previous frame.
+    /// When it began, in milliseconds since the frame began. If the GPU measures its own times, its nodes have the
+    /// times of the previous frame.
     pub start: f32,
     /// Milliseconds.
     pub ms: f32,
@@ -76,13 +76,13 @@ mod tests {
 
     #[test]
     fn steps_on_the_cpu_run_one_after_the_other() {
-        // The last one is laid open for the pause, and not timed.
+        // The last frame captures all ports for the pause, and is not timed.
         let records = run("render-cache.ron", RECORDED as u32 + 4);
         assert_eq!((records.len(), records[0].frame), (RECORDED, 3));
         let last = records.last().unwrap();
         assert_eq!(last.steps.len(), last.graph.steps.len());
         for pair in last.steps.windows(2) {
-            // Roundings of milliseconds as f32.
+            // The tolerance covers the rounding of milliseconds to f32.
             assert!(pair[1].start >= pair[0].end() - 1e-3, "{pair:?}");
         }
         let own = last.graph.steps.iter().zip(&last.steps).filter(|(step, _)| !step.is_tap);
@@ -92,14 +92,14 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_between_the_sides_is_counted() {
+    fn bytes_transferred_between_the_sides_are_counted() {
         let records = run("hybrid.ron", 3);
         let last = records.last().unwrap();
         let moved = |name: &str| {
             let steps = last.graph.steps.iter().zip(&last.steps);
             steps.filter(|(step, _)| step.name.starts_with(name)).map(|(_, cost)| cost.moved).sum::<u64>()
         };
-        // Priorities, 4 bytes a pixel, come down in every frame; the mesh went up in the first.
+        // Priorities, 4 bytes per pixel, are downloaded in every frame; the mesh was uploaded in the first.
         assert!(moved("download interpolate.priority") == 48 * 32 * 4, "{:?}", last.graph.steps);
         assert_eq!(moved("upload mesh."), 0);
         let first = &records[0];

@@ -15,7 +15,7 @@ use crate::inspect;
 pub struct Running {
     pub run: Run,
     pub info: Arc<GraphInfo>,
-    /// The taps that it was compiled with.
+    /// The ports that it can capture.
     pub taps: Taps,
     /// True if it can capture all outputs of its nodes.
     pub is_open: bool,
@@ -26,9 +26,9 @@ pub struct Running {
 /// The ports that can be captured besides the outputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taps {
-    /// These, as `node.port`, if the graph has them.
+    /// Ports as `node.port`; those that the graph lacks are skipped.
     pub watched: Vec<String>,
-    /// In addition all outputs of all nodes, unless their copies would exceed this many bytes.
+    /// All outputs of all nodes are captured too, unless their copies would exceed this many bytes.
     pub all: u64,
 }
 
@@ -88,7 +88,7 @@ fn keep(compiled: &mut Compiled, taps: &Taps) -> Result<bool, Problems> {
     if bytes > taps.all {
         return Ok(false);
     }
-    // Only of nodes that run anyway: viewing must not change which nodes are left out.
+    // Only those of nodes that run anyway: viewing must not change which nodes are left out.
     let all = inspect::taps(compiled.graph());
     compiled.keep(&all).map_err(problems)?;
     Ok(true)

@@ -11,7 +11,7 @@ use crate::document::{
     tests::{Random, random_edit, shipped},
 };
 
-/// No test waits longer for what must come.
+/// Time limit for each wait.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn graph(name: &str) -> Arc<GraphFile> {
@@ -42,7 +42,7 @@ fn wait(engine: &Engine, what: &str, done: impl Fn(&State) -> bool) -> Arc<State
     }
 }
 
-/// Sends commands and waits until all are obeyed and so many frames have run.
+/// Sends commands and waits until all are carried out and this many frames have run.
 fn send(engine: &Engine, commands: impl IntoIterator<Item = Command>, frames: u32) -> Arc<State> {
     let mut count = engine.state().commands;
     for command in commands {
@@ -52,7 +52,7 @@ fn send(engine: &Engine, commands: impl IntoIterator<Item = Command>, frames: u3
     wait(engine, "frames", |state| state.commands == count && state.frames == frames)
 }
 
-/// Pixels in which a point of the cloud shows.
+/// Number of pixels that show a point of the cloud.
 fn covered(state: &State) -> usize {
     let ids = state.fields("view.id").next().unwrap().get::<u32>();
     ids.iter().filter(|id| **id != u32::MAX).count()
@@ -84,7 +84,7 @@ fn frames_advance_by_themselves_and_wake_the_window() {
 }
 
 #[test]
-fn steps_are_exact_and_a_pause_holds() {
+fn single_steps_are_reproducible_and_a_pause_holds() {
     let run = || {
         let engine = Engine::start(options(), epigraph::registry(), || ());
         let watch = Command::Watch(vec!["view.id".into()]);
@@ -98,7 +98,7 @@ fn steps_are_exact_and_a_pause_holds() {
 }
 
 #[test]
-fn all_ports_of_the_frame_can_be_seen_while_frames_wait() {
+fn all_ports_can_be_viewed_during_a_pause() {
     let ids = |state: &State| state.fields("view/cull.id").next().map(|ids| ids.bytes.clone());
     let watch = |ports: &[&str]| Command::Watch(ports.iter().map(ToString::to_string).collect());
     let engine = Engine::start(options(), epigraph::registry(), || ());
@@ -115,7 +115,7 @@ fn all_ports_of_the_frame_can_be_seen_while_frames_wait() {
     assert_eq!(ids(&after), ids(&before));
     assert_eq!(image(&after), image(&unwatched));
 
-    // Of the frame with which a pause begins, too, and of the last one of a path.
+    // The same holds for the frame with which a pause begins, and for the last one of a path.
     let commands = engine.state().commands;
     engine.send(watch(&[]));
     engine.send(Command::Pause(false));
@@ -129,13 +129,13 @@ fn all_ports_of_the_frame_can_be_seen_while_frames_wait() {
     send(&engine, [watch(&[])], still.frames);
     play(&engine, Way::Named("orbit:5".into()), 5);
     assert!(ids(&send(&engine, [watch(&["view/cull.id"])], 5)).is_some());
-    // What is watched goes on to be.
+    // Watched ports stay watched.
     assert!(ids(&send(&engine, [Command::Step(1)], 6)).is_some());
 }
 
 #[test]
-fn compiling_anew_changes_no_picture() {
-    // The last ones with priorities that reach the CPU late.
+fn compiling_again_changes_no_picture() {
+    // With a GPU, priorities reach the CPU only in a later frame.
     for (name, backend) in
         [("epi.ron", Backend::Cpu), ("epi.ron", Backend::Gpu), ("hybrid.ron", Backend::Gpu)]
     {
@@ -173,7 +173,7 @@ fn another_graph_runs_beside_with_the_same_views() {
     assert!(other.snapshots.iter().any(|snapshot| snapshot.name == "view.id"));
     assert!(other.frame_ms > 0.0 && other.path == file.path);
 
-    // What is changed in one changes nothing in the other; settings and a path hold for both.
+    // A change to one graph does not affect the other; settings and camera paths apply to both.
     let brighter = changed(&file, |file| file.set_param("tonemap", "exposure", "2.0").unwrap());
     let state = send(&engine, [brighter, Command::Step(1)], 5);
     assert_ne!(other_image(&state), image(&state));
@@ -192,7 +192,7 @@ fn another_graph_runs_beside_with_the_same_views() {
 }
 
 #[test]
-fn a_graph_beside_that_fails_is_reported_and_the_one_in_hand_runs_on() {
+fn a_graph_beside_that_fails_is_reported_and_the_main_graph_keeps_running() {
     let registry = || Registry::default().with::<Unruly>();
     let text = r#"Graph(version: 1, nodes: { "a": (kind: "unruly", params: (panic: false)) }, outputs: { "image": "a.out" })"#;
     let calm = Arc::new(GraphFile::parse("unruly.ron", text).unwrap());
@@ -205,7 +205,7 @@ fn a_graph_beside_that_fails_is_reported_and_the_one_in_hand_runs_on() {
     let engine = Engine::start(options(), registry(), || ());
     let panics = with(|file| file.set_param("a", "panic", "true").unwrap());
     let state = send(&engine, [Command::Graph(calm.clone()), beside(panics), Command::Step(2)], 2);
-    assert!(trouble(&state).contains("as told"), "{}", trouble(&state));
+    assert!(trouble(&state).contains("deliberate"), "{}", trouble(&state));
     let unknown = with(|file| file.set_kind("a", "unrulier").unwrap());
     let state = send(&engine, [beside(unknown), Command::Step(1)], 3);
     assert!(trouble(&state).contains("unrulier"), "{}", trouble(&state));
@@ -215,7 +215,7 @@ fn a_graph_beside_that_fails_is_reported_and_the_one_in_hand_runs_on() {
 }
 
 #[test]
-fn a_changed_parameter_keeps_the_cloud_and_a_reset_forgets_it() {
+fn a_changed_parameter_keeps_the_cloud_and_a_reset_discards_it() {
     let engine = Engine::start(options(), epigraph::registry(), || ());
     let file = graph("render-cache.ron");
     let watch = Command::Watch(vec!["view.id".into(), "no.such".into()]);
@@ -247,7 +247,7 @@ fn a_broken_graph_keeps_the_last_good_one_and_its_settings_can_change() {
 }
 
 #[test]
-fn random_edits_never_end_the_engine_nor_take_its_graph() {
+fn random_edits_never_stop_the_engine_or_lose_its_graph() {
     let folder = tempfile::tempdir().unwrap();
     let mut ran = 0;
     for (seed, path) in shipped(folder.path()).iter().enumerate() {
@@ -263,7 +263,7 @@ fn random_edits_never_end_the_engine_nor_take_its_graph() {
             let Some(file) = document.file().filter(|_| document.problems().is_empty()) else { continue };
             engine.send(Command::Graph(file.clone()));
             engine.send(Command::Step(1));
-            // Each frame runs, or what is wrong is said.
+            // Each frame runs, or the engine reports why not.
             let state = wait(&engine, "a frame or a reason", |state| {
                 state.commands == before.commands + 2
                     && (state.frames > before.frames || state.trouble.is_some())
@@ -271,14 +271,14 @@ fn random_edits_never_end_the_engine_nor_take_its_graph() {
             assert!(engine.is_alive() && state.graph.is_some() && state.phase == Phase::Ready);
             ran += usize::from(state.frames > before.frames);
         }
-        // And at last it is as it was.
+        // After undoing everything the original graph runs.
         while document.can_undo() {
             document.undo();
         }
         let before = engine.state();
         engine.send(Command::Graph(document.file().unwrap().clone()));
         engine.send(Command::Step(1));
-        let state = wait(&engine, "the graph that was opened", |state| {
+        let state = wait(&engine, "the original graph", |state| {
             state.commands == before.commands + 2 && state.frames > before.frames
         });
         assert_eq!((&state.problems[..], &state.trouble), (&[][..], &None));
@@ -286,7 +286,7 @@ fn random_edits_never_end_the_engine_nor_take_its_graph() {
     assert!(ran > 60, "{ran} edited graphs ran");
 }
 
-/// The path of a shader that is embedded in this program, with a text in its place.
+/// The path of an embedded shader, and a text that overrides it.
 fn shader(path: &str, text: String) -> (PathBuf, Arc<str>) {
     (Path::new(epigraph_shaders::FOLDER).join(path), text.into())
 }
@@ -296,13 +296,13 @@ fn shaders(texts: impl IntoIterator<Item = (PathBuf, Arc<str>)>) -> Command {
 }
 
 #[test]
-fn shaders_of_stages_run_as_edited_and_the_last_good_one_runs_on() {
+fn edited_shaders_of_stages_run_and_broken_ones_leave_the_last_good_one_running() {
     let cull = epigraph_shaders::text("depth_cull.wgsl");
     let edited = |from: &str, to: &str| {
         assert!(cull.contains(from));
         shader("depth_cull.wgsl", cull.replace(from, to))
     };
-    // The whole picture of the fourth frame, computed anew from the first.
+    // The picture of the fourth frame, each time from a reset.
     let options = Options { backend: Backend::Gpu, ..options() };
     let engine = Engine::start(options, epigraph::registry(), || ());
     send(&engine, [Command::Graph(graph("render-cache.ron"))], 0);
@@ -312,7 +312,7 @@ fn shaders_of_stages_run_as_edited_and_the_last_good_one_runs_on() {
     let bare = fourth(vec![edited("if is_hidden {", "if true {")]);
     assert_ne!(bare, built, "all points are culled");
 
-    // What is wrong is reported where it is, and what ran before runs on.
+    // An error is reported at its line, and the previous shader keeps running.
     let faulty = edited("fn cull(", "fn culls(u: v32, ");
     let line = 1 + cull.lines().position(|line| line.contains("fn cull(")).unwrap();
     let state = send(&engine, [shaders([faulty.clone()]), Command::Step(1)], 5);
@@ -322,7 +322,7 @@ fn shaders_of_stages_run_as_edited_and_the_last_good_one_runs_on() {
     assert!(problem.node.as_deref() == Some("view/cull") && problem.error.to_string().contains("v32"));
     assert_eq!((fourth(vec![faulty]), engine.state().problems.len()), (bare, 1));
 
-    // A module, too; and where nothing has run yet, it is what is embedded that does.
+    // The same holds for a module. If nothing has run yet, the embedded shaders run.
     let pixel = epigraph_shaders::text("shared/pixel.wgsl");
     let broken = shader("shared/pixel.wgsl", format!("{pixel}\nfn broken() -> u33 {{ return 0u; }}\n"));
     let state = send(&engine, [shaders([broken.clone()]), Command::Step(1)], 5);
@@ -336,7 +336,7 @@ fn shaders_of_stages_run_as_edited_and_the_last_good_one_runs_on() {
     assert_eq!((image(&state), state.problems.len()), (built, 1));
 }
 
-/// Panics in its first frame when it is told to.
+/// Panics in every frame if its parameter says so.
 struct Unruly {
     out: Out<texel::R32Float>,
 }
@@ -344,7 +344,7 @@ struct Unruly {
 epigraph_core::params! {
     /// Parameters of [`Unruly`].
     pub struct UnrulyParams {
-        /// Whether to.
+        /// Whether it panics.
         panic: bool = false;
     }
 }
@@ -357,14 +357,14 @@ impl Stage for Unruly {
         Self { out: io.write("out", "Ones.", Extent::Frame(1)) }
     }
     fn cpu(&self, params: &UnrulyParams, cx: &CpuContext) -> Result<(), String> {
-        assert!(!params.panic, "as told");
+        assert!(!params.panic, "deliberate");
         cx.write(self.out).fill(1.0);
         Ok(())
     }
 }
 
 #[test]
-fn a_stage_that_panics_gives_way_to_the_graph_before() {
+fn the_previous_graph_replaces_one_that_panics() {
     let registry = || Registry::default().with::<Unruly>();
     let text = r#"Graph(version: 1, nodes: { "a": (kind: "unruly", params: (panic: false)) }, outputs: { "image": "a.out" })"#;
     let calm = Arc::new(GraphFile::parse("unruly.ron", text).unwrap());
@@ -374,9 +374,9 @@ fn a_stage_that_panics_gives_way_to_the_graph_before() {
     send(&engine, [Command::Graph(calm.clone()), Command::Step(2)], 2);
     engine.send(unruly.clone());
     engine.send(Command::Step(3));
-    // The first of the three is spent on the panic.
-    let state = wait(&engine, "the graph before", |state| state.frames >= 4);
-    assert!(state.trouble.as_ref().unwrap().contains("as told"), "{:?}", state.trouble);
+    // The first of the three steps panics.
+    let state = wait(&engine, "the previous graph", |state| state.frames >= 4);
+    assert!(state.trouble.as_ref().unwrap().contains("deliberate"), "{:?}", state.trouble);
     assert!(engine.is_alive());
 
     let engine = Engine::start(options(), registry(), || ());
@@ -395,7 +395,7 @@ fn a_scene_that_does_not_exist_is_reported() {
     assert!(matches!(&state.phase, Phase::Failed(why) if why.contains("cornell")), "{:?}", state.phase);
 }
 
-/// The outputs of a recording's frames, and whether it ended well.
+/// The image of each recorded frame, and whether the recording was finished.
 #[derive(Default)]
 struct Kept {
     frames: Vec<(u32, Vec<u8>)>,
@@ -415,7 +415,7 @@ impl Sink for Kept {
     }
 }
 
-/// The frames of a path.
+/// Plays a path. Returns the index and the image of each frame.
 fn play(engine: &Engine, way: Way, frames: u32) -> Vec<(u32, Vec<u8>)> {
     let kept = Arc::new(Mutex::new(Kept::default()));
     let playback = Playback { way, frames: Some(frames), sink: Some(kept.clone()) };
@@ -436,7 +436,7 @@ fn a_path_plays_the_same_frames_each_time() {
     let keys: Vec<(f32, Camera)> = (0..9u8).map(|k| (f32::from(k) / 30.0, orbit.camera(k.into()))).collect();
     let way = Way::Keys(epigraph_scenes::keyframes(&keys).into());
 
-    // Whatever was going on before, and though samples else come when they are traced.
+    // It does not matter what ran before, nor that the pace is otherwise asynchronous.
     let engine = Engine::start(
         Options { pacing: Pace::Async, paused: false, ..options() },
         epigraph::registry(),
@@ -469,10 +469,10 @@ fn a_path_can_be_left_and_a_wrong_one_is_reported() {
     engine.send(Command::Stop);
     let state = wait(&engine, "the pause", |state| state.paused);
     assert!(state.frames < Playback::ENDLESS && state.recorded.is_none());
-    wait(&engine, "the sink to be let go", |_| Arc::strong_count(&kept) == 1);
+    wait(&engine, "the sink to be dropped", |_| Arc::strong_count(&kept) == 1);
     assert!(!kept.lock().unwrap().finished);
 
-    // Frames go on from where the path was left.
+    // Frames continue from where the path was left.
     let view = engine.state().camera;
     engine.send(Command::Step(1));
     let next = wait(&engine, "a frame", |after| after.frames == state.frames + 1);
@@ -485,7 +485,7 @@ fn a_path_can_be_left_and_a_wrong_one_is_reported() {
 }
 
 #[test]
-fn another_scene_takes_the_place_of_one_that_failed_or_ran() {
+fn another_scene_replaces_one_that_failed_or_ran() {
     let engine = Engine::start(Options { scene: "cornel".into(), ..options() }, epigraph::registry(), || ());
     wait(&engine, "the failure", |state| matches!(state.phase, Phase::Failed(_)));
     engine.send(Command::Graph(graph("render-cache.ron")));
@@ -504,7 +504,7 @@ fn another_scene_takes_the_place_of_one_that_failed_or_ran() {
     assert!(engine.is_alive());
 }
 
-/// Held by a test to keep the stage [`Stuck`] from ending.
+/// The stage [`Stuck`] waits while a test holds this lock.
 static GATE: Mutex<()> = Mutex::new(());
 
 /// Waits for [`GATE`] in each frame.
@@ -532,7 +532,7 @@ impl Stage for Stuck {
 }
 
 #[test]
-fn nothing_that_the_window_asks_waits_for_a_frame_that_takes_long() {
+fn the_window_never_waits_for_a_slow_frame() {
     let registry = || Registry::default().with::<Stuck>();
     let text = r#"Graph(version: 1, nodes: { "a": (kind: "stuck") }, outputs: { "image": "a.out" })"#;
     let graph = Arc::new(GraphFile::parse("stuck.ron", text).unwrap());
@@ -541,7 +541,7 @@ fn nothing_that_the_window_asks_waits_for_a_frame_that_takes_long() {
     engine.send(Command::Graph(graph.clone()));
     let ready = wait(&engine, "the graph", |state| state.graph.is_some());
     engine.send(Command::Step(1));
-    // The frame cannot end before this thread lets it; were any of these to wait for it, the test would never end.
+    // The frame cannot end while this thread holds the lock. If any of these calls waited for it, the test would hang.
     for pass in 0..1000 {
         engine.send(Command::Samples(0.1));
         engine.send(Command::Watch(vec![format!("a.out{pass}")]));
@@ -549,5 +549,5 @@ fn nothing_that_the_window_asks_waits_for_a_frame_that_takes_long() {
         assert_eq!((state.frames, engine.is_alive()), (0, true));
     }
     drop(closed);
-    wait(&engine, "all of them", |state| state.frames == 1 && state.commands == ready.commands + 2001);
+    wait(&engine, "all commands", |state| state.frames == 1 && state.commands == ready.commands + 2001);
 }

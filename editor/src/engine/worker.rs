@@ -101,7 +101,7 @@ struct Worker {
     watched: Vec<String>,
     rebuild: Rebuild,
     running: Option<Running>,
-    /// The graph before, until the new one has run a frame.
+    /// The previous graph, kept until the new one has run a frame.
     before: Option<Running>,
     camera: Camera,
     /// The camera of the last frame.
@@ -121,7 +121,7 @@ struct Worker {
     other: Option<Other>,
     /// The costs of the last frames.
     records: VecDeque<Arc<Record>>,
-    /// When the engine began.
+    /// When the engine started.
     began: Instant,
     /// The GPU was lost, and no frame has run since.
     lost: bool,
@@ -223,7 +223,7 @@ impl Worker {
         self.state.clone()
     }
 
-    /// The least time from the beginning of a frame to that of the next.
+    /// The minimum time between the beginnings of two frames.
     fn interval(&self) -> Duration {
         let rate = match &self.path {
             Some(Path { sink: Some(_), .. }) => return Duration::ZERO,
@@ -335,12 +335,12 @@ impl Worker {
         }
     }
 
-    /// When samples arrive now: along a path, all of them in the frame of their request.
+    /// The current pace: along a path, all samples arrive in the frame that requests them.
     fn pacing(&self) -> Pace {
         if self.path.is_some() { Pace::Exact } else { self.options.pacing }
     }
 
-    /// Replaces the host: drops the samples under way and takes up the present pace.
+    /// Replaces the host, with the current pace. Samples that are still being traced are dropped.
     fn renew_host(&mut self) {
         self.host = host(&self.place, self.pacing());
         for running in [&mut self.running, &mut self.before].into_iter().flatten() {

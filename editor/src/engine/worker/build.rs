@@ -1,4 +1,4 @@
-//! From a graph's file to what runs.
+//! Compiling a graph file into a running graph.
 
 use std::{
     collections::HashMap,
@@ -11,30 +11,30 @@ use epigraph_core::{EditedTexts, GraphFile, Problems};
 use super::{ReadShaders, Worker, samples};
 use crate::engine::running::{Running, Taps, problems};
 
-/// Whether the memory of the running graph is still right.
+/// How the running graph must be rebuilt, if at all.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Rebuild {
     No,
-    /// Compile the same graph again, for other ports to be captured.
+    /// Compile the same graph again, to capture other ports.
     Taps,
-    /// Compile again and take over what is kept.
+    /// Compile again and keep the contents of persistent and history storages.
     Keep,
-    /// Compile again and start anew.
+    /// Compile again and start from frame 0.
     Afresh,
 }
 
 impl Worker {
-    /// Compiles the file that was given last. Where that fails, the last good one runs on, under the present settings.
+    /// Compiles the last given file. If that fails, recompiles the last good one with the current settings.
     pub(super) fn build(&mut self) {
         let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
-        // Whoever only looks has not read yet what was said.
+        // A user who only watches other ports may not have read the message yet.
         if !self.lost && rebuild > Rebuild::Taps {
             self.state.trouble = None;
         }
         self.state.problems = Vec::new();
         self.rebuild_other(rebuild);
         let newest = self.file.clone().map(|file| (file, self.shaders.clone()));
-        // Before one has compiled, the shaders in the files, and those that are embedded, are the last good ones.
+        // If none has compiled yet, the last good shaders are those in the files and the embedded ones.
         let as_built = || Some((self.file.clone()?, Arc::default()));
         let last = self.good.clone().or_else(as_built);
         for (file, shaders) in [newest, last].into_iter().flatten() {
@@ -46,7 +46,7 @@ impl Worker {
                     self.replace(made, rebuild);
                     return;
                 }
-                // Those of the newest file count.
+                // Report the problems of the newest file only.
                 Err(problems) if self.state.problems.is_empty() => self.state.problems = problems.0,
                 Err(_) => {}
             }
@@ -69,7 +69,7 @@ impl Worker {
         Ok(made)
     }
 
-    /// Lets a graph run from now on, with what the one before keeps.
+    /// Makes a graph the running one, with the kept storages of the previous one.
     fn replace(&mut self, mut made: Running, rebuild: Rebuild) {
         self.stopped = false;
         if rebuild == Rebuild::Afresh {
@@ -81,10 +81,10 @@ impl Worker {
             if self.path.is_none() {
                 self.state.playing = None;
             }
-            // Samples of before the reset that are still under way belong to no frame.
+            // Samples requested before the reset that are still being traced belong to no frame.
             self.renew_host();
         }
-        // One that never ran a frame has nothing yet that its successor could not take from the one before.
+        // A graph that has not run a frame has written nothing, so inherit from the one before it.
         let old = match (self.running.take(), self.before.take()) {
             (Some(running), _) if running.run.executor.frames() > 0 => Some(running),
             (running, before) => before.or(running),
@@ -101,7 +101,7 @@ impl Worker {
 
     pub(super) fn run_graph(&mut self, mut running: Running) {
         running.run.set_host(self.host.clone());
-        // Until a frame has run, what is known of the steps is what they cost before.
+        // Until a frame has run, show the steps' times in the previous graph.
         let known = self.state.graph.iter().flat_map(|graph| &graph.steps).zip(&self.state.times);
         let known: HashMap<&str, f32> = known.map(|(step, ms)| (step.name.as_str(), *ms)).collect();
         let steps = running.info.steps.iter();
@@ -113,7 +113,7 @@ impl Worker {
     }
 }
 
-/// Texts that stand in for shader files.
+/// Edited shader texts, which override the shader files.
 pub fn edited(read: &ReadShaders) -> EditedTexts {
     let read = read.clone();
     EditedTexts::new(move |path| read.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned())

@@ -1,4 +1,4 @@
-//! The choice of captured ports: those in view in every frame, and all of them in a frame shown during a pause.
+//! The choice of captured ports: the watched ones in every frame, and all ports in a frame shown during a pause.
 
 use super::{Path, Rebuild, Worker};
 use crate::engine::{
@@ -6,8 +6,8 @@ use crate::engine::{
     running::{Running, Taps},
 };
 
-/// Most bytes of copies of all ports for a pause: those of about two million pixels. If they would be
-/// larger, a port that was not watched takes one more frame to appear.
+/// Limit on the copies of all ports for a pause, bytes: enough for about two million pixels. Above it, a port that was
+/// not watched takes one more frame to appear.
 const LARGEST: u64 = 1 << 30;
 
 impl Worker {

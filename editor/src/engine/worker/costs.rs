@@ -1,4 +1,4 @@
-//! The costs of frames: of the last one, of those of the last second, and a record of each.
+//! The costs of frames: times of the last frame, the frame rate over the last second, and a record of each frame.
 
 use std::{
     sync::Arc,

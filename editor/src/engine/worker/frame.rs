@@ -1,4 +1,4 @@
-//! A frame, and the handling of its outcome.
+//! Running a frame and handling its outcome.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -13,7 +13,7 @@ use epigraph_stages::World;
 use super::{Path, Rebuild, Worker, capture::is_watched, costs::step_costs, message, samples};
 
 impl Worker {
-    /// The frame's camera and the services for its stages.
+    /// The camera and the description of the next frame.
     fn next_frame(&self, size: [u32; 2]) -> (Camera, Frame) {
         let samples = samples(self.options.samples).of(size);
         let (index, seed) = (self.index, self.options.seed);
@@ -48,8 +48,8 @@ impl Worker {
         });
         match result {
             Ok((took, mut snapshots)) => {
-                // Copies of all ports slow down the steps between them, because they evict everything from the caches. So
-                // if an earlier frame was timed without them, its costs stay.
+                // Copies of all ports slow down the steps between them, because they evict everything from the caches.
+                // So if an earlier frame was timed without them, its costs stay.
                 let costs = (!(captures && running.is_timed)).then(|| step_costs(&run.executor));
                 running.is_timed |= !captures;
                 let captured = captures.then(|| snapshots.clone());
@@ -85,7 +85,7 @@ impl Worker {
         self.state.samples = samples;
     }
 
-    /// If this graph never ran, the graph before takes over; else frames stop until something changes.
+    /// If this graph has not run yet, the previous graph takes over; else frames stop until something changes.
     fn failed(&mut self, error: &RunError) {
         self.owed = self.owed.saturating_sub(1);
         self.leave_path();
@@ -97,7 +97,7 @@ impl Worker {
         match self.before.take() {
             Some(before) => {
                 self.state.trouble =
-                    Some(format!("the changed graph failed, so the one before runs on: {error}"));
+                    Some(format!("the changed graph failed, so the previous one keeps running: {error}"));
                 self.run_graph(before);
             }
             None => {
@@ -108,16 +108,16 @@ impl Worker {
         }
     }
 
-    /// The GPU's memory is lost. Another device is opened once; a loss before its first frame stops everything.
+    /// Handles the loss of the GPU and its memory: opens another device, unless that was lost before its first frame.
     fn lose(&mut self, error: &RunError) {
         self.gpu = None;
         self.running = None;
         self.before = None;
         if self.lost {
             self.state.trouble =
-                Some(format!("stopped, as it happened again: {error}; the CPU can be chosen instead"));
+                Some(format!("stopped, because it happened again: {error}; choose the CPU backend instead"));
         } else {
-            self.state.trouble = Some(format!("{error}; a new start was made"));
+            self.state.trouble = Some(format!("{error}; restarted"));
             self.lost = true;
             self.rebuild = Rebuild::Afresh;
         }

@@ -23,12 +23,12 @@ impl Worker {
             return;
         };
         // A captured frame that is still valid holds every pixel.
-        let stands = self.options.paused && self.capture.is_some();
-        if self.options.paused && !stands {
+        let is_captured = self.options.paused && self.capture.is_some();
+        if self.options.paused && !is_captured {
             self.owed = self.owed.max(1);
         }
-        self.inspected = Some(Inspected { pixel, wanted: !stands });
-        if stands {
+        self.inspected = Some(Inspected { pixel, wanted: !is_captured });
+        if is_captured {
             self.tell();
         }
     }
@@ -50,10 +50,10 @@ impl Worker {
             // The frame may have become smaller since the click.
             let pixel = [pixel[0].min(width - 1), pixel[1].min(height - 1)];
             let executor = &running.run.executor;
-            let told = catch_unwind(AssertUnwindSafe(|| {
+            let report = catch_unwind(AssertUnwindSafe(|| {
                 inspect::inspect(executor.graph(), executor.plan(), capture, pixel, self.place.tracer())
             }));
-            match told {
+            match report {
                 Ok(inspection) => self.state.inspection = Some(Arc::new(inspection)),
                 Err(panic) => {
                     let why = message(panic.as_ref());

@@ -1,4 +1,5 @@
-//! Another graph, run beside the current one: the same views, as many samples, its own cloud and tracer queue.
+//! The graph beside: a second graph that runs with the same views and sample budget, but its own cloud and tracer
+//! queue.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -24,7 +25,7 @@ pub(super) struct Other {
     pacing: Pace,
     /// True if it must be compiled again.
     stale: bool,
-    /// It cannot run until something changes.
+    /// True if it failed, so it does not run until something changes.
     failed: bool,
 }
 
@@ -36,7 +37,7 @@ impl Worker {
             return;
         };
         if self.options.paused && self.index > 0 {
-            // A frame has to run before there is anything to show.
+            // It has nothing to show until a frame has run.
             self.owed = self.owed.max(1);
         }
         match &mut self.other {
@@ -53,7 +54,7 @@ impl Worker {
         }
     }
 
-    /// The current graph is compiled anew.
+    /// Makes the graph beside be compiled again too, when the current graph is.
     pub(super) fn rebuild_other(&mut self, rebuild: Rebuild) {
         let (place, pacing) = (self.place.clone(), self.pacing());
         let Some(other) = self.other.as_mut().filter(|_| rebuild > Rebuild::Taps) else { return };
@@ -63,7 +64,7 @@ impl Worker {
         }
     }
 
-    /// Runs its part of a frame.
+    /// Runs the frame in the graph beside.
     pub(super) fn run_other(&mut self, frame: &Frame) {
         let Some(mut other) = self.other.take_if(|other| !other.failed) else { return };
         let ran = catch_unwind(AssertUnwindSafe(|| self.try_other(&mut other, frame)));
@@ -80,7 +81,7 @@ impl Worker {
         self.other = Some(other);
     }
 
-    /// Runs a frame of it; returns how long that took, or why it does not run.
+    /// Runs a frame of the graph beside. Returns how long it took, or why it does not run.
     fn try_other(&mut self, other: &mut Other, frame: &Frame) -> Result<Duration, String> {
         if other.pacing != self.pacing() {
             other.pacing = self.pacing();
@@ -97,12 +98,12 @@ impl Worker {
             other.running = Some(made);
         }
         let Some(running) = &mut other.running else { return Ok(Duration::ZERO) };
-        let told = |error: RunError| error.to_string();
+        let text = |error: RunError| error.to_string();
         let start = Instant::now();
         running.run.set_host(other.host.clone());
-        running.run.run(frame, true).map_err(told)?;
+        running.run.run(frame, true).map_err(text)?;
         let took = start.elapsed();
-        let snapshots = running.run.executor.snapshots().map_err(told)?;
+        let snapshots = running.run.executor.snapshots().map_err(text)?;
         let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone())).collect();
         if let Some(state) = &mut self.state.other {
             state.snapshots = snapshots;

@@ -1,4 +1,4 @@
-//! Camera paths that the engine follows frame by frame, with their frames passed to a sink that records them.
+//! Playing camera paths frame by frame, and passing the frames to a sink that records them.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -32,7 +32,7 @@ impl Worker {
         Rebuild::Afresh
     }
 
-    /// The camera stays where the path has led it.
+    /// Ends the playback under way, if any. The camera stays where it is.
     pub(super) fn leave_path(&mut self) {
         if self.path.take().is_some() {
             if let Some(playing) = &mut self.state.playing {
