@@ -1,5 +1,5 @@
-//! Measures how often the window is drawn while the tracer has all the cores it can get, as a person meets it: the graph
-//! runs, samples come when they are traced, and the window is drawn again as soon as it was.
+//! Measures the frame rate of the window while the tracer uses all cores: the graph runs, samples arrive when they are
+//! traced, and the window is redrawn continuously.
 //!
 //! `cargo run --release -p epigraph-editor --example frame_rate -- [GRAPH] [SCENE] [SECONDS] [WIDTHxHEIGHT]`, from
 //! the repository's folder. It needs a display; Xvfb is one.
@@ -19,20 +19,20 @@ use epigraph_editor::{app::App, document::Document, engine::Options, files::find
 /// Time for the scene, the first frames and the window's first pictures.
 const WARM_UP: Duration = Duration::from_secs(5);
 
-/// The editor, drawn without a rest.
+/// The editor, redrawn continuously.
 struct Measured {
     app: App,
     seconds: Duration,
     start: Instant,
-    /// When counting began, and the engine's frames then.
+    /// When counting started, and the engine's number of frames at that time.
     counting: Option<(Instant, u32)>,
     drawn: u32,
-    /// The longest time from one drawing of the window to the next.
+    /// The longest time between two frames of the window.
     longest: Duration,
     last: Instant,
-    /// Time that the editor's own code took on the window's thread, and the longest of it in one frame.
+    /// Time that the editor's own code took on the window's thread: in total, and the longest in one frame.
     busy: [Duration; 2],
-    /// What is in view, and how many pictures came into view.
+    /// The picture in view, and the number of pictures so far.
     picture: Weak<Snapshot>,
     pictures: u32,
 }
@@ -80,7 +80,7 @@ impl eframe::App for Measured {
                         self.app.session.frame_size(),
                     );
                     ui.ctx().send_viewport_cmd(ViewportCommand::Close);
-                    // The window goes a frame or two later.
+                    // The window closes a frame or two later.
                     self.seconds = Duration::MAX;
                 }
             }

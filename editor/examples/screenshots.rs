@@ -1,5 +1,5 @@
-//! Draws the pictures of `docs/editor.md`, without a screen: `docs/editor.png` and its fellows.
-//! Run it from the repository's folder.
+//! Draws the pictures of `docs/editor.md` (`docs/editor.png` and others), without a display. Run it from the
+//! repository's folder.
 
 #[path = "../tests/support/renderer.rs"]
 mod renderer;
@@ -16,10 +16,10 @@ use epigraph_editor::{
     panes::Pane,
 };
 
-/// Frames until the picture is full.
+/// Number of frames until the cloud covers the picture.
 const FRAMES: u32 = 120;
 
-/// A pixel on the rim of a link, where most stages have something to tell.
+/// A pixel at the edge of a link, where most stages have findings.
 const PIXEL: [u32; 2] = [262, 338];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     window.state_mut().show(|pane| matches!(pane, Pane::Viewer(_)));
     window.run_steps(4);
     click(&mut window, "Compare");
-    choose(&mut window, "Held against", "another graph …");
+    choose(&mut window, "Compared with", "another graph …");
     choose(&mut window, "Graph beside", "render-cache.ron");
     window.state().session.engine.send(Command::Reset);
     until(&mut window, |app| app.session.state.frames <= 1);
@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Runs so many frames of the graph and shows the last.
+/// Runs this many frames of the graph, and waits until the last one is drawn.
 fn run(window: &mut Harness<App>, frames: u32) {
     let last = window.state().session.state.frames + frames;
     window.state().session.engine.send(Command::Step(frames));
@@ -86,7 +86,7 @@ fn run(window: &mut Harness<App>, frames: u32) {
     window.run_steps(2);
 }
 
-/// Shows frames of the window until something holds.
+/// Draws frames of the window until `holds` is true.
 fn until(window: &mut Harness<App>, holds: impl Fn(&App) -> bool) {
     while !holds(window.state()) {
         window.step();
@@ -99,7 +99,7 @@ fn click(window: &mut Harness<App>, label: &str) {
     leave(window);
 }
 
-/// Picks an entry of a list of that name.
+/// Picks an entry of the combo box with this name.
 fn choose(window: &mut Harness<App>, list: &str, entry: &str) {
     window.get_by_role_and_label(Role::ComboBox, list).click();
     window.run_steps(4);
@@ -109,7 +109,7 @@ fn choose(window: &mut Harness<App>, list: &str, entry: &str) {
     leave(window);
 }
 
-/// Takes the pointer out of the window.
+/// Moves the pointer out of the window.
 fn leave(window: &mut Harness<App>) {
     window.run_steps(4);
     window.event(egui::Event::PointerGone);

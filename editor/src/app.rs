@@ -51,7 +51,7 @@ pub type Slots = [Option<String>; 9];
 
 /// The editor.
 pub struct App {
-    /// What the panes share.
+    /// The state that panes share.
     pub session: Session,
     /// Ports on the number keys.
     pub slots: Slots,
@@ -60,10 +60,10 @@ pub struct App {
     pub(crate) used: u64,
     /// Number of viewers created so far.
     pub(crate) made: u64,
-    /// Ports whose values panes want, besides those that viewers show.
+    /// Ports that panes watch, besides those that viewers show.
     pub(crate) watched: Vec<String>,
     pub(crate) dialog: Option<Dialog>,
-    /// Whether the help is open.
+    /// True if the help is open.
     pub(crate) help: bool,
     store: Option<Store>,
     /// Unsaved changes of the last session, until the user has decided about them.
@@ -79,13 +79,13 @@ const DIGITS: [Key; 9] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
 impl App {
-    /// Opens a document on a scene; no session is restored and none is kept.
+    /// Opens a document on a scene, without restoring or saving a session.
     pub fn new(creation: &CreationContext, document: Document, options: Options) -> Self {
         let opening = Opening { document, options, stored: None, store: None, notice: None };
         Self::open(creation, opening, epigraph::registry())
     }
 
-    /// Opens what the program starts with, with these kinds of stage.
+    /// Opens the window at the start of the program, with these kinds of stage.
     pub fn open(creation: &CreationContext, opening: Opening, registry: Registry) -> Self {
         let Opening { mut document, options, stored, store, notice } = opening;
         document.use_sources(Arc::new(Sources::new(&registry)));
@@ -128,7 +128,7 @@ impl App {
     }
 
     fn shortcuts(&mut self, context: &Context) {
-        // Taken before any widget sees them: a text field has an undo of its own.
+        // Consumed before any widget sees them, as text fields have an undo of their own.
         let pressed = |shortcut: &_| context.input_mut(|input| input.consume_shortcut(shortcut));
         if pressed(&HELP) {
             self.help = !self.help;
@@ -136,7 +136,7 @@ impl App {
         if self.dialog.is_some() {
             return;
         }
-        // Those with more modifiers first: they also match those with fewer.
+        // Shortcuts with more modifiers first: their keys would also match those with fewer.
         for (shortcut, ask) in &DIALOGS {
             if pressed(shortcut) {
                 self.ask(*ask);
@@ -187,7 +187,7 @@ impl App {
         }
     }
 
-    /// True if a visible viewer still shows a stale picture.
+    /// True if the picture of a visible viewer is stale.
     pub fn is_drawing(&self) -> bool {
         self.tree.active_tiles().into_iter().any(|tile| match self.tree.tiles.get(tile) {
             Some(Tile::Pane(Pane::Viewer(viewer))) => viewer.is_behind(),
@@ -195,7 +195,7 @@ impl App {
         })
     }
 
-    /// Switches to another graph. Unsaved changes of the one before are kept until it is opened again.
+    /// Switches to another graph. Unsaved changes of the previous one are kept until it is opened again.
     pub fn go_on(&mut self, mut document: Document) {
         self.keep();
         document.use_sources(self.session.document.sources().clone());
@@ -208,10 +208,10 @@ impl App {
         self.show_port(String::new());
     }
 
-    /// Keeps the session for the next start of the program.
+    /// Saves the session for the next start of the program.
     fn keep(&mut self) {
         let Some(store) = &mut self.store else { return };
-        // Until the user has decided about the unsaved changes that were kept, they must not be overwritten.
+        // The unsaved changes of the last session must not be overwritten before the user has decided about them.
         if self.recovery.is_none() {
             store.keep_unsaved(&self.session.document);
         }
@@ -243,10 +243,14 @@ impl App {
             ui.add_space(3.0);
             ui.horizontal_wrapped(|ui| {
                 ui.strong(format!("{} when the program ended.", recovery.what()));
-                if ui.button("Take over").on_hover_text("Undo returns to the saved version").clicked() {
+                if ui
+                    .button("Restore")
+                    .on_hover_text("Restore the unsaved changes; Undo returns to the saved version")
+                    .clicked()
+                {
                     decided = Some(true);
                 }
-                if ui.button("Discard").on_hover_text("Deletes the unsaved changes").clicked() {
+                if ui.button("Discard").on_hover_text("Delete the unsaved changes").clicked() {
                     decided = Some(false);
                 }
             });
@@ -263,7 +267,7 @@ impl App {
         }
     }
 
-    /// Brings a pane to the front that another tab hides.
+    /// Brings a pane to the front if another tab hides it.
     pub fn show(&mut self, wanted: impl Fn(&Pane) -> bool) {
         self.tree.make_active(|_, tile| matches!(tile, Tile::Pane(pane) if wanted(pane)));
     }
@@ -278,7 +282,7 @@ impl App {
         context.request_repaint_after_secs(REFRESH as f32);
     }
 
-    /// Takes the ports whose values are wanted in the next frames.
+    /// The ports that panes, viewers and the dialog watch. Clears the panes' list.
     fn take_watched(&mut self) -> Vec<String> {
         let mut watched = std::mem::take(&mut self.watched);
         watched.extend(self.viewers().flat_map(Viewer::watched));
@@ -341,7 +345,7 @@ impl eframe::App for App {
     }
 }
 
-/// Panes of a session, if none is missing of those that cannot be opened again.
+/// The panes of a session, unless one is missing that the user could not open again.
 fn whole(tree: Tree<Pane>) -> Option<Tree<Pane>> {
     let kinds = |tree: &Tree<Pane>| -> Vec<_> {
         let panes = tree.tiles.iter().filter_map(|(_, tile)| match tile {
@@ -375,7 +379,7 @@ pub(crate) fn layout() -> Tree<Pane> {
     Tree::new("panes", root, tiles)
 }
 
-/// Keeps a single pane under a tab, where others can be dropped.
+/// Puts a single pane under a tab, so that other tabs can be dropped there.
 fn tabbed(tiles: &mut Tiles<Pane>, pane: Pane) -> TileId {
     let pane = tiles.insert_pane(pane);
     tiles.insert_tab_tile(vec![pane])

@@ -1,4 +1,4 @@
-//! The graph that views compare with: it runs beside the current graph while any view wants it.
+//! The graph that views compare with. It runs beside the current graph while any view needs it.
 
 use std::{mem, path::Path, sync::Arc};
 
@@ -8,14 +8,14 @@ use crate::{
     files::{self, Choice},
 };
 
-/// The choice of the graph, and the ports that panes want to see.
+/// The chosen graph, and the ports of it that panes watch.
 #[derive(Default)]
 pub struct Beside {
     /// Its file; `None` for the current graph as saved.
     pub path: Option<String>,
-    /// Ports that panes want; they ask again in each frame of the window.
+    /// Ports that panes watch; they repeat their requests in each frame of the window.
     wanted: Option<Vec<String>>,
-    /// The last opened file, while a graph is wanted.
+    /// The opened file, while any pane needs the graph.
     open: Option<(String, Result<Document, String>)>,
     choices: Vec<Choice>,
     /// The last state sent to the engine: the file, its revision, the ports.
@@ -23,7 +23,7 @@ pub struct Beside {
 }
 
 impl Beside {
-    /// Asks for a port, `node.port`, in addition to the outputs; once for each frame of the window.
+    /// Requests a port, `node.port`, in addition to the outputs. Call it in each frame of the window.
     pub fn want(&mut self, port: &str) {
         let wanted = self.wanted.get_or_insert_default();
         if !wanted.iter().any(|known| known == port) {
@@ -36,7 +36,7 @@ impl Beside {
         &self.choices
     }
 
-    /// Why it cannot be read.
+    /// The reason why the graph cannot be read.
     pub fn trouble(&self) -> Option<String> {
         match &self.open.as_ref()?.1 {
             Ok(open) => open.problems().first().map(ToString::to_string),
@@ -44,7 +44,7 @@ impl Beside {
         }
     }
 
-    /// The change to send to the engine, if any; once for each frame of the window.
+    /// The change to send to the engine, if any. Call it once in each frame of the window.
     pub fn news(&mut self, document: &Document) -> Option<Option<Other>> {
         let end = |sent: &mut Option<_>| sent.take().map(|_| None);
         let Some(mut wanted) = mem::take(&mut self.wanted) else {
@@ -74,7 +74,7 @@ impl Beside {
         Some(Some(other))
     }
 
-    /// Reads its files again if they have changed.
+    /// Reloads its files if they have changed.
     pub fn refresh(&mut self) {
         match &mut self.open {
             Some((_, Ok(open))) => _ = open.refresh(),
@@ -91,13 +91,13 @@ mod tests {
 
     const EMPTY: &str = "Graph(version: 1, nodes: {}, outputs: {})";
 
-    fn told(beside: &mut Beside, document: &Document, ports: &[&str]) -> Option<Option<Other>> {
+    fn news(beside: &mut Beside, document: &Document, ports: &[&str]) -> Option<Option<Other>> {
         ports.iter().for_each(|port| beside.want(port));
         beside.news(document)
     }
 
     #[test]
-    fn the_engine_is_told_of_each_change_once() {
+    fn each_change_is_sent_to_the_engine_once() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let text = |name: &str| path(name).display().to_string();
@@ -105,39 +105,39 @@ mod tests {
         fs::write(path("b.ron"), EMPTY).unwrap();
         let document = Document::open(&path("a.ron")).unwrap();
         let mut beside = Beside::default();
-        assert!(beside.news(&document).is_none(), "nobody asks for one");
+        assert!(beside.news(&document).is_none(), "no pane needs it");
 
-        // As saved.
-        let other = told(&mut beside, &document, &["y.z", "x.y", "y.z"]).unwrap().unwrap();
+        // The graph as saved.
+        let other = news(&mut beside, &document, &["y.z", "x.y", "y.z"]).unwrap().unwrap();
         assert_eq!(other.file.path, text("a.ron"));
         assert_eq!(other.watched, ["x.y", "y.z"]);
-        assert!(told(&mut beside, &document, &["x.y", "y.z"]).is_none());
+        assert!(news(&mut beside, &document, &["x.y", "y.z"]).is_none());
         assert!(beside.choices().iter().any(|choice| choice.text == text("b.ron")));
 
-        // Another file, which then changes, breaks and is mended.
+        // Another file, which is then changed, broken and fixed.
         beside.path = Some(text("b.ron"));
-        assert_eq!(told(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.path, text("b.ron"));
+        assert_eq!(news(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.path, text("b.ron"));
         fs::write(path("b.ron"), format!("// More\n{EMPTY}")).unwrap();
         beside.refresh();
-        assert!(told(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.text.starts_with("// More"));
+        assert!(news(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.text.starts_with("// More"));
         fs::write(path("b.ron"), "Graph(").unwrap();
         beside.refresh();
-        told(&mut beside, &document, &["x.y"]);
+        news(&mut beside, &document, &["x.y"]);
         assert!(beside.trouble().unwrap().contains("b.ron"));
         fs::write(path("b.ron"), EMPTY).unwrap();
         beside.refresh();
-        assert_eq!(told(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.text, EMPTY);
+        assert_eq!(news(&mut beside, &document, &["x.y"]).unwrap().unwrap().file.text, EMPTY);
         assert_eq!(beside.trouble(), None);
 
         // A missing file ends the previous graph, until the file appears.
         beside.path = Some(text("c.ron"));
-        assert!(told(&mut beside, &document, &["x.y"]).unwrap().is_none());
+        assert!(news(&mut beside, &document, &["x.y"]).unwrap().is_none());
         assert!(beside.trouble().unwrap().contains("c.ron"));
         fs::write(path("c.ron"), EMPTY).unwrap();
         beside.refresh();
-        assert!(told(&mut beside, &document, &["x.y"]).unwrap().is_some());
+        assert!(news(&mut beside, &document, &["x.y"]).unwrap().is_some());
 
-        // Nobody wants it any more.
+        // No pane needs it any more.
         assert!(beside.news(&document).unwrap().is_none());
         assert!(beside.news(&document).is_none());
     }

@@ -12,7 +12,7 @@ const FLIGHT: f32 = 0.35;
 /// A camera that the user moves.
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
-    /// Where it is now.
+    /// The current camera.
     pub camera: Camera,
     home: Camera,
     /// Distance from the eye to the point that orbiting turns around, metres.
@@ -45,8 +45,8 @@ impl Rig {
         self.camera.rotation = Quat::from_rotation_y(yaw) * Quat::from_rotation_x(pitch);
     }
 
-    /// Orbits the point ahead, by angles in radians to the right and down: the scene follows the pointer, so the eye moves
-    /// left and up.
+    /// Orbits the point ahead, by angles in radians to the right and down: the scene follows the pointer, so the eye
+    /// moves left and up.
     pub fn orbit(&mut self, right: f32, down: f32) {
         let pivot = self.camera.eye + self.camera.rotation * Vec3::NEG_Z * self.distance;
         self.look(right, down);
@@ -117,6 +117,6 @@ mod tests {
         rig.approach(1.0);
         assert!((rig.camera.eye.z - 2.0).abs() < 1e-4);
         rig.pan(0.5, 0.0);
-        assert!(rig.camera.eye.x < 0.0, "the scene follows the hand");
+        assert!(rig.camera.eye.x < 0.0, "the scene follows the drag");
     }
 }

@@ -46,7 +46,7 @@ pub struct Dialog {
     pub ask: Ask,
     /// The field's text.
     pub text: String,
-    /// The second choice: a graph to copy, or the port to save.
+    /// The graph to copy, or the port to save.
     pub source: String,
     /// How frames are recorded.
     pub format: Format,
@@ -66,18 +66,18 @@ pub struct Known {
     pub images: Vec<String>,
     /// True if the chosen port has values.
     pub has_values: bool,
-    /// The current path, in words.
+    /// The label of the current path.
     pub path: String,
 }
 
-/// What the user did with a dialog.
+/// The user's answer to a dialog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// Nothing yet.
     Open,
-    /// It is to be closed.
+    /// Close it.
     Cancel,
-    /// Its action is to be carried out.
+    /// Carry out its action.
     Accept,
 }
 
@@ -159,7 +159,7 @@ impl Dialog {
         answer
     }
 
-    /// The list to pick from; a double click is enough.
+    /// The list to pick from. A double click accepts the dialog if it only opens a file.
     fn choices(&mut self, ui: &mut Ui, answer: &mut Answer) {
         if self.choices.is_empty() {
             return;
@@ -210,14 +210,14 @@ impl Dialog {
             combo.response.labelled_by(label.id);
         });
         if !known.has_values {
-            ui.weak("This port is taken from the next frame on.");
+            ui.weak("This port is captured from the next frame on.");
         }
         ui.add_space(4.0);
     }
 
     fn recording(&mut self, ui: &mut Ui, known: &Known) {
         let path = &known.path;
-        ui.label(format!("{path}, in the view in use, every frame with all of its samples"));
+        ui.label(format!("{path}, as shown in the active view, with all samples of each frame"));
         ui.horizontal(|ui| {
             let label = ui.label("Frames");
             ui.add(DragValue::new(&mut self.frames).range(1..=100_000)).labelled_by(label.id);
@@ -225,7 +225,7 @@ impl Dialog {
         });
         for (format, text) in [
             (Format::Animation, "One animated PNG"),
-            (Format::Numbered, "A PNG for each frame: NAME-0000.png and on"),
+            (Format::Numbered, "A PNG for each frame: NAME-0000.png, NAME-0001.png, ..."),
         ] {
             ui.radio_value(&mut self.format, format, text);
         }
@@ -244,7 +244,7 @@ impl Dialog {
             return true;
         }
         self.replaces = Some(self.text.clone());
-        self.error = Some("There is such a file already.".into());
+        self.error = Some("The file exists already.".into());
         false
     }
 }

@@ -31,7 +31,7 @@ pub fn shipped_folder() -> Option<PathBuf> {
     Some(found.strip_prefix(&here).map(Path::to_owned).unwrap_or(found))
 }
 
-/// The file that the user means: the file at that path, or else the shipped graph of that name.
+/// The file at this path, or else the shipped graph of this name.
 pub fn find_graph(name: &str) -> PathBuf {
     let path = PathBuf::from(name);
     let shipped = shipped_folder().map(|folder| folder.join(format!("{name}.ron")));
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_relative_path_leads_there() {
+    fn relative_paths_are_found() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path();
         fs::create_dir_all(root.join("a/b")).unwrap();

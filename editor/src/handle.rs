@@ -1,4 +1,4 @@
-//! Handling of what panes have asked for while they were drawn.
+//! Handling of the requests that panes made while they were drawn.
 
 use egui::Context;
 use egui_tiles::{Container, Tile, TileId};
@@ -94,27 +94,27 @@ impl App {
         }
     }
 
-    /// The command line that makes the picture in view.
+    /// The command line that renders the picture in view.
     ///
     /// # Errors
-    /// The graph or the path has to be saved first, or there is no picture yet.
+    /// The graph or the path must be saved first, or no frame has run yet.
     pub fn command_line(&self) -> Result<CommandLine, String> {
         self.session.command_line(self.port_in_view())
     }
 
-    /// Puts the command line on the clipboard, or reports why there is none.
+    /// Copies the command line to the clipboard, or reports why there is none.
     fn copy_command_line(&mut self, context: &Context) {
         let notice = match self.command_line() {
             Ok(line) => {
                 context.copy_text(line.to_string());
-                "the command line is on the clipboard".into()
+                "copied the command line to the clipboard".into()
             }
             Err(error) => error,
         };
         self.session.tell(notice);
     }
 
-    /// Puts the port in view on a number key.
+    /// Assigns the port in view to a number key.
     pub(crate) fn assign(&mut self, slot: usize) {
         let port = self.port_in_view().to_owned();
         let shown = if port.is_empty() { "the output" } else { &port };
@@ -122,14 +122,14 @@ impl App {
         self.slots[slot] = Some(port);
     }
 
-    /// Shows the port on a number key.
+    /// Shows the port assigned to a number key.
     pub(crate) fn recall(&mut self, slot: usize) {
         match self.slots[slot].clone() {
             Some(port) => self.show_port(port),
             None => {
                 let key = slot + 1;
                 self.session
-                    .tell(format!("nothing is on key {key} yet; Ctrl+{key} puts the port in view there"));
+                    .tell(format!("key {key} has no port yet; Ctrl+{key} assigns the port in view to it"));
             }
         }
     }

@@ -17,7 +17,7 @@ const COLUMNS: [&[Part]; 2] = [
         (
             "In a view",
             &[
-                ("Drag", "orbit around what is ahead"),
+                ("Drag", "orbit around the point ahead"),
                 ("Right drag", "look around"),
                 ("W A S D, Q E", "fly; down and up"),
                 ("Wheel", "zoom to pixels"),
@@ -33,8 +33,8 @@ const COLUMNS: [&[Part]; 2] = [
                 ("Home", "back to the scene's own view"),
                 ("F9", "record the camera's path, stop recording"),
                 ("F10", "play the path, stop playing"),
-                ("1 to 9", "show the port on that key in the view in use"),
-                ("Ctrl 1 to 9", "put the port in view on that key"),
+                ("1 to 9", "show the port of that key in the active view"),
+                ("Ctrl 1 to 9", "assign the port in view to that key"),
             ],
         ),
     ],
@@ -44,17 +44,17 @@ const COLUMNS: [&[Part]; 2] = [
             &[
                 ("Ctrl O", "open a graph"),
                 ("Ctrl S, Ctrl Shift S", "save, save as"),
-                ("Ctrl Z, Ctrl Shift Z", "undo, redo, whatever pane a change came from"),
+                ("Ctrl Z, Ctrl Shift Z", "undo, redo changes from any pane"),
                 ("Ctrl E", "save an image"),
-                ("Ctrl Shift C", "copy the picture in view as a command line"),
+                ("Ctrl Shift C", "copy a command line for the picture in view"),
             ],
         ),
         (
-            "Getting about",
+            "Navigation",
             &[
-                ("F6, Shift F6", "next pane, pane before"),
-                ("Tab, Shift Tab", "next widget, widget before"),
-                ("Enter or Space", "press the widget in focus"),
+                ("F6, Shift F6", "next pane, previous pane"),
+                ("Tab, Shift Tab", "next widget, previous widget"),
+                ("Enter or Space", "press the focused widget"),
                 ("Arrows", "move a slider, or the focus"),
                 ("Escape", "leave a field, a menu, a dialog"),
                 ("F1", "this help"),

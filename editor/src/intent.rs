@@ -5,21 +5,21 @@ use egui_tiles::TileId;
 /// A pane's request, which the app carries out once all panes are drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Intent {
-    /// Show a port, `node.port`, in the viewer in use; the graph's first output where it is empty.
+    /// Show a port, `node.port`, in the viewer in use; if it is empty, the graph's first output.
     Show(String),
-    /// Show a place in a text.
+    /// Show a position in a text.
     Jump(Jump),
     /// Open a dialog.
     Ask(Ask),
-    /// Pick a pixel of the frame, by column and row, and show it through the whole graph.
+    /// Pick a pixel of the frame, by column and row, and inspect it.
     Inspect([u32; 2]),
-    /// Take a port's values, `node.port`, in the next frames; repeated in each frame of the window.
+    /// Capture a port, `node.port`, in the next frames; repeated in each frame of the window.
     Watch(String),
     /// Make the viewer with this [`crate::panes::Viewer::id`] the one in use.
     Use(u64),
     /// Add a viewer to these tabs.
     AddViewer(TileId),
-    /// Put the command line that makes the picture in view on the clipboard.
+    /// Copy the command line that renders the picture in view to the clipboard.
     CopyCommandLine,
     /// Restore the default layout of the panes.
     ResetPanes,
@@ -27,7 +27,7 @@ pub enum Intent {
     Help,
 }
 
-/// A place in a text.
+/// A position in a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Jump {
     /// The file.

@@ -1,4 +1,4 @@
-//! Work beside the window's thread: files that are written while the window stays responsive.
+//! Work on other threads than the window's: files are written while the window stays responsive.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -29,7 +29,8 @@ impl Jobs {
         let started = thread::Builder::new().name("job".into()).spawn(move || {
             let outcome = catch_unwind(AssertUnwindSafe(work));
             // The window may be gone by now; then the outcome is lost.
-            let _ = tell.send(outcome.unwrap_or_else(|_| Err("that panicked; the program goes on".into())));
+            let _ =
+                tell.send(outcome.unwrap_or_else(|_| Err("the action panicked and was cancelled".into())));
             wake();
         });
         if let Err(error) = started {

@@ -1,4 +1,4 @@
-//! Keyboard navigation between panes: each pane can have the focus as a whole, and Tab leads on to its widgets.
+//! Keyboard navigation between panes: each pane can have the focus as a whole, and Tab then moves to its widgets.
 
 use egui::{Context, Id, Rect, Sense, StrokeKind, Ui, WidgetInfo, WidgetType};
 use egui_tiles::{Tile, TileId, Tree};
@@ -10,7 +10,7 @@ fn pane_id(tile: TileId) -> Id {
     Id::new("pane").with(tile)
 }
 
-/// Lets a pane have the focus as a whole, before its widgets, and shows a frame when it has.
+/// Makes a pane focusable as a whole, before its widgets, and draws a frame around it if it has the focus.
 pub fn pane(ui: &Ui, tile: TileId, title: &str) {
     let rect = ui.max_rect();
     let response = ui.interact(rect, pane_id(tile), Sense::focusable_noninteractive());
@@ -21,7 +21,7 @@ pub fn pane(ui: &Ui, tile: TileId, title: &str) {
     }
 }
 
-/// True if a pane as a whole has the focus, so that shortcuts work as without a focus.
+/// True if a pane as a whole has the focus, so that single-key shortcuts still work.
 pub fn is_on_pane(context: &Context, tree: &Tree<Pane>) -> bool {
     let focused = context.memory(|memory| memory.focused());
     in_order(tree).into_iter().any(|tile| focused == Some(pane_id(tile)))
@@ -31,7 +31,7 @@ pub fn is_on_pane(context: &Context, tree: &Tree<Pane>) -> bool {
 pub fn next_pane(context: &Context, tree: &Tree<Pane>, back: bool) {
     let panes = in_order(tree);
     let focused = context.memory(|memory| memory.focused());
-    // A pane is current also if one of its widgets has the focus.
+    // A pane is also current if one of its widgets has the focus.
     let place = focused.and_then(|id| context.read_response(id)).map(|response| response.rect.center());
     let current = panes.iter().position(|tile| {
         focused == Some(pane_id(*tile)) || place.is_some_and(|at| rect(tree, *tile).contains(at))

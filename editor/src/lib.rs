@@ -1,8 +1,8 @@
-//! The editor of render graphs: see every image, change any parameter or wire, keep the file yours.
+//! The editor of render graphs: see every image, and change any parameter or wire without reformatting the file.
 //!
-//! [`engine`] runs the graph on a thread of its own, [`document`] owns the file's text; neither
-//! knows the window. A [`session`] holds them together, and [`app`] shows it in [`panes`]. Panes push their requests to the
-//! window as [`intent`]s, which the window handles once all are drawn; dialogs and session do not know each other.
+//! [`engine`] runs the graph on a thread of its own, [`document`] owns the file's text; neither knows the window. A
+//! [`session`] holds them together, and [`app`] shows it in [`panes`]. Panes push their requests to the window as
+//! [`intent`]s, which the window handles once all are drawn; dialogs and session do not know each other.
 //!
 //! A program with stages of its own is the same editor with another registry:
 //!

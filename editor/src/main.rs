@@ -1,4 +1,4 @@
-//! The program `epigraph-editor` with the stages of the algorithms; see the library for what it does.
+//! The program `epigraph-editor`, with the stages of the algorithms.
 
 use std::process::ExitCode;
 

@@ -12,7 +12,7 @@ use crate::{
 const ROUTES: [(&str, &str); 3] = [
     ("orbit", "Back and forth around the point that the scene's camera looks at"),
     ("fly", "A gentle loop forwards and sideways"),
-    ("shake", "As if held by hand"),
+    ("shake", "A hand-held camera"),
 ];
 
 /// Shows them.
@@ -26,7 +26,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     });
 }
 
-/// An entry with its shortcut; true if it was chosen.
+/// An entry with its shortcut. Returns true if it was chosen.
 fn entry(ui: &mut Ui, enabled: bool, text: &str, keys: &str) -> bool {
     ui.add_enabled(enabled, Button::new(text).shortcut_text(keys)).clicked()
 }
@@ -102,12 +102,12 @@ fn window(ui: &mut Ui, session: &mut Session) {
     for (theme, text) in [
         (ThemePreference::Light, "Light"),
         (ThemePreference::Dark, "Dark"),
-        (ThemePreference::System, "As the system has it"),
+        (ThemePreference::System, "System"),
     ] {
         ui.radio_value(&mut session.settings.theme, theme, text);
     }
     ui.separator();
-    if entry(ui, true, "Panes as at first", "") {
+    if entry(ui, true, "Reset panes", "") {
         session.push(Intent::ResetPanes);
     }
     if entry(ui, true, "Keys and mouse", "F1") {

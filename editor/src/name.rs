@@ -2,7 +2,7 @@
 
 use egui::{Response, WidgetInfo, WidgetType};
 
-/// Names a widget whose own text does not say what it is for.
+/// Names a widget whose own text does not describe it.
 pub trait Named {
     /// Sets the name to `name`.
     #[must_use = "the response says what the user did"]

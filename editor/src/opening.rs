@@ -1,4 +1,4 @@
-//! What the program opens when it starts: the arguments, or else the last session.
+//! The graph, scene and settings at the start of the program: those of the arguments, or else of the last session.
 
 use crate::{
     document::Document,
@@ -7,10 +7,10 @@ use crate::{
     store::{Store, Stored},
 };
 
-/// The graph that is opened if none is named.
+/// The graph to open if none is named.
 const FIRST: &str = "epi";
 
-/// The parts of a window to be opened.
+/// The initial contents of the window.
 pub struct Opening {
     /// The graph.
     pub document: Document,
@@ -18,15 +18,15 @@ pub struct Opening {
     pub options: Options,
     /// The last session.
     pub stored: Option<Stored>,
-    /// Where the session is kept.
+    /// The store that keeps the session.
     pub store: Option<Store>,
     /// A notice for the user.
     pub notice: Option<String>,
 }
 
 impl Opening {
-    /// The named graph and scene, else those of the last session, else the defaults; with the last session's settings. If
-    /// that session cannot be read, a notice says so.
+    /// Opens the named graph and scene, or if none is named, the last session's, or else the defaults. The settings are
+    /// the last session's. If that session cannot be read, a notice says so.
     ///
     /// # Errors
     /// The named graph cannot be read.

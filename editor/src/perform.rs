@@ -88,7 +88,7 @@ impl App {
         Ok(())
     }
 
-    /// How the viewer in use shows its port.
+    /// The look of the viewer in use.
     fn look_in_view(&self) -> Look {
         self.viewer_in_use().map(|viewer| viewer.look).unwrap_or_default()
     }
@@ -96,7 +96,7 @@ impl App {
     /// Saves a port as the viewer in use shows it, or with the port's default look if that viewer shows another port.
     fn save_image(&mut self, port: &str, path: &Path) -> Result<(), String> {
         let session = &self.session;
-        let snapshot = session.snapshot(port).cloned().ok_or("there is no frame of it yet")?;
+        let snapshot = session.snapshot(port).cloned().ok_or("the port has not been captured yet")?;
         let look = if port == self.port_in_view() { self.look_in_view() } else { Look::default() };
         let file = PortFile::picture(path).map_err(|error| error.to_string())?;
         session.start(move || {

@@ -1,4 +1,4 @@
-//! From the command line to the window.
+//! The command line, which opens the window.
 
 use std::process::ExitCode;
 
@@ -9,7 +9,8 @@ use epigraph::Registry;
 
 use crate::{app::App, engine::Options, opening::Opening, store::Store};
 
-/// Opens a render graph on a scene: see every image, change any parameter or wire, and save a file that is still yours.
+/// Opens a render graph on a scene. See every image, change any parameter or wire, and save without reformatting the
+/// file.
 #[derive(Parser)]
 #[command(name = "epigraph-editor", version)]
 struct Args {
@@ -19,7 +20,7 @@ struct Args {
     /// A scene's name or file. Default: the scene of the last session, or cornell.
     #[arg(long)]
     scene: Option<String>,
-    /// Restore nothing of the last session, and keep nothing of this one.
+    /// Do not restore the last session, and do not save this one.
     #[arg(long)]
     fresh: bool,
 }

@@ -12,7 +12,7 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// A frame is drawn at `now`.
+    /// Records that a frame is drawn at `now`.
     pub fn beat(&mut self, now: Instant) {
         self.frames.push_back(now);
         while self.frames.front().is_some_and(|first| now - *first >= Duration::from_secs(1)) {
@@ -20,7 +20,7 @@ impl Pulse {
         }
     }
 
-    /// Frames in the second before the last one.
+    /// Number of frames in the second before the last recorded one, which counts too.
     pub fn rate(&self) -> usize {
         self.frames.len()
     }
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_of_the_last_second_count() {
+    fn frames_of_the_last_second_are_counted() {
         let mut pulse = Pulse::default();
         let start = Instant::now();
         for frame in 0..90 {

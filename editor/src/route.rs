@@ -1,4 +1,4 @@
-//! The user's camera path: recorded while flying, opened from a file, saved to one, played again.
+//! The user's camera path, which is recorded while flying or opened from a file, and can be saved and played.
 
 use std::path::{Path, PathBuf};
 
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_recording_notes_a_camera_for_each_frame_of_the_path() {
+    fn a_recording_has_a_camera_for_each_frame_of_the_path() {
         let scene = Scene::load("cornell").unwrap();
         let at = |x: f32| {
             let mut camera = scene.camera;

@@ -25,7 +25,7 @@ use crate::{
     store::Seen,
 };
 
-/// Most frames of a still view on a command line: more hardly change the picture.
+/// Maximum number of frames of a still view on a command line: more hardly change the picture.
 const SETTLED: u32 = 300;
 
 /// Range of the resolution's scale.
@@ -34,7 +34,7 @@ pub const SCALES: std::ops::RangeInclusive<f32> = 0.25..=2.0;
 /// The user's settings for the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Samples a frame may ask for, percent of its pixels.
+    /// Maximum number of samples per frame, percent of its pixels.
     pub samples: f32,
     /// Width and height of the frame at a scale of 1, pixels.
     pub size: [u32; 2],
@@ -72,7 +72,7 @@ pub struct Session {
     notice: Option<String>,
     /// The camera, once the scene is loaded.
     rig: Option<Rig>,
-    /// The scene that was asked for, by its name or file.
+    /// The requested scene, by its name or file.
     scene: String,
     /// The scene that the camera is in.
     within: String,
@@ -82,7 +82,7 @@ pub struct Session {
     recorder: Option<Recorder>,
     /// The current path.
     route: Option<Route>,
-    /// Work beside this thread.
+    /// Work on other threads.
     jobs: Jobs,
     /// The frame rate of the window.
     pulse: Pulse,
@@ -92,14 +92,15 @@ pub struct Session {
     seed: u32,
     /// True if times are measured; see [`Options::measured`].
     measured: bool,
-    /// The document's revision that was sent to the engine.
+    /// The revision of the document that the engine has.
     sent: u64,
     /// The ports that the engine captures.
     watched: Vec<String>,
 }
 
 impl Session {
-    /// Runs a document, with these kinds of stage. `wake` is called from the engine's thread when there is something new to show.
+    /// Runs a document, with these kinds of stage. `wake` is called from the engine's thread when there is something
+    /// new to show.
     pub fn new(
         mut document: Document,
         options: Options,
@@ -140,7 +141,7 @@ impl Session {
         session
     }
 
-    /// Adds a pane's request to the window.
+    /// Adds a request of a pane to the window.
     pub fn push(&mut self, intent: Intent) {
         self.intents.push(intent);
     }
@@ -165,8 +166,8 @@ impl Session {
         self.jobs.start(work);
     }
 
-    /// Takes the engine's news and sends it the document's changes and the watched ports; once for each frame of the
-    /// window, at `now` seconds of its time.
+    /// Takes the engine's last state, and sends it the document's changes and the watched ports. Call it once in each
+    /// frame of the window, at `now` seconds of its time.
     pub fn sync(&mut self, mut watched: Vec<String>, now: f64) {
         self.now = now;
         self.pulse.beat(Instant::now());
@@ -198,7 +199,7 @@ impl Session {
         }
     }
 
-    /// Moves the user's camera with a new scene and along the path under way.
+    /// Sets the user's camera for a new scene, and moves it along the path under way.
     fn follow(&mut self) {
         if let Some(home) = self.state.home
             && self.within != self.state.scene
@@ -243,7 +244,7 @@ impl Session {
         self.engine.send(Command::Reset);
     }
 
-    /// The scene that was asked for, by its name or file.
+    /// The requested scene, by its name or file.
     pub fn scene(&self) -> &str {
         &self.scene
     }
@@ -299,7 +300,7 @@ impl Session {
                     recorder.note(self.now, rig.camera);
                 }
                 self.notice =
-                    Some(format!("recorded a path of {:.1} s: play it, or save it", recorder.seconds()));
+                    Some(format!("recorded a path of {:.1} s; play or save it", recorder.seconds()));
                 self.route = Some(recorder.finish());
             }
             (None, Some(rig)) => {
@@ -310,12 +311,12 @@ impl Session {
         }
     }
 
-    /// True if frames of a path are still to come.
+    /// True if a path is playing.
     pub fn is_playing(&self) -> bool {
         self.state.playing.as_ref().is_some_and(Playing::is_under_way)
     }
 
-    /// Number of frames of the current path, if known; else two seconds' worth.
+    /// Number of frames of the current path, if known; else 60, two seconds.
     pub fn route_frames(&self) -> u32 {
         self.route.as_ref().and_then(|route| route.frames).unwrap_or(60)
     }
@@ -342,7 +343,7 @@ impl Session {
     /// Saves the current path; the notice shows the command line for it.
     ///
     /// # Errors
-    /// There is no path, it needs no file, or it cannot be written.
+    /// There is no path, the path has a name and needs no file, or the file cannot be written.
     pub fn save_route(&mut self, path: &Path) -> Result<(), String> {
         let route = self.route.as_mut().ok_or("there is no path")?;
         let Way::Keys(text) = &route.way else {
@@ -364,24 +365,24 @@ impl Session {
         }
     }
 
-    /// The first field of a port as of the last frame; of the graph's first output where it is empty.
+    /// The first field of a port as of the last frame. An empty name means the graph's first output.
     pub fn snapshot(&self, port: &str) -> Option<&Arc<Snapshot>> {
         let output = self.state.graph.as_ref()?.outputs.first().map(|(name, _)| name.as_str());
         let name = if port.is_empty() { output? } else { port };
         self.state.snapshots.iter().find(|snapshot| snapshot.name == name)
     }
 
-    /// The command line that makes the picture of a port; of the graph's first output where that is empty.
+    /// The command line that renders the picture of a port. An empty name means the graph's first output.
     ///
     /// # Errors
-    /// The graph or the path has to be saved first, or there is no picture yet.
+    /// The graph or the path must be saved first, or no frame has run yet.
     pub fn command_line(&self, port: &str) -> Result<CommandLine, String> {
         if self.document.unsaved().next().is_some() {
             return Err("save the graph first: the command line reads its file".into());
         }
         let state = &self.state;
         let (Some(camera), 1..) = (state.camera, state.frames) else {
-            return Err("there is no frame yet".into());
+            return Err("no frame has run yet".into());
         };
         let (camera, frames) = match &state.playing {
             Some(playing) => {
@@ -407,7 +408,7 @@ impl Session {
     }
 
     fn send_graph(&self) {
-        // While the text is broken the last good graph runs on.
+        // While the text is broken, the last good graph keeps running.
         if let (Some(file), true) = (self.document.file(), self.document.problems().is_empty()) {
             let shaders = self.document.shaders().map(|(path, text)| (path.into(), text.clone()));
             self.engine.send(Command::Shaders(Arc::new(shaders.collect())));
@@ -428,7 +429,7 @@ impl Session {
         self.notice = self.document.edit(tag, edit).err().map(|problems| problems.to_string());
     }
 
-    /// The same, with places on the canvas that change in the same step.
+    /// Makes one of core's edits and moves boxes of the canvas, as one step of undo. Returns true if it succeeded.
     pub fn edit_placed(
         &mut self,
         edit: impl FnOnce(&mut GraphFile, &mut Places) -> Result<(), Problems>,
@@ -445,10 +446,10 @@ impl Session {
         });
     }
 
-    /// Takes over changes that other programs have made to the files.
+    /// Reloads files that other programs have changed.
     pub fn refresh(&mut self) {
         if self.document.refresh() {
-            self.notice = Some("reloaded, as another program has changed it".into());
+            self.notice = Some("reloaded: another program has changed the file".into());
         }
         self.beside.refresh();
     }

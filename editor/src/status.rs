@@ -10,7 +10,7 @@ use crate::{
     theme,
 };
 
-/// Largest share of the window's height that problems take.
+/// Maximum height of the list of problems, points.
 const MOST: f32 = 120.0;
 
 /// Shows it.
@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     ui.add_space(2.0);
 }
 
-/// All problems, each with its position; a click leads there.
+/// All problems, each with its position. A click shows it in the text.
 fn problems(ui: &mut Ui, session: &mut Session) {
     if session.problems().is_empty() {
         return;
@@ -40,7 +40,7 @@ fn problems(ui: &mut Ui, session: &mut Session) {
             let text =
                 RichText::new(format!("⚠ {lead}{node}{}", problem.error)).color(theme::palette(ui).bad);
             let response = ui.add(Label::new(text).wrap().sense(Sense::click()));
-            let response = response.on_hover_text("Go there");
+            let response = response.on_hover_text("Show in text");
             if let (true, Some(place)) = (response.clicked(), place) {
                 jump = Some(Jump { path: place.file.clone(), at: (place.line, place.column) });
             }
@@ -55,9 +55,9 @@ fn problems(ui: &mut Ui, session: &mut Session) {
 fn state(ui: &mut Ui, session: &Session) {
     let state = &session.state;
     if !session.engine.is_alive() {
-        ui.colored_label(theme::palette(ui).bad, "the engine has stopped; save and start again");
+        ui.colored_label(theme::palette(ui).bad, "the engine has stopped; save and restart the editor");
     } else if let Phase::Failed(why) = &state.phase {
-        ui.colored_label(theme::palette(ui).bad, format!("{why}; File, Open scene, takes another"));
+        ui.colored_label(theme::palette(ui).bad, format!("{why}; choose another with File, Open scene"));
     } else if state.phase == Phase::Loading {
         ui.spinner();
         ui.label("reading the scene …");
@@ -70,7 +70,7 @@ fn state(ui: &mut Ui, session: &Session) {
     } else if let Some(notice) = session.notice() {
         ui.label(notice);
     } else if !session.problems().is_empty() {
-        ui.label("the last good graph runs on");
+        ui.label("the last good graph keeps running");
     } else {
         let document = &session.document;
         let dirty = if document.is_dirty() { "  (not saved)" } else { "" };

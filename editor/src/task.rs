@@ -8,14 +8,15 @@ use std::{
 
 use egui::Context;
 
-/// One piece of work at a time on a thread of its own, identified by a key; the newest finished result counts.
+/// Runs one piece of work at a time on a thread of its own. A key identifies the work; the newest result is kept.
 pub struct Task<K, T> {
     running: Option<Running<K, T>>,
-    /// `None` if the result was taken, or if the work has panicked: it is not tried again.
+    /// The last finished key and its result. The result is `None` if it was taken or the work panicked; it is not
+    /// retried.
     done: Option<(K, Option<T>)>,
-    /// Work up to this length needs no rest.
+    /// Work that is shorter than this needs no rest.
     free: Duration,
-    /// Until then other threads get the cores.
+    /// No new work starts before this time, so that other threads get the cores.
     rest: Option<Instant>,
     /// True if the last wanted key is not done yet.
     behind: bool,
@@ -34,19 +35,20 @@ impl<K, T> Default for Task<K, T> {
 }
 
 impl<K: PartialEq, T: Send + 'static> Task<K, T> {
-    /// Work that rests only after it took longer than `free`.
+    /// A task that rests only after work that took longer than `free`.
     pub fn free(free: Duration) -> Self {
         Self { free, ..Self::default() }
     }
 
-    /// Makes sure that there will be a result for a key: call it in every frame of the window while one is wanted. Repeated
-    /// work takes at most half of the time, unless it is shorter than `free`.
+    /// Starts work for a key, unless its result is finished or other work is running. Call it in every frame of the
+    /// window while a result is needed. Repeated work takes at most half of the time, unless it is shorter than `free`.
     pub fn want(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.poll();
         self.want_after_take(context, key, work);
     }
 
-    /// The same for work that builds on the last taken result: a result that has arrived since then is not skipped.
+    /// Like [`Self::want`], for work that builds on the last taken result: it does not replace a result that was not
+    /// taken.
     pub fn want_after_take(&mut self, context: &Context, key: K, work: impl FnOnce() -> T + Send + 'static) {
         self.behind = self.done().is_none_or(|done| *done != key);
         if self.running.is_some() || !self.behind {
@@ -87,7 +89,7 @@ impl<K: PartialEq, T: Send + 'static> Task<K, T> {
         self.done.as_ref().map(|(key, _)| key)
     }
 
-    /// Lets the next work begin without a rest.
+    /// Skips the rest before the next work.
     pub fn hurry(&mut self) {
         self.rest = None;
     }
@@ -130,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_result_stays_until_the_next_is_there() {
+    fn the_newest_result_stays_until_the_next_is_finished() {
         let mut task = Task::default();
         assert_eq!(task.result(), None);
         wait(&mut task, 3, |key| 2 * key);
@@ -143,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn work_rests_unless_somebody_waits_for_it() {
+    fn work_rests_unless_it_is_hurried() {
         let mut task = Task { rest: Some(Instant::now() + Duration::from_secs(3600)), ..Task::default() };
         task.want(&Context::default(), 1, || 1);
         assert!(!task.is_busy() && task.is_behind());
@@ -151,7 +153,7 @@ mod tests {
         wait(&mut task, 1, |key| key);
         assert!(!task.is_behind());
         assert_eq!((task.take(), task.take()), (Some(1), None));
-        // What was taken is done all the same.
+        // A taken result still counts as done.
         task.want(&Context::default(), 1, || panic!("again"));
         assert!(!task.is_busy());
     }
@@ -159,7 +161,7 @@ mod tests {
     #[test]
     fn a_panic_ends_only_its_work() {
         let mut task = Task::default();
-        wait(&mut task, 1, |_| panic!("as this test wants it"));
+        wait(&mut task, 1, |_| panic!("deliberate"));
         assert_eq!(task.result(), None);
         wait(&mut task, 2, |key| key);
         assert_eq!(task.result(), Some((&2, &2)));

@@ -7,9 +7,9 @@ use egui::{Color32, Context, CornerRadius, Stroke, Theme, Ui, Visuals, vec2};
 /// Colours with a meaning.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
-    /// Wrong.
+    /// Errors.
     pub bad: Color32,
-    /// The one in use.
+    /// The selected or focused item.
     pub accent: Color32,
     /// Runs on the CPU.
     pub cpu: Color32,
@@ -31,7 +31,7 @@ const LIGHT: Palette = Palette {
     gpu: Color32::from_rgb(36, 112, 28),
 };
 
-/// Marks the one in use.
+/// Marks the selected item.
 pub const ACCENT: Color32 = DARK.accent;
 /// Nodes that run on the CPU.
 pub const CPU: Color32 = DARK.cpu;
@@ -57,7 +57,7 @@ pub fn apply(context: &Context) {
         // Buttons, sliders and boxes in a row have the same height.
         style.spacing.interact_size.y = 22.0;
         style.spacing.combo_width = 60.0;
-        // Plain steps where sliders snap, and no surprise while a graph runs.
+        // Short animations, which disturb less while a graph runs.
         style.animation_time = 0.06;
         let radius = CornerRadius::same(3);
         for widget in [
@@ -89,7 +89,7 @@ fn color(visuals: &mut Visuals) {
     visuals.hyperlink_color = palette.accent;
     visuals.error_fg_color = palette.bad;
     visuals.warn_fg_color = warning;
-    // The widget in focus is drawn like the active one: a frame that cannot be overlooked.
+    // Egui draws the focused widget like the active one: give it a conspicuous frame.
     visuals.widgets.active.bg_stroke = Stroke::new(2.0, palette.accent);
     visuals.selection.stroke.color =
         if visuals.dark_mode { Color32::from_rgb(205, 228, 255) } else { Color32::from_rgb(0, 48, 84) };
@@ -114,15 +114,15 @@ mod tests {
     }
 
     #[test]
-    fn contrast_is_that_of_the_guidelines() {
+    fn contrast_is_computed_as_in_the_guidelines() {
         assert!((contrast(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-3);
-        // The lightest grey that will do on white.
+        // The lightest grey with enough contrast on white.
         assert!(contrast(Color32::from_gray(118), Color32::WHITE) > CONTRAST);
         assert!(contrast(Color32::from_gray(119), Color32::WHITE) < CONTRAST);
     }
 
     #[test]
-    fn whatever_is_read_can_be_read_in_both_themes() {
+    fn all_text_has_enough_contrast_in_both_themes() {
         let context = Context::default();
         apply(&context);
         for theme in [Theme::Dark, Theme::Light] {

@@ -13,21 +13,6 @@ use crate::{
 /// Common frame sizes.
 const SIZES: [[u32; 2]; 6] = [[256, 256], [512, 512], [640, 480], [768, 768], [1024, 1024], [1280, 720]];
 
-const BACKENDS: [(Backend, &str, &str); 3] = [
-    (Backend::Auto, "Auto", "A hardware GPU if there is one, else the CPU."),
-    (Backend::Cpu, "CPU", "Native code."),
-    (Backend::Gpu, "GPU", "Any GPU adapter, software ones included."),
-];
-
-const PACINGS: [(Pace, &str, &str); 2] = [
-    (Pace::Async, "When traced", "Samples arrive once they are traced; no frame waits for them."),
-    (
-        Pace::Exact,
-        "Each frame",
-        "All samples arrive in the frame that requests them: every run gives the same picture.",
-    ),
-];
-
 /// Shows it.
 pub fn show(ui: &mut Ui, session: &mut Session) {
     ui.add_space(3.0);
@@ -54,6 +39,20 @@ fn sign(ui: &mut Ui, enabled: bool, sign: impl Into<RichText>, name: &str) -> Re
     button.named(WidgetType::Button, name)
 }
 
+/// A box to choose one of `all`: values, with their names and descriptions. `name` is its accessible name.
+fn choice<T>(ui: &mut Ui, value: &mut T, all: &[(T, &str, &str)], name: &str) -> Response
+where
+    T: Copy + PartialEq + ToString,
+{
+    let combo = ComboBox::from_id_salt(name).selected_text(value.to_string());
+    let combo = combo.show_ui(ui, |ui| {
+        for (each, label, doc) in all {
+            ui.selectable_value(value, *each, *label).on_hover_text(*doc);
+        }
+    });
+    combo.response.named(WidgetType::ComboBox, name)
+}
+
 fn running(ui: &mut Ui, session: &mut Session) {
     let paused = session.state.paused;
     let label = if paused { "▶ Run" } else { "⏸ Pause" };
@@ -63,7 +62,7 @@ fn running(ui: &mut Ui, session: &mut Session) {
     let step = ui.add_enabled(paused, Button::new("Step"));
     if step
         .on_hover_text("Run one frame")
-        .on_disabled_hover_text("Pause first, to run one frame at a time")
+        .on_disabled_hover_text("Pause first to run one frame at a time")
         .clicked()
     {
         session.engine.send(Command::Step(1));
@@ -90,7 +89,7 @@ fn path(ui: &mut Ui, session: &mut Session) {
     let playing = session.is_playing();
     let (text, name) = if playing { ("⏹", "Stop playing") } else { ("⏵", "Play the path") };
     let hint = match session.route() {
-        _ if playing => "Leave the path (F10)".into(),
+        _ if playing => "Stop playing (F10)".into(),
         Some(route) => {
             format!("Play {} from its beginning: the same frames each time (F10)", route.label())
         }
@@ -98,7 +97,7 @@ fn path(ui: &mut Ui, session: &mut Session) {
     };
     let enabled = playing || session.route().is_some() && session.camera().is_some();
     let button = sign(ui, enabled, text, name).on_hover_text(hint);
-    if button.on_disabled_hover_text("Record a path, or choose one in the menu Camera").clicked() {
+    if button.on_disabled_hover_text("Record a path, or choose one from the Camera menu").clicked() {
         session.toggle_playback();
     }
 }
@@ -111,38 +110,24 @@ fn sampling(ui: &mut Ui, session: &mut Session) {
         .max_decimals(1)
         .clamping(egui::SliderClamping::Always);
     let response = ui.add(slider).labelled_by(label.id);
-    if response.on_hover_text("Most samples per frame, as a share of its pixels").changed() {
+    if response.on_hover_text("Maximum number of samples per frame, as a share of its pixels").changed() {
         session.engine.send(Command::Samples(session.settings.samples / 100.0));
     }
-    let pacing = session.settings.pacing;
-    let shown = PACINGS.iter().find(|(known, ..)| *known == pacing).map_or("", |(_, label, _)| label);
-    let combo = ComboBox::from_id_salt("pacing").selected_text(shown).width(96.0);
-    let response = combo.show_ui(ui, |ui| {
-        for (pacing, label, doc) in PACINGS {
-            if ui.selectable_value(&mut session.settings.pacing, pacing, label).on_hover_text(doc).changed() {
-                session.engine.send(Command::Pace(pacing));
-            }
-        }
-    });
-    response.response.named(WidgetType::ComboBox, "Samples arrive").on_hover_text("When samples arrive");
+    let before = session.settings.pacing;
+    choice(ui, &mut session.settings.pacing, &Pace::ALL, "Samples arrive")
+        .on_hover_text("When samples arrive");
+    if session.settings.pacing != before {
+        session.engine.send(Command::Pace(session.settings.pacing));
+    }
 }
 
 fn placing(ui: &mut Ui, session: &mut Session) {
-    let backend = session.settings.backend;
-    let shown = BACKENDS.iter().find(|(known, ..)| *known == backend).map_or("", |(_, label, _)| label);
-    let combo = ComboBox::from_id_salt("backend").selected_text(shown);
-    let response = combo.show_ui(ui, |ui| {
-        for (backend, label, doc) in BACKENDS {
-            if ui.selectable_value(&mut session.settings.backend, backend, label).on_hover_text(doc).changed()
-            {
-                session.engine.send(Command::Backend(backend));
-            }
-        }
-    });
-    response
-        .response
-        .named(WidgetType::ComboBox, "Backend")
+    let before = session.settings.backend;
+    choice(ui, &mut session.settings.backend, &Backend::ALL, "Backend")
         .on_hover_text("Default placement for nodes without `on:`");
+    if session.settings.backend != before {
+        session.engine.send(Command::Backend(session.settings.backend));
+    }
     let text = |[width, height]: [u32; 2]| format!("{width}×{height}");
     let combo = ComboBox::from_id_salt("size").selected_text(text(session.settings.size)).width(86.0);
     let response = combo.show_ui(ui, |ui| {
@@ -178,7 +163,7 @@ fn file(ui: &mut Ui, session: &mut Session) {
     }
     let dirty = document.is_dirty();
     let save = ui.add_enabled(dirty, Button::new(if dirty { "Save *" } else { "Save" }));
-    if save.on_hover_text("Ctrl+S: only the characters that you edited change").clicked() {
+    if save.on_hover_text("Save (Ctrl+S); only the characters that you edited change").clicked() {
         session.save();
     }
 }

@@ -8,7 +8,8 @@ use egui::{
 };
 use serde::{Deserialize, Serialize};
 
-/// The environment variable with the file, in RON, that a list of [`Widget`] is written to after each frame that changes it.
+/// The environment variable with the file, in RON, that a list of [`Widget`] is written to after each frame that
+/// changes it.
 pub const VARIABLE: &str = "EPIGRAPH_WIDGETS";
 
 /// A widget, as assistive technology sees it.
@@ -16,7 +17,7 @@ pub const VARIABLE: &str = "EPIGRAPH_WIDGETS";
 pub struct Widget {
     /// Its role: a `Button`, a `Slider`.
     pub role: String,
-    /// Its name: its own text, or its label's.
+    /// Its name: its own text, or the text of its label.
     pub name: String,
     /// Its value; the text of a label.
     pub value: String,
@@ -24,7 +25,7 @@ pub struct Widget {
     pub rect: [f64; 4],
 }
 
-/// Writes the widgets where the environment asks for it.
+/// Writes the widgets to the file in [`VARIABLE`], if it is set.
 pub fn publish(context: &Context) {
     if let Some(path) = env::var_os(VARIABLE) {
         context.enable_accesskit();

@@ -295,7 +295,7 @@ fn what_was_not_saved_outlives_a_program_that_is_killed() {
     desk.until("file that keeps the unsaved text", |_| holds_unsaved(&config, "exposure").then_some(()));
     desk.crash();
     assert_eq!(fs::read_to_string(desk.graph()).unwrap(), opened);
-    desk.click("Button", "Take over");
+    desk.click("Button", "Restore");
     desk.save("the unsaved exposure", |text| text.contains("exposure"));
 }
 

@@ -1,5 +1,5 @@
-//! The window without a screen: widgets are found by name and used as a person would; the file's text and the engine's
-//! state say what came of it.
+//! Tests of the window without a display. They find widgets by name and operate them, and check the file's text and the
+//! engine's state.
 
 mod canvas;
 mod flows;
@@ -16,7 +16,7 @@ use epigraph_editor::app::App;
 use support::Opened;
 
 #[test]
-fn a_parameter_changes_only_its_characters_and_undo_takes_it_back() {
+fn a_parameter_changes_only_its_characters_and_can_be_undone() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(5);
     let before = opened.text().to_owned();
@@ -44,7 +44,7 @@ fn a_parameter_changes_only_its_characters_and_undo_takes_it_back() {
 }
 
 #[test]
-fn a_broken_text_is_underlined_and_the_picture_runs_on() {
+fn a_broken_text_is_reported_and_the_picture_keeps_running() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(5);
     opened.click("Text");
@@ -62,7 +62,7 @@ fn a_broken_text_is_underlined_and_the_picture_runs_on() {
 }
 
 #[test]
-fn another_port_is_another_picture() {
+fn another_port_shows_another_picture() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(10);
     let picture = |opened: &Opened| opened.app().viewers().next().unwrap().picture().unwrap().clone();
@@ -78,7 +78,7 @@ fn another_port_is_another_picture() {
 }
 
 #[test]
-fn another_stage_takes_a_nodes_place_in_one_step() {
+fn swapping_a_stage_is_one_step_of_undo() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(2);
     let before = opened.text().to_owned();
@@ -113,14 +113,14 @@ fn the_window_shows_the_pixels_of_the_port_in_view() {
 }
 
 #[test]
-fn a_click_on_a_problem_leads_to_its_place_in_the_text() {
+fn a_click_on_a_problem_moves_the_cursor_there() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(1);
     let path = opened.app().session.document.path().to_owned();
     let wrong = opened.text().replace("sigma: 0.7", "sigmo: 0.7");
     opened.harness.state_mut().session.document.type_text(&path, &wrong);
     opened.until("the problem", |app| !app.session.problems().is_empty());
-    // The text is behind another tab; what is typed then goes to where the problem is.
+    // The text pane is hidden. After the click, typing goes to the problem's position.
     opened.harness.get_by_label_contains("did you mean").click();
     opened.harness.run_steps(10);
     opened.harness.event(egui::Event::Text("!".into()));
@@ -154,12 +154,12 @@ fn number_keys_recall_ports_in_the_viewer_in_use() {
 }
 
 #[test]
-fn looking_at_parameters_changes_nothing() {
+fn showing_parameters_changes_nothing() {
     for graph in ["epi.ron", "hybrid.ron", "render-cache.ron", "render-cache-cpu-dither.ron"] {
         let mut opened = Opened::new(graph);
         opened.until("the graph", |app| app.session.state.graph.is_some());
         let path = opened.app().session.document.path().to_owned();
-        // Outside its range, and with more digits than a slider shows.
+        // A value outside its range, with more digits than a slider shows.
         let odd =
             opened.text().replace("kind: \"tonemap\",", "kind: \"tonemap\", params: (exposure: 99.123456),");
         assert_ne!(odd, opened.text());
@@ -177,7 +177,7 @@ fn looking_at_parameters_changes_nothing() {
 }
 
 #[test]
-fn a_parameter_in_the_file_can_go_back_to_its_default() {
+fn a_parameter_can_be_reset_to_its_default() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(1);
     opened.click("interpolate");

@@ -1,7 +1,7 @@
-//! One pixel through the whole graph: the effect of every node there in one frame, in execution order.
+//! One pixel, traced through the whole graph: the effect of every node at that pixel in one frame, in execution order.
 //!
-//! That needs copies of all outputs of all nodes ([`Capture`]). The engine makes them only during an inspection, and
-//! then only in frames that request it; the stages themselves explain the values.
+//! This needs copies of all outputs of all nodes ([`Capture`]), which the engine makes only for frames that are
+//! inspected. The stages themselves explain the values.
 
 mod picked;
 #[cfg(test)]
@@ -14,19 +14,19 @@ use glam::Vec3;
 
 pub use picked::Picked;
 
-/// Largest distance between the ray's hit and the point that it is aimed at, as a share of the ray's length.
+/// Largest distance between a ray's hit and the point that it was aimed at, as a share of the ray's length.
 const SAME_PLACE: f32 = 1e-3;
 
-/// One pixel through the graph, in one frame.
+/// One pixel, traced through the graph in one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspection {
     /// Column and row.
     pub pixel: [u32; 2],
     /// The frame's number, from 0.
     pub frame: u32,
-    /// Bytes that were copied for it.
+    /// Bytes copied for the inspection.
     pub bytes: u64,
-    /// The point of the cloud that the pixel first shows; `None` if there is none.
+    /// The point of the cloud that projects to the pixel, nearest to the eye; `None` if there is none.
     pub sample: Option<Vec<Finding>>,
     /// The nodes that run, in execution order.
     pub nodes: Vec<Visit>,
@@ -39,16 +39,16 @@ pub struct Visit {
     pub node: String,
     /// Its stage kind.
     pub kind: String,
-    /// Where it ran.
+    /// The side it ran on.
     pub side: Side,
     /// The stage's explanation; `None` if it has none.
     pub findings: Option<Vec<Finding>>,
-    /// The values that it wrote there, as plain numbers: port and values.
+    /// The values that it wrote at the pixel, as plain numbers: port and values. Scratch ports are left out.
     pub values: Vec<(String, String)>,
 }
 
 impl Visit {
-    /// True if there is anything to show.
+    /// True if there is nothing to show.
     pub fn is_silent(&self) -> bool {
         match &self.findings {
             Some(findings) => findings.is_empty(),
@@ -122,8 +122,7 @@ fn with_surface(sample: Sample, capture: &Capture, tracer: &Tracer) -> Vec<Findi
     let distance = eye.distance(position);
     let hit = tracer.trace(eye, position - eye, &TraceSettings::default(), &mut Rng::new(0, 0));
     if !hit.hit || hit.position.distance(position) > SAME_PLACE * distance.max(1.0) {
-        findings
-            .push(Finding::value("surface", "not seen from here: something lies before it, or it has moved"));
+        findings.push(Finding::value("surface", "not visible from the eye: it is hidden, or has moved"));
         return findings;
     }
     let scene = tracer.scene();

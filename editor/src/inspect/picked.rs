@@ -29,7 +29,7 @@ impl Picked {
         self.pixel = None;
     }
 
-    /// Marks the pixel as shown by a pane; to be called in every frame of the window.
+    /// Marks the pixel as shown by a pane. Call it in every frame of the window.
     pub fn show(&mut self) {
         self.is_shown = true;
     }
@@ -39,7 +39,7 @@ impl Picked {
         self.looks += 1;
     }
 
-    /// The change to send to the engine, if any; once for each frame of the window.
+    /// The change to send to the engine, if any. Call it once in each frame of the window.
     pub fn news(&mut self) -> Option<Option<[u32; 2]>> {
         let shown = std::mem::take(&mut self.is_shown);
         let wish = self.pixel.filter(|_| shown).map(|pixel| (pixel, self.looks));
@@ -55,11 +55,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_engine_looks_only_while_a_pane_shows_it() {
+    fn the_engine_inspects_only_while_a_pane_shows_the_pixel() {
         let mut picked = Picked::default();
         assert_eq!(picked.news(), None);
         picked.pick([3, 4]);
-        // The pane is about to come to the front.
+        // The pane is shown from the next frame on.
         assert_eq!(picked.news(), Some(Some([3, 4])));
         picked.show();
         assert_eq!(picked.news(), None);

@@ -1,4 +1,4 @@
-//! Pixels whose truth is computed here, from what the nodes wrote, by means of their own.
+//! Inspections of pixels, compared with values that the tests compute independently from the nodes' outputs.
 
 use std::{
     collections::BTreeMap,
@@ -15,10 +15,10 @@ use crate::engine::{Backend, Command, Engine, Options, Pace, State};
 
 const SIZE: [u32; 2] = [96, 64];
 const NONE: u32 = u32::MAX;
-/// No test waits longer for what must come.
+/// Time limit for each wait.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A paused graph of which some ports are watched.
+/// A paused graph with some watched ports.
 struct Run {
     engine: Engine,
 }
@@ -64,7 +64,7 @@ impl Run {
         self.wait("a frame", |state| state.frames == frames + 1);
     }
 
-    /// Looks at a pixel; what is watched is of the same frame.
+    /// Inspects a pixel. The watched ports in the returned state are of the same frame.
     fn look(&self, pixel: [u32; 2]) -> (Arc<State>, Arc<Inspection>) {
         self.engine.send(Command::Inspect(Some(pixel)));
         let looked = |state: &State| {
@@ -85,19 +85,19 @@ fn visit<'a>(inspection: &'a Inspection, node: &str) -> &'a Visit {
     inspection.nodes.iter().find(|visit| visit.node == node).unwrap()
 }
 
-fn told<'a>(inspection: &'a Inspection, node: &str) -> &'a [Finding] {
+fn findings_of<'a>(inspection: &'a Inspection, node: &str) -> &'a [Finding] {
     visit(inspection, node).findings.as_deref().unwrap_or_default()
 }
 
 fn why(inspection: &Inspection, node: &str) -> String {
-    let whys = told(inspection, node).iter().filter_map(|finding| match finding {
+    let whys = findings_of(inspection, node).iter().filter_map(|finding| match finding {
         Finding::Why(why) => Some(why.as_str()),
         _ => None,
     });
     whys.collect::<Vec<_>>().join(" ")
 }
 
-fn said<'a>(findings: &'a [Finding], wanted: &str) -> Option<&'a str> {
+fn value_of<'a>(findings: &'a [Finding], wanted: &str) -> Option<&'a str> {
     findings.iter().find_map(|finding| match finding {
         Finding::Value { name, text } if name == wanted => Some(text.as_str()),
         _ => None,
@@ -105,7 +105,7 @@ fn said<'a>(findings: &'a [Finding], wanted: &str) -> Option<&'a str> {
 }
 
 fn around<'a>(inspection: &'a Inspection, node: &str) -> &'a [Cell] {
-    let found = told(inspection, node).iter().find_map(|finding| match finding {
+    let found = findings_of(inspection, node).iter().find_map(|finding| match finding {
         Finding::Around(around) => Some(around.cells.as_slice()),
         _ => None,
     });
@@ -120,7 +120,7 @@ fn at([x, y]: [u32; 2]) -> usize {
     (y * SIZE[0] + x) as usize
 }
 
-/// The pixels of the 5x5 around one, row by row; none outside of the image.
+/// Indices of the 5x5 pixels around one, row by row; `None` outside the image.
 fn five([x, y]: [u32; 2]) -> Vec<Option<usize>> {
     let inside = |along: i32, side: u32| (0..side as i32).contains(&along);
     let offsets = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
@@ -148,13 +148,13 @@ fn epi() -> Run {
 }
 
 #[test]
-fn a_culled_point_is_told_with_those_that_hide_it() {
+fn a_culled_point_is_shown_with_those_that_hide_it() {
     let run = epi();
     let (state, _) = run.look([0, 0]);
     let [before, after, depth] =
         ["view/project.id", "view/cull.id", "view/project.depth"].map(|name| port(&state, name));
     let z = |pixel: usize| f32::from_bits(depth[pixel]);
-    // Outvoted at once: counted here by hand. The default threshold is 5%.
+    // Points that are culled in the first vote, counted independently. The default threshold is 5%.
     let votes = |pixel: [u32; 2]| {
         let others = five(pixel).into_iter().flatten().filter(|other| *other != at(pixel));
         let voters: Vec<usize> = others.filter(|other| before[*other] != NONE).collect();
@@ -170,7 +170,7 @@ fn a_culled_point_is_told_with_those_that_hide_it() {
     let pixel = *culled.iter().find(outvoted).expect("chains hide points");
     let (voters, nearer) = votes(pixel);
     let (same, inspection) = run.look(pixel);
-    assert_eq!(same.frames, state.frames, "the captured frame tells of every pixel");
+    assert_eq!(same.frames, state.frames, "the captured frame holds every pixel");
     let text = why(&inspection, "view/cull");
     let expected = format!("Culled in the first vote: {nearer} of the {voters} other points");
     assert!(text.starts_with(&expected), "{expected}: {text}");
@@ -178,16 +178,16 @@ fn a_culled_point_is_told_with_those_that_hide_it() {
     assert_eq!(against, nearer);
     // The sample is the culled point.
     let sample = inspection.sample.as_ref().unwrap();
-    assert_eq!(said(sample, "point"), Some(before[at(pixel)].to_string().as_str()));
-    assert_eq!(said(told(&inspection, "view/cull"), "point"), Some("none"));
-    // A point that stays says so.
+    assert_eq!(value_of(sample, "point"), Some(before[at(pixel)].to_string().as_str()));
+    assert_eq!(value_of(findings_of(&inspection, "view/cull"), "point"), Some("none"));
+    // For a point that stays, the reason says so.
     let kept = pixels().find(|pixel| after[at(*pixel)] != NONE && votes(*pixel).0 > 0).unwrap();
     let (_, inspection) = run.look(kept);
     assert!(why(&inspection, "view/cull").starts_with("Stays: "), "{}", why(&inspection, "view/cull"));
 }
 
 #[test]
-fn a_sample_is_told_with_the_frame_in_which_it_came() {
+fn a_sample_is_shown_with_the_frame_of_its_arrival() {
     let run = Run::new("epi.ron", "cornell", Backend::Cpu, &["view/project.id"], 4);
     let shown = |state: &State| {
         let id = port(state, "view/project.id");
@@ -199,12 +199,12 @@ fn a_sample_is_told_with_the_frame_in_which_it_came() {
     };
     let look = |pixel: [u32; 2]| {
         let (_, inspection) = run.look(pixel);
-        let came = said(inspection.sample.as_ref().unwrap(), "came").unwrap().to_owned();
+        let came = value_of(inspection.sample.as_ref().unwrap(), "came").unwrap().to_owned();
         (came, inspection)
     };
-    // The first samples were asked for in frame 0 and come in frame 1.
+    // The first samples are requested in frame 0 and arrive in frame 1.
     let (state, _) = run.look([0, 0]);
-    assert_eq!(state.fields("view/project.id").count(), 1, "what is watched is not copied twice");
+    assert_eq!(state.fields("view/project.id").count(), 1, "a watched port is not copied twice");
     let mut dates = BTreeMap::new();
     for (pixel, point) in shown(&state) {
         let (came, inspection) = look(pixel);
@@ -216,12 +216,12 @@ fn a_sample_is_told_with_the_frame_in_which_it_came() {
             }
         });
         let frame: u32 = frame.unwrap_or_else(|| panic!("{came}"));
-        // `integrate` tells the same of those that it has just written.
-        assert_eq!(said(told(&inspection, "cloud/integrate"), "sample").is_some(), frame == 3);
+        // `integrate` shows a sample only at pixels that it has just written.
+        assert_eq!(value_of(findings_of(&inspection, "cloud/integrate"), "sample").is_some(), frame == 3);
         dates.insert(point, frame);
     }
     assert!((1..4).all(|frame| dates.values().any(|date| *date == frame)), "{dates:?}");
-    // A changed graph goes on with the dates.
+    // A changed graph keeps the dates.
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/epi.ron");
     let mut file = GraphFile::load(&path).unwrap();
     file.set_param("tonemap", "exposure", "2.0").unwrap();
@@ -233,13 +233,13 @@ fn a_sample_is_told_with_the_frame_in_which_it_came() {
     let mut old = 0;
     for (pixel, point) in shown(&state) {
         let (came, _) = look(pixel);
-        // Points that are renewed have a later date.
+        // Renewed points have a later date.
         if let Some(date) = dates.get(&point) {
             old += usize::from(came == format!("in frame {date}, {} frames ago", now - date));
         }
     }
     assert!(old > dates.len() / 4, "{old} of {}", dates.len());
-    // One that starts anew has none.
+    // A reset graph has no earlier dates.
     run.engine.send(Command::Reset);
     run.engine.send(Command::Step(2));
     run.wait("frames", |state| state.frames == 2);
@@ -252,8 +252,8 @@ fn a_sample_is_told_with_the_frame_in_which_it_came() {
 }
 
 #[test]
-fn an_ambiguous_sample_is_told_where_its_cell_touches_the_edge() {
-    // Samples are aimed where they are not ambiguous, so only motion makes them so.
+fn a_sample_is_ambiguous_if_its_cell_touches_the_edge() {
+    // Samples are aimed at unambiguous positions, so only camera motion makes them ambiguous.
     let run = epi();
     let mut camera = run.engine.state().home.unwrap();
     camera.eye.x += 0.1;
@@ -280,7 +280,7 @@ fn an_ambiguous_sample_is_told_where_its_cell_touches_the_edge() {
         }
         places
     };
-    // Whether the straight line between two crossings passes through the sample's cell, one of 16x16.
+    // True if the straight line between two crossings passes through the sample's cell, one of 16x16.
     let touches = |pixel: [u32; 2], [a, b]: [[f64; 2]; 2]| {
         let [left, top] = [cell[at(pixel)] & 15, cell[at(pixel)] >> 4].map(|index| f64::from(index) / 16.0);
         let corners =
@@ -298,9 +298,9 @@ fn an_ambiguous_sample_is_told_where_its_cell_touches_the_edge() {
             continue;
         }
         let (_, inspection) = run.look(pixel);
-        let findings = told(&inspection, "edges/classify");
-        assert_eq!(said(findings, "class"), Some("simple: an edge cuts it in two"));
-        // Edges that bend at a vertex are no straight line.
+        let findings = findings_of(&inspection, "edges/classify");
+        assert_eq!(value_of(findings, "class"), Some("simple: an edge cuts it in two"));
+        // Skip edges that bend at a vertex.
         if findings.iter().any(|finding| {
             matches!(finding, Finding::Sketch(marks)
             if marks.iter().filter(|mark| matches!(mark, epigraph_core::Mark::Edge(_))).count() > 1)
@@ -315,7 +315,7 @@ fn an_ambiguous_sample_is_told_where_its_cell_touches_the_edge() {
 }
 
 #[test]
-fn pixels_beyond_an_edge_are_told_apart() {
+fn pixels_beyond_an_edge_are_marked_as_unreachable() {
     let run = epi();
     let (state, _) = run.look([0, 0]);
     let (r24, cls) = (port(&state, "edges/reach.r24"), port(&state, "edges/classify.cls"));
@@ -323,7 +323,7 @@ fn pixels_beyond_an_edge_are_told_apart() {
     let pixel = pixels().filter(inner).find(|pixel| (8..16).contains(&r24[at(*pixel)].count_ones())).unwrap();
     let (_, inspection) = run.look(pixel);
     let roles: Vec<Role> = around(&inspection, "edges/reach").iter().map(|cell| cell.role).collect();
-    // Bit k is the k-th of the others, in reading order.
+    // Bit k is the k-th of the other 24 pixels, in reading order.
     let mut bits = (0..24).map(|bit| r24[at(pixel)] >> bit & 1 != 0);
     for (index, role) in roles.iter().enumerate() {
         let reached = index == 12 || bits.next().unwrap();
@@ -331,15 +331,15 @@ fn pixels_beyond_an_edge_are_told_apart() {
     }
     let missing = 24 - r24[at(pixel)].count_ones();
     assert!(why(&inspection, "edges/reach").starts_with(&format!("{missing} pixels cannot be reached")));
-    // Complex pixels join nothing; class 2 in the two lowest bits.
+    // Complex pixels reach no others. The class is in the two lowest bits; 2 is complex.
     let complex = pixels().find(|pixel| cls[at(*pixel)] & 3 == 2).expect("chains meet");
     let (_, inspection) = run.look(complex);
     assert!(why(&inspection, "edges/reach").contains("is complex"), "{}", why(&inspection, "edges/reach"));
-    assert!(said(told(&inspection, "edges/classify"), "class").unwrap().starts_with("complex: "));
+    assert!(value_of(findings_of(&inspection, "edges/classify"), "class").unwrap().starts_with("complex: "));
 }
 
 #[test]
-fn empty_pixels_holes_and_the_background_are_told() {
+fn empty_pixels_holes_and_the_background_are_explained() {
     let run = Run::new("epi.ron", "chains", Backend::Cpu, &EPI, 3);
     let (state, _) = run.look([0, 0]);
     let (id, filled) = (port(&state, "view/project.id"), port(&state, "spread.filled"));
@@ -352,7 +352,7 @@ fn empty_pixels_holes_and_the_background_are_told() {
     let (_, inspection) = run.look(hole);
     let text = why(&inspection, "spread");
     assert!(text.starts_with("A hole, filled in round 1: colours came "), "{text}");
-    // Every pixel that it names has a colour, and lies beside the hole.
+    // Every pixel that the text names has a colour and is a neighbour of the hole.
     let named: Vec<[u32; 2]> = text[text.find("at last from").unwrap()..]
         .split('(')
         .skip(1)
@@ -367,19 +367,19 @@ fn empty_pixels_holes_and_the_background_are_told() {
         assert!((0..2).all(|axis| from[axis].abs_diff(hole[axis]) <= 1), "{hole:?} {from:?}");
     }
 
-    // A sample of the background lies at infinity: on the far plane, as a direction.
+    // A sample of the background is a direction rather than a position.
     let background = pixels().filter(|pixel| id[at(*pixel)] != NONE).find_map(|pixel| {
         let (_, inspection) = run.look(pixel);
-        let direction = said(inspection.sample.as_ref()?, "direction")?.to_owned();
+        let direction = value_of(inspection.sample.as_ref()?, "direction")?.to_owned();
         Some((direction, inspection))
     });
     let (direction, inspection) = background.expect("chains hang before a background");
     assert!(direction.ends_with("its ray met nothing"), "{direction}");
-    assert_eq!(said(inspection.sample.as_ref().unwrap(), "surface"), None);
+    assert_eq!(value_of(inspection.sample.as_ref().unwrap(), "surface"), None);
 }
 
 #[test]
-fn the_render_cache_tells_what_it_mixes() {
+fn the_render_cache_shows_which_points_it_averages() {
     let run = Run::new("render-cache.ron", "cornell", Backend::Cpu, &["view/cull.id", "fill.priority"], 3);
     let (state, _) = run.look([0, 0]);
     let (id, priority) = (port(&state, "view/cull.id"), port(&state, "fill.priority"));
@@ -392,23 +392,23 @@ fn the_render_cache_tells_what_it_mixes() {
     let (_, inspection) = run.look(pixel);
     let text = why(&inspection, "fill");
     assert!(text.starts_with("The mean of 3 points in the 3×3 pixels"), "{text}");
-    let told = said(told(&inspection, "fill"), "priority").unwrap();
-    assert_eq!(told, format!("{} of 255", priority[at(pixel)]));
+    let shown = value_of(findings_of(&inspection, "fill"), "priority").unwrap();
+    assert_eq!(shown, format!("{} of 255", priority[at(pixel)]));
     let order: Vec<&str> = inspection.nodes.iter().map(|visit| visit.node.as_str()).collect();
     let place = |node: &str| order.iter().position(|other| *other == node).unwrap();
     assert!(place("view/project") < place("view/cull") && place("view/cull") < place("fill"), "{order:?}");
 }
 
 #[test]
-fn looking_costs_only_while_it_lasts_and_changes_nothing() {
+fn inspecting_changes_no_picture_and_ends_completely() {
     let image = |looks: bool| {
         let run = Run::new("epi.ron", "cornell", Backend::Cpu, &[], 3);
         if looks {
             let (state, inspection) = run.look([40, 30]);
-            // Of the frame that is shown: none is run for it.
+            // The inspection is of the frame in view; no other frame was run for it.
             assert_eq!((state.frames, inspection.frame), (3, 2));
             assert!(inspection.bytes > 1 << 20);
-            // A sample of this frame or not, `trace` is one of those that can tell.
+            // `trace` explains every pixel, whether or not it has a sample of this frame.
             assert!(visit(&inspection, "trace").findings.is_some());
             // Only outputs are published.
             assert!(
@@ -433,7 +433,7 @@ fn a_pause_holds_the_frame_that_can_be_inspected() {
     run.engine.send(Command::Pause(false));
     run.wait("running", |state| state.frames > 8);
     run.engine.send(Command::Inspect(Some([41, 30])));
-    run.wait("a look while running", |state| {
+    run.wait("an inspection while frames run", |state| {
         state.inspection.as_ref().is_some_and(|found| found.pixel == [41, 30] && found.frame >= 8)
     });
     run.engine.send(Command::Pause(true));
@@ -446,7 +446,7 @@ fn a_pause_holds_the_frame_that_can_be_inspected() {
 }
 
 #[test]
-fn the_papers_split_and_shaders_of_ones_own_are_told_too() {
+fn the_papers_split_and_wgsl_nodes_can_be_inspected() {
     let run = Run::new("hybrid.ron", "cornell", Backend::Gpu, &["view/cull.id"], 4);
     let (state, inspection) = run.look([40, 30]);
     assert_eq!(visit(&inspection, "view/project").side, Side::Gpu);
@@ -455,7 +455,7 @@ fn the_papers_split_and_shaders_of_ones_own_are_told_too() {
     assert!(!why(&inspection, "request").contains("Its priority of"), "{}", why(&inspection, "request"));
     let id = port(&state, "view/cull.id")[at([40, 30])];
     if id != NONE {
-        assert_eq!(said(inspection.sample.as_ref().unwrap(), "point"), Some(id.to_string().as_str()));
+        assert_eq!(value_of(inspection.sample.as_ref().unwrap(), "point"), Some(id.to_string().as_str()));
     }
     let run = Run::new("experiments/outline.ron", "cornell", Backend::Gpu, &["outline.outlined"], 4);
     let (state, inspection) = run.look([40, 30]);
@@ -467,9 +467,9 @@ fn the_papers_split_and_shaders_of_ones_own_are_told_too() {
     assert!(outline.values[0].1.contains(&red), "{:?} {red}", outline.values);
 }
 
-/// All that a pixel is told must agree with what was written, wherever it is.
+/// The findings of every pixel must agree with the nodes' outputs.
 #[test]
-fn every_pixel_agrees_with_what_was_written() {
+fn findings_agree_with_the_outputs_at_every_pixel() {
     let watched = [&EPI[..], &["edges/classify.kept", "edges/reach_cull.id", "interpolate.color"]].concat();
     let run = Run::new("epi.ron", "cornell", Backend::Cpu, &watched, 6);
     let mut camera = run.engine.state().home.unwrap();
@@ -482,22 +482,26 @@ fn every_pixel_agrees_with_what_was_written() {
     let [projected, culled, kept, reached, filled] = names.map(|name| port(&state, name));
     let color = state.fields("interpolate.color").next().unwrap().get::<[f32; 4]>();
     let mut seen = [0; 4];
-    // Every seventh pixel, so that all columns have their turn.
+    // Every seventh pixel, which visits all columns.
     for pixel in pixels().step_by(7) {
         let (_, inspection) = run.look(pixel);
         let p = at(pixel);
         let cull = |node: &str, before: u32, after: u32| {
             let text = why(&inspection, node);
-            let told = (text.starts_with("Culled"), text.starts_with("Stays"));
-            assert_eq!(told, (before != after, before == after && before != NONE), "{node} {pixel:?} {text}");
-            usize::from(told.0)
+            let shown = (text.starts_with("Culled"), text.starts_with("Stays"));
+            assert_eq!(
+                shown,
+                (before != after, before == after && before != NONE),
+                "{node} {pixel:?} {text}"
+            );
+            usize::from(shown.0)
         };
         seen[0] += cull("view/cull", projected[p], culled[p]);
         seen[1] += cull("edges/reach_cull", kept[p], reached[p]);
         let is_hole = filled[p] != 0;
         seen[2] += usize::from(is_hole);
         assert_eq!(!why(&inspection, "spread").starts_with("Not a hole"), is_hole, "{pixel:?}");
-        // The samples around, weighted as told, are the colour; weights are told to a per cent.
+        // The weighted mean of the surrounding samples is the colour. Weights are shown in whole per cent.
         let cells = around(&inspection, "interpolate").iter().filter(|cell| cell.role == Role::Counts);
         let share = |cell: &Cell| cell.text.trim_end_matches('%').parse::<f32>().unwrap() / 100.0;
         let (mut sum, mut red, mut most) = (0.0, 0.0, 0f32);

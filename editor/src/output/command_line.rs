@@ -17,7 +17,7 @@ pub struct CommandLine {
     pub camera: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Samples a frame may ask for.
+    /// Maximum number of samples per frame.
     pub samples: u32,
     /// The run's seed.
     pub seed: u32,

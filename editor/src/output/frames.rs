@@ -58,7 +58,7 @@ impl Port {
     fn picture(&self, snapshots: &[Arc<Snapshot>]) -> Result<Shown, String> {
         let found = snapshots.iter().find(|snapshot| snapshot.name == self.name);
         let snapshot =
-            found.ok_or_else(|| format!("{} does not run, so there is nothing to record", self.name))?;
+            found.ok_or_else(|| format!("{} does not run, so it cannot be recorded", self.name))?;
         Ok(show(snapshot, &self.look))
     }
 }
@@ -92,17 +92,17 @@ impl Sink for Numbered {
     }
 }
 
-/// An animated PNG at the path's pace, looping. If there are others, frame 0 is left out: no sample has arrived yet,
-/// so it is empty, and programs that do not support animation would show it.
+/// A looping animated PNG at the path's frame rate. Unless it is the only frame, frame 0 is left out: it is empty, as
+/// no sample has arrived yet, and programs that do not support animation would show it.
 struct Animation {
     port: Port,
     target: Target,
-    /// Of the path.
+    /// Number of frames of the path.
     frames: u32,
     writing: Option<Writing>,
 }
 
-/// The unfinished file. Dropping it, as cancelling does, leaves nothing behind.
+/// The unfinished file. Dropping it, as when the user cancels, leaves no file.
 struct Writing {
     encoder: Writer<BufWriter<File>>,
     draft: Draft,
@@ -138,7 +138,7 @@ impl Sink for Animation {
             self.writing = Some(self.open(picture.size)?);
         }
         let Some(writing) = &mut self.writing else { return Ok(()) };
-        // The encoder rejects a size that has changed under way.
+        // The encoder rejects frames of another size.
         writing.encoder.write_image_data(picture.colors.as_flattened()).map_err(|error| error.to_string())
     }
 

@@ -1,4 +1,4 @@
-//! The editor's output: the command line that renders the same picture, the frames of a path.
+//! The editor's output: the command line that renders the same picture, and the recorded frames of a path.
 
 mod command_line;
 mod frames;

@@ -20,7 +20,7 @@ pub use viewer::Viewer;
 
 use crate::{intent::Intent, keyboard, session::Session};
 
-/// The contents of a tile. Sessions keep the parts that the user has set.
+/// The contents of a tile. Sessions save the settings that are not skipped.
 #[derive(Serialize, Deserialize)]
 pub enum Pane {
     /// An image.
@@ -33,11 +33,11 @@ pub enum Pane {
     Text(#[serde(skip)] TextPane),
     /// The graph as boxes and wires.
     Canvas(#[serde(skip)] Box<CanvasPane>),
-    /// The text of its shaders.
+    /// The texts of the graph's shaders.
     Shader(#[serde(skip, default = "TextPane::shaders")] TextPane),
-    /// One pixel through the graph.
+    /// One pixel, traced through the graph.
     Inspector(#[serde(skip)] InspectorPane),
-    /// What each node costs.
+    /// The times of the nodes.
     Times(#[serde(skip)] TimesPane),
 }
 
@@ -92,14 +92,14 @@ impl Behavior<Pane> for Panes<'_> {
         if tabs.children.iter().any(is_viewer) {
             ui.add_space(4.0);
             let more = ui.add(egui::Button::new("+ View").frame(false));
-            if more.on_hover_text("One more view; drag its tab to put it beside this one").clicked() {
+            if more.on_hover_text("Add a view; drag its tab to put it beside this one").clicked() {
                 self.session.push(Intent::AddViewer(tile));
             }
         }
     }
 
     fn simplification_options(&self) -> SimplificationOptions {
-        // A single pane keeps its tab, where others can be dropped.
+        // A single pane keeps its tab, so that other tabs can be dropped on it.
         SimplificationOptions { all_panes_must_have_tabs: true, ..SimplificationOptions::default() }
     }
 

@@ -38,7 +38,7 @@ impl NodesPane {
                 graph.culled.iter().filter(|culled| matches(&culled.node, &culled.kind)).collect();
             if !culled.is_empty() {
                 ui.add_space(6.0);
-                ui.weak("Left out, as the scene or the graph does not need them");
+                ui.weak("Left out: not needed in this scene or graph");
             }
             for culled in culled {
                 let selected = session.selected.as_ref() == Some(&culled.node);
@@ -80,7 +80,7 @@ fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
     }
 }
 
-/// The node's outputs; a click shows one.
+/// The node's outputs, with a button that shows each.
 fn ports(ui: &mut Ui, session: &mut Session, node: &NodeInfo) {
     for info in node.ports.iter().filter(|info| info.port.is_output()) {
         let name = format!("{}.{}", node.name, info.port.name);

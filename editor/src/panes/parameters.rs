@@ -1,4 +1,4 @@
-//! The selected node: its purpose, its side, its parameters from the stage's own declaration.
+//! The selected node: its description, its side, and its parameters from the stage's declaration.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     };
     let Some(file) = session.document.file().cloned() else { return };
     let Some((node, within)) = file.node_at(&address) else {
-        ui.weak(format!("The graph has no node {address} any more."));
+        ui.weak(format!("The graph no longer has the node {address}."));
         return;
     };
     let Some(kind) = session.registry.get(&node.kind.value) else {
@@ -54,15 +54,15 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
             ui.weak("This stage has no parameters.");
         }
         if broken {
-            ui.colored_label(theme::palette(ui).bad, "Mend the text first.");
+            ui.colored_label(theme::palette(ui).bad, "Fix the text first.");
         }
     });
 }
 
-/// A node that contains a graph of its own: its nodes.
+/// The nodes in a part.
 fn part(ui: &mut Ui, session: &mut Session, address: &str) {
     ui.strong(address);
-    ui.weak("Stands for a graph of its own, with these nodes:");
+    ui.weak("A part: a graph with these nodes.");
     let Some(graph) = session.state.graph.clone() else { return };
     let prefix = format!("{address}/");
     for node in graph.nodes.iter().filter(|node| node.name.starts_with(&prefix)) {
@@ -75,7 +75,9 @@ fn part(ui: &mut Ui, session: &mut Session, address: &str) {
 /// The stage kind and the side.
 fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &str, node: &NodeDef) {
     let present = node.kind.value.as_str();
-    let label = ui.label("stage").on_hover_text("The node's stage; others that fit its wires can replace it");
+    let label = ui
+        .label("stage")
+        .on_hover_text("The node's stage; you can replace it by another that fits its wires");
     let mut chosen = None;
     let combo = ComboBox::from_id_salt("kind").selected_text(present).width(120.0);
     let combo = combo.show_ui(ui, |ui| {
@@ -93,11 +95,10 @@ fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &
         session.edit(Tag::Once, |file| swap(file, address, kind, &registry));
     }
 
-    let label =
-        ui.label("runs on").on_hover_text("A node left to the run uses the toolbar's default placement");
+    let label = ui.label("runs on").on_hover_text("The node's side; by default, the toolbar's backend");
     let mut on = node.on.as_ref().map(|on| on.value);
     let text = |on: Option<Side>| match on {
-        None => "left to the run",
+        None => "default",
         Some(Side::Cpu) => "CPU",
         Some(Side::Gpu) => "GPU",
     };

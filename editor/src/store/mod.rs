@@ -1,7 +1,7 @@
 //! State that outlives the window: the session, and unsaved changes.
 //!
-//! Both are in a folder of the user's configuration, as RON. Files are written whole or not at all, on a thread of
-//! their own; one that cannot be read counts as missing, and is reported.
+//! Both are RON files in the user's configuration folder. A thread of its own writes each file whole or not at all. A
+//! file that cannot be read counts as missing, and is reported.
 
 mod keeper;
 mod recovery;
@@ -26,20 +26,20 @@ const SESSION: &str = "session.ron";
 pub struct Store {
     folder: PathBuf,
     keeper: Keeper,
-    /// The last kept session.
+    /// The last saved session.
     session: String,
     /// The document as of the last recovery file, if there is one.
     kept: Option<Kept>,
 }
 
 impl Store {
-    /// In the user's folder for configuration: `XDG_CONFIG_HOME` or `~/.config` on Linux, `~/Library/Application Support`
-    /// on macOS, roaming `AppData` on Windows. `None` if there is no such folder.
+    /// In the user's folder for configuration: `XDG_CONFIG_HOME` or `~/.config` on Linux, `~/Library/Application
+    /// Support` on macOS, roaming `AppData` on Windows. `None` if there is no such folder.
     pub fn of_user() -> Option<Self> {
         Some(Self::at(dirs::config_dir()?.join("epigraph-editor")))
     }
 
-    /// In this folder, which is created with its first file.
+    /// A store in this folder, which is created with its first file.
     pub fn at(folder: PathBuf) -> Self {
         Self { folder, keeper: Keeper::start(), session: String::new(), kept: None }
     }
@@ -52,7 +52,7 @@ impl Store {
         self.read(SESSION)
     }
 
-    /// Keeps the session, unless it equals the last kept one.
+    /// Saves the session, unless it equals the last saved one.
     pub fn keep_session(&mut self, stored: &Stored<impl Serialize>) {
         let Ok(text) = text(stored) else { return };
         if text != self.session {
@@ -61,7 +61,7 @@ impl Store {
         }
     }
 
-    /// Waits until everything kept is written.
+    /// Waits until everything is written.
     pub fn flush(&mut self) {
         self.keeper.flush();
     }
@@ -81,7 +81,7 @@ fn text(value: &impl Serialize) -> ron::Result<String> {
     ron::ser::to_string_pretty(value, ron::ser::PrettyConfig::default())
 }
 
-/// The canonical path of a file, whatever the current folder.
+/// The absolute path of a file, with links resolved if it exists.
 fn real(path: &str) -> String {
     let path = Path::new(path);
     path.canonicalize()

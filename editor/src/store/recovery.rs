@@ -1,4 +1,4 @@
-//! Unsaved changes when the program ended, for whatever reason.
+//! Recovery of unsaved changes after the program ended or crashed.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -17,7 +17,7 @@ pub struct Recovery {
     pub graph: String,
     /// Files and their texts.
     pub texts: Vec<(String, String)>,
-    /// The places of the canvas's boxes; `None` if they are saved.
+    /// Positions of the canvas's boxes; `None` if they are saved.
     #[serde(default)]
     pub places: Option<Places>,
 }
@@ -41,7 +41,8 @@ impl Kept {
 }
 
 impl Store {
-    /// Keeps the unsaved changes of a document, and deletes them once it is saved; does nothing while neither has changed.
+    /// Keeps the unsaved changes of a document, and deletes them once it is saved; does nothing while neither has
+    /// changed.
     pub fn keep_unsaved(&mut self, document: &Document) {
         if !document.is_dirty() {
             if let Some(kept) = self.kept.take() {
@@ -63,7 +64,7 @@ impl Store {
         self.kept = None;
     }
 
-    /// The unsaved changes of a document when it was last open, if they differ from its present contents.
+    /// The unsaved changes of a document when it was last open, if they differ from its current contents.
     pub fn recovery(&self, document: &Document) -> Option<Recovery> {
         let name = self.recovery_file(document.path());
         let recovery: Recovery = self.read(name.file_name()?.to_str()?).ok()??;
@@ -78,7 +79,7 @@ impl Store {
     }
 
     fn recovery_file(&self, path: &str) -> PathBuf {
-        // FNV-1a, so that a path of any length and any letters becomes a file name.
+        // FNV-1a makes a file name of a path of any length with any characters.
         let hash = real(path).bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
         });
@@ -98,17 +99,17 @@ impl Recovery {
     fn differs_from(&self, document: &Document) -> bool {
         let text =
             |path: &str| self.texts.iter().any(|(of, text)| *of == real(path) && document.text(path) != text);
-        // As saved in a file: the program may have died between saving and deleting, and files hold whole points.
+        // Compare positions as written to a file, which holds whole points: the program may have crashed after saving.
         let written = |places: &Places| places::write(places, None);
         document.paths().any(text)
             || self.places.as_ref().is_some_and(|places| written(places) != written(document.places()))
     }
 
-    /// A description of the changes, as a sentence without its end.
+    /// A description of the changes, as the beginning of a sentence.
     pub fn what(&self) -> String {
         let name = short(&self.graph);
         match self.texts.len() {
-            0 => format!("{name} had boxes that were moved and not saved"),
+            0 => format!("{name} had unsaved box positions"),
             1 => format!("{name} had unsaved changes"),
             files => format!("{name} and its parts ({files} files) had unsaved changes"),
         }
@@ -151,14 +152,14 @@ mod tests {
     }
 
     #[test]
-    fn moved_boxes_come_back_and_are_one_change_with_the_texts() {
+    fn moved_boxes_are_restored_as_one_change_with_the_texts() {
         let (folder, mut document) = document();
         let mut store = Store::at(folder.path().join("kept"));
         put(&mut document, "fill", [10.0, 20.0]);
         store.keep_unsaved(&document);
         store.flush();
         let recovery = store.recovery(&again(&document)).unwrap();
-        assert!(recovery.texts.is_empty() && recovery.what().contains("boxes"), "{recovery:?}");
+        assert!(recovery.texts.is_empty() && recovery.what().contains("box positions"), "{recovery:?}");
 
         // Another move is kept too, although the graph's texts are unchanged.
         put(&mut document, "fill", [30.0, 40.25]);
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn files_without_places_are_read_and_places_that_are_no_numbers_are_not() {
+    fn files_without_positions_are_read_and_infinite_positions_are_rejected() {
         let (folder, document) = document();
         let store = Store::at(folder.path().to_owned());
         let file = store.recovery_file(document.path());

@@ -34,7 +34,7 @@ pub struct Stored<Panes = Tree<Pane>> {
     pub size: [u32; 2],
     /// The resolution's scale.
     pub scale: f32,
-    /// Samples a frame may ask for, percent of its pixels.
+    /// Maximum number of samples per frame, percent of its pixels.
     pub samples: f32,
     /// Default placement for nodes without `on:`.
     pub backend: Backend,

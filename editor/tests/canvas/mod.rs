@@ -1,11 +1,11 @@
-//! The canvas, used with mouse and keys as a person would; the file's text says what came of it.
+//! Tests of the canvas, operated with mouse and keys. They check the file's text.
 
 use egui::{Event, Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::kittest::Queryable;
 
 use crate::support::Opened;
 
-/// A window whose canvas is in front, with its graph compiled.
+/// A window with the canvas in front and a compiled graph.
 fn canvas(graph: &str) -> Opened {
     in_front(Opened::new(graph))
 }
@@ -16,7 +16,7 @@ fn in_front(mut opened: Opened) -> Opened {
     opened
 }
 
-/// Where something is that has that name.
+/// The centre of the widget with this name.
 fn at(opened: &Opened, label: &str) -> Pos2 {
     opened.harness.get_by_label(label).rect().center()
 }
@@ -26,7 +26,7 @@ fn button(opened: &Opened, pos: Pos2, pressed: bool, modifiers: Modifiers) {
     opened.harness.event_modifiers(event, modifiers);
 }
 
-/// Presses at one place, and moves to another in steps, without letting go.
+/// Presses the button at one position and moves to another, without releasing it.
 fn pull(opened: &mut Opened, from: Pos2, to: Pos2) {
     opened.harness.event(Event::PointerMoved(from));
     opened.harness.run_steps(2);
@@ -45,7 +45,7 @@ fn drag(opened: &mut Opened, from: Pos2, to: Pos2) {
     opened.harness.run_steps(3);
 }
 
-/// Clicks so many times, all in one frame: frames of this window are a quarter of a second apart.
+/// Clicks `count` times in one frame, as frames of this window are a quarter of a second apart.
 fn clicks(opened: &mut Opened, pos: Pos2, count: usize) {
     opened.harness.event(Event::PointerMoved(pos));
     opened.harness.run_steps(1);
@@ -70,7 +70,7 @@ fn notice(opened: &Opened) -> String {
     opened.app().session.notice().unwrap_or_default().to_owned()
 }
 
-/// Whether the file has a node of that name, or a wire into an input.
+/// The source of an input, as `node.port`; `None` if it is not connected.
 fn source(opened: &Opened, node: &str, port: &str) -> Option<String> {
     let file = opened.app().session.document.file()?.clone();
     let (node, _) = file.node_at(node)?;
@@ -82,13 +82,13 @@ fn has(opened: &Opened, node: &str) -> bool {
     opened.app().session.document.file().is_some_and(|file| file.node_at(node).is_some())
 }
 
-/// A spot of the canvas without anything on it.
+/// A position on the background of the canvas.
 fn ground(opened: &Opened) -> Pos2 {
     let canvas = opened.harness.get_by_label("canvas").rect();
     canvas.left_bottom() + egui::vec2(14.0, -40.0)
 }
 
-/// Undoes one step, after which the text must be as it was.
+/// Undoes one step and checks that the text is as before.
 #[track_caller]
 fn undone(opened: &mut Opened, before: &str) {
     assert_ne!(opened.text(), before);
@@ -97,21 +97,21 @@ fn undone(opened: &mut Opened, before: &str) {
 }
 
 #[test]
-fn wires_are_drawn_moved_and_taken_off_with_the_mouse() {
+fn wires_are_connected_moved_and_removed_with_the_mouse() {
     let mut opened = canvas("render-cache.ron");
     let before = opened.text().to_owned();
 
-    // A wire that cannot be: the reason is told and nothing changes.
+    // An invalid wire shows the reason and changes nothing.
     let (color, id) = (at(&opened, "output fill.color"), at(&opened, "input request.id"));
     drag(&mut opened, color, id);
     assert!(
-        notice(&opened).contains("fill.color gives texture<rgba32float>, but request.id takes array<u32>"),
+        notice(&opened).contains("fill.color writes texture<rgba32float>, but request.id reads array<u32>"),
         "{}",
         notice(&opened)
     );
     assert_eq!(opened.text(), before);
 
-    // Off its input and onto the ground: the wire is gone.
+    // Dragging a wire off its input onto the background removes it.
     let (input, nowhere) = (at(&opened, "input tonemap.color"), ground(&opened));
     drag(&mut opened, input, nowhere);
     assert_eq!(source(&opened, "tonemap", "color"), None);
@@ -119,7 +119,7 @@ fn wires_are_drawn_moved_and_taken_off_with_the_mouse() {
     drag(&mut opened, input, nowhere);
     let without = opened.text().to_owned();
 
-    // Dropped on the block, which has but one port that fits.
+    // Dropping a wire on a block with only one port that fits connects it.
     let block = at(&opened, "node tonemap");
     drag(&mut opened, color, block);
     assert_eq!(source(&opened, "tonemap", "color").as_deref(), Some("fill.color"));
@@ -127,13 +127,13 @@ fn wires_are_drawn_moved_and_taken_off_with_the_mouse() {
     drag(&mut opened, input, color);
     assert_eq!(source(&opened, "tonemap", "color").as_deref(), Some("fill.color"));
 
-    // A wire is chosen halfway along, and deleted.
+    // Click a wire and delete it.
     clicks(&mut opened, input.lerp(color, 0.5), 1);
     key(&mut opened, Modifiers::NONE, Key::Delete);
     assert_eq!(source(&opened, "tonemap", "color"), None);
     undo(&mut opened);
 
-    // From one input to another.
+    // Move a wire from one input to another.
     let before = opened.text().to_owned();
     let (from, to) = (at(&opened, "input request.id"), at(&opened, "input request.aim"));
     drag(&mut opened, from, to);
@@ -145,7 +145,7 @@ fn wires_are_drawn_moved_and_taken_off_with_the_mouse() {
 }
 
 #[test]
-fn stages_are_found_by_typing_and_added_where_one_points() {
+fn stages_are_found_by_typing_and_added_at_the_pointer() {
     let mut opened = canvas("render-cache.ron");
     let before = opened.text().to_owned();
     let spot = ground(&opened);
@@ -178,7 +178,7 @@ fn stages_are_found_by_typing_and_added_where_one_points() {
     undone(&mut opened, &before);
     assert!(!opened.app().session.document.is_dirty());
 
-    // From a wire that is let go over the ground: only what fits, and joined to it.
+    // A wire dropped on the background offers only stages that fit, and is connected to the new node.
     let color = at(&opened, "output fill.color");
     drag(&mut opened, color, spot);
     assert!(opened.harness.query_by_label("add mesh").is_none());
@@ -190,7 +190,7 @@ fn stages_are_found_by_typing_and_added_where_one_points() {
 }
 
 #[test]
-fn several_nodes_are_chosen_copied_bypassed_and_deleted_in_one_step_each() {
+fn several_nodes_are_copied_bypassed_and_deleted_in_one_step_each() {
     let mut opened = canvas("render-cache.ron");
     let before = opened.text().to_owned();
     opened.click("node fill");
@@ -210,7 +210,7 @@ fn several_nodes_are_chosen_copied_bypassed_and_deleted_in_one_step_each() {
     assert!(opened.text().contains("// Colour every pixel from the points"), "comments stay");
     undone(&mut opened, &before);
 
-    // All within a box that is drawn around them, but not what is outside.
+    // A selection box selects the nodes in it, and no others.
     let (from, to) =
         (opened.harness.get_by_label("node view").rect(), opened.harness.get_by_label("node view").rect());
     drag(&mut opened, from.left_bottom() + egui::vec2(-6.0, 6.0), to.right_top() + egui::vec2(6.0, -6.0));
@@ -220,12 +220,12 @@ fn several_nodes_are_chosen_copied_bypassed_and_deleted_in_one_step_each() {
 
     key(&mut opened, Modifiers::COMMAND, Key::A);
     key(&mut opened, Modifiers::NONE, Key::B);
-    assert_eq!(opened.text().matches("bypass: true").count(), 4, "the stages, not the parts");
+    assert_eq!(opened.text().matches("bypass: true").count(), 4, "only stages, not parts");
     undone(&mut opened, &before);
 }
 
 #[test]
-fn a_bypassed_node_says_so_and_hands_its_input_on() {
+fn a_bypassed_node_says_so_and_passes_its_input_through() {
     let mut opened = canvas("epi.ron");
     opened.frames(2);
     let before = opened.text().to_owned();
@@ -243,7 +243,7 @@ fn a_bypassed_node_says_so_and_hands_its_input_on() {
 }
 
 #[test]
-fn moves_are_undone_and_kept_beside_the_graph_only_when_saved() {
+fn box_positions_can_be_undone_and_are_written_only_by_saving() {
     let mut opened = canvas("render-cache.ron");
     let before = opened.text().to_owned();
     let layout = opened.path.with_extension("layout.ron");
@@ -255,7 +255,7 @@ fn moves_are_undone_and_kept_beside_the_graph_only_when_saved() {
     assert!(opened.harness.get_by_label("node fill").rect().min.distance(home.min) < 1.0);
     assert!(!opened.app().session.document.is_dirty());
 
-    // Keys move all that is chosen, and one press after another is one step.
+    // Keys move the selection; consecutive presses are one step of undo.
     opened.click("node fill");
     for _ in 0..3 {
         key(&mut opened, Modifiers::NONE, Key::ArrowDown);
@@ -278,7 +278,7 @@ fn moves_are_undone_and_kept_beside_the_graph_only_when_saved() {
 }
 
 #[test]
-fn a_name_is_changed_everywhere() {
+fn renaming_a_node_changes_all_references() {
     let mut opened = canvas("render-cache.ron");
     let before = opened.text().to_owned();
     opened.click("node fill");
@@ -292,7 +292,7 @@ fn a_name_is_changed_everywhere() {
     assert_eq!(opened.app().session.selected.as_deref(), Some("paint"));
     undone(&mut opened, &before);
 
-    // A name that is taken is refused.
+    // A taken name is rejected.
     opened.click("node fill");
     key(&mut opened, Modifiers::NONE, Key::F2);
     key(&mut opened, Modifiers::COMMAND, Key::A);
@@ -304,7 +304,7 @@ fn a_name_is_changed_everywhere() {
 }
 
 #[test]
-fn another_stage_takes_a_nodes_place_from_its_menu() {
+fn a_stage_is_swapped_from_the_menu_of_its_node() {
     let mut opened = canvas("epi.ron");
     opened.frames(2);
     let before = opened.text().to_owned();
@@ -320,7 +320,7 @@ fn another_stage_takes_a_nodes_place_from_its_menu() {
 }
 
 #[test]
-fn a_part_is_opened_edited_and_left() {
+fn a_part_is_opened_edited_and_closed() {
     let mut opened = canvas("epi.ron");
     opened.frames(2);
     let view = at(&opened, "node view");
@@ -328,7 +328,7 @@ fn a_part_is_opened_edited_and_left() {
     assert!(opened.harness.query_by_label("node view/project").is_some());
     assert!(opened.harness.query_by_label("node cloud").is_none());
     assert!(opened.harness.query_by_label("output view/inputs.cloud").is_some());
-    // What the part gives.
+    // Connect a port to an output of the part.
     let (from, to) = (at(&opened, "output view/project.id"), at(&opened, "input view/outputs.id"));
     let path =
         opened.app().session.document.paths().find(|path| path.ends_with("view.ron")).unwrap().to_owned();
@@ -345,7 +345,7 @@ fn a_part_is_opened_edited_and_left() {
 }
 
 #[test]
-fn ports_of_nodes_within_a_part_have_pins_of_their_own() {
+fn wired_ports_of_nodes_within_a_part_have_pins() {
     let mut opened = canvas("experiments/outline.ron");
     assert!(opened.harness.query_by_label("output cache.fill.color").is_some());
     let (from, to) = (at(&opened, "output cache.fill.color"), at(&opened, "input tonemap.color"));
@@ -354,7 +354,7 @@ fn ports_of_nodes_within_a_part_have_pins_of_their_own() {
 }
 
 #[test]
-fn transfers_stand_on_the_wires_that_cross() {
+fn transfers_are_drawn_on_their_wires() {
     let mut opened = canvas("render-cache-cpu-dither.ron");
     opened
         .app()
@@ -368,7 +368,7 @@ fn transfers_stand_on_the_wires_that_cross() {
 }
 
 #[test]
-fn nodes_are_reached_by_the_keyboard() {
+fn nodes_are_reached_with_the_keyboard() {
     let mut opened = canvas("render-cache.ron");
     let focused = |opened: &Opened| opened.harness.get_by_label("node fill").is_focused();
     for _ in 0..80 {
@@ -386,7 +386,7 @@ fn nodes_are_reached_by_the_keyboard() {
 }
 
 #[test]
-fn the_wheel_zooms_and_f_shows_all_again() {
+fn the_wheel_zooms_and_f_fits_the_graph() {
     let mut opened = canvas("epi.ron");
     let middle = at(&opened, "canvas");
     let width = |opened: &Opened| opened.harness.get_by_label("node edges").rect().width();
@@ -428,7 +428,7 @@ fn the_graph_is_exported_as_a_drawing_and_for_graphviz() {
 }
 
 #[test]
-fn thumbnails_show_what_nodes_write_and_cost_nothing_when_they_are_off() {
+fn thumbnails_capture_ports_only_while_they_are_on() {
     let mut opened = in_front(Opened::with("render-cache.ron", true, [256, 192]));
     opened.frames(20);
     let watched = |opened: &Opened| {
@@ -450,7 +450,7 @@ fn thumbnails_show_what_nodes_write_and_cost_nothing_when_they_are_off() {
 }
 
 #[test]
-fn only_thumbnails_in_sight_are_watched() {
+fn only_visible_thumbnails_are_captured() {
     let mut opened = in_front(Opened::new("epi.ron"));
     opened.frames(4);
     opened.click("Thumbnails");
@@ -466,7 +466,7 @@ fn only_thumbnails_in_sight_are_watched() {
     assert!(all.len() > 4, "{all:?}");
     let of = |node: &str| all.iter().find(|port| port.starts_with(node)).unwrap().clone();
     let (near, far) = (of("tonemap."), of("view/"));
-    // So near to one box that the others are out of sight.
+    // Zoom in on one box until the others are out of sight.
     let spot = at(&opened, "node tonemap");
     let zoom = |opened: &mut Opened, turn: f32| {
         for _ in 0..40 {
@@ -487,14 +487,14 @@ fn only_thumbnails_in_sight_are_watched() {
     assert_eq!(watched(&mut opened, 1), all);
 }
 
-/// How bright the half of a pin is that lies outside its box, as the sum of the channels.
+/// The brightness of a pin just outside its box, as the sum of the channels.
 fn brightness(image: &[u8], pin: Pos2) -> u32 {
     let index = 4 * (pin.y as usize * 1280 + pin.x as usize - 2);
     image[index..index + 3].iter().map(|channel| u32::from(*channel)).sum()
 }
 
 #[test]
-fn while_a_wire_is_drawn_only_pins_that_fit_stay_bright() {
+fn while_a_wire_is_dragged_only_pins_that_fit_stay_bright() {
     let mut opened = in_front(Opened::with("render-cache.ron", true, [64, 48]));
     let (from, nowhere) = (at(&opened, "output fill.color"), ground(&opened));
     let (fits, does_not) = (at(&opened, "input tonemap.color"), at(&opened, "input request.id"));

@@ -8,7 +8,7 @@ use egui_kittest::{
 
 use crate::support::Opened;
 
-/// What the focus is on, in words.
+/// Role and name of the focused widget.
 fn focused(opened: &Opened) -> String {
     let all = opened.harness.root().children_recursive();
     let on = all.into_iter().find(|node| node.is_focused());
@@ -20,7 +20,7 @@ fn focused(opened: &Opened) -> String {
 }
 
 #[test]
-fn tab_alone_leads_to_every_part_of_the_window_and_enter_presses() {
+fn tab_reaches_every_part_of_the_window_and_enter_presses_buttons() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(2);
     let mut seen = BTreeSet::new();
@@ -51,7 +51,7 @@ fn tab_alone_leads_to_every_part_of_the_window_and_enter_presses() {
     for part in wanted {
         assert!(seen.iter().any(|on| on.contains(part)), "{part} is not reached; only {seen:#?}");
     }
-    // With Enter, what has the focus is pressed.
+    // Enter presses the focused widget.
     for _ in 0..400 {
         opened.harness.key_press(Key::Tab);
         opened.harness.run_steps(1);
@@ -64,7 +64,7 @@ fn tab_alone_leads_to_every_part_of_the_window_and_enter_presses() {
 }
 
 #[test]
-fn f6_goes_round_the_panes_and_keys_work_there() {
+fn f6_cycles_through_the_panes_and_shortcuts_work_there() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(2);
     let mut round = Vec::new();
@@ -78,7 +78,7 @@ fn f6_goes_round_the_panes_and_keys_work_there() {
     opened.harness.key_press_modifiers(Modifiers::SHIFT, Key::F6);
     opened.harness.run_steps(2);
     assert!(focused(&opened).ends_with("Pane Times"), "{}", focused(&opened));
-    // A full stop runs one frame, with a pane in focus too; from a widget, F6 goes on to the next pane.
+    // A full stop runs one frame also if a pane has the focus. From a widget, F6 goes to the next pane.
     opened.harness.key_press(Key::Period);
     opened.until("a frame", |app| app.session.state.frames == 3);
     opened.harness.get_by_role(Role::TextInput).focus();
@@ -89,7 +89,7 @@ fn f6_goes_round_the_panes_and_keys_work_there() {
 }
 
 #[test]
-fn the_image_in_focus_is_flown_through_with_keys() {
+fn keys_fly_the_camera_if_the_image_has_the_focus() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(2);
     let before = opened.app().session.camera().unwrap();
@@ -103,7 +103,7 @@ fn the_image_in_focus_is_flown_through_with_keys() {
 }
 
 #[test]
-fn every_widget_has_a_name_for_those_who_hear_the_window() {
+fn every_widget_has_an_accessible_name() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(2);
     opened.click("interpolate");
@@ -123,7 +123,7 @@ fn every_widget_has_a_name_for_those_who_hear_the_window() {
     let mut named = 0;
     let mut look = |opened: &Opened, place: &str| {
         let all: Vec<_> = opened.harness.root().children_recursive().collect();
-        // The number beside a slider is the slider's; egui gives it no name of its own.
+        // The number beside a slider belongs to the slider; egui gives it no name.
         let is_of_slider = |number: &Node| {
             let bounds = |node: &Node| node.accesskit_node().bounding_box();
             let beside = |slider: &Node| {
@@ -175,10 +175,10 @@ fn every_widget_has_a_name_for_those_who_hear_the_window() {
 }
 
 #[test]
-fn the_help_lists_the_keys_and_goes_away() {
+fn the_help_lists_the_keys_and_closes() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(1);
-    let open = |opened: &Opened| opened.harness.query_by_label_contains("next pane, pane before").is_some();
+    let open = |opened: &Opened| opened.harness.query_by_label_contains("next pane, previous pane").is_some();
     assert!(!open(&opened));
     opened.harness.key_press(Key::F1);
     opened.harness.run_steps(3);

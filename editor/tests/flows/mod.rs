@@ -1,4 +1,4 @@
-//! What a person does from beginning to end.
+//! Whole tasks of a user, from beginning to end.
 
 mod keyboard;
 mod output;

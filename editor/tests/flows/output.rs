@@ -6,12 +6,12 @@ use epigraph_pictures::{Look, Picture, show};
 
 use crate::support::{Opened, command, words};
 
-/// The picture that the command line of these words makes, in the folder of the graph.
+/// Runs a command line, with its output in the folder of the graph. Returns the picture.
 pub fn rendered(opened: &Opened, words: &[String]) -> Vec<[u8; 3]> {
     let (program, arguments) = words.split_first().unwrap();
     assert_eq!(program, "epigraph");
     let mut arguments = arguments.to_vec();
-    // The last word names the picture, and the port where one is saved.
+    // The last word is the file, after the port if a port is saved.
     let last = arguments.last_mut().unwrap();
     let name = last.rsplit('=').next().unwrap().to_owned();
     let file = opened.folder().join(&name);
@@ -21,11 +21,11 @@ pub fn rendered(opened: &Opened, words: &[String]) -> Vec<[u8; 3]> {
     image::open(file).unwrap().to_rgb8().pixels().map(|pixel| pixel.0).collect()
 }
 
-/// What is on the clipboard after the keys for it.
+/// Copies the command line. Returns the text on the clipboard, if any.
 fn copied(opened: &mut Opened) -> Option<String> {
     opened.choose_first(&["Output", "Copy as a command line"]);
     let mut text = None;
-    // The entry acts in the frame of its click.
+    // The entry acts in one of the next frames.
     for _ in 0..3 {
         opened.harness.step();
         let commands = &opened.harness.output().platform_output.commands;
@@ -38,7 +38,7 @@ fn copied(opened: &mut Opened) -> Option<String> {
 }
 
 #[test]
-fn the_copied_command_line_makes_the_picture_in_view() {
+fn the_copied_command_line_renders_the_picture_in_view() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(2);
     opened.harness.state_mut().session.move_camera(|rig| rig.orbit(0.15, 0.05));
@@ -62,10 +62,10 @@ fn the_copied_command_line_makes_the_picture_in_view() {
 }
 
 #[test]
-fn unsaved_text_has_to_be_saved_before_a_command_line_is_copied() {
+fn a_command_line_is_copied_only_if_the_text_is_saved() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(1);
-    // Where the boxes stand changes no picture.
+    // Unsaved box positions do not matter.
     let document = &mut opened.harness.state_mut().session.document;
     document.place(Tag::Once, |places| _ = places.insert("fill".into(), [10.0, 20.0]));
     assert!(document.is_dirty());
@@ -89,7 +89,7 @@ fn an_image_is_saved_as_shown_or_with_its_raw_values() {
     let saved: Vec<[u8; 3]> = image::open(&png).unwrap().to_rgb8().pixels().map(|pixel| pixel.0).collect();
     assert!(saved == opened.shown());
 
-    // A port that is in no view is taken of the same frame.
+    // A port that is not in view is taken from the same frame.
     let exr = opened.folder().join("depths.exr");
     opened.choose(&["Output", "Save image …"]);
     opened.pick("Port", "view/cull.filtered");
@@ -102,7 +102,7 @@ fn an_image_is_saved_as_shown_or_with_its_raw_values() {
     let read: Vec<f32> = values.colors.iter().map(|color| color[0]).collect();
     assert!(read == depths && depths.iter().any(|value| *value > 0.0));
 
-    // What is there is replaced only when that is said twice.
+    // An existing file is replaced only after confirmation.
     let before = fs::read(&png).unwrap();
     fs::write(&png, "mine").unwrap();
     opened.choose(&["Output", "Save image …"]);
@@ -129,7 +129,7 @@ fn the_frames_of_a_path_become_an_animation_or_files() {
     opened.fill("Frames", "5");
     opened.name(&animation);
     opened.until("the animation", |app| recorded(app).is_some());
-    // All but the empty one with which a path begins.
+    // All but the first frame, which is empty.
     assert!(recorded(opened.app()).unwrap().unwrap().contains("4 frames"));
     let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(&animation).unwrap()));
     let mut reader = decoder.read_info().unwrap();
@@ -146,7 +146,7 @@ fn the_frames_of_a_path_become_an_animation_or_files() {
     assert!(frames[3] == last.as_flattened());
 
     opened.choose(&["Output", "Record the path's frames …"]);
-    opened.click("A PNG for each frame: NAME-0000.png and on");
+    opened.click("A PNG for each frame: NAME-0000.png, NAME-0001.png, ...");
     opened.fill("Frames", "5");
     opened.name(&opened.folder().join("still.png"));
     let files = |opened: &Opened| {

@@ -3,7 +3,7 @@ use crate::support::{Opened, words};
 use egui::{Key, pos2};
 use egui_kittest::kittest::Queryable;
 
-/// Waits for the end of a path that was begun by a command after so many.
+/// Waits for the end of a path that was started after `commands` commands.
 fn played(opened: &mut Opened, commands: u64) {
     opened.until("the path", |app| {
         let state = &app.session.state;
@@ -11,7 +11,7 @@ fn played(opened: &mut Opened, commands: u64) {
     });
 }
 
-/// Runs what a click has begun until its last frame; the picture's bytes in each of the window's frames that saw a new one.
+/// Plays the current path to its end. Returns the number of frames, and the bytes of the last picture.
 fn play(opened: &mut Opened) -> (u32, Vec<u8>) {
     let before = opened.app().session.state.commands;
     opened.click("Play the path");
@@ -21,7 +21,7 @@ fn play(opened: &mut Opened) -> (u32, Vec<u8>) {
 }
 
 #[test]
-fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
+fn a_recorded_path_is_played_saved_and_rendered_by_the_command_line() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(3);
     let home = opened.app().session.camera().unwrap();
@@ -44,7 +44,7 @@ fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
     assert!(end.eye.distance(flown.eye) < 1e-5, "{end:?}, {flown:?}");
     assert!(first == play(&mut opened));
 
-    // A command line needs files.
+    // A command line needs a saved path.
     assert!(opened.app().command_line().unwrap_err().contains("save the path first"));
     let file = opened.folder().join("flight.path.ron");
     opened.choose(&["Camera", "Save path …"]);
@@ -55,7 +55,7 @@ fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
     let picture = rendered(&opened, &words(&line));
     assert!(picture == opened.shown());
 
-    // Opened again, it is the same path.
+    // Opening the file plays the same path.
     opened.click("Reset");
     opened.until("the reset", |app| app.session.state.frames == 0);
     let before = opened.app().session.state.commands;
@@ -66,7 +66,7 @@ fn a_flight_is_recorded_played_twice_saved_and_rendered_by_the_command_line() {
 }
 
 #[test]
-fn moving_the_camera_leaves_a_path_where_it_is() {
+fn moving_the_camera_stops_a_path() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(1);
     opened.choose(&["Camera", "Play shake"]);

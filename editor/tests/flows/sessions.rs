@@ -5,13 +5,13 @@ use egui_kittest::kittest::Queryable;
 
 use crate::support::{Opened, copy};
 
-/// Lets the window keep what it keeps every second or so.
+/// Runs the window long enough to save its session, which it does every second.
 fn rest(opened: &mut Opened) {
     opened.harness.run_steps(90);
 }
 
 #[test]
-fn a_session_comes_back_when_the_program_starts_again() {
+fn a_session_is_restored_at_the_next_start() {
     let sessions = tempfile::tempdir().unwrap();
     let (_folder, graph) = copy("epi.ron");
     let mut opened = Opened::started(sessions.path(), Some(&graph), Some("chains"));
@@ -48,7 +48,7 @@ fn a_session_comes_back_when_the_program_starts_again() {
     assert_eq!(opened.app().session.state.graph.as_ref().unwrap().size, [48, 32]);
     assert_eq!(opened.app().session.state.camera, Some(before.2));
 
-    // What is named counts more.
+    // Arguments override the session.
     let (_other, other) = copy("render-cache.ron");
     let opened = Opened::started(sessions.path(), Some(&other), Some("cornell"));
     assert!(opened.app().session.document.path().ends_with("render-cache.ron"));
@@ -56,7 +56,7 @@ fn a_session_comes_back_when_the_program_starts_again() {
 }
 
 #[test]
-fn a_broken_session_file_gives_a_new_session_and_says_so() {
+fn a_broken_session_file_is_reported_and_replaced() {
     let sessions = tempfile::tempdir().unwrap();
     fs::write(sessions.path().join("session.ron"), "(graph: \"a.ron\", scene: 7)").unwrap();
     let (_folder, graph) = copy("epi.ron");
@@ -67,13 +67,13 @@ fn a_broken_session_file_gives_a_new_session_and_says_so() {
     assert_eq!(opened.app().session.scene(), "cornell");
     rest(&mut opened);
     drop(opened);
-    // From now on there is a sound one.
+    // The new session file is valid.
     let opened = Opened::started(sessions.path(), None, None);
     assert_eq!(opened.app().session.notice(), None);
 }
 
 #[test]
-fn unsaved_text_is_offered_after_the_program_has_ended_however_it_did() {
+fn unsaved_text_is_offered_at_the_next_start() {
     let sessions = tempfile::tempdir().unwrap();
     let (_folder, graph) = copy("epi.ron");
     let (saved, typed) = {
@@ -81,7 +81,7 @@ fn unsaved_text_is_offered_after_the_program_has_ended_however_it_did() {
         opened.until("the graph", |app| app.session.state.graph.is_some());
         let saved = opened.text().to_owned();
         let path = opened.app().session.document.path().to_owned();
-        // Half a thought, which is no graph.
+        // An unfinished edit, which is not a valid graph.
         let typed = saved.replace("kind: \"fill\"", "kind: \"fi").replace("sigma: 0.7", "sigma: 0.8, x");
         assert_ne!(saved, typed);
         opened.harness.state_mut().session.document.type_text(&path, &typed);
@@ -89,9 +89,9 @@ fn unsaved_text_is_offered_after_the_program_has_ended_however_it_did() {
         (saved, typed)
     };
     assert_eq!(fs::read_to_string(&graph).unwrap(), saved);
-    let offered = |opened: &Opened| opened.harness.query_by_label("Take over").is_some();
+    let offered = |opened: &Opened| opened.harness.query_by_label("Restore").is_some();
 
-    // Not decided about: it is offered again.
+    // Undecided, it is offered again.
     let mut opened = Opened::started(sessions.path(), None, None);
     opened.harness.run_steps(5);
     assert!(offered(&opened) && opened.text() == saved);
@@ -100,7 +100,7 @@ fn unsaved_text_is_offered_after_the_program_has_ended_however_it_did() {
 
     let mut opened = Opened::started(sessions.path(), None, None);
     opened.harness.run_steps(5);
-    opened.click("Take over");
+    opened.click("Restore");
     assert!(!offered(&opened) && opened.text() == typed);
     opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::Z);
     opened.harness.run_steps(3);
@@ -121,7 +121,7 @@ fn unsaved_text_is_offered_after_the_program_has_ended_however_it_did() {
 }
 
 #[test]
-fn boxes_that_were_moved_and_not_saved_are_offered_too() {
+fn unsaved_box_positions_are_offered_too() {
     let sessions = tempfile::tempdir().unwrap();
     let (_folder, graph) = copy("render-cache.ron");
     let places = |opened: &Opened| opened.app().session.document.places().clone();
@@ -144,8 +144,8 @@ fn boxes_that_were_moved_and_not_saved_are_offered_too() {
 
     let mut opened = canvas(None);
     assert!(places(&opened).is_empty());
-    assert!(opened.harness.query_by_label_contains("boxes that were moved").is_some());
-    opened.click("Take over");
+    assert!(opened.harness.query_by_label_contains("unsaved box positions").is_some());
+    opened.click("Restore");
     assert_eq!(places(&opened), moved);
     opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::Z);
     opened.harness.run_steps(3);
@@ -153,7 +153,7 @@ fn boxes_that_were_moved_and_not_saved_are_offered_too() {
 }
 
 #[test]
-fn what_is_saved_is_not_offered() {
+fn saved_changes_are_not_offered() {
     let sessions = tempfile::tempdir().unwrap();
     let (_folder, graph) = copy("epi.ron");
     let mut opened = Opened::started(sessions.path(), Some(&graph), None);
@@ -174,12 +174,12 @@ fn what_is_saved_is_not_offered() {
     assert_eq!(unsaved(), 0);
     let mut opened = Opened::started(sessions.path(), None, None);
     opened.harness.run_steps(5);
-    assert!(opened.harness.query_by_label("Take over").is_none());
+    assert!(opened.harness.query_by_label("Restore").is_none());
     assert_eq!(opened.text(), text);
 }
 
 #[test]
-fn graphs_and_scenes_are_opened_made_and_saved_elsewhere_without_a_restart() {
+fn graphs_and_scenes_are_opened_created_and_saved_without_a_restart() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(2);
     let folder = opened.folder().to_owned();
@@ -187,7 +187,7 @@ fn graphs_and_scenes_are_opened_made_and_saved_elsewhere_without_a_restart() {
     opened.name(&folder.join("no-such.ron"));
     assert!(
         opened.harness.query_by_label_contains("no-such.ron").is_some(),
-        "the dialog says why, and stays"
+        "the dialog shows the error and stays open"
     );
     let (_other, other) = copy("render-cache.ron");
     opened.name(&other);

@@ -27,7 +27,7 @@ fn go(opened: &mut Opened, at: Pos2) {
 }
 
 #[test]
-fn a_click_lays_a_pixel_open_and_a_drag_does_not() {
+fn a_click_inspects_a_pixel_and_a_drag_does_not() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(8);
     let at = middle(&opened);
@@ -37,10 +37,10 @@ fn a_click_lays_a_pixel_open_and_a_drag_does_not() {
     opened.until("the pixel", |app| app.session.state.inspection.is_some());
     let inspection = opened.app().session.state.inspection.clone().unwrap();
     assert_eq!(inspection.pixel, [32, 24]);
-    // The pane came to the front, and tells of each node.
+    // The pane is in front, and lists the nodes.
     assert!(opened.harness.query_all_by_label("(32, 24)").next().is_some());
     assert!(opened.harness.query_all_by_label("view/project").next().is_some());
-    // The last frame is told of: none is run for that, nor for a second look.
+    // The paused frame is inspected: no frame is run for it, nor for a second pixel.
     let frames = opened.app().session.state.frames;
     assert_eq!(frames, 8);
     let next = at + egui::vec2(30.0, 0.0);
@@ -58,12 +58,12 @@ fn a_click_lays_a_pixel_open_and_a_drag_does_not() {
     press(&mut opened, at, true);
     (1..6).for_each(|step| go(&mut opened, at + egui::vec2(12.0 * step as f32, 0.0)));
     press(&mut opened, at + egui::vec2(60.0, 0.0), false);
-    assert_eq!(opened.app().session.inspection.pixel(), picked, "a drag picks nothing");
+    assert_eq!(opened.app().session.inspection.pixel(), picked, "a drag picks no pixel");
     assert_ne!(opened.app().session.camera().unwrap(), camera, "it orbits");
 }
 
 #[test]
-fn a_hidden_inspector_costs_nothing() {
+fn a_hidden_inspector_inspects_nothing() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(4);
     opened.push(Intent::Inspect([10, 10]));
@@ -72,7 +72,7 @@ fn a_hidden_inspector_costs_nothing() {
     assert_eq!(opened.app().session.selected.as_deref(), Some("fill"));
     opened.click("Nodes");
     opened.until("the end of it", |app| app.session.state.inspection.is_none());
-    // Back at the pane, the pixel is still picked.
+    // The pixel is still picked when the pane is shown again.
     opened.click("Pixel");
     opened.until("the pixel again", |app| app.session.state.inspection.is_some());
     opened.click("forget the pixel");
@@ -80,7 +80,7 @@ fn a_hidden_inspector_costs_nothing() {
     assert_eq!(opened.app().session.inspection.pixel(), None);
 }
 
-/// For people to look at.
+/// Writes pictures for review.
 #[test]
 fn the_inspector_is_drawn() {
     let mut opened = Opened::with("epi.ron", true, [512, 512]);

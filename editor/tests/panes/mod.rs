@@ -1,4 +1,4 @@
-//! Panes by themselves.
+//! Tests of single panes.
 
 mod inspector;
 mod texts;

@@ -9,7 +9,7 @@ use epigraph_editor::intent::{Intent, Jump};
 
 use crate::support::Opened;
 
-/// The render cache with a shader of one's own, after some frames.
+/// A window on the render cache with a `wgsl` node, after some frames.
 fn outlined(render: bool) -> (Opened, PathBuf) {
     let mut opened = Opened::with("experiments/outline.ron", render, [64, 48]);
     opened.frames(3);
@@ -20,13 +20,13 @@ fn outlined(render: bool) -> (Opened, PathBuf) {
 const SOUND: &str = "textureStore(outlined";
 const BROKEN: &str = "textureStor(outlined";
 
-/// The line of the shader that is broken, from 1.
+/// The number of the shader's broken line, from 1.
 fn broken_line(text: &str) -> usize {
     1 + text.lines().position(|line| line.contains(BROKEN)).unwrap()
 }
 
 #[test]
-fn a_shader_that_another_program_breaks_keeps_the_last_good_one_and_is_mended_hot() {
+fn a_shader_broken_by_another_program_keeps_the_last_good_one_running() {
     let (mut opened, shader) = outlined(false);
     let sound = fs::read_to_string(&shader).unwrap();
     let broken = sound.replace(SOUND, BROKEN);
@@ -37,23 +37,23 @@ fn a_shader_that_another_program_breaks_keeps_the_last_good_one_and_is_mended_ho
     assert_eq!((PathBuf::from(&place.file), place.line), (shader.clone(), broken_line(&broken)));
     assert_eq!(problem.node.as_deref(), Some("outline"));
     assert!(problem.error.to_string().contains("textureStor"), "{problem}");
-    // The picture goes on, under other settings too.
+    // The last good graph keeps running.
     opened.frames(2);
     let kind = opened.app().session.state.graph.as_ref().unwrap().node("outline").unwrap().kind.clone();
     assert_eq!((kind.as_str(), &opened.app().session.state.trouble), ("wgsl", &None));
-    // A click on the problem leads to its line.
+    // A click on the problem moves the cursor to its line.
     opened.harness.get_by_label_contains("outline.wgsl:").click();
     opened.harness.run_steps(6);
     assert_eq!(opened.app().session.selected.as_deref(), Some("outline"));
 
     fs::write(&shader, sound.replace("1.0 - line", "1.0 - 0.5 * line")).unwrap();
-    opened.until("a sound shader", |app| app.session.problems().is_empty());
+    opened.until("a valid shader", |app| app.session.problems().is_empty());
     opened.frames(1);
     assert!(!opened.app().session.document.is_dirty());
 }
 
 #[test]
-fn a_shader_is_edited_in_place_and_saved_whole() {
+fn a_shader_is_edited_and_saved() {
     let (mut opened, shader) = outlined(false);
     let sound = fs::read_to_string(&shader).unwrap();
     opened.click("Shader");
@@ -84,7 +84,7 @@ fn a_shader_is_edited_in_place_and_saved_whole() {
 }
 
 #[test]
-fn the_shader_of_a_stage_is_edited_where_its_source_is() {
+fn the_shader_of_a_stage_can_be_edited() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(2);
     assert!(!opened.app().session.document.is_dirty());
@@ -94,7 +94,7 @@ fn the_shader_of_a_stage_is_edited_where_its_source_is() {
     let sound = epigraph_shaders::text("tonemap.wgsl");
     let field = opened.harness.get_by_role(Role::MultilineTextInput);
     assert_eq!(field.value().as_deref(), Some(sound));
-    assert!(opened.harness.query_by_label_contains("its twin in Rust runs").is_some());
+    assert!(opened.harness.query_by_label_contains("Rust twin runs").is_some());
     field.focus();
     opened.harness.run_steps(2);
     opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::Home);
@@ -109,7 +109,7 @@ fn the_shader_of_a_stage_is_edited_where_its_source_is() {
     opened.until("no problem", |app| app.session.problems().is_empty());
     assert!(!opened.app().session.document.is_dirty());
 
-    // The cursor in a shared file selects nothing else.
+    // The cursor in a module does not change the selection.
     let module = Path::new(epigraph_shaders::FOLDER).join("shared/frame.wgsl");
     let path = module.display().to_string();
     opened.push(Intent::Jump(Jump { path, at: (1, 1) }));
@@ -126,20 +126,20 @@ fn the_cursor_and_the_selection_follow_each_other() {
     let line = line_of(opened.text(), "method: Spread");
     opened.push(Intent::Jump(Jump { path: path.clone(), at: (line, 10) }));
     opened.until("the node", |app| app.session.selected.as_deref() == Some("spread"));
-    // In a part, by its address in the whole.
+    // A node in a part is selected by its address.
     let part =
         opened.app().session.document.paths().find(|path| path.ends_with("edges.ron")).unwrap().to_owned();
     let line = line_of(opened.app().session.document.text(&part), "kind: \"reach_cull\"");
     opened.push(Intent::Jump(Jump { path: part, at: (line, 20) }));
     opened.until("the node", |app| app.session.selected.as_deref() == Some("edges/reach_cull"));
-    // The other way round: a node chosen elsewhere brings up its file.
+    // Conversely, selecting a node in another pane shows its file.
     opened.harness.state_mut().session.selected = Some("tonemap".into());
     opened.harness.run_steps(4);
     assert!(opened.harness.query_by_value("epi.ron").is_some(), "the file of `tonemap`");
 }
 
 #[test]
-fn searching_counts_and_steps_through_what_it_finds() {
+fn searching_counts_and_steps_through_matches() {
     let mut opened = Opened::new("render-cache.ron");
     opened.frames(1);
     opened.click("Text");
@@ -150,14 +150,14 @@ fn searching_counts_and_steps_through_what_it_finds() {
     field.type_text("KIND");
     opened.harness.run_steps(4);
     assert!(opened.harness.query_by_label(&format!("1 of {count}")).is_some());
-    opened.click("next find");
-    opened.click("next find");
+    opened.click("next match");
+    opened.click("next match");
     assert!(opened.harness.query_by_label(&format!("3 of {count}")).is_some());
-    (0..3).for_each(|_| opened.click("previous find"));
+    (0..3).for_each(|_| opened.click("previous match"));
     assert!(opened.harness.query_by_label(&format!("{count} of {count}")).is_some());
 }
 
-/// For people to look at.
+/// Writes pictures for review.
 #[test]
 fn texts_are_drawn() {
     let mut opened = Opened::with("epi.ron", true, [256, 256]);

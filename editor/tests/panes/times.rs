@@ -5,7 +5,7 @@ use crate::support::Opened;
 const AGES: &str = "cloud/age.histogram";
 
 #[test]
-fn the_cloud_is_counted_only_while_it_is_shown() {
+fn the_ages_are_captured_only_while_they_are_shown() {
     let mut opened = Opened::new("epi.ron");
     opened.frames(6);
     let counts = |app: &epigraph_editor::app::App| app.session.state.fields(AGES).next().cloned();
@@ -13,14 +13,14 @@ fn the_cloud_is_counted_only_while_it_is_shown() {
     opened.click("Cloud");
     opened.frames(2);
     let live: u32 = counts(opened.app()).unwrap().get::<u32>().iter().sum();
-    // A quarter of 64x48 pixels came in each of eight frames but the first, at most.
+    // At most a quarter of 64x48 samples arrive in each of the eight frames but the first.
     assert!((500..=7 * 768).contains(&live), "{live}");
     let text = format!("{live} of ");
     assert!(
         opened.harness.query_by_label_contains(&text).is_some()
             || opened.harness.query_by_value(&text).is_some()
     );
-    assert!(opened.harness.query_by_label_contains("samples came in the last frame").is_some());
+    assert!(opened.harness.query_by_label_contains("samples in the last frame").is_some());
     opened.click("Steps");
     opened.frames(2);
     assert!(counts(opened.app()).is_none());
@@ -39,7 +39,7 @@ fn a_click_on_a_step_selects_its_node() {
     assert!(opened.harness.query_by_label("lanes of the last frame").is_some());
 }
 
-/// For people to look at.
+/// Writes pictures for review.
 #[test]
 fn the_parts_are_drawn() {
     let mut opened = Opened::with("hybrid.ron", true, [256, 256]);

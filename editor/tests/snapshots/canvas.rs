@@ -12,7 +12,7 @@ fn the_canvas_and_a_part_of_it() {
     opened.harness.get_by_label("node edges").hover();
     opened.harness.key_press_modifiers(Modifiers::NONE, Key::Enter);
     opened.harness.run_steps(3);
-    // Away from everything that would explain itself.
+    // Move the pointer away from widgets with hover texts.
     opened.harness.get_by_label("Nodes").hover();
     opened.harness.run_steps(3);
     compare(&mut opened, "canvas-part");

@@ -3,7 +3,7 @@ use image::imageops;
 
 use super::*;
 
-/// Moves the pointer to where nothing explains itself, as after a look around.
+/// Moves the pointer to a position without hover text.
 fn rest(opened: &mut Opened) {
     opened.harness.hover_at(egui::pos2(640.0, 705.0));
     opened.harness.run_steps(4);
@@ -23,7 +23,7 @@ fn a_shader() {
     let mut opened = window("experiments/outline.ron");
     opened.click("Shader");
     rest(&mut opened);
-    // The pane alone: the rest of the window tells which driver ran the shader.
+    // Only the pane: the rest of the window shows the name of the GPU.
     let image = opened.harness.render().unwrap();
     let pane = imageops::crop_imm(&image, 0, 38, 320, 640).to_image();
     try_image_snapshot_options(&pane, "shader", &options()).unwrap();
@@ -42,10 +42,10 @@ fn a_pixel() {
 }
 
 #[test]
-fn the_cloud_and_classes_with_their_shares() {
+fn the_cloud_and_the_shares_of_classes() {
     let mut opened = window("epi.ron");
     opened.click("Cloud");
-    // One more frame shows what is newly watched; two requests at once might share one.
+    // The engine runs one more frame for a newly watched port. Wait for it, as two requests might share a frame.
     opened.until("the ages", |app| app.session.state.fields("cloud/age.histogram").next().is_some());
     opened.push(Intent::Show("edges/classify.cls".into()));
     opened.until("the classes", |app| app.session.state.fields("edges/classify.cls").next().is_some());

@@ -41,7 +41,7 @@ fn a_menu_and_dialogs() {
 
 #[test]
 fn one_letter_of_the_status_line_is_a_difference() {
-    // Updating writes what is found, so that nothing could differ.
+    // An update writes the window's picture, so it could not differ.
     if std::env::var_os("UPDATE_SNAPSHOTS").is_some() {
         return;
     }

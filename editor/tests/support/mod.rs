@@ -1,4 +1,4 @@
-//! A window without a screen on a graph of its own.
+//! Support for tests: a window without a display, on a graph.
 
 mod renderer;
 
@@ -23,10 +23,10 @@ use epigraph_editor::{
 };
 use renderer::Renderer;
 
-/// No test waits longer for what must come.
+/// Time limit for each wait.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Width and height of the window, points: the least that the editor is made for.
+/// Width and height of the window, points: the smallest that the editor supports.
 pub const WINDOW: [f32; 2] = [1280.0, 720.0];
 
 /// A window on a shipped graph.
@@ -34,11 +34,11 @@ pub struct Opened {
     pub harness: Harness<'static, App>,
     /// The graph's file.
     pub path: PathBuf,
-    /// Where that is a copy: its folder.
+    /// The folder of the graph, if it is a copy.
     _folder: Option<tempfile::TempDir>,
 }
 
-/// What pictures of the window need to be the same in every run: exact samples, no measured times, frames on demand.
+/// Options that make the window the same in every run: exact samples, no measured times, frames on demand.
 pub fn options(size: [u32; 2]) -> Options {
     Options {
         size,
@@ -52,12 +52,12 @@ pub fn options(size: [u32; 2]) -> Options {
 }
 
 impl Opened {
-    /// On a copy of a shipped graph, with frames of 64x48 pixels; nothing is drawn.
+    /// Opens a copy of a shipped graph, with frames of 64x48 pixels. The window is not drawn.
     pub fn new(graph: &str) -> Self {
         Self::with(graph, false, [64, 48])
     }
 
-    /// On a copy of a shipped graph, with frames of `size` pixels; `render` gives it something to draw with.
+    /// Opens a copy of a shipped graph, with frames of `size` pixels. The window can be drawn if `render` is true.
     pub fn with(graph: &str, render: bool, size: [u32; 2]) -> Self {
         let (folder, path) = copy(graph);
         let builder = Harness::builder().with_size(WINDOW);
@@ -65,7 +65,7 @@ impl Opened {
         Self::build(builder, path, Some(folder), options(size))
     }
 
-    /// On the shipped graph itself, to be looked at: the same picture wherever the tests run.
+    /// Opens the shipped graph itself, so that the path in the window is the same wherever the tests run.
     pub fn shipped(graph: &str, builder: HarnessBuilder<App>, options: Options) -> Self {
         Self::build(builder.renderer(Renderer::new()), Path::new("../graphs").join(graph), None, options)
     }
@@ -81,7 +81,7 @@ impl Opened {
         Self { harness, path, _folder: folder }
     }
 
-    /// As the program starts, with sessions in a folder; `graph` and `scene` as they may be named.
+    /// Opens the window as the program does at its start, with sessions in a folder, and these arguments.
     pub fn started(sessions: &Path, graph: Option<&Path>, scene: Option<&str>) -> Self {
         let graph = graph.map(|path| path.display().to_string());
         let store = Store::at(sessions.to_owned());
@@ -97,18 +97,18 @@ impl Opened {
         self.harness.state()
     }
 
-    /// Asks the window for something, as a pane does; the next frame does it.
+    /// Adds a request, as a pane does. The next frame handles it.
     pub fn push(&mut self, intent: Intent) {
         self.harness.state_mut().session.push(intent);
     }
 
-    /// Shows frames of the window until something holds.
+    /// Draws frames of the window until `holds` is true.
     pub fn until(&mut self, what: &str, holds: impl Fn(&App) -> bool) {
         let start = Instant::now();
         loop {
             self.harness.step();
             if holds(self.harness.state()) {
-                // What the last step brought is laid out in the next.
+                // The next step lays out the new contents.
                 return self.settle(3);
             }
             assert!(
@@ -120,8 +120,8 @@ impl Opened {
         }
     }
 
-    /// Shows so many frames of the window, and more until the pictures in sight are of what there is: they are drawn beside
-    /// the window's thread. While the graph runs, there would always be something newer.
+    /// Draws this many frames of the window, and if the graph is paused, more until no picture is stale. Pictures are
+    /// drawn on another thread; while the graph runs, there would always be a newer frame.
     pub fn settle(&mut self, steps: usize) {
         self.harness.run_steps(steps);
         let start = Instant::now();
@@ -130,11 +130,11 @@ impl Opened {
             thread::sleep(Duration::from_millis(1));
             self.harness.step();
         }
-        // A picture lays out what stands beside it.
+        // New pictures change the layout of widgets beside them.
         self.harness.run_steps(2);
     }
 
-    /// Runs so many frames of the graph.
+    /// Runs this many frames of the graph.
     pub fn frames(&mut self, count: u32) {
         let until = self.app().session.state.frames + count;
         self.app().session.engine.send(engine::Command::Step(count));
@@ -146,20 +146,20 @@ impl Opened {
         self.settle(3);
     }
 
-    /// Chooses an entry of a menu, and sees what comes of it.
+    /// Chooses an entry of a menu, and waits for its effect.
     pub fn choose(&mut self, menu: &[&str; 2]) {
         self.choose_first(menu);
         self.settle(4);
     }
 
-    /// Points at an entry of a menu; the click is in the next frame of the window.
+    /// Clicks an entry of a menu; the window handles the click in its next frame.
     pub fn choose_first(&mut self, [menu, entry]: &[&str; 2]) {
         self.harness.get_by_label(menu).click();
         self.harness.run_steps(4);
         self.harness.get_by_label_contains(entry).click();
     }
 
-    /// Picks an entry of a list of that name.
+    /// Picks an entry of the combo box with this name.
     pub fn pick(&mut self, list: &str, entry: &str) {
         self.harness.get_by_role_and_label(Role::ComboBox, list).click();
         self.harness.run_steps(4);
@@ -167,7 +167,7 @@ impl Opened {
         self.settle(3);
     }
 
-    /// Types a number in place of another.
+    /// Replaces the value of a number field.
     pub fn fill(&mut self, number: &str, text: &str) {
         self.harness.get_by_role_and_label(Role::SpinButton, number).click();
         self.harness.run_steps(3);
@@ -177,7 +177,7 @@ impl Opened {
         self.harness.run_steps(3);
     }
 
-    /// Names a file in the dialog that is open, and presses Enter.
+    /// Types a path into the open dialog and presses Enter.
     pub fn name(&mut self, path: &Path) {
         self.harness.get_all_by_role(Role::TextInput).last().unwrap().focus();
         self.harness.run_steps(2);
@@ -205,17 +205,17 @@ impl Opened {
         document.text(document.path())
     }
 
-    /// The share of the pixels of the port in view that a picture of the window has where they belong. The image is fitted
-    /// into its pane and not made smaller.
+    /// The share of the image's pixels that a picture of the window shows at their positions. The image must be fitted
+    /// into its pane, and not be reduced.
     pub fn share_in(&self, window: &[u8]) -> f64 {
-        /// A driver's filter may blend in a little of the neighbours.
+        /// Texture filtering may blend in a little of the neighbours.
         const BLENDED: u8 = 32;
         let picture = self.app().viewer_in_use().unwrap().picture().unwrap();
         let pane = self.harness.get_by_label_contains("image of ").rect();
         let [width, height] = picture.size;
         let size = vec2(width as f32, height as f32);
         let scale = (pane.size() / size).min_elem();
-        assert!(scale >= 1.0, "small pixels are means of several");
+        assert!(scale >= 1.0, "a reduced image averages pixels");
         let corner = pane.center() - 0.5 * scale * size;
         let is_there = |(index, color): (usize, &[u8; 3])| {
             let middle = corner + scale * vec2((index % width) as f32 + 0.5, (index / width) as f32 + 0.5);
@@ -226,7 +226,7 @@ impl Opened {
         there as f64 / picture.colors.len() as f64
     }
 
-    /// Draws the window into a picture beside the test programs, for people to look at; its bytes.
+    /// Draws the window and writes the picture beside the test programs, for review. Returns its bytes.
     pub fn shot(&mut self, name: &str) -> Vec<u8> {
         let image = self.harness.render().unwrap();
         image.save(Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"))).unwrap();
@@ -234,7 +234,7 @@ impl Opened {
     }
 }
 
-/// The command line `epigraph`: as it lies beside the tests where all of the workspace is built, else built for them.
+/// The program `epigraph`. It is built if it is missing or older than its sources.
 pub fn command() -> Command {
     static PROGRAM: LazyLock<PathBuf> = LazyLock::new(|| {
         let programs = std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned();
@@ -252,7 +252,7 @@ pub fn command() -> Command {
     Command::new(&*PROGRAM)
 }
 
-/// When the newest file under a folder was changed.
+/// The time of the last change to a file in a folder.
 fn newest(folder: &Path) -> SystemTime {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
     let times = entries.map(|entry| match entry.metadata().unwrap() {
@@ -262,14 +262,14 @@ fn newest(folder: &Path) -> SystemTime {
     times.max().unwrap_or(SystemTime::UNIX_EPOCH)
 }
 
-/// The words of a command line as a shell takes them.
+/// Splits a command line into words, as a shell does.
 pub fn words(line: &str) -> Vec<String> {
     let script = format!("printf '%s\\n' {line}");
     let output = Command::new("sh").args(["-c", &script]).output().unwrap();
     String::from_utf8(output.stdout).unwrap().lines().map(Into::into).collect()
 }
 
-/// A copy of the shipped graphs, and the path of one of them in it.
+/// Copies the shipped graphs to a temporary folder. Returns it and the path of one of them.
 pub fn copy(graph: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     copy_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs"), folder.path());

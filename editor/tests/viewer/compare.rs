@@ -19,7 +19,7 @@ impl View {
         self.viewer().compare.as_ref().unwrap()
     }
 
-    /// The figures as soon as they are those of the images in view.
+    /// Waits for figures for which `fit` is true.
     fn figures(&mut self, fit: impl Fn(&Figures) -> bool) -> Figures {
         let fits =
             |viewer: &Viewer| viewer.compare.as_ref().and_then(|compare| compare.figures()).is_some_and(&fit);
@@ -45,20 +45,20 @@ impl View {
 }
 
 #[test]
-fn an_image_is_held_against_what_becomes_of_it() {
+fn a_held_image_is_compared_with_later_ones() {
     let mut view = View::new([64, 48], false, 5);
     view.click("Compare");
     assert_eq!((&view.against().with, view.against().way), (&With::Held, Way::Wipe));
     let same = view.figures(|_| true);
     assert_eq!((same.rmse, same.flip, same.psnr, same.ssim), (0.0, 0.0, f64::INFINITY, 1.0));
 
-    // A change of a stage: twice as bright.
+    // Double the exposure.
     view.set("tonemap", "exposure", "1.0");
     let changed = view.figures(|figures| figures.flip > 0.1);
     assert!(changed.psnr < 30.0 && changed.rmse > 0.02, "{changed:?}");
     assert!(changed.ssim < 1.0);
 
-    // What is held now is what it is held against.
+    // Holding the current image leaves no difference.
     view.click("Hold");
     view.figures(|figures| figures.flip == 0.0);
     view.click("Compare");
@@ -80,12 +80,12 @@ fn the_line_of_a_wipe_can_be_dragged_and_moved_by_keys() {
     view.opened.harness.key_press(Key::ArrowRight);
     view.settle();
     assert!((view.against().wipe - moved - 0.01).abs() < 1e-4);
-    // The camera is not orbited by that.
+    // This does not orbit the camera.
     assert_eq!(view.opened.app().session.camera().unwrap(), camera);
 }
 
 #[test]
-fn another_port_is_watched_and_compared_with() {
+fn the_image_is_compared_with_another_port() {
     let mut view = View::new([64, 48], false, 3);
     view.see("view/cull.id");
     view.click("Compare");
@@ -100,25 +100,25 @@ fn another_port_is_watched_and_compared_with() {
 }
 
 #[test]
-fn another_graph_runs_beside_and_is_compared_with() {
+fn the_image_is_compared_with_another_graph() {
     let mut view = View::new([64, 48], false, 3);
     view.click("Compare");
     view.choose("held: image, frame 2", "another graph …");
-    let anew = |view: &mut View| {
+    let restart = |view: &mut View| {
         view.opened.app().session.engine.send(Command::Reset);
-        // One frame may have been owed.
+        // One requested frame may still run after the reset.
         view.opened.until("the reset", |app| app.session.state.frames <= 1);
         view.opened.frames(5);
     };
-    // At first, this one as it was saved.
-    anew(&mut view);
+    // At first, the other graph is this one as saved.
+    restart(&mut view);
     view.figures(|figures| figures.flip == 0.0);
     view.set("tonemap", "exposure", "1.0");
     view.figures(|figures| figures.flip > 0.1);
 
-    // Then one from the list.
+    // Then another file.
     view.opened.pick("Graph beside", "render-cache.ron");
-    anew(&mut view);
+    restart(&mut view);
     view.opened.until("the other", |app| {
         app.session.state.other.as_ref().is_some_and(|other| other.path.ends_with("render-cache.ron"))
     });
@@ -128,7 +128,7 @@ fn another_graph_runs_beside_and_is_compared_with() {
 }
 
 #[test]
-fn a_file_is_compared_with_by_its_path() {
+fn the_image_is_compared_with_a_file() {
     let mut view = View::new([64, 48], false, 3);
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
@@ -172,7 +172,7 @@ impl DroppedFile for Dropped {
 }
 
 #[test]
-fn a_file_that_is_dropped_on_the_window_is_compared_with() {
+fn the_image_is_compared_with_a_dropped_file() {
     let mut view = View::new([64, 48], false, 3);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("reference.png");
@@ -180,7 +180,7 @@ fn a_file_that_is_dropped_on_the_window_is_compared_with() {
     let files = &mut view.opened.harness.input_mut().dropped_files;
     files.push(Arc::new(Dropped(folder.path().join("notes.txt"))));
     view.settle();
-    assert!(view.viewer().compare.is_none(), "a text is no image");
+    assert!(view.viewer().compare.is_none(), "a text file is ignored");
     view.opened.harness.input_mut().dropped_files.push(Arc::new(Dropped(path)));
     view.settle();
     assert_eq!(view.against().with, With::File);

@@ -2,8 +2,8 @@ use egui::vec2;
 
 use super::*;
 
-/// Everything that the viewer can look like; pictures of it lie beside the test programs, for people to look at. Where
-/// nothing lies over the image, it has to be there pixel for pixel.
+/// Draws all modes of the viewer, and writes pictures of them beside the test programs, for review. Without an overlay,
+/// the image must be in the window pixel for pixel.
 #[test]
 fn every_state_is_drawn() {
     let mut view = View::new([256, 256], true, 20);
@@ -49,7 +49,7 @@ fn every_state_is_drawn() {
     view.click("Histogram");
     view.see("edges/edge_raster.mask");
     shot(&mut view, "edges");
-    // The corner of a box, as it lies in the fitted image.
+    // The position of a box's corner in the fitted image.
     let image = view.image();
     let edge = image.center() + vec2(-0.196, 0.36) * image.height();
     view.wheel(edge, 640.0);

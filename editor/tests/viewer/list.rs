@@ -28,7 +28,7 @@ fn a_list_is_a_table_with_pages() {
 }
 
 #[test]
-fn rows_are_sorted_by_a_click_on_a_heading() {
+fn a_click_on_a_heading_sorts_the_rows() {
     let mut view = View::new([64, 48], false, 6);
     view.see("cloud/age.cloud");
     view.click("position.x");
@@ -55,7 +55,7 @@ fn rows_are_sorted_by_a_click_on_a_heading() {
 }
 
 #[test]
-fn one_can_jump_to_an_element() {
+fn the_table_jumps_to_an_element() {
     let mut view = View::new([64, 48], false, 3);
     view.see("cloud/age.cloud");
     view.opened.harness.get_by_role_and_label(Role::SpinButton, "row").click();

@@ -4,7 +4,7 @@ use epigraph_pictures::{EMPTY, Mode, Ramp, edges};
 use super::*;
 
 #[test]
-fn channels_come_in_any_order() {
+fn channels_can_be_shown_in_any_order() {
     let mut view = View::new([64, 48], false, 5);
     let colors = |view: &View| view.viewer().picture().unwrap().colors.clone();
     let all = colors(&view);
@@ -20,12 +20,12 @@ fn channels_come_in_any_order() {
 }
 
 #[test]
-fn during_a_pause_the_old_picture_stays_until_the_new_one_is_there() {
+fn during_a_pause_the_old_picture_stays_until_the_new_one_is_finished() {
     let mut view = View::new([512, 512], false, 2);
     let before = view.viewer().picture().unwrap().clone();
     view.opened.harness.get_by_role_and_label(Role::Button, "R").click();
     view.opened.until("the red channel", |app| {
-        // Nothing is blank at any moment, and nothing half done.
+        // The picture is never blank or half finished.
         let picture = app.viewers().next().unwrap().picture().unwrap();
         let is_red = picture.colors.iter().zip(&before.colors).all(|(single, [r, ..])| *single == [*r; 3]);
         assert!(is_red || *picture == before);
@@ -38,7 +38,7 @@ fn during_a_pause_the_old_picture_stays_until_the_new_one_is_there() {
 #[test]
 fn float_colours_can_be_exposed() {
     let mut view = View::new([64, 48], false, 5);
-    assert!(view.opened.harness.query_by_label_contains("exposure ").is_none(), "bytes are as they are");
+    assert!(view.opened.harness.query_by_label_contains("exposure ").is_none(), "bytes have no exposure");
     view.see("antialias.color");
     let sum = |view: &View| -> u64 {
         let colors = &view.viewer().picture().unwrap().colors;
@@ -92,7 +92,7 @@ fn false_colour_has_several_ramps() {
 }
 
 #[test]
-fn the_words_of_edges_are_shown_in_their_own_terms() {
+fn edge_masks_classes_and_reachability_have_modes_of_their_own() {
     let mut view = View::new([64, 48], false, 5);
     let shows = |view: &View, color: [u8; 3]| view.viewer().picture().unwrap().colors.contains(&color);
     for (port, mode, color) in [
@@ -104,7 +104,7 @@ fn the_words_of_edges_are_shown_in_their_own_terms() {
         assert_eq!(view.viewer().picture().unwrap().mode, mode, "{port}");
         assert!(shows(&view, color), "{port}");
     }
-    // The pixel under the pointer, in words.
+    // The line below the image describes the pixel under the pointer.
     view.hover(view.image().center());
     assert!(view.opened.harness.query_by_label_contains("of 24").is_some());
 }
@@ -128,7 +128,7 @@ fn ids_can_be_seen_as_ages() {
     view.click("Frames");
     view.opened.until("the dates", |app| app.session.state.fields("cloud/integrate.dates").next().is_some());
     view.settle();
-    // What was asked for in the first frame came in the second.
+    // Samples that are requested in the first frame arrive in the second.
     let oldest_possible = view.opened.app().session.state.frames - 2;
     let [youngest, oldest] = range(&view).unwrap();
     assert!(
@@ -147,7 +147,7 @@ fn a_port_chosen_during_a_pause_shows_at_once() {
     view.opened.until("the depth", |app| {
         app.viewers().any(|viewer| viewer.picture().is_some_and(|picture| picture.mode == Mode::Depth))
     });
-    // Of the frame that was shown: no other was run for it.
+    // It shows the paused frame; no other frame was run.
     view.settle();
     assert_eq!(view.opened.app().session.state.frames, 4);
     assert!(view.opened.app().session.state.paused);
@@ -159,7 +159,7 @@ fn several_viewers_show_a_port_each() {
     view.see("view/project.depth");
     view.click("+ View");
     view.see("edges/classify.cls");
-    // Side by side, so that both are drawn.
+    // Put them side by side, so that both are drawn.
     let tabs = view.opened.harness.get_all_by_label("edges/classify.cls").map(|node| node.rect());
     let tab = tabs.min_by(|a, b| a.top().total_cmp(&b.top())).unwrap().center();
     let image = view.image();

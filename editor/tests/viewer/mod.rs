@@ -1,4 +1,4 @@
-//! The viewer, used as a person would: compared, counted, sorted, looked at from near.
+//! The viewer, operated through its widgets: comparisons, histograms, sorted tables, and zoomed-in pixels.
 
 mod compare;
 mod drawn;
@@ -11,13 +11,13 @@ use epigraph_editor::{document::Tag, intent::Intent, panes::Viewer};
 
 use crate::support::Opened;
 
-/// The one viewer of a window on the edge-and-point image.
+/// A window on the edge-and-point image with one viewer.
 struct View {
     opened: Opened,
 }
 
 impl View {
-    /// After some frames of the graph.
+    /// Opens the window and runs this many frames of the graph.
     fn new(size: [u32; 2], render: bool, frames: u32) -> Self {
         let mut opened = Opened::with("epi.ron", render, size);
         opened.frames(frames);
@@ -37,7 +37,7 @@ impl View {
         self.opened.settle(4);
     }
 
-    /// Shows a port in the viewer in use; the engine runs a frame for it.
+    /// Shows a port in the viewer in use, and waits until it is drawn.
     fn see(&mut self, port: &str) {
         let id = self.opened.app().viewer_in_use().unwrap().id;
         self.opened.push(Intent::Show(port.into()));
@@ -52,7 +52,7 @@ impl View {
     fn set(&mut self, node: &str, param: &str, value: &str) {
         let session = &mut self.opened.harness.state_mut().session;
         session.edit(Tag::Once, |file| file.set_param(node, param, value));
-        // The window hands it to the engine.
+        // Let the window send it to the engine.
         self.settle();
         self.opened.frames(1);
     }
@@ -62,13 +62,13 @@ impl View {
         self.settle();
     }
 
-    /// Chooses from the box that shows `from`.
+    /// Chooses `label` in the combo box that shows `from`.
     fn choose(&mut self, from: &str, label: &str) {
         let boxes = self.opened.harness.query_all_by_role(Role::ComboBox);
         let found = boxes.into_iter().find(|node| node.value().as_deref() == Some(from));
         found.unwrap_or_else(|| panic!("no box shows {from}")).click();
         self.settle();
-        // What is open is drawn last.
+        // An open list is drawn last.
         let offered = self.opened.harness.query_all_by_label(label);
         offered.last().unwrap_or_else(|| panic!("{label} is not offered")).click();
         self.settle();
@@ -101,7 +101,7 @@ impl View {
         self.opened.harness.run_steps(3);
     }
 
-    /// Turns the wheel over a point; 150 points are a doubling.
+    /// Turns the mouse wheel at a position; 150 points double the zoom.
     fn wheel(&mut self, at: Pos2, points: f32) {
         self.hover(at);
         self.opened.harness.event(Event::MouseWheel {
@@ -110,7 +110,7 @@ impl View {
             phase: TouchPhase::Move,
             modifiers: Modifiers::NONE,
         });
-        // Scrolling is smooth.
+        // Wait for smooth scrolling.
         self.opened.settle(30);
     }
 }

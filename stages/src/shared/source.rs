@@ -26,15 +26,15 @@ pub enum Pace {
     /// All of them in the requesting frame: the same picture in every run.
     #[default]
     Exact,
-    /// When they are done; no frame waits for them.
+    /// When they are traced; no frame waits for them.
     Async,
 }
 
 impl Pace {
-    /// Both, with their names and descriptions.
+    /// Both, with name and description.
     pub const ALL: [(Self, &str, &str); 2] = [
-        (Self::Exact, "exact", "All of them in the frame after their request: the same picture in every run"),
-        (Self::Async, "async", "When they are done; no frame waits for them"),
+        (Self::Exact, "exact", "Each frame traces all its samples: the same picture in every run"),
+        (Self::Async, "async", "Samples arrive when they are traced; no frame waits for them"),
     ];
 }
 

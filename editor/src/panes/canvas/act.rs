@@ -1,4 +1,4 @@
-//! The canvas's edits of the document. Each is one step of undo, places included.
+//! The canvas's edits of the document. Each is one step of undo, including the positions of boxes.
 
 use egui::{Pos2, Vec2, vec2};
 use epigraph_core::Source;
@@ -17,7 +17,7 @@ use crate::{
 /// Offset of a copy from its original.
 const ASIDE: Vec2 = vec2(36.0, 36.0);
 
-/// Stores the places of all blocks, so that none moves when another is moved or added.
+/// Stores the positions of all blocks, so that none moves when another is moved or added.
 fn settle(sight: &Sight, places: &mut Places) {
     for (block, rect) in sight.model.blocks.iter().zip(&sight.rects) {
         places.entry(block.address.clone()).or_insert(rect.min.into());
@@ -35,7 +35,7 @@ impl CanvasPane {
             .collect()
     }
 
-    /// Selects blocks, the last of which the other panes show.
+    /// Selects blocks. The other panes show the last one.
     pub(super) fn select(&mut self, session: &mut Session, addresses: Vec<String>) {
         let last = addresses.last().filter(|address| !nodes::split(address).1.starts_with('.'));
         if last.is_some() || addresses.is_empty() {
@@ -93,7 +93,7 @@ impl CanvasPane {
         }
     }
 
-    /// Opens the field for a new name.
+    /// Opens the text field for a new name.
     pub(super) fn start_renaming(&mut self, block: &Block) {
         if block.is_node() {
             self.renaming =
@@ -118,7 +118,7 @@ impl CanvasPane {
         }
     }
 
-    /// Stores the places of the selected blocks as seen, moved by `by`.
+    /// Stores the current positions of the selected blocks, moved by `by`.
     pub(super) fn shift(&mut self, session: &mut Session, sight: &Sight, by: Vec2, tag: Tag) {
         session.document.place(tag, |places| {
             settle(sight, places);
@@ -130,7 +130,7 @@ impl CanvasPane {
         });
     }
 
-    /// Puts all blocks at the places of the automatic arrangement.
+    /// Moves all blocks to their positions in the automatic arrangement.
     pub(super) fn arrange(&mut self, session: &mut Session, sight: &Sight) {
         let arranged = sight.arranged(self.view.pane.size());
         session.document.place(Tag::Once, |places| {
@@ -139,7 +139,7 @@ impl CanvasPane {
         self.wants_fit = true;
     }
 
-    /// Opens the search for a node at a place on screen.
+    /// Opens the search for a new node at a position on screen.
     pub(super) fn search_at(&mut self, corner: Pos2) {
         self.search = Some(Search::new(self.view.back(corner), corner, None));
     }

@@ -1,27 +1,27 @@
-//! Places for boxes that have none: columns from left to right along the wires, in the manner of Sugiyama, Tagawa
-//! and Toda ("Methods for Visual Understanding of Hierarchical System Structures", 1981): wires that close a cycle are
-//! set aside, each box gets the column after its last source, the order within columns is improved by barycentres until
-//! wires cross little, and heights follow neighbours so that wires run level. A graph too long to be readable in the pane is
-//! folded into rows, like a text.
+//! Automatic placement of boxes: columns from left to right along the wires, in the manner of Sugiyama, Tagawa and
+//! Toda ("Methods for Visual Understanding of Hierarchical System Structures", 1981): wires that close a cycle are set
+//! aside, each box gets the column after its last source, barycentres improve the order within columns until few wires
+//! cross, and boxes are moved up or down so that wires run level. A graph that would be too small to read in one row is
+//! folded into several rows, like lines of text.
 
 use std::collections::BTreeSet;
 
 use egui::{Pos2, Vec2, pos2};
 
-/// Between the boxes of a column.
+/// Gap between the boxes of a column.
 const GAP: f32 = 30.0;
-/// Between columns, and more for each wire that passes between them.
+/// Gap between columns, and its increase for each output whose wires leave the column.
 const ALLEY: f32 = 46.0;
 const LANE: f32 = 3.0;
-/// Between rows, plus room for each output whose wires lead from one to the next.
+/// Gap between rows, and its increase for each output whose wires lead from one row to the next.
 const CORRIDOR: f32 = 44.0;
 const TRACK: f32 = 7.0;
-/// Most rows, and the least gain in magnification that more rows must bring.
+/// Maximum number of rows, and the least factor by which more rows must increase the zoom.
 const ROWS: usize = 4;
 const WORTH: f32 = 1.12;
-/// Height that a wire takes where it passes a column.
+/// Height reserved for a wire that passes a column.
 const PASSAGE: f32 = 12.0;
-/// Number of sweeps over orders and heights.
+/// Number of sweeps that improve the order, and of those that improve the heights.
 const SWEEPS: usize = 12;
 
 /// A wire between boxes: indices, and the heights of its ends from the tops of the boxes.
@@ -31,9 +31,9 @@ pub struct Link {
     pub from: (usize, f32),
     /// The box it ends at, and how far below its top.
     pub to: (usize, f32),
-    /// True if it carries the last frame's value, which does not constrain the order.
+    /// True if it carries the previous frame's value, which does not constrain the order.
     pub back: bool,
-    /// Room that it needs between columns for the items on it.
+    /// Width that it needs between columns for the transfer drawn on it.
     pub room: f32,
 }
 
@@ -45,7 +45,7 @@ struct Item {
     top: f32,
 }
 
-/// A stretch of a wire from one column to the next.
+/// The segment of a wire from one column to the next.
 #[derive(Clone, Copy)]
 struct Stretch {
     from: (usize, f32),
@@ -53,7 +53,7 @@ struct Stretch {
     room: f32,
 }
 
-/// Upper left corners of boxes of these sizes, for a pane of the size `room`; none is above or left of the origin.
+/// Top left corners of boxes of these sizes, for a pane of the size `room`. All coordinates are at least 0.
 pub fn arrange(sizes: &[Vec2], links: &[Link], room: Vec2) -> Vec<Pos2> {
     let links = acyclic(sizes.len(), links);
     let columns = columns(sizes.len(), &links);
@@ -76,7 +76,7 @@ pub fn arrange(sizes: &[Vec2], links: &[Link], room: Vec2) -> Vec<Pos2> {
         .collect()
 }
 
-/// The links without those that carry the last frame's values and those that would still close a cycle.
+/// The links without those that carry the previous frame's values and without those that would still close a cycle.
 fn acyclic(count: usize, links: &[Link]) -> Vec<Link> {
     let mut forward: Vec<Link> = Vec::new();
     let mut after = vec![Vec::new(); count];
@@ -92,7 +92,7 @@ fn acyclic(count: usize, links: &[Link]) -> Vec<Link> {
         }
         false
     };
-    // Wires that follow the file's order come first: its author has put the nodes in reading order.
+    // Wires that follow the file's order take precedence, as authors write nodes in reading order.
     let mut sorted: Vec<&Link> = links.iter().filter(|link| !link.back).collect();
     sorted.sort_by_key(|link| link.from.0 >= link.to.0);
     for link in sorted {
@@ -104,7 +104,7 @@ fn acyclic(count: usize, links: &[Link]) -> Vec<Link> {
     forward
 }
 
-/// The column of each box: after all its sources, and if it has none, just before the first box that it feeds.
+/// The column of each box: after all its sources, or without sources, just before the first box that reads from it.
 fn columns(count: usize, links: &[Link]) -> Vec<usize> {
     let mut columns = vec![0; count];
     // Each round settles at least one more column of a graph without cycles.
@@ -121,7 +121,8 @@ fn columns(count: usize, links: &[Link]) -> Vec<usize> {
     columns
 }
 
-/// The links, column by column, with items where they pass one. Links from one pin share them.
+/// Splits links into segments from column to column, and adds an item for each column that they pass. Links from the
+/// same pin share these items.
 fn stretches(items: &mut Vec<Item>, links: &[Link]) -> Vec<Stretch> {
     let mut stretches = Vec::new();
     let mut passages: Vec<((usize, u32), usize, usize)> = Vec::new();
@@ -148,8 +149,8 @@ fn stretches(items: &mut Vec<Item>, links: &[Link]) -> Vec<Stretch> {
     stretches
 }
 
-/// Orders columns by the mean position of their items' neighbours, alternately from the left and from the right, and keeps
-/// the order with the fewest crossings.
+/// Orders columns by the mean position of their items' neighbours, alternately from the left and from the right, and
+/// keeps the order with the fewest crossings.
 fn untangle(order: &mut Vec<Vec<usize>>, items: &[Item], stretches: &[Stretch]) {
     let mut best = (crossings(order, items, stretches), order.clone());
     for sweep in 0..SWEEPS {
@@ -188,7 +189,7 @@ fn places(order: &[Vec<usize>], count: usize) -> Vec<f32> {
     places
 }
 
-/// The height of an end within its box, so that a box's pins count in their order.
+/// The relative height of a wire's end in its box, so that the order of pins counts.
 fn share((item, height): (usize, f32), items: &[Item]) -> f32 {
     height / items[item].size.y.max(1.0)
 }
@@ -211,19 +212,19 @@ fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
     (count > 0).then(|| sum / count as f32)
 }
 
-/// The median; of an even number, the upper one: then at least one wire runs level.
+/// The median; of an even number of values, the lower one, so that at least one wire runs level.
 fn middle(mut values: Vec<f32>) -> Option<f32> {
     values.sort_by(f32::total_cmp);
     values.get(values.len().saturating_sub(1) / 2).copied()
 }
 
-/// Heights at which wires run level as far as the order allows.
+/// Finds heights for the items so that wires run level, as far as the order allows.
 fn level(order: &[Vec<usize>], items: &mut [Item], stretches: &[Stretch]) {
     for column in order {
         stack(column, items, &vec![0.0; column.len()]);
     }
     for sweep in 0..SWEEPS {
-        // The last sweeps look at both sides.
+        // The last sweeps consider both sides.
         let (left, right) = (sweep % 2 == 0 || sweep + 4 > SWEEPS, sweep % 2 == 1 || sweep + 4 > SWEEPS);
         let count = order.len();
         for step in 0..count {
@@ -246,8 +247,9 @@ fn level(order: &[Vec<usize>], items: &mut [Item], stretches: &[Stretch]) {
     }
 }
 
-/// Puts the items of a column as close to their wished heights as order and sizes allow, in the least-squares sense: with
-/// each item's distance from the first taken off, that is isotonic regression, solved by pooling adjacent violators.
+/// Puts the items of a column as close to their wished heights as their order and sizes allow, in the least-squares
+/// sense. After subtracting each item's minimum distance from the first item, this is isotonic regression, solved by
+/// pooling adjacent violators.
 fn stack(column: &[usize], items: &mut [Item], wishes: &[f32]) {
     let mut offsets = Vec::with_capacity(column.len());
     let mut bottom = 0.0;
@@ -270,14 +272,14 @@ fn stack(column: &[usize], items: &mut [Item], wishes: &[f32]) {
     }
 }
 
-/// The room that a column takes.
+/// The extent of a column.
 struct Column {
     width: f32,
-    /// To the next one.
+    /// Gap to the next column.
     alley: f32,
     top: f32,
     bottom: f32,
-    /// Number of outputs whose wires lead from it to the next.
+    /// Number of outputs whose wires lead from it to the next column.
     tracks: usize,
 }
 
@@ -300,8 +302,7 @@ fn columns_of(order: &[Vec<usize>], items: &[Item], stretches: &[Stretch], boxes
     order.iter().enumerate().map(column).collect()
 }
 
-/// The offset of each column: how far right, and how far its boxes are lowered. Uses more rows if their gain in
-/// magnification is worth it.
+/// The offset of each column and its boxes, to the right and down. Uses more rows if they increase the zoom enough.
 fn fold(columns: &[Column], room: Vec2) -> Vec<Pos2> {
     let mut best: Option<(f32, Vec<Pos2>)> = None;
     for rows in 1..=ROWS.min(columns.len()) {
@@ -314,8 +315,8 @@ fn fold(columns: &[Column], room: Vec2) -> Vec<Pos2> {
     best.map(|(_, corners)| corners).unwrap_or_default()
 }
 
-/// The columns in `rows` rows of about equal width, and the size of the whole. Columns of all rows are aligned vertically,
-/// so that wires find their way between them.
+/// The offsets of the columns in `rows` rows of about equal width, and the total size. The columns of all rows are
+/// aligned, so that wires can pass between them.
 fn in_rows(columns: &[Column], rows: usize) -> (Vec<Pos2>, Vec2) {
     let rows = split(columns, rows);
     let widest = rows.iter().map(|row| row.len()).max().unwrap_or(0);
@@ -361,7 +362,7 @@ mod tests {
 
     use super::*;
 
-    /// Room for any graph in one row.
+    /// A pane that fits any graph in one row.
     const WIDE: Vec2 = vec2(1e6, 1e6);
 
     fn link(from: usize, to: usize) -> Link {
@@ -394,16 +395,16 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_is_level_and_a_source_stands_beside_what_it_feeds() {
+    fn a_chain_is_level_and_a_source_is_beside_its_reader() {
         let sizes = [vec2(100.0, 80.0); 5];
-        // 4 feeds 3 alone.
+        // Only 3 reads from 4.
         let places = arrange(&sizes, &[link(0, 1), link(1, 2), link(2, 3), link(4, 3)], WIDE);
         assert!(places[..3].windows(2).all(|pair| (pair[0].y - pair[1].y).abs() < 1.0), "{places:?}");
         assert_eq!(places[4].x, places[2].x);
     }
 
     #[test]
-    fn a_cycle_is_cut_where_the_file_turns_back() {
+    fn a_cycle_is_cut_at_the_wire_against_file_order() {
         let sizes = [vec2(100.0, 80.0); 3];
         let places = arrange(&sizes, &[link(2, 0), link(0, 1), link(1, 2), link(1, 1)], WIDE);
         assert!(places[0].x < places[1].x && places[1].x < places[2].x, "{places:?}");
@@ -419,7 +420,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_chain_is_folded_where_that_makes_it_larger_in_the_pane() {
+    fn a_long_chain_is_folded_if_that_increases_the_zoom() {
         let sizes = [vec2(150.0, 80.0); 12];
         let links: Vec<Link> = (1..12).map(|index| link(index - 1, index)).collect();
         let extent = |room: Vec2| {

@@ -1,4 +1,4 @@
-//! The engine's facts about blocks: cost, side, reasons why they do not run.
+//! Information from the engine about blocks: their cost, side, and why they do not run.
 
 use epigraph_core::{Download, Element, Field, GraphFile, PerSide, Side, Source};
 use epigraph_pictures::{Mode, readable};
@@ -9,16 +9,16 @@ use crate::{
     engine::{GraphInfo, PortInfo, Transfer},
 };
 
-/// The facts about a block.
+/// The engine's information about a block.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facts {
-    /// Milliseconds of it, or of all nodes in it.
+    /// Milliseconds of the node, or of all nodes in the part.
     pub ms: Option<f32>,
     /// Bytes that it writes.
     pub bytes: u64,
-    /// For each side, true if any of its nodes runs there.
+    /// For each side, true if any of the nodes runs there.
     pub sides: PerSide<bool>,
-    /// Numbers of its nodes that run, and that do not.
+    /// Number of its nodes that run, and number of those left out.
     pub nodes: [usize; 2],
     /// Why it does not run.
     pub why: Option<String>,
@@ -26,7 +26,7 @@ pub struct Facts {
     pub picture: Option<PictureOf>,
 }
 
-/// The image that stands for a block.
+/// The image of a block's thumbnail.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureOf {
     /// The port, `node.port`.
@@ -36,7 +36,7 @@ pub struct PictureOf {
 }
 
 impl Facts {
-    /// Collects the facts about a block. `file` is the whole graph, `times` are milliseconds of the graph's steps.
+    /// Collects the information. `file` is the whole graph, `times` are milliseconds of the graph's steps.
     pub fn new(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo, times: &[f32]) -> Self {
         if !block.is_node() {
             return Self::default();
@@ -72,8 +72,8 @@ impl Facts {
             }
             Role::Stage if block.kind != block.name => words.push(block.kind.clone()),
             Role::Stage => {}
-            Role::Inputs => return "given from outside".into(),
-            Role::Outputs => return "what the graph gives".into(),
+            Role::Inputs | Role::Outputs if block.address.contains('/') => return "of the part".into(),
+            Role::Inputs | Role::Outputs => return "of the graph".into(),
         }
         match self.sides {
             PerSide { cpu: true, gpu: false } => words.push("CPU".into()),
@@ -88,13 +88,13 @@ impl Facts {
     }
 }
 
-/// True if a node is the block's, or in it.
+/// True if the node is the block itself, or in it.
 pub fn contains(block: &str, node: &str) -> bool {
     nodes::within(node, block).is_some()
 }
 
-/// The first texture that a block writes, or else its first list of one element per pixel; ids only if there is nothing
-/// else, as they mean little to the eye.
+/// The first texture that a block writes, or else its first list of one element per pixel. Ids are the last choice, as
+/// their colours mean little.
 fn picture(block: &Block, model: &Model, file: &GraphFile, graph: &GraphInfo) -> Option<PictureOf> {
     let index = model.block(&block.address)?;
     let outputs = (0..block.outputs.len()).filter_map(|pin| {
@@ -118,8 +118,8 @@ fn port<'g>(graph: &'g GraphInfo, node: &str, port: &str) -> Option<&'g PortInfo
     graph.node(node)?.ports.iter().find(|info| info.port.name == port)
 }
 
-/// The source of a wire in a part, as a stage's port with its address in the whole graph; `None` if the part has no such
-/// input.
+/// The source of a wire in a part, as a stage's port with its address in the whole graph; `None` if the part has no
+/// such input.
 fn origin(file: &GraphFile, part: &str, source: &Source) -> Option<Source> {
     if source.node == INPUTS && !part.is_empty() {
         let (outer, name) = nodes::split(part);
@@ -147,7 +147,7 @@ pub struct Crossing {
 }
 
 impl Crossing {
-    /// All transfers of the model: one for each output and direction, whatever the number of wires.
+    /// All transfers of the model: one for each output and direction, even if several wires carry it.
     pub fn all(model: &Model, file: &GraphFile, graph: &GraphInfo, times: &[f32]) -> Vec<Self> {
         let mut found: Vec<Self> = Vec::new();
         for (step, ms) in graph.steps.iter().zip(times) {
@@ -172,12 +172,12 @@ impl Crossing {
         found
     }
 
-    /// Its name.
+    /// `upload` or `download`.
     pub fn verb(&self) -> &'static str {
         if self.to == Side::Gpu { "upload" } else { "download" }
     }
 
-    /// The wait of its readers, in words.
+    /// When its readers get the value, as text.
     pub fn waits(&self) -> String {
         match self.download {
             None => "before its first reader runs".into(),

@@ -40,15 +40,15 @@ pub enum Gesture {
     /// Nothing.
     #[default]
     Idle,
-    /// Moves the selected blocks: the offset so far.
+    /// Moves the selected blocks by this offset so far.
     Move(Vec2),
-    /// Draws a box around blocks, from this point of the canvas. They are added to the set.
+    /// Draws a selection box from this point of the canvas. The blocks in it are added to the set.
     Select(Pos2, BTreeSet<String>),
     /// Draws a wire.
     Wire(Held),
 }
 
-/// A wire being dragged, by names, as the document may change meanwhile.
+/// A wire being dragged. It refers to blocks and pins by name, as the document may change meanwhile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Held {
     /// The block of the fixed pin.
@@ -57,7 +57,7 @@ pub struct Held {
     output: bool,
     /// The name of the fixed pin.
     port: String,
-    /// The input that it was taken off.
+    /// The input that it was disconnected from: block and port.
     taken: Option<(String, String)>,
 }
 
@@ -284,7 +284,7 @@ impl CanvasPane {
         });
     }
 
-    /// The name of a pin: a click on an output's shows its values.
+    /// Shows the name of a pin. A click on an output's name shows its values in the viewer.
     fn pin_name(&self, ui: &Ui, session: &mut Session, sight: &Sight, at: PinRef, id: Id, over: &mut Over) {
         let (block, pin) = (&sight.model.blocks[at.block], sight.model.at(at));
         let rect = sight.rects[at.block];
@@ -299,7 +299,7 @@ impl CanvasPane {
             over.block = Some(at.block);
         }
         if response.clicked() {
-            // Ports of nodes within a part are named with their node.
+            // The pin of a node within a part is named `NODE.PORT`.
             let between = if pin.name.contains('.') { '/' } else { '.' };
             session.push(Intent::Show(format!("{}{between}{}", block.address, pin.name)));
         }
@@ -340,7 +340,7 @@ impl CanvasPane {
         }
     }
 
-    /// A wire is dropped: on a pin, on a block, or on the ground.
+    /// Drops a wire on a pin, on a block, or on the background.
     fn drop_wire(
         &mut self,
         session: &mut Session,
@@ -393,7 +393,8 @@ impl CanvasPane {
             }
             _ => {
                 let names: Vec<&str> = fitting.iter().map(|pin| sight.model.at(*pin).name.as_str()).collect();
-                session.tell(format!("several ports fit, drop it on one of them: {}", names.join(", ")));
+                session
+                    .tell(format!("several ports fit; drop the wire on one of them: {}", names.join(", ")));
             }
         }
         None
@@ -453,7 +454,7 @@ impl CanvasPane {
     }
 }
 
-/// A block in words, for screen readers.
+/// A description of a block for screen readers.
 fn describe(block: &Block, facts: &Facts) -> String {
     let mut words = block.label();
     if let Some(why) = &facts.why {
@@ -503,10 +504,10 @@ fn pin_hint(ui: &mut Ui, session: &Session, sight: &Sight, at: PinRef) {
         ui.weak(format!("now {}", info.dims));
     }
     if pin.history {
-        ui.weak("takes the previous frame's value");
+        ui.weak("reads the previous frame's value");
     }
     if !at.output && pin.optional {
-        ui.weak("needs no wire");
+        ui.weak("optional");
     }
     if at.output && block.is_node() {
         ui.weak("Click its name to see it; drag to connect");
@@ -528,7 +529,7 @@ fn chip(ui: &Ui, sight: &Sight, crossing: &Crossing, rect: Rect) -> Response {
     response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, &what));
     response.clone().on_hover_ui(|ui| {
         ui.strong(&what);
-        ui.label(format!("{} a frame in {}", readable(crossing.bytes), milliseconds(crossing.ms)));
+        ui.label(format!("{} per frame in {}", readable(crossing.bytes), milliseconds(crossing.ms)));
         ui.weak(crossing.waits());
     });
     response

@@ -11,21 +11,21 @@ use crate::{
 };
 
 impl CanvasPane {
-    /// The path of parts, and the actions on the whole canvas.
+    /// The path to the open part, and the actions on the whole canvas.
     pub(super) fn header(&mut self, ui: &mut Ui, session: &mut Session, sight: &Sight) {
         ui.horizontal(|ui| {
             self.breadcrumb(ui, session);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 export(ui, session, sight);
                 let thumbnails = ui.selectable_label(self.thumbnails, "Thumbnails");
-                if thumbnails.on_hover_text("Each node's output, as a small live image. Copying the visible ones takes a little of each frame").clicked() {
+                if thumbnails.on_hover_text("Show each node's output as a small live image. Copying the visible ones takes a little time in each frame").clicked() {
                     self.thumbnails = !self.thumbnails;
                 }
                 let heat = ui.selectable_label(self.heat, "Cost");
                 if heat.on_hover_text("Tint nodes by their milliseconds").clicked() {
                     self.heat = !self.heat;
                 }
-                if ui.button("Fit").on_hover_text("Show the whole graph: F").clicked() {
+                if ui.button("Fit").on_hover_text("Show the whole graph (F)").clicked() {
                     self.wants_fit = true;
                 }
                 if ui.button("Arrange").on_hover_text("Arrange all boxes along the wires").clicked() {
@@ -73,7 +73,7 @@ impl CanvasPane {
         let several = self.selection.len() > 1;
         if block.role == Role::Stage {
             let label = if block.bypass { "Run again" } else { "Bypass" };
-            let hint = "Pass its input through as its output, if the types fit: B";
+            let hint = "Pass its input through as its output, if the types fit (B)";
             if ui.button(label).on_hover_text(hint).clicked() {
                 self.bypass(session, sight);
                 ui.close();
@@ -127,7 +127,7 @@ fn side_menu(ui: &mut Ui, session: &mut Session, address: &str) {
     let (part, name) = nodes::split(address);
     let node = nodes::scope(&file, part).and_then(|file| file.node(name));
     let present = node.and_then(|node| node.on.as_ref()).map(|on| on.value);
-    for (on, label) in [(None, "what the toolbar says"), (Some(Side::Cpu), "CPU"), (Some(Side::Gpu), "GPU")] {
+    for (on, label) in [(None, "the toolbar's backend"), (Some(Side::Cpu), "CPU"), (Some(Side::Gpu), "GPU")] {
         if ui.selectable_label(on == present, label).clicked() {
             session
                 .edit(Tag::Once, |file| home(file, address).and_then(|(file, name)| file.set_on(name, on)));
@@ -149,15 +149,13 @@ fn export(ui: &mut Ui, session: &mut Session, sight: &Sight) {
             });
         };
         let svg = format!("As {}", short(&path.with_extension("svg").display().to_string()));
-        if ui.button(svg).on_hover_text("This canvas as a drawing, beside the graph's file").clicked() {
+        if ui.button(svg).on_hover_text("Draw this canvas to a file beside the graph").clicked() {
             save("svg", &super::vector::svg(sight));
             ui.close();
         }
         let dot = format!("As {}", short(&path.with_extension("dot").display().to_string()));
         let button = ui.add_enabled(graph.is_some(), Button::new(dot));
-        if button
-            .on_hover_text("The plan that runs, for Graphviz, as `epigraph check --dot` writes it")
-            .clicked()
+        if button.on_hover_text("Write the running plan for Graphviz, like `epigraph check --dot`").clicked()
         {
             save("dot", graph.as_ref().map_or("", |graph| &graph.dot));
             ui.close();

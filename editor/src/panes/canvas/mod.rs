@@ -1,9 +1,9 @@
-//! The graph as boxes and wires, to be looked at and edited: a projection of the document, made anew whenever that
-//! changes. Every edit goes to the document and comes back from there.
+//! The graph as boxes and wires, which the user can edit. The canvas is a projection of the document, rebuilt whenever
+//! the document changes: every edit goes to the document first.
 //!
-//! [`model`] holds the graph, [`facts`] the engine's news of it, [`shape`] and [`arrange`] the sizes and places of
-//! boxes, [`route`] the paths of wires; none of these touches a window. [`sight`] holds them together for one moment,
-//! [`paint`] draws that, [`hand`] takes mouse and keys, [`act`] turns them into edits.
+//! [`model`] holds the graph, [`facts`] the engine's information about it, [`shape`] and [`arrange`] the sizes and
+//! positions of boxes, [`route`] the paths of wires; none of these needs a window. [`sight`] combines them for one
+//! frame of the window, [`paint`] draws it, [`hand`] handles mouse and keys, [`act`] edits the document.
 
 mod act;
 mod arrange;
@@ -51,7 +51,7 @@ const WEIGHT: f32 = 0.1;
 /// Height of the row of buttons, and of the legend.
 const HEADER: f32 = 30.0;
 const LEGEND: f32 = 24.0;
-/// Room kept between boxes that have grown.
+/// Gap between boxes that have grown.
 const ROOM: f32 = 14.0;
 
 /// The canvas's own state.
@@ -61,7 +61,7 @@ pub struct CanvasPane {
     shown: Option<Projected>,
     /// The path of the document that it shows.
     path: String,
-    /// Places of boxes without places of their own, and the boxes they were arranged for.
+    /// Automatic positions of boxes that the user has not placed, and the conditions they were computed for.
     auto: HashMap<String, Pos2>,
     arranged: Arranged,
     view: View,
@@ -74,7 +74,7 @@ pub struct CanvasPane {
     gesture: Gesture,
     search: Option<Search>,
     renaming: Option<Renaming>,
-    /// Milliseconds of the graph's steps, smoothed, and their frame.
+    /// The last frame, and the smoothed milliseconds of the graph's steps.
     times: (u32, Vec<f32>),
     heat: bool,
     thumbnails: bool,
@@ -90,7 +90,7 @@ struct Projected {
     model: Arc<Model>,
 }
 
-/// The boxes that were last arranged: others are arranged anew.
+/// The conditions of the last automatic arrangement. If they change, it is computed again.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Arranged {
     part: String,
@@ -134,7 +134,7 @@ impl CanvasPane {
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
         let Some(file) = session.document.file().cloned() else {
-            ui.weak("The text has never been sound; mend it in the text pane.");
+            ui.weak("The text has not been valid yet; fix it in the text pane.");
             return;
         };
         if self.path != session.document.path() {
@@ -149,7 +149,7 @@ impl CanvasPane {
         self.smooth(session);
         self.follow(session, &model);
         let mut sight = self.look(ui, session, &file, model);
-        // Everything is placed before the buttons, which may need the places.
+        // The boxes are placed before the buttons are shown, as the buttons' actions need their positions.
         let whole = ui.available_rect_before_wrap();
         let pane = whole.with_min_y(whole.top() + HEADER);
         self.view.resize(pane.with_max_y((pane.bottom() - LEGEND).max(pane.top() + 1.0)));
@@ -181,7 +181,7 @@ impl CanvasPane {
         }
     }
 
-    /// Blocks and wires of the present document.
+    /// Blocks and wires of the current document.
     fn model(&mut self, file: &Arc<GraphFile>, session: &Session) -> Option<Arc<Model>> {
         let graph = session.state.graph.as_ref();
         if let Some(shown) = &self.shown
@@ -217,7 +217,7 @@ impl CanvasPane {
         }
     }
 
-    /// Smooths the times of the frames since.
+    /// Updates the smoothed times with the last frame's.
     fn smooth(&mut self, session: &Session) {
         let (seen, times) = &mut self.times;
         let state = &session.state;
@@ -241,7 +241,7 @@ impl CanvasPane {
         Sight::new(model, file, run, self.thumbnails, &measure)
     }
 
-    /// Gives every block a place: its own, or one that the arrangement finds.
+    /// Gives every block a position: the user's, or an automatic one.
     fn place(&mut self, session: &Session, sight: &mut Sight) {
         let places = session.document.places().clone();
         let arranged = Arranged {
@@ -275,7 +275,7 @@ impl CanvasPane {
         }
     }
 
-    /// Places blocks that have no place: beside those that they are connected to, as in the arrangement.
+    /// Places the blocks without a position relative to a neighbour, as in the automatic arrangement.
     fn fill_in(&mut self, sight: &Sight, placed: &[Option<Pos2>]) {
         let arranged = sight.arranged(self.view.pane.size());
         let shift = |index: usize| {
@@ -292,7 +292,7 @@ impl CanvasPane {
         }
     }
 
-    /// Moves boxes without places of their own down if they have grown over others; true if there were any.
+    /// Moves automatically placed boxes down if they overlap others after growing. Returns true if any moved.
     fn spread(&mut self, sight: &Sight, fixed: &dyn Fn(&str) -> bool) -> bool {
         let mut order: Vec<usize> = (0..sight.rects.len()).collect();
         order.sort_by(|a, b| sight.rects[*a].top().total_cmp(&sight.rects[*b].top()));

@@ -1,5 +1,5 @@
-//! The blocks and wires that the canvas shows of a graph or of a part. A projection of the document, rebuilt whenever
-//! that changes; it holds no places.
+//! The blocks and wires of a graph or part, as the canvas shows them. The model is a projection of the document,
+//! rebuilt whenever the document changes; it holds no positions.
 
 use epigraph_core::{GraphFile, Port, Registry, Source};
 
@@ -37,7 +37,7 @@ pub struct Block {
     pub doc: String,
     /// Its role.
     pub role: Role,
-    /// True if the file asks to pass its input through.
+    /// True if the file bypasses it: its input is passed through as its output.
     pub bypass: bool,
     /// Where wires end.
     pub inputs: Vec<Pin>,
@@ -46,7 +46,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// True if it is a node, which can be edited; else it stands for the inputs or outputs.
+    /// True if it is a node, which can be edited; false for the blocks of inputs and outputs.
     pub fn is_node(&self) -> bool {
         matches!(self.role, Role::Stage | Role::Part)
     }
@@ -96,8 +96,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// The graph itself if `part` is empty, or the part of that address; `None` if there is no such part. Ports that are
-    /// known only after compilation are taken from the running graph.
+    /// The graph itself if `part` is empty, or the part of that address; `None` if there is no such part. Ports that
+    /// are known only after compilation are taken from the running graph.
     pub fn new(file: &GraphFile, part: &str, registry: &Registry, graph: Option<&GraphInfo>) -> Option<Self> {
         let within = scope(file, part)?;
         let [inputs, outputs] = ends(within, registry);
@@ -106,8 +106,8 @@ impl Model {
             name: title.into(),
             kind: String::new(),
             doc: match role {
-                Role::Inputs => "What the graph around this part connects to it.".into(),
-                _ => "What the graph gives.".into(),
+                Role::Inputs => "The inputs of this part, wired by the outer graph.".into(),
+                _ => "The outputs of this graph.".into(),
             },
             role,
             bypass: false,
@@ -188,13 +188,13 @@ impl Model {
         &self.blocks[at.block].pins(at.output)[at.pin]
     }
 
-    /// The text in the file for a wire from this output.
+    /// The source of a wire from this output, as the file names it.
     pub fn source(&self, at: PinRef) -> Source {
         let (block, pin) = (&self.blocks[at.block], self.at(at));
         if block.role == Role::Inputs {
             return Source { node: INPUTS.into(), port: pin.name.clone() };
         }
-        // Ports of nodes within a part are named with their node.
+        // The pin of a node within a part is named `NODE.PORT`.
         match pin.name.rsplit_once('.') {
             Some((inner, port)) => Source { node: format!("{}/{inner}", block.name), port: port.into() },
             None => Source { node: block.name.clone(), port: pin.name.clone() },
@@ -211,7 +211,7 @@ impl Model {
         self.wires.iter().find(|wire| wire.to == to)
     }
 
-    /// Why a wire cannot join two pins, in words; `None` if it can.
+    /// The reason why a wire cannot connect two pins, as text; `None` if it can.
     pub fn refusal(&self, a: PinRef, b: PinRef) -> Option<String> {
         let (from, to) = match (a.output, b.output) {
             (true, false) => (a, b),
@@ -222,11 +222,11 @@ impl Model {
         let (output, input) = (self.at(from), self.at(to));
         (!input.accepts(output)).then(|| {
             let (given, taken) = (output.words(), input.words());
-            format!("{} gives {given}, but {} takes {taken}", self.name(from), self.name(to))
+            format!("{} writes {given}, but {} reads {taken}", self.name(from), self.name(to))
         })
     }
 
-    /// The nodes that both ends of wires know: for each block, those that feed it and those that it feeds.
+    /// The blocks that are connected to a block by a wire, in either direction.
     pub fn neighbours(&self, block: usize) -> impl Iterator<Item = usize> {
         self.wires.iter().filter_map(move |wire| match (wire.from.block, wire.to.block) {
             (from, to) if from == block => Some(to),

@@ -21,7 +21,7 @@ use crate::{document::Pin, theme};
 
 /// Radius of a pin, and of its hit area.
 pub const PIN_RADIUS: f32 = 4.5;
-/// Smallest font size of names, and of the texts below.
+/// Smallest font size of names, and of the text below them.
 const SMALLEST: f32 = 11.0;
 const SMALLEST_INFO: f32 = 10.0;
 /// Corner radius of boxes.
@@ -33,7 +33,7 @@ const DIM: f32 = 0.28;
 /// Opacity of everything that does not run.
 const IDLE: f32 = 0.5;
 
-/// The parts of the canvas in use.
+/// Highlighted items of the canvas.
 pub struct Marks<'a> {
     /// Addresses of selected blocks.
     pub selection: &'a BTreeSet<String>,
@@ -55,7 +55,7 @@ pub struct Brush<'a> {
     pub painter: &'a Painter,
     /// The window's colours.
     pub visuals: &'a Visuals,
-    /// The contents of the pane.
+    /// The visible part of the canvas.
     pub view: View,
 }
 
@@ -121,7 +121,7 @@ impl Brush<'_> {
         }
     }
 
-    /// A line; dashed for the last frame's values.
+    /// A line; dashed for values of the previous frame.
     fn line(&self, points: Vec<Pos2>, stroke: Stroke, dashed: bool) {
         if dashed {
             self.painter.extend(Mark::dashed_line(&points, stroke, 6.0, 4.0));
@@ -187,7 +187,7 @@ impl Brush<'_> {
                 );
             }
         } else {
-            // Above the thumbnail.
+            // Only the area above the thumbnail.
             let room =
                 shape.thumbnail.map_or(rect, |picture| rect.with_max_y(rect.top() + picture.top() * zoom));
             self.overview(room, block, facts, ink);
@@ -197,7 +197,7 @@ impl Brush<'_> {
         }
     }
 
-    /// The head's background, warmer the more the block costs.
+    /// The head's background: the more the block costs, the warmer its tint.
     fn head(
         &self,
         rect: Rect,
@@ -428,7 +428,7 @@ impl Brush<'_> {
         }
         self.line(vec![pos2(x, y), pos2(x + 20.0, y)], Stroke::new(1.8, ink), true);
         x += 25.0;
-        word(&mut x, "last frame's");
+        word(&mut x, "previous frame");
         if crossings {
             word(&mut x, "⬆ upload  ⬇ download");
         }
@@ -476,12 +476,12 @@ pub fn on_paper(color: Color32) -> Color32 {
 /// The rectangle of a transfer.
 pub fn chip_rect(view: View, crossing: &Crossing, at: Pos2) -> Rect {
     let zoom = view.zoom.max(0.62);
-    // About the width of its text.
+    // The approximate width of its text.
     let width = if view.is_near() { 12.0 + 6.4 * chip_text(crossing).chars().count() as f32 } else { 20.0 };
     Rect::from_center_size(view.point(at), vec2(width, 20.0) * zoom)
 }
 
-/// The tint for a share of the highest cost: small costs differ visibly from zero.
+/// The strength of the tint for a share of the highest cost. It is not linear, so that small costs are visible.
 fn warmth(share: f32) -> f32 {
     share.clamp(0.0, 1.0).powf(0.7)
 }

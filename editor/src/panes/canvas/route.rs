@@ -1,5 +1,5 @@
-//! The paths of wires: level through the gaps between boxes, in curves from one gap to the next. Recomputed from the
-//! places of the boxes, so that wires stay clear of them wherever the user moves them.
+//! The paths of wires: level through the gaps between boxes, and curved from one gap to the next. They are recomputed
+//! when boxes move, so that wires never cross boxes.
 
 use std::collections::BTreeSet;
 
@@ -30,7 +30,7 @@ struct Column {
 pub fn routes(boxes: &[Rect], wires: &[(Pos2, Pos2, usize)]) -> Vec<Vec<Pos2>> {
     let mut columns = columns(boxes);
     let mut routes = vec![Vec::new(); wires.len()];
-    // Short wires have less choice.
+    // Short wires first: they have fewer alternatives.
     let mut order: Vec<usize> = (0..wires.len()).collect();
     order.sort_by(|a, b| {
         let span = |wire: usize| (wires[wire].1.x - wires[wire].0.x).abs();
@@ -73,7 +73,7 @@ fn way(from: Pos2, to: Pos2, pin: usize, columns: &mut [Column]) -> Vec<Turn> {
             if forward {
                 column.left >= from.x && column.right <= to.x
             } else {
-                // Back to the input of a box: around all boxes from there to here.
+                // A wire back passes all columns from its target to its source.
                 column.right >= to.x && column.left <= from.x
             }
         })
@@ -87,7 +87,7 @@ fn way(from: Pos2, to: Pos2, pin: usize, columns: &mut [Column]) -> Vec<Turn> {
         let share = if forward { ((middle - at.x) / (to.x - at.x)).clamp(0.0, 1.0) } else { 0.0 };
         let y = column.free([at.y, to.y], share, pin);
         column.taken.push((y - LANE, y + LANE, Some(pin)));
-        // Wires that turn back do so side by side.
+        // Wires that turn back at the same column are drawn side by side.
         let turn = if forward { MARGIN } else { MARGIN + TURN * column.turns(pin) as f32 };
         let ends = [pos2(column.left - turn, y), pos2(column.right + turn, y)];
         way.extend(if forward { ends } else { [ends[1], ends[0]] }.map(|end| (end, forward)));
@@ -105,8 +105,8 @@ impl Column {
         pins.len() % TURNS
     }
 
-    /// A height that no box and no other pin's wire occupies: on the way from one height to the other, if possible on the
-    /// straight line, else with the smallest detour.
+    /// A height that no box and no other pin's wire occupies: on the way from one height to the other, if possible on
+    /// the straight line, else with the smallest detour.
     fn free(&self, [from, to]: [f32; 2], share: f32, pin: usize) -> f32 {
         let wanted = from + (to - from) * share;
         let others = || self.taken.iter().filter(|(.., by)| *by != Some(pin));
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn wires_pass_boxes_by_and_wires_of_other_pins_at_a_distance() {
+    fn wires_avoid_boxes_and_wires_of_other_pins() {
         let boxes = row();
         let (from, to) = (pos2(100.0, 40.0), pos2(600.0, 40.0));
         let found = routes(&boxes, &[(from, to, 0), (from, to, 1), (from, to, 0)]);
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wire_back_goes_around() {
+    fn a_wire_back_avoids_all_boxes() {
         let boxes = row();
         let found = routes(
             &boxes,
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn distance_and_places_along_a_wire() {
+    fn distances_from_and_along_a_wire() {
         let route = [pos2(0.0, 0.0), pos2(10.0, 0.0), pos2(10.0, 10.0)];
         assert_eq!(distance(&route, pos2(5.0, 3.0)), 3.0);
         assert_eq!(distance(&route, pos2(14.0, 13.0)), 5.0);

@@ -11,7 +11,7 @@ const HEIGHT: f32 = 300.0;
 
 /// An open search.
 pub struct Search {
-    /// The place for the node, in the canvas's points.
+    /// The position for the node, in points of the canvas.
     pub at: Pos2,
     /// The corner of the list, on screen.
     pub corner: Pos2,
@@ -42,7 +42,7 @@ struct Match {
 }
 
 impl Search {
-    /// A search for a node at a place.
+    /// A search for a node at a position.
     pub fn new(at: Pos2, corner: Pos2, wire: Option<(String, bool, Pin)>) -> Self {
         Self { at, corner, wire, text: String::new(), row: 0, opened: false }
     }
@@ -71,7 +71,7 @@ impl Search {
                 ui.set_width(WIDTH);
                 self.field(ui);
                 if let Some((node, output, pin)) = &self.wire {
-                    let what = if *output { "takes" } else { "gives" };
+                    let what = if *output { "reads" } else { "writes" };
                     ui.weak(format!(
                         "Stages with a port that {what} {}, for {node}.{}",
                         pin.words(),
@@ -99,7 +99,7 @@ impl Search {
     }
 
     fn field(&mut self, ui: &mut Ui) {
-        let edit = TextEdit::singleline(&mut self.text).hint_text("Add a stage: its name, or what it does");
+        let edit = TextEdit::singleline(&mut self.text).hint_text("Add a stage: name or description");
         let field = ui.add(edit.desired_width(f32::INFINITY));
         if !self.opened {
             field.request_focus();
@@ -109,7 +109,7 @@ impl Search {
         }
     }
 
-    /// True if it was chosen.
+    /// Shows a matching kind. Returns true if it was chosen.
     fn entry(&self, ui: &mut Ui, row: usize, one: &Match, scroll: bool) -> bool {
         let text = egui::RichText::new(one.kind).strong();
         let port = one.port.as_ref().map_or(String::new(), |port| format!("  {port}"));

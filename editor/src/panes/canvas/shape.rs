@@ -1,5 +1,5 @@
-//! The shape of a box: its size, and the places of its pins and texts. All in the canvas's points, from the
-//! box's upper left corner.
+//! The shape of a box: its size, and the positions of its pins and texts, in points of the canvas from the box's top
+//! left corner.
 
 use egui::{Rect, Vec2, pos2, vec2};
 
@@ -8,7 +8,7 @@ use super::{
     model::{Block, PinRef},
 };
 
-/// Height of the name's letters, of the line below it, and of pins' names.
+/// Font size of the name, of the line below it, and of the pins' names.
 pub const NAME: f32 = 15.0;
 pub const INFO: f32 = 12.0;
 pub const PIN: f32 = 13.0;
@@ -23,7 +23,7 @@ pub const LINE: f32 = 16.0;
 const BETWEEN: f32 = 18.0;
 /// Glyph widths do not scale exactly with the font size.
 const SLACK: f32 = 8.0;
-/// Between the last pin and the border, or what follows.
+/// Between the last pin and the border or the next element.
 const FOOT: f32 = 7.0;
 /// Least and greatest width of a box. Longer texts are cut.
 const WIDTHS: [f32; 2] = [132.0, 280.0];
@@ -37,7 +37,7 @@ pub struct Shape {
     pub size: Vec2,
     /// The thumbnail.
     pub thumbnail: Option<Rect>,
-    /// Top of the lines that say why it does not run.
+    /// Top of the text that says why it does not run.
     pub why: Option<f32>,
 }
 

@@ -1,4 +1,4 @@
-//! The canvas at the moment: the model with the engine's news of it, and the place of everything.
+//! The canvas in one frame of the window: the model, the engine's information about it, and all positions.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -20,15 +20,15 @@ const TRANSFER: f32 = 54.0;
 /// Approximate size of a transfer.
 const CHIP: Vec2 = vec2(84.0, 22.0);
 
-/// The canvas at one moment, in its own points.
+/// The canvas in one frame of the window, in points of the canvas.
 pub struct Sight {
     /// Blocks and wires.
     pub model: Arc<Model>,
-    /// The facts about each block.
+    /// The engine's information about each block.
     pub facts: Vec<Facts>,
     /// The shape of each block.
     pub shapes: Vec<Shape>,
-    /// The place of each block.
+    /// The rectangle of each block.
     pub rects: Vec<Rect>,
     /// The path of each wire.
     pub routes: Vec<Vec<Pos2>>,
@@ -38,7 +38,7 @@ pub struct Sight {
     pub chips: Vec<Pos2>,
 }
 
-/// A graph that runs: the facts about it, and milliseconds of its steps.
+/// The running graph, if any, and milliseconds of its steps.
 pub type Run<'a> = Option<(&'a GraphInfo, &'a [f32])>;
 
 impl Sight {
@@ -62,7 +62,7 @@ impl Sight {
         Self { model, facts, shapes, rects: Vec::new(), routes: Vec::new(), crossings, chips: Vec::new() }
     }
 
-    /// Places for all blocks in a pane of that size, as if the user had placed none.
+    /// Automatic positions for all blocks in a pane of this size, regardless of the user's.
     pub fn arranged(&self, room: Vec2) -> HashMap<String, Pos2> {
         let sizes: Vec<Vec2> = self.shapes.iter().map(|shape| shape.size).collect();
         let height = |pin: PinRef| (pin.block, self.shapes[pin.block].pin(pin).y);

@@ -20,7 +20,7 @@ const PAUSE: f64 = 0.25;
 #[derive(Default)]
 pub struct Thumbnails {
     shown: HashMap<String, Shown>,
-    /// The next one, drawn away from the window's thread: it may have to wait for cores that are busy with the graph.
+    /// The next image. It is drawn on another thread, as it may have to wait for cores that are busy with the graph.
     work: Task<Of, ColorImage>,
 }
 
@@ -30,7 +30,7 @@ struct Shown {
     texture: TextureHandle,
 }
 
-/// Values of a port; a weak reference, so that it does not keep them in memory.
+/// A port and its values, by a weak reference that does not keep them in memory.
 #[derive(Clone)]
 struct Of {
     port: String,
@@ -96,7 +96,7 @@ impl Thumbnails {
     }
 }
 
-/// An image of fewer pixels: every second, third or so of its own.
+/// Reduces an image by an integer factor, by point sampling.
 fn reduced(snapshot: &Snapshot) -> Snapshot {
     let Dims { width, height } = snapshot.dims;
     let step = width.max(height).div_ceil(SIDE).max(1);
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_large_image_is_thinned_and_keeps_its_corners_in_place() {
+    fn a_large_image_is_reduced_by_an_integer_factor() {
         let dims = Dims { width: 640, height: 320 };
         let bytes = (0..dims.count() as u32).flat_map(u32::to_le_bytes).collect();
         let element = Element::Texel(Format::R32Uint);

@@ -1,4 +1,4 @@
-//! The canvas as a vector drawing: the canvas's contents, in colours for paper.
+//! The canvas as a vector drawing, in colours for a light background.
 
 use egui::{Pos2, Rect, pos2};
 use epigraph_pictures::{
@@ -111,7 +111,7 @@ impl Drawing {
     }
 }
 
-/// A pin's colour as SVG has it.
+/// A pin's colour in SVG notation.
 fn hex(pin: &Pin) -> String {
     let [r, g, b, _] = on_paper(color(pin)).to_array();
     format!("#{r:02x}{g:02x}{b:02x}")

@@ -8,7 +8,7 @@ const ZOOMS: [f32; 2] = [0.15, 2.5];
 const FIT_ZOOM: f32 = 1.15;
 /// Room around the fitted area, points on screen.
 const FRAME: f32 = 26.0;
-/// Zoom from which on pins have names.
+/// Least zoom at which the names of pins are shown.
 const LEGIBLE: f32 = 0.66;
 
 /// A zoom and a position.
@@ -44,7 +44,7 @@ impl View {
         self.center + (at - self.pane.center()) / self.zoom
     }
 
-    /// Takes another pane; the point at the upper left corner stays there.
+    /// Changes the pane; the canvas's point at its top left corner stays there.
     pub fn resize(&mut self, pane: Rect) {
         self.center += (pane.size() - self.pane.size()) / (2.0 * self.zoom);
         self.pane = pane;
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smaller_pane_shows_the_same_at_its_corner() {
+    fn resizing_the_pane_keeps_its_top_left_point() {
         let mut view = View { zoom: 0.7, center: pos2(10.0, 20.0), ..view() };
         let corner = view.back(view.pane.min);
         view.resize(Rect::from_min_size(pos2(90.0, 70.0), vec2(500.0, 100.0)));
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn fitting_shows_all_and_revealing_moves_no_more_than_needed() {
+    fn fitting_shows_everything_and_revealing_pans_only_as_needed() {
         let mut view = view();
         let bounds = Rect::from_min_size(pos2(-300.0, 20.0), vec2(2000.0, 500.0));
         view.fit(bounds);

@@ -1,11 +1,12 @@
-//! The ports that the engine captures for thumbnails: visible ones, and for a while those that were visible.
+//! The ports that the engine captures for thumbnails: the visible ones, and those that were visible some seconds ago.
 //!
-//! The engine recompiles the graph for other ports. So while the user moves about the canvas, a port that is out of sight is
-//! still captured for some seconds, and a port that comes into sight may wait a moment for others to join it.
+//! To capture other ports, the engine must recompile the graph. So while the user pans, a port that is no longer
+//! visible is captured for some more seconds, and newly visible ports are collected for a moment before the next
+//! change.
 
 use std::collections::BTreeMap;
 
-/// Seconds for which a port stays captured after it left sight.
+/// Seconds for which a port stays captured after it was last visible.
 const KEPT: f64 = 5.0;
 /// Least number of seconds from one change to the next.
 const APART: f64 = 0.5;
@@ -13,7 +14,7 @@ const APART: f64 = 0.5;
 /// The captured ports.
 #[derive(Debug, Default)]
 pub struct Watch {
-    /// When each was last in sight, seconds.
+    /// When each port was last visible, seconds.
     seen: BTreeMap<String, f64>,
     asked: Vec<String>,
     changed: Option<f64>,
@@ -25,8 +26,8 @@ impl Watch {
         &self.asked
     }
 
-    /// Takes all ports that have thumbnails, and whether they are visible at `now`. Returns the seconds until the next
-    /// call is needed, if one is.
+    /// Updates the captured ports from all ports with thumbnails and whether each is visible at `now`. Returns the
+    /// number of seconds after which it must be called again, if it must.
     pub fn see<'a>(&mut self, ports: impl Iterator<Item = (&'a str, bool)>, now: f64) -> Option<f64> {
         let before = std::mem::take(&mut self.seen);
         for (port, in_sight) in ports {
@@ -53,14 +54,14 @@ impl Watch {
 mod tests {
     use super::*;
 
-    /// The ports captured of three when these are visible.
+    /// The captured ones of three ports when these are visible.
     fn see(watch: &mut Watch, in_sight: &[&str], now: f64) -> String {
         watch.see(["a.x", "b.x", "c.x"].into_iter().map(|port| (port, in_sight.contains(&port))), now);
         watch.ports().join(" ")
     }
 
     #[test]
-    fn only_what_is_in_sight_is_taken() {
+    fn only_visible_ports_are_captured() {
         let mut watch = Watch::default();
         assert_eq!(see(&mut watch, &["a.x"], 0.0), "a.x");
         assert_eq!(see(&mut watch, &["b.x", "c.x"], 3.0), "a.x b.x c.x", "the first is kept");
@@ -70,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn moving_about_changes_little() {
+    fn panning_changes_the_captured_ports_rarely() {
         let mut watch = Watch::default();
         let mut changes = 0;
         let mut before = String::new();
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_to_wait_says_how_long() {
+    fn a_delayed_change_returns_how_long_to_wait() {
         let mut watch = Watch::default();
         assert_eq!(watch.see([("a.x", true)].into_iter(), 10.0), None);
         let both = || [("a.x", true), ("b.x", true)].into_iter();

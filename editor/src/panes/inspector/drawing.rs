@@ -12,22 +12,22 @@ use crate::theme;
 /// Width and height of a drawing, points.
 pub const SIDE: f32 = 96.0;
 
-/// Marks a cell that counts, in the colour of the views' glyphs.
+/// A cell that counts, in the colour of the viewer's maps.
 const COUNTS: Color32 = Color32::from_rgb(REACHED[0], REACHED[1], REACHED[2]);
-/// An edge, in the colour of the views' strokes.
+/// An edge, in the viewer's colour for edges.
 const LINE: Color32 = Color32::from_rgb(EDGE[0], EDGE[1], EDGE[2]);
-/// Marks a cell that counts against it.
+/// A cell that counts against the pixel.
 const AGAINST: Color32 = Color32::from_rgb(186, 74, 70);
-/// A crossed slot of a side.
+/// A crossed eighth of a pixel's side.
 const CROSSED: Color32 = Color32::from_rgb(240, 170, 60);
 
-/// Linear radiance as displayed.
+/// The display colour of linear radiance.
 pub fn screen(linear: [f32; 3]) -> Color32 {
     let [r, g, b] = tone::to_srgb8(linear);
     Color32::from_rgb(r, g, b)
 }
 
-/// Draws a finding that has a drawing; nothing for others.
+/// Draws a finding, if it has a drawing.
 pub fn show(ui: &mut Ui, finding: &Finding) {
     match finding {
         Finding::Around(around) => show_around(ui, around),
@@ -117,8 +117,8 @@ fn show_sketch(ui: &mut Ui, marks: &[Mark]) {
         }
     }
     response.on_hover_text(
-        "The pixel enlarged. Orange: where edges cross its sides, in eighths; blue line: its edge; square: the cell of its \
-         sample; green ring: where the next sample should go",
+        "The pixel, enlarged. Orange: edges cross its sides there, in eighths; blue line: its edge; square: the cell of its \
+         sample; green ring: the position of the next sample",
     );
 }
 

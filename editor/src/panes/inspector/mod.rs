@@ -1,4 +1,4 @@
-//! One pixel through the whole graph: the sample behind it, and the effect of each node.
+//! One pixel, traced through the whole graph: its sample, and the effect of each node.
 
 mod drawing;
 
@@ -51,7 +51,7 @@ impl InspectorPane {
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 3.0;
             ui.spacing_mut().interact_size.y = 16.0;
-            // No contents widen the pane: long lines are wrapped.
+            // Wrap long lines, so that they do not widen the pane.
             ui.set_max_width(ui.available_width() - MARGIN);
             self.body(ui, session, &inspection);
         });
@@ -63,8 +63,8 @@ impl InspectorPane {
             ui.strong(format!("({x}, {y})"));
             if let Some(inspection) = &session.state.inspection {
                 let mib = inspection.bytes as f64 / f64::from(1 << 20);
-                let cost = "The size of the copies of what all nodes wrote: one frame for a click while frames run, the \
-                            last step of a pause. Memory of twice that is held during a pause, and while this pane is \
+                let cost = "Size of the copies of all nodes' outputs. A click copies one frame while frames run, or the \
+                            last frame during a pause. Twice this memory is used during a pause, and while this pane is \
                             open.";
                 ui.weak(format!("frame {}, {mib:.0} MiB", inspection.frame)).on_hover_text(cost);
             }
@@ -75,7 +75,7 @@ impl InspectorPane {
                     session.inspection.forget();
                 }
                 ui.checkbox(&mut self.numbers, "numbers")
-                    .on_hover_text("Also show each port's values there, as plain numbers");
+                    .on_hover_text("Also show the values of each port at this pixel, as plain numbers");
             });
         });
         if !paused {
@@ -84,7 +84,7 @@ impl InspectorPane {
                     .on_hover_text("Inspect twice a second. Each time copies the outputs of all nodes");
                 if ui
                     .small_button("Pause")
-                    .on_hover_text("Pause, with all ports of the last frame available")
+                    .on_hover_text("Pause; all ports of the last frame can then be viewed")
                     .clicked()
                 {
                     session.engine.send(Command::Pause(true));
@@ -129,7 +129,7 @@ impl InspectorPane {
             .collect();
         if !silent.is_empty() {
             ui.add_space(4.0);
-            ui.weak(format!("Nothing to tell of a pixel: {}", silent.join(", ")));
+            ui.weak(format!("No values per pixel: {}", silent.join(", ")));
         }
     }
 }
@@ -137,12 +137,12 @@ impl InspectorPane {
 fn empty(ui: &mut Ui) {
     ui.strong("Click a pixel in a view.");
     ui.weak(
-        "Here you then see it through the whole graph: the sample behind it, what each node wrote there, and why: culled \
-         by which neighbours, cut by which edge, filled from where.",
+        "This pane then shows its way through the whole graph: its sample, the outputs of each node, and the reasons: culled \
+         by which neighbours, cut by which edge, filled from which pixels.",
     );
 }
 
-/// A part of the pane, set off from the one before.
+/// A section of the pane, separated from the previous one.
 fn section(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
     ui.add_space(2.0);
     ui.separator();
@@ -175,7 +175,7 @@ fn show_findings(ui: &mut Ui, findings: &[Finding]) {
     let is_drawing = |finding: &&Finding| matches!(finding, Finding::Around(_) | Finding::Sketch(_));
     let drawings: Vec<&Finding> = findings.iter().filter(is_drawing).collect();
     let taken = if drawings.is_empty() { 0.0 } else { drawing::SIDE + GAP };
-    // The pane's own width, not a width that contents above may have stretched it to.
+    // The pane's own width; wide contents above may have stretched `available_width`.
     let width = (ui.clip_rect().right() - MARGIN - ui.cursor().left() - taken).max(80.0);
     ui.horizontal_top(|ui| {
         ui.spacing_mut().item_spacing.x = GAP;
@@ -222,7 +222,7 @@ fn color(ui: &mut Ui, linear: [f32; 3]) {
     });
 }
 
-/// The contents of the node's ports, as plain numbers.
+/// The values of the node's ports at the pixel, as plain numbers.
 fn numbers(ui: &mut Ui, visit: &Visit) {
     for (port, value) in &visit.values {
         ui.horizontal_wrapped(|ui| {

@@ -1,4 +1,5 @@
-//! Texts that run as soon as they are sound, with errors where they are: the graph with its parts, and its shaders.
+//! Editors for the texts of the graph and its parts, and of its shaders. A changed text runs as soon as it is valid;
+//! errors are shown at their lines.
 
 mod places;
 mod search;
@@ -26,24 +27,24 @@ const GUTTER: f32 = 34.0;
 /// A text pane's own state.
 #[derive(Default)]
 pub struct TextPane {
-    /// What its texts are written in.
+    /// The language of its texts.
     pub language: Language,
     /// The file shown; empty for the first.
     path: String,
     buffer: String,
     search: Search,
-    /// The selected node as of the last look.
+    /// The selected node in the last frame of the window.
     selected: Option<String>,
-    /// Where the cursor was last, as a character.
+    /// The cursor in the last frame of the window, as an index of a character.
     cursor: Option<usize>,
-    /// Where it goes next.
+    /// The position to go to.
     jump: Option<Jump>,
 }
 
-/// A stretch of text to be brought into view.
+/// A range of text to scroll to.
 struct View {
     bytes: Range<usize>,
-    /// Whether the cursor goes there, to type.
+    /// True if the cursor moves there too, and the text gets the focus.
     focus: bool,
 }
 
@@ -53,7 +54,7 @@ impl TextPane {
         Self { language: Language::Wgsl, ..Self::default() }
     }
 
-    /// Goes to a place in one of its texts.
+    /// Goes to a position in one of its texts.
     pub fn jump(&mut self, jump: Jump) {
         self.jump = Some(jump);
     }
@@ -71,10 +72,10 @@ impl TextPane {
         }
         let paths = self.paths(session);
         let Some(first) = paths.first() else {
-            ui.strong("No shader to edit here.");
+            ui.strong("This graph has no shader that can be edited.");
             ui.weak(
-                "A node of kind `wgsl` runs a shader file: its variables are the node's ports and parameters. Add one on \
-                 the canvas, and name a file: params: (shader: \"mine.wgsl\").",
+                "A node of kind `wgsl` runs a shader file, whose variables are the node's ports and parameters. Add one on \
+                 the canvas and give it a file: params: (shader: \"mine.wgsl\").",
             );
             return;
         };
@@ -99,7 +100,7 @@ impl TextPane {
             view = self.search.show(ui, &self.buffer).map(|bytes| View { bytes, focus: false });
         });
         if self.twin_runs(session) {
-            ui.weak("On the CPU, its twin in Rust runs and not this shader.");
+            ui.weak("On the CPU, the stage's Rust twin runs instead of this shader.");
         }
         if let Some(jump) = jump {
             let at = places::byte(&self.buffer, places::character(&self.buffer, jump.at));
@@ -110,7 +111,7 @@ impl TextPane {
         ScrollArea::both().auto_shrink(false).show(ui, |ui| self.editor(ui, session, view));
     }
 
-    /// The files of its language: the graph's own first, or the shaders.
+    /// The files in its language: the graph's own and its parts', or the shaders.
     fn paths(&self, session: &Session) -> Vec<String> {
         match self.language {
             Language::Ron => {
@@ -121,7 +122,7 @@ impl TextPane {
         }
     }
 
-    /// The file that the selected node stands in, or its shader.
+    /// The file that contains the selected node, or the node's shader.
     fn home(&self, session: &Session) -> Option<String> {
         let selected = session.selected.as_deref()?;
         match self.language {
@@ -130,7 +131,7 @@ impl TextPane {
         }
     }
 
-    /// Whether all nodes with the shader that is shown run on the CPU.
+    /// True if all nodes with the shown shader run on the CPU.
     fn twin_runs(&self, session: &Session) -> bool {
         let users: Vec<&str> = session.document.users_of(&self.path).collect();
         let nodes = session.state.graph.iter().flat_map(|graph| &graph.nodes);
@@ -138,7 +139,7 @@ impl TextPane {
         sides.next().is_some_and(|first| first == Side::Cpu && sides.all(|side| side == Side::Cpu))
     }
 
-    /// The lines of the selected node, if they are in view and the text is as it was read.
+    /// The byte range of the selected node, if it is in the shown file and the text has no problems.
     fn node_lines(&self, session: &Session) -> Option<Range<usize>> {
         let is_sound = session.document.problems().is_empty() && self.language == Language::Ron;
         let file = session.document.file().filter(|_| is_sound)?;
@@ -185,7 +186,7 @@ impl TextPane {
         self.tell(ui, &output, &problems);
         if output.response.changed() {
             session.document.type_text(&self.path, &self.buffer);
-            // Each line of typing can be undone on its own.
+            // Each typed line can be undone separately.
             if ui.input(|input| input.key_pressed(egui::Key::Enter)) {
                 session.document.seal();
             }
@@ -212,13 +213,13 @@ impl TextPane {
         ])
     }
 
-    /// Where a byte is drawn.
+    /// The rectangle at which a byte is drawn.
     fn place(&self, output: &TextEditOutput, at: usize) -> Rect {
         let character = self.buffer[..at.min(self.buffer.len())].chars().count();
         output.galley.pos_from_cursor(CCursor::new(character)).translate(output.galley_pos.to_vec2())
     }
 
-    /// What is wrong: behind the end of the line where it is, or below it where there is no room.
+    /// Draws the problems: each after the end of its line, or below it if there is no room.
     fn tell(&self, ui: &Ui, output: &TextEditOutput, problems: &[(Range<usize>, Problem)]) {
         let seen = ui.clip_rect();
         for (range, problem) in problems {
@@ -243,13 +244,13 @@ impl TextPane {
         }
     }
 
-    /// Selects the node in whose lines the user has put the cursor.
+    /// Selects the node at the cursor, if the user has moved it.
     fn follow_cursor(&mut self, session: &mut Session, output: &TextEditOutput) {
         let cursor =
             output.cursor_range.filter(|_| output.response.has_focus()).map(|range| range.primary.index.0);
         let moved = cursor != self.cursor;
         self.cursor = cursor;
-        // Typing moves the cursor too, but not to another node.
+        // Typing moves the cursor too, but does not change the selection.
         let Some(at) = cursor.filter(|_| moved && !output.response.changed()) else { return };
         let node = match self.language {
             Language::Wgsl => {
@@ -264,7 +265,7 @@ impl TextPane {
             Language::Ron => None,
         };
         if node.is_some() {
-            // It is in view: there is no need to scroll to it.
+            // The node is already in view, so `show` must not scroll to it.
             self.selected.clone_from(&node);
             session.selected = node;
         }
@@ -280,7 +281,7 @@ impl TextPane {
         }
         let [start, end] = [view.bytes.start, view.bytes.end].map(|at| self.place(&output, at));
         let (seen, content) = (ui.clip_rect().size(), output.response.rect.left());
-        // What is higher than the pane is shown from its beginning, and lines from theirs if that does.
+        // A range higher than the pane is shown from its top; lines are shown from their beginning if the start fits.
         let fits = end.bottom() - start.top() < seen.y;
         let left =
             if start.right() - content + 60.0 < seen.x { content } else { start.left() - 0.5 * seen.x };

@@ -1,22 +1,22 @@
-//! Places in texts: of problems, of nodes, of what is searched for.
+//! Positions in texts: of problems, of nodes, and of search results.
 
 use std::ops::Range;
 
 use epigraph_core::{GraphFile, Place, Problem, Span};
 
-/// The index of a character by its line and column, from 1.
+/// The index of the character at a line and column, both counted from 1.
 pub fn character(text: &str, (line, column): (usize, usize)) -> usize {
     let before: usize =
         text.split_inclusive('\n').take(line.saturating_sub(1)).map(|line| line.chars().count()).sum();
     before + column.saturating_sub(1)
 }
 
-/// The byte of a character by its index.
+/// The byte offset of the character at an index.
 pub fn byte(text: &str, character: usize) -> usize {
     text.char_indices().nth(character).map_or(text.len(), |(at, _)| at)
 }
 
-/// Problems of a file with the bytes that they concern.
+/// The problems of a file, with the byte ranges that they concern.
 pub fn wrong<'p>(path: &str, text: &str, problems: &'p [Problem]) -> Vec<(Range<usize>, &'p Problem)> {
     let placed = problems.iter().filter_map(|problem| Some((problem.place.as_ref()?, problem)));
     let here = placed.filter(|(place, _)| place.file == path && place.line > 0);
@@ -28,29 +28,30 @@ fn range(text: &str, place: &Place) -> Range<usize> {
     let rest = text[line..].lines().next().unwrap_or("");
     let (start, end) =
         (byte(rest, place.column.saturating_sub(1)), byte(rest, place.column - 1 + place.length));
-    // At a line's end there is nothing to underline but its last character.
+    // For a problem at the end of a line, underline the last character.
     let start = if start == end { rest.char_indices().next_back().map_or(0, |(at, _)| at) } else { start };
     line + start..line + end
 }
 
-/// Where a text holds another, whatever the case of ASCII letters; none for an empty one.
+/// The occurrences of `wanted` in a text, ignoring the case of ASCII letters; none if `wanted` is empty.
 pub fn found(text: &str, wanted: &str) -> Vec<Range<usize>> {
     if wanted.is_empty() {
         return Vec::new();
     }
-    // Lower case of ASCII letters leaves every byte in its place.
+    // ASCII lower case keeps all byte offsets.
     let (lower, wanted) = (text.to_ascii_lowercase(), wanted.to_ascii_lowercase());
     lower.match_indices(&wanted).map(|(at, found)| at..at + found.len()).collect()
 }
 
-/// The lines of a node in a file, as bytes; none where the node stands in another one.
+/// The byte range of a node in the file at `path`; `None` if the node is in another file.
 pub fn of_node(file: &GraphFile, address: &str, path: &str) -> Option<Range<usize>> {
     let (node, within) = file.node_at(address)?;
     let Span { start, end } = within.node_span(&node.name.value).filter(|_| within.path == path)?;
     Some(start..end)
 }
 
-/// The address of the node whose lines hold a byte of a file: where a part stands several times, in the first of them.
+/// The address of the node at a byte offset of the file at `path`. If the graph uses that part several times, the node
+/// in the first of them.
 pub fn node_at(file: &GraphFile, path: &str, at: usize) -> Option<String> {
     if file.path == path {
         let holds =
@@ -65,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_are_the_bytes_of_their_place() {
+    fn problems_have_byte_ranges() {
         let text = "Graph(\n    version: 1,\n    nodes: { \"é\": (kind: 3) },\n    outputs: {},\n)\n";
         let problems = GraphFile::parse("a.ron", text).unwrap_err().0;
         let found = wrong("a.ron", text, &problems);
@@ -82,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_have_their_lines_also_those_of_parts() {
+    fn nodes_have_byte_ranges_also_in_parts() {
         let inner = "Graph(version: 1, nodes: {\n \"in\": (kind: \"fill\"),\n}, outputs: { \"color\": \"in.color\" })";
         let outer = "Graph(version: 1, nodes: {\n  \"a\": (kind: \"graph\", params: (file: \"p.ron\")),\n  // why\n  \"b\": (\n    kind: \"tonemap\",\n  ),\n}, outputs: { \"image\": \"b.image\" })";
         let file = GraphFile::parse("g.ron", outer).unwrap();

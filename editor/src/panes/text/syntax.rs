@@ -1,4 +1,4 @@
-//! Text in colours: comments, strings, numbers, words of the language; and marks over it.
+//! Syntax highlighting: comments, strings, numbers and keywords, and highlighted ranges.
 
 use std::{ops::Range, sync::Arc};
 
@@ -6,7 +6,7 @@ use egui::{Color32, FontId, Galley, Stroke, TextFormat, Ui, text::LayoutJob};
 
 use crate::theme;
 
-/// What a text is written in.
+/// The language of a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Language {
     /// Graph files.
@@ -17,13 +17,13 @@ pub enum Language {
 }
 
 impl Language {
-    /// That of a file, by its name.
+    /// The language of a file, by its name.
     pub fn of(path: &str) -> Self {
         if path.ends_with(".wgsl") { Self::Wgsl } else { Self::Ron }
     }
 }
 
-/// Words of WGSL that stand for no name.
+/// WGSL's keywords.
 const KEYWORDS: [&str; 24] = [
     "alias",
     "break",
@@ -51,34 +51,34 @@ const KEYWORDS: [&str; 24] = [
     "while",
 ];
 
-/// Something to be seen in a text.
+/// A highlighted range of a text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Highlight {
-    /// The bytes.
+    /// The byte range.
     pub range: Range<usize>,
-    /// What it is.
+    /// The reason for the highlight.
     pub kind: HighlightKind,
 }
 
-/// Why a stretch of text is to be seen.
+/// The reason for a highlight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HighlightKind {
-    /// Something is wrong with it.
+    /// A problem.
     Wrong,
-    /// It was searched for.
+    /// A search result.
     Found,
-    /// It was searched for, and is the one that is shown.
+    /// The current search result.
     Current,
 }
 
-/// The text in colours, with highlights.
+/// The laid out text, with syntax colours and highlights.
 pub fn layout(ui: &Ui, language: Language, text: &str, highlights: &[Highlight]) -> Arc<Galley> {
     let palette = theme::palette(ui);
     let font = FontId::monospace(12.0);
     let mut job = LayoutJob::default();
     job.wrap.max_width = f32::INFINITY;
     for (range, color) in tokens(language, text, ui.visuals().dark_mode, ui.visuals().text_color()) {
-        // A token is cut where a highlight begins or ends in it.
+        // Split the token where a highlight begins or ends in it.
         let mut cuts: Vec<usize> =
             highlights.iter().flat_map(|highlight| [highlight.range.start, highlight.range.end]).collect();
         cuts.retain(|cut| range.contains(cut) && *cut > range.start);
@@ -109,7 +109,7 @@ fn mark(format: &mut TextFormat, kind: HighlightKind, palette: &theme::Palette) 
     }
 }
 
-/// Comments, strings, numbers, words of the language and all else, without gaps.
+/// Splits a text into coloured ranges without gaps: comments, strings, numbers, keywords, and everything else.
 fn tokens(language: Language, text: &str, dark: bool, plain: Color32) -> Vec<(Range<usize>, Color32)> {
     let shade = |dark_color: [u8; 3], light_color: [u8; 3]| {
         let [r, g, b] = if dark { dark_color } else { light_color };
@@ -151,7 +151,7 @@ fn tokens(language: Language, text: &str, dark: bool, plain: Color32) -> Vec<(Ra
     tokens
 }
 
-/// Bytes of the string in quotes that `text` begins with.
+/// Length in bytes of the quoted string at the beginning of `text`.
 fn string_length(text: &str) -> usize {
     let mut escaped = false;
     for (at, byte) in text.bytes().enumerate().skip(1) {

@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, records: &[Arc<Record>]) {
         ui.weak("No stage of this graph counts the points of the cloud by age.");
         return;
     };
-    // The lists are small, and copied only while they are shown.
+    // The lists are small, and are captured only while this page is shown.
     let arrived = output(&graph, ARRIVED);
     for (_, port) in [Some(&ages), arrived.as_ref()].into_iter().flatten() {
         session.push(Intent::Watch(port.clone()));
@@ -85,10 +85,10 @@ fn samples(ui: &mut Ui, session: &Session, arrived: Option<&str>, records: &[Arc
         return;
     };
     ui.horizontal(|ui| {
-        ui.label(format!("{count} samples came in the last frame"));
+        ui.label(format!("{count} samples in the last frame"));
         if let Some(rate) = rate(records).filter(|_| !session.state.paused) {
-            ui.weak(format!("{:.1} thousand a second", f64::from(count) * rate / 1000.0))
-                .on_hover_text("At this number per frame and the present frame rate");
+            ui.weak(format!("{:.1} thousand per second", f64::from(count) * rate / 1000.0))
+                .on_hover_text("At this number per frame and the current frame rate");
         }
     });
 }
@@ -101,7 +101,7 @@ fn rate(records: &[Arc<Record>]) -> Option<f64> {
     (seconds > 0.0).then(|| (recent.len() - 1) as f64 / seconds)
 }
 
-/// The first output of that meaning, with its node.
+/// The first output with this meaning, as `node.port`, and its node.
 fn output(graph: &GraphInfo, meaning: Meaning) -> Option<(&NodeInfo, String)> {
     graph.nodes.iter().find_map(|node| {
         let is_it = |info: &&PortInfo| info.port.is_output() && info.port.meaning == Some(meaning);

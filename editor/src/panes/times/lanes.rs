@@ -32,7 +32,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, record: &Record) {
         ui.weak(format!("Frame {}: {:.2} ms", record.frame, record.ms));
         let moved: u64 = record.steps.iter().map(|cost| cost.moved).sum();
         if moved > 0 {
-            ui.weak(format!("{} moved", bytes(moved)));
+            ui.weak(format!("{} transferred", bytes(moved)));
         }
     });
     let size = vec2(ui.available_width(), used.len() as f32 * LANE + SCALE);
@@ -67,12 +67,15 @@ pub fn show(ui: &mut Ui, session: &mut Session, record: &Record) {
         if response.clicked() && step.node.is_some() {
             session.selected.clone_from(&step.node);
         }
-        let moved = if cost.moved > 0 { format!("\n{} moved", bytes(cost.moved)) } else { String::new() };
-        response
-            .on_hover_text(format!("{}\n{:.3} ms, from {:.3} ms on{moved}", step.name, cost.ms, cost.start));
+        let moved =
+            if cost.moved > 0 { format!("\n{} transferred", bytes(cost.moved)) } else { String::new() };
+        response.on_hover_text(format!(
+            "{}\n{:.3} ms, starts at {:.3} ms{moved}",
+            step.name, cost.ms, cost.start
+        ));
     }
     ui.weak(
-        "A click on a bar selects its node. Where a GPU keeps time itself, its lane is of the frame before.",
+        "Click a bar to select its node. If the GPU measures its own times, its lane shows the previous frame.",
     );
 }
 
@@ -118,7 +121,7 @@ fn scale(ui: &Ui, painter: &Painter, rect: Rect, end: f32, x: impl Fn(f32) -> f3
     }
 }
 
-/// The least of 1, 2 and 5 times a power of ten that is not below the value.
+/// The smallest step of 1, 2 or 5 times a power of ten that is at least this value.
 fn round_step(least: f32) -> f32 {
     let power = 10f32.powf(least.log10().floor());
     [1.0, 2.0, 5.0, 10.0]
@@ -133,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn marks_stand_at_round_numbers() {
+    fn marks_are_at_round_numbers() {
         let close = |a: f32, b: f32| (a - b).abs() < 1e-6 * b;
         assert!(close(round_step(0.7), 1.0) && close(round_step(3.0), 5.0) && close(round_step(0.011), 0.02));
     }

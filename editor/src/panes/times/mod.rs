@@ -22,9 +22,13 @@ enum Part {
 }
 
 const PARTS: [(Part, &str, &str); 4] = [
-    (Part::Steps, "Steps", "What each step costs: median and last frame; what it moves between CPU and GPU"),
-    (Part::Plot, "Plot", "The cost of steps over the last frames"),
-    (Part::Frame, "Frame", "When the steps of the last frame ran, on each side"),
+    (
+        Part::Steps,
+        "Steps",
+        "Times of each step, median and last frame, and bytes transferred between CPU and GPU",
+    ),
+    (Part::Plot, "Plot", "Times of the steps over the last frames"),
+    (Part::Frame, "Frame", "Timeline of the last frame's steps on each side"),
     (Part::Cloud, "Cloud", "Occupancy of the cloud, ages of its points, number of new samples"),
 ];
 
@@ -44,7 +48,7 @@ impl TimesPane {
         let records = session.state.records.clone();
         let Some(record) = records.last() else {
             ui.weak(if session.state.paused {
-                "Step or run to see what frames cost."
+                "Step or run to see the times of frames."
             } else {
                 "No frame has run yet."
             });
@@ -78,7 +82,7 @@ impl TimesPane {
     }
 }
 
-/// Bytes in the unit that suits them.
+/// A number of bytes as text.
 fn bytes(count: u64) -> String {
     match count {
         0..1024 => format!("{count} B"),

@@ -11,8 +11,8 @@ use crate::engine::{RECORDED, Record};
 /// Number of steps that are plotted by default: the most expensive ones.
 const FIRST: usize = 6;
 
-/// Colours that distinguish the plotted steps, also in grey and for most colour-blind users: those of Okabe and Ito (2008),
-/// and some between.
+/// Colours that distinguish the plotted steps, also in grey and for most colour-blind users: those of Okabe and Ito
+/// (2008), and some between.
 const COLORS: [Color32; 10] = [
     Color32::from_rgb(230, 159, 0),
     Color32::from_rgb(86, 180, 233),
@@ -75,7 +75,7 @@ impl Choice {
             plot.line(line("frame", &frames, Color32::GRAY));
         });
         ui.horizontal(|ui| {
-            ui.weak(format!("ms in {RECORDED} frames; grey: the whole frame"));
+            ui.weak(format!("ms over {RECORDED} frames; grey: whole frame"));
             ui.checkbox(&mut self.stacked, "stacked").on_hover_text("Stack the steps");
         });
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {

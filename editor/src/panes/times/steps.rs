@@ -36,7 +36,7 @@ pub fn show(ui: &mut Ui, session: &mut Session, steps: &[StepSummary]) {
     });
 }
 
-/// A bar with a name and figures; true if it was clicked.
+/// Draws a bar with name and figures. Returns true if it was clicked.
 fn bar(ui: &mut Ui, step: &StepSummary, share: f32) -> bool {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 18.0), Sense::click());
     let color = if step.side == Side::Cpu { theme::palette(ui).cpu } else { theme::palette(ui).gpu };

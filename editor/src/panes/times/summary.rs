@@ -13,7 +13,7 @@ pub struct StepSummary {
     pub name: String,
     /// The node that runs; `None` for transfers.
     pub node: Option<String>,
-    /// Where it runs.
+    /// The side it runs on.
     pub side: Side,
     /// Cost in the last frame.
     pub last: StepCost,
@@ -23,8 +23,8 @@ pub struct StepSummary {
     pub series: Vec<f32>,
 }
 
-/// The steps of the last record's graph, in order, over the frames since the graph was changed. Copies for viewers are
-/// left out.
+/// The steps of the last frame's graph, in order, over the last frames in which the graph had the same steps. Copies
+/// for viewers are left out.
 pub fn summarize(records: &[Arc<Record>]) -> Vec<StepSummary> {
     let Some(last) = records.last() else { return Vec::new() };
     let wanted = steps(last);
@@ -47,13 +47,13 @@ pub fn summarize(records: &[Arc<Record>]) -> Vec<StepSummary> {
     wanted.iter().enumerate().map(step).collect()
 }
 
-/// The steps of a frame that belong to its graph, with their costs.
+/// The steps of a frame with their costs, without copies for viewers.
 pub fn steps(record: &Record) -> Vec<(&StepInfo, StepCost)> {
     let steps = record.graph.steps.iter().zip(record.steps.iter().copied());
     steps.filter(|(step, _)| !step.is_tap).collect()
 }
 
-/// The median; the lower middle value of an even number, 0 of none.
+/// The median; of an even number of values, the lower middle one; 0 for no values.
 pub fn median(values: &[f32]) -> f32 {
     let mut values = values.to_vec();
     let Some(middle) = values.len().checked_sub(1).map(|last| last / 2) else { return 0.0 };
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn medians_are_of_the_present_graph() {
+    fn medians_are_of_the_current_graph() {
         let (old, new) = (graph(&["a"]), graph(&["a", "tap a", "b"]));
         let records = [
             record(&old, &[100.0]),

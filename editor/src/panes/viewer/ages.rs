@@ -16,27 +16,23 @@ use crate::{
 /// The field of a cloud that holds ages.
 const META: &str = "meta";
 
-/// What an image of ids shows of its points.
+/// The property of the points that an image of ids shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Told {
+pub(super) enum Property {
     /// The ids themselves.
     #[default]
     Ids,
     /// The age, in the stage's own unit.
     Ages,
-    /// The number of frames since they came.
+    /// The number of frames since the points were added.
     Frames,
 }
 
-impl Told {
+impl Property {
     const ALL: [(Self, &str, &str); 3] = [
         (Self::Ids, "Ids", "Which point each pixel shows"),
-        (
-            Self::Ages,
-            "Ages",
-            "How old that point is: about 128 when its turn to be replaced comes, at most 255",
-        ),
-        (Self::Frames, "Frames", "How many frames ago that point came into the cloud"),
+        (Self::Ages, "Ages", "Age of that point, at most 255; points are replaced at about 128"),
+        (Self::Frames, "Frames", "Number of frames since that point was added to the cloud"),
     ];
 }
 
@@ -44,7 +40,7 @@ impl Told {
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct Ages {
-    told: Told,
+    property: Property,
     #[serde(skip)]
     from: Option<Ports>,
     #[serde(skip)]
@@ -57,10 +53,10 @@ struct Ports {
     dates: Option<String>,
 }
 
-/// The sources of an image of ages: the ids, the cloud's words, and the dates if there are any.
+/// The sources of an image of ages: the ids, the cloud's field of ages, and the dates if needed.
 #[derive(Clone)]
 struct Sources {
-    told: Told,
+    property: Property,
     fields: Vec<Arc<Snapshot>>,
     /// The number of their frame.
     frame: u32,
@@ -69,7 +65,7 @@ struct Sources {
 impl PartialEq for Sources {
     fn eq(&self, other: &Self) -> bool {
         let same = |(a, b): (&Arc<Snapshot>, &Arc<Snapshot>)| Arc::ptr_eq(a, b);
-        self.told == other.told
+        self.property == other.property
             && self.fields.len() == other.fields.len()
             && self.fields.iter().zip(&other.fields).all(same)
     }
@@ -77,9 +73,9 @@ impl PartialEq for Sources {
 
 impl Sources {
     fn image(&self) -> Option<Arc<Snapshot>> {
-        let image = match (self.told, self.fields.as_slice()) {
-            (Told::Ages, [id, meta]) => ages(id, meta),
-            (Told::Frames, [id, meta, dates]) => frames_ago(id, meta, dates, self.frame),
+        let image = match (self.property, self.fields.as_slice()) {
+            (Property::Ages, [id, meta]) => ages(id, meta),
+            (Property::Frames, [id, meta, dates]) => frames_ago(id, meta, dates, self.frame),
             _ => None,
         };
         image.map(Arc::new)
@@ -92,8 +88,8 @@ impl Ages {
         self.from.iter().flat_map(|from| [Some(from.cloud.clone()), from.dates.clone()]).flatten()
     }
 
-    /// The image to show for the ids of the port `name`: the ids, or the ages of their points as soon as those are
-    /// computed; `None` until then.
+    /// The image for the ids of the port `name`: the ids themselves, or the ages of their points; `None` until those
+    /// are computed.
     pub fn image(
         &mut self,
         context: &Context,
@@ -102,46 +98,47 @@ impl Ages {
         name: &str,
         id: &Arc<Snapshot>,
     ) -> Option<Arc<Snapshot>> {
-        self.from = (self.told != Told::Ids).then(|| cloud_of(graph, name)).flatten().map(|cloud| Ports {
-            dates: (self.told == Told::Frames).then(|| dates_of(graph, &cloud)).flatten(),
-            cloud,
-        });
+        self.from =
+            (self.property != Property::Ids).then(|| cloud_of(graph, name)).flatten().map(|cloud| Ports {
+                dates: (self.property == Property::Frames).then(|| dates_of(graph, &cloud)).flatten(),
+                cloud,
+            });
         let Some(from) = &self.from else { return Some(id.clone()) };
         let mut fields =
             vec![id.clone(), state.fields(&from.cloud).find(|field| field.field == META)?.clone()];
-        if self.told == Told::Frames {
+        if self.property == Property::Frames {
             fields.push(state.fields(from.dates.as_deref()?).next()?.clone());
         }
-        // All sources are of the last frame that ran.
-        let sources = Sources { told: self.told, fields, frame: state.frames.saturating_sub(1) };
+        // All sources are of the last frame.
+        let sources = Sources { property: self.property, fields, frame: state.frames.saturating_sub(1) };
         let asked = sources.clone();
         self.made.want(context, sources, move || asked.image());
         let (sources, image) = self.made.result()?;
-        image.clone().filter(|_| sources.told == self.told && sources.fields[0].name == id.name)
+        image.clone().filter(|_| sources.property == self.property && sources.fields[0].name == id.name)
     }
 
-    /// True if newer ages are to come.
+    /// True if newer ages are being computed.
     pub fn is_behind(&self) -> bool {
         self.from.is_some() && self.made.is_behind()
     }
 
-    /// Offers the choices; returns whether the choice changed, and if so whether it is a number.
+    /// Offers the choices. If the user changed the choice, returns true if the image now shows numbers rather than ids.
     pub fn choose(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) -> Option<bool> {
-        let before = self.told;
-        for (told, label, doc) in Told::ALL {
-            let known = told != Told::Frames
+        let before = self.property;
+        for (property, label, doc) in Property::ALL {
+            let known = property != Property::Frames
                 || cloud_of(graph, name).is_some_and(|cloud| dates_of(graph, &cloud).is_some());
             ui.add_enabled_ui(known, |ui| {
-                ui.selectable_value(&mut self.told, told, label)
+                ui.selectable_value(&mut self.property, property, label)
                     .on_hover_text(doc)
                     .on_disabled_hover_text("No stage of this graph stores the dates of points");
             });
         }
-        (self.told != before).then_some(self.told != Told::Ids)
+        (self.property != before).then_some(self.property != Property::Ids)
     }
 }
 
-/// The port of the cloud that a node takes its points from, or else the graph's first one.
+/// The port with the cloud whose points a node reads, or else the graph's first cloud.
 fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
     let node = graph.node(port.rsplit_once('.')?.0);
     let source = |node: &NodeInfo| {
@@ -151,7 +148,7 @@ fn cloud_of(graph: &GraphInfo, port: &str) -> Option<String> {
     node.and_then(source).or_else(|| graph.nodes.iter().find_map(source))
 }
 
-/// The port with the dates of a cloud's points: that of a node on the way from the cloud's memory to `cloud`.
+/// The port with the dates of a cloud's points: an output of a node that the cloud passes on its way to `cloud`.
 fn dates_of(graph: &GraphInfo, cloud: &str) -> Option<String> {
     let mut at = cloud.to_owned();
     loop {

@@ -16,8 +16,9 @@ pub fn row(ui: &mut Ui, session: &mut Session) {
         let shown = chosen.as_deref().map_or(saved.as_str(), short);
         let combo = ComboBox::from_id_salt("beside").selected_text(shown).width(190.0).height(420.0);
         let response = combo.show_ui(ui, |ui| {
-            ui.selectable_value(&mut chosen, None, &saved)
-                .on_hover_text("Shows the effect of your changes on the picture and its cost");
+            ui.selectable_value(&mut chosen, None, &saved).on_hover_text(
+                "Compare with the saved graph, to see the effect of your changes on picture and cost",
+            );
             for choice in beside.choices() {
                 ui.selectable_value(&mut chosen, Some(choice.text.clone()), short(&choice.text))
                     .on_hover_text(&choice.doc);
@@ -34,7 +35,7 @@ pub fn row(ui: &mut Ui, session: &mut Session) {
             let doc = "Frame times of this graph and of the other";
             ui.weak("frame").on_hover_text(doc);
             let (own, other) = (session.state.frame_ms, other.frame_ms);
-            ui.label(format!("{own:.1} ms against {other:.1} ms")).on_hover_text(doc);
+            ui.label(format!("{own:.1} ms, other {other:.1} ms")).on_hover_text(doc);
         }
     });
     if let Some(trouble) = session.beside.trouble() {
@@ -57,7 +58,7 @@ pub fn image(state: &State, port: &str) -> Result<Option<Arc<Snapshot>>, String>
     Ok(image.cloned())
 }
 
-/// The graph beside and its port, in words.
+/// The label of the graph beside and its port.
 pub fn name(state: &State, image: &Snapshot) -> String {
     let graph = state.other.as_ref().map_or("", |other| short(&other.path));
     format!("{graph}: {}", image.name)

@@ -1,5 +1,5 @@
-//! Comparison of two images: the one in view with another port, another graph's port, a file, or an earlier image of itself
-//! that was held.
+//! Comparison of two images: the one in view, and another port, another graph's port, a file, or an earlier image of
+//! the same port that the user holds.
 
 use std::{
     path::{Path, PathBuf},
@@ -30,7 +30,7 @@ use crate::{
 /// Step of the wipe's line per arrow key, as a share of the image.
 const WIPE_STEP: f32 = 0.01;
 
-/// The image that the one in view is compared with.
+/// The other image of a comparison.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum With {
     /// The held image.
@@ -74,7 +74,7 @@ pub struct Figures {
     pub flip: f64,
 }
 
-/// Measurements made away from the window's thread.
+/// Measurements, made on another thread than the window's.
 struct Measured {
     figures: Figures,
     /// FLIP's map as colours.
@@ -113,18 +113,18 @@ pub struct Compare {
     /// The requested file, and the number of requests.
     asked: Option<(PathBuf, u32)>,
     file: Task<(PathBuf, u32), Result<Arc<Snapshot>, String>>,
-    /// The last other image.
+    /// The other image in the last frame of the window.
     last: Option<Arc<Snapshot>>,
     measured: Task<Pair, Measured>,
     /// FLIP's map on the graphics card, and the pair that it belongs to.
     flip: Option<(Pair, TextureHandle)>,
     trouble: Option<String>,
-    /// The graph beside and its port.
+    /// The label of the graph beside and its port.
     beside: Option<String>,
 }
 
 impl Compare {
-    /// Holds an image of the last of `frames` frames, to be compared with later ones.
+    /// Holds an image, to be compared with later ones. `frames` is the number of frames run so far.
     pub fn holding(image: Option<Arc<Snapshot>>, frames: u32) -> Self {
         Self {
             with: With::Held,
@@ -156,7 +156,7 @@ impl Compare {
         self.with = With::File;
     }
 
-    /// The port to compare with, if it is a port.
+    /// The port to compare with, if the other image is a port's.
     pub fn port(&self) -> Option<&str> {
         if let With::Port(port) = &self.with { Some(port) } else { None }
     }
@@ -166,7 +166,7 @@ impl Compare {
         self.measured.result().map(|(_, measured)| &measured.figures).filter(|_| self.trouble.is_none())
     }
 
-    /// The reason why nothing is compared.
+    /// The reason why the images cannot be compared.
     pub fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
     }
@@ -175,7 +175,7 @@ impl Compare {
     pub fn header(&mut self, ui: &mut Ui, session: &mut Session, graph: &GraphInfo, shown: Option<&Layer>) {
         let frames = session.state.frames;
         ui.horizontal_wrapped(|ui| {
-            ui.label("against");
+            ui.label("compared with");
             self.choose(ui, graph);
             let hold = ui.add_enabled(shown.is_some(), egui::Button::new("Hold"));
             if hold.on_hover_text("Hold this image, and compare later ones with it").clicked()
@@ -209,7 +209,7 @@ impl Compare {
                 ui.selectable_value(&mut chosen, With::Held, self.held_name());
             }
             ui.selectable_value(&mut chosen, With::Graph, "another graph …")
-                .on_hover_text("It runs beside this one, with the same views and as many samples");
+                .on_hover_text("Runs beside this one, with the same views and number of samples");
             ui.selectable_value(&mut chosen, With::File, "an image file …");
             ui.separator();
             header::ports(ui, graph, true, |ui, name, label, doc| {
@@ -218,7 +218,7 @@ impl Compare {
         });
         response
             .response
-            .named(WidgetType::ComboBox, "Held against")
+            .named(WidgetType::ComboBox, "Compared with")
             .on_hover_text("The image to compare with");
         self.with = chosen;
     }
@@ -245,7 +245,9 @@ impl Compare {
             }
             match self.measured.result() {
                 _ if self.with == With::File && self.asked.is_none() => {
-                    ui.weak("Name a PNG or EXR file of this image's size, or drop one on the window.");
+                    ui.weak(
+                        "Enter the name of a PNG or EXR file of the same size, or drop one on the window.",
+                    );
                 }
                 Some((_, Measured { figures, .. })) => {
                     for (name, value, doc) in figures.named() {
@@ -292,7 +294,7 @@ impl Compare {
     ) -> Option<Arc<Snapshot>> {
         let other = self.source(ui, graph, state, &image.name).and_then(|other| match other {
             Some(other) if other.dims != image.dims => Err(format!(
-                "this image is {} pixels and the other one {}: only images of one size can be compared",
+                "this image has {} pixels and the other one {}: only images of the same size can be compared",
                 image.dims, other.dims
             )),
             other => Ok(other),
@@ -346,7 +348,7 @@ impl Compare {
             },
             With::Port(port) => {
                 let name = header::name(graph, port);
-                // Until it arrives, its last image stays.
+                // Until the port is captured, its last image stays.
                 Ok(state
                     .fields(&name)
                     .next()
@@ -389,7 +391,7 @@ impl Compare {
                 tag(painter, placed, Align2::RIGHT_TOP, self.name(graph));
             }
             (Way::Difference, Some(texture), _) => map(texture),
-            // The map arrives almost at once: until then, the image in view stays.
+            // Until the difference is computed, the image in view stays.
             (Way::Difference, None, _) => {}
             (Way::Flip, _, Some((_, texture))) => map(texture),
             (Way::Flip, _, None) => {
@@ -439,7 +441,7 @@ impl Compare {
         );
     }
 
-    /// The line's position on screen, never outside it.
+    /// The line's position on screen, clamped to the visible part of the image.
     fn line(&self, placed: &Placed) -> f32 {
         let visible = placed.visible();
         (placed.image.left() + self.wipe * placed.image.width())
@@ -477,7 +479,7 @@ impl Figures {
             (
                 "RMSE",
                 format!("{:.5}", self.rmse),
-                "Root mean square difference; of linear light where both images are",
+                "Root mean square error; of linear light if both images are linear, else of displayed colours",
             ),
         ]
     }

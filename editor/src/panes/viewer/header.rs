@@ -11,7 +11,7 @@ use crate::{
 
 const STOPS: std::ops::RangeInclusive<f32> = -16.0..=16.0;
 
-/// The name of a port's snapshots; the first output's for an empty name.
+/// The name of a port's snapshots; an empty name means the first output.
 pub fn name(graph: &GraphInfo, port: &str) -> String {
     match port {
         "" => graph.outputs.first().map_or(String::new(), |(name, _)| name.clone()),
@@ -24,7 +24,8 @@ pub fn output(graph: &GraphInfo) -> String {
     format!("output {}", name(graph, ""))
 }
 
-/// Offers ports: images, and lists too unless `images` is set. `offer` gets the port, its label and its contents in words.
+/// Offers ports: images, and lists too unless `images` is set. `offer` gets the port, its label and its contents in
+/// words.
 pub fn ports(
     ui: &mut Ui,
     graph: &GraphInfo,
@@ -54,7 +55,7 @@ pub fn ports(
 }
 
 impl Viewer {
-    /// The first row: the port, and the panels that can be opened beside it.
+    /// The first row: the port, its mode, and buttons for histogram, comparison and zoom.
     pub(super) fn header(&mut self, ui: &mut Ui, graph: &GraphInfo, frames: u32) {
         ui.horizontal_wrapped(|ui| {
             self.choose_port(ui, graph);
@@ -64,7 +65,7 @@ impl Viewer {
             self.choose_mode(ui);
             ui.toggle_value(&mut self.histogram_open, "Histogram").on_hover_text("Histogram of the values");
             let mut comparing = self.compare.is_some();
-            let doc = "Compare with this image held, another port, another graph, or a file";
+            let doc = "Compare with an earlier image, another port, another graph, or a file";
             if ui.toggle_value(&mut comparing, "Compare").on_hover_text(doc).changed() {
                 let image = self.layer().map(|layer| layer.snapshot.clone());
                 self.compare = comparing.then(|| Box::new(Compare::holding(image, frames)));
@@ -98,14 +99,14 @@ impl Viewer {
         let text = mode.map_or(automatic, Mode::label);
         let combo = ComboBox::from_id_salt("mode").selected_text(text).width(104.0).height(420.0);
         let response = combo.show_ui(ui, |ui| {
-            ui.selectable_value(&mut self.look.mode, None, "What suits the port");
+            ui.selectable_value(&mut self.look.mode, None, "Automatic");
             for (mode, label) in Mode::ALL {
                 ui.selectable_value(&mut self.look.mode, Some(mode), label);
             }
         });
         response.response.named(WidgetType::ComboBox, "Shown as").on_hover_text("How numbers map to colours");
         if self.look.mode != mode {
-            // A range in the old mode's numbers would mean nothing.
+            // The old mode's range does not apply to the new mode.
             self.look.range = None;
         }
     }
@@ -194,7 +195,7 @@ impl Viewer {
         self.layer().is_some_and(|layer| layer.snapshot.element == Element::Texel(Format::Rgba8Unorm))
     }
 
-    /// Offers to show ids as the ages of their points.
+    /// The choice to show ids as the ages of their points.
     fn ages_row(&mut self, ui: &mut Ui, graph: &GraphInfo, name: &str) {
         if self.is_of_points(graph)
             && let Some(is_number) = self.ages.choose(ui, graph, name)
@@ -204,7 +205,7 @@ impl Viewer {
         }
     }
 
-    /// The lane, if there are several.
+    /// The choice of the lane, if there are several.
     fn lane(&mut self, ui: &mut Ui, lanes: &[Lane]) {
         if lanes.len() < 2 {
             return;
@@ -234,9 +235,11 @@ impl Viewer {
             self.look.range = Some(ends);
         }
         if mode != Mode::Depth {
-            ui.checkbox(&mut self.look.log, "log").on_hover_text("Shades follow the logarithm");
+            ui.checkbox(&mut self.look.log, "log").on_hover_text("Logarithmic scale");
         }
-        if self.look.range.is_some() && ui.button("Auto").on_hover_text("Range from the image").clicked() {
+        if self.look.range.is_some()
+            && ui.button("Auto").on_hover_text("Take the range from the image").clicked()
+        {
             self.look.range = None;
         }
     }

@@ -33,7 +33,7 @@ impl HistogramView {
         painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
         let Some(counted) = counted else { return };
         let Some(histogram) = self.dragged.clone().or_else(|| counted.clone()) else {
-            let text = "These numbers are no amounts: there is nothing to count.";
+            let text = "No histogram: these values are not quantities.";
             let color = ui.visuals().weak_text_color();
             painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(12.0), color);
             return;
@@ -59,7 +59,7 @@ impl HistogramView {
         }
     }
 
-    /// The ends of the range as lines to drag; true while one is dragged.
+    /// Draws the ends of the range as draggable lines. Returns true while one is dragged.
     fn ends(&self, ui: &Ui, plot: Rect, histogram: &Histogram, range: [f32; 2], look: &mut Look) -> bool {
         let axis = &histogram.axis;
         let shares = range.map(|end| axis.share(end));
@@ -92,7 +92,7 @@ impl HistogramView {
     }
 }
 
-/// Heights are logarithmic, so that rare values are visible too.
+/// Draws the bars, with logarithmic heights so that rare values are visible too.
 fn bars(painter: &egui::Painter, plot: Rect, histogram: &Histogram) {
     let most = histogram.counts.iter().flatten().copied().max().unwrap_or(0).max(1);
     let height = |count: u32| plot.height() * (count as f32).ln_1p() / (most as f32).ln_1p();

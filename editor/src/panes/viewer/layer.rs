@@ -1,4 +1,4 @@
-//! An image on the graphics card, with the values it was made of.
+//! An image on the graphics card, and the values that it shows.
 
 use std::{ops::Deref, sync::Arc};
 
@@ -14,11 +14,11 @@ const OPTIONS: TextureOptions =
 pub struct Painted {
     /// The values.
     pub snapshot: Arc<Snapshot>,
-    /// The settings with which they became colours.
+    /// The mapping from values to colours.
     pub look: Look,
     /// The colours.
     pub shown: Shown,
-    /// The words of pixels, in modes that draw their meaning.
+    /// The pixels' 32-bit words, in modes that draw their bits.
     pub words: Vec<u32>,
     /// Shares of the pixels that are empty, simple and complex, in the mode that shows classes.
     pub classes: Option<[f32; 3]>,

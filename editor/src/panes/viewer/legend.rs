@@ -26,7 +26,7 @@ pub fn draw(painter: &Painter, pane: Rect, layer: &Layer) {
         }
         (Mode::Edges, ..) => {
             let [loose, _, complex] = edges::CLASSES.map(|(_, color)| color);
-            let entries = [("one edge", edges::EDGE), ("more", complex), ("an edge's end", loose)];
+            let entries = [("one edge", edges::EDGE), ("more", complex), ("end of an edge", loose)];
             swatches(painter, pane, &entries.map(|(text, color)| (text.to_owned(), color)));
         }
         (Mode::Reach, ..) => {
@@ -73,7 +73,7 @@ fn swatches(painter: &Painter, pane: Rect, entries: &[(String, [u8; 3])]) {
     }
 }
 
-/// The shades from the dark to the bright end, with round values at their places.
+/// A bar of the colours from the dark to the bright end, with labels at round values.
 fn bar(painter: &Painter, pane: Rect, scale: &Scale, unit: &str) {
     let title =
         if scale.curve == Curve::Log { format!("{unit} log").trim().to_owned() } else { unit.to_owned() };
@@ -103,7 +103,7 @@ fn bar(painter: &Painter, pane: Rect, scale: &Scale, unit: &str) {
     }
 }
 
-/// The shades from left to right.
+/// A bar of the colours from left to right.
 pub fn gradient(painter: &Painter, bar: Rect, scale: &Scale) {
     const STEPS: usize = 64;
     for step in 0..STEPS {

@@ -45,7 +45,7 @@ fn same(a: &[Arc<Snapshot>], b: &[Arc<Snapshot>]) -> bool {
 #[derive(Default)]
 pub struct List {
     newest: Option<Table>,
-    /// `None`: in the list's order.
+    /// The sort order; `None` for the list's own order.
     pub sorting: Option<Sorting>,
     sorted: Task<Sorted, (Table, Vec<u32>)>,
     /// The first row of the page.
@@ -65,7 +65,7 @@ impl List {
         }
     }
 
-    /// The table in view and the order of its rows: the newest one, or the last one that is sorted.
+    /// The table in view and the order of its rows: the newest one, or the last sorted one.
     fn shown(&self) -> Option<(&Table, Option<&[u32]>)> {
         match self.sorted.result().filter(|_| self.sorting.is_some()) {
             Some((_, (table, order))) => Some((table, Some(order))),
@@ -121,7 +121,7 @@ impl List {
             let last = count.saturating_sub(page) as i64;
             let turns = [
                 ("⏮", 0, "First page"),
-                ("◀", top - page as i64, "Page before"),
+                ("◀", top - page as i64, "Previous page"),
                 ("▶", top + page as i64, "Next page"),
                 ("⏭", last, "Last page"),
             ];
@@ -159,7 +159,7 @@ impl List {
         self.top = row.clamp(0, count.saturating_sub(page) as i64) as usize;
     }
 
-    /// Clicks cycle through: smallest first, largest first, unsorted.
+    /// The headings. Clicks cycle through: smallest first, largest first, unsorted.
     fn headings(&mut self, ui: &mut Ui, table: &Table) {
         ui.horizontal(|ui| {
             cell(ui, INDEX_WIDTH, |ui| {

@@ -1,5 +1,5 @@
-//! A port as an image: pan, zoom to pixels, read values, compare; or as a table, where it is a list. And the camera, flown
-//! with mouse and keys.
+//! Shows a port as an image that can be panned, zoomed and compared, or as a table if it is a list. Mouse and keys in
+//! the image move the camera.
 
 mod ages;
 mod beside;
@@ -69,7 +69,7 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// A view of a port, `node.port`, or of the graph's first output where it is empty.
+    /// A view of a port, `node.port`, or if that is empty, of the graph's first output.
     pub fn new(id: u64, port: String) -> Self {
         Self { id, port, ..Self::default() }
     }
@@ -94,7 +94,7 @@ impl Viewer {
         self.pictures.image.as_ref()
     }
 
-    /// The ports that it has to see.
+    /// The ports that the engine must capture for it.
     pub fn watched(&self) -> impl Iterator<Item = String> {
         let against = self.compare.as_deref().and_then(Compare::port).map(str::to_owned);
         [Some(self.port.clone()), against].into_iter().flatten().chain(self.ages.watched())
@@ -103,7 +103,7 @@ impl Viewer {
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
         let Some(graph) = session.state.graph.clone() else {
-            ui.centered_and_justified(|ui| ui.weak("Nothing runs yet."));
+            ui.centered_and_justified(|ui| ui.weak("No graph runs yet."));
             return;
         };
         let state = session.state.clone();
@@ -123,9 +123,9 @@ impl Viewer {
         }
         if self.layer().is_none() {
             let hint = if self.is_behind() {
-                "Drawing it …"
+                "Drawing …"
             } else if state.paused {
-                "Paused: Step or Run shows it."
+                "Paused: Step or Run to see it."
             } else {
                 "Waiting for a frame …"
             };
@@ -258,7 +258,7 @@ fn foot(ui: &mut Ui, response: &Response, placed: &Placed, layer: &Layer) {
             let [width, height] = placed.size;
             ui.weak(format!("{width}×{height}  {:.0}%", 100.0 * placed.zoom()));
             if layer.shown.odd > 0 {
-                let text = format!("{} pixels are no number", layer.shown.odd);
+                let text = format!("{} pixels are NaN or infinite", layer.shown.odd);
                 ui.colored_label(crate::theme::palette(ui).bad, text);
             }
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {

@@ -1,4 +1,4 @@
-//! Overlays on enlarged pixels: their values, strokes of edges, maps of reachable pixels.
+//! Overlays on enlarged pixels: values, edges, and maps of reachable pixels.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use epigraph_pictures::{Mode, edges, in_pixel};
@@ -6,14 +6,14 @@ use epigraph_pictures::{Mode, edges, in_pixel};
 use super::{layer::Layer, place::Placed};
 use crate::theme;
 
-/// Points per pixel from which on its values are written into it.
+/// Zoom, in points per pixel, from which values are written into pixels.
 const LEGIBLE: f32 = 44.0;
-/// Points per pixel from which on strokes are drawn into it.
+/// Zoom from which edges are drawn into pixels.
 const STROKES: f32 = 6.0;
-/// Points per pixel from which on a map of the reachable pixels is drawn into it.
+/// Zoom from which maps of the reachable pixels are drawn into pixels.
 const MAPS: f32 = 14.0;
 
-/// Brightness of the image behind strokes.
+/// Brightness of the image behind edges.
 const FAINT: u8 = 70;
 const GRID: Color32 = Color32::from_rgb(44, 49, 72);
 
@@ -109,7 +109,7 @@ fn maps(painter: &Painter, placed: &Placed, layer: &Layer) {
 
 /// The 5x5 pixels around one: the centre, the reached pixels, and the others.
 pub fn map(painter: &Painter, within: Rect, r24: u32) {
-    // Whole points: fractions would alias into stripes where there are many maps.
+    // Whole points: with fractions, many maps would alias into stripes.
     let side = (within.width() / 5.0).floor().max(1.0);
     let first = (within.center() - vec2(2.5, 2.5) * side).round();
     let gap = if side < 5.0 { 0.0 } else { 1.0 };
@@ -119,7 +119,8 @@ pub fn map(painter: &Painter, within: Rect, r24: u32) {
     }
 }
 
-/// Marks the pixels in the image that the pixel under the pointer reaches; if pixels are small, in a corner of the pane.
+/// Marks the pixels that the pixel under the pointer reaches: in the image, or if pixels are small, on a map in a
+/// corner of the pane.
 pub fn reach_of(painter: &Painter, placed: &Placed, layer: &Layer, [x, y]: [usize; 2]) {
     let Some(word) = layer.words.get(y * placed.size[0] + x).filter(|_| layer.shown.mode == Mode::Reach)
     else {

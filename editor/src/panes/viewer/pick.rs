@@ -1,11 +1,11 @@
-//! Picking a pixel, to see it through the whole graph.
+//! Picking a pixel to inspect.
 
 use egui::{Painter, Rect, Response, Stroke, StrokeKind, Ui, vec2};
 
 use super::Placed;
 use crate::{intent::Intent, session::Session, theme};
 
-/// A click picks a pixel of the frame, whose width and height are `frame`; the picked one is marked.
+/// Picks the clicked pixel of the frame, whose width and height are `frame`, and marks the picked one.
 pub fn pick(ui: &Ui, session: &mut Session, response: &Response, placed: &Placed, frame: [u32; 2]) {
     let (size, frame) = (placed.size, frame.map(|side| side.max(1) as usize));
     if response.clicked()

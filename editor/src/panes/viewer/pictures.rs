@@ -1,8 +1,8 @@
-//! The pictures of a view. They are computed away from the window's thread, which only uploads finished pixels to the
-//! graphics card: no other work on that thread grows with the image.
+//! The pictures of a view. They are computed on another thread; the window's thread only uploads finished pixels to the
+//! graphics card, so no other work on it grows with the image.
 //!
-//! Everything visible at one time comes from one piece of work, so that both sides of a comparison, their difference and the
-//! histogram are of the same frame. Until it is done, the previous pictures stay.
+//! All pictures of a view are computed together, so that both sides of a comparison, their difference and the histogram
+//! belong to the same frame. Until they are done, the previous pictures stay.
 
 use std::{sync::Arc, time::Duration};
 
@@ -13,8 +13,8 @@ use epigraph_pictures::{Histogram, Look, apart};
 use super::layer::{Layer, Painted, pixels, upload};
 use crate::task::Task;
 
-/// Pictures of usual sizes keep up with the graph even if all cores are busy; only slower ones leave some
-/// of their time to the tracer.
+/// Pictures that take longer than this leave some time to the tracer. Pictures of usual sizes are faster, so they keep
+/// up with the graph even if all cores are busy.
 const FREE: Duration = Duration::from_millis(100);
 
 /// The pictures to draw.
@@ -80,12 +80,13 @@ impl Default for Pictures {
 }
 
 impl Pictures {
-    /// Makes sure that an order is carried out, and shows finished pictures: call it in every frame of the window.
+    /// Starts an order if it differs from the last one, and shows finished pictures. Call it in every frame of the
+    /// window.
     pub fn update(&mut self, context: &Context, order: Order) {
         if let Some(drawn) = self.work.take() {
             self.show(context, drawn);
         }
-        // Newer frames may come when there is time for them, but a change of the settings must not wait.
+        // Newer frames may wait, but a change of the settings must not.
         if self.work.done().is_some_and(|done| done.wish != order.wish) {
             self.work.hurry();
         }
@@ -109,7 +110,7 @@ impl Pictures {
     }
 }
 
-/// Replaces a layer. An order without pixels found the layer's colours unchanged, and the layer has not changed since.
+/// Replaces a layer. If there are no new pixels, the layer's texture is still valid.
 fn fresh(layer: &mut Option<Layer>, context: &Context, fresh: Option<Fresh>) {
     let texture = layer.take().map(|layer| layer.texture);
     *layer = fresh.and_then(|Fresh { painted, pixels }| {

@@ -42,7 +42,7 @@ impl Place {
         Placed { pane, image, size }
     }
 
-    /// The wheel zooms, Shift drag and middle drag pan, a double click fits.
+    /// Handles the mouse: the wheel zooms, Shift drag and middle drag pan, a double click fits.
     pub fn steer(&mut self, ui: &Ui, response: &Response, placed: &Placed) {
         let shift = ui.input(|input| input.modifiers.shift);
         let pans = response.dragged_by(PointerButton::Middle)

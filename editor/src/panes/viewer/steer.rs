@@ -7,7 +7,7 @@ use crate::session::Session;
 /// Radians of camera rotation per point of a drag.
 const TURN: f32 = 0.006;
 
-/// Turns drags and held keys into movements.
+/// Turns drags and held keys into movements of the camera.
 pub fn steer(ui: &Ui, session: &mut Session, response: &Response) {
     let shift = ui.input(|input| input.modifiers.shift);
     let drag = response.drag_delta() * TURN;
@@ -17,7 +17,7 @@ pub fn steer(ui: &Ui, session: &mut Session, response: &Response) {
     if response.dragged_by(PointerButton::Secondary) {
         session.move_camera(|rig| rig.look(drag.x, drag.y));
     }
-    // Keys belong to a text field while it has the focus.
+    // A focused text field gets the keys.
     let typing = ui.ctx().memory(|memory| memory.focused().is_some_and(|id| id != response.id));
     if !(response.hovered() || response.has_focus()) || typing || ui.input(|input| input.modifiers.command) {
         return;

@@ -7,7 +7,7 @@ use epigraph_core::{Dims, PortElement};
 
 use super::*;
 
-/// Amounts that are all `value`.
+/// An image in which every pixel is `value`.
 fn image(frame: u64, value: f32) -> Arc<Snapshot> {
     let dims = Dims { width: 64, height: 48 };
     let bytes = value.to_le_bytes().repeat(dims.count());
@@ -26,7 +26,7 @@ fn wish(range: [f32; 2]) -> Wish {
     Wish { look: Look { range: Some(range), ..Look::default() }, histogram: false, gain: None }
 }
 
-/// Frames of the window until the order is carried out; `seen` is called after each.
+/// Updates the pictures, as in frames of the window, until the order is carried out; calls `seen` after each update.
 fn wait(pictures: &mut Pictures, order: &Order, mut seen: impl FnMut(&Pictures)) {
     let (context, start) = (Context::default(), Instant::now());
     loop {
@@ -45,14 +45,14 @@ fn first_color(pictures: &Pictures) -> [u8; 3] {
 }
 
 #[test]
-fn nothing_is_drawn_within_a_frame_of_the_window() {
+fn pictures_are_not_computed_on_the_windows_thread() {
     let mut pictures = Pictures::default();
     let order = Order { image: image(0, 0.25), other: None, wish: wish([0.0, 1.0]) };
     pictures.update(&Context::default(), order.clone());
     assert!(pictures.image.is_none() && pictures.is_behind());
     wait(&mut pictures, &order, |_| {});
     assert_eq!(first_color(&pictures), [64; 3]);
-    // Another look: the old picture stays until the new one is there.
+    // With another look, the old picture stays until the new one is finished.
     let brighter = Order { wish: wish([0.0, 0.5]), ..order };
     pictures.update(&Context::default(), brighter.clone());
     assert!(pictures.is_behind());
@@ -62,7 +62,7 @@ fn nothing_is_drawn_within_a_frame_of_the_window() {
 }
 
 #[test]
-fn what_is_compared_is_always_of_the_same_frame() {
+fn compared_images_are_always_of_the_same_frame() {
     let mut pictures = Pictures::default();
     let context = Context::default();
     let same = |pictures: &Pictures| {
@@ -85,7 +85,7 @@ fn what_is_compared_is_always_of_the_same_frame() {
 }
 
 #[test]
-fn what_has_not_changed_is_not_painted_again() {
+fn unchanged_images_are_not_painted_again() {
     let mut pictures = Pictures::default();
     let order = Order { image: image(0, 0.25), other: Some(image(0, 0.5)), wish: wish([0.0, 1.0]) };
     wait(&mut pictures, &order, |_| {});
@@ -95,7 +95,7 @@ fn what_has_not_changed_is_not_painted_again() {
     wait(&mut pictures, &next, |_| {});
     assert!(Arc::ptr_eq(&painted(&pictures.other), &held));
     assert_eq!(first_color(&pictures), [191; 3]);
-    // Without it, it goes.
+    // Without another image to compare with, the layer is removed.
     wait(&mut pictures, &Order { other: None, ..next }, |_| {});
     assert!(pictures.other.is_none() && pictures.difference.is_none());
 }
