@@ -242,3 +242,40 @@ impl Files {
         picture.chain(sheet).chain(saves).map(|(what, path)| (what, path.display().to_string())).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use epigraph::Backend;
+
+    use super::*;
+
+    #[test]
+    fn scratch_ports_of_another_size_than_the_frame_are_not_on_the_sheet_but_can_be_saved() {
+        let size = [48, 32];
+        let setup = Run::open("epi").unwrap().scene("cornell").camera("still").size(size);
+        let mut compiled = setup.backend(Backend::Cpu).compile().unwrap();
+        let (graph, plan) = (compiled.graph(), compiled.plan());
+        let sheet = image_ports(graph, plan, size);
+        let [mut shown, mut left_out] = [Vec::new(), Vec::new()];
+        // The number of scratch ports that are left out although they have the shape of an image.
+        let mut images = 0;
+        for node in plan.order().map(|id| &graph.nodes[id]) {
+            for (port, dims) in node.declaration().ports.iter().zip(&node.dims) {
+                if !(port.scratch && port.is_output()) {
+                    continue;
+                }
+                let source = Source { node: node.name.clone(), port: port.name.to_string() };
+                if sheet.contains(&source) {
+                    assert_eq!([dims.width, dims.height], size, "{source}");
+                    shown.push(source);
+                } else {
+                    images += usize::from(is_image(&port.fields[0].element, *dims, size));
+                    left_out.push(source);
+                }
+            }
+        }
+        assert!(images > 0, "{left_out:?}");
+        assert!(!shown.is_empty(), "{left_out:?}");
+        compiled.keep(&left_out).unwrap();
+    }
+}

@@ -400,6 +400,25 @@ fn the_render_cache_shows_which_points_it_averages() {
 }
 
 #[test]
+fn scratch_ports_are_left_out_but_can_be_watched_by_name() {
+    // It has one value per pixel, so it is left out only because it is scratch.
+    let scratch = "fill.points";
+    let run = Run::new("render-cache.ron", "cornell", Backend::Cpu, &[scratch], 3);
+    let (state, inspection) = run.look([40, 30]);
+    let graph = state.graph.as_ref().unwrap();
+    let info = graph.port(scratch).unwrap();
+    assert!(info.port.scratch && info.is_image(SIZE));
+    let shown: Vec<String> = inspection
+        .nodes
+        .iter()
+        .flat_map(|visit| visit.values.iter().map(move |(port, _)| format!("{}.{port}", visit.node)))
+        .collect();
+    assert!(shown.iter().any(|port| port == "fill.color"), "{shown:?}");
+    assert!(shown.iter().all(|port| !graph.port(port).unwrap().port.scratch), "{shown:?}");
+    assert_eq!(state.fields(scratch).count(), 1);
+}
+
+#[test]
 fn inspecting_changes_no_picture_and_ends_completely() {
     let image = |looks: bool| {
         let run = Run::new("epi.ron", "cornell", Backend::Cpu, &[], 3);
