@@ -2,62 +2,12 @@
 //! stage, and every selection of packages builds the same libraries. The tests call Cargo and share the workspace's
 //! target folder, so that the dependencies are not built again.
 
-use std::{
-    collections::BTreeSet,
-    env, fs,
-    path::{Path, PathBuf},
-    process::Command,
-};
+mod own_stage;
+
+use std::{collections::BTreeSet, env, fs, process::Command};
 
 use epigraph_pictures::{Difference, Picture};
-
-/// The repository.
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
-}
-
-/// The target folder of this test: the test itself is `target/release/deps/outside-...`.
-fn target() -> PathBuf {
-    env::current_exe().expect("a path").ancestors().nth(3).expect("a target folder").to_owned()
-}
-
-/// Runs a program to its end and returns its output.
-fn run(command: &mut Command) -> String {
-    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    let [printed, errors] =
-        [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-    assert!(output.status.success(), "{command:?}:\n{printed}\n{errors}");
-    printed
-}
-
-/// Runs Cargo in a folder, with the workspace's profile and target folder.
-fn cargo(folder: &Path, arguments: &[&str]) -> String {
-    let mut cargo = Command::new(env!("CARGO"));
-    cargo.current_dir(folder).args(arguments).args(["--offline", "--target-dir"]).arg(target());
-    run(&mut cargo)
-}
-
-/// Empties a folder. Its path is the same in each run, as Cargo rebuilds a package that has moved.
-fn fresh(folder: PathBuf) -> PathBuf {
-    if folder.exists() {
-        fs::remove_dir_all(&folder).unwrap();
-    }
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
-
-/// Copies a folder without the files that Cargo generates.
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
-        let (path, to) = (entry.path(), to.join(entry.file_name()));
-        if !path.is_dir() {
-            fs::copy(&path, &to).unwrap();
-        } else if entry.file_name() != "target" {
-            copy(&path, &to);
-        }
-    }
-}
+use own_stage::{build, cargo, fresh, package, root, run, target};
 
 #[test]
 fn every_package_compiles_from_its_own_files() {
@@ -82,23 +32,14 @@ fn every_package_compiles_from_its_own_files() {
     cargo(&folder, &["check", "--release", "--workspace"]);
 }
 
+/// The test of the package's editor is in `editor/tests/real_window.rs`.
 #[test]
 fn a_package_of_ones_own_adds_a_stage() {
-    let folder =
-        fresh(env::temp_dir().join(format!("own_stage{}", root().display()).replace(['/', '\\', ':'], "-")));
-    copy(&root().join("examples/own_stage"), &folder);
-    let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
-    let manifest = manifest.replace("path = \"../../", &format!("path = \"{}/", root().display()));
-    fs::write(folder.join("Cargo.toml"), manifest).unwrap();
-
+    let folder = package();
     // The package's own tests: its shader and its twin agree.
     cargo(&folder, &["test", "--release", "--lib"]);
 
-    cargo(&folder, &["build", "--release"]);
-    // The editor is only checked, as the libraries of its window take long to build and to link.
-    cargo(&folder, &["check", "--release", "--features", "editor", "--bin", "editor"]);
-
-    let program = target().join("release").join(format!("own_stage{}", env::consts::EXE_SUFFIX));
+    let program = build(&folder, "own_stage", &[]);
     let own_stage = |words: &str| run(Command::new(&program).current_dir(&folder).args(words.split(' ')));
     assert!(own_stage("stages median").contains("factor"));
     let picture = |name: &str, words: &str| {

@@ -1,6 +1,9 @@
-//! The program itself in a window on an X server without a screen, driven by real mouse and keyboard events.
-//! Needs `Xvfb` and `xdotool`, which `tests/run` installs.
+//! The editor in a real window on a virtual X server, driven by mouse and keyboard events. Needs `Xvfb` and `xdotool`,
+//! which `tests/run` installs.
 #![cfg(target_os = "linux")]
+
+#[path = "../../tests/own_stage.rs"]
+mod own_stage;
 
 use std::{
     fs,
@@ -14,33 +17,37 @@ use std::{
 
 use epigraph_editor::widgets::{VARIABLE, Widget};
 
-/// No step waits longer for what must come.
+/// Time limit for each wait.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// How often what is waited for is looked at.
+/// Time between two checks while waiting.
 const BEAT: Duration = Duration::from_millis(30);
 
-/// What the image in the viewer is called, before its port's name.
+/// The beginning of the accessible name of the viewer's image; the port's name follows.
 const IMAGE: &str = "image of ";
 
-/// What the field is called in which nodes are searched.
+/// The accessible name of the field that searches nodes.
 const SEARCH: &str = "Search nodes and kinds";
 
-/// Two editors at a time would make each other wait.
+/// Only one test runs at a time, as two editors would slow each other down.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// A program that ends with the test.
+/// A process that is killed at the end of the test.
 struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // It may have exited already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
 struct Desk {
+    /// The editor's program.
+    program: PathBuf,
+    /// The graph that it opens.
+    graph: &'static str,
     display: String,
     editor: Running,
     _server: Running,
@@ -48,9 +55,10 @@ struct Desk {
     _turn: MutexGuard<'static, ()>,
 }
 
-/// Starts the editor, with a session of its own.
-fn start(display: &str, folder: &Path) -> Running {
-    let editor = Command::new(env!("CARGO_BIN_EXE_epigraph-editor"))
+/// Starts an editor on a graph, with its session and its list of widgets in `folder`.
+fn start(program: &Path, graph: &str, display: &str, folder: &Path) -> Running {
+    let editor = Command::new(program)
+        .arg(graph)
         .current_dir(folder)
         .env("DISPLAY", display)
         .env_remove("WAYLAND_DISPLAY")
@@ -62,15 +70,20 @@ fn start(display: &str, folder: &Path) -> Running {
 }
 
 impl Desk {
-    /// A window of 1280x720 on a copy of the shipped graphs.
+    /// Opens a copy of the edge-and-point image.
     fn new() -> Self {
-        let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
         fs::create_dir_all(folder.path().join("graphs/parts")).unwrap();
         for name in ["epi.ron", "parts/cloud.ron", "parts/view.ron", "parts/edges.ron"] {
             fs::copy(graphs.join(name), folder.path().join("graphs").join(name)).unwrap();
         }
+        Self::open(env!("CARGO_BIN_EXE_epigraph-editor").into(), "epi", folder)
+    }
+
+    /// Opens a graph in a window of 1280x720. The editor runs in `folder`.
+    fn open(program: PathBuf, graph: &'static str, folder: tempfile::TempDir) -> Self {
+        let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "1280x720x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
@@ -80,26 +93,26 @@ impl Desk {
         let mut number = String::new();
         BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut number).unwrap();
         let display = format!(":{}", number.trim());
-        let editor = start(&display, folder.path());
-        let desk = Self { display, editor, _server: server, folder, _turn: turn };
+        let editor = start(&program, graph, &display, folder.path());
+        let desk = Self { program, graph, display, editor, _server: server, folder, _turn: turn };
         desk.focus();
         desk
     }
 
-    /// Waits for the window, lets it have the keys, and waits for its first picture.
+    /// Waits for the window, gives it the keyboard focus, and waits for its first picture.
     fn focus(&self) {
         let window = self.xdotool(&["search", "--sync", "--onlyvisible", "--name", "Epigraph"]);
-        // Without a window manager nobody else hands out the focus.
+        // There is no window manager that would give it the focus.
         self.xdotool(&["windowfocus", "--sync", window.lines().next().unwrap()]);
         self.find("Image", IMAGE);
     }
 
-    /// Ends the editor without a warning, and starts it again.
+    /// Kills the editor and starts it again.
     fn crash(&mut self) {
         self.editor.0.kill().unwrap();
         self.editor.0.wait().unwrap();
         fs::remove_file(self.folder.path().join("widgets.ron")).unwrap();
-        self.editor = start(&self.display, self.folder.path());
+        self.editor = start(&self.program, self.graph, &self.display, self.folder.path());
         self.focus();
     }
 
@@ -110,13 +123,13 @@ impl Desk {
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// The widgets in the window; none while the list is being written.
+    /// The widgets in the window; empty while the list is being written.
     fn widgets(&self) -> Vec<Widget> {
         let text = fs::read_to_string(self.folder.path().join("widgets.ron")).unwrap_or_default();
         ron::from_str(&text).unwrap_or_default()
     }
 
-    /// Looks at the widgets until they have what is wanted.
+    /// Waits until `found` returns a value for the widgets.
     fn until<T>(&self, what: &str, found: impl Fn(&[Widget]) -> Option<T>) -> T {
         let start = Instant::now();
         loop {
@@ -129,7 +142,7 @@ impl Desk {
         }
     }
 
-    /// The widget of that role and name, once it has stopped moving; of images, the beginning of the name is enough.
+    /// The widget with this role and name, once it has stopped moving. For images, the name may be just its beginning.
     fn find(&self, role: &str, name: &str) -> Widget {
         let mut before = None;
         let what = format!("{role} {name}");
@@ -140,7 +153,7 @@ impl Desk {
                     _ => widget.name == name,
                 };
                 let is_meant = |widget: &&Widget| widget.role == role && is_called(widget);
-                // What lies over others comes last.
+                // Widgets on top of others come last.
                 widgets.iter().rev().find(is_meant).cloned()
             });
             if before.as_ref() == Some(&found.rect) {
@@ -181,7 +194,7 @@ impl Desk {
         let is_search = |widget: &&Widget| widget.name == SEARCH && widget.value == name;
         self.until("search for it", |widgets| widgets.iter().find(is_search).cloned());
         self.click("Button", name);
-        // The parameters are now its own.
+        // The parameters pane shows the node.
         let is_title = |widget: &&Widget| widget.role == "Label" && widget.value == name;
         self.until("title of the parameters", |widgets| widgets.iter().find(is_title).cloned());
     }
@@ -192,7 +205,7 @@ impl Desk {
         self.find("Image", &format!("{IMAGE}{node}.{port}"));
     }
 
-    /// Where the camera is, as the session keeps it.
+    /// The camera, as the session file stores it.
     fn camera(&self) -> Option<String> {
         let session = self.folder.path().join("config/epigraph-editor/session.ron");
         let text = fs::read_to_string(session).ok()?;
@@ -200,11 +213,11 @@ impl Desk {
         seen.contains("eye:").then(|| seen.to_owned())
     }
 
-    /// Waits until the camera has moved and rests; where it is then.
+    /// Waits until the camera differs from `from` and no longer moves. Returns it.
     fn rested(&self, from: Option<&String>) -> String {
         let mut before = self.moved(from);
         loop {
-            // Sessions are kept every second.
+            // Sessions are saved every second.
             thread::sleep(Duration::from_millis(1500));
             let now = self.moved(from);
             if now == before {
@@ -214,16 +227,17 @@ impl Desk {
         }
     }
 
-    /// Waits until the camera is elsewhere; where it is then.
+    /// Waits until the camera differs from `from`. Returns it.
     fn moved(&self, from: Option<&String>) -> String {
         self.until("other place of the camera", |_| self.camera().filter(|camera| Some(camera) != from))
     }
 
+    /// The path of the edge-and-point image.
     fn graph(&self) -> PathBuf {
         self.folder.path().join("graphs/epi.ron")
     }
 
-    /// Saves until the file is as it should be.
+    /// Saves repeatedly until `holds` is true for the file's text. Returns the text.
     fn save(&self, what: &str, holds: impl Fn(&str) -> bool) -> String {
         let start = Instant::now();
         loop {
@@ -256,17 +270,17 @@ fn fly_view_swap_change_undo_and_save() {
     desk.moved(Some(&turned));
     desk.xdotool(&["keyup", "w"]);
 
-    // See an intermediate port, and the picture again.
+    // View an intermediate port, and the picture again.
     desk.select("view/project");
     desk.view("view/project", "depth");
     desk.select("tonemap");
     desk.view("tonemap", "image");
 
-    // Brighter: the only characters that are to stay.
+    // Increase the exposure: the only change that stays.
     desk.drag("Slider", "exposure", [5.0, 0.0]);
     let changed = desk.save("the exposure", |text| text.contains("exposure"));
 
-    // Another stage in a node's place, and back.
+    // Swap a node's stage, and undo it.
     desk.select("interpolate");
     desk.click("ComboBox", "stage");
     desk.click("Button", "fill");
@@ -286,7 +300,7 @@ fn fly_view_swap_change_undo_and_save() {
 }
 
 #[test]
-fn what_was_not_saved_outlives_a_program_that_is_killed() {
+fn unsaved_changes_survive_killing_the_editor() {
     let mut desk = Desk::new();
     let opened = fs::read_to_string(desk.graph()).unwrap();
     desk.select("tonemap");
@@ -299,8 +313,8 @@ fn what_was_not_saved_outlives_a_program_that_is_killed() {
     desk.save("the unsaved exposure", |text| text.contains("exposure"));
 }
 
-/// Returns true if the folder, or one within it, has a file of unsaved work with some text. The session has the word too, for
-/// the exposure of the view; and a file that is being written bears another name.
+/// Returns true if the folder, or one within it, has a recovery file that contains `text`. Other files do not count:
+/// the session file also contains "exposure", and a file that is being written has another name.
 fn holds_unsaved(path: &Path, text: &str) -> bool {
     if let Ok(entries) = fs::read_dir(path) {
         return entries.flatten().any(|entry| holds_unsaved(&entry.path(), text));
@@ -308,4 +322,27 @@ fn holds_unsaved(path: &Path, text: &str) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let is_kept = name.starts_with("unsaved-") && name.ends_with(".ron");
     is_kept && fs::read_to_string(path).is_ok_and(|found| found.contains(text))
+}
+
+#[test]
+fn the_editor_of_a_package_of_ones_own_runs_its_stage() {
+    let package = own_stage::package();
+    let program = own_stage::build(&package, "editor", &["--features", "editor"]);
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(package.join("median.ron"), folder.path().join("median.ron")).unwrap();
+    let desk = Desk::open(program, "median.ron", folder);
+
+    // The list of nodes shows the time of the last frame in the node's row.
+    let is_milliseconds = |widget: &Widget| {
+        let ms = widget.value.strip_suffix(" ms").and_then(|ms| ms.parse::<f32>().ok());
+        widget.role == "Label" && ms.is_some_and(|ms| ms > 0.0)
+    };
+    desk.until("time of the node", |widgets| {
+        let row = widgets.iter().find(|widget| widget.role == "Button" && widget.name == "median")?;
+        let [_, top, _, bottom] = row.rect;
+        let is_in_row = |widget: &&Widget| (top..bottom).contains(&middle(widget)[1]);
+        widgets.iter().filter(is_in_row).find(|widget| is_milliseconds(widget)).cloned()
+    });
+    desk.click("Button", "Canvas");
+    desk.find("Button", "node median");
 }
