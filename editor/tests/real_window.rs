@@ -188,11 +188,15 @@ impl Desk {
 
     /// Finds a node by its name and selects it.
     fn select(&self, name: &str) {
-        self.click("TextInput", SEARCH);
-        self.xdotool(&["key", "ctrl+a"]);
-        self.xdotool(&["type", "--delay", "30", name]);
-        let is_search = |widget: &&Widget| widget.name == SEARCH && widget.value == name;
-        self.until("search for it", |widgets| widgets.iter().find(is_search).cloned());
+        let start = Instant::now();
+        // On a busy machine, the window may handle the first keys before the click that focuses the field.
+        while self.find("TextInput", SEARCH).value != name {
+            assert!(start.elapsed() < PATIENCE, "{name} cannot be typed");
+            self.click("TextInput", SEARCH);
+            self.xdotool(&["key", "ctrl+a"]);
+            self.xdotool(&["type", "--delay", "30", name]);
+            thread::sleep(10 * BEAT);
+        }
         self.click("Button", name);
         // The parameters pane shows the node.
         let is_title = |widget: &&Widget| widget.role == "Label" && widget.value == name;
@@ -237,17 +241,19 @@ impl Desk {
         self.folder.path().join("graphs/epi.ron")
     }
 
-    /// Saves repeatedly until `holds` is true for the file's text. Returns the text.
+    /// Saves repeatedly until `holds` is true for the file's text and the text no longer changes. Returns the text.
     fn save(&self, what: &str, holds: impl Fn(&str) -> bool) -> String {
         let start = Instant::now();
+        let mut before = None;
         loop {
             self.xdotool(&["key", "ctrl+s"]);
             thread::sleep(10 * BEAT);
             let text = fs::read_to_string(self.graph()).unwrap();
-            if holds(&text) {
+            if holds(&text) && before.as_ref() == Some(&text) {
                 return text;
             }
             assert!(start.elapsed() < PATIENCE, "{what}:\n{text}");
+            before = Some(text);
         }
     }
 }

@@ -241,10 +241,12 @@ pub fn command() -> Command {
         let program = programs.join(format!("epigraph{}", std::env::consts::EXE_SUFFIX));
         let built = fs::metadata(&program).and_then(|data| data.modified());
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let sources = ["cli", "core", "graphs", "pictures", "scenes/src", "shaders", "stages"];
+        let sources = ["cli", "core", "graphs", "pictures", "run", "scenes/src", "shaders", "stages"];
         let newest = sources.into_iter().map(|folder| newest(&root.join(folder))).max().unwrap();
         if built.ok().is_none_or(|built| built < newest) {
-            let cargo = Command::new(env!("CARGO")).args(["build", "--release", "-p", "epigraph"]).status();
+            let cargo = Command::new(env!("CARGO"))
+                .args(["build", "--release", "--workspace", "--bin", "epigraph"])
+                .status();
             assert!(cargo.unwrap().success());
         }
         program
