@@ -6,11 +6,11 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use epigraph::{Backend, Pace, Samples};
+use epigraph::{Backend, Change, Pace, Samples};
 
 use crate::{
     bench::{Choice, Sweep},
-    values::{self, Light, Place, Save, Setting, Size},
+    values::{self, Light, Place, Save, Size},
 };
 
 const EXAMPLES: &str = "\
@@ -18,6 +18,7 @@ Examples:
   epigraph                                   the edge-and-point image of the Cornell box, to epigraph.png
   epigraph --scene chains --camera fly --samples 10%
   epigraph graphs/render-cache.ron --set cull.threshold=0.1 --save project.depth=depth.exr
+  epigraph --swap spread=mine.wgsl           a shader of yours in the place of a stage
   epigraph check graphs/epi.ron              the plan: execution order and memory use
   epigraph stages fill                       what a stage does: its ports and parameters
   epigraph reference --spp 256 --out reference.exr
@@ -25,6 +26,36 @@ Examples:
   epigraph bench --quick                     the time of each step, beside the papers' figures
   epigraph gallery --out gallery             a page of pictures: what each step does, scene by scene
   epigraph quality --scene cornell           image quality at 1, 2, 5 and 10% of the pixels sampled per frame";
+
+/// How graphs and changes to them are named, at the end of several help texts.
+const NAMES: &str = "\n\n\
+Graphs and their variants:
+  GRAPH is a file, or the name of a graph that comes with the program. Changes may follow, each after a plus; the options
+  --set, --swap, --insert and --wire make the same changes, to every GRAPH of the command. A graph file makes them with
+  `base`.
+
+  epi+interpolate.sigma=0.5              a parameter; epi+sigma=0.5 does, as only one node has a `sigma`
+  epi+swap:interpolate=mine.wgsl         a shader of yours in the place of a node, with the same wires
+  epi+swap:fill=spread                   another stage kind; `epigraph stages` lists them
+  epi+swap:view=my-view.ron              another file in the place of a part
+  epi+insert:tonemap.color=median.wgsl   a new node, called `median`, in the wire to the input tonemap.color
+  epi+wire:tonemap.color=spread.color    an input connected to another port, or to `none`
+
+  A parameter is one of the node that has come in. Paths start at the current folder.";
+
+const RENDER_HELP: &str = "\
+The picture is the graph's output `image`, or its first one.
+
+Examples:
+  epigraph render --frames 120 --camera orbit --sheet sheet.png --save interpolate.priority=priority.png
+  epigraph render epi --swap interpolate=mine.wgsl --set interpolate.radius=3
+  epigraph render epi --insert tonemap.color=median.wgsl --save median.calm=calm.exr";
+
+const CHECK_HELP: &str = "\
+Examples:
+  epigraph check graphs/*.ron --dot plan.dot && dot -Tsvg plan.dot > plan.svg
+  epigraph check epi+swap:interpolate=mine.wgsl         does my shader fit in this place?
+  epigraph check mine.ron --full whole.ron              what my graph with a base is, in one file";
 
 const BENCH_HELP: &str = "\
 Times are medians over many frames of a moving camera, after a warm-up that fills the point cloud. Tracing runs
@@ -40,7 +71,8 @@ Examples:
   epigraph bench --quick                                  a first impression in half a minute
   epigraph bench --plot bench.svg --json bench.json       everything, in a few minutes
   epigraph bench --scene dragon --backend gpu --size 1920x1080 --sweep none
-  epigraph bench --graph render-cache --scene cornell --sweep pixels";
+  epigraph bench --graph render-cache --scene cornell --sweep pixels
+  epigraph bench --graph epi --graph epi+swap:interpolate=mine.wgsl --quick    what a stage of your own costs";
 
 const GALLERY_HELP: &str = "\
 For each scene the gallery shows the last frame as an edge-and-point image and by the render cache, both from the same
@@ -51,7 +83,8 @@ gallery.md, gives the command line of every picture. Files are written only afte
 Examples:
   epigraph gallery --out gallery                                 all scenes, in a few minutes
   epigraph gallery --out chains --scene chains --crop 230,110    one scene, and the detail to enlarge
-  epigraph gallery --out cornell --scene cornell --samples 1%    the same at 1% of the pixels per frame";
+  epigraph gallery --out cornell --scene cornell --samples 1%    the same at 1% of the pixels per frame
+  epigraph gallery --out mine --graph epi+sigma=0.5              a variant of epi";
 const QUALITY_HELP: &str = "\
 Each graph starts without history and runs along the camera path; the frames given by --frames are compared with
 converged pictures of the same views. A table cell reads
@@ -64,15 +97,17 @@ exposure and curve unchanged. Pixels near edges are those within 2 pixels of an 
 crease or a hard shadow boundary (`reference --edges` writes them). The first graph is the baseline for the others.
 
 With few light paths per sample (`trace.spp`, 4 by default), their noise hides differences at edges; 64 shows them.
-JSON: size, seed, backend, adapter, spp, mode, set, edge_reach (pixels), rows [{graph, scene, camera, samples (as given),
-samples_per_frame, psnr, flip, edges {share, psnr, flip}, frames [{frame, psnr, flip, edges}]}]. The figures of a row are
-means over its frames; share is the share of pixels near edges; null means that the pictures are equal or have no edges.
+JSON: size, seed, backend, adapter, spp, mode, set (changes to all graphs), edge_reach (pixels), rows [{graph, scene,
+camera, samples (as given), samples_per_frame, psnr, flip, edges {share, psnr, flip}, frames [{frame, psnr, flip,
+edges}]}]. The figures of a row are means over its frames; share is the share of pixels near edges; null means that the
+pictures are equal or have no edges.
 
 Examples:
   epigraph quality --set trace.spp=64 --plot quality.svg --json quality.json     everything, in several minutes
   epigraph quality --scene cornell --camera orbit --samples 5% --size 256x256    a first impression
   epigraph quality epi my.ron --frames 9,19,39,79                                your own graph beside epi
-  epigraph quality epi --set interpolate.sigma=0.6 --scene chains                the effect of a parameter";
+  epigraph quality epi epi+sigma=0.6 --scene chains                              the effect of a parameter
+  epigraph quality epi epi+swap:interpolate=mine.wgsl                            the effect of a stage of your own";
 
 /// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
 ///
@@ -92,13 +127,10 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Render frames along a camera path and write the last one (the default command)
-    #[command(after_help = "The picture is the graph's output `image`, or its first one.\n\n\
-        Example:\n  epigraph render --frames 120 --camera orbit --sheet sheet.png --save interpolate.priority=priority.png")]
+    #[command(after_help = [RENDER_HELP, NAMES].concat())]
     Render(RenderArgs),
     /// Check graphs and their shaders, and print the plan, without a GPU
-    #[command(
-        after_help = "Example:\n  epigraph check graphs/*.ron --dot plan.dot && dot -Tsvg plan.dot > plan.svg"
-    )]
+    #[command(after_help = [CHECK_HELP, NAMES].concat())]
     Check(CheckArgs),
     /// List the stage kinds, or the ports and parameters of one kind or of a graph
     #[command(
@@ -119,13 +151,13 @@ pub enum Command {
     )]
     Compare(CompareArgs),
     /// Time the steps of a frame, beside the papers' table, and measure how frame time scales
-    #[command(after_help = BENCH_HELP)]
+    #[command(after_help = [BENCH_HELP, NAMES].concat())]
     Bench(BenchArgs),
     /// Make a page of pictures that shows each step, and both algorithms side by side
-    #[command(after_help = GALLERY_HELP)]
+    #[command(after_help = [GALLERY_HELP, NAMES].concat())]
     Gallery(GalleryArgs),
     /// Measure the image quality of graphs: PSNR and FLIP against converged pictures, overall and near edges
-    #[command(after_help = QUALITY_HELP)]
+    #[command(after_help = [QUALITY_HELP, NAMES].concat())]
     Quality(QualityArgs),
 }
 
@@ -142,15 +174,38 @@ pub struct SceneArgs {
     pub size: Size,
 }
 
+/// Changes to the graph; to all graphs, if there are several.
+#[derive(Args, Clone, Debug, Default)]
+pub struct ChangeArgs {
+    /// Set a parameter of a node, or PARAM=VALUE if it is the graph's own or only one node has it; may be repeated
+    #[arg(long, value_name = "node.param=value", value_parser = Change::set)]
+    pub set: Vec<Change>,
+    /// Put another stage in the place of a node, with the same wires; may be repeated
+    #[arg(long, value_name = "NODE=FILE.wgsl|KIND|PART.ron", value_parser = Change::swap)]
+    pub swap: Vec<Change>,
+    /// Put a new node into the wire that ends at an input; may be repeated
+    #[arg(long, value_name = "NODE.PORT=FILE.wgsl|KIND|PART.ron", value_parser = Change::insert)]
+    pub insert: Vec<Change>,
+    /// Connect an input to another port, or to `none`; may be repeated
+    #[arg(long, value_name = "NODE.PORT=NODE.PORT", value_parser = Change::wire)]
+    pub wire: Vec<Change>,
+}
+
+impl ChangeArgs {
+    /// All changes.
+    pub fn all(&self) -> impl Iterator<Item = &Change> {
+        self.swap.iter().chain(&self.insert).chain(&self.wire).chain(&self.set)
+    }
+}
+
 /// How a graph is compiled, apart from the scene.
 #[derive(Args, Clone, Debug)]
 pub struct GraphArgs {
     /// Maximum number of samples per frame: a count, or a percentage of the image's pixels
     #[arg(long, value_name = "N|P%", default_value = "5%", allow_hyphen_values = true)]
     pub samples: Samples,
-    /// Set a parameter of a node, or of the graph itself as param=value; may be repeated
-    #[arg(long, value_name = "node.param=value")]
-    pub set: Vec<Setting>,
+    #[command(flatten)]
+    pub changes: ChangeArgs,
     /// Run every node, even those that have no effect in this scene
     #[arg(long)]
     pub no_prune: bool,
@@ -162,7 +217,7 @@ pub struct GraphArgs {
 /// Arguments of `render`.
 #[derive(Args, Clone, Debug)]
 pub struct RenderArgs {
-    /// Graph file, or the name of a built-in graph [default: epi]
+    /// Graph file, or the name of a graph or a variant [default: epi]
     pub graph: Option<String>,
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -203,7 +258,7 @@ pub struct RenderArgs {
 /// Arguments of `check`.
 #[derive(Args, Clone, Debug)]
 pub struct CheckArgs {
-    /// Graphs to check: files, or names of built-in graphs such as epi
+    /// Graphs to check: files, names of built-in graphs such as epi, or variants
     #[arg(required = true, value_name = "GRAPH")]
     pub graphs: Vec<String>,
     #[command(flatten)]
@@ -213,6 +268,9 @@ pub struct CheckArgs {
     /// Default placement for nodes without `on:`; here auto means cpu, as no GPU is opened
     #[arg(long, default_value = "auto", value_parser = values::backend())]
     pub backend: Backend,
+    /// Write the whole graph as one file without a base or parts (one GRAPH only)
+    #[arg(long, value_name = "FILE.ron")]
+    pub full: Option<PathBuf>,
     /// Write the plan as a Graphviz graph (one GRAPH only)
     #[arg(long, value_name = "FILE")]
     pub dot: Option<PathBuf>,
@@ -284,9 +342,9 @@ pub struct BenchArgs {
     /// Rows to measure; may be repeated [default: all, or all but hybrid with --graph]
     #[arg(long)]
     pub backend: Vec<Choice>,
-    /// Graph file, or the name of a built-in graph, for the rows `cpu` and `gpu` [default: epi]
+    /// Graph file, or the name of a graph or a variant, for the rows `cpu` and `gpu`; may be repeated [default: epi]
     #[arg(long)]
-    pub graph: Option<String>,
+    pub graph: Vec<String>,
     /// Camera path: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
@@ -324,6 +382,12 @@ pub struct GalleryArgs {
     /// Folder for gallery.md and its pictures; created if it does not exist
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+    /// The graph to show, which interpolates between edges: a file, or the name of a graph or a variant
+    #[arg(long, default_value = "epi")]
+    pub graph: String,
+    /// The graph to compare it with, likewise
+    #[arg(long, value_name = "GRAPH", default_value = "render-cache")]
+    pub beside: String,
     /// Scene to show; may be repeated [default: cornell, chains and room; bust and dragon if fetched]
     #[arg(long, value_name = "SCENE")]
     pub scene: Vec<String>,
@@ -356,7 +420,7 @@ pub struct GalleryArgs {
 /// Arguments of `quality`.
 #[derive(Args, Clone, Debug)]
 pub struct QualityArgs {
-    /// Graph files, or names of built-in graphs [default: render-cache and epi]
+    /// Graph files, or names of graphs or variants [default: render-cache and epi]
     #[arg(value_name = "GRAPH")]
     pub graphs: Vec<String>,
     /// Scene to measure; may be repeated [default: cornell, chains and room]
@@ -380,9 +444,8 @@ pub struct QualityArgs {
     /// Width and height of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "384x384", allow_hyphen_values = true)]
     pub size: Size,
-    /// Set a parameter of a node, or of the graph itself as param=value, in all graphs; may be repeated
-    #[arg(long, value_name = "node.param=value")]
-    pub set: Vec<Setting>,
+    #[command(flatten)]
+    pub changes: ChangeArgs,
     /// Samples per pixel of the references
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
     pub spp: u32,

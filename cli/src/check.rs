@@ -16,8 +16,13 @@ use crate::{args::CheckArgs, error::CliError, open, output::JsonTarget, stages};
 pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError> {
     let json = JsonTarget::new(args.json.as_deref())?;
     let dot = args.dot.as_deref().map(Target::new).transpose()?;
-    if dot.is_some() && args.graphs.len() > 1 {
-        return Err(CliError::Input("--dot writes one plan; name one GRAPH".into()));
+    let full = args.full.as_deref().map(Target::new).transpose()?;
+    for (option, wanted) in
+        [("--dot writes one plan", dot.is_some()), ("--full writes one graph", full.is_some())]
+    {
+        if wanted && args.graphs.len() > 1 {
+            return Err(CliError::Input(format!("{option}; name one GRAPH")));
+        }
     }
     let place = open::place(&args.scene.scene, &args.scene.camera)?;
     let settings = settings(args, place.facts())?;
@@ -32,6 +37,10 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
                 if let Some(dot) = &dot {
                     dot.write(checked.plan.dot().as_bytes())?;
                 }
+                if let Some(full) = &full {
+                    full.write(checked.file.full(registry, full.path())?.as_bytes())?;
+                    text += &format!("written in full to {}\n", full.path().display());
+                }
                 plans.push(json!({ "graph": name, "plan": checked.json() }));
             }
             Err(CliError::Run(Error::Graph(Problems(problems)))) => {
@@ -41,7 +50,7 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
                 text += &format!("{name}: {}\n", count(problems.len(), "problem"));
                 errors.extend(problems);
             }
-            // An error of the command line, such as a `--set` of an unknown node, has no place in a file.
+            // Errors of other kinds concern the command as a whole.
             Err(error) => return Err(error),
         }
     }
@@ -70,6 +79,7 @@ fn settings(args: &CheckArgs, facts: Facts) -> Result<Settings, CliError> {
 /// A graph without problems.
 struct Checked {
     params: Vec<GraphValue>,
+    file: GraphFile,
     plan: Plan,
     /// The plan without pruning, to report how much pruning saves.
     whole: Plan,
@@ -82,12 +92,12 @@ fn check_one(
     settings: &Settings,
     registry: &Registry,
 ) -> Result<Checked, CliError> {
-    let file = open::graph(name, &args.compile.set)?;
+    let file = open::graph(name, &args.compile.changes, registry)?;
     let (Graph { params, .. }, plan) = compile(&file, registry, settings)?;
     // Nodes that only another scene needs are checked too.
     let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;
-    let shaders = check_shaders(&file, &graph, registry)?;
-    Ok(Checked { params, plan, whole, shaders })
+    let shaders = check_shaders(&*file.whole()?, &graph, registry)?;
+    Ok(Checked { params, file, plan, whole, shaders })
 }
 
 /// Checks every node's shader against its ports, without a GPU. Returns the number of shaders.

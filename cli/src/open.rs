@@ -1,38 +1,41 @@
-//! Opens the inputs of commands: graphs with `--set`, scenes with a progress display, threads.
+//! Opens the inputs of commands: graphs with their changes, scenes with a progress display, threads.
 
 use std::sync::Arc;
 
-use epigraph::{Place, Run, Samples, graphs};
+use epigraph::{Change, Place, Registry, Run, Samples, graphs};
 use epigraph_core::{GraphError, GraphFile};
 use epigraph_scenes::{Scene, Tracer};
 
-use crate::{error::CliError, progress, values::Setting};
+use crate::{args::ChangeArgs, error::CliError, progress};
 
 /// Names of commands, to suggest one for a mistyped word.
 const COMMANDS: [&str; 8] =
     ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality"];
 
-/// Reads a graph by its name or file and applies `--set` in order.
+/// Reads a graph by its name or file, with its variant's changes and those of the options.
 ///
 /// # Errors
-/// Problems of the graph file, and a `--set` with an unknown node or a value that is not valid RON. Unknown parameters
-/// are reported on compiling.
-pub fn graph(name: &str, settings: &[Setting]) -> Result<GraphFile, CliError> {
-    let mut file = graphs::load(name).map_err(|mut problems| {
+/// Problems of the graph file and of changes, such as a `--set` with an unknown node. Unknown parameters and ports are
+/// reported on compiling.
+pub fn graph(name: &str, changes: &ChangeArgs, registry: &Registry) -> Result<GraphFile, CliError> {
+    let changes: Vec<Change> = changes.all().cloned().collect();
+    let file = graphs::load_with(name, &changes, registry).map_err(|mut problems| {
         for problem in &mut problems.0 {
-            if matches!(problem.error, GraphError::Unknown { what: graphs::UNKNOWN, .. }) {
+            if let GraphError::Unknown { what: graphs::UNKNOWN, found, .. } = &problem.error {
                 let known = graphs::names().chain(COMMANDS);
-                problem.error = GraphError::unknown("graph, file or command", name, known);
+                problem.error = GraphError::unknown("graph, file or command", found, known);
             }
         }
         problems
     })?;
-    for setting in settings {
-        setting
-            .apply(&mut file)
-            .map_err(|problems| CliError::Input(format!("--set {setting}: {problems}")))?;
-    }
     Ok(file)
+}
+
+/// The name of a graph in tables: without the folder `graphs` and the ending, with the changes of a variant.
+pub fn label(name: &str) -> String {
+    let base = epigraph::split(name).map_or(name, |(base, _)| base);
+    let bare = base.strip_prefix("graphs/").unwrap_or(base);
+    format!("{}{}", bare.strip_suffix(".ron").unwrap_or(bare), &name[base.len()..])
 }
 
 /// The maximum number of samples per frame of `size` pixels.

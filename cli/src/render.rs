@@ -31,7 +31,8 @@ const PROBE_INTERVAL: u32 = 8;
 /// Renders frames and writes the last one. If the user interrupts it, one more frame runs and is written.
 pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
     let threads = open::threads(args.threads)?;
-    let file = open::graph(args.graph.as_deref().unwrap_or(graphs::DEFAULT), &args.compile.set)?;
+    let named = args.graph.as_deref().unwrap_or(graphs::DEFAULT);
+    let file = open::graph(named, &args.compile.changes, registry)?;
     let files = Files::new(args)?;
     let size = args.scene.size.0;
     // Checked before the scene is loaded, which may take long.
@@ -64,7 +65,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     compiled.require()?;
     let pooled = PerSide::new(|side| compiled.plan().pooled_bytes(side));
     open::tracer(&place);
-    let graph = compiled.file().path.clone();
+    let graph = compiled.file().name();
     let mut run = compiled.start()?;
     let measured = run_frames(&mut run, args.frames, &traced)?;
     open::warn_of_bad_samples(run.non_finite_samples());

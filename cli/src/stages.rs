@@ -8,7 +8,19 @@ use epigraph_core::{
 };
 use serde_json::{Value, json};
 
-use crate::{args::StagesArgs, error::CliError, open, output::JsonTarget, table::Table};
+use crate::{
+    args::{ChangeArgs, StagesArgs},
+    error::CliError,
+    open,
+    output::JsonTarget,
+    table::Table,
+};
+
+/// Whether a name is that of a graph, and not of a kind.
+fn is_graph(name: &str) -> bool {
+    let base = epigraph::split(name).map_or(name, |(base, _)| base);
+    base.ends_with(".ron") || graphs::names().any(|known| known == base)
+}
 
 /// Lists all kinds, or describes one.
 pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
@@ -34,8 +46,9 @@ pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
                     json!({ "kind": PART_KIND, "doc": part::DOC, "params": [param_json(&part::file())] });
                 target.finish(&json, &part::text())
             }
-            None if name.ends_with(".ron") || graphs::names().any(|known| known == name) => {
-                let (json, text) = part::describe(&open::graph(name, &[])?, registry);
+            None if is_graph(name) => {
+                let file = open::graph(name, &ChangeArgs::default(), registry)?;
+                let (json, text) = part::describe(&file.name(), &*file.whole()?, registry);
                 target.finish(&json, &text)
             }
             None => {

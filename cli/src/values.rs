@@ -7,7 +7,7 @@ use clap::{
     builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
 };
 use epigraph::{Backend, Pace};
-use epigraph_core::{GraphFile, MAX_SIDE, Problems, Source};
+use epigraph_core::{MAX_SIDE, Source};
 
 /// Width and height in pixels, written `WxH`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,58 +44,6 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self([x, y]) = self;
         write!(f, "{x},{y}")
-    }
-}
-
-/// A parameter's new value, written `node.param=value`, or `param=value` for a parameter of the graph itself.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Setting {
-    /// The node; `None` for the graph itself.
-    pub node: Option<String>,
-    /// The parameter.
-    pub param: String,
-    /// The value as RON.
-    pub value: String,
-}
-
-impl Setting {
-    /// Sets the parameter.
-    ///
-    /// # Errors
-    /// Those of [`GraphFile::set_param`] and [`GraphFile::set_graph_param`].
-    pub fn apply(&self, file: &mut GraphFile) -> Result<(), Problems> {
-        match &self.node {
-            Some(node) => file.set_param(node, &self.param, &self.value),
-            None => file.set_graph_param(&self.param, &self.value),
-        }
-    }
-}
-
-impl FromStr for Setting {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text.split_once('=').map(|(name, value)| (name.split_once('.'), name, value));
-        let (node, param, value) = match parts {
-            Some((Some((node, param)), _, value)) => (Some(node), param, value),
-            Some((None, param, value)) => (None, param, value),
-            None => (None, "", ""),
-        };
-        if param.is_empty() || value.is_empty() || node == Some("") {
-            let example = "cull.threshold=0.1, or of the graph itself, such as sigma=0.5";
-            return Err(format!("expected a parameter of a node as node.param=value, such as {example}"));
-        }
-        Ok(Self { node: node.map(str::to_owned), param: param.into(), value: value.into() })
-    }
-}
-
-impl fmt::Display for Setting {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { node, param, value } = self;
-        match node {
-            Some(node) => write!(f, "{node}.{param}={value}"),
-            None => write!(f, "{param}={value}"),
-        }
     }
 }
 
@@ -170,17 +118,10 @@ mod tests {
     }
 
     #[test]
-    fn settings_and_saves() {
-        let setting: Setting = "glow.shader=\"a=b.wgsl\"".parse().unwrap();
-        assert_eq!((setting.node.as_deref(), setting.param.as_str()), (Some("glow"), "shader"));
-        assert_eq!(setting.value, "\"a=b.wgsl\"");
-        assert_eq!(setting.to_string(), "glow.shader=\"a=b.wgsl\"");
-        let setting: Setting = "sigma=0.5".parse().unwrap();
-        assert_eq!((setting.node.as_deref(), setting.to_string()), (None, "sigma=0.5".into()));
+    fn saves() {
         let save: Save = "cull.depth=a/b=c.exr".parse().unwrap();
         assert_eq!((save.source.to_string(), save.file), ("cull.depth".into(), "a/b=c.exr".into()));
-        for wrong in ["", "a", "a.b", "=1", ".b=1", "a.=1", "a.b="] {
-            assert!(wrong.parse::<Setting>().is_err(), "{wrong}");
+        for wrong in ["", "a", "a.b", "a=1", ".b=1", "a.=1", "a.b="] {
             assert!(wrong.parse::<Save>().is_err(), "{wrong}");
         }
         assert!("a=1".parse::<Save>().is_err());

@@ -2,7 +2,9 @@
 
 use std::{fs, io, path::Path};
 
-use epigraph_core::{GraphError, GraphFile, Library, Origin, Problems};
+use epigraph_core::{GraphError, GraphFile, Library, Origin, Problems, Registry};
+
+use crate::change::{Change, changed, split};
 
 pub use epigraph_graphs::names;
 
@@ -35,12 +37,36 @@ impl Library for Shipped {
 }
 
 /// Reads a graph: the file of that name if it exists, else the graph of that name that comes with the program. Graphs
-/// that it names itself, as parts or as its base, are found in the same way.
+/// that it names itself, as parts or as its base, are found in the same way. Changes may follow the name, each after a
+/// plus:
+///
+/// | name | graph |
+/// |---|---|
+/// | `epi+interpolate.sigma=0.5` | with this parameter |
+/// | `epi+sigma=0.5` | the same, as only one node has such a parameter |
+/// | `epi+swap:interpolate=mine.wgsl` | with a shader file, a kind or a graph file in the place of a node |
+/// | `epi+insert:tonemap.color=median.wgsl` | with a new node in the wire to an input |
+/// | `epi+wire:tonemap.color=spread.color` | with an input connected to another port, or to `none` |
+///
+/// Paths in them start at the current folder. `registry` has the stages.
 ///
 /// # Errors
-/// The problems of the file. If there is neither a file nor a shipped graph, a single word gives
+/// The problems of the file and of the changes. If there is neither a file nor a shipped graph, a single word gives
 /// [`GraphError::Unknown`] with [`UNKNOWN`].
-pub fn load(name: &str) -> Result<GraphFile, Problems> {
+pub fn load(name: &str, registry: &Registry) -> Result<GraphFile, Problems> {
+    load_with(name, &[], registry)
+}
+
+/// The same, with further changes: those of the name win.
+///
+/// # Errors
+/// Those of [`load`].
+pub fn load_with(name: &str, changes: &[Change], registry: &Registry) -> Result<GraphFile, Problems> {
+    let (base, own) = split(name)?;
+    changed(load_file(base)?, changes.iter().chain(&own), registry)
+}
+
+fn load_file(name: &str) -> Result<GraphFile, Problems> {
     let path = Path::new(name);
     if let (false, Some((path, text))) = (path.is_file(), Shipped.shipped(name)) {
         let mut file = GraphFile::parse(&path, &text)?;

@@ -28,6 +28,7 @@
 //! [`epigraph_pictures`] (conversion of port contents to pictures and files).
 
 mod backend;
+mod change;
 mod error;
 pub mod graphs;
 mod image;
@@ -44,6 +45,7 @@ pub use epigraph_stages::{
 };
 
 pub use backend::{Backend, Device};
+pub use change::{Change, changed, split};
 pub use error::Error;
 pub use image::{Image, Pixel};
 pub use place::Place;

@@ -414,12 +414,13 @@ impl Compiled {
 }
 
 impl Run {
-    /// Opens a graph by its file, or by the name of a built-in one.
+    /// Opens a graph by its file or by the name of a shipped one, with changes if the name has any:
+    /// `epi+interpolate.sigma=0.5`. See [`graphs::load`], which takes stages of your own in changes, too.
     ///
     /// # Errors
-    /// If there is no such graph, and all problems of its text.
+    /// If there is no such graph, and all problems of its text and of the changes.
     pub fn open(graph: &str) -> Result<Setup, Error> {
-        Ok(Setup::new(graphs::load(graph)?))
+        Ok(Setup::new(graphs::load(graph, &epigraph_stages::registry())?))
     }
 
     /// Opens a graph from its text. Messages name it by `path`, and relative paths in it start there. Its parts and its

@@ -6,20 +6,21 @@ use std::{
     sync::Arc,
 };
 
-use epigraph::{Device, Place, Samples, Setup, Snapshot, Source};
+use epigraph::{Device, Place, Samples, Setup, Snapshot, Source, graphs::Shipped};
 use epigraph_core::{GraphFile, Settings, Side};
 use epigraph_scenes::Scene;
 
 pub use epigraph_core::testing::gpu;
 
 /// The shipped graph files.
-pub const GRAPHS: [&str; 6] = [
+pub const GRAPHS: [&str; 7] = [
     "render-cache.ron",
     "epi.ron",
     "hybrid.ron",
     "render-cache-cpu-dither.ron",
     "experiments/outline.ron",
     "experiments/complex-pixels.ron",
+    "experiments/blur.ron",
 ];
 
 /// Runs a frame of both from the CPU's state and compares ports of integers. Returns the largest number of elements
@@ -47,7 +48,7 @@ pub fn frame_on_both(cpu: &mut Run, gpu: &mut Run, ports: &[&str], allowed: usiz
 /// If there is no such graph or it does not parse.
 pub fn graph(name: &str) -> GraphFile {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name);
-    GraphFile::load(&path).unwrap_or_else(|problems| panic!("{problems}"))
+    GraphFile::load_with(&path, &Shipped).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
 /// A graph that runs frame by frame. All errors are panics.

@@ -13,5 +13,6 @@ mod render_cache;
 mod shipped;
 mod split;
 mod still;
+mod swap;
 mod user_shader;
 mod wgsl_nodes;

@@ -1,79 +1,29 @@
 //! Shader files alone can stand in for stages: those of `tests/wgsl/` take the places of the shipped nodes, each alone
 //! and all together, and the pictures stay the same, byte for byte.
 
-use std::{
-    env, fs,
-    path::{Path, PathBuf},
-    process,
-    sync::atomic::{AtomicU32, Ordering},
-};
+use std::path::Path;
 
+use epigraph::{Change, changed};
 use epigraph_core::{GraphFile, Settings, Side};
-use epigraph_tests::{Run, Stage, tap};
+use epigraph_stages::registry;
+use epigraph_tests::{Run, Stage, graph, tap};
 
-/// The files, and the part or graph with the node that each stands in for.
-const NODES: [(&str, &str); 5] = [
-    ("age", "parts/cloud.ron"),
-    ("edge_raster", "parts/edges.ron"),
-    ("classify", "parts/edges.ron"),
-    ("reach", "parts/edges.ron"),
-    ("interpolate", "epi.ron"),
-];
+/// The files, named like the nodes that they stand in for.
+const NODES: [&str; 5] = ["age", "edge_raster", "classify", "reach", "interpolate"];
 
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-/// A folder that is removed with it.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn path(&self) -> &Path {
-        &self.0
+/// The edge-and-point image with shader files in the places of these nodes, and the same parameters.
+fn swapped(names: &[&str]) -> GraphFile {
+    let epi = graph("epi.ron");
+    let mut changes = Vec::new();
+    for name in names {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("wgsl").join(name);
+        changes.push(Change::swap(&format!("{name}={}.wgsl", file.display())).unwrap());
+        let (node, _) = epi.node_at(&epi.address_of(name)).unwrap();
+        let set =
+            node.params.iter().map(|param| format!("{name}.{}={}", param.name.value, param.value.value));
+        changes.extend(set.map(|text| Change::set(&text).unwrap()));
     }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // Left behind it does no harm.
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-/// A copy of the shipped graphs beside the shader files.
-fn copy() -> Folder {
-    static NEXT: AtomicU32 = AtomicU32::new(0);
-    let name = format!("epigraph-nodes-{}-{}", process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
-    let folder = Folder(env::temp_dir().join(name));
-    for from in ["../graphs", "../graphs/parts", "wgsl"] {
-        let to = folder.path().join(from.trim_start_matches("../graphs").trim_start_matches('/'));
-        fs::create_dir_all(&to).unwrap();
-        for entry in fs::read_dir(root().join(from)).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_file() {
-                fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
-            }
-        }
-    }
-    folder
-}
-
-/// Changes a graph file by the same edits that the editor makes.
-fn edit(file: PathBuf, change: impl FnOnce(&mut GraphFile)) {
-    let mut graph = GraphFile::load(&file).unwrap_or_else(|problems| panic!("{problems}"));
-    change(&mut graph);
-    fs::write(&file, graph.text).unwrap();
-}
-
-/// Puts shader files in the places of these nodes.
-fn swap(folder: &Path, names: &[(&str, &str)]) {
-    for (name, file) in names {
-        edit(folder.join(file), |graph| {
-            let shader = folder.join("wgsl").join(format!("{name}.wgsl"));
-            graph.set_kind(name, "wgsl").unwrap();
-            graph.set_param(name, "shader", &format!("{shader:?}")).unwrap();
-        });
-    }
+    changed(epi, &changes, &registry()).unwrap_or_else(|problems| panic!("{problems}"))
 }
 
 const SIZE: [u32; 2] = [97, 71];
@@ -92,22 +42,19 @@ const PORTS: [&str; 9] = [
 ];
 
 /// The ports and the picture after some frames, of a graph with this many nodes of kind `wgsl`.
-fn run(folder: &Path, scene: &'static str, nodes: usize) -> Vec<(&'static str, Vec<u8>)> {
-    let file = GraphFile::load(&folder.join("epi.ron")).unwrap_or_else(|problems| panic!("{problems}"));
+fn run(file: &GraphFile, scene: &'static str, nodes: usize) -> Vec<(&'static str, Vec<u8>)> {
     let taps = PORTS.iter().map(|port| tap(port.trim_end_matches(".meta"))).collect();
     let settings =
         Settings { side: Side::Gpu, taps, poison: true, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
-    let mut run = Run::new(&file, Stage { scene, camera: "orbit", settings });
+    let mut run = Run::new(file, Stage { scene, camera: "orbit", settings });
     assert_eq!(run.executor.plan().nodes.iter().filter(|node| node.kind == "wgsl").count(), nodes);
     run.frames(6);
     PORTS.iter().chain(&["image"]).map(|port| (*port, run.captured(port).bytes)).collect()
 }
 
 /// Compares a graph with the shipped one.
-fn assert_same(names: &[(&str, &str)], shipped: &[(&str, Vec<u8>)], scene: &'static str) {
-    let folder = copy();
-    swap(folder.path(), names);
-    for ((port, found), (_, expected)) in run(folder.path(), scene, names.len()).iter().zip(shipped) {
+fn assert_same(names: &[&str], shipped: &[(&str, Vec<u8>)], scene: &'static str) {
+    for ((port, found), (_, expected)) in run(&swapped(names), scene, names.len()).iter().zip(shipped) {
         let differ = found.iter().zip(expected).filter(|(a, b)| a != b).count();
         assert!(
             found.len() == expected.len() && differ == 0,
@@ -118,22 +65,20 @@ fn assert_same(names: &[(&str, &str)], shipped: &[(&str, Vec<u8>)], scene: &'sta
 
 #[test]
 fn shader_files_stand_in_for_stages() {
-    let shipped = run(copy().path(), "cornell", 0);
+    let shipped = run(&swapped(&[]), "cornell", 0);
     for node in NODES {
         assert_same(&[node], &shipped, "cornell");
     }
     assert_same(&NODES, &shipped, "cornell");
     // With lights, bodies and shadow boundaries that move.
-    assert_same(&NODES, &run(copy().path(), "cornell-moving", 0), "cornell-moving");
+    assert_same(&NODES, &run(&swapped(&[]), "cornell-moving", 0), "cornell-moving");
 }
 
 #[test]
 fn the_comparison_can_fail() {
-    let shipped = run(copy().path(), "cornell", 0);
-    let folder = copy();
-    swap(folder.path(), &NODES);
-    edit(folder.path().join("epi.ron"), |graph| graph.set_param("interpolate", "sigma", "0.6").unwrap());
-    let differs: Vec<&str> = run(folder.path(), "cornell", NODES.len())
+    let shipped = run(&swapped(&[]), "cornell", 0);
+    let other = swapped(&NODES).with_param("test", "interpolate", "sigma", "0.6").unwrap();
+    let differs: Vec<&str> = run(&other, "cornell", NODES.len())
         .iter()
         .zip(&shipped)
         .filter(|((_, found), (_, expected))| found != expected)

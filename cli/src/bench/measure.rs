@@ -212,7 +212,9 @@ pub fn with_points(job: &Job, per_pixel: f64) -> Result<GraphFile, CliError> {
     let compiled = job.setup(Samples::Count(1)).compile()?;
     let mut graph = job.graph.clone();
     for (node, _) in clouds(compiled.graph()) {
-        graph.set_param(&node.name, "points_per_pixel", &format!("{per_pixel:?}"))?;
+        let value = format!("{per_pixel:?}");
+        graph =
+            graph.with_param(&format!("{value} points per pixel"), &node.name, "points_per_pixel", &value)?;
     }
     Ok(graph)
 }

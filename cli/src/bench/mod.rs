@@ -50,6 +50,8 @@ pub struct Row {
     pub backend: Split,
     /// The graph.
     pub graph: String,
+    /// Its place among the graphs that were asked for, and its name; `None` if there is only one.
+    pub variant: Option<(usize, String)>,
     /// Its figures.
     pub measured: Measured,
 }
@@ -98,11 +100,18 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
 pub const SOFTWARE_WARNING: &str =
     "SOFTWARE GPU: it computes on the CPU, so the times of `gpu` and `hybrid` say nothing about a real GPU";
 
+/// A graph on the side that a row is for.
+struct Runs {
+    backend: Split,
+    variant: Option<(usize, String)>,
+    graph: GraphFile,
+}
+
 struct Bench<'a> {
     args: &'a BenchArgs,
     registry: &'a Arc<Registry>,
-    /// The graph of each requested backend.
-    graphs: Vec<(Split, GraphFile)>,
+    /// What runs in the rows of a scene.
+    runs: Vec<Runs>,
     sweeps: Vec<Sweep>,
     /// The GPU if one is needed, or the reason why it is missing.
     gpu: Result<Option<Device>, String>,
@@ -110,24 +119,32 @@ struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     fn new(args: &'a BenchArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
-        let mut graphs = Vec::new();
+        let named = if args.graph.is_empty() { vec![GRAPH.to_owned()] } else { args.graph.clone() };
+        let mut runs = Vec::new();
         for backend in backends(args) {
-            let named = args.graph.as_deref().unwrap_or(GRAPH);
-            let name = if backend == Split::Hybrid { HYBRID } else { named };
-            graphs.push((backend, open::graph(name, &args.compile.set)?));
+            let names = if backend == Split::Hybrid { &[HYBRID.to_owned()][..] } else { &named[..] };
+            for (nth, name) in names.iter().enumerate() {
+                let variant = (names.len() > 1).then(|| (nth, open::label(name)));
+                runs.push(Runs {
+                    backend,
+                    variant,
+                    graph: open::graph(name, &args.compile.changes, registry)?,
+                });
+            }
         }
-        let needs_gpu = graphs.iter().any(|(backend, _)| backend.side() == Side::Gpu);
+        let needs_gpu = runs.iter().any(|runs| runs.backend.side() == Side::Gpu);
         let gpu = match needs_gpu.then(|| Device::open(Backend::Gpu)) {
             Some(opened) => opened.map(Some).map_err(|error| error.to_string()),
             None => Ok(None),
         };
-        Ok(Self { args, registry, graphs, sweeps: sweeps(args), gpu })
+        Ok(Self { args, registry, runs, sweeps: sweeps(args), gpu })
     }
 
     fn run(&self) -> Result<Results, CliError> {
         let mut results = Results::default();
         if let Err(why) = &self.gpu {
-            let what = self.graphs.iter().map(|(backend, _)| backend).filter(|b| b.side() == Side::Gpu);
+            let what = Split::ALL.into_iter().filter(|backend| backend.side() == Side::Gpu);
+            let what = what.filter(|backend| self.runs.iter().any(|runs| runs.backend == *backend));
             let what: Vec<String> = what.map(|backend| format!("rows `{backend}`")).collect();
             results.skipped.push(Skipped { what: what.join(", "), why: why.clone() });
         }
@@ -159,34 +176,34 @@ impl<'a> Bench<'a> {
         Ok(Loaded { name: name.into(), place })
     }
 
-    /// The graph and device of each row that this machine can run.
-    fn runs(&self) -> impl Iterator<Item = (Split, &GraphFile, &Device)> {
-        self.graphs.iter().filter_map(|(split, graph)| match (split.side(), &self.gpu) {
-            (Side::Cpu, _) => Some((*split, graph, &Device::CPU)),
-            (Side::Gpu, Ok(Some(device))) => Some((*split, graph, device)),
+    /// What this machine can run, each with its device.
+    fn possible(&self) -> impl Iterator<Item = (&Runs, &Device)> {
+        self.runs.iter().filter_map(|runs| match (runs.backend.side(), &self.gpu) {
+            (Side::Cpu, _) => Some((runs, &Device::CPU)),
+            (Side::Gpu, Ok(Some(device))) => Some((runs, device)),
             (Side::Gpu, _) => None,
         })
     }
 
     fn scene(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
-        for (backend, graph, device) in self.runs() {
-            let job = self.job(loaded, backend, graph, device, self.args.size.0);
-            results.take(&job, backend, |results| &mut results.rows)?;
+        for (runs, device) in self.possible() {
+            let job = self.job(loaded, runs, device, self.args.size.0);
+            results.take(&job, runs, |results| &mut results.rows)?;
         }
         Ok(())
     }
 
     fn sweep_pixels(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
         let sides: &[u32] = if self.args.quick { &QUICK_SIDES } else { &SIDES };
-        for (backend, graph, device) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Pixels)) {
+        for (runs, device) in self.possible().filter(|_| self.sweeps.contains(&Sweep::Pixels)) {
             let software = device.gpu.as_ref().is_some_and(|gpu| gpu.is_software());
             for &side in sides {
-                let job = self.job(loaded, backend, graph, device, [side, side]);
+                let job = self.job(loaded, runs, device, [side, side]);
                 if software && side > LARGEST_SOFTWARE_SIDE {
                     results.skip(&job, "not on a software GPU".into());
                     continue;
                 }
-                results.take(&job, backend, |results| &mut results.pixels)?;
+                results.take(&job, runs, |results| &mut results.pixels)?;
             }
         }
         Ok(())
@@ -194,28 +211,22 @@ impl<'a> Bench<'a> {
 
     fn sweep_points(&self, loaded: &Loaded, results: &mut Results) -> Result<(), CliError> {
         let densities: &[f64] = if self.args.quick { &QUICK_POINTS_PER_PIXEL } else { &POINTS_PER_PIXEL };
-        for (backend, graph, device) in self.runs().filter(|_| self.sweeps.contains(&Sweep::Points)) {
+        for (runs, device) in self.possible().filter(|_| self.sweeps.contains(&Sweep::Points)) {
             for &density in densities {
-                let mut job = self.job(loaded, backend, graph, device, self.args.size.0);
+                let mut job = self.job(loaded, runs, device, self.args.size.0);
                 let graph = measure::with_points(&job, density)?;
                 job.label += &format!(" {density} points/pixel");
                 job.graph = &graph;
-                results.take(&job, backend, |results| &mut results.points)?;
+                results.take(&job, runs, |results| &mut results.points)?;
             }
         }
         Ok(())
     }
 
-    fn job<'b>(
-        &'b self,
-        loaded: &'b Loaded,
-        backend: Split,
-        graph: &'b GraphFile,
-        device: &'b Device,
-        size: [u32; 2],
-    ) -> Job<'b> {
-        let label = format!("{} {backend} {}x{}", loaded.name, size[0], size[1]);
-        Job { label, args: self.args, registry: self.registry, graph, device, loaded, size }
+    fn job<'b>(&'b self, loaded: &'b Loaded, runs: &'b Runs, device: &'b Device, size: [u32; 2]) -> Job<'b> {
+        let variant = runs.variant.as_ref().map_or(String::new(), |(_, name)| format!(" {name}"));
+        let label = format!("{} {}{variant} {}x{}", loaded.name, runs.backend, size[0], size[1]);
+        Job { label, args: self.args, registry: self.registry, graph: &runs.graph, device, loaded, size }
     }
 }
 
@@ -224,14 +235,15 @@ impl Results {
     fn take(
         &mut self,
         job: &Job,
-        backend: Split,
+        runs: &Runs,
         place: impl Fn(&mut Self) -> &mut Vec<Row>,
     ) -> Result<(), CliError> {
         match measure::measure(job)? {
             Outcome::Measured(measured) => place(self).push(Row {
                 scene: job.loaded.name.clone(),
-                backend,
-                graph: job.graph.path.clone(),
+                backend: runs.backend,
+                graph: runs.graph.name(),
+                variant: runs.variant.clone(),
                 measured: *measured,
             }),
             Outcome::Beyond(why) => self.skip(job, why),
@@ -254,7 +266,7 @@ fn backends(args: &BenchArgs) -> Vec<Split> {
             Split::Hybrid => Choice::Hybrid,
         };
         match args.backend.as_slice() {
-            [] => backend != Split::Hybrid || args.graph.is_none(),
+            [] => backend != Split::Hybrid || args.graph.is_empty(),
             choices => choices.contains(&choice) || choices.contains(&Choice::All),
         }
     };

@@ -10,7 +10,7 @@ use super::{
     Row, SOFTWARE_WARNING, Split, Sweep,
     column::COLUMNS,
     papers,
-    report::{Report, by_backend, ms},
+    report::{Report, by_line, ms},
     times::Times,
 };
 use crate::axis::{Log, number, span};
@@ -25,8 +25,9 @@ const COLORS: [&str; COLUMNS.len()] =
     ["#0b4f8a", "#2f7fbf", "#6baed6", "#a6cbe3", "#c8500a", "#f79646", "#8cc78a", "#2f8f4e"];
 const REST: &str = "#c4c4c8";
 
-/// Colours of the lines of cpu, gpu and hybrid.
-const LINES: [&str; 3] = ["#2563a8", "#c0392b", "#7d5ba6"];
+/// Colours of the lines of cpu, gpu and hybrid, for each of the first graphs.
+const LINES: [[&str; 3]; 3] =
+    [["#2563a8", "#c0392b", "#7d5ba6"], ["#2f8f4e", "#d9822b", "#7d5ba6"], ["#0fa3a3", "#b5496b", "#7d5ba6"]];
 
 const TITLE: Font = Font { size: 22.0, color: "#1b1f24", bold: true };
 const HEADING: Font = Font { size: 14.0, color: "#1b1f24", bold: true };
@@ -85,11 +86,7 @@ struct Bar<'a> {
 
 /// One scene's bars, ours first.
 fn scene_bars<'a>(report: &Report, rows: &'a [Row]) -> Vec<Bar<'a>> {
-    let ours = rows.iter().map(|row| Bar {
-        name: report.label(row.backend),
-        times: &row.measured.times,
-        ours: true,
-    });
+    let ours = rows.iter().map(|row| Bar { name: report.label(row), times: &row.measured.times, ours: true });
     let paper = papers::of(&rows[0].scene).into_iter();
     let theirs = paper.flat_map(|paper| [("papers' GPU", &paper.gpu), ("papers' CPU", &paper.cpu)]);
     ours.chain(theirs.map(|(name, times)| Bar { name: name.into(), times, ours: false })).collect()
@@ -194,13 +191,21 @@ fn panels(svg: &mut Svg, report: &Report, top: f64) -> f64 {
         return top;
     }
     svg.text([MARGIN, top], "How frame time scales (ms, both axes logarithmic)", Anchor::Start, HEADING);
-    let backends = Split::ALL;
-    let drawn =
-        |backend: &Split| panels.iter().any(|(.., rows)| rows.iter().any(|(_, row)| row.backend == *backend));
-    for (index, backend) in backends.into_iter().filter(drawn).enumerate() {
-        let x = 460.0 + 150.0 * index as f64;
-        svg.line([x, top - 4.5], [x + 22.0, top - 4.5], LINES[backend as usize], 2.5);
-        svg.text([x + 29.0, top], &report.label(backend), Anchor::Start, LABEL);
+    let mut lines: Vec<&Row> = Vec::new();
+    for (.., rows) in &panels {
+        for row in by_line(rows).map(|rows| rows[0].1) {
+            if lines.iter().all(|known| report.label(known) != report.label(row)) {
+                lines.push(row);
+            }
+        }
+    }
+    let mut x = 460.0;
+    for row in lines {
+        let label = report.label(row);
+        svg.line([x, top - 4.5], [x + 22.0, top - 4.5], color(row), 2.5);
+        svg.text([x + 29.0, top], &label, Anchor::Start, LABEL);
+        // Letters of this font are about half as wide as high.
+        x += 150f64.max(50.0 + 0.55 * LABEL.size * label.len() as f64);
     }
     let [width, height, gap] = [350.0, 250.0, 54.0];
     for (index, (sweep, name, rows)) in panels.iter().enumerate() {
@@ -210,6 +215,12 @@ fn panels(svg: &mut Svg, report: &Report, top: f64) -> f64 {
         panel(svg, rows, &title, [x, top + 22.0], [width, height]);
     }
     top + 22.0 + height + 56.0
+}
+
+/// The colour of a row's line.
+fn color(row: &Row) -> &'static str {
+    let nth = row.variant.as_ref().map_or(0, |(nth, _)| *nth);
+    LINES[nth % LINES.len()][row.backend as usize]
 }
 
 fn panel(svg: &mut Svg, rows: &[(f64, &Row)], title: &str, [left, top]: [f64; 2], [width, height]: [f64; 2]) {
@@ -228,8 +239,8 @@ fn panel(svg: &mut Svg, rows: &[(f64, &Row)], title: &str, [left, top]: [f64; 2]
         svg.text([left - 6.0, y + 4.0], &number(value), Anchor::End, QUIET);
     }
     svg.text([left + width / 2.0, top + height + 34.0], title, Anchor::Middle, LABEL);
-    for rows in by_backend(rows) {
-        let color = LINES[rows[0].1.backend as usize];
+    for rows in by_line(rows) {
+        let color = color(rows[0].1);
         let points: Vec<[f64; 2]> =
             rows.iter().map(|(x, row)| [across.at(*x), down.at(row.measured.times.frame)]).collect();
         svg.polyline(&points, color, 2.0);

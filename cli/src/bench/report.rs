@@ -25,8 +25,8 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// The rows of a sweep, each with the quantity that the sweep varies, by backend and in ascending order of the
-    /// quantity.
+    /// The rows of a sweep, each with the quantity that the sweep varies, by backend and graph and in ascending order
+    /// of the quantity.
     pub fn sweep(&self, sweep: Sweep) -> Vec<(f64, &Row)> {
         let results = self.results;
         let rows = match sweep {
@@ -42,7 +42,8 @@ impl Report<'_> {
             Sweep::Pixels | Sweep::None => pixels(row.measured.size),
         };
         let mut rows: Vec<(f64, &Row)> = rows.iter().map(|row| (quantity(row), row)).collect();
-        rows.sort_by(|a, b| (a.1.backend as u8).cmp(&(b.1.backend as u8)).then(a.0.total_cmp(&b.0)));
+        let line = |row: &Row| (row.backend as u8, row.variant.as_ref().map(|(nth, _)| *nth));
+        rows.sort_by(|a, b| line(a.1).cmp(&line(b.1)).then(a.0.total_cmp(&b.0)));
         rows
     }
 
@@ -51,10 +52,12 @@ impl Report<'_> {
         self.results.rows.chunk_by(|a, b| a.scene == b.scene)
     }
 
-    /// The name of a backend in tables and plots.
-    pub fn label(&self, backend: Split) -> String {
-        let software = self.machine.software && backend != Split::Cpu;
-        if software { format!("{backend} (software)") } else { backend.to_string() }
+    /// The name of a row's backend in tables and plots, with the graph if there are several.
+    pub fn label(&self, row: &Row) -> String {
+        let Row { backend, variant, .. } = row;
+        let software = if self.machine.software && *backend != Split::Cpu { " (software)" } else { "" };
+        let variant = variant.as_ref().map_or(String::new(), |(_, name)| format!(" {name}"));
+        format!("{backend}{variant}{software}")
     }
 
     /// A remark on a row whose warm-up was cut short because it took too long. With --quick the heading says so.
@@ -127,7 +130,7 @@ impl Report<'_> {
         for row in rows {
             let ratio = |theirs| ratio(theirs, row).map_or(NONE.into(), |ratio| format!("{ratio:.2}x"));
             let cells = cells(&row.measured.times, Some(row.measured.p95));
-            add(&mut table, self.label(row.backend), cells, [ratio(|p| &p.gpu), ratio(|p| &p.cpu)]);
+            add(&mut table, self.label(row), cells, [ratio(|p| &p.gpu), ratio(|p| &p.cpu)]);
         }
         if let Some(paper) = paper {
             for (name, times) in [("papers' GPU", &paper.gpu), ("papers' CPU", &paper.cpu)] {
@@ -140,7 +143,7 @@ impl Report<'_> {
             let counted = format!("{frames} frames counted after {warm_up}{}", self.not_full(row));
             text += &format!(
                 "{}: graph {}, {counted}, tracing {} ms in addition to the frame\n",
-                self.label(row.backend),
+                self.label(row),
                 row.graph,
                 ms(*trace)
             );
@@ -156,7 +159,7 @@ impl Report<'_> {
     fn sweep_text(&self, sweep: Sweep) -> String {
         let rows = self.sweep(sweep);
         // A single row shows no growth.
-        if rows.len() < 2 || by_backend(&rows).all(|rows| rows.len() < 2) {
+        if rows.len() < 2 || by_line(&rows).all(|rows| rows.len() < 2) {
             return String::new();
         }
         // Only E1 and E2 depend on the number of edges; the whole frame depends on pixels and points.
@@ -175,7 +178,7 @@ impl Report<'_> {
                 Sweep::Edges => format!("{} {one} ({})", grouped(*quantity as u64), row.scene),
                 Sweep::Points | Sweep::None => format!("{} {one}", grouped(*quantity as u64)),
             };
-            let name = format!("{}, {what}{}", self.label(row.backend), self.not_full(row));
+            let name = format!("{}, {what}{}", self.label(row), self.not_full(row));
             let each = cost(row).map_or(NONE.into(), |cost| format!("{:.1}", cost * 1e6 / quantity.max(1.0)));
             let cells = cells(&row.measured.times, Some(row.measured.p95));
             add(&mut table, name, cells, [each, ms(row.measured.trace)]);
@@ -183,12 +186,12 @@ impl Report<'_> {
         let scene = if sweep == Sweep::Edges { String::new() } else { format!(" of {}", rows[0].1.scene) };
         let mut text = format!("\nframe time{scene} by {sweep}\n{table}");
         let name = if sweep == Sweep::Edges { "E1 + E2" } else { "frame" };
-        for rows in by_backend(&rows) {
+        for rows in by_line(&rows) {
             let points: Vec<(f64, f64)> = rows.iter().filter_map(|(x, row)| Some((*x, cost(row)?))).collect();
             if let Some(power) = growth(&points) {
                 // Adding zero turns -0.00 into 0.00.
                 let power = (power * 100.0).round() / 100.0 + 0.0;
-                text += &format!("{}: {name} ~ {sweep}^{power:.2}\n", self.label(rows[0].1.backend));
+                text += &format!("{}: {name} ~ {sweep}^{power:.2}\n", self.label(rows[0].1));
             }
         }
         text
@@ -201,9 +204,9 @@ pub fn ratio(theirs: fn(&Paper) -> &Times, ours: &Row) -> Option<f64> {
     Some(theirs(paper).frame / ours.measured.times.frame.max(1e-6))
 }
 
-/// The rows grouped by backend.
-pub fn by_backend<'a>(rows: &'a [(f64, &'a Row)]) -> impl Iterator<Item = &'a [(f64, &'a Row)]> {
-    rows.chunk_by(|a, b| a.1.backend == b.1.backend)
+/// The rows grouped by backend and graph.
+pub fn by_line<'a>(rows: &'a [(f64, &'a Row)]) -> impl Iterator<Item = &'a [(f64, &'a Row)]> {
+    rows.chunk_by(|a, b| (a.1.backend, &a.1.variant) == (b.1.backend, &b.1.variant))
 }
 
 /// The cell of a missing figure.

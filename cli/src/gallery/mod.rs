@@ -23,7 +23,7 @@ use self::{
     window::Window,
 };
 use crate::{
-    args::GalleryArgs,
+    args::{ChangeArgs, GalleryArgs},
     bench::{SCENES, needs_fetch},
     error::CliError,
     open,
@@ -31,10 +31,6 @@ use crate::{
     reference, sheet,
     values::Light,
 };
-
-/// The graph to show, and the one to compare it with.
-const EPI: &str = "epi";
-const CACHE: &str = "render-cache";
 
 /// File name of the page.
 const PAGE: &str = "gallery.md";
@@ -92,7 +88,8 @@ impl<'a> Gallery<'a> {
     fn new(args: &'a GalleryArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
         let samples = open::samples(args.samples, args.size.0)?;
         Window::check(args.crop, args.size.0).map_err(CliError::Input)?;
-        let (epi, cache) = (open::graph(EPI, &[])?, open::graph(CACHE, &[])?);
+        let graph = |name: &str| open::graph(name, &ChangeArgs::default(), registry);
+        let (epi, cache) = (graph(&args.graph)?, graph(&args.beside)?);
         let device = Device::open(args.backend)?;
         Ok(Self { args, registry, epi, cache, device, samples })
     }
@@ -130,14 +127,14 @@ impl<'a> Gallery<'a> {
         let stages = Panel::ALL.map(|panel| panel.draw(window, &epi));
         let detail = |label: &str, shot: &Shot| draw::magnified(label, window, shot);
         let close_ups = [
-            detail("render cache", &cache),
-            detail("edge-and-point image", &epi.shot),
+            detail(&page::words(&self.args.beside), &cache),
+            detail(&page::words(&self.args.graph), &epi.shot),
             detail("reference", &converged),
         ];
         let whole = |shot: &Shot| (shot.size, shot.colors.clone());
         let pictures = [
             (section.picture(), whole(&epi.shot)),
-            (section.cache_picture(), whole(&cache)),
+            (section.cache_picture(&self.args.beside), whole(&cache)),
             (section.stages(), sheet::sheet(&stages)),
             (section.close_ups(), sheet::sheet(&close_ups)),
         ];

@@ -5,8 +5,8 @@ use std::{fmt::Write as _, path::Path};
 use epigraph_core::Side;
 use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE};
 
-use super::{CACHE, EPI, shot::Layers, window::Window};
-use crate::{args::GalleryArgs, values::Size};
+use super::{shot::Layers, window::Window};
+use crate::{args::GalleryArgs, open, values::Size};
 
 /// The page's section about a scene.
 pub struct Section {
@@ -45,9 +45,9 @@ impl Section {
         format!("{}.png", self.name)
     }
 
-    /// The file of the render cache's picture.
-    pub fn cache_picture(&self) -> String {
-        format!("{}-render-cache.png", self.name)
+    /// The file of the picture of the graph beside.
+    pub fn cache_picture(&self, beside: &str) -> String {
+        format!("{}-{}.png", self.name, file_name(&open::label(beside)))
     }
 
     /// The file that shows the steps.
@@ -67,6 +67,15 @@ fn file_name(scene: &str) -> String {
     let stem = Path::new(scene).file_stem().unwrap_or_default().to_string_lossy();
     let safe = |letter: char| if letter.is_alphanumeric() || letter == '_' { letter } else { '-' };
     stem.chars().map(safe).collect()
+}
+
+/// What a graph makes, in words.
+pub fn words(graph: &str) -> String {
+    match open::label(graph).as_str() {
+        "epi" => "edge-and-point image".into(),
+        "render-cache" => "render cache".into(),
+        name => name.into(),
+    }
 }
 
 /// The gallery page.
@@ -134,29 +143,38 @@ leads here that crosses no edge. Only those contribute to its colour; only compl
         let points = percent(section.points);
         let ([x, y], [width, height]) = (window.at, window.size);
         let commands = self.commands(section);
-        let (picture, cache_picture) = (section.picture(), section.cache_picture());
+        let GalleryArgs { graph, beside, .. } = self.args;
+        let (picture, cache_picture) = (section.picture(), section.cache_picture(beside));
+        let (graph, beside) = (words(graph), words(beside));
         let (stages, close_ups) = (section.stages(), section.close_ups());
+        // What is known of the two graphs that come with the program.
+        let difference = match (graph.as_str(), beside.as_str()) {
+            ("edge-and-point image", "render cache") => {
+                "The render cache blends the samples around each pixel; the edge-and-point image does so too, but not \
+                 across edges."
+            }
+            _ => "",
+        };
         // Writing to a string does not fail.
         let _ = write!(
             page,
             "
 ## {name}
 
-{doc}| edge-and-point image, FLIP {epi:.3} | render cache, FLIP {cache:.3} |
+{doc}| {graph}, FLIP {epi:.3} | {beside}, FLIP {cache:.3} |
 |---|---|
-| ![{scene} as an edge-and-point image]({picture}) | ![{scene} by the render cache]({cache_picture}) |
+| ![{scene}: {graph}]({picture}) | ![{scene}: {beside}]({cache_picture}) |
 
-*The same frame from the same number of samples. The render cache blends the samples around each pixel; the edge-and-point \
-image does so too, but not across edges.*
+*The same frame from the same number of samples. {difference}*
 
-![The steps of the edge-and-point image, enlarged]({stages})
+![The steps, enlarged: {graph}]({stages})
 
 *The steps, in the {width}x{height} pixels from ({x}, {y}). Of the whole image, {points} of the pixels show a point; \
 {empty} are empty, {simple} simple and {complex} complex.*
 
-![The same pixels by the render cache, as an edge-and-point image, and converged]({close_ups})
+![The same pixels: {beside}, {graph}, and converged]({close_ups})
 
-*The same pixels by the render cache, as an edge-and-point image, and with {spp} samples per pixel.*
+*The same pixels: {beside}, {graph}, and with {spp} samples per pixel.*
 
 ```sh
 {commands}
@@ -174,11 +192,13 @@ image does so too, but not across edges.*
             "--samples {} --frames {frames} --seed {seed} --backend {}",
             self.args.samples, self.side
         );
-        let (epi, cache) = (section.picture(), section.cache_picture());
+        let GalleryArgs { graph, beside, .. } = self.args;
+        let (epi, cache) = (section.picture(), section.cache_picture(beside));
+        let (graph, beside) = (quoted(graph), quoted(beside));
         let [x, y] = section.window.at;
         [
-            format!("epigraph {EPI} --scene {scene} {view} {run} --out {epi}"),
-            format!("epigraph {CACHE} --scene {scene} {view} {run} --out {cache}"),
+            format!("epigraph {graph} --scene {scene} {view} {run} --out {epi}"),
+            format!("epigraph {beside} --scene {scene} {view} {run} --out {cache}"),
             format!(
                 "epigraph reference --scene {scene} {view} --frame {} --spp {spp} --seed {seed} --out reference.png",
                 frames - 1
@@ -208,8 +228,13 @@ image does so too, but not across edges.*
             (None, Some(crop)) => format!(" --crop {crop}"),
             _ => String::new(),
         };
+        let of = |option: &str, graph: &str, default: &str| match graph == default {
+            true => String::new(),
+            false => format!(" --{option} {}", quoted(graph)),
+        };
+        let graphs = of("graph", &self.args.graph, "epi") + &of("beside", &self.args.beside, "render-cache");
         format!(
-            "epigraph gallery --out {out}{scenes} {} --samples {samples} --frames {frames} --spp {spp} --seed {seed} \
+            "epigraph gallery --out {out}{graphs}{scenes} {} --samples {samples} --frames {frames} --spp {spp} --seed {seed} \
              --backend {}{crop}",
             self.view(),
             self.side

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use epigraph::{Device, Place, Registry, Run, Samples, Setup};
+use epigraph::{Device, Place, Registry, Run, Samples, Setup, graphs::Shipped};
 use epigraph_core::{Graph, GraphFile, Meaning, Node, NodeId, Port, PortRef, Snapshot, Source};
 use epigraph_pictures::{Look, Picture, show, size, tone};
 use epigraph_stages::{
@@ -94,7 +94,7 @@ impl Camera<'_> {
     pub fn dissect(&self, file: &GraphFile) -> Result<Dissected, CliError> {
         let compiled = self.setup(file).compile()?;
         let graph = compiled.graph();
-        let ports = Ports::find(graph, &file.path)?;
+        let ports = Ports::find(graph, &file.name())?;
         let file = &with_outlines(file, graph, ports.raster)?;
         let mut compiled = self.setup(file).compile()?;
         compiled.keep(&ports.all())?;
@@ -117,11 +117,11 @@ impl Camera<'_> {
     /// Runs all frames and returns the picture of the last one.
     fn run(&self, run: &mut Run, file: &GraphFile) -> Result<Shot, CliError> {
         let frames = self.args.frames;
-        let label = format!("{}, {}", self.label, file.path);
+        let label = format!("{}, {}", self.label, file.name());
         open::frames(run, frames, &label, |index| index + 1 == frames, |_, _| Ok(()))?;
         let look = Look { far: run.path().camera(frames - 1).far, ..Look::default() };
         let image = run.executor.snapshot(IMAGE, "")?;
-        let image = image.ok_or_else(|| lacks(&file.path, &format!("output `{IMAGE}`")))?;
+        let image = image.ok_or_else(|| lacks(&file.name(), &format!("output `{IMAGE}`")))?;
         Ok(Shot { size: size(image.dims), colors: show(image, &look).colors })
     }
 }
@@ -220,15 +220,18 @@ fn source(graph: &Graph, at: PortRef) -> Source {
 fn with_outlines(file: &GraphFile, graph: &Graph, raster: NodeId) -> Result<GraphFile, CliError> {
     let raster = &graph.nodes[raster];
     let shadows = input(raster, SHADOWS).map(|from| from.node);
-    let mut file = file.clone();
-    file.add_node(OUTLINES, &raster.kind)?;
-    for (port, from) in raster.declaration().ports.iter().zip(&raster.sources) {
-        if let Some(from) = from.filter(|from| Some(from.node) != shadows) {
-            file.set_input(OUTLINES, &port.name, Some(&source(graph, from)))?;
-        }
-    }
-    for (param, value) in &raster.params {
-        file.set_param(OUTLINES, param, value)?;
-    }
-    Ok(file)
+    let inputs = raster.declaration().ports.iter().zip(&raster.sources).filter_map(|(port, from)| {
+        let from = from.filter(|from| Some(from.node) != shadows)?;
+        Some(format!("{:?}: {:?}", port.name, source(graph, from).to_string()))
+    });
+    let inputs: Vec<String> = inputs.collect();
+    let params = raster.params.iter().map(|(param, value)| format!("{param}: {value}"));
+    let params: Vec<String> = params.collect();
+    let fields = format!(
+        "nodes: {{ {OUTLINES:?}: (kind: {:?}, inputs: {{ {} }}, params: ({})) }}",
+        raster.kind,
+        inputs.join(", "),
+        params.join(", ")
+    );
+    Ok(file.changed("the gallery's outlines", &fields, &Shipped)?)
 }

@@ -94,10 +94,8 @@ impl<'a> Quality<'a> {
     fn new(args: &'a QualityArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
         let mut graphs = Vec::new();
         for name in named_or(&args.graphs, &GRAPHS) {
-            let file = open::graph(name, &args.set)?;
-            let name = name.strip_prefix("graphs/").unwrap_or(name);
-            let name = name.strip_suffix(".ron").unwrap_or(name);
-            graphs.push(Named { name: name.into(), file });
+            let file = open::graph(name, &args.changes, registry)?;
+            graphs.push(Named { name: open::label(name), file });
         }
         let count = |samples: &Samples| Ok((*samples, open::samples(*samples, args.size.0)?));
         let samples: Result<Vec<_>, CliError> = args.samples.iter().map(count).collect();

@@ -1,5 +1,6 @@
 //! The report: a table in Markdown, and JSON.
 
+use epigraph::Change;
 use epigraph_core::{Gpu, Side};
 use serde_json::{Value, json};
 
@@ -23,11 +24,11 @@ impl Report<'_> {
     pub fn setting(&self) -> String {
         let QualityArgs { size, spp, seed, .. } = self.args;
         let [width, height] = size.0;
-        let set: Vec<String> = self.args.set.iter().map(|setting| format!(", {setting}")).collect();
+        let changes = self.args.changes.all().map(|change| format!(", {}", change.piece()));
         format!(
             "{width}x{height}, references of {spp} samples a pixel, seed {seed}, {}{}",
             self.side,
-            set.concat()
+            changes.collect::<String>()
         )
     }
 
@@ -81,7 +82,7 @@ impl Report<'_> {
     /// The figures for programs; see the help of the command.
     pub fn json(&self) -> Value {
         let args = self.args;
-        let set: Vec<String> = args.set.iter().map(ToString::to_string).collect();
+        let set: Vec<String> = args.changes.all().map(Change::piece).collect();
         json!({
             "size": args.size.0,
             "seed": args.seed,

@@ -43,12 +43,12 @@ pub fn text() -> String {
     format!("graph: {DOC}\n{HELP}\nparameters\n{table}")
 }
 
-/// A graph, for programs and in words.
-pub fn describe(file: &GraphFile, registry: &Registry) -> (Value, String) {
+/// A graph, which has no base, for programs and in words.
+pub fn describe(name: &str, file: &GraphFile, registry: &Registry) -> (Value, String) {
     let ends = [("inputs", "taken by", inputs(file, registry)), ("outputs", "from", outputs(file, registry))];
-    let mut text = format!("{}: {}\n", file.path, file.doc);
+    let mut text = format!("{name}: {}\n", file.doc);
     let mut value = json!({
-        "graph": file.path,
+        "graph": name,
         "doc": file.doc,
         "params": file.params.iter().map(|param| param_json(&param.spec)).collect::<Vec<_>>(),
     });

@@ -45,8 +45,15 @@ fn graphs_that_are_wrong() {
     assert_says(&place.fails("binary.ron"), &["binary.ron"]);
     assert_says(&place.fails("--set cull.treshold=1"), &["did you mean `threshold`", "node `view/cull`"]);
     assert_says(&place.fails("--set culll.threshold=1"), &["did you mean `view/cull`"]);
-    assert_says(&place.fails("--set sigma=1"), &["--set sigma=1", "has no parameter `sigma`", "view/cull"]);
-    assert_says(&place.fails("--set view.file=1"), &["in its `params`"]);
+    assert_says(&place.fails("--set sigm=1"), &["--set sigm=1: ", "did you mean `sigma`?"]);
+    assert_says(
+        &place.fails("--set threshold=1"),
+        &["--set threshold=1: several nodes", "view/cull.threshold"],
+    );
+    assert_says(
+        &place.fails("--set view.file=1"),
+        &["--set view.file=1: node `view`", "--swap view=FILE.ron"],
+    );
     assert_says(
         &place.fails("--set view.sigma=1"),
         &["view.ron has no parameter `sigma`", "view/project, view/cull"],

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bench;
+mod changes;
 mod commands;
 mod gallery;
 // Signals of other systems are sent in other ways.
