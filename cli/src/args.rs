@@ -57,6 +57,9 @@ Examples:
   epigraph check epi+swap:interpolate=mine.wgsl         does my shader fit in this place?
   epigraph check mine.ron --full whole.ron              what my graph with a base is, in one file";
 
+/// The last frame that `quality` can compare: all before it run too.
+const LAST_FRAME: i64 = 9_999_999;
+
 const BENCH_HELP: &str = "\
 Times are medians over many frames of a moving camera, after a warm-up that fills the point cloud. Tracing runs
 concurrently with the frame and is listed separately. Columns are those of the papers: P1 update points and request
@@ -439,7 +442,13 @@ pub struct QualityArgs {
     )]
     pub samples: Vec<Samples>,
     /// Frames to compare, counted from 0 [default: 39 for a still camera; 19, 24 and 29 for a moving one]
-    #[arg(long, value_name = "N,...", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "N,...",
+        value_delimiter = ',',
+        value_parser = clap::value_parser!(u32).range(..=LAST_FRAME),
+        allow_hyphen_values = true
+    )]
     pub frames: Vec<u32>,
     /// Width and height of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "384x384", allow_hyphen_values = true)]
@@ -492,6 +501,17 @@ mod tests {
         assert_eq!((bare.render.graph.as_deref(), bare.render.frames), (Some("my.ron"), 3));
         let named = Cli::try_parse_from(["epigraph", "render", "my.ron", "--frames", "3"]).unwrap();
         assert!(matches!(named.command, Some(Command::Render(args)) if args.frames == 3));
+    }
+
+    #[test]
+    fn frames_to_compare_are_frames_that_can_run() {
+        for frames in ["0", "9999999", "3,9999999"] {
+            assert!(Cli::try_parse_from(["epigraph", "quality", "--frames", frames]).is_ok(), "{frames}");
+        }
+        for frames in ["10000000", "4294967295", "3,4294967295", "-1"] {
+            let error = Cli::try_parse_from(["epigraph", "quality", "--frames", frames]).unwrap_err();
+            assert!(error.to_string().contains("is not in 0..=9999999"), "{error}");
+        }
     }
 
     #[test]
