@@ -13,7 +13,7 @@ use epigraph_scenes::Scene;
 pub use epigraph_core::testing::gpu;
 
 /// The shipped graph files.
-pub const GRAPHS: [&str; 7] = [
+pub const GRAPHS: [&str; 12] = [
     "render-cache.ron",
     "epi.ron",
     "hybrid.ron",
@@ -21,6 +21,11 @@ pub const GRAPHS: [&str; 7] = [
     "experiments/outline.ron",
     "experiments/complex-pixels.ron",
     "experiments/blur.ron",
+    "experiments/median.ron",
+    "experiments/tent.ron",
+    "experiments/atrous.ron",
+    "experiments/accumulate.ron",
+    "experiments/lines.ron",
 ];
 
 /// Runs a frame of both from the CPU's state and compares ports of integers. Returns the largest number of elements

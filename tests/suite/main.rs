@@ -4,6 +4,7 @@ mod broken;
 mod complex;
 mod documents;
 mod epi;
+mod experiments;
 mod extremes;
 mod library;
 mod meshes;
