@@ -2,6 +2,7 @@
 
 mod check;
 mod compose;
+pub(crate) mod outline;
 
 use naga::common::wgsl::{ToWgsl, TypeContext, address_space_str};
 
@@ -123,24 +124,55 @@ pub fn compose(shader: &Shader, library: &ShaderLibrary, needs: Needs) -> Result
 
 /// Parses, validates and lists a composed shader; the second half of [`compose`].
 pub(crate) fn validate(composed: &Composed, needs: Needs) -> Result<Reflected, GraphError> {
+    let analysed = analyse(&composed.text, needs);
+    let (module, info) = analysed.map_err(|Fault { places, message }| {
+        if let Some(unclosed) = composed.unclosed() {
+            return unclosed;
+        }
+        // Of two places, that in the shader: it is more likely to be wrong than a module.
+        let own = places.iter().find(|place| composed.is_own(**place)).or(places.first());
+        let text = &composed.text;
+        let found = own.copied().or_else(|| faulty_function(text, needs, &message));
+        match found.or_else(|| faulty_line(text, needs, &message)) {
+            Some(place) => composed.error(place, &message),
+            None => composed.error_anywhere(&message),
+        }
+    })?;
+    Ok(reflect(module, info))
+}
+
+/// What is wrong with a text, and the places that naga names, the most important one first.
+struct Fault {
+    places: Vec<Span>,
+    message: String,
+}
+
+impl Fault {
+    fn new(spans: impl Iterator<Item = naga::Span>, message: String) -> Self {
+        // Some spans are of implied types, which do not occur in the text.
+        let ranges = spans.filter_map(|span| span.to_range());
+        Self { places: ranges.map(|range| Span { start: range.start, end: range.end }).collect(), message }
+    }
+}
+
+/// Parses and validates.
+fn analyse(text: &str, needs: Needs) -> Result<(naga::Module, naga::valid::ModuleInfo), Fault> {
     let options = naga::front::wgsl::Options {
         // wgpu keeps one entry point of a module for a pipeline, but the comments of all, and then rejects the module.
         parse_doc_comments: false,
         capabilities: naga::valid::Capabilities::all(),
     };
-    let module =
-        naga::front::wgsl::Frontend::new_with_options(options).parse(&composed.text).map_err(|error| {
-            // Some labels refer to implied types, which do not occur in the text.
-            let label = error.labels().find(|(span, _)| span.is_defined());
-            let mut message = error.message().to_owned();
-            if let Some((_, label)) = label.filter(|(_, label)| !label.is_empty()) {
-                message += &format!(" ({label})");
-            }
-            for note in error.notes() {
-                message += &format!("; {note}");
-            }
-            located(composed, label.map(|(span, _)| span), &message)
-        })?;
+    let module = naga::front::wgsl::Frontend::new_with_options(options).parse(text).map_err(|error| {
+        let label = error.labels().find(|(span, _)| span.is_defined());
+        let mut message = error.message().to_owned();
+        if let Some((_, label)) = label.filter(|(_, label)| !label.is_empty()) {
+            message += &format!(" ({label})");
+        }
+        for note in error.notes() {
+            message += &format!("; {note}");
+        }
+        Fault::new(error.labels().map(|(span, _)| span), message)
+    })?;
 
     let mut capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     if needs.atomic64 {
@@ -150,22 +182,61 @@ pub(crate) fn validate(composed: &Composed, needs: Needs) -> Result<Reflected, G
     let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
         .validate(&module)
         .map_err(|error| {
+            if let Some(fault) = collision(error.as_inner(), &module) {
+                return fault;
+            }
             let causes: Vec<String> =
                 std::iter::successors(Some(error.as_inner() as &dyn std::error::Error), |error| {
                     error.source()
                 })
                 .map(ToString::to_string)
                 .collect();
-            located(composed, error.spans().next().map(|(span, _)| *span), &causes.join(": "))
+            Fault::new(error.spans().map(|(span, _)| *span), causes.join(": "))
         })?;
-    Ok(reflect(module, info))
+    Ok((module, info))
 }
 
-fn located(composed: &Composed, span: Option<naga::Span>, message: &str) -> GraphError {
-    match span.and_then(naga::Span::to_range) {
-        Some(range) => composed.error(Span { start: range.start, end: range.end }, message),
-        None => composed.error_anywhere(message),
-    }
+/// Two variables with one binding.
+fn collision(error: &naga::valid::ValidationError, module: &naga::Module) -> Option<Fault> {
+    let naga::valid::ValidationError::EntryPoint {
+        source: naga::valid::EntryPointError::BindingCollision(second),
+        ..
+    } = error
+    else {
+        return None;
+    };
+    let variables = &module.global_variables;
+    let binding = variables[*second].binding;
+    let (first, _) = variables.iter().find(|(_, variable)| variable.binding == binding)?;
+    let [a, b] = [first, *second].map(|variable| variables[variable].name.as_deref().unwrap_or_default());
+    let message =
+        format!("`{a}` and `{b}` both have @binding({}); give each its own number", binding?.binding);
+    Some(Fault::new([first, *second].into_iter().map(|variable| variables.get_span(variable)), message))
+}
+
+/// Whether a text has this fault. Types and expressions are numbered, so the same fault may have other numbers.
+fn has_fault(text: &str, needs: Needs, message: &str) -> bool {
+    let words = |message: &str| message.replace(|c: char| c.is_ascii_digit(), "");
+    analyse(text, needs).is_err_and(|fault| words(&fault.message) == words(message))
+}
+
+/// The name of the function that is to blame for a message without a place: without its body, the message is another.
+fn faulty_function(text: &str, needs: Needs, message: &str) -> Option<Span> {
+    let is_to_blame = |body: Span| {
+        let blank = " ".repeat(body.end - body.start);
+        let without = format!("{}{blank}{}", &text[..body.start], &text[body.end..]);
+        !has_fault(&without, needs, message)
+    };
+    outline::functions(text).into_iter().find(|(_, body)| is_to_blame(*body)).map(|(name, _)| name)
+}
+
+/// The line that is to blame for such a message: with it the text has the fault, without it and what follows it has not.
+fn faulty_line(text: &str, needs: Needs, message: &str) -> Option<Span> {
+    let ends: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
+    let line = ends.partition_point(|&end| !has_fault(&text[..end], needs, message));
+    let end = *ends.get(line)?;
+    let start = line.checked_sub(1).map_or(0, |before| ends[before] + 1);
+    Some(Span { start, end })
 }
 
 fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 
 use naga::{ShaderStage, StorageAccess};
 
-use super::{Entry, Reflected, Space, Variable, compose};
+use super::{Entry, Reflected, Space, Variable, join, outline::Outline, validate};
 use crate::{
     error::GraphError,
     frame::Frame,
@@ -31,10 +31,18 @@ const MAX_WORKGROUP_BYTES: u32 = 16384;
 pub fn check_stage(stage: &dyn AnyStage, library: &ShaderLibrary) -> Vec<GraphError> {
     let declaration = stage.declaration();
     let Some(shader) = &declaration.shader else { return Vec::new() };
-    match compose(shader, library, declaration.needs) {
-        Ok(reflected) => check(&reflected, &shader.name, declaration, &stage.specs()),
-        Err(error) => vec![error],
-    }
+    let checked = join(shader, library).and_then(|composed| {
+        let reflected = validate(&composed, declaration.needs)?;
+        let outline = Outline::of(composed.own());
+        let misfits = misfits(&reflected, declaration, &stage.specs()).into_iter();
+        let place = |about: Option<String>| outline.place(&about?);
+        let error = |Misfit { about, message }: Misfit| match place(about) {
+            Some(span) => composed.own_error(span, &message),
+            None => composed.error_anywhere(&message),
+        };
+        Ok(misfits.map(error).collect())
+    });
+    checked.unwrap_or_else(|error| vec![error])
 }
 
 /// All differences between a shader and its stage's declaration. There must be a variable for each field of each port,

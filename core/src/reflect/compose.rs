@@ -6,8 +6,9 @@
 //! and struct members that end in a digit, and loses constants without a type; it renames what it imports, and in the
 //! importing shader also members of the same name.)
 
-use std::borrow::Cow;
+use std::{borrow::Cow, ops::Range};
 
+use super::outline;
 use crate::{
     error::{GraphError, Place, Problem, Span},
     shader::{Shader, ShaderLibrary, ShaderModule},
@@ -42,13 +43,32 @@ impl Composed {
 
     /// The shader's own part of the text, in which each line has its number in the file.
     pub fn own(&self) -> &str {
-        let end = self.parts.get(OWN + 1).map_or(self.text.len(), |next| next.start);
-        &self.text[self.parts[OWN].start..end]
+        &self.text[self.own_range()]
+    }
+
+    /// Whether a range of the text is in the shader's own part.
+    pub fn is_own(&self, at: Span) -> bool {
+        self.own_range().contains(&at.start)
+    }
+
+    fn own_range(&self) -> Range<usize> {
+        self.parts[OWN].start..self.parts.get(OWN + 1).map_or(self.text.len(), |next| next.start)
     }
 
     /// A problem at a range of the shader's own part.
     pub fn own_error(&self, at: Span, message: &str) -> GraphError {
         error_in(&self.name, self.own(), at, message)
+    }
+
+    /// The problem of the first file with a brace that is not closed. What is read after it, perhaps in the next file,
+    /// makes no sense to naga.
+    pub fn unclosed(&self) -> Option<GraphError> {
+        self.parts.iter().enumerate().find_map(|(index, part)| {
+            let end = self.parts.get(index + 1).map_or(self.text.len(), |next| next.start);
+            let text = &self.text[part.start..end];
+            let message = "this `{` is never closed; add the `}` that is missing after it";
+            Some(error_in(&part.name, text, outline::unclosed(text)?, message))
+        })
     }
 
     /// A problem of the whole shader.

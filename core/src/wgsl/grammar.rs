@@ -4,10 +4,10 @@
 //! is matched and what is printed. In a text, words of small letters stand for themselves, `a|b` for either, `[...]` for
 //! what may be left out, and the names in [`Hole::NAMED`] for what the author fills in.
 
-use super::outline::{Line, is_declaration};
 use crate::{
     error::{GraphError, Span, Spanned},
     port::Extent,
+    reflect::outline::{Line, is_declaration},
     shader::Shape,
 };
 
@@ -519,7 +519,8 @@ fn fill(hole: Hole, given: &Given, next: usize) -> Option<(Value, usize)> {
     }
 }
 
-fn is_name(word: &str) -> bool {
+/// Whether a word is an identifier.
+pub(super) fn is_name(word: &str) -> bool {
     let mut letters = word.chars();
     letters.next().is_some_and(|c| c.is_alphabetic() || c == '_')
         && letters.all(|c| c.is_alphanumeric() || c == '_')

@@ -34,11 +34,10 @@
 //! @group(0) @binding(2) var<storage, read_write> tiles: array<f32>;
 //! ```
 //!
-//! A node is made in these steps, one module each: `outline` finds comments and names in the text, `grammar` reads the
+//! A node is made in these steps: `reflect::outline` finds comments and names in the text, `grammar` reads the
 //! declarations, then `params`, `ports` and `passes` make of them, and of what naga reflects, what a stage declares.
 
 mod grammar;
-mod outline;
 mod params;
 mod passes;
 mod ports;
@@ -50,7 +49,6 @@ use std::{
 };
 
 use grammar::{Declared, FileClause, Name, Subject};
-use outline::{Item, ItemKind, Line, Outline};
 use params::Member;
 use passes::EntryPoint;
 use ports::{Bound, Ports};
@@ -62,7 +60,10 @@ use crate::{
     file::{FlatNode, GraphFile},
     params::{ParamKind, ParamSpec, parse_ron},
     port::{Access, Lifetime, Port},
-    reflect::{self, Composed, Misfit, Reflected},
+    reflect::{
+        self, Composed, Misfit, Reflected,
+        outline::{self, Item, ItemKind, Line, Outline},
+    },
     registry::{Kind, NodeContext, Registry},
     shader::{Needs, Shader, ShaderLibrary},
     stage::{AnyStage, CpuContext, Declaration},

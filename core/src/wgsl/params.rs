@@ -2,7 +2,7 @@
 
 use super::{
     Wrong,
-    grammar::{Declared, Name, ParamClause},
+    grammar::{self, Declared, Name, ParamClause},
 };
 use crate::{
     constant::Constant,
@@ -35,6 +35,10 @@ fn parameter(member: &Member, wrong: &mut Wrong) -> Option<(ParamSpec, u32)> {
             return None;
         }
     };
+    if !grammar::is_name(&name.value) {
+        wrong.at(name.span, format!("`{}` is no name; a parameter is written `NAME: f32`", name.value));
+        return None;
+    }
     if name.value == super::SHADER {
         wrong.at(name.span, "this name is reserved for the shader file; choose another");
         return None;
@@ -80,14 +84,18 @@ fn parameter(member: &Member, wrong: &mut Wrong) -> Option<(ParamSpec, u32)> {
                 wrong.at(*span, format!("only a u32 is set by names; write `{}: u32`", name.value));
                 return None;
             }
-            let twice = |(index, choice): (usize, &Name)| {
-                choices[..index].iter().any(|other| other.value == choice.value).then(|| choice.clone())
-            };
-            if let Some(choice) = choices.iter().enumerate().find_map(twice) {
-                wrong.at(choice.span, format!("`{}` is listed twice; remove one", choice.value));
+            spec.kind = ParamKind::Choice(choices.iter().map(|choice| choice.value.clone()).collect());
+            let constants = Constant::of_choice(&spec);
+            let names: Vec<&str> = constants.iter().map(Constant::name).collect();
+            if let Some(index) = (1..names.len()).find(|&index| names[..index].contains(&names[index])) {
+                let Name { value: choice, span } = &choices[index];
+                let constant = names[index];
+                wrong.at(
+                    *span,
+                    format!("`{choice}` is `{constant}` in WGSL, as is another choice; rename it"),
+                );
                 return None;
             }
-            spec.kind = ParamKind::Choice(choices.iter().map(|choice| choice.value.clone()).collect());
             default
         }
     };

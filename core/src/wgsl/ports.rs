@@ -282,11 +282,15 @@ impl Draft<'_> {
                 .meaning(name)
                 .inspect(|_| assumed.push(format!("`{name}` means {name}, by its name."))),
         };
-        let doc = if self.doc.is_empty() { &self.variables[0].0.wgsl } else { &self.doc };
+        let doc = match meaning {
+            _ if !self.doc.is_empty() => self.doc.clone(),
+            Some(meaning) => meaning.doc.to_owned(),
+            None => self.variables[0].0.wgsl.clone(),
+        };
         let kept = self.said.kept.is_some();
         Port {
             name: name.clone().into(),
-            doc: doc.clone().into(),
+            doc: doc.into(),
             access,
             fields: self.fields.clone(),
             meaning,

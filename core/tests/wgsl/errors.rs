@@ -45,6 +45,7 @@ fn malformed_parameters_are_told() {
             "7:5",
             "`strength` cannot be a parameter; those are f32, u32 and i32",
         ),
+        ("strength: f32", "0: f32", "7:5", "`0` is no name"),
         ("strength: f32", "shader: f32", "7:5", "this name is reserved for the shader file"),
         ("= 0.5 in 0..2", "= 0.5 in 0-2", "6:18", "expected a number after `in`, found `0-2`"),
         ("= 0.5 in 0..2", "= 0.5 in 2..0", "6:11", "the range 2..0 is empty; write the lower value first"),
@@ -67,7 +68,12 @@ fn malformed_parameters_are_told() {
         ("= 0.5 in 0..2", "= true", "6:11", "write `strength: u32` and `= true`"),
         ("= 3 in 1..16 unit pixels", "= true in 0..1", "9:10", "only a u32 without range is true or false"),
         ("= 0.5 in 0..2", "= A of A, B", "6:11", "only a u32 is set by names; write `strength: u32`"),
-        ("= 3 in 1..16 unit pixels", "= A of A, B, A", "9:21", "`A` is listed twice"),
+        (
+            "= 3 in 1..16 unit pixels",
+            "= A of A, B, A",
+            "9:21",
+            "`A` is `RADIUS_A` in WGSL, as is another choice",
+        ),
         (
             "= 3 in 1..16 unit pixels",
             "= Tnt of Tent, Box",
@@ -485,4 +491,36 @@ fn numbers_of_workgroups_are_checked() {
         ],
     );
     assert!(super::make(&shader("cloud_meta"), USER).is_ok());
+}
+
+#[test]
+fn what_naga_gives_no_place_has_one() {
+    let cases = [
+        // In a function, and at the top level.
+        ("list[0] = 1.0[list[0]];", "", "8:35", "Invalid access into expression"),
+        ("", "@group(0) @binding(7) ;\n", "9:1", "we had the attribute but no var?"),
+        // A brace that is missing is not looked for in a module.
+        ("if list[0] > 1u {", "", "8:42", "this `{` is never closed; add the `}` that is missing after it"),
+    ];
+    for (body, after, place, part) in cases {
+        let main = format!(
+            "@compute @workgroup_size(8, 8) fn main() {{ textureStore(image, vec2(0), vec4(1.0)); {body} }}\n{after}"
+        );
+        let shader = whole(&[("", READ), ("", LIST), ("", IMAGE)], &main);
+        assert_problem(&shader, USER, &[&format!("user.wgsl:{place}: "), part]);
+    }
+}
+
+#[test]
+fn a_clash_with_a_module_is_told_in_the_shader() {
+    let shader = whole(&[("", READ), ("", IMAGE)], MAIN).replace("@binding(1)", "@binding(0)");
+    let main =
+        shader.replace("textureStore(image, vec2(0)", "textureStore(image, vec2(frame.index + given[0])");
+    assert_problem(
+        &main,
+        USER,
+        &["user.wgsl:3:23: ", "`given` and `frame` both have @binding(0); give each its own number"],
+    );
+    let shader = whole(&[("", READ), ("", IMAGE)], &format!("const View: u32 = 1u;\n{MAIN}"));
+    assert_problem(&shader, USER, &["user.wgsl:6:7: ", "redefinition of `View`"]);
 }

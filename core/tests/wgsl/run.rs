@@ -159,7 +159,25 @@ const PIXELS: u32 = SIZE[0] * SIZE[1];
 
 /// Runs some frames of a graph of these nodes beside these files; returns a function that reads an output.
 fn run(nodes: &str, outputs: &[&str], frames: u64) -> impl Fn(&str) -> Vec<u32> + use<> {
+    let mut executor = start(nodes, outputs, &[]).unwrap_or_else(|error| panic!("{error}"));
+    for index in 0..frames {
+        let frame = Frame { size: SIZE, index: index as u32, ..Frame::default() };
+        executor.run(&frame, &Host::default(), true).unwrap();
+    }
+    let snapshots: Vec<Snapshot> = executor.snapshots().unwrap().into_iter().cloned().collect();
+    move |output| {
+        let (port, field) = output.split_once(':').unwrap_or((output, ""));
+        let found = snapshots.iter().find(|snapshot| snapshot.name == port && snapshot.field == field);
+        found.unwrap_or_else(|| panic!("no output {output}")).get()
+    }
+}
+
+/// An executor of such a graph, with further files; or the error.
+fn start(nodes: &str, outputs: &[&str], more: &[(&str, &str)]) -> Result<Executor, String> {
     let folder = Folder::new();
+    for &(name, text) in more {
+        fs::write(folder.0.join(name), text).unwrap();
+    }
     for (name, text) in [
         ("ramp", RAMP),
         ("mix", MIX),
@@ -180,18 +198,8 @@ fn run(nodes: &str, outputs: &[&str], frames: u64) -> impl Fn(&str) -> Vec<u32> 
         .with_module(ShaderModule::new("frame", epigraph_shaders::text("shared/frame.wgsl")));
     let settings = Settings { side: Side::Gpu, poison: true, ..Settings::new(SIZE, 0) };
     let file = GraphFile::load(&path).unwrap_or_else(|problems| panic!("{problems}"));
-    let (graph, plan) = compile(&file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));
-    let mut executor = Executor::new(graph, plan, &settings, &registry, Some(gpu())).unwrap();
-    for index in 0..frames {
-        let frame = Frame { size: SIZE, index: index as u32, ..Frame::default() };
-        executor.run(&frame, &Host::default(), true).unwrap();
-    }
-    let snapshots: Vec<Snapshot> = executor.snapshots().unwrap().into_iter().cloned().collect();
-    move |output| {
-        let (port, field) = output.split_once(':').unwrap_or((output, ""));
-        let found = snapshots.iter().find(|snapshot| snapshot.name == port && snapshot.field == field);
-        found.unwrap_or_else(|| panic!("no output {output}")).get()
-    }
+    let (graph, plan) = compile(&file, &registry, &settings).map_err(|problems| problems.to_string())?;
+    Executor::new(graph, plan, &settings, &registry, Some(gpu())).map_err(|error| error.to_string())
 }
 
 #[test]
@@ -265,4 +273,48 @@ fn points_are_drawn() {
 fn workgroups_are_counted_on_the_gpu() {
     let read = run(r#""groups": (kind: "wgsl", params: (shader: "groups.wgsl"))"#, &["groups.threads"], 2);
     assert_eq!(read("groups.threads"), [5 * 2 * 4]);
+}
+
+#[test]
+fn what_no_device_can_do_is_refused() {
+    let refused = |declaration: &str, size: &str, parts: &[&str]| {
+        let shader = format!(
+            "{declaration}
+            @group(0) @binding(0) var<storage, read_write> list: array<u32>;
+            @compute @workgroup_size({size}) fn main() {{ list[0] = 1u; }}"
+        );
+        let node = r#""wide": (kind: "wgsl", params: (shader: "wide.wgsl"))"#;
+        let error = start(node, &["wide.list"], &[("wide.wgsl", &shader)]).err().expect(declaration);
+        for part in parts {
+            assert!(error.contains(part), "`{part}` is not in:\n{error}");
+        }
+    };
+    refused(
+        "/// = output, 4294967295 elements",
+        "64",
+        &["`wide.list` has 4294967295 elements, 17179869180 bytes"],
+    );
+    refused("/// = output, 65535x65537", "64", &["`wide.list` has 4294967295 elements"]);
+    refused("/// = kept, 1e30 per pixel", "64", &["graph.ron:1:", "is longer than 2^32"]);
+    refused(
+        "/// = output, per 4294967295x4294967295 pixels",
+        "64",
+        &["wide.wgsl:1:19: ", "a square such as 8x8"],
+    );
+    let parts =
+        ["node `wide`", "`main` has 625000x1 workgroups of 8x8 threads", "65535", "@workgroup_size(64)"];
+    refused("/// = output, 5000000 elements", "8, 8", &parts);
+}
+
+#[test]
+fn an_extent_that_goes_in_circles_through_the_frame_before_is_refused() {
+    let shader = "
+        /// = last frame
+        @group(0) @binding(0) var<storage, read> before: array<u32>;
+        /// = output, like before
+        @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+        @compute @workgroup_size(64) fn main() { list[0] = before[0]; }";
+    let node = r#""loop": (kind: "wgsl", inputs: { "before": "loop.list" }, params: (shader: "loop.wgsl"))"#;
+    let error = start(node, &["loop.list"], &[("loop.wgsl", shader)]).err().unwrap();
+    assert!(error.contains("depends on itself"), "{error}");
 }

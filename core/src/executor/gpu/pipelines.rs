@@ -92,6 +92,7 @@ impl Builder<'_> {
         if let Some(error) = wrong.first() {
             return Err(fail(error.to_string()));
         }
+        self.check_groups(&program.reflected, id).map_err(fail)?;
         let words = node.stage.words();
         let params = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("params"),
@@ -153,6 +154,25 @@ impl Builder<'_> {
                 }
             }
         }
+    }
+
+    /// Checks that the device can run as many workgroups as the passes have.
+    fn check_groups(&self, reflected: &Reflected, node: NodeId) -> Result<(), String> {
+        let limit = self.gpu.device.limits().max_compute_workgroups_per_dimension;
+        for pass in &self.graph.nodes[node].declaration().passes {
+            let Pass::Compute { entry, threads } = pass else { continue };
+            let size = entry_of(reflected, entry).workgroup_size;
+            if let Groups::Known([x, y]) = self.groups(*threads, size, node)
+                && x.max(y) > limit
+            {
+                let [width, height, _] = size;
+                return Err(format!(
+                    "`{entry}` has {x}x{y} workgroups of {width}x{height} threads, but {limit} along an axis are the \
+                     limit; for lists, a workgroup of one row such as @workgroup_size(64) allows more"
+                ));
+            }
+        }
+        Ok(())
     }
 
     fn groups(&self, threads: Threads, size: [u32; 3], node: NodeId) -> Groups {

@@ -5,7 +5,7 @@ use crate::error::{Span, Spanned};
 
 /// The top level of a text.
 #[derive(Debug, Default)]
-pub(super) struct Outline<'t> {
+pub(crate) struct Outline<'t> {
     /// The lines of `//!` before everything else.
     pub head: Vec<Line<'t>>,
     /// Variables, structs and functions, in order.
@@ -15,17 +15,17 @@ pub(super) struct Outline<'t> {
 }
 
 /// A line of a doc comment, without its marks.
-pub(super) type Line<'t> = Spanned<&'t str>;
+pub(crate) type Line<'t> = Spanned<&'t str>;
 
 #[derive(Debug)]
-pub(super) struct Item<'t> {
+pub(crate) struct Item<'t> {
     pub kind: ItemKind<'t>,
     pub name: Spanned<&'t str>,
     pub doc: Vec<Line<'t>>,
 }
 
 #[derive(Debug)]
-pub(super) enum ItemKind<'t> {
+pub(crate) enum ItemKind<'t> {
     /// A variable with `@group` and `@binding`; the first word of its type.
     Bound(&'t str),
     /// A function with `@compute`, `@vertex` or `@fragment`.
@@ -37,11 +37,19 @@ pub(super) enum ItemKind<'t> {
 }
 
 /// Whether a line of a doc comment is a declaration.
-pub(super) fn is_declaration(line: &Line) -> bool {
+pub(crate) fn is_declaration(line: &Line) -> bool {
     line.value.starts_with('=')
 }
 
 impl<'t> Outline<'t> {
+    /// The place of the name of a bound variable or an entry point.
+    pub fn place(&self, name: &str) -> Option<Span> {
+        let is_found = |item: &&Item| {
+            item.name.value == name && matches!(item.kind, ItemKind::Bound(_) | ItemKind::Entry)
+        };
+        self.items.iter().find(is_found).map(|item| item.name.span)
+    }
+
     pub fn of(text: &'t str) -> Self {
         let mut reader = Reader { tokens: tokens(text), next: 0, outline: Self::default() };
         reader.items();
@@ -147,6 +155,38 @@ fn comment(text: &str) -> usize {
     at.min(text.len())
 }
 
+/// The first opening brace of a text that no later one closes.
+pub(crate) fn unclosed(text: &str) -> Option<Span> {
+    let mut open = Vec::new();
+    for token in tokens(text) {
+        match token.kind {
+            Kind::Mark('{') => open.push(token.spanned().span),
+            Kind::Mark('}') => drop(open.pop()),
+            _ => {}
+        }
+    }
+    open.first().copied()
+}
+
+/// The names of all functions, and what is between the braces of their bodies.
+pub(crate) fn functions(text: &str) -> Vec<(Span, Span)> {
+    let mut reader = Reader { tokens: tokens(text), next: 0, outline: Outline::default() };
+    let mut functions = Vec::new();
+    while let Some(token) = reader.peek() {
+        reader.next += 1;
+        if (token.kind, token.text) != (Kind::Word, "fn") {
+            continue;
+        }
+        let Some(name) = reader.take_word() else { continue };
+        reader.skip_to(&['{', ';']);
+        let start = reader.end();
+        reader.skip_block();
+        // The closing brace is one byte.
+        functions.push((name.span, Span { start, end: (reader.end() - 1).max(start) }));
+    }
+    functions
+}
+
 struct Reader<'t> {
     tokens: Vec<Token<'t>>,
     next: usize,
@@ -156,6 +196,11 @@ struct Reader<'t> {
 impl<'t> Reader<'t> {
     fn peek(&self) -> Option<Token<'t>> {
         self.tokens.get(self.next).copied()
+    }
+
+    /// The end of the last token that was read.
+    fn end(&self) -> usize {
+        self.next.checked_sub(1).map_or(0, |last| self.tokens[last].spanned().span.end)
     }
 
     fn take_word(&mut self) -> Option<Spanned<&'t str>> {
@@ -395,6 +440,22 @@ fn helper() {}
         for line in all.chain(&outline.head).chain(&outline.stray) {
             assert_eq!(&TEXT[line.span.start..line.span.end], line.value);
         }
+    }
+
+    #[test]
+    fn functions_have_a_body() {
+        let text = "fn a(b: array<f32, 3>) -> f32 { if b { return 1.0; } }\n// fn c() {}\nfn d() {} fn";
+        let found: Vec<_> = functions(text).into_iter().map(|(name, body)| [name, body]).collect();
+        let texts = found.iter().map(|spans| spans.map(|span| &text[span.start..span.end]));
+        assert_eq!(texts.collect::<Vec<_>>(), [["a", " if b { return 1.0; } "], ["d", ""]]);
+    }
+
+    #[test]
+    fn a_brace_that_is_not_closed_is_found() {
+        let at = |text| unclosed(text).map(|span| span.start);
+        assert_eq!(at("fn a() { if b { } }\nfn c() {} // {"), None);
+        assert_eq!(at("fn a() { if b { }\nfn c() {}"), Some(7));
+        assert_eq!(at("} {"), Some(2));
     }
 
     #[test]
