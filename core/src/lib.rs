@@ -92,7 +92,7 @@ pub use capture::{Capture, Snapshot};
 pub use compile::compile;
 pub use constant::Constant;
 pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
-pub use executor::{AdapterChoice, Executor, Gpu, RunError};
+pub use executor::{AdapterChoice, Executor, Gpu, INSTALL_GPU, RunError};
 pub use explain::{Around, Cell, Finding, Mark, Role, Site};
 pub use facts::{Fact, Facts, Quantity};
 pub use file::*;

@@ -2,7 +2,7 @@
 
 use std::{fmt, str::FromStr, sync::Arc};
 
-use epigraph_core::{AdapterChoice, Gpu, Plan, PlannedNode, RunError, Side};
+use epigraph_core::{AdapterChoice, Gpu, INSTALL_GPU, Plan, PlannedNode, RunError, Side};
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, memory};
@@ -103,8 +103,13 @@ impl Device {
         if self.gpu.is_some() {
             return Ok(self.gpu.clone());
         }
-        let gpu = Gpu::open(AdapterChoice::Any)
-            .map_err(|error| Error::Input(format!("node `{name}` ({kind}) runs on a GPU here: {error}")))?;
+        // The default side is the CPU, so this node runs on a GPU by its kind or by the graph file.
+        let gpu = Gpu::open(AdapterChoice::Any).map_err(|error| match error {
+            RunError::NoGpu => Error::Input(format!(
+                "node `{name}` ({kind}) runs on a GPU, but none was found; {INSTALL_GPU}"
+            )),
+            error => error.into(),
+        })?;
         Ok(Some(Arc::new(gpu)))
     }
 }

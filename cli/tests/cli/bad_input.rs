@@ -6,7 +6,7 @@ use crate::support::Place;
 const SMALL: &str = "--size 32x32 --frames 2 --backend cpu";
 
 #[track_caller]
-fn assert_says(message: &str, parts: &[&str]) {
+pub fn assert_says(message: &str, parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "`{part}` is not in:\n{message}");
     }
@@ -103,6 +103,12 @@ fn no_gpu() {
     // By default, the program does not need a GPU.
     let run = place.run_without_gpu("--size 32x32 --frames 2 --out a.png");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
+    // A shader file does: the CPU cannot stand in.
+    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/experiments/outline.ron");
+    let run = place.run_without_gpu(&format!("{graph} --size 32x32 --frames 2 --out b.png"));
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert_says(&run.stderr, &["node `outline` (wgsl) runs on a GPU, but none was found", "apt-get install"]);
+    assert!(!run.stderr.contains("--backend cpu"), "{}", run.stderr);
 }
 
 #[test]

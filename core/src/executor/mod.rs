@@ -35,14 +35,15 @@ use crate::{
     stage::{Binding, CpuContext, CpuMemory, Host},
 };
 
+/// What to do where there is no GPU adapter.
+pub const INSTALL_GPU: &str = "install a driver; for a software GPU on Debian or Ubuntu: apt-get install \
+                               mesa-vulkan-drivers libvulkan1";
+
 /// Errors while a plan is built or run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RunError {
     /// No adapter.
-    #[error(
-        "no GPU adapter was found. Run with --backend cpu, or install a driver; for a software GPU on Debian or \
-         Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1"
-    )]
+    #[error("no GPU adapter was found. Run with --backend cpu, or {}", INSTALL_GPU)]
     NoGpu,
     /// Out of memory, or a call that the device rejects.
     #[error("GPU: {0}")]
