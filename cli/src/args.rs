@@ -285,8 +285,8 @@ pub struct CheckArgs {
 /// Arguments of `stages`.
 #[derive(Args, Clone, Debug)]
 pub struct StagesArgs {
-    /// Stage kind to describe, or a graph file: its inputs, outputs and parameters [default: list all kinds]
-    #[arg(value_name = "KIND|FILE.ron")]
+    /// Stage kind to describe, or a graph (.ron) or shader file (.wgsl): its ports and parameters [default: list all kinds]
+    #[arg(value_name = "KIND|FILE")]
     pub kind: Option<String>,
     /// Write the description as JSON; - writes it to stdout instead of the text
     #[arg(long, value_name = "FILE")]

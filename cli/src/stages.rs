@@ -1,6 +1,9 @@
-//! `epigraph stages`: lists the stage kinds, or describes one, or a graph as a part of others.
+//! `epigraph stages`: lists the stage kinds, or describes one, a shader file as a stage, or a graph as a part of others.
 
 mod part;
+mod shader;
+
+use std::path::Path;
 
 use epigraph::graphs;
 use epigraph_core::{
@@ -34,8 +37,8 @@ pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
             table.row([PART_KIND.into(), String::new(), part::DOC.into()]);
             let all: Vec<Value> = registry.kinds().map(as_json).collect();
             let text = format!(
-                "{table}\n`epigraph stages KIND` describes a kind's ports and parameters, `epigraph stages FILE.ron` those of \
-                 a graph.\n"
+                "{table}\n`epigraph stages KIND` describes a kind's ports and parameters, `epigraph stages FILE` those of a \
+                 graph (.ron) or a shader (.wgsl).\n"
             );
             target.finish(&json!({ "stages": all }), &text)
         }
@@ -49,6 +52,10 @@ pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
             None if is_graph(name) => {
                 let file = open::graph(name, &ChangeArgs::default(), registry)?;
                 let (json, text) = part::describe(&file.name(), &*file.whole()?, registry);
+                target.finish(&json, &text)
+            }
+            None if name.ends_with(".wgsl") => {
+                let (json, text) = shader::describe(Path::new(name), registry)?;
                 target.finish(&json, &text)
             }
             None => {
@@ -68,43 +75,46 @@ fn sides(declaration: Option<&Declaration>) -> String {
 
 fn as_text(kind: &dyn Kind) -> String {
     let declaration = kind.declaration();
-    let mut text = format!("{}: {}\n", kind.name(), kind.doc());
-    text += &format!("runs on: {}\n", sides(declaration.as_ref()));
-    if let Some(column) = declaration.as_ref().and_then(|declared| declared.column) {
-        text += &format!("time counts towards: {column}\n");
-    }
-    if declaration.as_ref().is_some_and(|declared| declared.per_view) {
-        text += "runs when: its inputs or the view change\n";
-    }
-    match &declaration {
-        None => text += "\nports: declared by the node's shader; see `wgsl` stages in the README\n",
-        Some(declaration) => {
-            for (heading, chosen) in
-                [("inputs", Port::is_input as fn(&Port) -> bool), ("outputs", Port::is_output)]
-            {
-                let mut table =
-                    Table::new(&["  name", "meaning", "access", "element", "extent", "what it holds"]);
-                for port in declaration.ports.iter().filter(|port| chosen(port)) {
-                    let name = format!("  {}", port.name);
-                    table.row([
-                        name,
-                        meaning(port),
-                        access(port),
-                        elements(port).join(" "),
-                        port.extent.to_string(),
-                        port.doc.to_string(),
-                    ]);
-                }
-                if declaration.ports.iter().any(chosen) {
-                    text += &format!("\n{heading}\n{table}");
-                }
-            }
-        }
-    }
+    let mut text = format!("{}: {}\n{}", kind.name(), kind.doc(), summary(declaration.as_ref()));
+    text += &declaration.as_ref().map_or_else(shader::clauses, ports);
     let specs = kind.specs();
     if !specs.is_empty() {
         let specs = specs.iter().map(|spec| (spec.name.clone(), spec, None));
         text += &format!("\nparameters\n{}", params(specs));
+    }
+    text
+}
+
+/// Where and when a kind runs.
+fn summary(declaration: Option<&Declaration>) -> String {
+    let mut text = format!("runs on: {}\n", sides(declaration));
+    if let Some(column) = declaration.and_then(|declared| declared.column) {
+        text += &format!("time counts towards: {column}\n");
+    }
+    if declaration.is_some_and(|declared| declared.per_view) {
+        text += "runs when: its inputs or the view change\n";
+    }
+    text
+}
+
+/// Tables of the inputs and of the outputs.
+fn ports(declaration: &Declaration) -> String {
+    let mut text = String::new();
+    for (heading, chosen) in [("inputs", Port::is_input as fn(&Port) -> bool), ("outputs", Port::is_output)] {
+        let mut table = Table::new(&["  name", "meaning", "access", "element", "extent", "what it holds"]);
+        for port in declaration.ports.iter().filter(|port| chosen(port)) {
+            table.row([
+                format!("  {}", port.name),
+                meaning(port),
+                access(port),
+                elements(port).join(" "),
+                port.extent.to_string(),
+                port.doc.to_string(),
+            ]);
+        }
+        if declaration.ports.iter().any(chosen) {
+            text += &format!("\n{heading}\n{table}");
+        }
     }
     text
 }
@@ -169,6 +179,7 @@ fn as_json(kind: &dyn Kind) -> Value {
     let params: Vec<Value> = kind.specs().iter().map(param_json).collect();
     let per_view = declaration.as_ref().is_some_and(|declared| declared.per_view);
     let column = declaration.as_ref().and_then(|declared| declared.column);
+    let declarations = declaration.is_none().then(shader::clauses_json);
     json!({
         "kind": kind.name(),
         "doc": kind.doc(),
@@ -177,6 +188,7 @@ fn as_json(kind: &dyn Kind) -> Value {
         "column": column,
         "ports": ports,
         "params": params,
+        "declarations": declarations,
     })
 }
 

@@ -1,6 +1,6 @@
 //! The commands do what their help says, on small images.
 
-use crate::support::Place;
+use crate::{bad_input::assert_says, support::Place};
 use serde_json::Value;
 
 const SMALL: &str = "--size 48x32 --frames 5 --samples 20% --backend cpu";
@@ -156,6 +156,53 @@ fn stages_are_listed_and_described() {
     );
     let everything = json(&place.succeeds("stages --json -"));
     assert!(everything["stages"].as_array().is_some_and(|kinds| kinds.len() > 10));
+}
+
+#[test]
+fn a_shader_file_is_described_as_a_stage() {
+    let place = Place::new();
+    let file = |name: &str| format!("{}/../tests/wgsl/{name}.wgsl", env!("CARGO_MANIFEST_DIR"));
+    let text = place.succeeds(&format!("stages {}", file("edge_raster")));
+    for part in [
+        "Marks where edges that are not hidden cross the sides of pixels",
+        "time counts towards: E2",
+        "imports: frame, index, pixel, segments, view, wide",
+        "read, optional",
+        "scratch",
+        "one per corner of a pixel",
+        "one thread for each element of mask",
+        "draws 6 triangle vertices for each element of shadows into visited, cleared to 0; fragment mark_pixel",
+        "one of Either, Owner, Both, Off",
+        "0 to 1000000  pixels",
+        "`silhouettes` means silhouettes, by its name.",
+    ] {
+        assert!(text.contains(part), "`{part}` is not in:\n{text}");
+    }
+    let age = json(&place.succeeds(&format!("stages {} --json -", file("age"))));
+    let port =
+        |name: &str| age["ports"].as_array().unwrap().iter().find(|port| port["name"] == name).cloned();
+    let (cloud, rate) = (port("cloud").unwrap(), port("rate").unwrap());
+    assert_eq!((&cloud["access"], &cloud["meaning"]), (&"update".into(), &"points".into()));
+    assert_eq!(cloud["elements"], serde_json::json!(["image_id: array<u32>", "meta: array<u32>"]));
+    assert_eq!((&rate["persistent"], &rate["extent"]), (&true.into(), &"a list of 1".into()));
+    let passes = serde_json::json!([
+        { "entry": "measure", "runs": "one workgroup" },
+        { "entry": "grow", "runs": "one thread for each element of cloud_meta" },
+    ]);
+    assert_eq!((&age["passes"], &age["column"]), (&passes, &"P1".into()));
+
+    place.write("wrong.wgsl", "#import frame\n/// = outptu\n@group(0) @binding(1) var a: texture_2d<f32>;\n");
+    assert_says(&place.fails("stages wrong.wgsl"), &["wrong.wgsl:2:7", "did you mean `output`?"]);
+    assert_says(&place.fails("stages none.wgsl"), &["none.wgsl", "cannot read"]);
+
+    let kind = place.succeeds("stages wgsl");
+    for part in
+        ["for a port", "bit per element of PORT", "for the file", "`epigraph stages FILE.wgsl` describes"]
+    {
+        assert!(kind.contains(part), "`{part}` is not in:\n{kind}");
+    }
+    let kind = json(&place.succeeds("stages wgsl --json -"));
+    assert!(kind["declarations"].as_array().unwrap().iter().any(|clause| clause["form"] == "like PORT"));
 }
 
 /// A graph with a parameter that reaches two nodes of a part, one of them three times in a row.
