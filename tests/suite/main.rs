@@ -16,4 +16,5 @@ mod split;
 mod still;
 mod swap;
 mod user_shader;
+mod wgsl_mutants;
 mod wgsl_nodes;
