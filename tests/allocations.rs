@@ -1,7 +1,7 @@
 //! A steady frame allocates no memory. Allocations are counted in the whole process, including the tracer. The counting
 //! allocator is global, so this test is a binary of its own.
 
-use epigraph_core::{Settings, Side};
+use epigraph_core::{Facts, Settings, Side};
 use epigraph_tests::{Run, Stage, graph, tap};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, Stats, StatsAlloc};
 
@@ -33,13 +33,13 @@ fn a_steady_frame_allocates_nothing() {
 }
 
 fn render_cache() -> Run {
-    let settings = Settings { side: Side::Cpu, ..Settings::new([160, 120], 900) };
+    let settings = Settings { side: Side::Cpu, ..Settings::new([160, 120], 900, Facts::none()) };
     Run::new(&graph("render-cache.ron"), Stage { scene: "cornell", camera: "orbit", settings })
 }
 
 fn epi() -> Run {
     let taps = vec![tap("spread.filled")];
-    let settings = Settings { side: Side::Cpu, taps, ..Settings::new([160, 120], 200) };
+    let settings = Settings { side: Side::Cpu, taps, ..Settings::new([160, 120], 200, Facts::none()) };
     Run::new(&graph("epi.ron"), Stage { scene: "chains", camera: "orbit", settings })
 }
 

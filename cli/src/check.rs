@@ -10,13 +10,24 @@ use epigraph_core::{
 use epigraph_pictures::{Target, readable};
 use serde_json::{Value, json};
 
-use crate::{args::CheckArgs, error::CliError, open, output::JsonTarget, stages};
+use crate::{
+    args::CheckArgs,
+    error::CliError,
+    open,
+    output::{JsonTarget, separate_files},
+    stages,
+};
 
 /// Checks graphs. The exit code is a failure if any graph has a problem.
 pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError> {
     let json = JsonTarget::new(args.json.as_deref())?;
     let dot = args.dot.as_deref().map(Target::new).transpose()?;
     let full = args.full.as_deref().map(Target::new).transpose()?;
+    separate_files([
+        ("--json", args.json.as_deref()),
+        ("--dot", args.dot.as_deref()),
+        ("--full", args.full.as_deref()),
+    ])?;
     for (option, wanted) in
         [("--dot writes one plan", dot.is_some()), ("--full writes one graph", full.is_some())]
     {
@@ -68,11 +79,10 @@ fn settings(args: &CheckArgs, facts: Facts) -> Result<Settings, CliError> {
     let size = args.scene.size.0;
     let samples = open::samples(args.compile.samples, size)?;
     Ok(Settings {
-        facts,
         side: if args.backend == Backend::Gpu { Side::Gpu } else { Side::Cpu },
         prune: !args.compile.no_prune,
         pooling: !args.compile.no_pooling,
-        ..Settings::new(size, samples)
+        ..Settings::new(size, samples, facts)
     })
 }
 

@@ -3,11 +3,17 @@
 use epigraph_pictures::{Difference, Picture, Ramp, Target, metrics, png};
 use serde_json::json;
 
-use crate::{args::CompareArgs, edge_mask, error::CliError, output::JsonTarget};
+use crate::{
+    args::CompareArgs,
+    edge_mask,
+    error::CliError,
+    output::{JsonTarget, separate_files},
+};
 
 /// Prints RMSE, PSNR, SSIM and FLIP.
 pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
     let target = JsonTarget::new(args.json.as_deref())?;
+    separate_files([("--map", args.map.as_deref()), ("--json", args.json.as_deref())])?;
     let map = args.map.as_deref().map(Target::new).transpose()?;
     let (a, b) = (Picture::read(&args.a)?, Picture::read(&args.b)?);
     if a.size != b.size {

@@ -20,6 +20,26 @@ pub fn print(text: &str) -> Result<(), CliError> {
     }
 }
 
+/// Checks that no two flags name the same file: the later one would replace what the earlier one wrote.
+///
+/// # Errors
+/// The first two flags that do.
+pub fn separate_files<'p>(
+    files: impl IntoIterator<Item = (&'p str, Option<&'p Path>)>,
+) -> Result<(), CliError> {
+    let mut known: Vec<(&str, &Path)> = Vec::new();
+    for (flag, path) in files {
+        // `-` is stdout.
+        let Some(path) = path.filter(|path| *path != Path::new("-")) else { continue };
+        if let Some((other, _)) = known.iter().find(|(_, other)| *other == path) {
+            let text = format!("{other} and {flag} both write {}; name another file", path.display());
+            return Err(CliError::Input(text));
+        }
+        known.push((flag, path));
+    }
+    Ok(())
+}
+
 /// The destination of JSON.
 pub enum JsonTarget {
     /// No JSON.

@@ -7,7 +7,13 @@ use epigraph_pictures::{Kind, Target, exr, png, tone};
 use epigraph_scenes::{Camera, Mode, TraceSettings, Tracer, reference};
 
 use crate::{
-    args::ReferenceArgs, edge_mask, error::CliError, interrupt, open, output::print, progress, values::Light,
+    args::ReferenceArgs,
+    edge_mask,
+    error::CliError,
+    interrupt, open,
+    output::{print, separate_files},
+    progress,
+    values::Light,
 };
 
 /// Bytes per pixel during tracing and encoding.
@@ -18,6 +24,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let kind = Kind::of_picture(&args.out)?;
     let target = Target::new(&args.out)?;
     let edges = args.edges.as_deref().map(mask_target).transpose()?;
+    separate_files([("--out", Some(&*args.out)), ("--edges", args.edges.as_deref())])?;
     let size = args.scene.size.0;
     require_memory(size)?;
     let place = open::place(&args.scene.scene, &args.scene.camera)?;

@@ -15,7 +15,7 @@ use crate::{
     args::RenderArgs,
     error::CliError,
     interrupt, open,
-    output::JsonTarget,
+    output::{JsonTarget, separate_files},
     progress,
     report::{Measured, Report},
     sheet::{self, Tile},
@@ -196,6 +196,9 @@ impl Files {
         };
         let plain = args.graph.is_none() && args.out.is_none() && picture.is_some();
         let sheet = args.sheet.as_deref().or(plain.then_some(Path::new(SHEET)));
+        let saved = args.save.iter().map(|save| ("--save", Some(&*save.file)));
+        let flags = [("--out", args.out.as_deref()), ("--sheet", sheet), ("--json", args.json.as_deref())];
+        separate_files(saved.chain(flags))?;
         Ok(Self {
             picture,
             saves,

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use epigraph::graphs;
 use epigraph_core::{
-    Access, Declaration, GraphError, Kind, Lifetime, PART_KIND, ParamSpec, Port, Registry, Side,
+    Access, Declaration, GraphError, Kind, Lifetime, PART_KIND, ParamSpec, Port, Registry, STAGE_KIND, Side,
 };
 use serde_json::{Value, json};
 
@@ -60,7 +60,7 @@ pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
             }
             None => {
                 let kinds = registry.kinds().map(|kind| kind.name());
-                Err(GraphError::unknown("stage kind", name, kinds.chain([PART_KIND])).into())
+                Err(GraphError::unknown(STAGE_KIND, name, kinds.chain([PART_KIND])).into())
             }
         },
     }

@@ -20,6 +20,9 @@ pub struct Spanned<T> {
     pub span: Span,
 }
 
+/// What an unknown stage kind is called.
+pub const STAGE_KIND: &str = "stage kind";
+
 /// The kinds of problem. Texts follow one pattern: what is wrong, what was expected, what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GraphError {
@@ -49,7 +52,7 @@ pub enum GraphError {
         name: String,
     },
     /// A name that does not exist.
-    #[error("unknown {what} `{found}`{}", hint(nearest, known))]
+    #[error("unknown {what} `{found}`{}{}", hint(nearest, known), elsewhere(what, nearest))]
     Unknown {
         /// What the name refers to: "stage kind", "parameter", "node", "port", "input", "field".
         what: &'static str,
@@ -172,6 +175,15 @@ fn placed(message: &str, place: &Option<Box<Place>>) -> String {
             format!("line {}, column {}: {message}, in `{}`", place.line, place.column, place.text.trim())
         }
         None => message.to_owned(),
+    }
+}
+
+/// Stages of other crates are known to programs of those crates only.
+fn elsewhere(what: &str, nearest: &[String]) -> &'static str {
+    if what == STAGE_KIND && nearest.is_empty() {
+        "; stages of another crate run in the program of that crate"
+    } else {
+        ""
     }
 }
 

@@ -5,6 +5,9 @@
 //! to detect that a stage is not needed ([`Stage::needless`](crate::Stage::needless)). A crate can derive further
 //! quantities from what the application states: [`Registry::with_count`](crate::Registry::with_count).
 //!
+//! What is not stated is unknown, not zero or false: no stage counts as needless because of it, and a list that is as long
+//! as an unknown quantity is an error.
+//!
 //! ```
 //! use epigraph_core::{Extent, Fact, Facts, Quantity};
 //!
@@ -13,12 +16,13 @@
 //! /// The map shows heights.
 //! const HAS_HEIGHTS: Fact = Fact { name: "has_heights" };
 //!
-//! let facts = Facts::default().with(SHEETS, 12).stating(HAS_HEIGHTS, true);
-//! assert!(facts.count(SHEETS) == 12 && facts.holds(HAS_HEIGHTS));
+//! let facts = Facts::none().with(SHEETS, 12).stating(HAS_HEIGHTS, true);
+//! assert!(facts.count(SHEETS) == Some(12) && facts.holds(HAS_HEIGHTS) == Some(true));
+//! assert_eq!(Facts::none().count(SHEETS), None);
 //! assert_eq!(SHEETS.list().to_string(), "a list of one per sheet");
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Something that can be counted, such as the edges of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,13 +41,18 @@ pub struct Fact {
 }
 
 /// What an application states.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Facts {
     counts: BTreeMap<&'static str, u32>,
-    holding: BTreeSet<&'static str>,
+    facts: BTreeMap<&'static str, bool>,
 }
 
 impl Facts {
+    /// Nothing is stated: for graphs whose stages ask for nothing.
+    pub const fn none() -> Self {
+        Self { counts: BTreeMap::new(), facts: BTreeMap::new() }
+    }
+
     /// States the count of a quantity.
     pub fn with(mut self, quantity: Quantity, count: u32) -> Self {
         self.counts.insert(quantity.name, count);
@@ -52,21 +61,17 @@ impl Facts {
 
     /// States whether a fact holds.
     pub fn stating(mut self, fact: Fact, holds: bool) -> Self {
-        if holds {
-            self.holding.insert(fact.name);
-        } else {
-            self.holding.remove(fact.name);
-        }
+        self.facts.insert(fact.name, holds);
         self
     }
 
-    /// The count of a quantity; 0 if not stated.
-    pub fn count(&self, quantity: Quantity) -> u32 {
-        self.counts.get(quantity.name).copied().unwrap_or(0)
+    /// The count of a quantity; `None` if it is not stated.
+    pub fn count(&self, quantity: Quantity) -> Option<u32> {
+        self.counts.get(quantity.name).copied()
     }
 
-    /// Whether a fact is stated to hold.
-    pub fn holds(&self, fact: Fact) -> bool {
-        self.holding.contains(fact.name)
+    /// Whether a fact holds; `None` if that is not stated.
+    pub fn holds(&self, fact: Fact) -> Option<bool> {
+        self.facts.get(fact.name).copied()
     }
 }

@@ -14,11 +14,12 @@ use index_vec::IndexVec;
 
 use self::swap::Differences;
 use crate::{
-    error::{GraphError, Problem, Problems, Span, Spanned},
+    error::{GraphError, Problem, Problems, STAGE_KIND, Span, Spanned},
     facts::Facts,
-    file::{Flat, FlatNode, GraphFile, GraphValue, Source},
+    file::{Flat, FlatNode, GraphFile, GraphValue, PART_KIND, Source},
     id::{FlatId, NodeId},
-    port::{Access, Dims, Extent, FieldRef, Lifetime, Meaning, Port},
+    params::decimal,
+    port::{Access, Dims, Extent, FieldRef, Lifetime, Meaning, Port, share_of},
     registry::{NodeContext, Registry},
     shader::Pass,
     side::{Download, Side},
@@ -38,7 +39,8 @@ pub struct Settings {
     pub size: [u32; 2],
     /// Maximum number of samples per frame: the extent of request lists.
     pub samples: u32,
-    /// What the application states about the content it shows.
+    /// What the application states about the content it shows. A list as long as a quantity that is not stated is an
+    /// error.
     pub facts: Facts,
     /// Default placement for nodes without `on:`.
     pub side: Side,
@@ -53,12 +55,12 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// For a frame of this size: everything on the CPU, pruned, pooled.
-    pub fn new(size: [u32; 2], samples: u32) -> Self {
+    /// For a frame of this size with this content: everything on the CPU, pruned, pooled.
+    pub fn new(size: [u32; 2], samples: u32, facts: Facts) -> Self {
         Self {
             size,
             samples,
-            facts: Facts::default(),
+            facts,
             side: Side::Cpu,
             prune: true,
             pooling: true,
@@ -81,6 +83,8 @@ pub struct PortRef<N = NodeId> {
 pub struct Node {
     /// Its name in the file.
     pub name: String,
+    /// The name of the node that it is a copy of: its own unless that is repeated.
+    pub written: String,
     /// Its kind.
     pub kind: String,
     /// Where it runs.
@@ -188,6 +192,7 @@ impl Graph {
         let settings = &Settings { facts: registry.facts(&settings.facts), ..settings.clone() };
         let mut checker = Checker::new(&flat, registry, settings);
         let made = checker.make_all();
+        checker.check_placing(&made);
         let wires = checker.wire(&made);
         let outputs = checker.outputs(&made);
         checker.report_differences(|node, port| {
@@ -269,8 +274,8 @@ fn stage(
 ) -> Result<Box<dyn AnyStage>, Problems> {
     let FlatNode { def: node, file, places, .. } = flat;
     let Some(kind) = registry.get(&node.kind.value) else {
-        let known = registry.kinds().map(|kind| kind.name());
-        let error = GraphError::unknown("stage kind", &node.kind.value, known);
+        let known = registry.kinds().map(|kind| kind.name()).chain([PART_KIND]);
+        let error = GraphError::unknown(STAGE_KIND, &node.kind.value, known);
         return Err(Problem::new(error).at(file.place(node.kind.span)).node(&node.name.value).into());
     };
     kind.make(&NodeContext { file, node, connected, registry, places })
@@ -410,6 +415,56 @@ impl<'a> Checker<'a> {
                 self.make(index, &|name| inputs.iter().any(|input| input.port.value == name))
             })
             .collect()
+    }
+
+    /// Checks where nodes are placed, and what that says of their parts' defaults; also of nodes that will not run.
+    fn check_placing(&mut self, made: &IndexVec<FlatId, Option<Made>>) {
+        let flat = self.flat;
+        for (index, FlatNode { def: node, .. }) in flat.nodes.iter_enumerated() {
+            if let Some(Spanned { value: Download::Latent(frames), span }) = node.download
+                && !(1..=MAX_LATENCY).contains(&frames)
+            {
+                let text = format!(
+                    "invalid latency Latent({frames}); a download may be 1 to {MAX_LATENCY} frames late"
+                );
+                self.problem(index, span, None, GraphError::Invalid(text));
+            }
+            let Some(stage) = &made[index] else { continue };
+            let declaration = stage.stage.declaration();
+            if let Some(on) = &node.on
+                && !declaration.runs_on(on.value)
+            {
+                let text = format!("cannot run on {}: this stage has no {} form", on.value, on.value);
+                self.problem(index, on.span, None, GraphError::Invalid(text));
+            }
+            let on_gpu = node.on.as_ref().is_some_and(|on| on.value == Side::Gpu);
+            if let Some(download) = &node.download
+                && (on_gpu || !declaration.runs_on(Side::Cpu))
+            {
+                let text = "`download` says how results of the GPU reach a node on the CPU, but this one runs on the GPU";
+                self.problem(index, download.span, None, GraphError::Invalid(text.into()));
+            }
+        }
+        for (index, part) in flat.placed.iter().enumerate() {
+            let mut nodes = flat.nodes.iter_enumerated().filter(|(_, node)| node.default.part == Some(index));
+            // A node that was not made may be one that takes the placement.
+            let takes = |(at, node): (FlatId, &FlatNode)| {
+                node.def.on.is_none()
+                    && made[at].as_ref().is_none_or(|made| made.stage.declaration().runs_on(part.on.value))
+            };
+            if !nodes.any(takes) {
+                let text = format!(
+                    "`on` changes nothing: the part has no node that can run on the {} and does not say itself where it runs",
+                    part.on.value
+                );
+                let place = part.file.place(part.on.span);
+                // A repeated part is told once.
+                if self.problems.0.iter().all(|problem| problem.place.as_ref() != Some(&place)) {
+                    let problem = Problem::new(GraphError::Invalid(text)).at(place);
+                    self.problems.0.push(problem.node(&part.node));
+                }
+            }
+        }
     }
 
     /// The output port that `source` names. `None`, without a problem, if its node is itself invalid.
@@ -746,24 +801,21 @@ impl<'a> Checker<'a> {
             if !live.contains(&index) {
                 continue;
             }
-            let FlatNode { def: node, default, .. } = &flat.nodes[index];
+            let FlatNode { def: node, default, written, .. } = &flat.nodes[index];
             let declaration = made.stage.declaration();
             let sources = (0..declaration.ports.len())
                 .map(|port| bypass.wires[index].get(&port).map(renumber))
                 .collect();
             let dims = vec![Dims::default(); declaration.ports.len()];
-            let side =
-                self.side(index, declaration, node.on.as_ref(), default.side.unwrap_or(self.settings.side));
-            if let Some(Spanned { value: Download::Latent(frames), span }) = node.download
-                && !(1..=MAX_LATENCY).contains(&frames)
-            {
-                let text = format!(
-                    "invalid latency Latent({frames}); a download may be 1 to {MAX_LATENCY} frames late"
-                );
-                self.problem(index, span, None, GraphError::Invalid(text));
-            }
+            let preferred = default.side.unwrap_or(self.settings.side);
+            let side = match &node.on {
+                Some(on) => on.value,
+                None if declaration.runs_on(preferred) => preferred,
+                None => preferred.other(),
+            };
             nodes.push(Node {
                 name: node.name.value.clone(),
+                written: written.clone(),
                 kind: node.kind.value.clone(),
                 side,
                 download: node
@@ -790,25 +842,6 @@ impl<'a> Checker<'a> {
             self.resolve_dims(&mut graph);
         }
         graph
-    }
-
-    fn side(
-        &mut self,
-        index: FlatId,
-        declaration: &Declaration,
-        on: Option<&Spanned<Side>>,
-        default: Side,
-    ) -> Side {
-        match on {
-            Some(on) if !declaration.runs_on(on.value) => {
-                let text = format!("cannot run on {}: this stage has no {} form", on.value, on.value);
-                self.problem(index, on.span, None, GraphError::Invalid(text));
-                on.value
-            }
-            Some(on) => on.value,
-            None if declaration.runs_on(default) => default,
-            None => default.other(),
-        }
     }
 
     /// Each version of a resource has at most one updater, and history is only kept of resources that are not updated.
@@ -866,15 +899,21 @@ impl<'a> Checker<'a> {
             for port in 0..resolver.graph.nodes[node].sources.len() {
                 let at = PortRef { node, port };
                 let found = resolver.graph.nodes[node].dims[port];
-                let Err(expected) = resolver.fits(at, found) else { continue };
+                let expected = resolver.wanted(at);
                 let graph = resolver.graph;
-                let port = graph.nodes[node].declaration().ports[port].name.to_string();
-                let source = graph.nodes[node].sources[at.port].expect("only connected ports are compared");
-                let error = GraphError::Extent {
-                    port: port.clone(),
-                    source_port: graph.name(source),
-                    expected,
-                    found: found.to_string(),
+                let declared = &graph.nodes[node].declaration().ports[port];
+                let (port, extent) = (declared.name.to_string(), &declared.extent);
+                let Some(source) = graph.nodes[node].sources[at.port] else { continue };
+                let error = match expected {
+                    Ok(None) => continue,
+                    Ok(Some(expected)) if expected == found => continue,
+                    Ok(Some(expected)) => GraphError::Extent {
+                        port: port.clone(),
+                        source_port: graph.name(source),
+                        expected: format!("{expected} ({extent})"),
+                        found: found.to_string(),
+                    },
+                    Err(text) => GraphError::Invalid(text),
                 };
                 let index = self.index_in_file(&graph.nodes[node].name);
                 self.problem(index, self.input_span(index, &port), Some(&port), error);
@@ -1051,12 +1090,17 @@ impl Resolver<'_> {
         };
         match extent {
             Extent::Frame(n) => Ok(Some(Dims { width: width.div_ceil(*n), height: height.div_ceil(*n) })),
-            Extent::PerPixel(share) => {
-                list((f64::from(width) * f64::from(height) * f64::from(*share)).ceil() as u64)
-            }
+            Extent::PerPixel(share) => list(share_of(self.settings.size, decimal(*share))),
             Extent::Requests => list(self.settings.samples.into()),
             Extent::Corners => Ok(Some(Dims { width: width + 1, height: height + 1 })),
-            Extent::Each(quantity) => list(self.settings.facts.count(*quantity).into()),
+            Extent::Each(quantity) => match self.settings.facts.count(*quantity) {
+                Some(count) => list(count.into()),
+                None => Err(format!(
+                    "the length of a list is one per {}, but the application does not state the number of {}: add it to \
+                     the facts in `Settings`",
+                    quantity.one, quantity.name
+                )),
+            },
             Extent::Fixed([width, height]) => {
                 Ok(Some(Dims { width: (*width).max(1), height: (*height).max(1) }))
             }
@@ -1073,16 +1117,13 @@ impl Resolver<'_> {
         self.dims(PortRef { node, port })
     }
 
-    /// Compares a connected input with its declaration.
-    fn fits(&mut self, at: PortRef, found: Dims) -> Result<(), String> {
+    /// The extent that a connected input takes, in numbers; `None` for other ports, and if any extent is accepted.
+    fn wanted(&mut self, at: PortRef) -> Result<Option<Dims>, String> {
         let node = &self.graph.nodes[at.node];
         let port = &node.declaration().ports[at.port];
         if !port.is_input() || node.sources[at.port].is_none() {
-            return Ok(());
+            return Ok(None);
         }
-        match self.declared(at.node, &port.extent) {
-            Ok(Some(expected)) if expected != found => Err(format!("{expected} ({})", port.extent)),
-            _ => Ok(()),
-        }
+        self.declared(at.node, &port.extent)
     }
 }

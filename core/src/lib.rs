@@ -5,7 +5,7 @@
 //! [`compile`] makes a [`Plan`], which needs no GPU either; an [`Executor`] allocates its memory and runs it.
 //!
 //! ```
-//! use epigraph_core::{
+//! use epigraph_core::{Facts,
 //!     CpuContext, Executor, Extent, Frame, GraphFile, Host, Io, Out, Registry, Settings, Stage, compile, params,
 //! };
 //!
@@ -46,7 +46,7 @@
 //!     outputs: { "values": "ramp.values" },
 //! )"#;
 //! let file = GraphFile::parse("ramp.ron", text)?;
-//! let (registry, settings) = (Registry::default().with::<Ramp>(), Settings::new([2, 2], 0));
+//! let (registry, settings) = (Registry::default().with::<Ramp>(), Settings::new([2, 2], 0, Facts::none()));
 //! let (graph, plan) = compile(&file, &registry, &settings)?;
 //! let mut executor = Executor::new(graph, plan, &settings, &registry, None)?;
 //! executor.run(&Frame { size: [2, 2], ..Frame::default() }, &Host::default(), true)?;
@@ -91,7 +91,7 @@ mod wgsl;
 pub use capture::{Capture, Snapshot};
 pub use compile::compile;
 pub use constant::Constant;
-pub use error::{GraphError, Place, Problem, Problems, Span, Spanned};
+pub use error::{GraphError, Place, Problem, Problems, STAGE_KIND, Span, Spanned};
 pub use executor::{AdapterChoice, Executor, Gpu, INSTALL_GPU, RunError};
 pub use explain::{Around, Cell, Finding, Mark, Role, Site};
 pub use facts::{Fact, Facts, Quantity};
@@ -104,7 +104,7 @@ pub use params::{ParamError, ParamKind, ParamSpec, ParamValue, Params, parse_val
 pub use plan::{Bindings, Life, Plan, PlannedNode, Slot, SlotPair, Step, Storage, Tap, TapField, Value};
 pub use port::{
     Access, Dims, Element, Extent, Field, FieldRef, Format, Holds, In, ItemMember, Lifetime, Meaning, Member,
-    Out, Port, PortElement, Scalar, plain, scratch, texel,
+    Out, Port, PortElement, Scalar, plain, scratch, share_of, texel,
 };
 pub use reflect::{
     Entry, Reflected, Space, Variable, check as check_shader, check_stage, compose as compose_shader, imports,

@@ -84,8 +84,20 @@ impl ParamSpec {
         let name = self.name.clone();
         match self.range.filter(|_| error.out_of_range) {
             Some((low, high)) => GraphError::Range { name, found: text.to_owned(), low, high },
-            None => GraphError::Value { name, expected: self.kind.words(), cause: error.cause },
+            None => GraphError::Value { name, expected: self.expected(), cause: error.cause },
         }
+    }
+
+    /// The values that it can have, in words.
+    fn expected(&self) -> String {
+        let words = self.kind.words();
+        let range = match (self.range, &self.kind) {
+            (Some(range), _) => Some(range),
+            (None, ParamKind::U32) => Some((0.0, u32::MAX.into())),
+            (None, ParamKind::I32) => Some((i32::MIN.into(), i32::MAX.into())),
+            (None, _) => None,
+        };
+        range.map_or(words.clone(), |(low, high)| format!("{words}, {low} to {high}"))
     }
 }
 
@@ -102,7 +114,7 @@ pub trait ParamValue: DeserializeOwned + PartialEq + Clone {
 }
 
 macro_rules! number_params {
-    ($($ty:ty, $kind:ident, |$v:ident| $bits:expr;)*) => {$(
+    ($($ty:ty, $kind:ident, |$v:ident| $bits:expr, $number:path;)*) => {$(
         impl ParamValue for $ty {
             fn kind() -> ParamKind {
                 ParamKind::$kind
@@ -112,7 +124,7 @@ macro_rules! number_params {
                 $bits
             }
             fn number(&self) -> Option<f64> {
-                Some(*self as f64)
+                Some($number(*self))
             }
             fn ron(&self) -> String {
                 format!("{self:?}")
@@ -122,9 +134,15 @@ macro_rules! number_params {
 }
 
 number_params! {
-    u32, U32, |v| v;
-    i32, I32, |v| v as u32;
-    f32, F32, |v| v.to_bits();
+    u32, U32, |v| v, f64::from;
+    i32, I32, |v| v as u32, f64::from;
+    f32, F32, |v| v.to_bits(), decimal;
+}
+
+/// The f64 that is written as `value` is: 0.01 for 0.01f32, which itself is a little less. Ranges and shares are written
+/// in decimals, and a value at the end of its range is within it.
+pub(crate) fn decimal(value: f32) -> f64 {
+    format!("{value:?}").parse().unwrap_or(f64::NAN)
 }
 
 impl ParamValue for bool {
@@ -176,7 +194,7 @@ macro_rules! choice {
 pub struct ParamError {
     /// Line and column (from 1) within the value's text.
     pub at: (usize, usize),
-    /// The parser's message, or "outside its range".
+    /// What is there instead of a value.
     pub cause: String,
     /// Whether the value parsed but lies outside its range.
     pub out_of_range: bool,
@@ -210,14 +228,13 @@ impl Params for () {
     }
 }
 
-/// Parses RON text.
+/// Parses RON text. The error says what is there; what was expected depends on the parameter.
 pub(crate) fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, ParamError> {
     ron::from_str(text).map_err(|error| ParamError {
         at: (error.span.start.line, error.span.start.col),
         cause: match error.code {
-            // Every error lists the variants anyway.
             ron::Error::NoSuchEnumVariant { found, .. } => format!("there is no `{found}`"),
-            code => code.to_string(),
+            _ => format!("found `{text}`"),
         },
         out_of_range: false,
     })
@@ -296,4 +313,60 @@ macro_rules! params {
             }
         }
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(kind: ParamKind, range: Option<(f64, f64)>) -> ParamSpec {
+        let [name, doc, unit, default] = ["p", "", "", ""].map(str::to_owned);
+        ParamSpec { name, doc, unit, kind, range, default }
+    }
+
+    #[test]
+    fn both_ends_of_a_range_are_within_it() {
+        // 0.01 and 0.7 as f32 are a little less than these numbers, 0.1 is a little more.
+        for (low, high) in [(0.01, 16.0), (0.1, 0.7), (1e-6, 3e5), (-0.7, -0.1)] {
+            let spec = spec(ParamKind::F32, Some((low, high)));
+            for end in [low, high] {
+                assert_eq!(spec.check(&format!("{end:?}")), Ok(()), "{end}");
+                assert_eq!(parse_value::<f32>(&format!("{end:?}"), spec.range), Ok(end as f32));
+            }
+            for beyond in [low - 1e-6 * low.abs(), high + 1e-6 * high.abs(), f64::NAN, f64::INFINITY] {
+                let text = if beyond.is_finite() { format!("{beyond:.12}") } else { format!("{beyond}") };
+                assert!(spec.check(&text).is_err_and(|error| error.out_of_range), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_refusal_says_what_is_there_and_what_was_expected() {
+        let refused = |kind, range, text: &str| {
+            let spec = spec(kind, range);
+            spec.refusal(text, spec.check(text).unwrap_err()).to_string()
+        };
+        let range = Some((0.0, 10.0));
+        for (kind, range, text, message) in [
+            (ParamKind::F32, range, "abc", "parameter `p`: found `abc`; expected a number, 0 to 10"),
+            (ParamKind::F32, range, "11.5", "parameter `p` is 11.5, outside 0 to 10"),
+            (ParamKind::U32, range, "1.5", "parameter `p`: found `1.5`; expected a whole number, 0 to 10"),
+            (
+                ParamKind::U32,
+                None,
+                "-3",
+                "parameter `p`: found `-3`; expected a whole number, 0 to 4294967295",
+            ),
+            (ParamKind::Bool, None, "3", "parameter `p`: found `3`; expected true or false"),
+            (ParamKind::Text, None, "a", "parameter `p`: found `a`; expected a text in quotes"),
+            (
+                ParamKind::Choice(vec!["A".into(), "B".into()]),
+                None,
+                "C",
+                "parameter `p`: there is no `C`; expected one of A, B",
+            ),
+        ] {
+            assert_eq!(refused(kind, range, text), message);
+        }
+    }
 }

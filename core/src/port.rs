@@ -273,12 +273,19 @@ pub mod texel {
     }
 }
 
+/// This many for each pixel of a frame, rounded to the nearest whole number; at least 1. Everything that counts shares of a
+/// frame's pixels, samples and points, does it by this function.
+pub fn share_of(size: [u32; 2], per_pixel: f64) -> u64 {
+    let [width, height] = size.map(f64::from);
+    ((width * height * per_pixel).round() as u64).max(1)
+}
+
 /// The number of elements of a port.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Extent {
     /// Per pixel of the frame, divided by this number on each axis, rounded up: 1 is full resolution.
     Frame(u32),
-    /// A list with this many elements for each pixel of the frame, rounded up.
+    /// A list with this many elements for each pixel of the frame: [`share_of`] its pixels.
     PerPixel(f32),
     /// A list with one element for each sample that a frame may request: [`Frame::samples`](crate::Frame::samples).
     Requests,

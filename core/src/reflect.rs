@@ -15,7 +15,7 @@ use crate::{
 pub(crate) use check::{Misfit, misfits};
 pub use check::{check, check_stage};
 pub use compose::imports;
-pub(crate) use compose::{Composed, at_its_line, compose as join, conditions, is_edited};
+pub(crate) use compose::{Composed, at_its_line, compose as join, conditions, error_in, is_edited};
 
 /// A composed and validated shader with its variables by name.
 #[derive(Clone, Debug)]
@@ -165,7 +165,9 @@ fn analyse(text: &str, needs: Needs) -> Result<(naga::Module, naga::valid::Modul
     let module = naga::front::wgsl::Frontend::new_with_options(options).parse(text).map_err(|error| {
         let label = error.labels().find(|(span, _)| span.is_defined());
         let mut message = error.message().to_owned();
-        if let Some((_, label)) = label.filter(|(_, label)| !label.is_empty()) {
+        // A label that only repeats words of the message says nothing new.
+        let is_new = |label: &str| label.split_whitespace().any(|word| !error.message().contains(word));
+        if let Some((_, label)) = label.filter(|(_, label)| is_new(label)) {
             message += &format!(" ({label})");
         }
         for note in error.notes() {

@@ -130,7 +130,7 @@ fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
 }
 
 /// The count of a quantity, computed from what the application states.
-type Count = dyn Fn(&Facts) -> u32 + Send + Sync;
+type Count = dyn Fn(&Facts) -> Option<u32> + Send + Sync;
 
 /// All stage kinds, and the shader modules that they share.
 #[derive(Default)]
@@ -176,11 +176,12 @@ impl Registry {
         self
     }
 
-    /// Defines the count of a quantity of your own. `count` is called with what the application states.
+    /// Defines the count of a quantity of your own. `count` is called with what the application states; it returns `None` if
+    /// that is not enough.
     pub fn with_count(
         mut self,
         quantity: Quantity,
-        count: impl Fn(&Facts) -> u32 + Send + Sync + 'static,
+        count: impl Fn(&Facts) -> Option<u32> + Send + Sync + 'static,
     ) -> Self {
         self.counts.push((quantity, Box::new(count)));
         self
@@ -188,9 +189,9 @@ impl Registry {
 
     /// What the application states, with what the stages' crates derive from it.
     pub(crate) fn facts(&self, stated: &Facts) -> Facts {
-        let add = |facts: Facts, (quantity, count): &(Quantity, Box<Count>)| {
-            let count = count(&facts);
-            facts.with(*quantity, count)
+        let add = |facts: Facts, (quantity, count): &(Quantity, Box<Count>)| match count(&facts) {
+            Some(count) => facts.with(*quantity, count),
+            None => facts,
         };
         self.counts.iter().fold(stated.clone(), add)
     }

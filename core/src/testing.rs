@@ -64,6 +64,7 @@ use bytemuck::Pod;
 
 use crate::{
     executor::{AdapterChoice, Gpu},
+    facts::Facts,
     graph::Settings,
     harness::{Harness, Outputs},
     registry::Registry,
@@ -71,10 +72,10 @@ use crate::{
     stage::{Host, Stage},
 };
 
-/// Settings for a frame of `size` (width and height in pixels) with `samples` samples. Memory that a stage has not yet
-/// written is poisoned: a stage that reads it produces NaN or wild numbers, on every run.
+/// Settings for a frame of `size` (width and height in pixels) with `samples` samples, without facts. Memory that a stage
+/// has not yet written is poisoned: a stage that reads it produces NaN or wild numbers, on every run.
 pub fn settings(size: [u32; 2], samples: u32) -> Settings {
-    Settings { poison: true, ..Settings::new(size, samples) }
+    Settings { poison: true, ..Settings::new(size, samples, Facts::none()) }
 }
 
 /// The GPU that all tests of a program share, opened at the first call. A software driver is enough.

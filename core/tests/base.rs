@@ -4,8 +4,8 @@
 use std::{collections::BTreeMap, io, path::Path};
 
 use epigraph_core::{
-    CpuContext, Executor, Extent, Frame, GraphFile, Host, In, Io, Library, Origin, Out, Problems, Registry,
-    Settings, Side, Stage, compile, params,
+    CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Library, Origin, Out, Problems,
+    Registry, Settings, Side, Stage, compile, params,
 };
 
 const ONE: Extent = Extent::Fixed([1, 1]);
@@ -162,7 +162,7 @@ fn loaded(texts: &Texts) -> Result<GraphFile, Problems> {
 
 /// What each output of a graph gives.
 fn results(file: &GraphFile) -> Result<BTreeMap<String, f32>, Problems> {
-    let settings = Settings::new([4, 4], 0);
+    let settings = Settings::new([4, 4], 0, Facts::none());
     let (graph, plan) = compile(file, &registry(), &settings)?;
     let names: Vec<String> = graph.outputs.iter().map(|(name, _)| name.clone()).collect();
     let mut executor = Executor::new(graph, plan, &settings, &registry(), None).unwrap();
@@ -336,8 +336,10 @@ fn parameters_of_graphs_reach_replaced_nodes_and_have_other_defaults() {
         "change.ron",
         r#"Graph(version: 1, base: "base.ron", params: { "much": (default: 10.0) })"#.into(),
     );
-    let text =
-        compile(&loaded(&texts).unwrap(), &registry(), &Settings::new([4, 4], 0)).err().unwrap().to_string();
+    let text = compile(&loaded(&texts).unwrap(), &registry(), &Settings::new([4, 4], 0, Facts::none()))
+        .err()
+        .unwrap()
+        .to_string();
     assert!(text.starts_with("change.ron:1:") && text.contains("`much` is 10.0, outside 0 to 9"), "{text}");
 }
 
@@ -373,7 +375,7 @@ fn repeated_nodes_are_swapped_in_all_copies() {
 /// What is reported of a graph with these changes.
 #[track_caller]
 fn refused(texts: &Texts) -> String {
-    let settings = Settings::new([4, 4], 0);
+    let settings = Settings::new([4, 4], 0, Facts::none());
     let result = loaded(texts).and_then(|file| compile(&file, &registry(), &settings).map(drop));
     result.expect_err("it is broken").to_string()
 }
@@ -557,7 +559,7 @@ fn a_new_node_runs_where_the_old_one_did_if_it_can() {
     texts.files.insert("base.ron", base);
     let mut side = |fields: &str| {
         texts.files.insert("change.ron", format!("Graph(version: 1, base: \"base.ron\", {fields})"));
-        let settings = Settings { side: Side::Gpu, ..Settings::new([4, 4], 0) };
+        let settings = Settings { side: Side::Gpu, ..Settings::new([4, 4], 0, Facts::none()) };
         let compiled = compile(&loaded(&texts).unwrap(), &registry(), &settings);
         let (graph, _) = compiled.unwrap_or_else(|problems| panic!("{problems}"));
         let node = &graph.nodes[graph.node("last").unwrap()];
@@ -573,7 +575,7 @@ fn what_an_option_changes_is_told_by_its_text() {
     let base = loaded(&texts(BASE)).unwrap();
     let option = |option: &str, fields: &str| {
         let file = GraphFile::changed(&base, option, fields, &Texts::default());
-        file.and_then(|file| compile(&file, &registry(), &Settings::new([4, 4], 0)).map(drop))
+        file.and_then(|file| compile(&file, &registry(), &Settings::new([4, 4], 0, Facts::none())).map(drop))
             .unwrap_err()
             .to_string()
     };

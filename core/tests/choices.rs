@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use epigraph_core::{AdapterChoice, Gpu, Harness, Host, Registry, Settings, Side, Stage};
+use epigraph_core::{AdapterChoice, Facts, Gpu, Harness, Host, Registry, Settings, Side, Stage};
 
 const SOURCE: &str = "
 struct Params {
@@ -95,7 +95,7 @@ fn picture<S: Stage>(params: S::Params, side: Side) -> Vec<u32> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
     let open = || Arc::new(Gpu::open(AdapterChoice::Any).unwrap_or_else(|error| panic!("{error}")));
     let gpu = (side == Side::Gpu).then(|| GPU.get_or_init(open).clone());
-    let mut harness = Harness::<S>::new(params, &Settings::new([1, 1], 0));
+    let mut harness = Harness::<S>::new(params, &Settings::new([1, 1], 0, Facts::none()));
     let outputs = harness.run(side, &Registry::default(), &Host::default(), gpu);
     outputs.unwrap_or_else(|error| panic!("{side}: {error}")).get("image")
 }

@@ -3,8 +3,8 @@
 use std::{path::Path, sync::Arc};
 
 use epigraph_core::{
-    CpuContext, EditedTexts, Executor, Extent, Frame, GraphFile, Host, Io, Out, Problem, Registry, Settings,
-    Shader, ShaderModule, Side, Stage, compile, imports, testing::gpu,
+    CpuContext, EditedTexts, Executor, Extent, Facts, Frame, GraphFile, Host, Io, Out, Problem, Registry,
+    Settings, Shader, ShaderModule, Side, Stage, compile, imports, testing::gpu,
 };
 
 const SHADER: &str = "\
@@ -65,7 +65,7 @@ fn file() -> GraphFile {
 }
 
 fn settings() -> Settings {
-    Settings { side: Side::Gpu, ..Settings::new(SIZE, 0) }
+    Settings { side: Side::Gpu, ..Settings::new(SIZE, 0, Facts::none()) }
 }
 
 /// The numbers that the GPU writes.

@@ -2,8 +2,8 @@
 //! downloads, poison, no pooling.
 
 use epigraph_core::{
-    CpuContext, Executor, Extent, Frame, GraphFile, Host, In, Io, Out, Registry, RunError, Settings, Shader,
-    ShaderModule, Side, Source, Stage, Step, compile, params, testing::gpu, texel,
+    CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Out, Registry, RunError, Settings,
+    Shader, ShaderModule, Side, Source, Stage, Step, compile, params, testing::gpu, texel,
 };
 
 /// Counts frames in kept memory and writes pixel index + 1000 * frame.
@@ -359,7 +359,7 @@ fn expected(frames: u32) -> Vec<Vec<u32>> {
 
 #[test]
 fn every_placement_gives_the_same() {
-    let mut settings = Settings::new(SIZE, 0);
+    let mut settings = Settings::new(SIZE, 0, Facts::none());
     for poison in [false, true] {
         for pooling in [true, false] {
             for default in [Side::Cpu, Side::Gpu] {
@@ -380,7 +380,7 @@ fn every_placement_gives_the_same() {
 fn the_comparison_can_fail() {
     let mut file = graph(["Cpu", "Gpu", "Cpu"]);
     file.set_param("mix", "weight", "4").unwrap();
-    assert_ne!(run(&file, &Settings::new(SIZE, 0), 4), expected(4));
+    assert_ne!(run(&file, &Settings::new(SIZE, 0, Facts::none()), 4), expected(4));
 }
 
 #[test]
@@ -391,7 +391,8 @@ fn what_has_not_changed_is_not_uploaded_again() {
         "ramp": (kind: "ramp", on: Gpu),
     }, outputs: { "image": "mix.sum" })"#;
     let file = GraphFile::parse("rarely.ron", text).unwrap();
-    let seen: Vec<u32> = run(&file, &Settings::new(SIZE, 0), 6).iter().map(|image| image[7]).collect();
+    let seen: Vec<u32> =
+        run(&file, &Settings::new(SIZE, 0, Facts::none()), 6).iter().map(|image| image[7]).collect();
     // The first frame uploads whatever there is.
     assert_eq!(seen, [99, 1, 1, 1, 4, 4]);
 }
@@ -433,7 +434,7 @@ const SIDES: [[&str; 2]; 4] = [["Cpu", "Cpu"], ["Gpu", "Gpu"], ["Cpu", "Gpu"], [
 fn stages_of_the_view_run_only_when_it_or_their_inputs_change() {
     for sides in SIDES {
         for poison in [false, true] {
-            let settings = Settings { poison, ..Settings::new(SIZE, 0) };
+            let settings = Settings { poison, ..Settings::new(SIZE, 0, Facts::none()) };
             let mut executor = executor(&looking(sides, "", "again.output"), &settings);
             for (frame, (ran, value)) in walk(&mut executor).into_iter().enumerate() {
                 // The input changes in frames 1 and 4, the view from 6 on; the first frame has to run anyway.
@@ -450,7 +451,7 @@ fn stages_of_the_view_run_only_when_it_or_their_inputs_change() {
 #[test]
 fn unpruned_every_node_runs_in_every_frame() {
     for sides in SIDES {
-        let settings = Settings { prune: false, ..Settings::new(SIZE, 0) };
+        let settings = Settings { prune: false, ..Settings::new(SIZE, 0, Facts::none()) };
         let mut executor = executor(&looking(sides, "", "again.output"), &settings);
         assert!(executor.plan().nodes.iter().all(|node| !node.per_view));
         for (frame, (ran, value)) in walk(&mut executor).into_iter().enumerate() {
@@ -465,7 +466,8 @@ fn what_is_changed_in_place_is_made_again_in_every_frame() {
     for sides in SIDES {
         for on in ["Cpu", "Gpu"] {
             let bump = format!(r#""bump": (kind: "bump", on: {on}, inputs: {{ "list": "again.output" }}),"#);
-            let mut executor = executor(&looking(sides, &bump, "bump.list"), &Settings::new(SIZE, 0));
+            let mut executor =
+                executor(&looking(sides, &bump, "bump.list"), &Settings::new(SIZE, 0, Facts::none()));
             for (frame, (ran, value)) in walk(&mut executor).into_iter().enumerate() {
                 let last = [0, 1, 1, 1, 4, 4, 6, 7, 7, 9][frame];
                 // Where the other side changes its own copy, that is carried over again instead.
@@ -482,7 +484,7 @@ fn what_is_changed_in_place_is_made_again_in_every_frame() {
 #[test]
 fn a_stage_of_the_view_whose_last_output_is_read_swaps_and_runs() {
     let mix = r#""mix": (kind: "mix", inputs: { "now": "again.output", "before": "look.output" }, params: (weight: 0)),"#;
-    let executor = executor(&looking(["Cpu", "Cpu"], mix, "mix.sum"), &Settings::new(SIZE, 0));
+    let executor = executor(&looking(["Cpu", "Cpu"], mix, "mix.sum"), &Settings::new(SIZE, 0, Facts::none()));
     let per_view = |name| executor.plan().nodes.iter().find(|node| node.name == name).unwrap().per_view;
     assert_eq!([per_view("look"), per_view("again")], [false, true]);
 }
@@ -490,8 +492,9 @@ fn a_stage_of_the_view_whose_last_output_is_read_swaps_and_runs() {
 #[test]
 fn a_recompiled_stage_of_the_view_runs_at_first() {
     for (from, to) in SIDES.into_iter().zip(SIDES.into_iter().rev()) {
-        let [mut old, mut new] =
-            [from, to].map(|sides| executor(&looking(sides, "", "again.output"), &Settings::new(SIZE, 0)));
+        let [mut old, mut new] = [from, to].map(|sides| {
+            executor(&looking(sides, "", "again.output"), &Settings::new(SIZE, 0, Facts::none()))
+        });
         let run = |executor: &mut Executor, index, expected| {
             executor.run(&frame(index), &Host::default(), true).unwrap();
             assert_eq!(executor.ran().as_raw_slice(), [true, expected, expected], "frame {index}");
@@ -515,12 +518,13 @@ fn late_downloads_are_exactly_that_late() {
         "bump": (kind: "bump", on: Cpu, download: Latent(2), inputs: { "list": "ramp.ramp" }),
     }, outputs: { "image": "bump.list" })"#;
     let file = GraphFile::parse("late.ron", text).unwrap();
-    let seen: Vec<u32> = run(&file, &Settings::new(SIZE, 0), 6).iter().map(|image| image[7]).collect();
+    let seen: Vec<u32> =
+        run(&file, &Settings::new(SIZE, 0, Facts::none()), 6).iter().map(|image| image[7]).collect();
     assert_eq!(seen[2..], [1008, 2008, 3008, 4008]);
 
     // What was under way comes on time in a graph that was compiled anew, and in one after that; and the one before can
     // go on if its successor fails.
-    let mut executors = [0, 1, 2].map(|_| executor(&file, &Settings::new(SIZE, 0)));
+    let mut executors = [0, 1, 2].map(|_| executor(&file, &Settings::new(SIZE, 0, Facts::none())));
     let mut seen = Vec::new();
     let mut run = |executor: &mut Executor, index| {
         executor.run(&frame(index), &Host::default(), true).unwrap();
@@ -539,7 +543,7 @@ fn late_downloads_are_exactly_that_late() {
 
 #[test]
 fn an_all_gpu_frame_has_no_transfers_and_pools() {
-    let mut settings = Settings::new(SIZE, 0);
+    let mut settings = Settings::new(SIZE, 0, Facts::none());
     settings.side = Side::Gpu;
     let file = graph(["Gpu", "Gpu", "Gpu"]);
     let (_, plan) = compile(&file, &registry(), &settings).unwrap();
@@ -554,7 +558,7 @@ fn an_all_gpu_frame_has_no_transfers_and_pools() {
 fn kept_memory_survives_a_recompile_and_a_change_of_side() {
     let sides = [["Cpu", "Cpu", "Cpu"], ["Gpu", "Gpu", "Gpu"]];
     for (from, to) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-        let mut settings = Settings::new(SIZE, 0);
+        let mut settings = Settings::new(SIZE, 0, Facts::none());
         settings.side = if from == 0 { Side::Cpu } else { Side::Gpu };
         let mut old = executor(&graph(sides[from]), &settings);
         for index in 0..3 {
@@ -571,7 +575,7 @@ fn kept_memory_survives_a_recompile_and_a_change_of_side() {
 
 #[test]
 fn taps_see_a_port_after_its_node_even_if_it_changes_later() {
-    let mut settings = Settings::new(SIZE, 0);
+    let mut settings = Settings::new(SIZE, 0, Facts::none());
     settings.taps = vec![Source { node: "ramp".into(), port: "ramp".into() }];
     for side in ["Cpu", "Gpu"] {
         let mut executor = executor(&graph([side, side, side]), &settings);
@@ -589,7 +593,7 @@ fn failing_and_panicking_stages_come_back_as_errors() {
             outputs: {{ "image": "bad.nothing" }})"#
         );
         let file = GraphFile::parse("bad.ron", &text).unwrap();
-        let mut executor = executor(&file, &Settings::new(SIZE, 0));
+        let mut executor = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
         let error = executor.run(&frame(0), &Host::default(), false).unwrap_err();
         let wanted = if panic { "as asked" } else { "cannot go on" };
         assert!(matches!(&error, RunError::Stage { node, .. } if node == "bad"), "{error}");
@@ -628,7 +632,7 @@ fn after_a_frame_that_failed_the_next_one_runs() {
                 }}, outputs: {{ "image": "mix.sum" }})"#
             );
             let file = GraphFile::parse("stumble.ron", &text).unwrap();
-            let mut executor = executor(&file, &Settings { poison, ..Settings::new(SIZE, 0) });
+            let mut executor = executor(&file, &Settings { poison, ..Settings::new(SIZE, 0, Facts::none()) });
             executor.profile = profile;
             run_failing(&mut executor, at);
             for index in at + 1..at + 4 {
@@ -661,7 +665,7 @@ fn after_a_frame_that_failed_nothing_counts_as_unchanged() {
     for sides in SIDES {
         let stumble = r#""stumble": (kind: "stumble", inputs: { "list": "ramp.ramp", "after": "again.output" }, params: (at: 2)),
             "ramp": (kind: "ramp"),"#;
-        let mut settings = Settings::new(SIZE, 0);
+        let mut settings = Settings::new(SIZE, 0, Facts::none());
         settings.taps = vec![Source { node: "stumble".into(), port: "list".into() }];
         let mut executor = executor(&looking(sides, stumble, "again.output"), &settings);
         run_failing(&mut executor, 2);
@@ -687,7 +691,7 @@ fn late_downloads_are_delivered_again_after_a_frame_that_failed() {
         "stumble": (kind: "stumble", inputs: { "list": "bump.list" }, params: (at: 3)),
     }, outputs: { "image": "stumble.list" })"#;
     let file = GraphFile::parse("late.ron", text).unwrap();
-    let mut executor = executor(&file, &Settings::new(SIZE, 0));
+    let mut executor = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
     run_failing(&mut executor, 3);
     let seen = [4, 5, 6].map(|index| {
         executor.run(&frame(index), &Host::default(), true).unwrap();
@@ -707,7 +711,7 @@ fn taps_of_a_frame_that_failed_show_what_ran() {
                 "stumble": (kind: "stumble", inputs: {{ "list": "ramp.ramp" }}, params: (at: 1)),
             }}, outputs: {{ "image": "stumble.list" }})"#
         );
-        let mut settings = Settings::new(SIZE, 0);
+        let mut settings = Settings::new(SIZE, 0, Facts::none());
         settings.taps = vec![Source { node: "ramp".into(), port: "ramp".into() }];
         let mut executor = executor(&GraphFile::parse("taps.ron", &text).unwrap(), &settings);
         run_failing(&mut executor, 1);
@@ -722,7 +726,7 @@ fn taps_of_a_frame_that_failed_show_what_ran() {
 #[test]
 fn a_plan_that_needs_a_gpu_says_so() {
     let registry = registry();
-    let settings = Settings::new(SIZE, 0);
+    let settings = Settings::new(SIZE, 0, Facts::none());
     let (graph, plan) = compile(&graph(["Gpu", "Cpu", "Cpu"]), &registry, &settings).unwrap();
     let error = Executor::new(graph, plan, &settings, &registry, None).err().unwrap();
     assert_eq!(error, RunError::NoGpu);
@@ -737,7 +741,7 @@ fn too_much_for_the_device_is_an_error() {
     // One row more than the device binds, whatever that is. The refusal comes before anything is allocated.
     let width = 16_384;
     let rows = u32::try_from(gpu().most_bound() / (16 * u64::from(width))).unwrap() + 1;
-    let settings = Settings::new([width, rows], 0);
+    let settings = Settings::new([width, rows], 0, Facts::none());
     let (graph, plan) = compile(&file, &registry, &settings).unwrap();
     match Executor::new(graph, plan, &settings, &registry, Some(gpu())).err() {
         Some(RunError::Gpu(message)) => {

@@ -2,8 +2,8 @@
 //! much memory. No GPU takes part.
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Fact, Facts, GraphFile, Io, Problems, Quantity, Registry, Settings, Side,
-    Stage, Step, compile, params, scratch, texel,
+    Access, CpuContext, Extent, Fact, Facts, GraphFile, Io, Problems, Quantity, Registry, Settings, Shader,
+    Side, Stage, Step, compile, params, scratch, texel,
 };
 
 const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
@@ -67,8 +67,15 @@ stage!(Read, "read", |io| {
     io.read::<f32>("in", "one for each sheet", SHEETS.list());
     io.write::<f32>("out", "numbers", Extent::Like("in".into()));
 });
+stage!(Double, "double", |io| {
+    let out = io.write::<f32>("out", "numbers", Extent::Frame(1));
+    io.shader(Shader::new("double.wgsl", "@group(0) @binding(0) var<storage, read_write> out: array<f32>;"));
+    io.dispatch("main", out);
+});
 stage!(Change, "change", |io| io.update::<f32>("data", "changed in place", Extent::Any));
 stage!(Memory, "memory", |io| io.persistent::<f32>("out", "kept", Extent::PerPixel(0.5)));
+stage!(Hundredth, "hundredth", |io| io.write::<f32>("out", "some", Extent::PerPixel(0.01)));
+stage!(Most, "most", |io| io.write::<f32>("out", "many", Extent::PerPixel(0.7)));
 stage!(Delay, "delay", |io| {
     io.history::<f32>("last", "last frame's", Extent::Any);
     io.write::<f32>("out", "numbers", Extent::Frame(1));
@@ -80,10 +87,10 @@ stage!(
         io.read::<f32>("in", "numbers", Extent::Any);
         io.write::<f32>("out", "numbers", Extent::Frame(1));
     },
-    needless: |facts| (!facts.holds(CAMERA_MOVES)).then_some("the camera does not move")
+    needless: |facts| (facts.holds(CAMERA_MOVES) == Some(false)).then_some("the camera does not move")
 );
 stage!(Guess, "guess", |io| io.write::<u32>("out", "a guess", Extent::Frame(2)),
-    needless: |facts| (!facts.holds(CAMERA_MOVES)).then_some("the camera does not move"));
+    needless: |facts| (facts.holds(CAMERA_MOVES) == Some(false)).then_some("the camera does not move"));
 stage!(Maybe, "maybe", |io| {
     io.read::<f32>("in", "numbers", Extent::Any);
     io.optional::<u32>("hint", "may be missing", Extent::Any);
@@ -149,7 +156,10 @@ fn registry() -> Registry {
         .with::<Print>()
         .with::<Read>()
         .with::<Change>()
+        .with::<Double>()
         .with::<Memory>()
+        .with::<Hundredth>()
+        .with::<Most>()
         .with::<Delay>()
         .with::<Moving>()
         .with::<Guess>()
@@ -161,7 +171,7 @@ fn registry() -> Registry {
 }
 
 fn settings() -> Settings {
-    Settings::new([64, 48], 10)
+    Settings::new([64, 48], 10, Facts::none().stating(CAMERA_MOVES, false))
 }
 
 fn file(nodes: &str, output: &str) -> GraphFile {
@@ -176,7 +186,11 @@ fn compiled(nodes: &str, output: &str, settings: &Settings) -> (epigraph_core::G
 }
 
 fn problems(nodes: &str, output: &str) -> Problems {
-    compile(&file(nodes, output), &registry(), &settings()).err().expect("the graph is broken")
+    problems_with(nodes, output, &settings())
+}
+
+fn problems_with(nodes: &str, output: &str, settings: &Settings) -> Problems {
+    compile(&file(nodes, output), &registry(), settings).err().expect("the graph is broken")
 }
 
 fn order(nodes: &str, output: &str) -> Vec<String> {
@@ -263,7 +277,7 @@ fn the_scene_decides_what_is_left_out() {
     let (_, plan) = compiled(nodes, "maybe.out", &all);
     assert_eq!(plan.nodes.len(), 4);
     let mut moves = settings();
-    moves.facts = Facts::default().stating(CAMERA_MOVES, true);
+    moves.facts = Facts::none().stating(CAMERA_MOVES, true);
     let (_, plan) = compiled(nodes, "maybe.out", &moves);
     assert_eq!(plan.nodes.len(), 4);
     // What something still asks for stays, needless or not.
@@ -279,7 +293,7 @@ fn ports_are_found_by_name_when_a_stage_has_fewer_of_them() {
         "first": (kind: "helper", inputs: { "hint": "guess.out" }),"#;
     for moves in [false, true] {
         let mut settings = settings();
-        settings.facts = Facts::default().stating(CAMERA_MOVES, moves);
+        settings.facts = Facts::none().stating(CAMERA_MOVES, moves);
         for port in ["first.out", "first.sums", "second.out", "second.sums"] {
             settings.taps = vec![port.parse().unwrap()];
             let (graph, _) = compiled(nodes, "second.out", &settings);
@@ -366,19 +380,41 @@ fn extents_must_fit() {
 fn lists_are_as_long_as_the_application_states() {
     let nodes = r#""print": (kind: "print"), "read": (kind: "read", inputs: { "in": "print.out" }),"#;
     // Lists are never empty, so that they can be bound.
-    for (stated, length) in [(None, 1), (Some(0), 1), (Some(37), 37)] {
-        let facts = stated.map_or_else(Facts::default, |count| Facts::default().with(SHEETS, count));
-        let (graph, _) = compiled(nodes, "read.out", &Settings { facts, ..settings() });
+    let stating = |count| Settings { facts: Facts::none().with(SHEETS, count), ..settings() };
+    for (stated, length) in [(0, 1), (1, 1), (37, 37)] {
+        let (graph, _) = compiled(nodes, "read.out", &stating(stated));
         assert!(graph.nodes.iter().flat_map(|node| &node.dims).all(|dims| dims.count() == length));
     }
+    // What is not stated is not zero.
+    let text = problems(nodes, "read.out").to_string();
+    assert!(text.contains("node `print`: the length of a list is one per sheet of paper, but"), "{text}");
+    assert!(
+        text.contains("does not state the number of sheets: add it to the facts in `Settings`"),
+        "{text}"
+    );
     // A crate of stages states its own, from what the application has stated.
-    let registry = registry().with_count(SHEETS, |facts| 2 * facts.count(PRINTERS));
-    let settings = Settings { facts: Facts::default().with(PRINTERS, 3), ..settings() };
+    let registry = registry().with_count(SHEETS, |facts| Some(2 * facts.count(PRINTERS)?));
+    let settings = Settings { facts: Facts::none().with(PRINTERS, 3), ..settings() };
     let (graph, _) = compile(&file(nodes, "read.out"), &registry, &settings).unwrap();
     assert_eq!(graph.nodes[graph.node("print").unwrap()].dims[0].count(), 6);
     let wrong = r#""source": (kind: "source"), "read": (kind: "read", inputs: { "in": "source.out" }),"#;
+    let text = problems_with(wrong, "read.out", &stating(5)).to_string();
+    assert!(text.contains("but `in` takes 5x1 (a list of one per sheet of paper)"), "{text}");
     let text = problems(wrong, "read.out").to_string();
-    assert!(text.contains("but `in` takes 1x1 (a list of one per sheet of paper)"), "{text}");
+    assert!(text.contains("node `read`: the length of a list is one per sheet of paper, but"), "{text}");
+}
+
+#[test]
+fn shares_of_the_pixels_are_rounded_to_the_nearest() {
+    let nodes = r#""hundredth": (kind: "hundredth"), "most": (kind: "most"),"#;
+    // 655.36 and 45875.2; 0.05 and 3.5, which 0.7 as f32 falls short of.
+    for (size, lengths) in [([256, 256], [655, 45_875]), ([5, 1], [1, 4])] {
+        let settings = Settings { prune: false, ..Settings::new(size, 0, Facts::none()) };
+        let settings = Settings { taps: vec!["most.out".parse().unwrap()], ..settings };
+        let (graph, _) = compiled(nodes, "hundredth.out", &settings);
+        let length = |name| graph.nodes[graph.node(name).unwrap()].dims[0].count();
+        assert_eq!([length("hundredth"), length("most")], lengths, "{size:?}");
+    }
 }
 
 #[test]
@@ -389,7 +425,7 @@ fn lists_of_bits_have_one_for_each_element() {
         "mark": (kind: "mark", inputs: { "in": "source.out" }),
         "pick": (kind: "pick", inputs: { "in": "source.out", "bits": "mark.bits" }),"#;
     for (size, words) in [([64, 48], 96), ([1, 1], 1), ([8, 4], 1), ([11, 3], 2)] {
-        let (graph, _) = compiled(nodes, "pick.out", &Settings::new(size, 10));
+        let (graph, _) = compiled(nodes, "pick.out", &Settings::new(size, 10, Facts::none()));
         let mark = &graph.nodes[graph.node("mark").unwrap()];
         assert_eq!((mark.dims[1].width, mark.dims[1].height), (words, 1), "{size:?}");
     }
@@ -446,7 +482,7 @@ fn cycles_and_double_updates_are_refused() {
 #[test]
 fn sizes_and_latencies_have_bounds() {
     for size in [[0, 0], [0, 5], [100_000, 100_000], [16_385, 1]] {
-        let settings = Settings::new(size, 0);
+        let settings = Settings::new(size, 0, Facts::none());
         let error =
             compile(&file("\"s\": (kind: \"source\"),", "s.out"), &registry(), &settings).err().unwrap();
         assert!(error.to_string().contains("each side must be 1 to 16384 pixels"), "{error}");
@@ -457,6 +493,16 @@ fn sizes_and_latencies_have_bounds() {
     assert!(text.contains("1 to 16 frames late"), "{text}");
     let nodes = r#""s": (kind: "source", on: Gpu),"#;
     assert!(problems(nodes, "s.out").to_string().contains("this stage has no gpu form"));
+    // Nodes that will not run are placed as well as others.
+    let nodes = r#"
+        "s": (kind: "source"),
+        "idle": (kind: "source", on: Gpu),
+        "late": (kind: "filter", download: Latent(99), inputs: { "in": "s.out" }),"#;
+    let text = problems(nodes, "s.out").to_string();
+    assert!(text.contains("this stage has no gpu form") && text.contains("1 to 16 frames late"), "{text}");
+    let nodes = r#""d": (kind: "double", on: Gpu, download: Latent(2)),"#;
+    let text = problems(nodes, "d.out").to_string();
+    assert!(text.contains("test.ron:3:42: node `d`: `download` says how results of the GPU"), "{text}");
 }
 
 const PART: &str = r#"Graph(version: 1, nodes: {
@@ -509,7 +555,7 @@ fn parts_nest_and_taps_and_settings_reach_into_them() {
     let mut file = with_parts(nodes, "outer.result", &parts).unwrap();
     let mut settings = settings();
     settings.taps = ["outer/inner/first.out", "outer.result"].map(|name| name.parse().unwrap()).to_vec();
-    settings.facts = Facts::default().stating(CAMERA_MOVES, true);
+    settings.facts = Facts::none().stating(CAMERA_MOVES, true);
     let (graph, _) = compile(&file, &registry(), &settings).unwrap_or_else(|problems| panic!("{problems}"));
     assert_eq!(graph.nodes.len(), 4);
     assert_eq!(graph.name(graph.taps[0].1), "outer/inner/first.out");
@@ -666,6 +712,14 @@ fn a_parts_placement_is_its_nodes_default() {
     // These stages have no shader; placing the whole part on the CPU is no mistake.
     assert!(graph.nodes.iter().all(|node| node.side == Side::Cpu));
     assert_eq!(graph.nodes[1].download, epigraph_core::Download::Latent(2));
+    // A default that no node takes changes nothing.
+    let nodes = nodes.replace("on: Cpu", "on: Gpu");
+    let file = with_parts(&nodes, "blur.result", &[("part.ron", PART)]).unwrap();
+    let text = compile(&file, &registry(), &gpu).err().expect("it is broken").to_string();
+    assert!(
+        text.contains("test.ron:5:37: node `blur`: `on` changes nothing: the part has no node"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -681,7 +735,7 @@ fn what_declares_no_meaning_has_that_of_what_is_connected() {
     )"#;
     let registry = Registry::default().with::<Deep>().with::<Change>().with::<Source>();
     let file = GraphFile::parse("meaning.ron", text).unwrap();
-    let (graph, plan) = compile(&file, &registry, &Settings::new([8, 8], 0)).unwrap();
+    let (graph, plan) = compile(&file, &registry, &Settings::new([8, 8], 0, Facts::none())).unwrap();
     let meanings: Vec<_> = plan.taps.iter().map(|tap| (tap.name.as_str(), tap.meaning)).collect();
     assert_eq!(meanings, [("image", Some(DEPTH)), ("other", None)]);
     let deep = &graph.nodes[graph.node("a").unwrap()].declaration().ports;

@@ -2,8 +2,8 @@
 //! edit writes, and where each mistake is reported.
 
 use epigraph_core::{
-    CpuContext, Executor, Extent, Frame, GraphFile, Host, In, Io, Out, Problems, Registry, Settings, Stage,
-    compile, params, testing::Random,
+    CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Out, Problems, Registry, Settings,
+    Stage, compile, params, testing::Random,
 };
 
 params! {
@@ -57,7 +57,7 @@ fn read(text: &str, parts: &[(&str, &str)]) -> Result<GraphFile, Problems> {
 /// The number that the output holds.
 #[track_caller]
 fn number(file: &GraphFile) -> f32 {
-    let (registry, settings) = (Registry::default().with::<Digit>(), Settings::new([1, 1], 0));
+    let (registry, settings) = (Registry::default().with::<Digit>(), Settings::new([1, 1], 0, Facts::none()));
     let (graph, plan) = compile(file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));
     let mut executor = Executor::new(graph, plan, &settings, &registry, None).unwrap();
     executor.run(&Frame::default(), &Host::default(), true).unwrap();
@@ -66,7 +66,7 @@ fn number(file: &GraphFile) -> f32 {
 
 #[track_caller]
 fn problems(file: Result<GraphFile, Problems>) -> Problems {
-    let (registry, settings) = (Registry::default().with::<Digit>(), Settings::new([1, 1], 0));
+    let (registry, settings) = (Registry::default().with::<Digit>(), Settings::new([1, 1], 0, Facts::none()));
     let problems = file.and_then(|file| compile(&file, &registry, &settings).map(drop));
     problems.expect_err("it is broken")
 }
@@ -323,6 +323,13 @@ fn names_that_nothing_takes_are_refused() {
         file("", node, "a.to", &[("part.ron", part)]),
         &["top.ron some: p: no node takes the parameter `some`; hand it on by Param(\"some\")"],
     );
+    let row = r#""a": (kind: "digit", repeat: (times: Param("n"), through: { "from": "to" })),"#;
+    tells(
+        file("", row, "a.to", &[]),
+        &[
+            "top.ron Param(\"n\"): a: the graph has no parameters; write params: { \"n\": (default: VALUE) } beside `nodes`",
+        ],
+    );
     let node = r#""a": (kind: "digit", params: (add: Param(sum))),"#;
     let text = problems(file("", node, "a.to", &[])).to_string();
     assert!(
@@ -435,7 +442,7 @@ fn a_part_passes_on_what_is_connected_to_it() {
 #[test]
 fn mutants_of_a_part_are_refused_or_run() {
     let mut random = Random(11);
-    let (registry, settings) = (Registry::default().with::<Digit>(), Settings::new([1, 1], 0));
+    let (registry, settings) = (Registry::default().with::<Digit>(), Settings::new([1, 1], 0, Facts::none()));
     let words = [
         "Param(\"shift\")",
         "\"row\"",

@@ -416,15 +416,18 @@ mod tests {
     fn compiled(name: &str) -> Result<epigraph_core::Graph, Problems> {
         let registry = epigraph_stages::registry();
         let file = crate::graphs::load(name, &registry)?;
-        let settings = epigraph_core::Settings { prune: false, ..epigraph_core::Settings::new([32, 32], 10) };
+        let facts = crate::Place::load("cornell", "orbit").expect("a built-in scene").facts();
+        let settings = epigraph_core::Settings::new([32, 32], 10, facts);
+        let settings = epigraph_core::Settings { prune: false, ..settings };
         epigraph_core::compile(&file, &registry, &settings).map(|(graph, _)| graph)
     }
 
     #[test]
     fn variants_of_shipped_graphs_are_what_they_say() {
-        let graph =
-            compiled("epi+insert:tonemap.color=tonemap+sigma=0.25+swap:spread=spread+spread.rounds=3")
-                .unwrap();
+        let graph = compiled(
+            "epi+insert:antialias.primary=spread+spread2.rounds=3+wire:spread2.n8=edges.n8+sigma=0.5+swap:spread=spread",
+        )
+        .unwrap();
         let node = |name: &str| &graph.nodes[graph.node(name).unwrap()];
         let before = node("antialias").sources.iter().flatten().next().unwrap();
         assert_eq!(graph.name(*before), "spread2.color");

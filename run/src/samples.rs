@@ -2,6 +2,8 @@
 
 use std::{fmt, str::FromStr};
 
+use epigraph_core::share_of;
+
 /// The maximum number of samples per frame, written as a count (`13000`) or as a percentage of the pixels (`5%`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Samples {
@@ -16,7 +18,8 @@ impl Samples {
     pub fn of(self, size: [u32; 2]) -> u32 {
         match self {
             Self::Count(count) => count,
-            Self::Share(share) => ((f64::from(size[0] * size[1]) * share).round() as u32).max(1),
+            // At most one per pixel, which a u32 can count.
+            Self::Share(share) => u32::try_from(share_of(size, share)).unwrap_or(u32::MAX),
         }
     }
 }
@@ -62,6 +65,8 @@ mod tests {
         assert_eq!(of("5%", [512, 512]), 13107);
         assert_eq!(of("100%", [3, 5]), 15);
         assert_eq!(of("0.001%", [10, 10]), 1);
+        assert_eq!((of("5%", [256, 256]), of("1%", [256, 256])), (3277, 655));
+        assert_eq!(of("100%", [16384, 16384]), 16384 * 16384);
         for wrong in ["", "-5", "0", "0%", "-5%", "101%", "NaN%", "inf%", "5 %%", "x", "1.5"] {
             assert!(wrong.parse::<Samples>().is_err(), "{wrong}");
         }

@@ -245,15 +245,14 @@ impl Setup {
             DeviceChoice::Open(device) => device,
         };
         let facts = place.facts();
-        let moves = self.live || facts.holds(CAMERA_MOVES);
+        let facts = if self.live { facts.stating(CAMERA_MOVES, true) } else { facts };
         let settings = Settings {
-            facts: facts.stating(CAMERA_MOVES, moves),
             side: device.side,
             prune: self.prune,
             pooling: self.pooling,
             poison: self.poison,
             taps: Vec::new(),
-            ..Settings::new(self.size, samples)
+            ..Settings::new(self.size, samples, facts)
         };
         let (graph, plan) = compile(&self.file, &self.registry, &settings)?;
         let mut compiled = Compiled {

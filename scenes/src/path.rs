@@ -134,6 +134,10 @@ impl CameraPath {
             ("still" | "shake", Some(_)) => return Err(surplus(name)),
             ("orbit", arguments) => orbit(text, arguments, scene)?,
             ("fly", None) => Motion::Fly(Flight::default_of(scene)),
+            ("fly", Some("")) => {
+                let expected = "a file of keyframes, or `fly` alone";
+                return Err(PathError::Number { text: text.into(), expected, found: String::new() });
+            }
             ("fly", Some(file)) => Motion::Fly(Flight::read(Path::new(file))?),
             _ => return Err(unknown(name)),
         };

@@ -106,6 +106,6 @@ impl Stage for Compact {
     }
 
     fn needless(_: &(), facts: &Facts) -> Option<&'static str> {
-        (facts.count(facts::FACES) == 0).then_some("the scene has no faces")
+        (facts.count(facts::FACES) == Some(0)).then_some("the scene has no faces")
     }
 }

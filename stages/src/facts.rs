@@ -27,6 +27,6 @@ pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
         (BODIES, facts.bodies),
     ];
     let stated =
-        Facts::default().stating(CAMERA_MOVES, path_moves).stating(SHADOW_CASTERS, facts.shadow_casters);
+        Facts::none().stating(CAMERA_MOVES, path_moves).stating(SHADOW_CASTERS, facts.shadow_casters);
     counts.into_iter().fold(stated, |stated, (quantity, count)| stated.with(quantity, count as u32))
 }

@@ -5,13 +5,14 @@
 //! [`registry`] contains all of them, for [`epigraph_core::compile`]. A stage can also run alone, on given data:
 //!
 //! ```
-//! use epigraph_core::{Harness, Host, Settings, Side};
+//! use epigraph_core::{Facts, Harness, Host, Settings, Side};
 //! use epigraph_stages::depth_cull::{DepthCull, DepthCullParams};
 //!
 //! # fn main() -> Result<(), epigraph_core::RunError> {
 //! // One row of pixels: a near surface, through which a point of a far one shows.
 //! let depths = [1.0f32, 1.0, 9.0, 1.0, 1.0];
-//! let mut harness = Harness::<DepthCull>::new(DepthCullParams::default(), &Settings::new([5, 1], 0));
+//! let settings = Settings::new([5, 1], 0, Facts::none());
+//! let mut harness = Harness::<DepthCull>::new(DepthCullParams::default(), &settings);
 //! harness.set("id", &[0u32, 1, 2, 3, 4]);
 //! harness.set("depth", &depths.map(f32::to_bits));
 //! let out = harness.run(Side::Cpu, &epigraph_stages::registry(), &Host::default(), None)?;

@@ -115,7 +115,7 @@ impl Stage for Mesh {
     }
 
     fn needless(_: &MeshParams, facts: &Facts) -> Option<&'static str> {
-        (facts.count(facts::FACES) == 0).then_some("the scene has no faces")
+        (facts.count(facts::FACES) == Some(0)).then_some("the scene has no faces")
     }
 }
 

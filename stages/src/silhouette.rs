@@ -128,7 +128,7 @@ impl Stage for Silhouette {
     }
 
     fn needless(_: &SilhouetteParams, facts: &Facts) -> Option<&'static str> {
-        (facts.count(facts::FACES) == 0).then_some("the scene has no faces")
+        (facts.count(facts::FACES) == Some(0)).then_some("the scene has no faces")
     }
 }
 

@@ -52,6 +52,28 @@ fn no_shader_declares_a_constant_of_its_twin() {
 }
 
 #[test]
+fn the_twin_defines_every_name_after_ifdef() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let rust = rust_files(&source);
+    let mut found = 0;
+    for (path, wgsl) in epigraph_shaders::FILES {
+        let name = Path::new(path).with_extension("rs");
+        let condition = |line: &'static str| {
+            let line = line.trim_start();
+            line.strip_prefix("#ifdef ").or_else(|| line.strip_prefix("#ifndef ")).map(str::trim)
+        };
+        for define in wgsl.lines().filter_map(condition) {
+            let quoted = format!("\"{define}\"");
+            let is_twin = |twin: &Path| path.starts_with("shared/") || twin.ends_with(&name);
+            let defines = |(twin, text): &(PathBuf, String)| is_twin(twin) && text.contains(&quoted);
+            assert!(rust.iter().any(defines), "{path}: nothing defines {define}");
+            found += 1;
+        }
+    }
+    assert!(found > 20, "{found}");
+}
+
+#[test]
 fn shaders_name_the_variants_of_choices() {
     for kind in epigraph_stages::registry().kinds() {
         let Some(shader) = kind.declaration().and_then(|declaration| declaration.shader) else { continue };

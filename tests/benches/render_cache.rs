@@ -8,12 +8,12 @@ use std::{sync::Arc, time::Duration};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use epigraph_core::{Settings, Side, Step};
 use epigraph_scenes::{CameraPath, Hit, Job, Scene, TraceSettings, Tracer};
-use epigraph_tests::{Run, Stage, graph};
+use epigraph_tests::{Run, Stage, graph, sampled};
 
 const SIZE: [u32; 2] = [512, 512];
 
 fn stages(criterion: &mut Criterion) {
-    let settings = Settings { side: Side::Cpu, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    let settings = Settings { side: Side::Cpu, ..sampled(SIZE, 0.05) };
     let mut run = Run::new(&graph("render-cache.ron"), Stage { scene: "cornell", camera: "orbit", settings });
     run.executor.profile = true;
     let steps: Vec<(usize, String)> = run

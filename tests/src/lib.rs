@@ -7,8 +7,9 @@ use std::{
 };
 
 use epigraph::{Device, Place, Samples, Setup, Snapshot, Source, graphs::Shipped};
-use epigraph_core::{GraphFile, Settings, Side};
+use epigraph_core::{Facts, GraphFile, Settings, Side};
 use epigraph_scenes::Scene;
+use epigraph_stages::facts::CAMERA_MOVES;
 
 pub use epigraph_core::testing::gpu;
 
@@ -140,6 +141,20 @@ impl DerefMut for Run {
     fn deref_mut(&mut self) -> &mut epigraph::Run {
         &mut self.0
     }
+}
+
+/// The facts of the Cornell box, with a camera that moves or not.
+///
+/// # Panics
+/// Never: the scene is built in.
+pub fn facts(camera_moves: bool) -> Facts {
+    let place = Place::load("cornell", "still").expect("a built-in scene");
+    place.facts().stating(CAMERA_MOVES, camera_moves)
+}
+
+/// Settings for frames of a size with this share of the pixels sampled; the facts are the scene's.
+pub fn sampled(size: [u32; 2], share: f64) -> Settings {
+    Settings::new(size, Samples::Share(share).of(size), Facts::none())
 }
 
 /// The port `node.port` as a tap.

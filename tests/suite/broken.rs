@@ -3,14 +3,14 @@
 
 use std::{fs, path::Path};
 
-use epigraph_core::{Facts, GraphFile, Settings, compile};
-use epigraph_stages::{facts::CAMERA_MOVES, registry};
+use epigraph_core::{GraphFile, Settings, compile};
+use epigraph_stages::registry;
+use epigraph_tests::facts;
 
 fn message(path: &Path) -> String {
     let name = path.file_name().expect("a file").to_string_lossy();
     let text = fs::read_to_string(path).expect("readable");
-    let facts = Facts::default().stating(CAMERA_MOVES, true);
-    let settings = Settings { facts, ..Settings::new([64, 64], 100) };
+    let settings = Settings::new([64, 64], 100, facts(true));
     let refused = GraphFile::parse(&name, &text).and_then(|file| compile(&file, &registry(), &settings));
     let problems = refused.err().unwrap_or_else(|| panic!("{name} was accepted"));
     for problem in &problems.0 {

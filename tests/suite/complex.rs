@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use epigraph_core::{GraphFile, Settings, Side};
 use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
-use epigraph_tests::{Run, Stage, tap};
+use epigraph_tests::{Run, Stage, sampled, tap};
 
 const SIZE: [u32; 2] = [128, 128];
 const FRAMES: u32 = 20;
@@ -16,7 +16,7 @@ fn run(name: &str, side: Side) -> (Vec<[f32; 4]>, Vec<u32>) {
     let mut file = GraphFile::load(&root.join("graphs").join(name)).unwrap_or_else(|p| panic!("{p}"));
     file.set_param("trace", "spp", "32").unwrap_or_else(|problems| panic!("{problems}"));
     let taps = TAPS.map(tap).to_vec();
-    let settings = Settings { side, taps, poison: true, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    let settings = Settings { side, taps, poison: true, ..sampled(SIZE, 0.05) };
     let mut run = Run::new(&file, Stage { scene: "cornell", camera: "orbit", settings });
     run.frames(FRAMES);
     (run.captured(TAPS[0]).get(), run.captured(TAPS[1]).get())

@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
-use epigraph_core::{Settings, Side};
+use epigraph_core::{Facts, Settings, Side};
 use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
-use epigraph_tests::{Run, Stage, frame_on_both, graph, tap};
+use epigraph_tests::{Run, Stage, frame_on_both, graph, sampled, tap};
 use glam::Vec3;
 
 const SIZE: [u32; 2] = [96, 72];
@@ -20,7 +20,7 @@ const ROUNDING: usize = 4;
 
 fn start(name: &str, scene: &'static str, camera: &'static str, side: Side) -> Run {
     let taps = INTEGERS.map(tap).to_vec();
-    let settings = Settings { side, poison: true, taps, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    let settings = Settings { side, poison: true, taps, ..sampled(SIZE, 0.05) };
     Run::new(&graph(name), Stage { scene, camera, settings })
 }
 
@@ -50,7 +50,8 @@ fn both_sides_compute_the_same_frame_from_the_same_state() {
 fn the_comparison_can_fail() {
     let mut file = graph("epi.ron");
     file.set_param("edge_raster", "depth_test", "Off").unwrap();
-    let settings = Settings { taps: vec![tap("edge_raster.mask")], ..Settings::new(SIZE, 345) };
+    let settings =
+        Settings { taps: vec![tap("edge_raster.mask")], ..Settings::new(SIZE, 345, Facts::none()) };
     let mut other = Run::new(&file, Stage { scene: "chains", camera: "still", settings });
     let mut same = start("epi.ron", "chains", "still", Side::Cpu);
     let [a, b] = [&mut other, &mut same].map(|run| {
@@ -65,7 +66,7 @@ fn error(name: &str, color: &str, scene: &'static str, camera: &'static str) -> 
     let size = [128, 128];
     let mut file = graph(name);
     file.set_param("trace", "spp", "32").unwrap();
-    let settings = Settings { taps: vec![tap(color)], ..Settings::new(size, size[0] * size[1] / 50) };
+    let settings = Settings { taps: vec![tap(color)], ..sampled(size, 0.02) };
     let mut run = Run::new(&file, Stage { scene, camera, settings });
     run.frames(25);
     let picture = run.captured(color).get::<[f32; 4]>();

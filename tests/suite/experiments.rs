@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
-use epigraph_core::{Settings, Side};
+use epigraph_core::{Facts, Settings, Side};
 use epigraph_scenes::{CameraPath, Mode, Scene, TraceSettings, Tracer, reference};
-use epigraph_tests::{Run, Stage, graph, tap};
+use epigraph_tests::{Run, Stage, graph, sampled, tap};
 
 use crate::epi::rms;
 
@@ -15,7 +15,8 @@ const FRAMES: u32 = 30;
 /// The picture after [`FRAMES`] frames along the orbit, path-traced with 4 paths a sample.
 fn picture(name: &str, color: &str, samples: u32) -> Vec<[f32; 4]> {
     let file = graph(name).with_param("the test", "trace", "mode", "Path").unwrap();
-    let settings = Settings { taps: vec![tap(color)], side: Side::Gpu, ..Settings::new(SIZE, samples) };
+    let settings =
+        Settings { taps: vec![tap(color)], side: Side::Gpu, ..Settings::new(SIZE, samples, Facts::none()) };
     let mut run = Run::new(&file, Stage { scene: "cornell", camera: "orbit", settings });
     run.frames(FRAMES);
     run.captured(color).get()
@@ -56,7 +57,7 @@ fn lines_are_drawn_where_silhouettes_are_in_sight() {
     let settings = Settings {
         taps: ["lines.lines", "antialias.color", "ink.inked"].map(tap).to_vec(),
         side: Side::Gpu,
-        ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20)
+        ..sampled(SIZE, 0.05)
     };
     let mut run =
         Run::new(&graph("experiments/lines.ron"), Stage { scene: "chains", camera: "orbit", settings });
@@ -81,7 +82,7 @@ fn a_median_removes_what_sticks_out() {
     let settings = Settings {
         taps: ["antialias.color", "median.calm"].map(tap).to_vec(),
         side: Side::Gpu,
-        ..Settings::new([37, 21], 100)
+        ..sampled([37, 21], 0.13)
     };
     let mut run =
         Run::new(&graph("experiments/median.ron"), Stage { scene: "cornell", camera: "orbit", settings });

@@ -1,8 +1,7 @@
 //! The whole render cache with extreme image sizes, numbers of samples and sizes of the cloud, mostly with poison on.
 
 use epigraph_core::{Executor, Facts, RunError, Settings, Side, compile};
-use epigraph_stages::facts::CAMERA_MOVES;
-use epigraph_tests::{Run, Stage, gpu, graph};
+use epigraph_tests::{Run, Stage, facts, gpu, graph};
 use glam::Vec3;
 
 use crate::epi::converged;
@@ -11,7 +10,7 @@ const CAMERA: &str = "shake";
 const FRAMES: u32 = 6;
 
 fn run(size: [u32; 2], samples: u32, side: Side) -> Run {
-    let settings = Settings { side, poison: true, ..Settings::new(size, samples) };
+    let settings = Settings { side, poison: true, ..Settings::new(size, samples, Facts::none()) };
     Run::new(&graph("render-cache.ron"), Stage { scene: "cornell", camera: CAMERA, settings })
 }
 
@@ -97,7 +96,7 @@ fn more_samples_than_pixels_are_harmless() {
 fn a_cloud_of_sixteen_million_points_runs() {
     let mut file = graph("render-cache.ron");
     file.set_param("points", "points_per_pixel", "16.0").unwrap();
-    let settings = Settings::new([1024, 1024], 20_000);
+    let settings = Settings::new([1024, 1024], 20_000, Facts::none());
     let mut run = Run::new(&file, Stage { scene: "cornell", camera: "orbit", settings });
     let cloud =
         run.executor.plan().storages.iter().find(|storage| storage.name == "cloud/points.cloud.position");
@@ -112,12 +111,11 @@ fn a_cloud_of_sixteen_million_points_runs() {
 fn a_cloud_too_large_for_the_device_is_refused_with_its_name() {
     let mut file = graph("render-cache.ron");
     file.set_param("points", "points_per_pixel", "16.0").unwrap();
-    let facts = Facts::default().stating(CAMERA_MOVES, true);
     // 16 points per pixel, of 16 bytes each: one row of pixels more than the device's largest binding holds.
     let width = 4096;
     let rows = gpu().most_bound() / (16 * 16 * u64::from(width)) + 1;
     let size = [width, u32::try_from(rows).expect("devices bind less")];
-    let settings = Settings { side: Side::Gpu, facts, ..Settings::new(size, 1000) };
+    let settings = Settings { side: Side::Gpu, ..Settings::new(size, 1000, facts(true)) };
     let registry = epigraph_stages::registry();
     let (graph, plan) = compile(&file, &registry, &settings).unwrap_or_else(|problems| panic!("{problems}"));
     match Executor::new(graph, plan, &settings, &registry, Some(gpu())).err() {

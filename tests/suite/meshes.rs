@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use epigraph_core::{Settings, Side};
 use epigraph_scenes::{CREASE_ANGLE, Camera, Material, Scene, SceneBuilder, Shape};
-use epigraph_tests::{Run, frame_on_both, graph, tap};
+use epigraph_tests::{Run, frame_on_both, graph, sampled, tap};
 use glam::Vec3;
 
 const SIZE: [u32; 2] = [96, 72];
@@ -30,7 +30,7 @@ fn scene(shape: &Shape, eye: Vec3) -> Arc<Scene> {
 fn both_sides(scene: &Arc<Scene>, frames: u32) -> (Vec<u32>, Vec<u8>) {
     let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu].map(|side| {
         let taps = INTEGERS.map(tap).to_vec();
-        let settings = Settings { side, poison: true, taps, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 5) };
+        let settings = Settings { side, poison: true, taps, ..sampled(SIZE, 0.2) };
         Run::in_scene(&graph("epi.ron"), scene, "still", settings)
     });
     for frame in 0..frames {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use epigraph_core::{GraphFile, Settings, Side};
 use epigraph_scenes::{CameraPath, Scene, TraceSettings, Tracer, reference};
-use epigraph_tests::{Run, Stage, frame_on_both, graph, tap};
+use epigraph_tests::{Run, Stage, frame_on_both, graph, sampled, tap};
 use glam::Vec3;
 
 const SCENE: &str = "cornell-moving";
@@ -17,7 +17,7 @@ fn start(file: &GraphFile, scene: &'static str, settings: Settings) -> Run {
 
 fn settings(side: Side, ports: &[&str]) -> Settings {
     let taps = ports.iter().map(|port| tap(port)).collect();
-    Settings { side, taps, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) }
+    Settings { side, taps, ..sampled(SIZE, 0.05) }
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn stages_that_depend_on_motion_run_only_where_something_moves() {
 fn error(file: &GraphFile, color: &str) -> f64 {
     const FRAME: u32 = 24;
     let size = [192, 192];
-    let wanted = Settings { taps: vec![tap(color)], ..Settings::new(size, size[0] * size[1] / 20) };
+    let wanted = Settings { taps: vec![tap(color)], ..sampled(size, 0.05) };
     let mut run = start(file, SCENE, wanted);
     run.frames(FRAME + 1);
     let picture = run.captured(color).get::<[f32; 4]>();

@@ -2,14 +2,14 @@
 //! bounds.
 
 use epigraph_core::{Settings, Side};
-use epigraph_tests::{Run, Stage, graph, tap};
+use epigraph_tests::{Run, Stage, graph, sampled, tap};
 
 const SIZE: [u32; 2] = [96, 72];
 const FRAMES: u32 = 12;
 
 fn settings(side: Side) -> Settings {
     let taps = ["cull.id", "fill.priority"].map(tap).to_vec();
-    Settings { side, taps, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) }
+    Settings { side, taps, ..sampled(SIZE, 0.05) }
 }
 
 fn run(name: &str, camera: &'static str, settings: Settings) -> Run {

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use epigraph_core::{Registry, Settings, Side, check_shader, compose_shader};
+use epigraph_core::{Facts, Registry, Settings, Side, check_shader, compose_shader};
 use epigraph_scenes::{Scene, TraceSettings, Tracer, reference};
 use epigraph_stages::{
     registry,
@@ -31,7 +31,7 @@ const TAPS: [&str; 7] = [
 
 fn start(name: &str, side: Side, camera: &'static str, change: impl FnOnce(&mut Settings)) -> Run {
     let taps = TAPS.map(tap).to_vec();
-    let mut settings = Settings { side, taps, ..Settings::new(SIZE, SAMPLES) };
+    let mut settings = Settings { side, taps, ..Settings::new(SIZE, SAMPLES, Facts::none()) };
     change(&mut settings);
     Run::new(&graph(name), Stage { scene: "cornell", camera, settings })
 }

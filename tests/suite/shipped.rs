@@ -1,8 +1,8 @@
 //! Every shipped graph compiles in every placement, and every shader fits its stage: both are tested without a GPU.
 
-use epigraph_core::{Access, Facts, Settings, Side, check_shader, compile, compose_shader};
-use epigraph_stages::{facts::CAMERA_MOVES, registry};
-use epigraph_tests::{GRAPHS, graph};
+use epigraph_core::{Access, Settings, Side, check_shader, compile, compose_shader};
+use epigraph_stages::registry;
+use epigraph_tests::{GRAPHS, facts, graph};
 
 #[test]
 fn shipped_graphs_compile_and_their_shaders_fit() {
@@ -10,8 +10,7 @@ fn shipped_graphs_compile_and_their_shaders_fit() {
     for name in GRAPHS {
         for side in [Side::Cpu, Side::Gpu] {
             for camera_moves in [false, true] {
-                let facts = Facts::default().stating(CAMERA_MOVES, camera_moves);
-                let settings = Settings { side, facts, ..Settings::new([320, 200], 1000) };
+                let settings = Settings { side, ..Settings::new([320, 200], 1000, facts(camera_moves)) };
                 let (graph, _) =
                     compile(&graph(name), &registry, &settings).unwrap_or_else(|p| panic!("{p}"));
                 for node in &graph.nodes {
@@ -29,8 +28,7 @@ fn shipped_graphs_compile_and_their_shaders_fit() {
 
 #[test]
 fn an_all_gpu_frame_is_one_submission_except_for_the_tracer() {
-    let facts = Facts::default().stating(CAMERA_MOVES, true);
-    let settings = Settings { side: Side::Gpu, facts, ..Settings::new([320, 200], 1000) };
+    let settings = Settings { side: Side::Gpu, ..Settings::new([320, 200], 1000, facts(true)) };
     let (_, plan) =
         compile(&graph("render-cache.ron"), &registry(), &settings).unwrap_or_else(|p| panic!("{p}"));
     let transfers: Vec<String> = plan
@@ -48,10 +46,7 @@ fn a_tap_is_the_port_of_its_name_whether_or_not_the_camera_moves() {
     let registry = registry();
     for name in GRAPHS {
         let file = graph(name);
-        let settings = |moves| {
-            let facts = Facts::default().stating(CAMERA_MOVES, moves);
-            Settings { facts, ..Settings::new([320, 200], 1000) }
-        };
+        let settings = |moves| Settings::new([320, 200], 1000, facts(moves));
         let whole = Settings { prune: false, ..settings(true) };
         let (whole, _) = compile(&file, &registry, &whole).unwrap_or_else(|p| panic!("{p}"));
         let mut missing = Vec::new();

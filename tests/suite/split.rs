@@ -1,8 +1,8 @@
 //! Graphs that are split between CPU and GPU as in the papers. With immediate readbacks, a split changes nothing. With
 //! late readbacks, it requests other samples, but the picture must be as close to the converged one.
 
-use epigraph_core::{Download, GraphFile, NodeDef, Settings, Side};
-use epigraph_tests::{Run, Stage, frame_on_both, gpu, graph, tap};
+use epigraph_core::{Download, Facts, GraphFile, NodeDef, Settings, Side};
+use epigraph_tests::{Run, Stage, frame_on_both, gpu, graph, sampled, tap};
 
 use crate::epi::{converged, rms};
 
@@ -43,7 +43,7 @@ fn names(file: &GraphFile, chosen: impl Fn(&NodeDef) -> bool) -> Vec<String> {
 
 fn start(file: &GraphFile, ports: &[&str], side: Side, scene: &'static str, camera: &'static str) -> Run {
     let taps = ports.iter().map(|port| tap(port)).collect();
-    let settings = Settings { side, poison: true, taps, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    let settings = Settings { side, poison: true, taps, ..sampled(SIZE, 0.05) };
     Run::new(file, Stage { scene, camera, settings })
 }
 
@@ -102,7 +102,11 @@ fn pictures(
     let (scene, camera) = place;
     file.set_param("trace", "spp", "32").expect("the node is there");
     let samples = LATE_SIZE[0] * LATE_SIZE[1] / share;
-    let settings = Settings { side: Side::Gpu, taps: vec![tap(color)], ..Settings::new(LATE_SIZE, samples) };
+    let settings = Settings {
+        side: Side::Gpu,
+        taps: vec![tap(color)],
+        ..Settings::new(LATE_SIZE, samples, Facts::none())
+    };
     let mut run = Run::new(&file, Stage { scene, camera, settings });
     [15, OLD].map(|frames| {
         run.frames(frames);

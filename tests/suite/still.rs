@@ -2,7 +2,7 @@
 //! picture.
 
 use epigraph_core::{Settings, Side};
-use epigraph_tests::{Run, Stage, graph, tap};
+use epigraph_tests::{Run, Stage, graph, sampled, tap};
 
 const SIZE: [u32; 2] = [64, 48];
 const FRAMES: u32 = 5;
@@ -21,7 +21,7 @@ fn start(name: &str, camera: &'static str, ports: &[&str], settings: Settings) -
 }
 
 fn settings(side: Side) -> Settings {
-    Settings { side, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) }
+    Settings { side, ..sampled(SIZE, 0.05) }
 }
 
 fn ran(run: &Run, name: &str) -> bool {

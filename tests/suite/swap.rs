@@ -6,7 +6,7 @@ use std::fs;
 use epigraph::{Change, Registry, changed, graphs::Shipped};
 use epigraph_core::{GraphFile, ParamKind, ParamSpec, Settings, testing::Random};
 use epigraph_stages::registry;
-use epigraph_tests::{GRAPHS, Run, Stage, graph};
+use epigraph_tests::{GRAPHS, Run, Stage, facts, graph};
 
 /// A value of a parameter, near its default where that has a wide range, so that most of them make sense together.
 fn value(spec: &ParamSpec, random: &mut Random) -> Option<String> {
@@ -74,7 +74,7 @@ fn random_change(file: &GraphFile, registry: &Registry, random: &mut Random) -> 
 }
 
 fn picture(file: &GraphFile) -> Vec<u8> {
-    let settings = Settings::new([40, 32], 200);
+    let settings = Settings::new([40, 32], 200, facts(true));
     let mut run = Run::new(file, Stage { scene: "cornell", camera: "orbit", settings });
     run.frames(4);
     let output = run.picture().expect("shipped graphs have one");
@@ -99,7 +99,7 @@ fn shipped_graphs_with_random_changes_are_the_same_in_full() {
             let what = format!("{name}+{}", pieces.join("+"));
             let file = changed(base.clone(), &changes, &registry).unwrap_or_else(|p| panic!("{what}: {p}"));
             // Some wires do not fit, and some values need others.
-            let settings = Settings::new([40, 32], 200);
+            let settings = Settings::new([40, 32], 200, facts(true));
             if epigraph_core::compile(&file, &registry, &settings).is_err() {
                 continue;
             }

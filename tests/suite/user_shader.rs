@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use epigraph_core::{GraphFile, Settings};
+use epigraph_core::{Facts, GraphFile, Settings};
 use epigraph_tests::{Run, Stage, tap};
 
 fn root() -> &'static Path {
@@ -14,7 +14,7 @@ fn lines(jump: &str) -> usize {
         GraphFile::load(&root().join("graphs/experiments/outline.ron")).unwrap_or_else(|p| panic!("{p}"));
     file.set_param("outline", "jump", jump).unwrap_or_else(|problems| panic!("{problems}"));
     let taps = ["fill.color", "outline.outlined"].map(tap).to_vec();
-    let settings = Settings { taps, ..Settings::new([96, 96], 900) };
+    let settings = Settings { taps, ..Settings::new([96, 96], 900, Facts::none()) };
     let mut run = Run::new(&file, Stage { scene: "cornell", camera: "still", settings });
     run.frames(10);
     let [color, outlined] =

@@ -9,7 +9,7 @@ use std::{
 };
 
 use epigraph_core::{EditedTexts, Problems, Registry, Settings, Side, WgslFile, compile, testing::Random};
-use epigraph_tests::graph;
+use epigraph_tests::{facts, graph};
 
 /// Mutants of each kind in an ordinary run. `EPIGRAPH_MUTANTS=2500` tries more.
 const MUTANTS: usize = 250;
@@ -185,7 +185,8 @@ fn damaged_shaders_of_stages_are_refused_at_their_lines() {
     let registry = epigraph_stages::registry();
     let file_of = |name: &str| registry.get(name)?.declaration()?.shader?.file;
     let files: Vec<PathBuf> = names.iter().map(|name| file_of(name).expect("a file")).collect();
-    let (file, settings) = (graph("epi.ron"), Settings { side: Side::Gpu, ..Settings::new([64, 48], 100) });
+    let file = graph("epi.ron");
+    let settings = Settings { side: Side::Gpu, ..Settings::new([64, 48], 100, facts(true)) };
     let refused = try_all(&files, |registry, _| compile(&file, registry, &settings).map(|_| ()));
     println!("{refused} of {} refused", mutants());
     assert!(refused > mutants() / 3, "{refused} refused");

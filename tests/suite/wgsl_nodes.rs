@@ -6,7 +6,7 @@ use std::path::Path;
 use epigraph::{Change, changed};
 use epigraph_core::{GraphFile, Settings, Side};
 use epigraph_stages::registry;
-use epigraph_tests::{Run, Stage, graph, tap};
+use epigraph_tests::{Run, Stage, graph, sampled, tap};
 
 /// The files, named like the nodes that they stand in for.
 const NODES: [&str; 5] = ["age", "edge_raster", "classify", "reach", "interpolate"];
@@ -44,8 +44,7 @@ const PORTS: [&str; 9] = [
 /// The ports and the picture after some frames, of a graph with this many nodes of kind `wgsl`.
 fn run(file: &GraphFile, scene: &'static str, nodes: usize) -> Vec<(&'static str, Vec<u8>)> {
     let taps = PORTS.iter().map(|port| tap(port.trim_end_matches(".meta"))).collect();
-    let settings =
-        Settings { side: Side::Gpu, taps, poison: true, ..Settings::new(SIZE, SIZE[0] * SIZE[1] / 20) };
+    let settings = Settings { side: Side::Gpu, taps, poison: true, ..sampled(SIZE, 0.05) };
     let mut run = Run::new(file, Stage { scene, camera: "orbit", settings });
     assert_eq!(run.executor.plan().nodes.iter().filter(|node| node.kind == "wgsl").count(), nodes);
     run.frames(6);

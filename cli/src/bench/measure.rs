@@ -177,7 +177,7 @@ fn try_measure(job: &Job) -> Result<Outcome, CliError> {
     let plan = run.plan();
     Ok(Outcome::Measured(Box::new(Measured {
         size: job.size,
-        edges: run.settings().facts.count(facts::EDGES),
+        edges: run.settings().facts.count(facts::EDGES).unwrap_or(0),
         points,
         samples,
         warm_up,

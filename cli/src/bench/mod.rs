@@ -22,7 +22,13 @@ use self::{
     measure::{Job, Loaded, Measured, Outcome},
     report::Report,
 };
-use crate::{args::BenchArgs, error::CliError, open, output::JsonTarget, svg};
+use crate::{
+    args::BenchArgs,
+    error::CliError,
+    open,
+    output::{JsonTarget, separate_files},
+    svg,
+};
 
 /// Scenes measured by default, in the order of the papers. The last two have to be fetched.
 pub const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];
@@ -82,6 +88,7 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
     let threads = open::threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
     let plot = args.plot.as_deref().map(svg::target).transpose()?;
+    separate_files([("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())])?;
     let bench = Bench::new(args, registry)?;
     let gpu = bench.gpu.as_ref().ok().and_then(Option::as_ref).and_then(|device| device.gpu.as_deref());
     let machine = Machine::new(threads, gpu);
@@ -120,8 +127,18 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     fn new(args: &'a BenchArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
         let named = if args.graph.is_empty() { vec![GRAPH.to_owned()] } else { args.graph.clone() };
+        let backends = backends(args);
+        if let (Some(graph), [Split::Hybrid]) = (args.graph.first(), &backends[..]) {
+            let text = format!(
+                "--graph {graph} is for the rows `cpu` and `gpu`; the row `hybrid` always runs `{HYBRID}`"
+            );
+            return Err(CliError::Input(text));
+        }
+        if args.sweep.contains(&Sweep::None) && args.sweep.len() > 1 {
+            return Err(CliError::Input("--sweep none excludes other sweeps; drop it, or the others".into()));
+        }
         let mut runs = Vec::new();
-        for backend in backends(args) {
+        for backend in backends {
             let names = if backend == Split::Hybrid { &[HYBRID.to_owned()][..] } else { &named[..] };
             for (nth, name) in names.iter().enumerate() {
                 let variant = (names.len() > 1).then(|| (nth, open::label(name)));

@@ -15,7 +15,13 @@ use self::{
     reference::References,
     report::Report,
 };
-use crate::{args::QualityArgs, error::CliError, open, output::JsonTarget, svg};
+use crate::{
+    args::QualityArgs,
+    error::CliError,
+    open,
+    output::{JsonTarget, separate_files},
+    svg,
+};
 
 /// The defaults. The first graph is the baseline for the others.
 const GRAPHS: [&str; 2] = ["render-cache", "epi"];
@@ -69,6 +75,7 @@ pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<(), CliEr
     open::threads(args.threads)?;
     let json = JsonTarget::new(args.json.as_deref())?;
     let plot = args.plot.as_deref().map(svg::target).transpose()?;
+    separate_files([("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())])?;
     let quality = Quality::new(args, registry)?;
     let rows = quality.run()?;
     let Device { side, gpu } = &quality.device;

@@ -33,6 +33,26 @@ fn flags_with_wrong_values() {
 }
 
 #[test]
+fn flags_that_another_one_would_silence() {
+    let place = Place::new();
+    for (words, parts) in [
+        ("--out a.png --sheet a.png", ["--out and --sheet both write a.png", "name another file"]),
+        (
+            "--save cull.id=a.exr --save cull.depth=a.exr",
+            ["--save and --save both write a.exr", "name another"],
+        ),
+        ("reference --out a.png --edges a.png", ["--out and --edges both write a.png", "name another"]),
+        ("check epi --json a --dot a", ["--json and --dot both write a;", "name another"]),
+        ("bench --graph epi --backend hybrid", ["--graph epi is for the rows `cpu` and `gpu`", "`hybrid`"]),
+        ("bench --sweep none --sweep pixels", ["--sweep none excludes other sweeps", "drop it"]),
+        ("--camera fly:", ["camera path `fly:`", "a file of keyframes"]),
+    ] {
+        assert_says(&place.fails(words), &parts);
+    }
+    assert_eq!(place.files(), [""; 0]);
+}
+
+#[test]
 fn graphs_that_are_wrong() {
     let place = Place::new();
     assert_says(&place.fails("no-such.ron"), &["no-such.ron", "cannot read"]);

@@ -609,7 +609,7 @@ mod tests {
             }, outputs: { "image": "pass.in" })"#;
         let file = GraphFile::parse("fill.ron", text).unwrap();
         let registry = Registry::default().with::<Fill>().with::<Pass>();
-        let settings = Settings::new([8, 8], 0);
+        let settings = Settings::new([8, 8], 0, crate::facts::Facts::none());
         let (graph, plan) = compile(&file, &registry, &settings).unwrap();
         Executor::new(graph, plan, &settings, &registry, Some(gpu.clone()))
     }

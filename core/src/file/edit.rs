@@ -162,6 +162,33 @@ impl GraphFile {
         self.apply(changes)
     }
 
+    /// Removes a parameter from the `set` of the node that contains another: of the part, or of the repeated node. What is
+    /// written for the node itself then applies.
+    ///
+    /// # Errors
+    /// [`GraphError::Unknown`] node or parameter.
+    pub fn unset_param(&mut self, address: &str, param: &str) -> Result<(), Problems> {
+        let missing = |file: &Self| Problems::from(Problem::new(file.no_node(address)));
+        let name = self.enter(address).ok_or_else(|| missing(self))?.0.name.value.clone();
+        let within = address[name.len()..].trim_start_matches('/');
+        if self.sets(&name, within, param) {
+            let set = child(&self.text, &self.node_block(&name)?, "set").ok_or_else(|| missing(self))?;
+            let params = child(&self.text, &set, within).ok_or_else(|| missing(self))?;
+            // The last one takes its node's entry with it.
+            let changes = match (&params.items[..], find(&self.text, &params, param)) {
+                ([_], _) => find(&self.text, &set, within).map(|index| remove(&self.text, &set, index)),
+                (_, Some(index)) => Some(remove(&self.text, &params, index)),
+                (_, None) => None,
+            };
+            return self.apply(changes.unwrap_or_default());
+        }
+        let rest = self.enter(address).and_then(|(_, _, rest)| rest).ok_or_else(|| missing(self))?.to_owned();
+        match self.part_mut(&name) {
+            Some(part) => part.unset_param(&rest, param),
+            None => Err(missing(self)),
+        }
+    }
+
     /// Whether the node of a part overrides this parameter of a node in it.
     fn sets(&self, part: &str, inner: &str, param: &str) -> bool {
         let set = self.node(part).into_iter().flat_map(|node| &node.set);

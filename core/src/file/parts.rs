@@ -67,7 +67,18 @@ pub struct ParamPlaces<'f> {
 #[derive(Clone, Copy, Default)]
 pub(crate) struct PartDefaults {
     pub side: Option<Side>,
+    /// The part that gives the side: its index in [`Flat::placed`].
+    pub part: Option<usize>,
     pub download: Option<Download>,
+}
+
+/// A part that is placed as a whole.
+pub(crate) struct PlacedPart<'f> {
+    /// The address of its node.
+    pub node: String,
+    pub on: Spanned<Side>,
+    /// The file that its node is in.
+    pub file: &'f GraphFile,
 }
 
 /// A flattened graph.
@@ -79,6 +90,8 @@ pub(crate) struct Flat<'f> {
     pub params: Vec<GraphValue>,
     /// The nodes, stages and parts, that have taken the place of others, by address.
     pub swaps: BTreeMap<String, Swap<'f>>,
+    /// The parts whose nodes have a side by default.
+    pub placed: Vec<PlacedPart<'f>>,
 }
 
 /// A node that has taken the place of another.
@@ -238,7 +251,7 @@ impl GraphFile {
 
     /// Splits an address into a node of this file, the number of a copy if that node is repeated, and the address of a
     /// node within it. The names of nodes may have slashes themselves.
-    pub(super) fn enter<'a>(&self, address: &'a str) -> Option<(&NodeDef, Option<u32>, Option<&'a str>)> {
+    pub fn enter<'a>(&self, address: &'a str) -> Option<(&NodeDef, Option<u32>, Option<&'a str>)> {
         if let Some(node) = self.node(address) {
             return Some((node, None, None));
         }
@@ -267,6 +280,7 @@ impl GraphFile {
             outputs: Vec::new(),
             params: Vec::new(),
             swaps: BTreeMap::new(),
+            placed: Vec::new(),
         };
         let mut builder = Builder { flat, problems: Problems::default() };
         let scope = Scope::whole(self);
@@ -538,8 +552,9 @@ impl<'f> Builder<'f> {
         for node in &file.nodes {
             let times = scope.times(node).unwrap_or_else(|given| {
                 let place = given.file.place(given.text.span);
-                // Unless the including node has been told already that this is no such number.
-                if self.problems.0.iter().all(|problem| problem.place.as_ref() != Some(&place)) {
+                // Unless the including node has been told already, or the graph has no such parameter.
+                let is_told = self.problems.0.iter().any(|problem| problem.place.as_ref() == Some(&place));
+                if !is_told && handed(&given.text.value).is_none() {
                     let (name, expected) = ("times".into(), times_expected());
                     let cause = format!("found `{}`", given.text.value);
                     let error = GraphError::Value { name, expected, cause };
@@ -627,6 +642,7 @@ impl<'f> Builder<'f> {
             self.flat.swaps.insert(name.clone(), Swap { node, file: scope.file, part });
             default = PartDefaults {
                 side: replaced.on.or(default.side),
+                part: default.part.filter(|_| replaced.on.is_none()),
                 download: replaced.download.or(default.download),
             };
         }
@@ -657,8 +673,13 @@ impl<'f> Builder<'f> {
         };
         self.check_inputs(scope, node, &name, part);
         self.check_params(scope, node, copy, part);
+        let placed = node.on.clone().map(|on| {
+            self.flat.placed.push(PlacedPart { node: name.clone(), on, file: scope.file });
+            self.flat.placed.len() - 1
+        });
         let default = PartDefaults {
             side: node.on.as_ref().map(|on| on.value).or(default.side),
+            part: placed.or(default.part),
             download: node.download.as_ref().map(|download| download.value).or(default.download),
         };
         self.add(&scope.inner(node, copy, part), &(written + "/"), default);

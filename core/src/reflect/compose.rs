@@ -125,11 +125,16 @@ pub fn imports(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// The names after `#ifdef` and `#ifndef` in a shader.
-pub(crate) fn conditions(text: &str) -> impl Iterator<Item = &str> {
-    text.lines().filter_map(directive).filter_map(|words| match words[..] {
-        ["ifdef" | "ifndef", define] => Some(define),
-        _ => None,
+/// The names after `#ifdef` and `#ifndef` in a shader, and their places.
+pub(crate) fn conditions(text: &str) -> impl Iterator<Item = (&str, Span)> {
+    let mut next = 0;
+    text.split_inclusive('\n').filter_map(move |line| {
+        let start = next;
+        next += line.len();
+        let words = directive(line)?;
+        let ["ifdef" | "ifndef", define] = words[..] else { return None };
+        let start = start + line.find(define)?;
+        Some((define, Span { start, end: start + define.len() }))
     })
 }
 
@@ -139,7 +144,8 @@ fn directive(line: &str) -> Option<Vec<&str>> {
     Some(directive.split("//").next().unwrap_or_default().split_whitespace().collect())
 }
 
-fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
+/// A problem of a shader at a place in its own text.
+pub(crate) fn error_in(name: &str, source: &str, at: Span, message: &str) -> GraphError {
     let place = Some(Box::new(Place::of(name, source, at)));
     GraphError::Shader { shader: name.to_owned(), message: message.to_owned(), place }
 }

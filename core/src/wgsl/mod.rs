@@ -387,6 +387,7 @@ fn read(
     let mut ports = all_ports(&shader, &reflected, &declarations, registry, connected, &mut wrong)?;
     let passes = passes::passes(&reflected, &declarations.points, &mut ports, connected, &mut wrong);
     let Ports { ports, mut assumed, .. } = ports;
+    check_conditions(&shader, &ports, &specs[1..], &mut wrong);
     let (per_view, column) = of_file(&declarations.file, &ports, registry, &mut wrong);
     let needs = Needs { atomic64: reflected.module.types.iter().any(|(_, ty)| is_wide(ty)) };
     if needs.atomic64 {
@@ -423,7 +424,9 @@ fn all_ports(
     wrong: &mut Wrong,
 ) -> Result<Ports, Vec<GraphError>> {
     let mut full = shader.clone();
-    let all = reflect::conditions(&shader.source).filter(|define| define.starts_with("HAS_"));
+    let all = reflect::conditions(&shader.source)
+        .map(|(define, _)| define)
+        .filter(|define| define.starts_with("HAS_"));
     full.defines.extend(all.map(|define| Cow::Owned(define.to_owned())));
     let composed = reflect::join(&full, &registry.library).map_err(|error| vec![error])?;
     if composed.own() == wrong.composed.own() {
@@ -457,6 +460,21 @@ fn all_ports(
     }
     wrong.errors.extend(other.errors);
     Ok(ports)
+}
+
+/// Checks that something defines the name of every `#ifdef`: an input that may be connected, or a parameter.
+fn check_conditions(shader: &Shader, ports: &[Port], specs: &[ParamSpec], wrong: &mut Wrong) {
+    let inputs = ports.iter().filter(|port| port.is_input()).map(|port| has(&port.name).into_owned());
+    let known: Vec<String> = inputs.chain(specs.iter().flat_map(params::defines)).collect();
+    for (define, span) in reflect::conditions(&shader.source) {
+        if known.iter().all(|known| known != define) {
+            let mut message = GraphError::unknown("name after #ifdef", define, &known).to_string();
+            if known.is_empty() {
+                message += "; an optional input or a parameter that is true or false defines one";
+            }
+            wrong.errors.push(reflect::error_in(&shader.name, &shader.source, span, &message));
+        }
+    }
 }
 
 /// Whether it is run per view, and the column of the table of times.
@@ -528,7 +546,9 @@ impl WgslFile {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let library = &registry.library;
         let mut shader = load(file.to_owned(), name, library).map_err(whole)?;
-        let all = reflect::conditions(&shader.source).filter(|define| define.starts_with("HAS_"));
+        let all = reflect::conditions(&shader.source)
+            .map(|(define, _)| define)
+            .filter(|define| define.starts_with("HAS_"));
         shader.defines = all.map(|define| Cow::Owned(define.to_owned())).collect();
         let placed = |errors: Vec<GraphError>| {
             let placed = |error| reflect::at_its_line(error, &shader, library).unwrap_or_else(whole);

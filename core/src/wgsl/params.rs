@@ -105,9 +105,10 @@ fn parameter(member: &Member, wrong: &mut Wrong) -> Option<(ParamSpec, u32)> {
         Err(error) => {
             let message = match &spec.kind {
                 ParamKind::Choice(names) => GraphError::unknown("choice", &spec.default, names).to_string(),
-                kind => {
-                    format!("the default {}: {}; expected {}", spec.default, error.cause, kind.words())
+                kind if error.out_of_range => {
+                    format!("the default {}: outside its range; expected {}", spec.default, kind.words())
                 }
+                kind => format!("the default: {}; expected {}", error.cause, kind.words()),
             };
             wrong.at(default.span, message);
             None
@@ -142,11 +143,20 @@ pub(super) fn word(spec: &ParamSpec, text: &str) -> Result<u32, ParamError> {
     }
 }
 
-/// The names for `#ifdef` that a parameter's value defines: that of its choice, or its own if it is true.
+/// The name for `#ifdef` that a parameter's value defines: that of its choice, or its own if it is true.
 pub(super) fn define(spec: &ParamSpec, word: u32) -> Option<String> {
+    let mut names = defines(spec).into_iter();
     match &spec.kind {
-        ParamKind::Bool => (word != 0).then(|| spec.name.to_uppercase()),
-        _ => Constant::of_choice(spec).get(word as usize).map(|constant| constant.name().to_owned()),
+        ParamKind::Bool => names.next().filter(|_| word != 0),
+        _ => names.nth(word as usize),
+    }
+}
+
+/// All names for `#ifdef` that values of a parameter define.
+pub(super) fn defines(spec: &ParamSpec) -> Vec<String> {
+    match &spec.kind {
+        ParamKind::Bool => vec![spec.name.to_uppercase()],
+        _ => Constant::of_choice(spec).iter().map(|constant| constant.name().to_owned()).collect(),
     }
 }
 

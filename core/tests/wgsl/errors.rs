@@ -57,7 +57,7 @@ fn malformed_parameters_are_told() {
             "or a comma or the end of the line after `0.5`, found `on`",
         ),
         ("= 0.5 in 0..2", "= 2.5 in 0..2", "6:11", "the default 2.5: outside its range; expected a number"),
-        ("= 3 in", "= 3.5 in", "9:10", "the default 3.5: "),
+        ("= 3 in", "= 3.5 in", "9:10", "the default: found `3.5`; expected a whole number"),
         (
             "= 0.5 in 0..2",
             "=",

@@ -3,7 +3,7 @@
 use std::fs;
 
 use epigraph_core::{
-    Executor, Frame, GraphFile, Host, Registry, Settings, ShaderModule, Side, Snapshot, compile,
+    Executor, Facts, Frame, GraphFile, Host, Registry, Settings, ShaderModule, Side, Snapshot, compile,
     testing::gpu, wgsl_kind,
 };
 
@@ -196,7 +196,7 @@ fn start(nodes: &str, outputs: &[&str], more: &[(&str, &str)]) -> Result<Executo
     let registry = Registry::default()
         .with_kind(wgsl_kind())
         .with_module(ShaderModule::new("frame", epigraph_shaders::text("shared/frame.wgsl")));
-    let settings = Settings { side: Side::Gpu, poison: true, ..Settings::new(SIZE, 0) };
+    let settings = Settings { side: Side::Gpu, poison: true, ..Settings::new(SIZE, 0, Facts::none()) };
     let file = GraphFile::load(&path).unwrap_or_else(|problems| panic!("{problems}"));
     let (graph, plan) = compile(&file, &registry, &settings).map_err(|problems| problems.to_string())?;
     Executor::new(graph, plan, &settings, &registry, Some(gpu())).map_err(|error| error.to_string())

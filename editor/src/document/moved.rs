@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
+use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems, handed};
 
 use super::{Contents, Document, Places, places, write};
 use crate::files::relative;
@@ -97,9 +97,17 @@ fn moved(file: &GraphFile, path: &Path) -> String {
         for (_, param) in REFERENCES.iter().filter(|(kind, _)| node.kind.value == *kind) {
             names.extend(node.params.iter().filter(|def| def.name.value == *param).map(|def| &def.value));
         }
+        let set = node.set.iter().flat_map(|(_, params)| params);
+        let is_file = |name: &str| REFERENCES.iter().any(|(_, param)| name == *param);
+        names.extend(set.filter(|def| is_file(&def.name.value)).map(|def| &def.value));
     }
-    // Replace from the end, so that the earlier spans stay valid.
+    // A parameter of the graph that names a file does so in its default.
+    let default = |name: &String| file.param(name).map(|param| &param.default);
+    let defaults: Vec<_> = names.iter().filter_map(|name| default(&handed(&name.value)?)).collect();
+    names.extend(defaults);
+    // Replace from the end, so that the earlier spans stay valid; each once.
     names.sort_by_key(|name| std::cmp::Reverse(name.span.start));
+    names.dedup_by_key(|name| name.span.start);
     let mut text = file.text.clone();
     for name in names {
         if let Ok(named) = ron::from_str::<String>(&name.value) {
@@ -115,6 +123,31 @@ fn moved(file: &GraphFile, path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_that_parameters_name_stay_the_same() {
+        let text = r#"Graph(
+            version: 1,
+            params: { "look": (default: "a.wgsl") },
+            nodes: {
+                "a": (kind: "wgsl", params: (shader: Param("look"))),
+                "b": (kind: "wgsl", params: (shader: Param("look"))),
+                "c": (kind: "graph", params: (file: "part.ron"), set: { "d": (shader: "b.wgsl", size: 3) }),
+            },
+            outputs: {},
+        )"#;
+        let folder = tempfile::tempdir().unwrap();
+        let deep = folder.path().join("deep");
+        fs::create_dir(&deep).unwrap();
+        for name in ["a.wgsl", "part.ron", "b.wgsl"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        let file = GraphFile::parse(&folder.path().join("old.ron").display().to_string(), text).unwrap();
+        let wanted = ["a.wgsl", "part.ron", "b.wgsl"]
+            .iter()
+            .fold(text.to_owned(), |text, name| text.replace(&format!("\"{name}"), &format!("\"../{name}")));
+        assert_eq!(moved(&file, &deep.join("new.ron")), wanted);
+    }
 
     #[test]
     fn a_copy_in_another_folder_is_the_same_graph() {

@@ -12,6 +12,18 @@ pub fn split(address: &str) -> (&str, &str) {
     address.rsplit_once('/').unwrap_or(("", address))
 }
 
+/// The address of the part in whose file a node is written, empty for the graph itself. All copies of a repeated node
+/// are written as one, so that of `row/1` is that of `row`.
+pub fn part_of<'a>(file: &GraphFile, address: &'a str) -> &'a str {
+    let (mut file, mut part, mut inner) = (file, "", address);
+    while let Some((node, _, Some(rest))) = file.enter(inner) {
+        let Some((_, next)) = file.parts.iter().find(|(name, _)| *name == node.name.value) else { break };
+        part = address[..address.len() - rest.len()].trim_end_matches('/');
+        (file, inner) = (next, rest);
+    }
+    part
+}
+
 /// The rest of an address after that of `node`: empty for the node itself, `/...` for nodes in it, `None` for others.
 pub fn within<'a>(address: &'a str, node: &str) -> Option<&'a str> {
     address.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))

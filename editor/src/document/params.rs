@@ -1,25 +1,32 @@
 //! Parameters of nodes in the graph or in its parts, by address.
 
-use epigraph_core::{GraphError, GraphFile, Problem, Problems};
+use epigraph_core::{GraphError, GraphFile, NodeDef, ParamDef, Problem, Problems, handed};
 
-/// The value of a parameter, as text: the one that an outer graph sets for a node of a part, else the node's own.
-/// `None` if the stage's default applies.
+/// The value of a parameter, as text: the one that an outer graph sets for a node of a part, or that is set for a copy of a
+/// repeated node, else the node's own. `None` if the stage's default applies.
 pub fn param_text<'f>(file: &'f GraphFile, address: &str, param: &str) -> Option<&'f str> {
-    let Some((part, inner)) = address.split_once('/') else {
-        let params = &file.node(address)?.params;
-        return params.iter().find(|def| def.name.value == param).map(|def| def.value.value.as_str());
-    };
-    if let Some(text) = set_text(file, part, inner, param) {
-        return Some(text);
-    }
-    let (_, part) = file.parts.iter().find(|(name, _)| name == part)?;
-    param_text(part, inner, param)
+    let (node, copy, rest) = file.enter(address)?;
+    let within = address[node.name.value.len()..].trim_start_matches('/');
+    // What is set for one copy comes before what is set for all of them.
+    let set =
+        set_text(node, within, param).or_else(|| set_text(node, rest.filter(|_| copy.is_some())?, param));
+    set.or_else(|| match rest {
+        None => text_of(&node.params, param),
+        Some(rest) => {
+            let (_, part) = file.parts.iter().find(|(name, _)| *name == node.name.value)?;
+            param_text(part, rest, param)
+        }
+    })
 }
 
-fn set_text<'f>(file: &'f GraphFile, part: &str, inner: &str, param: &str) -> Option<&'f str> {
-    let set = file.node(part)?.set.iter().find(|(node, _)| node.value == inner);
-    let (_, params) = set?;
+fn text_of<'f>(params: &'f [ParamDef], param: &str) -> Option<&'f str> {
     params.iter().find(|def| def.name.value == param).map(|def| def.value.value.as_str())
+}
+
+/// The value that a node sets for a node within it, or for one of its copies.
+fn set_text<'f>(node: &'f NodeDef, within: &str, param: &str) -> Option<&'f str> {
+    let set = node.set.iter().find(|(address, _)| !within.is_empty() && address.value == within);
+    text_of(&set?.1, param)
 }
 
 /// The file that contains a node, the graph or a part, and the node's name in it.
@@ -30,7 +37,16 @@ pub fn home<'f, 'a>(
     file: &'f mut GraphFile,
     address: &'a str,
 ) -> Result<(&'f mut GraphFile, &'a str), Problems> {
+    if file.node(address).is_some() {
+        return Ok((file, address));
+    }
     let Some((name, inner)) = address.split_once('/') else { return Ok((file, address)) };
+    // All copies of a repeated node stand there as one.
+    let inner = match file.enter(address) {
+        Some((_, _, None)) => return Ok((file, name)),
+        Some((_, _, Some(rest))) => rest,
+        None => inner,
+    };
     let Some(index) = file.parts.iter().position(|(part, _)| part == name) else {
         let known = file.parts.iter().map(|(part, _)| part);
         return Err(Problem::new(GraphError::unknown("part", name, known)).into());
@@ -38,19 +54,26 @@ pub fn home<'f, 'a>(
     home(&mut file.parts[index].1, inner)
 }
 
-/// Resets a parameter to the stage's default: removes it from the node, or if an outer graph sets it for a node of a
-/// part, sets it to `default` there.
+/// Resets a parameter to its default: removes it from the node. If an outer graph sets it for a node of a part, sets it to
+/// `default` there. If it is set over a parameter of the part's graph, or for a single copy of a repeated node, removes it
+/// there, so that the value of all the others applies again.
 ///
 /// # Errors
-/// Those of [`GraphFile::remove_param`] and [`GraphFile::set_param`].
+/// Those of [`GraphFile::remove_param`], [`GraphFile::unset_param`] and [`GraphFile::set_param`].
 pub fn remove_param(file: &mut GraphFile, address: &str, param: &str, default: &str) -> Result<(), Problems> {
-    if let Some((part, inner)) = address.split_once('/') {
-        if set_text(file, part, inner, param).is_some() {
-            return file.set_param(address, param, default);
-        }
-        if let Some((_, part)) = file.parts.iter_mut().find(|(name, _)| name == part) {
-            return remove_param(part, inner, param, default);
-        }
+    let Some((node, copy, rest)) = file.enter(address) else { return file.remove_param(address, param) };
+    let name = node.name.value.clone();
+    let within = address[name.len()..].trim_start_matches('/');
+    let part = file.parts.iter().position(|(part, _)| *part == name);
+    if set_text(node, within, param).is_some() {
+        let inner = part.zip(rest).and_then(|(part, rest)| param_text(&file.parts[part].1, rest, param));
+        return match copy.is_some() || inner.is_some_and(|text| handed(text).is_some()) {
+            true => file.unset_param(address, param),
+            false => file.set_param(address, param, default),
+        };
     }
-    file.remove_param(address, param)
+    match (part, rest) {
+        (Some(part), Some(rest)) => remove_param(&mut file.parts[part].1, rest, param, default),
+        _ => file.remove_param(&name, param),
+    }
 }

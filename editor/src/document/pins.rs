@@ -100,8 +100,16 @@ pub fn pins(file: &GraphFile, node: &NodeDef, registry: &Registry) -> [Vec<Pin>;
                 let name = format!("{inner}.{}", source.port);
                 if pins[1].iter().all(|pin| pin.name != name) {
                     let at = Source { node: inner.to_owned(), port: source.port.clone() };
-                    let pin = part.and_then(|(_, part)| pin_at(part, 1, &at, &name, registry));
-                    pins[1].push(pin.unwrap_or_else(|| Pin::unknown(&name)));
+                    // One copy of a repeated node has the pins of all.
+                    let of_copy = || {
+                        let known =
+                            pins[1].iter().find(|pin| node.repeat.is_some() && pin.name == source.port);
+                        known.map(|pin| Pin { name: name.clone(), ..pin.clone() })
+                    };
+                    let pin =
+                        part.and_then(|(_, part)| pin_at(part, 1, &at, &name, registry)).or_else(of_copy);
+                    let pin = pin.unwrap_or_else(|| Pin::unknown(&name));
+                    pins[1].push(pin);
                 }
             }
             _ => {}
@@ -119,9 +127,10 @@ fn pin_at(file: &GraphFile, side: usize, at: &Source, name: &str, registry: &Reg
 
 /// The stage's port that an output shows, found through the outputs of parts.
 pub fn output_port(file: &GraphFile, source: &Source) -> Source {
-    let (head, rest) =
-        source.node.split_once('/').map_or((source.node.as_str(), None), |(head, rest)| (head, Some(rest)));
+    let Some((node, copy, rest)) = file.enter(&source.node) else { return source.clone() };
+    let head = &node.name.value;
     let Some((_, part)) = file.parts.iter().find(|(name, _)| name == head) else { return source.clone() };
+    let head = copy.map_or(head.clone(), |copy| format!("{head}/{copy}"));
     let inner = match rest {
         Some(rest) => Some(Source { node: rest.to_owned(), port: source.port.clone() }),
         None => {

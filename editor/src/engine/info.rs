@@ -1,8 +1,8 @@
 //! Information about a running graph, as a value that other threads can keep.
 
 use epigraph_core::{
-    Access, Culled, Dims, Download, Graph, Node, NodeId, Plan, Port, PortRef, Side, Step, StepId, StorageId,
-    Value,
+    Access, Culled, Dims, Download, Graph, GraphValue, Node, NodeId, ParamSpec, Plan, Port, PortRef, Side,
+    Step, StepId, StorageId, Value,
 };
 use epigraph_pictures::is_image;
 
@@ -21,6 +21,8 @@ pub struct GraphInfo {
     pub bytes: [u64; 2],
     /// Width and height of the frame, pixels.
     pub size: [u32; 2],
+    /// The parameters of the graph itself and of its parts.
+    pub params: Vec<GraphValue>,
     /// The GPU in use.
     pub gpu: Option<String>,
     /// The plan as a Graphviz graph.
@@ -32,6 +34,8 @@ pub struct GraphInfo {
 pub struct NodeInfo {
     /// Its address.
     pub name: String,
+    /// The address of the node that it is a copy of: its own unless that is repeated.
+    pub written: String,
     /// Its stage kind.
     pub kind: String,
     /// The side it runs on.
@@ -40,6 +44,8 @@ pub struct NodeInfo {
     pub bytes: u64,
     /// Its ports.
     pub ports: Vec<PortInfo>,
+    /// Its parameters, those of its shader too.
+    pub specs: Vec<ParamSpec>,
 }
 
 /// A port of a node that runs.
@@ -100,10 +106,12 @@ impl GraphInfo {
             };
             NodeInfo {
                 name: node.name.clone(),
+                written: node.written.clone(),
                 kind: node.kind.clone(),
                 side: node.side,
                 bytes: plan.node_bytes(id),
                 ports: node.declaration().ports.iter().enumerate().map(port).collect(),
+                specs: node.stage.specs(),
             }
         };
         let crossing = Crossing { graph, plan };
@@ -128,6 +136,7 @@ impl GraphInfo {
             steps: plan.steps.iter_enumerated().map(step).collect(),
             bytes: [plan.bytes(Side::Cpu), plan.bytes(Side::Gpu)],
             size,
+            params: graph.params.clone(),
             gpu,
             dot: plan.dot(),
         }
@@ -141,9 +150,16 @@ impl GraphInfo {
         images.map(|(node, info)| format!("{}.{}", node.name, info.port.name)).collect()
     }
 
-    /// The node of that address.
+    /// The node of that address; of a repeated node, the last copy.
     pub fn node(&self, name: &str) -> Option<&NodeInfo> {
-        self.nodes.iter().find(|node| node.name == name)
+        let exact = self.nodes.iter().find(|node| node.name == name);
+        exact.or_else(|| self.nodes.iter().rfind(|node| node.written == name))
+    }
+
+    /// The value of a parameter of the graph itself, if `part` is empty, or of a part.
+    pub fn value(&self, part: &str, name: &str) -> Option<&String> {
+        let found = self.params.iter().find(|param| param.part == part && param.spec.name == name);
+        found.map(|param| &param.value)
     }
 
     /// The port `node.port`.

@@ -1,12 +1,15 @@
-//! The selected node: its description, its side, and its parameters from the stage's declaration.
+//! The selected node: its description, its side, and its parameters from the stage's declaration. With no node selected,
+//! the parameters of the graph.
 
 use std::sync::Arc;
 
-use egui::{Checkbox, ComboBox, DragValue, Grid, RichText, ScrollArea, Slider, SliderClamping, TextEdit, Ui};
-use epigraph_core::{GraphFile, NodeDef, ParamKind, ParamSpec, Side};
+use egui::{
+    Checkbox, ComboBox, DragValue, Grid, Response, RichText, ScrollArea, Slider, SliderClamping, TextEdit, Ui,
+};
+use epigraph_core::{GraphFile, NodeDef, ParamKind, ParamSpec, Side, handed};
 
 use crate::{
-    document::{Tag, fitting, home, param_text, remove_param, swap},
+    document::{Tag, fitting, home, nodes, param_text, remove_param, swap},
     intent::{Intent, Jump},
     session::Session,
     theme,
@@ -17,20 +20,29 @@ const WIDEST: f64 = 1e5;
 
 /// Shows it.
 pub fn show(ui: &mut Ui, session: &mut Session) {
+    let Some(file) = session.document.file().cloned() else { return };
     let Some(address) = session.selected.clone() else {
-        ui.weak("Select a node to see its parameters.");
+        graph(ui, session, &file);
         return;
     };
-    let Some(file) = session.document.file().cloned() else { return };
     let Some((node, within)) = file.node_at(&address) else {
         ui.weak(format!("The graph no longer has the node {address}."));
         return;
     };
-    let Some(kind) = session.registry.get(&node.kind.value) else {
-        part(ui, session, &address);
-        return;
+    let kind = session.registry.get(&node.kind.value);
+    let part = within.parts.iter().find(|(name, _)| *name == node.name.value).map(|(_, part)| part);
+    // The shader of a `wgsl` node has parameters too, which only the running graph knows.
+    let running = session.state.graph.clone();
+    let running =
+        running.as_ref().and_then(|graph| graph.node(&address)).filter(|info| info.kind == node.kind.value);
+    let specs = match (part, running, kind) {
+        (Some(part), ..) => part.params.iter().map(|param| param.spec.clone()).collect(),
+        (None, Some(running), _) => running.specs.clone(),
+        (None, None, kind) => kind.map(|kind| kind.specs()).unwrap_or_default(),
     };
-    let (doc, specs) = (kind.doc(), kind.specs());
+    let doc = part.map_or_else(|| kind.map_or("", |kind| kind.doc()), |part| &part.doc).to_owned();
+    let is_stage = kind.is_some();
+    let counted = node.repeat.as_ref().and_then(|repeat| repeat.count.as_ref()).map(|count| &count.value);
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             ui.heading(&address);
@@ -44,14 +56,26 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
         let broken = !session.document.problems().is_empty();
         ui.add_enabled_ui(!broken, |ui| {
             Grid::new("parameters").num_columns(3).spacing([8.0, 6.0]).show(ui, |ui| {
-                placing(ui, session, &file, &address, node);
+                if is_stage {
+                    placing(ui, session, &file, &address, node);
+                }
                 for spec in &specs {
-                    parameter(ui, session, &file, &address, spec);
+                    if counted == Some(&spec.name) {
+                        ui.label(&spec.name).on_hover_text(explain(spec));
+                        ui.weak("counts the copies");
+                        ui.end_row();
+                    } else {
+                        parameter(ui, session, &file, &Owner::Node(address.clone()), spec);
+                    }
                 }
             });
         });
-        if specs.is_empty() {
+        if specs.is_empty() && part.is_none() {
             ui.weak("This stage has no parameters.");
+        }
+        if part.is_some() {
+            ui.add_space(4.0);
+            inside(ui, session, &address);
         }
         if broken {
             ui.colored_label(theme::palette(ui).bad, "Fix the text first.");
@@ -59,9 +83,26 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     });
 }
 
+/// The parameters of the graph itself.
+fn graph(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>) {
+    ui.weak("Select a node to see its parameters.");
+    if file.params.is_empty() {
+        return;
+    }
+    ui.add_space(4.0);
+    ui.strong("Parameters of the graph");
+    let broken = !session.document.problems().is_empty();
+    ui.add_enabled_ui(!broken, |ui| {
+        Grid::new("parameters").num_columns(3).spacing([8.0, 6.0]).show(ui, |ui| {
+            for param in &file.params {
+                parameter(ui, session, file, &Owner::Graph, &param.spec);
+            }
+        });
+    });
+}
+
 /// The nodes in a part.
-fn part(ui: &mut Ui, session: &mut Session, address: &str) {
-    ui.strong(address);
+fn inside(ui: &mut Ui, session: &mut Session, address: &str) {
     ui.weak("A part: a graph with these nodes.");
     let Some(graph) = session.state.graph.clone() else { return };
     let prefix = format!("{address}/");
@@ -116,23 +157,57 @@ fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &
     }
 }
 
-fn parameter(ui: &mut Ui, session: &mut Session, file: &GraphFile, address: &str, spec: &ParamSpec) {
-    let written = param_text(file, address, &spec.name);
+/// Whose parameter is shown.
+#[derive(Clone)]
+enum Owner {
+    /// A node's, by address.
+    Node(String),
+    /// The graph's own.
+    Graph,
+}
+
+impl Owner {
+    fn text<'f>(&self, file: &'f GraphFile, spec: &ParamSpec) -> Option<&'f str> {
+        match self {
+            Self::Node(address) => param_text(file, address, &spec.name),
+            Self::Graph => None,
+        }
+    }
+
+    /// Sets the parameter; changes made one after the other are one step back.
+    fn set(&self, session: &mut Session, spec: &ParamSpec, value: &str) {
+        let address = match self {
+            Self::Node(address) => &address[..],
+            Self::Graph => "",
+        };
+        session.edit(Tag::Param(address.into(), spec.name.clone()), |file| match self {
+            Self::Node(address) => file.set_param(address, &spec.name, value),
+            Self::Graph => file.set_graph_param(&spec.name, value),
+        });
+    }
+}
+
+fn parameter(ui: &mut Ui, session: &mut Session, file: &GraphFile, owner: &Owner, spec: &ParamSpec) {
+    let written = owner.text(file, spec);
     let name = RichText::new(&spec.name);
     let label = ui.label(if written.is_some() { name.strong() } else { name });
     let label = label.on_hover_text(explain(spec));
     let mut value = written.unwrap_or(&spec.default).to_owned();
-    let response = widget(ui, &mut value, spec).labelled_by(label.id).on_hover_text(explain(spec));
+    let response = match (handed(&value), owner) {
+        (Some(param), Owner::Node(address)) => taken(ui, session, file, address, &param, &mut value),
+        _ => widget(ui, &mut value, spec),
+    };
+    let response = response.labelled_by(label.id).on_hover_text(explain(spec));
     if response.changed() && Some(value.as_str()) != written {
-        let tag = Tag::Param(address.into(), spec.name.clone());
-        session.edit(tag, |file| file.set_param(address, &spec.name, &value));
+        owner.set(session, spec, &value);
     }
     if response.drag_stopped() || response.lost_focus() {
         session.document.seal();
     }
     ui.horizontal(|ui| {
-        let reset = reset(ui, spec, written.is_some());
-        if reset.clicked() {
+        if let Owner::Node(address) = owner
+            && reset(ui, spec, written.is_some()).clicked()
+        {
             session.edit(Tag::Once, |file| remove_param(file, address, &spec.name, &spec.default));
         }
         ui.weak(&spec.unit);
@@ -140,8 +215,42 @@ fn parameter(ui: &mut Ui, session: &mut Session, file: &GraphFile, address: &str
     ui.end_row();
 }
 
+/// A parameter that the node takes from its graph: its name there, and a field for a value of the node's own, which is
+/// taken when the field is left.
+fn taken(
+    ui: &mut Ui,
+    session: &mut Session,
+    file: &GraphFile,
+    address: &str,
+    param: &str,
+    value: &mut String,
+) -> Response {
+    let part = nodes::part_of(file, address);
+    let running = session.state.graph.as_ref().and_then(|graph| graph.value(part, param).cloned());
+    let declared = || nodes::scope(file, part)?.param(param).map(|param| param.default.value.clone());
+    let present = running.or_else(declared).unwrap_or_default();
+    ui.horizontal(|ui| {
+        let link = ui.link(param).on_hover_text(format!("Taken from the graph's parameter {param}"));
+        if link.clicked() {
+            session.selected = (!part.is_empty()).then(|| part.to_owned());
+        }
+        let id = ui.id().with(("taken", address, param));
+        let mut text = ui.data(|data| data.get_temp::<String>(id)).unwrap_or_default();
+        let field = TextEdit::singleline(&mut text).hint_text(present).desired_width(80.0);
+        let mut response = ui.add(field);
+        if response.lost_focus() && !text.trim().is_empty() {
+            value.clone_from(&text);
+            text.clear();
+            response.mark_changed();
+        }
+        ui.data_mut(|data| data.insert_temp(id, text));
+        response
+    })
+    .inner
+}
+
 /// Removes the parameter from the file.
-fn reset(ui: &mut Ui, spec: &ParamSpec, enabled: bool) -> egui::Response {
+fn reset(ui: &mut Ui, spec: &ParamSpec, enabled: bool) -> Response {
     let reset = ui.add_enabled(enabled, egui::Button::new("⟲").frame(false));
     let name = format!("default of {}", spec.name);
     reset.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, enabled, &name));
@@ -155,7 +264,7 @@ fn explain(spec: &ParamSpec) -> String {
 }
 
 /// A widget for the RON text of a parameter of that kind.
-fn widget(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> egui::Response {
+fn widget(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> Response {
     match &spec.kind {
         ParamKind::Bool => {
             let mut on = value.trim() == "true";
@@ -185,7 +294,7 @@ fn widget(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> egui::Response {
     }
 }
 
-fn number(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> egui::Response {
+fn number(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> Response {
     let whole = spec.kind != ParamKind::F32;
     let Ok(before) = value.trim().parse::<f64>() else {
         return ui.add(TextEdit::singleline(value).desired_width(120.0));

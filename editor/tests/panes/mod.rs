@@ -1,5 +1,6 @@
 //! Tests of single panes.
 
 mod inspector;
+mod parameters;
 mod texts;
 mod times;

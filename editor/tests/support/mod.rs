@@ -65,6 +65,15 @@ impl Opened {
         Self::build(builder, path, Some(folder), options(size))
     }
 
+    /// Opens a graph that is written with other files into a copy of the shipped graphs; frames of 64x48 pixels.
+    pub fn written(graph: &str, files: &[(&str, &str)]) -> Self {
+        let (folder, path) = copy(graph);
+        for (name, text) in files {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        Self::build(Harness::builder().with_size(WINDOW), path, Some(folder), options([64, 48]))
+    }
+
     /// Opens the shipped graph itself, so that the path in the window is the same wherever the tests run.
     pub fn shipped(graph: &str, builder: HarnessBuilder<App>, options: Options) -> Self {
         Self::build(builder.renderer(Renderer::new()), Path::new("../graphs").join(graph), None, options)

@@ -153,19 +153,19 @@ pub struct ObjectSpec {
     /// A name in `materials`. Default: the materials of the shape's own file, else a plain grey.
     #[serde(default)]
     pub material: Option<String>,
-    /// Factor on all lengths. Default 1.
-    #[serde(default = "one")]
-    pub scale: f32,
+    /// Factor on all lengths. Default 1; not with `height`.
+    #[serde(default)]
+    pub scale: Option<f32>,
     /// Rotation about z, then x, then y, degrees.
     #[serde(default)]
     pub rotate: Vec3,
     /// Position of its origin, or with `height`, of the middle of its underside.
     #[serde(default)]
     pub translate: Vec3,
-    /// If given, the object is scaled to this height instead of by `scale`, and placed centred on `translate`.
+    /// If given, the object is scaled to this height, and placed centred on `translate`.
     #[serde(default)]
     pub height: Option<f32>,
-    /// Smooth shading across edges of at most this angle, if the shape has no normals. Default 0: flat.
+    /// Smooth shading across edges of at most this angle, for shapes without normals. Default 0: flat.
     #[serde(default)]
     pub smooth: f32,
     /// A name in `motions`. Default: it does not move.
@@ -174,10 +174,6 @@ pub struct ObjectSpec {
     /// Copies in a row. Default: one.
     #[serde(default)]
     pub repeat: RepeatSpec,
-}
-
-fn one() -> f32 {
-    1.0
 }
 
 /// Copies of an object.
@@ -313,7 +309,10 @@ impl SceneFile {
             motion.check().map_err(|message| format!("motion `{name}`: {message}"))?;
         }
         for (index, object) in self.objects.iter().enumerate() {
-            let scale = object.height.unwrap_or(object.scale);
+            if object.height.is_some() && object.scale.is_some() {
+                return Err(format!("object {index}: `height` sets its scale; drop `scale` or `height`"));
+            }
+            let scale = object.height.or(object.scale).unwrap_or(1.0);
             if !(scale.is_finite() && scale != 0.0 && (0.0..=180.0).contains(&object.smooth)) {
                 return Err(format!(
                     "object {index}: scale and height must not be 0, and smooth must be between 0 and 180"
@@ -385,6 +384,10 @@ impl SceneFile {
             };
             let mut model = object.shape.load(path, folders, fetch)?;
             file_camera = file_camera.or(model.camera);
+            if object.smooth > 0.0 && model.parts.iter().all(|(shape, _)| !shape.normals.is_empty()) {
+                let text = "`smooth` is for shapes without normals, but this one has them; drop it";
+                return Err(invalid(format!("object {index}: {text}")));
+            }
             for (shape, _) in
                 model.parts.iter_mut().filter(|(s, _)| object.smooth > 0.0 && s.normals.is_empty())
             {
@@ -485,7 +488,7 @@ impl ObjectSpec {
         let Some(height) = self.height else {
             return Affine3A::from_translation(self.translate)
                 * turn
-                * Affine3A::from_scale(Vec3::splat(self.scale));
+                * Affine3A::from_scale(Vec3::splat(self.scale.unwrap_or(1.0)));
         };
         let [low, high] = model.bounds_after(turn);
         let stand = Vec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));

@@ -212,8 +212,8 @@ fn members_of_a_scene_file_shape_the_scene() {
     assert!(scene_of(&folder, boxed, "").mesh.corner_normals.is_empty());
     let smooth = scene_of(&folder, &format!("{boxed}, smooth: 100"), "").mesh;
     assert!(smooth.corner_normals[0][0].distance(smooth.face_normals[0]) > 0.1);
-    // At the corners of the ball's facets, flat normals are up to 0.07 off.
-    let ball = scene_of(&folder, "shape: Sphere(center: (0, 0, 0), radius: 1), smooth: 1", "").mesh;
+    // A ball has normals of its own. At the corners of its facets, flat normals are up to 0.07 off.
+    let ball = scene_of(&folder, "shape: Sphere(center: (0, 0, 0), radius: 1)", "").mesh;
     for (face, normals) in ball.corner_normals.iter().enumerate() {
         assert!(
             normals.iter().zip(ball.corners(face)).all(|(normal, corner)| normal.distance(corner) < 0.04)
@@ -258,6 +258,12 @@ fn errors_in_a_scene_file_say_where() {
         ("a.obj", "b.obj", "`b.obj` does not exist"),
         ("0.7, 0.4, 0.3", "0.7, 1.4, 0.3", "material `clay`"),
         ("height: 2", "height: 0", "object 0"),
+        ("height: 2", "height: 2, scale: 3", "object 0: `height` sets its scale; drop `scale` or `height`"),
+        (
+            "shape: Box(low: (0, 0, 0), high: (1, 1, 1))",
+            "smooth: 30, shape: Sphere(center: (0, 0, 0), radius: 1)",
+            "object 1: `smooth` is for shapes without normals",
+        ),
         ("count: 3", "count: 4000000000", "repeat.count"),
         ("Glossy(roughness: 0.3", "Glossy(roughness: 0", "material `metal`"),
         ("(0, 5, 0), int", "(0, inf, 0), int", "light 0"),

@@ -65,6 +65,9 @@ impl Facts {
     /// The line below the block's name.
     pub fn info(&self, block: &Block) -> String {
         let mut words = Vec::new();
+        if let Some(times) = &block.times {
+            words.push(format!("{times} in a row"));
+        }
         match block.role {
             Role::Part => {
                 let nodes = self.nodes[0] + self.nodes[1];
@@ -198,7 +201,9 @@ fn is_on(
 ) -> bool {
     let target = &model.blocks[wire.to.block];
     let Some(origin) = origin(file, &model.part, &model.source(wire.from)) else { return false };
-    let origin = origin.to_string();
+    // What leaves a repeated node is its last copy's.
+    let node = graph.node(&origin.node).map_or(&origin.node, |node| &node.name);
+    let origin = format!("{node}.{}", origin.port);
     transfer.to.iter().filter_map(|to| to.rsplit_once('.')).any(|(node, name)| {
         let ends_here =
             contains(&target.address, node) && (target.role == Role::Part || name == model.at(wire.to).name);

@@ -457,6 +457,9 @@ impl CanvasPane {
 /// A description of a block for screen readers.
 fn describe(block: &Block, facts: &Facts) -> String {
     let mut words = block.label();
+    if let Some(times) = &block.times {
+        words += &format!(", {times} in a row");
+    }
     if let Some(why) = &facts.why {
         words += &format!(", off: {why}");
     }
@@ -470,7 +473,8 @@ fn block_hint(ui: &mut Ui, block: &Block, facts: &Facts) {
     } else {
         format!("  ({})", block.kind)
     };
-    ui.strong(format!("{}{kind}", block.name));
+    let times = block.times.as_ref().map_or(String::new(), |times| format!(", {times} in a row"));
+    ui.strong(format!("{}{kind}{times}", block.name));
     ui.label(&block.doc);
     if let Some(why) = &facts.why {
         ui.colored_label(ui.visuals().warn_fg_color, format!("It does not run: {why}"));

@@ -1,7 +1,7 @@
 //! The blocks and wires of a graph or part, as the canvas shows them. The model is a projection of the document,
 //! rebuilt whenever the document changes; it holds no positions.
 
-use epigraph_core::{GraphFile, Port, Registry, Source};
+use epigraph_core::{GraphFile, Port, Registry, Source, handed};
 
 use crate::document::{
     INPUTS, Pin, ends,
@@ -39,6 +39,8 @@ pub struct Block {
     pub role: Role,
     /// True if the file bypasses it: its input is passed through as its output.
     pub bypass: bool,
+    /// How often it is repeated in a row, as text; all copies are one block.
+    pub times: Option<String>,
     /// Where wires end.
     pub inputs: Vec<Pin>,
     /// Where wires begin.
@@ -111,6 +113,7 @@ impl Model {
             },
             role,
             bypass: false,
+            times: None,
             inputs,
             outputs,
         };
@@ -138,6 +141,7 @@ impl Model {
                     .map_or_else(|| kind.map_or("", |kind| kind.doc()).into(), |(_, part)| part.doc.clone()),
                 role: if inner.is_some() { Role::Part } else { Role::Stage },
                 bypass: node.bypass,
+                times: node.repeat.as_ref().map(|repeat| times(within, part, &repeat.times.value, graph)),
                 inputs,
                 outputs,
             });
@@ -234,6 +238,14 @@ impl Model {
             _ => None,
         })
     }
+}
+
+/// The number of copies of a repeated node, as text: that of the running graph if it is a parameter of the graph.
+fn times(within: &GraphFile, part: &str, text: &str, graph: Option<&GraphInfo>) -> String {
+    let Some(name) = handed(text) else { return text.to_owned() };
+    let running = graph.and_then(|graph| graph.value(part, &name));
+    let declared = || within.param(&name).map(|param| &param.default.value);
+    running.or_else(declared).map_or_else(|| text.to_owned(), Clone::clone)
 }
 
 /// Completes the pins of a node from its compiled ports, if its kind declares none.

@@ -81,6 +81,7 @@ mod tests {
             steps,
             bytes: [0; 2],
             size: [1, 1],
+            params: Vec::new(),
             gpu: None,
             dot: String::new(),
         })
