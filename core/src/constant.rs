@@ -53,6 +53,11 @@ impl Constant {
         &self.name
     }
 
+    /// Its type in WGSL.
+    pub fn ty(&self) -> &'static str {
+        self.scalar.wgsl()
+    }
+
     /// Appends its WGSL declaration, one line.
     pub(crate) fn declare(&self, out: &mut String) {
         let value = match self.scalar {

@@ -1,12 +1,12 @@
 //! The declarations in a shader's comments: the lines of a doc comment that begin with `=`. Each is a list of clauses.
 //!
 //! The tables below are the whole grammar. Parser, messages and documentation follow from them: a form's text is both what
-//! is matched and what is printed. In a text, words of small letters stand for themselves, `a|b` for either, `[...]` for
+//! is matched and what is printed. In a text, words of small letters stand for themselves, `a/b` for either, `[...]` for
 //! what may be left out, and the names in [`Hole::NAMED`] for what the author fills in.
 
 use crate::{
     error::{GraphError, Span, Spanned},
-    port::Extent,
+    port::{Extent, Format},
     reflect::outline::{Line, is_declaration},
     shader::Shape,
 };
@@ -37,6 +37,7 @@ pub(super) enum PortClause {
     Kept,
     FieldOf(Name),
     Means(Name),
+    Format(Format),
     Extent(Extent),
     /// A list with one element for each item of the quantity with this singular.
     Each(Name),
@@ -108,6 +109,11 @@ impl Subject for PortClause {
         form("means MEANING", "What the values mean: the meaning of a port of another stage.", |filled| {
             Self::Means(filled.name(0))
         }),
+        form(
+            "format FORMAT",
+            "Of an output that is a texture_2d: a draw writes it, later passes read it.",
+            |filled| Self::Format(filled.format(0)),
+        ),
         form("per pixel", "One element for each pixel of the frame.", |_| Self::Extent(Extent::Frame(1))),
         form("per NxN pixels", "One element for each square of NxN pixels.", |filled| {
             Self::Extent(Extent::Frame(filled.whole(0)))
@@ -134,7 +140,7 @@ impl Subject for PortClause {
             "A list of u32 with one bit for each element of another port.",
             |filled| Self::Extent(Extent::BitsOf(filled.name(0).value.into())),
         ),
-        form("COUNT elements|element", "A list of this length.", |filled| {
+        form("COUNT elements/element", "A list of this length.", |filled| {
             Self::Extent(Extent::Fixed([filled.whole(0), 1]))
         }),
         form("WxH", "This width and height.", |filled| Self::Extent(Extent::Fixed(filled.size(0)))),
@@ -171,14 +177,14 @@ impl Subject for EntryClause {
             "One thread for each COUNT elements of a port, rounded up.",
             |filled| Self::Blocks(filled.whole(0), filled.name(1)),
         ),
-        form("COUNT groups|group", "This many workgroups.", |filled| Self::Groups(filled.whole(0))),
+        form("COUNT groups/group", "This many workgroups.", |filled| Self::Groups(filled.whole(0))),
         form(
             "groups from PORT",
             "As many workgroups along x, y and z as the first three u32 of a buffer say.",
             |filled| Self::GroupsFrom(filled.name(0)),
         ),
         form(
-            "draw COUNT SHAPE vertices|vertex per PORT into TARGETS",
+            "draw COUNT SHAPE vertices/vertex per PORT into TARGETS",
             "A vertex entry point: draws points, lines or triangles of this many vertices for each element of a port.",
             |filled| {
                 Self::Draw(Draw {
@@ -223,6 +229,8 @@ enum Hole {
     Targets,
     /// `point`, `line` or `triangle`.
     Shape,
+    /// The name of a texel format.
+    Format,
     /// One word.
     Word,
     /// The rest of the clause.
@@ -248,6 +256,7 @@ impl Hole {
         ("CHOICES", Self::Names, "names with commas between them"),
         ("TARGETS", Self::Targets, "names of textures with `and` between them"),
         ("SHAPE", Self::Shape, "`point`, `line` or `triangle`"),
+        ("FORMAT", Self::Format, "r32float, r32uint, rgba8unorm, rgba16float or rgba32float"),
         ("DEFAULT", Self::Word, "a value"),
         ("UNIT", Self::Rest, "a unit"),
         ("MEANING", Self::Rest, "a meaning"),
@@ -338,6 +347,7 @@ enum Value {
     Whole(u32),
     Size([u32; 2]),
     Shape(Shape),
+    Format(Format),
 }
 
 /// The holes of a form are known where its clause is made, so each access names one that is there.
@@ -368,6 +378,13 @@ impl Filled {
         match self.holes[index].1 {
             Value::Shape(shape) => shape,
             ref other => unreachable!("{other:?} is no shape"),
+        }
+    }
+
+    fn format(&self, index: usize) -> Format {
+        match self.holes[index].1 {
+            Value::Format(format) => format,
+            ref other => unreachable!("{other:?} is no format"),
         }
     }
 
@@ -456,8 +473,8 @@ fn fill_all(
                 index += pieces[index..].iter().take_while(|piece| piece.value != "]").count() + 1;
             }
         } else if piece.value != "]" {
-            if !found.is_some_and(|found| piece.value.split('|').any(|word| word == found)) {
-                let expected = Expected::Words(piece.value.split('|').collect());
+            if !found.is_some_and(|found| piece.value.split('/').any(|word| word == found)) {
+                let expected = Expected::Words(piece.value.split('/').collect());
                 return Err(Miss { at: next, expected, close: false });
             }
             filled.literals += 1;
@@ -508,6 +525,7 @@ fn fill(hole: Hole, given: &Given, next: usize) -> Option<(Value, usize)> {
             Some((Value::Names(names), end))
         }
         Hole::Shape => one(shape(word).map(Value::Shape)),
+        Hole::Format => one(Format::ALL.into_iter().find(|format| format.wgsl() == word).map(Value::Format)),
         Hole::Number => one(number(word).map(Value::Number)),
         Hole::Share => {
             let is_share = |share: &f64| *share as f32 > 0.0 && (*share as f32).is_finite();

@@ -79,7 +79,7 @@ pub fn wgsl_kind() -> Box<dyn Kind> {
 pub struct WgslClause {
     /// What it is declared for: "a port", "a parameter", "an entry point" or "the file".
     pub subject: &'static str,
-    /// How it is written: words of small letters stand for themselves, `a|b` for either, `[...]` may be left out.
+    /// How it is written: words of small letters stand for themselves, `a/b` for either, `[...]` may be left out.
     pub form: &'static str,
     /// What it means, one sentence.
     pub doc: &'static str,

@@ -113,6 +113,7 @@ struct Said {
     optional: Option<Span>,
     field_of: Option<(Span, Name)>,
     means: Option<Name>,
+    format: Option<(Span, Format)>,
     extent: Option<Spanned<PortClause>>,
 }
 
@@ -135,6 +136,7 @@ impl Said {
             PortClause::Optional => set(&mut self.optional, span, "`optional`"),
             PortClause::FieldOf(name) => set(&mut self.field_of, (span, name.clone()), "the bundle"),
             PortClause::Means(name) => set(&mut self.means, name.clone(), "the meaning"),
+            PortClause::Format(format) => set(&mut self.format, (span, *format), "the format"),
             PortClause::Extent(_) | PortClause::Each(_) => {
                 set(&mut self.extent, clause.clone(), "the number of elements")
             }
@@ -234,8 +236,9 @@ fn accessed(variable: &Variable) -> Result<(Accessed, Element), String> {
 
 fn is_output(variable: &Variable, bound: Option<&Bound>) -> bool {
     let clauses = bound.map_or(&[][..], |bound| &bound.declared.clauses);
-    let is_role =
-        |clause: &PortClause| matches!(clause, PortClause::Output | PortClause::Scratch | PortClause::Kept);
+    let is_role = |clause: &PortClause| {
+        matches!(clause, PortClause::Output | PortClause::Scratch | PortClause::Kept | PortClause::Format(_))
+    };
     clauses.iter().any(|clause| is_role(&clause.value))
         || matches!(accessed(variable), Ok((Accessed::Writes, _)))
 }
@@ -287,12 +290,28 @@ impl Draft<'_> {
             Some(meaning) => meaning.doc.to_owned(),
             None => self.variables[0].0.wgsl.clone(),
         };
+        let mut fields = self.fields.clone();
+        if let Some((span, format)) = self.said.format {
+            match &self.variables[..] {
+                [(Variable { space: Space::Texture(scalar), .. }, _)] if *scalar == format.scalar() => {
+                    fields[0].element = Element::Texel(format);
+                }
+                [(Variable { wgsl, .. }, _), ..] => {
+                    let (format, scalar) = (format.wgsl(), format.scalar().wgsl());
+                    wrong.at(
+                        span,
+                        format!("`{wgsl}` has no texels of {format}; this is for texture_2d<{scalar}>"),
+                    );
+                }
+                [] => {}
+            }
+        }
         let kept = self.said.kept.is_some();
         Port {
             name: name.clone().into(),
             doc: doc.into(),
             access,
-            fields: self.fields.clone(),
+            fields,
             meaning,
             scratch: self.said.scratch.is_some(),
             extent: Extent::Any,
@@ -304,7 +323,8 @@ impl Draft<'_> {
     fn access(&self, assumed: &mut Vec<String>, wrong: &mut Wrong) -> Access {
         let Self { name, variables, said, .. } = self;
         let find = |reads: bool| variables.iter().find(|(_, how)| (*how == Accessed::Reads) == reads);
-        match (said.output.or(said.scratch).or(said.kept), said.last_frame) {
+        let drawn = said.format.map(|(span, _)| span);
+        match (said.output.or(said.scratch).or(said.kept).or(drawn), said.last_frame) {
             (Some(output), Some(last)) => {
                 let second = if output.start < last.start { last } else { output };
                 wrong.at(
@@ -314,12 +334,12 @@ impl Draft<'_> {
                 Access::Write
             }
             (Some(output), None) => {
-                if let Some((Variable { wgsl, .. }, _)) = find(true) {
+                if let (Some((Variable { wgsl, .. }, _)), None) = (find(true), drawn) {
                     wrong.at(
                         output,
                         format!(
-                            "`{wgsl}` is only read, so it is no output; declare it `var<storage, read_write>`, or \
-                             `texture_storage_2d<FORMAT, write>`"
+                            "`{wgsl}` is only read, so it is no output; declare it `var<storage, read_write>` or \
+                             `texture_storage_2d<FORMAT, write>`, or add `format FORMAT` if a draw writes it"
                         ),
                     );
                 }

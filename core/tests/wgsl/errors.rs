@@ -195,6 +195,26 @@ fn declarations_that_contradict_each_other_are_told() {
             "is only read, so it is no output",
         ),
         (
+            whole(&[("/// = format r32uint", "var t: texture_2d<f32>"), ("", IMAGE)], MAIN),
+            "2:7",
+            "`var t: texture_2d<f32>` has no texels of r32uint; this is for texture_2d<u32>",
+        ),
+        (
+            whole(&[("/// = format r32float", IMAGE)], MAIN),
+            "2:7",
+            "has no texels of r32float; this is for texture_2d<f32>",
+        ),
+        (
+            whole(&[("/// = format r16float", IMAGE)], MAIN),
+            "2:14",
+            "expected r32float, r32uint, rgba8unorm, rgba16float or",
+        ),
+        (
+            whole(&[("/// = format r32float", "var t: texture_2d<f32>"), ("", IMAGE)], MAIN),
+            "3:27",
+            "port `t`: an output is written with textureStore",
+        ),
+        (
             whole(
                 &[("/// = output, like other", LIST), ("/// = output, like list", OTHER), ("", IMAGE)],
                 MAIN,
