@@ -16,5 +16,6 @@ mod split;
 mod still;
 mod swap;
 mod user_shader;
+mod wgsl_docs;
 mod wgsl_mutants;
 mod wgsl_nodes;
