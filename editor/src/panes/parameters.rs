@@ -132,7 +132,7 @@ fn placing(ui: &mut Ui, session: &mut Session, file: &Arc<GraphFile>, address: &
     combo.response.labelled_by(label.id);
     ui.end_row();
     if let Some(kind) = chosen {
-        let registry = epigraph_stages::registry();
+        let registry = session.registry.clone();
         session.edit(Tag::Once, |file| swap(file, address, kind, &registry));
     }
 

@@ -2,5 +2,6 @@
 
 mod keyboard;
 mod output;
+mod own_stages;
 mod paths;
 mod sessions;

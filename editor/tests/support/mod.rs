@@ -13,6 +13,7 @@ use std::{
 
 use egui::{Event, Key, Modifiers, accesskit::Role, vec2};
 use egui_kittest::{Harness, HarnessBuilder, kittest::Queryable};
+use epigraph_core::Registry;
 use epigraph_editor::{
     app::App,
     document::Document,
@@ -90,15 +91,26 @@ impl Opened {
         Self { harness, path, _folder: folder }
     }
 
+    /// Opens a copy of a shipped graph in the window of a program with these kinds of stage.
+    pub fn with_stages(graph: &str, registry: Registry) -> Self {
+        let (folder, path) = copy(graph);
+        let opening = Opening::new(None, path.to_str(), None, options([64, 48])).unwrap();
+        Self { _folder: Some(folder), ..Self::open(opening, registry) }
+    }
+
     /// Opens the window as the program does at its start, with sessions in a folder, and these arguments.
     pub fn started(sessions: &Path, graph: Option<&Path>, scene: Option<&str>) -> Self {
         let graph = graph.map(|path| path.display().to_string());
         let store = Store::at(sessions.to_owned());
         let opening = Opening::new(Some(store), graph.as_deref(), scene, options([64, 48])).unwrap();
+        Self::open(opening, epigraph::registry())
+    }
+
+    fn open(opening: Opening, registry: Registry) -> Self {
         let path = PathBuf::from(opening.document.path());
         let harness = Harness::builder()
             .with_size(WINDOW)
-            .build_eframe(|creation| App::open(creation, opening, epigraph::registry()));
+            .build_eframe(|creation| App::open(creation, opening, registry));
         Self { harness, path, _folder: None }
     }
 

@@ -115,7 +115,7 @@ fn swap_menu(ui: &mut Ui, session: &mut Session, address: &str, present: &str) {
     for kind in kinds {
         let doc = session.registry.get(kind).map_or("", |kind| kind.doc());
         if ui.button(kind).on_hover_text(doc).clicked() {
-            let registry = epigraph_stages::registry();
+            let registry = session.registry.clone();
             session.edit(Tag::Once, |file| swap(file, address, kind, &registry));
             ui.close();
         }
