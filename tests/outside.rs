@@ -52,6 +52,22 @@ fn a_package_of_ones_own_adds_a_stage() {
     // The same limit as for all graphs, as rounding may move a request for a sample.
     assert!(Difference::new(&cpu, &gpu).flip() < 0.002);
     assert!(Difference::new(&cpu, &without).flip() > 0.002);
+
+    // A package that the program begins passes its tests as it is, and its stage has an effect.
+    own_stage("stages --new shine --rust");
+    let shine = folder.join("shine");
+    cargo(&shine, &["test", "--release", "--lib"]);
+    let program = build(&shine, "shine-stage", &[]);
+    let picture = |name: &str, words: &str| {
+        let render = format!("render shine.ron --size 96x64 --frames 8 --samples 20% --out {name} {words}");
+        run(Command::new(&program).current_dir(&shine).args(render.split(' ')));
+        Picture::read(&shine.join(name)).unwrap()
+    };
+    let cpu = picture("cpu.png", "--backend cpu");
+    let gpu = picture("gpu.png", "--backend gpu");
+    let without = picture("without.png", "--backend cpu --set shine.amount=0");
+    assert!(Difference::new(&cpu, &gpu).flip() < 0.002);
+    assert!(Difference::new(&cpu, &without).flip() > 0.002);
 }
 
 /// The packages of a build, as `naga v30.0.1 default,wgsl-in`: name, version and features. A library is listed twice if

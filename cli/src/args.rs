@@ -135,9 +135,11 @@ pub enum Command {
     /// Check graphs and their shaders, and print the plan, without a GPU
     #[command(after_help = [CHECK_HELP, NAMES].concat())]
     Check(CheckArgs),
-    /// List the stage kinds, or the ports and parameters of one kind or of a graph
+    /// List the stage kinds, describe a kind, a graph or a shader file, or begin a new stage
     #[command(
-        after_help = "Examples:\n  epigraph stages depth_cull\n  epigraph stages graphs/parts/view.ron"
+        after_help = "Examples:\n  epigraph stages depth_cull\n  epigraph stages graphs/parts/view.ron\n  \
+        epigraph stages --new glow            a stage in one shader file, and a graph with it\n  \
+        epigraph stages --new glow --rust     a package with the stage in Rust, its shader and tests"
     )]
     Stages(StagesArgs),
     /// Trace a reference picture with many samples per pixel
@@ -288,6 +290,12 @@ pub struct StagesArgs {
     /// Stage kind to describe, or a graph (.ron) or shader file (.wgsl): its ports and parameters [default: list all kinds]
     #[arg(value_name = "KIND|FILE")]
     pub kind: Option<String>,
+    /// Write a stage to begin with: NAME.wgsl and NAME.ron, a graph with it
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["kind", "json"])]
+    pub new: Option<PathBuf>,
+    /// With --new, write a Rust package instead: stage, CPU twin, shader, tests, graph, program
+    #[arg(long, requires = "new")]
+    pub rust: bool,
     /// Write the description as JSON; - writes it to stdout instead of the text
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

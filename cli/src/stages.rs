@@ -1,7 +1,9 @@
-//! `epigraph stages`: lists the stage kinds, or describes one, a shader file as a stage, or a graph as a part of others.
+//! `epigraph stages`: lists the stage kinds; describes one, a shader file as a stage, or a graph as a part of others;
+//! begins a new one.
 
 mod part;
 mod shader;
+mod starter;
 
 use std::path::Path;
 
@@ -25,8 +27,11 @@ fn is_graph(name: &str) -> bool {
     base.ends_with(".ron") || graphs::names().any(|known| known == base)
 }
 
-/// Lists all kinds, or describes one.
+/// Lists all kinds, describes one, or begins a new one.
 pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
+    if let Some(path) = &args.new {
+        return starter::write(path, args, registry);
+    }
     let target = JsonTarget::new(args.json.as_deref())?;
     match &args.kind {
         None => {

@@ -338,3 +338,37 @@ fn cpu_gpu_and_the_hybrid_split_show_the_same() {
         }
     }
 }
+
+#[test]
+fn a_new_stage_runs_as_it_is_written() {
+    let place = Place::new();
+    let told = place.succeeds("stages --new glow");
+    assert_eq!(place.files(), ["glow.ron", "glow.wgsl"]);
+    assert!(told.contains("epigraph glow.ron"), "{told}");
+    // Nothing about it is left open but what the defaults say, and it has an effect.
+    assert!(place.succeeds("stages glow.wgsl").contains("Weight of the mean"));
+    place.succeeds("check glow.ron");
+    let flags = "--size 48x32 --frames 5 --samples 20%";
+    place.succeeds(&format!("glow.ron {flags} --out with.png"));
+    place.succeeds(&format!("glow.ron {flags} --out without.png --set glow.amount=0"));
+    let difference = json(&place.succeeds("compare with.png without.png --json -"));
+    assert!(difference["flip"].as_f64() > Some(0.01), "{difference}");
+    // The test of the package, which has to be compiled, is in tests/outside.rs.
+    place.succeeds("stages --new sub_surface --rust");
+    let lib = std::fs::read_to_string(place.path("sub_surface/src/lib.rs")).unwrap();
+    assert!(lib.contains("stage::SubSurfaceStage"), "{lib}");
+    for (words, why) in [
+        ("stages --new glow", "cannot write glow.wgsl: it exists"),
+        ("stages --new sub_surface --rust", "cannot write sub_surface: it exists"),
+        ("stages --new nowhere/flare", "there is no folder nowhere"),
+        ("stages --new nowhere/flare --rust", "nowhere/flare"),
+        ("stages --new fill", "such a kind of stage"),
+        ("stages --new view", "the graph `epi`, which the new stage is put into, has a node of this name"),
+        ("stages --new Glow", "small letters"),
+        ("stages --new 3d", "begins with a letter"),
+        ("stages --new ..", "name the stage"),
+    ] {
+        let message = place.fails(words);
+        assert!(message.contains(why), "`{words}`: {message}");
+    }
+}
