@@ -1,4 +1,4 @@
-//! Draws edges of the mesh as lines, without those that surfaces hide.
+//! Draws edges of the mesh as lines over the picture, without those that surfaces hide.
 
 #import frame
 #import pixel
@@ -9,6 +9,9 @@ struct Params {
     /// is a little nearer than that, as `view.filtered` lies 5% behind the surface.
     /// = -0.03 in -0.2..1
     tolerance: f32,
+    /// How much of the light the lines take.
+    /// = 0.8 in 0..1
+    ink: f32,
 }
 
 @group(0) @binding(1) var<uniform> params: Params;
@@ -20,9 +23,15 @@ struct Params {
 /// The number of lines.
 /// = 1 element
 @group(0) @binding(5) var<storage, read> count: array<u32>;
+/// Linear radiance.
+/// = means radiance
+@group(0) @binding(6) var color: texture_2d<f32>;
 /// 1 where a line was drawn.
-/// = per pixel
-@group(0) @binding(6) var lines: texture_storage_2d<r32float, write>;
+/// = output, like color, format r32float
+@group(0) @binding(7) var lines: texture_2d<f32>;
+/// Linear radiance, with the lines over it.
+/// = like color, means radiance
+@group(0) @binding(8) var inked: texture_storage_2d<rgba32float, write>;
 
 struct End {
     @builtin(position) position: vec4<f32>,
@@ -52,4 +61,16 @@ fn shade(end: End) -> @location(0) vec4<f32> {
         discard;
     }
     return vec4(1.0);
+}
+
+// Runs after the draw, and so reads what it drew.
+/// = over inked
+@compute @workgroup_size(8, 8)
+fn darken(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size) {
+        return;
+    }
+    let below = textureLoad(color, id.xy, 0);
+    let light = 1.0 - params.ink * textureLoad(lines, id.xy, 0).r;
+    textureStore(inked, id.xy, vec4(below.rgb * light, below.a));
 }

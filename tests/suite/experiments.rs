@@ -55,7 +55,7 @@ fn filters_within_edges_lower_the_error_of_noisy_samples() {
 #[test]
 fn lines_are_drawn_where_silhouettes_are_in_sight() {
     let settings = Settings {
-        taps: ["lines.lines", "antialias.color", "ink.inked"].map(tap).to_vec(),
+        taps: ["lines.lines", "antialias.color", "lines.inked"].map(tap).to_vec(),
         side: Side::Gpu,
         ..sampled(SIZE, 0.05)
     };
@@ -63,7 +63,7 @@ fn lines_are_drawn_where_silhouettes_are_in_sight() {
         Run::new(&graph("experiments/lines.ron"), Stage { scene: "chains", camera: "orbit", settings });
     run.frames(10);
     let lines = run.captured("lines.lines").get::<f32>();
-    let [before, after] = ["antialias.color", "ink.inked"].map(|port| run.captured(port).get::<[f32; 4]>());
+    let [before, after] = ["antialias.color", "lines.inked"].map(|port| run.captured(port).get::<[f32; 4]>());
     let drawn = lines.iter().filter(|&&line| line == 1.0).count();
     assert!(lines.iter().all(|&line| line == 0.0 || line == 1.0));
     // The outlines of three chains and their frame, a few hundred pixels long.
