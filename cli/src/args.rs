@@ -249,7 +249,7 @@ pub struct RenderArgs {
     /// Save a port's contents after the last frame: .png to view, .exr for raw values, .csv for lists; may be repeated
     #[arg(long, value_name = "node.port=FILE")]
     pub save: Vec<Save>,
-    /// Write a labelled contact sheet of every node's images (PNG)
+    /// Write a labelled contact sheet (PNG) of every node's images, but for scratch ports: --save writes those
     #[arg(long, value_name = "FILE")]
     pub sheet: Option<PathBuf>,
     /// Write the figures as JSON; - writes them to stdout instead of the table

@@ -37,7 +37,7 @@ pub(super) fn at(stage: &Age, params: &AgeParams, site: &Site) -> Option<Vec<Fin
         } else {
             String::new()
         };
-        format!("It was {:.2} and grows older by {}.{end}", units(before & AGE), parts.join(", and "))
+        format!("Its age was {:.2} and rises by {}.{end}", units(before & AGE), parts.join(", and "))
     }));
     Some(findings)
 }

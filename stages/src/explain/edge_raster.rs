@@ -11,7 +11,7 @@ use crate::shared::{
 };
 
 /// Maximum number of listed edges.
-const TOLD: usize = 6;
+const MOST_LISTED: usize = 6;
 
 pub(super) fn at(stage: &EdgeRaster, params: &EdgeRasterParams, site: &Site) -> Option<Vec<Finding>> {
     let mask = site.wrote(stage.mask)?;
@@ -47,16 +47,17 @@ pub(super) fn at(stage: &EdgeRaster, params: &EdgeRasterParams, site: &Site) -> 
         mask: &nothing,
         vertex: &nothing,
     };
-    let mut told = Vec::new();
+    let mut found = Vec::new();
     for list in [&stage.silhouettes, &stage.shadows].into_iter().flatten() {
-        edges(&image, list, site, &mut told)?;
+        edges(&image, list, site, &mut found)?;
     }
     let depth = metres(filtered[site.at()]);
-    findings.push(Finding::Why(match told.len() {
-        0 => "No edge crosses the sides of this pixel, hidden ones included.".into(),
+    findings.push(Finding::Why(match found.len() {
+        0 => "No edge, visible or hidden, crosses the sides of this pixel.".into(),
         many => {
-            let more = if many > TOLD { format!("; and {} more", many - TOLD) } else { String::new() };
-            told.truncate(TOLD);
+            let more =
+                if many > MOST_LISTED { format!("; and {} more", many - MOST_LISTED) } else { String::new() };
+            found.truncate(MOST_LISTED);
             let test = match params.depth_test {
                 DepthTest::Off => "No edge is hidden (`depth_test: Off`)".into(),
                 _ => {
@@ -66,7 +67,7 @@ pub(super) fn at(stage: &EdgeRaster, params: &EdgeRasterParams, site: &Site) -> 
             format!(
                 "{} its sides: {}{more}. {test}.",
                 count(many, "edge") + if many == 1 { " meets" } else { " meet" },
-                told.join("; ")
+                found.join("; ")
             )
         }
     }));
@@ -74,7 +75,7 @@ pub(super) fn at(stage: &EdgeRaster, params: &EdgeRasterParams, site: &Site) -> 
 }
 
 /// Appends a description of each edge of a list that crosses the pixel's sides, hidden or not.
-fn edges(image: &Image, list: &List, site: &Site, told: &mut Vec<String>) -> Option<()> {
+fn edges(image: &Image, list: &List, site: &Site, found: &mut Vec<String>) -> Option<()> {
     let [x, y] = site.pixel.map(|along| along as i32);
     let segments = site.read(list.segments)?;
     let count = match list.count {
@@ -110,7 +111,7 @@ fn edges(image: &Image, list: &List, site: &Site, told: &mut Vec<String>) -> Opt
                 (false, true) => "its penumbra too wide for an edge",
                 (false, false) => "hidden",
             };
-            told.push(format!("{what} {} at {}, {state}", segment.edge, metres(nearest)));
+            found.push(format!("{what} {} at {}, {state}", segment.edge, metres(nearest)));
         }
     }
     Some(())

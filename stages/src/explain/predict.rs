@@ -10,7 +10,9 @@ pub(super) fn at(stage: &Predict, site: &Site) -> Option<Vec<Finding>> {
     let occupied = site.wrote(stage.occupancy)?[(y * width + x) as usize] != 0;
     let frame = site.frame();
     Some(vec![Finding::Why(match occupied {
-        _ if frame.predicted == frame.view => "The camera rests: nothing is predicted.".into(),
+        _ if frame.predicted == frame.view => {
+            "The camera does not move, so there is nothing to predict.".into()
+        }
         true => format!("The predicted view has a point in these {CELL}×{CELL} pixels."),
         false => format!(
             "The predicted view has no point in these {CELL}×{CELL} pixels, so one may be requested in advance."
