@@ -4,6 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::edges::find_edges;
+use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, MAX_TRIANGLES};
 use crate::mesh::bounds_of;
 use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
 use crate::weld::weld_bodies;
@@ -36,12 +37,64 @@ pub enum MeshError {
     /// There is no triangle with three different corners.
     #[error("the mesh has no triangles")]
     Empty,
-    /// Indices would not fit in 32 bits.
-    #[error("the mesh has too many vertices or triangles for 32-bit indices")]
-    TooLarge,
+    /// A vertex is beyond [`MAX_COORDINATE`].
+    #[error(
+        "vertex {vertex} is at ({}, {}, {}), farther out than {MAX_COORDINATE:e} m: make the model smaller",
+        position.x, position.y, position.z
+    )]
+    TooFar {
+        /// Index of the vertex, in the order of addition.
+        vertex: usize,
+        /// Its position.
+        position: Vec3,
+    },
+    /// There are more vertices or triangles than [`MAX_TRIANGLES`].
+    #[error(
+        "that makes {triangles} triangles and {vertices} vertices, but a scene may have at most {MAX_TRIANGLES} of each"
+    )]
+    TooLarge {
+        /// Number of triangles.
+        triangles: usize,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// A number of a light is not finite or too large.
+    #[error(
+        "light {0}: coordinates must be at most {MAX_COORDINATE:e} m, a point's intensity at most {MAX_INTENSITY:e}, and \
+         a quad's radiance at most {MAX_RADIANCE:e}"
+    )]
+    Light(usize),
+    /// There is no light, and no room to add one.
+    #[error(
+        "the scene is too large for the light that is added where there is none, outside of it: add a light, or make the \
+         scene smaller"
+    )]
+    NoRoomForLight,
+    /// The camera is unusable.
+    #[error(
+        "the camera needs an eye at most {MAX_COORDINATE:e} m out, a field of view between 0 and 180 degrees, and \
+         distances 0 < near <= far"
+    )]
+    Camera,
+    /// The motion of a body is unusable.
+    #[error(
+        "body {0}: its motion needs at least one key, times in ascending order of at most {MAX_TIME:e} s, and \
+         coordinates of at most {MAX_COORDINATE:e} m"
+    )]
+    Motion(usize),
     /// The scene has more moving bodies than ids for them.
     #[error("{0} bodies move, but there may be at most {MAX_BODIES}")]
     TooManyBodies(usize),
+}
+
+impl MeshError {
+    /// Refuses more triangles or vertices than a scene may have.
+    pub(crate) fn of_size(triangles: usize, vertices: usize) -> Result<(), Self> {
+        if triangles.max(vertices) > MAX_TRIANGLES {
+            return Err(Self::TooLarge { triangles, vertices });
+        }
+        Ok(())
+    }
 }
 
 /// The ranges of vertices, faces and lights that were added for a moving body.
@@ -86,16 +139,11 @@ impl SceneBuilder {
     /// Adds a shape of one material as an object of its own.
     ///
     /// # Errors
-    /// A vertex that is not finite, an index out of range, or more elements than 32 bits can index.
+    /// A vertex that is not finite or too far out, an index out of range, or more elements than [`MAX_TRIANGLES`].
     pub fn add(&mut self, shape: &Shape, material: u32) -> Result<(), MeshError> {
         shape.check()?;
-        let vertices = shape.positions.len();
+        self.check_room(shape.triangles.len(), shape.positions.len())?;
         let base = self.positions.len();
-        if base + vertices >= u32::MAX as usize
-            || self.triangles.len() + shape.triangles.len() >= u32::MAX as usize
-        {
-            return Err(MeshError::TooLarge);
-        }
         self.positions.extend(&shape.positions);
         self.triangles.extend(shape.triangles.iter().map(|t| t.map(|i| i + base as u32)));
         self.normals.extend(&shape.normals);
@@ -105,6 +153,14 @@ impl SceneBuilder {
         self.object.resize(self.triangles.len(), self.objects);
         self.objects += 1;
         Ok(())
+    }
+
+    /// Refuses to grow by so many triangles and vertices if the scene would have too many.
+    pub(crate) fn check_room(&self, triangles: usize, vertices: usize) -> Result<(), MeshError> {
+        MeshError::of_size(
+            self.triangles.len().saturating_add(triangles),
+            self.positions.len().saturating_add(vertices),
+        )
     }
 
     /// Moves everything that `add` adds as one body.
@@ -199,7 +255,8 @@ impl SceneBuilder {
     /// vertices is kept, with a zero normal, because the edges around it need it.
     ///
     /// # Errors
-    /// [`MeshError::Empty`] if no triangle is left, [`MeshError::TooManyBodies`].
+    /// [`MeshError::Empty`] if no triangle is left, [`MeshError::TooManyBodies`], and numbers of the camera, the lights
+    /// and the motions that are out of range.
     pub fn build(
         mut self,
         name: &str,
@@ -225,6 +282,15 @@ impl SceneBuilder {
         }
         if triangles.is_empty() {
             return Err(MeshError::Empty);
+        }
+        if !camera.is_valid() {
+            return Err(MeshError::Camera);
+        }
+        if let Some(light) = self.lights.iter().position(|light| !light.is_valid()) {
+            return Err(MeshError::Light(light));
+        }
+        if let Some(body) = self.moving.iter().position(|moving| !moving.motion.is_valid()) {
+            return Err(MeshError::Motion(body));
         }
         mesh.triangles = Arc::new(triangles);
         mesh.face_normals =

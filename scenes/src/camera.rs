@@ -1,5 +1,7 @@
 use glam::{Quat, Vec3};
 
+use crate::limits::is_near;
+
 /// A pinhole camera. Looks along -z of its own frame, +y up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
@@ -24,6 +26,13 @@ impl Camera {
         let right = up.cross(back).normalize();
         let rotation = Quat::from_mat3(&glam::Mat3::from_cols(right, back.cross(right), back));
         Self { eye, rotation, fov_y, near, far }
+    }
+
+    /// Whether all numbers are within the limits of a scene.
+    pub(crate) fn is_valid(&self) -> bool {
+        let Self { eye, rotation, fov_y, near, far } = *self;
+        let has_lens = fov_y > 0.0 && fov_y < std::f32::consts::PI;
+        is_near(eye) && rotation.is_finite() && has_lens && near > 0.0 && near <= far && far.is_finite()
     }
 
     /// The direction (not normalised: one unit along the view axis) through image position `(x, y)` in pixels,

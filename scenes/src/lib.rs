@@ -29,6 +29,7 @@ mod camera;
 mod edges;
 mod facts;
 mod light;
+mod limits;
 mod load;
 mod material;
 mod mesh;
@@ -46,6 +47,7 @@ pub use builtin::{SceneInfo, scene_names};
 pub use camera::{Camera, predict};
 pub use facts::SceneFacts;
 pub use light::Light;
+pub use limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, MAX_TRIANGLES};
 pub use load::{
     CameraSpec, LightSpec, MaterialSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile,
     ShapeSpec, SurfaceSpec,

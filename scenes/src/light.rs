@@ -1,5 +1,7 @@
 use glam::Vec3;
 
+use crate::limits::{is_intensity, is_near, is_radiance};
+
 /// A light that casts shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Light {
@@ -22,4 +24,16 @@ pub enum Light {
         /// Emitted radiance.
         radiance: Vec3,
     },
+}
+
+impl Light {
+    /// Whether all numbers are within the limits of a scene.
+    pub(crate) fn is_valid(&self) -> bool {
+        match *self {
+            Self::Point { position, intensity } => is_near(position) && is_intensity(intensity),
+            Self::Quad { corner, u, v, radiance } => {
+                is_near(corner) && is_near(u) && is_near(v) && is_radiance(radiance)
+            }
+        }
+    }
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{Quat, Vec3};
 
+use crate::limits::{is_near, is_time};
 use crate::mesh::bounds_of;
 use crate::{Light, Scene};
 
@@ -105,6 +106,14 @@ impl Motion {
         let rotation = before.rotate.slerp(after.rotate, t).normalize();
         let translate = before.translate.lerp(after.translate, t);
         Pose { rotation, translation: translate + (self.pivot - rotation * self.pivot) }
+    }
+
+    /// Whether there is a key, all numbers are within the limits of a scene, and times ascend.
+    pub(crate) fn is_valid(&self) -> bool {
+        let is_sane = |key: &MotionKey| is_time(key.time) && is_near(key.translate) && key.rotate.is_finite();
+        let ascends = |pair: &[MotionKey]| pair[0].time < pair[1].time;
+        let keys = &self.keys;
+        !keys.is_empty() && is_near(self.pivot) && keys.iter().all(is_sane) && keys.windows(2).all(ascends)
     }
 
     /// Returns true if the poses of any two frames differ.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{Quat, Vec3};
 
+use crate::limits::is_near;
 use crate::motion::FRAMES_PER_SECOND;
 use crate::{Camera, Rng, Scene};
 use flight::Flight;
@@ -209,12 +210,13 @@ fn unknown(name: &str) -> PathError {
 
 /// Eye and rotation of `view:X,Y,Z:QX,QY,QZ,QW`.
 fn view(text: &str, numbers: &str) -> Result<(Vec3, Quat), PathError> {
-    let expected = "an eye X,Y,Z and, after a colon, a rotation as a quaternion of length 1, QX,QY,QZ,QW";
+    let expected =
+        "an eye X,Y,Z of at most 1e9 and, after a colon, a rotation as a quaternion of length 1, QX,QY,QZ,QW";
     let wrong = || PathError::Number { text: text.into(), expected, found: numbers.into() };
     let (eye, rotation) = numbers.split_once(':').ok_or_else(wrong)?;
     let eye = Vec3::from_array(list(eye).ok_or_else(wrong)?);
     let rotation = Quat::from_array(list(rotation).ok_or_else(wrong)?);
-    let valid = eye.is_finite() && (rotation.length_squared() - 1.0).abs() < UNIT_TOLERANCE;
+    let valid = is_near(eye) && (rotation.length_squared() - 1.0).abs() < UNIT_TOLERANCE;
     if valid { Ok((eye, rotation)) } else { Err(wrong()) }
 }
 

@@ -3,6 +3,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use glam::{Affine3A, Mat3A, Vec2, Vec3};
 
 use crate::MeshError;
+use crate::limits::is_near;
 use crate::mesh::bounds_of;
 
 /// An indexed triangle surface from a loader or a procedural scene, before it becomes part of a [`Mesh`](crate::Mesh).
@@ -21,11 +22,16 @@ impl Shape {
     /// Checks that it can become part of a mesh.
     ///
     /// # Errors
-    /// The first vertex that is not finite, or the first face with an invalid vertex index.
+    /// The first vertex that is not finite or too far out, or the first face with an invalid vertex index.
     pub fn check(&self) -> Result<(), MeshError> {
         let vertices = self.positions.len();
-        if let Some(vertex) = self.positions.iter().position(|p| !p.is_finite()) {
-            return Err(MeshError::NotFinite { vertex, position: self.positions[vertex] });
+        if let Some(vertex) = self.positions.iter().position(|&p| !is_near(p)) {
+            let position = self.positions[vertex];
+            return Err(if position.is_finite() {
+                MeshError::TooFar { vertex, position }
+            } else {
+                MeshError::NotFinite { vertex, position }
+            });
         }
         for (face, triangle) in self.triangles.iter().enumerate() {
             if let Some(&index) = triangle.iter().find(|&&i| i as usize >= vertices) {

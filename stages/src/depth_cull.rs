@@ -319,7 +319,7 @@ impl ZBuffer {
     /// The distance of a depth.
     fn distance(&self, depth: f32) -> f32 {
         let Self { near, far } = self;
-        (near / (1.0 - depth * ((far - near) / far))).clamp(*near, *far)
+        (near / (1.0 - depth * ((far - near) / far))).max(*near).min(*far)
     }
 
     /// The depth of a point `share` * (far - near) behind, at most 1.
@@ -478,6 +478,8 @@ mod tests {
         assert!((f64::from(buffer.depth(1000.0)) - 0.909090909).abs() < 2e-7);
         assert!((buffer.distance(0.942535725f64 as f32) - 1495.0).abs() < 0.02);
         assert_eq!(buffer.depth(100.0), 0.0);
+        // A range without extent, or the wrong way round, has distances too.
+        assert_eq!(ZBuffer { near: 2.0, far: 1.0 }.distance(0.5), 1.0);
         assert!((buffer.depth(1e4) - 1.0).abs() < 2e-7);
         assert_eq!((buffer.distance(0.0), buffer.distance(1.0)), (100.0, 1e4));
     }

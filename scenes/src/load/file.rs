@@ -8,7 +8,8 @@ use serde::Deserialize;
 
 use super::model::{self, Model};
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
-use crate::{Camera, Material, Motion, MotionKey, Scene, SceneError, Shape, Surface};
+use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, is_near, is_radiance, is_time};
+use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Surface};
 
 /// The contents of a scene's `.ron` file. Lengths are in metres, angles in degrees, colours in linear Rec. 709.
 ///
@@ -286,11 +287,15 @@ impl SceneFile {
         }
         if let Some(camera) = self.camera {
             let sane = camera.fov > 0.0 && camera.fov < 180.0 && camera.eye != camera.target;
-            if !sane || !camera.eye.is_finite() || !camera.target.is_finite() {
+            if !sane || !is_near(camera.eye) || !is_near(camera.target) {
                 return Err(format!(
-                    "the camera needs a finite eye, a different target, and a fov between 0 and 180: {camera:?}"
+                    "the camera needs an eye and a different target with coordinates of at most {MAX_COORDINATE:e}, and \
+                     a fov between 0 and 180: {camera:?}"
                 ));
             }
+        }
+        if !is_radiance(self.background) {
+            return Err(format!("background: each channel must be a number of at most {MAX_RADIANCE:e}"));
         }
         for (name, material) in &self.materials {
             let unit = |value: f32| (0.0..=1.0).contains(&value);
@@ -298,10 +303,11 @@ impl SceneFile {
                 SurfaceSpec::Glossy { roughness, f0 } => roughness > 0.0 && unit(roughness) && unit(f0),
                 _ => true,
             };
-            let emits = material.emission.is_finite() && material.emission.min_element() >= 0.0;
+            let emits = is_radiance(material.emission) && material.emission.min_element() >= 0.0;
             if !material.color.to_array().into_iter().all(unit) || !glossy_is_sane || !emits {
                 return Err(format!(
-                    "material `{name}`: color, roughness and f0 must be between 0 and 1, roughness not 0, and emission not negative"
+                    "material `{name}`: color, roughness and f0 must be between 0 and 1, roughness not 0, and emission \
+                     between 0 and {MAX_RADIANCE:e}"
                 ));
             }
         }
@@ -309,33 +315,19 @@ impl SceneFile {
             motion.check().map_err(|message| format!("motion `{name}`: {message}"))?;
         }
         for (index, object) in self.objects.iter().enumerate() {
-            if object.height.is_some() && object.scale.is_some() {
-                return Err(format!("object {index}: `height` sets its scale; drop `scale` or `height`"));
-            }
-            let scale = object.height.or(object.scale).unwrap_or(1.0);
-            if !(scale.is_finite() && scale != 0.0 && (0.0..=180.0).contains(&object.smooth)) {
-                return Err(format!(
-                    "object {index}: scale and height must not be 0, and smooth must be between 0 and 180"
-                ));
-            }
-            const MOST_COPIES: u32 = 100_000;
-            if object.repeat.count == 0 || object.repeat.count > MOST_COPIES {
-                return Err(format!("object {index}: repeat.count must be between 1 and {MOST_COPIES}"));
-            }
+            object.check().map_err(|message| format!("object {index}: {message}"))?;
         }
         for (index, light) in self.lights.iter().enumerate() {
-            let finite = match light {
-                LightSpec::Point { position, intensity, .. } => position.is_finite() && intensity.is_finite(),
+            let (light, has_area) = match *light {
+                LightSpec::Point { position, intensity, .. } => (Light::Point { position, intensity }, true),
                 LightSpec::Quad { corner, u, v, radiance, .. } => {
-                    corner.is_finite()
-                        && u.cross(*v).is_finite()
-                        && u.cross(*v) != Vec3::ZERO
-                        && radiance.is_finite()
+                    (Light::Quad { corner, u, v, radiance }, u.cross(v) != Vec3::ZERO)
                 }
             };
-            if !finite {
+            if !light.is_valid() || !has_area {
                 return Err(format!(
-                    "light {index}: all numbers must be finite, and a quad must have an area"
+                    "light {index}: all numbers must be finite, coordinates at most {MAX_COORDINATE:e}, intensity at \
+                     most {MAX_INTENSITY:e}, radiance at most {MAX_RADIANCE:e}, and a quad must have an area"
                 ));
             }
         }
@@ -359,6 +351,7 @@ impl SceneFile {
     ) -> Result<Scene, SceneError> {
         let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
         let unusable = |source| SceneError::Mesh { name: name.to_owned(), source };
+        let unplaced = |index: usize| move |error: MeshError| invalid(format!("object {index}: {error}"));
         let mut builder = SceneBuilder::new();
         let mut materials = BTreeMap::new();
         for (material_name, spec) in &self.materials {
@@ -388,12 +381,17 @@ impl SceneFile {
                 let text = "`smooth` is for shapes without normals, but this one has them; drop it";
                 return Err(invalid(format!("object {index}: {text}")));
             }
+            // Before any of the copies is made.
+            let copies = object.repeat.count as usize;
+            let [triangles, vertices] = model.counts().map(|count| count.saturating_mul(copies));
+            builder.check_room(triangles, vertices).map_err(unplaced(index))?;
             for (shape, _) in
                 model.parts.iter_mut().filter(|(s, _)| object.smooth > 0.0 && s.normals.is_empty())
             {
                 shape.smooth(object.smooth);
             }
-            let place = object.placement(&model);
+            let place =
+                object.placement(&model).map_err(|text| invalid(format!("object {index}: {text}")))?;
             let motion = motion_of("object", index, &object.motion)?;
             let add = |builder: &mut SceneBuilder| {
                 (0..object.repeat.count).try_for_each(|copy| {
@@ -401,7 +399,7 @@ impl SceneFile {
                     model.add_to(builder, step * place, material)
                 })
             };
-            builder.moving_if(motion, add).map_err(unusable)?;
+            builder.moving_if(motion, add).map_err(unplaced(index))?;
         }
         for (index, light) in self.lights.iter().enumerate() {
             match light {
@@ -444,10 +442,12 @@ impl MotionSpec {
         if self.keys.is_empty() {
             return Err("`keys` is empty: give at least one key".to_owned());
         }
-        let finite =
-            |key: &MotionKeySpec| key.time.is_finite() && key.translate.is_finite() && key.rotate.is_finite();
-        if !self.pivot.is_finite() || !self.keys.iter().all(finite) {
-            return Err("all numbers must be finite".to_owned());
+        let sane =
+            |key: &MotionKeySpec| is_time(key.time) && is_near(key.translate) && key.rotate.is_finite();
+        if !is_near(self.pivot) || !self.keys.iter().all(sane) {
+            return Err(format!(
+                "all numbers must be finite, coordinates at most {MAX_COORDINATE:e}, times at most {MAX_TIME:e}"
+            ));
         }
         match self.keys.windows(2).position(|pair| pair[0].time >= pair[1].time) {
             Some(index) => Err(format!("the time of key {} is not after that of key {index}", index + 1)),
@@ -483,24 +483,81 @@ impl MaterialSpec {
 }
 
 impl ObjectSpec {
-    fn placement(&self, model: &Model) -> Affine3A {
+    fn check(&self) -> Result<(), String> {
+        if self.height.is_some() && self.scale.is_some() {
+            return Err("`height` sets its scale; drop `scale` or `height`".to_owned());
+        }
+        let scale = self.height.or(self.scale).unwrap_or(1.0);
+        if !(scale.is_finite() && scale != 0.0 && (0.0..=180.0).contains(&self.smooth)) {
+            return Err("scale and height must not be 0, and smooth must be between 0 and 180".to_owned());
+        }
+        const MOST_COPIES: u32 = 100_000;
+        if self.repeat.count == 0 || self.repeat.count > MOST_COPIES {
+            return Err(format!("repeat.count must be between 1 and {MOST_COPIES}"));
+        }
+        let last = self.repeat.count as f32 * self.repeat.step;
+        if !(is_near(self.translate) && self.rotate.is_finite() && is_near(last)) {
+            return Err(format!(
+                "all numbers must be finite, and translate and count * step at most {MAX_COORDINATE:e}"
+            ));
+        }
+        self.shape.check()
+    }
+
+    /// The transform from its shape to the scene.
+    ///
+    /// # Errors
+    /// A flat shape cannot be scaled to a height.
+    fn placement(&self, model: &Model) -> Result<Affine3A, String> {
         let turn = Affine3A::from_quat(rotation(self.rotate));
         let Some(height) = self.height else {
-            return Affine3A::from_translation(self.translate)
+            return Ok(Affine3A::from_translation(self.translate)
                 * turn
-                * Affine3A::from_scale(Vec3::splat(self.scale.unwrap_or(1.0)));
+                * Affine3A::from_scale(Vec3::splat(self.scale.unwrap_or(1.0))));
         };
         let [low, high] = model.bounds_after(turn);
+        if low.y >= high.y {
+            return Err(
+                "`height` scales an object to this height, but this one is flat; use `scale`".to_owned()
+            );
+        }
         let stand = Vec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
-        let scale = height / (high.y - low.y).max(f32::MIN_POSITIVE);
-        Affine3A::from_translation(self.translate)
+        let scale = height / (high.y - low.y);
+        Ok(Affine3A::from_translation(self.translate)
             * Affine3A::from_scale(Vec3::splat(scale))
             * Affine3A::from_translation(-stand)
-            * turn
+            * turn)
     }
 }
 
 impl ShapeSpec {
+    fn check(&self) -> Result<(), String> {
+        let length = |length: f32| length > 0.0 && length <= MAX_COORDINATE;
+        let (kind, is_sane, expected) = match *self {
+            Self::File(_) | Self::Builtin(_) => return Ok(()),
+            Self::Box { low, high } => {
+                // A box may be as flat as a sheet, but not a line.
+                let sides = (high - low).to_array().into_iter().filter(|side| *side != 0.0).count();
+                ("Box", is_near(low) && is_near(high) && sides >= 2, "an extent along two axes at least")
+            }
+            Self::Quad { corner, u, v } => {
+                let is_sane = is_near(corner) && is_near(u) && is_near(v) && u.cross(v) != Vec3::ZERO;
+                ("Quad", is_sane, "an area")
+            }
+            Self::Sphere { center, radius } => {
+                ("Sphere", is_near(center) && length(radius), "a radius above 0")
+            }
+            Self::Cylinder { base, radius, height } => {
+                let is_sane = is_near(base) && length(radius) && length(height);
+                ("Cylinder", is_sane, "a radius and a height above 0")
+            }
+        };
+        if is_sane {
+            return Ok(());
+        }
+        Err(format!("a {kind} needs {expected}, and numbers that are finite and at most {MAX_COORDINATE:e}"))
+    }
+
     fn load(&self, path: &Path, folders: &[PathBuf], fetch: Option<&str>) -> Result<Model, SceneError> {
         let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
         Ok(match self {

@@ -4,8 +4,10 @@
 //! Light intensities are taken as they stand (1 cd as 1 W/sr), as viewers do that show them at exposure 1. A
 //! directional light becomes a point far away, a spot a point without a cone.
 
-use std::collections::HashSet;
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::f32::consts::PI;
+use std::rc::Rc;
 
 use glam::{Affine3A, Mat4, Quat, Vec3};
 use gltf::accessor::{DataType, Dimensions};
@@ -13,7 +15,8 @@ use gltf::khr_lights_punctual::Kind;
 use gltf::mesh::Mode;
 
 use super::model::Model;
-use crate::{Camera, Light, Material, Shape, Surface};
+use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, is_intensity, is_near, is_radiance};
+use crate::{Camera, Light, Material, MeshError, Shape, Surface};
 
 /// Distance of a directional light in radii of the scene: its light is parallel and uniform to 2%.
 const SUN_DISTANCE: f32 = 100.0;
@@ -30,14 +33,24 @@ pub(super) fn read(
     let file =
         gltf::Document::from_json(unchecked.document.into_json()).map_err(|error| error.to_string())?;
     let mut buffers = Vec::new();
+    // Each file once, however many buffers it has.
+    let mut files: HashMap<String, Rc<Vec<u8>>> = HashMap::new();
     for buffer in file.buffers() {
         let data = match buffer.source() {
             gltf::buffer::Source::Bin => {
-                blob.take().ok_or_else(|| "the binary chunk of its buffer is missing".to_owned())?
+                Rc::new(blob.take().ok_or_else(|| "the binary chunk of its buffer is missing".to_owned())?)
             }
             gltf::buffer::Source::Uri(uri) => match uri.strip_prefix("data:") {
-                Some(data) => decode_base64(data.split_once(";base64,").map_or("", |(_, text)| text))?,
-                None => external(&decode_percent(uri))?,
+                Some(data) => {
+                    Rc::new(decode_base64(data.split_once(";base64,").map_or("", |(_, text)| text))?)
+                }
+                None => match files.entry(decode_percent(uri)) {
+                    Entry::Occupied(read) => read.get().clone(),
+                    Entry::Vacant(new) => {
+                        let data = Rc::new(external(new.key())?);
+                        new.insert(data).clone()
+                    }
+                },
             },
         };
         if data.len() < buffer.length() {
@@ -51,8 +64,11 @@ pub(super) fn read(
         buffers.push(data);
     }
 
-    let mut reader = Reader { buffers: &buffers, model: Model::default(), suns: vec![] };
+    let mut reader = Reader { buffers: &buffers, model: Model::default(), size: [0; 2], suns: vec![] };
     reader.model.materials = file.materials().map(|material| convert_material(&material)).collect();
+    if let Some(index) = reader.model.materials.iter().position(|m| !is_radiance(m.emission)) {
+        return Err(format!("material {index}: its emission may be at most {MAX_RADIANCE:e}"));
+    }
     reader.nodes(&file)?;
     Ok(reader.finish())
 }
@@ -86,8 +102,11 @@ fn check_positions(root: &gltf::json::Root) -> Result<(), String> {
 }
 
 struct Reader<'a> {
-    buffers: &'a [Vec<u8>],
+    buffers: &'a [Rc<Vec<u8>>],
     model: Model,
+    /// Triangles and vertices of all primitives so far. Many primitives may share one buffer, so these can be far more
+    /// than the file has bytes.
+    size: [usize; 2],
     /// Direction and irradiance of the directional lights, until the size of the scene is known.
     suns: Vec<(Vec3, Vec3)>,
 }
@@ -133,6 +152,13 @@ impl Reader<'_> {
         }
         if let Some(light) = node.light() {
             let intensity = light.intensity() * Vec3::from(light.color());
+            if !is_near(world.translation.into()) || !is_intensity(intensity) {
+                return Err(format!(
+                    "the light of node {}: coordinates must be at most {MAX_COORDINATE:e} m, and color * intensity at \
+                     most {MAX_INTENSITY:e}",
+                    node.index()
+                ));
+            }
             match light.kind() {
                 Kind::Directional => {
                     self.suns.push((world.transform_vector3(Vec3::NEG_Z).normalize_or_zero(), intensity));
@@ -145,13 +171,17 @@ impl Reader<'_> {
         if let (None, Some(camera)) = (self.model.camera, node.camera()) {
             // Only the JSON shows without a panic if a camera has the lens that its type requires.
             let lens = file.as_json().cameras[camera.index()].perspective.as_ref();
-            self.model.camera = lens.and_then(|lens| convert_camera(lens, world));
+            let convert = |lens| convert_camera(lens, world);
+            self.model.camera = lens
+                .map(convert)
+                .transpose()
+                .map_err(|error| format!("camera {}, of node {}: {error}", camera.index(), node.index()))?;
         }
         Ok(())
     }
 
     /// The triangles of a primitive, or `None` if it consists of points or lines.
-    fn primitive(&self, primitive: &gltf::Primitive) -> Result<Option<Shape>, String> {
+    fn primitive(&mut self, primitive: &gltf::Primitive) -> Result<Option<Shape>, String> {
         let corners_of: fn(u32) -> [u32; 3] = match primitive.mode() {
             Mode::Triangles => |t| [3 * t, 3 * t + 1, 3 * t + 2],
             // Every other triangle of a strip has the opposite winding.
@@ -159,8 +189,15 @@ impl Reader<'_> {
             Mode::TriangleFan => |t| [0, t + 1, t + 2],
             _ => return Ok(None),
         };
-        let positions =
-            self.vectors(&primitive.get(&gltf::Semantic::Positions).ok_or("it has no positions")?)?;
+        let positions = primitive.get(&gltf::Semantic::Positions).ok_or("it has no positions")?;
+        let corners = primitive.indices().map_or(positions.count(), |indices| indices.count());
+        let triangles = if primitive.mode() == Mode::Triangles { corners / 3 } else { corners };
+        self.size[0] = self.size[0].saturating_add(triangles);
+        self.size[1] = self.size[1].saturating_add(positions.count());
+        // Before any of it is made.
+        let [triangles, vertices] = self.size;
+        MeshError::of_size(triangles, vertices).map_err(|error| error.to_string())?;
+        let positions = self.vectors(&positions)?;
         let normals = primitive.get(&gltf::Semantic::Normals).map(|a| self.vectors(&a)).transpose()?;
         let indices = match primitive.indices() {
             Some(accessor) => self.indices(&accessor)?,
@@ -182,6 +219,8 @@ impl Reader<'_> {
                 shape.normals.push(triangle.map(normal));
             }
         }
+        // Before a transform spreads a NaN over its vertex.
+        shape.check().map_err(|error| error.to_string())?;
         Ok(Some(shape))
     }
 
@@ -248,20 +287,27 @@ impl Reader<'_> {
 }
 
 /// A perspective camera; one without a far plane gets an infinite `far` for now.
-fn convert_camera(lens: &gltf::json::camera::Perspective, world: Affine3A) -> Option<Camera> {
+fn convert_camera(lens: &gltf::json::camera::Perspective, world: Affine3A) -> Result<Camera, String> {
     let axis = |v: Vec3| world.transform_vector3(v).try_normalize();
-    let (back, up) = (axis(Vec3::Z)?, axis(Vec3::Y)?);
-    let right = up.cross(back).try_normalize()?;
+    let frame = || {
+        let (back, up) = (axis(Vec3::Z)?, axis(Vec3::Y)?);
+        let right = up.cross(back).try_normalize()?;
+        Some(Quat::from_mat3(&glam::Mat3::from_cols(right, back.cross(right), back)))
+    };
+    let rotation = frame().ok_or("the transform of its node has no view direction")?;
     let eye = Vec3::from(world.translation);
-    let near = lens.znear;
-    let sane = eye.is_finite() && (1e-3..PI - 1e-3).contains(&lens.yfov) && near.is_finite();
-    sane.then(|| Camera {
-        eye,
-        rotation: Quat::from_mat3(&glam::Mat3::from_cols(right, back.cross(right), back)),
-        fov_y: lens.yfov,
-        near: near.max(1e-4),
-        far: lens.zfar.filter(|far| *far > near).unwrap_or(f32::INFINITY),
-    })
+    if !is_near(eye) {
+        return Err(format!("its eye is at {eye}, farther out than {MAX_COORDINATE:e} m"));
+    }
+    let (near, fov_y) = (lens.znear, lens.yfov);
+    let far = lens.zfar.unwrap_or(f32::INFINITY);
+    if !(1e-3..PI - 1e-3).contains(&fov_y) {
+        return Err(format!("yfov is {fov_y}; a field of view lies between 0 and pi"));
+    }
+    if !(near.is_normal() && near > 0.0 && near < far) {
+        return Err(format!("znear is {near} and zfar {far}; znear must be above 0 and below zfar"));
+    }
+    Ok(Camera { eye, rotation, fov_y, near, far })
 }
 
 /// Reads factors only, no textures; emission that a texture would mask is ignored.
@@ -437,6 +483,80 @@ mod tests {
             let result = read(&glb(&JSON.replacen(from, to, 1)), no_files);
             assert!(result.is_err(), "{from} -> {to}");
         }
+    }
+
+    #[test]
+    fn a_camera_keeps_its_planes_or_is_refused() {
+        let with = |lens: &str| {
+            let old = r#""yfov": 0.5, "znear": 0.25"#;
+            read(&glb(&JSON.replacen(old, lens, 1)), no_files)
+        };
+        let camera =
+            with(r#""yfov": 0.5, "znear": 0.00001, "zfar": 0.00005"#).unwrap().into_scene("").unwrap().camera;
+        assert_eq!((camera.near, camera.far), (1e-5, 5e-5));
+        for (lens, expected) in [
+            (r#""yfov": 0.5, "znear": 0"#, "znear is 0 and zfar inf"),
+            (r#""yfov": 0.5, "znear": -1"#, "znear is -1"),
+            (
+                r#""yfov": 0.5, "znear": 2, "zfar": 1"#,
+                "znear is 2 and zfar 1; znear must be above 0 and below zfar",
+            ),
+            (r#""yfov": 0.5, "znear": 1, "zfar": 1"#, "znear is 1 and zfar 1"),
+            (r#""yfov": 3.2, "znear": 1"#, "yfov is 3.2"),
+        ] {
+            let message = with(lens).unwrap_err();
+            assert!(
+                message.contains("camera 0, of node 3: ") && message.contains(expected),
+                "{lens}: {message}"
+            );
+        }
+    }
+
+    #[test]
+    fn numbers_beyond_the_limits_name_their_node() {
+        for (from, to, expected) in [
+            ("[1, 2, 3]", "[1, 2e9, 3]", "the light of node 1: coordinates must be at most 1e9"),
+            (r#""intensity": 8"#, r#""intensity": 2e30"#, "the light of node 1: "),
+            (
+                r#""name": "red", "#,
+                r#""emissiveFactor": [0, 1e20, 0], "#,
+                "material 0: its emission may be at most 1e18",
+            ),
+            ("[0, 0, 5]", "[0, 0, 5e9]", "camera 0, of node 3: its eye is at [0, 0, 5000000000]"),
+        ] {
+            let message = read(&glb(&JSON.replacen(from, to, 1)), no_files).unwrap_err();
+            assert!(message.contains(expected), "{message}");
+        }
+        let far = read(&glb(&JSON.replacen("[1, 2, 1]", "[1, 2e9, 1]", 1)), no_files).unwrap();
+        assert_eq!(far.check().unwrap_err().to_string().find("vertex 2 is at (0, 4000000000, -3)"), Some(0));
+    }
+
+    #[test]
+    fn meshes_that_share_a_buffer_are_counted_before_they_are_made() {
+        // A buffer of 4 MB, which 400 primitives use.
+        let primitive = r#"{"attributes": {"POSITION": 0}, "material": 0}"#;
+        let json = JSON
+            .replacen(primitive, &[primitive; 400].join(","), 1)
+            .replacen(r#""count": 3"#, r#""count": 300000"#, 1)
+            .replacen(r#""byteLength": 36}],"#, r#""byteLength": 3600000}],"#, 1)
+            .replacen(r#"[{"byteLength": 36}]"#, r#"[{"byteLength": 3600000, "uri": "a.bin"}]"#, 1);
+        let reads = std::cell::Cell::new(0);
+        let files = |_: &str| {
+            reads.set(reads.get() + 1);
+            Ok(vec![0; 3_600_000])
+        };
+        let message = read(json.as_bytes(), files).unwrap_err();
+        let expected = "mesh 0, primitive 33: that makes 3400000 triangles and 10200000 vertices";
+        assert!(message.contains(expected), "{message}");
+        assert_eq!(reads.get(), 1);
+        // A file is read once, however many buffers it has.
+        let twice = json.replacen(
+            r#"[{"byteLength": 3600000, "uri": "a.bin"}]"#,
+            r#"[{"byteLength": 3600000, "uri": "a.bin"}, {"byteLength": 3600000, "uri": "a.bin"}]"#,
+            1,
+        );
+        read(twice.as_bytes(), files).unwrap_err();
+        assert_eq!(reads.get(), 2);
     }
 
     #[test]

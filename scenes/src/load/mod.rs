@@ -9,6 +9,8 @@ mod ply;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use flate2::read::MultiGzDecoder;
+
 use crate::builtin::{self, scene_names};
 use crate::{Scene, SceneError};
 
@@ -23,7 +25,9 @@ const MESH_ENDINGS: [&str; 5] = [".glb", ".gltf", ".obj", ".ply", ".ply.gz"];
 /// The ending of scene files.
 const SCENE_ENDING: &str = ".ron";
 /// Maximum size of a mesh file in bytes after decompression; a larger one is an error.
-const MOST_BYTES: u64 = 4 << 30;
+const MOST_BYTES: u64 = 1 << 30;
+/// Bytes that the header of a PLY file has at most, to be looked at before all is unpacked.
+const LONGEST_HEADER: u64 = 1 << 16;
 /// Least Jaro-Winkler similarity at which a name counts as a mistyped one.
 const HINT_SIMILARITY: f64 = 0.75;
 
@@ -66,8 +70,13 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
         std::fs::read(&companion)
             .map_err(|error| format!("cannot read {}, which it references: {error}", companion.display()))
     };
-    let bytes = unpack(read_file(path)?, MOST_BYTES).map_err(invalid)?;
     let name = path.to_string_lossy().to_lowercase();
+    let bytes = read_file(path)?;
+    if name.ends_with(".ply.gz") {
+        // A few bytes can unpack to a promise of millions.
+        ply::check_start(MultiGzDecoder::new(bytes.as_slice()).take(LONGEST_HEADER)).map_err(invalid)?;
+    }
+    let bytes = unpack(bytes, MOST_BYTES).map_err(invalid)?;
     let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
         ply::read(&bytes)
     } else if name.ends_with(".obj") {
@@ -80,7 +89,9 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     } else {
         Err(format!("the file name must end in one of {}", MESH_ENDINGS.join(", ")))
     };
-    model.map_err(invalid)
+    let model = model.map_err(invalid)?;
+    model.check().map_err(|error| invalid(error.to_string()))?;
+    Ok(model)
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
@@ -93,7 +104,7 @@ fn unpack(bytes: Vec<u8>, most: u64) -> Result<Vec<u8>, String> {
         return Ok(bytes);
     }
     let mut unpacked = Vec::new();
-    flate2::read::MultiGzDecoder::new(bytes.as_slice())
+    MultiGzDecoder::new(bytes.as_slice())
         .take(most + 1)
         .read_to_end(&mut unpacked)
         .map_err(|error| format!("it cannot be unpacked: {error}"))?;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::{Affine3A, Vec3};
 
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
+use crate::limits::is_near;
 use crate::{Camera, Light, Material, Scene, Shape};
 
 /// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light
@@ -23,6 +24,13 @@ pub(crate) struct Model {
 }
 
 impl Model {
+    /// Checks that all shapes can become part of a mesh.
+    pub fn check(&self) -> Result<(), MeshError> {
+        let [triangles, vertices] = self.counts();
+        MeshError::of_size(triangles, vertices)?;
+        self.parts.iter().try_for_each(|(shape, _)| shape.check())
+    }
+
     /// A model of one shape without a material.
     pub fn from_shape(shape: Shape) -> Self {
         Self { parts: vec![(shape, None)], ..Self::default() }
@@ -52,6 +60,12 @@ impl Model {
         }
     }
 
+    /// The numbers of triangles and of vertices.
+    pub fn counts(&self) -> [usize; 2] {
+        let sum = |count: fn(&Shape) -> usize| self.parts.iter().map(|(shape, _)| count(shape)).sum();
+        [sum(|shape| shape.triangles.len()), sum(|shape| shape.positions.len())]
+    }
+
     /// Lowest and highest corner of the box around all vertices (inverted and infinite if there are none).
     pub fn bounds(&self) -> [Vec3; 2] {
         self.bounds_after(Affine3A::IDENTITY)
@@ -77,8 +91,6 @@ impl Model {
         let mut index: Vec<Option<u32>> = vec![None; self.materials.len()];
         let mut plain = None;
         for (shape, material) in &self.parts {
-            // Checked before a transform spreads a NaN over its vertex.
-            shape.check()?;
             let placed = shape.transformed(transform);
             let own = match (replace, *material) {
                 (Some(replacement), _) => replacement,
@@ -201,6 +213,9 @@ pub(crate) fn add_default_light(builder: &mut SceneBuilder, bounds: [Vec3; 2]) -
     // Radiance of a white surface: L A / (pi d^2).
     let radiance = std::f32::consts::PI * (distance / side).powi(2);
     let corner = centre + distance * towards - 0.5 * (u + v);
+    if ![corner, corner + u, corner + u + v, corner + v].into_iter().all(is_near) {
+        return Err(MeshError::NoRoomForLight);
+    }
     builder.quad_light(corner, u, v, Vec3::splat(radiance))
 }
 

@@ -1,12 +1,13 @@
 //! Wavefront OBJ with its MTL: positions, normals, faces of any number of corners, `usemtl`. Texture coordinates and
 //! maps are skipped; a polygon is fanned into triangles.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
 use super::model::Model;
-use crate::{Material, Shape, Surface};
+use crate::limits::{MAX_COORDINATE, MAX_RADIANCE, is_near, is_radiance};
+use crate::{Material, MeshError, Shape, Surface};
 
 /// Reads an OBJ file; `library` returns the text of a material file that it references.
 ///
@@ -28,6 +29,10 @@ struct Reader {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     material: Option<usize>,
+    /// The number of triangles of all faces.
+    triangles: usize,
+    /// The material files that were read.
+    libraries: HashSet<String>,
     /// The faces since the last change of object or material, as indices into `positions` and `normals`.
     faces: Vec<[Corner; 3]>,
 }
@@ -43,7 +48,16 @@ impl Reader {
         let line = line.split('#').next().unwrap_or_default().trim();
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         match keyword {
-            "v" => self.positions.push(vector(rest)?),
+            "v" => {
+                let position = vector(rest)?;
+                if !is_near(position) {
+                    let limit = format!("farther out than {MAX_COORDINATE:e} m: make the model smaller");
+                    return Err(format!("the vertex `{}` is {limit}", rest.trim()));
+                }
+                self.positions.push(position);
+                MeshError::of_size(self.triangles, self.positions.len())
+                    .map_err(|error| error.to_string())?;
+            }
             "vn" => self.normals.push(vector(rest)?),
             "f" => self.face(rest)?,
             "o" | "g" => self.finish_part(),
@@ -51,7 +65,8 @@ impl Reader {
                 self.finish_part();
                 self.material = self.by_name.get(rest.trim()).copied();
             }
-            "mtllib" => {
+            // Once each, however often it is named.
+            "mtllib" if self.libraries.insert(rest.trim().to_owned()) => {
                 for material in read_materials(&library(rest.trim())?)? {
                     self.by_name.insert(material.name.clone(), self.model.materials.len());
                     self.model.materials.push(material);
@@ -68,6 +83,8 @@ impl Reader {
         if corners.len() < 3 {
             return Err(format!("a face needs three corners, but this one has {}", corners.len()));
         }
+        self.triangles += corners.len() - 2;
+        MeshError::of_size(self.triangles, self.positions.len()).map_err(|error| error.to_string())?;
         self.faces.extend((2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]]));
         Ok(())
     }
@@ -159,7 +176,12 @@ fn read_materials(text: &str) -> Result<Vec<Material>, String> {
         match keyword {
             "Kd" => material.diffuse = vector(rest).map_err(at_line)?,
             "Ks" => material.specular = vector(rest).map_err(at_line)?,
-            "Ke" => material.emission = vector(rest).map_err(at_line)?,
+            "Ke" => {
+                material.emission = vector(rest).map_err(at_line)?;
+                if !is_radiance(material.emission) {
+                    return Err(at_line(format!("an emission may be at most {MAX_RADIANCE:e}")));
+                }
+            }
             "Ns" => material.exponent = number(rest).map_err(at_line)?,
             "illum" => {
                 material.illum =

@@ -1,14 +1,14 @@
 //! PLY, ASCII and binary: vertices with optional normals, and faces of any number of corners (fanned into triangles).
 //! Colours and other properties are skipped.
 
-use std::io::{BufReader, Cursor};
+use std::io::{BufReader, Cursor, Read};
 
 use glam::Vec3;
 use ply_rs_bw::parser::Parser;
-use ply_rs_bw::ply::{Property, PropertyAccess};
+use ply_rs_bw::ply::{Header, Property, PropertyAccess};
 
 use super::model::Model;
-use crate::Shape;
+use crate::{MeshError, Shape};
 
 /// An element of any kind; the kind determines which fields are used.
 #[derive(Default)]
@@ -64,6 +64,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
     let parser = Parser::<Element>::new();
     let mut reader = BufReader::new(Cursor::new(bytes));
     let header = parser.read_header(&mut reader).map_err(one_line)?;
+    check_counts(&header)?;
     for (name, element) in &header.elements {
         // Every element takes at least a byte, so a count beyond the file's length is wrong.
         if element.count > bytes.len() || element.properties.is_empty() && element.count > 0 {
@@ -85,6 +86,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
     let mut shape = Shape { positions: vertices.iter().map(|v| v.position).collect(), ..Shape::default() };
     for (face, element) in faces.iter().enumerate() {
         let corners = &element.corners;
+        let triangles = shape.triangles.len() + corners.len().saturating_sub(2);
+        MeshError::of_size(triangles, vertices.len()).map_err(|error| format!("face {face}: {error}"))?;
         for k in 2..corners.len() {
             let mut triangle = [0; 3];
             for (index, corner) in triangle.iter_mut().zip([corners[0], corners[k - 1], corners[k]]) {
@@ -104,6 +107,21 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
         }
     }
     Ok(Model::from_shape(shape))
+}
+
+/// Refuses a file whose header, at its `start`, declares more vertices or faces than a scene may have. A start that is no
+/// header is left to [`read`].
+pub(super) fn check_start(start: impl Read) -> Result<(), String> {
+    match Parser::<Element>::new().read_header(&mut BufReader::new(start)) {
+        Ok(header) => check_counts(&header),
+        Err(_) => Ok(()),
+    }
+}
+
+fn check_counts(header: &Header) -> Result<(), String> {
+    let count = |name: &str| header.elements.get(name).map_or(0, |element| element.count);
+    MeshError::of_size(count("face"), count("vertex"))
+        .map_err(|error| format!("the header declares too much: {error}"))
 }
 
 /// The parser's messages have several indented lines, of which the first is sufficient.

@@ -1,6 +1,8 @@
 use super::*;
 
 use std::io::Write;
+use std::sync::Arc;
+use std::time::Instant;
 
 use glam::{Affine3A, Vec3};
 
@@ -113,12 +115,13 @@ fn compressed_data_has_a_limit() {
     assert_eq!(unpack(bytes.clone(), 10).unwrap(), bytes);
 }
 
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+     element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n";
+
 #[test]
 fn a_compressed_mesh_is_the_mesh() {
     let folder = Folder::new("gzip");
-    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
-        element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n";
-    let [plain, packed] = [("a.ply", ply.as_bytes().to_vec()), ("b.PLY.GZ", gzip(ply.as_bytes()))]
+    let [plain, packed] = [("a.ply", PLY.as_bytes().to_vec()), ("b.PLY.GZ", gzip(PLY.as_bytes()))]
         .map(|(name, bytes)| Scene::load(&folder.file(name, bytes)).unwrap());
     assert_eq!(plain.mesh.corners(0), [Vec3::ZERO, Vec3::X, 2.0 * Vec3::Y]);
     assert_eq!(plain.mesh.positions, packed.mesh.positions);
@@ -161,10 +164,11 @@ fn a_scene_file_places_shapes_and_lights() {
     assert_eq!((metal.name.as_str(), metal.surface), ("metal", Surface::Glossy { roughness: 0.3, f0: 0.4 }));
 }
 
+const LIGHT: &str = "lights: [Point(position: (0, 9, 0), intensity: (1, 1, 1))]";
+
 /// The scene of one object, and more members of the file.
 fn scene_of(folder: &Folder, object: &str, members: &str) -> Scene {
-    let light = "lights: [Point(position: (0, 9, 0), intensity: (1, 1, 1))]";
-    let text = format!("Scene(version: 1, objects: [({object})], {light}, {members})");
+    let text = format!("Scene(version: 1, objects: [({object})], {LIGHT}, {members})");
     Scene::load(&folder.file("scene.ron", text)).unwrap()
 }
 
@@ -272,12 +276,138 @@ fn errors_in_a_scene_file_say_where() {
         ("[(time: 0), (time: 2, translate: (0, 1, 0), rotate: (0, 90, 0))]", "[]", "`keys` is empty"),
         ("smooth: 100", "motion: \"raise\"", "object 0: unknown motion `raise`, did you mean `rise`?"),
         ("intensity: (1, 1, 1)", "intensity: (1, 1, 1), motion: \"x\"", "light 0: unknown motion `x`"),
-        ("high: (1, 1, 1)", "high: (1, 1, NaN)", "not finite"),
+        ("high: (1, 1, 1)", "high: (1, 1, NaN)", "object 1: a Box needs"),
+        ("eye: (0, 1, 4)", "eye: (0, 1, 2e9)", "the camera needs an eye"),
+        ("eye: (0, 1, 4)", "eye: (0, NaN, 4)", "the camera needs an eye"),
+        ("target: (0, 0.5, 0)", "target: (0, -2e9, 0)", "the camera needs an eye"),
+        ("0.1, 0.2, 0.3", "0.1, 1e20, 0.3", "background: each channel must be a number of at most 1e18"),
+        ("emission: (5, 5, 5)", "emission: (5, 1e20, 5)", "material `panel`"),
+        (
+            "translate: (0, 1, 0)",
+            "translate: (0, 3e38, 0)",
+            "motion `rise`: all numbers must be finite, coordinates",
+        ),
+        ("pivot: (0, 0, 1)", "pivot: (0, 0, 2e9)", "motion `rise`"),
+        ("time: 2", "time: 2e9", "motion `rise`"),
+        ("high: (1, 1, 1)", "high: (1, 1, 2e9)", "object 1: a Box needs"),
+        ("translate: (1, 0.5, 0)", "translate: (1, 3e38, 0)", "object 0: all numbers must be finite"),
+        ("step: (0, 0, 2)", "step: (0, 0, 1e9)", "object 1: all numbers must be finite"),
+        ("height: 2", "height: 1e10", "object 0: vertex"),
+        ("height: 2", "rotate: (0, inf, 0)", "object 0: all numbers must be finite"),
+        ("height: 2", "scale: 1e30", "object 0: vertex 1 is at (1, 1000000000000000000000000000000, 0)"),
+        ("(0, 5, 0), int", "(0, 2e9, 0), int", "light 0"),
+        ("intensity: (1, 1, 1)", "intensity: (1, 1e31, 1)", "light 0"),
     ] {
         let text = SCENE.replacen(from, to, 1);
         assert_ne!(text, SCENE, "{from}");
         let message = error(&folder.file("scene.ron", text));
         assert!(message.contains(expected), "{from} -> {to}: {message}");
+    }
+}
+
+#[test]
+fn shapes_without_size_are_refused_at_once() {
+    let folder = Folder::new("no-size");
+    let bad = ["NaN", "inf", "-inf", "0", "-1", "2e9"];
+    let all = |form: &str| bad.map(|number| form.replace('#', number));
+    let sphere = all("Sphere(center: (0, 0, 0), radius: #)");
+    let radius = all("Cylinder(base: (0, 0, 0), radius: #, height: 1)");
+    let height = all("Cylinder(base: (0, 0, 0), radius: 1, height: #)");
+    // Of corners, zero and negative numbers are as good as others.
+    let finite = |form: &str| ["NaN", "inf", "-2e9"].map(|number| form.replace('#', number));
+    let centers = finite("Sphere(center: (0, #, 0), radius: 1)");
+    let bases = finite("Cylinder(base: (#, 0, 0), radius: 1, height: 1)");
+    let low = finite("Box(low: (#, 0, 0), high: (1, 1, 1))");
+    let corner = finite("Quad(corner: (0, 0, #), u: (1, 0, 0), v: (0, 1, 0))");
+    let side = finite("Quad(corner: (0, 0, 0), u: (#, 0, 0), v: (0, 1, 0))");
+    let flat = [
+        "Box(low: (1, 0, 0), high: (1, 0, 5))".to_owned(),
+        "Quad(corner: (0, 0, 0), u: (1, 0, 0), v: (3, 0, 0))".to_owned(),
+    ];
+    let shapes = [&sphere[..], &radius, &height, &centers, &bases, &low, &corner, &side, &flat].concat();
+    for shape in shapes {
+        let kind = shape.split('(').next().unwrap();
+        let text = format!("Scene(version: 1, objects: [(shape: {shape})])");
+        let message = error(&folder.file("scene.ron", text));
+        assert!(message.contains(&format!("object 0: a {kind} needs ")), "{shape}: {message}");
+    }
+    let sheet = "shape: Quad(corner: (0, 0, 0), u: (0, 0, 1), v: (1, 0, 0)), height: 2";
+    let message = error(&folder.file("scene.ron", format!("Scene(version: 1, objects: [({sheet})])")));
+    assert!(message.contains("object 0: `height` scales an object to this height, but this one is flat"));
+    let sheet = "shape: Box(low: (0, 0, 0), high: (1, 0, 1))";
+    assert_eq!(scene_of(&folder, sheet, "").bounds[1], Vec3::new(1.0, 0.0, 1.0));
+}
+
+#[test]
+fn numbers_at_the_limit_are_traced_and_numbers_beyond_it_refused() {
+    let folder = Folder::new("far");
+    let motion = |far: &str| {
+        format!(
+            "Scene(version: 1, motions: {{ \"far\": (keys: [(time: 0), (time: 1, translate: (-{far}, {far}, 0), \
+             rotate: (0, 90, 0))]) }}, objects: [(shape: Sphere(center: (0, 0, 0), radius: {far}), motion: \"far\")], \
+             camera: (eye: (0, 0, {far}), target: (0, 0, 0), fov: 40), {LIGHT})"
+        )
+    };
+    for far in ["1e21", "1.1e9"] {
+        assert!(Scene::load(&folder.file("far.ron", motion(far))).is_err(), "{far}");
+    }
+    let scene = Arc::new(Scene::load(&folder.file("far.ron", motion("1e9"))).unwrap());
+    let tracer = crate::Tracer::new(Arc::new(scene.posed(&scene.poses_at(15))));
+    let mut random = crate::Rng::new(0, 1);
+    let camera = scene.camera;
+    let direction = camera.direction(32.0, 32.0, [64, 64]);
+    let hit = tracer.trace(camera.eye, direction, &crate::TraceSettings::default(), &mut random);
+    assert!(hit.radiance.is_finite());
+
+    let unlit = motion("1e9").replace(LIGHT, "");
+    let message = error(&folder.file("far.ron", unlit));
+    assert!(message.contains("too large for the light that is added where there is none"), "{message}");
+
+    let far_obj = TETRAHEDRON.replace("v 0 1 0", "v 0 2e9 0");
+    let far_ply = PLY.replace("1 0 0", "1 2e9 0");
+    for (name, content, expected) in [
+        ("far.obj", far_obj, "line 3: the vertex `0 2e9 0` is farther out than 1e9 m"),
+        ("far.ply", far_ply, "vertex 1 is at (1, 2000000000, 0), farther out than 1e9 m"),
+    ] {
+        let message = error(&folder.file(name, content));
+        assert!(message.contains(expected) && message.contains(name), "{message}");
+    }
+    folder.file("far.mtl", "newmtl lamp\nKe 1 1e20 1\n");
+    let message = error(&folder.file("lamp.obj", format!("mtllib far.mtl\n{TETRAHEDRON}")));
+    assert!(message.contains("material library, line 2: an emission may be at most 1e18"), "{message}");
+}
+
+#[test]
+fn what_a_file_promises_is_refused_before_it_is_made() {
+    let folder = Folder::new("promises");
+    let copies = |shape: &str, count: u32| {
+        let object = format!("(shape: {shape}, repeat: (count: {count}, step: (1, 0, 0)))");
+        let start = Instant::now();
+        let message = error(&folder.file("copies.ron", format!("Scene(version: 1, objects: [{object}])")));
+        assert!(start.elapsed().as_secs_f64() < 1.0);
+        message
+    };
+    let sphere = copies("Sphere(center: (0, 0, 0), radius: 1)", 100_000);
+    let text = "object 0: that makes 396800000 triangles and 214500000 vertices, but a scene may have at most 10000000";
+    assert!(sphere.contains(text), "{sphere}");
+    // What several objects make together counts too.
+    let several = (0..1000)
+        .map(|_| "(shape: Box(low: (0, 0, 0), high: (1, 1, 1)), repeat: (count: 100000, step: (0, 0, 0)))");
+    let text = format!("Scene(version: 1, objects: [{}])", several.collect::<Vec<_>>().join(","));
+    let message = error(&folder.file("several.ron", text));
+    assert!(message.contains("object 8: that makes 10800000 triangles"), "{message}");
+
+    for (element, promise) in [("vertex 3", "vertex 300000000"), ("face 1", "face 10000001")] {
+        let ply = PLY.replace(element, promise);
+        let number = promise.split(' ').nth(1).unwrap();
+        // Packed, the promise is found without unpacking: what follows is not even gzip.
+        let mut packed = gzip(ply.as_bytes());
+        packed.extend(gzip(&[b' '; 100_000]).into_iter().take(20));
+        for path in [folder.file("a.ply", ply), folder.file("a.ply.gz", packed)] {
+            let message = error(&path);
+            let expected = "the header declares too much: that makes ";
+            assert!(message.contains(expected) && message.contains(number), "{message}");
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use glam::{Quat, Vec3};
 use serde::Deserialize;
 
 use super::{PathError, target_distance};
+use crate::limits::{MAX_COORDINATE, MAX_TIME, is_near, is_time};
 use crate::{Camera, Scene};
 
 /// The default flight: seconds between keyframes, and keyframe positions to the right, up and forward as shares of the
@@ -97,8 +98,11 @@ impl Flight {
         let mut keys = Vec::with_capacity(file.keys.len());
         for (i, key) in file.keys.iter().enumerate() {
             let [eye, target] = [key.eye, key.target].map(Vec3::from);
-            if !(key.time.is_finite() && eye.is_finite() && target.is_finite()) {
-                return Err(wrong(format!("keyframe {i}: a number is not finite")));
+            if !(is_time(key.time) && is_near(eye) && is_near(target)) {
+                return Err(wrong(format!(
+                    "keyframe {i}: numbers must be finite, times at most {MAX_TIME:e}, and coordinates at most \
+                     {MAX_COORDINATE:e}"
+                )));
             }
             if eye == target {
                 return Err(wrong(format!("keyframe {i}: `eye` and `target` are the same point")));
