@@ -7,27 +7,17 @@ use epigraph_core::{
     Facts, Graph, GraphFile, GraphValue, Plan, PlannedNode, Problem, Problems, Registry, Settings, Side,
     Step, check_stage, compile,
 };
-use epigraph_pictures::{Target, readable};
+use epigraph_pictures::readable;
 use serde_json::{Value, json};
 
-use crate::{
-    args::CheckArgs,
-    error::CliError,
-    open,
-    output::{JsonTarget, separate_files},
-    stages,
-};
+use crate::{args::CheckArgs, error::CliError, open, output::Outputs, stages};
 
 /// Checks graphs. The exit code is a failure if any graph has a problem.
 pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError> {
-    let json = JsonTarget::new(args.json.as_deref())?;
-    let dot = args.dot.as_deref().map(Target::new).transpose()?;
-    let full = args.full.as_deref().map(Target::new).transpose()?;
-    separate_files([
-        ("--json", args.json.as_deref()),
-        ("--dot", args.dot.as_deref()),
-        ("--full", args.full.as_deref()),
-    ])?;
+    let mut outputs = Outputs::default();
+    let json = outputs.json(args.json.as_deref())?;
+    let dot = args.dot.as_deref().map(|path| outputs.add("--dot", path)).transpose()?;
+    let full = args.full.as_deref().map(|path| outputs.add("--full", path)).transpose()?;
     for (option, wanted) in
         [("--dot writes one plan", dot.is_some()), ("--full writes one graph", full.is_some())]
     {
@@ -41,16 +31,15 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
     let mut text = String::new();
     let mut errors: Vec<Problem> = Vec::new();
     let mut plans = Vec::new();
+    let mut files = Vec::new();
     for name in &args.graphs {
         match check_one(name, args, &settings, registry) {
             Ok(checked) => {
                 text += &format!("{name}: no problems\n{}", checked.text());
-                if let Some(dot) = &dot {
-                    dot.write(checked.plan.dot().as_bytes())?;
-                }
-                if let Some(full) = &full {
-                    full.write(checked.file.full(registry, full.path())?.as_bytes())?;
-                    text += &format!("written in full to {}\n", full.path().display());
+                files.extend(dot.map(|dot| (dot, checked.plan.dot())));
+                if let (Some(full), Some(path)) = (full, &args.full) {
+                    files.push((full, checked.file.full(registry, path)?));
+                    text += &format!("written in full to {}\n", path.display());
                 }
                 plans.push(json!({ "graph": name, "plan": checked.json() }));
             }
@@ -71,7 +60,11 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
     };
     let failed = !errors.is_empty();
     let errors: Vec<Value> = errors.iter().map(problem_json).collect();
-    json.finish(&json!({ "errors": errors, "plan": plan, "plans": plans }), &text)?;
+    let mut outputs = outputs.ready()?;
+    for (file, text) in files {
+        outputs.put(file, text.as_bytes())?;
+    }
+    outputs.finish(json, &json!({ "errors": errors, "plan": plan, "plans": plans }), &text)?;
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

@@ -1,20 +1,15 @@
 //! `epigraph compare`: measures the difference between two images.
 
-use epigraph_pictures::{Difference, Picture, Ramp, Target, metrics, png};
+use epigraph_pictures::{Difference, Picture, Ramp, metrics, png};
 use serde_json::json;
 
-use crate::{
-    args::CompareArgs,
-    edge_mask,
-    error::CliError,
-    output::{JsonTarget, separate_files},
-};
+use crate::{args::CompareArgs, edge_mask, error::CliError, output::Outputs};
 
 /// Prints RMSE, PSNR, SSIM and FLIP.
 pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
-    let target = JsonTarget::new(args.json.as_deref())?;
-    separate_files([("--map", args.map.as_deref()), ("--json", args.json.as_deref())])?;
-    let map = args.map.as_deref().map(Target::new).transpose()?;
+    let mut outputs = Outputs::default();
+    let map = args.map.as_deref().map(|path| outputs.add("--map", path)).transpose()?;
+    let json = outputs.json(args.json.as_deref())?;
     let (a, b) = (Picture::read(&args.a)?, Picture::read(&args.b)?);
     if a.size != b.size {
         let size = |picture: &Picture| format!("{}x{}", picture.size[0], picture.size[1]);
@@ -27,10 +22,12 @@ pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
         )));
     }
     let mask = args.mask.as_deref().map(|path| edge_mask::read(path, a.size)).transpose()?;
+    let mut outputs = outputs.ready()?;
     let difference = Difference::new(&a, &b);
     if let Some(map) = map {
         let colors: Vec<[u8; 3]> = difference.errors.iter().map(|&error| Ramp::Magma.color(error)).collect();
-        map.write(&png(a.size, &colors).map_err(|error| CliError::write(map.path(), error))?)?;
+        let png = png(a.size, &colors).map_err(|error| CliError::write(outputs.path(map), error))?;
+        outputs.put(map, &png)?;
     }
     let rmse = metrics::rmse(&a.colors, &b.colors);
     let (psnr, ssim, flip) = (difference.psnr(), difference.ssim(), difference.flip());
@@ -49,5 +46,5 @@ pub fn compare(args: &CompareArgs) -> Result<(), CliError> {
         );
         value["mask"] = json!({ "share": share, "psnr": psnr, "flip": flip });
     }
-    target.finish(&value, &text)
+    outputs.finish(json, &value, &text)
 }

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use epigraph_core::{GraphError, Problem, Problems, RunError};
-use epigraph_pictures::FileError;
+use epigraph_files::FileError;
 use epigraph_scenes::{PathError, SceneError};
 
 /// The reason why a command failed. Its text says what is wrong, where, and what to do.

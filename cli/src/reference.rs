@@ -3,7 +3,7 @@
 use std::{path::Path, time::Instant};
 
 use epigraph::memory;
-use epigraph_pictures::{Kind, Target, exr, png, tone};
+use epigraph_pictures::{Kind, exr, png, tone};
 use epigraph_scenes::{Camera, Mode, TraceSettings, Tracer, reference};
 
 use crate::{
@@ -11,7 +11,7 @@ use crate::{
     edge_mask,
     error::CliError,
     interrupt, open,
-    output::{print, separate_files},
+    output::{Output, Outputs, print},
     progress,
     values::Light,
 };
@@ -22,12 +22,13 @@ const BYTES_PER_PIXEL: u64 = 48;
 /// Traces and writes the picture.
 pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let kind = Kind::of_picture(&args.out)?;
-    let target = Target::new(&args.out)?;
-    let edges = args.edges.as_deref().map(mask_target).transpose()?;
-    separate_files([("--out", Some(&*args.out)), ("--edges", args.edges.as_deref())])?;
+    let mut outputs = Outputs::default();
+    let out = outputs.add("--out", &args.out)?;
+    let edges = args.edges.as_deref().map(|path| add_mask(&mut outputs, path)).transpose()?;
     let size = args.scene.size.0;
     require_memory(size)?;
     let place = open::place(&args.scene.scene, &args.scene.camera)?;
+    let mut outputs = outputs.ready()?;
     let tracer = open::tracer(&place).at(args.frame);
     let settings = trace_settings(args.mode);
 
@@ -36,7 +37,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let colors = trace("tracing", &tracer, &camera, size, args.spp, &settings, args.seed)?;
     let seconds = start.elapsed().as_secs_f64();
 
-    target.write(&encode(kind, size.map(|side| side as usize), &colors, target.path())?)?;
+    outputs.put(out, &encode(kind, size.map(|side| side as usize), &colors, &args.out)?)?;
     let samples = f64::from(size[0]) * f64::from(size[1]) * f64::from(args.spp);
     let mut text = format!(
         "{} samples per pixel in {seconds:.1} s, {:.2} million samples per second\npicture: {}\n",
@@ -47,10 +48,11 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     if let Some(edges) = edges {
         let mask = edge_mask::trace(&tracer, &camera, size);
         let png = edge_mask::png(&mask, size.map(|side| side as usize));
-        edges.write(&png.map_err(|error| CliError::write(edges.path(), error))?)?;
+        outputs.put(edges, &png.map_err(|error| CliError::write(outputs.path(edges), error))?)?;
         let share = 100.0 * edge_mask::share(&mask);
-        text += &format!("edges: {}, {share:.1}% of the pixels\n", edges.path().display());
+        text += &format!("edges: {}, {share:.1}% of the pixels\n", outputs.path(edges).display());
     }
+    outputs.commit()?;
     print(&text)
 }
 
@@ -63,9 +65,9 @@ pub fn trace_settings(light: Light) -> TraceSettings {
     TraceSettings { mode, ..TraceSettings::default() }
 }
 
-fn mask_target(path: &Path) -> Result<Target, CliError> {
+fn add_mask(outputs: &mut Outputs, path: &Path) -> Result<Output, CliError> {
     match Kind::of(path)? {
-        Kind::Png => Ok(Target::new(path)?),
+        Kind::Png => outputs.add("--edges", path),
         _ => Err(CliError::write(path, "the mask is written as PNG; name it FILE.png")),
     }
 }

@@ -4,7 +4,7 @@ use std::{path::Path, process::ExitCode, sync::Arc, time::Instant};
 
 use epigraph::{Device, Registry, Run, Setup, Source, graphs};
 use epigraph_core::{Executor, Graph, Node, PerSide, Plan, Port, RunError, Snapshot};
-use epigraph_pictures::{Look, PortFile, Target, is_image, png, show, size};
+use epigraph_pictures::{Kind, Look, is_image, png, show, size};
 use epigraph_stages::{
     meaning,
     shared::requests::{HIT_NONE, Sample},
@@ -15,10 +15,11 @@ use crate::{
     args::RenderArgs,
     error::CliError,
     interrupt, open,
-    output::{JsonTarget, separate_files},
+    output::{Json, Output, Outputs, Ready},
     progress,
     report::{Measured, Report},
     sheet::{self, Tile},
+    values::Save,
 };
 
 /// Default file names of the picture and the contact sheet.
@@ -32,8 +33,9 @@ const PROBE_INTERVAL: u32 = 8;
 pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
     let threads = open::threads(args.threads)?;
     let named = args.graph.as_deref().unwrap_or(graphs::DEFAULT);
+    let mut outputs = Outputs::default();
+    let files = Files::new(args, &mut outputs)?;
     let file = open::graph(named, &args.compile.changes, registry)?;
-    let files = Files::new(args)?;
     let size = args.scene.size.0;
     // Checked before the scene is loaded, which may take long.
     open::samples(args.compile.samples, size)?;
@@ -52,16 +54,17 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         .pooling(!args.compile.no_pooling)
         .poison(args.poison)
         .compile()?;
+    let mut outputs = outputs.ready()?;
     let output = files.picture.as_ref().map(|_| compiled.picture()).transpose()?;
     // The sheet shows only nodes that run; tapping the ports of the others would keep them alive.
     let tiles =
         if files.sheet.is_some() { image_ports(compiled.graph(), compiled.plan(), size) } else { Vec::new() };
     let traced = traced_ports(compiled.graph());
-    let saved = files.saves.iter().map(|(source, _)| source);
+    let saved = args.save.iter().map(|save| &save.source);
     let kept: Vec<Source> = saved.chain(&tiles).chain(&traced).cloned().collect();
     // The graph itself compiles, so an error here is about the ports to save.
     compiled.keep(&kept).map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
-    check_saves(compiled.plan(), size, &files)?;
+    check_saves(compiled.plan(), size, args)?;
     compiled.require()?;
     let pooled = PerSide::new(|side| compiled.plan().pooled_bytes(side));
     open::tracer(&place);
@@ -71,7 +74,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     open::warn_of_bad_samples(run.non_finite_samples());
 
     let look = Look { far: place.path.camera(run.index() - 1).far, ..Look::default() };
-    files.write(&mut run.executor, output.as_deref(), &tiles, &look)?;
+    files.put(&mut outputs, &mut run.executor, output.as_deref(), &tiles, &look)?;
     let report = Report {
         args,
         graph: &graph,
@@ -83,9 +86,9 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         pooled_bytes: pooled,
         frames: run.index(),
         measured: &measured,
-        written: files.written(),
+        written: files.written(&outputs),
     };
-    files.json.finish(&report.json(), &report.text())?;
+    outputs.finish(files.json, &report.json(), &report.text())?;
     if run.index() < args.frames {
         eprintln!("interrupted after {} of {} frames", run.index(), args.frames);
         return Ok(ExitCode::from(INTERRUPTED));
@@ -139,8 +142,11 @@ fn arrived(executor: &mut Executor, traced: &[Source]) -> Result<u64, RunError> 
 }
 
 /// Checks that ports to be saved as images are images.
-fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliError> {
-    for (source, save) in files.saves.iter().filter(|(_, save)| save.is_image()) {
+fn check_saves(plan: &Plan, size: [u32; 2], args: &RenderArgs) -> Result<(), CliError> {
+    for Save { source, file } in &args.save {
+        if !Kind::of(file)?.is_image() {
+            continue;
+        }
         let tap = plan.taps.iter().find(|tap| tap.name == source.to_string());
         let storages: Vec<_> =
             tap.iter().flat_map(|tap| &tap.fields).map(|field| &plan.storages[field.storage]).collect();
@@ -150,7 +156,7 @@ fn check_saves(plan: &Plan, size: [u32; 2], files: &Files) -> Result<(), CliErro
             _ => "a bundle of lists",
         };
         let cause = format!("`{source}` is {what}, not an image; save it as .csv");
-        return Err(CliError::write(save.path(), cause));
+        return Err(CliError::write(file, cause));
     }
     Ok(())
 }
@@ -173,38 +179,35 @@ fn image_ports(graph: &Graph, plan: &Plan, size: [u32; 2]) -> Vec<Source> {
 
 /// The output files, checked to be writable before the first frame.
 struct Files {
-    picture: Option<PortFile>,
-    saves: Vec<(Source, PortFile)>,
-    sheet: Option<Target>,
-    json: JsonTarget,
+    picture: Option<(Kind, Output)>,
+    saves: Vec<(Source, Kind, Output)>,
+    sheet: Option<Output>,
+    json: Json,
 }
 
 impl Files {
-    fn new(args: &RenderArgs) -> Result<Self, CliError> {
-        let saves: Result<Vec<_>, CliError> =
-            args.save.iter().map(|save| Ok((save.source.clone(), PortFile::new(&save.file)?))).collect();
-        let saves = saves?;
+    fn new(args: &RenderArgs, outputs: &mut Outputs) -> Result<Self, CliError> {
+        let mut saves = Vec::new();
+        for Save { source, file } in &args.save {
+            saves.push((source.clone(), Kind::of(file)?, outputs.add("--save", file)?));
+        }
         // With --save alone, the graph need not have a picture.
-        let picture = match &args.out {
-            Some(out) => Some(PortFile::picture(out)?),
-            None if saves.is_empty() => Some(PortFile::picture(Path::new(PICTURE))?),
-            None => None,
-        };
+        let out = args.out.as_deref().or(saves.is_empty().then_some(Path::new(PICTURE)));
+        let mut picture = None;
+        if let Some(out) = out {
+            picture = Some((Kind::of_picture(out)?, outputs.add("--out", out)?));
+        }
         let plain = args.graph.is_none() && args.out.is_none() && picture.is_some();
         let sheet = args.sheet.as_deref().or(plain.then_some(Path::new(SHEET)));
-        let saved = args.save.iter().map(|save| ("--save", Some(&*save.file)));
-        let flags = [("--out", args.out.as_deref()), ("--sheet", sheet), ("--json", args.json.as_deref())];
-        separate_files(saved.chain(flags))?;
-        Ok(Self {
-            picture,
-            saves,
-            sheet: sheet.map(Target::new).transpose()?,
-            json: JsonTarget::new(args.json.as_deref())?,
-        })
+        let sheet = sheet.map(|path| outputs.add("--sheet", path)).transpose()?;
+        let json = outputs.json(args.json.as_deref())?;
+        Ok(Self { picture, saves, sheet, json })
     }
 
-    fn write(
+    /// Writes pictures and ports, but not the JSON.
+    fn put(
         &self,
+        outputs: &mut Ready,
         executor: &mut Executor,
         output: Option<&str>,
         tiles: &[Source],
@@ -214,13 +217,13 @@ impl Files {
         let fields = |name: &str| -> Vec<_> {
             snapshots.iter().copied().filter(|snapshot| snapshot.name == name).collect()
         };
-        if let (Some(picture), Some(output)) = (&self.picture, output) {
-            picture.write(&fields(output), look)?;
+        let picture = self.picture.zip(output).map(|((kind, file), output)| (output.to_owned(), kind, file));
+        let saves = self.saves.iter().map(|(source, kind, file)| (source.to_string(), *kind, *file));
+        for (name, kind, file) in picture.into_iter().chain(saves) {
+            let bytes = kind.encode(&fields(&name), look);
+            outputs.put(file, &bytes.map_err(|cause| CliError::write(outputs.path(file), cause))?)?;
         }
-        for (source, save) in &self.saves {
-            save.write(&fields(&source.to_string()), look)?;
-        }
-        if let Some(target) = &self.sheet {
+        if let Some(file) = self.sheet {
             let tile = |source: &Source| {
                 let name = source.to_string();
                 let colors = fields(&name).first().map(|field| (field.dims, show(field, look).colors));
@@ -228,18 +231,19 @@ impl Files {
             };
             let tiles: Vec<Tile> = tiles.iter().filter_map(tile).collect();
             let (size, colors) = sheet::sheet(&tiles);
-            let png = png(size, &colors).map_err(|error| CliError::write(target.path(), error))?;
-            target.write(&png)?;
+            let png = png(size, &colors).map_err(|error| CliError::write(outputs.path(file), error))?;
+            outputs.put(file, &png)?;
         }
         Ok(())
     }
 
     /// The contents and the path of each file.
-    fn written(&self) -> Vec<(String, String)> {
-        let picture = self.picture.iter().map(|picture| ("picture".to_owned(), picture.path()));
-        let sheet = self.sheet.iter().map(|sheet| ("sheet".to_owned(), sheet.path()));
-        let saves = self.saves.iter().map(|(source, save)| (source.to_string(), save.path()));
-        picture.chain(sheet).chain(saves).map(|(what, path)| (what, path.display().to_string())).collect()
+    fn written(&self, outputs: &Ready) -> Vec<(String, String)> {
+        let picture = self.picture.map(|(_, file)| ("picture".to_owned(), file));
+        let sheet = self.sheet.map(|file| ("sheet".to_owned(), file));
+        let saves = self.saves.iter().map(|(source, _, file)| (source.to_string(), *file));
+        let files = picture.into_iter().chain(sheet).chain(saves);
+        files.map(|(what, file)| (what, outputs.path(file).display().to_string())).collect()
     }
 }
 

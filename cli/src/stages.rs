@@ -17,7 +17,7 @@ use crate::{
     args::{ChangeArgs, StagesArgs},
     error::CliError,
     open,
-    output::JsonTarget,
+    output::Outputs,
     table::Table,
 };
 
@@ -29,45 +29,48 @@ fn is_graph(name: &str) -> bool {
 
 /// Lists all kinds, describes one, or begins a new one.
 pub fn stages(args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
+    let mut outputs = Outputs::default();
     if let Some(path) = &args.new {
-        return starter::write(path, args, registry);
+        return starter::write(path, args.rust, outputs, registry);
     }
-    let target = JsonTarget::new(args.json.as_deref())?;
-    match &args.kind {
-        None => {
-            let mut table = Table::new(&["kind", "runs on", "what it does"]);
-            for kind in registry.kinds() {
-                table.row([kind.name().into(), sides(kind.declaration().as_ref()), kind.doc().into()]);
-            }
-            table.row([PART_KIND.into(), String::new(), part::DOC.into()]);
-            let all: Vec<Value> = registry.kinds().map(as_json).collect();
-            let text = format!(
-                "{table}\n`epigraph stages KIND` describes a kind's ports and parameters, `epigraph stages FILE` those of a \
-                 graph (.ron) or a shader (.wgsl).\n"
-            );
-            target.finish(&json!({ "stages": all }), &text)
+    let json = outputs.json(args.json.as_deref())?;
+    let (value, text) = match &args.kind {
+        None => list(registry),
+        Some(name) => describe(name, registry)?,
+    };
+    outputs.ready()?.finish(json, &value, &text)
+}
+
+fn list(registry: &Registry) -> (Value, String) {
+    let mut table = Table::new(&["kind", "runs on", "what it does"]);
+    for kind in registry.kinds() {
+        table.row([kind.name().into(), sides(kind.declaration().as_ref()), kind.doc().into()]);
+    }
+    table.row([PART_KIND.into(), String::new(), part::DOC.into()]);
+    let all: Vec<Value> = registry.kinds().map(as_json).collect();
+    let text = format!(
+        "{table}\n`epigraph stages KIND` describes a kind's ports and parameters, `epigraph stages FILE` those of a \
+         graph (.ron) or a shader (.wgsl).\n"
+    );
+    (json!({ "stages": all }), text)
+}
+
+fn describe(name: &str, registry: &Registry) -> Result<(Value, String), CliError> {
+    match registry.get(name) {
+        Some(kind) => Ok((as_json(kind), as_text(kind))),
+        None if name == PART_KIND => {
+            let value = json!({ "kind": PART_KIND, "doc": part::DOC, "params": [param_json(&part::file())] });
+            Ok((value, part::text()))
         }
-        Some(name) => match registry.get(name) {
-            Some(kind) => target.finish(&as_json(kind), &as_text(kind)),
-            None if name == PART_KIND => {
-                let json =
-                    json!({ "kind": PART_KIND, "doc": part::DOC, "params": [param_json(&part::file())] });
-                target.finish(&json, &part::text())
-            }
-            None if is_graph(name) => {
-                let file = open::graph(name, &ChangeArgs::default(), registry)?;
-                let (json, text) = part::describe(&file.name(), &*file.whole()?, registry);
-                target.finish(&json, &text)
-            }
-            None if name.ends_with(".wgsl") => {
-                let (json, text) = shader::describe(Path::new(name), registry)?;
-                target.finish(&json, &text)
-            }
-            None => {
-                let kinds = registry.kinds().map(|kind| kind.name());
-                Err(GraphError::unknown(STAGE_KIND, name, kinds.chain([PART_KIND])).into())
-            }
-        },
+        None if is_graph(name) => {
+            let file = open::graph(name, &ChangeArgs::default(), registry)?;
+            Ok(part::describe(&file.name(), &*file.whole()?, registry))
+        }
+        None if name.ends_with(".wgsl") => Ok(shader::describe(Path::new(name), registry)?),
+        None => {
+            let kinds = registry.kinds().map(|kind| kind.name());
+            Err(GraphError::unknown(STAGE_KIND, name, kinds.chain([PART_KIND])).into())
+        }
     }
 }
 

@@ -16,7 +16,7 @@ mod paths;
 mod repeat;
 mod scan;
 
-use std::{fmt, fs, io, path::Path, str::FromStr};
+use std::{fmt, io, path::Path, str::FromStr};
 
 use crate::{
     error::{GraphError, Place, Problem, Problems, Spanned},
@@ -148,7 +148,7 @@ impl GraphFile {
     /// # Errors
     /// If a file cannot be read, or all problems of their texts; see [`GraphFile::parse`].
     pub fn load(path: &Path) -> Result<Self, Problems> {
-        Self::load_with(path, &|path: &Path| fs::read_to_string(path))
+        Self::load_with(path, &epigraph_files::text)
     }
 
     /// Reads a file, its parts and its base, which may be graphs of the library.

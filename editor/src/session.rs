@@ -8,7 +8,7 @@ use std::{
 
 use egui::ThemePreference;
 use epigraph_core::{GraphFile, MAX_SIDE, Problem, Problems, Registry, Snapshot};
-use epigraph_pictures::Target;
+use epigraph_files::Target;
 use epigraph_scenes::Camera;
 
 use crate::{

@@ -7,7 +7,7 @@
 //!   elements.
 //! - [`edges`]: the words of the edge-and-point image, drawn.
 //! - [`Difference`], [`flip`], [`metrics`]: measures of the difference between two pictures.
-//! - [`Picture`], [`PortFile`], [`Target`], [`Draft`]: files.
+//! - [`Picture`], [`PortFile`]: files.
 //! - [`svg`]: drawings of lines and words.
 //!
 //! ```
@@ -40,7 +40,6 @@ mod port_file;
 mod ramp;
 mod scale;
 mod table;
-mod target;
 
 pub use ages::{ages, frames_ago};
 pub use describe::{describe, grouped, in_pixel, readable};
@@ -54,4 +53,3 @@ pub use port_file::{Kind, PortFile};
 pub use ramp::Ramp;
 pub use scale::{Curve, Paint, Scale};
 pub use table::Table;
-pub use target::{Draft, FileError, Target};

@@ -3,9 +3,10 @@
 use std::{io::Cursor, path::Path};
 
 use epigraph_core::{Dims, Element, Format, Snapshot};
+use epigraph_files::{FileError, MOST_DATA};
 use exr::prelude::{AnyChannels, FlatSamples, Layer, ReadChannels, ReadLayers};
 
-use crate::{FileError, Mode, Number, Shown, lanes, tone};
+use crate::{Mode, Number, Shown, lanes, tone};
 
 /// An image's colours, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +25,7 @@ impl Picture {
     /// # Errors
     /// The file cannot be read, or is not an image of the kind that its extension names.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let bytes = std::fs::read(path).map_err(|error| FileError::read(path, error))?;
+        let bytes = epigraph_files::bytes(path, MOST_DATA).map_err(|error| FileError::read(path, error))?;
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match ending.as_str() {
             "png" => read_png(&bytes).map_err(|cause| FileError::read(path, cause)),

@@ -3,8 +3,9 @@
 use std::{fmt::Write as _, path::Path};
 
 use epigraph_core::Snapshot;
+use epigraph_files::{FileError, Target, is_stream};
 
-use crate::{FileError, Lane, Look, Target, encode, lanes, show, size};
+use crate::{Lane, Look, encode, lanes, show, size};
 
 /// A kind of file that a port can be saved to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +19,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind that the path's extension names.
+    /// The kind that the path's extension names; PNG for a pipe or a device without one.
     ///
     /// # Errors
     /// The extension is another one.
@@ -27,6 +28,7 @@ impl Kind {
             "png" => Ok(Self::Png),
             "exr" => Ok(Self::Exr),
             "csv" => Ok(Self::Csv),
+            "" if is_stream(path) => Ok(Self::Png),
             _ => Err(FileError::write(path, "the name must end in .png, .exr or .csv")),
         }
     }
@@ -39,6 +41,25 @@ impl Kind {
         match Self::of(path) {
             Ok(kind @ (Self::Png | Self::Exr)) => Ok(kind),
             _ => Err(FileError::write(path, "a picture's name must end in .png or .exr")),
+        }
+    }
+
+    /// True if the file holds an image.
+    pub fn is_image(self) -> bool {
+        self != Self::Csv
+    }
+
+    /// The bytes of a file of this kind that holds a port. Images take the first field; a table has columns for all of
+    /// them.
+    ///
+    /// # Errors
+    /// The port has no contents, or the encoder's error.
+    pub fn encode(self, fields: &[&Snapshot], look: &Look) -> Result<Vec<u8>, String> {
+        match (self, fields) {
+            (Self::Csv, fields) => Ok(csv(fields).into_bytes()),
+            (_, []) => Err("the port has no contents".into()),
+            (Self::Png, [first, ..]) => encode::png(size(first.dims), &show(first, look).colors),
+            (Self::Exr, [first, ..]) => encode::exr_of_port(first),
         }
     }
 }
@@ -67,31 +88,18 @@ impl PortFile {
         Ok(Self { kind: Kind::of_picture(path)?, target: Target::new(path)? })
     }
 
-    /// True if the file holds an image.
-    pub fn is_image(&self) -> bool {
-        self.kind != Kind::Csv
-    }
-
     /// The file's path.
     pub fn path(&self) -> &Path {
         self.target.path()
     }
 
-    /// Writes a port. Images take the first field; a table has columns for all of them.
+    /// Writes a port, as [`Kind::encode`] makes it.
     ///
     /// # Errors
     /// The error of the system or the encoder.
     pub fn write(&self, fields: &[&Snapshot], look: &Look) -> Result<(), FileError> {
-        let fail = |cause: String| FileError::write(self.target.path(), cause);
-        let bytes = match (self.kind, fields) {
-            (Kind::Csv, fields) => csv(fields).into_bytes(),
-            (_, []) => return Err(fail("the port has no contents".into())),
-            (Kind::Png, [first, ..]) => {
-                encode::png(size(first.dims), &show(first, look).colors).map_err(fail)?
-            }
-            (Kind::Exr, [first, ..]) => encode::exr_of_port(first).map_err(fail)?,
-        };
-        self.target.write(&bytes)
+        let bytes = self.kind.encode(fields, look);
+        self.target.write(&bytes.map_err(|cause| FileError::write(self.target.path(), cause))?)
     }
 }
 

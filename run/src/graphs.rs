@@ -1,6 +1,6 @@
 //! Finds graphs by name or file.
 
-use std::{fs, io, path::Path};
+use std::{io, path::Path};
 
 use epigraph_core::{GraphError, GraphFile, Library, Origin, Problems, Registry};
 
@@ -21,7 +21,7 @@ pub struct Shipped;
 
 impl Library for Shipped {
     fn read(&self, path: &Path) -> io::Result<String> {
-        fs::read_to_string(path)
+        epigraph_files::text(path)
     }
 
     fn shipped(&self, name: &str) -> Option<(String, String)> {

@@ -1,6 +1,6 @@
 //! Main memory: the peak use of the process, and the available amount.
 
-use std::fs;
+use std::path::Path;
 
 use epigraph_pictures::readable;
 
@@ -34,7 +34,7 @@ pub fn require(bytes: u64) -> Result<(), Error> {
 
 /// The value of a line `NAME  N kB` in a file of Linux's `/proc`, in bytes.
 fn field(file: &str, name: &str) -> Option<u64> {
-    let text = fs::read_to_string(file).ok()?;
+    let text = epigraph_files::text(Path::new(file)).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kilobytes * 1024)

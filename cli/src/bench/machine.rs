@@ -1,6 +1,6 @@
 //! The machine that ran the benchmark.
 
-use std::fs;
+use std::path::Path;
 
 use epigraph_core::Gpu;
 use serde_json::{Value, json};
@@ -50,7 +50,7 @@ impl Machine {
 
 /// The processor's model if Linux reports one, else its architecture.
 fn processor() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let text = epigraph_files::text(Path::new("/proc/cpuinfo")).unwrap_or_default();
     model(&text).unwrap_or(std::env::consts::ARCH).to_owned()
 }
 

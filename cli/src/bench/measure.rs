@@ -121,6 +121,16 @@ pub enum Outcome {
     Beyond(String),
 }
 
+/// Checks that the graph compiles for the scene.
+///
+/// # Errors
+/// Problems of the graph for this scene.
+pub fn check(job: &Job) -> Result<(), CliError> {
+    open::samples(job.args.compile.samples, job.size)?;
+    job.setup(job.args.compile.samples).compile()?;
+    Ok(())
+}
+
 /// Runs a measurement.
 ///
 /// # Errors

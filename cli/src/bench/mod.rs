@@ -22,13 +22,7 @@ use self::{
     measure::{Job, Loaded, Measured, Outcome},
     report::Report,
 };
-use crate::{
-    args::BenchArgs,
-    error::CliError,
-    open,
-    output::{JsonTarget, separate_files},
-    svg,
-};
+use crate::{args::BenchArgs, error::CliError, open, output::Outputs, svg};
 
 /// Scenes measured by default, in the order of the papers. The last two have to be fetched.
 pub const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];
@@ -86,21 +80,24 @@ pub struct Results {
 /// Runs the benchmark and reports its figures.
 pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     let threads = open::threads(args.threads)?;
-    let json = JsonTarget::new(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(svg::target).transpose()?;
-    separate_files([("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())])?;
+    let mut outputs = Outputs::default();
+    let json = outputs.json(args.json.as_deref())?;
+    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, path)).transpose()?;
     let bench = Bench::new(args, registry)?;
     let gpu = bench.gpu.as_ref().ok().and_then(Option::as_ref).and_then(|device| device.gpu.as_deref());
     let machine = Machine::new(threads, gpu);
     if machine.software {
         eprintln!("warning: {SOFTWARE_WARNING}");
     }
-    let results = bench.run()?;
+    let mut results = Results::default();
+    let scenes = bench.load(&mut results)?;
+    let mut outputs = outputs.ready()?;
+    bench.run(scenes, &mut results)?;
     let report = Report { args, machine: &machine, sweeps: &bench.sweeps, results: &results };
-    if let Some(target) = &plot {
-        target.write(plot::svg(&report).as_bytes())?;
+    if let Some(plot) = plot {
+        outputs.put(plot, plot::svg(&report).as_bytes())?;
     }
-    json.finish(&json::figures(&report), &report.text())
+    outputs.finish(json, &json::figures(&report), &report.text())
 }
 
 /// Shown prominently if the GPU is a software one.
@@ -157,8 +154,9 @@ impl<'a> Bench<'a> {
         Ok(Self { args, registry, runs, sweeps: sweeps(args), gpu })
     }
 
-    fn run(&self) -> Result<Results, CliError> {
-        let mut results = Results::default();
+    /// Loads the scenes, and checks that the graphs compile for them: no input is found wrong only after others were
+    /// measured.
+    fn load(&self, results: &mut Results) -> Result<Vec<Loaded>, CliError> {
         if let Err(why) = &self.gpu {
             let what = Split::ALL.into_iter().filter(|backend| backend.side() == Side::Gpu);
             let what = what.filter(|backend| self.runs.iter().any(|runs| runs.backend == *backend));
@@ -167,30 +165,37 @@ impl<'a> Bench<'a> {
         }
         let by_default = self.args.scene.is_empty();
         let named = self.args.scene.iter().map(String::as_str);
-        let scenes: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
-        for (index, name) in scenes.into_iter().enumerate() {
-            let loaded = match self.load(name) {
-                Ok(loaded) => loaded,
+        let names: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
+        let mut scenes = Vec::new();
+        for name in names {
+            match open::place(name, &self.args.camera) {
+                Ok(place) => scenes.push(Loaded { name: name.into(), place }),
                 // A default scene whose mesh is not fetched is skipped; one that the user names must load.
                 Err(error) if by_default && needs_fetch(name) => {
                     results.skipped.push(Skipped { what: name.into(), why: error.to_string() });
-                    continue;
                 }
                 Err(error) => return Err(error),
-            };
-            self.scene(&loaded, &mut results)?;
-            if index == 0 {
-                self.sweep_pixels(&loaded, &mut results)?;
-                self.sweep_points(&loaded, &mut results)?;
             }
         }
-        Ok(results)
+        for loaded in &scenes {
+            for (runs, device) in self.possible() {
+                measure::check(&self.job(loaded, runs, device, self.args.size.0))?;
+            }
+        }
+        Ok(scenes)
     }
 
-    fn load(&self, name: &str) -> Result<Loaded, CliError> {
-        let place = open::place(name, &self.args.camera)?;
-        open::tracer(&place);
-        Ok(Loaded { name: name.into(), place })
+    fn run(&self, scenes: Vec<Loaded>, results: &mut Results) -> Result<(), CliError> {
+        // Each scene's tracer goes with the scene.
+        for (index, loaded) in scenes.into_iter().enumerate() {
+            open::tracer(&loaded.place);
+            self.scene(&loaded, results)?;
+            if index == 0 {
+                self.sweep_pixels(&loaded, results)?;
+                self.sweep_points(&loaded, results)?;
+            }
+        }
+        Ok(())
     }
 
     /// What this machine can run, each with its device.

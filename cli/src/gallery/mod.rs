@@ -8,7 +8,7 @@ mod page;
 mod shot;
 mod window;
 
-use std::{path::Path, sync::Arc};
+use std::sync::Arc;
 
 use epigraph::{Device, Place, Registry};
 use epigraph_core::GraphFile;
@@ -18,7 +18,7 @@ use epigraph_scenes::{CameraPath, Tracer};
 use self::{
     draw::Panel,
     folder::Folder,
-    page::{Page, Section},
+    page::{Names, Page, Section},
     shot::{Camera, Shot},
     window::Window,
 };
@@ -27,7 +27,7 @@ use crate::{
     bench::{SCENES, needs_fetch},
     error::CliError,
     open,
-    output::print,
+    output::{Output, Outputs, print},
     reference, sheet,
     values::Light,
 };
@@ -35,42 +35,46 @@ use crate::{
 /// File name of the page.
 const PAGE: &str = "gallery.md";
 
-/// Makes the gallery. Files are written only after all pictures are rendered.
+/// Makes the gallery. All files take their places together, when all pictures are rendered.
 pub fn gallery(args: &GalleryArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     let folder = Folder::new(&args.out)?;
     let gallery = Gallery::new(args, registry)?;
-    let mut files = Vec::new();
-    let mut sections: Vec<Section> = Vec::new();
-    let by_default = args.scene.is_empty();
-    let named = args.scene.iter().map(String::as_str);
-    let scenes: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
-    for scene in scenes {
-        let place = match open::place(scene, &args.camera) {
-            // A default scene whose mesh is not fetched is skipped; one that the user names must load.
-            Err(error) if by_default && needs_fetch(scene) => {
-                eprintln!("note: skipping scene {scene}: {error}");
-                continue;
-            }
-            place => place?,
-        };
-        let section = gallery.scene(scene, &place, &mut files)?;
-        if let Some(same) = sections.iter().find(|other| other.name == section.name) {
-            let text =
-                format!("--scene {scene}: its pictures would have the same names as those of {}", same.scene);
-            return Err(CliError::Input(text));
+    let mut outputs = Outputs::default();
+    let scenes = gallery.load(&folder, &mut outputs)?;
+    let page = outputs.add("--out", &folder.file(PAGE))?;
+    let mut outputs = outputs.ready()?;
+    let (mut sections, mut count, mut bytes) = (Vec::new(), 0, 0);
+    for loaded in scenes {
+        let (section, pictures) = gallery.scene(&loaded)?;
+        for (file, (size, colors)) in loaded.files.into_iter().zip(pictures) {
+            let png = png(size, &colors).map_err(|error| CliError::write(outputs.path(file), error))?;
+            outputs.put(file, &png)?;
+            count += 1;
+            bytes += png.len();
         }
         sections.push(section);
     }
-    let page = Page { args, side: gallery.device.side, samples: gallery.samples, sections: &sections };
-    files.push((PAGE.to_owned(), page.markdown().into_bytes()));
-    folder.write(&files)?;
-    let bytes: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
+    let Gallery { samples, device, .. } = &gallery;
+    let text = Page { args, side: device.side, samples: *samples, sections: &sections }.markdown();
+    outputs.put(page, text.as_bytes())?;
+    outputs.commit()?;
     print(&format!(
-        "pictures  {}\nsize      {:.1} MB\npage      {}\n",
-        files.len() - 1,
-        bytes as f64 / 1e6,
-        args.out.join(PAGE).display()
+        "pictures  {count}\nsize      {:.1} MB\npage      {}\n",
+        (bytes + text.len()) as f64 / 1e6,
+        folder.file(PAGE).display()
     ))
+}
+
+/// Width and height of a picture, and its sRGB colours.
+type Drawn = ([usize; 2], Vec<[u8; 3]>);
+
+/// A scene of the gallery.
+struct Loaded {
+    scene: String,
+    place: Place,
+    names: Names,
+    /// In the order of the names.
+    files: [Output; 4],
 }
 
 /// The settings shared by all scenes.
@@ -94,22 +98,51 @@ impl<'a> Gallery<'a> {
         Ok(Self { args, registry, epi, cache, device, samples })
     }
 
-    /// Makes the section of one scene and adds its pictures to `files`.
-    fn scene(
-        &self,
-        name: &str,
-        place: &Place,
-        files: &mut Vec<(String, Vec<u8>)>,
-    ) -> Result<Section, CliError> {
+    /// Loads the scenes, names their pictures, and checks that the graphs compile for them.
+    fn load(&self, folder: &Folder, outputs: &mut Outputs) -> Result<Vec<Loaded>, CliError> {
+        let GalleryArgs { scene, camera, beside, .. } = self.args;
+        let by_default = scene.is_empty();
+        let named = scene.iter().map(String::as_str);
+        let scenes: Vec<&str> = if by_default { SCENES.into() } else { named.collect() };
+        let mut all: Vec<Loaded> = Vec::new();
+        for scene in scenes {
+            let place = match open::place(scene, camera) {
+                // A default scene whose mesh is not fetched is skipped; one that the user names must load.
+                Err(error) if by_default && needs_fetch(scene) => {
+                    eprintln!("note: skipping scene {scene}: {error}");
+                    continue;
+                }
+                place => place?,
+            };
+            let names = Names::new(scene, beside);
+            if let Some(same) = all.iter().find(|other| other.names.prefix == names.prefix) {
+                let text = format!(
+                    "--scene {scene}: its pictures would have the same names as those of {}",
+                    same.scene
+                );
+                return Err(CliError::Input(text));
+            }
+            for graph in [&self.epi, &self.cache] {
+                self.camera(scene, &place).check(graph)?;
+            }
+            let [picture, other, stages, close_ups] =
+                names.all().map(|name| outputs.add("--out", &folder.file(name)));
+            let files = [picture?, other?, stages?, close_ups?];
+            all.push(Loaded { scene: scene.to_owned(), place, names, files });
+        }
+        Ok(all)
+    }
+
+    fn camera<'b>(&'b self, scene: &'b str, place: &'b Place) -> Camera<'b> {
+        let Self { args, registry, device, samples, .. } = self;
+        Camera { label: scene, registry, device, place, args, samples: *samples }
+    }
+
+    /// The section of one scene, and its pictures in the order of their names.
+    fn scene(&self, loaded: &Loaded) -> Result<(Section, [Drawn; 4]), CliError> {
+        let Loaded { scene, place, names, .. } = loaded;
         let tracer = open::tracer(place);
-        let camera = Camera {
-            label: name,
-            registry: self.registry,
-            device: &self.device,
-            place,
-            args: self.args,
-            samples: self.samples,
-        };
+        let camera = self.camera(scene, place);
         let epi = camera.dissect(&self.epi)?;
         let cache = camera.shoot(&self.cache)?;
         let converged = self.converged(&tracer.at(self.args.frames - 1), &place.path)?;
@@ -119,7 +152,8 @@ impl<'a> Gallery<'a> {
             None => Window::choose(&epi),
         };
         let section = Section::new(
-            name,
+            scene,
+            names.clone(),
             window,
             &epi.layers,
             [&cache, &epi.shot].map(|shot| Difference::new(&converged.picture(), &shot.picture()).flip()),
@@ -132,17 +166,8 @@ impl<'a> Gallery<'a> {
             detail("reference", &converged),
         ];
         let whole = |shot: &Shot| (shot.size, shot.colors.clone());
-        let pictures = [
-            (section.picture(), whole(&epi.shot)),
-            (section.cache_picture(&self.args.beside), whole(&cache)),
-            (section.stages(), sheet::sheet(&stages)),
-            (section.close_ups(), sheet::sheet(&close_ups)),
-        ];
-        for (name, (size, colors)) in pictures {
-            let png = png(size, &colors);
-            files.push((name.clone(), png.map_err(|error| CliError::write(Path::new(&name), error))?));
-        }
-        Ok(section)
+        let pictures = [whole(&epi.shot), whole(&cache), sheet::sheet(&stages), sheet::sheet(&close_ups)];
+        Ok((section, pictures))
     }
 
     /// The reference: the last frame with many samples per pixel.

@@ -8,12 +8,46 @@ use epigraph_stages::shared::edge_pixel::{CLASS, COMPLEX, SIMPLE};
 use super::{shot::Layers, window::Window};
 use crate::{args::GalleryArgs, open, values::Size};
 
+/// The names of a scene's pictures.
+#[derive(Clone)]
+pub struct Names {
+    /// Their common prefix.
+    pub prefix: String,
+    /// The edge-and-point image.
+    pub picture: String,
+    /// The picture of the graph beside.
+    pub beside: String,
+    /// The steps.
+    pub stages: String,
+    /// The same pixels of both pictures and of the reference.
+    pub close_ups: String,
+}
+
+impl Names {
+    /// For a scene and the graph beside, both as given on the command line.
+    pub fn new(scene: &str, beside: &str) -> Self {
+        let prefix = file_name(scene);
+        Self {
+            picture: format!("{prefix}.png"),
+            beside: format!("{prefix}-{}.png", file_name(&open::label(beside))),
+            stages: format!("{prefix}-stages.png"),
+            close_ups: format!("{prefix}-close-up.png"),
+            prefix,
+        }
+    }
+
+    /// All of them.
+    pub fn all(&self) -> [&str; 4] {
+        [&self.picture, &self.beside, &self.stages, &self.close_ups]
+    }
+}
+
 /// The page's section about a scene.
 pub struct Section {
-    /// Common prefix of its file names.
-    pub name: String,
+    /// The names of its pictures.
+    names: Names,
     /// The scene as given on the command line.
-    pub scene: String,
+    scene: String,
     /// The enlarged part of the image.
     window: Window,
     /// Shares of pixels that show a point, and of empty, simple and complex pixels.
@@ -25,39 +59,19 @@ pub struct Section {
 
 impl Section {
     /// The section with the figures of the scene's last frame.
-    pub fn new(scene: &str, window: Window, layers: &Layers, flip: [f64; 2]) -> Self {
+    pub fn new(scene: &str, names: Names, window: Window, layers: &Layers, flip: [f64; 2]) -> Self {
         let pixels = layers.points.len().max(1) as f64;
         let share =
             |class: u32| layers.cls.iter().filter(|&cls| cls & CLASS == class).count() as f64 / pixels;
         let (simple, complex) = (share(SIMPLE), share(COMPLEX));
         Self {
-            name: file_name(scene),
+            names,
             scene: scene.to_owned(),
             window,
             points: layers.points.iter().flatten().count() as f64 / pixels,
             classes: [1.0 - simple - complex, simple, complex],
             flip,
         }
-    }
-
-    /// The file of the edge-and-point image.
-    pub fn picture(&self) -> String {
-        format!("{}.png", self.name)
-    }
-
-    /// The file of the picture of the graph beside.
-    pub fn cache_picture(&self, beside: &str) -> String {
-        format!("{}-{}.png", self.name, file_name(&open::label(beside)))
-    }
-
-    /// The file that shows the steps.
-    pub fn stages(&self) -> String {
-        format!("{}-stages.png", self.name)
-    }
-
-    /// The file that shows the same pixels of both pictures and of the reference.
-    pub fn close_ups(&self) -> String {
-        format!("{}-close-up.png", self.name)
     }
 }
 
@@ -135,7 +149,8 @@ leads here that crosses no edge. Only those contribute to its colour; only compl
     }
 
     fn section(&self, page: &mut String, section: &Section) {
-        let Section { name, scene, window, flip: [cache, epi], .. } = section;
+        let Section { names, scene, window, flip: [cache, epi], .. } = section;
+        let Names { prefix: name, picture, beside: cache_picture, stages, close_ups } = names;
         let known = epigraph_scenes::scene_names().into_iter().find(|known| known.name == scene);
         let doc = known.map(|known| format!("*{scene}* is {}.\n\n", known.doc)).unwrap_or_default();
         let percent = |share: f64| format!("{:.1}%", 100.0 * share);
@@ -144,9 +159,7 @@ leads here that crosses no edge. Only those contribute to its colour; only compl
         let ([x, y], [width, height]) = (window.at, window.size);
         let commands = self.commands(section);
         let GalleryArgs { graph, beside, .. } = self.args;
-        let (picture, cache_picture) = (section.picture(), section.cache_picture(beside));
         let (graph, beside) = (words(graph), words(beside));
-        let (stages, close_ups) = (section.stages(), section.close_ups());
         // What is known of the two graphs that come with the program.
         let difference = match (graph.as_str(), beside.as_str()) {
             ("edge-and-point image", "render cache") => {
@@ -193,7 +206,7 @@ leads here that crosses no edge. Only those contribute to its colour; only compl
             self.args.samples, self.side
         );
         let GalleryArgs { graph, beside, .. } = self.args;
-        let (epi, cache) = (section.picture(), section.cache_picture(beside));
+        let Names { picture: epi, beside: cache, .. } = &section.names;
         let (graph, beside) = (quoted(graph), quoted(beside));
         let [x, y] = section.window.at;
         [
@@ -222,7 +235,7 @@ leads here that crosses no edge. Only those contribute to its colour; only compl
         let scenes: Vec<&str> = section.map_or(all.collect(), |section| vec![&section.scene]);
         let scenes: String = scenes.iter().map(|scene| format!(" --scene {}", quoted(scene))).collect();
         // A single section must not overwrite the whole gallery.
-        let out = section.map_or(self.args.out.display().to_string(), |section| section.name.clone());
+        let out = section.map_or(self.args.out.display().to_string(), |section| section.names.prefix.clone());
         let out = quoted(&out);
         let crop = match (section, self.args.crop) {
             (None, Some(crop)) => format!(" --crop {crop}"),

@@ -104,6 +104,15 @@ impl Camera<'_> {
         Ok(Dissected { shot, layers })
     }
 
+    /// Checks that a graph compiles for the scene.
+    ///
+    /// # Errors
+    /// Problems of the graph for this scene.
+    pub fn check(&self, file: &GraphFile) -> Result<(), CliError> {
+        self.setup(file).compile()?;
+        Ok(())
+    }
+
     fn setup(&self, file: &GraphFile) -> Setup {
         Setup::new(file.clone())
             .registry(self.registry.clone())

@@ -15,13 +15,7 @@ use self::{
     reference::References,
     report::Report,
 };
-use crate::{
-    args::QualityArgs,
-    error::CliError,
-    open,
-    output::{JsonTarget, separate_files},
-    svg,
-};
+use crate::{args::QualityArgs, error::CliError, open, output::Outputs, svg};
 
 /// The defaults. The first graph is the baseline for the others.
 const GRAPHS: [&str; 2] = ["render-cache", "epi"];
@@ -73,17 +67,19 @@ impl Row {
 /// Runs the comparison and reports its figures.
 pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     open::threads(args.threads)?;
-    let json = JsonTarget::new(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(svg::target).transpose()?;
-    separate_files([("--json", args.json.as_deref()), ("--plot", args.plot.as_deref())])?;
+    let mut outputs = Outputs::default();
+    let json = outputs.json(args.json.as_deref())?;
+    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, path)).transpose()?;
     let quality = Quality::new(args, registry)?;
-    let rows = quality.run()?;
+    let views = quality.checked_views()?;
+    let mut outputs = outputs.ready()?;
+    let rows = quality.run(&views)?;
     let Device { side, gpu } = &quality.device;
     let report = Report { args, side: *side, gpu: gpu.as_deref(), rows: &rows };
-    if let Some(target) = &plot {
-        target.write(plot::svg(&report).as_bytes())?;
+    if let Some(plot) = plot {
+        outputs.put(plot, plot::svg(&report).as_bytes())?;
     }
-    json.finish(&report.json(), &report.text())
+    outputs.finish(json, &report.json(), &report.text())
 }
 
 struct Quality<'a> {
@@ -114,12 +110,16 @@ impl<'a> Quality<'a> {
         Ok(Self { args, registry, graphs, frames, samples, device })
     }
 
-    fn run(&self) -> Result<Vec<Row>, CliError> {
-        // All inputs are checked before the first measurement.
+    /// The views, after a check of all inputs: none is found wrong only after others were measured.
+    fn checked_views(&self) -> Result<Vec<View>, CliError> {
         let views = self.views()?;
         for job in views.iter().flat_map(|view| self.jobs(view)) {
             job.check()?;
         }
+        Ok(views)
+    }
+
+    fn run(&self, views: &[View]) -> Result<Vec<Row>, CliError> {
         let mut rows = Vec::new();
         for views in views.chunk_by(|a, b| a.scene_name == b.scene_name) {
             let tracer = open::tracer(&views[0].place);

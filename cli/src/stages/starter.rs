@@ -1,11 +1,14 @@
 //! `epigraph stages --new`: a stage to begin with, as a shader file or as a package in Rust.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use epigraph::{Registry, graphs};
-use epigraph_pictures::Target;
+use epigraph_files::{text, write_folder};
 
-use crate::{args::StagesArgs, error::CliError, output::print};
+use crate::{
+    error::CliError,
+    output::{Outputs, print},
+};
 
 /// The checkout that this program was built from. Elsewhere the packages are found by their version.
 const CHECKOUT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
@@ -20,9 +23,9 @@ const STARTER: &str = "STARTER";
 ///
 /// # Errors
 /// A name that cannot be a stage's, or a file that exists.
-pub fn write(path: &Path, args: &StagesArgs, registry: &Registry) -> Result<(), CliError> {
+pub fn write(path: &Path, rust: bool, outputs: Outputs, registry: &Registry) -> Result<(), CliError> {
     let name = name(path, registry)?;
-    let text = if args.rust { package(path, &name)? } else { shader(path, &name)? };
+    let text = if rust { package(path, &name)? } else { shader(path, &name, outputs)? };
     print(&text)
 }
 
@@ -47,7 +50,7 @@ fn name(path: &Path, registry: &Registry) -> Result<String, CliError> {
 }
 
 /// Writes a shader file and a graph with it.
-fn shader(path: &Path, name: &str) -> Result<String, CliError> {
+fn shader(path: &Path, name: &str, mut outputs: Outputs) -> Result<String, CliError> {
     let params = format!("shader: \"{name}.wgsl\", amount: 0.5");
     let files = [
         (
@@ -56,14 +59,16 @@ fn shader(path: &Path, name: &str) -> Result<String, CliError> {
         ),
         (path.with_file_name(format!("{name}.ron")), graph(name, "wgsl", &params, "epigraph")),
     ];
-    for (path, _) in &files {
-        absent(path)?;
+    let mut texts = Vec::new();
+    for (path, text) in files {
+        absent(&path)?;
+        texts.push((outputs.add("--new", &path)?, text));
     }
-    let targets = files.map(|(path, text)| Target::new(&path).map(|target| (target, text)));
-    for target in targets {
-        let (target, text) = target?;
-        target.write(text.as_bytes())?;
+    let mut outputs = outputs.ready()?;
+    for (file, text) in texts {
+        outputs.put(file, text.as_bytes())?;
     }
+    outputs.commit()?;
     let [shader, graph] = ["wgsl", "ron"].map(|ending| path.with_file_name(format!("{name}.{ending}")));
     let [shader, graph] = [shader.display(), graph.display()];
     Ok(format!(
@@ -105,19 +110,10 @@ fn package(path: &Path, name: &str) -> Result<String, CliError> {
         (format!("{name}.ron"), graph(name, name, "amount: 0.5", "cargo run --release --")),
     ];
     // The versions that Epigraph is tested with.
-    if let Some(lock) = checkout.and_then(|root| fs::read_to_string(root.join("Cargo.lock")).ok()) {
+    if let Some(lock) = checkout.and_then(|root| text(&root.join("Cargo.lock")).ok()) {
         files.push(("Cargo.lock".into(), lock));
     }
-    // A folder beside it takes the place of the package's when all is written.
-    let fail = |error| CliError::write(path, error);
-    let parent = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-    let draft = tempfile::Builder::new().prefix(".new-").tempdir_in(parent).map_err(fail)?;
-    for (file, text) in &files {
-        let file = draft.path().join(file);
-        fs::create_dir_all(file.parent().unwrap_or(parent)).map_err(fail)?;
-        fs::write(file, text).map_err(fail)?;
-    }
-    fs::rename(draft.path(), path).map_err(fail)?;
+    write_folder(path, &files)?;
     let listed: Vec<&str> = files.iter().map(|(file, _)| file.as_str()).collect();
     Ok(format!(
         "wrote {}: {}\n\n\

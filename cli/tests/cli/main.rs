@@ -5,9 +5,11 @@ mod bench;
 mod changes;
 mod commands;
 mod gallery;
-// Signals of other systems are sent in other ways.
 mod installed;
+// Signals of other systems are sent in other ways.
 #[cfg(target_os = "linux")]
 mod interrupt;
+#[cfg(unix)]
+mod outputs;
 mod quality;
 mod support;

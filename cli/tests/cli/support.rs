@@ -1,6 +1,7 @@
 //! Runs the program in an empty folder.
 
 use std::{
+    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
@@ -42,6 +43,32 @@ impl Place {
             entries.map(name).map(|name| name.to_string_lossy().into_owned()).collect();
         names.sort();
         names
+    }
+
+    /// The contents of all files in it and in its folders, by path.
+    pub fn contents(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut contents = BTreeMap::new();
+        let mut folders = vec![self.0.path().to_owned()];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).expect("the folder exists") {
+                let path = entry.expect("readable").path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else {
+                    // A link to nowhere has no contents.
+                    contents.insert(path.clone(), fs::read(path).unwrap_or_default());
+                }
+            }
+        }
+        contents
+    }
+
+    /// Runs a line of bash in it, for which `$EPIGRAPH` is the program.
+    #[cfg(unix)]
+    pub fn shell(&self, line: &str) -> Run {
+        let mut bash = Command::new("bash");
+        let bash = bash.args(["-c", line]).env("EPIGRAPH", env!("CARGO_BIN_EXE_epigraph"));
+        run(bash.current_dir(self.0.path()))
     }
 
     /// Runs `epigraph` in it with these words.
@@ -115,4 +142,74 @@ fn command(folder: &Path, words: &str) -> Command {
 
 fn run(command: &mut Command) -> Run {
     Run::of(command.output().expect("the program was built"))
+}
+
+/// A folder with inputs of every kind: graphs, scenes, flights, images, and links to them.
+pub fn inputs() -> Place {
+    let place = Place::new();
+    let shipped = |path: &str| {
+        fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(path)).expect("a shipped graph")
+    };
+    place.write("base.ron", "Graph(version: 1, base: \"epi\")");
+    place.write(
+        "main.ron",
+        "Graph(
+            version: 1,
+            base: \"base.ron\",
+            replace: {
+                \"antialias\": (kind: \"wgsl\", params: (shader: \"blur.wgsl\")),
+                \"view\": (kind: \"graph\", params: (file: \"view.ron\")),
+            },
+        )",
+    );
+    place.write("broken.ron", "Graph(version: 1, base: \"base.ron\",");
+    place.write("view.ron", shipped("parts/view.ron"));
+    place.write("blur.wgsl", shipped("experiments/blur.wgsl"));
+    place.write("flight.ron", "(keys: [(time: 0, eye: (0, 1, 3), target: (0, 1, 0)), (time: 9, eye: (1, 1, 3), target: (0, 1, 0))])");
+    place.write(
+        "cube.obj",
+        "mtllib cube.mtl\nusemtl clay\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n",
+    );
+    place.write("cube.mtl", "newmtl clay\nKd 0.5 0.4 0.3\n");
+    place.write("scene.ron", "Scene(version: 1, objects: [(shape: File(\"cube.obj\"))])");
+    let corners: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    place.write("model.bin", corners.map(f32::to_le_bytes).concat());
+    place.write(
+        "model.gltf",
+        r#"{
+            "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+            "accessors": [{
+                "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]
+            }],
+            "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+            "buffers": [{ "uri": "model.bin", "byteLength": 36 }]
+        }"#,
+    );
+    for (name, color) in [("a.png", [10, 20, 30]), ("b.png", [30, 20, 10]), ("m.png", [255; 3])] {
+        image::RgbImage::from_pixel(8, 8, image::Rgb(color)).save(place.path(name)).expect("writable");
+    }
+    for folder in ["page", "pictures"] {
+        fs::create_dir(place.path(folder)).expect("writable");
+    }
+    #[cfg(unix)]
+    {
+        for (file, link) in [
+            ("base.ron", "link.png"),
+            ("main.ron", "linked.ron"),
+            ("scene.ron", "scene.exr"),
+            ("flight.ron", "flight.png"),
+            ("cube.obj", "cube.svg"),
+            ("s.png", "to-s.png"),
+            ("../base.ron", "pictures/cornell-stages.png"),
+        ] {
+            std::os::unix::fs::symlink(file, place.path(link)).expect("links are possible");
+        }
+    }
+    for (file, link) in
+        [("flight.ron", "hard.csv"), ("a.png", "a-too.png"), ("flight.ron", "page/gallery.md")]
+    {
+        fs::hard_link(place.path(file), place.path(link)).expect("links are possible");
+    }
+    place
 }

@@ -44,7 +44,6 @@ mod ports;
 
 use std::{
     borrow::Cow,
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -217,7 +216,7 @@ impl AnyStage for WgslStage {
 fn load(file: PathBuf, name: String, library: &ShaderLibrary) -> Result<Shader, GraphError> {
     let edited = library.edited.get(&file).map(|text| text.to_string());
     let source = edited
-        .map_or_else(|| fs::read_to_string(&file), Ok)
+        .map_or_else(|| epigraph_files::text(&file), Ok)
         .map_err(|error| GraphError::Io { action: "read", cause: format!("{}: {error}", file.display()) })?;
     Ok(Shader::new(name, source).from_file(file))
 }

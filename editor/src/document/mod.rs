@@ -19,7 +19,7 @@ mod unsaved;
 use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
 
 use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
-use epigraph_pictures::Target;
+use epigraph_files::Target;
 
 pub use params::{home, param_text, remove_param};
 pub use pins::{INPUTS, Pin, ends, output_port, pins};

@@ -8,7 +8,8 @@ use std::{
 };
 
 use epigraph_core::Snapshot;
-use epigraph_pictures::{Draft, Look, Shown, Target, png as still, show};
+use epigraph_files::{Draft, Target};
+use epigraph_pictures::{Look, Shown, png as still, show};
 use epigraph_scenes::FRAMES_PER_SECOND;
 use png::{BitDepth, ColorType, Encoder, Writer};
 

@@ -7,7 +7,7 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use epigraph_pictures::Target;
+use epigraph_files::Target;
 
 enum Order {
     Write(PathBuf, String),

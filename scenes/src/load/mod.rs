@@ -6,9 +6,11 @@ mod model;
 mod obj;
 mod ply;
 
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use epigraph_files::{self as files, MOST_DATA, MOST_TEXT, without_mark};
 use flate2::read::MultiGzDecoder;
 
 use crate::builtin::{self, scene_names};
@@ -24,8 +26,6 @@ use model::Model;
 const MESH_ENDINGS: [&str; 5] = [".glb", ".gltf", ".obj", ".ply", ".ply.gz"];
 /// The ending of scene files.
 const SCENE_ENDING: &str = ".ron";
-/// Maximum size of a mesh file in bytes after decompression; a larger one is an error.
-const MOST_BYTES: u64 = 1 << 30;
 /// Bytes that the header of a PLY file has at most, to be looked at before all is unpacked.
 const LONGEST_HEADER: u64 = 1 << 16;
 /// Least Jaro-Winkler similarity at which a name counts as a mistyped one.
@@ -57,7 +57,7 @@ impl Scene {
 
 fn load_scene_file(path: &Path, name: &str) -> Result<Scene, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
-    let text = String::from_utf8(read_file(path)?).map_err(|_| invalid("it is not UTF-8 text".to_owned()))?;
+    let text = files::text(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
     SceneFile::parse(&text).map_err(invalid)?.into_scene(name, path, &[folder], None)
 }
@@ -65,27 +65,28 @@ fn load_scene_file(path: &Path, name: &str) -> Result<Scene, SceneError> {
 /// Reads a mesh file of any kind, by its ending.
 fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
-    let beside = |name: &str| {
+    let beside = |name: &str, most: u64| {
         let companion = path.with_file_name(name);
-        std::fs::read(&companion)
+        files::bytes(&companion, most)
             .map_err(|error| format!("cannot read {}, which it references: {error}", companion.display()))
     };
     let name = path.to_string_lossy().to_lowercase();
-    let bytes = read_file(path)?;
+    let bytes =
+        files::bytes(path, MOST_DATA).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
     if name.ends_with(".ply.gz") {
         // A few bytes can unpack to a promise of millions.
         ply::check_start(MultiGzDecoder::new(bytes.as_slice()).take(LONGEST_HEADER)).map_err(invalid)?;
     }
-    let bytes = unpack(bytes, MOST_BYTES).map_err(invalid)?;
+    let bytes = unpack(bytes, MOST_DATA).map_err(invalid)?;
     let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
         ply::read(&bytes)
     } else if name.ends_with(".obj") {
         // Old exporters write names in various encodings; only the numbers matter.
-        obj::read(&String::from_utf8_lossy(&bytes), |library| {
-            beside(library).map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+        obj::read(&lossy(&bytes), |library| {
+            beside(library, MOST_TEXT).map(|bytes| lossy(&bytes).into_owned())
         })
     } else if name.ends_with(".glb") || name.ends_with(".gltf") {
-        gltf::read(&bytes, beside)
+        gltf::read(without_mark(&bytes), |name| beside(name, MOST_DATA))
     } else {
         Err(format!("the file name must end in one of {}", MESH_ENDINGS.join(", ")))
     };
@@ -94,8 +95,9 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     Ok(model)
 }
 
-fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
-    std::fs::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
+/// Text in any encoding that has ASCII's letters.
+fn lossy(bytes: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(without_mark(bytes))
 }
 
 /// Decompresses gzip data, to at most `most` bytes; other data is returned unchanged.

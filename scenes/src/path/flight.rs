@@ -84,7 +84,7 @@ impl Flight {
 
     pub fn read(path: &Path) -> Result<Self, PathError> {
         let text =
-            std::fs::read_to_string(path).map_err(|source| PathError::Io { path: path.into(), source })?;
+            epigraph_files::text(path).map_err(|source| PathError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 
