@@ -1,7 +1,7 @@
 //! The GPU as the executor sees it: one device and queue, and the first asynchronous error.
 
 use std::{
-    sync::{Arc, Mutex, MutexGuard},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
 
@@ -25,28 +25,31 @@ pub struct Gpu {
     pub(crate) programs: Programs,
 }
 
-/// Mesa's driver looks for a Wayland display when adapters are listed, and its library prints an error if there is
-/// none. Frames need no display, so the error is misleading: this suppresses stderr until it is dropped.
-fn quiet() -> Option<gag::Gag> {
-    let no_session = cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none();
-    // Somebody else may hold stderr back already.
-    no_session.then(gag::Gag::stderr).and_then(Result::ok)
-}
-
 impl Gpu {
+    /// Every adapter of this machine.
+    ///
+    /// Mesa's driver looks for a Wayland display when adapters are listed, and its library prints an error if there is
+    /// none. Frames need no display, so the error is misleading: stderr is suppressed meanwhile.
+    pub fn adapters() -> Vec<wgpu::Adapter> {
+        // One thread at a time, so that none prints while another ends the suppression.
+        static LISTING: Mutex<()> = Mutex::new(());
+        let _alone = LISTING.lock().unwrap_or_else(PoisonError::into_inner);
+        let no_session = cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none();
+        // Somebody else may hold stderr back already.
+        let _quiet = no_session.then(gag::Gag::stderr).and_then(Result::ok);
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY))
+    }
+
     /// Opens the best adapter.
     ///
     /// # Errors
     /// [`RunError::NoGpu`] if there is no adapter, [`RunError::Gpu`] if it cannot be opened.
     pub fn open(choice: AdapterChoice) -> Result<Self, RunError> {
-        pollster::block_on(Self::open_async(choice))
+        pollster::block_on(Self::open_best(Self::adapters(), choice))
     }
 
-    async fn open_async(choice: AdapterChoice) -> Result<Self, RunError> {
-        let quiet = quiet();
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        let adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
-        drop(quiet);
+    async fn open_best(adapters: Vec<wgpu::Adapter>, choice: AdapterChoice) -> Result<Self, RunError> {
         let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
             wgpu::DeviceType::DiscreteGpu => 0,
             wgpu::DeviceType::IntegratedGpu => 1,

@@ -4,6 +4,7 @@
 use eframe::egui_wgpu::{self, RendererOptions, ScreenDescriptor, wgpu};
 use egui::{Context, FullOutput, TexturesDelta};
 use egui_kittest::TestRenderer;
+use epigraph_core::Gpu;
 use image::RgbaImage;
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -18,9 +19,7 @@ pub struct Renderer {
 impl Renderer {
     /// Opens a device, on a software adapter if there is one: these draw the same image on every machine.
     pub fn new() -> Self {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-        let adapter = adapters
+        let adapter = Gpu::adapters()
             .into_iter()
             .min_by_key(|adapter| adapter.get_info().device_type != wgpu::DeviceType::Cpu)
             .expect("a driver for Vulkan, Metal or Direct3D; tests/run installs one");
