@@ -8,6 +8,7 @@
 
 mod base;
 mod edit;
+mod edit_base;
 mod library;
 mod param;
 mod parse;
@@ -24,6 +25,7 @@ use crate::{
 };
 pub(crate) use base::SourceText;
 pub use base::{Changes, Replaced, Rewire};
+pub use edit_base::{Changed, Difference};
 pub use library::{Library, Origin};
 pub use param::{GraphParam, GraphValue, handed, handing};
 pub(crate) use parts::{Flat, FlatNode, Swap};
@@ -84,6 +86,8 @@ pub struct NodeDef {
     pub set: Vec<(Spanned<String>, Vec<ParamDef>)>,
     /// What it keeps of the node of the base whose place it has taken; `None` for any other node.
     pub replaced: Option<Box<Replaced>>,
+    /// Inputs that a change to the base has disconnected.
+    pub cut: Vec<Spanned<String>>,
 }
 
 /// A wire into a node.

@@ -538,7 +538,9 @@ impl<'a> Checker<'a> {
                 if port.is_input() && !port.optional && !connected && !self.lacks_input(index, port) {
                     let error =
                         GraphError::Missing { port: port.name.to_string(), doc: port.doc.to_string() };
-                    self.problem(index, node.name.span, Some(&port.name), error);
+                    let cut = node.cut.iter().find(|cut| cut.value == *port.name);
+                    let span = cut.map_or(node.name.span, |cut| cut.span);
+                    self.problem(index, span, Some(&port.name), error);
                 }
             }
         }

@@ -440,7 +440,10 @@ fn mistakes_are_told_where_they_stand() {
             r#"rewire: { "part/first.b": None }"#,
             "change.ron:2:11: node `first`: unknown connected input `b`, did you mean `a`?",
         ),
-        (r#"rewire: { "last.a": None }"#, "node `last`: input `a` (A number.) is not connected"),
+        (
+            r#"rewire: { "last.a": None }"#,
+            "change.ron:2:11: node `last`: input `a` (A number.) is not connected",
+        ),
         (
             r#"rewire: { "outputs.imag": "one.out" }"#,
             "change.ron:2:11: unknown output of the base `imag`, did you mean `image`?",
@@ -738,6 +741,48 @@ fn a_changed_graph_written_out_in_full_computes_the_same() {
         }
     }
     assert!(same > 1000 && refused > 300, "{same} the same, {refused} refused");
+}
+
+#[test]
+fn garbage_in_a_change_is_refused_without_a_panic() {
+    let whole = change(
+        r#"params: { "p": (default: 1.0) },
+        replace: { "part/two": (kind: "scale", on: Cpu, inputs: { "b": "new.out" }, params: (factor: Param("p"))) },
+        nodes: { "new": (kind: "add", inputs: { "a": "part.given" }) },
+        rewire: { "last.a": "new.out", "last.b": None, "outputs.image": "last.out" },
+        set: { "part/first": (amount: 3.0) },
+        outputs: { "more": "part/two.out" },"#,
+    );
+    loaded(&texts(&whole)).and_then(|file| results(&file)).unwrap_or_else(|problems| panic!("{problems}"));
+    let alphabet: Vec<char> = "()[]{}:,\"/.rN 1-\nabtwo".chars().collect();
+    let mut random = Random(3);
+    let (mut refused, mut ran) = (0, 0);
+    for _ in 0..4000 {
+        let at = random.below(whole.len());
+        let skip = random.below(6).min(whole.len() - at);
+        let noise: String = (0..random.below(4)).map(|_| alphabet[random.below(alphabet.len())]).collect();
+        let text = format!("{}{noise}{}", &whole[..at], &whole[at + skip..]);
+        let result = loaded(&texts(&text)).and_then(|mut file| {
+            let result = results(&file);
+            // Edits fail or give a file that is read again.
+            let source = "one.out".parse().unwrap();
+            let _ = file.set_param("part/two", "factor", "2.0");
+            let _ = file.set_input("last", "b", Some(&source));
+            let _ = file.set_bypass("part/first", true);
+            let _ = file.rename_node("new", "other");
+            let _ = file.remove_node("other");
+            assert!(GraphFile::parse("change.ron", &file.text).is_ok(), "{}", file.text);
+            result
+        });
+        match result {
+            Ok(_) => ran += 1,
+            Err(problems) => {
+                assert!(!problems.to_string().is_empty());
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 1500 && ran > 300, "{refused} refused, {ran} ran");
 }
 
 #[test]

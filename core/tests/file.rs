@@ -1,8 +1,12 @@
 //! Graph files: what is read, where each problem stands, and that edits change only what they should.
 
-use std::{collections::BTreeMap, fs, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
-use epigraph_core::{Download, GraphError, GraphFile, Problems, Side, Source};
+use epigraph_core::{Download, GraphError, GraphFile, Problems, Side, Source, moved_path, relative};
 
 const CACHE: &str = r##"#![enable(implicit_some)]
 // The cache, shortened. Its name: "cache" (not a string of the file).
@@ -834,6 +838,21 @@ fn loads_what_the_file_says() {
     fs::write(&path, CACHE).unwrap();
     let loaded = GraphFile::load(&path).unwrap();
     assert_eq!((loaded.text.as_str(), loaded.path.as_str()), (CACHE, path.to_str().unwrap()));
+}
+
+#[test]
+fn a_relative_path_leads_there() {
+    let folder = Folder::new("relative");
+    let root = &folder.0;
+    fs::create_dir_all(root.join("a/b")).unwrap();
+    fs::create_dir_all(root.join("c")).unwrap();
+    fs::write(root.join("c/x.ron"), "").unwrap();
+    assert_eq!(relative(&root.join("a/b"), &root.join("c/x.ron")), Path::new("../../c/x.ron"));
+    assert_eq!(relative(&root.join("c"), &root.join("c/x.ron")), Path::new("x.ron"));
+    let moved = |value: &str, to: &str| moved_path(value, &root.join("a"), &root.join(to));
+    assert_eq!(moved("\"../c/x.ron\"", "a/b").as_deref(), Some("\"../../c/x.ron\""));
+    assert_eq!(moved("\"../c/x.ron\"", "c").as_deref(), Some("\"x.ron\""));
+    assert_eq!([moved("\"../c/x.ron\"", "a"), moved("3", "c")], [None, None]);
 }
 
 #[test]

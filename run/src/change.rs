@@ -447,6 +447,19 @@ mod tests {
     }
 
     #[test]
+    fn a_shader_runs_on_the_gpu_where_the_stage_before_it_ran_on_the_cpu() {
+        let side = |name: &str| {
+            let graph = compiled(name).unwrap_or_else(|problems| panic!("{problems}"));
+            let age = &graph.nodes[graph.node("cloud/age").unwrap()];
+            (age.kind.clone(), age.side)
+        };
+        assert_eq!(side("hybrid"), ("age".into(), epigraph_core::Side::Cpu));
+        assert_eq!(side("hybrid+swap:age=age"), ("age".into(), epigraph_core::Side::Cpu));
+        let shader = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/wgsl/age.wgsl");
+        assert_eq!(side(&format!("hybrid+swap:age={shader}")), ("wgsl".into(), epigraph_core::Side::Gpu));
+    }
+
+    #[test]
     fn mistakes_in_variants_are_told_by_their_text() {
         for (name, wanted) in [
             (

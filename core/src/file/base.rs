@@ -141,8 +141,8 @@ impl GraphFile {
     }
 
     /// A graph that changes this one, by an option of a command line or a piece of a graph's name. `option` is its
-    /// text, for messages; `fields` the fields of a graph file that it stands for, such as `set: { "cull": (threshold:
-    /// 0.1) }`, whose paths start at the current folder.
+    /// text, for messages. `fields` are the fields of a graph file that it stands for, such as `nodes: { ... }`; paths
+    /// in them start at the current folder.
     ///
     /// # Errors
     /// Problems of the fields' text and of files that it names.
@@ -630,7 +630,10 @@ impl Merge<'_> {
                     None => node.inputs.push(input),
                 }
             }
-            (Some(known), None) => drop(node.inputs.remove(known)),
+            (Some(known), None) => {
+                node.inputs.remove(known);
+                node.cut.push(shifted(port, by));
+            }
             (None, None) => {
                 let known: Vec<&str> = node.inputs.iter().map(|input| input.port.value.as_str()).collect();
                 let error = GraphError::unknown("connected input", &port.value, known);
@@ -687,6 +690,9 @@ impl NodeDef {
             *input = InputDef { port: shifted(&input.port, by), from: shifted(&input.from, by) };
         }
         params(&mut self.params, by);
+        for port in &mut self.cut {
+            *port = shifted(port, by);
+        }
         for (node, set) in &mut self.set {
             *node = shifted(node, by);
             params(set, by);

@@ -3,10 +3,14 @@
 //! Every edit is a list of replacements in the text; the result is parsed again, and kept only if it is a graph file.
 //! New items follow the style of their block: on their own line if the closing bracket is, else inline.
 
+use std::mem;
+
 use serde::de::IgnoredAny;
 
 use super::{
-    GraphFile, GraphParam, Source, handed,
+    GraphFile, GraphParam, Source,
+    edit_base::Home,
+    handed,
     parse::is_identifier,
     parts::{FILE_PARAM, file_elsewhere},
     repeat::{no_copy, times},
@@ -14,6 +18,7 @@ use super::{
 };
 use crate::{
     error::{GraphError, Problem, Problems, Span},
+    params::{ParamKind, ParamSpec},
     side::{Download, Side},
 };
 
@@ -83,25 +88,39 @@ impl GraphFile {
     /// [`GraphError::Unknown`] node or parameter of a part, [`GraphError::Invalid`] for a name that is not an
     /// identifier, [`GraphError::Value`] for a value that is not one RON value.
     pub fn set_param(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
-        let address = self.address_of(node);
+        let address = self.full_address(node)?;
         let problem = |error| Problems::from(Problem::new(error).node(&address));
         if !is_identifier(param) {
             return Err(problem(GraphError::Invalid(format!("`{param}` cannot name a parameter"))));
         }
         let value = one_value(param, value).map_err(problem)?;
-        self.set_at("", &address, param, value)
+        match self.home(&address) {
+            // What a change sets comes before what it writes elsewhere.
+            _ if self.sets_of_base(&address, param) => self.set_of_base(&address, param, value),
+            Home::Own => self.set_at("", &address, param, value),
+            Home::Replaced => self.set_in(&address, Group::Params, param, value),
+            Home::Base => self.set_of_base(&address, param, value),
+        }
     }
 
-    /// Sets the default of one of the graph's own parameters: `--set param=value`. `value` is RON.
+    /// Sets the default of one of the graph's own parameters: `--set param=value`. `value` is RON. A graph with a base
+    /// gives a parameter of the base another default.
     ///
     /// # Errors
     /// [`GraphError::Unknown`] parameter, [`GraphError::Value`] and [`GraphError::Range`] for a value that it cannot
     /// have.
     pub fn set_graph_param(&mut self, name: &str, value: &str) -> Result<(), Problems> {
-        let GraphParam { default, spec, .. } = self.settable(name, "").map_err(Problem::new)?;
+        let whole = self.whole()?;
+        let GraphParam { spec, .. } = whole.settable(name, "").map_err(Problem::new)?;
         let value = one_value(name, value).map_err(Problem::new)?;
         spec.check(value).map_err(|error| Problem::new(spec.refusal(value, error)))?;
-        self.apply(vec![Change::replace(default.span, value)])
+        match self.param(name) {
+            Some(own) => self.apply(vec![Change::replace(own.default.span, value)]),
+            None => {
+                let item = default_of_base(spec, value);
+                self.put_top("params", name, &item)
+            }
+        }
     }
 
     /// Sets a parameter of a node of this file, which is the part of the address `around`, or in a part of it.
@@ -202,7 +221,9 @@ impl GraphFile {
     /// # Errors
     /// [`GraphError::Unknown`] node or parameter.
     pub fn remove_param(&mut self, node: &str, param: &str) -> Result<(), Problems> {
-        if self.remove_in(node, Group::Params, param)? {
+        if self.remove_set(node, param)?
+            || self.home(node) != Home::Base && self.remove_in(node, Group::Params, param)?
+        {
             return Ok(());
         }
         let known = self.node(node).into_iter().flat_map(|node| &node.params).map(|param| &param.name.value);
@@ -214,6 +235,19 @@ impl GraphFile {
     /// # Errors
     /// [`GraphError::Unknown`] node.
     pub fn set_input(&mut self, node: &str, port: &str, source: Option<&Source>) -> Result<(), Problems> {
+        if self.base.is_some() {
+            return self.connect_in_change(node, port, source);
+        }
+        self.connect(node, port, source)
+    }
+
+    /// Sets or removes a wire in the definition of a node.
+    pub(super) fn connect(
+        &mut self,
+        node: &str,
+        port: &str,
+        source: Option<&Source>,
+    ) -> Result<(), Problems> {
         match source {
             Some(source) => self.set_in(node, Group::Inputs, port, &quoted(&source.to_string())),
             None => self.remove_in(node, Group::Inputs, port).map(|_| ()),
@@ -257,12 +291,18 @@ impl GraphFile {
     /// # Errors
     /// [`GraphError::Duplicate`] name.
     pub fn add_node(&mut self, name: &str, kind: &str) -> Result<(), Problems> {
-        if self.node(name).is_some() {
+        self.require_new(name)?;
+        self.insert_top("nodes", &format!("{}: (kind: {})", quoted(name), quoted(kind)))
+    }
+
+    /// Reports a name that a node has already.
+    fn require_new(&self, name: &str) -> Result<(), Problems> {
+        let whole = if self.base.is_some() { Some(self.whole()?) } else { None };
+        if whole.as_deref().unwrap_or(self).node(name).is_some() {
             let error = GraphError::Duplicate { what: "node", name: name.to_owned() };
             return Err(Problem::new(error).node(name).into());
         }
-        let item = format!("{}: (kind: {})", quoted(name), quoted(kind));
-        self.apply(insert(&self.text, &self.top("nodes")?, &item))
+        Ok(())
     }
 
     /// Adds a copy of `name` after all other nodes: the same kind, wires and parameters.
@@ -270,16 +310,16 @@ impl GraphFile {
     /// # Errors
     /// [`GraphError::Unknown`] node, [`GraphError::Duplicate`] name.
     pub fn copy_node(&mut self, name: &str, copy: &str) -> Result<(), Problems> {
-        self.node_block(name)?;
-        if self.node(copy).is_some() {
-            let error = GraphError::Duplicate { what: "node", name: copy.to_owned() };
-            return Err(Problem::new(error).node(copy).into());
+        self.require_new(copy)?;
+        if self.home(name) != Home::Own {
+            return self.copy_of_base(name, copy);
         }
+        self.node_block(name)?;
         let nodes = self.top("nodes")?;
         let value = find(&self.text, &nodes, name).map_or(Span::default(), |index| nodes.items[index].value);
         let item = format!("{}: {}", quoted(copy), &self.text[value.start..value.end]);
         let part = self.part(name).cloned();
-        self.apply(insert(&self.text, &nodes, &item))?;
+        self.insert_top("nodes", &item)?;
         self.parts.extend(part.map(|part| (copy.to_owned(), part)));
         Ok(())
     }
@@ -289,8 +329,10 @@ impl GraphFile {
     /// # Errors
     /// [`GraphError::Unknown`] node.
     pub fn remove_node(&mut self, name: &str) -> Result<(), Problems> {
+        self.require_own(name, "remove it; bypass it, or let what reads it take other ports")?;
         self.node_block(name)?;
         let mut edited = self.clone();
+        edited.remove_wires_from(name)?;
         for node in &self.nodes {
             for input in node.inputs.iter().filter(|input| within(&input.from.value, name).is_some()) {
                 edited.set_input(&node.name.value, &input.port.value, None)?;
@@ -312,17 +354,30 @@ impl GraphFile {
     /// # Errors
     /// [`GraphError::Unknown`] node.
     pub fn rename_node(&mut self, old: &str, new: &str) -> Result<(), Problems> {
+        self.require_own(old, "give it another name")?;
         self.node_block(old)?;
-        let inputs = self.nodes.iter().flat_map(|node| &node.inputs).map(|input| &input.from);
-        let outputs = self.outputs.iter().map(|output| &output.from);
-        let rewired = inputs.chain(outputs).filter_map(|from| {
-            let inner = within(&from.value, old)?;
-            let source = Source { node: format!("{new}{inner}"), port: from.value.port.clone() };
-            Some(Change::replace(from.span, quoted(&source.to_string())))
+        let changes = self.base.as_ref();
+        let replaced = changes.into_iter().flat_map(|changes| &changes.replace);
+        let inputs = self.nodes.iter().chain(replaced).flat_map(|node| &node.inputs);
+        let outputs = self.outputs.iter().map(|output| (&output.from.value, output.from.span));
+        let wires = inputs.map(|input| (&input.from.value, input.from.span)).chain(outputs);
+        let rewired = changes.into_iter().flat_map(|changes| &changes.rewire).flat_map(|wire| {
+            let from = wire.from.value.as_ref().map(|from| (from, wire.from.span));
+            [Some((&wire.to.value, wire.to.span)), from].into_iter().flatten()
         });
-        let names = self.nodes.iter().map(|node| &node.name).filter(|name| name.value == old);
-        let renamed = names.map(|name| Change::replace(name.span, quoted(new)));
-        self.apply(rewired.chain(renamed).collect())?;
+        let wires = wires.chain(rewired).filter_map(|(source, span)| {
+            let inner = within(source, old)?;
+            let source = Source { node: format!("{new}{inner}"), port: source.port.clone() };
+            Some(Change::replace(span, quoted(&source.to_string())))
+        });
+        let names = self.nodes.iter().map(|node| &node.name);
+        let set = changes.into_iter().flat_map(|changes| &changes.set).map(|(node, _)| node);
+        let names = names.chain(set).filter_map(|name| {
+            let inner = name.value.strip_prefix(old)?;
+            (inner.is_empty() || inner.starts_with('/'))
+                .then(|| Change::replace(name.span, quoted(&format!("{new}{inner}"))))
+        });
+        self.apply(wires.chain(names).collect())?;
         if let Some((part, _)) = self.parts.iter_mut().find(|(part, _)| part == old) {
             new.clone_into(part);
         }
@@ -334,19 +389,83 @@ impl GraphFile {
     /// # Errors
     /// None of its own.
     pub fn set_output(&mut self, name: &str, source: Option<&Source>) -> Result<(), Problems> {
-        let outputs = self.top("outputs")?;
-        let index = find(&self.text, &outputs, name);
-        let changes = match source {
-            Some(source) => {
-                let value = quoted(&source.to_string());
-                put(&self.text, &outputs, index, &value, || format!("{}: {value}", quoted(name)))
+        match self.base {
+            Some(_) => self.output_in_change(name, source),
+            None => self.put_output(name, source),
+        }
+    }
+
+    /// Sets or removes an output in the file's own list.
+    pub(super) fn put_output(&mut self, name: &str, source: Option<&Source>) -> Result<(), Problems> {
+        match source {
+            Some(source) => self.put_top("outputs", name, &quoted(&source.to_string())),
+            None => self.remove_top("outputs", name).map(drop),
+        }
+    }
+
+    /// Sets an item of a block of the graph, and adds the block if a graph with a base lacks it.
+    pub(super) fn put_top(&mut self, field: &'static str, name: &str, value: &str) -> Result<(), Problems> {
+        match self.top(field) {
+            Ok(block) => {
+                let index = find(&self.text, &block, name);
+                self.apply(put(&self.text, &block, index, value, || format!("{}: {value}", quoted(name))))
             }
-            None => index.map(|index| remove(&self.text, &outputs, index)).unwrap_or_default(),
+            Err(_) => self.insert_top(field, &format!("{}: {value}", quoted(name))),
+        }
+    }
+
+    /// Adds an item to a block of the graph, and the block if a graph with a base lacks it.
+    pub(super) fn insert_top(&mut self, field: &'static str, item: &str) -> Result<(), Problems> {
+        let changes = match self.top(field) {
+            Ok(block) => insert(&self.text, &block, item),
+            Err(problems) => match self.root().filter(|_| self.base.is_some()) {
+                Some(root) => insert(&self.text, &root, &format!("{field}: {{ {item} }}")),
+                None => return Err(problems),
+            },
         };
         self.apply(changes)
     }
 
+    /// Removes an item of a block of the graph; returns whether it existed.
+    pub(super) fn remove_top(&mut self, field: &'static str, name: &str) -> Result<bool, Problems> {
+        let Ok(block) = self.top(field) else { return Ok(false) };
+        let Some(index) = find(&self.text, &block, name) else { return Ok(false) };
+        self.apply(remove(&self.text, &block, index))?;
+        Ok(true)
+    }
+
+    /// Sets a parameter in the `set` of a graph with a base.
+    pub(super) fn put_set(&mut self, node: &str, param: &str, value: &str) -> Result<(), Problems> {
+        let item = || Group::Params.item(param, value);
+        match self.top("set").ok().and_then(|set| child(&self.text, &set, node)) {
+            Some(params) => {
+                self.apply(put(&self.text, &params, find(&self.text, &params, param), value, item))
+            }
+            None => self.insert_top("set", &format!("{}: ({})", quoted(node), item())),
+        }
+    }
+
+    /// Removes a parameter from the `set` of a graph with a base; returns whether it existed.
+    pub(super) fn remove_set(&mut self, node: &str, param: &str) -> Result<bool, Problems> {
+        let params = self.top("set").ok().filter(|_| self.base.is_some());
+        let params = params.and_then(|set| child(&self.text, &set, node));
+        let found = params.and_then(|params| find(&self.text, &params, param).map(|index| (params, index)));
+        let Some((params, index)) = found else { return Ok(false) };
+        if params.items.len() == 1 {
+            return self.remove_top("set", node);
+        }
+        self.apply(remove(&self.text, &params, index))?;
+        Ok(true)
+    }
+
     fn set_field(&mut self, node: &str, field: &str, value: Option<String>) -> Result<(), Problems> {
+        if self.home(node) == Home::Base {
+            let mut edited = self.clone();
+            edited.define_anew(node, field)?;
+            edited.set_field(node, field, value)?;
+            *self = edited;
+            return Ok(());
+        }
         let block = self.node_block(node)?;
         let index = find(&self.text, &block, field);
         let changes = match value {
@@ -379,21 +498,32 @@ impl GraphFile {
         Ok(true)
     }
 
+    /// The brackets around everything.
+    fn root(&self) -> Option<Block> {
+        scan::root(&self.text).and_then(|root| scan::block(&self.text, root))
+    }
+
     /// A block of the graph itself.
-    fn top(&self, field: &'static str) -> Result<Block, Problems> {
-        let root = scan::root(&self.text).and_then(|root| scan::block(&self.text, root));
-        let block = root.and_then(|root| child(&self.text, &root, field));
+    pub(super) fn top(&self, field: &'static str) -> Result<Block, Problems> {
+        let block = self.root().and_then(|root| child(&self.text, &root, field));
         block.ok_or_else(|| Problem::new(GraphError::Syntax(format!("`{field}` is missing"))).into())
     }
 
-    /// The range of the text that defines a node, from its name to its closing bracket.
+    /// The range of the text that defines a node, from its name to its closing bracket; or for a node of the base, that
+    /// defines it anew, or sets its parameters.
     pub fn node_span(&self, name: &str) -> Option<Span> {
-        let start = self.node(name)?.name.span.start;
-        Some(Span { start, end: self.node_block(name).ok()?.close + 1 })
+        ["nodes", "replace", "set"].into_iter().find_map(|field| {
+            let block = self.top(field).ok()?;
+            let item = &block.items[find(&self.text, &block, name)?];
+            Some(Span { start: item.start(), end: item.value.end })
+        })
     }
 
+    /// The brackets around the definition of a node that stands in this file.
     fn node_block(&self, name: &str) -> Result<Block, Problems> {
-        child(&self.text, &self.top("nodes")?, name).ok_or_else(|| Problem::new(self.no_node(name)).into())
+        let block = |field| child(&self.text, &self.top(field).ok()?, name);
+        let block = block("nodes").or_else(|| block("replace"));
+        block.ok_or_else(|| Problem::new(self.no_node(name)).into())
     }
 
     /// Applies the changes, which must not overlap, and parses the result.
@@ -407,8 +537,13 @@ impl GraphFile {
             done = change.span.end;
         }
         text.push_str(&self.text[done..]);
-        let parsed = Self::parse(&self.path, &text)?;
-        *self = Self { parts: std::mem::take(&mut self.parts), ..parsed };
+        let mut parsed = Self::parse(&self.path, &text)?;
+        parsed.origin = self.origin;
+        parsed.parts = mem::take(&mut self.parts);
+        if let (Some(changes), Some(before)) = (&mut parsed.base, self.base.take()) {
+            (changes.graph, changes.parts) = (before.graph, before.parts);
+        }
+        *self = parsed;
         Ok(())
     }
 }
@@ -417,6 +552,14 @@ impl GraphFile {
 /// within it. `None` if the wire reads another node.
 fn within<'s>(source: &'s Source, node: &str) -> Option<&'s str> {
     source.node.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
+}
+
+/// Another default for a parameter of a base. A choice is read only with its names.
+fn default_of_base(spec: &ParamSpec, value: &str) -> String {
+    match &spec.kind {
+        ParamKind::Choice(names) => format!("(default: {value}, choices: [{}])", names.join(", ")),
+        _ => format!("(default: {value})"),
+    }
 }
 
 /// The one RON value in a text, without comments around it, which could swallow the text after it.
@@ -433,7 +576,7 @@ pub(super) fn one_value<'v>(param: &str, text: &'v str) -> Result<&'v str, Graph
 }
 
 /// A RON string. Rust's escapes used here are valid in RON.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     format!("{text:?}")
 }
 

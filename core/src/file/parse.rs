@@ -343,7 +343,19 @@ impl Reader<'_> {
         if !has_kind {
             self.report(GraphError::Syntax("`kind` is missing; write kind: \"KIND\"".into()), name.span);
         }
-        Some(NodeDef { name, kind: kind?, repeat, on, download, bypass, inputs, params, set, replaced: None })
+        Some(NodeDef {
+            name,
+            kind: kind?,
+            repeat,
+            on,
+            download,
+            bypass,
+            inputs,
+            params,
+            set,
+            replaced: None,
+            cut: Vec::new(),
+        })
     }
 
     /// Parameters by the addresses of their nodes.
