@@ -21,10 +21,16 @@ impl Ask {
     fn words(self) -> [&'static str; 3] {
         match self {
             Self::NewGraph => ["New graph", "Name of the new file", "Create"],
+            Self::NewChange => {
+                ["New change to a graph", "Name of the new file, which holds only what differs", "Create"]
+            }
             Self::OpenGraph => ["Open graph", "File", "Open"],
             Self::OpenScene => ["Open scene", "Name, or a .glb, .gltf, .obj, .ply or .ron file", "Open"],
             Self::OpenPath => ["Open path", "File of keyframes", "Open"],
             Self::SaveGraph => ["Save graph as", "File", "Save"],
+            Self::FullGraph => {
+                ["Write out in full", "File for the whole graph, without base and parts", "Write"]
+            }
             Self::SavePath => ["Save path", "File; the command line takes it as --camera fly:FILE", "Save"],
             Self::SaveImage => ["Save image", "File: .png as shown, .exr with raw values", "Save"],
             Self::RecordFrames => ["Record the path's frames", "File", "Record"],
@@ -35,7 +41,13 @@ impl Ask {
     fn writes(self) -> bool {
         matches!(
             self,
-            Self::NewGraph | Self::SaveGraph | Self::SavePath | Self::SaveImage | Self::RecordFrames
+            Self::NewGraph
+                | Self::NewChange
+                | Self::SaveGraph
+                | Self::FullGraph
+                | Self::SavePath
+                | Self::SaveImage
+                | Self::RecordFrames
         )
     }
 }
@@ -85,7 +97,7 @@ impl Dialog {
     /// Opens with `text` in the field; a click on one of the choices fills the field, or chooses the graph to copy.
     pub fn new(ask: Ask, text: String, choices: Vec<Choice>) -> Self {
         let source = match (ask, choices.first()) {
-            (Ask::NewGraph, Some(first)) => first.text.clone(),
+            (Ask::NewGraph | Ask::NewChange, Some(first)) => first.text.clone(),
             _ => String::new(),
         };
         Self {
@@ -164,7 +176,7 @@ impl Dialog {
         if self.choices.is_empty() {
             return;
         }
-        let picked = if self.ask == Ask::NewGraph { &mut self.source } else { &mut self.text };
+        let picked = if self.makes() { &mut self.source } else { &mut self.text };
         ScrollArea::vertical().max_height(300.0).auto_shrink([false, true]).show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 2.0;
             for choice in &self.choices {
@@ -232,6 +244,11 @@ impl Dialog {
         ui.add_space(4.0);
     }
 
+    /// Whether it makes a new graph from another one.
+    fn makes(&self) -> bool {
+        matches!(self.ask, Ask::NewGraph | Ask::NewChange)
+    }
+
     fn is_ready(&self, known: &Known) -> bool {
         self.ask != Ask::SaveImage || known.has_values
     }
@@ -240,7 +257,7 @@ impl Dialog {
     fn may_write(&mut self) -> bool {
         let numbered = self.ask == Ask::RecordFrames && self.format == Format::Numbered;
         let there = self.ask.writes() && !numbered && Path::new(&self.text).is_file();
-        if !there || self.ask == Ask::NewGraph || self.replaces.as_ref() == Some(&self.text) {
+        if !there || self.makes() || self.replaces.as_ref() == Some(&self.text) {
             return true;
         }
         self.replaces = Some(self.text.clone());

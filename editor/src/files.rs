@@ -2,7 +2,7 @@
 
 use std::{
     fs,
-    path::{Component, Path, PathBuf},
+    path::{Path, PathBuf},
 };
 
 use epigraph_core::GraphFile;
@@ -19,9 +19,11 @@ pub struct Choice {
     pub doc: String,
 }
 
-/// A path without its folders; a name unchanged.
+/// A path without its folders; a name unchanged. Changes that follow a graph's path stay.
 pub fn short(text: &str) -> &str {
-    Path::new(text).file_name().and_then(|name| name.to_str()).unwrap_or(text)
+    let path = text.find(" +").map_or(text, |changes| &text[..changes]);
+    let name = Path::new(path).file_name().and_then(|name| name.to_str()).unwrap_or(path);
+    &text[path.len() - name.len()..]
 }
 
 /// The folder of the graphs that come with the program: `graphs` here or in a folder above.
@@ -38,11 +40,12 @@ pub fn find_graph(name: &str) -> PathBuf {
     shipped.filter(|shipped| !path.is_file() && shipped.is_file()).unwrap_or(path)
 }
 
-/// Graphs that come with the program, then those beside `open`, without duplicates.
+/// Graphs that come with the program, those beside `open`, and experiments, without duplicates.
 pub fn graphs(open: &Path) -> Vec<Choice> {
     let beside = open.parent().map(Path::to_owned);
-    let mut files: Vec<PathBuf> =
-        shipped_folder().into_iter().chain(beside).flat_map(|folder| in_folder(&folder)).collect();
+    let experiments = shipped_folder().map(|folder| folder.join("experiments"));
+    let folders = shipped_folder().into_iter().chain(beside).chain(experiments);
+    let mut files: Vec<PathBuf> = folders.flat_map(|folder| in_folder(&folder)).collect();
     let mut seen = Vec::new();
     files.retain(|file| {
         let real = file.canonicalize().unwrap_or_else(|_| file.clone());
@@ -85,35 +88,9 @@ fn in_folder(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// The relative path from a folder to a file; absolute if there is none.
-pub fn relative(folder: &Path, file: &Path) -> PathBuf {
-    let real = |path: &Path| {
-        let path = if path == Path::new("") { Path::new(".") } else { path };
-        path.canonicalize().unwrap_or_else(|_| path.to_owned())
-    };
-    let (folder, file) = (real(folder), real(file));
-    let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
-    if !matches!(folder.components().next(), Some(Component::Prefix(_) | Component::RootDir)) || common == 0 {
-        return file;
-    }
-    let up = folder.components().skip(common).map(|_| Component::ParentDir);
-    up.chain(file.components().skip(common)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn relative_paths_are_found() {
-        let folder = tempfile::tempdir().unwrap();
-        let root = folder.path();
-        fs::create_dir_all(root.join("a/b")).unwrap();
-        fs::create_dir_all(root.join("c")).unwrap();
-        fs::write(root.join("c/x.ron"), "").unwrap();
-        assert_eq!(relative(&root.join("a/b"), &root.join("c/x.ron")), Path::new("../../c/x.ron"));
-        assert_eq!(relative(&root.join("c"), &root.join("c/x.ron")), Path::new("x.ron"));
-    }
 
     #[test]
     fn shipped_graphs_and_scenes_are_offered_once() {
@@ -121,7 +98,12 @@ mod tests {
         let epi: Vec<_> = offered.iter().filter(|choice| choice.text.ends_with("epi.ron")).collect();
         assert_eq!(epi.len(), 1, "{offered:?}");
         assert!(epi[0].doc.starts_with("Edge-and-point image"));
+        assert_eq!(offered.iter().filter(|choice| choice.text.ends_with("experiments/blur.ron")).count(), 1);
         assert!(scenes().iter().any(|choice| choice.text == "cornell" && !choice.doc.is_empty()));
+        assert_eq!(
+            [short("a/b.ron"), short("b"), short("a/b.ron +c/d.e=0.5")],
+            ["b.ron", "b", "b.ron +c/d.e=0.5"]
+        );
         assert_eq!(find_graph("epi"), Path::new(&epi[0].text));
         assert_eq!(find_graph("no-such"), Path::new("no-such"));
     }

@@ -41,6 +41,8 @@ pub struct Jump {
 pub enum Ask {
     /// A graph to copy, then a name for the copy.
     NewGraph,
+    /// A graph to change, then a name for the file with the changes.
+    NewChange,
     /// A graph to open.
     OpenGraph,
     /// A scene to open.
@@ -49,6 +51,8 @@ pub enum Ask {
     OpenPath,
     /// A name for the graph.
     SaveGraph,
+    /// A name for the whole graph as one file.
+    FullGraph,
     /// A name for the current path.
     SavePath,
     /// A port, and a name for its image.

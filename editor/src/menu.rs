@@ -39,6 +39,7 @@ fn ask(ui: &mut Ui, session: &mut Session, enabled: bool, text: &str, keys: &str
 
 fn file(ui: &mut Ui, session: &mut Session) {
     ask(ui, session, true, "New from a graph …", "", Ask::NewGraph);
+    ask(ui, session, true, "New change to a graph …", "", Ask::NewChange);
     ask(ui, session, true, "Open graph …", "Ctrl+O", Ask::OpenGraph);
     ask(ui, session, true, "Open scene …", "", Ask::OpenScene);
     ui.separator();
@@ -46,6 +47,7 @@ fn file(ui: &mut Ui, session: &mut Session) {
         session.save();
     }
     ask(ui, session, true, "Save as …", "Ctrl+Shift+S", Ask::SaveGraph);
+    ask(ui, session, true, "Write out in full …", "", Ask::FullGraph);
     ui.separator();
     if entry(ui, session.document.can_undo(), "Undo", "Ctrl+Z") {
         session.document.undo();

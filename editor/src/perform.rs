@@ -7,7 +7,7 @@ use epigraph_pictures::{Look, PortFile};
 use crate::{
     app::App,
     dialog::{Dialog, Known},
-    document::Document,
+    document::{Document, write},
     files::{self, PATH_ENDING, find_graph},
     intent::Ask,
     output,
@@ -23,6 +23,7 @@ impl App {
         let stem = || graph.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let (text, choices) = match ask {
             Ask::NewGraph => ("new.ron".into(), files::graphs(graph)),
+            Ask::NewChange => ("change.ron".into(), files::graphs(graph)),
             Ask::OpenGraph => (path.into(), files::graphs(graph)),
             Ask::OpenScene => (session.scene().into(), files::scenes()),
             Ask::OpenPath => {
@@ -30,6 +31,7 @@ impl App {
                 (paths.first().map_or(String::new(), |choice| choice.text.clone()), paths)
             }
             Ask::SaveGraph => (path.into(), Vec::new()),
+            Ask::FullGraph => (format!("{}-full.ron", graph.with_extension("").display()), Vec::new()),
             Ask::SavePath => (format!("{}{PATH_ENDING}", session.scene_stem()), Vec::new()),
             Ask::SaveImage if !port.is_empty() => {
                 (format!("{}.png", port.replace(['/', '.'], "-")), Vec::new())
@@ -65,6 +67,9 @@ impl App {
         let words = |problems: epigraph_core::Problems| problems.to_string();
         match dialog.ask {
             Ask::NewGraph => self.go_on(Document::copy(Path::new(&dialog.source), path).map_err(words)?),
+            Ask::NewChange => {
+                self.go_on(Document::new_change(Path::new(&dialog.source), path).map_err(words)?)
+            }
             Ask::OpenGraph => self.go_on(Document::open(&find_graph(name)).map_err(words)?),
             Ask::OpenScene => session.open_scene(name.into()),
             Ask::OpenPath => {
@@ -75,6 +80,11 @@ impl App {
             Ask::SaveGraph => {
                 session.document.save_as(path).map_err(words)?;
                 session.tell("saved");
+            }
+            Ask::FullGraph => {
+                let text = session.document.full(path, &session.registry).map_err(words)?;
+                write(path, &text).map_err(words)?;
+                session.tell(format!("wrote the whole graph to {}", path.display()));
             }
             Ask::SavePath => session.save_route(path)?,
             Ask::SaveImage => self.save_image(&dialog.source, path)?,

@@ -188,7 +188,7 @@ impl Session {
         if let Some(pixel) = self.inspection.news() {
             self.engine.send(Command::Inspect(pixel));
         }
-        if let Some(other) = self.beside.news(&self.document) {
+        if let Some(other) = self.beside.news(&self.document, &self.registry) {
             self.engine.send(Command::Other(other));
         }
         watched.sort();

@@ -15,6 +15,8 @@ pub struct Palette {
     pub cpu: Color32,
     /// Runs on the GPU.
     pub gpu: Color32,
+    /// Differs from the base.
+    pub changed: Color32,
 }
 
 const DARK: Palette = Palette {
@@ -22,6 +24,7 @@ const DARK: Palette = Palette {
     accent: Color32::from_rgb(90, 170, 250),
     cpu: Color32::from_rgb(110, 165, 220),
     gpu: Color32::from_rgb(130, 195, 120),
+    changed: Color32::from_rgb(214, 150, 245),
 };
 
 const LIGHT: Palette = Palette {
@@ -29,6 +32,7 @@ const LIGHT: Palette = Palette {
     accent: Color32::from_rgb(0, 92, 170),
     cpu: Color32::from_rgb(28, 96, 160),
     gpu: Color32::from_rgb(36, 112, 28),
+    changed: Color32::from_rgb(122, 40, 158),
 };
 
 /// Marks the selected item.
@@ -145,6 +149,7 @@ mod tests {
                 ("accent", palette.accent),
                 ("cpu", palette.cpu),
                 ("gpu", palette.gpu),
+                ("changed", palette.changed),
             ];
             let mut pairs: Vec<(String, Color32, Color32)> = Vec::new();
             for (on, ground) in grounds {

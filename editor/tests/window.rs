@@ -8,7 +8,7 @@ mod snapshots;
 mod support;
 mod viewer;
 
-use std::fs;
+use std::{fs, path::Path};
 
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
@@ -186,4 +186,26 @@ fn a_parameter_can_be_reset_to_its_default() {
     assert_eq!(opened.text(), before.replace("sigma: 0.7, ", ""));
     opened.click("Undo");
     assert_eq!(opened.text(), before);
+}
+
+#[test]
+fn every_graph_and_experiment_opens_and_runs() {
+    let graphs = |folder: &str| -> Vec<String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(folder);
+        let names =
+            fs::read_dir(path).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        names.filter(|name| name.ends_with(".ron")).map(|name| format!("{folder}{name}")).collect()
+    };
+    let all: Vec<String> = [graphs(""), graphs("experiments/")].concat();
+    assert!(all.len() >= 12, "{all:?}");
+    for graph in all {
+        let mut opened = Opened::new(&graph);
+        assert_eq!(opened.app().session.document.problems(), [], "{graph}");
+        opened.click("Canvas");
+        opened.frames(2);
+        assert_eq!(opened.app().session.problems(), [], "{graph}");
+        let tonemap = opened.harness.query_all_by_label_contains("node tonemap").count();
+        assert_eq!(tonemap, 1, "{graph}");
+        assert!(!opened.app().session.document.is_dirty(), "{graph}");
+    }
 }

@@ -16,9 +16,15 @@ mod swap;
 pub(crate) mod tests;
 mod unsaved;
 
-use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs, io,
+    path::Path,
+    sync::Arc,
+};
 
-use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems};
+use epigraph::graphs::Shipped;
+use epigraph_core::{Difference, GraphError, GraphFile, Library, Origin, Place, Problem, Problems, Registry};
 use epigraph_files::Target;
 
 pub use params::{home, param_text, remove_param};
@@ -61,6 +67,12 @@ pub struct Document {
     tag: Tag,
     notice: Option<String>,
     file: Option<Arc<GraphFile>>,
+    /// The graph with its changes to the base applied.
+    whole: Option<Arc<GraphFile>>,
+    /// Its changes to the base.
+    differences: Arc<Vec<Difference>>,
+    /// The paths of texts that come with the program, which cannot be edited: graphs that the open one refers to.
+    fixed: BTreeSet<String>,
     /// The files that the shaders of stages come from.
     sources: Arc<Sources>,
     shaders: ShaderFiles,
@@ -92,6 +104,9 @@ impl Document {
             future: Vec::new(),
             tag: Tag::Once,
             file: None,
+            whole: None,
+            differences: Arc::default(),
+            fixed: BTreeSet::new(),
             sources: Arc::default(),
             shaders: ShaderFiles::default(),
             problems: Vec::new(),
@@ -118,9 +133,46 @@ impl Document {
         self.contents.texts.get(path).map_or("", |text| text)
     }
 
-    /// The graph as of the last texts without problems; `None` if there have not been any.
+    /// The graph as of the last texts without problems; `None` if there have not been any. If the graph has a base, this is
+    /// only its change to the base; see [`Document::whole`].
     pub fn file(&self) -> Option<&Arc<GraphFile>> {
         self.file.as_ref()
+    }
+
+    /// The graph with its changes to the base applied, to be displayed.
+    pub fn whole(&self) -> Option<&Arc<GraphFile>> {
+        self.whole.as_ref()
+    }
+
+    /// The changes of the graph to its base; empty if it has no base.
+    pub fn differences(&self) -> &Arc<Vec<Difference>> {
+        &self.differences
+    }
+
+    /// The changes to a node, and to all nodes in it if it is a part.
+    pub fn differences_of<'d>(&'d self, address: &'d str) -> impl Iterator<Item = &'d Difference> {
+        self.differences.iter().filter(move |found| nodes::within(&found.node, address).is_some())
+    }
+
+    /// The name of the base as written in the text; `None` if the graph has no base.
+    pub fn base(&self) -> Option<&str> {
+        Some(&self.file.as_ref()?.base.as_ref()?.base.value)
+    }
+
+    /// Whether a text comes with the program, so that it cannot be edited.
+    pub fn is_fixed(&self, path: &str) -> bool {
+        self.fixed.contains(path)
+    }
+
+    /// The whole graph as the text of one file, for a path.
+    ///
+    /// # Errors
+    /// The graph's problems.
+    pub fn full(&self, path: &Path, registry: &Registry) -> Result<String, Problems> {
+        match (&self.file, self.problems.as_slice()) {
+            (Some(file), []) => file.full(registry, path),
+            _ => Err(refused("the text has problems; mend them first")),
+        }
     }
 
     /// Problems of the current texts. Unknown ports and parameters are found later, when the graph is compiled.
@@ -162,6 +214,9 @@ impl Document {
 
     /// Replaces a text with the user's typing.
     pub fn type_text(&mut self, path: &str, text: &str) {
+        if self.is_fixed(path) {
+            return;
+        }
         let mut texts = self.contents.texts.clone();
         texts.insert(path.to_owned(), text.into());
         self.change_texts(Tag::Typing(path.to_owned()), texts);
@@ -254,7 +309,7 @@ impl Document {
             self.saved.texts.insert(path, text);
         }
         if self.contents.places != self.saved.places {
-            let text = places::write(&self.contents.places, self.file.as_deref());
+            let text = places::write(&self.contents.places, self.whole.as_deref());
             write(&places::layout_path(&self.path), &text)?;
             self.saved.places = self.contents.places.clone();
         }
@@ -268,7 +323,8 @@ impl Document {
         let mut changed = self.add_shaders();
         let mut texts = self.contents.texts.clone();
         for (path, saved) in &mut self.saved.texts {
-            if texts.get(path) == Some(saved)
+            if !self.fixed.contains(path)
+                && texts.get(path) == Some(saved)
                 && let Ok(found) = fs::read_to_string(path)
                 && found != **saved
             {
@@ -316,25 +372,69 @@ impl Document {
 
     /// Parses the texts. Parts that the document does not hold yet are read from their files.
     fn read(&mut self) {
-        let texts = &self.contents.texts;
-        let part = |path: &Path| -> io::Result<String> {
-            match texts.get(&path.display().to_string()) {
-                Some(text) => Ok(text.to_string()),
-                None => fs::read_to_string(path),
-            }
-        };
-        let read =
-            GraphFile::parse(&self.path, self.text(&self.path)).and_then(|file| file.with_parts(&part));
+        let read = GraphFile::parse(&self.path, self.text(&self.path))
+            .and_then(|file| file.with_parts(&Known(&self.contents.texts)))
+            .and_then(|file| Ok((file.whole()?.into_owned(), file)));
         match read {
-            Ok(file) => {
-                add_parts(&file, &mut self.contents.texts, &mut self.saved.texts);
-                self.find_shaders(&file);
+            Ok((whole, file)) => {
+                self.fixed.clear();
+                self.add_texts(&file);
+                self.find_shaders(&file, &whole);
+                self.differences = Arc::new(file.differences());
                 self.file = Some(Arc::new(file));
+                self.whole = Some(Arc::new(whole));
                 self.problems = Vec::new();
             }
             Err(problems) => self.problems = problems.0,
         }
     }
+
+    /// Adds the texts of parts and of the base that were read for the first time, as saved, and notes which are fixed.
+    fn add_texts(&mut self, file: &GraphFile) {
+        for named in named(file) {
+            if named.origin == Origin::Shipped {
+                self.fixed.insert(named.path.clone());
+            }
+            if !self.contents.texts.contains_key(&named.path) {
+                let text: Arc<str> = named.text.as_str().into();
+                self.contents.texts.insert(named.path.clone(), text.clone());
+                self.saved.texts.insert(named.path.clone(), text);
+            }
+            self.add_texts(named);
+        }
+    }
+}
+
+/// The document's texts; for other paths, files and graphs that come with the program.
+struct Known<'t>(&'t Texts);
+
+impl Library for Known<'_> {
+    fn read(&self, path: &Path) -> io::Result<String> {
+        match self.0.get(&path.display().to_string()) {
+            Some(text) => Ok(text.to_string()),
+            None => fs::read_to_string(path),
+        }
+    }
+
+    fn shipped(&self, name: &str) -> Option<(String, String)> {
+        Shipped.shipped(name)
+    }
+
+    fn names(&self) -> Vec<String> {
+        Shipped.names()
+    }
+}
+
+/// The graphs that a graph file names: its parts, those of its changes, and its base.
+pub(super) fn named(file: &GraphFile) -> impl Iterator<Item = &GraphFile> {
+    let changes = file.base.iter();
+    let changed = changes
+        .flat_map(|changes| changes.parts.iter().map(|(_, part)| part).chain(changes.graph.as_deref()));
+    file.parts.iter().map(|(_, part)| part).chain(changed)
+}
+
+fn refused(why: &str) -> Problems {
+    Problem::new(GraphError::Invalid(why.into())).into()
 }
 
 /// Writes a file, whole or not at all.
@@ -348,24 +448,12 @@ pub fn write(path: &Path, text: &str) -> Result<(), Problems> {
     })
 }
 
-/// Copies to `texts` the texts of `file` and its parts that differ from `before`.
+/// Copies to `texts` the texts of `file`, its parts and its base that differ from `before`.
 fn take_changed(file: &GraphFile, before: &Texts, texts: &mut Texts) {
     if before.get(&file.path).is_none_or(|text| **text != *file.text) {
         texts.insert(file.path.clone(), file.text.as_str().into());
     }
-    for (_, part) in &file.parts {
-        take_changed(part, before, texts);
-    }
-}
-
-/// Adds the texts of parts that were read for the first time, as saved.
-fn add_parts(file: &GraphFile, texts: &mut Texts, saved: &mut Texts) {
-    for (_, part) in &file.parts {
-        if !texts.contains_key(&part.path) {
-            let text: Arc<str> = part.text.as_str().into();
-            texts.insert(part.path.clone(), text.clone());
-            saved.insert(part.path.clone(), text);
-        }
-        add_parts(part, texts, saved);
+    for named in named(file) {
+        take_changed(named, before, texts);
     }
 }

@@ -2,13 +2,13 @@
 
 use std::{fs, path::Path};
 
-use epigraph_core::{GraphError, GraphFile, Place, Problem, Problems, handed};
+use epigraph::graphs::Shipped;
+use epigraph_core::{
+    Changes, GraphError, GraphFile, NodeDef, Origin, ParamDef, Place, Problem, Problems, Span, Spanned,
+    handed, moved_path, names_file, relative,
+};
 
-use super::{Contents, Document, Places, places, write};
-use crate::files::relative;
-
-/// Kinds of stage that name a file, and the parameter that holds the name.
-const REFERENCES: [(&str, &str); 2] = [("graph", "file"), ("wgsl", "shader")];
+use super::{Contents, Document, Places, places, refused, write};
 
 impl Document {
     /// Writes a copy of a graph file, which refers to the same files, to another path and opens it.
@@ -16,15 +16,27 @@ impl Document {
     /// # Errors
     /// The graph has problems, the file exists already, or it cannot be written.
     pub fn copy(source: &Path, path: &Path) -> Result<Self, Problems> {
-        let text = moved(&GraphFile::load(source)?, path);
-        if path.exists() {
-            let cause = "the file exists already; choose another name";
-            let error = GraphError::Io { action: "write", cause: cause.into() };
-            return Err(Problem::new(error).at(Place::file(&path.display().to_string())).into());
-        }
+        let text = moved(&GraphFile::load_with(source, &Shipped)?, path);
+        require_new(path)?;
         write(path, &text)?;
         // An unusable layout is not copied.
         if let Ok(found) = places::read(&source.display().to_string()) {
+            write_places(path, &found)?;
+        }
+        Self::open(path)
+    }
+
+    /// Writes a graph file that has `base` as its base and no changes yet, and opens it.
+    ///
+    /// # Errors
+    /// The base has problems, the file exists already, or it cannot be written.
+    pub fn new_change(base: &Path, path: &Path) -> Result<Self, Problems> {
+        GraphFile::load_with(base, &Shipped)?.whole()?;
+        require_new(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let leads = relative(folder, base).display().to_string().replace('\\', "/");
+        write(path, &format!("Graph(\n    version: 1,\n    base: {leads:?},\n)\n"))?;
+        if let Ok(found) = places::read(&base.display().to_string()) {
             write_places(path, &found)?;
         }
         Self::open(path)
@@ -78,8 +90,14 @@ impl Document {
     }
 }
 
-fn refused(why: &str) -> Problems {
-    Problem::new(GraphError::Invalid(why.into())).into()
+/// Reports a file that exists.
+fn require_new(path: &Path) -> Result<(), Problems> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let cause = "the file exists already; choose another name";
+    let error = GraphError::Io { action: "write", cause: cause.into() };
+    Err(Problem::new(error).at(Place::file(&path.display().to_string())).into())
 }
 
 /// Writes the layout of a graph, unless it is empty.
@@ -92,32 +110,55 @@ fn write_places(graph: &Path, places: &Places) -> Result<(), Problems> {
 fn moved(file: &GraphFile, path: &Path) -> String {
     let folder = |path: &Path| path.parent().unwrap_or(Path::new("")).to_owned();
     let (from, to) = (folder(Path::new(&file.path)), folder(path));
-    let mut names = Vec::new();
-    for node in &file.nodes {
-        for (_, param) in REFERENCES.iter().filter(|(kind, _)| node.kind.value == *kind) {
-            names.extend(node.params.iter().filter(|def| def.name.value == *param).map(|def| &def.value));
+    let changes = file.base.as_ref();
+    let (replaced, parts) = changes.map_or((&[][..], &[][..]), |changes| (&changes.replace, &changes.parts));
+    // A graph that comes with the program has no path.
+    let is_shipped = |node: &NodeDef| {
+        let mut parts = file.parts.iter().chain(parts);
+        parts.any(|(part, graph)| *part == node.name.value && graph.origin == Origin::Shipped)
+    };
+    let mut names: Vec<&Spanned<String>> = Vec::new();
+    for node in file.nodes.iter().chain(replaced) {
+        if !is_shipped(node) {
+            names.extend(files(node).map(|def| &def.value));
         }
-        let set = node.set.iter().flat_map(|(_, params)| params);
-        let is_file = |name: &str| REFERENCES.iter().any(|(_, param)| name == *param);
-        names.extend(set.filter(|def| is_file(&def.name.value)).map(|def| &def.value));
+    }
+    // What is set for a node elsewhere is a shader: the file of a part cannot be set so.
+    let set = file.nodes.iter().chain(replaced).flat_map(|node| &node.set);
+    for (_, params) in set.chain(changes.into_iter().flat_map(|changes| &changes.set)) {
+        names.extend(params.iter().filter(|def| names_file("wgsl", &def.name.value)).map(|def| &def.value));
     }
     // A parameter of the graph that names a file does so in its default.
-    let default = |name: &String| file.param(name).map(|param| &param.default);
-    let defaults: Vec<_> = names.iter().filter_map(|name| default(&handed(&name.value)?)).collect();
-    names.extend(defaults);
+    let whole = file.whole();
+    let nodes = whole.as_ref().map_or(&file.nodes, |whole| &whole.nodes);
+    let handed = nodes.iter().flat_map(files).filter_map(|def| handed(&def.value.value));
+    names.extend(handed.filter_map(|name| file.param(&name)).map(|param| &param.default));
+
+    let mut moved: Vec<(Span, String)> =
+        names.iter().filter_map(|name| Some((name.span, moved_path(&name.value, &from, &to)?))).collect();
+    if let Some(changes) = changes.filter(|changes| is_file(changes)) {
+        let base = format!("{:?}", changes.base.value);
+        moved.extend(moved_path(&base, &from, &to).map(|text| (changes.base.span, text)));
+    }
     // Replace from the end, so that the earlier spans stay valid; each once.
-    names.sort_by_key(|name| std::cmp::Reverse(name.span.start));
-    names.dedup_by_key(|name| name.span.start);
+    moved.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+    moved.dedup_by_key(|(span, _)| span.start);
     let mut text = file.text.clone();
-    for name in names {
-        if let Ok(named) = ron::from_str::<String>(&name.value) {
-            let leads = relative(&to, &from.join(&named)).display().to_string().replace('\\', "/");
-            if leads != named {
-                text.replace_range(name.span.start..name.span.end, &format!("{leads:?}"));
-            }
-        }
+    for (span, leads) in moved {
+        text.replace_range(span.start..span.end, &leads);
     }
     text
+}
+
+/// The parameters of a node that name files.
+fn files(node: &NodeDef) -> impl Iterator<Item = &ParamDef> {
+    let kind = &node.kind.value;
+    node.params.iter().filter(move |def| names_file(kind, &def.name.value))
+}
+
+/// Whether the base is a file, which has a path; not a graph that comes with the program.
+fn is_file(changes: &Changes) -> bool {
+    changes.graph.as_ref().is_some_and(|base| base.origin == Origin::File)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use epigraph_core::{GraphError, GraphFile, Problem, Problems, Source};
 
-use super::home;
+use super::{INPUTS, home};
 
 /// Splits a node's address into the address of its part (empty for the graph itself) and its name.
 pub fn split(address: &str) -> (&str, &str) {
@@ -24,6 +24,18 @@ pub fn part_of<'a>(file: &GraphFile, address: &'a str) -> &'a str {
     part
 }
 
+/// The address of a node's part, as of [`part_of`], and the rest of its address. Unlike [`split`], it is right for names
+/// that contain slashes, as in a graph that was written out in full. The graph must have no base.
+pub fn place<'a>(file: &GraphFile, address: &'a str) -> (&'a str, &'a str) {
+    let part = part_of(file, address);
+    (part, inside(address, part))
+}
+
+/// The rest of an address within a part.
+fn inside<'a>(address: &'a str, part: &str) -> &'a str {
+    within(address, part).filter(|_| !part.is_empty()).map_or(address, |inner| inner.trim_start_matches('/'))
+}
+
 /// The rest of an address after that of `node`: empty for the node itself, `/...` for nodes in it, `None` for others.
 pub fn within<'a>(address: &'a str, node: &str) -> Option<&'a str> {
     address.strip_prefix(node).filter(|inner| inner.is_empty() || inner.starts_with('/'))
@@ -34,21 +46,67 @@ pub fn join(part: &str, name: &str) -> String {
     if part.is_empty() { name.to_owned() } else { format!("{part}/{name}") }
 }
 
-/// The graph, or the part at this address.
+/// The graph, or the part at this address, of a graph without a base.
 pub fn scope<'f>(file: &'f GraphFile, part: &str) -> Option<&'f GraphFile> {
     part.split('/')
         .filter(|name| !name.is_empty())
         .try_fold(file, |file, name| file.parts.iter().find(|(part, _)| part == name).map(|(_, part)| part))
 }
 
-/// Like [`scope`], but mutable.
+/// The graph, or the part at this address, to add nodes to.
 ///
 /// # Errors
-/// [`GraphError::Unknown`] part.
-pub fn scope_mut<'f>(file: &'f mut GraphFile, part: &str) -> Result<&'f mut GraphFile, Problems> {
+/// [`GraphError::Unknown`] part, or the part belongs to the base.
+fn scope_mut<'f>(file: &'f mut GraphFile, part: &str) -> Result<&'f mut GraphFile, Problems> {
     // `home` returns the file of any name in the part, even an empty one.
     let within = if part.is_empty() { String::new() } else { join(part, "") };
-    home(file, &within).map(|(file, _)| file)
+    let (file, name) = home(file, &within)?;
+    if name.is_empty() {
+        return Ok(file);
+    }
+    let text = "this part belongs to the base, and a change cannot add nodes to it; add them to the graph itself, or \
+                replace the file of the part";
+    Err(Problem::new(GraphError::Invalid(text.into())).node(part).into())
+}
+
+/// Connects an input of a node, or an output, in the graph or in the part at this address; `None` disconnects. `source`
+/// is a port by its name in that file.
+///
+/// # Errors
+/// Those of core's edits, or a change to a base cannot express the connection.
+pub fn connect(file: &mut GraphFile, part: &str, to: End, source: Option<&Source>) -> Result<(), Problems> {
+    let whole = file.whole()?.into_owned();
+    let (node, port) = match to {
+        End::Input(node, port) => (Some(node), port),
+        End::Output(port) => (None, port),
+    };
+    let within = join(part, node.unwrap_or_default());
+    let (file, name) = home(file, &within)?;
+    if !file.is_change() || part.is_empty() {
+        return match node {
+            Some(_) => file.set_input(name, port, source),
+            None => file.set_output(port, source),
+        };
+    }
+    let refuse = |text: &str| Problems::from(Problem::new(GraphError::Invalid(text.into())).node(part));
+    let node =
+        node.ok_or_else(|| refuse("this part belongs to the base, and a change cannot connect its outputs"))?;
+    let source = source.map(|source| match source.node.as_str() {
+        INPUTS => whole
+            .wire_into(part, &source.port)
+            .ok_or_else(|| refuse("this input of the part is not connected")),
+        name => Ok(Source { node: join(part, name), port: source.port.clone() }),
+    });
+    file.set_input(&join(part, node), port, source.transpose()?.as_ref())
+}
+
+/// Where a wire ends.
+#[derive(Clone, Copy)]
+pub enum End<'a> {
+    /// At an input: the node's name and the port.
+    Input(&'a str, &'a str),
+    /// At an output of the graph or part.
+    Output(&'a str),
 }
 
 /// `wanted`, or if that is taken, the same with the first free number: `fill`, `fill2`, `fill3` ...
@@ -64,9 +122,8 @@ pub fn free_name(file: &GraphFile, wanted: &str) -> String {
 /// # Errors
 /// Those of core's edits.
 pub fn add(file: &mut GraphFile, part: &str, kind: &str) -> Result<String, Problems> {
-    let scope = scope_mut(file, part)?;
-    let name = free_name(scope, kind);
-    scope.add_node(&name, kind)?;
+    let name = free_name(scope(&*file.whole()?, part).unwrap_or(file), kind);
+    scope_mut(file, part)?.add_node(&name, kind)?;
     Ok(join(part, &name))
 }
 
@@ -76,30 +133,28 @@ pub fn add(file: &mut GraphFile, part: &str, kind: &str) -> Result<String, Probl
 /// # Errors
 /// Those of core's edits.
 pub fn duplicate(file: &mut GraphFile, addresses: &[String]) -> Result<Vec<String>, Problems> {
-    let Some(part) = addresses.first().map(|address| split(address).0) else { return Ok(Vec::new()) };
-    let scope = scope_mut(file, part)?;
+    let Some(first) = addresses.first() else { return Ok(Vec::new()) };
+    let part = part_of(&*file.whole()?, first);
     let mut copies: BTreeMap<&str, String> = BTreeMap::new();
     for address in addresses {
-        let name = split(address).1;
-        let copy = free_name(scope, name);
-        scope.copy_node(name, &copy)?;
+        let name = inside(address, part);
+        let copy = free_name(scope(&*file.whole()?, part).unwrap_or(file), name);
+        scope_mut(file, part)?.copy_node(name, &copy)?;
         copies.insert(name, copy);
     }
+    let scope = scope_mut(file, part)?;
     for copy in copies.values() {
         let inputs = scope.node(copy).map(|node| node.inputs.clone()).unwrap_or_default();
         for input in inputs {
             let from = &input.from.value;
-            let (node, inner) = from
-                .node
-                .split_once('/')
-                .map_or((from.node.as_str(), None), |(node, inner)| (node, Some(inner)));
-            let Some(node) = copies.get(node) else { continue };
-            let node = inner.map_or(node.clone(), |inner| format!("{node}/{inner}"));
+            let of_copy =
+                |(name, copy): (&&str, &String)| Some(format!("{copy}{}", within(&from.node, name)?));
+            let Some(node) = copies.iter().find_map(of_copy) else { continue };
             let source = Source { node, port: from.port.clone() };
             scope.set_input(copy, &input.port.value, Some(&source))?;
         }
     }
-    Ok(addresses.iter().filter_map(|address| Some(join(part, copies.get(split(address).1)?))).collect())
+    Ok(addresses.iter().filter_map(|address| Some(join(part, copies.get(inside(address, part))?))).collect())
 }
 
 /// Removes nodes, and all wires and outputs that read from them.
@@ -131,13 +186,15 @@ pub fn bypass(file: &mut GraphFile, addresses: &[String], bypass: bool) -> Resul
 /// # Errors
 /// Those of core's edits, or a graph that contains the node's part refers to the node by name.
 pub fn rename(file: &mut GraphFile, address: &str, name: &str) -> Result<String, Problems> {
-    let (part, old) = split(address);
+    let (part, old) = place(&*file.whole()?, address);
     if let Some(place) = mention(file, part, old) {
         let text = format!("{place} refers to it by name and would no longer find it");
         return Err(Problem::new(GraphError::Invalid(text)).node(address).into());
     }
-    scope_mut(file, part)?.rename_node(old, name)?;
-    Ok(join(part, name))
+    let renamed = join(part, name);
+    let (file, old) = home(file, address)?;
+    file.rename_node(old, name)?;
+    Ok(renamed)
 }
 
 /// The path of a graph that contains a part and refers to a node of it by name, in a wire or in a parameter that it

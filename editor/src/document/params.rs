@@ -29,7 +29,8 @@ fn set_text<'f>(node: &'f NodeDef, within: &str, param: &str) -> Option<&'f str>
     text_of(&set?.1, param)
 }
 
-/// The file that contains a node, the graph or a part, and the node's name in it.
+/// The file to edit for a node, the graph or a part, and the node's name in it. For a node of a base, that is the
+/// changing graph and the node's address.
 ///
 /// # Errors
 /// [`GraphError::Unknown`] part.
@@ -37,31 +38,46 @@ pub fn home<'f, 'a>(
     file: &'f mut GraphFile,
     address: &'a str,
 ) -> Result<(&'f mut GraphFile, &'a str), Problems> {
-    if file.node(address).is_some() {
-        return Ok((file, address));
-    }
-    let Some((name, inner)) = address.split_once('/') else { return Ok((file, address)) };
+    let Some((node, _, rest)) = file.enter(address) else {
+        // A node of the base, or one that the edit reports as missing.
+        return match address.split_once('/') {
+            Some((name, _)) if !file.is_change() => Err(no_part(file, name)),
+            _ => Ok((file, address)),
+        };
+    };
     // All copies of a repeated node stand there as one.
-    let inner = match file.enter(address) {
-        Some((_, _, None)) => return Ok((file, name)),
-        Some((_, _, Some(rest))) => rest,
-        None => inner,
-    };
-    let Some(index) = file.parts.iter().position(|(part, _)| part == name) else {
-        let known = file.parts.iter().map(|(part, _)| part);
-        return Err(Problem::new(GraphError::unknown("part", name, known)).into());
-    };
-    home(&mut file.parts[index].1, inner)
+    let name = &address[..node.name.value.len()];
+    let Some(rest) = rest else { return Ok((file, name)) };
+    match file.parts.iter().position(|(part, _)| part == name) {
+        Some(part) => home(&mut file.parts[part].1, rest),
+        None => Err(no_part(file, name)),
+    }
+}
+
+fn no_part(file: &GraphFile, name: &str) -> Problems {
+    let known = file.parts.iter().map(|(part, _)| part);
+    Problem::new(GraphError::unknown("part", name, known)).into()
 }
 
 /// Resets a parameter to its default: removes it from the node. If an outer graph sets it for a node of a part, sets it to
 /// `default` there. If it is set over a parameter of the part's graph, or for a single copy of a repeated node, removes it
-/// there, so that the value of all the others applies again.
+/// there, so that the value of all the others applies again. What a change to a base sets is removed, so that the base's
+/// value applies again; if the base's own value is another than the default, the change sets the default.
 ///
 /// # Errors
 /// Those of [`GraphFile::remove_param`], [`GraphFile::unset_param`] and [`GraphFile::set_param`].
 pub fn remove_param(file: &mut GraphFile, address: &str, param: &str, default: &str) -> Result<(), Problems> {
-    let Some((node, copy, rest)) = file.enter(address) else { return file.remove_param(address, param) };
+    if file.is_change() && file.remove_param(address, param).is_ok() {
+        return Ok(());
+    }
+    let Some((node, copy, rest)) = file.enter(address) else {
+        let differs = file.is_change()
+            && param_text(&*file.whole()?, address, param).is_some_and(|text| text != default);
+        return match differs {
+            true => file.set_param(address, param, default),
+            false => file.remove_param(address, param),
+        };
+    };
     let name = node.name.value.clone();
     let within = address[name.len()..].trim_start_matches('/');
     let part = file.parts.iter().position(|(part, _)| *part == name);

@@ -95,7 +95,7 @@ pub fn pins(file: &GraphFile, node: &NodeDef, registry: &Registry) -> [Vec<Pin>;
     let outputs = file.outputs.iter().map(|output| &output.from.value);
     for source in wires.chain(outputs) {
         match source.node.split_once('/') {
-            None if source.node == node.name.value => add(&mut pins[1], &source.port),
+            _ if source.node == node.name.value => add(&mut pins[1], &source.port),
             Some((outer, inner)) if outer == node.name.value => {
                 let name = format!("{inner}.{}", source.port);
                 if pins[1].iter().all(|pin| pin.name != name) {

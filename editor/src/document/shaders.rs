@@ -70,10 +70,10 @@ impl Document {
     }
 
     /// Finds the shader files of a graph.
-    pub(super) fn find_shaders(&mut self, file: &GraphFile) {
+    pub(super) fn find_shaders(&mut self, file: &GraphFile, whole: &GraphFile) {
         let own = file.shaders().into_iter().map(|(node, path)| (node, name(&path)));
         self.shaders.of_nodes = own.collect();
-        add_stages(file, "", &self.sources.kinds, &mut self.shaders.of_nodes);
+        add_stages(whole, "", &self.sources.kinds, &mut self.shaders.of_nodes);
         self.add_shaders();
     }
 

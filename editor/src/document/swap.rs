@@ -41,7 +41,9 @@ pub fn fitting(file: &GraphFile, address: &str, registry: &Registry) -> Vec<&'st
 pub fn swap(file: &mut GraphFile, address: &str, kind: &str, registry: &Registry) -> Result<(), Problems> {
     let (file, name) = home(file, address)?;
     file.set_kind(name, kind)?;
-    let (Some(kind), Some(node)) = (registry.get(kind), file.node(name).cloned()) else { return Ok(()) };
+    let replaced = file.base.iter().flat_map(|changes| &changes.replace);
+    let node = file.nodes.iter().chain(replaced).find(|node| node.name.value == name).cloned();
+    let (Some(kind), Some(node)) = (registry.get(kind), node) else { return Ok(()) };
     let specs = kind.specs();
     for param in &node.params {
         if specs.iter().all(|spec| spec.name != param.name.value) {
@@ -55,7 +57,9 @@ pub fn swap(file: &mut GraphFile, address: &str, kind: &str, registry: &Registry
             file.set_input(name, &input.port.value, None)?;
         }
     }
-    let wired = |port: &Port| node.inputs.iter().any(|input| input.port.value == port.name);
+    // A node that replaces one of a base keeps its wires.
+    let whole = file.whole()?.into_owned();
+    let wired = |port: &Port| whole.wire_into(name, &port.name).is_some();
     let needed = |port: &&Port| port.access == Access::History && !port.optional && !wired(port);
     for port in declared.ports.iter().filter(needed) {
         let mut fits = declared.ports.iter().filter(|own| own.is_output() && own.fields == port.fields);

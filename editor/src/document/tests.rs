@@ -62,7 +62,7 @@ fn addresses(file: &GraphFile, prefix: &str) -> Vec<(String, String)> {
 /// Makes a random edit; many fail.
 pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
     let registry = epigraph_stages::registry();
-    let Some(file) = document.file().cloned() else { return };
+    let Some(file) = document.whole().cloned() else { return };
     let nodes = addresses(&file, "");
     let own: Vec<String> = file.nodes.iter().map(|node| node.name.value.clone()).collect();
     let (Some((address, kind)), Some(node), Some(other)) =
@@ -435,4 +435,210 @@ fn a_node_that_an_outer_graph_refers_to_cannot_be_renamed() {
     assert!(!document.is_dirty());
     let free = nodes::free_name(document.file().unwrap(), "c");
     assert_eq!(free, "c2");
+}
+
+/// A graph that changes the edge-and-point image, in a folder.
+fn change(folder: &Path) -> Document {
+    let path = folder.join("change.ron");
+    let text = "Graph(\n    version: 1,\n    base: \"epi\", // why\n    set: { \"interpolate\": (sigma: 0.5) },\n)\n";
+    fs::write(&path, text).unwrap();
+    let document = Document::open(&path).unwrap();
+    assert_eq!(document.problems(), []);
+    document
+}
+
+#[test]
+fn a_change_is_shown_whole_and_edited_as_a_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = change(folder.path());
+    assert!(document.file().unwrap().nodes.is_empty());
+    let whole = document.whole().unwrap();
+    assert!(whole.node_at("view/cull").is_some() && whole.base.is_none());
+    assert_eq!(param_text(whole, "interpolate", "sigma"), Some("0.5"));
+    assert_eq!(document.base(), Some("epi"));
+
+    document.edit(Tag::Once, |file| file.set_param("view/cull", "threshold", "0.2")).unwrap();
+    // Without the change the base's own value applies; over that, the stage's default is written.
+    for expected in ["0.7", "0.5", "0.7", "0.5"] {
+        document.edit(Tag::Once, |file| remove_param(file, "interpolate", "sigma", "0.5")).unwrap();
+        assert_eq!(param_text(document.whole().unwrap(), "interpolate", "sigma"), Some(expected));
+    }
+    let source = "spread.color".parse().unwrap();
+    let end = nodes::End::Input("tonemap", "color");
+    document.edit(Tag::Once, |file| nodes::connect(file, "", end, Some(&source))).unwrap();
+    // In a part of the base: ports as the part names them.
+    for (from, written) in [("project.depth", "view/project.depth"), ("inputs.cloud", "cloud.cloud")] {
+        let end = nodes::End::Input("cull", "depth");
+        let from = from.parse().unwrap();
+        document.edit(Tag::Once, |file| nodes::connect(file, "view", end, Some(&from))).unwrap();
+        let held = document.text(document.path()).contains(&format!("\"view/cull.depth\": \"{written}\""));
+        assert_eq!(held, written != "view/project.depth", "as in the base, it is no change");
+    }
+    let told: Vec<String> =
+        document.differences().iter().map(|found| format!("{} {}", found.node, found.what)).collect();
+    let expected = [
+        "tonemap color takes spread.color",
+        "view/cull depth takes cloud.cloud",
+        "view/cull threshold: 0.2",
+        "interpolate sigma: 0.5",
+    ];
+    assert_eq!(told, expected);
+    assert_eq!(document.differences_of("view").count(), 2);
+    document.edit(Tag::Once, |file| file.restore_node("view/cull")).unwrap();
+    assert_eq!(document.differences_of("view").count(), 0);
+
+    // Another stage keeps the wires that it has too; what it needs from the frame before comes from itself.
+    let registry = epigraph_stages::registry();
+    document.edit(Tag::Once, |file| swap(file, "interpolate", "fill", &registry)).unwrap();
+    let text = document.text(document.path());
+    assert!(text.contains(r#""interpolate": (kind: "fill")"#), "{text}");
+    let whole = document.whole().unwrap();
+    let wire = |port: &str| whole.wire_into("interpolate", port).map(|from| from.to_string());
+    assert_eq!(wire("cloud").as_deref(), Some("cloud.cloud"));
+    assert_eq!(wire("previous").as_deref(), Some("interpolate.color"));
+    document.undo();
+
+    // What a change cannot do is told.
+    for refused in [
+        document.edit(Tag::Once, |file| nodes::remove(file, &["fill".into(), "spread".into()])),
+        document.edit(Tag::Once, |file| nodes::remove(file, &["spread".into()])),
+        document.edit(Tag::Once, |file| nodes::add(file, "view", "fill").map(drop)),
+        document.edit(Tag::Once, |file| nodes::duplicate(file, &["view/cull".into()]).map(drop)),
+        document.edit(Tag::Once, |file| nodes::rename(file, "spread", "other").map(drop)),
+        document.edit(Tag::Once, |file| nodes::connect(file, "view", nodes::End::Output("depth"), None)),
+    ] {
+        let text = refused.unwrap_err().to_string();
+        assert!(text.contains("a change cannot") || text.contains("unknown node `fill`"), "{text}");
+    }
+}
+
+#[test]
+fn texts_that_come_with_the_program_stay_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = change(folder.path());
+    let paths: Vec<String> = document.paths().map(Into::into).collect();
+    let fixed: Vec<&String> = paths.iter().filter(|path| document.is_fixed(path)).collect();
+    assert_eq!(
+        fixed,
+        ["graphs/epi.ron", "graphs/parts/cloud.ron", "graphs/parts/edges.ron", "graphs/parts/view.ron"]
+    );
+    let before = document.text("graphs/epi.ron").to_owned();
+    document.type_text("graphs/epi.ron", "");
+    assert_eq!(document.text("graphs/epi.ron"), before);
+    assert!(!document.refresh() && !document.is_dirty() && !document.can_undo());
+    document.edit(Tag::Once, |file| file.set_param("spread", "rounds", "3")).unwrap();
+    document.save().unwrap();
+    assert!(fs::read_to_string(document.path()).unwrap().contains("\"spread\": (rounds: 3)"));
+    assert!(!Path::new("graphs").exists());
+}
+
+#[test]
+fn undoing_random_edits_of_a_change_gives_back_every_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = change(folder.path());
+    let opened = document.contents.texts.clone();
+    let mut random = Random(12);
+    let mut changed = 0;
+    for _ in 0..600 {
+        random_edit(&mut document, &mut random);
+        assert_eq!(document.text("graphs/epi.ron"), &*opened["graphs/epi.ron"]);
+        changed = changed.max(document.differences().len());
+        // Whatever was done, the text that is there is read again as it is.
+        let file = document.file().unwrap();
+        let again = GraphFile::load_with(Path::new(&file.path), &Known(&document.contents.texts)).unwrap();
+        assert_eq!(again.text, file.text);
+        again.whole().unwrap();
+    }
+    assert!(document.past.len() > 150 && changed > 10, "{} edits, {changed} changes", document.past.len());
+    while document.can_undo() {
+        document.undo();
+    }
+    for (path, text) in &opened {
+        assert_eq!(document.text(path), &**text, "{path}");
+    }
+    assert!(!document.is_dirty());
+}
+
+#[test]
+fn a_change_goes_to_another_folder_and_out_in_full() {
+    let folder = tempfile::tempdir().unwrap();
+    let graphs = shipped(folder.path());
+    let epi = graphs.iter().find(|path| path.ends_with("epi.ron")).unwrap();
+    fs::write(folder.path().join("mine.wgsl"), "").unwrap();
+    fs::create_dir(folder.path().join("deep")).unwrap();
+    let registry = epigraph_stages::registry();
+
+    let mut document = Document::new_change(epi, &folder.path().join("change.ron")).unwrap();
+    assert!(document.text(document.path()).contains("base: \"epi.ron\""));
+    assert!(Document::new_change(epi, &folder.path().join("change.ron")).is_err(), "it is there already");
+    document
+        .edit(Tag::Once, |file| {
+            file.set_kind("spread", "wgsl")?;
+            file.set_param("spread", "shader", "\"mine.wgsl\"")?;
+            file.set_param("interpolate", "sigma", "0.5")
+        })
+        .unwrap();
+    document.save().unwrap();
+    document.save_as(&folder.path().join("deep/change.ron")).unwrap();
+    assert_eq!(document.problems(), []);
+    let text = document.text(document.path());
+    assert!(text.contains("base: \"../epi.ron\"") && text.contains("shader: \"../mine.wgsl\""), "{text}");
+    // A base that is a file may be edited in its text.
+    let base = folder.path().join("deep/../epi.ron").display().to_string();
+    assert!(!document.is_fixed(&base), "{:?}", document.paths().collect::<Vec<_>>());
+    let typed = document.text(&base).replace("rounds: 8", "rounds: 9");
+    document.type_text(&base, &typed);
+    assert_eq!(document.problems(), []);
+
+    document.edit(Tag::Once, |file| file.restore_node("spread")).unwrap();
+    let path = folder.path().join("full.ron");
+    write(&path, &document.full(&path, &registry).unwrap()).unwrap();
+    let mut full = Document::open(&path).unwrap();
+    assert_eq!((full.problems().len(), full.base()), (0, None));
+    assert_eq!(param_text(full.whole().unwrap(), "spread", "rounds"), Some("9"));
+    // Names with slashes are names like any other.
+    full.edit(Tag::Once, |file| {
+        file.set_param("view/cull", "threshold", "0.3")?;
+        assert_eq!(nodes::rename(file, "view/cull", "sieve")?, "sieve");
+        assert_eq!(
+            nodes::duplicate(file, &["view/project".into(), "sieve".into()])?,
+            ["view/project2", "sieve2"]
+        );
+        nodes::connect(file, "", nodes::End::Input("sieve2", "id"), Some(&"view/project.id".parse().unwrap()))
+    })
+    .unwrap();
+    let file = full.file().unwrap();
+    assert_eq!(param_text(file, "sieve", "threshold"), Some("0.3"));
+    let wire = |node: &str| {
+        file.node(node).unwrap().inputs.iter().find(|input| input.port.value == "depth").cloned()
+    };
+    assert_eq!(wire("sieve2").unwrap().from.value.to_string(), "view/project2.depth");
+    assert_eq!(wire("sieve").unwrap().from.value.to_string(), "view/project.depth");
+}
+
+#[test]
+fn every_graph_and_experiment_opens_whole() {
+    let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+    let registry = epigraph_stages::registry();
+    let (mut opened, mut changes) = (0, 0);
+    for folder in [graphs.clone(), graphs.join("experiments")] {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|extension| extension != "ron") {
+                continue;
+            }
+            let document = Document::open(&path).unwrap();
+            assert_eq!(document.problems(), [], "{}", path.display());
+            let whole = document.whole().unwrap();
+            assert!(!whole.is_change() && whole.nodes.len() > 2, "{}", path.display());
+            assert_eq!(document.base().is_some(), !document.differences().is_empty(), "{}", path.display());
+            changes += document.differences().len();
+            opened += 1;
+            // Beside the graph, the whole is the same graph.
+            let full = document.full(&path, &registry).unwrap();
+            let full = GraphFile::parse("full.ron", &full).unwrap();
+            assert!(!full.is_change() && full.nodes.len() >= whole.nodes.len(), "{}", path.display());
+        }
+    }
+    assert!(opened >= 12 && changes >= 8, "{opened} opened, {changes} changes");
 }

@@ -69,6 +69,12 @@ fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {
         if !node.name.ends_with(&node.kind) {
             ui.weak(&node.kind);
         }
+        let changes: Vec<String> =
+            session.document.differences_of(&node.name).map(|found| found.what.to_string()).collect();
+        if !changes.is_empty() {
+            let text = RichText::new("changed").small().color(theme::palette(ui).changed);
+            ui.label(text).on_hover_text(changes.join("; "));
+        }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             if let Some(ms) = graph.node_ms(&node.name, &session.state.times) {
                 ui.weak(format!("{ms:.2} ms"));

@@ -4,12 +4,14 @@
 use std::sync::Arc;
 
 use egui::{
-    Checkbox, ComboBox, DragValue, Grid, Response, RichText, ScrollArea, Slider, SliderClamping, TextEdit, Ui,
+    Button, Checkbox, ComboBox, DragValue, Grid, Response, RichText, ScrollArea, Slider, SliderClamping,
+    TextEdit, Ui,
 };
-use epigraph_core::{GraphFile, NodeDef, ParamKind, ParamSpec, Side, handed};
+use epigraph_core::{Changed, GraphFile, NodeDef, ParamKind, ParamSpec, Side, handed};
 
 use crate::{
     document::{Tag, fitting, home, nodes, param_text, remove_param, swap},
+    files::short,
     intent::{Intent, Jump},
     session::Session,
     theme,
@@ -20,7 +22,7 @@ const WIDEST: f64 = 1e5;
 
 /// Shows it.
 pub fn show(ui: &mut Ui, session: &mut Session) {
-    let Some(file) = session.document.file().cloned() else { return };
+    let Some(file) = session.document.whole().cloned() else { return };
     let Some(address) = session.selected.clone() else {
         graph(ui, session, &file);
         return;
@@ -52,6 +54,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
             }
         });
         ui.weak(doc);
+        changes(ui, session, &address);
         ui.add_space(4.0);
         let broken = !session.document.problems().is_empty();
         ui.add_enabled_ui(!broken, |ui| {
@@ -81,6 +84,25 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
             ui.colored_label(theme::palette(ui).bad, "Fix the text first.");
         }
     });
+}
+
+/// The changes of the graph to a node of its base, and a button that removes them.
+fn changes(ui: &mut Ui, session: &mut Session, address: &str) {
+    let document = &session.document;
+    let own: Vec<_> = document.differences().iter().filter(|found| found.node == address).collect();
+    let (Some(base), false) = (document.base(), own.is_empty()) else { return };
+    let words: Vec<String> = own.iter().map(|found| found.what.to_string()).collect();
+    let is_new = own.iter().any(|found| found.what == Changed::Added);
+    let text = format!("Changed from {}: {}", short(base), words.join("; "));
+    let mut restored = false;
+    ui.horizontal_wrapped(|ui| {
+        ui.colored_label(theme::palette(ui).changed, text);
+        let button = ui.add_enabled(!is_new, Button::new("As in the base").small());
+        restored = button.on_hover_text("Removes the changes to this node from the file").clicked();
+    });
+    if restored {
+        session.edit(Tag::Once, |file| file.restore_node(address));
+    }
 }
 
 /// The parameters of the graph itself.
@@ -174,6 +196,16 @@ impl Owner {
         }
     }
 
+    /// Whether the graph gives the parameter another value than its base.
+    fn differs(&self, session: &Session, spec: &ParamSpec) -> bool {
+        let node = match self {
+            Self::Node(address) => &address[..],
+            Self::Graph => "",
+        };
+        let mut changes = session.document.differences().iter().filter(|found| found.node == node);
+        changes.any(|found| matches!(&found.what, Changed::Set(param, _) if *param == spec.name))
+    }
+
     /// Sets the parameter; changes made one after the other are one step back.
     fn set(&self, session: &mut Session, spec: &ParamSpec, value: &str) {
         let address = match self {
@@ -189,8 +221,9 @@ impl Owner {
 
 fn parameter(ui: &mut Ui, session: &mut Session, file: &GraphFile, owner: &Owner, spec: &ParamSpec) {
     let written = owner.text(file, spec);
+    let differs = owner.differs(session, spec);
     let name = RichText::new(&spec.name);
-    let label = ui.label(if written.is_some() { name.strong() } else { name });
+    let label = ui.label(if written.is_some() || differs { name.strong() } else { name });
     let label = label.on_hover_text(explain(spec));
     let mut value = written.unwrap_or(&spec.default).to_owned();
     let response = match (handed(&value), owner) {
@@ -205,10 +238,22 @@ fn parameter(ui: &mut Ui, session: &mut Session, file: &GraphFile, owner: &Owner
         session.document.seal();
     }
     ui.horizontal(|ui| {
-        if let Owner::Node(address) = owner
-            && reset(ui, spec, written.is_some()).clicked()
-        {
-            session.edit(Tag::Once, |file| remove_param(file, address, &spec.name, &spec.default));
+        match owner {
+            Owner::Node(address) => {
+                let then = match differs {
+                    true => "then the base's value applies".to_owned(),
+                    false => format!("the stage's default is {}", spec.default),
+                };
+                if reset(ui, spec, written.is_some(), &then).clicked() {
+                    session.edit(Tag::Once, |file| remove_param(file, address, &spec.name, &spec.default));
+                }
+            }
+            Owner::Graph if differs => {
+                if reset(ui, spec, true, "then the base's value applies").clicked() {
+                    session.edit(Tag::Once, |file| file.restore_param(&spec.name));
+                }
+            }
+            Owner::Graph => {}
         }
         ui.weak(&spec.unit);
     });
@@ -249,12 +294,12 @@ fn taken(
     .inner
 }
 
-/// Removes the parameter from the file.
-fn reset(ui: &mut Ui, spec: &ParamSpec, enabled: bool) -> Response {
-    let reset = ui.add_enabled(enabled, egui::Button::new("⟲").frame(false));
+/// Removes the parameter from the file; `then` says what applies then.
+fn reset(ui: &mut Ui, spec: &ParamSpec, enabled: bool, then: &str) -> Response {
+    let reset = ui.add_enabled(enabled, Button::new("⟲").frame(false));
     let name = format!("default of {}", spec.name);
     reset.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, enabled, &name));
-    reset.on_hover_text(format!("Remove it from the file; the stage's default is {}", spec.default))
+    reset.on_hover_text(format!("Remove it from the file; {then}"))
 }
 
 fn explain(spec: &ParamSpec) -> String {

@@ -508,3 +508,60 @@ fn while_a_wire_is_dragged_only_pins_that_fit_stay_bright() {
     key(&mut opened, Modifiers::NONE, Key::Escape);
     assert_eq!(opened.app().session.document.revision(), 0);
 }
+
+#[test]
+fn a_change_to_a_base_is_marked_edited_and_taken_back() {
+    let mut opened = Opened::new("experiments/blur.ron");
+    opened.click("Canvas");
+    opened.harness.run_steps(3);
+    assert_eq!(opened.app().session.document.problems(), []);
+    let marked = "node antialias, changed: in the place of antialias";
+    assert!(opened.harness.query_by_label_contains(marked).is_some());
+    assert!(opened.harness.query_by_label("node tonemap").is_some());
+    assert!(opened.harness.query_by_label("1 change to epi").is_some());
+
+    // A wire of the base's nodes.
+    let (from, to) = (at(&opened, "output spread.color"), at(&opened, "input tonemap.color"));
+    let before = opened.text().to_owned();
+    drag(&mut opened, from, to);
+    assert!(opened.text().contains("rewire: { \"tonemap.color\": \"spread.color\" }"), "{}", opened.text());
+    assert!(
+        opened.harness.query_by_label_contains("node tonemap, changed: color takes spread.color").is_some()
+    );
+    assert!(opened.harness.query_by_label("2 changes to epi").is_some());
+    undone(&mut opened, &before);
+
+    // Its nodes cannot be removed, and it says so; they can be bypassed.
+    let spread = at(&opened, "node spread");
+    clicks(&mut opened, spread, 1);
+    key(&mut opened, Modifiers::NONE, Key::Delete);
+    assert!(notice(&opened).contains("a change cannot remove it; bypass it"), "{}", notice(&opened));
+    assert_eq!(opened.text(), before);
+    key(&mut opened, Modifiers::NONE, Key::B);
+    assert!(opened.text().contains("bypass: true"), "{}", opened.text());
+
+    // Taken back from the parameters of the node.
+    assert!(opened.harness.query_by_label_contains("Changed from epi: in the place of spread").is_some());
+    opened.click("As in the base");
+    assert!(!opened.text().contains("spread"), "{}", opened.text());
+}
+
+#[test]
+fn a_change_is_listed_and_written_out_in_full() {
+    let mut opened = Opened::new("experiments/blur.ron");
+    opened.click("Canvas");
+    opened.harness.run_steps(3);
+    opened.click("1 change to epi");
+    opened.click("antialias: in the place of antialias");
+    opened.harness.run_steps(3);
+    assert_eq!(opened.app().session.selected.as_deref(), Some("antialias"));
+    opened.click("1 change to epi");
+    opened.click("Write out in full …");
+    opened.harness.run_steps(3);
+    opened.click("Write");
+    opened.harness.run_steps(3);
+    assert!(notice(&opened).contains("wrote the whole graph to"), "{}", notice(&opened));
+    let full = opened.path.with_file_name("blur-full.ron");
+    let text = std::fs::read_to_string(full).unwrap();
+    assert!(text.contains("\"view/cull\": (") && text.contains("shader: \"blur.wgsl\""), "{text}");
+}

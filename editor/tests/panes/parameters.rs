@@ -165,3 +165,40 @@ fn the_canvas_shows_a_row_as_one_node_with_its_count() {
     }
     assert_eq!(names(&opened).iter().filter(|name| name.starts_with("row/")).count(), 3);
 }
+
+#[test]
+fn parameters_of_a_base_are_set_in_the_change() {
+    let change = "Graph(\n    version: 1,\n    base: \"rows.ron\",\n)\n";
+    let mut opened = Opened::written(
+        "change.ron",
+        &[("change.ron", change), ("rows.ron", GRAPH), ("show.ron", SHOW), ("pale.wgsl", SHADER)],
+    );
+    opened.frames(2);
+    let with = |line: &str| change.replace(")\n", &format!("    {line},\n)\n"));
+    select(&mut opened, None);
+    fill(&mut opened, "light", "0.25");
+    assert_eq!(opened.text(), with(r#"params: { "light": (default: 0.25) }"#));
+    opened.until("its value", |app| {
+        let graph = app.session.state.graph.as_ref();
+        graph.and_then(|graph| graph.value("", "light")).is_some_and(|value| value == "0.25")
+    });
+    opened.click("default of light");
+    assert_eq!(opened.text(), with("params: {}"));
+    opened.click("Undo");
+    opened.click("Undo");
+    assert_eq!(opened.text(), change);
+
+    // One copy of a repeated node, and a part's parameter.
+    select(&mut opened, Some("row/1"));
+    type_over(&mut opened, "light", "0.75");
+    assert_eq!(opened.text(), with(r#"set: { "row/1": (light: 0.75) }"#));
+    select(&mut opened, Some("show"));
+    fill(&mut opened, "exposure", "1.5");
+    assert_eq!(opened.text(), with(r#"set: { "row/1": (light: 0.75), "show": (exposure: 1.5) }"#));
+    opened.click("default of exposure");
+    assert_eq!(opened.text(), with(r#"set: { "row/1": (light: 0.75) }"#));
+    opened.frames(1);
+    assert_eq!(opened.app().session.problems(), []);
+    let base = opened.folder().join("rows.ron").display().to_string();
+    assert_eq!(opened.app().session.document.text(&base), GRAPH);
+}

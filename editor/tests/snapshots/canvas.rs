@@ -1,5 +1,6 @@
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
+use epigraph_editor::document::Tag;
 
 use super::*;
 
@@ -16,4 +17,25 @@ fn the_canvas_and_a_part_of_it() {
     opened.harness.get_by_label("Nodes").hover();
     opened.harness.run_steps(3);
     compare(&mut opened, "canvas-part");
+}
+
+#[test]
+fn a_change_to_a_base_is_marked() {
+    let mut opened = window("experiments/blur.ron");
+    let source = "spread.color".parse().unwrap();
+    let document = &mut opened.harness.state_mut().session.document;
+    let edited = document.edit(Tag::Once, |file| {
+        // Without its shader, so that the picture does not name the GPU's driver.
+        file.restore_node("antialias")?;
+        file.set_input("tonemap", "color", Some(&source))?;
+        file.set_param("tonemap", "exposure", "1.0")?;
+        file.set_bypass("view/predict", true)
+    });
+    edited.unwrap();
+    opened.frames(1);
+    opened.click("Canvas");
+    opened.click("node tonemap, changed: color takes spread.color; exposure: 1.0");
+    opened.harness.get_by_label("Nodes").hover();
+    opened.harness.run_steps(3);
+    compare(&mut opened, "canvas-change");
 }

@@ -128,6 +128,46 @@ fn the_image_is_compared_with_another_graph() {
 }
 
 #[test]
+fn the_image_is_compared_with_a_variant_of_a_graph() {
+    let mut view = View::new([64, 48], false, 3);
+    view.click("Compare");
+    view.choose("held: image, frame 2", "another graph …");
+    let vary = |view: &mut View, changes: &str| {
+        view.opened.harness.get_by_label("Changes to the graph beside").focus();
+        view.settle();
+        view.opened.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        view.opened.harness.event(Event::Text(changes.into()));
+        view.settle();
+    };
+    vary(&mut view, "+tonemap.exposure=1.0");
+    view.figures(|figures| figures.flip > 0.1);
+    view.opened.until("the variant", |app| {
+        app.session
+            .state
+            .other
+            .as_ref()
+            .is_some_and(|other| other.path.ends_with("epi.ron +tonemap.exposure=1.0"))
+    });
+    // A shader in the place of a stage.
+    let shader = view.opened.folder().join("experiments/blur.wgsl");
+    vary(&mut view, &format!("+swap:antialias={}", shader.display()));
+    view.opened.until("the shader", |app| {
+        let graph = app.session.state.other.as_ref().and_then(|other| other.graph.as_ref());
+        graph.and_then(|graph| graph.node("antialias")).is_some_and(|node| node.kind == "wgsl")
+    });
+    view.opened.frames(2);
+    view.figures(|figures| figures.flip > 0.0);
+    assert_eq!(view.opened.app().session.beside.trouble(), None);
+    // What cannot be made is told.
+    vary(&mut view, "+interpolate.sigmo=1.0");
+    let told = |app: &epigraph_editor::app::App| {
+        let other = app.session.state.other.as_ref().and_then(|other| other.trouble.clone());
+        app.session.beside.trouble().or(other).is_some_and(|trouble| trouble.contains("did you mean `sigma`"))
+    };
+    view.opened.until("the mistake", told);
+}
+
+#[test]
 fn the_image_is_compared_with_a_file() {
     let mut view = View::new([64, 48], false, 3);
     let folder = tempfile::tempdir().unwrap();

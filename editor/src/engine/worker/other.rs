@@ -41,13 +41,12 @@ impl Worker {
             self.owed = self.owed.max(1);
         }
         match &mut self.other {
-            Some(other) if other.asked.file.path == asked.file.path => {
+            Some(other) if other.asked.file.name() == asked.file.name() => {
                 (other.asked, other.stale, other.failed) = (asked, true, false);
             }
             _ => {
                 let pacing = self.pacing();
-                self.state.other =
-                    Some(OtherState { path: asked.file.path.clone(), ..OtherState::default() });
+                self.state.other = Some(OtherState { path: asked.file.name(), ..OtherState::default() });
                 let host = host(&self.place, pacing);
                 self.other = Some(Other { asked, running: None, host, pacing, stale: true, failed: false });
             }

@@ -10,7 +10,11 @@ use super::{
     sight::Sight,
 };
 use crate::{
-    document::{Places, Tag, nodes, places},
+    document::{
+        Places, Tag,
+        nodes::{self, End},
+        places,
+    },
     session::Session,
 };
 
@@ -103,7 +107,8 @@ impl CanvasPane {
 
     /// Renames a node, with all references to it.
     pub(super) fn rename(&mut self, session: &mut Session, sight: &Sight, address: &str, name: &str) {
-        if nodes::split(address).1 == name {
+        let unchanged = session.document.whole().is_none_or(|file| nodes::place(file, address).1 == name);
+        if unchanged {
             return;
         }
         let mut renamed = String::new();
@@ -160,12 +165,13 @@ impl CanvasPane {
             if let (Some((address, output, pin)), Some(port)) = (&search.wire, port)
                 && let Some(at) = sight.model.pin(address, *output, &pin.name)
             {
-                let scope = nodes::scope_mut(file, &self.part)?;
                 if *output {
-                    scope.set_input(&name, port, Some(&sight.model.source(at)))?;
+                    let source = sight.model.source(at);
+                    nodes::connect(file, &self.part, End::Input(&name, port), Some(&source))?;
                 } else {
                     let source = Source { node: name, port: port.to_owned() };
-                    set_end(scope, &sight.model.blocks[at.block], &pin.name, Some(&source))?;
+                    let end = end(&sight.model.blocks[at.block], &pin.name);
+                    nodes::connect(file, &self.part, end, Some(&source))?;
                 }
             }
             settle(sight, places);
@@ -188,15 +194,14 @@ impl CanvasPane {
         let block = &sight.model.blocks[to.block];
         let port = sight.model.at(to).name.clone();
         session.edit(Tag::Once, |file| {
-            set_end(nodes::scope_mut(file, &sight.model.part)?, block, &port, Some(&source))
+            nodes::connect(file, &sight.model.part, end(block, &port), Some(&source))
         });
     }
 
     /// Removes the wire from an input.
     pub(super) fn disconnect(&mut self, session: &mut Session, sight: &Sight, address: &str, port: &str) {
         let Some(block) = sight.model.block(address).map(|index| &sight.model.blocks[index]) else { return };
-        session
-            .edit(Tag::Once, |file| set_end(nodes::scope_mut(file, &sight.model.part)?, block, port, None));
+        session.edit(Tag::Once, |file| nodes::connect(file, &sight.model.part, end(block, port), None));
     }
 
     /// Moves the end of a wire from one input to another, in one step.
@@ -213,22 +218,17 @@ impl CanvasPane {
         let source = sight.model.source(wire.from);
         let port = sight.model.at(to).name.clone();
         session.edit(Tag::Once, |file| {
-            let scope = nodes::scope_mut(file, &sight.model.part)?;
-            set_end(scope, &sight.model.blocks[old_pin.block], old.1, None)?;
-            set_end(scope, block, &port, Some(&source))
+            let part = &sight.model.part;
+            nodes::connect(file, part, end(&sight.model.blocks[old_pin.block], old.1), None)?;
+            nodes::connect(file, part, end(block, &port), Some(&source))
         });
     }
 }
 
-/// Sets the source of a node's input, or of an output of the graph.
-fn set_end(
-    file: &mut epigraph_core::GraphFile,
-    block: &Block,
-    port: &str,
-    source: Option<&Source>,
-) -> Result<(), epigraph_core::Problems> {
+/// The end of a wire at a pin of a block.
+fn end<'a>(block: &'a Block, port: &'a str) -> End<'a> {
     match block.role {
-        Role::Outputs => file.set_output(port, source),
-        _ => file.set_input(&block.name, port, source),
+        Role::Outputs => End::Output(port),
+        _ => End::Input(&block.name, port),
     }
 }

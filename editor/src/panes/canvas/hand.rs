@@ -23,6 +23,7 @@ use crate::{
     document::{Pin, Tag, nodes},
     intent::Intent,
     session::Session,
+    theme,
 };
 
 /// Zoom per point of scrolling, in doublings.
@@ -463,6 +464,9 @@ fn describe(block: &Block, facts: &Facts) -> String {
     if let Some(why) = &facts.why {
         words += &format!(", off: {why}");
     }
+    if !block.changes.is_empty() {
+        words += &format!(", changed: {}", block.changes.join("; "));
+    }
     words
 }
 
@@ -483,6 +487,10 @@ fn block_hint(ui: &mut Ui, block: &Block, facts: &Facts) {
     }
     if let Some(ms) = facts.ms {
         ui.weak(format!("{}, writes {}", milliseconds(ms), readable(facts.bytes)));
+    }
+    if !block.changes.is_empty() {
+        let text = format!("Changed from the base: {}", block.changes.join("; "));
+        ui.colored_label(theme::palette(ui).changed, text);
     }
     if block.role == Role::Part {
         ui.weak("Double click to open it");

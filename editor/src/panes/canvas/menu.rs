@@ -1,13 +1,15 @@
 //! The row above the canvas, and the context menu of a block.
 
 use egui::{Button, RichText, Ui};
-use epigraph_core::Side;
+use epigraph_core::{Difference, Side};
 
 use super::{CanvasPane, model::Role, sight::Sight};
 use crate::{
-    document::{Tag, fitting, home, nodes, swap, write},
+    document::{Tag, fitting, home, swap, write},
     files::short,
+    intent::{Ask, Intent, Jump},
     session::Session,
+    theme,
 };
 
 impl CanvasPane {
@@ -15,6 +17,7 @@ impl CanvasPane {
     pub(super) fn header(&mut self, ui: &mut Ui, session: &mut Session, sight: &Sight) {
         ui.horizontal(|ui| {
             self.breadcrumb(ui, session);
+            changes(ui, session);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 export(ui, session, sight);
                 let thumbnails = ui.selectable_label(self.thumbnails, "Thumbnails");
@@ -104,9 +107,46 @@ impl CanvasPane {
     }
 }
 
+/// What the graph changes in its base: a list to go through.
+fn changes(ui: &mut Ui, session: &mut Session) {
+    let Some(base) = session.document.base().map(str::to_owned) else { return };
+    let differences = session.document.differences().clone();
+    let count = match differences.len() {
+        1 => "1 change".to_owned(),
+        count => format!("{count} changes"),
+    };
+    let text = RichText::new(format!("{count} to {}", short(&base))).color(theme::palette(ui).changed);
+    let menu = ui.menu_button(text, |ui| {
+        for found in differences.iter() {
+            let Difference { node, what, .. } = found;
+            let of_graph = node.is_empty();
+            let text = if of_graph { what.to_string() } else { format!("{node}: {what}") };
+            if ui.button(text).clicked() {
+                if node != "outputs" {
+                    session.selected = (!of_graph).then(|| node.clone());
+                }
+                if let Some(file) = session.document.file() {
+                    let place = file.place(found.span);
+                    session.push(Intent::Jump(Jump { path: place.file, at: (place.line, place.column) }));
+                }
+                ui.close();
+            }
+        }
+        if differences.is_empty() {
+            ui.weak("It is the base so far: edits of its nodes are written here as changes.");
+        }
+        ui.separator();
+        if ui.button("Write out in full …").clicked() {
+            session.push(Intent::Ask(Ask::FullGraph));
+            ui.close();
+        }
+    });
+    menu.response.on_hover_text("The graph holds only what differs from its base; marked boxes are changed");
+}
+
 /// The stages that fit a node's wires.
 fn swap_menu(ui: &mut Ui, session: &mut Session, address: &str, present: &str) {
-    let Some(file) = session.document.file().cloned() else { return };
+    let Some(file) = session.document.whole().cloned() else { return };
     let kinds: Vec<&str> =
         fitting(&file, address, &session.registry).into_iter().filter(|kind| *kind != present).collect();
     if kinds.is_empty() {
@@ -123,9 +163,8 @@ fn swap_menu(ui: &mut Ui, session: &mut Session, address: &str, present: &str) {
 }
 
 fn side_menu(ui: &mut Ui, session: &mut Session, address: &str) {
-    let Some(file) = session.document.file().cloned() else { return };
-    let (part, name) = nodes::split(address);
-    let node = nodes::scope(&file, part).and_then(|file| file.node(name));
+    let Some(file) = session.document.whole().cloned() else { return };
+    let node = file.node_at(address).map(|(node, _)| node);
     let present = node.and_then(|node| node.on.as_ref()).map(|on| on.value);
     for (on, label) in [(None, "the toolbar's backend"), (Some(Side::Cpu), "CPU"), (Some(Side::Gpu), "GPU")] {
         if ui.selectable_label(on == present, label).clicked() {

@@ -133,7 +133,7 @@ impl Default for CanvasPane {
 impl CanvasPane {
     /// Shows it.
     pub fn show(&mut self, ui: &mut Ui, session: &mut Session) {
-        let Some(file) = session.document.file().cloned() else {
+        let Some(file) = session.document.whole().cloned() else {
             ui.weak("The text has not been valid yet; fix it in the text pane.");
             return;
         };
@@ -201,6 +201,8 @@ impl CanvasPane {
             }
         };
         self.selection.retain(|address| model.block(address).is_some());
+        let mut model = model;
+        model.mark(session.document.differences());
         let model = Arc::new(model);
         self.shown = Some(Projected { file: file.clone(), graph: graph.cloned(), model: model.clone() });
         Some(model)

@@ -1,11 +1,11 @@
 //! The blocks and wires of a graph or part, as the canvas shows them. The model is a projection of the document,
 //! rebuilt whenever the document changes; it holds no positions.
 
-use epigraph_core::{GraphFile, Port, Registry, Source, handed};
+use epigraph_core::{Difference, GraphFile, Port, Registry, Source, handed};
 
 use crate::document::{
     INPUTS, Pin, ends,
-    nodes::{join, scope, split},
+    nodes::{join, scope, split, within},
     pins,
     places::{INPUTS_BOX, OUTPUTS_BOX},
 };
@@ -45,6 +45,8 @@ pub struct Block {
     pub inputs: Vec<Pin>,
     /// Where wires begin.
     pub outputs: Vec<Pin>,
+    /// What the graph changes here in its base, in words.
+    pub changes: Vec<String>,
 }
 
 impl Block {
@@ -55,7 +57,7 @@ impl Block {
 
     /// Its name in the whole graph.
     pub fn label(&self) -> String {
-        join(split(&self.address).0, &self.name)
+        if self.is_node() { self.address.clone() } else { join(split(&self.address).0, &self.name) }
     }
 
     /// The pins of one side.
@@ -116,6 +118,7 @@ impl Model {
             times: None,
             inputs,
             outputs,
+            changes: Vec::new(),
         };
         let mut blocks = Vec::new();
         if !inputs.is_empty() {
@@ -144,6 +147,7 @@ impl Model {
                 times: node.repeat.as_ref().map(|repeat| times(within, part, &repeat.times.value, graph)),
                 inputs,
                 outputs,
+                changes: Vec::new(),
             });
         }
         if !outputs.is_empty() {
@@ -159,6 +163,20 @@ impl Model {
             model.join(&output.from.value, &join(part, OUTPUTS_BOX), &output.name.value);
         }
         Some(model)
+    }
+
+    /// Marks the blocks that differ from the base.
+    pub fn mark(&mut self, differences: &[Difference]) {
+        for found in differences {
+            let place = if found.node == "outputs" { OUTPUTS_BOX } else { &found.node };
+            for block in &mut self.blocks {
+                let Some(inner) = within(place, &block.address) else { continue };
+                block.changes.push(match inner.trim_start_matches('/') {
+                    "" => found.what.to_string(),
+                    inner => format!("{inner}: {}", found.what),
+                });
+            }
+        }
     }
 
     fn join(&mut self, from: &Source, to: &str, port: &str) {

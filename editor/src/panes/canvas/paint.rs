@@ -250,6 +250,11 @@ impl Brush<'_> {
             clip.rect_stroke(behind, corner, stroke, StrokeKind::Middle);
         }
         self.painter.rect_stroke(rect, corner, stroke, StrokeKind::Middle);
+        if !block.changes.is_empty() {
+            // A bar beside the block, as editors mark changed lines.
+            let bar = rect.with_max_x(rect.left()).expand2(vec2(2.5, -f32::from(corner.nw)));
+            self.painter.rect_filled(bar, CornerRadius::same(2), self.palette().changed);
+        }
     }
 
     fn head_texts(&self, rect: Rect, head: Rect, block: &Block, facts: &Facts, ink: Color32) {

@@ -99,6 +99,9 @@ impl TextPane {
             files.response.widget_info(|| WidgetInfo::labeled(WidgetType::ComboBox, true, "File"));
             view = self.search.show(ui, &self.buffer).map(|bytes| View { bytes, focus: false });
         });
+        if session.document.is_fixed(&self.path) {
+            ui.weak("It comes with the program and stays as it is: edits of its nodes are changes in the graph's own file.");
+        }
         if self.twin_runs(session) {
             ui.weak("On the CPU, the stage's Rust twin runs instead of this shader.");
         }
@@ -126,7 +129,18 @@ impl TextPane {
     fn home(&self, session: &Session) -> Option<String> {
         let selected = session.selected.as_deref()?;
         match self.language {
-            Language::Ron => Some(session.document.file()?.node_at(selected)?.1.path.clone()),
+            Language::Ron => {
+                // Where a graph changes the node, else where it is from.
+                let document = &session.document;
+                let file = document.file().filter(|file| file.node_span(selected).is_some());
+                match file {
+                    Some(file) => Some(file.path.clone()),
+                    None => {
+                        let (node, within) = document.whole()?.node_at(selected)?;
+                        Some(within.place(node.name.span).file)
+                    }
+                }
+            }
             Language::Wgsl => session.document.shader_of(selected).map(str::to_owned),
         }
     }
@@ -165,6 +179,7 @@ impl TextPane {
             |ui: &Ui, text: &dyn TextBuffer, _: f32| syntax::layout(ui, language, text.as_str(), &highlights);
         let id = ui.make_persistent_id(("text", &self.path));
         let output = TextEdit::multiline(&mut self.buffer)
+            .interactive(!session.document.is_fixed(&self.path))
             .id(id)
             .code_editor()
             .frame(egui::Frame::new().inner_margin(Margin {

@@ -43,22 +43,46 @@ pub fn found(text: &str, wanted: &str) -> Vec<Range<usize>> {
     lower.match_indices(&wanted).map(|(at, found)| at..at + found.len()).collect()
 }
 
-/// The byte range of a node in the file at `path`; `None` if the node is in another file.
+/// The byte range of a node in the file at `path`; `None` if the node is in another file. In a graph with a base, the
+/// range that changes the node.
 pub fn of_node(file: &GraphFile, address: &str, path: &str) -> Option<Range<usize>> {
-    let (node, within) = file.node_at(address)?;
-    let Span { start, end } = within.node_span(&node.name.value).filter(|_| within.path == path)?;
-    Some(start..end)
+    let here = |name: &str| {
+        let span = file.node_span(name).filter(|_| file.path == path);
+        span.map(|Span { start, end }| start..end)
+    };
+    let part = |name: &str, rest: &str| {
+        let (_, part) = file.parts.iter().find(|(part, _)| part == name)?;
+        of_node(part, rest, path)
+    };
+    if let Some((node, _, rest)) = file.enter(address) {
+        let name = &node.name.value;
+        return rest.map_or_else(|| here(name), |rest| part(name, rest));
+    }
+    let changes = file.base.as_ref()?;
+    let replaced = changes.parts.iter().find_map(|(name, part)| {
+        of_node(part, address.strip_prefix(name.as_str())?.strip_prefix('/')?, path)
+    });
+    here(address).or(replaced).or_else(|| of_node(changes.graph.as_deref()?, address, path))
 }
 
 /// The address of the node at a byte offset of the file at `path`. If the graph uses that part several times, the node
 /// in the first of them.
 pub fn node_at(file: &GraphFile, path: &str, at: usize) -> Option<String> {
+    let changes = file.base.as_ref();
     if file.path == path {
-        let holds =
-            |name: &&str| file.node_span(name).is_some_and(|span| (span.start..span.end).contains(&at));
-        return file.nodes.iter().map(|node| node.name.value.as_str()).find(holds).map(str::to_owned);
+        let holds = |name: &&str| {
+            let span = file.node_span(name);
+            span.is_some_and(|span| (span.start..span.end).contains(&at))
+        };
+        let replaced = changes.into_iter().flat_map(|changes| &changes.replace);
+        let names = file.nodes.iter().chain(replaced).map(|node| node.name.value.as_str());
+        let set = changes.into_iter().flat_map(|changes| &changes.set).map(|(node, _)| node.value.as_str());
+        return names.chain(set).find(holds).map(str::to_owned);
     }
-    file.parts.iter().find_map(|(name, part)| Some(format!("{name}/{}", node_at(part, path, at)?)))
+    let inner = |(name, part): &(String, GraphFile)| Some(format!("{name}/{}", node_at(part, path, at)?));
+    let changed = || changes.and_then(|changes| changes.parts.iter().find_map(inner));
+    let base = || node_at(changes?.graph.as_deref()?, path, at);
+    file.parts.iter().find_map(inner).or_else(changed).or_else(base)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{ComboBox, Ui, WidgetType};
+use egui::{ComboBox, TextEdit, Ui, WidgetInfo, WidgetType};
 use epigraph_core::Snapshot;
 
 use crate::{engine::State, files::short, name::Named, session::Session, theme};
@@ -29,6 +29,12 @@ pub fn row(ui: &mut Ui, session: &mut Session) {
             .named(WidgetType::ComboBox, "Graph beside")
             .on_hover_text("The graph to compare with");
         beside.path = chosen;
+        let changes = TextEdit::singleline(&mut beside.changes).hint_text("+sigma=0.5").desired_width(140.0);
+        let changes = ui.add(changes).on_hover_text(
+            "Changes to that graph, as they follow a graph's name on the command line: +view/cull.threshold=0.1, \
+             +swap:spread=mine.wgsl, +insert:tonemap.color=median.wgsl, +wire:tonemap.color=spread.color",
+        );
+        changes.widget_info(|| WidgetInfo::labeled(WidgetType::TextEdit, true, "Changes to the graph beside"));
         if let (None, Some(other)) = (beside.trouble(), &session.state.other)
             && other.graph.is_some()
         {
