@@ -1,7 +1,7 @@
 //! The graph that views compare with. It runs beside the current graph while any view needs it.
 
 use std::{
-    fs, mem,
+    mem,
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -142,7 +142,7 @@ impl Variant {
 }
 
 fn read(path: &Path) -> Option<Arc<str>> {
-    fs::read_to_string(path).ok().map(Into::into)
+    epigraph_files::text(path).ok().map(Into::into)
 }
 
 /// A graph with the changes that follow its name.
@@ -161,6 +161,8 @@ fn with_changes(
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const EMPTY: &str = "Graph(version: 1, nodes: {}, outputs: {})";

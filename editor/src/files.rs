@@ -56,7 +56,7 @@ pub fn graphs(open: &Path) -> Vec<Choice> {
     let choice = |file: PathBuf| {
         let name = file.display().to_string();
         // Files that are not graphs are not offered.
-        let graph = GraphFile::parse(&name, &fs::read_to_string(&file).ok()?).ok()?;
+        let graph = GraphFile::parse(&name, &epigraph_files::text(&file).ok()?).ok()?;
         Some(Choice { text: name, doc: graph.doc })
     };
     files.into_iter().filter_map(choice).collect()

@@ -18,7 +18,7 @@ mod unsaved;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs, io,
+    io,
     path::Path,
     sync::Arc,
 };
@@ -87,7 +87,7 @@ impl Document {
     /// The file cannot be read.
     pub fn open(path: &Path) -> Result<Self, Problems> {
         let name = path.display().to_string();
-        let text = fs::read_to_string(path).map_err(|error| {
+        let text = epigraph_files::text(path).map_err(|error| {
             let error = GraphError::Io { action: "read", cause: error.to_string() };
             Problem::new(error).at(Place::file(&name))
         })?;
@@ -298,7 +298,8 @@ impl Document {
             .collect();
         for path in changed {
             let Some(text) = self.contents.texts.get(&path).cloned() else { continue };
-            if let (Some(saved), Ok(found)) = (self.saved.texts.get(&path), fs::read_to_string(&path))
+            if let (Some(saved), Ok(found)) =
+                (self.saved.texts.get(&path), epigraph_files::text(Path::new(&path)))
                 && found != **saved
             {
                 let cause = "another program has changed it since it was read; nothing was overwritten";
@@ -325,7 +326,7 @@ impl Document {
         for (path, saved) in &mut self.saved.texts {
             if !self.fixed.contains(path)
                 && texts.get(path) == Some(saved)
-                && let Ok(found) = fs::read_to_string(path)
+                && let Ok(found) = epigraph_files::text(Path::new(path))
                 && found != **saved
             {
                 *saved = found.into();
@@ -412,7 +413,7 @@ impl Library for Known<'_> {
     fn read(&self, path: &Path) -> io::Result<String> {
         match self.0.get(&path.display().to_string()) {
             Some(text) => Ok(text.to_string()),
-            None => fs::read_to_string(path),
+            None => epigraph_files::text(path),
         }
     }
 

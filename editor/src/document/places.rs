@@ -4,7 +4,7 @@
 use std::{
     collections::BTreeMap,
     fmt::Write,
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -45,7 +45,7 @@ pub fn read(graph: &str) -> Result<Places, String> {
     let unusable = |why: String| {
         format!("{} cannot be used, so the boxes are arranged automatically: {why}", path.display())
     };
-    let text = match fs::read_to_string(&path) {
+    let text = match epigraph_files::text(&path) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Places::new()),
         Err(error) => return Err(unusable(error.to_string())),

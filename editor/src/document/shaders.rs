@@ -1,7 +1,7 @@
 //! Shaders that can be edited beside the graph: those of its `wgsl` nodes, those of its stages, and the modules that
 //! they import, if their files exist.
 
-use std::{collections::BTreeMap, fs, path::Path, sync::Arc};
+use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use epigraph_core::{GraphFile, Kind, Registry, imports};
 
@@ -92,7 +92,7 @@ impl Document {
         while let Some(path) = files.get(next).cloned() {
             next += 1;
             if !self.contents.texts.contains_key(&path) {
-                let Ok(text) = fs::read_to_string(&path) else { continue };
+                let Ok(text) = epigraph_files::text(Path::new(&path)) else { continue };
                 let text: Arc<str> = text.into();
                 self.contents.texts.insert(path.clone(), text.clone());
                 self.saved.texts.insert(path.clone(), text);
@@ -132,6 +132,8 @@ fn name(path: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::document::tests::shipped;
 

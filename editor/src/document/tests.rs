@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::{fs, path::PathBuf};
 
 use epigraph_core::{ParamKind, ParamSpec, Side, Source};
 

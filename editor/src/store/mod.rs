@@ -8,7 +8,7 @@ mod recovery;
 mod session;
 
 use std::{
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -69,7 +69,7 @@ impl Store {
     fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, String> {
         let path = self.folder.join(name);
         let wrong = |why: String| format!("{}: {why}", path.display());
-        match fs::read_to_string(&path) {
+        match epigraph_files::text(&path) {
             Ok(text) => ron::from_str(&text).map(Some).map_err(|error| wrong(error.to_string())),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(wrong(error.to_string())),
