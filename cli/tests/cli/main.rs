@@ -5,10 +5,14 @@ mod bench;
 mod changes;
 mod commands;
 mod gallery;
+#[cfg(target_os = "linux")]
+mod habits;
 mod installed;
 // Signals of other systems are sent in other ways.
 #[cfg(target_os = "linux")]
 mod interrupt;
+#[cfg(target_os = "linux")]
+mod kills;
 #[cfg(unix)]
 mod outputs;
 mod quality;

@@ -35,6 +35,11 @@ impl Place {
         fs::write(self.path(name), bytes).expect("the folder is writable");
     }
 
+    /// Removes a file in it, if it is there.
+    pub fn remove(&self, name: &str) {
+        let _ = fs::remove_file(self.path(name));
+    }
+
     /// The names of the files in it, sorted.
     pub fn files(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).expect("the folder exists");
@@ -45,22 +50,23 @@ impl Place {
         names
     }
 
-    /// The contents of all files in it and in its folders, by path.
-    pub fn contents(&self) -> BTreeMap<PathBuf, Vec<u8>> {
-        let mut contents = BTreeMap::new();
-        let mut folders = vec![self.0.path().to_owned()];
+    /// The paths of all files in it and in its folders, sorted.
+    pub fn paths(&self) -> Vec<PathBuf> {
+        let (mut paths, mut folders) = (Vec::new(), vec![self.0.path().to_owned()]);
         while let Some(folder) = folders.pop() {
             for entry in fs::read_dir(folder).expect("the folder exists") {
                 let path = entry.expect("readable").path();
-                if path.is_dir() {
-                    folders.push(path);
-                } else {
-                    // A link to nowhere has no contents.
-                    contents.insert(path.clone(), fs::read(path).unwrap_or_default());
-                }
+                if path.is_dir() { folders.push(path) } else { paths.push(path) }
             }
         }
-        contents
+        paths.sort();
+        paths
+    }
+
+    /// The contents of all these files. A link to nowhere has none.
+    pub fn contents(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let read = |path: PathBuf| (path.clone(), fs::read(path).unwrap_or_default());
+        self.paths().into_iter().map(read).collect()
     }
 
     /// Runs a line of bash in it, for which `$EPIGRAPH` is the program.
@@ -119,6 +125,12 @@ impl Running {
     /// Its process.
     pub fn id(&self) -> u32 {
         self.0.id()
+    }
+
+    /// Ends it at once, without giving it a chance to tidy up, and waits until it is gone.
+    pub fn kill(&mut self) {
+        self.0.kill().expect("it was started");
+        self.0.wait().expect("it was started");
     }
 
     /// Waits until it ends.
