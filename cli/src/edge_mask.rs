@@ -22,22 +22,41 @@ pub fn png(mask: &[bool], size: [usize; 2]) -> Result<Vec<u8>, String> {
     encode(size, &colors)
 }
 
-/// Reads a mask for an image of `size`: set where the file is brighter than middle grey.
+/// A mask that was read.
+pub struct Mask<'a> {
+    path: &'a Path,
+    size: [usize; 2],
+    set: Vec<bool>,
+}
+
+/// Reads a mask: set where the file is brighter than middle grey.
 ///
 /// # Errors
-/// If the file cannot be read, has another size, or sets no pixel.
-pub fn read(path: &Path, size: [usize; 2]) -> Result<Vec<bool>, CliError> {
+/// If the file cannot be read, or sets no pixel.
+pub fn read(path: &Path) -> Result<Mask<'_>, CliError> {
     let picture = Picture::read(path)?;
-    if picture.size != size {
-        let [[width, height], [wanted_width, wanted_height]] = [picture.size, size];
-        let cause = format!("the mask is {width}x{height}, the images are {wanted_width}x{wanted_height}");
-        return Err(CliError::read(path, cause));
-    }
-    let mask: Vec<bool> = picture.srgb().iter().map(|color| color.iter().sum::<f32>() > 1.5).collect();
-    if !mask.contains(&true) {
+    let is_bright = |index| picture.srgb_at(index).iter().sum::<f32>() > 1.5;
+    let set: Vec<bool> = (0..picture.colors.len()).map(is_bright).collect();
+    if !set.contains(&true) {
         return Err(CliError::read(path, "the mask is black; the pixels to compare must be white"));
     }
-    Ok(mask)
+    Ok(Mask { path, size: picture.size, set })
+}
+
+impl Mask<'_> {
+    /// The pixels, for an image of `size`.
+    ///
+    /// # Errors
+    /// The mask has another size.
+    pub fn of_size(self, size: [usize; 2]) -> Result<Vec<bool>, CliError> {
+        if self.size != size {
+            let [[width, height], [wanted_width, wanted_height]] = [self.size, size];
+            let cause =
+                format!("the mask is {width}x{height}, the images are {wanted_width}x{wanted_height}");
+            return Err(CliError::read(self.path, cause));
+        }
+        Ok(self.set)
+    }
 }
 
 /// The share of set pixels, 0 to 1.

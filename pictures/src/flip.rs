@@ -1,7 +1,7 @@
 //! FLIP, the difference that a person sees when two images alternate in place (Andersson et al. 2020, "FLIP: A
 //! Difference Evaluator for Alternating Images"). Section numbers below are that paper's.
 
-use rayon::prelude::*;
+use crate::tiles::{Tile, by_tiles};
 
 /// Pixels per degree of the visual field: a 4K monitor at 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = 67.0;
@@ -25,96 +25,172 @@ type Plane = Vec<f32>;
 /// The error of each pixel of `test` against `reference`, 0 to 1, at 67 pixels per degree. Both hold sRGB colours in
 /// [0, 1] of an image of width and height `size`.
 pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], size: [usize; 2]) -> Plane {
-    let (opponent_a, opponent_b) = (opponent(reference), opponent(test));
-    let colors = color_differences(&seen(&opponent_a, size), &seen(&opponent_b, size));
-    let features = feature_differences(&opponent_a[0], &opponent_b[0], size);
-    colors.iter().zip(&features).map(|(color, feature)| color.powf(1.0 - feature)).collect()
+    let mut errors = Vec::with_capacity(reference.len());
+    flip_of(size, |i| reference[i], |i| test[i], |band| errors.extend_from_slice(band));
+    errors
+}
+
+/// The same for images whose pixels are given by index. `band` takes the errors of some whole rows at a time, in the
+/// order of the image.
+pub(crate) fn flip_of(
+    size: [usize; 2],
+    reference: impl Fn(usize) -> [f32; 3] + Sync,
+    test: impl Fn(usize) -> [f32; 3] + Sync,
+    band: impl FnMut(&[f32]),
+) {
+    let (sensitivity, detectors, differences) = (Sensitivity::new(), Detectors::new(), Differences::new());
+    let errors = |tile: &Tile| -> Plane {
+        let around = tile.grown(sensitivity.radius.max(detectors.radius), size);
+        let place = Place { tile, around: &around, size };
+        let (opponent_a, opponent_b) =
+            (opponent(around.map(size[0], &reference)), opponent(around.map(size[0], &test)));
+        let colors =
+            differences.of(&sensitivity.seen(&opponent_a, &place), &sensitivity.seen(&opponent_b, &place));
+        let features = detectors.differences(&opponent_a[0], &opponent_b[0], &place);
+        colors.iter().zip(&features).map(|(color, feature)| color.powf(1.0 - feature)).collect()
+    };
+    by_tiles(size, errors, band);
+}
+
+/// A tile, the pixels around it whose values are known, and the size of the image.
+struct Place<'a> {
+    tile: &'a Tile,
+    around: &'a Tile,
+    size: [usize; 2],
 }
 
 /// sRGB as planes of the opponent space YCxCz, for which the contrast sensitivity is known (section 4.1.1).
-fn opponent(colors: &[[f32; 3]]) -> [Plane; 3] {
-    let pixels: Vec<[f32; 3]> = colors
-        .par_iter()
-        .map(|color| {
-            let [x, y, z] = relative_xyz(color.map(decode));
-            [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
-        })
-        .collect();
-    [0, 1, 2].map(|lane| pixels.iter().map(|pixel| pixel[lane]).collect())
+fn opponent(colors: Vec<[f32; 3]>) -> [Plane; 3] {
+    let mut planes = [0, 1, 2].map(|_| Vec::with_capacity(colors.len()));
+    for color in colors {
+        let [x, y, z] = relative_xyz(color.map(decode));
+        for (plane, value) in planes.iter_mut().zip([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]) {
+            plane.push(value);
+        }
+    }
+    planes
 }
 
-/// The image as seen at this distance: filtered by contrast sensitivity, back in linear RGB within [0, 1]
-/// (section 4.1.1).
-fn seen(opponent: &[Plane; 3], size: [usize; 2]) -> Vec<[f32; 3]> {
-    let widest = SENSITIVITY.iter().flat_map(|terms| terms.iter()).map(|term| term[1]).fold(0.0, f64::max);
-    let pi = std::f64::consts::PI;
-    let degree = f64::from(PIXELS_PER_DEGREE);
-    // Three standard deviations of the widest Gaussian.
-    let radius = (3.0 * (widest / (2.0 * pi * pi)).sqrt() * degree).ceil() as i32;
-    let filtered = |lane: usize| {
-        let terms = SENSITIVITY[lane];
-        let gaussians = terms
-            .iter()
-            .map(|[_, b]| kernel(radius, |x| (-(pi * x / degree).powi(2) / b).exp()))
-            .collect::<Vec<_>>();
-        let sums: Vec<f64> = gaussians.iter().map(|g| g.iter().sum::<f64>().powi(2)).collect();
-        let weights: Vec<f64> =
-            terms.iter().zip(&sums).map(|([a, b], sum)| a * (pi / b).sqrt() * sum).collect();
-        let total: f64 = weights.iter().sum();
-        let mut out = vec![0.0; opponent[lane].len()];
-        for ((gaussian, sum), weight) in gaussians.iter().zip(&sums).zip(&weights) {
-            let unit: Vec<f64> = gaussian.iter().map(|value| value / sum.sqrt()).collect();
-            let part = convolve(&opponent[lane], size, &unit, &unit);
-            let share = (weight / total) as f32;
-            out.iter_mut().zip(&part).for_each(|(out, part)| *out += share * part);
-        }
-        out
-    };
-    let [ys, cxs, czs] = [0, 1, 2].map(filtered);
-    let color = |i: usize| {
-        let y = (ys[i] + 16.0) / 116.0;
-        linear_rgb([y + cxs[i] / 500.0, y, y - czs[i] / 200.0]).map(|channel| channel.clamp(0.0, 1.0))
-    };
-    (0..ys.len()).map(color).collect()
+/// The filters of the contrast sensitivity (section 4.1.1).
+struct Sensitivity {
+    radius: usize,
+    /// For Y, Cx and Cz: Gaussians and their shares.
+    terms: [Vec<(f32, Vec<f64>)>; 3],
+}
+
+impl Sensitivity {
+    fn new() -> Self {
+        let widest =
+            SENSITIVITY.iter().flat_map(|terms| terms.iter()).map(|term| term[1]).fold(0.0, f64::max);
+        let pi = std::f64::consts::PI;
+        let degree = f64::from(PIXELS_PER_DEGREE);
+        // Three standard deviations of the widest Gaussian.
+        let radius = (3.0 * (widest / (2.0 * pi * pi)).sqrt() * degree).ceil() as i32;
+        let terms = SENSITIVITY.map(|terms| {
+            let gaussians = terms
+                .iter()
+                .map(|[_, b]| kernel(radius, |x| (-(pi * x / degree).powi(2) / b).exp()))
+                .collect::<Vec<_>>();
+            let sums: Vec<f64> = gaussians.iter().map(|g| g.iter().sum::<f64>().powi(2)).collect();
+            let weights: Vec<f64> =
+                terms.iter().zip(&sums).map(|([a, b], sum)| a * (pi / b).sqrt() * sum).collect();
+            let total: f64 = weights.iter().sum();
+            let unit = |(gaussian, sum): (&Vec<f64>, &f64)| -> Vec<f64> {
+                gaussian.iter().map(|value| value / sum.sqrt()).collect()
+            };
+            let units = gaussians.iter().zip(&sums).map(unit);
+            weights.iter().map(|weight| (weight / total) as f32).zip(units).collect()
+        });
+        Self { radius: radius as usize, terms }
+    }
+
+    /// The tile as seen at this distance: filtered, back in linear RGB within [0, 1].
+    fn seen(&self, opponent: &[Plane; 3], place: &Place) -> Vec<[f32; 3]> {
+        let filtered = |lane: usize| {
+            let mut out = vec![0.0; place.tile.x.len() * place.tile.y.len()];
+            for (share, unit) in &self.terms[lane] {
+                let part = convolve(&opponent[lane], place, unit, unit);
+                out.iter_mut().zip(&part).for_each(|(out, part)| *out += share * part);
+            }
+            out
+        };
+        let [ys, cxs, czs] = [0, 1, 2].map(filtered);
+        let color = |i: usize| {
+            let y = (ys[i] + 16.0) / 116.0;
+            linear_rgb([y + cxs[i] / 500.0, y, y - czs[i] / 200.0]).map(|channel| channel.clamp(0.0, 1.0))
+        };
+        (0..ys.len()).map(color).collect()
+    }
 }
 
 /// Differences of linear colours, 0 to 1 (sections 4.1.2 and 4.1.3).
-fn color_differences(a: &[[f32; 3]], b: &[[f32; 3]]) -> Plane {
-    let difference = |a, b| hybrid_distance(hunt(lab(a)), hunt(lab(b))).powf(COLOR_EXPONENT);
-    let largest = difference([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
-    let knee = COLOR_KNEE * largest;
-    let error = |difference: f32| {
-        if difference < knee {
-            COLOR_KNEE_ERROR / knee * difference
-        } else {
-            COLOR_KNEE_ERROR + (1.0 - COLOR_KNEE_ERROR) * (difference - knee) / (largest - knee)
-        }
-    };
-    a.par_iter().zip(b).map(|(&a, &b)| error(difference(a, b)).clamp(0.0, 1.0)).collect()
+struct Differences {
+    /// That of green and blue.
+    largest: f32,
 }
 
-/// Differences of edges and points in the luminances Y of the opponent space, 0 to 1 (section 4.2).
-fn feature_differences(a: &[f32], b: &[f32], size: [usize; 2]) -> Plane {
-    let deviation = 0.5 * FEATURE_WIDTH * f64::from(PIXELS_PER_DEGREE);
-    let radius = (3.0 * deviation).ceil() as i32;
-    let gaussian = |x: f64| (-0.5 * (x / deviation).powi(2)).exp();
-    let smooth = balanced(kernel(radius, gaussian));
-    let edge = balanced(kernel(radius, |x| -x * gaussian(x)));
-    let point = balanced(kernel(radius, |x| ((x / deviation).powi(2) - 1.0) * gaussian(x)));
-    let strengths = |luminance: &[f32]| {
-        let scaled: Plane = luminance.iter().map(|y| (y + 16.0) / 116.0).collect();
-        [&edge, &point].map(|derivative| -> Plane {
-            let along_x = convolve(&scaled, size, derivative, &smooth);
-            let along_y = convolve(&scaled, size, &smooth, derivative);
-            along_x.iter().zip(&along_y).map(|(x, y)| x.hypot(*y)).collect()
-        })
-    };
-    let ([edges_a, points_a], [edges_b, points_b]) = (strengths(a), strengths(b));
-    let difference = |i: usize| {
-        let larger = (edges_a[i] - edges_b[i]).abs().max((points_a[i] - points_b[i]).abs());
-        (larger * std::f32::consts::FRAC_1_SQRT_2).powf(FEATURE_EXPONENT).clamp(0.0, 1.0)
-    };
-    (0..edges_a.len()).map(difference).collect()
+impl Differences {
+    fn new() -> Self {
+        Self { largest: Self::distance([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]) }
+    }
+
+    fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+        hybrid_distance(hunt(lab(a)), hunt(lab(b))).powf(COLOR_EXPONENT)
+    }
+
+    fn of(&self, a: &[[f32; 3]], b: &[[f32; 3]]) -> Plane {
+        let largest = self.largest;
+        let knee = COLOR_KNEE * largest;
+        let error = |difference: f32| {
+            if difference < knee {
+                COLOR_KNEE_ERROR / knee * difference
+            } else {
+                COLOR_KNEE_ERROR + (1.0 - COLOR_KNEE_ERROR) * (difference - knee) / (largest - knee)
+            }
+        };
+        a.iter().zip(b).map(|(&a, &b)| error(Self::distance(a, b)).clamp(0.0, 1.0)).collect()
+    }
+}
+
+/// The detectors of edges and points in the luminances Y of the opponent space (section 4.2).
+struct Detectors {
+    radius: usize,
+    smooth: Vec<f64>,
+    edge: Vec<f64>,
+    point: Vec<f64>,
+}
+
+impl Detectors {
+    fn new() -> Self {
+        let deviation = 0.5 * FEATURE_WIDTH * f64::from(PIXELS_PER_DEGREE);
+        let radius = (3.0 * deviation).ceil() as i32;
+        let gaussian = |x: f64| (-0.5 * (x / deviation).powi(2)).exp();
+        Self {
+            radius: radius as usize,
+            smooth: balanced(kernel(radius, gaussian)),
+            edge: balanced(kernel(radius, |x| -x * gaussian(x))),
+            point: balanced(kernel(radius, |x| ((x / deviation).powi(2) - 1.0) * gaussian(x))),
+        }
+    }
+
+    /// Differences of edges and points, 0 to 1.
+    fn differences(&self, a: &[f32], b: &[f32], place: &Place) -> Plane {
+        let Self { smooth, edge, point, .. } = self;
+        let strengths = |luminance: &[f32]| {
+            let scaled: Plane = luminance.iter().map(|y| (y + 16.0) / 116.0).collect();
+            [edge, point].map(|derivative| -> Plane {
+                let along_x = convolve(&scaled, place, derivative, smooth);
+                let along_y = convolve(&scaled, place, smooth, derivative);
+                along_x.iter().zip(&along_y).map(|(x, y)| x.hypot(*y)).collect()
+            })
+        };
+        let ([edges_a, points_a], [edges_b, points_b]) = (strengths(a), strengths(b));
+        let difference = |i: usize| {
+            let larger = (edges_a[i] - edges_b[i]).abs().max((points_a[i] - points_b[i]).abs());
+            (larger * std::f32::consts::FRAC_1_SQRT_2).powf(FEATURE_EXPONENT).clamp(0.0, 1.0)
+        };
+        (0..edges_a.len()).map(difference).collect()
+    }
 }
 
 /// Samples of a function at the integers from -radius to radius.
@@ -132,29 +208,43 @@ fn balanced(kernel: Vec<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// Convolves with the separable kernel `along_x` times `along_y`; pixels outside repeat the image's edge pixels.
-fn convolve(values: &[f32], [width, height]: [usize; 2], along_x: &[f64], along_y: &[f64]) -> Plane {
-    let clamped = |at: usize, offset: usize, radius: usize, count: usize| {
-        (at + offset).saturating_sub(radius).min(count - 1)
-    };
-    let sum = |weights: &[f64], value: &dyn Fn(usize) -> f32| -> f32 {
-        weights.iter().enumerate().map(|(offset, weight)| *weight as f32 * value(offset)).sum()
-    };
-    let rows: Plane = values
-        .par_chunks(width)
-        .flat_map_iter(|row| {
-            let radius = along_x.len() / 2;
-            (0..width).map(move |x| sum(along_x, &|offset| row[clamped(x, offset, radius, width)]))
-        })
-        .collect();
-    (0..height)
-        .into_par_iter()
-        .flat_map_iter(|y| {
-            let (rows, radius) = (&rows, along_y.len() / 2);
-            (0..width)
-                .map(move |x| sum(along_y, &|offset| rows[clamped(y, offset, radius, height) * width + x]))
-        })
-        .collect()
+/// A tile of the values `around` it, convolved with the separable kernel `along_x` times `along_y`; pixels outside of the
+/// image repeat its edge pixels.
+fn convolve(values: &[f32], place: &Place, along_x: &[f64], along_y: &[f64]) -> Plane {
+    let Place { tile, around, size } = place;
+    // From a pixel's first tap on, in the image.
+    let clamped = |at: usize, radius: usize, count: usize| at.saturating_sub(radius).min(count - 1);
+    let width = tile.x.len();
+    let radius = along_y.len() / 2;
+    let needed = tile.grown(radius, *size).y;
+    let mut rows = Vec::with_capacity(width * needed.len());
+    let mut taps = Vec::with_capacity(width + along_x.len());
+    for y in needed.clone() {
+        let row = &values[(y - around.y.start) * around.x.len()..][..around.x.len()];
+        let end = tile.x.end + 2 * (along_x.len() / 2);
+        taps.clear();
+        taps.extend(
+            (tile.x.start..end).map(|at| row[clamped(at, along_x.len() / 2, size[0]) - around.x.start]),
+        );
+        let begin = rows.len();
+        rows.resize(begin + width, 0.0);
+        accumulate(&mut rows[begin..], along_x, |tap| &taps[tap..][..width]);
+    }
+    let mut out = vec![0.0; width * tile.y.len()];
+    for (y, out) in tile.y.clone().zip(out.chunks_mut(width)) {
+        let row = |tap: usize| clamped(y + tap, radius, size[1]) - needed.start;
+        accumulate(out, along_y, |tap| &rows[row(tap) * width..][..width]);
+    }
+    out
+}
+
+/// Adds up each tap's values times its weight. All pixels of a row take one tap after the other, so that several are in
+/// work at once.
+fn accumulate<'a>(sums: &mut [f32], weights: &[f64], values: impl Fn(usize) -> &'a [f32]) {
+    for (tap, weight) in weights.iter().enumerate() {
+        let weight = *weight as f32;
+        sums.iter_mut().zip(values(tap)).for_each(|(sum, value)| *sum += weight * value);
+    }
 }
 
 /// sRGB in [0, 1] as linear light.
@@ -216,8 +306,13 @@ fn hybrid_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 /// Mean of the errors.
-pub fn mean(errors: &[f32]) -> f64 {
-    errors.iter().map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
+pub fn mean(errors: impl IntoIterator<Item = f32>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for error in errors {
+        sum += f64::from(error);
+        count += 1;
+    }
+    sum / f64::from(count.max(1))
 }
 
 #[cfg(test)]
@@ -269,7 +364,7 @@ mod tests {
     #[test]
     fn ends_of_the_scale() {
         let (black, white) = (vec![[0.0; 3]; 192], vec![[1.0; 3]; 192]);
-        assert_eq!(mean(&flip(&white, &white, [16, 12])), 0.0);
-        assert!(mean(&flip(&black, &white, [16, 12])) > 0.9);
+        assert_eq!(mean(flip(&white, &white, [16, 12])), 0.0);
+        assert!(mean(flip(&black, &white, [16, 12])) > 0.9);
     }
 }

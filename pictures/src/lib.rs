@@ -40,6 +40,7 @@ mod port_file;
 mod ramp;
 mod scale;
 mod table;
+mod tiles;
 
 pub use ages::{ages, frames_ago};
 pub use describe::{describe, grouped, in_pixel, readable};
@@ -48,7 +49,7 @@ pub use encode::{exr, png};
 pub use histogram::Histogram;
 pub use lanes::{Lane, Number, is_image, lanes, size};
 pub use look::{EMPTY, INFINITE, Look, Mode, NAN, POISONED, Shown, show};
-pub use picture::Picture;
+pub use picture::{MOST_PIXELS, Picture};
 pub use port_file::{Kind, PortFile};
 pub use ramp::Ramp;
 pub use scale::{Curve, Paint, Scale};

@@ -1,15 +1,32 @@
 //! Difference measures for two images of the same size.
 
+use crate::tiles::{Tile, by_tiles};
+
 /// Root of the mean squared difference over all values.
 pub fn rmse(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
-    let squares =
-        a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
-    (squares.sum::<f64>() / (3 * a.len()).max(1) as f64).sqrt()
+    rmse_of(a.iter().copied().zip(b.iter().copied()))
+}
+
+/// The same for pairs of colours.
+pub(crate) fn rmse_of(pairs: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> f64 {
+    let (mut squares, mut count) = (0.0, 0);
+    for (a, b) in pairs {
+        for (a, b) in a.into_iter().zip(b) {
+            squares += (f64::from(a) - f64::from(b)).powi(2);
+        }
+        count += 3;
+    }
+    (squares / count.max(1) as f64).sqrt()
 }
 
 /// Peak signal-to-noise ratio in decibels for values in [0, 1]; infinite for equal images.
 pub fn psnr(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
-    -20.0 * rmse(a, b).log10()
+    decibels(rmse(a, b))
+}
+
+/// The peak signal-to-noise ratio of a root mean squared error.
+pub(crate) fn decibels(rmse: f64) -> f64 {
+    -20.0 * rmse.log10()
 }
 
 /// Half the side of SSIM's window and the standard deviation of its Gaussian, in pixels (Wang et al. 2004, section
@@ -22,42 +39,89 @@ const SSIM_C2: f64 = 0.03 * 0.03;
 
 /// Mean structural similarity (Wang et al. 2004) of the lumas of two sRGB-encoded images: an 11 x 11 Gaussian window at
 /// every pixel, renormalised where it leaves the image.
-pub fn ssim(a: &[[f32; 3]], b: &[[f32; 3]], [width, height]: [usize; 2]) -> f64 {
+pub fn ssim(a: &[[f32; 3]], b: &[[f32; 3]], size: [usize; 2]) -> f64 {
+    ssim_of(size, |i| a[i], |i| b[i], &mut |_| {})
+}
+
+/// The same for images whose pixels are given by index. `progress` takes the numbers of pixels that are finished.
+pub(crate) fn ssim_of(
+    size: [usize; 2],
+    a: impl Fn(usize) -> [f32; 3] + Sync,
+    b: impl Fn(usize) -> [f32; 3] + Sync,
+    progress: &mut dyn FnMut(usize),
+) -> f64 {
     // Rec. 601 luma, on which the measure was calibrated.
     let luma = |[r, g, b]: [f32; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
-    let a: Vec<f64> = a.iter().copied().map(luma).collect();
-    let b: Vec<f64> = b.iter().copied().map(luma).collect();
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<f64>>();
-    let blurred = |values: &[f64]| blur(values, [width, height]);
-    let (mean_a, mean_b) = (blurred(&a), blurred(&b));
-    let (square_a, square_b, cross) =
-        (blurred(&product(&a, &a)), blurred(&product(&b, &b)), blurred(&product(&a, &b)));
-    let sum: f64 = (0..a.len())
-        .map(|i| {
+    let similarities = |tile: &Tile| -> Vec<f64> {
+        let around = tile.grown(SSIM_RADIUS, size);
+        let a: Vec<f64> = around.map(size[0], |i| luma(a(i)));
+        let b: Vec<f64> = around.map(size[0], |i| luma(b(i)));
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<f64>>();
+        let blurred = |values: &[f64]| blur(values, &around, tile);
+        let (mean_a, mean_b) = (blurred(&a), blurred(&b));
+        let (square_a, square_b, cross) =
+            (blurred(&product(&a, &a)), blurred(&product(&b, &b)), blurred(&product(&a, &b)));
+        let similarity = |i: usize| {
             let (ma, mb) = (mean_a[i], mean_b[i]);
             let (va, vb, cov) = (square_a[i] - ma * ma, square_b[i] - mb * mb, cross[i] - ma * mb);
             (2.0 * ma * mb + SSIM_C1) * (2.0 * cov + SSIM_C2)
                 / ((ma * ma + mb * mb + SSIM_C1) * (va + vb + SSIM_C2))
-        })
-        .sum();
-    sum / a.len().max(1) as f64
+        };
+        (0..mean_a.len()).map(similarity).collect()
+    };
+    let mut sum = 0.0;
+    by_tiles(size, similarities, |band| {
+        // In the order of the image, so that the sum does not depend on the tiles.
+        band.iter().for_each(|similarity| sum += similarity);
+        progress(band.len());
+    });
+    sum / (size[0] * size[1]).max(1) as f64
 }
 
-/// Gaussian mean around every pixel, row-wise then column-wise.
-fn blur(values: &[f64], [width, height]: [usize; 2]) -> Vec<f64> {
-    let along = |values: &[f64], count: usize, step: usize, start: usize, at: usize| {
-        let (mut sum, mut weight) = (0.0, 0.0);
-        for other in at.saturating_sub(SSIM_RADIUS)..(at + SSIM_RADIUS + 1).min(count) {
-            let distance = other as f64 - at as f64;
-            let w = (-0.5 * (distance / SSIM_SIGMA).powi(2)).exp();
-            sum += w * values[start + other * step];
-            weight += w;
-        }
-        sum / weight
-    };
-    let pixels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let rows: Vec<f64> = pixels().map(|(x, y)| along(values, width, 1, y * width, x)).collect();
-    pixels().map(|(x, y)| along(&rows, height, width, x, y)).collect()
+/// Gaussian mean around every pixel of `tile`, row-wise then column-wise, of the values `around` it. Where these end, the
+/// image ends.
+fn blur(values: &[f64], around: &Tile, tile: &Tile) -> Vec<f64> {
+    let weights: [f64; 2 * SSIM_RADIUS + 1] = std::array::from_fn(|tap| {
+        let distance = tap as f64 - SSIM_RADIUS as f64;
+        (-0.5 * (distance / SSIM_SIGMA).powi(2)).exp()
+    });
+    let (width, count) = (tile.x.len(), around.x.len());
+    let (left, above) = (tile.x.start - around.x.start, tile.y.start - around.y.start);
+    let rows: Vec<f64> = values
+        .chunks(count)
+        .flat_map(|row| {
+            let (mut sums, mut totals) = (vec![0.0; width], vec![0.0; width]);
+            for (tap, weight) in weights.iter().enumerate() {
+                // The pixels of the tile whose tap lies in the image, and the first of these taps.
+                let begin = SSIM_RADIUS.saturating_sub(left + tap).min(width);
+                let end = (count + SSIM_RADIUS).saturating_sub(left + tap).clamp(begin, width);
+                let from = (begin + left + tap).saturating_sub(SSIM_RADIUS);
+                let taken = &row[from.min(count)..];
+                let sums = sums[begin..end].iter_mut().zip(&mut totals[begin..end]);
+                for ((sum, total), value) in sums.zip(taken) {
+                    *sum += weight * value;
+                    *total += weight;
+                }
+            }
+            sums.into_iter().zip(totals).map(|(sum, total)| sum / total)
+        })
+        .collect();
+    let height = around.y.len();
+    (0..tile.y.len())
+        .flat_map(|y| {
+            let (mut sums, mut total) = (vec![0.0; width], 0.0);
+            for (tap, weight) in weights.iter().enumerate() {
+                let Some(row) = (y + above + tap).checked_sub(SSIM_RADIUS).filter(|row| *row < height) else {
+                    continue;
+                };
+                total += weight;
+                for (sum, value) in sums.iter_mut().zip(&rows[row * width..][..width]) {
+                    *sum += weight * value;
+                }
+            }
+            sums.into_iter().map(move |sum| sum / total)
+        })
+        .collect()
 }
 
 #[cfg(test)]

@@ -4,9 +4,19 @@ use std::{io::Cursor, path::Path};
 
 use epigraph_core::{Dims, Element, Format, Snapshot};
 use epigraph_files::{FileError, MOST_DATA};
-use exr::prelude::{AnyChannels, FlatSamples, Layer, ReadChannels, ReadLayers};
+use exr::{
+    meta::MetaData,
+    prelude::{AnyChannels, FlatSamples, Layer, ReadChannels, ReadLayers},
+};
+use image::{DynamicImage, ImageDecoder, codecs::png::PngDecoder};
 
 use crate::{Mode, Number, Shown, lanes, tone};
+
+/// The most pixels of a picture that is read: 8192x8192. Comparing two of them takes 2 GB.
+pub const MOST_PIXELS: usize = 1 << 26;
+
+/// The most channels of an EXR file.
+const MOST_CHANNELS: usize = 64;
 
 /// An image's colours, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,51 +83,73 @@ impl Picture {
 
     /// The colours in sRGB, clamped to [0, 1].
     pub fn srgb(&self) -> Vec<[f32; 3]> {
-        let encode = |value: f32| if self.linear { tone::encode(value) } else { value };
-        self.colors.iter().map(|color| color.map(encode)).collect()
+        (0..self.colors.len()).map(|index| self.srgb_at(index)).collect()
+    }
+
+    /// The colour of one pixel in sRGB, clamped to [0, 1].
+    pub fn srgb_at(&self, index: usize) -> [f32; 3] {
+        let color = self.colors[index];
+        if self.linear { color.map(tone::encode) } else { color }
     }
 }
 
 fn read_png(bytes: &[u8]) -> Result<Picture, String> {
-    let image =
-        image::load_from_memory_with_format(bytes, image::ImageFormat::Png).map_err(|e| e.to_string())?;
-    let image = image.into_rgb32f();
+    let decoder = PngDecoder::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+    let (width, height) = decoder.dimensions();
+    check_size(width as usize, height as usize)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?.into_rgb32f();
     let size = [image.width() as usize, image.height() as usize];
     Ok(Picture { size, colors: bytemuck::cast_vec(image.into_raw()), linear: false })
 }
 
+/// Refuses a picture of more than [`MOST_PIXELS`], before its pixels are read.
+fn check_size(width: usize, height: usize) -> Result<(), String> {
+    if width.saturating_mul(height) > MOST_PIXELS {
+        return Err(format!(
+            "it has {width}x{height} pixels, but pictures of at most {MOST_PIXELS} pixels (8192x8192) are read"
+        ));
+    }
+    Ok(())
+}
+
 /// The first layer of an EXR file, with its channels as they are stored.
-pub(crate) fn exr_layer(bytes: &[u8]) -> exr::error::Result<Layer<AnyChannels<FlatSamples>>> {
+pub(crate) fn exr_layer(bytes: &[u8]) -> Result<Layer<AnyChannels<FlatSamples>>, String> {
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| error.to_string())?;
+    for header in meta.headers {
+        check_size(header.layer_size.width(), header.layer_size.height())?;
+        let channels = header.channels.list.len();
+        if channels > MOST_CHANNELS {
+            return Err(format!("it has {channels} channels, but at most {MOST_CHANNELS} are read"));
+        }
+    }
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
         .first_valid_layer()
         .all_attributes()
-        .from_buffered(Cursor::new(bytes))?;
-    Ok(image.layer_data)
+        .from_buffered(Cursor::new(bytes));
+    Ok(image.map_err(|error| error.to_string())?.layer_data)
 }
 
 fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
-    let layer = exr_layer(bytes).map_err(|error| error.to_string())?;
+    let layer = exr_layer(bytes)?;
     let size = [layer.size.width(), layer.size.height()];
     let channels = &layer.channel_data.list;
-    let named = |name: &str| {
-        let channel = channels.iter().find(|channel| channel.name.eq_case_insensitive(name));
-        channel.map(|channel| channel.sample_data.values_as_f32().collect::<Vec<f32>>())
-    };
+    let named = |name: &str| channels.iter().find(|channel| channel.name.eq_case_insensitive(name));
     let lanes = match (named("R"), named("G"), named("B"), channels.as_slice()) {
         (Some(r), Some(g), Some(b), _) => [r, g, b],
-        (.., [only]) => {
-            let grey: Vec<f32> = only.sample_data.values_as_f32().collect();
-            [grey.clone(), grey.clone(), grey]
-        }
+        (.., [only]) => [only; 3],
         _ => {
             let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
             return Err(format!("expected channels R, G, B or a single one, found {}", names.join(", ")));
         }
     };
-    let colors = (0..size[0] * size[1]).map(|i| [lanes[0][i], lanes[1][i], lanes[2][i]]).collect();
+    let mut colors = vec![[0.0; 3]; size[0] * size[1]];
+    for (lane, channel) in lanes.into_iter().enumerate() {
+        let values = channel.sample_data.values_as_f32();
+        colors.iter_mut().zip(values).for_each(|(color, value)| color[lane] = value);
+    }
     Ok(Picture { size, colors, linear: true })
 }
 
@@ -142,5 +174,48 @@ mod tests {
         let look = Look { mode: Some(Mode::Grey), ..Look::default() };
         let picture = Picture::of_port(&port, &show(&port, &look));
         assert_eq!(picture, Picture::shown([2, 1], &[[0; 3], [255; 3]]));
+    }
+
+    #[test]
+    fn pictures_beyond_the_limit_are_refused_by_their_headers() {
+        // Headers alone: nothing can be read after them.
+        let chunk = |kind: &[u8; 4], data: &[u8]| {
+            let mut bytes = (data.len() as u32).to_be_bytes().to_vec();
+            bytes.extend(kind);
+            bytes.extend(data);
+            bytes.extend(crc(&[&kind[..], data].concat()).to_be_bytes());
+            bytes
+        };
+        let png = |width: u32, height: u32| {
+            let mut header = [width.to_be_bytes(), height.to_be_bytes()].concat();
+            header.extend([1, 0, 0, 0, 0]);
+            [&b"\x89PNG\r\n\x1a\n"[..], &chunk(b"IHDR", &header), &chunk(b"IDAT", &[0; 4])].concat()
+        };
+        let text = "it has 20000x20000 pixels, but pictures of at most 67108864 pixels (8192x8192) are read";
+        assert_eq!(read_png(&png(20_000, 20_000)).unwrap_err(), text);
+        assert!(!read_png(&png(8192, 8192)).unwrap_err().contains("pixels"));
+
+        let exr = |size| crate::exr(size, &vec![[0.5; 3]; size[0] * size[1]]).unwrap();
+        let small = exr([2, 1]);
+        assert_eq!(read_exr(&small).unwrap().colors, [[0.5; 3]; 2]);
+        // Its windows are the numbers 0, 0, 1, 0.
+        let window = [0_i32, 0, 1, 0].map(i32::to_le_bytes).concat();
+        let large = [0_i32, 0, 19_999, 19_999].map(i32::to_le_bytes).concat();
+        let mut changed = small.clone();
+        let places: Vec<usize> =
+            (0..small.len() - 16).filter(|&at| small[at..].starts_with(&window)).collect();
+        assert!(!places.is_empty());
+        places.iter().for_each(|&at| changed[at..at + 16].copy_from_slice(&large));
+        assert_eq!(read_exr(&changed).unwrap_err(), text);
+    }
+
+    /// The checksum of PNG chunks (RFC 2083, section 15).
+    fn crc(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(u32::MAX, |crc, &byte| {
+            (0..8).fold(
+                crc ^ u32::from(byte),
+                |crc, _| if crc & 1 == 1 { 0xEDB8_8320 ^ crc >> 1 } else { crc >> 1 },
+            )
+        })
     }
 }
