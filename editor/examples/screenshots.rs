@@ -10,7 +10,7 @@ use egui::accesskit::Role;
 use egui_kittest::{Harness, kittest::Queryable};
 use epigraph_editor::{
     app::App,
-    document::Document,
+    document::{Document, Tag},
     engine::{Backend, Command, Options, Pace},
     intent::{Intent, Jump},
     panes::Pane,
@@ -73,6 +73,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     window.run_steps(20);
     window.render()?.save("docs/editor-text.png")?;
+
+    window.state_mut().go_on(Document::open(Path::new("graphs/experiments/blur.ron"))?);
+    let session = &mut window.state_mut().session;
+    session.edit(Tag::Once, |file| file.set_param("view/cull", "threshold", "0.2"));
+    session.selected = Some("antialias".into());
+    until(&mut window, |app| app.session.state.frames == 0);
+    run(&mut window, FRAMES);
+    window.state_mut().show(|pane| matches!(pane, Pane::Nodes(_)));
+    window.state_mut().show(|pane| matches!(pane, Pane::Canvas(_)));
+    window.run_steps(8);
+    window.render()?.save("docs/editor-change.png")?;
     Ok(())
 }
 

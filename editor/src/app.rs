@@ -14,11 +14,12 @@ use crate::{
     help,
     intent::{Ask, Intent},
     keyboard,
+    offers::Offers,
     opening::Opening,
     panes::{Pane, Panes, TextPane, Viewer},
     session::{SCALES, Session},
     status,
-    store::{Recovery, Seen, Store, Stored},
+    store::{Seen, Store, Stored},
     theme, toolbar, widgets,
 };
 
@@ -66,8 +67,8 @@ pub struct App {
     /// True if the help is open.
     pub(crate) help: bool,
     store: Option<Store>,
-    /// Unsaved changes of the last session, until the user has decided about them.
-    recovery: Option<Recovery>,
+    /// Choices about unsaved changes.
+    offers: Offers,
     /// When the files were last checked for changes, seconds of the window's time.
     looked: f64,
 }
@@ -92,7 +93,7 @@ impl App {
         theme::apply(&creation.egui_ctx);
         widgets::publish(&creation.egui_ctx);
         let context = creation.egui_ctx.clone();
-        let recovery = store.as_ref().and_then(|store| store.recovery(&document));
+        let offers = Offers::new(store.as_ref().and_then(|store| store.recovery(&document)), &document);
         let mut session = Session::new(document, options, registry, move || context.request_repaint());
         if let Some(notice) = notice {
             session.tell(notice);
@@ -119,7 +120,7 @@ impl App {
             dialog: None,
             help: false,
             store,
-            recovery,
+            offers,
             looked: 0.0,
         };
         app.made = app.viewers().map(|viewer| viewer.id + 1).max().unwrap_or_default();
@@ -201,8 +202,9 @@ impl App {
         document.use_sources(self.session.document.sources().clone());
         if let Some(store) = &mut self.store {
             store.change_document();
-            self.recovery = store.recovery(&document);
         }
+        let recovery = self.store.as_ref().and_then(|store| store.recovery(&document));
+        self.offers = Offers::new(recovery, &document);
         self.session.open(document);
         self.slots = Slots::default();
         self.show_port(String::new());
@@ -212,7 +214,7 @@ impl App {
     fn keep(&mut self) {
         let Some(store) = &mut self.store else { return };
         // The unsaved changes of the last session must not be overwritten before the user has decided about them.
-        if self.recovery.is_none() {
+        if !self.offers.has_recovery() {
             store.keep_unsaved(&self.session.document);
         }
         let (session, settings) = (&self.session, &self.session.settings);
@@ -235,38 +237,6 @@ impl App {
         });
     }
 
-    /// Offers the unsaved changes of the last session.
-    fn offer(&mut self, ui: &mut Ui) {
-        let Some(recovery) = &self.recovery else { return };
-        let mut decided = None;
-        egui::Panel::top("recovery").show(ui, |ui| {
-            ui.add_space(3.0);
-            ui.horizontal_wrapped(|ui| {
-                ui.strong(format!("{} when the program ended.", recovery.what()));
-                if ui
-                    .button("Restore")
-                    .on_hover_text("Restore the unsaved changes; Undo returns to the saved version")
-                    .clicked()
-                {
-                    decided = Some(true);
-                }
-                if ui.button("Discard").on_hover_text("Delete the unsaved changes").clicked() {
-                    decided = Some(false);
-                }
-            });
-            ui.add_space(3.0);
-        });
-        match (decided, self.recovery.take_if(|_| decided.is_some())) {
-            (Some(true), Some(recovery)) => recovery.take_over(&mut self.session.document),
-            (Some(false), Some(_)) => {
-                if let Some(store) = &mut self.store {
-                    store.discard(&self.session.document);
-                }
-            }
-            _ => {}
-        }
-    }
-
     /// Brings a pane to the front if another tab hides it.
     pub fn show(&mut self, wanted: impl Fn(&Pane) -> bool) {
         self.tree.make_active(|_, tile| matches!(tile, Tile::Pane(pane) if wanted(pane)));
@@ -277,6 +247,7 @@ impl App {
         if now - self.looked > REFRESH {
             self.looked = now;
             self.session.refresh();
+            self.offers.refresh(&self.session.document);
             self.keep();
         }
         context.request_repaint_after_secs(REFRESH as f32);
@@ -332,7 +303,7 @@ impl eframe::App for App {
 
         egui::Panel::top("toolbar").show(ui, |ui| toolbar::show(ui, &mut self.session));
         egui::Panel::bottom("status").show(ui, |ui| status::show(ui, &mut self.session));
-        self.offer(ui);
+        self.offers.show(ui, &mut self.session.document, self.store.as_mut());
         egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
             let viewers = self.viewers().count();
             self.tree.ui(&mut Panes { session: &mut self.session, viewers }, ui);

@@ -319,6 +319,26 @@ fn unsaved_changes_survive_killing_the_editor() {
     desk.save("the unsaved exposure", |text| text.contains("exposure"));
 }
 
+#[test]
+fn unsaved_changes_do_not_replace_what_another_program_saved_after_a_kill() {
+    let mut desk = Desk::new();
+    let opened = fs::read_to_string(desk.graph()).unwrap();
+    desk.select("tonemap");
+    desk.drag("Slider", "exposure", [5.0, 0.0]);
+    let config = desk.folder.path().join("config");
+    desk.until("file that keeps the unsaved text", |_| holds_unsaved(&config, "exposure").then_some(()));
+    let theirs = format!("{opened}// theirs\n");
+    fs::write(desk.graph(), &theirs).unwrap();
+    desk.crash();
+    desk.click("Button", "Show differences");
+    let shows = |widgets: &[Widget]| widgets.iter().any(|widget| widget.value.contains("- // theirs"));
+    desk.until("line that only the file has", |widgets| shows(widgets).then_some(()));
+    assert_eq!(fs::read_to_string(desk.graph()).unwrap(), theirs);
+    desk.click("Button", "Restore");
+    let saved = desk.save("the unsaved exposure", |text| text.contains("exposure"));
+    assert!(!saved.contains("theirs"), "{saved}");
+}
+
 /// Returns true if the folder, or one within it, has a recovery file that contains `text`. Other files do not count:
 /// the session file also contains "exposure", and a file that is being written has another name.
 fn holds_unsaved(path: &Path, text: &str) -> bool {

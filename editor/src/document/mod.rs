@@ -5,6 +5,7 @@
 //! byte. While a text is broken, [`Document::file`] is the last good graph and [`Document::problems`] lists the errors.
 //! The positions of the canvas's boxes are part of the same history, but are saved in a file of their own ([`places`]).
 
+mod conflict;
 mod moved;
 pub mod nodes;
 mod params;
@@ -48,6 +49,8 @@ pub enum Tag {
     Param(String, String),
     /// Moving boxes of the canvas with the arrow keys.
     Moving,
+    /// Restoring the unsaved changes of the last session.
+    Recovery,
 }
 
 /// The contents that undo and redo restore.
@@ -66,6 +69,10 @@ pub struct Document {
     future: Vec<Contents>,
     tag: Tag,
     notice: Option<String>,
+    /// The text of the layout's file as last read or written; `None` if there was no file.
+    layout: Option<Arc<str>>,
+    /// The texts of files with unsaved changes that another program has changed, by path.
+    theirs: Texts,
     file: Option<Arc<GraphFile>>,
     /// The graph with its changes to the base applied.
     whole: Option<Arc<GraphFile>>,
@@ -91,15 +98,17 @@ impl Document {
             let error = GraphError::Io { action: "read", cause: error.to_string() };
             Problem::new(error).at(Place::file(&name))
         })?;
-        let (places, notice) = match places::read(&name) {
-            Ok(places) => (Arc::new(places), None),
-            Err(why) => (Arc::default(), Some(why)),
+        let (layout, places, notice) = match places::read(&name) {
+            Ok((layout, places)) => (layout, Arc::new(places), None),
+            Err(why) => (None, Arc::default(), Some(why)),
         };
         let mut document = Self {
             contents: Contents { texts: Texts::from([(name.clone(), text.into())]), places: places.clone() },
             path: name,
             saved: Contents { texts: Texts::new(), places },
             notice,
+            layout: layout.map(Into::into),
+            theirs: Texts::new(),
             past: Vec::new(),
             future: Vec::new(),
             tag: Tag::Once,
@@ -287,10 +296,19 @@ impl Document {
     /// Writes every changed text, and the box positions if they changed, to its file, each whole or not at all.
     ///
     /// # Errors
-    /// Another program has changed a file since it was read, or a file cannot be written. Its text then stays unsaved;
-    /// files before it in [`Document::paths`] have been written.
+    /// Another program has changed such a file since it was read: then nothing is written, and
+    /// [`Document::conflicts`] has these files. Or a file cannot be written: its text then stays unsaved; files before it
+    /// in [`Document::paths`] have been written.
     pub fn save(&mut self) -> Result<(), Problems> {
         self.seal();
+        self.find_conflicts();
+        let conflict = |path: &String| {
+            let cause =
+                "another program has changed it since it was read; keep your changes or discard them first";
+            let error = GraphError::Io { action: "write", cause: cause.into() };
+            Problem::new(error).at(Place::file(path))
+        };
+        Problems(self.theirs.keys().map(conflict).collect()).into_result()?;
         let changed: Vec<String> = self
             .paths()
             .filter(|path| self.contents.texts.get(*path) != self.saved.texts.get(*path))
@@ -298,27 +316,19 @@ impl Document {
             .collect();
         for path in changed {
             let Some(text) = self.contents.texts.get(&path).cloned() else { continue };
-            if let (Some(saved), Ok(found)) =
-                (self.saved.texts.get(&path), epigraph_files::text(Path::new(&path)))
-                && found != **saved
-            {
-                let cause = "another program has changed it since it was read; nothing was overwritten";
-                let error = GraphError::Io { action: "write", cause: cause.into() };
-                return Err(Problem::new(error).at(Place::file(&path)).into());
-            }
             write(Path::new(&path), &text)?;
             self.saved.texts.insert(path, text);
         }
         if self.contents.places != self.saved.places {
             let text = places::write(&self.contents.places, self.whole.as_deref());
             write(&places::layout_path(&self.path), &text)?;
-            self.saved.places = self.contents.places.clone();
+            (self.layout, self.saved.places) = (Some(text.into()), self.contents.places.clone());
         }
         Ok(())
     }
 
-    /// Reloads the files that another program has changed, unless they have unsaved changes. Returns true if there were
-    /// any. Undo restores the previous texts.
+    /// Reloads the files that another program has changed, unless they have unsaved changes: those are in
+    /// [`Document::conflicts`] then. Returns true if any was reloaded. Undo restores the previous texts.
     pub fn refresh(&mut self) -> bool {
         // A shader file may have been created since.
         let mut changed = self.add_shaders();
@@ -334,8 +344,18 @@ impl Document {
             }
         }
         self.revision += u64::from(changed);
-        changed |= texts != self.contents.texts;
-        self.change_texts(Tag::Once, texts);
+        let mut places = self.contents.places.clone();
+        let layout = self.layout_path();
+        if self.unsaved_places().is_none()
+            && let Ok(found) = epigraph_files::text(Path::new(&layout))
+            && self.layout.as_deref() != Some(&found)
+        {
+            self.note(&layout, found.into());
+            places = self.saved.places.clone();
+        }
+        changed |= texts != self.contents.texts || places != self.contents.places;
+        self.change(Tag::Once, texts, Places::clone(&places));
+        self.find_conflicts();
         changed
     }
 

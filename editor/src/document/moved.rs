@@ -20,7 +20,7 @@ impl Document {
         require_new(path)?;
         write(path, &text)?;
         // An unusable layout is not copied.
-        if let Ok(found) = places::read(&source.display().to_string()) {
+        if let Ok((_, found)) = places::read(&source.display().to_string()) {
             write_places(path, &found)?;
         }
         Self::open(path)
@@ -36,7 +36,7 @@ impl Document {
         let folder = path.parent().unwrap_or(Path::new(""));
         let leads = relative(folder, base).display().to_string().replace('\\', "/");
         write(path, &format!("Graph(\n    version: 1,\n    base: {leads:?},\n)\n"))?;
-        if let Ok(found) = places::read(&base.display().to_string()) {
+        if let Ok((_, found)) = places::read(&base.display().to_string()) {
             write_places(path, &found)?;
         }
         Self::open(path)
@@ -69,6 +69,8 @@ impl Document {
             self.saved.texts.remove(&old);
             self.saved.texts.insert(self.path.clone(), text.into());
             self.saved.places = self.contents.places.clone();
+            self.layout = epigraph_files::text(Path::new(&self.layout_path())).ok().map(Into::into);
+            self.theirs.clear();
             self.restore(present);
             return Ok(());
         }

@@ -36,28 +36,37 @@ pub fn layout_path(graph: &str) -> PathBuf {
     Path::new(graph).with_extension("layout.ron")
 }
 
-/// Reads the layout of a graph; empty if there is no such file.
+/// Reads the layout of a graph, and its text; empty if there is no such file.
 ///
 /// # Errors
 /// The reason why the file cannot be used, as text for the user.
-pub fn read(graph: &str) -> Result<Places, String> {
+pub fn read(graph: &str) -> Result<(Option<String>, Places), String> {
     let path = layout_path(graph);
-    let unusable = |why: String| {
-        format!("{} cannot be used, so the boxes are arranged automatically: {why}", path.display())
-    };
-    let text = match epigraph_files::text(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Places::new()),
-        Err(error) => return Err(unusable(error.to_string())),
-    };
-    let layout: Layout = ron::from_str(&text).map_err(|error| unusable(error.to_string()))?;
+    let name = path.display().to_string();
+    match epigraph_files::text(&path) {
+        Ok(text) => parse(&name, &text).map(|places| (Some(text), places)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok((None, Places::new())),
+        Err(error) => Err(unusable(&name, &error.to_string())),
+    }
+}
+
+/// Reads the text of a layout.
+///
+/// # Errors
+/// Those of [`read`].
+pub fn parse(path: &str, text: &str) -> Result<Places, String> {
+    let layout: Layout = ron::from_str(text).map_err(|error| unusable(path, &error.to_string()))?;
     if layout.version != VERSION {
-        return Err(unusable(format!("its version is {}, not {VERSION}", layout.version)));
+        return Err(unusable(path, &format!("its version is {}, not {VERSION}", layout.version)));
     }
     if !are_finite(&layout.nodes) {
-        return Err(unusable("a position is not a finite number".into()));
+        return Err(unusable(path, "a position is not a finite number"));
     }
     Ok(layout.nodes)
+}
+
+fn unusable(path: &str, why: &str) -> String {
+    format!("{path} cannot be used, so the boxes are arranged automatically: {why}")
 }
 
 /// True if all coordinates are finite.

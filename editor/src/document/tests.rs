@@ -3,6 +3,7 @@ use std::{fs, path::PathBuf};
 use epigraph_core::{ParamKind, ParamSpec, Side, Source};
 
 use super::*;
+use crate::files;
 
 /// Copies the shipped graphs and their parts to `folder`. Returns the paths of the graphs.
 pub(crate) fn shipped(folder: &Path) -> Vec<PathBuf> {
@@ -267,6 +268,99 @@ fn changes_by_another_program_are_not_overwritten() {
     assert!(document.save().unwrap_err().to_string().contains("another program"));
     assert!(document.is_dirty());
     assert_eq!(fs::read_to_string(&path).unwrap(), "theirs");
+    assert_eq!(document.conflicts().collect::<Vec<_>>(), [(path.as_str(), "theirs")]);
+}
+
+#[test]
+fn the_user_decides_about_files_that_another_program_has_changed_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let path = document.path().to_owned();
+    let part = folder.path().join("part.ron").display().to_string();
+    let on_disk = |path: &str| fs::read_to_string(path).unwrap();
+    let conflicts = |document: &Document| -> Vec<String> {
+        document.conflicts().map(|(path, _)| files::short(path).to_owned()).collect()
+    };
+    let (first, old) = (on_disk(&path), on_disk(&part));
+    document.edit(Tag::Once, |file| file.set_bypass("c", true)).unwrap();
+    document.edit(Tag::Once, |file| file.set_param("a/in", "sigma", "0.75")).unwrap();
+    let mine = document.text(&path).to_owned();
+    assert!(!document.refresh() && conflicts(&document).is_empty());
+
+    // Nothing is written while there is a conflict, not even the other file.
+    let theirs = first.replace("// Kept.", "// Theirs.");
+    fs::write(&path, &theirs).unwrap();
+    assert!(!document.refresh());
+    assert_eq!(conflicts(&document), ["main.ron"]);
+    document.save().unwrap_err();
+    assert_eq!((on_disk(&path), on_disk(&part)), (theirs.clone(), old));
+
+    // Theirs is taken, and mine comes back by undo.
+    document.take_theirs(&path);
+    assert_eq!((conflicts(&document), document.text(&path)), (vec![], theirs.as_str()));
+    document.undo();
+    assert_eq!((conflicts(&document), document.text(&path)), (vec![], mine.as_str()));
+    // Now it is made to their text, so that saving replaces that.
+    assert!(!document.refresh() && conflicts(&document).is_empty());
+    let later = first.replace("// Kept.", "// Later.");
+    fs::write(&path, &later).unwrap();
+    document.refresh();
+    assert_eq!(conflicts(&document), ["main.ron"]);
+    document.keep_mine(&path);
+    assert!(conflicts(&document).is_empty() && document.text(&path) == mine && document.is_dirty());
+    document.refresh();
+    assert!(conflicts(&document).is_empty());
+    document.save().unwrap();
+    assert!(on_disk(&path) == mine && on_disk(&part).contains("0.75") && !document.is_dirty());
+
+    // The same change by another program is none.
+    document.edit(Tag::Once, |file| file.set_bypass("c", false)).unwrap();
+    fs::write(&path, document.text(&path)).unwrap();
+    document.refresh();
+    assert!(conflicts(&document).is_empty() && !document.is_dirty());
+    // What the user takes back by undo is no conflict any more, and the file is reloaded.
+    document.edit(Tag::Once, |file| file.set_bypass("c", true)).unwrap();
+    fs::write(&path, &theirs).unwrap();
+    document.refresh();
+    assert_eq!(conflicts(&document), ["main.ron"]);
+    document.undo();
+    assert!(document.refresh() && conflicts(&document).is_empty());
+    assert_eq!(document.text(&path), theirs);
+}
+
+#[test]
+fn the_user_decides_about_box_positions_that_another_program_has_changed_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = small(folder.path());
+    let layout = folder.path().join("main.layout.ron");
+    let theirs = "Layout(version: 1, nodes: {\"c\": (1, 2)})";
+    let put = |document: &mut Document, at: [f32; 2]| {
+        document.place(Tag::Once, |places| {
+            places.insert("c".into(), at);
+        });
+    };
+    // Without unsaved positions, theirs are shown.
+    fs::write(&layout, theirs).unwrap();
+    assert!(document.refresh() && !document.is_dirty());
+    assert_eq!(document.places()["c"], [1.0, 2.0]);
+
+    put(&mut document, [10.0, 20.0]);
+    fs::write(&layout, theirs.replace('2', "3")).unwrap();
+    assert!(!document.refresh());
+    let path = document.layout_path();
+    assert_eq!(document.conflicts().map(|(path, _)| path).collect::<Vec<_>>(), [&path]);
+    document.save().unwrap_err();
+    assert_eq!(fs::read_to_string(&layout).unwrap(), theirs.replace('2', "3"));
+    document.take_theirs(&path);
+    assert!(document.places()["c"] == [1.0, 3.0] && !document.is_dirty());
+    document.undo();
+    assert!(document.places()["c"] == [10.0, 20.0] && document.is_dirty());
+    fs::write(&layout, theirs).unwrap();
+    document.refresh();
+    document.keep_mine(&path);
+    document.save().unwrap();
+    assert!(fs::read_to_string(&layout).unwrap().contains("(10, 20)"));
+    assert!(!document.refresh() && !document.is_dirty() && document.conflicts().next().is_none());
 }
 
 #[test]

@@ -14,13 +14,14 @@ impl Document {
         (self.contents.places != self.saved.places).then_some(&self.contents.places)
     }
 
-    /// Replaces texts of the document's files, and the box positions if given, as one change.
-    pub fn take_over(&mut self, replaced: Vec<(String, String)>, places: Option<Places>) {
+    /// Restores texts of the document's files, and the box positions if given. Consecutive calls are one change, which
+    /// [`Document::seal`] ends.
+    pub fn restore_unsaved(&mut self, replaced: Vec<(String, String)>, places: Option<Places>) {
         let mut texts = self.contents.texts.clone();
         for (path, text) in replaced {
             texts.insert(path, text.into());
         }
         let places = places.unwrap_or_else(|| Places::clone(&self.contents.places));
-        self.change(Tag::Once, texts, places);
+        self.change(Tag::Recovery, texts, places);
     }
 }

@@ -511,9 +511,7 @@ fn while_a_wire_is_dragged_only_pins_that_fit_stay_bright() {
 
 #[test]
 fn a_change_to_a_base_is_marked_edited_and_taken_back() {
-    let mut opened = Opened::new("experiments/blur.ron");
-    opened.click("Canvas");
-    opened.harness.run_steps(3);
+    let mut opened = canvas("experiments/blur.ron");
     assert_eq!(opened.app().session.document.problems(), []);
     let marked = "node antialias, changed: in the place of antialias";
     assert!(opened.harness.query_by_label_contains(marked).is_some());
@@ -548,9 +546,7 @@ fn a_change_to_a_base_is_marked_edited_and_taken_back() {
 
 #[test]
 fn a_change_is_listed_and_written_out_in_full() {
-    let mut opened = Opened::new("experiments/blur.ron");
-    opened.click("Canvas");
-    opened.harness.run_steps(3);
+    let mut opened = canvas("experiments/blur.ron");
     opened.click("1 change to epi");
     opened.click("antialias: in the place of antialias");
     opened.harness.run_steps(3);

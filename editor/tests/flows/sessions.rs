@@ -152,6 +152,136 @@ fn unsaved_box_positions_are_offered_too() {
     assert!(places(&opened).is_empty() && !opened.app().session.document.is_dirty());
 }
 
+/// Opens a graph, types a comment, leaves time to keep it, and ends without saving. Returns the texts: as opened, as
+/// typed.
+fn left_unsaved(sessions: &Path, graph: &Path) -> [String; 2] {
+    let mut opened = Opened::started(sessions, Some(graph), None);
+    opened.until("the graph", |app| app.session.state.graph.is_some());
+    let path = opened.app().session.document.path().to_owned();
+    let saved = opened.text().to_owned();
+    let typed = saved.replacen("Graph(", "Graph( // mine", 1);
+    opened.harness.state_mut().session.document.type_text(&path, &typed);
+    rest(&mut opened);
+    [saved, typed]
+}
+
+#[test]
+fn unsaved_text_of_a_file_that_another_program_has_changed_since_is_offered_with_the_differences() {
+    let sessions = tempfile::tempdir().unwrap();
+    let (_folder, graph) = copy("epi.ron");
+    let [saved, typed] = left_unsaved(sessions.path(), &graph);
+    let start = || {
+        let mut opened = Opened::started(sessions.path(), None, None);
+        opened.harness.run_steps(5);
+        opened
+    };
+    let since =
+        |opened: &Opened| opened.harness.query_by_label_contains("has changed epi.ron since").is_some();
+    let on_disk = || fs::read_to_string(&graph).unwrap();
+    let shows = |opened: &Opened, line: &str| opened.harness.query_by_label(line).is_some();
+
+    // Nobody has changed the file: the differences are those that the user made.
+    let mut opened = start();
+    assert!(!since(&opened));
+    opened.click("Show differences");
+    assert!(shows(&opened, "- Graph(") && shows(&opened, "+ Graph( // mine"));
+    drop(opened);
+
+    let theirs = saved.replacen("Graph(", "Graph( // theirs", 1);
+    fs::write(&graph, &theirs).unwrap();
+    let mut opened = start();
+    assert!(since(&opened) && opened.text() == theirs);
+    opened.click("Show differences");
+    assert!(shows(&opened, "- Graph( // theirs") && shows(&opened, "+ Graph( // mine"));
+    // Undecided, nothing is lost on either side.
+    rest(&mut opened);
+    drop(opened);
+    assert_eq!(on_disk(), theirs);
+
+    let mut opened = start();
+    opened.click("Restore");
+    assert!(opened.text() == typed && on_disk() == theirs);
+    // It is made to their text now, which the user has seen.
+    rest(&mut opened);
+    drop(opened);
+    let mut opened = start();
+    assert!(!since(&opened));
+    opened.click("Restore");
+    opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::S);
+    rest(&mut opened);
+    assert_eq!(on_disk(), typed);
+    opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::Z);
+    opened.harness.run_steps(3);
+    assert_eq!(opened.text(), theirs);
+}
+
+#[test]
+fn discarding_leaves_what_another_program_has_written() {
+    let sessions = tempfile::tempdir().unwrap();
+    let (_folder, graph) = copy("epi.ron");
+    let [saved, _] = left_unsaved(sessions.path(), &graph);
+    let theirs = saved.replacen("Graph(", "Graph( // theirs", 1);
+    fs::write(&graph, &theirs).unwrap();
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.harness.run_steps(5);
+    opened.click("Discard");
+    rest(&mut opened);
+    assert!(opened.text() == theirs && !opened.app().session.document.is_dirty());
+    drop(opened);
+    let mut opened = Opened::started(sessions.path(), None, None);
+    opened.harness.run_steps(5);
+    assert!(opened.harness.query_by_label("Discard").is_none());
+    assert_eq!(fs::read_to_string(&graph).unwrap(), theirs);
+}
+
+#[test]
+fn a_file_that_changes_under_unsaved_text_is_asked_about_at_once() {
+    let mut opened = Opened::with("epi.ron", true, [64, 48]);
+    opened.until("the graph", |app| app.session.state.graph.is_some());
+    let (path, saved) = (opened.path.clone(), opened.text().to_owned());
+    let typed = saved.replacen("Graph(", "Graph( // mine", 1);
+    let name = opened.app().session.document.path().to_owned();
+    opened.harness.state_mut().session.document.type_text(&name, &typed);
+    rest(&mut opened);
+    let asked = |opened: &Opened| opened.harness.query_by_label("Keep mine").is_some();
+    assert!(!asked(&opened));
+    let write = |opened: &mut Opened, comment: &str| {
+        let theirs = saved.replacen("Graph(", &format!("Graph( // {comment}"), 1);
+        fs::write(&path, &theirs).unwrap();
+        rest(opened);
+        theirs
+    };
+    let save = |opened: &mut Opened| {
+        opened.harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::S);
+        opened.harness.run_steps(3);
+    };
+    let on_disk = || fs::read_to_string(&path).unwrap();
+
+    let theirs = write(&mut opened, "theirs");
+    assert!(asked(&opened) && opened.text() == typed);
+    opened.click("Show differences");
+    assert!(opened.harness.query_by_label("- Graph( // theirs").is_some());
+    assert!(opened.harness.query_by_label("+ Graph( // mine").is_some());
+    opened.shot("differences");
+    save(&mut opened);
+    assert_eq!(on_disk(), theirs);
+    assert!(opened.app().session.notice().unwrap().contains("keep your changes or discard them first"));
+
+    opened.click("Discard mine");
+    assert!(!asked(&opened) && opened.text() == theirs);
+    opened.click("Undo");
+    assert_eq!(opened.text(), typed);
+    rest(&mut opened);
+    assert!(!asked(&opened), "the user has decided");
+
+    write(&mut opened, "later");
+    assert!(asked(&opened));
+    opened.click("Keep mine");
+    assert!(!asked(&opened) && opened.text() == typed);
+    save(&mut opened);
+    assert_eq!(on_disk(), typed);
+}
+
 #[test]
 fn saved_changes_are_not_offered() {
     let sessions = tempfile::tempdir().unwrap();

@@ -32,6 +32,10 @@ fn a_change_to_a_base_is_marked() {
         file.set_bypass("view/predict", true)
     });
     edited.unwrap();
+    opened.until("the edited graph", |app| {
+        let graph = app.session.state.graph.as_ref();
+        graph.is_some_and(|graph| graph.node("antialias").is_none_or(|node| node.kind != "wgsl"))
+    });
     opened.frames(1);
     opened.click("Canvas");
     opened.click("node tonemap, changed: color takes spread.color; exposure: 1.0");
