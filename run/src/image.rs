@@ -68,7 +68,32 @@ fn full_name(snapshot: &Snapshot) -> String {
 impl<T> Index<[u32; 2]> for Image<T> {
     type Output = T;
 
+    /// # Panics
+    /// If the image has no such pixel.
     fn index(&self, [x, y]: [u32; 2]) -> &T {
+        let [width, height] = self.size;
+        // A column too far to the right would be a pixel of the next row.
+        assert!(x < width && y < height, "no pixel {x},{y} in an image of {width}x{height}");
         &self.pixels[y as usize * self.size[0] as usize + x as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image() -> Image<u32> {
+        Image { size: [3, 2], pixels: (0..6).collect(), frame: 0 }
+    }
+
+    #[test]
+    fn pixels_are_found_by_column_and_row() {
+        assert_eq!([[0, 0], [2, 0], [0, 1], [2, 1]].map(|at| image()[at]), [0, 2, 3, 5]);
+    }
+
+    #[test]
+    #[should_panic(expected = "no pixel 3,0 in an image of 3x2")]
+    fn a_column_beyond_the_last_is_no_pixel_of_the_next_row() {
+        let _ = image()[[3, 0]];
     }
 }

@@ -28,8 +28,11 @@ impl fmt::Display for Samples {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Count(count) => write!(f, "{count}"),
-            // Rounded, as 0.07 x 100 is not exactly 7.
-            Self::Share(share) => write!(f, "{}%", (share * 1e7).round() / 1e5),
+            // Rounded to ten digits, as 0.07 x 100 is not exactly 7.
+            Self::Share(share) => {
+                let percent: f64 = format!("{:.9e}", share * 100.0).parse().map_err(|_| fmt::Error)?;
+                write!(f, "{percent}%")
+            }
         }
     }
 }
@@ -74,7 +77,7 @@ mod tests {
 
     #[test]
     fn samples_are_displayed_as_parsed() {
-        for text in ["7", "5%", "0.1%", "33.3%", "100%"] {
+        for text in ["7", "5%", "7%", "0.1%", "33.3%", "33.3333333%", "0.0000001%", "100%"] {
             assert_eq!(text.parse::<Samples>().unwrap().to_string(), text);
         }
     }

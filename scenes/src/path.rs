@@ -157,7 +157,7 @@ impl CameraPath {
         format!("view:{x},{y},{z}:{qx},{qy},{qz},{qw}")
     }
 
-    /// Number of frames until it stops or repeats, at least 1; `None` if it never does.
+    /// Number of frames until it stops or repeats, at least 1 and at most [`u32::MAX`]; `None` if it never does.
     pub fn frames(&self) -> Option<u32> {
         match &self.motion {
             Motion::Still => Some(1),

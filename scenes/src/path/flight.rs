@@ -53,12 +53,12 @@ struct KeyFile {
 }
 
 impl Flight {
-    /// Number of frames until it stays at its last key or restarts.
+    /// Number of frames until it stays at its last key or restarts; [`u32::MAX`] if there are more.
     pub fn frames(&self, per_second: f32) -> u32 {
         let (first, last) = (self.keys[0], self.keys[self.keys.len() - 1]);
         let begin = if self.looped { first.time } else { 0.0 };
         let frames = ((last.time - begin).max(0.0) * per_second).round() as u32;
-        if self.looped { frames.max(1) } else { frames + 1 }
+        if self.looped { frames.max(1) } else { frames.saturating_add(1) }
     }
 
     /// Returns true if the camera moves.

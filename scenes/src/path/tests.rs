@@ -220,6 +220,9 @@ fn flights_last_from_their_start_to_their_end() {
         (keys(&[(1.0, a, origin), (2.0, b, origin), (4.0, [0, 0, 5], origin)], true), 3 * 30 + 45),
         (keys(&three[..1], true), 1),
         (keys(&[(0.0, a, origin)], false), 1),
+        // More frames than have a number.
+        (keys(&[(0.0, a, origin), (1e9, b, origin)], false), u32::MAX),
+        (keys(&[(0.0, a, origin), (1e9, b, origin)], true), u32::MAX),
     ] {
         assert_eq!(path.frames(), Some(frames));
         assert_eq!(path.moves(), frames > 1);
