@@ -243,7 +243,7 @@ pub struct RenderArgs {
     /// Number of CPU threads [default: one per core]; does not affect the picture
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
     pub threads: Option<u16>,
-    /// Output picture, .png (sRGB) or .exr (linear) [default: epigraph.png]
+    /// Output picture, .png (sRGB) or .exr (linear); a pipe without an ending gets PNG [default: epigraph.png]
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Save a port's contents after the last frame: .png to view, .exr for raw values, .csv for lists; may be repeated

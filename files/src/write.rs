@@ -5,9 +5,11 @@
 //! by a process that was killed.
 
 use std::{
+    collections::BTreeSet,
     fs::{self, File},
     io::{self, Write},
     path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
 };
 
 use tempfile::NamedTempFile;
@@ -199,8 +201,8 @@ impl Draft {
 pub fn commit(drafts: Vec<Draft>) -> Result<(), FileError> {
     drafts.iter().try_for_each(Draft::store)?;
     // A rename that ends the old file waits while its blocks are freed, which takes milliseconds; one that leaves it open
-    // takes microseconds. So few are killed between two of them.
-    let _old: Vec<File> = drafts.iter().filter_map(Draft::old).collect();
+    // takes microseconds. So few are killed between two of them. Windows does not replace files that are open.
+    let _old: Vec<File> = drafts.iter().filter(|_| cfg!(unix)).filter_map(Draft::old).collect();
     let mut new: Vec<String> = Vec::new();
     for draft in drafts {
         let path = draft.path.clone();
@@ -226,7 +228,7 @@ pub fn write_folder(path: &Path, files: &[(String, String)]) -> Result<(), FileE
         return Err(fail(io::ErrorKind::AlreadyExists.into()));
     }
     let parent = folder_of(path);
-    sweep(parent);
+    sweep_once(parent);
     let draft =
         tempfile::Builder::new().prefix(DRAFT[0]).suffix(DRAFT[1]).tempdir_in(parent).map_err(fail)?;
     // Where a folder cannot be locked, nobody removes what is left behind.
@@ -245,7 +247,7 @@ pub fn write_folder(path: &Path, files: &[(String, String)]) -> Result<(), FileE
 /// A draft in the folder of a file, locked by this process. First removes drafts that were left behind there.
 fn beside(file: &Path) -> io::Result<NamedTempFile> {
     let folder = folder_of(file);
-    sweep(folder);
+    sweep_once(folder);
     let mut builder = tempfile::Builder::new();
     builder.prefix(DRAFT[0]).suffix(DRAFT[1]);
     #[cfg(unix)]
@@ -262,6 +264,15 @@ fn beside(file: &Path) -> io::Result<NamedTempFile> {
         if !locked || draft.path().exists() {
             return Ok(draft);
         }
+    }
+}
+
+/// Removes the drafts that earlier processes left behind in a folder, when this process first writes there.
+fn sweep_once(folder: &Path) {
+    static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let Ok(folder) = folder.canonicalize() else { return };
+    if SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.clone()) {
+        sweep(&folder);
     }
 }
 
@@ -387,14 +398,14 @@ mod tests {
     fn drafts_of_writers_that_were_killed_go_and_those_of_others_stay() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        let target = Target::new(&path("a.txt")).unwrap();
-        let other = target.draft(b"half").unwrap();
         for name in [".epigraph-x.tmp", ".epigraph-x", ".a.txt.tmp"] {
             fs::write(path(name), "half").unwrap();
         }
         Target::new(&path("b.txt")).unwrap().write(b"whole").unwrap();
         let left = [".epigraph-x", ".a.txt.tmp", "b.txt"].iter().all(|name| path(name).exists());
         assert!(left && !path(".epigraph-x.tmp").exists());
+        let other = Target::new(&path("a.txt")).unwrap().draft(b"half").unwrap();
+        sweep(folder.path());
         other.commit().unwrap();
         assert_eq!(fs::read(path("a.txt")).unwrap(), b"half");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
@@ -405,10 +416,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let file = |name: &str| (name.to_owned(), "text".to_owned());
+        // What was left behind by a writer that was killed goes.
+        fs::create_dir_all(path(".epigraph-x.tmp/deep")).unwrap();
         write_folder(&path("new"), &[file("a"), file("deep/b")]).unwrap();
         assert_eq!(fs::read(path("new/deep/b")).unwrap(), b"text");
-        // What fails, and what was left behind by a writer that was killed, goes.
-        fs::create_dir_all(path(".epigraph-x.tmp/deep")).unwrap();
+        // What fails goes.
         for (name, files) in [("new", [file("a"), file("b")]), ("other", [file("a"), file("a/b")])] {
             assert!(write_folder(&path(name), &files).is_err());
         }

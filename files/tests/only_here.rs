@@ -22,7 +22,11 @@ const CALLS: [&str; 12] = [
 ];
 
 /// Packages whose code programs run; tests and build scripts may do as they like.
-const PACKAGES: [&str; 8] = ["core", "stages", "scenes", "pictures", "graphs", "run", "cli", "shaders"];
+const PACKAGES: [&str; 9] =
+    ["core", "stages", "scenes", "pictures", "graphs", "run", "cli", "editor", "shaders"];
+
+/// The editor's list of its widgets, which it writes in every frame for a program that drives it, is no user's file.
+const EXCEPT: &str = "editor/src/widgets.rs";
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a workspace")
@@ -48,6 +52,9 @@ fn calls(text: &str) -> Vec<&str> {
 fn files_are_read_and_written_here_only() {
     let mut found = Vec::new();
     for path in PACKAGES.iter().flat_map(|package| sources(&root().join(package))) {
+        if path == root().join(EXCEPT) {
+            continue;
+        }
         let text = fs::read_to_string(&path).unwrap();
         found.extend(calls(&text).into_iter().map(|line| format!("{}: {}", path.display(), line.trim())));
     }
