@@ -20,6 +20,10 @@ pub struct Spanned<T> {
     pub span: Span,
 }
 
+/// Maximum number of problems that are reported together; the rest is counted. Each carries its line's text, so a broken
+/// data file must not produce thousands.
+pub(crate) const MOST_PROBLEMS: usize = 100;
+
 /// What an unknown stage kind is called.
 pub const STAGE_KIND: &str = "stage kind";
 
@@ -149,6 +153,9 @@ pub enum GraphError {
         /// The other.
         second: String,
     },
+    /// Problems beyond the first hundred.
+    #[error("{0} more problems")]
+    More(usize),
     /// A wire that is not allowed: history of an updated resource, a placement that a stage does not support, and so
     /// on.
     #[error("{0}")]
@@ -190,6 +197,10 @@ fn elsewhere(what: &str, nearest: &[String]) -> &'static str {
 fn hint(nearest: &[String], known: &[String]) -> String {
     match nearest {
         [] if known.is_empty() => String::new(),
+        [] if known.len() > MOST_KNOWN => {
+            let (listed, more) = (known[..MOST_KNOWN].join(", "), known.len() - MOST_KNOWN);
+            format!("; known: {listed}, and {more} more")
+        }
         [] => format!("; known: {}", known.join(", ")),
         nearest => format!(", did you mean {}?", quoted(nearest)),
     }
@@ -230,13 +241,10 @@ impl GraphError {
     /// An unknown node, where the known ones are addresses: `fill` may mean `cache/fill`.
     pub fn unknown_node<S: AsRef<str>>(found: &str, known: impl IntoIterator<Item = S>) -> Self {
         let known: Vec<String> = known.into_iter().map(|name| name.as_ref().to_owned()).collect();
-        let tails = |address: &str| -> Vec<String> {
-            let slashes = address.match_indices('/').map(|(at, _)| address[at + 1..].to_owned());
-            [address.to_owned()].into_iter().chain(slashes).collect()
-        };
         let distance = |address: &str| {
-            let tails = tails(address).into_iter();
-            tails.map(|tail| strsim::damerau_levenshtein(&tail, found)).min().unwrap_or(usize::MAX)
+            let tails = address.match_indices('/').map(|(at, _)| &address[at + 1..]);
+            let tails = [address].into_iter().chain(tails);
+            tails.map(|tail| strsim::damerau_levenshtein(tail, found)).min().unwrap_or(usize::MAX)
         };
         let mut nearest = nearest(found, &known, distance);
         nearest.truncate(MOST_HINTS);
@@ -247,9 +255,19 @@ impl GraphError {
 /// Most nodes that a message suggests.
 const MOST_HINTS: usize = 4;
 
+/// Most known names that a message lists.
+const MOST_KNOWN: usize = 100;
+
+/// Length of a name in bytes above which it is not compared with others: the time grows with the product of both.
+const LONGEST_NAME: usize = 256;
+
 /// The names at the least distance, if that is small enough for a typo of `found`.
 fn nearest(found: &str, known: &[String], distance: impl Fn(&str) -> usize) -> Vec<String> {
-    let distances: Vec<usize> = known.iter().map(|name| distance(name)).collect();
+    if found.len() > LONGEST_NAME {
+        return Vec::new();
+    }
+    let of = |name: &String| if name.len() > LONGEST_NAME { usize::MAX } else { distance(name) };
+    let distances: Vec<usize> = known.iter().map(of).collect();
     let least = distances.iter().copied().min().unwrap_or(usize::MAX);
     if least > found.chars().count().div_ceil(3) {
         return Vec::new();
@@ -269,14 +287,21 @@ pub struct Place {
     pub column: usize,
     /// Number of characters to underline, at least one.
     pub length: usize,
-    /// The whole line.
+    /// The line; of a long one, the part around the place.
     pub text: String,
+    /// Number of characters of `text` before those to underline.
+    pub lead: usize,
 }
+
+/// The longest line in characters that is displayed whole, and the number of characters that are displayed before and
+/// after the place in a longer one.
+const LONGEST_LINE: usize = 400;
+const AROUND: usize = 80;
 
 impl Place {
     /// A file as a whole: line and column 0.
     pub fn file(file: &str) -> Self {
-        Self { file: file.to_owned(), line: 0, column: 0, length: 0, text: String::new() }
+        Self { file: file.to_owned(), line: 0, column: 0, length: 0, text: String::new(), lead: 0 }
     }
 
     /// The place of `span` in `source`.
@@ -284,17 +309,32 @@ impl Place {
         let start = floor_char_boundary(source, span.start);
         let end = floor_char_boundary(source, span.end.max(start));
         let line_start = source[..start].rfind('\n').map_or(0, |newline| newline + 1);
-        let text = source[line_start..].lines().next().unwrap_or("").to_owned();
+        let line = source[line_start..].lines().next().unwrap_or("");
         let column = source[line_start..start].chars().count() + 1;
         let on_line = source[start..end].lines().next().unwrap_or("").chars().count();
+        let (text, lead) = excerpt(line, column - 1);
         Self {
             file: file.to_owned(),
-            line: source[..start].matches('\n').count() + 1,
+            line: source[..start].bytes().filter(|byte| *byte == b'\n').count() + 1,
             column,
             length: on_line.max(1),
             text,
+            lead,
         }
     }
+}
+
+/// A line, or the part of a long one around the character `at`; and the position of that character in it.
+fn excerpt(line: &str, at: usize) -> (String, usize) {
+    if line.chars().nth(LONGEST_LINE).is_none() {
+        return (line.to_owned(), at);
+    }
+    let first = at.saturating_sub(AROUND);
+    let mut rest = line.chars().skip(first);
+    let shown: String = rest.by_ref().take(2 * AROUND).collect();
+    let before = if first > 0 { "..." } else { "" };
+    let after = if rest.next().is_some() { "..." } else { "" };
+    (format!("{before}{shown}{after}"), at - first + before.len())
 }
 
 fn floor_char_boundary(text: &str, at: usize) -> usize {
@@ -360,13 +400,10 @@ impl fmt::Display for Problem {
             let number = place.line.to_string();
             let pad = " ".repeat(number.len());
             // Tabs keep their width in the line of markers.
-            let lead: String = place
-                .text
-                .chars()
-                .take(place.column - 1)
-                .map(|c| if c == '\t' { '\t' } else { ' ' })
-                .collect();
-            let marks = "^".repeat(place.length);
+            let lead: String =
+                place.text.chars().take(place.lead).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+            let shown = place.text.chars().count().saturating_sub(place.lead);
+            let marks = "^".repeat(place.length.min(shown.max(1)));
             write!(f, "\n {pad} |\n {number} | {}\n {pad} | {lead}{marks}", place.text)?;
         }
         Ok(())
@@ -378,6 +415,34 @@ impl fmt::Display for Problem {
 pub struct Problems(pub Vec<Problem>);
 
 impl Problems {
+    /// Adds a problem. Beyond the first hundred, it is counted and not made.
+    pub fn add(&mut self, problem: impl FnOnce() -> Problem) {
+        if self.is_full() { self.count(1) } else { self.0.push(problem()) }
+    }
+
+    /// Adds those of another part.
+    pub fn append(&mut self, others: Self) {
+        for problem in others.0 {
+            match problem.error {
+                GraphError::More(more) => self.count(more),
+                _ => self.add(|| problem),
+            }
+        }
+    }
+
+    /// Whether further problems are only counted.
+    pub(crate) fn is_full(&self) -> bool {
+        self.0.len() >= MOST_PROBLEMS
+    }
+
+    /// Counts problems that are not listed.
+    pub(crate) fn count(&mut self, more: usize) {
+        match self.0.last_mut() {
+            Some(Problem { error: GraphError::More(counted), .. }) => *counted += more,
+            _ => self.0.push(Problem::new(GraphError::More(more))),
+        }
+    }
+
     /// `Ok` if there are no problems.
     pub fn into_result(self) -> Result<(), Self> {
         if self.0.is_empty() { Ok(()) } else { Err(self) }

@@ -6,7 +6,7 @@
 mod swap;
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeSet, HashMap, HashSet},
     mem,
 };
 
@@ -291,7 +291,7 @@ pub(crate) fn stages(flat: &Flat, registry: &Registry) -> Result<Vec<Box<dyn Any
     for node in &flat.nodes {
         match stage(node, registry, &|_| true) {
             Ok(stage) => stages.push(stage),
-            Err(found) => problems.0.extend(found.0),
+            Err(found) => problems.append(found),
         }
     }
     problems.into_result()?;
@@ -354,53 +354,93 @@ struct Bypassed {
     why: HashMap<FlatId, String>,
 }
 
+/// Why a source names no output port.
+#[derive(Clone, Copy)]
+enum NoPort {
+    /// There is no such node.
+    Node,
+    /// This node has no such output.
+    Of(FlatId),
+}
+
 struct Checker<'a> {
     flat: &'a Flat<'a>,
     registry: &'a Registry,
     settings: &'a Settings,
     problems: Problems,
+    /// Problems that are not listed: the written nodes, places and ports.
+    counted: HashSet<(&'a str, Span, Option<String>)>,
     differences: Differences,
+    by_name: HashMap<&'a str, FlatId>,
 }
 
 impl<'a> Checker<'a> {
     fn new(flat: &'a Flat<'a>, registry: &'a Registry, settings: &'a Settings) -> Self {
-        Self { flat, registry, settings, problems: Problems::default(), differences: Differences::default() }
+        let names = flat.nodes.iter_enumerated().map(|(index, node)| (&node.def.name.value[..], index));
+        Self {
+            flat,
+            registry,
+            settings,
+            problems: Problems::default(),
+            counted: HashSet::new(),
+            differences: Differences::default(),
+            by_name: names.collect(),
+        }
     }
 
-    /// `Ok` if there are no problems. What several copies of a node have in common is reported once.
+    /// `Ok` if there are no problems.
     fn finish(&mut self) -> Result<(), Problems> {
+        mem::take(&mut self.problems).into_result()
+    }
+
+    /// Adds a problem, unless it is one that several copies of a node have in common and is reported already.
+    fn add(&mut self, problem: Problem) {
         let written = |problem: &Problem| {
-            let node =
-                self.flat.nodes.iter().find(|node| Some(&node.def.name.value) == problem.node.as_ref());
-            node.map(|node| &node.written)
+            let node = self.by_name.get(&problem.node.as_ref()?[..])?;
+            Some(&self.flat.nodes[*node].written)
         };
-        let is_same = |a: &Problem, b: &Problem| {
+        let is_same = |other: &Problem| {
             let kind = |problem: &Problem| mem::discriminant(&problem.error);
-            written(a).is_some()
-                && (written(a), kind(a), &a.place, &a.port) == (written(b), kind(b), &b.place, &b.port)
-                && (a.node != b.node || a.error == b.error)
+            let of = |problem| (written(problem), kind(problem));
+            of(other) == of(&problem)
+                && (&other.place, &other.port) == (&problem.place, &problem.port)
+                && (other.node != problem.node || other.error == problem.error)
         };
-        let mut problems = Problems::default();
-        for problem in mem::take(&mut self.problems.0) {
-            if !problems.0.iter().any(|other| is_same(other, &problem)) {
-                problems.0.push(problem);
-            }
+        if written(&problem).is_none() || !self.problems.0.iter().any(is_same) {
+            self.problems.add(|| problem);
         }
-        problems.into_result()
+    }
+
+    /// Whether a problem at this place is to be listed. Otherwise it is counted, once for all copies of a node.
+    fn has_room(&mut self, node: FlatId, span: Span, port: Option<&str>) -> bool {
+        if self.problems.is_full()
+            && self.counted.insert((&self.flat.nodes[node].written, span, port.map(str::to_owned)))
+        {
+            self.problems.count(1);
+        }
+        !self.problems.is_full()
     }
 
     fn problem(&mut self, node: FlatId, span: Span, port: Option<&str>, error: GraphError) {
+        if !self.has_room(node, span, port) {
+            return;
+        }
         let FlatNode { def, file, .. } = &self.flat.nodes[node];
         let mut problem = Problem::new(error).at(file.place(span)).node(&def.name.value);
         problem.port = port.map(str::to_owned);
-        self.problems.0.push(problem);
+        self.add(problem);
     }
 
     fn make(&mut self, index: FlatId, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
         match stage(&self.flat.nodes[index], self.registry, connected) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {
-                self.problems.0.extend(problems.0);
+                for problem in problems.0 {
+                    match problem.error {
+                        GraphError::More(more) => self.problems.count(more),
+                        _ => self.add(problem),
+                    }
+                }
                 None
             }
         }
@@ -461,7 +501,7 @@ impl<'a> Checker<'a> {
                 // A repeated part is told once.
                 if self.problems.0.iter().all(|problem| problem.place.as_ref() != Some(&place)) {
                     let problem = Problem::new(GraphError::Invalid(text)).at(place);
-                    self.problems.0.push(problem.node(&part.node));
+                    self.problems.add(|| problem.node(&part.node));
                 }
             }
         }
@@ -472,20 +512,26 @@ impl<'a> Checker<'a> {
         &self,
         source: &Source,
         made: &IndexVec<FlatId, Option<Made>>,
-    ) -> Result<Option<FlatPort>, GraphError> {
-        let nodes = &self.flat.nodes;
-        let Some(node) = nodes.position(|node| node.def.name.value == source.node) else {
-            let known = nodes.iter().map(|node| &node.def.name.value);
-            return Err(self
-                .no_output(source)
-                .unwrap_or_else(|| GraphError::unknown_node(&source.node, known)));
-        };
+    ) -> Result<Option<FlatPort>, NoPort> {
+        let Some(&node) = self.by_name.get(&source.node[..]) else { return Err(NoPort::Node) };
         let Some(made) = &made[node] else { return Ok(None) };
         match made.ports().iter().position(|port| port.name == source.port && port.is_output()) {
             Some(port) => Ok(Some(PortRef { node, port })),
-            None => {
-                let known = made.ports().iter().filter(|port| port.is_output()).map(|port| &port.name);
-                Err(GraphError::unknown("output port", &source.port, known))
+            None => Err(NoPort::Of(node)),
+        }
+    }
+
+    /// What to report of a port that could not be resolved. It looks at all names that are known.
+    fn unresolved(&self, source: &Source, why: NoPort, made: &IndexVec<FlatId, Option<Made>>) -> GraphError {
+        match why {
+            NoPort::Node => {
+                let known = self.flat.nodes.iter().map(|node| &node.def.name.value);
+                self.no_output(source).unwrap_or_else(|| GraphError::unknown_node(&source.node, known))
+            }
+            NoPort::Of(node) => {
+                let ports = made[node].iter().flat_map(|made| made.ports());
+                let known = ports.filter(|port| port.is_output()).map(|port| &port.name);
+                GraphError::unknown("output port", &source.port, known)
             }
         }
     }
@@ -506,10 +552,13 @@ impl<'a> Checker<'a> {
                 }
                 let source = match self.resolve(&input.from.value, made) {
                     Ok(source) => source,
-                    Err(error) => {
+                    Err(why) => {
                         let (name, span) = (&input.port.value[..], input.from.span);
                         let declared = port.and_then(|port| Some(&made[index].as_ref()?.ports()[port]));
-                        if !self.lacks_output(&input.from.value, Some((index, name, declared)), "", span) {
+                        if !self.lacks_output(&input.from.value, Some((index, name, declared)), "", span)
+                            && self.has_room(index, span, Some(name))
+                        {
+                            let error = self.unresolved(&input.from.value, why, made);
                             self.problem(index, span, Some(name), error);
                         }
                         None
@@ -619,19 +668,24 @@ impl<'a> Checker<'a> {
             match self.resolve(&output.from.value, made) {
                 Ok(Some(at)) => outputs.push((output.name.value.clone(), at)),
                 Ok(None) => {}
-                Err(error) => {
+                Err(why) => {
                     let (name, span) = (&output.name.value, output.from.span);
-                    if !self.lacks_output(&output.from.value, None, name, span) {
-                        self.problems.0.push(Problem::new(error).at(file.place(span)).port(name));
+                    if self.lacks_output(&output.from.value, None, name, span) {
+                        continue;
                     }
+                    let mut problems = mem::take(&mut self.problems);
+                    problems.add(|| {
+                        let error = self.unresolved(&output.from.value, why, made);
+                        Problem::new(error).at(file.place(span)).port(name)
+                    });
+                    self.problems = problems;
                 }
             }
         }
         if flat.outputs.is_empty() {
             let text = "the graph has no outputs; write outputs: { \"image\": \"NODE.PORT\" }";
-            self.problems
-                .0
-                .push(Problem::new(GraphError::Invalid(text.into())).at(file.place(Span::default())));
+            let problem = || Problem::new(GraphError::Invalid(text.into())).at(file.place(Span::default()));
+            self.problems.add(problem);
         }
         outputs
     }
@@ -639,10 +693,13 @@ impl<'a> Checker<'a> {
     fn taps(&mut self, made: &IndexVec<FlatId, Option<Made>>) -> Vec<(Source, FlatPort)> {
         let mut taps = Vec::new();
         for source in &self.settings.taps {
-            match self.flat.resolve(source).and_then(|source| self.resolve(&source, made)) {
+            let found = self.flat.resolve(source).and_then(|source| {
+                self.resolve(&source, made).map_err(|why| self.unresolved(&source, why, made))
+            });
+            match found {
                 Ok(Some(at)) => taps.push((source.clone(), at)),
                 Ok(None) => {}
-                Err(error) => self.problems.0.push(Problem::new(error)),
+                Err(error) => self.problems.add(|| Problem::new(error)),
             }
         }
         taps
@@ -767,13 +824,13 @@ impl<'a> Checker<'a> {
         for (name, at) in &mut bypass.outputs {
             match found(at) {
                 Some(port) => at.port = port,
-                None => self.problems.0.push(Problem::new(GraphError::Invalid(missing(at.port))).port(name)),
+                None => self.problems.add(|| Problem::new(GraphError::Invalid(missing(at.port))).port(name)),
             }
         }
         for (_, at) in &mut bypass.taps {
             match found(at) {
                 Some(port) => at.port = port,
-                None => self.problems.0.push(Problem::new(GraphError::Invalid(missing(at.port)))),
+                None => self.problems.add(|| Problem::new(GraphError::Invalid(missing(at.port)))),
             }
         }
         for (consumer, port, error) in problems {
@@ -885,7 +942,7 @@ impl<'a> Checker<'a> {
     }
 
     fn index_in_file(&self, name: &str) -> FlatId {
-        self.flat.nodes.position(|node| node.def.name.value == name).expect("graph nodes come from the file")
+        *self.by_name.get(name).expect("graph nodes come from the file")
     }
 
     fn resolve_dims(&mut self, graph: &mut Graph) {

@@ -67,14 +67,14 @@ impl NodeContext<'_> {
         let mut problems = Problems::default();
         for param in &self.node.params {
             let Some(index) = specs.iter().position(|spec| spec.name == param.name.value) else {
-                let known = specs.iter().map(|spec| &spec.name);
-                let error = GraphError::unknown("parameter", &param.name.value, known);
-                problems.0.push(self.name_problem(param, error));
+                let known = || specs.iter().map(|spec| &spec.name);
+                let error = || GraphError::unknown("parameter", &param.name.value, known());
+                problems.add(|| self.name_problem(param, error()));
                 continue;
             };
             if let Err(error) = set(index, &param.value.value) {
                 let error = specs[index].refusal(&param.value.value, error);
-                problems.0.push(self.value_problem(param, error));
+                problems.add(|| self.value_problem(param, error));
             }
         }
         problems

@@ -409,20 +409,157 @@ fn what_multiplies_is_bounded() {
     }, outputs: { "to": "n.to" })"#;
     let node = r#""p": (kind: "graph", repeat: (times: 256, through: { "from": "to" }), params: (file: "row.ron")),"#;
     let text = problems(file("", node, "p.to", &[("row.ron", row)])).to_string();
-    assert!(text.contains("the graph has more than 10000 nodes"), "{text}");
+    let expected = "row.ron:2:9: node `p/39/n`: the graph has more than 10000 nodes or parts, as parts that contain parts and \
+                    repeated nodes multiply: top.ron -> row.ron";
+    assert!(text.contains(expected), "{text}");
+    assert_eq!(text.matches("the graph has more").count(), 1);
+    // Parts without nodes: 32 x 32 x 32 of them.
+    let empty = "Graph(version: 1, nodes: {}, outputs: { \"to\": \"inputs.from\" })";
+    let through = "repeat: (times: 32, through: { \"from\": \"to\" })";
+    let holds = |part: &str| {
+        format!(
+            "Graph(version: 1, nodes: {{ \"n\": (kind: \"graph\", {through}, params: (file: {part:?}), inputs: {{ \"from\": \
+             \"inputs.from\" }}) }}, outputs: {{ \"to\": \"n.to\" }})"
+        )
+    };
+    let (outer, inner) = (holds("inner.ron"), holds("empty.ron"));
+    let parts = [("row.ron", &outer[..]), ("inner.ron", &inner), ("empty.ron", empty)];
+    let text = problems(file("", &node.replace("256", "32"), "p.to", &parts)).to_string();
+    assert!(text.contains("multiply: top.ron -> row.ron -> inner.ron"), "{text}");
     // Files: each includes the next one twice.
-    let parts: Vec<(String, String)> = (0..40)
+    let include = |name, level| format!(r#""{name}": (kind: "graph", params: (file: "{}.ron"))"#, level + 1);
+    let nodes = |level| match level {
+        12 => r#""d": (kind: "digit")"#.to_owned(),
+        _ => format!("{}, {}", include("a", level), include("b", level)),
+    };
+    let parts: Vec<(String, String)> = (0..=12)
         .map(|level| {
-            let include = |name| format!(r#""{name}": (kind: "graph", params: (file: "{}.ron"))"#, level + 1);
-            let text =
-                format!("Graph(version: 1, nodes: {{ {}, {} }}, outputs: {{}})", include("a"), include("b"));
-            (format!("{level}.ron"), text)
+            (
+                format!("{level}.ron"),
+                format!("Graph(version: 1, nodes: {{ {} }}, outputs: {{}})", nodes(level)),
+            )
         })
         .collect();
     let parts: Vec<(&str, &str)> = parts.iter().map(|(name, text)| (&name[..], &text[..])).collect();
     let node = r#""p": (kind: "graph", params: (file: "0.ron")),"#;
     let text = problems(file("", node, "p.to", &parts)).to_string();
-    assert!(text.contains("the graph has more than 1000 parts"), "{}", &text[..500.min(text.len())]);
+    let expected = "the graph is made of more than 1000 files: top.ron -> 0.ron -> 1.ron -> 2.ron";
+    assert_eq!(text.matches("the graph is made of more").count(), 1);
+    assert!(text.contains(expected), "{text}");
+    // Files within each other.
+    let parts: Vec<(String, String)> = (0..100)
+        .map(|level| {
+            let include = format!(r#""a": (kind: "graph", params: (file: "{}.ron"))"#, level + 1);
+            (format!("{level}.ron"), format!("Graph(version: 1, nodes: {{ {include} }}, outputs: {{}})"))
+        })
+        .collect();
+    let parts: Vec<(&str, &str)> = parts.iter().map(|(name, text)| (&name[..], &text[..])).collect();
+    let text = problems(file("", node.replace("row", "0").as_str(), "p.to", &parts)).to_string();
+    let expected =
+        "62.ron:1:64: node `a`: more than 64 graphs are within each other: top.ron -> 0.ron -> 1.ron -> ";
+    assert!(text.contains(expected), "{text}");
+}
+
+#[test]
+fn a_file_that_contains_itself_is_known_by_any_path() {
+    let folder = std::env::temp_dir().join(format!("epigraph-parts-itself-{}", std::process::id()));
+    std::fs::create_dir_all(folder.join("x")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write(
+        "self.ron",
+        r#"Graph(version: 1, nodes: {"a": (kind: "graph", params: (file: "x/../self.ron"))}, outputs: {})"#,
+    );
+    write(
+        "a.ron",
+        r#"Graph(version: 1, nodes: {"a": (kind: "graph", params: (file: "x/../b.ron"))}, outputs: {})"#,
+    );
+    write("b.ron", r#"Graph(version: 1, base: "./x/../a.ron")"#);
+    write("base.ron", r#"Graph(version: 1, base: "x/../base.ron")"#);
+    let load = |name: &str| GraphFile::load(&folder.join(name)).unwrap_err().to_string();
+    let found = ["self.ron", "base.ron", "a.ron"].map(load);
+    std::fs::remove_dir_all(&folder).unwrap();
+    for (found, expected) in
+        found.iter().zip(["x/../self.ron contains itself", "x/../base.ron contains itself"])
+    {
+        assert!(found.contains(expected), "{found}");
+    }
+    let chain = "x/.././x/../a.ron contains itself: ";
+    assert!(found[2].contains(chain) && found[2].contains("x/../b.ron -> "), "{}", found[2]);
+}
+
+#[test]
+fn of_many_problems_the_first_are_listed_and_the_rest_counted() {
+    let joined =
+        |item: &dyn Fn(usize) -> String, between: &str| (0..4000).map(item).collect::<Vec<_>>().join(between);
+    let one =
+        |text: &str| format!("Graph(version: 1, nodes: {{ {text} }}, outputs: {{ \"out\": \"a.to\" }})");
+    let params = |between| {
+        one(&format!("\"a\": (kind: \"digit\", params: ({}))", joined(&|i| format!("p{i}: 1"), between)))
+    };
+    let inputs = |between: &str| {
+        let inputs = joined(&|i| format!("\"p{i}\": \"b.to\""), between);
+        one(&format!("\"a\": (kind: \"digit\", inputs: {{ {inputs} }})"))
+    };
+    let kinds = |between: &str| {
+        let nodes =
+            (0..3000).map(|i| format!("\"n{i}\": (kind: \"k{i}\")")).collect::<Vec<_>>().join(between);
+        one(&format!("\"a\": (kind: \"digit\"), {nodes}"))
+    };
+    let wires = |between: &str| {
+        let wire = |i| format!("\"n{i}\": (kind: \"digit\", inputs: {{ \"from\": \"m{i}.to\" }})");
+        one(&format!("\"a\": (kind: \"digit\"), {}", (0..3000).map(wire).collect::<Vec<_>>().join(between)))
+    };
+    let set = |between: &str| {
+        let set = joined(&|i| format!("\"b{i}\": (x: 1)"), between);
+        one(&format!("\"a\": (kind: \"graph\", params: (file: \"p.ron\"), set: {{ {set} }})"))
+    };
+    let change = |between: &str| {
+        format!(
+            "Graph(version: 1, base: \"p.ron\", set: {{ {} }})",
+            joined(&|i| format!("\"b{i}\": (x: 1)"), between)
+        )
+    };
+    let part = r#"Graph(version: 1, nodes: {"n": (kind: "digit")}, outputs: { "to": "n.to" })"#;
+    for between in [", ", ",\n"] {
+        for (text, first, count) in [
+            (params(between), "unknown parameter `p0`", 4000),
+            // Each port is unknown, and so is the node that it is connected to.
+            (inputs(between), "node `a`", 8000),
+            (kinds(between), "unknown stage kind `k0`", 3000),
+            (wires(between), "unknown node `m0`", 3000),
+            (set(between), "unknown node `b0`", 4000),
+            (change(between), "unknown node `b0`", 4000),
+        ] {
+            let start = std::time::Instant::now();
+            let found = problems(read(&text, &[("p.ron", part)]));
+            let took = start.elapsed().as_secs_f64();
+            let told = found.to_string();
+            assert!(told.contains(first), "{}", &told[..1000]);
+            assert_eq!(found.0.len(), 101, "{first}");
+            let more = found.0[100].error.to_string();
+            assert!(more == format!("{} more problems", count - 100), "{first}: {more}");
+            // Each with a piece of its line, not all of it.
+            assert!(told.len() < 100_000, "{first}: {} bytes", told.len());
+            assert!(took < 5.0, "{first}: {took} s");
+        }
+    }
+}
+
+#[test]
+fn a_place_in_a_long_line_is_shown_with_what_is_around_it() {
+    let long = format!("{} wrong {}", "é".repeat(500), "z".repeat(500));
+    let place = epigraph_core::Place::of("g.ron", &long, epigraph_core::Span { start: 1001, end: 1006 });
+    assert_eq!((place.line, place.column, place.length), (1, 502, 5));
+    assert_eq!(place.text, format!("...{} wrong {}...", "é".repeat(79), "z".repeat(74)));
+    let underlined: String = place.text.chars().skip(place.lead).take(place.length).collect();
+    assert_eq!(underlined, "wrong");
+    let problem = epigraph_core::Problem::new(epigraph_core::GraphError::Invalid("no".into())).at(place);
+    assert!(problem.to_string().ends_with(&format!("| {}^^^^^", " ".repeat(83))), "{problem}");
+    // Names as long as the line are not compared with others.
+    let name = "n".repeat(100_000);
+    let node = format!("\"{name}\": (kind: \"digit\", inputs: {{ \"from\": \"{}m.to\" }})", &name[1..]);
+    let text = problems(file("", &node, "a.to", &[])).to_string();
+    assert!(text.contains("unknown node `nnn"), "{}", &text[..200]);
 }
 
 #[test]

@@ -272,7 +272,7 @@ fn whole_parts(parts: &[(String, GraphFile)], problems: &mut Problems) -> Vec<(S
     for (name, part) in parts {
         match part.whole() {
             Ok(part) => whole.push((name.clone(), part.into_owned())),
-            Err(found) => problems.0.extend(found.0),
+            Err(found) => problems.append(found),
         }
     }
     whole
@@ -305,9 +305,12 @@ impl Change {
 }
 
 impl Merge<'_> {
-    fn report(&mut self, error: GraphError, span: Span, node: &str) {
-        let problem = Problem::new(error).at(self.file.place(span));
-        self.problems.0.push(if node.is_empty() { problem } else { problem.node(node) });
+    fn report(&mut self, error: impl FnOnce() -> GraphError, span: Span, node: &str) {
+        let file = self.file;
+        self.problems.add(|| {
+            let problem = Problem::new(error()).at(file.place(span));
+            if node.is_empty() { problem } else { problem.node(node) }
+        });
     }
 
     fn apply(&mut self, changes: &Changes, whole: &mut GraphFile) {
@@ -356,7 +359,7 @@ impl Merge<'_> {
                     let text = format!(
                         "`{copy}` is one of a node's copies, which differ only in what `set` gives them"
                     );
-                    self.report(GraphError::Invalid(text), address.span, "");
+                    self.report(|| GraphError::Invalid(text), address.span, "");
                     return false;
                 }
                 Some((_, None, None)) => return true,
@@ -367,7 +370,7 @@ impl Merge<'_> {
                 None => break,
             }
         }
-        self.report(whole.no_node(&address.value), address.span, "");
+        self.report(|| whole.no_node(&address.value), address.span, "");
         false
     }
 
@@ -389,7 +392,7 @@ impl Merge<'_> {
         }
         if let Err(error) = spec.check(&param.default.value) {
             let error = spec.refusal(&param.default.value, error);
-            self.report(error, param.default.span, "");
+            self.report(|| error, param.default.span, "");
         }
         (known.name, known.default) = (name, default);
     }
@@ -401,7 +404,7 @@ impl Merge<'_> {
                 "the base has a node `{name}` already; put this one into `replace` to take its place, or give it \
                  another name"
             );
-            return self.report(GraphError::Invalid(text), node.name.span, name);
+            return self.report(|| GraphError::Invalid(text), node.name.span, name);
         }
         whole.parts.extend(self.part(name).map(|part| (name.clone(), part)));
         let by = whole.adopt(self.file);
@@ -432,14 +435,14 @@ impl Merge<'_> {
         let name = &to.value.port;
         let by = whole.adopt(self.file);
         let Some(output) = whole.outputs.iter_mut().find(|output| output.name.value == *name) else {
-            let known = whole.outputs.iter().map(|output| &output.name.value);
-            return self.report(GraphError::unknown("output of the base", name, known), to.span, "");
+            let known = || whole.outputs.iter().map(|output| &output.name.value);
+            return self.report(|| GraphError::unknown("output of the base", name, known()), to.span, "");
         };
         match &from.value {
             Some(source) => output.from = shifted(&Spanned { value: source.clone(), span: from.span }, by),
             None => {
                 let text = format!("the output `{name}` cannot be disconnected; write \"NODE.PORT\"");
-                self.report(GraphError::Invalid(text), from.span, "");
+                self.report(|| GraphError::Invalid(text), from.span, "");
             }
         }
     }
@@ -451,7 +454,7 @@ impl Merge<'_> {
             .map(|param| ParamDef { name: shifted(&param.name, by), value: shifted(&param.value, by) })
             .collect();
         let Some((head, ..)) = whole.enter(&address.value) else {
-            return self.report(whole.no_node(&address.value), address.span, "");
+            return self.report(|| whole.no_node(&address.value), address.span, "");
         };
         let head = head.name.value.clone();
         let Some(node) = whole.nodes.iter_mut().find(|node| node.name.value == head) else { return };
@@ -464,7 +467,7 @@ impl Merge<'_> {
                     file.value.value
                 );
                 let span = Span { start: file.name.span.start - by, end: file.name.span.end - by };
-                return self.report(GraphError::Invalid(text), span, &head);
+                return self.report(|| GraphError::Invalid(text), span, &head);
             }
             return put_params(&mut node.params, params);
         };
@@ -522,7 +525,7 @@ impl Merge<'_> {
                 None => {
                     let known = within.outputs.iter().map(|output| &output.name.value);
                     let error = GraphError::unknown("output of a part", &source.port, known);
-                    self.report(error, wire.from.span, name);
+                    self.report(|| error, wire.from.span, name);
                 }
             }
             return;
@@ -638,7 +641,7 @@ impl Merge<'_> {
                 let known: Vec<&str> = node.inputs.iter().map(|input| input.port.value.as_str()).collect();
                 let error = GraphError::unknown("connected input", &port.value, known);
                 let name = node.name.value.clone();
-                self.report(error, port.span, &name);
+                self.report(|| error, port.span, &name);
             }
         }
     }

@@ -10,15 +10,12 @@ use super::{
     scan::{self, Block},
 };
 use crate::{
-    error::{GraphError, Place, Problem, Problems, Span, Spanned},
+    error::{GraphError, MOST_PROBLEMS, Place, Problem, Problems, Span, Spanned},
     side::{Download, Side},
 };
 
 /// The version of the format that this program reads and writes.
 const VERSION: u32 = 1;
-
-/// Maximum number of reported problems; each carries its line's text, so a broken data file must not produce thousands.
-const MOST_PROBLEMS: usize = 100;
 
 const GRAPH_FIELDS: [&str; 9] =
     ["version", "doc", "base", "params", "nodes", "replace", "rewire", "set", "outputs"];

@@ -7,12 +7,15 @@
 //! [`GraphFile::flatten`] expands everything to one list of nodes, each with the file it comes from, so that checking
 //! and compiling need not know about parts, parameters of graphs or repeated nodes.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap, HashSet},
+    path::{Path, PathBuf},
+};
 
 use index_vec::IndexVec;
 
 use super::{
-    GraphFile, GraphValue, InputDef, Library, NodeDef, OutputDef, ParamDef, Source, handed,
+    GraphFile, GraphValue, InputDef, Library, NodeDef, Origin, OutputDef, ParamDef, Source, handed,
     parse::is_identifier,
     repeat::{copy_of, no_copy, times, times_expected},
 };
@@ -35,6 +38,9 @@ pub(super) const INPUTS: &str = "inputs";
 /// repeated, multiply.
 const MOST_NODES: usize = 10_000;
 const MOST_FILES: usize = 1000;
+
+/// Most files within each other.
+const MOST_DEPTH: usize = 64;
 
 /// Most parts that one wire may lead through: those of a wire that leads in a circle are endless.
 const LONGEST_WIRE: u32 = 1000;
@@ -113,8 +119,8 @@ impl Swap<'_> {
 /// The state of reading a file's parts.
 struct Reading<'r> {
     library: &'r dyn Library,
-    /// The files around the one being read.
-    within: Vec<String>,
+    /// The files around the one being read: their paths as written, and what tells files apart.
+    within: Vec<(String, PathBuf)>,
     /// The number of files read.
     files: usize,
 }
@@ -130,14 +136,14 @@ impl GraphFile {
     }
 
     fn read_parts(&mut self, reading: &mut Reading) -> Result<(), Problems> {
-        reading.within.push(self.path.clone());
+        reading.within.push((self.path.clone(), identity(&self.path, self.origin)));
         let mut problems = Problems::default();
         let mut read = |nodes: &[NodeDef]| -> Vec<(String, Self)> {
             let mut parts = Vec::new();
             for node in nodes.iter().filter(|node| node.kind.value == PART_KIND) {
                 match self.read_part(node, reading) {
                     Ok(part) => parts.push((node.name.value.clone(), part)),
-                    Err(found) => problems.0.extend(found.0),
+                    Err(found) => problems.append(found),
                 }
             }
             parts
@@ -155,7 +161,7 @@ impl GraphFile {
         match (base, &mut self.base) {
             (Ok(Some(base)), Some(changes)) => changes.graph = Some(Box::new(base)),
             (Ok(_), _) => {}
-            (Err(found), _) => problems.0.extend(found.0),
+            (Err(found), _) => problems.append(found),
         }
         problems.into_result()
     }
@@ -190,13 +196,29 @@ impl GraphFile {
             Problems::from(Problem { node: node.map(str::to_owned), ..problem })
         };
         let found = self.find_named(&name.value, reading.library).map_err(problem)?;
-        if reading.within.contains(&found.path) {
-            return Err(problem(GraphError::Invalid(format!("{} contains itself", found.path))));
+        let file = identity(&found.path, found.origin);
+        let chain = |from: usize| -> String {
+            let files = reading.within[from..].iter().map(|(path, _)| &path[..]).chain([&found.path[..]]);
+            files.collect::<Vec<_>>().join(" -> ")
+        };
+        if let Some(at) = reading.within.iter().position(|(_, known)| *known == file) {
+            return Err(problem(GraphError::Invalid(match reading.within.len() - at {
+                1 => format!("{} contains itself", found.path),
+                _ => format!("{} contains itself: {}", found.path, chain(at)),
+            })));
+        }
+        if reading.within.len() >= MOST_DEPTH {
+            let text = format!("more than {MOST_DEPTH} graphs are within each other: {}", chain(0));
+            return Err(problem(GraphError::Invalid(text)));
+        }
+        if reading.files >= MOST_FILES {
+            let text = format!("the graph is made of more than {MOST_FILES} files: {}", chain(0));
+            // Once; the others are not read either.
+            let is_first = reading.files == MOST_FILES;
+            reading.files = MOST_FILES + 1;
+            return Err(if is_first { problem(GraphError::Invalid(text)) } else { Problems::default() });
         }
         reading.files += 1;
-        if reading.files > MOST_FILES {
-            return Err(problem(GraphError::Invalid(format!("the graph has more than {MOST_FILES} parts"))));
-        }
         let mut graph = Self::parse(&found.path, &found.text)?;
         graph.origin = found.origin;
         graph.read_parts(reading)?;
@@ -282,11 +304,17 @@ impl GraphFile {
             swaps: BTreeMap::new(),
             placed: Vec::new(),
         };
-        let mut builder = Builder { flat, problems: Problems::default() };
+        let mut builder = Builder {
+            flat,
+            problems: Problems::default(),
+            parts: 0,
+            is_over: false,
+            counted: HashSet::new(),
+        };
         let scope = Scope::whole(self);
         builder.add(&scope, "", PartDefaults::default());
         builder.check_names();
-        let Builder { mut flat, mut problems } = builder;
+        let Builder { mut flat, mut problems, .. } = builder;
         for output in &self.outputs {
             match scope.resolve(&output.from.value) {
                 Ok(Some(source)) => {
@@ -295,8 +323,8 @@ impl GraphFile {
                 }
                 Ok(None) => {}
                 Err(error) => {
-                    let problem = Problem::new(error).at(self.place(output.from.span));
-                    problems.0.push(problem.port(&output.name.value));
+                    let place = || self.place(output.from.span);
+                    problems.add(|| Problem::new(error).at(place()).port(&output.name.value));
                 }
             }
         }
@@ -505,6 +533,15 @@ impl<'s, 'f> Scope<'s, 'f> {
     }
 }
 
+/// What tells a graph from others: of a file, its real path, whatever the way to it.
+fn identity(path: &str, origin: Origin) -> PathBuf {
+    let path = Path::new(path);
+    match origin {
+        Origin::File => path.canonicalize().unwrap_or_else(|_| path.to_owned()),
+        Origin::Shipped | Origin::Option => path.to_owned(),
+    }
+}
+
 fn defaulted<'f>(file: &'f GraphFile, text: &Spanned<String>) -> Given<'f> {
     Given { text: text.clone(), file }
 }
@@ -513,19 +550,33 @@ fn defaulted<'f>(file: &'f GraphFile, text: &Spanned<String>) -> Given<'f> {
 struct Builder<'f> {
     flat: Flat<'f>,
     problems: Problems,
+    /// The number of parts, of all copies.
+    parts: usize,
+    /// True once there are too many nodes.
+    is_over: bool,
+    /// The files and the spans of problems that are not listed.
+    counted: HashSet<(usize, Span)>,
 }
 
 impl<'f> Builder<'f> {
     /// Reports a problem, once for all copies of a node and all places that include a file.
-    fn report(&mut self, problem: Problem) {
+    fn report(&mut self, file: &GraphFile, span: Span, problem: impl FnOnce() -> Problem) {
+        if self.problems.is_full() {
+            // To be told apart by its place alone, without making it.
+            if self.counted.insert((std::ptr::from_ref(file) as usize, span)) {
+                self.problems.count(1);
+            }
+            return;
+        }
+        let problem = problem().at(file.place(span));
         let known = |other: &Problem| (&other.error, &other.place) == (&problem.error, &problem.place);
         if !self.problems.0.iter().any(known) {
             self.problems.0.push(problem);
         }
     }
 
-    fn problem(&mut self, file: &GraphFile, node: &str, span: Span, error: GraphError) {
-        self.report(Problem::new(error).at(file.place(span)).node(node));
+    fn problem(&mut self, file: &GraphFile, node: &str, span: Span, error: impl FnOnce() -> GraphError) {
+        self.report(file, span, || Problem::new(error()).node(node));
     }
 
     /// Reports nodes whose address is that of a node in a part.
@@ -534,8 +585,8 @@ impl<'f> Builder<'f> {
         for node in &self.flat.nodes {
             let name = &node.def.name;
             if !names.insert(&name.value) {
-                let error = GraphError::Duplicate { what: "node", name: name.value.clone() };
-                self.problems.0.push(Problem::new(error).at(node.file.place(name.span)));
+                let error = || GraphError::Duplicate { what: "node", name: name.value.clone() };
+                self.problems.add(|| Problem::new(error()).at(node.file.place(name.span)));
             }
         }
     }
@@ -558,21 +609,40 @@ impl<'f> Builder<'f> {
                     let (name, expected) = ("times".into(), times_expected());
                     let cause = format!("found `{}`", given.text.value);
                     let error = GraphError::Value { name, expected, cause };
-                    self.problem(given.file, &scope.name(node, None), given.text.span, error);
+                    self.problem(given.file, &scope.name(node, None), given.text.span, || error);
                 }
                 Some(1)
             });
             self.check_written(scope, node);
             let copies = times.map_or(vec![None], |times| (0..times).map(Some).collect());
             for copy in copies {
-                if self.flat.nodes.len() >= MOST_NODES {
-                    let text = format!("the graph has more than {MOST_NODES} nodes");
-                    self.report(Problem::new(GraphError::Invalid(text)));
+                // Parts without nodes multiply too.
+                if self.is_over || self.flat.nodes.len().max(self.parts) >= MOST_NODES {
+                    self.end(scope, node);
                     return;
                 }
                 self.add_node(scope, node, copy, format!("{written}{}", node.name.value), default);
             }
         }
+    }
+
+    /// Reports, once, that the graph has too many nodes, at the node and by the files that lead to it.
+    fn end(&mut self, scope: &Scope<'_, 'f>, node: &NodeDef) {
+        if std::mem::replace(&mut self.is_over, true) {
+            return;
+        }
+        let mut files = vec![&scope.file.path[..]];
+        let mut within = scope;
+        while let Some((outer, ..)) = within.outer {
+            files.push(&outer.file.path);
+            within = outer;
+        }
+        files.reverse();
+        let text = format!(
+            "the graph has more than {MOST_NODES} nodes or parts, as parts that contain parts and repeated nodes multiply: {}",
+            files.join(" -> ")
+        );
+        self.problem(scope.file, &scope.name(node, None), node.name.span, || GraphError::Invalid(text));
     }
 
     /// Checks what can be checked before the node's kind is known.
@@ -581,7 +651,7 @@ impl<'f> Builder<'f> {
         for value in node.values() {
             if let Some(param) = handed(&value.value).filter(|param| file.param(param).is_none()) {
                 let known = file.params.iter().map(|param| &param.name.value);
-                let error = match file.params.is_empty() {
+                let error = || match file.params.is_empty() {
                     true => GraphError::Invalid(format!(
                         "the graph has no parameters; write params: {{ {param:?}: (default: VALUE) }} beside `nodes`"
                     )),
@@ -595,14 +665,14 @@ impl<'f> Builder<'f> {
             node.params.iter().find(|param| Some(&param.name.value) == counted.map(|c| &c.value))
         {
             let text = format!("`repeat` counts `{}`; do not set it here", param.name.value);
-            self.problem(file, &name, param.name.span, GraphError::Invalid(text));
+            self.problem(file, &name, param.name.span, || GraphError::Invalid(text));
         }
         let part = file.part(&node.name.value);
         for (address, _) in &node.set {
             if node.kind.value != PART_KIND && node.repeat.is_none() {
                 let text =
                     "`set` is for parts and repeated nodes; a stage's own parameters are set in `params`";
-                self.problem(file, &name, address.span, GraphError::Invalid(text.into()));
+                self.problem(file, &name, address.span, || GraphError::Invalid(text.into()));
                 break;
             }
             if node.kind.value == PART_KIND && part.is_none() {
@@ -613,9 +683,12 @@ impl<'f> Builder<'f> {
             } else {
                 (None, Some(&address.value[..]))
             };
-            let error = match scope.reaches(node, copy, rest) {
-                Ok(true) => continue,
-                Ok(false) => {
+            let found = scope.reaches(node, copy, rest);
+            if matches!(found, Ok(true)) {
+                continue;
+            }
+            let error = || match found {
+                Ok(_) => {
                     let copies =
                         (0..scope.times(node).ok().flatten().unwrap_or(0)).map(|copy| copy.to_string());
                     let known = copies.chain(part.into_iter().flat_map(GraphFile::addresses));
@@ -663,16 +736,17 @@ impl<'f> Builder<'f> {
             return;
         }
         if node.bypass {
-            let error = GraphError::Invalid("a part cannot be bypassed; bypass its nodes".into());
+            let error = || GraphError::Invalid("a part cannot be bypassed; bypass its nodes".into());
             self.problem(scope.file, &name, node.name.span, error);
         }
         let Some(part) = part else {
-            let error = GraphError::Invalid("its file has not been read".into());
+            let error = || GraphError::Invalid("its file has not been read".into());
             self.problem(scope.file, &name, node.kind.span, error);
             return;
         };
         self.check_inputs(scope, node, &name, part);
         self.check_params(scope, node, copy, part);
+        self.parts += 1;
         let placed = node.on.clone().map(|on| {
             self.flat.placed.push(PlacedPart { node: name.clone(), on, file: scope.file });
             self.flat.placed.len() - 1
@@ -710,9 +784,8 @@ impl<'f> Builder<'f> {
                     open.push((port.value.clone(), Source { node: part, port: source.port }));
                 }
                 Err(error) => {
-                    let problem =
-                        Problem::new(error).at(scope.file.place(span)).node(&scope.name(node, copy));
-                    self.report(problem.port(&port.value));
+                    let name = scope.name(node, copy);
+                    self.report(scope.file, span, || Problem::new(error).node(&name).port(&port.value));
                 }
             }
         }
@@ -726,9 +799,8 @@ impl<'f> Builder<'f> {
         let ports =
             node.inputs.iter().map(|input| &input.port).chain(through.clone().map(|(input, _)| input));
         for port in ports.filter(|port| !taken.contains(port.value.as_str())) {
-            let error = GraphError::unknown("input", &port.value, &taken);
-            let problem = Problem::new(error).at(scope.file.place(port.span)).node(name);
-            self.report(problem.port(&port.value));
+            let error = || GraphError::unknown("input", &port.value, &taken);
+            self.report(scope.file, port.span, || Problem::new(error()).node(name).port(&port.value));
         }
         let first = |output: &Spanned<String>| Source {
             node: format!("{}/0", node.name.value),
@@ -739,8 +811,7 @@ impl<'f> Builder<'f> {
             node.inputs.iter().map(|input| (&input.port, input.from.value.clone(), input.from.span));
         for (port, source, span) in written.chain(chained) {
             if let Err(error) = scope.resolve(&source) {
-                let problem = Problem::new(error).at(scope.file.place(span)).node(name);
-                self.report(problem.port(&port.value));
+                self.report(scope.file, span, || Problem::new(error).node(name).port(&port.value));
             }
         }
     }
@@ -760,17 +831,17 @@ impl<'f> Builder<'f> {
         let address = scope.name(node, copy);
         for (name, file, value) in beside.chain(set) {
             if name.value == FILE_PARAM {
-                self.problem(file, &address, name.span, file_elsewhere());
+                self.problem(file, &address, name.span, file_elsewhere);
                 continue;
             }
             match part.settable(&name.value, &address) {
                 Ok(param) => {
                     if let Err(error) = param.spec.check(&value.text.value) {
                         let error = param.spec.refusal(&value.text.value, error);
-                        self.problem(value.file, &address, value.text.span, error);
+                        self.problem(value.file, &address, value.text.span, || error);
                     }
                 }
-                Err(error) => self.problem(file, &address, name.span, error),
+                Err(error) => self.problem(file, &address, name.span, || error),
             }
         }
     }

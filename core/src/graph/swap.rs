@@ -125,7 +125,7 @@ impl Checker<'_> {
             );
             let error = GraphError::Swap { new: swap.node.what(), old: replaced.what.clone(), differences };
             let problem = Problem::new(error).at(swap.file.place(swap.node.kind.span));
-            self.problems.0.push(problem.node(&address));
+            self.problems.add(|| problem.node(&address));
         }
     }
 

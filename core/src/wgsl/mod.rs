@@ -180,7 +180,7 @@ impl Kind for WgslKind {
         let read = read(&shader, &specs, &words, cx.registry, cx.connected);
         let read = read.map_err(|errors| {
             let mut problems = placed(errors, &shader);
-            problems.0.extend(wrong_values.0.iter().cloned());
+            problems.append(wrong_values.clone());
             problems
         })?;
         wrong_values.into_result()?;
