@@ -13,7 +13,7 @@ use epigraph_editor::{
     document::{Document, Tag},
     engine::{Backend, Command, Options, Pace},
     intent::{Intent, Jump},
-    panes::Pane,
+    panes::{Pane, viewer::Compare},
 };
 
 /// Number of frames until the cloud covers the picture.
@@ -49,9 +49,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     window.state().session.engine.send(Command::Reset);
     until(&mut window, |app| app.session.state.frames <= 1);
     run(&mut window, FRAMES);
-    until(&mut window, |app| {
-        app.viewers().any(|viewer| viewer.compare.as_ref().is_some_and(|with| with.figures().is_some()))
-    });
+    let is_measured = |compare: &Compare| compare.figures().is_some() && !compare.is_behind();
+    until(&mut window, |app| app.viewers().any(|viewer| viewer.compare.as_deref().is_some_and(is_measured)));
     window.run_steps(8);
     window.render()?.save("docs/editor-compare.png")?;
     click(&mut window, "Compare");

@@ -166,6 +166,11 @@ impl Compare {
         self.measured.result().map(|(_, measured)| &measured.figures).filter(|_| self.trouble.is_none())
     }
 
+    /// True if a newer pair of images is being measured.
+    pub fn is_behind(&self) -> bool {
+        self.measured.is_behind()
+    }
+
     /// The reason why the images cannot be compared.
     pub fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
