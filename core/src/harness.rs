@@ -69,7 +69,7 @@ pub struct Harness<S: Stage> {
 }
 
 /// What a stage wrote in one frame.
-pub struct Outputs(HashMap<String, Snapshot>);
+pub struct Outputs(pub(crate) HashMap<String, Snapshot>);
 
 impl Outputs {
     /// The elements of `port` or `port.field`, row by row where the port is two-dimensional.
@@ -88,6 +88,11 @@ impl<S: Stage> Harness<S> {
         let ports = Bound::<S>::new(params.clone(), &|_| true).declaration.ports;
         let (inputs, running) = (HashMap::new(), HashMap::new());
         Self { params, settings: settings.clone(), ports, inputs, running, frame }
+    }
+
+    /// The ports of the stage, with every optional input connected.
+    pub(crate) fn ports(&self) -> &[Port] {
+        &self.ports
     }
 
     /// Sets the elements of input `port` or `port.field`, row by row if the port is two-dimensional. A list takes the

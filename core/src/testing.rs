@@ -63,10 +63,12 @@ use std::{
 use bytemuck::Pod;
 
 use crate::{
+    capture::Snapshot,
     executor::{AdapterChoice, Gpu},
     facts::Facts,
     graph::Settings,
     harness::{Harness, Outputs},
+    port::{Element, Format, Scalar},
     registry::Registry,
     side::Side,
     stage::{Host, Stage},
@@ -105,6 +107,69 @@ pub fn run_cpu<S: Stage>(harness: &mut Harness<S>, registry: &Registry) -> Outpu
 #[track_caller]
 pub fn run_both<S: Stage>(harness: &mut Harness<S>, registry: &Registry) -> Both {
     Both { cpu: run(harness, registry, Side::Cpu), gpu: run(harness, registry, Side::Gpu) }
+}
+
+/// Runs both sides like [`run_both`], asserts that all outputs but scratch ports agree, and returns what the twin wrote: a
+/// test with values worked out by hand then holds for the shader too. Integers must be equal. Numbers may differ by
+/// `tolerance`, relative to the larger one; NaN equals NaN.
+///
+/// # Panics
+/// As [`run_both`]; also with the first elements that differ.
+#[track_caller]
+pub fn run_alike<S: Stage>(harness: &mut Harness<S>, registry: &Registry, tolerance: f32) -> Outputs {
+    let Both { cpu, gpu } = run_both(harness, registry);
+    let scratch = |name: &str| {
+        let port = name.split('.').next().unwrap_or(name);
+        harness.ports().iter().any(|declared| declared.name == port && declared.scratch)
+    };
+    for (name, snapshot) in cpu.0.iter().filter(|(name, _)| !scratch(name)) {
+        assert_alike(name, snapshot, &gpu.0[name], tolerance);
+    }
+    cpu
+}
+
+/// Asserts that two copies of a port agree.
+#[track_caller]
+fn assert_alike(name: &str, cpu: &Snapshot, gpu: &Snapshot, tolerance: f32) {
+    assert_eq!(cpu.dims, gpu.dims, "`{name}`");
+    let size = cpu.element.bytes() as usize;
+    let floats: Vec<usize> = match &cpu.element {
+        Element::Texel(Format::R32Float | Format::Rgba32Float) => (0..size).step_by(4).collect(),
+        Element::Texel(_) | Element::AnyFloatTexel => Vec::new(),
+        Element::Item { members, .. } => {
+            let floats = members.iter().filter(|member| member.scalar == Scalar::F32);
+            floats
+                .flat_map(|member| (0..member.lanes).map(|lane| (member.offset + 4 * lane) as usize))
+                .collect()
+        }
+    };
+    let number = |bytes: &[u8], at: usize| f32::from_le_bytes(std::array::from_fn(|byte| bytes[at + byte]));
+    let pairs = cpu.bytes.chunks_exact(size).zip(gpu.bytes.chunks_exact(size));
+    for (index, (cpu, gpu)) in pairs.enumerate().filter(|(_, (cpu, gpu))| cpu != gpu) {
+        let same = |at: usize| {
+            let start = at / 4 * 4;
+            if !floats.contains(&start) {
+                return cpu[at] == gpu[at];
+            }
+            let (cpu, gpu) = (number(cpu, start), number(gpu, start));
+            cpu == gpu
+                || cpu.is_nan() && gpu.is_nan()
+                || (cpu - gpu).abs() <= tolerance * cpu.abs().max(gpu.abs())
+        };
+        let words = |bytes: &[u8]| -> Vec<String> {
+            let word = |at: usize| {
+                let bits = number(bytes, at).to_bits();
+                if floats.contains(&at) { f32::from_bits(bits).to_string() } else { format!("{bits:#x}") }
+            };
+            (0..size / 4).map(|word_index| word(4 * word_index)).collect()
+        };
+        assert!(
+            (0..size).all(same),
+            "`{name}`: element {index} is {:?} on the CPU, {:?} on the GPU",
+            words(cpu),
+            words(gpu)
+        );
+    }
 }
 
 #[track_caller]

@@ -136,7 +136,7 @@ mod tests {
     use epigraph_core::Harness;
 
     use super::*;
-    use crate::shared::testing::{Random, run_both, run_cpu, settings};
+    use crate::shared::testing::{Random, run_alike, run_both, settings};
 
     fn harness(params: AgeParams, arrived: u32, meta: &[u32], image_id: &[u32]) -> Harness<Age> {
         let mut harness = Harness::new(params, &settings([8, 8], 16));
@@ -160,7 +160,7 @@ mod tests {
         // One of four points is replaced per frame, so the increment is 128 / 4 = 32 = 0x20.00.
         let meta = [LIVE | FRESH, LIVE | 0x01_80, LIVE | CHANGED | 0x01_00, LIVE | 0x01_00];
         let seen = [7, 7, 7, NOT_DRAWN];
-        let out = run_cpu(&mut harness(AgeParams::default(), 1, &meta, &seen));
+        let out = run_alike(&mut harness(AgeParams::default(), 1, &meta, &seen));
         // Unchanged; + 32; + 32 + 64; + 4 * 32.
         let expected = [LIVE | FRESH, LIVE | 0x21_80, LIVE | 0x61_00, LIVE | 0x81_00];
         assert_eq!(out.get::<u32>("cloud.meta"), expected);
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_point_of_age_0_is_not_penalised() {
-        let out = run_cpu(&mut harness(AgeParams::default(), 1, &[LIVE; 4], &[NOT_DRAWN; 4]));
+        let out = run_alike(&mut harness(AgeParams::default(), 1, &[LIVE; 4], &[NOT_DRAWN; 4]));
         assert_eq!(out.get::<u32>("cloud.meta"), [LIVE | 0x20_00; 4]);
     }
 
@@ -180,7 +180,7 @@ mod tests {
         let meta = [0, LIVE | 0xE0_00, LIVE | 0xDE_FF, LIVE | FRESH | 0xFF_00];
         let run = |evict| {
             let mut harness = harness(AgeParams { evict, ..AgeParams::default() }, 1, &meta, &[0; 4]);
-            let out = run_cpu(&mut harness);
+            let out = run_alike(&mut harness);
             (out.get::<u32>("cloud.meta"), out.get::<u32>("histogram"))
         };
         let (meta, histogram) = run(true);
@@ -196,7 +196,7 @@ mod tests {
         let mut harness = harness(AgeParams::default(), 0, &[0; 4], &[0; 4]);
         let mut rate = |arrived: u32| {
             harness.set("arrived", &[arrived]);
-            run_cpu(&mut harness).get::<f32>("rate")[0]
+            run_alike(&mut harness).get::<f32>("rate")[0]
         };
         assert_eq!([rate(0), rate(100), rate(200), rate(200)], [0.0, 100.0, 110.0, 119.0]);
     }

@@ -153,7 +153,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         edge_pixel::{AREA_SHIFT, COMPLEX, EMPTY, P_SHIFT, Q_SHIFT, area_of_a, class_of, ring},
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, run_cpu, settings},
     };
 
     /// A simple pixel.
@@ -180,7 +180,7 @@ mod tests {
         for (d, [dx, dy]) in (0..).zip(DIRECTIONS) {
             pixels[(4 + dx + 3 * dy) as usize].0 = [10.0 + d as f32; 4];
         }
-        let color = run_cpu(&mut harness(neighbour, [3, 3], &pixels)).get::<[f32; 4]>("color");
+        let color = run_alike(&mut harness(neighbour, [3, 3], &pixels)).get::<[f32; 4]>("color");
         pixels[4].0 = color[4];
         assert_eq!(color, pixels.map(|pixel| pixel.0), "only the middle pixel may change");
         color[4][0]

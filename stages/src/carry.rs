@@ -168,7 +168,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         cloud::CHANGED,
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, settings},
     };
 
     const LAMP: Lamp = Lamp { position: [0.0, 4.0, 0.0], power: 8.0, normal: [0.0, -1.0, 0.0], ..Lamp::NONE };
@@ -211,7 +211,7 @@ mod tests {
         let positions = [-4.5, -3.0, 3.0, 5.0, 9.0].map(|x| [x, 0.0, 0.0, 1.0]);
         let ages = |boxes, body: u32| {
             let meta = [LIVE | body << BODY_SHIFT; 5];
-            let out = run_cpu(&mut harness(&positions, &meta, &[Move::REST; 4], [LAMP; 2], boxes));
+            let out = run_alike(&mut harness(&positions, &meta, &[Move::REST; 4], [LAMP; 2], boxes));
             out.get::<u32>("cloud.meta").iter().map(|meta| meta & AGE).collect::<Vec<_>>()
         };
         let ten = 10 * 256;
@@ -231,7 +231,7 @@ mod tests {
             [of(0) | 7, of(1) | 7, of(2) | CHANGED | 7, of(2) | FRESH, of(2) | 0xFFF0, 2 << BODY_SHIFT];
         let dark = [Lamp::NONE; 2];
         let out =
-            run_cpu(&mut harness(&[[1.0, 2.0, 3.0, 1.0]; 6], &meta, &moves, dark, [cube(0.0), cube(1.0)]));
+            run_alike(&mut harness(&[[1.0, 2.0, 3.0, 1.0]; 6], &meta, &moves, dark, [cube(0.0), cube(1.0)]));
         let x: Vec<f32> = out.get::<[f32; 4]>("cloud.position").iter().map(|p| p[0]).collect();
         assert_eq!(x, [1.0, 1.0, 2.0, 2.0, 2.0, 1.0]);
         let aged = [meta[0], meta[1], meta[2] + 3 * 256 + 128, meta[3], of(2) | AGE, meta[5]];
@@ -245,7 +245,8 @@ mod tests {
         let higher = Lamp { position: [0.0, 5.0, 0.0], ..LAMP };
         let positions = [[0.0, 0.0, 0.0, 1.0], [0.0, 6.0, 0.0, 1.0], [0.0, -1.0, 0.0, 0.0]];
         let ages = |lamps| {
-            let out = run_cpu(&mut harness(&positions, &[LIVE; 3], &[Move::REST], lamps, [Blocker::NONE; 2]));
+            let out =
+                run_alike(&mut harness(&positions, &[LIVE; 3], &[Move::REST], lamps, [Blocker::NONE; 2]));
             assert_eq!(out.get::<[f32; 4]>("cloud.position"), positions);
             out.get::<u32>("cloud.meta").iter().map(|meta| meta & AGE).collect::<Vec<_>>()
         };
@@ -296,5 +297,22 @@ mod tests {
         let bodies = |count| Facts::none().with(facts::BODIES, count);
         assert!(Carry::needless(&params, &bodies(0)).is_some());
         assert!(Carry::needless(&params, &bodies(1)).is_none());
+    }
+
+    #[test]
+    fn points_age_by_255_in_a_frame_at_most() {
+        // All light goes: 200; the body moves: 100.
+        let params = CarryParams { penalty: 100.0, relight: 2.0, shadow: 0.0 };
+        let mut harness = Harness::<Carry>::new(params, &settings([8, 8], 16));
+        harness.set("cloud.position", &[[0.0, 0.0, 0.0, 1.0f32]]);
+        harness.set("cloud.meta", &[LIVE | 1 << BODY_SHIFT]);
+        let above = Pose { translation: Vec3::Y * 5.0, ..Pose::REST };
+        harness.set("moves", &[Move::REST, Move::of(&above)]);
+        harness.set("lights_before", &[LAMP, Lamp::NONE]);
+        harness.set("lights", &[LAMP, Lamp::NONE]);
+        harness.set("blockers_before", &[Blocker::NONE]);
+        harness.set("blockers", &[Blocker::NONE]);
+        let meta = run_alike(&mut harness).get::<u32>("cloud.meta")[0];
+        assert_eq!(meta & AGE, 255 * 256);
     }
 }

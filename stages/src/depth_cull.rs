@@ -339,7 +339,7 @@ mod tests {
     use epigraph_core::{Harness, View};
 
     use super::*;
-    use crate::shared::testing::{Random, run_both, run_cpu, settings};
+    use crate::shared::testing::{Random, run_alike, run_both, settings};
 
     const EMPTY: f32 = f32::INFINITY;
 
@@ -365,7 +365,7 @@ mod tests {
         neighbours[..count].iter().for_each(|&p| depths[p] = z0);
         let mut harness = harness(params, [3, 3], &depths);
         harness.frame.view = view;
-        run_cpu(&mut harness).get::<u32>("id")[4] == NO_POINT
+        run_alike(&mut harness).get::<u32>("id")[4] == NO_POINT
     }
 
     fn view(near: f32, far: f32) -> View {
@@ -512,12 +512,12 @@ mod tests {
     #[test]
     fn the_filtered_depth() {
         let params = || DepthCullParams { rule: Rule::Relative, threshold: 0.5 };
-        let out = run_cpu(&mut harness(params(), [3, 1], &[2.0, EMPTY, 4.0]));
+        let out = run_alike(&mut harness(params(), [3, 1], &[2.0, EMPTY, 4.0]));
         assert_eq!(out.get::<f32>("filtered"), [3.0, 4.5, 6.0]);
-        let out = run_cpu(&mut harness(params(), [2, 2], &[EMPTY; 4]));
+        let out = run_alike(&mut harness(params(), [2, 2], &[EMPTY; 4]));
         assert_eq!(out.get::<f32>("filtered"), [1000.0; 4]);
         // The filtered depth is never beyond the far plane.
-        let out = run_cpu(&mut harness(params(), [1, 1], &[900.0]));
+        let out = run_alike(&mut harness(params(), [1, 1], &[900.0]));
         assert_eq!((out.get::<f32>("filtered")[0], out.get::<u32>("id")[0]), (1000.0, 0));
     }
 
@@ -586,7 +586,7 @@ mod tests {
                     [width as u32, height as u32],
                     &depths.collect::<Vec<_>>(),
                 );
-                let out = run_cpu(&mut harness);
+                let out = run_alike(&mut harness);
                 assert_eq!(out.get::<u32>("first_vote"), first, "{width}x{height}");
                 let shows = |(p, depth): (u32, u32)| if depth == EMPTY_DEPTH { NO_POINT } else { p };
                 let second: Vec<u32> = (0..).zip(voted(&first)).map(shows).collect();
@@ -616,6 +616,38 @@ mod tests {
                 Rule::Majority | Rule::Relative => both.assert_close("filtered", 1e-3),
                 // The shift loses digits as z^2 / (c n f) ulps: 1e4 of them at a mean of 1000.
                 Rule::SeedExact => both.assert_close("filtered", 2.0),
+            }
+        }
+    }
+
+    #[test]
+    fn equally_near_points_outvote_nobody() {
+        for threshold in [0.0, 0.05] {
+            let params = DepthCullParams { rule: Rule::Majority, threshold };
+            let out = run_alike(&mut harness(params, [6, 4], &[3.0; 24]));
+            assert_eq!(out.get::<u32>("id"), (0..24).collect::<Vec<u32>>());
+        }
+        // Without a threshold, the next nearer number is nearer.
+        let params = DepthCullParams { rule: Rule::Majority, threshold: 0.0 };
+        let mut depths = [f32::from_bits(3.0f32.to_bits() - 1); 25];
+        depths[12] = 3.0;
+        assert_eq!(run_alike(&mut harness(params, [5, 5], &depths)).get::<u32>("id")[12], NO_POINT);
+    }
+
+    #[test]
+    fn every_number_of_votes_at_every_distance_from_the_border() {
+        // A far point somewhere in 5x5 pixels, and more and more near ones around it: where it goes depends on both.
+        let mut harness = harness(settled(Rule::Majority), [5, 5], &[EMPTY; 25]);
+        for at in 0..25 {
+            let near: Vec<usize> = (0..25).filter(|&p| p != at).collect();
+            for count in 0..=24 {
+                // The others are as far as the point itself.
+                let mut depths = [9.0f32; 25];
+                near[..count].iter().for_each(|&p| depths[p] = 1.0);
+                harness.set("id", &(0..25).collect::<Vec<u32>>());
+                harness.set("depth", &depths.map(f32::to_bits));
+                let is_dropped = run_alike(&mut harness).get::<u32>("id")[at] == NO_POINT;
+                assert!(if is_dropped { count > 0 } else { count < 24 }, "pixel {at}, {count} near ones");
             }
         }
     }

@@ -483,7 +483,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         requests::NO_PIXEL,
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, run_cpu, settings},
     };
 
     fn harness(params: DitherParams, size: [u32; 2], priority: &[u32], samples: u32) -> Harness<Dither> {
@@ -642,10 +642,10 @@ mod tests {
     fn without_empty_cells_occupancy_has_no_effect() {
         let priority: Vec<u32> = (0..660).map(|p| p % 200).collect();
         let mut harness = harness(DitherParams::default(), [30, 22], &priority, 50);
-        let without = run_cpu(&mut harness).get::<Request>("requests");
+        let without = run_alike(&mut harness).get::<Request>("requests");
         harness.reset();
         harness.set("occupancy", &[1; 48]);
-        assert_eq!(run_cpu(&mut harness).get::<Request>("requests"), without);
+        assert_eq!(run_alike(&mut harness).get::<Request>("requests"), without);
     }
 
     #[test]

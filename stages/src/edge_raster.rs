@@ -575,7 +575,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         segments::{SHADOW_PENUMBRA, shadow_flags},
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, run_cpu, settings},
     };
 
     /// A view in which the x and y of a point at z = 1 are its pixel coordinates, relative to the image's middle.
@@ -610,7 +610,7 @@ mod tests {
     }
 
     fn mask(size: [u32; 2], segments: &[Segment]) -> Vec<u32> {
-        run_cpu(&mut harness(DepthTest::Either, size, segments)).get("mask")
+        run_alike(&mut harness(DepthTest::Either, size, segments)).get("mask")
     }
 
     /// Column, row and number of each set bit.

@@ -218,7 +218,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         cloud::{LIVE, NO_POINT, encode_radiance},
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, settings},
     };
 
     const HELD: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
@@ -246,7 +246,7 @@ mod tests {
         let points = [([1.0, 0.0, 0.0], 0), ([0.0, 1.0, 0.0], 0), ([0.0, 0.0, 1.0], 0)];
         let id = image([3, 3], &[(4, 0), (5, 1), (6, 2)]);
         let color =
-            run_cpu(&mut harness(FillParams::default(), [3, 3], &id, &points)).get::<[f32; 4]>("color");
+            run_alike(&mut harness(FillParams::default(), [3, 3], &id, &points)).get::<[f32; 4]>("color");
         assert_eq!(color[4], [4.0 / 7.0, 2.0 / 7.0, 1.0 / 7.0, 1.0]);
         // In the pixel above the middle, red has weight 2 and green 1.
         assert_eq!(color[1], [2.0 / 3.0, 1.0 / 3.0, 0.0, 1.0]);
@@ -258,7 +258,7 @@ mod tests {
         let points = [([1.0, 0.0, 0.0], 0), ([0.0, 1.0, 0.0], 0)];
         let params = FillParams { keep_points: true, ..FillParams::default() };
         let mut harness = harness(params, [3, 1], &image([3, 1], &[(0, 0), (1, 1)]), &points);
-        let color = run_cpu(&mut harness).get::<[f32; 4]>("color");
+        let color = run_alike(&mut harness).get::<[f32; 4]>("color");
         assert_eq!(color, [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]]);
     }
 
@@ -269,7 +269,7 @@ mod tests {
         let id = image([9, 1], &[(0, 0), (4, 1)]);
         for (empty, last) in [(Empty::Hold, HELD), (Empty::Clear, [0.0, 0.0, 0.0, 1.0])] {
             let params = FillParams { empty, ..FillParams::default() };
-            let out = run_cpu(&mut harness(params, [9, 1], &id, &points));
+            let out = run_alike(&mut harness(params, [9, 1], &id, &points));
             let (color, priority) = (out.get::<[f32; 4]>("color"), out.get::<u32>("priority"));
             assert_eq!(color[1], [1.0, 0.0, 0.0, 1.0]);
             assert_eq!(color[2], [0.5, 0.5, 0.0, 1.0]);
@@ -307,7 +307,7 @@ mod tests {
         let points = [([1.0; 3], 80 * AGE_ONE)];
         let mut harness = harness(FillParams::default(), [4, 1], &image([4, 1], &[(0, 0)]), &points);
         // Beside the point, w is 2 of 16: 255 (14 / 16)^6 = 114.4.
-        assert_eq!(run_cpu(&mut harness).get::<u32>("priority"), [40, 114, 255, 255]);
+        assert_eq!(run_alike(&mut harness).get::<u32>("priority"), [40, 114, 255, 255]);
     }
 
     #[test]

@@ -89,7 +89,7 @@ mod tests {
     use epigraph_core::Harness;
 
     use super::*;
-    use crate::shared::testing::{Random, run_both, run_cpu, settings};
+    use crate::shared::testing::{Random, run_alike, run_both, settings};
 
     #[test]
     fn each_point_gets_the_pixel_that_shows_it() {
@@ -97,7 +97,7 @@ mod tests {
         harness.set("cloud.image_id", &[4u32, 77, 0, 9]);
         let none = u32::MAX;
         harness.set("id", &[none, 2, none, none, 0, none]);
-        assert_eq!(run_cpu(&mut harness).get::<u32>("cloud.image_id"), [4, NOT_DRAWN, 1, NOT_DRAWN]);
+        assert_eq!(run_alike(&mut harness).get::<u32>("cloud.image_id"), [4, NOT_DRAWN, 1, NOT_DRAWN]);
     }
 
     #[test]

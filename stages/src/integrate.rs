@@ -202,9 +202,9 @@ mod tests {
 
     use super::*;
     use crate::shared::{
-        cloud::{AGE, NO_POINT},
+        cloud::{AGE, MAX_RADIANCE, NO_POINT},
         requests::{HIT_BACKGROUND, VIEW_PREDICTED},
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, settings},
     };
 
     const SIZE: [u32; 2] = [16, 12];
@@ -237,14 +237,14 @@ mod tests {
     fn samples_become_fresh_points() {
         let sky = Sample { hit: HIT_BACKGROUND, ..sample(5, GREY) };
         let samples = [sample(4, GREY), Sample::default(), sky, sample(6, GREY)];
-        let out = run_cpu(&mut harness(16, &samples, &[9, 3, 2, NO_POINT]));
+        let out = run_alike(&mut harness(16, &samples, &[9, 3, 2, NO_POINT]));
         let (position, meta) = (out.get::<[f32; 4]>("cloud.position"), out.get::<u32>("cloud.meta"));
         assert_eq!((position[9], meta[9]), ([1.0, 2.0, 3.0, 1.0], LIVE | FRESH));
         assert_eq!((position[2], meta[2]), ([1.0, 2.0, 3.0, 0.0], LIVE | FRESH));
         // An empty entry has no effect, whatever its slot.
         assert_eq!((position[3], meta[3]), ([1.0; 4], LIVE | 3));
         let of_body = Sample { body: 200, ..sample(4, GREY) };
-        let meta = run_cpu(&mut harness(16, &[of_body], &[9])).get::<u32>("cloud.meta")[9];
+        let meta = run_alike(&mut harness(16, &[of_body], &[9])).get::<u32>("cloud.meta")[9];
         assert_eq!(meta, LIVE | FRESH | 200 << BODY_SHIFT);
         let image_id = out.get::<u32>("cloud.image_id");
         assert_eq!([image_id[9], image_id[2], image_id[3]], [NOT_DRAWN, NOT_DRAWN, 3]);
@@ -254,26 +254,26 @@ mod tests {
     #[test]
     fn a_slot_keeps_the_date_of_its_last_sample() {
         let mut harness = harness(8, &[sample(4, GREY), sample(5, GREY)], &[6, 2]);
-        assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 1, 0]);
+        assert_eq!(run_alike(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 1, 0]);
         // Frames without samples, and samples without a slot, do not change it.
         harness.frame.index = 4;
         harness.set("slots", &[6, NO_POINT]);
-        assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 5, 0]);
+        assert_eq!(run_alike(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 5, 0]);
         harness.frame.index = 5;
         harness.set("samples", &[Sample::default(); 2]);
-        assert_eq!(run_cpu(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 5, 0]);
+        assert_eq!(run_alike(&mut harness).get::<u32>("dates"), [0, 0, 1, 0, 0, 0, 5, 0]);
     }
 
     #[test]
     fn points_are_fresh_in_their_first_frame_only() {
         let mut harness = harness(4, &[Sample::default()], &[NO_POINT]);
         harness.set("cloud.meta", &[LIVE | FRESH, 0, LIVE | CHANGED | 7, LIVE]);
-        assert_eq!(run_cpu(&mut harness).get::<u32>("cloud.meta"), [LIVE, 0, LIVE | CHANGED | 7, LIVE]);
+        assert_eq!(run_alike(&mut harness).get::<u32>("cloud.meta"), [LIVE, 0, LIVE | CHANGED | 7, LIVE]);
     }
 
     /// The slots that are flagged when this sample arrives.
     fn flagged(sample: Sample) -> Vec<u32> {
-        let out = run_cpu(&mut harness(SIZE[0] * SIZE[1], &[sample], &[sample.pixel]));
+        let out = run_alike(&mut harness(SIZE[0] * SIZE[1], &[sample], &[sample.pixel]));
         let meta = out.get::<u32>("cloud.meta");
         (0..meta.len() as u32).filter(|&slot| meta[slot as usize] & CHANGED != 0).collect()
     }
@@ -309,10 +309,10 @@ mod tests {
     #[test]
     fn stamps_of_earlier_frames_do_not_count() {
         let mut harness = harness(64, &[sample(20, [2.0; 3])], &[63]);
-        assert!(run_cpu(&mut harness).get::<u32>("cloud.meta").iter().any(|meta| meta & CHANGED != 0));
+        assert!(run_alike(&mut harness).get::<u32>("cloud.meta").iter().any(|meta| meta & CHANGED != 0));
         harness.frame.index = 1;
         harness.set("samples", &[sample(20, GREY)]);
-        assert!(run_cpu(&mut harness).get::<u32>("cloud.meta").iter().all(|meta| meta & CHANGED == 0));
+        assert!(run_alike(&mut harness).get::<u32>("cloud.meta").iter().all(|meta| meta & CHANGED == 0));
     }
 
     #[test]
@@ -340,5 +340,39 @@ mod tests {
             both.assert_equal::<u32>(output);
         }
         both.assert_equal::<[f32; 4]>("cloud.position");
+    }
+
+    #[test]
+    fn radiance_that_is_no_radiance_is_stored_as_the_nearest() {
+        let radiance = [
+            [-1.0, f32::NAN, -f32::INFINITY],
+            [f32::INFINITY, 1e30, -0.0],
+            [f32::MIN_POSITIVE, f32::NAN, 1.0],
+        ];
+        let samples = radiance.map(|radiance| sample(4, radiance));
+        let out = run_alike(&mut harness(8, &samples, &[1, 2, 3]));
+        let stored: Vec<_> =
+            out.get::<u32>("cloud.radiance")[1..4].iter().map(|&r| decode_radiance(r)).collect();
+        assert_eq!(stored, [[0.0; 3], [MAX_RADIANCE, MAX_RADIANCE, 0.0], [0.0, 0.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_threshold_of_0_still_takes_a_difference() {
+        let flags = |radiance| {
+            let mut harness =
+                Harness::<Integrate>::new(IntegrateParams { threshold: 0.0 }, &settings(SIZE, 1));
+            harness.set("cloud.position", &[[1.0f32; 4]; 192]);
+            harness.set("cloud.radiance", &[encode_radiance(GREY); 192]);
+            harness.set("cloud.image_id", &(0..192).collect::<Vec<u32>>());
+            harness.set("cloud.meta", &[LIVE; 192]);
+            harness.set("samples", &[sample(5 * 16 + 8, radiance)]);
+            harness.set("slots", &[191u32]);
+            run_alike(&mut harness)
+                .get::<u32>("cloud.meta")
+                .iter()
+                .filter(|&&meta| meta & CHANGED != 0)
+                .count()
+        };
+        assert_eq!((flags(GREY), flags([0.51; 3])), (0, 49));
     }
 }

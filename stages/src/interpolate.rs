@@ -432,7 +432,7 @@ mod tests {
     use crate::shared::{
         cloud::{LIVE, MAX_RADIANCE, encode_radiance},
         edge_pixel::{EMPTY, SIMPLE},
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, run_cpu, settings},
     };
 
     /// A pixel: its sample (radiance, age and cell), class, and reached pixels.
@@ -481,13 +481,13 @@ mod tests {
         for at in 0..25 {
             let mut pixels = [OPEN; 25];
             pixels[at].sample = gray(2.0);
-            let color = run_cpu(&mut harness(binomial(), [5, 5], &pixels)).get::<[f32; 4]>("color");
+            let color = run_alike(&mut harness(binomial(), [5, 5], &pixels)).get::<[f32; 4]>("color");
             let share = (row[at % 5] * row[at / 5]) as f32 / 256.0;
             assert_eq!(color[12], [2.0, 2.0, 2.0, share]);
         }
         let mut pixels = [OPEN; 25];
         (0..).zip(&mut pixels).for_each(|(i, pixel)| pixel.sample = gray(i as f32));
-        let color = run_cpu(&mut harness(binomial(), [5, 5], &pixels)).get::<[f32; 4]>("color");
+        let color = run_alike(&mut harness(binomial(), [5, 5], &pixels)).get::<[f32; 4]>("color");
         assert_eq!(color[12], [12.0, 12.0, 12.0, 1.0]);
     }
 
@@ -500,7 +500,7 @@ mod tests {
         pixels[2].sample = Some(([3.0; 3], 0, 8 * 16));
         for sigma in [0.3, 0.7, 2.0] {
             let params = InterpolateParams { sigma, ..InterpolateParams::default() };
-            let color = run_cpu(&mut harness(params, [3, 1], &pixels)).get::<[f32; 4]>("color");
+            let color = run_alike(&mut harness(params, [3, 1], &pixels)).get::<[f32; 4]>("color");
             let gaussian = |x: f64, y: f64| (-(x * x + y * y) / (2.0 * f64::from(sigma).powi(2))).exp();
             let y = 0.5 / 16.0;
             let (far, near) = (gaussian(1.0 + 7.5 / 16.0, y), gaussian(1.0 - 7.5 / 16.0, y));
@@ -547,7 +547,7 @@ mod tests {
         let mut pixels = [OPEN; 25];
         (0..).zip(&mut pixels).for_each(|(i, pixel)| pixel.sample = gray(1.0 + i as f32));
         let value = |pixels: &[Pixel; 25]| {
-            run_cpu(&mut harness(binomial(), [5, 5], pixels)).get::<[f32; 4]>("color")[12]
+            run_alike(&mut harness(binomial(), [5, 5], pixels)).get::<[f32; 4]>("color")[12]
         };
         // The pixel's own sample always counts.
         pixels[12].r24 = 0;
@@ -575,7 +575,7 @@ mod tests {
         pixels[0].sample = gray(0.0);
         pixels[1].sample = gray(3.0);
         let params = InterpolateParams { space: Space::ToneMapped, sigma: 2.0, ..binomial() };
-        let color = run_cpu(&mut harness(params.clone(), [2, 1], &pixels)).get::<[f32; 4]>("color");
+        let color = run_alike(&mut harness(params.clone(), [2, 1], &pixels)).get::<[f32; 4]>("color");
         // With weights 6 : 4 in one row, the mean is 0.75 * 4 / 10 = 0.3, which expands to 3/7.
         assert!((color[0][0] - 3.0 / 7.0).abs() < 1e-6, "{color:?}");
         // The brightest possible point is compressed and expanded with the precision that is left in 1 - luminance.
@@ -603,7 +603,7 @@ mod tests {
         pixels[13].r24 = 0;
         for rule in [Priority::Measured, Priority::Classic] {
             let params = InterpolateParams { priority: rule, ..binomial() };
-            assert_eq!(run_cpu(&mut harness(params, [5, 5], &pixels)).get::<u32>("priority")[13], 255);
+            assert_eq!(run_alike(&mut harness(params, [5, 5], &pixels)).get::<u32>("priority")[13], 255);
         }
     }
 

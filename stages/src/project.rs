@@ -234,7 +234,7 @@ mod tests {
     use epigraph_core::{Harness, View, testing::gpu};
 
     use super::*;
-    use crate::shared::testing::{Both, Random, run_both, run_cpu, settings};
+    use crate::shared::testing::{Both, Random, run_alike, run_both, settings};
 
     const METHODS: [Method; 3] = [Method::TwoPass, Method::Atomic64, Method::Raster];
 
@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn age_255_is_drawn_by_default() {
         let mut harness = harness(ProjectParams::default(), [4, 4], &[(at(2.0), LIVE | AGE)]);
-        assert_eq!(run_cpu(&mut harness).get::<u32>("id")[6], 0);
+        assert_eq!(run_alike(&mut harness).get::<u32>("id")[6], 0);
     }
 
     #[test]
@@ -298,7 +298,7 @@ mod tests {
         let point = [0.4, 0.35, -1.0, 1.0];
         let cell = |subpixel_bits| {
             let params = ProjectParams { subpixel_bits, ..ProjectParams::default() };
-            run_cpu(&mut harness(params, [4, 4], &[(point, LIVE)])).get::<u32>("subpixel")[6]
+            run_alike(&mut harness(params, [4, 4], &[(point, LIVE)])).get::<u32>("subpixel")[6]
         };
         assert_eq!(cell(4), 4 + 3);
         assert_eq!(cell(8), 16 * 4 + 12);
@@ -366,7 +366,7 @@ mod tests {
             let params = ProjectParams { max_age: 254, ..ProjectParams::default() };
             let mut harness = harness(params, size, &points);
             harness.frame.view = View { eye, tan_x: tan, tan_y: tan, ..harness.frame.view };
-            let out = run_cpu(&mut harness);
+            let out = run_alike(&mut harness);
             let found = [out.get::<u32>("id"), out.get("depth"), out.get("subpixel")];
             let (position, meta): (Vec<_>, Vec<_>) = points.into_iter().unzip();
             for pixel in 0..size[0] * size[1] {
@@ -413,5 +413,38 @@ mod tests {
             let both = run_both(&mut harness);
             compare(&both, roundings(64));
         }
+    }
+
+    #[test]
+    fn points_on_the_border_of_the_view() {
+        // 4x4 pixels, a view as wide as it is far, near plane 0.5, far plane 100.
+        for (point, pixel) in [
+            // The left and upper border belong to the image, the right and lower one do not.
+            ([-1.0, 1.0, -1.0, 1.0], Some(0)),
+            ([1.0, 0.0, -1.0, 1.0], None),
+            ([0.0, -1.0, -1.0, 1.0], None),
+            ([0.999, -0.999, -1.0, 1.0], Some(15)),
+            // The near plane does too; what is beyond the far plane counts as on it.
+            ([0.0, 0.0, -0.5, 1.0], Some(10)),
+            ([0.0, 0.0, -0.499_999_97, 1.0], None),
+            ([0.0, 0.0, -100.0, 1.0], Some(10)),
+            // Directions have no near plane.
+            ([0.0, 0.0, -f32::MIN_POSITIVE, 0.0], Some(10)),
+            ([0.0, 0.0, 0.0, 0.0], None),
+        ] {
+            let mut harness = harness(ProjectParams::default(), [4, 4], &[(point, LIVE)]);
+            let id = run_alike(&mut harness).get::<u32>("id");
+            assert_eq!(id.iter().position(|&id| id == 0), pixel, "{point:?}");
+        }
+    }
+
+    #[test]
+    fn points_of_the_maximum_age_are_drawn() {
+        let params = ProjectParams { max_age: 200, ..ProjectParams::default() };
+        let drawn = |age: u32| {
+            let points = [(at(2.0), LIVE | age)];
+            run_alike(&mut harness(params.clone(), [4, 4], &points)).get::<u32>("id")[6] == 0
+        };
+        assert!(drawn(200 * AGE_ONE + 255) && !drawn(201 * AGE_ONE));
     }
 }

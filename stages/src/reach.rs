@@ -270,7 +270,7 @@ mod tests {
         shared::{
             cloud::NO_POINT,
             edge_pixel::testing::Mask,
-            testing::{Random, run_both, run_cpu, settings},
+            testing::{Random, run_alike, run_both, settings},
         },
     };
 
@@ -284,7 +284,7 @@ mod tests {
             &cells.iter().map(|cell| if cell.is_some() { 0 } else { NO_POINT }).collect::<Vec<_>>(),
         );
         harness.set("subpixel", &cells.iter().map(|cell| cell.unwrap_or(0)).collect::<Vec<_>>());
-        run_cpu(&mut harness).get("cls")
+        run_alike(&mut harness).get("cls")
     }
 
     fn harness(params: ReachParams, mask: &Mask, cls: &[u32]) -> Harness<Reach> {

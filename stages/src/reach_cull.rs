@@ -188,7 +188,7 @@ mod tests {
     use epigraph_core::Harness;
 
     use super::*;
-    use crate::shared::testing::{Both, Random, run_both, run_cpu, settings};
+    use crate::shared::testing::{Both, Random, run_alike, run_both, settings};
 
     /// An image of samples with the distances `z`, infinite for pixels without a sample, and with the reached pixels
     /// `r24`.
@@ -294,7 +294,7 @@ mod tests {
                 let z: Vec<f32> = (0..pixels).map(z).collect();
                 let r24: Vec<u32> = (0..pixels).map(|_| random.bits() & 0xFF_FFFF).collect();
                 let mut harness = harness(ReachCullParams { threshold, passes: 1 }, size, &z, &r24);
-                let found = run_cpu(&mut harness).get::<u32>("id");
+                let found = run_alike(&mut harness).get::<u32>("id");
 
                 let shown = |(p, z): (u32, &f32)| if z.is_infinite() { NO_POINT } else { 1000 + p };
                 let id: Vec<u32> = (0..).zip(&z).map(shown).collect();

@@ -198,7 +198,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         requests::{HIT_BACKGROUND, HIT_SURFACE},
-        testing::{Random, run_both, run_cpu, settings},
+        testing::{Random, run_alike, run_both, settings},
     };
 
     /// A live point of the given age, in 8.8 fixed point.
@@ -223,7 +223,7 @@ mod tests {
     }
 
     fn slots(reuse: bool, meta: &[u32], samples: &[Sample]) -> Vec<u32> {
-        run_cpu(&mut harness(reuse, meta, samples)).get("slots")
+        run_alike(&mut harness(reuse, meta, samples)).get("slots")
     }
 
     #[test]

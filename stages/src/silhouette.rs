@@ -181,7 +181,7 @@ mod tests {
         mesh::{encode_f16, encode_oct16},
         shared::{
             segments::{BORDER, NO_FACE, Segment},
-            testing::{Random, run_both, run_cpu, settings},
+            testing::{Random, run_alike, run_both, run_cpu, settings},
         },
     };
 
@@ -244,7 +244,7 @@ mod tests {
 
     /// The silhouettes that the twin lists in a frame.
     fn segments(harness: &mut Harness<Silhouette>) -> Vec<Segment> {
-        listed(&run_cpu(harness))
+        listed(&run_alike(harness))
     }
 
     fn listed(out: &Outputs) -> Vec<Segment> {

@@ -393,7 +393,7 @@ mod tests {
     use epigraph_core::Harness;
 
     use super::*;
-    use crate::shared::testing::{Random, run_both, run_cpu, settings};
+    use crate::shared::testing::{Random, run_alike, run_both, settings};
 
     const NONE: [f32; 4] = [0.0; 4];
     const RED: [f32; 4] = [1.0, 0.0, 0.0, 0.5];
@@ -491,7 +491,7 @@ mod tests {
         color[12] = NONE;
         color[0] = NONE;
         for method in [Method::Spread, Method::PushPull] {
-            let out = run_cpu(&mut harness(params(method, 8), size, &color, &n8)).get::<[f32; 4]>("color");
+            let out = run_alike(&mut harness(params(method, 8), size, &color, &n8)).get::<[f32; 4]>("color");
             assert_eq!(out[12], [3.0 / 8.0, 0.0, 5.0 / 8.0, 1.0]);
             assert_eq!(out[0], [1.0, 0.0, 0.0, 1.0]);
         }

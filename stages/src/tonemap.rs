@@ -137,7 +137,7 @@ mod tests {
     use epigraph_core::Harness;
 
     use super::*;
-    use crate::shared::testing::{Random, run_both, run_cpu, settings};
+    use crate::shared::testing::{Random, run_alike, run_both, settings};
 
     fn harness(params: TonemapParams, colors: &[[f32; 3]]) -> Harness<Tonemap> {
         let mut harness = Harness::new(params, &settings([colors.len() as u32, 1], 0));
@@ -147,7 +147,7 @@ mod tests {
     }
 
     fn shown(params: TonemapParams, colors: &[[f32; 3]]) -> Vec<[u8; 4]> {
-        run_cpu(&mut harness(params, colors)).get("image")
+        run_alike(&mut harness(params, colors)).get("image")
     }
 
     #[test]

@@ -76,4 +76,13 @@ mod tests {
         }
         assert_eq!(penumbra_width(0), 0.0);
     }
+
+    #[test]
+    fn widths_are_rounded_up_at_the_last_bit() {
+        for (bits, kept) in
+            [(0x3F80_0000, 0x3F80_0000), (0x3F80_0001, 0x3F81_0000), (0x3F80_FFFF, 0x3F81_0000)]
+        {
+            assert_eq!(shadow_flags(0, f32::from_bits(bits)), kept, "{bits:#x}");
+        }
+    }
 }
