@@ -87,6 +87,8 @@ struct Checked {
     /// The plan without pruning, to report how much pruning saves.
     whole: Plan,
     shaders: usize,
+    /// What swaps have left out, in sentences.
+    left_out: Vec<String>,
 }
 
 fn check_one(
@@ -100,7 +102,48 @@ fn check_one(
     // Nodes that only another scene needs are checked too.
     let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;
     let shaders = check_shaders(&*file.whole()?, &graph, registry)?;
-    Ok(Checked { params, file, plan, whole, shaders })
+    let left_out = left_out(&*file.whole()?, "", &graph);
+    Ok(Checked { params, file, plan, whole, shaders, left_out })
+}
+
+/// What nodes do not take over of those whose places they have taken: wires to inputs that they do not have, and
+/// parameters.
+fn left_out(file: &GraphFile, folder: &str, graph: &Graph) -> Vec<String> {
+    let mut sentences = Vec::new();
+    for node in &file.nodes {
+        let address = format!("{folder}{}", node.name.value);
+        if let Some(replaced) = &node.replaced {
+            // The node itself, or the first of its copies.
+            let copy = format!("{address}/");
+            let stage =
+                graph.nodes.iter().find(|stage| stage.name == address || stage.name.starts_with(&copy));
+            let has = |port: &String| {
+                stage.is_none_or(|stage| {
+                    stage.declaration().ports.iter().any(|known| known.name == port.as_str())
+                })
+            };
+            let is_part = file.parts.iter().any(|(part, _)| *part == node.name.value);
+            let wires = replaced.kept.iter().filter(|port| !is_part && !has(port)).chain(&replaced.dropped);
+            let left = [("wire", wires.collect::<Vec<_>>()), ("parameter", replaced.params.iter().collect())];
+            let left: Vec<String> = left
+                .into_iter()
+                .filter(|(_, names)| !names.is_empty())
+                .map(|(what, names)| {
+                    let listed: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+                    format!("{what}{} {}", if names.len() == 1 { "" } else { "s" }, listed.join(", "))
+                })
+                .collect();
+            if !left.is_empty() {
+                let sentence =
+                    format!("{address}: without the {} of {}", left.join(" and the "), replaced.what);
+                sentences.push(sentence);
+            }
+        }
+    }
+    for (part, within) in &file.parts {
+        sentences.extend(left_out(within, &format!("{folder}{part}/"), graph));
+    }
+    sentences
 }
 
 /// Checks every node's shader against its ports, without a GPU. Returns the number of shaders.
@@ -138,6 +181,9 @@ impl Checked {
             text += &format!("pruning saves {} of memory\n", readable(saved));
         }
         text += &format!("{} checked against their stages\n", count(self.shaders, "shader"));
+        for sentence in &self.left_out {
+            text += &format!("swapped {sentence}\n");
+        }
         if !self.params.is_empty() {
             let params = self.params.iter().map(|param| (name(param), &param.spec, Some(&param.value[..])));
             text += &format!("parameters\n{}", stages::params(params));
@@ -157,6 +203,7 @@ impl Checked {
             })
             .collect();
         json!({
+            "left_out": self.left_out,
             "steps": steps,
             "bytes": { "cpu": plan.bytes(Side::Cpu), "gpu": plan.bytes(Side::Gpu) },
             "pooled_bytes": { "cpu": plan.pooled_bytes(Side::Cpu), "gpu": plan.pooled_bytes(Side::Gpu) },

@@ -261,13 +261,31 @@ fn ports(
     Ok([input, output])
 }
 
-/// The only node that has a parameter of this name.
+/// The nodes that stand for parts with a parameter of this name, by their addresses. What they hand it to is set through
+/// them.
+fn parts_with(file: &GraphFile, param: &str, folder: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (part, within) in &file.parts {
+        let address = format!("{folder}{part}");
+        if within.param(param).is_some() {
+            found.push(address);
+        } else {
+            found.extend(parts_with(within, param, &format!("{address}/")));
+        }
+    }
+    found
+}
+
+/// The only node, a stage or a part, that has a parameter of this name.
 fn owner(file: &GraphFile, param: &str, registry: &Registry) -> Result<String, Problems> {
     let stages = file.stages(registry)?;
     let specs = |stage: &epigraph_core::StageOf| stage.stage.specs();
     let has = stages.iter().filter(|stage| specs(stage).iter().any(|spec| spec.name == param));
-    let owners: BTreeSet<&str> = has.map(|stage| stage.written.as_str()).collect();
-    let owners: Vec<&str> = owners.into_iter().collect();
+    let parts = parts_with(&*file.whole()?, param, "");
+    let of_part = |node: &str| parts.iter().any(|part| node.starts_with(&format!("{part}/")));
+    let owners: BTreeSet<&str> =
+        has.map(|stage| stage.written.as_str()).filter(|node| !of_part(node)).collect();
+    let owners: Vec<&str> = parts.iter().map(String::as_str).chain(owners).collect();
     match &owners[..] {
         [only] => Ok((*only).to_owned()),
         [] => {

@@ -67,14 +67,26 @@ pub fn describe(name: &str, file: &GraphFile, registry: &Registry) -> (Value, St
         let rows = file.params.iter().map(|param| (param.name.value.clone(), &param.spec, None));
         text += &format!("\nparameters\n{}", params(rows));
     }
-    let mut table = Table::new(&["  name", "kind"]);
+    let mut table = Table::new(&["  name", "kind", "input", "from"]);
     for node in &file.nodes {
         let row = node.repeat.as_ref().map(|repeat| format!(", {} in a row", repeat.times.value));
-        table.row([format!("  {}", node.name.value), node.kind.value.clone() + &row.unwrap_or_default()]);
+        let mut cells =
+            [format!("  {}", node.name.value), node.kind.value.clone() + &row.unwrap_or_default()];
+        for input in &node.inputs {
+            let [name, kind] = std::mem::take(&mut cells);
+            table.row([name, kind, input.port.value.clone(), input.from.value.to_string()]);
+        }
+        if node.inputs.is_empty() {
+            let [name, kind] = cells;
+            table.row([name, kind, String::new(), String::new()]);
+        }
     }
     let node = |node: &epigraph_core::NodeDef| {
         let times = node.repeat.as_ref().map(|repeat| &repeat.times.value);
-        json!({ "node": node.name.value, "kind": node.kind.value, "times": times })
+        let wire =
+            |input: &epigraph_core::InputDef| (input.port.value.clone(), input.from.value.to_string().into());
+        let inputs: serde_json::Map<String, Value> = node.inputs.iter().map(wire).collect();
+        json!({ "node": node.name.value, "kind": node.kind.value, "times": times, "inputs": inputs })
     };
     value["nodes"] = file.nodes.iter().map(node).collect();
     (value, text + &format!("\nnodes\n{table}"))

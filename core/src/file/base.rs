@@ -79,10 +79,20 @@ pub struct Replaced {
     pub kept: Vec<String>,
     /// Inputs of the other that the new node, which is a part, does not take.
     pub dropped: Vec<String>,
+    /// Parameters that the other was given and the new node is not.
+    pub params: Vec<String>,
     /// Where the other runs, as a default.
     pub on: Option<Side>,
     /// How GPU results reach the other, as a default.
     pub download: Option<Download>,
+}
+
+/// The parameters that a node was given and the one in its place is not, but for what makes it what it is.
+fn lost(old: &NodeDef, new: &NodeDef) -> Vec<String> {
+    let names = |node: &NodeDef| node.params.iter().map(|param| param.name.value.clone()).collect::<Vec<_>>();
+    let given = names(new);
+    let lost = |name: &String| !names_file(&old.kind.value, name) && !given.contains(name);
+    names(old).into_iter().filter(lost).collect()
 }
 
 /// A text that items of a graph are from, besides its own. Their spans begin at `start` for its first byte.
@@ -596,6 +606,7 @@ impl Merge<'_> {
             what: old.what(),
             kept: Vec::new(),
             dropped: Vec::new(),
+            params: lost(&old, &node),
             on: old.on.as_ref().map(|on| on.value).or(old.replaced.as_ref().and_then(|old| old.on)),
             download: old
                 .download
