@@ -41,7 +41,7 @@ Graphs and their variants:
   epi+insert:tonemap.color=median.wgsl   a new node, called `median`, in the wire to the input tonemap.color
   epi+wire:tonemap.color=spread.color    an input connected to another port, or to `none`
 
-  A parameter is one of the node that has come in. Paths start at the current folder.";
+  After a swap, parameters are those of the new stage. Paths start at the current folder.";
 
 const RENDER_HELP: &str = "\
 The picture is the graph's output `image`, or its first one.

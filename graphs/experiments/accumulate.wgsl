@@ -1,6 +1,5 @@
 //! Blends each pixel's colour with the colour that its surface had in the frame before.
 
-#import color
 #import edge_pixel
 #import frame
 #import pixel

@@ -12,8 +12,9 @@
 //!     .keep(&["interpolate.color"])
 //!     .start()?;
 //! run.frames(30)?;
-//! let color: Image<[f32; 4]> = run.read("interpolate.color")?;
-//! # assert_eq!(color.size, [512, 512]);
+//! let color: Image<[f32; 4]> = run.read("interpolate.color")?;      // `size`, and `pixels` row by row
+//! let red = color.pixels.iter().map(|pixel| pixel[0]).sum::<f32>() / color.pixels.len() as f32;
+//! # assert!(color.size == [512, 512] && red > 0.0);
 //! # Ok(())
 //! # }
 //! ```

@@ -9,6 +9,12 @@ fn direction(d: u32) -> vec2<i32> {
     return vec2<i32>((vec2(0x901Au, 0x01A9u) >> vec2(shift)) & vec2(3u)) - 1;
 }
 
+// The pixel of bit k in `r24`, from the pixel in the middle: the k-th other one of 5x5, in reading order.
+fn offset_of(k: u32) -> vec2<i32> {
+    let at = i32(k + u32(k >= 12u));
+    return vec2(at % 5, at / 5) - 2;
+}
+
 // The perimeter of a pixel from the 8-bit masks of its sides.
 fn ring_of(left: u32, top: u32, right: u32, bottom: u32) -> u32 {
     return top | (right << 8u) | ((reverseBits(bottom) >> 24u) << 16u) | ((reverseBits(left) >> 24u) << 24u);

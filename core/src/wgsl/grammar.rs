@@ -198,9 +198,7 @@ impl Subject for EntryClause {
         form("fragment NAME", "The fragment entry point of the draw.", |filled| {
             Self::Fragment(filled.name(0))
         }),
-        form("depth", "Of the fragments of the draw at a pixel, the one of the least depth stays.", |_| {
-            Self::Depth
-        }),
+        form("depth", "At each pixel, the fragment of least depth stays.", |_| Self::Depth),
         form("clear NUMBER", "What the targets of the draw are cleared to; 0 if not given.", |filled| {
             Self::Clear(filled.number(0))
         }),

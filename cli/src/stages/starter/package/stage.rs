@@ -4,7 +4,7 @@ use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, params, shader, texe
 use rayon::prelude::*;
 
 params! {
-    /// Parameters of [`Starter`]. The shader's `Params` has the same members in the same order.
+    /// Parameters of [`StarterStage`]. The shader's `Params` has the same members in the same order.
     pub struct StarterParams {
         /// Weight of the mean; 0 keeps the picture as it is.
         amount: f32 = 0.5, in 0.0..=1.0;
