@@ -70,6 +70,12 @@ fn a_package_of_ones_own_adds_a_stage() {
     assert!(Difference::new(&cpu, &without).flip() > 0.002);
 }
 
+/// The tool that changes the code and looks whether a test notices is a package of its own.
+#[test]
+fn the_tool_that_tests_the_tests_is_tested() {
+    cargo(&root().join("tests/mutants"), &["test", "--release"]);
+}
+
 /// The packages of a build, as `naga v30.0.1 default,wgsl-in`: name, version and features. A library is listed twice if
 /// programs and macros use it with different features.
 fn tree(arguments: &str) -> BTreeSet<String> {

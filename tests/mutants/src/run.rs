@@ -1,0 +1,160 @@
+//! Runs the tests with a mutant.
+
+use std::{
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use serde_json::Value;
+
+use crate::{MUTATED, Mutant, cargo};
+
+/// What the tests make of a mutant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// A test failed, or the tests took too long.
+    Noticed,
+    /// All passed.
+    Missed,
+    /// The shader does not compile.
+    Invalid,
+}
+
+/// A program of tests.
+struct Program {
+    /// Its package, such as `epigraph-core`, and its name.
+    package: String,
+    name: String,
+    path: PathBuf,
+    folder: PathBuf,
+    /// What it takes without a mutant.
+    took: Duration,
+}
+
+/// The programs of tests, built with all mutants.
+pub struct Tests {
+    programs: Vec<Program>,
+    text: PathBuf,
+}
+
+impl Tests {
+    /// Builds them, and checks that they pass without a mutant.
+    pub fn build(copy: &Path, place: &Path, quick: bool) -> Result<Self, Box<dyn Error>> {
+        let packages = MUTATED.into_iter().chain(["tests"]).map(|name| format!("-pepigraph-{name}"));
+        let built = cargo(copy, place)
+            .args(["test", "--release", "--no-run", "--message-format=json"])
+            .args(packages)
+            .stderr(Stdio::inherit())
+            .output()?;
+        if !built.status.success() {
+            return Err("the tests do not build with the mutants".into());
+        }
+        let mut programs = Vec::new();
+        for line in String::from_utf8(built.stdout)?.lines() {
+            let value: Value = serde_json::from_str(line)?;
+            let (Some(path), Some(manifest), Some(name)) =
+                (value["executable"].as_str(), value["manifest_path"].as_str(), value["target"]["name"].as_str())
+            else {
+                continue;
+            };
+            // Benches measure, and the tests of other packages call Cargo.
+            if value["target"]["kind"][0] == "bench" || name == "outside" || name == "allocations" {
+                continue;
+            }
+            let folder = Path::new(manifest).parent().ok_or("a manifest without a folder")?.to_owned();
+            let package = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            let (name, path) = (name.to_owned(), path.into());
+            programs.push(Program { package, name, path, folder, took: Duration::from_secs(600) });
+        }
+        // The tests of a crate's own modules first, those of whole graphs last.
+        programs.sort_by_key(|program| (program.package == "tests", !program.name.starts_with("epigraph")));
+        if quick {
+            programs.retain(|program| program.package != "tests");
+        }
+        let mut tests = Self { programs: Vec::new(), text: place.join("mutant.wgsl") };
+        for mut program in programs {
+            let start = Instant::now();
+            let (passes, _) = tests.run(&program, "", None, None)?;
+            program.took = start.elapsed();
+            let seconds = program.took.as_secs_f64();
+            eprintln!("{} {}: {seconds:.1} s without a mutant", program.package, program.name);
+            // Tests that read the sources see the switches.
+            if passes {
+                tests.programs.push(program);
+            } else {
+                eprintln!("  fails with the switches alone: left out");
+            }
+        }
+        Ok(tests)
+    }
+
+    /// Runs the tests that concern a mutant until one fails. A shader's mutant is a text.
+    pub fn try_mutant(&self, part: &str, mutant: &Mutant, text: Option<&str>) -> Result<Verdict, Box<dyn Error>> {
+        if let Some(text) = text {
+            fs::write(&self.text, text)?;
+        }
+        let of_part = if part == "wgsl" { "stages" } else { part };
+        let own = self.programs.iter().filter(|program| program.package == of_part);
+        let whole = self.programs.iter().filter(|program| program.package == "tests");
+        let filter = module(&mutant.file);
+        // The tests of the module take a second, those of the crate ten.
+        let unit = own.clone().filter(|program| program.name.starts_with("epigraph"));
+        let runs = unit.map(|program| (program, &*filter)).chain(own.map(|program| (program, "")));
+        for (program, filter) in runs.chain(whole.map(|program| (program, ""))) {
+            let (passes, printed) = self.run(program, filter, Some(mutant.id), text.map(|_| &*mutant.file))?;
+            if !passes {
+                let invalid = text.is_some() && printed.contains("is not valid WGSL");
+                return Ok(if invalid { Verdict::Invalid } else { Verdict::Noticed });
+            }
+        }
+        Ok(Verdict::Missed)
+    }
+
+    /// Runs a program. Returns whether its tests pass, and what it printed.
+    fn run(
+        &self,
+        program: &Program,
+        filter: &str,
+        mutant: Option<u32>,
+        shader: Option<&str>,
+    ) -> Result<(bool, String), Box<dyn Error>> {
+        let mut command = Command::new(&program.path);
+        command.current_dir(&program.folder).stdin(Stdio::null());
+        if !filter.is_empty() {
+            command.arg(filter);
+        }
+        if let Some(file) = shader {
+            command.env("EPIGRAPH_MUTANT_OF", file).env("EPIGRAPH_MUTANT_TEXT", &self.text);
+        } else if let Some(id) = mutant {
+            command.env("EPIGRAPH_MUTANT", id.to_string());
+        }
+        // Into a file: a full pipe would stop the program.
+        let log = self.text.with_extension("log");
+        let out = fs::File::create(&log)?;
+        let mut child = command.stderr(out.try_clone()?).stdout(out).spawn()?;
+        let (start, most) = (Instant::now(), 4 * program.took + Duration::from_secs(30));
+        let passes = loop {
+            if let Some(status) = child.try_wait()? {
+                break status.success();
+            }
+            if start.elapsed() > most {
+                child.kill()?;
+                child.wait()?;
+                break false;
+            }
+            thread::sleep(Duration::from_millis(20));
+        };
+        Ok((passes, String::from_utf8_lossy(&fs::read(&log)?).into_owned()))
+    }
+}
+
+/// The module of a file, as tests name it: `shared::view::` for `stages/src/shared/view.rs`.
+fn module(file: &str) -> String {
+    let path = file.split_once("/src/").or(file.split_once("shaders/")).map_or(file, |(_, path)| path);
+    let path = path.trim_end_matches(".rs").trim_end_matches(".wgsl").trim_end_matches("/mod");
+    format!("{}::", path.replace('/', "::"))
+}
