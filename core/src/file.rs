@@ -141,7 +141,14 @@ impl FromStr for Source {
             Some((node, port)) if !node.is_empty() && !port.is_empty() && !port.contains('.') => {
                 Ok(Self { node: node.to_owned(), port: port.to_owned() })
             }
-            _ => Err(GraphError::Invalid(format!("`{text}` is not a port; write \"NODE.PORT\""))),
+            _ => {
+                // Nodes within parts are separated by slashes.
+                let hint = match text.rsplit_once('.') {
+                    Some((node, port)) if node.contains('.') => format!("{}.{port}", node.replace('.', "/")),
+                    _ => "NODE.PORT".into(),
+                };
+                Err(GraphError::Invalid(format!("`{text}` is not a port; write {hint:?}")))
+            }
         }
     }
 }

@@ -79,6 +79,11 @@ impl Outputs {
     pub fn get<T: bytemuck::Pod>(&self, name: &str) -> Vec<T> {
         self.0.get(name).unwrap_or_else(|| panic!("no output `{name}`")).get()
     }
+
+    /// The 32-bit words of an element of an output.
+    pub(crate) fn lanes(&self, name: &str) -> usize {
+        (self.0[name].element.bytes() as usize / 4).max(1)
+    }
 }
 
 impl<S: Stage> Harness<S> {

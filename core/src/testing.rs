@@ -230,12 +230,17 @@ impl Both {
     pub fn assert_close(&self, name: &str, tolerance: f32) {
         let (cpu, gpu) = (self.cpu.get::<f32>(name), self.gpu.get::<f32>(name));
         assert_eq!(cpu.len(), gpu.len(), "`{name}`");
-        for (index, (cpu, gpu)) in cpu.into_iter().zip(gpu).enumerate() {
-            // The negation catches NaN on either side.
-            let close = cpu == gpu || (cpu - gpu).abs() <= tolerance;
-            assert!(
-                close,
-                "`{name}`: number {index} is {cpu} on the CPU, {gpu} on the GPU, tolerance {tolerance}"
+        // The negation catches NaN on either side.
+        let far =
+            |index: &usize| !(cpu[*index] == gpu[*index] || (cpu[*index] - gpu[*index]).abs() <= tolerance);
+        let mut differing = (0..cpu.len()).filter(far);
+        if let Some(first) = differing.next() {
+            let lanes = self.cpu.lanes(name);
+            let (element, lane, count) = (first / lanes, first % lanes, 1 + differing.count());
+            let (cpu, gpu, all) = (cpu[first], gpu[first], cpu.len());
+            panic!(
+                "`{name}`: {count} of {all} numbers differ by more than {tolerance}; the first, number {lane} of element \
+                 {element}, is {cpu} on the CPU, {gpu} on the GPU"
             );
         }
     }

@@ -285,7 +285,7 @@ fn wires_and_parameters_are_checked() {
     assert_told(&node("inputs: { \"p\": \"a\" }"), &[("3:16: `a` is not a port; write \"NODE.PORT\"", 3)]);
     assert_told(
         &node("inputs: { \"p\": \"a.b.c\" }"),
-        &[("3:16: `a.b.c` is not a port; write \"NODE.PORT\"", 7)],
+        &[("3:16: `a.b.c` is not a port; write \"a/b.c\"", 7)],
     );
     assert_told(&node("inputs: { \"p\": \".b\" }"), &[("3:16: `.b` is not a port; write \"NODE.PORT\"", 4)]);
     assert_told(&node("inputs: { \"p\": 1 }"), &[("3:16: expected a port as \"NODE.PORT\", found `1`", 1)]);

@@ -171,10 +171,15 @@ impl Run {
                     "" => snapshot.name.clone(),
                     field => format!("{}.{field}", snapshot.name),
                 });
-                let known = known.collect::<Vec<_>>().join(", ");
-                Err(Error::Input(format!(
-                    "`{port}` is not kept; name it in keep(..) before start(). Kept are {known}"
-                )))
+                let known = known.collect::<Vec<_>>();
+                let nearest = match GraphError::unknown("port", port, &known) {
+                    GraphError::Unknown { nearest, .. } if !nearest.is_empty() => {
+                        format!(", did you mean `{}`?", nearest[0])
+                    }
+                    _ => "; name it in keep(..) before start().".into(),
+                };
+                let known = known.join(", ");
+                Err(Error::Input(format!("`{port}` is not kept{nearest} Kept are {known}")))
             }
         }
     }

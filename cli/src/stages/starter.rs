@@ -14,7 +14,8 @@ use crate::{
 const CHECKOUT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// The packages that a stage needs, with their folders in the checkout. Macros expect `epigraph-core` under its name.
-const PACKAGES: [(&str, &str); 3] = [("epigraph", "run"), ("epigraph-cli", "cli"), ("epigraph-core", "core")];
+const PACKAGES: [(&str, &str); 4] =
+    [("epigraph", "run"), ("epigraph-cli", "cli"), ("epigraph-core", "core"), ("epigraph-stages", "stages")];
 
 /// The name that the starters' files have in the place of the stage's.
 const STARTER: &str = "STARTER";
@@ -109,8 +110,12 @@ fn package(path: &Path, name: &str) -> Result<String, CliError> {
         (format!("shaders/{name}.wgsl"), fill(include_str!("starter/package/shader.wgsl"))),
         (format!("{name}.ron"), graph(name, name, "amount: 0.5", "cargo run --release --")),
     ];
+    let built = match &checkout {
+        Some(root) => format!("; --target-dir {} takes what is built there", root.join("target").display()),
+        None => String::new(),
+    };
     // The versions that Epigraph is tested with.
-    if let Some(lock) = checkout.and_then(|root| text(&root.join("Cargo.lock")).ok()) {
+    if let Some(lock) = checkout.as_ref().and_then(|root| text(&root.join("Cargo.lock")).ok()) {
         files.push(("Cargo.lock".into(), lock));
     }
     write_folder(path, &files)?;
@@ -120,7 +125,8 @@ fn package(path: &Path, name: &str) -> Result<String, CliError> {
          go there:             cd {}\n\
          test it:              cargo test --release\n\
          render on the CPU:    cargo run --release -- {name}.ron\n\
-         render on the GPU:    cargo run --release -- {name}.ron --backend gpu\n",
+         render on the GPU:    cargo run --release -- {name}.ron --backend gpu --size 256x256 --frames 10\n\n\
+         The first build takes minutes{built}.\n",
         path.display(),
         listed.join(", "),
         path.display(),

@@ -242,3 +242,65 @@ fn the_commands_of_the_readme_do_what_they_say() {
     }
     assert!(*full == render(&place, "graphs/experiments/blur.ron"));
 }
+
+#[test]
+fn check_tells_what_a_swap_leaves_out() {
+    let place = mine();
+    let text = place.succeeds("check epi --swap spread=spread.wgsl");
+    let left = "swapped spread: without the wire `n8` and the parameters `method`, `rounds` of spread\n";
+    assert!(text.contains(left), "{text}");
+    let json: Value =
+        serde_json::from_str(&place.succeeds("check epi --swap spread=spread.wgsl --json -")).unwrap();
+    assert_eq!(json["plan"]["left_out"].as_array().map(Vec::len), Some(1), "{json}");
+    // A stage in its own place loses its parameters alone; without a swap, nothing is said.
+    let text = place.succeeds("check epi --swap spread=spread --set spread.rounds=3");
+    assert!(text.contains("swapped spread: without the parameters `method`, `rounds` of spread\n"), "{text}");
+    assert!(!place.succeeds("check epi").contains("swapped"));
+}
+
+#[test]
+fn a_parameter_of_a_part_is_set_by_its_name_alone() {
+    let place = mine();
+    place.write(
+        "part.ron",
+        "Graph(
+            version: 1,
+            params: { \"share\": (default: 1.0, doc: \"How much of it.\") },
+            nodes: {
+                \"bgr\": (
+                    kind: \"wgsl\",
+                    inputs: { \"color\": \"inputs.color\" },
+                    params: (shader: \"bgr.wgsl\", share: Param(\"share\")),
+                ),
+            },
+            outputs: { \"color\": \"bgr.swapped\" },
+        )",
+    );
+    place.write(
+        "whole.ron",
+        "Graph(
+            version: 1,
+            base: \"epi\",
+            nodes: { \"filter\": (kind: \"graph\", inputs: { \"color\": \"antialias.color\" }, params: (file: \"part.ron\")) },
+            rewire: { \"tonemap.color\": \"filter.color\" },
+        )",
+    );
+    let plain = render(&place, "whole.ron");
+    let half = render(&place, "whole.ron+share=0.5");
+    assert!(half != plain && half == render(&place, "whole.ron --set filter.share=0.5"));
+    let text = place.succeeds("check whole.ron+share=0.5");
+    assert!(text.lines().any(|line| line.contains("filter.share") && line.contains("0.5")), "{text}");
+}
+
+#[test]
+fn a_graphs_wires_are_listed() {
+    let place = Place::new();
+    let text = place.succeeds("stages epi");
+    let row = |words: &[&str]| text.lines().any(|line| line.split_whitespace().eq(words.iter().copied()));
+    assert!(row(&["antialias", "antialias", "primary", "spread.color"]), "{text}");
+    assert!(row(&["cls", "edges.cls"]), "{text}");
+    let json: Value = serde_json::from_str(&place.succeeds("stages epi --json -")).unwrap();
+    let nodes = json["nodes"].as_array().unwrap();
+    let node = nodes.iter().find(|node| node["node"] == "antialias").unwrap();
+    assert_eq!(node["inputs"]["primary"], "spread.color");
+}

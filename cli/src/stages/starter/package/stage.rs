@@ -1,6 +1,7 @@
 //! The stage: its ports, parameters and CPU twin. The shader is `shaders/STARTER.wgsl`.
 
 use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, params, shader, texel::Rgba32Float};
+use epigraph_stages::meaning::RADIANCE;
 use rayon::prelude::*;
 
 params! {
@@ -22,10 +23,11 @@ impl Stage for StarterStage {
     const DOC: &'static str = "Blends each pixel with the mean of the 3x3 pixels around it.";
     type Params = StarterParams;
 
-    // A port has the name of the shader's variable that it binds. `Extent::Frame(1)` is one element for each pixel.
+    // A port has the name of the shader's variable that it binds, says what it holds, and has a meaning, by which pictures
+    // and the editor show it. `Extent::Frame(1)` is one element for each pixel.
     fn declare(_: &StarterParams, io: &mut Io) -> Self {
-        let color = io.read("color", "Linear radiance.", Extent::Frame(1));
-        let smoothed = io.write("smoothed", "Linear radiance, smoothed.", Extent::Frame(1));
+        let color = io.read("color", RADIANCE, Extent::Frame(1));
+        let smoothed = io.write("smoothed", RADIANCE.doc("Linear radiance, smoothed."), Extent::Frame(1));
         io.shader(shader!("STARTER"));
         // One thread for each element of `smoothed`.
         io.dispatch("main", smoothed);
