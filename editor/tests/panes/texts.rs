@@ -177,3 +177,40 @@ fn texts_are_drawn() {
     opened.harness.run_steps(10);
     assert_ne!(opened.shot("shader-broken"), text);
 }
+
+#[test]
+fn a_node_is_shown_where_the_graph_changes_it_and_else_in_the_base_which_stays() {
+    let mut opened = Opened::with("experiments/blur.ron", true, [64, 48]);
+    opened.frames(1);
+    opened.click("Text");
+    let before = opened.text().to_owned();
+    let select = |opened: &mut Opened, node: &str| {
+        opened.harness.state_mut().session.selected = Some(node.into());
+        opened.settle(6);
+    };
+    let is_base =
+        |opened: &Opened| opened.harness.query_by_label_contains("It comes with the program").is_some();
+    let field = |opened: &Opened| {
+        let field = opened.harness.get_by_role(Role::MultilineTextInput);
+        (field.value().unwrap_or_default(), field.rect().center())
+    };
+    select(&mut opened, "antialias");
+    assert!(!is_base(&opened) && field(&opened).0 == before);
+
+    select(&mut opened, "tonemap");
+    let (text, at) = field(&opened);
+    assert!(is_base(&opened) && text.contains("\"tonemap\": ("), "{text}");
+    opened.shot("text-of-a-base");
+    for pressed in [true, false] {
+        let (button, modifiers) = (egui::PointerButton::Primary, Modifiers::NONE);
+        opened.harness.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        opened.settle(2);
+    }
+    opened.harness.event(egui::Event::Text("typed".into()));
+    opened.settle(3);
+    assert!(field(&opened).0 == text && !opened.app().session.document.is_dirty());
+
+    // A part of the base.
+    select(&mut opened, "view/cull");
+    assert!(is_base(&opened) && field(&opened).0.contains("\"cull\": ("));
+}
