@@ -441,4 +441,23 @@ mod tests {
         assert_eq!(scene.mesh.face_normals[2], Vec3::ZERO);
         assert_eq!(scene.bounds[1], Vec3::new(2.0, 1.0, 1.0), "an unused vertex widened the bounds");
     }
+
+    #[test]
+    fn a_scene_has_at_most_255_moving_bodies() {
+        let motion = || {
+            let key = crate::MotionKey { time: 0.0, translate: Vec3::ZERO, rotate: glam::Quat::IDENTITY };
+            Motion { pivot: Vec3::ZERO, keys: vec![key], looped: false }
+        };
+        let with = |count: usize| {
+            let mut builder = SceneBuilder::new();
+            for _ in 0..count {
+                let shape = Shape::quad([Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y]);
+                builder.moving(motion(), |builder| builder.add(&shape, 0)).unwrap();
+            }
+            let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+            builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE)
+        };
+        assert_eq!(with(255).unwrap().bodies.len(), 255);
+        assert_eq!(with(256).unwrap_err(), MeshError::TooManyBodies(256));
+    }
 }

@@ -126,4 +126,12 @@ mod tests {
         assert!(a.distance(b) < 1e-6);
         assert!(a.dot(now.rotation * Vec3::NEG_Z) > 0.9);
     }
+
+    #[test]
+    fn the_horizon_is_level_until_a_camera_looks_almost_straight_down() {
+        // The axis leans by 0.02 and by 0.01: its vertical part is 0.9998 and 0.99995.
+        let right = |lean: f32| camera(Vec3::new(lean, 1.0, 0.0), Vec3::ZERO).rotation * Vec3::X;
+        assert!(right(0.02).y.abs() < 1e-6 && right(0.02).z.abs() > 0.99, "{}", right(0.02));
+        assert!(right(0.01).z.abs() < 1e-6 && right(0.01).x.abs() > 0.99, "{}", right(0.01));
+    }
 }

@@ -350,3 +350,28 @@ fn paths_know_when_they_repeat() {
     assert_eq!(path("still").frames(), Some(1));
     assert_eq!(path("shake").frames(), None);
 }
+
+#[test]
+fn a_camera_that_looks_away_aims_as_far_as_the_scene_is_large() {
+    let distance = |eye: [f32; 3], target: [f32; 3]| target_distance(&scene(eye.into(), target.into()));
+    assert!((distance([0.0, 0.0, 4.0], [0.0, 0.0, 8.0]) - 12f32.sqrt()).abs() < 1e-5);
+    // Towards the scene: its centre. From within: half of the way to the far side, if that is farther.
+    assert!((distance([0.0, 0.0, 4.0], [0.0; 3]) - 4.0).abs() < 1e-5);
+    assert!((distance([0.0, 0.0, 0.2], [0.0, 0.0, -1.0]) - 0.6).abs() < 1e-5);
+    assert!((distance([0.0, 0.0, 0.9], [0.0, 0.0, -1.0]) - 0.95).abs() < 1e-5);
+}
+
+#[test]
+fn shaking_is_the_sum_of_a_slow_and_a_fast_noise() {
+    let lattice = |channel: u32, layer: u32, cell: u32| {
+        2.0 * Rng::new(0, Rng::key(channel * 16 + layer, cell)).next_f32() - 1.0
+    };
+    for channel in [0, 3, 5] {
+        // At the beginning both layers are at their first lattice value. After ten seconds, the slow one is at its
+        // 13th, the fast one at its 37th.
+        for (seconds, slow, fast) in [(0.0, 0, 0), (10.0, 13, 37)] {
+            let expected = (lattice(channel, 0, slow) + 0.5 * lattice(channel, 1, fast)) / 1.5;
+            assert!((noise(channel, seconds) - expected).abs() < 1e-5, "channel {channel} at {seconds} s");
+        }
+    }
+}

@@ -326,4 +326,21 @@ mod tests {
         assert_eq!(within(&marked, 7, 0.0), marked);
         assert!(within(&[], 0, 2.0).is_empty());
     }
+
+    #[test]
+    fn a_seam_between_objects_or_between_materials_is_an_edge() {
+        // Two halves of one floor, which meet in the 9th pixel. Without the seam they are one surface.
+        let halves = |object: u32, other: u32| {
+            let mut builder = SceneBuilder::new();
+            let [a, _] = [material(&mut builder), material(&mut builder)];
+            builder.add(&plate([-9.0, -9.0], [0.13, 9.0], 0.0), a).unwrap();
+            builder.add(&plate([0.13, -9.0], [9.0, 9.0], 0.0), a).unwrap();
+            let mut scene = builder.build("test", camera(), Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+            // The first two triangles are the left half.
+            scene.mesh.object = Arc::new(vec![0, 0, object, object]);
+            scene.mesh.material = Arc::new(vec![0, 0, other, other]);
+            columns(&edges(&Tracer::new(Arc::new(scene)), &camera(), SIZE))
+        };
+        assert_eq!([halves(0, 0), halves(1, 0), halves(0, 1)], [vec![], vec![8], vec![8]]);
+    }
 }

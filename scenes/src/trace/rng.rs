@@ -178,4 +178,30 @@ mod tests {
         let same = (0..64).filter(|&i| rng.stratified(0, i, 64) == rng.stratified(1, i, 64)).count();
         assert_eq!(same, 0);
     }
+
+    #[test]
+    fn the_light_paths_of_all_samples_of_a_pixel_are_stratified_together() {
+        // 16 samples of 4 light paths.
+        for (nx, ny) in [(1, 64), (8, 8), (64, 1)] {
+            let mut seen = vec![0; 64];
+            for nth in 0..16 {
+                for path in 0..4 {
+                    let [x, y] = Rng::nth(5, 9, nth).stratified(3, path, 4);
+                    seen[(x * nx as f32) as usize * ny + (y * ny as f32) as usize] += 1;
+                }
+            }
+            assert!(seen.iter().all(|&n| n == 1), "{nx}x{ny}: {seen:?}");
+        }
+    }
+
+    #[test]
+    fn places_in_a_pixel_are_stratified_and_independent_of_the_light_paths() {
+        let mut columns = [0; 64];
+        for nth in 0..64 {
+            let rng = Rng::nth(5, 9, nth);
+            columns[(rng.subpixel()[0] * 64.0) as usize] += 1;
+            assert_ne!(rng.subpixel(), rng.stratified(0, 0, 1));
+        }
+        assert_eq!(columns, [1; 64]);
+    }
 }
