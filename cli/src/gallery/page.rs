@@ -163,7 +163,7 @@ leads here that crosses no edge. Only those contribute to its colour; only compl
         // What is known of the two graphs that come with the program.
         let difference = match (graph.as_str(), beside.as_str()) {
             ("edge-and-point image", "render cache") => {
-                "The render cache blends the samples around each pixel; the edge-and-point image does so too, but not \
+                " The render cache blends the samples around each pixel; the edge-and-point image does so too, but not \
                  across edges."
             }
             _ => "",
@@ -178,7 +178,7 @@ leads here that crosses no edge. Only those contribute to its colour; only compl
 |---|---|
 | ![{scene}: {graph}]({picture}) | ![{scene}: {beside}]({cache_picture}) |
 
-*The same frame from the same number of samples. {difference}*
+*The same frame from the same number of samples.{difference}*
 
 ![The steps, enlarged: {graph}]({stages})
 
