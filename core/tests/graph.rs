@@ -259,6 +259,8 @@ fn history_breaks_cycles_and_keeps_two_copies() {
     assert_eq!(order(nodes, "filter.out"), ["delay", "filter"]);
     let (_, plan) = compiled(nodes, "filter.out", &settings());
     assert_eq!(plan.slots.cpu.len(), 3);
+    // Nothing is saved: both copies are there in every frame.
+    assert_eq!((plan.bytes(Side::Cpu), plan.pooled_bytes(Side::Cpu)), (3 * 64 * 48 * 4, 0));
 }
 
 #[test]
@@ -477,6 +479,19 @@ fn cycles_and_double_updates_are_refused() {
         "delay": (kind: "delay", inputs: { "last": "s.out" }),"#;
     let text = problems(nodes, "delay.out").to_string();
     assert!(text.contains("`s.out` is kept or updated in place"), "{text}");
+    // What is written anew and then changed has no value of the last frame either, before or after the change.
+    for port in ["s.out", "c.data"] {
+        let nodes = format!(
+            r#"
+        "s": (kind: "source"),
+        "c": (kind: "change", inputs: {{ "data": "s.out" }}),
+        "delay": (kind: "delay", inputs: {{ "last": "{port}" }}),
+        "m": (kind: "mark", inputs: {{ "in": "c.data" }}),
+        "p": (kind: "pick", inputs: {{ "in": "delay.out", "bits": "m.bits" }}),"#
+        );
+        let text = problems(&nodes, "p.out").to_string();
+        assert!(text.contains(&format!("`{port}` is kept or updated in place")), "{text}");
+    }
 }
 
 #[test]
