@@ -84,6 +84,9 @@ mod tests {
         fs::write(&path, vec![7; (1 << 20) + 1]).unwrap();
         let error = bytes(&path, 1 << 20).unwrap_err().to_string();
         assert_eq!(error, "it is longer than 1 MiB, the limit for a file of this kind");
+        // A file with a hole, whose length memory could not hold.
+        File::create(&path).unwrap().set_len(1 << 40).unwrap();
+        assert_eq!(bytes(&path, 1 << 20).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
         assert_eq!(bytes(&folder.path().join("none"), 1).unwrap_err().kind(), io::ErrorKind::NotFound);
     }
 

@@ -475,6 +475,14 @@ mod tests {
         assert_eq!(input("hard"), None);
     }
 
+    /// Root may write what is write-protected, but not a program that runs.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_the_system_protects_is_not_replaced() {
+        let refused = Target::new(&std::env::current_exe().unwrap()).unwrap_err().to_string();
+        assert!(refused.contains("cannot write") && refused.contains("busy"), "{refused}");
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
     fn a_pipe_gets_the_bytes() {

@@ -27,6 +27,13 @@ fn pipes_and_devices_get_their_bytes() {
     let bytes = |name: &str| fs::read(place.path(name)).expect("written");
     assert!(bytes("piped.png") == bytes("file.png"));
     assert!(bytes("piped.dot") == bytes("file.dot"));
+    place.write("graph.ron", "Graph(version: 1, base: \"epi\")");
+    for line in ["\"$EPIGRAPH\" check <(cat graph.ron)", "cat graph.ron | \"$EPIGRAPH\" check /dev/stdin"] {
+        let run = place.shell(line);
+        assert!(run.code == Some(0) && run.stdout.contains("no problems"), "`{line}`: {}", run.stderr);
+    }
+    let same = place.shell("\"$EPIGRAPH\" check /dev/stdin --json graph.ron < graph.ron");
+    assert_says(&same.stderr, &["--json graph.ron would replace"]);
     let through = place.succeeds("check epi --json /dev/stdout");
     assert!(through.starts_with("{\n") && through.contains("epi: no problems"), "{through}");
     assert_says(&place.fails("check epi --dot /dev/full"), &["cannot write /dev/full", "No space left"]);
