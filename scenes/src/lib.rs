@@ -23,6 +23,7 @@
 //! # }
 //! ```
 
+mod boxes;
 mod builder;
 mod builtin;
 mod camera;

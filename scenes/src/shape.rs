@@ -451,15 +451,11 @@ mod tests {
 
     #[test]
     fn the_work_of_smoothing_a_fan_does_not_grow_with_its_square() {
-        let time = |faces| {
-            let mut fan = fan(faces);
-            let start = std::time::Instant::now();
-            fan.smooth(30.0);
-            start.elapsed().as_secs_f64()
-        };
-        // Eight times the faces: 64 times the time if each looked at all others.
-        let few = time(5000).min(time(5000));
-        let many = time(40_000).min(time(40_000));
-        assert!(many < 32.0 * few, "{few} s, then {many} s");
+        let mut fan = fan(40_000);
+        let start = std::time::Instant::now();
+        fan.smooth(30.0);
+        // Over a minute if each face looks at all others; half a second if not.
+        let seconds = start.elapsed().as_secs_f64();
+        assert!(seconds < 20.0, "{seconds} s");
     }
 }

@@ -13,6 +13,7 @@ use obvhs::{
 use rayon::prelude::*;
 
 use super::event::{Event, HalfSpace};
+use crate::boxes::make_unlike;
 use crate::{Mesh, NO_FACE, Pose, Scene, Surface};
 
 /// Adjacent receivers whose normals have a larger cosine are coplanar.
@@ -20,6 +21,9 @@ const ONE_PLANE: f64 = 1.0 - 1e-9;
 
 /// Maximum rounding error of a body's posed vertices, as a share of the largest coordinate.
 const ROUNDING: f64 = 1e-6;
+
+/// How much boxes may grow that are made unlike, as a share of all boxes' size.
+const UNLIKE: f32 = 1e-6;
 
 /// The line in which an event's plane cuts a receiver.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +46,9 @@ struct Boxes {
 impl Boxes {
     fn new(faces: Vec<u32>, corners: impl Fn(u32) -> [Vec3; 3] + Sync, slack: f64) -> Self {
         let bounds = |&face: &u32| Aabb::from_points(&corners(face).map(Into::into));
-        let bounds: Vec<Aabb> = faces.par_iter().map(bounds).collect();
+        let mut bounds: Vec<Aabb> = faces.par_iter().map(bounds).collect();
+        let all = bounds.iter().fold(Aabb::empty(), |all, bounds| all.union(bounds));
+        make_unlike(&mut bounds, UNLIKE * all.diagonal().max_element().max(0.0));
         let mut tree = build_bvh2(&bounds, BvhBuildParams::fast_build(), &mut Duration::default());
         tree.primitive_indices.iter_mut().for_each(|index| *index = faces[*index as usize]);
         Self { tree, slack }

@@ -1,0 +1,55 @@
+//! Boxes for the builder of bounding volume hierarchies.
+
+use std::collections::HashMap;
+
+use obvhs::aabb::Aabb;
+
+/// So many boxes of exactly one size are made unlike.
+const MANY: u32 = 4096;
+
+/// Enlarges boxes by up to `by`, each by another amount, if thousands have exactly the same size, as the copies of one
+/// object have. The builder joins neighbours that suit each other best; in a row of equal ones at equal distances, each
+/// would choose the next, and only the last two would agree, in every pass anew.
+pub(crate) fn make_unlike(boxes: &mut [Aabb], by: f32) {
+    let mut alike: HashMap<[u32; 3], u32> = HashMap::new();
+    let mut most = 0;
+    for bounds in boxes.iter() {
+        let count = alike.entry((bounds.max - bounds.min).to_array().map(f32::to_bits)).or_default();
+        *count += 1;
+        most = most.max(*count);
+    }
+    if most < MANY {
+        return;
+    }
+    for (index, bounds) in (0_u32..).zip(boxes) {
+        // The upper bits of a product with an odd number are as good as random.
+        let share = (index.wrapping_mul(0x9e37_79b9) >> 8) as f32 / (1 << 24) as f32;
+        bounds.min -= share * by;
+        bounds.max += share * by;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3A;
+
+    use super::*;
+
+    #[test]
+    fn only_many_equal_boxes_grow() {
+        let row = |count: usize| -> Vec<Aabb> {
+            (0..count)
+                .map(|i| Aabb::new(Vec3A::splat(2.0 * i as f32), Vec3A::splat(2.0 * i as f32 + 1.0)))
+                .collect()
+        };
+        let mut few = row(4095);
+        make_unlike(&mut few, 0.25);
+        assert!(few.iter().zip(row(4095)).all(|(a, b)| (a.min, a.max) == (b.min, b.max)));
+        let mut many = row(5000);
+        make_unlike(&mut many, 0.25);
+        let grown = |(a, b): (&Aabb, Aabb)| a.max.x - b.max.x;
+        let grown: Vec<f32> = many.iter().zip(row(5000)).map(grown).collect();
+        assert!(grown.iter().all(|by| (0.0..=0.26).contains(by)));
+        assert!(grown.windows(2).filter(|pair| pair[0] == pair[1]).count() < 50);
+    }
+}
