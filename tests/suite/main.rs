@@ -17,5 +17,4 @@ mod still;
 mod swap;
 mod user_shader;
 mod wgsl_docs;
-mod wgsl_mutants;
 mod wgsl_nodes;

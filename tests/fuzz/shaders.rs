@@ -2,20 +2,23 @@
 //! makes a stage is not run: it may loop for ever.
 
 use std::{
-    env, fs,
+    fs,
     panic::{AssertUnwindSafe, catch_unwind},
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
 };
 
-use epigraph_core::{EditedTexts, Problems, Registry, Settings, Side, WgslFile, compile, testing::Random};
-use epigraph_tests::{facts, graph};
+use epigraph::{Place, graphs::Shipped};
+use epigraph_core::{
+    EditedTexts, GraphFile, Problems, Registry, Settings, Side, WgslFile, compile, testing::Random,
+};
+use epigraph_stages::facts::CAMERA_MOVES;
 
-/// Mutants of each kind in an ordinary run. `EPIGRAPH_MUTANTS=2500` tries more.
-const MUTANTS: usize = 250;
+use crate::mutate::{choose, tokens};
 
+/// Mutants of each kind in an ordinary run.
 fn mutants() -> usize {
-    env::var("EPIGRAPH_MUTANTS").map_or(MUTANTS, |text| text.parse().expect("EPIGRAPH_MUTANTS is a number"))
+    250 * crate::times()
 }
 
 /// Numbers and sizes at the ends of what there is, and beyond.
@@ -35,26 +38,6 @@ const EXTREMES: [&str; 14] = [
     "..",
     "99999999999999999999",
 ];
-
-/// The byte ranges of words, and of marks of one letter.
-fn tokens(text: &str) -> Vec<(usize, usize)> {
-    let mut tokens: Vec<(usize, usize)> = Vec::new();
-    let mut in_word = false;
-    for (at, c) in text.char_indices() {
-        let is_word = c.is_alphanumeric() || c == '_' || c == '.';
-        match tokens.last_mut() {
-            Some(last) if is_word && in_word => last.1 = at + c.len_utf8(),
-            _ if c.is_whitespace() => {}
-            _ => tokens.push((at, at + c.len_utf8())),
-        }
-        in_word = is_word;
-    }
-    tokens
-}
-
-fn choose<T: Copy>(random: &mut Random, among: &[T]) -> T {
-    among[random.below(among.len() as u32) as usize]
-}
 
 /// Damages a text in one place; in every other text that has declarations, one of those.
 fn damage(text: &str, random: &mut Random) -> String {
@@ -112,7 +95,7 @@ fn damage(text: &str, random: &mut Random) -> String {
 /// Files with declarations.
 fn declared() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = [root.join("wgsl"), root.join("../graphs/experiments")];
+    let folders = [root.join("../tests/wgsl"), root.join("../graphs/experiments")];
     let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     files.retain(|path| path.extension().is_some_and(|end| end == "wgsl"));
@@ -185,8 +168,11 @@ fn damaged_shaders_of_stages_are_refused_at_their_lines() {
     let registry = epigraph_stages::registry();
     let file_of = |name: &str| registry.get(name)?.declaration()?.shader?.file;
     let files: Vec<PathBuf> = names.iter().map(|name| file_of(name).expect("a file")).collect();
-    let file = graph("epi.ron");
-    let settings = Settings { side: Side::Gpu, ..Settings::new([64, 48], 100, facts(true)) };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/epi.ron");
+    let file = GraphFile::load_with(&path, &Shipped).expect("a shipped graph");
+    let facts =
+        Place::load("cornell", "still").expect("a built-in scene").facts().stating(CAMERA_MOVES, true);
+    let settings = Settings { side: Side::Gpu, ..Settings::new([64, 48], 100, facts) };
     let refused = try_all(&files, |registry, _| compile(&file, registry, &settings).map(|_| ()));
     println!("{refused} of {} refused", mutants());
     assert!(refused > mutants() / 3, "{refused} refused");

@@ -1,0 +1,302 @@
+//! The kinds of file that are read: seeds, and what to do with one.
+
+use std::{fs, path::Path, sync::Arc};
+
+use epigraph::{Place, graphs::Shipped};
+use epigraph_core::{GraphFile, Settings, WgslFile, compile};
+use epigraph_pictures::Picture;
+use epigraph_scenes::{CameraPath, Rng, Scene, TraceSettings, Tracer};
+
+/// A kind of file.
+pub struct Kind {
+    /// Its folder in the corpus.
+    pub name: &'static str,
+    /// The name of the file that is read.
+    pub file: &'static str,
+    /// Correct files.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+    /// Files that these name, which are not damaged.
+    pub companions: fn() -> Vec<(&'static str, Vec<u8>)>,
+    /// Reads a file, and uses what it holds; whether it was accepted.
+    pub read: fn(&Path) -> bool,
+    /// Mutants in an ordinary run.
+    pub count: usize,
+}
+
+fn none() -> Vec<(&'static str, Vec<u8>)> {
+    Vec::new()
+}
+
+/// All files of a folder of the repository with an ending.
+fn shipped(folder: &str, ending: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
+    let mut paths: Vec<_> =
+        fs::read_dir(&folder).expect("a folder").map(|entry| entry.expect("readable").path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|end| end == ending));
+    paths.sort();
+    paths.iter().map(|path| fs::read(path).expect("readable")).collect()
+}
+
+pub const GRAPHS: Kind = Kind {
+    name: "graphs",
+    file: "graph.ron",
+    seeds: || {
+        let mut seeds = shipped("graphs", "ron");
+        // With the nodes of all parts.
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/epi.ron");
+        let epi = GraphFile::load_with(&path, &Shipped).expect("a shipped graph");
+        seeds.push(epi.full(&epigraph::registry(), Path::new("")).expect("a shipped graph").into_bytes());
+        seeds.extend([
+            br#"Graph(version: 1, base: "epi", outputs: { "edges": "interpolate.color" }, set: { "view/cull": (threshold: 0.1) })"#
+                .to_vec(),
+            br#"Graph(version: 1, params: { "t": (default: 0.2, range: (0.0, 1.0), doc: "x") }, nodes: {
+                "cache": (kind: "graph", params: (file: "render-cache"), set: { "view/cull": (threshold: Param("t")) }),
+            }, outputs: { "image": "cache.image" })"#
+                .to_vec(),
+        ]);
+        seeds
+    },
+    companions: || {
+        let part = br#"Graph(version: 1, nodes: { "t": (kind: "tonemap", inputs: { "color": "inputs.a" }) },
+            outputs: { "b": "t.image" })"#;
+        let itself = br#"Graph(version: 1, nodes: { "g": (kind: "graph", params: (file: "graph.ron")) }, outputs: {})"#;
+        vec![("part.ron", part.to_vec()), ("self.ron", itself.to_vec())]
+    },
+    read: |path| {
+        let registry = epigraph::registry();
+        let facts = Place::load("cornell", "still").expect("a built-in scene").facts();
+        let settings = Settings::new([32, 24], 10, facts);
+        let compiled =
+            GraphFile::load_with(path, &Shipped).and_then(|file| compile(&file, &registry, &settings));
+        // As the user sees them.
+        compiled.map_err(|problems| assert!(problems.to_string().len() < 4 << 20)).is_ok()
+    },
+    count: 400,
+};
+
+/// Loads a scene, and traces some rays and follows its motions if it is one.
+fn see(path: &Path) -> bool {
+    let Ok(scene) = Scene::load(path.to_str().expect("a UTF-8 path")) else { return false };
+    let poses = [0, 7, u32::MAX].map(|frame| scene.poses_at(frame));
+    let paths = ["orbit", "fly", "shake"].map(|path| CameraPath::parse(path, &scene));
+    let tracer = Tracer::new(Arc::new(scene.posed(&poses[1])));
+    for path in paths.into_iter().flatten() {
+        let camera = path.camera(11);
+        let mut random = Rng::new(0, 1);
+        for at in 0..16 {
+            let direction = camera.direction(f64::from(at) as f32, 8.0, [16, 16]);
+            tracer.trace(camera.eye, direction, &TraceSettings::default(), &mut random);
+        }
+    }
+    true
+}
+
+const TETRAHEDRON: &[u8] =
+    b"o a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 1\nf 1 3 2\nf 1//1 2//1 4//1\nf 1/1/1 4 3\nf 2 3 4\n";
+
+pub const SCENES: Kind = Kind {
+    name: "scenes",
+    file: "scene.ron",
+    seeds: || {
+        let mut seeds = shipped("scenes", "ron");
+        // The others' meshes come by download.
+        seeds.retain(|seed| !String::from_utf8_lossy(seed).contains("File("));
+        seeds.extend([
+            br#"#![enable(implicit_some)]
+Scene(
+    version: 1,
+    camera: (eye: (0, 1, 4), target: (0, 0.5, 0), fov: 35),
+    background: (0.1, 0.2, 0.3), crease_angle: 30, weld_distance: 0.001,
+    motions: { "m": (keys: [(time: 0), (time: 2, translate: (1, 0, 0), rotate: (0, 90, 0))], looped: true, pivot: (0, 0, 1)) },
+    materials: {
+        "clay": (color: (0.7, 0.4, 0.3)), "metal": (color: (0.2, 0.2, 0.2), surface: Glossy(roughness: 0.3, f0: 0.4)),
+        "lamp": (color: (0, 0, 0), emission: (5, 5, 5)), "mirror": (color: (1, 1, 1), surface: Mirror),
+    },
+    objects: [
+        (shape: File("a.obj"), material: "clay", height: 2, rotate: (10, 20, 30)),
+        (shape: Box(low: (0, 0, 0), high: (1, 1, 1)), material: "mirror", smooth: 40, repeat: (count: 3, step: (0, 0, 2)), motion: "m"),
+        (shape: Quad(corner: (0, 3, 0), u: (1, 0, 0), v: (0, 0, 1)), material: "lamp"),
+        (shape: Sphere(center: (0, 1, 0), radius: 0.5), material: "metal", scale: 0.5, translate: (1, 2, 3)),
+        (shape: Cylinder(base: (0, 0, 0), radius: 0.5, height: 2)),
+    ],
+    lights: [Point(position: (0, 5, 0), intensity: (1, 1, 1), motion: "m"),
+        Quad(corner: (-1, 3, -1), u: (2, 0, 0), v: (0, 0, 2), radiance: (9, 9, 9))],
+)"#
+            .to_vec(),
+            br#"Scene(version: 1, objects: [(shape: Builtin("cornell"))])"#.to_vec(),
+        ]);
+        seeds
+    },
+    companions: || vec![("a.obj", TETRAHEDRON.to_vec())],
+    read: see,
+    count: 400,
+};
+
+pub const FLIGHTS: Kind = Kind {
+    name: "flights",
+    file: "flight.ron",
+    seeds: || {
+        vec![
+            br#"(looped: true, keys: [
+    (time: 0.0, eye: (0.0, 1.0, 4.0), target: (0.0, 1.0, 0.0)),
+    (time: 1.5, eye: (1.0, 1.0, 3.0), target: (0.0, 1.0, 0.0)),
+    (time: 2.0, eye: (0.0, 2.0, 3.0), target: (0.0, 1.0, -1.0)),
+])"#
+            .to_vec(),
+            b"(keys: [(time: 0.0, eye: (0.0, 1.0, 4.0), target: (0.0, 1.0, 0.0))])".to_vec(),
+        ]
+    },
+    companions: none,
+    read: |path| {
+        let scene = Scene::load("cornell").expect("a built-in scene");
+        let Ok(path) = CameraPath::parse(&format!("fly:{}", path.display()), &scene) else { return false };
+        for frame in [0, 1, 30, 59, 1000, u32::MAX] {
+            let camera = path.camera(frame);
+            assert!(camera.eye.is_finite() && camera.rotation.is_finite(), "{camera:?}");
+        }
+        true
+    },
+    count: 3000,
+};
+
+pub const OBJ: Kind = Kind {
+    name: "obj",
+    file: "mesh.obj",
+    seeds: || {
+        vec![
+            TETRAHEDRON.to_vec(),
+            b"mtllib a.mtl\no quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl lamp\nf -1 -2 -3 -4\nusemtl metal\nf 1 2 3\n".to_vec(),
+        ]
+    },
+    companions: || {
+        let materials = b"newmtl lamp\nKd 0 0 0\nKe 5 4 3\nnewmtl metal\nKd 0.1 0.2 0.3\nKs 0.5 0.5 0.5\nNs 225\nillum 3\n";
+        vec![("a.mtl", materials.to_vec())]
+    },
+    read: see,
+    count: 800,
+};
+
+pub const PLY: Kind = Kind {
+    name: "ply",
+    file: "mesh.ply",
+    seeds: || {
+        let header = |format: &str| {
+            format!(
+                "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                 element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+            )
+        };
+        let ascii = header("ascii") + "0 0 0\n1 0 0\n1 1 0\n0 1 1\n3 0 1 2\n4 0 1 2 3\n";
+        let mut binary = header("binary_little_endian").into_bytes();
+        for value in [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0_f32] {
+            binary.extend(value.to_le_bytes());
+        }
+        for face in [&[0, 1, 2][..], &[0, 1, 2, 3]] {
+            binary.push(face.len() as u8);
+            binary.extend(face.iter().flat_map(|index: &i32| index.to_le_bytes()));
+        }
+        vec![ascii.into_bytes(), binary]
+    },
+    companions: none,
+    read: see,
+    count: 1200,
+};
+
+/// A triangle, lights, a camera and a material; the buffer is in another file, or in the binary chunk.
+fn gltf_json(buffer: &str) -> String {
+    r#"{
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": {"KHR_lights_punctual": {"lights": [
+            {"type": "point", "color": [1, 0.5, 0.25], "intensity": 8}, {"type": "directional", "intensity": 3}]}},
+        "scene": 0, "scenes": [{"nodes": [0, 1, 2, 3]}],
+        "nodes": [
+            {"mesh": 0, "translation": [0, 0, -3], "scale": [1, 2, 1], "children": [4]},
+            {"translation": [1, 2, 3], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+            {"extensions": {"KHR_lights_punctual": {"light": 1}}},
+            {"camera": 0, "translation": [0, 0, 5]}, {"mesh": 0, "rotation": [0, 0, 0, 1]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.25, "zfar": 50}}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}, "emissiveFactor": [1, 1, 0]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 0}, "indices": 1, "material": 0, "mode": 4}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [2, 2, 0]},
+            {"bufferView": 1, "componentType": 5121, "count": 3, "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 3}],
+        "buffers": [BUFFER]
+    }"#
+    .replace("BUFFER", buffer)
+}
+
+fn gltf_bytes() -> Vec<u8> {
+    let positions = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0, 0.0_f32];
+    positions.iter().flat_map(|value| value.to_le_bytes()).chain([0, 1, 2, 0]).collect()
+}
+
+pub const GLTF: Kind = Kind {
+    name: "gltf",
+    file: "mesh.gltf",
+    seeds: || vec![gltf_json(r#"{"byteLength": 40, "uri": "a.bin"}"#).into_bytes()],
+    companions: || vec![("a.bin", gltf_bytes())],
+    read: see,
+    count: 800,
+};
+
+pub const GLB: Kind = Kind {
+    name: "glb",
+    file: "mesh.glb",
+    seeds: || {
+        let (mut json, bytes) = (gltf_json(r#"{"byteLength": 40}"#).into_bytes(), gltf_bytes());
+        json.resize(json.len().next_multiple_of(4), b' ');
+        let mut file = b"glTF".to_vec();
+        let total = 12 + 8 + json.len() + 8 + bytes.len();
+        file.extend([2, total as u32, json.len() as u32].iter().flat_map(|number| number.to_le_bytes()));
+        file.extend(b"JSON");
+        file.extend(json);
+        file.extend((bytes.len() as u32).to_le_bytes());
+        file.extend(b"BIN\0");
+        file.extend(bytes);
+        vec![file]
+    },
+    companions: none,
+    read: see,
+    count: 1200,
+};
+
+fn picture(path: &Path) -> bool {
+    let Ok(picture) = Picture::read(path) else { return false };
+    assert_eq!(picture.colors.len(), picture.size[0] * picture.size[1]);
+    true
+}
+
+pub const PNG: Kind = Kind {
+    name: "png",
+    file: "picture.png",
+    seeds: || {
+        let colors: Vec<[u8; 3]> = (0..63).map(|i| [i, 2 * i, 255 - i]).collect();
+        vec![epigraph_pictures::png([9, 7], &colors).expect("it is encoded")]
+    },
+    companions: none,
+    read: picture,
+    count: 3000,
+};
+
+pub const EXR: Kind = Kind {
+    name: "exr",
+    file: "picture.exr",
+    seeds: || {
+        let colors: Vec<[f32; 3]> = (0..63).map(|i| [i as f32, 0.5, -1.0]).collect();
+        vec![epigraph_pictures::exr([9, 7], &colors).expect("it is encoded")]
+    },
+    companions: none,
+    read: picture,
+    count: 3000,
+};
+
+pub const WGSL: Kind = Kind {
+    name: "wgsl",
+    file: "shader.wgsl",
+    seeds: || [shipped("graphs/experiments", "wgsl"), shipped("tests/wgsl", "wgsl")].concat(),
+    companions: none,
+    read: |path| WgslFile::load(path, &epigraph::registry()).is_ok(),
+    count: 300,
+};
