@@ -17,8 +17,8 @@ pub const MAX_INTENSITY: f32 = 1e30;
 /// The longest time in the keys of a motion or a flight, seconds: some 30 years.
 pub const MAX_TIME: f32 = 1e9;
 
-/// The most triangles of a scene, and the most vertices. Loading and tracing them takes some 400 bytes each.
-pub const MAX_TRIANGLES: usize = 10_000_000;
+/// The most triangles of a scene, and the most vertices. Loading and tracing takes some 370 bytes a triangle: 2 GB in all.
+pub const MAX_TRIANGLES: usize = 5_000_000;
 
 /// Whether all coordinates are numbers of at most [`MAX_COORDINATE`].
 pub(crate) fn is_near(point: Vec3) -> bool {

@@ -546,7 +546,7 @@ mod tests {
             Ok(vec![0; 3_600_000])
         };
         let message = read(json.as_bytes(), files).unwrap_err();
-        let expected = "mesh 0, primitive 33: that makes 3400000 triangles and 10200000 vertices";
+        let expected = "mesh 0, primitive 16: that makes 1700000 triangles and 5100000 vertices";
         assert!(message.contains(expected), "{message}");
         assert_eq!(reads.get(), 1);
         // A file is read once, however many buffers it has.

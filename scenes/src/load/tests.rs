@@ -388,16 +388,16 @@ fn what_a_file_promises_is_refused_before_it_is_made() {
         message
     };
     let sphere = copies("Sphere(center: (0, 0, 0), radius: 1)", 100_000);
-    let text = "object 0: that makes 396800000 triangles and 214500000 vertices, but a scene may have at most 10000000";
+    let text = "object 0: that makes 396800000 triangles and 214500000 vertices, but a scene may have at most 5000000";
     assert!(sphere.contains(text), "{sphere}");
     // What several objects make together counts too.
     let several = (0..1000)
         .map(|_| "(shape: Box(low: (0, 0, 0), high: (1, 1, 1)), repeat: (count: 100000, step: (0, 0, 0)))");
     let text = format!("Scene(version: 1, objects: [{}])", several.collect::<Vec<_>>().join(","));
     let message = error(&folder.file("several.ron", text));
-    assert!(message.contains("object 8: that makes 10800000 triangles"), "{message}");
+    assert!(message.contains("object 4: that makes 6000000 triangles"), "{message}");
 
-    for (element, promise) in [("vertex 3", "vertex 300000000"), ("face 1", "face 10000001")] {
+    for (element, promise) in [("vertex 3", "vertex 300000000"), ("face 1", "face 5000001")] {
         let ply = PLY.replace(element, promise);
         let number = promise.split(' ').nth(1).unwrap();
         // Packed, the promise is found without unpacking: what follows is not even gzip.

@@ -193,24 +193,20 @@ mod tests {
 
     #[test]
     fn the_time_for_a_row_of_equal_boxes_does_not_grow_with_its_square() {
-        let time = |count: u16| {
-            let mut builder = SceneBuilder::new();
-            let material = builder.material(Material::diffuse("", Vec3::ONE));
-            let cube = Shape::cuboid(Vec3::ZERO, Vec3::ONE);
-            for copy in 0..count {
-                builder.add(&cube.moved(2.0 * f32::from(copy) * Vec3::Z), material).unwrap();
-            }
-            let camera = Camera::look_at(Vec3::X, Vec3::ZERO, 1.0, 0.1, 10.0);
-            let scene = builder.build("row", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
-            let start = Instant::now();
-            let bvhs = Bvhs::new(&scene);
-            let hit = bvhs.closest(Vec3::new(0.5, 0.5, -1.0), Vec3::Z).unwrap();
-            assert!(scene.mesh.corners(hit.face as usize).iter().all(|corner| corner.z == 0.0));
-            start.elapsed().as_secs_f64()
-        };
-        let few = (0..5).map(|_| time(1250)).fold(f64::INFINITY, f64::min);
-        let many = time(20_000).min(time(20_000));
-        // 16 times as many boxes: 256 times as long if each pass joined one pair. Other work on the machine may slow it.
-        assert!(many < 100.0 * few, "{few} s, then {many} s");
+        let mut builder = SceneBuilder::new();
+        let material = builder.material(Material::diffuse("", Vec3::ONE));
+        let cube = Shape::cuboid(Vec3::ZERO, Vec3::ONE);
+        for copy in 0..40_000_u16 {
+            builder.add(&cube.moved(2.0 * f32::from(copy) * Vec3::Z), material).unwrap();
+        }
+        let camera = Camera::look_at(Vec3::X, Vec3::ZERO, 1.0, 0.1, 10.0);
+        let scene = builder.build("row", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+        let start = Instant::now();
+        let bvhs = Bvhs::new(&scene);
+        // Half a second; a minute if each pass joins one pair.
+        let seconds = start.elapsed().as_secs_f64();
+        assert!(seconds < 10.0, "{seconds} s");
+        let hit = bvhs.closest(Vec3::new(0.5, 0.5, -1.0), Vec3::Z).unwrap();
+        assert!(scene.mesh.corners(hit.face as usize).iter().all(|corner| corner.z == 0.0));
     }
 }
