@@ -1,0 +1,352 @@
+//! Files of models, `.vts`. `docs/vts.md` describes the format.
+
+use std::path::Path;
+
+use epigraph_files::{FileError, MOST_DATA, Target};
+use glam::Vec3;
+
+use crate::{
+    cell::{Cell, GRID, Translation},
+    frame::Frame,
+    model::{Model, Node},
+    pool::{Pool, PoolError},
+};
+
+const MAGIC: &[u8; 8] = b"EPIGRVTS";
+const VERSION: u32 = 1;
+const HEADER: usize = 20;
+const RECORD: usize = 76;
+
+/// Why bytes are no model.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum VtsError {
+    /// The file begins otherwise.
+    #[error("it is no file of vertex transformation streams: it does not begin with EPIGRVTS")]
+    Magic,
+    /// The file is of another version.
+    #[error("it has version {0} of the format; this program reads version {VERSION}")]
+    Version(u32),
+    /// The file ends early.
+    #[error("it ends at byte {length}, before the end of {part}: it is cut off")]
+    Short {
+        /// The length of the file in bytes.
+        length: usize,
+        /// What is cut off.
+        part: String,
+    },
+    /// The bytes have changed since they were written.
+    #[error("the checksum of {part} is wrong: the file is damaged")]
+    Checksum {
+        /// What has changed.
+        part: String,
+    },
+    /// The table of nodes is no tree.
+    #[error("node {node} cannot have node {child} as its first child")]
+    Child {
+        /// The node by its index.
+        node: usize,
+        /// The child that it names.
+        child: u32,
+    },
+    /// A node's frame is not finite, or its cells have no size.
+    #[error("the frame of node {node} is not made of finite numbers")]
+    Frame {
+        /// The node by its index.
+        node: usize,
+    },
+    /// A block holds something else than pools and points.
+    #[error("node {node}, byte {offset} of its block: {cause}")]
+    Block {
+        /// The node by its index.
+        node: usize,
+        /// Where in the block.
+        offset: usize,
+        /// What is wrong.
+        cause: String,
+    },
+    /// A node's pools and points do not fit its number of points.
+    #[error("node {node}: {cause}")]
+    Points {
+        /// The node by its index.
+        node: usize,
+        /// What is wrong.
+        cause: String,
+    },
+}
+
+/// The table of a file's nodes, which are read one by one.
+pub struct Reader<'a> {
+    bytes: &'a [u8],
+    records: Vec<Record>,
+}
+
+struct Record {
+    frame: Frame,
+    points: u32,
+    first_child: Option<usize>,
+    offset: u64,
+    length: u32,
+    checksum: u32,
+}
+
+impl<'a> Reader<'a> {
+    /// Reads header and table of a whole file. The blocks are not touched.
+    ///
+    /// # Errors
+    /// The bytes are no file of this kind and version, or the table is cut off, damaged or no tree.
+    pub fn new(bytes: &'a [u8]) -> Result<Self, VtsError> {
+        let short = |part: &str| VtsError::Short { length: bytes.len(), part: part.into() };
+        if !bytes.starts_with(MAGIC) {
+            return Err(VtsError::Magic);
+        }
+        let mut header = Words(bytes.get(8..HEADER).ok_or_else(|| short("the header"))?);
+        let [version, count, checksum] = [0; 3].map(|_| header.next());
+        if version != VERSION {
+            return Err(VtsError::Version(version));
+        }
+        // The file is at least as long as the table, so the table's length is a safe one to allocate.
+        let table =
+            (count as usize).checked_mul(RECORD).and_then(|length| bytes.get(HEADER..)?.get(..length));
+        let table = table.ok_or_else(|| short("the table of nodes"))?;
+        if crc32fast::hash(table) != checksum {
+            return Err(VtsError::Checksum { part: "the table of nodes".into() });
+        }
+        let records: Vec<Record> = table.chunks_exact(RECORD).map(Record::read).collect();
+        check_tree(&records)?;
+        Ok(Self { bytes, records })
+    }
+
+    /// The number of nodes.
+    pub fn node_count(&self) -> usize {
+        self.records.len()
+    }
+
+    /// Reads a node; it is less than [`Reader::node_count`].
+    ///
+    /// # Errors
+    /// Its block is cut off, damaged or no set of pools and points.
+    pub fn node(&self, node: usize) -> Result<Node, VtsError> {
+        let record = &self.records[node];
+        let part = || format!("node {node}");
+        let block = usize::try_from(record.offset).ok().and_then(|offset| self.bytes.get(offset..));
+        let block = block.and_then(|block| block.get(..record.length as usize));
+        let block = block.ok_or_else(|| VtsError::Short { length: self.bytes.len(), part: part() })?;
+        if crc32fast::hash(block) != record.checksum {
+            return Err(VtsError::Checksum { part: part() });
+        }
+        let (pools, singles) = Block { node, bytes: block, offset: 0 }.read()?;
+        let Record { frame, points, first_child, .. } = *record;
+        let read = Node { frame, points, first_child, pools, singles };
+        let fail = |cause| Err(VtsError::Points { node, cause });
+        // Before the points are expanded: a few bytes of tags are many points.
+        let cells = read.cell_count();
+        if cells == 0 || cells > read.points() || cells > GRID.pow(3) as usize {
+            return fail(format!("{points} points cannot fill {cells} cells"));
+        }
+        if let Some(cell) = read.repeated() {
+            return fail(format!("it contains cell {cell:?} twice"));
+        }
+        Ok(read)
+    }
+}
+
+impl Record {
+    fn read(bytes: &[u8]) -> Self {
+        let mut words = Words(bytes);
+        let mut vector = || Vec3::from([0; 3].map(|_| f32::from_bits(words.next())));
+        let origin = vector();
+        let axes = [0; 3].map(|_| vector());
+        let cell = f32::from_bits(words.next());
+        let points = words.next();
+        let first_child = Some(words.next() as usize).filter(|&child| child != 0);
+        let [low, high, length, checksum] = [0; 4].map(|_| words.next());
+        let offset = u64::from(low) | u64::from(high) << 32;
+        Self { frame: Frame { origin, axes, cell }, points, first_child, offset, length, checksum }
+    }
+
+    fn write(&self, bytes: &mut Vec<u8>) {
+        let Frame { origin, axes, cell } = self.frame;
+        let floats = [origin, axes[0], axes[1], axes[2]].into_iter().flat_map(|vector| vector.to_array());
+        for float in floats.chain([cell]) {
+            bytes.extend(float.to_le_bytes());
+        }
+        bytes.extend(self.points.to_le_bytes());
+        bytes.extend((self.first_child.unwrap_or(0) as u32).to_le_bytes());
+        bytes.extend(self.offset.to_le_bytes());
+        bytes.extend(self.length.to_le_bytes());
+        bytes.extend(self.checksum.to_le_bytes());
+    }
+}
+
+/// Checks that the records are a tree by levels, whose children have the points of their parents.
+fn check_tree(records: &[Record]) -> Result<(), VtsError> {
+    let mut next = 1;
+    for (node, record) in records.iter().enumerate() {
+        let Frame { origin, axes, cell } = record.frame;
+        let finite = origin.is_finite() && axes.iter().all(|axis| axis.is_finite());
+        if !finite || !cell.is_finite() || cell < 0.0 {
+            return Err(VtsError::Frame { node });
+        }
+        if let Some(child) = record.first_child {
+            if child != next || child + 1 >= records.len() {
+                return Err(VtsError::Child { node, child: child as u32 });
+            }
+            let points = u64::from(records[child].points) + u64::from(records[child + 1].points);
+            if points != u64::from(record.points) {
+                let cause = format!("it has {} points, its children {points}", record.points);
+                return Err(VtsError::Points { node, cause });
+            }
+            next += 2;
+        }
+    }
+    if next != records.len() {
+        let cause = format!("the table has {} nodes, of which {next} belong to the tree", records.len());
+        return Err(VtsError::Points { node: 0, cause });
+    }
+    Ok(())
+}
+
+/// Words of bytes whose length was checked.
+struct Words<'a>(&'a [u8]);
+
+impl Words<'_> {
+    fn next(&mut self) -> u32 {
+        let (word, rest) = self.0.split_first_chunk().expect("the length was checked");
+        self.0 = rest;
+        u32::from_le_bytes(*word)
+    }
+}
+
+/// A block while it is read.
+struct Block<'a> {
+    node: usize,
+    bytes: &'a [u8],
+    offset: usize,
+}
+
+impl Block<'_> {
+    fn read(mut self) -> Result<(Vec<Pool>, Vec<Cell>), VtsError> {
+        let count = self.words(1, "the number of pools")?[0];
+        let mut pools = Vec::new();
+        for _ in 0..count {
+            let begin = self.offset;
+            let numbers = self.words(2, "a pool's numbers")?;
+            let [vertices, translations] = [numbers[0] as usize, numbers[1] as usize];
+            let translations = self.words(translations, "translations")?;
+            let words = translations.len().div_ceil(32);
+            let translations = translations.into_iter().map(translation).collect::<Option<Vec<_>>>();
+            let translations =
+                translations.ok_or_else(|| self.fail(begin, "a translation leaves the grid"))?;
+            let vertices = self.cells(vertices)?;
+            let tags = self.words(vertices.len().saturating_mul(words), "tags")?;
+            let pool = Pool::new(vertices, translations, tags);
+            pools.push(pool.map_err(|error: PoolError| self.fail(begin, error))?);
+        }
+        let rest = self.bytes.len() - self.offset;
+        if !rest.is_multiple_of(4) {
+            return Err(self.fail(self.offset, format!("{rest} bytes are no whole number of points")));
+        }
+        let singles = self.cells(rest / 4)?;
+        Ok((pools, singles))
+    }
+
+    /// The next words. They are in the block before memory is allocated for them.
+    fn words(&mut self, count: usize, what: &str) -> Result<Vec<u32>, VtsError> {
+        let bytes = count.checked_mul(4).and_then(|length| self.bytes[self.offset..].get(..length));
+        let Some(bytes) = bytes else {
+            return Err(self.fail(self.offset, format!("the block ends within {what}")));
+        };
+        self.offset += bytes.len();
+        let (words, _) = bytes.as_chunks();
+        Ok(words.iter().map(|word| u32::from_le_bytes(*word)).collect())
+    }
+
+    fn cells(&mut self, count: usize) -> Result<Vec<Cell>, VtsError> {
+        let begin = self.offset;
+        let cells = self.words(count, "cells")?.into_iter().map(Cell::from_bits).collect::<Option<Vec<_>>>();
+        cells.ok_or_else(|| self.fail(begin, "a cell is outside of the grid"))
+    }
+
+    fn fail(&self, offset: usize, cause: impl ToString) -> VtsError {
+        VtsError::Block { node: self.node, offset, cause: cause.to_string() }
+    }
+}
+
+fn translation(word: u32) -> Option<Translation> {
+    let [x, y, z, zero] = word.to_le_bytes();
+    let by = [x, y, z].map(|part| i32::from(part.cast_signed()));
+    Translation::new(by).filter(|_| zero == 0)
+}
+
+fn block(node: &Node) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut word = |word: u32| bytes.extend(word.to_le_bytes());
+    word(node.pools.len() as u32);
+    for pool in &node.pools {
+        word(pool.vertices().len() as u32);
+        word(pool.translations().len() as u32);
+        pool.translations().iter().for_each(|by| word(u32::from_le_bytes(by.bytes())));
+        pool.vertices().iter().for_each(|cell| word(cell.bits()));
+        pool.tags().iter().for_each(|&tags| word(tags));
+    }
+    node.singles.iter().for_each(|cell| word(cell.bits()));
+    bytes
+}
+
+impl Model {
+    /// The model as the bytes of a file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut table = Vec::with_capacity(self.nodes.len() * RECORD);
+        let mut blocks = Vec::new();
+        let begin = HEADER + self.nodes.len() * RECORD;
+        for node in &self.nodes {
+            let block = block(node);
+            let record = Record {
+                frame: node.frame,
+                points: node.points,
+                first_child: node.first_child,
+                offset: (begin + blocks.len()) as u64,
+                // A grid of 2 million cells takes less than 2^32 bytes however it is encoded.
+                length: block.len() as u32,
+                checksum: crc32fast::hash(&block),
+            };
+            record.write(&mut table);
+            blocks.extend(block);
+        }
+        let mut bytes = MAGIC.to_vec();
+        for word in [VERSION, self.nodes.len() as u32, crc32fast::hash(&table)] {
+            bytes.extend(word.to_le_bytes());
+        }
+        [bytes, table, blocks].concat()
+    }
+
+    /// The model from the bytes of a file.
+    ///
+    /// # Errors
+    /// The bytes are no file of this kind and version, or it is cut off or damaged.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, VtsError> {
+        let reader = Reader::new(bytes)?;
+        let nodes = (0..reader.node_count()).map(|node| reader.node(node)).collect::<Result<_, _>>()?;
+        Ok(Self { nodes })
+    }
+
+    /// Reads a file of at most [`MOST_DATA`] bytes.
+    ///
+    /// # Errors
+    /// The file cannot be read, or [`Model::from_bytes`]; the message names the file.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let bytes = epigraph_files::bytes(path, MOST_DATA).map_err(|error| FileError::read(path, error))?;
+        Self::from_bytes(&bytes).map_err(|error| FileError::read(path, error))
+    }
+
+    /// Writes a file, whole or not at all.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn write(&self, target: &Target) -> Result<(), FileError> {
+        target.write(&self.to_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,100 @@
+//! An encoded point set.
+
+use glam::Vec3;
+
+use crate::{
+    cell::{Cell, Cells},
+    frame::Frame,
+    pool::Pool,
+};
+
+/// The points of a part of space, at one level of detail.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    pub(crate) frame: Frame,
+    pub(crate) points: u32,
+    pub(crate) first_child: Option<usize>,
+    pub(crate) pools: Vec<Pool>,
+    pub(crate) singles: Vec<Cell>,
+}
+
+impl Node {
+    /// Where the node's grid lies in space.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// The number of points that were encoded. Those in one cell are one point of the node.
+    pub fn points(&self) -> usize {
+        self.points as usize
+    }
+
+    /// The number of cells that contain points.
+    pub fn cell_count(&self) -> usize {
+        self.covered() + self.singles.len()
+    }
+
+    /// The number of points that share a cell with an earlier one.
+    pub fn merged(&self) -> usize {
+        self.points() - self.cell_count()
+    }
+
+    /// The number of cells that the pools contain.
+    pub fn covered(&self) -> usize {
+        self.pools.iter().map(Pool::points).sum()
+    }
+
+    /// The vertex transformation pools.
+    pub fn pools(&self) -> &[Pool] {
+        &self.pools
+    }
+
+    /// The cells that no pool contains.
+    pub fn singles(&self) -> &[Cell] {
+        &self.singles
+    }
+
+    /// The indices of the node's children, which hold its points in more detail.
+    pub fn children(&self) -> Option<[usize; 2]> {
+        self.first_child.map(|first| [first, first + 1])
+    }
+
+    /// The cells that contain points, each once: pool by pool, then the rest.
+    pub fn cells(&self) -> Vec<Cell> {
+        let mut cells = Vec::with_capacity(self.cell_count());
+        for pool in &self.pools {
+            pool.expand(&mut cells);
+        }
+        cells.extend_from_slice(&self.singles);
+        cells
+    }
+
+    /// The centres of [`Node::cells`], in the units of the points that were encoded.
+    pub fn positions(&self) -> Vec<Vec3> {
+        self.cells().into_iter().map(|cell| self.frame.center(cell)).collect()
+    }
+
+    /// The first cell that the node contains twice, if any.
+    pub(crate) fn repeated(&self) -> Option<Cell> {
+        let mut seen = Cells::empty();
+        self.cells().into_iter().find(|&cell| !seen.insert(Cells::place(cell)))
+    }
+}
+
+/// A point set as a binary tree of [`Node`]s. The nodes of any cut through the tree hold all points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    pub(crate) nodes: Vec<Node>,
+}
+
+impl Model {
+    /// The nodes by levels. The first is the root; siblings follow each other.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// The nodes without children: the points in most detail.
+    pub fn leaves(&self) -> impl Iterator<Item = &Node> {
+        self.nodes.iter().filter(|node| node.first_child.is_none())
+    }
+}

@@ -1,0 +1,157 @@
+//! Encoding and decoding as a whole.
+
+use std::{collections::BTreeSet, ops::ControlFlow, sync::Mutex};
+
+use glam::{Quat, Vec3};
+
+use crate::{
+    testing::{Random, scan},
+    *,
+};
+
+/// Points of all kinds: scans, clouds, lines, planes, lattices, heaps of equal points; some far from the origin.
+fn sets() -> Vec<Vec<Vec3>> {
+    let mut random = Random(11);
+    let mut sets = vec![scan(3000, 1), scan(20_000, 2), vec![Vec3::ONE], vec![Vec3::ZERO; 9]];
+    for round in 0..30 {
+        let flat = [Vec3::ONE, Vec3::new(1.0, 1.0, 0.0), Vec3::X, Vec3::new(1.0, 0.01, 0.001)][round % 4];
+        let lattice = [0.0, 1.0 / 16.0, 1.0 / 5.0][round % 3];
+        let count = 1 + random.below(1500) as usize;
+        let turn = Quat::from_euler(glam::EulerRot::XYZ, random.unit() * 6.0, random.unit() * 6.0, 1.0);
+        let move_by = Vec3::splat([0.0, 1000.0][round % 2]);
+        let mut point = || {
+            let at = Vec3::from([0; 3].map(|_| random.unit()));
+            let at = if lattice > 0.0 { (at / lattice).round() * lattice } else { at };
+            turn * (at * flat) + move_by
+        };
+        sets.push((0..count).map(|_| point()).collect());
+    }
+    sets
+}
+
+/// The cells of a frame that contain points, found without the encoder.
+fn occupied(frame: &Frame, points: &[Vec3]) -> BTreeSet<Cell> {
+    let cell = |point: &Vec3| {
+        let at = frame.coordinates(*point).map(|along| (along.floor() as i32).clamp(0, GRID as i32 - 1));
+        Cell::new(at).unwrap()
+    };
+    points.iter().map(cell).collect()
+}
+
+#[test]
+fn each_occupied_cell_is_decoded_once() {
+    for (index, points) in sets().iter().enumerate() {
+        for (pools, translations) in [(0, 96), (1, 88), (2, 96), (5, 128), (3, 7)] {
+            let settings = Settings { levels: 4, pools, translations, ..Settings::default() };
+            let model = encode(points, &settings).unwrap();
+            let root = &model.nodes()[0];
+            let mut cells = root.cells();
+            cells.sort();
+            let expected: Vec<Cell> = occupied(root.frame(), points).into_iter().collect();
+            assert_eq!(cells, expected, "set {index}, {settings:?}");
+            assert_eq!(root.points(), points.len());
+            assert_eq!(root.merged(), points.len() - expected.len());
+            for node in model.nodes() {
+                let unique: BTreeSet<Cell> = node.cells().into_iter().collect();
+                assert_eq!(unique.len(), node.cell_count());
+                assert!(node.pools().len() <= pools);
+                assert!(node.pools().iter().all(|pool| pool.translations().len() <= translations));
+                assert!(Layout::PACKED.node(node) <= Layout::PACKED.points(node.cell_count()));
+            }
+            let leaves: usize = model.leaves().map(Node::points).sum();
+            assert_eq!(leaves, points.len());
+        }
+    }
+}
+
+/// Half a cell along each axis, and what single precision loses far from the origin.
+#[test]
+fn decoded_points_are_within_half_a_cell() {
+    for (index, points) in sets().iter().enumerate() {
+        let model = encode(points, &Settings::default()).unwrap();
+        let decoded: Vec<(&Frame, Vec3)> = model
+            .leaves()
+            .flat_map(|leaf| leaf.positions().into_iter().map(|at| (leaf.frame(), at)))
+            .collect();
+        for point in points.iter().step_by(37) {
+            let rounding = 4.0 * f32::EPSILON * (point.abs().max_element() + 1.0);
+            let near = decoded.iter().any(|(frame, at)| {
+                let offset = *at - *point;
+                frame.axes.iter().all(|axis| axis.dot(offset).abs() <= 0.5 * frame.cell + rounding)
+            });
+            assert!(near, "set {index}: {point}");
+        }
+        // The other way round, for the root: no decoded point is far from all points.
+        let root = &model.nodes()[0];
+        let reach = 0.5 * 3_f32.sqrt() * root.frame().cell + 1e-3;
+        for at in root.positions().iter().step_by(53) {
+            assert!(points.iter().any(|point| point.distance(*at) <= reach), "set {index}: {at}");
+        }
+    }
+}
+
+#[test]
+fn the_number_of_cores_does_not_matter() {
+    let with = |threads, points: &[Vec3], settings| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| encode(points, &settings)).unwrap().to_bytes()
+    };
+    // Several blocks of the sums, whose order could matter; then transforms and pools.
+    let many = scan(3 * frame::BLOCK, 4);
+    let settings = Settings { levels: 3, pools: 0, palette: 1, ..Settings::default() };
+    assert!(with(1, &many, settings) == with(5, &many, settings));
+    let points = &many[..30_000];
+    let settings = Settings { levels: 3, ..Settings::default() };
+    assert!(with(1, points, settings) == with(5, points, settings));
+}
+
+#[test]
+fn what_cannot_be_encoded_says_why() {
+    let error = |points: &[Vec3], settings| encode(points, &settings).unwrap_err().to_string();
+    let default = Settings::default();
+    assert_eq!(error(&[], default), "there are no points to encode");
+    assert_eq!(
+        error(&[Vec3::ONE, Vec3::new(0.0, f32::NAN, 0.0)], default),
+        "point 1 is at [0, NaN, 0]; coordinates must be numbers of at most 1e30"
+    );
+    assert_eq!(
+        error(&[Vec3::splat(-2e30)], default),
+        "point 0 is at [-2000000000000000000000000000000, -2000000000000000000000000000000, \
+         -2000000000000000000000000000000]; coordinates must be numbers of at most 1e30"
+    );
+    let points = [Vec3::ONE];
+    let setting = |settings| error(&points, settings);
+    assert_eq!(setting(Settings { levels: 0, ..default }), "levels must be 1 to 24, not 0");
+    assert_eq!(setting(Settings { pools: 65, ..default }), "pools must be 0 to 64, not 65");
+    assert_eq!(setting(Settings { translations: 129, ..default }), "translations must be 1 to 128, not 129");
+    assert_eq!(setting(Settings { palette: 0, ..default }), "palette must be 1 to 65536, not 0");
+    assert_eq!(setting(Settings { threshold: f64::NAN, ..default }), "threshold must be 0 to 1, not NaN");
+}
+
+#[test]
+fn the_largest_and_the_smallest_points_are_encoded() {
+    for scale in [1e30, 1e-30] {
+        let points = scan(500, 5).into_iter().map(|point| point / 2.0 * scale).collect::<Vec<_>>();
+        let model = encode(&points, &Settings::default()).unwrap();
+        assert!(model.nodes().iter().all(|node| node.positions().iter().all(|at| at.is_finite())));
+        assert!(model.nodes()[0].cell_count() > 400);
+    }
+}
+
+#[test]
+fn encoding_tells_how_far_it_is_and_stops_when_asked() {
+    let points = scan(2000, 6);
+    let settings = Settings { levels: 3, ..Settings::default() };
+    let seen = Mutex::new(Vec::new());
+    let watch = |part: f64| {
+        seen.lock().unwrap().push(part);
+        ControlFlow::Continue(())
+    };
+    let model = encode_watched(&points, &settings, &watch).unwrap();
+    let mut seen = seen.into_inner().unwrap();
+    seen.sort_by(f64::total_cmp);
+    let count = model.nodes().len();
+    assert_eq!(seen, (1..=count).map(|done| done as f64 / count as f64).collect::<Vec<_>>());
+    let stopped = encode_watched(&points, &settings, &|_| ControlFlow::Break(()));
+    assert_eq!(stopped, Err(EncodeError::Stopped));
+}
