@@ -205,4 +205,39 @@ mod tests {
             }
         }
     }
+
+    /// Numbers that change with every vertex and material: the surface's area, its centre, and the mean of x y, y z and
+    /// z x, all weighted by the material.
+    fn measures(scene: &Scene) -> [f64; 7] {
+        let mut sums = [0.0; 7];
+        for face in 0..scene.mesh.triangles.len() {
+            let [a, b, c] = scene.mesh.corners(face).map(|p| p.as_dvec3());
+            let material = &scene.materials[scene.mesh.material[face] as usize];
+            let color = (material.color + material.emission).as_dvec3();
+            let weight = (b - a).cross(c - a).length() * color.dot(glam::DVec3::new(1.0, 2.0, 3.0));
+            let m = (a + b + c) / 3.0;
+            for (sum, value) in sums.iter_mut().zip([1.0, m.x, m.y, m.z, m.x * m.y, m.y * m.z, m.z * m.x]) {
+                *sum += weight * value;
+            }
+        }
+        sums
+    }
+
+    #[test]
+    fn scenes_stay_as_the_documented_figures_found_them() {
+        for (name, expected) in [
+            ("cornell", [14.212650, 3.950938, 3.786549, 4.694709, 1.077676, 1.270507, 1.376887]),
+            ("chains", [185.796815, -0.882503, 15.192778, -0.195766, -1.206018, -0.164146, -0.628461]),
+            (
+                "room",
+                [1149.187580, -563.615630, 1593.939873, -426.085815, -861.533296, -411.247191, 265.369777],
+            ),
+            ("cornell-moving", [14.681783, 4.106428, 3.932184, 4.841877, 1.124662, 1.315919, 1.426450]),
+        ] {
+            let found = measures(&Scene::load(name).unwrap());
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!((found - expected).abs() <= 1e-5 * found.abs(), "{name}: {found} for {expected}");
+            }
+        }
+    }
 }

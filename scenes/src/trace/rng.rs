@@ -204,4 +204,14 @@ mod tests {
         }
         assert_eq!(columns, [1; 64]);
     }
+
+    #[test]
+    fn the_second_dimension_is_that_of_pascals_triangle_to_the_last_bit() {
+        // Bit b of the index, from the lowest, adds column b of the matrix: C(b, k) mod 2 in row k, the top bit first.
+        // C(b, k) is odd if k is a subset of b.
+        for b in 0..32u32 {
+            let column = (0..=b).filter(|k| k & b == *k).fold(0u32, |bits, k| bits | 1 << (31 - k));
+            assert_eq!(sobol_second(1 << b), column, "bit {b}");
+        }
+    }
 }
