@@ -61,6 +61,7 @@ impl Request {
     pub const NONE: Self = Self { pixel: NO_PIXEL, aim: PIXEL_CENTER, reuse: NO_POINT, view: VIEW_NOW };
 
     /// The target of the ray, in pixels from the top left corner of an image `width` pixels wide.
+    #[inline]
     pub fn target(&self, width: u32) -> [f32; 2] {
         let share = |bits: u32| bits as f32 / 65536.0;
         [
