@@ -20,6 +20,9 @@ const PACKAGES: [(&str, &str); 4] =
 /// The name that the starters' files have in the place of the stage's.
 const STARTER: &str = "STARTER";
 
+/// The shader, with the comments that make it a stage without Rust.
+const SHADER: &str = include_str!("starter/shader.wgsl");
+
 /// Writes the files and says what to do with them.
 ///
 /// # Errors
@@ -53,25 +56,19 @@ fn name(path: &Path, registry: &Registry) -> Result<String, CliError> {
 /// Writes a shader file and a graph with it.
 fn shader(path: &Path, name: &str, mut outputs: Outputs) -> Result<String, CliError> {
     let params = format!("shader: \"{name}.wgsl\", amount: 0.5");
-    let files = [
-        (
-            path.with_file_name(format!("{name}.wgsl")),
-            include_str!("starter/shader.wgsl").replace(STARTER, name),
-        ),
-        (path.with_file_name(format!("{name}.ron")), graph(name, "wgsl", &params, "epigraph")),
-    ];
-    let mut texts = Vec::new();
-    for (path, text) in files {
-        absent(&path)?;
-        texts.push((outputs.add("--new", &path)?, text));
+    let texts = [SHADER.replace(STARTER, name), graph(name, "wgsl", &params, "epigraph")];
+    let paths = ["wgsl", "ron"].map(|ending| path.with_file_name(format!("{name}.{ending}")));
+    let mut files = Vec::new();
+    for (path, text) in paths.iter().zip(texts) {
+        absent(path)?;
+        files.push((outputs.add("--new", path)?, text));
     }
     let mut outputs = outputs.ready()?;
-    for (file, text) in texts {
+    for (file, text) in files {
         outputs.put(file, text.as_bytes())?;
     }
     outputs.commit()?;
-    let [shader, graph] = ["wgsl", "ron"].map(|ending| path.with_file_name(format!("{name}.{ending}")));
-    let [shader, graph] = [shader.display(), graph.display()];
+    let [shader, graph] = paths.each_ref().map(|path| path.display());
     Ok(format!(
         "wrote {shader} and {graph}\n\n\
          render it:            epigraph {graph}\n\
@@ -107,7 +104,7 @@ fn package(path: &Path, name: &str) -> Result<String, CliError> {
         ("src/lib.rs".into(), fill(include_str!("starter/package/lib.rs"))),
         ("src/main.rs".into(), fill(include_str!("starter/package/main.rs"))),
         ("src/stage.rs".into(), fill(include_str!("starter/package/stage.rs"))),
-        (format!("shaders/{name}.wgsl"), fill(include_str!("starter/package/shader.wgsl"))),
+        (format!("shaders/{name}.wgsl"), fill(&bare_shader())),
         (format!("{name}.ron"), graph(name, name, "amount: 0.5", "cargo run --release --")),
     ];
     let built = match &checkout {
@@ -131,6 +128,14 @@ fn package(path: &Path, name: &str) -> Result<String, CliError> {
         listed.join(", "),
         path.display(),
     ))
+}
+
+/// The shader of a stage in Rust, which declares itself what the comments declare.
+fn bare_shader() -> String {
+    let code = SHADER.split("\n\n").filter(|block| !block.starts_with("// A stage in one file"));
+    let code = code.collect::<Vec<_>>().join("\n\n").replacen("//!", "//", 1);
+    let lines = code.split_inclusive('\n').filter(|line| !line.trim_start().starts_with("///"));
+    lines.collect()
 }
 
 /// The graph with the stage in it.
