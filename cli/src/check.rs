@@ -101,8 +101,10 @@ fn check_one(
     let (Graph { params, .. }, plan) = compile(&file, registry, settings)?;
     // Nodes that only another scene needs are checked too.
     let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;
-    let shaders = check_shaders(&*file.whole()?, &graph, registry)?;
-    let left_out = left_out(&*file.whole()?, "", &graph);
+    let flat = file.whole()?;
+    let shaders = check_shaders(&flat, &graph, registry)?;
+    let left_out = left_out(&flat, "", &graph);
+    drop(flat);
     Ok(Checked { params, file, plan, whole, shaders, left_out })
 }
 
@@ -112,38 +114,37 @@ fn left_out(file: &GraphFile, folder: &str, graph: &Graph) -> Vec<String> {
     let mut sentences = Vec::new();
     for node in &file.nodes {
         let address = format!("{folder}{}", node.name.value);
+        let part = file.parts.iter().find(|(part, _)| *part == node.name.value);
         if let Some(replaced) = &node.replaced {
-            // The node itself, or the first of its copies.
-            let copy = format!("{address}/");
-            let stage =
-                graph.nodes.iter().find(|stage| stage.name == address || stage.name.starts_with(&copy));
-            let has = |port: &String| {
-                stage.is_none_or(|stage| {
-                    stage.declaration().ports.iter().any(|known| known.name == port.as_str())
-                })
-            };
-            let is_part = file.parts.iter().any(|(part, _)| *part == node.name.value);
-            let wires = replaced.kept.iter().filter(|port| !is_part && !has(port)).chain(&replaced.dropped);
-            let left = [("wire", wires.collect::<Vec<_>>()), ("parameter", replaced.params.iter().collect())];
-            let left: Vec<String> = left
-                .into_iter()
-                .filter(|(_, names)| !names.is_empty())
-                .map(|(what, names)| {
-                    let listed: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-                    format!("{what}{} {}", if names.len() == 1 { "" } else { "s" }, listed.join(", "))
-                })
-                .collect();
+            // A part takes all wires that it keeps.
+            let kept = replaced.kept.iter().filter(|port| part.is_none() && !has_port(graph, &address, port));
+            let wires = listed("wire", kept.chain(&replaced.dropped));
+            let left: Vec<String> =
+                wires.into_iter().chain(listed("parameter", replaced.params.iter())).collect();
             if !left.is_empty() {
-                let sentence =
-                    format!("{address}: without the {} of {}", left.join(" and the "), replaced.what);
-                sentences.push(sentence);
+                let left = left.join(" and the ");
+                sentences.push(format!("{address}: without the {left} of {}", replaced.what));
             }
         }
-    }
-    for (part, within) in &file.parts {
-        sentences.extend(left_out(within, &format!("{folder}{part}/"), graph));
+        if let Some((_, part)) = part {
+            sentences.extend(left_out(part, &format!("{address}/"), graph));
+        }
     }
     sentences
+}
+
+/// Whether a node, or the first of its copies, has a port.
+fn has_port(graph: &Graph, address: &str, port: &str) -> bool {
+    let copies = format!("{address}/");
+    let node = graph.nodes.iter().find(|node| node.name == address || node.name.starts_with(&copies));
+    node.is_none_or(|node| node.declaration().ports.iter().any(|known| known.name == port))
+}
+
+/// Names of one kind in words; `None` if there are none.
+fn listed<'n>(what: &str, names: impl Iterator<Item = &'n String>) -> Option<String> {
+    let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+    let plural = if names.len() == 1 { "" } else { "s" };
+    (!names.is_empty()).then(|| format!("{what}{plural} {}", names.join(", ")))
 }
 
 /// Checks every node's shader against its ports, without a GPU. Returns the number of shaders.
