@@ -6,6 +6,7 @@ use std::{
     borrow::Cow,
     cell::{Ref, RefCell, RefMut},
     collections::HashMap,
+    ops::Range,
 };
 
 use index_vec::IndexSlice;
@@ -330,7 +331,23 @@ pub struct CpuContext<'a> {
     pub(crate) host: &'a Host,
     pub(crate) memory: &'a IndexSlice<SlotId, [RefCell<CpuMemory>]>,
     pub(crate) bindings: &'a [Vec<Option<Binding>>],
-    pub(crate) unchanged: &'a RefCell<Vec<FieldRef>>,
+    pub(crate) changes: &'a RefCell<Changes>,
+}
+
+/// What a node has reported of its kept outputs.
+#[derive(Debug, Default)]
+pub(crate) struct Changes {
+    /// Outputs with the contents of the frame before.
+    pub unchanged: Vec<FieldRef>,
+    /// Ranges of elements of outputs that are otherwise as in the frame before.
+    pub ranges: Vec<(FieldRef, Range<usize>)>,
+}
+
+impl Changes {
+    pub fn clear(&mut self) {
+        self.unchanged.clear();
+        self.ranges.clear();
+    }
 }
 
 impl CpuContext<'_> {
@@ -355,7 +372,14 @@ impl CpuContext<'_> {
     /// and stages that depend only on it and the view ([`Io::per_view`]) need not run again. Only for
     /// [`Io::persistent`] outputs; pooled memory has been reused since.
     pub fn unchanged(&self, port: impl Into<FieldRef>) {
-        self.unchanged.borrow_mut().push(port.into());
+        self.changes.borrow_mut().unchanged.push(port.into());
+    }
+
+    /// Reports that only these elements of a kept list differ from the frame before, so that the rest need not be
+    /// uploaded again. May be called several times, for several ranges. Only for [`Io::persistent`] outputs that are
+    /// buffers.
+    pub fn changed(&self, port: impl Into<FieldRef>, elements: Range<usize>) {
+        self.changes.borrow_mut().ranges.push((port.into(), elements));
     }
 
     /// Width and height of a port.

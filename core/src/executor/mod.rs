@@ -29,10 +29,9 @@ use crate::{
     graph::{Graph, Node, Settings},
     id::{NodeId, SlotId, StepId, StorageId, TapId},
     plan::{Life, Plan, PlannedNode, Slot, Step, Storage, TapField, Value},
-    port::FieldRef,
     registry::Registry,
     side::{Download, Side},
-    stage::{Binding, CpuContext, CpuMemory, Host},
+    stage::{Binding, Changes, CpuContext, CpuMemory, Host},
 };
 
 /// What to do where there is no GPU adapter.
@@ -97,7 +96,7 @@ pub struct Executor {
     versions: Versions,
     /// For even and odd frames: whether each node ran.
     ran: [IndexVec<NodeId, bool>; 2],
-    unchanged: RefCell<Vec<FieldRef>>,
+    changes: RefCell<Changes>,
     step_of_node: HashMap<NodeId, StepId>,
     frame: u64,
     /// Measure each step. On a software GPU that means waiting after each.
@@ -134,7 +133,8 @@ impl Executor {
         let versions = Versions::new(&plan);
         let ran = [0, 1].map(|_| index_vec![false; plan.nodes.len()]);
         let most_fields = plan.nodes.iter().map(|node| node.values().count()).max().unwrap_or(0);
-        let unchanged = RefCell::new(Vec::with_capacity(most_fields));
+        let unchanged = Vec::with_capacity(most_fields);
+        let changes = RefCell::new(Changes { unchanged, ranges: Vec::new() });
         Ok(Self {
             graph,
             plan,
@@ -148,7 +148,7 @@ impl Executor {
             times,
             versions,
             ran,
-            unchanged,
+            changes,
             step_of_node,
             frame: 0,
             profile: true,
@@ -317,7 +317,7 @@ impl Executor {
                 if idle || self.versions.is_current(&self.plan, node) {
                     return Ok(());
                 }
-                self.unchanged.borrow_mut().clear();
+                self.changes.borrow_mut().clear();
                 match self.plan.nodes[node].side {
                     Side::Gpu => {
                         let gpu = self.gpu.as_mut().expect("made where a node needs it");
@@ -325,7 +325,7 @@ impl Executor {
                     }
                     Side::Cpu => self.run_cpu(node, frame, host, parity)?,
                 }
-                self.versions.ran(&self.plan, node, &self.unchanged.borrow());
+                self.versions.ran(&self.plan, node, &self.changes.borrow());
                 self.ran[parity][node] = true;
                 Ok(())
             }
@@ -333,10 +333,10 @@ impl Executor {
                 if !self.versions.transfer(&self.plan, value.storage, Side::Gpu) {
                     return Ok(());
                 }
-                self.moved[index] = self.plan.storages[value.storage].bytes();
                 let memory = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
-                gpu.upload(&self.plan, value, parity, memory);
+                let differing = self.versions.differing(value.storage);
+                self.moved[index] = gpu.upload(&self.plan, value, parity, memory, differing);
                 Ok(())
             }
             Step::Download(value, mode) => {
@@ -369,7 +369,7 @@ impl Executor {
             host,
             memory: &self.cpu,
             bindings: &self.bindings[parity][node],
-            unchanged: &self.unchanged,
+            changes: &self.changes,
         };
         let fail = |message| RunError::Stage { node: self.plan.nodes[node].name.clone(), message };
         // A stage that panics is a bug, but it must not take down the application, with its window and unsaved files.

@@ -2,6 +2,8 @@
 //! Work that would repeat with the same numbers is skipped: transfers of kept memory, and nodes that depend only on
 //! their inputs and the view (see [`Io::per_view`](crate::Io::per_view)).
 
+use std::ops::Range;
+
 use index_vec::IndexVec;
 
 use crate::{
@@ -10,6 +12,7 @@ use crate::{
     plan::{Life, Plan},
     port::FieldRef,
     side::{PerSide, Side},
+    stage::Changes,
 };
 
 /// The version numbers of a plan's contents.
@@ -18,6 +21,8 @@ pub(super) struct Versions {
     last: u64,
     /// For each storage: what each side holds.
     held: IndexVec<StorageId, PerSide<u64>>,
+    /// For each storage: the elements in which the CPU's contents differ from the GPU's, if that is known.
+    differ: IndexVec<StorageId, Vec<Range<usize>>>,
     view: View,
     view_version: u64,
     /// For each node that may be skipped, as of its last run: the number of the view, then those of everything it reads
@@ -35,6 +40,7 @@ impl Versions {
         Self {
             last: 1,
             held: plan.storages.iter().map(|_| PerSide { cpu: 0, gpu: 1 }).collect(),
+            differ: plan.storages.iter().map(|_| Vec::new()).collect(),
             view: View::default(),
             view_version: 0,
             seen: seen.collect(),
@@ -53,6 +59,7 @@ impl Versions {
             let [cpu, gpu] = [self.next(), self.next()];
             self.held[storage] = PerSide { cpu, gpu };
         }
+        self.differ.iter_mut().for_each(Vec::clear);
         self.seen.iter_mut().for_each(Vec::clear);
     }
 
@@ -77,15 +84,25 @@ impl Versions {
         std::iter::once(self.view_version).chain(held)
     }
 
-    /// Records that a node ran and wrote everything except the kept fields that it reports as unchanged.
-    pub fn ran(&mut self, plan: &Plan, node: NodeId, unchanged: &[FieldRef]) {
+    /// Records that a node ran and wrote everything except what it reports of its kept fields as unchanged.
+    pub fn ran(&mut self, plan: &Plan, node: NodeId, changes: &Changes) {
         let planned = &plan.nodes[node];
         let is = |field: &FieldRef| planned.value(*field).map(|value| value.storage);
         for storage in planned.written() {
             let kept = plan.storages[storage].life == Life::Persistent;
-            if !(kept && unchanged.iter().any(|field| is(field) == Some(storage))) {
-                self.held[storage][planned.side] = self.next();
+            if kept && changes.unchanged.iter().any(|field| is(field) == Some(storage)) {
+                continue;
             }
+            let ranges = changes.ranges.iter().filter(|(field, _)| kept && is(field) == Some(storage));
+            let differ = &mut self.differ[storage];
+            let mut known = ranges.map(|(_, range)| range.clone()).peekable();
+            let PerSide { cpu, gpu } = self.held[storage];
+            if known.peek().is_none() || planned.side == Side::Gpu {
+                differ.clear();
+            } else if cpu == gpu || !differ.is_empty() {
+                differ.extend(known);
+            }
+            self.held[storage][planned.side] = self.next();
         }
         if planned.per_view {
             let mut seen = std::mem::take(&mut self.seen[node]);
@@ -104,14 +121,21 @@ impl Versions {
         !(same && plan.storages[storage].life == Life::Persistent)
     }
 
+    /// The elements to upload, after [`Versions::transfer`] to the GPU; empty for all.
+    pub fn differing(&mut self, storage: StorageId) -> std::vec::Drain<'_, Range<usize>> {
+        self.differ[storage].drain(..)
+    }
+
     /// Records that a side received the contents of some earlier frame.
     pub fn late(&mut self, storage: StorageId, to: Side) {
         self.held[storage][to] = self.next();
+        self.differ[storage].clear();
     }
 
     /// Records that a storage's contents were replaced on both sides.
     pub fn replaced(&mut self, storage: StorageId) {
         let next = self.next();
         self.held[storage] = PerSide { cpu: next, gpu: next };
+        self.differ[storage].clear();
     }
 }

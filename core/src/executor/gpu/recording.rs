@@ -1,10 +1,10 @@
 //! Records a frame's steps.
 
-use std::cell::RefCell;
+use std::{cell::RefCell, ops::Range};
 
 use super::{
     GpuSide, RunError, encoder,
-    memory::Layout,
+    memory::{GpuMemory, Layout},
     pipelines::{GpuPass, Groups, Pipeline},
     submit,
 };
@@ -93,10 +93,33 @@ impl GpuSide {
         }
     }
 
-    /// Records a copy from the CPU. Each upload has its own staging buffer, which is written before the submission.
-    pub fn upload(&mut self, plan: &Plan, value: Value, parity: usize, memory: &RefCell<CpuMemory>) {
+    /// Records a copy from the CPU: of some ranges of elements, or of all if there are none. Returns its bytes. Each
+    /// upload has its own staging buffer, which is written before the submission.
+    pub fn upload(
+        &mut self,
+        plan: &Plan,
+        value: Value,
+        parity: usize,
+        memory: &RefCell<CpuMemory>,
+        ranges: impl ExactSizeIterator<Item = Range<usize>>,
+    ) -> u64 {
+        let storage = &plan.storages[value.storage];
         let upload = self.uploads.get_mut(&value).expect("built for every upload");
         let memory = memory.borrow();
+        let slot = &self.memory[plan.slot(value, Side::Gpu, parity)];
+        let encoder = encoder(&self.gpu, &mut self.encoder);
+        if let (GpuMemory::Buffer(buffer), true) = (slot, ranges.len() > 0) {
+            let size = storage.element.bytes() as usize;
+            let mut moved = 0;
+            for range in ranges {
+                let bytes = &memory.bytes()[range.start * size..range.end * size];
+                let (at, length) = ((range.start * size) as u64, bytes.len() as u64);
+                self.gpu.queue.write_buffer(&upload.staging, at, bytes);
+                encoder.copy_buffer_to_buffer(&upload.staging, at, buffer, at, length);
+                moved += length;
+            }
+            return moved;
+        }
         if upload.layout.is_packed() {
             let bytes = &memory.bytes()[..upload.layout.staged_bytes() as usize];
             self.gpu.queue.write_buffer(&upload.staging, 0, bytes);
@@ -104,9 +127,8 @@ impl GpuSide {
             upload.layout.pad(memory.bytes(), &mut upload.padded);
             self.gpu.queue.write_buffer(&upload.staging, 0, &upload.padded);
         }
-        let slot = plan.slot(value, Side::Gpu, parity);
-        let encoder = encoder(&self.gpu, &mut self.encoder);
-        self.memory[slot].copy_in(encoder, &upload.staging, upload.layout);
+        slot.copy_in(encoder, &upload.staging, upload.layout);
+        storage.bytes()
     }
 
     /// Copies to the CPU. Without latency, submits and waits; with a latency of N frames, delivers what was recorded N
