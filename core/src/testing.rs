@@ -123,15 +123,20 @@ pub fn run_alike<S: Stage>(harness: &mut Harness<S>, registry: &Registry, tolera
         harness.ports().iter().any(|declared| declared.name == port && declared.scratch)
     };
     for (name, snapshot) in cpu.0.iter().filter(|(name, _)| !scratch(name)) {
-        assert_alike(name, snapshot, &gpu.0[name], tolerance);
+        let differences = differences(snapshot, &gpu.0[name], tolerance);
+        assert!(differences.is_empty(), "`{name}`: {}", differences[0]);
     }
     cpu
 }
 
-/// Asserts that two copies of a port agree.
+/// The elements in which two copies of a port differ, in words. Integers differ unless they are equal; numbers, if they
+/// are more than `tolerance` apart, relative to the larger one. NaN equals NaN.
+///
+/// # Panics
+/// If one copy has more elements than the other.
 #[track_caller]
-fn assert_alike(name: &str, cpu: &Snapshot, gpu: &Snapshot, tolerance: f32) {
-    assert_eq!(cpu.dims, gpu.dims, "`{name}`");
+pub fn differences(cpu: &Snapshot, gpu: &Snapshot, tolerance: f32) -> Vec<String> {
+    assert_eq!(cpu.dims, gpu.dims, "`{}`", cpu.name);
     let size = cpu.element.bytes() as usize;
     let floats: Vec<usize> = match &cpu.element {
         Element::Texel(Format::R32Float | Format::Rgba32Float) => (0..size).step_by(4).collect(),
@@ -144,9 +149,8 @@ fn assert_alike(name: &str, cpu: &Snapshot, gpu: &Snapshot, tolerance: f32) {
         }
     };
     let number = |bytes: &[u8], at: usize| f32::from_le_bytes(std::array::from_fn(|byte| bytes[at + byte]));
-    let pairs = cpu.bytes.chunks_exact(size).zip(gpu.bytes.chunks_exact(size));
-    for (index, (cpu, gpu)) in pairs.enumerate().filter(|(_, (cpu, gpu))| cpu != gpu) {
-        let same = |at: usize| {
+    let same = |cpu: &[u8], gpu: &[u8]| {
+        (0..size).all(|at| {
             let start = at / 4 * 4;
             if !floats.contains(&start) {
                 return cpu[at] == gpu[at];
@@ -155,21 +159,22 @@ fn assert_alike(name: &str, cpu: &Snapshot, gpu: &Snapshot, tolerance: f32) {
             cpu == gpu
                 || cpu.is_nan() && gpu.is_nan()
                 || (cpu - gpu).abs() <= tolerance * cpu.abs().max(gpu.abs())
+        })
+    };
+    let words = |bytes: &[u8]| -> Vec<String> {
+        let word = |at: usize| {
+            let bits = number(bytes, at).to_bits();
+            if floats.contains(&at) { f32::from_bits(bits).to_string() } else { format!("{bits:#x}") }
         };
-        let words = |bytes: &[u8]| -> Vec<String> {
-            let word = |at: usize| {
-                let bits = number(bytes, at).to_bits();
-                if floats.contains(&at) { f32::from_bits(bits).to_string() } else { format!("{bits:#x}") }
-            };
-            (0..size / 4).map(|word_index| word(4 * word_index)).collect()
-        };
-        assert!(
-            (0..size).all(same),
-            "`{name}`: element {index} is {:?} on the CPU, {:?} on the GPU",
-            words(cpu),
-            words(gpu)
-        );
-    }
+        (0..size / 4).map(|word_index| word(4 * word_index)).collect()
+    };
+    let pairs = cpu.bytes.chunks_exact(size).zip(gpu.bytes.chunks_exact(size)).enumerate();
+    let differing = pairs.filter(|(_, (cpu, gpu))| cpu != gpu && !same(cpu, gpu));
+    differing
+        .map(|(index, (cpu, gpu))| {
+            format!("element {index} is {:?} on the CPU, {:?} on the GPU", words(cpu), words(gpu))
+        })
+        .collect()
 }
 
 #[track_caller]

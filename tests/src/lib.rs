@@ -89,20 +89,21 @@ impl Run {
         Self::at(file, &place, &settings)
     }
 
+    /// Like [`Run::new`], at a place, and keeps every port that a node writes, but for scratch ports.
+    ///
+    /// # Panics
+    /// On any error.
+    pub fn with_all_ports(file: &GraphFile, place: &Place, settings: &Settings) -> Self {
+        let setup = setup(file, place, settings).compile().unwrap_or_else(|error| panic!("{error}"));
+        let written = setup.graph().nodes.iter().flat_map(|node| {
+            let ports = node.declaration().ports.iter().filter(|port| port.is_output() && !port.scratch);
+            ports.map(|port| Source { node: node.name.clone(), port: port.name.to_string() })
+        });
+        Self::at(file, place, &Settings { taps: written.collect(), ..settings.clone() })
+    }
+
     fn at(file: &GraphFile, place: &Place, settings: &Settings) -> Self {
-        let &Settings { size, samples, side, prune, pooling, poison, .. } = settings;
-        let device = if side == Side::Gpu { Device::on(gpu()) } else { Device::CPU };
-        let mut setup = Setup::new(file.clone())
-            .at(place)
-            .size(size)
-            .samples(Samples::Count(samples))
-            .device(&device)
-            .prune(prune)
-            .pooling(pooling)
-            .poison(poison)
-            .profile(false)
-            .compile()
-            .unwrap_or_else(|error| panic!("{error}"));
+        let mut setup = setup(file, place, settings).compile().unwrap_or_else(|error| panic!("{error}"));
         setup.keep(&settings.taps).unwrap_or_else(|error| panic!("{error}"));
         Self(setup.start().unwrap_or_else(|error| panic!("{error}")))
     }
@@ -141,6 +142,21 @@ impl DerefMut for Run {
     fn deref_mut(&mut self) -> &mut epigraph::Run {
         &mut self.0
     }
+}
+
+/// Exact pace, seed 1 and no profiling.
+fn setup(file: &GraphFile, place: &Place, settings: &Settings) -> Setup {
+    let &Settings { size, samples, side, prune, pooling, poison, .. } = settings;
+    let device = if side == Side::Gpu { Device::on(gpu()) } else { Device::CPU };
+    Setup::new(file.clone())
+        .at(place)
+        .size(size)
+        .samples(Samples::Count(samples))
+        .device(&device)
+        .prune(prune)
+        .pooling(pooling)
+        .poison(poison)
+        .profile(false)
 }
 
 /// The facts of the Cornell box, with a camera that moves or not.

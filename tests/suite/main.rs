@@ -12,6 +12,7 @@ mod moving;
 mod parity;
 mod render_cache;
 mod shipped;
+mod sides;
 mod split;
 mod still;
 mod swap;
