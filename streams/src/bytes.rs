@@ -11,6 +11,8 @@ pub struct Layout {
     pub tags: Option<usize>,
     /// A translation.
     pub translation: usize,
+    /// Whether translations are stored that make bricks of a pool, [`Pool::is_of_bricks`].
+    pub stores_bricks: bool,
     /// A point by itself.
     pub point: usize,
 }
@@ -18,15 +20,18 @@ pub struct Layout {
 impl Layout {
     /// The paper's (section 7): an index of 2 bytes and four shorts for a vertex, four floats for 88 tags; four shorts
     /// and two more for a translation; four shorts for a point.
-    pub const PAPER: Self = Self { vertex: 10, tags: Some(16), translation: 12, point: 8 };
+    pub const PAPER: Self =
+        Self { vertex: 10, tags: Some(16), translation: 12, stores_bricks: true, point: 8 };
 
     /// That of this crate's files: a word for a vertex, a translation or a point, and a word for each 32 tags.
-    pub const PACKED: Self = Self { vertex: 4, tags: None, translation: 4, point: 4 };
+    pub const PACKED: Self = Self { vertex: 4, tags: None, translation: 4, stores_bricks: false, point: 4 };
 
     /// Bytes of a pool.
     pub fn pool(&self, pool: &Pool) -> usize {
         let tags = self.tags.unwrap_or(4 * pool.words());
-        pool.vertices().len() * (self.vertex + tags) + pool.translations().len() * self.translation
+        let stored = self.stores_bricks || !pool.is_of_bricks();
+        let translations = if stored { pool.translations().len() } else { 0 };
+        pool.vertices().len() * (self.vertex + tags) + translations * self.translation
     }
 
     /// Bytes of points by themselves.
@@ -34,7 +39,7 @@ impl Layout {
         count * self.point
     }
 
-    /// Bytes of a node: of its pools and of the points that none contains.
+    /// Bytes of a node without its colours and normals: of its pools and of the points that none contains.
     pub fn node(&self, node: &Node) -> usize {
         node.pools().iter().map(|pool| self.pool(pool)).sum::<usize>() + self.points(node.singles().len())
     }

@@ -123,6 +123,22 @@ impl Cells {
         self.0[(place >> 6) as usize] &= !(1 << (place & 63));
     }
 
+    /// The number of cells, and the function from the place of a cell of the set to its index in their order.
+    pub(crate) fn ranks(&self) -> (usize, impl Fn(i32) -> usize) {
+        let mut count = 0;
+        let before = self.0.iter().map(|word| {
+            count += word.count_ones();
+            count - word.count_ones()
+        });
+        let before: Vec<u32> = before.collect();
+        let rank = move |place: i32| {
+            let word = (place >> 6) as usize;
+            let lower = self.0[word] & ((1 << (place & 63)) - 1);
+            (before[word] + lower.count_ones()) as usize
+        };
+        (count as usize, rank)
+    }
+
     /// The cells in their order.
     pub(crate) fn in_order(&self) -> Vec<Cell> {
         let mut cells = Vec::new();
@@ -165,6 +181,9 @@ mod tests {
             (0..8).map(|i| Cell::new([0, 1, 2].map(|axis| 127 * (i >> axis & 1))).unwrap()).collect();
         let set = Cells::new(&corners);
         assert_eq!(set.in_order(), corners);
+        let (count, rank) = set.ranks();
+        let ranks: Vec<usize> = corners.iter().map(|corner| rank(Cells::place(*corner))).collect();
+        assert_eq!((count, ranks), (8, (0..8).collect()));
         let steps = [-127, -126, -1, 0, 1, 126, 127];
         for cell in corners.iter().copied() {
             for by in steps.iter().flat_map(|&x| steps.iter().flat_map(move |&y| steps.map(|z| [x, y, z]))) {

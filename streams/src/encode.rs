@@ -5,27 +5,33 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::{
-    cell::{Cell, Translation},
+    attributes::Attributes,
+    cell::{Cell, Cells},
+    codec::Codec,
     frame::Frame,
     hierarchy::hierarchy,
     model::{Model, Node},
-    palette::{Counts, is_small},
-    pool::{MOST_TRANSLATIONS, pools},
+    palette::is_small,
+    points::{Point, Points},
+    pool::MOST_TRANSLATIONS,
 };
 
 /// Coordinates may not be larger: squares of sums of them must not overflow.
 const MOST_COORDINATE: f32 = 1e30;
 
-/// How points are encoded. The defaults are the paper's, but for 96 translations in place of 88.
+/// How points are encoded. The defaults are the smallest codec, and for its pools the paper's numbers, but for 96
+/// translations in place of 88.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
+    /// How the cells of a node are stored.
+    pub codec: Codec,
     /// Levels of the hierarchy, 1 to 24.
     pub levels: u32,
-    /// Pools of each node, 0 to 64. Without pools, all points are stored one by one.
+    /// Pools of each node, 0 to 64, for [`Codec::Streams`] and [`Codec::Best`], as are the following.
     pub pools: usize,
     /// The most translations of a pool, 1 to 128. The paper's tags have 88 bits; words of 32 hold 96 in as many bytes.
     pub translations: usize,
@@ -37,7 +43,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { levels: 8, pools: 2, translations: 96, palette: 256, threshold: 0.25 }
+        Self { codec: Codec::Best, levels: 8, pools: 2, translations: 96, palette: 256, threshold: 0.25 }
     }
 }
 
@@ -58,6 +64,19 @@ pub enum EncodeError {
         /// The point.
         point: Vec3,
     },
+    /// The origin is not finite.
+    #[error("the origin is at {0}; coordinates must be numbers")]
+    Origin(DVec3),
+    /// There is not one colour or normal for each point.
+    #[error("{points} points have {found} {name}")]
+    Attributes {
+        /// The field of [`Points`].
+        name: &'static str,
+        /// The number of points.
+        points: usize,
+        /// The number of colours or normals.
+        found: usize,
+    },
     /// A setting is out of its range.
     #[error("{name} must be {range}, not {value}")]
     Setting {
@@ -76,8 +95,9 @@ pub enum EncodeError {
 /// Encodes points. The same points in the same order give the same model on all machines, with any number of cores.
 ///
 /// # Errors
-/// There are no points or too many, a coordinate is no finite number, or a setting is out of its range.
-pub fn encode(points: &[Vec3], settings: &Settings) -> Result<Model, EncodeError> {
+/// There are no points or too many, a coordinate is no finite number, colours or normals do not fit the points, or a
+/// setting is out of its range.
+pub fn encode(points: &Points, settings: &Settings) -> Result<Model, EncodeError> {
     encode_watched(points, settings, &|_| ControlFlow::Continue(()))
 }
 
@@ -87,52 +107,94 @@ pub fn encode(points: &[Vec3], settings: &Settings) -> Result<Model, EncodeError
 /// # Errors
 /// As [`encode`]; [`EncodeError::Stopped`].
 pub fn encode_watched(
-    points: &[Vec3],
+    given: &Points,
     settings: &Settings,
     watch: &(dyn Fn(f64) -> ControlFlow<()> + Sync),
 ) -> Result<Model, EncodeError> {
-    check(points, settings)?;
-    let mut points = points.to_vec();
+    check(given, settings)?;
+    let mut points = Point::all(&given.positions);
     let branches = hierarchy(&mut points, settings.levels);
-    let grids: Vec<(Frame, Vec<Cell>)> =
-        branches.par_iter().map(|branch| Frame::quantize(&points[branch.points.clone()])).collect();
+    let grids: Vec<Grid> =
+        branches.par_iter().map(|branch| Grid::new(given, &points[branch.points.clone()])).collect();
 
     let done = AtomicUsize::new(0);
     let node = |index: usize| {
-        let (frame, cells) = &grids[index];
-        let palette = Counts::new(cells).most_frequent(settings.palette);
-        let palette: Vec<Translation> = palette.into_iter().map(|(by, _)| by).collect();
-        let (pools, singles) = pools(cells, &palette, settings);
-        let branch = &branches[index];
-        let points = branch.points.len() as u32;
+        let (grid, branch) = (&grids[index], &branches[index]);
+        let (pools, singles) = settings.codec.divide(&grid.cells, settings);
+        let mut node = Node {
+            frame: grid.frame,
+            points: branch.points.len() as u32,
+            first_child: branch.first_child,
+            pools,
+            singles,
+            attributes: Attributes::default(),
+        };
+        node.attributes = grid.attributes_of(&node);
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         match watch(done as f64 / branches.len() as f64) {
-            ControlFlow::Continue(()) => {
-                Ok((index, Node { frame: *frame, points, first_child: branch.first_child, pools, singles }))
-            }
+            ControlFlow::Continue(()) => Ok((index, node)),
             ControlFlow::Break(()) => Err(EncodeError::Stopped),
         }
     };
     // A transform uses all cores and much memory, so these nodes come one after another.
     let (small, large): (Vec<usize>, Vec<usize>) =
-        (0..branches.len()).partition(|&index| is_small(&grids[index].1));
+        (0..branches.len()).partition(|&index| !settings.codec.searches() || is_small(&grids[index].cells));
     let mut nodes = large.into_iter().map(node).collect::<Result<Vec<_>, _>>()?;
     nodes.extend(small.into_par_iter().map(node).collect::<Result<Vec<_>, _>>()?);
     nodes.sort_by_key(|(index, _)| *index);
-    Ok(Model { nodes: nodes.into_iter().map(|(_, node)| node).collect() })
+    Ok(Model { origin: given.origin, nodes: nodes.into_iter().map(|(_, node)| node).collect() })
 }
 
-fn check(points: &[Vec3], settings: &Settings) -> Result<(), EncodeError> {
+/// The points of a node on its grid.
+struct Grid {
+    frame: Frame,
+    /// In their order.
+    cells: Vec<Cell>,
+    /// In the order of the cells.
+    attributes: Attributes,
+}
+
+impl Grid {
+    fn new(given: &Points, points: &[Point]) -> Self {
+        let (frame, set) = Frame::quantize(points);
+        let (count, rank) = set.ranks();
+        let cell_of = frame.cell_of();
+        let index_of = |point: &Point| rank(Cells::place(cell_of(point.at)));
+        let attributes = Attributes::means(given, points, count, index_of);
+        Self { frame, cells: set.in_order(), attributes }
+    }
+
+    /// The attributes in the order of a node's cells, which are those of the grid.
+    fn attributes_of(&self, node: &Node) -> Attributes {
+        if self.attributes == Attributes::default() {
+            return Attributes::default();
+        }
+        let index = |cell: &Cell| self.cells.binary_search(cell).expect("the node has the grid's cells");
+        self.attributes.reordered(&node.cells().iter().map(index).collect::<Vec<_>>())
+    }
+}
+
+fn check(points: &Points, settings: &Settings) -> Result<(), EncodeError> {
     in_range("levels", settings.levels, 1..=24)?;
     in_range("pools", settings.pools, 0..=64)?;
     in_range("translations", settings.translations, 1..=MOST_TRANSLATIONS)?;
     in_range("palette", settings.palette, 1..=1 << 16)?;
     in_range("threshold", settings.threshold, 0.0..=1.0)?;
+    let Points { origin, positions: points, colors, normals } = points;
     if points.is_empty() {
         return Err(EncodeError::Empty);
     }
     if u32::try_from(points.len()).is_err() {
         return Err(EncodeError::TooMany(points.len()));
+    }
+    let counts = [("colors", colors.as_ref().map(Vec::len)), ("normals", normals.as_ref().map(Vec::len))];
+    for (name, found) in counts {
+        if let Some(found) = found.filter(|&found| found != points.len()) {
+            return Err(EncodeError::Attributes { name, points: points.len(), found });
+        }
+    }
+    if !origin.is_finite() {
+        return Err(EncodeError::Origin(*origin));
     }
     let large = |point: &Vec3| !(point.is_finite() && point.abs().max_element() <= MOST_COORDINATE);
     match points.iter().position(large) {

@@ -3,9 +3,11 @@
 use std::path::Path;
 
 use epigraph_files::{FileError, MOST_DATA, Target};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::{
+    attributes::Attributes,
+    brick,
     cell::{Cell, GRID, Translation},
     frame::Frame,
     model::{Model, Node},
@@ -13,9 +15,15 @@ use crate::{
 };
 
 const MAGIC: &[u8; 8] = b"EPIGRVTS";
-const VERSION: u32 = 1;
-const HEADER: usize = 20;
+const VERSION: u32 = 2;
+const HEADER: usize = 48;
+/// Where the bytes begin that the header's checksum is of.
+const CHECKED: usize = 16;
 const RECORD: usize = 76;
+
+/// Bits of the header's flags.
+const COLORS: u32 = 1;
+const NORMALS: u32 = 2;
 
 /// Why bytes are no model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -40,6 +48,14 @@ pub enum VtsError {
         /// What has changed.
         part: String,
     },
+    /// The header has flags that this version does not define.
+    #[error(
+        "its flags are {0:#x}; this version of the format has only {COLORS} for colours and {NORMALS} for normals"
+    )]
+    Flags(u32),
+    /// The origin is not finite.
+    #[error("its origin is not made of finite numbers")]
+    Origin,
     /// The table of nodes is no tree.
     #[error("node {node} cannot have node {child} as its first child")]
     Child {
@@ -77,6 +93,8 @@ pub enum VtsError {
 /// The table of a file's nodes, which are read one by one.
 pub struct Reader<'a> {
     bytes: &'a [u8],
+    origin: DVec3,
+    flags: u32,
     records: Vec<Record>,
 }
 
@@ -100,7 +118,8 @@ impl<'a> Reader<'a> {
             return Err(VtsError::Magic);
         }
         let mut header = Words(bytes.get(8..HEADER).ok_or_else(|| short("the header"))?);
-        let [version, count, checksum] = [0; 3].map(|_| header.next());
+        let [version, checksum, count, flags] = [0; 4].map(|_| header.next());
+        let origin = DVec3::from([0; 3].map(|_| f64::from_bits(header.next_long())));
         if version != VERSION {
             return Err(VtsError::Version(version));
         }
@@ -108,12 +127,23 @@ impl<'a> Reader<'a> {
         let table =
             (count as usize).checked_mul(RECORD).and_then(|length| bytes.get(HEADER..)?.get(..length));
         let table = table.ok_or_else(|| short("the table of nodes"))?;
-        if crc32fast::hash(table) != checksum {
-            return Err(VtsError::Checksum { part: "the table of nodes".into() });
+        if crc32fast::hash(&bytes[CHECKED..HEADER + table.len()]) != checksum {
+            return Err(VtsError::Checksum { part: "the header and the table of nodes".into() });
+        }
+        if flags & !(COLORS | NORMALS) != 0 {
+            return Err(VtsError::Flags(flags));
+        }
+        if !origin.is_finite() {
+            return Err(VtsError::Origin);
         }
         let records: Vec<Record> = table.chunks_exact(RECORD).map(Record::read).collect();
         check_tree(&records)?;
-        Ok(Self { bytes, records })
+        Ok(Self { bytes, origin, flags, records })
+    }
+
+    /// What to add to the positions of points: [`Model::origin`].
+    pub fn origin(&self) -> DVec3 {
+        self.origin
     }
 
     /// The number of nodes.
@@ -134,15 +164,17 @@ impl<'a> Reader<'a> {
         if crc32fast::hash(block) != record.checksum {
             return Err(VtsError::Checksum { part: part() });
         }
-        let (pools, singles) = Block { node, bytes: block, offset: 0 }.read()?;
+        let mut block = Block { node, bytes: block, offset: 0 };
+        let (pools, singles) = block.cells_of_node()?;
         let Record { frame, points, first_child, .. } = *record;
-        let read = Node { frame, points, first_child, pools, singles };
+        let mut read = Node { frame, points, first_child, pools, singles, attributes: Attributes::default() };
         let fail = |cause| Err(VtsError::Points { node, cause });
         // Before the points are expanded: a few bytes of tags are many points.
         let cells = read.cell_count();
         if cells == 0 || cells > read.points() || cells > GRID.pow(3) as usize {
             return fail(format!("{points} points cannot fill {cells} cells"));
         }
+        read.attributes = block.attributes(cells, self.flags)?;
         if let Some(cell) = read.repeated() {
             return fail(format!("it contains cell {cell:?} twice"));
         }
@@ -159,8 +191,8 @@ impl Record {
         let cell = f32::from_bits(words.next());
         let points = words.next();
         let first_child = Some(words.next() as usize).filter(|&child| child != 0);
-        let [low, high, length, checksum] = [0; 4].map(|_| words.next());
-        let offset = u64::from(low) | u64::from(high) << 32;
+        let offset = words.next_long();
+        let [length, checksum] = [0; 2].map(|_| words.next());
         Self { frame: Frame { origin, axes, cell }, points, first_child, offset, length, checksum }
     }
 
@@ -210,6 +242,10 @@ fn check_tree(records: &[Record]) -> Result<(), VtsError> {
 struct Words<'a>(&'a [u8]);
 
 impl Words<'_> {
+    fn next_long(&mut self) -> u64 {
+        u64::from(self.next()) | u64::from(self.next()) << 32
+    }
+
     fn next(&mut self) -> u32 {
         let (word, rest) = self.0.split_first_chunk().expect("the length was checked");
         self.0 = rest;
@@ -225,29 +261,43 @@ struct Block<'a> {
 }
 
 impl Block<'_> {
-    fn read(mut self) -> Result<(Vec<Pool>, Vec<Cell>), VtsError> {
-        let count = self.words(1, "the number of pools")?[0];
+    /// The pools, and the cells that none contains.
+    fn cells_of_node(&mut self) -> Result<(Vec<Pool>, Vec<Cell>), VtsError> {
+        let numbers = self.words(2, "the numbers of pools and of cells by themselves")?;
+        let [count, singles] = [numbers[0], numbers[1]];
         let mut pools = Vec::new();
         for _ in 0..count {
             let begin = self.offset;
             let numbers = self.words(2, "a pool's numbers")?;
             let [vertices, translations] = [numbers[0] as usize, numbers[1] as usize];
-            let translations = self.words(translations, "translations")?;
-            let words = translations.len().div_ceil(32);
-            let translations = translations.into_iter().map(translation).collect::<Option<Vec<_>>>();
+            let translations = if translations == 0 {
+                Some(brick::block().collect())
+            } else {
+                let words = self.words(translations, "translations")?;
+                words.into_iter().map(translation).collect::<Option<Vec<_>>>()
+            };
             let translations =
                 translations.ok_or_else(|| self.fail(begin, "a translation leaves the grid"))?;
+            let words = translations.len().div_ceil(32);
             let vertices = self.cells(vertices)?;
             let tags = self.words(vertices.len().saturating_mul(words), "tags")?;
             let pool = Pool::new(vertices, translations, tags);
             pools.push(pool.map_err(|error: PoolError| self.fail(begin, error))?);
         }
-        let rest = self.bytes.len() - self.offset;
-        if !rest.is_multiple_of(4) {
-            return Err(self.fail(self.offset, format!("{rest} bytes are no whole number of points")));
-        }
-        let singles = self.cells(rest / 4)?;
+        let singles = self.cells(singles as usize)?;
         Ok((pools, singles))
+    }
+
+    /// The colours and normals of the node's cells, up to the end of the block.
+    fn attributes(mut self, cells: usize, flags: u32) -> Result<Attributes, VtsError> {
+        let mut read = |flag, what| (flags & flag != 0).then(|| self.words(cells, what)).transpose();
+        let attributes = Attributes { colors: read(COLORS, "colours")?, normals: read(NORMALS, "normals")? };
+        match self.bytes.len() - self.offset {
+            0 => Ok(attributes),
+            rest => {
+                Err(self.fail(self.offset, format!("{rest} bytes follow the last of the node's numbers")))
+            }
+        }
     }
 
     /// The next words. They are in the block before memory is allocated for them.
@@ -278,19 +328,33 @@ fn translation(word: u32) -> Option<Translation> {
     Translation::new(by).filter(|_| zero == 0)
 }
 
-fn block(node: &Node) -> Vec<u8> {
+pub(crate) fn block(node: &Node) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut word = |word: u32| bytes.extend(word.to_le_bytes());
     word(node.pools.len() as u32);
+    word(node.singles.len() as u32);
     for pool in &node.pools {
+        let translations = if pool.is_of_bricks() { &[] } else { pool.translations() };
         word(pool.vertices().len() as u32);
-        word(pool.translations().len() as u32);
-        pool.translations().iter().for_each(|by| word(u32::from_le_bytes(by.bytes())));
+        word(translations.len() as u32);
+        translations.iter().for_each(|by| word(u32::from_le_bytes(by.bytes())));
         pool.vertices().iter().for_each(|cell| word(cell.bits()));
         pool.tags().iter().for_each(|&tags| word(tags));
     }
     node.singles.iter().for_each(|cell| word(cell.bits()));
+    [node.colors(), node.normals()].into_iter().flatten().flatten().for_each(|&value| word(value));
     bytes
+}
+
+/// What comes before the blocks: the header and a table of nodes.
+fn head(flags: u32, origin: DVec3, table: &[u8]) -> Vec<u8> {
+    let mut checked = Vec::with_capacity(HEADER + table.len());
+    checked.extend(((table.len() / RECORD) as u32).to_le_bytes());
+    checked.extend(flags.to_le_bytes());
+    checked.extend(origin.to_array().iter().flat_map(|at| at.to_le_bytes()));
+    checked.extend(table);
+    let checksum = crc32fast::hash(&checked);
+    [MAGIC, &VERSION.to_le_bytes()[..], &checksum.to_le_bytes(), &checked].concat()
 }
 
 impl Model {
@@ -313,11 +377,10 @@ impl Model {
             record.write(&mut table);
             blocks.extend(block);
         }
-        let mut bytes = MAGIC.to_vec();
-        for word in [VERSION, self.nodes.len() as u32, crc32fast::hash(&table)] {
-            bytes.extend(word.to_le_bytes());
-        }
-        [bytes, table, blocks].concat()
+        let has = |values: fn(&Node) -> Option<&[u32]>| self.nodes.first().and_then(values).is_some();
+        let colors = if has(Node::colors) { COLORS } else { 0 };
+        let normals = if has(Node::normals) { NORMALS } else { 0 };
+        [head(colors | normals, self.origin, &table), blocks].concat()
     }
 
     /// The model from the bytes of a file.
@@ -327,7 +390,7 @@ impl Model {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, VtsError> {
         let reader = Reader::new(bytes)?;
         let nodes = (0..reader.node_count()).map(|node| reader.node(node)).collect::<Result<_, _>>()?;
-        Ok(Self { nodes })
+        Ok(Self { origin: reader.origin(), nodes })
     }
 
     /// Reads a file of at most [`MOST_DATA`] bytes.

@@ -3,7 +3,10 @@
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::cell::{Cell, Cells, GRID};
+use crate::{
+    cell::{Cell, Cells, GRID},
+    points::Point,
+};
 
 /// Points whose sums one task computes. Sums are added in the order of these blocks, on any number of cores.
 pub(crate) const BLOCK: usize = 1 << 15;
@@ -19,11 +22,11 @@ pub(crate) struct Spread {
 
 impl Spread {
     /// The principal components of one point or more.
-    pub(crate) fn new(points: &[Vec3]) -> Self {
+    pub(crate) fn new(points: &[Point]) -> Self {
         let sum = |term: &(dyn Fn(DVec3) -> DMat3 + Sync)| -> DMat3 {
             let blocks: Vec<DMat3> = points
                 .par_chunks(BLOCK)
-                .map(|block| block.iter().fold(DMat3::ZERO, |sum, point| sum + term(point.as_dvec3())))
+                .map(|block| block.iter().fold(DMat3::ZERO, |sum, point| sum + term(point.at.as_dvec3())))
                 .collect();
             blocks.into_iter().fold(DMat3::ZERO, |sum, block| sum + block)
         };
@@ -75,7 +78,7 @@ fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
     (DVec3::new(a[0][0], a[1][1], a[2][2]), DMat3::from_cols_array_2d(&vectors))
 }
 
-/// Where a node's grid lies in space. The cells are cubes.
+/// Where a node's grid lies in space. The cells are cubes. Coordinates are from the model's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// The corner of cell (0, 0, 0), in the units of the points.
@@ -88,38 +91,40 @@ pub struct Frame {
 
 impl Frame {
     /// The grid along the principal axes whose longest side just contains the points, and the cells with a point.
-    pub(crate) fn quantize(points: &[Vec3]) -> (Self, Vec<Cell>) {
+    pub(crate) fn quantize(points: &[Point]) -> (Self, Cells) {
         let spread = Spread::new(points);
         let axes = [0, 1, 2].map(|axis| spread.axes.col(axis).as_vec3());
         let rotation = inverse(axes);
-        let along = |point: Vec3| rotation * (point.as_dvec3() - spread.mean);
+        let along = |point: &Point| rotation * (point.at.as_dvec3() - spread.mean);
         let bounds = points
             .par_chunks(BLOCK)
             .map(|block| {
                 block
                     .iter()
-                    .fold(NOTHING, |[low, high], &point| [low.min(along(point)), high.max(along(point))])
+                    .fold(NOTHING, |[low, high], point| [low.min(along(point)), high.max(along(point))])
             })
             .reduce(|| NOTHING, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         let [low, high] = bounds;
         let cell = ((high - low).max_element() / f64::from(GRID)) as f32;
         let origin = (spread.mean + matrix(axes) * low).as_vec3();
         let frame = Self { origin, axes, cell };
+        let cell_of = frame.cell_of();
         let mut set = Cells::empty();
-        for &point in points {
-            set.insert(Cells::place(frame.cell_of(rotation, point)));
+        for point in points {
+            set.insert(Cells::place(cell_of(point.at)));
         }
-        (frame, set.in_order())
+        (frame, set)
     }
 
-    /// The cell that contains a point; the nearest one for a point that rounding put outside.
-    fn cell_of(&self, rotation: DMat3, point: Vec3) -> Cell {
-        let along = rotation * (point.as_dvec3() - self.origin.as_dvec3());
-        let at = along.to_array().map(|along| {
+    /// The function that finds the cell of a point; the nearest one for a point that rounding put outside.
+    pub(crate) fn cell_of(&self) -> impl Fn(Vec3) -> Cell {
+        let (rotation, origin, cell) = (inverse(self.axes), self.origin.as_dvec3(), f64::from(self.cell));
+        move |point| {
+            let along = (rotation * (point.as_dvec3() - origin)).to_array();
             // 0 / 0 is no number, which becomes 0.
-            ((along / f64::from(self.cell)).floor() as i32).clamp(0, GRID as i32 - 1)
-        });
-        Cell::new(at).expect("clamped to the grid")
+            let at = along.map(|along| ((along / cell).floor() as i32).clamp(0, GRID as i32 - 1));
+            Cell::new(at).expect("clamped to the grid")
+        }
     }
 
     /// The centre of a cell: at most half a cell from each of its points along each axis.
@@ -157,7 +162,7 @@ mod tests {
         let diagonal = Vec3::new(2.0, 2.0, 0.0);
         let center = Vec3::new(5.0, 6.0, 7.0);
         let points = [diagonal, -diagonal, Vec3::Z, -Vec3::Z].map(|offset| center + offset);
-        let spread = Spread::new(&points);
+        let spread = Spread::new(&Point::all(&points));
         assert_eq!(spread.mean, center.as_dvec3());
         let [first, second] = [spread.axes.x_axis, spread.axes.y_axis];
         assert!(first.abs_diff_eq(DVec3::new(0.5f64.sqrt(), 0.5f64.sqrt(), 0.0), 1e-15), "{first}");
@@ -170,7 +175,8 @@ mod tests {
     #[test]
     fn the_longest_side_of_the_grid_contains_the_points() {
         let points = [0.0, 10.0, 63.5, 128.0].map(|x| Vec3::new(x, 0.0, 0.0));
-        let (frame, cells) = Frame::quantize(&points);
+        let (frame, cells) = Frame::quantize(&Point::all(&points));
+        let cells = cells.in_order();
         assert_eq!((frame.cell, frame.axes[0], frame.origin), (1.0, Vec3::X, Vec3::ZERO));
         assert_eq!(cells.iter().map(|cell| cell.at()[0]).collect::<Vec<_>>(), [0, 10, 63, 127]);
         assert_eq!(frame.center(cells[2]), Vec3::new(63.5, 0.5, 0.5));
@@ -180,7 +186,8 @@ mod tests {
     #[test]
     fn equal_points_are_one_cell() {
         let point = Vec3::new(1e6, -3.0, 0.25);
-        let (frame, cells) = Frame::quantize(&[point; 5]);
+        let (frame, cells) = Frame::quantize(&Point::all(&[point; 5]));
+        let cells = cells.in_order();
         assert_eq!((frame.cell, cells.len()), (0.0, 1));
         assert_eq!(frame.center(cells[0]), point);
     }

@@ -2,10 +2,13 @@
 
 use std::{collections::VecDeque, ops::Range};
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::frame::{BLOCK, Spread};
+use crate::{
+    frame::{BLOCK, Spread},
+    points::Point,
+};
 
 /// After this many rounds the clusters are as they are (section 6 of the paper).
 const MOST_ROUNDS: usize = 30;
@@ -23,7 +26,7 @@ pub(crate) struct Branch {
 }
 
 /// Nodes by levels, the root first. The points are put in the order of the leaves.
-pub(crate) fn hierarchy(points: &mut [Vec3], levels: u32) -> Vec<Branch> {
+pub(crate) fn hierarchy(points: &mut [Point], levels: u32) -> Vec<Branch> {
     let mut branches = Vec::new();
     let mut next = VecDeque::from([grow(points, 0, levels)]);
     let mut count = 1;
@@ -43,7 +46,7 @@ struct Tree {
     children: Option<Box<[Tree; 2]>>,
 }
 
-fn grow(points: &mut [Vec3], start: usize, levels: u32) -> Tree {
+fn grow(points: &mut [Point], start: usize, levels: u32) -> Tree {
     let range = start..start + points.len();
     let middle = if levels > 1 { split(points) } else { None };
     let children = middle.map(|middle| {
@@ -56,7 +59,7 @@ fn grow(points: &mut [Vec3], start: usize, levels: u32) -> Tree {
 }
 
 /// Sorts the points into two clusters and returns the size of the first; `None` if they are one.
-fn split(points: &mut [Vec3]) -> Option<usize> {
+fn split(points: &mut [Point]) -> Option<usize> {
     let Spread { mean, axes, deviation } = Spread::new(points);
     let mut means = [-0.5, 0.5].map(|part| mean + axes.x_axis * (part * deviation));
     let mut distortion = f64::INFINITY;
@@ -74,16 +77,16 @@ fn split(points: &mut [Vec3]) -> Option<usize> {
         }
         means = next;
     }
-    let (left, right): (Vec<Vec3>, Vec<Vec3>) =
-        points.iter().partition(|point| nearest(**point, means).0 == 0);
+    let (left, right): (Vec<Point>, Vec<Point>) =
+        points.iter().partition(|point| nearest(point.at.as_dvec3(), means).0 == 0);
     points[..left.len()].copy_from_slice(&left);
     points[left.len()..].copy_from_slice(&right);
     (!left.is_empty() && !right.is_empty()).then_some(left.len())
 }
 
 /// The nearer mean, the first of equals, and the distance to it.
-fn nearest(point: Vec3, means: [DVec3; 2]) -> (usize, f64) {
-    let [a, b] = means.map(|mean| point.as_dvec3().distance_squared(mean));
+fn nearest(point: DVec3, means: [DVec3; 2]) -> (usize, f64) {
+    let [a, b] = means.map(|mean| point.distance_squared(mean));
     if b < a { (1, b.sqrt()) } else { (0, a.sqrt()) }
 }
 
@@ -97,11 +100,12 @@ struct Cluster {
 }
 
 impl Cluster {
-    fn of(points: &[Vec3], means: [DVec3; 2]) -> Self {
+    fn of(points: &[Point], means: [DVec3; 2]) -> Self {
         let mut of = Self::default();
-        for &point in points {
-            let (side, distance) = nearest(point, means);
-            of.sums[side] += point.as_dvec3();
+        for point in points {
+            let at = point.at.as_dvec3();
+            let (side, distance) = nearest(at, means);
+            of.sums[side] += at;
             of.counts[side] += 1.0;
             of.distortion += distance;
         }
@@ -119,17 +123,20 @@ impl Cluster {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
-    fn on_a_line(at: &[f32]) -> Vec<Vec3> {
-        at.iter().map(|&x| Vec3::new(x, 0.0, 0.0)).collect()
+    fn on_a_line(at: &[f32]) -> Vec<Point> {
+        (0..).zip(at).map(|(index, &x)| Point { at: Vec3::new(x, 0.0, 0.0), index }).collect()
     }
 
     #[test]
     fn two_heaps_of_unequal_size_are_two_children() {
         let mut points = on_a_line(&[10.0, 0.0, 1.0, 11.0, 2.0, 0.0]);
         let nodes = hierarchy(&mut points, 2);
-        assert_eq!(points, on_a_line(&[0.0, 1.0, 2.0, 0.0, 10.0, 11.0]));
+        let places: Vec<_> = points.iter().map(|point| (point.at.x, point.index)).collect();
+        assert_eq!(places, [(0.0, 1), (1.0, 2), (2.0, 4), (0.0, 5), (10.0, 0), (11.0, 3)]);
         let leaf = |points| Branch { points, first_child: None };
         assert_eq!(nodes, [Branch { points: 0..6, first_child: Some(1) }, leaf(0..4), leaf(4..6)]);
     }

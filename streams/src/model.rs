@@ -1,8 +1,9 @@
 //! An encoded point set.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::{
+    attributes::Attributes,
     cell::{Cell, Cells},
     frame::Frame,
     pool::Pool,
@@ -16,6 +17,8 @@ pub struct Node {
     pub(crate) first_child: Option<usize>,
     pub(crate) pools: Vec<Pool>,
     pub(crate) singles: Vec<Cell>,
+    /// In the order of [`Node::cells`].
+    pub(crate) attributes: Attributes,
 }
 
 impl Node {
@@ -69,7 +72,19 @@ impl Node {
         cells
     }
 
-    /// The centres of [`Node::cells`], in the units of the points that were encoded.
+    /// The colours of [`Node::cells`], if the points have some: of each cell the mean of its points, in linear light.
+    /// [`unpack_color`](crate::unpack_color) reads one.
+    pub fn colors(&self) -> Option<&[u32]> {
+        self.attributes.colors.as_deref()
+    }
+
+    /// The normals of [`Node::cells`], if the points have some: of each cell the direction of the sum over its points,
+    /// in the space of the points. [`unpack_normal`](crate::unpack_normal) reads one.
+    pub fn normals(&self) -> Option<&[u32]> {
+        self.attributes.normals.as_deref()
+    }
+
+    /// The centres of [`Node::cells`] from [`Model::origin`], in the units of the points that were encoded.
     pub fn positions(&self) -> Vec<Vec3> {
         self.cells().into_iter().map(|cell| self.frame.center(cell)).collect()
     }
@@ -84,10 +99,16 @@ impl Node {
 /// A point set as a binary tree of [`Node`]s. The nodes of any cut through the tree hold all points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
+    pub(crate) origin: DVec3,
     pub(crate) nodes: Vec<Node>,
 }
 
 impl Model {
+    /// What to add to the positions of points.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
     /// The nodes by levels. The first is the root; siblings follow each other.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes

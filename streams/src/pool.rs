@@ -5,6 +5,7 @@ use std::cmp::Reverse;
 use rayon::prelude::*;
 
 use crate::{
+    brick,
     bytes::Layout,
     cell::{Cell, Cells, Translation},
     encode::Settings,
@@ -106,6 +107,12 @@ impl Pool {
     /// Words of tags for each vertex: one for 32 translations.
     pub fn words(&self) -> usize {
         self.translations.len().div_ceil(32)
+    }
+
+    /// Whether the pool is one of bricks: the translations are the cells of a block of 4 x 4 x 4 from its corner, x
+    /// fastest. Files do without such translations.
+    pub fn is_of_bricks(&self) -> bool {
+        self.translations.iter().copied().eq(brick::block())
     }
 
     /// The number of points: of tags that are set.

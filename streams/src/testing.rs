@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::cell::Cell;
+use crate::{cell::Cell, points::Points};
 
 /// The generator of Numerical Recipes; the upper bits are the good ones.
 pub(crate) struct Random(pub(crate) u32);
@@ -75,4 +75,17 @@ pub(crate) fn scan(count: usize, seed: u32) -> Vec<Vec3> {
         }
     }
     points
+}
+
+/// Points whose colours and normals follow from their places.
+pub(crate) fn colored(positions: Vec<Vec3>) -> Points {
+    let color = |at: &Vec3| {
+        let [r, g, b] = (at * 97.0).to_array().map(|along| along.rem_euclid(256.0) as u8);
+        [r, g, b, r ^ g]
+    };
+    Points {
+        colors: Some(positions.iter().map(color).collect()),
+        normals: Some(positions.clone()),
+        ..Points::from(positions)
+    }
 }

@@ -1,11 +1,16 @@
 //! Encoding and decoding as a whole.
 
-use std::{collections::BTreeSet, ops::ControlFlow, sync::Mutex};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::ControlFlow,
+    sync::Mutex,
+};
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use crate::{
-    testing::{Random, scan},
+    file::block,
+    testing::{Random, colored, scan},
     *,
 };
 
@@ -29,46 +34,111 @@ fn sets() -> Vec<Vec<Vec3>> {
     sets
 }
 
-/// The cells of a frame that contain points, found without the encoder.
-fn occupied(frame: &Frame, points: &[Vec3]) -> BTreeSet<Cell> {
-    let cell = |point: &Vec3| {
+/// The cells of a frame that contain points, with the indices of these, found without the encoder.
+fn occupied(frame: &Frame, points: &[Vec3]) -> BTreeMap<Cell, Vec<usize>> {
+    let mut cells: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+    for (index, point) in points.iter().enumerate() {
         let at = frame.coordinates(*point).map(|along| (along.floor() as i32).clamp(0, GRID as i32 - 1));
-        Cell::new(at).unwrap()
-    };
-    points.iter().map(cell).collect()
+        cells.entry(Cell::new(at).unwrap()).or_default().push(index);
+    }
+    cells
 }
+
+const CODECS: [Codec; 4] = [Codec::Packed, Codec::Brick, Codec::Streams, Codec::Best];
 
 #[test]
 fn each_occupied_cell_is_decoded_once() {
-    for (index, points) in sets().iter().enumerate() {
+    for (index, points) in sets().into_iter().enumerate() {
+        let points = Points::from(points);
         for (pools, translations) in [(0, 96), (1, 88), (2, 96), (5, 128), (3, 7)] {
             let settings = Settings { levels: 4, pools, translations, ..Settings::default() };
-            let model = encode(points, &settings).unwrap();
-            let root = &model.nodes()[0];
-            let mut cells = root.cells();
-            cells.sort();
-            let expected: Vec<Cell> = occupied(root.frame(), points).into_iter().collect();
-            assert_eq!(cells, expected, "set {index}, {settings:?}");
-            assert_eq!(root.points(), points.len());
-            assert_eq!(root.merged(), points.len() - expected.len());
-            for node in model.nodes() {
-                let unique: BTreeSet<Cell> = node.cells().into_iter().collect();
-                assert_eq!(unique.len(), node.cell_count());
+            let models = CODECS.map(|codec| encode(&points, &Settings { codec, ..settings }).unwrap());
+            let expected: Vec<Cell> =
+                occupied(models[0].nodes()[0].frame(), &points.positions).into_keys().collect();
+            for (codec, model) in CODECS.iter().zip(&models) {
+                assert_eq!(Model::from_bytes(&model.to_bytes()).as_ref(), Ok(model));
+                let root = &model.nodes()[0];
+                let mut cells = root.cells();
+                cells.sort();
+                assert_eq!(cells, expected, "set {index}, {codec:?}, {settings:?}");
+                assert_eq!(root.points(), points.positions.len());
+                assert_eq!(root.merged(), points.positions.len() - expected.len());
+                for node in model.nodes() {
+                    let unique: BTreeSet<Cell> = node.cells().into_iter().collect();
+                    assert_eq!(unique.len(), node.cell_count());
+                }
+                let leaves: usize = model.leaves().map(Node::points).sum();
+                assert_eq!(leaves, points.positions.len());
+            }
+            let [packed, bricks, streams, best] = &models;
+            for index in 0..packed.nodes().len() {
+                let of = |model: &Model| block(&model.nodes()[index]).len();
+                let smallest = of(packed).min(of(bricks)).min(of(streams));
+                assert!(of(best) <= smallest, "{} {smallest}", of(best));
+                let same = |a: &Model| {
+                    let (a, b) = (&a.nodes()[index], &packed.nodes()[index]);
+                    let sorted = |node: &Node| BTreeSet::from_iter(node.cells());
+                    a.frame() == b.frame() && a.children() == b.children() && sorted(a) == sorted(b)
+                };
+                assert!(same(bricks) && same(streams) && same(best));
+            }
+            assert!(packed.nodes().iter().all(|node| node.pools().is_empty()));
+            assert!(bricks.nodes().iter().all(|node| node.singles().is_empty()));
+            for node in streams.nodes() {
                 assert!(node.pools().len() <= pools);
                 assert!(node.pools().iter().all(|pool| pool.translations().len() <= translations));
                 assert!(Layout::PACKED.node(node) <= Layout::PACKED.points(node.cell_count()));
             }
-            let leaves: usize = model.leaves().map(Node::points).sum();
-            assert_eq!(leaves, points.len());
         }
     }
+}
+
+#[test]
+fn colours_and_normals_follow_their_cells() {
+    let given = colored(scan(20_000, 2));
+    for codec in CODECS {
+        // The hierarchy has changed the order of the points.
+        let model = encode(&given, &Settings { codec, levels: 4, ..Settings::default() }).unwrap();
+        for node in model.nodes() {
+            assert_eq!(node.colors().map(<[u32]>::len), Some(node.cell_count()));
+            assert_eq!(node.normals().map(<[u32]>::len), Some(node.cell_count()));
+        }
+        let root = &model.nodes()[0];
+        let points_of = occupied(root.frame(), &given.positions);
+        let mut alone = 0;
+        for (index, cell) in root.cells().iter().enumerate() {
+            let [point] = points_of[cell][..] else { continue };
+            alone += 1;
+            assert_eq!(unpack_color(root.colors().unwrap()[index]), given.colors.as_ref().unwrap()[point]);
+            let normal = given.positions[point].normalize();
+            assert!(unpack_normal(root.normals().unwrap()[index]).angle_between(normal) < 1e-3);
+        }
+        assert!(alone > 8000, "{alone}");
+    }
+    // Four points in one cell, and one far away.
+    let corners = [[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [0.1, 0.1]];
+    let positions = corners.iter().map(|[x, y]| Vec3::new(*x, *y, 0.0)).chain([Vec3::splat(1000.0)]);
+    let points = Points {
+        colors: Some(vec![[0; 4], [0; 4], [255; 4], [255; 4], [1, 2, 3, 4]]),
+        normals: Some(vec![Vec3::X, 9.0 * Vec3::X, Vec3::Y, Vec3::ZERO, Vec3::NAN]),
+        ..Points::from(positions.collect::<Vec<_>>())
+    };
+    let model = encode(&points, &Settings { levels: 1, ..Settings::default() }).unwrap();
+    let root = &model.nodes()[0];
+    let mut colors: Vec<_> = root.colors().unwrap().iter().map(|word| unpack_color(*word)).collect();
+    colors.sort();
+    assert_eq!(colors, [[1, 2, 3, 4], [188, 188, 188, 128]]);
+    let mut normals: Vec<_> = root.normals().unwrap().iter().map(|word| unpack_normal(*word)).collect();
+    normals.sort_by_key(|normal| *normal != Vec3::ZERO);
+    assert_eq!(normals[0], Vec3::ZERO);
+    assert!(normals[1].abs_diff_eq(Vec3::new(2.0, 1.0, 0.0).normalize(), 1e-4), "{}", normals[1]);
 }
 
 /// Half a cell along each axis, and what single precision loses far from the origin.
 #[test]
 fn decoded_points_are_within_half_a_cell() {
-    for (index, points) in sets().iter().enumerate() {
-        let model = encode(points, &Settings::default()).unwrap();
+    for (index, points) in sets().into_iter().enumerate() {
+        let model = encode(&points.clone().into(), &Settings::default()).unwrap();
         let decoded: Vec<(&Frame, Vec3)> = model
             .leaves()
             .flat_map(|leaf| leaf.positions().into_iter().map(|at| (leaf.frame(), at)))
@@ -94,7 +164,8 @@ fn decoded_points_are_within_half_a_cell() {
 fn the_number_of_cores_does_not_matter() {
     let with = |threads, points: &[Vec3], settings| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| encode(points, &settings)).unwrap().to_bytes()
+        let points = colored(points.to_vec());
+        pool.install(|| encode(&points, &settings)).unwrap().to_bytes()
     };
     // Several blocks of the sums, whose order could matter; then transforms and pools.
     let many = scan(3 * frame::BLOCK, 4);
@@ -107,7 +178,8 @@ fn the_number_of_cores_does_not_matter() {
 
 #[test]
 fn what_cannot_be_encoded_says_why() {
-    let error = |points: &[Vec3], settings| encode(points, &settings).unwrap_err().to_string();
+    let error =
+        |points: &[Vec3], settings| encode(&points.to_vec().into(), &settings).unwrap_err().to_string();
     let default = Settings::default();
     assert_eq!(error(&[], default), "there are no points to encode");
     assert_eq!(
@@ -120,6 +192,15 @@ fn what_cannot_be_encoded_says_why() {
          -2000000000000000000000000000000]; coordinates must be numbers of at most 1e30"
     );
     let points = [Vec3::ONE];
+    let fails = |points: Points| encode(&points, &default).unwrap_err().to_string();
+    let one = Points::from(vec![Vec3::ONE]);
+    let colors = Some(vec![[0; 4]; 2]);
+    assert_eq!(fails(Points { colors, ..one.clone() }), "1 points have 2 colors");
+    assert_eq!(fails(Points { normals: Some(vec![]), ..one.clone() }), "1 points have 0 normals");
+    assert_eq!(
+        fails(Points { origin: DVec3::INFINITY, ..one }),
+        "the origin is at [inf, inf, inf]; coordinates must be numbers"
+    );
     let setting = |settings| error(&points, settings);
     assert_eq!(setting(Settings { levels: 0, ..default }), "levels must be 1 to 24, not 0");
     assert_eq!(setting(Settings { pools: 65, ..default }), "pools must be 0 to 64, not 65");
@@ -132,7 +213,7 @@ fn what_cannot_be_encoded_says_why() {
 fn the_largest_and_the_smallest_points_are_encoded() {
     for scale in [1e30, 1e-30] {
         let points = scan(500, 5).into_iter().map(|point| point / 2.0 * scale).collect::<Vec<_>>();
-        let model = encode(&points, &Settings::default()).unwrap();
+        let model = encode(&points.into(), &Settings::default()).unwrap();
         assert!(model.nodes().iter().all(|node| node.positions().iter().all(|at| at.is_finite())));
         assert!(model.nodes()[0].cell_count() > 400);
     }
@@ -140,7 +221,7 @@ fn the_largest_and_the_smallest_points_are_encoded() {
 
 #[test]
 fn encoding_tells_how_far_it_is_and_stops_when_asked() {
-    let points = scan(2000, 6);
+    let points = scan(2000, 6).into();
     let settings = Settings { levels: 3, ..Settings::default() };
     let seen = Mutex::new(Vec::new());
     let watch = |part: f64| {
