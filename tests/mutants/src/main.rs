@@ -127,7 +127,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                     shaders.push(text);
                 }
             } else if *name != "wgsl" && is_source(&path) {
-                let (found, edits) = rust::find(&path, &text, first).map_err(|error| format!("{path}: {error}"))?;
+                let (found, edits) =
+                    rust::find(&path, &text, first).map_err(|error| format!("{path}: {error}"))?;
                 mutants.extend(found.into_iter().map(|mutant| (part, mutant)));
                 rust.push((path, text, edits));
             }
@@ -144,7 +145,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     if args.list {
         for (_, mutant) in mutants.iter().filter(chosen) {
-            println!("{}:{}:{}: {}    {}", mutant.file, mutant.line, mutant.column, mutant.change, mutant.source);
+            println!(
+                "{}:{}:{}: {}    {}",
+                mutant.file, mutant.line, mutant.column, mutant.change, mutant.source
+            );
         }
         return Ok(());
     }
@@ -153,12 +157,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut random = args.seed;
     let mut report = String::new();
     for (part, (name, _)) in PARTS.iter().enumerate() {
-        let mut here: Vec<&Mutant> = mutants
-            .iter()
-            .filter(chosen)
-            .filter(|(of, _)| *of == part)
-            .map(|(_, mutant)| mutant)
-            .collect();
+        let mut here: Vec<&Mutant> =
+            mutants.iter().filter(chosen).filter(|(of, _)| *of == part).map(|(_, mutant)| mutant).collect();
         if here.is_empty() {
             continue;
         }
@@ -209,7 +209,10 @@ fn files(root: &Path, folder: &str) -> Result<Vec<String>, Box<dyn Error>> {
 
 /// Whether a Rust file belongs to the program, and not to its tests.
 fn is_source(path: &str) -> bool {
-    path.ends_with(".rs") && !path.ends_with("tests.rs") && !path.contains("/tests/") && !path.ends_with("/testing.rs")
+    path.ends_with(".rs")
+        && !path.ends_with("tests.rs")
+        && !path.contains("/tests/")
+        && !path.ends_with("/testing.rs")
 }
 
 /// Writes a file unless it is there already, so that Cargo compiles only what has changed.
@@ -226,7 +229,8 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Box<dyn Error>> {
 /// Copies all files but those that are mutated.
 fn copy_workspace(root: &Path, copy: &Path) -> Result<(), Box<dyn Error>> {
     for path in files(root, ".")? {
-        let mutated = PARTS.iter().any(|(name, folder)| *name != "wgsl" && path.starts_with(&format!("{folder}/")));
+        let mutated =
+            PARTS.iter().any(|(name, folder)| *name != "wgsl" && path.starts_with(&format!("{folder}/")));
         if !mutated || !is_source(&path) {
             write(&copy.join(&path), &fs::read(root.join(&path))?)?;
         }
@@ -244,8 +248,11 @@ fn compile(
     let list = place.join("broken.txt");
     let known: HashSet<String> =
         fs::read_to_string(&list).unwrap_or_default().lines().map(str::to_owned).collect();
-    let mut broken: HashSet<u32> =
-        mutants.iter().filter(|(_, mutant)| known.contains(&mutant.key())).map(|(_, mutant)| mutant.id).collect();
+    let mut broken: HashSet<u32> = mutants
+        .iter()
+        .filter(|(_, mutant)| known.contains(&mutant.key()))
+        .map(|(_, mutant)| mutant.id)
+        .collect();
     loop {
         let mut places = Vec::new();
         for (path, text, edits) in rust {
@@ -254,7 +261,10 @@ fn compile(
                 mutated.text += SWITCH;
             }
             if path == "core/src/shader.rs" {
-                let at = mutated.text.find(LOADS).ok_or("core/src/shader.rs no longer loads shaders as expected")?;
+                let at = mutated
+                    .text
+                    .find(LOADS)
+                    .ok_or("core/src/shader.rs no longer loads shaders as expected")?;
                 mutated.text.insert_str(at + LOADS.len(), LOADS_MUTANT);
                 // No mutants there: this code is not the program's.
                 for (_, place) in &mut mutated.places {
@@ -290,8 +300,11 @@ fn compile(
             }
         }
         assert!(broken.len() > before, "errors that leaving out mutants does not mend");
-        let keys: Vec<String> =
-            mutants.iter().filter(|(_, mutant)| broken.contains(&mutant.id)).map(|(_, mutant)| mutant.key()).collect();
+        let keys: Vec<String> = mutants
+            .iter()
+            .filter(|(_, mutant)| broken.contains(&mutant.id))
+            .map(|(_, mutant)| mutant.key())
+            .collect();
         fs::write(&list, keys.join("\n"))?;
     }
 }
@@ -370,11 +383,6 @@ fn append(out: &Path, part: &str, mutant: &Mutant, verdict: run::Verdict) -> Res
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
     let Mutant { file, line, column, change, source, .. } = mutant;
     let mut file_out = fs::OpenOptions::new().create(true).append(true).open(out)?;
-    writeln!(
-        file_out,
-        "{part},{verdict:?},{file},{line},{column},{},{}",
-        quoted(change),
-        quoted(source)
-    )?;
+    writeln!(file_out, "{part},{verdict:?},{file},{line},{column},{},{}", quoted(change), quoted(source))?;
     Ok(())
 }

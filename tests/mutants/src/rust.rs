@@ -257,7 +257,8 @@ impl<'ast> Visit<'ast> for Finder<'_> {
         };
         let Some(argument) = call.args.first() else { return visit::visit_expr_method_call(self, call) };
         let [receiver, argument_at] = [call.receiver.span(), argument.span()].map(|span| span.byte_range());
-        let (from, (id, on)) = (call.method.to_string(), self.add(call.method.span(), &call.method.to_string(), to));
+        let (from, (id, on)) =
+            (call.method.to_string(), self.add(call.method.span(), &call.method.to_string(), to));
         self.begin(id, receiver.start, "(match ((");
         self.visit_expr(&call.receiver);
         self.replace(id, call.dot_token.span().byte_range().start..argument_at.start, "), (");
@@ -308,8 +309,10 @@ impl<'ast> Visit<'ast> for Finder<'_> {
 
     fn visit_block(&mut self, block: &'ast Block) {
         for statement in &block.stmts {
-            let acts = matches!(statement, Stmt::Expr(Expr::Assign(_) | Expr::MethodCall(_) | Expr::Call(_), Some(_)))
-                || matches!(statement, Stmt::Expr(Expr::Binary(binary), Some(_)) if swapped(&binary.op).is_none());
+            let acts = matches!(
+                statement,
+                Stmt::Expr(Expr::Assign(_) | Expr::MethodCall(_) | Expr::Call(_), Some(_))
+            ) || matches!(statement, Stmt::Expr(Expr::Binary(binary), Some(_)) if swapped(&binary.op).is_none());
             if acts {
                 let at = statement.span().byte_range();
                 let (id, on) = self.add(statement.span(), "a statement", "none");

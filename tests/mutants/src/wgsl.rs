@@ -30,7 +30,8 @@ const OPERATORS: [(&str, &str); 18] = [
     (" || ", " && "),
 ];
 
-const CALLS: [(&str, &str); 4] = [("min(", "max("), ("max(", "min("), ("floor(", "ceil("), ("ceil(", "floor(")];
+const CALLS: [(&str, &str); 4] =
+    [("min(", "max("), ("max(", "min("), ("floor(", "ceil("), ("ceil(", "floor(")];
 
 /// The mutants of a file, numbered from `first`.
 pub fn find(file: &str, text: &str, first: u32) -> Vec<Text> {
@@ -75,7 +76,8 @@ fn changes(code: &str) -> Vec<(usize, String, String)> {
         found.extend(code.match_indices(from).map(|(at, _)| (at, from.to_owned(), to.to_owned())));
     }
     for (from, to) in CALLS {
-        let whole = |at: usize| !code[..at].ends_with(|before: char| before.is_alphanumeric() || before == '_');
+        let whole =
+            |at: usize| !code[..at].ends_with(|before: char| before.is_alphanumeric() || before == '_');
         let calls = code.match_indices(from).filter(|(at, _)| whole(*at));
         found.extend(calls.map(|(at, _)| (at, from.to_owned(), to.to_owned())));
     }
@@ -83,9 +85,20 @@ fn changes(code: &str) -> Vec<(usize, String, String)> {
     let statement = code.trim();
     // Without a barrier, software drivers compute the same.
     let acts = statement.ends_with(';')
-        && !["let ", "var ", "return", "const ", "break", "continue", "discard", "workgroupBarrier", "storageBarrier", "}"]
-            .iter()
-            .any(|other| statement.starts_with(other))
+        && ![
+            "let ",
+            "var ",
+            "return",
+            "const ",
+            "break",
+            "continue",
+            "discard",
+            "workgroupBarrier",
+            "storageBarrier",
+            "}",
+        ]
+        .iter()
+        .any(|other| statement.starts_with(other))
         && (statement.contains(" = ") || statement.contains("= ") || statement.ends_with(");"))
         && statement.matches('(').count() == statement.matches(')').count();
     if acts && let Some(at) = code.find(statement) {
@@ -112,11 +125,17 @@ fn numbers(code: &str) -> Vec<(usize, String, String)> {
             continue;
         }
         let mut end = at;
-        while end < bytes.len() && (part(bytes[end]) || b"+-".contains(&bytes[end]) && is_exponent(&bytes[at..end])) {
+        while end < bytes.len()
+            && (part(bytes[end]) || b"+-".contains(&bytes[end]) && is_exponent(&bytes[at..end]))
+        {
             end += 1;
         }
-        let (word, in_type) = (&code[at..end], bytes.get(end) == Some(&b'>') || code.trim_start().starts_with('@'));
-        if word.starts_with(|first: char| first.is_ascii_digit()) && !in_type && let Some(to) = other(word) {
+        let (word, in_type) =
+            (&code[at..end], bytes.get(end) == Some(&b'>') || code.trim_start().starts_with('@'));
+        if word.starts_with(|first: char| first.is_ascii_digit())
+            && !in_type
+            && let Some(to) = other(word)
+        {
             found.push((at, word.to_owned(), to));
         }
         at = end;
