@@ -7,6 +7,7 @@ mod epi;
 mod experiments;
 mod extremes;
 mod library;
+mod measures;
 mod meshes;
 mod moving;
 mod parity;

@@ -48,7 +48,7 @@ fn value(spec: &ParamSpec, random: &mut Random) -> String {
 }
 
 /// The graph with random parameters, and these as options of the command line.
-fn with_random_parameters(name: &str, random: &mut Random) -> (GraphFile, String) {
+pub fn with_random_parameters(name: &str, random: &mut Random) -> (GraphFile, String) {
     let (mut file, mut options) = (without_placements(graph(name)), String::new());
     // Stages whose data must fit have a parameter of the same name.
     let mut common = HashMap::new();
@@ -70,7 +70,7 @@ fn with_random_parameters(name: &str, random: &mut Random) -> (GraphFile, String
 }
 
 /// The graph with all its nodes on the side that the settings say, and every readback immediate.
-fn without_placements(mut file: GraphFile) -> GraphFile {
+pub fn without_placements(mut file: GraphFile) -> GraphFile {
     let placed = file.nodes.iter().filter(|node| node.on.is_some() || node.download.is_some());
     for name in placed.map(|node| node.name.value.clone()).collect::<Vec<_>>() {
         file.set_on(&name, None).expect("the node is there");
