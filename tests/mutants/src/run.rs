@@ -24,13 +24,19 @@ pub enum Verdict {
     Invalid,
 }
 
-/// A program of tests.
+/// The tests of whole graphs that run first, by the name of their module: they take seconds, and notice most.
+const FIRST: [&str; 2] = ["measures::", "sides::"];
+
+/// A program of tests, or some of its tests.
+#[derive(Clone)]
 struct Program {
     /// Its package, such as `epigraph-core`, and its name.
     package: String,
     name: String,
     path: PathBuf,
     folder: PathBuf,
+    /// Only tests whose names contain this.
+    filter: &'static str,
     /// Tests that fail with the switches alone: some read the sources.
     skipped: Vec<String>,
     /// What it takes without a mutant.
@@ -58,9 +64,11 @@ impl Tests {
         let mut programs = Vec::new();
         for line in String::from_utf8(built.stdout)?.lines() {
             let value: Value = serde_json::from_str(line)?;
-            let (Some(path), Some(manifest), Some(name)) =
-                (value["executable"].as_str(), value["manifest_path"].as_str(), value["target"]["name"].as_str())
-            else {
+            let (Some(path), Some(manifest), Some(name)) = (
+                value["executable"].as_str(),
+                value["manifest_path"].as_str(),
+                value["target"]["name"].as_str(),
+            ) else {
                 continue;
             };
             // Benches measure, and the tests of other packages call Cargo.
@@ -68,28 +76,38 @@ impl Tests {
                 continue;
             }
             let folder = Path::new(manifest).parent().ok_or("a manifest without a folder")?.to_owned();
-            let package = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            let package =
+                folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let (name, path) = (name.to_owned(), path.into());
-            let (skipped, took) = (Vec::new(), Duration::from_secs(600));
-            programs.push(Program { package, name, path, folder, skipped, took });
+            let (filter, skipped, took) = ("", Vec::new(), Duration::from_secs(600));
+            let program = Program { package, name, path, folder, filter, skipped, took };
+            if program.name == "suite" {
+                programs.extend(FIRST.map(|filter| Program { filter, ..program.clone() }));
+                if quick {
+                    continue;
+                }
+            }
+            programs.push(program);
         }
-        // The tests of a crate's own modules first, those of whole graphs last.
         programs.sort_by_key(|program| (program.package == "tests", !program.name.starts_with("epigraph")));
-        if quick {
-            programs.retain(|program| program.package != "tests");
-        }
         let mut tests = Self { programs: Vec::new(), text: place.join("mutant.wgsl") };
         for mut program in programs {
             let start = Instant::now();
-            let (mut passes, printed) = tests.run(&program, "", None, None)?;
+            let (mut passes, printed) = tests.run(&program, program.filter, None, None)?;
             program.took = start.elapsed();
             let seconds = program.took.as_secs_f64();
-            eprintln!("{} {}: {seconds:.1} s without a mutant", program.package, program.name);
+            let Program { package, name, filter, .. } = &program;
+            eprintln!("{package} {name} {filter} {seconds:.1} s without a mutant");
             if !passes {
-                let failed = printed.lines().filter_map(|line| line.strip_prefix("test ")?.strip_suffix(" ... FAILED"));
+                let failed = printed
+                    .lines()
+                    .filter_map(|line| line.strip_prefix("test ")?.strip_suffix(" ... FAILED"));
                 program.skipped = failed.map(str::to_owned).collect();
-                eprintln!("  without the tests that fail with the switches alone: {}", program.skipped.join(", "));
-                (passes, _) = tests.run(&program, "", None, None)?;
+                eprintln!(
+                    "  without the tests that fail with the switches alone: {}",
+                    program.skipped.join(", ")
+                );
+                (passes, _) = tests.run(&program, program.filter, None, None)?;
             }
             if !passes {
                 return Err(format!("{} fails without a mutant", program.name).into());
@@ -100,19 +118,30 @@ impl Tests {
     }
 
     /// Runs the tests that concern a mutant until one fails. A shader's mutant is a text.
-    pub fn try_mutant(&self, part: &str, mutant: &Mutant, text: Option<&str>) -> Result<Verdict, Box<dyn Error>> {
+    pub fn try_mutant(
+        &self,
+        part: &str,
+        mutant: &Mutant,
+        text: Option<&str>,
+    ) -> Result<Verdict, Box<dyn Error>> {
         if let Some(text) = text {
             fs::write(&self.text, text)?;
         }
         let of_part = if part == "wgsl" { "stages" } else { part };
-        let own = self.programs.iter().filter(|program| program.package == of_part);
-        let whole = self.programs.iter().filter(|program| program.package == "tests");
-        let filter = module(&mutant.file);
-        // The tests of the module take a second, those of the crate ten.
-        let unit = own.clone().filter(|program| program.name.starts_with("epigraph"));
-        let runs = unit.map(|program| (program, &*filter)).chain(own.map(|program| (program, "")));
-        for (program, filter) in runs.chain(whole.map(|program| (program, ""))) {
-            let (passes, printed) = self.run(program, filter, Some(mutant.id), text.map(|_| &*mutant.file))?;
+        let of =
+            |package: &'static str| self.programs.iter().filter(move |program| program.package == package);
+        let own = || self.programs.iter().filter(|program| program.package == of_part);
+        let module = module(&mutant.file);
+        // The tests of the module take a second, the first ones of whole graphs some seconds, those of the crate ten.
+        let of_module =
+            own().filter(|program| program.name.starts_with("epigraph")).map(|program| (program, &*module));
+        let (first, rest): (Vec<_>, Vec<_>) = of("tests").partition(|program| !program.filter.is_empty());
+        // What runs on the CPU does not see a shader's mutants.
+        let first = first.into_iter().filter(|program| part != "wgsl" || program.filter != "measures::");
+        let others = first.chain(own()).chain(rest).map(|program| (program, program.filter));
+        for (program, filter) in of_module.chain(others) {
+            let (passes, printed) =
+                self.run(program, filter, Some(mutant.id), text.map(|_| &*mutant.file))?;
             if !passes {
                 let invalid = text.is_some() && printed.contains("is not valid WGSL");
                 return Ok(if invalid { Verdict::Invalid } else { Verdict::Noticed });
