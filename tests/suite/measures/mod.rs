@@ -9,9 +9,13 @@
 //! UPDATE_SNAPSHOTS=1 cargo test --release -p epigraph-tests --test suite measures
 //! git diff --stat tests/suite/snapshots
 //! ```
+//!
+//! This also writes the texts that figures sum up, such as messages, to `target/tmp/measures`: to see what changed, run it on
+//! the version before too, and compare the folders.
 
 mod graphs;
 mod scenes;
+mod texts;
 
 use std::{collections::BTreeMap, env, fmt, fs, path::Path};
 
@@ -28,11 +32,20 @@ struct Figure {
     magnitude: f64,
     weighted: f64,
     weights: Random,
+    /// The texts that were added.
+    texts: String,
 }
 
 impl Default for Figure {
     fn default() -> Self {
-        Self { checksum: 0, numbers: 0, magnitude: 0.0, weighted: 0.0, weights: Random(7) }
+        Self {
+            checksum: 0,
+            numbers: 0,
+            magnitude: 0.0,
+            weighted: 0.0,
+            weights: Random(7),
+            texts: String::new(),
+        }
     }
 }
 
@@ -42,6 +55,13 @@ impl Figure {
         for &byte in bytes {
             self.checksum = (self.checksum ^ u32::from(byte)).wrapping_mul(0x0100_0193);
         }
+    }
+
+    /// Adds a text for people.
+    fn text(&mut self, text: &str) {
+        self.exact(text.as_bytes());
+        self.texts += text;
+        self.texts.push('\n');
     }
 
     /// Adds a float. Large ones count little more than small ones.
@@ -116,6 +136,12 @@ fn assert_same(name: &str, figures: &Figures) {
     if env::var_os("UPDATE_SNAPSHOTS").is_some() {
         let lines: String = figures.iter().map(|(name, figure)| format!("{name}: {figure}\n")).collect();
         fs::write(&path, lines).expect("the folder of the snapshots");
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("measures");
+        fs::create_dir_all(&folder).expect("the folder of temporary files");
+        for (name, figure) in figures.iter().filter(|(_, figure)| !figure.texts.is_empty()) {
+            fs::write(folder.join(name.replace('/', "-")), &figure.texts)
+                .expect("the folder of temporary files");
+        }
     }
     let text = fs::read_to_string(&path).unwrap_or_default();
     let different = differences(figures, &text);
