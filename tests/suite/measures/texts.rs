@@ -8,7 +8,8 @@ use std::{
 
 use epigraph::graphs::Shipped;
 use epigraph_core::{
-    Download, EditedTexts, GraphFile, Problems, Registry, Settings, Side, WgslFile, compile,
+    Download, EditedTexts, GraphFile, Problems, Registry, Settings, Side, StageOf, WgslFile, check_stage,
+    compile,
 };
 use epigraph_stages::registry;
 use epigraph_tests::{GRAPHS, facts, graph};
@@ -126,17 +127,24 @@ fn messages_about_damaged_shaders_are_as_before() {
         });
     }
     let epi = graph("epi.ron");
-    for kind in ["classify", "edge_raster", "silhouette", "project"] {
-        let shader =
-            registry.get(kind).and_then(|kind| kind.declaration()?.shader).expect("a stage with a shader");
-        let file = shader.file.expect("in the repository");
-        // Its path as the registry has it may lead through another folder.
-        let plain = root().join("shaders").join(kind).with_extension("wgsl");
-        damage(&plain, 9, &mut figures, |text| {
-            edit(&file, text);
-            compile(&epi, &registry, &settings(Side::Gpu))
-                .map_or_else(|problems| problems.to_string(), |_| "fits".into())
+    let all = graph("experiments/complex-pixels.ron").stages(&registry).expect("a shipped graph");
+    for StageOf { stage, .. } in all {
+        let Some(shader) = &stage.declaration().shader else { continue };
+        let file = shader.file.as_ref().expect("in the repository");
+        let name = file.file_stem().expect("a file").to_string_lossy().into_owned();
+        // The path that the registry has may lead through another folder.
+        let plain = root().join("shaders").join(&name).with_extension("wgsl");
+        damage(&plain, 11, &mut figures, |text| {
+            edit(file, text);
+            check_stage(&*stage, &registry.library).iter().map(|error| format!("{error}\n")).collect()
         });
+        if ["classify", "edge_raster", "silhouette", "project"].contains(&&*name) {
+            damage(&plain, 13, &mut figures, |text| {
+                edit(file, text);
+                let compiled = compile(&epi, &registry, &settings(Side::Gpu));
+                compiled.map_or_else(|problems| problems.to_string(), |_| "fits".into())
+            });
+        }
     }
     assert_same("shader-messages", &figures);
 }
