@@ -156,7 +156,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tests = run::Tests::build(&copy, &place, args.quick)?;
     let mut random = args.seed;
     let mut report = String::new();
-    for (part, (name, _)) in PARTS.iter().enumerate() {
+    let position = |name: &String| PARTS.iter().position(|(known, _)| known == name);
+    let mut parts: Vec<usize> = args.parts.iter().filter_map(position).collect();
+    if parts.is_empty() {
+        parts = (0..PARTS.len()).collect();
+    }
+    for part in parts {
+        let (name, _) = PARTS[part];
         let mut here: Vec<&Mutant> =
             mutants.iter().filter(chosen).filter(|(of, _)| *of == part).map(|(_, mutant)| mutant).collect();
         if here.is_empty() {

@@ -24,8 +24,14 @@ pub enum Verdict {
     Invalid,
 }
 
-/// The tests of whole graphs that run first, by the name of their module: they take seconds, and notice most.
-const FIRST: [&str; 2] = ["measures::", "sides::"];
+/// The tests of whole graphs that take seconds and notice most: the module, and the parts that it concerns.
+const WIDE: [(&str, &[&str]); 5] = [
+    ("measures::texts", &["core"]),
+    ("measures::graphs", &["core", "stages", "scenes"]),
+    ("measures::scenes", &["scenes"]),
+    ("measures::pictures", &["pictures"]),
+    ("sides::", &["core", "stages", "wgsl"]),
+];
 
 /// A program of tests, or some of its tests.
 #[derive(Clone)]
@@ -37,6 +43,8 @@ struct Program {
     folder: PathBuf,
     /// Only tests whose names contain this.
     filter: &'static str,
+    /// The parts whose mutants it may notice; none if that is any part's.
+    parts: &'static [&'static str],
     /// Tests that fail with the switches alone: some read the sources.
     skipped: Vec<String>,
     /// What it takes without a mutant.
@@ -79,17 +87,23 @@ impl Tests {
             let package =
                 folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let (name, path) = (name.to_owned(), path.into());
+            let parts: &[&str] = match &*package {
+                "core" => &["core"],
+                "stages" => &["stages", "wgsl"],
+                "scenes" => &["scenes"],
+                "pictures" => &["pictures"],
+                _ => &[],
+            };
             let (filter, skipped, took) = ("", Vec::new(), Duration::from_secs(600));
-            let program = Program { package, name, path, folder, filter, skipped, took };
+            let program = Program { package, name, path, folder, filter, parts, skipped, took };
             if program.name == "suite" {
-                programs.extend(FIRST.map(|filter| Program { filter, ..program.clone() }));
+                programs.extend(WIDE.map(|(filter, parts)| Program { filter, parts, ..program.clone() }));
                 if quick {
                     continue;
                 }
             }
             programs.push(program);
         }
-        programs.sort_by_key(|program| (program.package == "tests", !program.name.starts_with("epigraph")));
         let mut tests = Self { programs: Vec::new(), text: place.join("mutant.wgsl") };
         for mut program in programs {
             let start = Instant::now();
@@ -114,6 +128,7 @@ impl Tests {
             }
             tests.programs.push(program);
         }
+        tests.programs.sort_by_key(|program| (program.parts.is_empty(), program.took));
         Ok(tests)
     }
 
@@ -127,19 +142,13 @@ impl Tests {
         if let Some(text) = text {
             fs::write(&self.text, text)?;
         }
-        let of_part = if part == "wgsl" { "stages" } else { part };
-        let of =
-            |package: &'static str| self.programs.iter().filter(move |program| program.package == package);
-        let own = || self.programs.iter().filter(|program| program.package == of_part);
         let module = module(&mutant.file);
-        // The tests of the module take a second, the first ones of whole graphs some seconds, those of the crate ten.
-        let of_module =
-            own().filter(|program| program.name.starts_with("epigraph")).map(|program| (program, &*module));
-        let (first, rest): (Vec<_>, Vec<_>) = of("tests").partition(|program| !program.filter.is_empty());
-        // What runs on the CPU does not see a shader's mutants.
-        let first = first.into_iter().filter(|program| part != "wgsl" || program.filter != "measures::");
-        let others = first.chain(own()).chain(rest).map(|program| (program, program.filter));
-        for (program, filter) in of_module.chain(others) {
+        let concern = |program: &&Program| program.parts.contains(&part);
+        // First the tests of the module, which take a second.
+        let own = self.programs.iter().filter(concern).filter(|program| program.name.starts_with("epigraph"));
+        let own = own.map(|program| (program, &*module));
+        let others = self.programs.iter().filter(|program| program.parts.is_empty() || concern(program));
+        for (program, filter) in own.chain(others.map(|program| (program, program.filter))) {
             let (passes, printed) =
                 self.run(program, filter, Some(mutant.id), text.map(|_| &*mutant.file))?;
             if !passes {
@@ -171,6 +180,8 @@ impl Tests {
         } else if let Some(id) = mutant {
             command.env("EPIGRAPH_MUTANT", id.to_string());
         }
+        // So that the cause is there as soon as the test has failed.
+        command.arg("--nocapture");
         // Into a file: a full pipe would stop the program.
         let log = self.text.with_extension("log");
         let out = fs::File::create(&log)?;
@@ -180,7 +191,10 @@ impl Tests {
             if let Some(status) = child.try_wait()? {
                 break status.success();
             }
-            if start.elapsed() > most {
+            // One failure is enough, except to find out which tests fail without a mutant.
+            let has_failed =
+                mutant.is_some() && fs::read_to_string(&log).is_ok_and(|log| log.contains("... FAILED\n"));
+            if has_failed || start.elapsed() > most {
                 child.kill()?;
                 child.wait()?;
                 break false;
