@@ -52,7 +52,7 @@ fn upright(vector: DVec3) -> DVec3 {
 
 /// The eigenvalues and eigenvectors of a symmetric matrix, by Jacobi's rotations. Only exactly rounded operations, so
 /// that all machines find the same.
-fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
+pub(crate) fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
     let mut a = matrix.to_cols_array_2d();
     let mut vectors = DMat3::IDENTITY.to_cols_array_2d();
     // Each sweep squares the ratio of the rest to the diagonal; ten are more than enough for 53 bits.

@@ -54,6 +54,7 @@ mod model;
 mod palette;
 mod points;
 mod pool;
+pub mod repeats;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
