@@ -168,6 +168,9 @@ pub struct TapField {
     pub name: String,
     /// What holds it.
     pub storage: StorageId,
+    /// Where it is read: on the node's side, or on the other one if the node does not use this field and only that side
+    /// has it.
+    pub side: Side,
 }
 
 /// The value of each field of each port; `None` for an optional input that is not connected.
@@ -237,8 +240,8 @@ impl Plan {
         let order = order(graph)?;
         let (mut storages, bindings) = storages(graph);
         let nodes = nodes(graph, bindings, &mut storages, settings.prune);
-        let taps = taps(graph, &nodes);
-        let steps = steps(graph, &order, &nodes, &mut storages, &taps);
+        let mut taps = taps(graph, &nodes);
+        let steps = steps(graph, &order, &nodes, &mut storages, &mut taps);
         let slots = slots(&steps, graph, &nodes, &mut storages, &taps, settings.pooling);
         Ok(Self { steps, nodes, storages, slots, taps, culled: graph.culled.clone() })
     }
@@ -282,11 +285,6 @@ impl Plan {
         let node = &self.nodes[node];
         let kept = |storage: &StorageId| self.storages[*storage].life == Life::Persistent;
         node.first_writes.iter().copied().filter(move |storage| node.per_view || !kept(storage))
-    }
-
-    /// The side on which a tap reads its storages: that of the tapped node.
-    pub(crate) fn tap_side(&self, tap: TapId) -> Side {
-        self.nodes[self.taps[tap].at.node].side
     }
 
     /// The slot of a value on one side, in frames of this parity.
@@ -597,7 +595,8 @@ fn taps(graph: &Graph, nodes: &Nodes) -> Taps {
                 .iter()
                 .zip(&nodes[root.node].bindings[root.port])
                 .filter_map(|(field, value)| {
-                    Some(TapField { name: field.name.to_string(), storage: (*value)?.storage })
+                    let side = graph.nodes[at.node].side;
+                    Some(TapField { name: field.name.to_string(), storage: (*value)?.storage, side })
                 })
                 .collect();
             Tap { name, at, meaning: graph.meaning(at), fields }
@@ -616,7 +615,7 @@ fn steps(
     order: &[NodeId],
     nodes: &Nodes,
     storages: &mut Storages,
-    taps: &Taps,
+    taps: &mut Taps,
 ) -> IndexVec<StepId, Step> {
     let mut end: Valid = storages.iter().map(|_| PerSide::new(|_| true)).collect();
     let mut steps = IndexVec::new();
@@ -657,8 +656,12 @@ fn steps(
                     }
                 }
             }
-            for (tap, tapped) in taps.iter_enumerated().filter(|(_, tap)| tap.at.node == node) {
-                steps.extend((0..tapped.fields.len()).map(|field| Step::Tap { tap, field }));
+            for (tap, tapped) in taps.iter_mut_enumerated().filter(|(_, tap)| tap.at.node == node) {
+                for (field, tapped) in tapped.fields.iter_mut().enumerate() {
+                    let valid = &now[tapped.storage];
+                    tapped.side = if valid[side] || !valid[side.other()] { side } else { side.other() };
+                    steps.push(Step::Tap { tap, field });
+                }
             }
         }
         end = now;
@@ -697,8 +700,8 @@ fn slots(
                 touch(Side::Gpu, value.storage, at);
             }
             Step::Tap { tap, field } => {
-                let tap = &taps[*tap];
-                touch(nodes[tap.at.node].side, tap.fields[*field].storage, at);
+                let field = &taps[*tap].fields[*field];
+                touch(field.side, field.storage, at);
             }
         }
     }

@@ -2,8 +2,8 @@
 //! downloads, poison, no pooling.
 
 use epigraph_core::{
-    CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Out, Registry, RunError, Settings,
-    Shader, ShaderModule, Side, Source, Stage, Step, compile, params, testing::gpu, texel,
+    Access, CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Out, Registry, RunError,
+    Settings, Shader, ShaderModule, Side, Source, Stage, Step, compile, params, testing::gpu, texel,
 };
 
 /// Counts frames in kept memory and writes pixel index + 1000 * frame.
@@ -322,6 +322,73 @@ impl Stage for Wide {
     }
 }
 
+/// Writes a bundle of two fields.
+struct Pair {
+    low: Out<u32>,
+    high: Out<u32>,
+}
+
+impl Stage for Pair {
+    const KIND: &'static str = "pair";
+    const DOC: &'static str = "Ones and twos.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(Shader::new(
+            "pair.wgsl",
+            "
+@group(0) @binding(0) var<storage, read_write> pair_low: array<u32>;
+@group(0) @binding(1) var<storage, read_write> pair_high: array<u32>;
+@compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < arrayLength(&pair_low) {
+        pair_low[id.x] = 1u;
+        pair_high[id.x] = 2u;
+    }
+}",
+        ));
+        let mut pair = io.bundle(Access::Write, "pair", "ones and twos", Extent::Frame(1));
+        let (low, high) = (pair.write("low"), pair.write("high"));
+        io.dispatch("main", low);
+        Self { low, high }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        cx.write(self.low).fill(1);
+        cx.write(self.high).fill(2);
+        Ok(())
+    }
+}
+
+/// Changes one of the fields.
+struct Raise {
+    high: Out<u32>,
+}
+
+impl Stage for Raise {
+    const KIND: &'static str = "raise";
+    const DOC: &'static str = "Ten more.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(Shader::new(
+            "raise.wgsl",
+            "
+@group(0) @binding(0) var<storage, read_write> pair_high: array<u32>;
+@compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < arrayLength(&pair_high) { pair_high[id.x] += 10u; }
+}",
+        ));
+        let high = io.bundle(Access::Update, "pair", "raised", Extent::Any).write("high");
+        io.dispatch("main", high);
+        Self { high }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        cx.write(self.high).iter_mut().for_each(|high| *high += 10);
+        Ok(())
+    }
+}
+
 fn registry() -> Registry {
     Registry::default()
         .with_module(ShaderModule::new("frame", epigraph_shaders::text("shared/frame.wgsl")))
@@ -335,6 +402,8 @@ fn registry() -> Registry {
         .with::<Rarely>()
         .with::<Look>()
         .with::<Wide>()
+        .with::<Pair>()
+        .with::<Raise>()
 }
 
 // 13x5: rows of textures need padding, the last workgroups stick out.
@@ -640,6 +709,29 @@ fn taps_see_a_port_after_its_node_even_if_it_changes_later() {
         executor.run(&frame(0), &Host::default(), true).unwrap();
         let tapped = executor.snapshot("ramp.ramp", "").unwrap().unwrap().get::<u32>();
         assert_eq!(tapped[..3], [1000, 1001, 1002], "on {side}");
+    }
+}
+
+#[test]
+fn taps_read_the_fields_that_their_node_does_not_use_where_they_are() {
+    for sides in [["Cpu", "Cpu"], ["Cpu", "Gpu"], ["Gpu", "Cpu"], ["Gpu", "Gpu"]] {
+        let text = format!(
+            r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {{
+                "pair": (kind: "pair", on: {}),
+                "raise": (kind: "raise", on: {}, inputs: {{ "pair": "pair.pair" }}),
+            }}, outputs: {{ "raised": "raise.pair" }})"#,
+            sides[0], sides[1]
+        );
+        let settings = Settings { poison: true, ..Settings::new(SIZE, 0, Facts::none()) };
+        let mut executor = executor(&GraphFile::parse("test.ron", &text).unwrap(), &settings);
+        for index in 0..2 {
+            executor.run(&frame(index), &Host::default(), true).unwrap();
+            for (field, expected) in [("low", 1), ("high", 12)] {
+                let found = executor.snapshot("raised", field).unwrap().unwrap().get::<u32>();
+                assert_eq!(found, [expected; 65], "{field}, frame {index}, {sides:?}");
+            }
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //! writes into every port what one on the CPU writes. The tests of single stages make up their inputs. Here stages have
 //! those that occur, with every choice of every parameter, at limits, and at the borders of images of odd sizes.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, path::Path};
 
 use epigraph::Place;
 use epigraph_core::{
@@ -111,6 +111,37 @@ fn every_port_is_the_same_on_both_sides_with_random_parameters() {
         for frame in 0..5 {
             let different = frame_on_both(&mut cpu, &mut gpu);
             assert!(different.is_empty(), "{what}, frame {frame}: {}", different.join("\n"));
+        }
+    }
+}
+
+#[test]
+fn every_port_is_the_same_with_every_node_on_a_random_side() {
+    let mut random = Random(6);
+    for round in 0..8 {
+        let base = without_placements(graph(GRAPHS[round % 4]));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/full.ron");
+        let full = base.full(&registry(), &path).unwrap_or_else(|problems| panic!("{problems}"));
+        let whole = GraphFile::parse(&path.display().to_string(), &full)
+            .unwrap_or_else(|problems| panic!("{problems}"));
+        let (mut mixed, mut sides) = (whole.clone(), String::new());
+        for node in whole.stages(&registry()).expect("a shipped graph") {
+            let on_gpu = node.stage.declaration().shader.is_some() && random.below(2) == 0;
+            let side = if on_gpu { Side::Gpu } else { Side::Cpu };
+            mixed.set_on(&node.address, Some(side)).expect("the node is there");
+            sides += &format!(" {}: {side}", node.address);
+        }
+        let (scene, camera) = PLACES[round % PLACES.len()];
+        let place = Place::load(scene, camera).expect("a scene and a camera path");
+        let settings = Settings { poison: round % 2 == 0, ..sampled([37, 21], 0.1) };
+        let [mut cpu, mut gpu] = [whole, mixed].map(|file| Run::with_all_ports(&file, &place, &settings));
+        for frame in 0..5 {
+            let different = frame_on_both(&mut cpu, &mut gpu);
+            assert!(
+                different.is_empty(),
+                "{scene}, {camera}, frame {frame}:{sides}: {}",
+                different.join("\n")
+            );
         }
     }
 }

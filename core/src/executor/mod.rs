@@ -531,10 +531,10 @@ fn bindings(graph: &Graph, plan: &Plan, parity: usize) -> IndexVec<NodeId, CpuBi
 fn tap_states(plan: &Plan, gpu: Option<&GpuSide>) -> Vec<TapState> {
     let mut states = Vec::new();
     for (id, tap) in plan.taps.iter_enumerated() {
-        for TapField { name, storage } in &tap.fields {
+        for TapField { name, storage, side } in &tap.fields {
             let stored = &plan.storages[*storage];
             let layout = Layout::new(&stored.element, stored.dims);
-            let on_gpu = gpu.filter(|_| plan.tap_side(id) == Side::Gpu);
+            let on_gpu = gpu.filter(|_| *side == Side::Gpu);
             states.push(TapState {
                 tap: id,
                 storage: *storage,
