@@ -15,6 +15,11 @@ use std::{
     ops::Range,
     path::{Path, PathBuf},
     process::{Command, Stdio},
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
+    thread,
 };
 
 use clap::Parser;
@@ -171,25 +176,35 @@ fn main() -> Result<(), Box<dyn Error>> {
         let all = here.len();
         shuffle(&mut here, &mut random);
         here.truncate(args.sample.unwrap_or(all));
-        let (mut tried, mut noticed) = (0, 0);
-        for mutant in &here {
-            let text = (mutant.id as usize).checked_sub(first_shader).map(|index| &*shaders[index]);
-            let verdict = tests.try_mutant(name, mutant, text)?;
-            tried += usize::from(verdict != run::Verdict::Invalid);
-            noticed += usize::from(verdict == run::Verdict::Noticed);
-            eprintln!(
-                "{name} {tried}/{}: {verdict:?} {}:{}: {}",
-                here.len(),
-                mutant.file,
-                mutant.line,
-                mutant.change
-            );
-            if verdict == run::Verdict::Missed {
-                let Mutant { file, line, column, change, source, .. } = mutant;
-                report += &format!("{file}:{line}:{column}: {change}    {source}\n");
+        let next = AtomicUsize::new(0);
+        let done: Mutex<Vec<(&Mutant, run::Verdict)>> = Mutex::default();
+        // Two at a time: much of a test runs on one thread.
+        let work = |worker: usize| -> Result<(), String> {
+            while let Some(mutant) = here.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let text = (mutant.id as usize).checked_sub(first_shader).map(|index| &*shaders[index]);
+                let verdict =
+                    tests.try_mutant(worker, name, mutant, text).map_err(|error| error.to_string())?;
+                let mut done = done.lock().expect("no worker panics");
+                done.push((mutant, verdict));
+                let Mutant { file, line, change, .. } = mutant;
+                eprintln!("{name} {}/{}: {verdict:?} {file}:{line}: {change}", done.len(), here.len());
+                if let Some(out) = &args.out {
+                    append(out, name, mutant, verdict).map_err(|error| error.to_string())?;
+                }
             }
-            if let Some(out) = &args.out {
-                append(out, name, mutant, verdict)?;
+            Ok(())
+        };
+        thread::scope(|scope| {
+            let workers = [0, 1].map(|worker| scope.spawn(move || work(worker)));
+            workers.into_iter().try_for_each(|worker| worker.join().expect("no worker panics"))
+        })?;
+        let done = done.into_inner().expect("no worker panics");
+        let count = |verdict| done.iter().filter(|(_, found)| *found == verdict).count();
+        let (noticed, missed) = (count(run::Verdict::Noticed), count(run::Verdict::Missed));
+        let tried = noticed + missed;
+        for (Mutant { file, line, column, change, source, .. }, verdict) in &done {
+            if *verdict == run::Verdict::Missed {
+                report += &format!("{file}:{line}:{column}: {change}    {source}\n");
             }
         }
         let share = 100.0 * noticed as f64 / tried.max(1) as f64;

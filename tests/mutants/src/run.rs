@@ -54,7 +54,8 @@ struct Program {
 /// The programs of tests, built with all mutants.
 pub struct Tests {
     programs: Vec<Program>,
-    text: PathBuf,
+    quick: bool,
+    place: PathBuf,
 }
 
 impl Tests {
@@ -104,10 +105,10 @@ impl Tests {
             }
             programs.push(program);
         }
-        let mut tests = Self { programs: Vec::new(), text: place.join("mutant.wgsl") };
+        let mut tests = Self { programs: Vec::new(), quick, place: place.to_owned() };
         for mut program in programs {
             let start = Instant::now();
-            let (mut passes, printed) = tests.run(&program, program.filter, None, None)?;
+            let (mut passes, printed) = tests.run(0, &program, program.filter, None, None)?;
             program.took = start.elapsed();
             let seconds = program.took.as_secs_f64();
             let Program { package, name, filter, .. } = &program;
@@ -121,7 +122,7 @@ impl Tests {
                     "  without the tests that fail with the switches alone: {}",
                     program.skipped.join(", ")
                 );
-                (passes, _) = tests.run(&program, program.filter, None, None)?;
+                (passes, _) = tests.run(0, &program, program.filter, None, None)?;
             }
             if !passes {
                 return Err(format!("{} fails without a mutant", program.name).into());
@@ -135,22 +136,28 @@ impl Tests {
     /// Runs the tests that concern a mutant until one fails. A shader's mutant is a text.
     pub fn try_mutant(
         &self,
+        worker: usize,
         part: &str,
         mutant: &Mutant,
         text: Option<&str>,
     ) -> Result<Verdict, Box<dyn Error>> {
         if let Some(text) = text {
-            fs::write(&self.text, text)?;
+            fs::write(self.text(worker), text)?;
         }
         let module = module(&mutant.file);
         let concern = |program: &&Program| program.parts.contains(&part);
         // First the tests of the module, which take a second.
         let own = self.programs.iter().filter(concern).filter(|program| program.name.starts_with("epigraph"));
         let own = own.map(|program| (program, &*module));
-        let others = self.programs.iter().filter(|program| program.parts.is_empty() || concern(program));
+        // The tests of other modules do not load a shader of one stage.
+        let of_one_stage = self.quick && part == "wgsl" && !mutant.file.contains("shared/");
+        let others = self.programs.iter().filter(|program| {
+            program.parts.is_empty()
+                || concern(program) && !(of_one_stage && program.name.starts_with("epigraph"))
+        });
         for (program, filter) in own.chain(others.map(|program| (program, program.filter))) {
             let (passes, printed) =
-                self.run(program, filter, Some(mutant.id), text.map(|_| &*mutant.file))?;
+                self.run(worker, program, filter, Some(mutant.id), text.map(|_| &*mutant.file))?;
             if !passes {
                 let invalid = text.is_some() && printed.contains("is not valid WGSL");
                 return Ok(if invalid { Verdict::Invalid } else { Verdict::Noticed });
@@ -159,9 +166,15 @@ impl Tests {
         Ok(Verdict::Missed)
     }
 
+    /// The file of a worker for the text of a shader's mutant.
+    fn text(&self, worker: usize) -> PathBuf {
+        self.place.join(format!("mutant{worker}.wgsl"))
+    }
+
     /// Runs a program. Returns whether its tests pass, and what it printed.
     fn run(
         &self,
+        worker: usize,
         program: &Program,
         filter: &str,
         mutant: Option<u32>,
@@ -176,14 +189,14 @@ impl Tests {
             command.args(["--skip", name]);
         }
         if let Some(file) = shader {
-            command.env("EPIGRAPH_MUTANT_OF", file).env("EPIGRAPH_MUTANT_TEXT", &self.text);
+            command.env("EPIGRAPH_MUTANT_OF", file).env("EPIGRAPH_MUTANT_TEXT", self.text(worker));
         } else if let Some(id) = mutant {
             command.env("EPIGRAPH_MUTANT", id.to_string());
         }
         // So that the cause is there as soon as the test has failed.
         command.arg("--nocapture");
         // Into a file: a full pipe would stop the program.
-        let log = self.text.with_extension("log");
+        let log = self.text(worker).with_extension("log");
         let out = fs::File::create(&log)?;
         let mut child = command.stderr(out.try_clone()?).stdout(out).spawn()?;
         let (start, most) = (Instant::now(), 4 * program.took + Duration::from_secs(30));
