@@ -372,6 +372,47 @@ mod tests {
         assert!(text.contains("`taker`") && text.contains("as many elements as each other"), "{text}");
     }
 
+    /// Takes images of all extents that the frame decides.
+    struct Frames;
+
+    impl Stage for Frames {
+        const KIND: &'static str = "frames";
+        const DOC: &'static str = "A stage of the tests.";
+        type Params = ();
+
+        fn declare(_: &(), io: &mut Io) -> Self {
+            io.read::<u32>("pixels", "One each.", Extent::Frame(1));
+            io.read::<u32>("blocks", "One per block.", Extent::Frame(2));
+            io.read::<u32>("corners", "One per corner.", Extent::Corners);
+            io.read::<u32>("fixed", "Always as many.", Extent::Fixed([3, 4]));
+            io.write::<u32>("done", "Nothing.", Extent::Fixed([1, 1]));
+            Self
+        }
+
+        fn cpu(&self, _: &(), _: &CpuContext) -> Result<(), String> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn images_have_the_extents_of_the_frame() {
+        let sizes = [("pixels", 35), ("blocks", 12), ("corners", 48), ("fixed", 12)];
+        let mut harness = Harness::<Frames>::new((), &Settings::new([5, 7], 0, Facts::none()));
+        for (name, count) in sizes {
+            for wrong in [count - 1, count + 1] {
+                let mut harness = Harness::<Frames>::new((), &Settings::new([5, 7], 0, Facts::none()));
+                let set = || harness.set(name, &vec![0u32; wrong]);
+                assert!(
+                    std::panic::catch_unwind(std::panic::AssertUnwindSafe(set)).is_err(),
+                    "{name}: {wrong}"
+                );
+            }
+            harness.set(name, &vec![0u32; count]);
+        }
+        let registry = Registry::default();
+        assert!(harness.run(Side::Cpu, &registry, &Host::default(), None).is_ok());
+    }
+
     /// Writes a list of a length that the application states.
     struct Printer;
 

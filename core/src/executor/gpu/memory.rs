@@ -276,3 +276,34 @@ pub(super) fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> IndexVec<Slo
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::port::{Member, PortElement};
+
+    #[test]
+    fn poison_is_not_a_number_where_all_is_float_and_else_a_known_word() {
+        let word = |format: Format| poison_word(&Element::Texel(format));
+        for format in [Format::R32Float, Format::Rgba32Float] {
+            assert!(f32::from_bits(word(format)).is_nan(), "{format:?}");
+        }
+        let halves = word(Format::Rgba16Float).to_le_bytes();
+        for half in [[halves[0], halves[1]], [halves[2], halves[3]]] {
+            assert!(half::f16::from_le_bytes(half).is_nan());
+        }
+        for format in [Format::R32Uint, Format::Rgba8Unorm] {
+            assert_eq!(word(format), 0xDEAD_BEEF, "{format:?}");
+        }
+        for element in [f32::element(), <[f32; 2]>::element(), <[f32; 4]>::element()] {
+            assert!(f32::from_bits(poison_word(&element)).is_nan(), "{element}");
+        }
+        let member =
+            |name: &'static str, scalar, offset| Member { name: name.into(), scalar, lanes: 1, offset };
+        let members = vec![member("number", Scalar::F32, 0), member("index", Scalar::U32, 4)];
+        let mixed = Element::Item { name: "Mixed".into(), stride: 8, members: members.into() };
+        for element in [u32::element(), i32::element(), <[u32; 4]>::element(), mixed] {
+            assert_eq!(poison_word(&element), 0xDEAD_BEEF, "{element}");
+        }
+    }
+}
