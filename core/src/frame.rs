@@ -91,3 +91,16 @@ impl Frame {
         Element::Item { name: "Frame".into(), stride: size_of::<Self>() as u32, members: members.into() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_view_looks_along_minus_z_at_a_right_angle() {
+        let View { eye, near, right, far, up, tan_x, forward, tan_y } = View::default();
+        assert_eq!(eye, [0.0; 3]);
+        assert_eq!([right, up, forward], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]);
+        assert_eq!([near, far, tan_x, tan_y], [0.1, 1000.0, 1.0, 1.0]);
+    }
+}

@@ -244,3 +244,37 @@ fn character(text: &str) -> usize {
         _ => quoted(text, '\''),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tokens(text: &str) -> Vec<&str> {
+        let tokens = Tokens { text, at: 0, end: text.len() };
+        tokens.map(|Token { span, .. }| &text[span.start..span.end]).collect()
+    }
+
+    #[test]
+    fn brackets_and_commas_in_literals_and_comments_do_not_count() {
+        for (text, expected) in [
+            (r#"a: "x, (y" , b"#, vec!["a", ":", r#""x, (y""#, ",", "b"]),
+            (r#""a\"),", "\\",)"#, vec![r#""a\"),""#, ",", r#""\\""#, ",", ")"]),
+            (r##"r#"a", "b"#, r"\", c"##, vec![r##"r#"a", "b"#"##, ",", r#"r"\""#, ",", "c"]),
+            (r####"r##"a"#,"## x"####, vec![r####"r##"a"#,"##"####, "x"]),
+            (r#"b"a,\"b", b'\'', b',' , c"#, vec![r#"b"a,\"b""#, ",", r"b'\''", ",", "b','", ",", "c"]),
+            (r##"br#"a", "b"#, br"c,d""##, vec![r##"br#"a", "b"#"##, ",", r#"br"c,d""#]),
+            ("',' '\\'' ''' 'é',", vec!["','", "'\\''", "'''", "'é'", ","]),
+            ("r#a+b-c.d, r#e", vec!["r#a+b-c.d", ",", "r#e"]),
+            ("a /* , /* ( */ ) */ b // , (\n c", vec!["a", "b", "c"]),
+            ("\u{200e}a\u{200f} /* é */:(é)", vec!["a", ":", "(", "é", ")"]),
+            // What is not closed ends with the text.
+            ("\"a, b", vec!["\"a, b"]),
+            ("r#\"a\", b", vec!["r#\"a\", b"]),
+            ("a /* b", vec!["a"]),
+            ("b", vec!["b"]),
+            ("", vec![]),
+        ] {
+            assert_eq!(tokens(text), expected, "{text}");
+        }
+    }
+}
