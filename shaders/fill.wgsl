@@ -7,6 +7,7 @@
 struct Params {
     empty: u32,
     keep_points: u32,
+    wide: u32,
     priority: u32,
 }
 
@@ -59,7 +60,7 @@ fn fill(@builtin(global_invocation_id) pixel: vec3<u32>) {
     var sum = near;
     if own.w > 0.0 && params.keep_points != 0u {
         sum = own;
-    } else if near.w == 0.0 {
+    } else if near.w == 0.0 && params.wide != 0u {
         let reach = i32(REACH);
         for (var dy = -reach; dy <= reach; dy++) {
             for (var dx = -reach; dx <= reach; dx++) {

@@ -3,6 +3,7 @@
 
 #import frame
 #import index
+#import octahedral
 #import scan
 #import segments
 #import view
@@ -32,14 +33,7 @@ fn normal_of(face: u32) -> vec3<f32> {
 @group(0) @binding(4) var<storage, read> normals: array<u32>;
 
 fn normal_of(face: u32) -> vec3<f32> {
-    let bits = normals[face];
-    if bits == NO_NORMAL {
-        return vec3(0.0);
-    }
-    let at = vec2(f32(bitcast<i32>(bits << 16u) >> 16u), f32(bitcast<i32>(bits) >> 16u)) / 32767.0;
-    let z = 1.0 - abs(at.x) - abs(at.y);
-    let fold = max(-z, 0.0);
-    return vec3(at + select(vec2(-fold), vec2(fold), at < vec2(0.0)), z);
+    return decode_oct16(normals[face]);
 }
 #else
 @group(0) @binding(4) var<storage, read> normals: array<vec4<f32>>;

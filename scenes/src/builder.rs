@@ -318,6 +318,7 @@ impl SceneBuilder {
             bounds,
             poses: vec![Pose::REST; bodies.len()],
             bodies: Arc::new(bodies),
+            points: None,
         })
     }
 

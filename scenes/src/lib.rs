@@ -46,6 +46,7 @@ mod weld;
 pub use builder::{CREASE_ANGLE, MeshError, SceneBuilder};
 pub use builtin::{SceneInfo, scene_names};
 pub use camera::{Camera, predict};
+pub use epigraph_streams as streams;
 pub use facts::SceneFacts;
 pub use light::Light;
 pub use limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, MAX_TRIANGLES};

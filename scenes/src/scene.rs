@@ -1,8 +1,10 @@
 use std::{path::PathBuf, sync::Arc};
 
+use epigraph_streams::Model;
 use glam::Vec3;
 
 use crate::builder::MeshError;
+use crate::load::framing_camera;
 use crate::{Body, Camera, Light, Material, Mesh, Pose};
 
 /// A scene at rest, or with its bodies in the poses of a frame.
@@ -26,6 +28,8 @@ pub struct Scene {
     pub bodies: Arc<Vec<Body>>,
     /// The present pose of each body.
     pub poses: Vec<Pose>,
+    /// Points without surfaces, by levels of detail.
+    pub points: Option<Arc<Model>>,
 }
 
 impl Scene {
@@ -42,7 +46,21 @@ impl Scene {
             bounds,
             bodies: Arc::default(),
             poses: Vec::new(),
+            points: None,
         }
+    }
+
+    /// A scene of points without surfaces and lights, with a camera that sees all of them.
+    pub fn of_points(name: &str, points: Arc<Model>) -> Self {
+        let root = &points.nodes()[0];
+        let around = root
+            .positions()
+            .into_iter()
+            .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
+        // The corner of a cell is at most this far from its centre.
+        let margin = 0.5 * 3.0_f32.sqrt() * root.frame().cell;
+        let bounds = [around[0] - margin, around[1] + margin];
+        Self { points: Some(points), ..Self::empty(name, framing_camera(bounds), bounds) }
     }
 }
 
@@ -73,6 +91,9 @@ pub enum SceneError {
         /// The problem.
         source: MeshError,
     },
+    /// The file of a point set cannot be read or is not valid.
+    #[error(transparent)]
+    Points(epigraph_files::FileError),
     /// There is neither a scene nor a file of that name.
     #[error("{0}")]
     Unknown(String),

@@ -3,6 +3,8 @@
 use epigraph_core::{Fact, Facts, Quantity};
 use epigraph_scenes::{Scene, SceneFacts};
 
+use crate::shared::streams::{block_words, pool_count};
+
 /// Vertices of the mesh.
 pub const VERTICES: Quantity = Quantity { name: "vertices", one: "vertex" };
 /// Edges of the mesh, of all kinds.
@@ -11,6 +13,12 @@ pub const EDGES: Quantity = Quantity { name: "edges", one: "edge" };
 pub const FACES: Quantity = Quantity { name: "faces", one: "face" };
 /// Bodies that move.
 pub const BODIES: Quantity = Quantity { name: "bodies", one: "moving body" };
+/// Nodes of the point set.
+pub const STREAM_NODES: Quantity = Quantity { name: "stream_nodes", one: "node of the point set" };
+/// Pools of all nodes; the points of a node that no pool contains count as a pool.
+pub const STREAM_POOLS: Quantity = Quantity { name: "stream_pools", one: "pool of the point set" };
+/// Words of the blocks of all nodes.
+pub const STREAM_WORDS: Quantity = Quantity { name: "stream_words", one: "word of the point set" };
 /// The camera's path moves.
 pub const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
 /// Some light casts shadows.
@@ -19,12 +27,16 @@ pub const SHADOW_CASTERS: Fact = Fact { name: "shadow_casters" };
 /// The facts of a scene; `path_moves` is [`CameraPath::moves`](epigraph_scenes::CameraPath::moves).
 pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
     let facts = SceneFacts::of(scene);
+    let nodes = scene.points.as_ref().map_or(&[][..], |model| model.nodes());
     // Meshes have 32-bit indices, so the counts fit.
     let counts = [
         (VERTICES, scene.mesh.positions.len()),
         (EDGES, facts.regular_edges + facts.crease_edges + facts.border_edges),
         (FACES, facts.faces),
         (BODIES, facts.bodies),
+        (STREAM_NODES, nodes.len()),
+        (STREAM_POOLS, nodes.iter().map(pool_count).sum()),
+        (STREAM_WORDS, nodes.iter().map(block_words).sum()),
     ];
     let stated =
         Facts::none().stating(CAMERA_MOVES, path_moves).stating(SHADOW_CASTERS, facts.shadow_casters);

@@ -2,8 +2,8 @@
 //! (`algorithms.md` sections 1.4, 1.6 and 11.2).
 //!
 //! Colour: the weighted mean of the 3x3 pixels that show a point, weights 4 for the centre, 2 for edges, 1 for corners;
-//! if none does, the plain mean of the 7x7; if that is empty too, last frame's colour or black. The mean is of linear
-//! radiance, which measured better than tone-mapped.
+//! if none does, the plain mean of the 7x7, unless `wide` is off; if that is empty too, last frame's colour or black. The
+//! mean is of linear radiance, which measured better than tone-mapped.
 
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
@@ -55,6 +55,8 @@ params! {
         /// Show the points as they are, and mix colours only in pixels without a point. Sharper and noisier: measured
         /// at 5%, mean FLIP is 5 to 12% lower on the Cornell box and 2 to 4% higher on the room with its noisier light.
         keep_points: bool = false;
+        /// Fill pixels whose 3x3 pixels show no point from the 7x7. Without it, dense points keep narrower outlines.
+        wide: bool = true;
         /// How the priority of a pixel depends on its surroundings.
         priority: Priority = Priority::Measured;
     }
@@ -128,7 +130,7 @@ impl Stage for Fill {
                 let has_point = own[3] > 0.0;
                 let [r, g, b, weight] = if has_point && params.keep_points {
                     own
-                } else if near[3] > 0.0 {
+                } else if near[3] > 0.0 || !params.wide {
                     near
                 } else {
                     points.sum_7x7(x, y)
@@ -277,6 +279,10 @@ mod tests {
             assert_eq!(color[8], last);
             // The wide kernel does not affect priorities.
             assert_eq!([priority[2], priority[6], priority[8]], [255; 3]);
+
+            let params = FillParams { empty, wide: false, ..FillParams::default() };
+            let color = run_alike(&mut harness(params, [9, 1], &id, &points)).get::<[f32; 4]>("color");
+            assert_eq!([color[1], color[2], color[6]], [[1.0, 0.0, 0.0, 1.0], last, last]);
         }
     }
 
@@ -322,7 +328,7 @@ mod tests {
             .collect();
         for (empty, keep_points) in [(Empty::Hold, false), (Empty::Clear, false), (Empty::Clear, true)] {
             for priority in [Priority::Measured, Priority::Classic] {
-                let params = FillParams { empty, keep_points, priority };
+                let params = FillParams { empty, keep_points, priority, wide: !keep_points };
                 let both = run_both(&mut harness(params, size, &id, &points));
                 both.assert_equal::<u32>("priority");
                 // The colours are sums of up to 49 numbers below 1, and a division.

@@ -60,6 +60,8 @@ pub mod shadow_edges;
 pub mod shared;
 pub mod silhouette;
 pub mod spread;
+pub mod stream_cut;
+pub mod stream_decode;
 pub mod subdivide;
 pub mod tonemap;
 pub mod trace;
@@ -99,6 +101,8 @@ pub fn registry() -> Registry {
         .with::<shadow_edges::ShadowEdges>()
         .with::<silhouette::Silhouette>()
         .with::<spread::Spread>()
+        .with::<stream_cut::StreamCut>()
+        .with::<stream_decode::StreamDecode>()
         .with::<subdivide::Subdivide>()
         .with::<tonemap::Tonemap>()
         .with::<trace::Trace>()
@@ -112,7 +116,9 @@ pub fn registry() -> Registry {
         .with_constants("cloud", shared::cloud::CONSTANTS)
         .with_constants("edge_pixel", shared::edge_pixel::CONSTANTS)
         .with_constants("moves", shared::moves::CONSTANTS)
+        .with_constants("octahedral", shared::octahedral::CONSTANTS)
         .with_constants("requests", shared::requests::CONSTANTS)
         .with_constants("scan", shared::scan::CONSTANTS)
         .with_constants("segments", shared::segments::CONSTANTS)
+        .with_constants("streams", shared::streams::CONSTANTS)
 }

@@ -69,6 +69,15 @@ epigraph_core::meanings! {
     /// The number of elements of a list that count.
     COUNT = "count";
 
+    /// The blocks of the nodes at hand.
+    STREAM_WORDS = "blocks";
+    /// The nodes of the cut.
+    STREAM_NODES = "nodes of the cut";
+    /// The pools of the cut.
+    STREAM_POOLS = "pools of the cut";
+    /// Workgroups, points, vertices, pools and nodes of the cut, and bytes of new blocks.
+    STREAM_NUMBERS = "numbers of the cut";
+
     /// How each body has moved since the last frame.
     MOVES = "moves";
     /// The scene's lights.

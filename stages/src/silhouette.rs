@@ -17,8 +17,9 @@ use crate::{
     compact::Compaction,
     facts,
     meaning::{DRAWN, EDGES, FACES, NORMALS, VERTICES},
-    mesh::{self, Normals, decode_f16, decode_oct16},
+    mesh::{Normals, decode_f16},
     shared::{
+        octahedral::decode_oct16,
         scan::SCAN_BLOCKS,
         segments::{CREASE, MeshEdge, REGULAR},
     },
@@ -71,7 +72,6 @@ impl Stage for Silhouette {
     fn declare(params: &SilhouetteParams, io: &mut Io) -> Self {
         io.column(column::E1);
         io.shader(shader!("silhouette"));
-        io.constants(mesh::CONSTANTS);
         io.per_view();
         let vertices = io.read("vertices", VERTICES, facts::VERTICES.list());
         let faces = io.read("faces", FACES, facts::FACES.list());
@@ -178,8 +178,9 @@ mod tests {
     use crate::{
         World,
         compact::Compact,
-        mesh::{encode_f16, encode_oct16},
+        mesh::encode_f16,
         shared::{
+            octahedral::encode_oct16,
             segments::{BORDER, NO_FACE, Segment},
             testing::{Random, run_alike, run_both, run_cpu, settings},
         },

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{
     meaning::{PICTURE, RADIANCE},
-    shared::color::luminance,
+    shared::color::{decode_srgb, luminance},
 };
 
 #[path = "explain/tonemap.rs"]
@@ -90,7 +90,7 @@ impl Srgb {
     fn new() -> Self {
         let end = std::array::from_fn(|byte| match byte {
             255 => f32::INFINITY,
-            byte => decode((byte as f64 + 0.5) / 255.0) as f32,
+            byte => decode_srgb((byte as f64 + 0.5) / 255.0) as f32,
         });
         let table = Self::FIRST.to_bits() >> Self::SHIFT..=1f32.to_bits() >> Self::SHIFT;
         let byte_of = |bits: u32| {
@@ -125,11 +125,6 @@ impl Srgb {
         };
         [self.encode(r), self.encode(g), self.encode(b)]
     }
-}
-
-/// The linear value of an sRGB code between 0 and 1 (IEC 61966-2-1).
-fn decode(code: f64) -> f64 {
-    if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]

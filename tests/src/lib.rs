@@ -13,7 +13,10 @@ use epigraph_stages::facts::CAMERA_MOVES;
 
 pub use epigraph_core::testing::gpu;
 
-/// The shipped graph files.
+/// The shipped graph that shows point sets.
+pub const POINT_GRAPH: &str = "streams.ron";
+
+/// The other shipped graph files, which show surfaces.
 pub const GRAPHS: [&str; 12] = [
     "render-cache.ron",
     "epi.ron",

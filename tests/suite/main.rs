@@ -16,6 +16,7 @@ mod shipped;
 mod sides;
 mod split;
 mod still;
+mod streams;
 mod swap;
 mod user_shader;
 mod wgsl_docs;

@@ -9,6 +9,7 @@ mod ply;
 use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use epigraph_files::{self as files, MOST_DATA, MOST_TEXT, without_mark};
 use flate2::read::MultiGzDecoder;
@@ -21,19 +22,22 @@ pub use file::{
     ShapeSpec, SurfaceSpec,
 };
 use model::Model;
+pub(crate) use model::framing_camera;
 
 /// The kinds of file that hold meshes, by ending.
 const MESH_ENDINGS: [&str; 5] = [".glb", ".gltf", ".obj", ".ply", ".ply.gz"];
 /// The ending of scene files.
 const SCENE_ENDING: &str = ".ron";
+/// The ending of point sets.
+const POINTS_ENDING: &str = ".vts";
 /// Bytes that the header of a PLY file has at most, to be looked at before all is unpacked.
 const LONGEST_HEADER: u64 = 1 << 16;
 /// Least Jaro-Winkler similarity at which a name counts as a mistyped one.
 const HINT_SIMILARITY: f64 = 0.75;
 
 impl Scene {
-    /// The scene of that name (see [`scene_names`]), or the one in the `.glb`, `.gltf`, `.obj`, `.ply`, `.ply.gz` or
-    /// `.ron` file at that path.
+    /// The scene of that name (see [`scene_names`]), or the one in the `.glb`, `.gltf`, `.obj`, `.ply`, `.ply.gz`,
+    /// `.ron` or `.vts` file at that path.
     ///
     /// # Errors
     /// An unknown name or ending, a file that cannot be read or is broken, a mesh that has not been fetched, a mesh
@@ -46,6 +50,9 @@ impl Scene {
         let lower = name_or_path.to_lowercase();
         if lower.ends_with(SCENE_ENDING) {
             load_scene_file(path, name_or_path)
+        } else if lower.ends_with(POINTS_ENDING) {
+            let source = |error: epigraph_files::FileError| SceneError::Points(error);
+            Ok(Self::of_points(name_or_path, Arc::new(epigraph_streams::Model::read(path).map_err(source)?)))
         } else if MESH_ENDINGS.iter().any(|ending| lower.ends_with(ending)) {
             let unusable = |source| SceneError::Mesh { name: name_or_path.to_owned(), source };
             read_mesh_file(path)?.into_scene(name_or_path).map_err(unusable)
@@ -129,7 +136,7 @@ fn unknown(name: &str) -> String {
     let names: Vec<&str> = scene_names().iter().map(|info| info.name).collect();
     let hint = nearest(name, names.iter().copied());
     format!(
-        "unknown scene `{name}`{hint} (scenes: {}; files end in {}, {SCENE_ENDING})",
+        "unknown scene `{name}`{hint} (scenes: {}; files end in {}, {SCENE_ENDING}, {POINTS_ENDING})",
         names.join(", "),
         MESH_ENDINGS.join(", ")
     )

@@ -1,18 +1,7 @@
 use super::*;
-use crate::Mesh;
 
 fn scene(eye: Vec3, target: Vec3) -> Scene {
-    Scene {
-        name: "test".into(),
-        mesh: Mesh::default(),
-        materials: vec![],
-        lights: vec![],
-        background: Vec3::ZERO,
-        camera: Camera::look_at(eye, target, 0.8, 0.1, 10.0),
-        bounds: [Vec3::NEG_ONE, Vec3::ONE],
-        bodies: Default::default(),
-        poses: vec![],
-    }
+    Scene::empty("test", Camera::look_at(eye, target, 0.8, 0.1, 10.0), [Vec3::NEG_ONE, Vec3::ONE])
 }
 
 fn outside() -> Scene {

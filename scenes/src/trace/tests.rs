@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 use std::sync::atomic::Ordering;
 
 use super::*;
-use crate::{Camera, Light, Mesh, Surface, reference};
+use crate::{Camera, Light, Surface, reference};
 
 /// A scene of quads, each with its own material. All coordinates are multiplied by `scale`.
 struct Stage {
@@ -15,17 +15,7 @@ struct Stage {
 impl Stage {
     fn new(scale: f32) -> Self {
         let camera = Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0);
-        let scene = Scene {
-            name: "test".into(),
-            mesh: Mesh::default(),
-            materials: vec![],
-            lights: vec![],
-            background: Vec3::ZERO,
-            camera,
-            bounds: [Vec3::NEG_ONE * scale, Vec3::ONE * scale],
-            bodies: Arc::default(),
-            poses: vec![],
-        };
+        let scene = Scene::empty("test", camera, [Vec3::NEG_ONE * scale, Vec3::ONE * scale]);
         Self { scene, scale }
     }
 

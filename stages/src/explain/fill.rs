@@ -25,11 +25,12 @@ pub(super) fn at(stage: &Fill, params: &FillParams, site: &Site) -> Option<Vec<F
     // 4 for the centre, 2 for edges, 1 for corners.
     let weight = |[dx, dy]: [i32; 2]| 4 >> (dx.abs() + dy.abs()) as u32;
     let near_weight: u32 = near.iter().map(|offset| weight(*offset)).sum();
-    let wide = within(REACH as i32).filter(|offset| shown(*offset).is_some()).count();
+    let in_wide = || within(REACH as i32).filter(|offset| shown(*offset).is_some()).count();
+    let wide = if params.wide { in_wide() } else { 0 };
 
     let own = id[at] != NO_POINT;
     let alone = own && params.keep_points;
-    let reach = if near.is_empty() { REACH as i32 } else { 1 };
+    let reach = if near.is_empty() && params.wide { REACH as i32 } else { 1 };
     findings.push(site.around("Points around", reach, |offset| {
         let linear = shown(offset);
         let counts = linear.is_some() && (!alone || offset == [0, 0]);
@@ -41,6 +42,7 @@ pub(super) fn at(stage: &Fill, params: &FillParams, site: &Site) -> Option<Vec<F
         let text = if counts && reach == 1 { weight(offset).to_string() } else { String::new() };
         Cell { role, linear, text }
     }));
+    let kernel = if params.wide { "7×7" } else { "3×3" };
     findings.push(Finding::Why(match (near.len(), wide) {
         _ if alone => "It shows its own point as it is.".into(),
         (1.., _) => {
@@ -48,9 +50,9 @@ pub(super) fn at(stage: &Fill, params: &FillParams, site: &Site) -> Option<Vec<F
         }
         (0, 1..) => format!("No point in the 3×3 pixels: the mean of {} in the 7×7.", count(wide, "point")),
         (0, 0) if params.empty == Empty::Hold => {
-            "No point in the 7×7 pixels: the colour of the last frame.".into()
+            format!("No point in the {kernel} pixels: the colour of the last frame.")
         }
-        (0, 0) => "No point in the 7×7 pixels: black.".into(),
+        (0, 0) => format!("No point in the {kernel} pixels: black."),
     }));
     let missing = WEIGHTS_SUM - near_weight.min(WEIGHTS_SUM);
     findings.push(Finding::Why(match (own, params.priority) {

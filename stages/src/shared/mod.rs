@@ -5,12 +5,14 @@ pub mod color;
 pub mod edge_pixel;
 pub mod moves;
 pub mod nearer;
+pub mod octahedral;
 pub mod requests;
 pub mod sample;
 pub mod scan;
 pub mod segments;
 pub mod shadow_cache;
 pub mod source;
+pub mod streams;
 #[cfg(test)]
 pub mod testing;
 pub mod view;

@@ -1,0 +1,165 @@
+//! Point sets of vertex transformation streams, from the file to the picture.
+
+use std::sync::Arc;
+
+use epigraph::{Place, Setup};
+use epigraph_core::{Facts, GraphFile, Settings, Side};
+use epigraph_pictures::{Difference, Look, Picture, show};
+use epigraph_scenes::{
+    Scene,
+    streams::{Codec, Model, Points, encode},
+};
+use epigraph_tests::{Run, graph, tap};
+use glam::Vec3;
+
+const SIZE: [u32; 2] = [128, 96];
+
+/// A dense scan of a bumpy ball on a plate, with colours and normals.
+fn scan() -> Points {
+    let mut points = Points { colors: Some(Vec::new()), normals: Some(Vec::new()), ..Points::default() };
+    let mut add = |at: Vec3, normal: Vec3, color: [u8; 3]| {
+        points.positions.push(at);
+        points.colors.iter_mut().for_each(|colors| colors.push([color[0], color[1], color[2], 255]));
+        points.normals.iter_mut().for_each(|normals| normals.push(normal));
+    };
+    // Directions of a Fibonacci lattice are spread evenly.
+    const BALL: usize = 120_000;
+    for i in 0..BALL {
+        let y = 1.0 - (2.0 * i as f32 + 1.0) / BALL as f32;
+        let angle = i as f32 * 2.399_963_2;
+        let around = (1.0 - y * y).sqrt();
+        let direction = Vec3::new(around * angle.cos(), y, around * angle.sin());
+        let radius = 1.0 + 0.08 * (9.0 * direction.x).sin() * (7.0 * direction.z).cos();
+        add(radius * direction, direction, direction.to_array().map(|c| (140.0 + 100.0 * c) as u8));
+    }
+    for i in 0..250 * 250 {
+        let [x, z] = [i % 250, i / 250].map(|part| part as f32 / 62.5 - 2.0);
+        add(Vec3::new(x, -1.1, z), Vec3::Y, [200, 190, 170]);
+    }
+    points
+}
+
+fn scene(codec: Codec, levels: u32) -> Arc<Scene> {
+    let settings = epigraph_scenes::streams::Settings { codec, levels, ..Default::default() };
+    Arc::new(Scene::of_points("scan", Arc::new(encode(&scan(), &settings).unwrap())))
+}
+
+fn settings(side: Side) -> Settings {
+    Settings { side, ..Settings::new(SIZE, 1, Facts::none()) }
+}
+
+/// The shipped graph with room for whole scans in small images, and other parameters.
+fn streams(more: &[(&str, &str, &str)]) -> GraphFile {
+    let mut file = graph("streams.ron");
+    let room = [("cut", "points_per_pixel", "32.0"), ("decode", "points_per_pixel", "32.0")];
+    for (node, param, value) in room.iter().chain(more) {
+        file.set_param(node, param, value).unwrap();
+    }
+    file
+}
+
+fn picture(file: &GraphFile, scene: &Arc<Scene>, camera: &str, settings: Settings, frames: u32) -> Vec<u8> {
+    let mut run = Run::in_scene(file, scene, camera, settings);
+    run.frames(frames);
+    run.captured("image").bytes
+}
+
+#[test]
+fn every_codec_shows_the_picture_of_the_points_by_themselves() {
+    let finest = ("cut", "cell", "0.05");
+    for levels in [1, 4] {
+        let plain = scene(Codec::Packed, levels);
+        for side in [Side::Cpu, Side::Gpu] {
+            let expected = picture(&streams(&[finest]), &plain, "still", settings(side), 1);
+            let lit = expected.chunks(4).filter(|texel| texel[..3] != [0; 3]).count();
+            assert!(lit > expected.len() / 4 / 8, "{lit} pixels show points");
+            for codec in [Codec::Brick, Codec::Streams, Codec::Best] {
+                let scene = scene(codec, levels);
+                for expand in ["Prefix", "Product"] {
+                    let file = streams(&[finest, ("decode", "expand", expand)]);
+                    let found = picture(&file, &scene, "still", settings(side), 1);
+                    assert!(found == expected, "{codec:?}, {levels} levels, {expand} on {side}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn poison_pooling_and_pruning_change_nothing() {
+    let scene = scene(Codec::Best, 5);
+    for side in [Side::Cpu, Side::Gpu] {
+        for (camera, frames) in [("still", 3), ("orbit:8", 6)] {
+            let plain = picture(&streams(&[]), &scene, camera, settings(side), frames);
+            let poisoned = Settings { poison: true, ..settings(side) };
+            let unpooled = Settings { pooling: false, ..settings(side) };
+            let unpruned = Settings { prune: false, ..settings(side) };
+            for (what, settings) in [("poison", poisoned), ("no pooling", unpooled), ("unpruned", unpruned)] {
+                assert!(
+                    picture(&streams(&[]), &scene, camera, settings, frames) == plain,
+                    "{what} on {side}, {camera}"
+                );
+            }
+        }
+    }
+}
+
+/// The picture of a frame as numbers from 0 to 1.
+fn shown(run: &mut Run) -> Picture {
+    let image = run.captured("image");
+    Picture::of_port(&image, &show(&image, &Look::default()))
+}
+
+/// Along a flight to the ball, the cut stays close to all points in full detail, and little is uploaded after the first
+/// frames. With a cache of half of the set and small uploads, too.
+#[test]
+fn a_flight_shows_what_all_points_would_show() {
+    let scene = scene(Codec::Best, 6);
+    let words: usize = Model::nodes(scene.points.as_ref().unwrap())
+        .iter()
+        .map(epigraph_stages::shared::streams::block_words)
+        .sum();
+    for (what, more) in [
+        ("free", &[("cut", "cell", "0.5")][..]),
+        ("narrow", &[("cut", "cell", "0.5"), ("cut", "cache", "2"), ("cut", "upload", "64")]),
+    ] {
+        let taps = ["cut.numbers"].map(tap).to_vec();
+        let settings = Settings { taps, ..settings(Side::Cpu) };
+        let mut cut = Run::in_scene(&streams(more), &scene, "fly", settings.clone());
+        let mut all = Run::in_scene(&streams(&[("cut", "cell", "0.05")]), &scene, "fly", settings);
+        let mut uploaded = Vec::new();
+        for frame in 0..60 {
+            cut.frame(true);
+            all.frame(true);
+            let numbers = cut.captured("cut.numbers").get::<u32>();
+            uploaded.push(numbers[7]);
+            if frame < 12 {
+                continue;
+            }
+            let [reference, picture] = [&mut all, &mut cut].map(shown);
+            let flip = Difference::new(&reference, &picture).flip();
+            assert!(flip < 0.02, "{what}, frame {frame}: FLIP {flip}");
+        }
+        let all_bytes = 4 * words as u32;
+        let later: u32 = uploaded[12..].iter().sum();
+        println!("{what}: {uploaded:?} of {all_bytes}");
+        assert!(later < 2 * all_bytes, "{later} of {all_bytes} bytes");
+    }
+}
+
+#[test]
+fn a_scene_without_points_is_refused_with_the_way_out() {
+    let place = Place::load("cornell", "still").unwrap();
+    let mut run = Setup::new(graph("streams.ron")).at(&place).size(SIZE).start().unwrap();
+    let error = run.frame().unwrap_err().to_string();
+    assert!(error.contains("epigraph encode cornell --out points.vts"), "{error}");
+}
+
+#[test]
+fn an_image_too_small_for_the_coarsest_node_says_so() {
+    let scene = scene(Codec::Packed, 2);
+    let place = Place::new(scene, "still").unwrap();
+    let mut run = Setup::new(graph("streams.ron")).at(&place).size([16, 16]).start().unwrap();
+    let error = run.frame().unwrap_err().to_string();
+    assert!(error.contains("room for 1024: raise points_per_pixel"), "{error}");
+}
