@@ -1,7 +1,7 @@
 //! Parts by their shapes.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeMap, HashMap},
     ops::ControlFlow,
     sync::OnceLock,
 };
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::{
     Settings, Surface,
     fit::fit,
-    part::{Part, SIZE},
+    part::{MEASURES, Part, SIZE},
     shape::{Grid, Instance, Shape},
     walk::{Match, Net, Walk},
 };
@@ -89,8 +89,7 @@ struct Known<'a> {
     groups: Vec<Group>,
     /// The part that gave each group its shape, by the same index.
     originals: Vec<Original<'a>>,
-    /// The groups in the order of their sizes.
-    by_size: BTreeSet<(u64, usize)>,
+    by_size: BySize,
 }
 
 struct Original<'a> {
@@ -101,11 +100,27 @@ struct Original<'a> {
     net: OnceLock<(Net<'a>, usize)>,
 }
 
-impl<'a> Known<'a> {
-    fn add(&mut self, original: Original<'a>, group: Group) {
-        self.by_size.insert((order(original.part.measures[SIZE]), self.groups.len()));
-        self.originals.push(original);
-        self.groups.push(group);
+/// The measures of groups in the order of their sizes.
+#[derive(Default)]
+struct BySize(BTreeMap<(u64, usize), [f64; MEASURES]>);
+
+impl BySize {
+    fn add(&mut self, part: &Part, group: usize) {
+        self.0.insert((order(part.measures[SIZE]), group), part.measures);
+    }
+
+    /// The groups with measures like those of a part. `None` if there are too many to look at.
+    fn like(&self, part: &Part, slack: f64, work: &mut u64) -> Option<Vec<usize>> {
+        let size = part.measures[SIZE];
+        let range = (order((size - slack).max(0.0)), 0)..=(order(size + slack), usize::MAX);
+        let mut like = Vec::new();
+        for (&(_, group), measures) in self.0.range(range) {
+            *work = work.checked_sub(1)?;
+            if part.measures.iter().zip(measures).all(|(a, b)| (a - b).abs() <= slack) {
+                like.push(group);
+            }
+        }
+        Some(like)
     }
 }
 
@@ -118,61 +133,74 @@ impl<'a> Grouping<'a> {
         let mut known = Known::default();
         let mut given_up = 0;
         for some in set.chunks(AT_ONCE) {
-            let before = known.groups.len();
+            let mut new = BySize::default();
             let first: Vec<(u64, Option<(usize, Member)>)> = some
                 .par_iter()
                 .map(|&index| {
                     let triangles = self.parts[index].triangles.len() as u64;
                     let mut work = self.settings.work.saturating_mul(triangles + LEAST_WORK);
-                    let found = self.find(index, &known, 0, &mut work);
+                    let found = self.find(index, &known, &known.by_size, &mut work);
                     (work, found)
                 })
                 .collect();
             for (&index, (mut work, found)) in some.iter().zip(first) {
-                match found.or_else(|| self.find(index, &known, before, &mut work)) {
+                match found.or_else(|| self.find(index, &known, &new, &mut work)) {
                     Some((group, member)) => known.groups[group].members.push(member),
                     None => {
                         given_up += usize::from(work == 0);
                         let (original, group) = self.original(index);
-                        known.add(original, group);
+                        new.add(original.part, known.groups.len());
+                        known.originals.push(original);
+                        known.groups.push(group);
                     }
                 }
                 if (self.done)().is_break() {
                     return None;
                 }
             }
+            known.by_size.0.extend(new.0);
         }
         Some((known.groups, given_up))
     }
 
-    /// Compares a part with the shapes from index `since` on. Each has its vertices from a part with coordinates that
-    /// are not larger.
-    fn find(&self, index: usize, known: &Known, since: usize, work: &mut u64) -> Option<(usize, Member)> {
+    /// Compares a part with some of the shapes. Each has its vertices from a part with coordinates that are not larger.
+    fn find(&self, index: usize, known: &Known, among: &BySize, work: &mut u64) -> Option<(usize, Member)> {
         let part = &self.parts[index];
         let bound = part.bound(self.settings);
         let slack = slack_of(bound);
-        let size = part.measures[SIZE];
-        let range = (order((size - slack).max(0.0)), 0)..=(order(size + slack), usize::MAX);
-        let mut net = None;
-        for &(_, group) in known.by_size.range(range).filter(|entry| entry.1 >= since) {
-            *work = work.checked_sub(1)?;
+        let like = among.like(part, slack, work)?;
+        if like.is_empty() {
+            return None;
+        }
+        let net = Net::new(part);
+        let (mut walks, mut starts) = (Vec::new(), Vec::new());
+        for group in like {
             let original = &known.originals[group];
-            if !part.is_like(original.part, slack) {
+            if !part.counts_as(original.part) {
                 continue;
             }
             let (original_net, seed) = original.net.get_or_init(|| {
                 let net = Net::new(original.part);
-                let seed = net.seed(slack_of(original.part.bound(self.settings)));
+                let seed = net.seed(0.5 * original.part.bound(self.settings));
                 (net, seed)
             });
-            let net = net.get_or_insert_with(|| Net::new(part));
-            let found = Walk::new(original_net, net, slack).find(*seed, work, |triangles, vertices| {
-                let copy = self.lay(index, &original.positions, triangles, vertices)?;
-                let same = copy.deviation <= bound && self.looks_like(&known.groups[group].shape, &copy);
-                same.then_some((group, copy))
-            });
-            if found.is_some() {
-                return found;
+            *work = work.checked_sub(part.triangles.len() as u64)?;
+            let walk = Walk::new(original_net, &net, *seed, slack);
+            let ranked = walk.starts().into_iter().enumerate();
+            starts.extend(ranked.map(|(rank, (difference, start))| (rank, difference, walks.len(), start)));
+            walks.push((group, walk));
+        }
+        // The most promising start of each shape, then the second of each: where shapes differ in a detail, many starts
+        // look right until the detail.
+        starts.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        for (_, _, walk, start) in starts {
+            let (group, walk) = &mut walks[walk];
+            if let Some((triangles, vertices)) = walk.go(start, work)
+                && let Some(copy) = self.lay(index, &known.originals[*group].positions, triangles, vertices)
+                && copy.deviation <= bound
+                && self.looks_like(&known.groups[*group].shape, &copy)
+            {
+                return Some((*group, copy));
             }
         }
         None

@@ -87,11 +87,9 @@ impl Part {
         settings.bound(self.radius(), self.extent)
     }
 
-    /// Whether it has as many vertices and triangles as another part, and measures that differ by `slack` at most.
-    pub(super) fn is_like(&self, other: &Self, slack: f64) -> bool {
-        self.positions.len() == other.positions.len()
-            && self.triangles.len() == other.triangles.len()
-            && self.measures.iter().zip(&other.measures).all(|(a, b)| (a - b).abs() <= slack)
+    /// Whether it has as many vertices and triangles as another part.
+    pub(super) fn counts_as(&self, other: &Self) -> bool {
+        self.positions.len() == other.positions.len() && self.triangles.len() == other.triangles.len()
     }
 
     /// A hash of a triangle's marks, which does not depend on where the triangle begins.

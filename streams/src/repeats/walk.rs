@@ -1,5 +1,7 @@
 //! Which vertex of a part is which of another: two walks over the triangles of both, step by step.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::part::Part;
@@ -41,25 +43,33 @@ impl<'a> Net<'a> {
         })
     }
 
-    /// The triangle with the fewest others like it; walks begin there.
+    /// The triangle with the fewest others like it, where walks begin. Those are alike whose sides, by their lengths,
+    /// differ by less than `slack`; some count that differ by up to twice as much.
     pub(super) fn seed(&self, slack: f64) -> usize {
-        let longest = |triangle: usize| self.part.sides(triangle).into_iter().fold(0.0, f64::max);
-        let mut order: Vec<(u64, f64, usize)> = (0..self.part.triangles.len())
-            .map(|triangle| (self.part.mark_of(triangle), longest(triangle), triangle))
-            .collect();
-        order.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-        let mut best = (usize::MAX, 0.0, 0);
-        for alike in order.chunk_by(|a, b| a.0 == b.0) {
-            for &(_, length, triangle) in alike {
-                let below = alike.partition_point(|other| other.1 < length - slack);
-                let count = alike.partition_point(|other| other.1 <= length + slack) - below;
-                // The longest of equally rare ones, as it is least like the others.
-                if count < best.0 || (count == best.0 && length > best.1) {
-                    best = (count, length, triangle);
-                }
+        let cell = |triangle: usize| {
+            let mut sides = self.part.sides(triangle);
+            sides.sort_unstable_by(f64::total_cmp);
+            (self.part.mark_of(triangle), sides.map(|side| (side / slack) as i64))
+        };
+        let mut counts: HashMap<(u64, [i64; 3]), usize> = HashMap::new();
+        let mut first = Vec::new();
+        for triangle in 0..self.part.triangles.len() {
+            let count = counts.entry(cell(triangle)).or_default();
+            *count += 1;
+            if *count == 1 {
+                first.push(triangle);
             }
         }
-        best.2
+        let alike = |triangle: usize| {
+            let (mark, [x, y, z]) = cell(triangle);
+            let near = (0..27).map(|i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+            near.filter_map(|cell| counts.get(&(mark, cell))).sum::<usize>()
+        };
+        // The longest of equally rare ones, as rounding matters least there.
+        let longest = |triangle: usize| self.part.sides(triangle).into_iter().fold(0.0, f64::max);
+        let best = first.into_iter().map(|triangle| (alike(triangle), -longest(triangle), triangle));
+        let best = best.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        best.expect("a part has triangles").2
     }
 }
 
@@ -85,7 +95,7 @@ fn seen_from(part: &Part, from: u32, side: u32) -> DVec3 {
 }
 
 /// A triangle of the copy: three times its index, plus its corner at which the original's triangle begins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Match(u32);
 
 impl Match {
@@ -120,6 +130,8 @@ impl Match {
 pub(super) struct Walk<'a> {
     original: &'a Net<'a>,
     copy: &'a Net<'a>,
+    /// The triangle of the original where walks begin.
+    seed: usize,
     /// How much the lengths of corresponding sides may differ.
     slack: f64,
     /// The copy's triangle for each triangle of the original.
@@ -136,11 +148,12 @@ pub(super) struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// Both parts have equal numbers of vertices and triangles.
-    pub(super) fn new(original: &'a Net, copy: &'a Net, slack: f64) -> Self {
+    pub(super) fn new(original: &'a Net, copy: &'a Net, seed: usize, slack: f64) -> Self {
         let [triangles, vertices] = [original.part.triangles.len(), original.part.positions.len()];
         Self {
             original,
             copy,
+            seed,
             slack,
             triangles: vec![Match::NONE; triangles],
             taken: vec![false; triangles],
@@ -151,51 +164,43 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Calls `accept` with each way to lay the original on the copy, until it accepts one. Each triangle looked at
-    /// takes 1 of `work`; ends without a result when none is left.
-    pub(super) fn find<T>(
-        &mut self,
-        seed: usize,
-        work: &mut u64,
-        accept: impl Fn(&[Match], &[u32]) -> Option<T>,
-    ) -> Option<T> {
-        let marks = self.original.part.marks_at(seed);
-        for triangle in 0..self.copy.part.triangles.len() {
-            *work = work.checked_sub(1)?;
-            let there = self.copy.part.marks_at(triangle);
-            for turn in 0..3 {
-                let start = Match(3 * triangle as u32 + turn);
-                if (0..3).any(|corner| marks[corner] != there[start.corner(corner)]) {
-                    continue;
-                }
-                if self.go(seed, start, work)
-                    && let Some(found) = accept(&self.triangles, &self.to)
-                {
-                    return Some(found);
-                }
-                self.clear();
-            }
-        }
-        None
+    /// The triangles of the copy that may be the original's `seed`, with how much their sides differ, the least first.
+    pub(super) fn starts(&self) -> Vec<(f64, Match)> {
+        let all = (0..3 * self.triangles.len() as u32).map(Match);
+        let mut starts: Vec<(f64, Match)> =
+            all.filter_map(|start| Some((self.difference(self.seed, start)?, start))).collect();
+        starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        starts
     }
 
-    /// Whether all triangles can be reached from a first pair without a contradiction.
-    fn go(&mut self, seed: usize, start: Match, work: &mut u64) -> bool {
-        if !self.take(seed as u32, start) {
-            return false;
+    /// How much the sides of a triangle differ from those of the copy's; `None` if the triangles cannot be the same.
+    fn difference(&self, triangle: usize, there: Match) -> Option<f64> {
+        let (original, copy) = (self.original.part, self.copy.part);
+        let [here, other] = [original.marks_at(triangle), copy.marks_at(there.triangle())];
+        if (0..3).any(|corner| here[corner] != other[there.corner(corner)]) {
+            return None;
         }
+        let [here, other] = [original.sides(triangle), copy.sides(there.triangle())];
+        let differences = [0, 1, 2].map(|corner| (here[corner] - other[there.corner(corner)]).abs());
+        let most = differences.into_iter().fold(0.0, f64::max);
+        (most <= self.slack).then_some(most)
+    }
+
+    /// The copy's triangles and vertices for those of the original if `start` is `seed`; `None` if that leads to a
+    /// contradiction. Each triangle looked at takes 1 of `work`; when none is left, there is no result.
+    pub(super) fn go(&mut self, start: Match, work: &mut u64) -> Option<(&[Match], &[u32])> {
+        self.clear();
+        let mut right = self.take(self.seed as u32, start);
         let mut next = 0;
-        while next < self.reached.len() {
-            let Some(rest) = work.checked_sub(1) else { return false };
-            *work = rest;
+        while right && next < self.reached.len() {
+            *work = work.checked_sub(1)?;
             let triangle = self.reached[next];
             next += 1;
             let there = self.triangles[triangle as usize];
-            if !(0..3).all(|corner| self.cross(3 * triangle + corner, there.side(corner as usize))) {
-                return false;
-            }
+            right = (0..3).all(|corner| self.cross(3 * triangle + corner, there.side(corner as usize)));
         }
-        self.reached.len() == self.triangles.len()
+        let whole = right && self.reached.len() == self.triangles.len();
+        whole.then_some((&self.triangles, &self.to))
     }
 
     /// Takes the triangles on the other sides of an edge; false for a contradiction.
@@ -255,9 +260,9 @@ impl<'a> Walk<'a> {
                 return false;
             }
         }
-        let (here, there_sides) =
-            (self.original.part.sides(triangle as usize), self.copy.part.sides(there.triangle()));
-        (0..3).all(|corner| (here[corner] - there_sides[there.corner(corner)]).abs() <= self.slack)
+        let [here, other] =
+            [self.original.part.sides(triangle as usize), self.copy.part.sides(there.triangle())];
+        (0..3).all(|corner| (here[corner] - other[there.corner(corner)]).abs() <= self.slack)
     }
 
     /// Forgets everything, in time proportional to what was noted.
