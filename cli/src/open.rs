@@ -57,6 +57,19 @@ pub fn place(scene: &str, camera: &str) -> Result<Place, CliError> {
     Ok(Place::new(Arc::new(loaded), camera)?)
 }
 
+/// The ray tracer of a place that has surfaces, built on first use.
+///
+/// # Errors
+/// If the scene has only points: rays would meet nothing.
+pub fn tracer_of_surfaces(place: &Place) -> Result<&Arc<Tracer>, CliError> {
+    let scene = &place.scene;
+    if scene.points.is_some() && scene.mesh.triangles.is_empty() {
+        let text = format!("`{}` has points and no surfaces to trace rays to", scene.name);
+        return Err(CliError::Input(text));
+    }
+    Ok(tracer(place))
+}
+
 /// The ray tracer of a place, built on first use.
 pub fn tracer(place: &Place) -> &Arc<Tracer> {
     progress::spinner("building the tracer".into(), || place.tracer())

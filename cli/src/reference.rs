@@ -29,7 +29,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     require_memory(size)?;
     let place = open::place(&args.scene.scene, &args.scene.camera)?;
     let mut outputs = outputs.ready()?;
-    let tracer = open::tracer(&place).at(args.frame);
+    let tracer = open::tracer_of_surfaces(&place)?.at(args.frame);
     let settings = trace_settings(args.mode);
 
     let start = Instant::now();

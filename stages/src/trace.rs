@@ -64,12 +64,15 @@ impl Stage for Trace {
             Light::Path => Mode::Path,
         };
         let settings = TraceSettings { spp: params.spp, mode, max_bounces: params.max_bounces };
-        cx.host::<World>()?.answer(
-            cx.frame(),
-            &cx.read(self.requests),
-            &settings,
-            &mut cx.write(self.samples),
-        );
+        let world = cx.host::<World>()?;
+        let scene = world.tracer.scene();
+        if scene.points.is_some() && scene.mesh.triangles.is_empty() {
+            let name = &scene.name;
+            return Err(format!(
+                "`{name}` has points and no surfaces to trace rays to: show it with the graph `streams`"
+            ));
+        }
+        world.answer(cx.frame(), &cx.read(self.requests), &settings, &mut cx.write(self.samples));
         Ok(())
     }
 

@@ -156,6 +156,14 @@ fn a_scene_without_points_is_refused_with_the_way_out() {
 }
 
 #[test]
+fn rays_to_points_without_surfaces_are_refused() {
+    let place = Place::new(scene(Codec::Packed, 1), "still").unwrap();
+    let mut run = Setup::new(graph("render-cache.ron")).at(&place).size(SIZE).start().unwrap();
+    let error = run.frame().unwrap_err().to_string();
+    assert!(error.contains("show it with the graph `streams`"), "{error}");
+}
+
+#[test]
 fn an_image_too_small_for_the_coarsest_node_says_so() {
     let scene = scene(Codec::Packed, 2);
     let place = Place::new(scene, "still").unwrap();

@@ -188,7 +188,7 @@ impl<'a> Bench<'a> {
     fn run(&self, scenes: Vec<Loaded>, results: &mut Results) -> Result<(), CliError> {
         // Each scene's tracer goes with the scene.
         for (index, loaded) in scenes.into_iter().enumerate() {
-            open::tracer(&loaded.place);
+            open::tracer_of_surfaces(&loaded.place)?;
             self.scene(&loaded, results)?;
             if index == 0 {
                 self.sweep_pixels(&loaded, results)?;

@@ -141,7 +141,7 @@ impl<'a> Gallery<'a> {
     /// The section of one scene, and its pictures in the order of their names.
     fn scene(&self, loaded: &Loaded) -> Result<(Section, [Drawn; 4]), CliError> {
         let Loaded { scene, place, names, .. } = loaded;
-        let tracer = open::tracer(place);
+        let tracer = open::tracer_of_surfaces(place)?;
         let camera = self.camera(scene, place);
         let epi = camera.dissect(&self.epi)?;
         let cache = camera.shoot(&self.cache)?;

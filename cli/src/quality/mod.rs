@@ -122,7 +122,7 @@ impl<'a> Quality<'a> {
     fn run(&self, views: &[View]) -> Result<Vec<Row>, CliError> {
         let mut rows = Vec::new();
         for views in views.chunk_by(|a, b| a.scene_name == b.scene_name) {
-            let tracer = open::tracer(&views[0].place);
+            let tracer = open::tracer_of_surfaces(&views[0].place)?;
             for view in views {
                 let frames = self.frames(view);
                 let references = References::trace(self.args, view, &frames)?;
