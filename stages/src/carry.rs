@@ -141,9 +141,10 @@ fn shadowed(before: &Light, now: &Light, here: [f32; 3], there: [f32; 3], own: u
             continue;
         }
         light += luminance;
+        let same_lamp = (lamp_before.position, lamp_before.normal) == (lamp.position, lamp.normal);
         let covers = |(was, is): (&Blocker, &Blocker)| {
             is.body != own
-                && (was != is || lamp_before != lamp)
+                && !(was == is && same_lamp)
                 && (was.covers(lamp_before, here) || is.covers(lamp, there))
         };
         if before.boxes.iter().zip(now.boxes).any(covers) {
@@ -177,10 +178,20 @@ mod tests {
         positions: &[[f32; 4]],
         meta: &[u32],
         moves: &[Move],
+        lamps: [Lamp; 2],
+        boxes: [Blocker; 2],
+    ) -> Harness<Carry> {
+        with(CarryParams { penalty: 3.5, relight: 2.0, shadow: 10.0 }, positions, meta, moves, lamps, boxes)
+    }
+
+    fn with(
+        params: CarryParams,
+        positions: &[[f32; 4]],
+        meta: &[u32],
+        moves: &[Move],
         [before, now]: [Lamp; 2],
         boxes: [Blocker; 2],
     ) -> Harness<Carry> {
-        let params = CarryParams { penalty: 3.5, relight: 2.0, shadow: 10.0 };
         let mut harness = Harness::new(params, &settings([8, 8], 16));
         harness.set("cloud.position", positions);
         harness.set("cloud.meta", meta);
@@ -218,6 +229,48 @@ mod tests {
         assert_eq!(ages([cube(0.0), cube(1.0)], 0), [0, ten, ten, ten, 0]);
         assert_eq!(ages([cube(1.0), cube(1.0)], 0), [0; 5], "the box has not moved");
         assert_eq!(ages([cube(0.0), cube(1.0)], 3), [0; 5], "a body does not occlude its own points");
+    }
+
+    #[test]
+    fn a_box_at_rest_shades_anew_where_the_lamp_moves_or_turns() {
+        // Below the middle of the box: it keeps all light out. Without ageing by the light itself.
+        let age = |boxes: [Blocker; 2], now: Lamp| {
+            let params = CarryParams { penalty: 0.0, relight: 0.0, shadow: 10.0 };
+            let mut harness =
+                with(params, &[[0.0, 0.0, 0.0, 1.0]], &[LIVE], &[Move::REST], [LAMP, now], boxes);
+            (run_alike(&mut harness).get::<u32>("cloud.meta")[0] & AGE) / 256
+        };
+        let still = [cube(0.0); 2];
+        assert_eq!(age(still, LAMP), 0);
+        assert_eq!(age(still, Lamp { power: 4.0, ..LAMP }), 0, "it only shines less");
+        for axis in 0..3 {
+            let mut moved = LAMP;
+            moved.position[axis] += 0.125;
+            assert_eq!(age(still, moved), 10, "along axis {axis}");
+            let mut turned = LAMP;
+            turned.normal[axis] += 0.125;
+            assert_eq!(age(still, turned), 10, "about axis {axis}");
+        }
+        // Each row of the box's pose counts.
+        for row in 0..3 {
+            let mut moved = cube(0.0);
+            [&mut moved.x, &mut moved.y, &mut moved.z][row][3] += 0.125;
+            assert_eq!(age([cube(0.0), moved], LAMP), 10, "row {row}");
+        }
+    }
+
+    #[test]
+    fn a_line_through_a_corner_of_a_box_meets_it() {
+        // The corner (3, 4, 12) is 13 from the middle of the box, and the line through it is tangent to the ball around
+        // the box. All numbers are whole, and so exact.
+        let corner = Blocker { extent: [3.0, 4.0, 12.0], body: 3, ..cube(0.0) };
+        let corner = Blocker { x: [1.0, 0.0, 0.0, 0.0], y: [0.0, 1.0, 0.0, 0.0], ..corner };
+        let away = Blocker { x: [1.0, 0.0, 0.0, 1000.0], ..corner };
+        let lamp = Lamp { position: [7.0, -8.0, 15.0], normal: [0.0; 3], uniform_share: 1.0, ..LAMP };
+        let positions = [[-1.0, 16.0, 9.0, 1.0], [-1.0, 16.0, 9.5, 1.0]];
+        let out = run_alike(&mut harness(&positions, &[LIVE; 2], &[Move::REST], [lamp; 2], [away, corner]));
+        let ages: Vec<u32> = out.get::<u32>("cloud.meta").iter().map(|meta| (meta & AGE) / 256).collect();
+        assert_eq!(ages, [10, 0]);
     }
 
     #[test]
