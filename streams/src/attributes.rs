@@ -103,6 +103,11 @@ impl Light {
     }
 }
 
+/// Linear light, 0 to 1, as the sRGB bytes that colours have. What is outside the range is moved to its end.
+pub fn color_of_light(light: [f32; 3]) -> [u8; 3] {
+    light.map(|light| LIGHT.byte((f64::from(light) * FULL).round() as u32))
+}
+
 /// A colour as a word: red in the lowest byte, then green, blue and alpha, as `unpack4x8unorm` of WGSL reads it.
 pub fn pack_color(color: [u8; 4]) -> u32 {
     u32::from_le_bytes(color)
@@ -158,6 +163,7 @@ mod tests {
         }
         // Half of the light of white is 188 in sRGB: 1.055 (1/2)^(1/2.4) - 0.055 is 0.735.
         assert_eq!(mean(&[[0, 0, 255, 255], [255, 0, 255, 0]]), [188, 0, 255, 128]);
+        assert_eq!(color_of_light([0.5, 2.0, -1.0]), [188, 255, 0]);
         assert_eq!(pack_color([1, 2, 3, 4]), 0x0403_0201);
         assert_eq!(unpack_color(0x0403_0201), [1, 2, 3, 4]);
     }

@@ -28,6 +28,25 @@ pub enum Codec {
 }
 
 impl Codec {
+    /// All codecs, with the names and meanings that programs show.
+    pub const ALL: [(Self, &str, &str); 4] = [
+        (Self::Packed, "packed", "each point by itself, 4 bytes"),
+        (Self::Brick, "brick", "blocks of 4x4x4 cells with a bit for each cell, 12 bytes a block"),
+        (Self::Streams, "streams", "the paper's pools of vertices and translations, the rest by itself"),
+        (Self::Best, "best", "for each node the smallest of these, or pools with bricks for the rest"),
+    ];
+
+    /// The codec's name in [`Codec::ALL`].
+    pub fn name(self) -> &'static str {
+        let [packed, brick, streams, best] = Self::ALL.map(|(_, name, _)| name);
+        match self {
+            Self::Packed => packed,
+            Self::Brick => brick,
+            Self::Streams => streams,
+            Self::Best => best,
+        }
+    }
+
     /// Divides cells, in their order, among pools and cells by themselves.
     pub(crate) fn divide(self, cells: &[Cell], settings: &Settings) -> (Vec<Pool>, Vec<Cell>) {
         match self {

@@ -2,7 +2,7 @@
 
 use std::{
     ops::{ControlFlow, RangeInclusive},
-    sync::atomic::{AtomicUsize, Ordering},
+    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
 use glam::{DVec3, Vec3};
@@ -13,7 +13,7 @@ use crate::{
     cell::{Cell, Cells},
     codec::Codec,
     frame::Frame,
-    hierarchy::hierarchy,
+    hierarchy::{Branch, hierarchy},
     model::{Model, Node},
     palette::is_small,
     points::{Point, Points},
@@ -21,7 +21,10 @@ use crate::{
 };
 
 /// Coordinates may not be larger: squares of sums of them must not overflow.
-const MOST_COORDINATE: f32 = 1e30;
+pub const MOST_COORDINATE: f32 = 1e30;
+
+/// The most levels of a hierarchy.
+pub const MOST_LEVELS: u32 = 24;
 
 /// How points are encoded. The defaults are the smallest codec, and for its pools the paper's numbers, but for 96
 /// translations in place of 88.
@@ -29,7 +32,7 @@ const MOST_COORDINATE: f32 = 1e30;
 pub struct Settings {
     /// How the cells of a node are stored.
     pub codec: Codec,
-    /// Levels of the hierarchy, 1 to 24.
+    /// Levels of the hierarchy, 1 to [`MOST_LEVELS`].
     pub levels: u32,
     /// Pools of each node, 0 to 64, for [`Codec::Streams`] and [`Codec::Best`], as are the following.
     pub pools: usize,
@@ -92,33 +95,51 @@ pub enum EncodeError {
     Stopped,
 }
 
+/// A step of encoding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Step {
+    /// The points are divided among nodes.
+    Divide,
+    /// The nodes' cells are stored.
+    Store,
+}
+
 /// Encodes points. The same points in the same order give the same model on all machines, with any number of cores.
 ///
 /// # Errors
 /// There are no points or too many, a coordinate is no finite number, colours or normals do not fit the points, or a
 /// setting is out of its range.
 pub fn encode(points: &Points, settings: &Settings) -> Result<Model, EncodeError> {
-    encode_watched(points, settings, &|_| ControlFlow::Continue(()))
+    encode_watched(points, settings, &|_, _| ControlFlow::Continue(()))
 }
 
-/// As [`encode`]; calls `watch` with the part of the nodes that is done, 0 to 1, whenever a node is done, and stops if
-/// it returns [`ControlFlow::Break`].
+/// As [`encode`]; calls `watch` with the part of a step that is done, 0 to 1, many times on all cores, and stops if it
+/// returns [`ControlFlow::Break`].
 ///
 /// # Errors
 /// As [`encode`]; [`EncodeError::Stopped`].
 pub fn encode_watched(
     given: &Points,
     settings: &Settings,
-    watch: &(dyn Fn(f64) -> ControlFlow<()> + Sync),
+    watch: &(dyn Fn(Step, f64) -> ControlFlow<()> + Sync),
 ) -> Result<Model, EncodeError> {
     check(given, settings)?;
     let mut points = Point::all(&given.positions);
-    let branches = hierarchy(&mut points, settings.levels);
-    let grids: Vec<Grid> =
-        branches.par_iter().map(|branch| Grid::new(given, &points[branch.points.clone()])).collect();
+    // Each level divides all points.
+    let dividing = Watch::new(Step::Divide, points.len() * settings.levels as usize, watch);
+    let branches = hierarchy(&mut points, settings.levels, &dividing);
+    dividing.check()?;
+    let storing = Watch::new(Step::Store, 2 * branches.len(), watch);
+    let grid = |branch: &Branch| {
+        storing.check()?;
+        let grid = Grid::new(given, &points[branch.points.clone()]);
+        storing.done(1);
+        Ok(grid)
+    };
+    let grids = branches.par_iter().map(grid).collect::<Result<Vec<_>, _>>()?;
 
-    let done = AtomicUsize::new(0);
     let node = |index: usize| {
+        storing.check()?;
         let (grid, branch) = (&grids[index], &branches[index]);
         let (pools, singles) = settings.codec.divide(&grid.cells, settings);
         let mut node = Node {
@@ -130,19 +151,54 @@ pub fn encode_watched(
             attributes: Attributes::default(),
         };
         node.attributes = grid.attributes_of(&node);
-        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        match watch(done as f64 / branches.len() as f64) {
-            ControlFlow::Continue(()) => Ok((index, node)),
-            ControlFlow::Break(()) => Err(EncodeError::Stopped),
-        }
+        storing.done(1);
+        Ok((index, node))
     };
     // A transform uses all cores and much memory, so these nodes come one after another.
     let (small, large): (Vec<usize>, Vec<usize>) =
         (0..branches.len()).partition(|&index| !settings.codec.searches() || is_small(&grids[index].cells));
     let mut nodes = large.into_iter().map(node).collect::<Result<Vec<_>, _>>()?;
     nodes.extend(small.into_par_iter().map(node).collect::<Result<Vec<_>, _>>()?);
+    storing.check()?;
     nodes.sort_by_key(|(index, _)| *index);
     Ok(Model { origin: given.origin, nodes: nodes.into_iter().map(|(_, node)| node).collect() })
+}
+
+/// Tells the caller how much of a step is done, and whether to go on.
+pub(crate) struct Watch<'a> {
+    step: Step,
+    all: usize,
+    done: AtomicUsize,
+    stopped: AtomicBool,
+    tell: &'a (dyn Fn(Step, f64) -> ControlFlow<()> + Sync),
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(
+        step: Step,
+        all: usize,
+        tell: &'a (dyn Fn(Step, f64) -> ControlFlow<()> + Sync),
+    ) -> Self {
+        Self { step, all, done: AtomicUsize::new(0), stopped: AtomicBool::new(false), tell }
+    }
+
+    /// More of the step is done.
+    pub(crate) fn done(&self, more: usize) {
+        let done = more + self.done.fetch_add(more, Ordering::Relaxed);
+        if (self.tell)(self.step, done as f64 / self.all as f64).is_break() {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether the caller has asked to stop; asks once more.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.done(0);
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    fn check(&self) -> Result<(), EncodeError> {
+        if self.is_stopped() { Err(EncodeError::Stopped) } else { Ok(()) }
+    }
 }
 
 /// The points of a node on its grid.
@@ -175,7 +231,7 @@ impl Grid {
 }
 
 fn check(points: &Points, settings: &Settings) -> Result<(), EncodeError> {
-    in_range("levels", settings.levels, 1..=24)?;
+    in_range("levels", settings.levels, 1..=MOST_LEVELS)?;
     in_range("pools", settings.pools, 0..=64)?;
     in_range("translations", settings.translations, 1..=MOST_TRANSLATIONS)?;
     in_range("palette", settings.palette, 1..=1 << 16)?;

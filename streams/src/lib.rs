@@ -60,11 +60,11 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use attributes::{NO_NORMAL, pack_color, pack_normal, unpack_color, unpack_normal};
+pub use attributes::{NO_NORMAL, color_of_light, pack_color, pack_normal, unpack_color, unpack_normal};
 pub use bytes::Layout;
 pub use cell::{Cell, GRID, Translation};
 pub use codec::Codec;
-pub use encode::{EncodeError, Settings, encode, encode_watched};
+pub use encode::{EncodeError, MOST_COORDINATE, MOST_LEVELS, Settings, Step, encode, encode_watched};
 pub use file::{Reader, VtsError};
 pub use frame::Frame;
 pub use model::{Model, Node};

@@ -114,6 +114,30 @@ impl Model {
         &self.nodes
     }
 
+    /// The number of levels: of nodes on the longest way from the root to a leaf.
+    pub fn levels(&self) -> u32 {
+        self.depths().into_iter().max().unwrap_or(0)
+    }
+
+    /// The nodes of a level, and the leaves above it: a cut, which holds all points. The root is level 1.
+    pub fn level(&self, level: u32) -> impl Iterator<Item = &Node> {
+        let depths = self.depths();
+        self.nodes.iter().zip(depths).filter_map(move |(node, depth)| {
+            (depth == level || depth < level && node.first_child.is_none()).then_some(node)
+        })
+    }
+
+    /// The level of each node.
+    fn depths(&self) -> Vec<u32> {
+        let mut depths = vec![1; self.nodes.len()];
+        for (index, node) in self.nodes.iter().enumerate() {
+            for child in node.children().into_iter().flatten() {
+                depths[child] = depths[index] + 1;
+            }
+        }
+        depths
+    }
+
     /// The nodes without children: the points in most detail.
     pub fn leaves(&self) -> impl Iterator<Item = &Node> {
         self.nodes.iter().filter(|node| node.first_child.is_none())

@@ -224,15 +224,35 @@ fn encoding_tells_how_far_it_is_and_stops_when_asked() {
     let points = scan(2000, 6).into();
     let settings = Settings { levels: 3, ..Settings::default() };
     let seen = Mutex::new(Vec::new());
-    let watch = |part: f64| {
-        seen.lock().unwrap().push(part);
+    let watch = |step: Step, part: f64| {
+        seen.lock().unwrap().push((step, part));
         ControlFlow::Continue(())
     };
-    let model = encode_watched(&points, &settings, &watch).unwrap();
-    let mut seen = seen.into_inner().unwrap();
-    seen.sort_by(f64::total_cmp);
-    let count = model.nodes().len();
-    assert_eq!(seen, (1..=count).map(|done| done as f64 / count as f64).collect::<Vec<_>>());
-    let stopped = encode_watched(&points, &settings, &|_| ControlFlow::Break(()));
-    assert_eq!(stopped, Err(EncodeError::Stopped));
+    encode_watched(&points, &settings, &watch).unwrap();
+    let seen = seen.into_inner().unwrap();
+    for step in [Step::Divide, Step::Store] {
+        let parts: Vec<f64> = seen.iter().filter(|(of, _)| *of == step).map(|(_, part)| *part).collect();
+        assert!(parts.contains(&0.0) && parts.contains(&1.0) && parts.len() > 6, "{step:?}: {parts:?}");
+        assert!(parts.iter().all(|part| (0.0..=1.0).contains(part)), "{step:?}: {parts:?}");
+    }
+    assert!(seen.is_sorted_by_key(|(step, _)| *step));
+    for at in [(Step::Divide, 0.0), (Step::Divide, 0.3), (Step::Store, 0.2), (Step::Store, 1.0)] {
+        let watch =
+            |step, part| if (step, part) >= at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        assert_eq!(encode_watched(&points, &settings, &watch), Err(EncodeError::Stopped), "{at:?}");
+    }
+}
+
+#[test]
+fn the_nodes_of_a_level_hold_all_points() {
+    // A point far away is a leaf of the second level.
+    let points = Points::from([scan(500, 1), vec![Vec3::splat(90.0)]].concat());
+    let model = encode(&points, &Settings { levels: 4, ..Settings::default() }).unwrap();
+    assert_eq!(model.levels(), 4);
+    for (level, count) in (1..=5).zip([1, 2, 3, 5, 5]) {
+        let nodes: Vec<&Node> = model.level(level).collect();
+        assert_eq!(nodes.len(), count, "{level}");
+        assert_eq!(nodes.iter().map(|node| node.points()).sum::<usize>(), 501);
+    }
+    assert!(model.level(4).eq(model.leaves()));
 }
