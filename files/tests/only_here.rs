@@ -22,8 +22,9 @@ const CALLS: [&str; 12] = [
 ];
 
 /// Packages whose code programs run; tests and build scripts may do as they like.
-const PACKAGES: [&str; 10] =
-    ["core", "stages", "scenes", "pictures", "streams", "graphs", "run", "cli", "editor", "shaders"];
+const PACKAGES: [&str; 11] = [
+    "core", "stages", "scenes", "pictures", "streams", "points", "graphs", "run", "cli", "editor", "shaders",
+];
 
 /// The editor's list of its widgets, which it writes in every frame for a program that drives it, is no user's file.
 const EXCEPT: &str = "editor/src/widgets.rs";

@@ -1,0 +1,71 @@
+//! LAS and LAZ.
+
+use std::{
+    io::Cursor,
+    panic::{AssertUnwindSafe, catch_unwind},
+};
+
+use glam::DVec3;
+use las::{Header, PointDataBuilder, Reader};
+
+use crate::{
+    cloud::Cloud,
+    laz::{check_chunks, check_record},
+};
+
+/// Points that are read together. Memory is taken for these, however many a header promises.
+const BATCH: u64 = 1 << 14;
+
+/// Reads a whole file.
+pub(crate) fn read(bytes: Vec<u8>) -> Result<Cloud, String> {
+    let wrong = |error: las::Error| format!("its header is wrong: {error}");
+    check_record(&bytes)?;
+    let header = Header::new(Cursor::new(&bytes[..])).map_err(wrong)?;
+    if header.point_format().is_compressed {
+        check_chunks(&bytes, &header)?;
+    }
+    let mut reader = Reader::new(Cursor::new(bytes)).map_err(wrong)?;
+    let count = reader.header().number_of_points();
+    let has_color = reader.header().point_format().has_color;
+    let mut cloud = Cloud::default();
+    let mut colors: Vec<[u16; 3]> = Vec::new();
+    let mut batch = PointDataBuilder::new().for_header(reader.header()).build();
+    let mut index = 0;
+    while index < count {
+        let fail = |error: las::Error| format!("after point {index} of {count}: {error}");
+        // The decoder of LAZ checks most of what it reads, but indexes its tables with some of it.
+        let filled = catch_unwind(AssertUnwindSafe(|| reader.fill_points(BATCH, &mut batch)));
+        let damaged = || format!("after point {index} of {count}: the compressed points are damaged");
+        filled.map_err(|_| damaged())?.map_err(fail)?;
+        for point in batch.points() {
+            let point = point.map_err(fail)?;
+            if point.is_withheld {
+                cloud.withheld += 1;
+                continue;
+            }
+            cloud.push(DVec3::new(point.x, point.y, point.z))?;
+            if has_color {
+                let color = point.color.unwrap_or_default();
+                colors.push([color.red, color.green, color.blue]);
+            }
+        }
+        index += batch.len() as u64;
+    }
+    cloud.colors = bytes_of(&colors);
+    Ok(cloud)
+}
+
+/// Colours of 16 bits as bytes. Many programs write bytes, against the specification: then no channel of any point is
+/// above 255.
+fn bytes_of(colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
+    let are_bytes = colors.iter().flatten().all(|&channel| channel <= 255);
+    let byte =
+        |channel: u16| if are_bytes { channel as u8 } else { ((u32::from(channel) + 128) / 257) as u8 };
+    colors
+        .iter()
+        .map(|color| {
+            let [red, green, blue] = color.map(byte);
+            [red, green, blue, 255]
+        })
+        .collect()
+}
