@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use epigraph::{Backend, Change, Pace, Samples};
+use epigraph_streams::{Codec, MOST_LEVELS};
 
 use crate::{
     bench::{Choice, Sweep},
@@ -25,7 +26,8 @@ Examples:
   epigraph compare epigraph.png reference.exr --map difference.png
   epigraph bench --quick                     the time of each step, beside the papers' figures
   epigraph gallery --out gallery             a page of pictures: what each step does, scene by scene
-  epigraph quality --scene cornell           image quality at 1, 2, 5 and 10% of the pixels sampled per frame";
+  epigraph quality --scene cornell           image quality at 1, 2, 5 and 10% of the pixels sampled per frame
+  epigraph encode scan.laz --out scan.vts    a point set with level of detail, in few bytes";
 
 /// How graphs and changes to them are named, at the end of several help texts.
 const NAMES: &str = "\n\n\
@@ -112,6 +114,43 @@ Examples:
   epigraph quality epi epi+sigma=0.6 --scene chains                              the effect of a parameter
   epigraph quality epi epi+swap:interpolate=mine.wgsl                            the effect of a stage of your own";
 
+const ENCODE_HELP: &str = "\
+A .vts file holds a tree: level 1 is the whole set as one node, level 2 has two nodes, and so on. Each node has its points
+on a grid of 128x128x128 cells of its own, so each level halves the cells where there are enough points. Points of a node
+in the same cell become one, with their mean colour and normal; the last level is the most precise one, and no point of it
+is farther than half a cell from where it was, along each axis of the grid.
+
+The table has a line for each level: what is shown if the tree is cut there (leaves above it included). `merged` are
+points that share a cell with another one; `per point` are bytes, `position` those without colour and normal, which take
+4 bytes each; `pools`, `bricks` and `single` are the shares of the points by how they are stored.
+JSON: input, points, left_out {not_numbers, withheld}, colors, normals, origin, codec, pools, translations, threshold,
+palette, levels [{level, nodes, points, merged, bytes, position_bytes, in_pools, in_bricks, single}], bytes (of the
+file), seconds.
+
+What can be read:
+  .ply, .ply.gz   ASCII or binary; x y z; red green blue (alpha); nx ny nz, or the normals of faces
+  .las, .laz      with colours; points that are withheld are left out
+  .xyz            text, a point a line: x y z, or x y z red green blue (0 to 255)
+  .obj            vertices; without faces, with colours after the positions
+  .gltf, .glb, scene files (.ron) and scenes by name: vertices with normals and the colours of materials
+  .vts            the points of the last level
+Doubles, LAS and text keep the precision of survey coordinates. Points whose coordinates are no numbers are left out and
+counted.
+
+Examples:
+  epigraph encode scan.laz --out scan.vts
+  epigraph encode dragon.ply.gz --out dragon.vts --no-normals --codec streams --translations 88    as in the paper
+  epigraph encode scan.ply --out scan.vts --levels 12 --json scan.json    finer leaves, for a scan of many millions
+  epigraph decode scan.vts --out scan.ply                                 the points of the last level";
+
+const DECODE_HELP: &str = "\
+Writes binary PLY: positions (double if the file has an origin, as those of surveys have), red, green, blue and alpha,
+normals. A point is at the centre of its cell.
+
+Examples:
+  epigraph decode scan.vts --out scan.ply
+  epigraph decode scan.vts --out coarse.ply --level 3    at most four nodes of 128x128x128 cells";
+
 /// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
 ///
 /// Without a command it renders: `epigraph [GRAPH] [OPTIONS]`.
@@ -164,6 +203,12 @@ pub enum Command {
     /// Measure the image quality of graphs: PSNR and FLIP against converged pictures, overall and near edges
     #[command(after_help = [QUALITY_HELP, NAMES].concat())]
     Quality(QualityArgs),
+    /// Encode a point set as a tree with level of detail, in few bytes: a .vts file
+    #[command(after_help = ENCODE_HELP)]
+    Encode(EncodeArgs),
+    /// Write the points of a .vts file as PLY
+    #[command(after_help = DECODE_HELP)]
+    Decode(DecodeArgs),
 }
 
 /// The scene and the camera path.
@@ -484,6 +529,58 @@ pub struct QualityArgs {
     /// Plot FLIP over samples per frame as an SVG picture
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+}
+
+/// Arguments of `encode`.
+#[derive(Args, Clone, Debug)]
+pub struct EncodeArgs {
+    /// Points: a file, or the name of a scene, of which the vertices are taken
+    #[arg(value_name = "FILE|SCENE")]
+    pub input: String,
+    /// Output file
+    #[arg(long, value_name = "FILE.vts")]
+    pub out: PathBuf,
+    /// How points are stored
+    #[arg(long, default_value = "best", value_parser = values::codec())]
+    pub codec: Codec,
+    /// Levels of the tree
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_LEVELS)), allow_hyphen_values = true)]
+    pub levels: u32,
+    /// Pools of each node, for the codecs streams and best
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(..=64), allow_hyphen_values = true)]
+    pub pools: u8,
+    /// The most translations of a pool: 88 as in the paper, or what 3 or 4 words of tags hold
+    #[arg(long, value_name = "N", default_value = "96", value_parser = values::translations())]
+    pub translations: usize,
+    /// A pool takes a vertex if it adds more than this part of the pool's translations, 0 to 1
+    #[arg(long, value_name = "PART", default_value_t = 0.25, allow_hyphen_values = true)]
+    pub threshold: f64,
+    /// Number of the most frequent translations among which pools find theirs
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536), allow_hyphen_values = true)]
+    pub palette: u32,
+    /// Leave colours out
+    #[arg(long)]
+    pub no_colors: bool,
+    /// Leave normals out
+    #[arg(long)]
+    pub no_normals: bool,
+    /// Write the figures as JSON; - writes them to stdout instead of the table
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `decode`.
+#[derive(Args, Clone, Debug)]
+pub struct DecodeArgs {
+    /// A file that `encode` wrote
+    #[arg(value_name = "FILE.vts")]
+    pub input: PathBuf,
+    /// Output file
+    #[arg(long, value_name = "FILE.ply")]
+    pub out: PathBuf,
+    /// Level of the tree, 1 is the coarsest [default: the finest]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]
+    pub level: Option<u32>,
 }
 
 fn scene_help() -> String {

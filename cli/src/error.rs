@@ -13,6 +13,9 @@ pub enum CliError {
     /// A file cannot be read or written.
     #[error("{0}")]
     File(#[from] FileError),
+    /// Points cannot be read.
+    #[error("{0}")]
+    Points(#[from] epigraph_points::ReadError),
     /// Any other error that the user can fix.
     #[error("{0}")]
     Input(String),

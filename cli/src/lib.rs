@@ -1,5 +1,5 @@
 //! `epigraph`, the command line: renders and checks graphs, lists stages, traces references, compares images, times
-//! stages, makes a gallery, and measures image quality.
+//! stages, makes a gallery, measures image quality, and encodes point sets.
 //!
 //! Every command exits with code 0 on success, 1 if its input is wrong, and 130 if it is interrupted. Progress goes to
 //! stderr, results to stdout.
@@ -20,7 +20,9 @@ mod axis;
 mod bench;
 mod check;
 mod compare;
+mod decode;
 mod edge_mask;
+mod encode;
 mod error;
 mod gallery;
 mod interrupt;
@@ -84,5 +86,7 @@ fn run(cli: Cli, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
         Some(Command::Bench(args)) => bench::bench(&args, registry).map(done),
         Some(Command::Gallery(args)) => gallery::gallery(&args, registry).map(done),
         Some(Command::Quality(args)) => quality::quality(&args, registry).map(done),
+        Some(Command::Encode(args)) => encode::encode(&args).map(done),
+        Some(Command::Decode(args)) => decode::decode(&args).map(done),
     }
 }

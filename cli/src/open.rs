@@ -9,8 +9,8 @@ use epigraph_scenes::{Scene, Tracer};
 use crate::{args::ChangeArgs, error::CliError, progress};
 
 /// Names of commands, to suggest one for a mistyped word.
-const COMMANDS: [&str; 8] =
-    ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality"];
+const COMMANDS: [&str; 10] =
+    ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality", "encode", "decode"];
 
 /// Reads a graph by its name or file, with its variant's changes and those of the options.
 ///

@@ -8,6 +8,7 @@ use clap::{
 };
 use epigraph::{Backend, Pace};
 use epigraph_core::{MAX_SIDE, Source};
+use epigraph_streams::Codec;
 
 /// Width and height in pixels, written `WxH`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +87,16 @@ pub fn backend() -> impl TypedValueParser<Value = Backend> {
 /// The values of `--pace`.
 pub fn pace() -> impl TypedValueParser<Value = Pace> {
     choice(&Pace::ALL)
+}
+
+/// The values of `--codec`.
+pub fn codec() -> impl TypedValueParser<Value = Codec> {
+    choice(&Codec::ALL)
+}
+
+/// The values of `--translations`.
+pub fn translations() -> impl TypedValueParser<Value = usize> {
+    choice(&[(88, "88", "the paper's"), (96, "96", "3 words of tags"), (128, "128", "4 words of tags")])
 }
 
 /// The light transport of a reference.

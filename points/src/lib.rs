@@ -41,7 +41,7 @@ pub const MOST_POINTS: usize = 100_000_000;
 const MOST_UNPACKED: u64 = 8 << 30;
 
 /// The endings of files with points, for messages.
-pub const ENDINGS: &str = ".ply, .ply.gz, .las, .laz, .xyz, .obj, .gltf, .glb or .ron";
+pub const ENDINGS: &str = ".ply, .ply.gz, .las, .laz, .xyz, .obj, .gltf, .glb, .ron or .vts";
 
 /// The points of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +82,7 @@ pub enum ReadError {
 /// - LAS and LAZ: positions, colours.
 /// - XYZ, text: three numbers a line, or six, of which the last three are a colour, 0 to 255.
 /// - OBJ without faces: positions, and colours that follow them.
+/// - VTS: the points of the leaves.
 /// - OBJ with faces, glTF, scene files, and scenes by name: positions, normals, and the colours of materials.
 ///
 /// # Errors

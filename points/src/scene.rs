@@ -1,12 +1,15 @@
-//! The vertices of a scene.
+//! The vertices or the points of a scene.
 
 use epigraph_scenes::Scene;
-use epigraph_streams::{Points, color_of_light};
+use epigraph_streams::{Model, Node, Points, color_of_light, unpack_color, unpack_normal};
 use glam::Vec3;
 
 /// The vertices at rest. Normals are means over the triangles around a vertex by their areas, colours those of the first
-/// triangle's material.
+/// triangle's material. Of a scene that is a point set, the points in most detail.
 pub(crate) fn points(scene: &Scene) -> Points {
+    if let Some(model) = &scene.points {
+        return decoded(model);
+    }
     let mesh = &scene.mesh;
     let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
     let mut colors = vec![None; mesh.positions.len()];
@@ -23,4 +26,17 @@ pub(crate) fn points(scene: &Scene) -> Points {
     }
     let colors = colors.into_iter().map(|color| color.unwrap_or([255; 4])).collect();
     Points { colors: Some(colors), normals: Some(normals), ..Points::from(mesh.positions.clone()) }
+}
+
+fn decoded(model: &Model) -> Points {
+    let leaves: Vec<&Node> = model.leaves().collect();
+    let all = |values: fn(&Node) -> Option<&[u32]>| {
+        leaves.iter().map(|leaf| values(leaf)).collect::<Option<Vec<_>>>().map(|leaves| leaves.concat())
+    };
+    Points {
+        origin: model.origin(),
+        positions: leaves.iter().flat_map(|leaf| leaf.positions()).collect(),
+        colors: all(Node::colors).map(|words| words.into_iter().map(unpack_color).collect()),
+        normals: all(Node::normals).map(|words| words.into_iter().map(unpack_normal).collect()),
+    }
 }

@@ -276,6 +276,9 @@ fn decoded_points_are_written_as_ply() {
             assert!(a.abs_diff_eq(b, 1e-5), "{a} {b}");
         }
         assert_eq!(read.positions.len(), decoded.len());
+        let again = folder.read("a.vts", model.to_bytes()).points;
+        assert_eq!((again.origin, again.positions), (points.origin, decoded));
+        assert_eq!((&again.colors, &again.normals), (&read.colors, &read.normals));
         assert_eq!(read.colors.is_some(), points.colors.is_some());
         assert_eq!(read.normals.is_some(), points.normals.is_some());
         if let Some(colors) = read.colors {

@@ -6,6 +6,8 @@ use epigraph::{Place, graphs::Shipped};
 use epigraph_core::{GraphFile, Settings, WgslFile, compile};
 use epigraph_pictures::Picture;
 use epigraph_scenes::{CameraPath, Rng, Scene, TraceSettings, Tracer};
+use epigraph_streams::{Codec, Model, Node, Points};
+use glam::Vec3;
 
 /// A kind of file.
 pub struct Kind {
@@ -300,3 +302,150 @@ pub const WGSL: Kind = Kind {
     read: |path| WgslFile::load(path, &epigraph::registry()).is_ok(),
     count: 300,
 };
+
+/// A file of streams whose checksums are those of its bytes, as far as it has them: otherwise nothing else is tried.
+fn with_right_checksums(mut bytes: Vec<u8>) -> Vec<u8> {
+    // `docs/vts.md`: the header, and records of the table.
+    const HEADER: usize = 48;
+    const RECORD: usize = 76;
+    let word = |bytes: &[u8], at: usize| {
+        let word = bytes.get(at..at + 4)?;
+        Some(u32::from_le_bytes(word.try_into().expect("four bytes")) as usize)
+    };
+    let table = bytes.len().saturating_sub(HEADER) / RECORD;
+    let count = word(&bytes, 16).unwrap_or(0).min(table);
+    for begin in (0..count).map(|node| HEADER + node * RECORD) {
+        let [offset, length] = [60, 68].map(|at| word(&bytes, begin + at).expect("within the table"));
+        if let Some(block) = bytes.get(offset..).and_then(|rest| rest.get(..length)) {
+            let checksum = crc32fast::hash(block);
+            bytes[begin + 72..][..4].copy_from_slice(&checksum.to_le_bytes());
+        }
+    }
+    if let Some(checked) = bytes.get(16..HEADER + count * RECORD) {
+        let checksum = crc32fast::hash(checked);
+        bytes[12..16].copy_from_slice(&checksum.to_le_bytes());
+    }
+    bytes
+}
+
+fn vts(bytes: &[u8]) -> bool {
+    let Ok(model) = Model::from_bytes(bytes) else { return false };
+    for node in model.nodes() {
+        assert_eq!(node.positions().len(), node.cell_count());
+        assert!(node.colors().is_none_or(|colors| colors.len() == node.cell_count()));
+    }
+    assert!(Model::from_bytes(&model.to_bytes()).is_ok_and(|same| same.nodes().len() == model.nodes().len()));
+    let mut ply = Vec::new();
+    let leaves: Vec<&Node> = model.leaves().collect();
+    epigraph_points::ply::write(&mut ply, model.origin(), &leaves).expect("memory");
+    true
+}
+
+pub const VTS: Kind = Kind {
+    name: "vts",
+    file: "points.vts",
+    seeds: || {
+        let at = |i: u32| Vec3::new((i % 40) as f32, (i / 40) as f32, (i * i % 97) as f32 / 16.0);
+        let plain = Points::from((0..1600).map(at).collect::<Vec<_>>());
+        let colors = Some((0..1600).map(|i| [i as u8, 2, 3, 255]).collect());
+        let colored = Points { colors, normals: Some(plain.positions.clone()), ..plain.clone() };
+        let encode = |points: &Points, codec, levels| {
+            let settings = epigraph_streams::Settings { codec, levels, ..Default::default() };
+            epigraph_streams::encode(points, &settings).expect("points").to_bytes()
+        };
+        vec![
+            encode(&plain, Codec::Streams, 2),
+            encode(&plain, Codec::Brick, 1),
+            encode(&colored, Codec::Best, 3),
+            encode(&colored, Codec::Packed, 1),
+        ]
+    },
+    companions: none,
+    read: |path| {
+        let bytes = fs::read(path).expect("readable");
+        let as_it_is = vts(&bytes);
+        vts(&with_right_checksums(bytes)) || as_it_is
+    },
+    count: 2000,
+};
+
+fn points(path: &Path) -> bool {
+    let Ok(input) = epigraph_points::read(path.to_str().expect("a UTF-8 path")) else { return false };
+    let points = input.points;
+    assert!(!points.positions.is_empty() && points.positions.iter().all(|at| at.is_finite()));
+    let settings = epigraph_streams::Settings { levels: 2, codec: Codec::Brick, ..Default::default() };
+    epigraph_streams::encode(&points, &settings).is_ok()
+}
+
+/// Scans, with colours and normals; meshes are [`PLY`].
+pub const SCAN: Kind = Kind {
+    name: "scan",
+    file: "scan.ply",
+    seeds: || {
+        let header = |format: &str, list: &str| {
+            format!(
+                "ply\nformat {format} 1.0\nelement vertex 3\nproperty double x\nproperty float y\nproperty short z\n\
+                 property uchar red\nproperty uchar green\nproperty float blue\nproperty float nx\nproperty float ny\n\
+                 property float nz\n{list}end_header\n"
+            )
+        };
+        let ascii = header("ascii", "property list uchar int other\n")
+            + "0 1 2 3 4 0.5 0 0 1 0\n1e6 nan 2 3 4 0.5 0 1 0 2 5 6\n7 8 9 3 4 0.5 1 0 0 1 3\n";
+        let mut binary = header("binary_big_endian", "").into_bytes();
+        for number in [0.0, 1.0, 2.0_f32] {
+            binary.extend(f64::from(number).to_be_bytes());
+            binary.extend(number.to_be_bytes());
+            binary.extend([0, 5, 7, 8]);
+            [number; 4].iter().for_each(|part| binary.extend(part.to_be_bytes()));
+        }
+        [vec![ascii.into_bytes(), binary], (PLY.seeds)()].concat()
+    },
+    companions: none,
+    read: points,
+    count: 2000,
+};
+
+pub const XYZ: Kind = Kind {
+    name: "xyz",
+    file: "scan.xyz",
+    seeds: || vec![b"# a scan\n1 2 3 4 5 6\n-1.5,2e3;4 0 128 255\n".to_vec(), b"1 2 3\n4 5 6\n".to_vec()],
+    companions: none,
+    read: points,
+    count: 1000,
+};
+
+/// LAS files of some points with colours, or LAZ: of the old formats, and of those since LAS 1.4, in which a chunk of
+/// LAZ has layers.
+fn las(compressed: bool) -> Vec<Vec<u8>> {
+    let file = |format: u8| {
+        let mut builder = las::Builder::from((1, if format < 6 { 2 } else { 4 }));
+        builder.point_format = las::point::Format::new(format).expect("a format");
+        builder.point_format.is_compressed = compressed;
+        builder.point_format.extra_bytes = 1;
+        if format == 7 {
+            builder.evlrs.push(las::Vlr { data: vec![1, 2, 3], ..Default::default() });
+        }
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join(if compressed { "a.laz" } else { "a.las" });
+        let header = builder.into_header().expect("a header");
+        let mut writer = las::Writer::from_path(&path, header).expect("a writer");
+        for i in 0..300_u16 {
+            let at = f64::from(i);
+            let color = Some(las::Color { red: i * 200, green: i, blue: 7 });
+            let gps_time = (format >= 6).then_some(at);
+            let extra_bytes = vec![i as u8];
+            let point =
+                las::Point { x: at, y: at * at, z: 1.0, color, gps_time, extra_bytes, ..Default::default() };
+            writer.write_point(point).expect("a point");
+        }
+        writer.close().expect("written");
+        fs::read(path).expect("written")
+    };
+    [2, 7].map(file).into()
+}
+
+pub const LAS: Kind =
+    Kind { name: "las", file: "scan.las", seeds: || las(false), companions: none, read: points, count: 2000 };
+
+pub const LAZ: Kind =
+    Kind { name: "laz", file: "scan.laz", seeds: || las(true), companions: none, read: points, count: 2000 };

@@ -207,6 +207,31 @@ fn wgsl() {
 }
 
 #[test]
+fn vts() {
+    try_all("vts", &files::VTS);
+}
+
+#[test]
+fn scan() {
+    try_all("scan", &files::SCAN);
+}
+
+#[test]
+fn xyz() {
+    try_all("xyz", &files::XYZ);
+}
+
+#[test]
+fn las() {
+    try_all("las", &files::LAS);
+}
+
+#[test]
+fn laz() {
+    try_all("laz", &files::LAZ);
+}
+
+#[test]
 fn command_lines() {
     command::try_all();
 }

@@ -24,7 +24,14 @@ fn pipes_and_devices_get_their_bytes() {
         let run = place.shell(&line);
         assert_eq!(run.code, Some(0), "`{line}`: {}", run.stderr);
     }
+    place.write("points.xyz", "1 2 3\n4 5 6\n7 8 8\n");
+    place.succeeds("encode points.xyz --out file.vts");
+    place.succeeds("decode file.vts --out file.ply");
+    let line =
+        "\"$EPIGRAPH\" encode points.xyz --out >(\"$EPIGRAPH\" decode /dev/stdin --out piped.ply); wait $!";
+    assert_eq!(place.shell(line).code, Some(0));
     let bytes = |name: &str| fs::read(place.path(name)).expect("written");
+    assert!(bytes("piped.ply") == bytes("file.ply"));
     assert!(bytes("piped.png") == bytes("file.png"));
     assert!(bytes("piped.dot") == bytes("file.dot"));
     place.write("graph.ron", "Graph(version: 1, base: \"epi\")");
@@ -92,6 +99,8 @@ fn what_never_ends_is_read_up_to_a_limit() {
         ("--scene library.obj", "zero.mtl", "16 MiB"),
         ("--camera fly:/dev/zero", "/dev/zero", "16 MiB"),
         ("--scene zero.obj", "zero.obj", "1024 MiB"),
+        ("encode zero.ply --out a.vts", "zero.ply", "1024 MiB"),
+        ("decode zero.bin --out a.ply", "zero.bin", "1024 MiB"),
         ("--scene outer.ron", "zero.ply", "1024 MiB"),
         ("--scene buffer.gltf", "zero.bin", "1024 MiB"),
         ("compare a.png zero.png", "zero.png", "1024 MiB"),

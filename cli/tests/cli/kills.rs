@@ -27,7 +27,7 @@ const fn replaces(words: &'static str, files: &'static [&'static str]) -> Case {
     Case { words, files, begins: false }
 }
 
-const CASES: [Case; 10] = [
+const CASES: [Case; 12] = [
     replaces(
         "render --size 24x16 --frames 2 --samples 20% --backend cpu --seed @ --out p.png --sheet s.png \
          --save interpolate.color=c.exr --save request.requests=l.csv --json p.json",
@@ -56,6 +56,8 @@ const CASES: [Case; 10] = [
          --json q.json --plot q.svg",
         &["q.svg", "q.json"],
     ),
+    replaces("encode step@.xyz --out k.vts --json k.json", &["k.vts", "k.json"]),
+    replaces("decode step@.vts --out k.ply", &["k.ply"]),
     Case { words: "stages --new glow", files: &["glow.wgsl", "glow.ron"], begins: true },
     Case {
         words: "stages --new shine --rust",
@@ -82,6 +84,8 @@ impl Case {
             ("step2.png", "m.png"),
             ("step1.wgsl", "blur.wgsl"),
             ("step1.ron", "base.ron"),
+            ("step1.xyz", "points.xyz"),
+            ("step1.vts", "points.vts"),
         ] {
             fs::copy(place.path(of), place.path(name)).expect("writable");
         }
@@ -89,6 +93,8 @@ impl Case {
             fs::read_to_string(place.path("blur.wgsl")).expect("there").replace("weight", "heaviness");
         place.write("step2.wgsl", other);
         place.write("step2.ron", "Graph(version: 1, base: \"render-cache\")");
+        place.write("step2.xyz", "1 2 3\n4 5 6\n");
+        place.succeeds("encode step2.xyz --out step2.vts");
         place.remove("page/gallery.md");
         if !self.begins {
             place.succeeds(&self.words(1));

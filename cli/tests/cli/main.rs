@@ -16,4 +16,5 @@ mod kills;
 #[cfg(unix)]
 mod outputs;
 mod quality;
+mod streams;
 mod support;

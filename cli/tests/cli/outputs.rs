@@ -85,6 +85,10 @@ fn no_output_is_an_input() {
             "--plot",
             "cube.obj",
         ),
+        ("encode points.xyz --out points-link.vts".into(), "--out", "points.xyz"),
+        ("encode points.xyz --out p.vts --json points.xyz".into(), "--json", "points.xyz"),
+        ("encode scene.ron --out p.vts --json cube.mtl".into(), "--json", "cube.mtl"),
+        ("decode points.vts --out points-link.ply".into(), "--out", "points.vts"),
         // By every spelling and link.
         ("check ./main.ron --json page/../main.ron".into(), "--json", "main.ron"),
         ("check linked.ron --json main.ron".into(), "--json", "main.ron"),
@@ -147,6 +151,10 @@ fn no_two_outputs_are_one_file() {
         (
             "quality --json b.svg --plot ./b.svg".into(),
             ["--json and --plot both write ./b.svg", "name another"],
+        ),
+        (
+            "encode points.xyz --out p.vts --json ./p.vts".into(),
+            ["--out and --json both write ./p.vts", "name another"],
         ),
     ] {
         spares(&place, &words, &parts);

@@ -7,6 +7,7 @@ use std::{
     process::{Child, Command, Output, Stdio},
 };
 
+use glam::Vec3;
 use tempfile::TempDir;
 
 /// An empty folder to run in.
@@ -198,6 +199,12 @@ pub fn inputs() -> Place {
             "buffers": [{ "uri": "model.bin", "byteLength": 36 }]
         }"#,
     );
+    let points: Vec<Vec3> =
+        (0..900).map(|i| Vec3::new((i % 30) as f32, (i / 30) as f32, (i % 7) as f32)).collect();
+    let lines = points.iter().map(|at| format!("{} {} {} {} 20 30\n", at.x, at.y, at.z, at.x));
+    place.write("points.xyz", lines.collect::<String>());
+    let model = epigraph_streams::encode(&points.into(), &epigraph_streams::Settings::default());
+    place.write("points.vts", model.expect("points").to_bytes());
     for (name, color) in [("a.png", [10, 20, 30]), ("b.png", [30, 20, 10]), ("m.png", [255; 3])] {
         image::RgbImage::from_pixel(8, 8, image::Rgb(color)).save(place.path(name)).expect("writable");
     }
@@ -213,6 +220,8 @@ pub fn inputs() -> Place {
             ("flight.ron", "flight.png"),
             ("cube.obj", "cube.svg"),
             ("s.png", "to-s.png"),
+            ("points.xyz", "points-link.vts"),
+            ("points.vts", "points-link.ply"),
             ("../base.ron", "pictures/cornell-stages.png"),
         ] {
             std::os::unix::fs::symlink(file, place.path(link)).expect("links are possible");
