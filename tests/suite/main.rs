@@ -12,6 +12,7 @@ mod meshes;
 mod moving;
 mod parity;
 mod render_cache;
+mod repeats;
 mod shipped;
 mod sides;
 mod split;

@@ -1,6 +1,5 @@
 //! Searches as a whole.
 
-mod scenes;
 mod stored;
 
 use std::{collections::BTreeMap, ops::ControlFlow, sync::Mutex};
