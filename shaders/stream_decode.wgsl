@@ -222,8 +222,15 @@ fn light(node: StreamNode, slot: u32) -> f32 {
         return 1.0;
     }
     let normal = decode_oct16(bits);
-    let facing = abs(dot_in_order(normal, frame.view.forward)) / sqrt(dot_in_order(normal, normal));
-    return 1.0 - params.light + params.light * facing;
+    let facing = abs(dot_in_order(normal, turned_back(node.rotation, frame.view.forward)));
+    let length = sqrt(dot_in_order(normal, normal));
+    return 1.0 - params.light + params.light * facing / length;
+}
+
+// A direction in the space of a model that a unit quaternion rotates.
+fn turned_back(rotation: vec4<f32>, direction: vec3<f32>) -> vec3<f32> {
+    let across = 2.0 * cross(direction, rotation.xyz);
+    return direction + rotation.w * across + cross(across, rotation.xyz);
 }
 
 // A colour for a number, far from those of the numbers beside it.

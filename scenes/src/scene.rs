@@ -1,6 +1,6 @@
 use std::{path::PathBuf, sync::Arc};
 
-use epigraph_streams::Model;
+use epigraph_streams::PointSet;
 use glam::Vec3;
 
 use crate::builder::MeshError;
@@ -29,7 +29,7 @@ pub struct Scene {
     /// The present pose of each body.
     pub poses: Vec<Pose>,
     /// Points without surfaces, by levels of detail.
-    pub points: Option<Arc<Model>>,
+    pub points: Option<Arc<PointSet>>,
 }
 
 impl Scene {
@@ -51,15 +51,8 @@ impl Scene {
     }
 
     /// A scene of points without surfaces and lights, with a camera that sees all of them.
-    pub fn of_points(name: &str, points: Arc<Model>) -> Self {
-        let root = &points.nodes()[0];
-        let around = root
-            .positions()
-            .into_iter()
-            .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
-        // The corner of a cell is at most this far from its centre.
-        let margin = 0.5 * 3.0_f32.sqrt() * root.frame().cell;
-        let bounds = [around[0] - margin, around[1] + margin];
+    pub fn of_points(name: &str, points: Arc<PointSet>) -> Self {
+        let bounds = points.bounds();
         Self { points: Some(points), ..Self::empty(name, framing_camera(bounds), bounds) }
     }
 }

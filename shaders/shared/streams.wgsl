@@ -19,11 +19,15 @@ struct StreamNode {
     z: vec3<f32>,
     // The node's first slot in the cloud.
     first_point: u32,
+    // A unit quaternion: the rotation of its model.
+    rotation: vec4<f32>,
     // Its index in the point set.
     index: u32,
     // Splits from the root to it.
     level: u32,
-    pad: vec2<u32>,
+    // Its place by its index in the point set.
+    place: u32,
+    pad: u32,
 }
 
 // A pool of the cut.

@@ -1,7 +1,10 @@
 //! What a scene states about itself: the lengths of lists, and reasons to skip stages.
 
 use epigraph_core::{Fact, Facts, Quantity};
-use epigraph_scenes::{Scene, SceneFacts};
+use epigraph_scenes::{
+    Scene, SceneFacts,
+    streams::{Model, Node},
+};
 
 use crate::shared::streams::{block_words, pool_count};
 
@@ -13,9 +16,9 @@ pub const EDGES: Quantity = Quantity { name: "edges", one: "edge" };
 pub const FACES: Quantity = Quantity { name: "faces", one: "face" };
 /// Bodies that move.
 pub const BODIES: Quantity = Quantity { name: "bodies", one: "moving body" };
-/// Nodes of the point set.
+/// Nodes of the point set, at all their places.
 pub const STREAM_NODES: Quantity = Quantity { name: "stream_nodes", one: "node of the point set" };
-/// Pools of all nodes; the points of a node that no pool contains count as a pool.
+/// Pools of all nodes, at all their places; the points of a node that no pool contains count as a pool.
 pub const STREAM_POOLS: Quantity = Quantity { name: "stream_pools", one: "pool of the point set" };
 /// Words of the blocks of all nodes.
 pub const STREAM_WORDS: Quantity = Quantity { name: "stream_words", one: "word of the point set" };
@@ -27,16 +30,24 @@ pub const SHADOW_CASTERS: Fact = Fact { name: "shadow_casters" };
 /// The facts of a scene; `path_moves` is [`CameraPath::moves`](epigraph_scenes::CameraPath::moves).
 pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
     let facts = SceneFacts::of(scene);
-    let nodes = scene.points.as_ref().map_or(&[][..], |model| model.nodes());
+    let points = scene.points.as_deref();
+    // Nodes and pools of a cut, and words of all blocks.
+    let placed = |count: &dyn Fn(&Node) -> usize| -> usize {
+        let Some(points) = points else { return 0 };
+        let of = |model: &Model| model.nodes().iter().map(count).sum::<usize>();
+        let counts: Vec<usize> = points.models().iter().map(of).collect();
+        points.places().iter().map(|place| counts[place.model]).sum()
+    };
+    let words = points.map_or(0, |points| points.nodes().map(block_words).sum());
     // Meshes have 32-bit indices, so the counts fit.
     let counts = [
         (VERTICES, scene.mesh.positions.len()),
         (EDGES, facts.regular_edges + facts.crease_edges + facts.border_edges),
         (FACES, facts.faces),
         (BODIES, facts.bodies),
-        (STREAM_NODES, nodes.len()),
-        (STREAM_POOLS, nodes.iter().map(pool_count).sum()),
-        (STREAM_WORDS, nodes.iter().map(block_words).sum()),
+        (STREAM_NODES, placed(&|_| 1)),
+        (STREAM_POOLS, placed(&pool_count)),
+        (STREAM_WORDS, words),
     ];
     let stated =
         Facts::none().stating(CAMERA_MOVES, path_moves).stating(SHADOW_CASTERS, facts.shadow_casters);

@@ -10,7 +10,10 @@ mod cut;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use epigraph_core::{CpuContext, Extent, Finding, Io, Out, Site, Stage, params};
-use epigraph_scenes::{Scene, streams::Model};
+use epigraph_scenes::{
+    Scene,
+    streams::{Node, PointSet},
+};
 
 use crate::{
     World, column, facts,
@@ -24,7 +27,7 @@ use crate::{
     },
 };
 use cache::Cache;
-use cut::{Branch, Chooser, Limits};
+use cut::{Chooser, Limits, Placed};
 
 /// Words in a MiB.
 const MIB: u32 = 1 << 18;
@@ -60,11 +63,10 @@ pub struct StreamCut {
 /// What is kept between frames.
 struct State {
     scene: Arc<Scene>,
-    branches: Vec<Branch>,
     chooser: Chooser,
     cache: Cache,
     /// The cut that the lists are of.
-    written: Option<Vec<usize>>,
+    written: Option<Vec<Placed>>,
 }
 
 impl Stage for StreamCut {
@@ -93,27 +95,24 @@ impl Stage for StreamCut {
     fn cpu(&self, params: &StreamCutParams, cx: &CpuContext) -> Result<(), String> {
         let tracer = cx.host::<World>()?.at(cx.frame().index);
         let scene = tracer.scene();
-        let model = points_of(scene)?;
+        let points = points_of(scene)?;
         let memory = cx.dims(self.words).count();
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let state = match &mut *state {
             Some(state) if Arc::ptr_eq(&state.scene, scene) => state,
             state => {
-                let branches = Branch::all(model);
-                let nodes = cx.dims(self.nodes).count();
-                if nodes != branches.len() {
+                let (nodes, compiled) = (placed_nodes(points), cx.dims(self.nodes).count());
+                if nodes != compiled {
                     return Err(format!(
-                        "the graph was compiled for a point set of {nodes} nodes, this one has {}; compile it again",
-                        branches.len()
+                        "the graph was compiled for a point set of {compiled} nodes, this one has {nodes}; compile it again"
                     ));
                 }
-                let cache = Cache::new(nodes, memory as u32);
+                let cache = Cache::new(points.nodes().count(), memory as u32);
                 state.insert(State {
                     scene: scene.clone(),
-                    chooser: Chooser::new(nodes),
-                    written: None,
-                    branches,
+                    chooser: Chooser::new(points),
                     cache,
+                    written: None,
                 })
             }
         };
@@ -126,19 +125,19 @@ impl Stage for StreamCut {
             words: if params.cache == 0 { memory } else { memory / 2 } as u64,
             new_words: u64::from(params.upload) * 256,
         };
-        let State { branches, chooser, cache, written, .. } = state;
-        chooser.choose(branches, &frame.view, frame.size, &limits, |node| cache.place(node).is_none());
-        let cut = &chooser.cut;
-        let slots: u64 = cut.iter().map(|&node| branches[node].slots()).sum();
-        if slots > limits.slots {
+        let State { chooser, cache, written, .. } = state;
+        chooser.choose(&frame.view, frame.size, &limits, |node| cache.place(node).is_none());
+        let (cut, words_of) = (&chooser.cut, |node: usize| chooser.branch(node).words);
+        if chooser.slots() > limits.slots {
             return Err(format!(
-                "the coarsest view of the point set has {slots} points, the image has room for {}: raise \
-                 points_per_pixel of this stage and of the one that decodes, or show a larger image",
+                "the coarsest view of the point set has {} points, the image has room for {}: raise points_per_pixel of \
+                 this stage and of the one that decodes, or show a larger image",
+                chooser.slots(),
                 limits.slots
             ));
         }
-        cache.hold(cut, |node| branches[node].words).ok_or_else(|| {
-            let words: u64 = cut.iter().map(|&node| u64::from(branches[node].words)).sum();
+        cache.hold(&chooser.blocks, words_of).ok_or_else(|| {
+            let words: u64 = chooser.blocks.iter().map(|&node| u64::from(words_of(node))).sum();
             format!("the blocks to show take {} bytes: raise cache from {} MiB", 4 * words, params.cache)
         })?;
         if cache.new.is_empty() {
@@ -148,7 +147,7 @@ impl Stage for StreamCut {
         for &node in &cache.new {
             let place = cache.place(node).expect("the cut has a place");
             let place = place.start as usize..place.end as usize;
-            write_block(&model.nodes()[node], &mut words[place.clone()]);
+            write_block(node_of(points, node), &mut words[place.clone()]);
             cx.changed(self.words, place);
         }
         let was_still = cx.write(self.numbers)[NEW_BYTES as usize] == 0;
@@ -159,7 +158,7 @@ impl Stage for StreamCut {
             cx.unchanged(self.numbers);
             return Ok(());
         }
-        self.write_lists(cx, model, cut, branches, cache);
+        self.write_lists(cx, points, chooser, cache);
         written.get_or_insert_default().clone_from(cut);
         Ok(())
     }
@@ -182,25 +181,29 @@ impl Stage for StreamCut {
 
 impl StreamCut {
     /// Writes what leads from points to words.
-    fn write_lists(&self, cx: &CpuContext, model: &Model, cut: &[usize], branches: &[Branch], cache: &Cache) {
-        let new_words: u32 = cache.new.iter().map(|&node| branches[node].words).sum();
+    fn write_lists(&self, cx: &CpuContext, set: &PointSet, chooser: &Chooser, cache: &Cache) {
+        let new_words: u32 = cache.new.iter().map(|&node| chooser.branch(node).words).sum();
         let (nodes, pools) = (&mut cx.write(self.nodes)[..], &mut cx.write(self.pools)[..]);
         let (mut points, mut vertices, mut pool_count) = (0, 0, 0);
-        for (at, &index) in cut.iter().enumerate() {
-            let (node, frame) = (&model.nodes()[index], model.nodes()[index].frame());
+        for (at, &Placed { place, node: index }) in chooser.cut.iter().enumerate() {
+            let (node, placed) = (node_of(set, index), &set.places()[place]);
+            let frame = node.frame();
             let first = cache.place(index).expect("the cut has a place").start;
+            let [x, y, z] = frame.axes.map(|axis| (placed.rotation * axis).into());
             nodes[at] = StreamNode {
-                origin: frame.origin.into(),
+                origin: placed.apply(frame.origin).into(),
                 cell: frame.cell,
-                x: frame.axes[0].into(),
+                x,
                 colors: NO_ATTRIBUTE,
-                y: frame.axes[1].into(),
+                y,
                 normals: NO_ATTRIBUTE,
-                z: frame.axes[2].into(),
+                z,
                 first_point: points,
+                rotation: placed.rotation.into(),
                 index: index as u32,
-                level: branches[index].level,
-                pad: [0; 2],
+                level: chooser.branch(index).level,
+                place: place as u32,
+                pad: 0,
             };
             let mut place = first;
             let mut next = |length: usize| {
@@ -250,7 +253,7 @@ impl StreamCut {
             (POINTS, points),
             (VERTICES, vertices),
             (POOLS, pool_count as u32),
-            (NODES, cut.len() as u32),
+            (NODES, chooser.cut.len() as u32),
             (NEW_BYTES, 4 * new_words),
         ] {
             numbers[place as usize] = value;
@@ -258,8 +261,24 @@ impl StreamCut {
     }
 }
 
+/// The nodes of a set, at all their places.
+fn placed_nodes(points: &PointSet) -> usize {
+    points.places().iter().map(|place| points.models()[place.model].nodes().len()).sum()
+}
+
+/// A node of a set by its index.
+fn node_of(points: &PointSet, mut index: usize) -> &Node {
+    for model in points.models() {
+        match model.nodes().get(index) {
+            Some(node) => return node,
+            None => index -= model.nodes().len(),
+        }
+    }
+    unreachable!("the set has as many nodes as the chooser")
+}
+
 /// The point set of a scene.
-fn points_of(scene: &Scene) -> Result<&Arc<Model>, String> {
+fn points_of(scene: &Scene) -> Result<&Arc<PointSet>, String> {
     scene.points.as_ref().ok_or_else(|| {
         let name = &scene.name;
         format!(

@@ -10,6 +10,7 @@ use std::{array, sync::LazyLock};
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, scratch,
 };
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::{
@@ -196,12 +197,20 @@ impl Shade<'_> {
             None | Some(NO_NORMAL) => 1.0,
             Some(normal) => {
                 let normal = decode_oct16(normal);
-                let facing = dot(normal, self.forward).abs() / dot(normal, normal).sqrt();
-                1.0 - self.params.light + self.params.light * facing
+                let facing = dot(normal, turned_back(node.rotation, self.forward)).abs();
+                let length = dot(normal, normal).sqrt();
+                1.0 - self.params.light + self.params.light * facing / length
             }
         };
         color.map(|channel| channel * light)
     }
+}
+
+/// A direction in the space of a model that a unit quaternion rotates.
+fn turned_back(rotation: [f32; 4], direction: [f32; 3]) -> [f32; 3] {
+    let (direction, axis) = (Vec3::from(direction), Vec3::from_slice(&rotation));
+    let across = 2.0 * direction.cross(axis);
+    (direction + rotation[3] * across + across.cross(axis)).into()
 }
 
 /// The linear values of sRGB bytes.
@@ -218,12 +227,7 @@ fn hue(number: u32) -> [f32; 3] {
 mod tests {
     use std::sync::Arc;
 
-    use epigraph_core::{Harness, Host, Outputs, Settings, Side, View, testing::Both};
-    use epigraph_scenes::{
-        Scene, Tracer,
-        streams::{Codec, Model, Points, encode, unpack_color, unpack_normal},
-    };
-    use glam::Vec3;
+    use glam::{DVec3, Quat};
 
     use super::*;
     use crate::{
@@ -233,6 +237,11 @@ mod tests {
             testing::{Random, run_alike, run_both, settings},
         },
         stream_cut::{StreamCut, StreamCutParams},
+    };
+    use epigraph_core::{Harness, Host, Outputs, Settings, Side, View, testing::Both};
+    use epigraph_scenes::{
+        Scene, Tracer,
+        streams::{Codec, Model, Place, PointSet, Points, encode, unpack_color, unpack_normal},
     };
 
     fn harness(params: StreamDecodeParams, size: [u32; 2]) -> Harness<StreamDecode> {
@@ -253,6 +262,7 @@ mod tests {
             x: [1.0, 0.0, 0.0],
             y: [0.0, 1.0, 0.0],
             z: [0.0, 0.0, 1.0],
+            rotation: [0.0, 0.0, 0.0, 1.0],
             colors: NO_ATTRIBUTE,
             normals: NO_ATTRIBUTE,
             ..StreamNode::default()
@@ -313,21 +323,20 @@ mod tests {
         }
     }
 
-    /// Runs a cut of points through the view, and gives the decoder what it wrote.
-    fn decoder(
-        points: &Points,
-        codec: Codec,
-        levels: u32,
-        params: StreamDecodeParams,
-    ) -> (Arc<Model>, Harness<StreamDecode>) {
-        let of = epigraph_scenes::streams::Settings { codec, levels, ..Default::default() };
-        let model = Arc::new(encode(points, &of).unwrap());
-        let scene = Arc::new(Scene::of_points("sphere", model.clone()));
+    /// A model of points with these settings.
+    fn model(points: &Points, codec: Codec, levels: u32) -> Model {
+        let settings = epigraph_scenes::streams::Settings { codec, levels, ..Default::default() };
+        encode(points, &settings).unwrap()
+    }
+
+    /// Gives the decoder a cut in full detail.
+    fn decoder(points: PointSet, params: StreamDecodeParams) -> Harness<StreamDecode> {
+        let scene = Arc::new(Scene::of_points("sphere", Arc::new(points)));
         let settings = Settings { facts: World::facts(&scene, false), ..settings([128, 128], 0) };
         let mut cut =
             Harness::<StreamCut>::new(StreamCutParams { cell: 0.05, ..Default::default() }, &settings);
         let view =
-            View { eye: [0.1, 0.2, 4.0], tan_x: 0.5, tan_y: 0.5, near: 0.1, far: 10.0, ..View::default() };
+            View { eye: [0.1, 0.2, 4.0], tan_x: 0.7, tan_y: 0.7, near: 0.1, far: 10.0, ..View::default() };
         cut.frame.view = view;
         let mut host = Host::default();
         host.insert(World::new(Arc::new(Tracer::new(scene)), Pace::Exact, 1));
@@ -339,7 +348,7 @@ mod tests {
         }
         decode.set("nodes", &out.get::<StreamNode>("nodes"));
         decode.set("pools", &out.get::<StreamPool>("pools"));
-        (model, decode)
+        decode
     }
 
     /// What the nodes in most detail decode to: positions, colours and normals.
@@ -381,7 +390,8 @@ mod tests {
             let points = sphere(20_000, bare);
             for expand in [Expand::Prefix, Expand::Product] {
                 let params = StreamDecodeParams { expand, ..StreamDecodeParams::default() };
-                let (model, mut decoder) = decoder(&points, codec, levels, params.clone());
+                let model = model(&points, codec, levels);
+                let mut decoder = decoder(model.clone().into(), params);
                 let forward = Vec3::from(decoder.frame.view.forward);
                 let out = agree(run_both(&mut decoder));
                 let expected = expected(&model);
@@ -406,11 +416,37 @@ mod tests {
     }
 
     #[test]
+    fn copies_are_turned_and_moved_and_lit_as_they_are_turned() {
+        let model = model(&sphere(2_000, false), Codec::Best, 1);
+        let turned = Place {
+            model: 0,
+            rotation: Quat::from_rotation_x(1.0) * Quat::from_rotation_y(-0.7),
+            translation: Vec3::new(0.4, 0.0, -1.0),
+        };
+        let straight = Place { rotation: Quat::IDENTITY, translation: Vec3::ZERO, ..turned };
+        let set = PointSet::new(DVec3::ZERO, vec![model.clone()], vec![straight, turned]);
+        let mut decoder = decoder(set, StreamDecodeParams { light: 1.0, ..StreamDecodeParams::default() });
+        let forward = Vec3::from(decoder.frame.view.forward);
+        let out = agree(run_both(&mut decoder));
+        let (position, radiance) = (out.get::<[f32; 4]>("cloud.position"), out.get::<u32>("cloud.radiance"));
+        let expected = expected(&model);
+        let both =
+            [straight, turned].into_iter().flat_map(|place| expected.iter().map(move |of| (place, of)));
+        for (slot, (place, (at, color, normal))) in both.enumerate() {
+            let distance = place.apply(Vec3::from(*at)).distance(Vec3::from_slice(&position[slot]));
+            assert!(distance < 1e-5, "{slot}: {distance}");
+            let light = (place.rotation * *normal).dot(forward).abs();
+            let red = decode_srgb(f64::from(color[0]) / 255.0) as f32 * light;
+            assert!((decode_radiance(radiance[slot])[0] - red).abs() < 1.0 / 500.0, "{slot}");
+        }
+    }
+
+    #[test]
     fn levels_and_pools_have_colours_of_their_own() {
         let points = sphere(20_000, true);
         for (show, least) in [(Show::Level, 1), (Show::Pool, 8)] {
             let params = StreamDecodeParams { show, ..StreamDecodeParams::default() };
-            let out = agree(run_both(&mut decoder(&points, Codec::Streams, 4, params).1));
+            let out = agree(run_both(&mut decoder(model(&points, Codec::Streams, 4).into(), params)));
             let (radiance, meta) = (out.get::<u32>("cloud.radiance"), out.get::<u32>("cloud.meta"));
             let mut seen: Vec<u32> = radiance
                 .into_iter()

@@ -55,6 +55,7 @@ mod palette;
 mod points;
 mod pool;
 pub mod repeats;
+mod set;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -70,3 +71,4 @@ pub use frame::Frame;
 pub use model::{Model, Node};
 pub use points::Points;
 pub use pool::{MOST_TRANSLATIONS, Pool, PoolError};
+pub use set::{Place, PointSet};

@@ -7,8 +7,9 @@ use epigraph_core::{Facts, GraphFile, Settings, Side};
 use epigraph_pictures::{Difference, Look, Picture, show};
 use epigraph_scenes::{
     Scene,
-    streams::{Codec, Model, Points, encode},
+    streams::{Codec, Points, encode},
 };
+use epigraph_stages::shared::streams::block_words;
 use epigraph_tests::{Run, graph, tap};
 use glam::Vec3;
 
@@ -41,7 +42,7 @@ fn scan() -> Points {
 
 fn scene(codec: Codec, levels: u32) -> Arc<Scene> {
     let settings = epigraph_scenes::streams::Settings { codec, levels, ..Default::default() };
-    Arc::new(Scene::of_points("scan", Arc::new(encode(&scan(), &settings).unwrap())))
+    Arc::new(Scene::of_points("scan", Arc::new(encode(&scan(), &settings).unwrap().into())))
 }
 
 fn settings(side: Side) -> Settings {
@@ -115,10 +116,7 @@ fn shown(run: &mut Run) -> Picture {
 #[test]
 fn a_flight_shows_what_all_points_would_show() {
     let scene = scene(Codec::Best, 6);
-    let words: usize = Model::nodes(scene.points.as_ref().unwrap())
-        .iter()
-        .map(epigraph_stages::shared::streams::block_words)
-        .sum();
+    let words: usize = scene.points.as_ref().unwrap().nodes().map(block_words).sum();
     for (what, more) in [
         ("free", &[("cut", "cell", "0.5")][..]),
         ("narrow", &[("cut", "cell", "0.5"), ("cut", "cache", "2"), ("cut", "upload", "64")]),

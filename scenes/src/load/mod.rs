@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use epigraph_files::{self as files, MOST_DATA, MOST_TEXT, without_mark};
+use epigraph_streams::PointSet;
 use flate2::read::MultiGzDecoder;
 
 use crate::builtin::{self, scene_names};
@@ -52,7 +53,8 @@ impl Scene {
             load_scene_file(path, name_or_path)
         } else if lower.ends_with(POINTS_ENDING) {
             let source = |error: epigraph_files::FileError| SceneError::Points(error);
-            Ok(Self::of_points(name_or_path, Arc::new(epigraph_streams::Model::read(path).map_err(source)?)))
+            let points = PointSet::from(epigraph_streams::Model::read(path).map_err(source)?);
+            Ok(Self::of_points(name_or_path, Arc::new(points)))
         } else if MESH_ENDINGS.iter().any(|ending| lower.ends_with(ending)) {
             let unusable = |source| SceneError::Mesh { name: name_or_path.to_owned(), source };
             read_mesh_file(path)?.into_scene(name_or_path).map_err(unusable)

@@ -17,7 +17,7 @@ pub(super) fn at(stage: &StreamDecode, site: &Site) -> Option<Vec<Finding>> {
     let node = &nodes[pool.node as usize];
     let words_of = |bits: u32| format!("{:?}", [0, 7, 14].map(|shift| bits >> shift & 127));
     let mut findings = vec![
-        Finding::value("node", format!("{}, level {}", node.index, node.level)),
+        Finding::value("node", format!("{}, level {}, place {}", node.index, node.level, node.place)),
         Finding::value("cell", words_of(point.cell)),
     ];
     match point.translation {

@@ -49,12 +49,16 @@ epigraph_core::item! {
         z: [f32; 3],
         /// The node's first slot in the cloud.
         first_point: u32,
+        /// A unit quaternion, x, y, z and w: the rotation of its model.
+        rotation: [f32; 4],
         /// Its index in the point set.
         index: u32,
         /// Splits from the root to it.
         level: u32,
+        /// Its place by its index in the point set.
+        place: u32,
         /// Aligns the next node.
-        pad: [u32; 2],
+        pad: u32,
     }
 }
 

@@ -1,19 +1,20 @@
 //! Which nodes to show.
 
-use std::{array, cmp::Reverse, collections::BinaryHeap};
+use std::{array, cmp::Ordering, collections::BinaryHeap};
 
 use epigraph_core::View;
-use epigraph_scenes::streams::{Cell, Model, Node};
+use epigraph_scenes::streams::{Cell, Node, Place, PointSet};
 use glam::Vec3;
 
 use crate::shared::{streams::block_words, view::dot};
 
-/// What decides about a node.
+/// What decides about a node, wherever it is.
+#[derive(Clone)]
 pub struct Branch {
     pub children: Option<[usize; 2]>,
     /// Splits from the root to it.
     pub level: u32,
-    /// The corners of the box around its cells, metres.
+    /// The corners of the box around its cells, from its model's origin, metres.
     pub corners: [Vec3; 8],
     /// The length of a cell's edge, metres.
     pub cell: f32,
@@ -40,18 +41,23 @@ pub struct Limits {
 }
 
 impl Branch {
-    /// All nodes of a point set.
-    pub fn all(model: &Model) -> Vec<Self> {
-        let mut branches: Vec<Self> = model.nodes().iter().map(Self::new).collect();
-        for index in 0..branches.len() {
-            for child in branches[index].children.into_iter().flatten() {
-                branches[child].level = branches[index].level + 1;
+    /// All nodes of a point set, in its order.
+    pub fn all(points: &PointSet) -> Vec<Self> {
+        let mut branches: Vec<Self> = Vec::new();
+        for model in points.models() {
+            let root = branches.len();
+            branches.extend(model.nodes().iter().map(|node| Self::new(node, root)));
+            for index in root..branches.len() {
+                for child in branches[index].children.into_iter().flatten() {
+                    branches[child].level = branches[index].level + 1;
+                }
             }
         }
         branches
     }
 
-    fn new(node: &Node) -> Self {
+    /// A node of the model whose first node is `root` in the set.
+    fn new(node: &Node, root: usize) -> Self {
         let ends = node.cells().iter().fold([[i32::MAX; 3], [i32::MIN; 3]], |[low, high], cell: &Cell| {
             let at = cell.at();
             [[0, 1, 2].map(|i| low[i].min(at[i])), [0, 1, 2].map(|i| high[i].max(at[i] + 1))]
@@ -63,7 +69,7 @@ impl Branch {
         };
         let vertices: usize = node.pools().iter().map(|pool| pool.vertices().len()).sum();
         Self {
-            children: node.children(),
+            children: node.children().map(|children| children.map(|child| root + child)),
             level: 0,
             corners: array::from_fn(corner),
             cell: frame.cell,
@@ -80,10 +86,10 @@ impl Branch {
     }
 
     /// The edge of a cell in pixels where the node is nearest to the eye; `None` if the view contains no part of it.
-    fn projected(&self, view: &View, size: [u32; 2]) -> Option<f32> {
+    fn projected(&self, place: &Place, view: &View, size: [u32; 2]) -> Option<f32> {
         let eye = Vec3::from(view.eye);
         let seen = self.corners.map(|corner| {
-            let p = (corner - eye).to_array();
+            let p = (place.apply(corner) - eye).to_array();
             [dot(p, view.right), dot(p, view.up), dot(p, view.forward)]
         });
         let all = |outside: &dyn Fn([f32; 3]) -> bool| seen.iter().all(|p| outside(*p));
@@ -97,93 +103,220 @@ impl Branch {
     }
 }
 
-/// A node that is in the image, by the bits of its projected cells, which are ordered as the sizes are.
-type Entry = (u32, Reverse<usize>);
+/// A node at a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Placed {
+    /// The place by its index.
+    pub place: usize,
+    /// The node by its index in the set.
+    pub node: usize,
+}
+
+/// A node that may be split.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Entry {
+    /// The bits of the size of its cells in the image, which are ordered as the sizes are.
+    size: u32,
+    at: Placed,
+    /// New words that are counted for it.
+    new: u32,
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let key = |entry: &Self| (entry.size, std::cmp::Reverse((entry.at.place, entry.at.node)));
+        key(self).cmp(&key(other))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// What the nodes that may be split and those of the cut take together.
+#[derive(Clone, Copy, Default)]
+struct Total {
+    slots: u64,
+    words: u64,
+    new: u64,
+}
 
 /// Chooses the nodes to show, frame after frame.
 pub struct Chooser {
+    branches: Vec<Branch>,
+    places: Vec<Place>,
+    /// Of each place: its root, and where the flags of its nodes begin.
+    roots: Vec<[usize; 2]>,
     /// Nodes that are split now.
     split: Vec<bool>,
     /// Nodes that were split in the frame before.
     before: Vec<bool>,
     waiting: BinaryHeap<Entry>,
-    /// The nodes to show, by index.
-    pub cut: Vec<usize>,
+    /// How often the block of each node is needed.
+    uses: Vec<u32>,
+    /// The nodes to show, by place and index.
+    pub cut: Vec<Placed>,
+    /// The nodes whose blocks that takes, by index, each once.
+    pub blocks: Vec<usize>,
 }
 
 impl Chooser {
-    /// For a set of so many nodes.
-    pub fn new(nodes: usize) -> Self {
-        let (split, before) = (vec![false; nodes], vec![false; nodes]);
-        Self { split, before, waiting: BinaryHeap::new(), cut: Vec::new() }
+    /// For a point set.
+    pub fn new(points: &PointSet) -> Self {
+        let first =
+            |model: usize| points.models()[..model].iter().map(|model| model.nodes().len()).sum::<usize>();
+        let firsts: Vec<usize> = (0..points.models().len()).map(first).collect();
+        let sizes: Vec<usize> = points.models().iter().map(|model| model.nodes().len()).collect();
+        Self::with(Branch::all(points), points.places(), &firsts, &sizes)
     }
 
-    /// Chooses the next [`Chooser::cut`]. From the root on, the node with the largest cells in the image is split first,
+    /// For nodes of models with these first nodes and numbers of nodes.
+    fn with(branches: Vec<Branch>, places: &[Place], firsts: &[usize], sizes: &[usize]) -> Self {
+        let mut flags = 0;
+        let roots = places.iter().map(|place| {
+            let begin = flags;
+            flags += sizes[place.model];
+            [firsts[place.model], begin]
+        });
+        let roots = roots.collect();
+        Self {
+            places: places.to_vec(),
+            roots,
+            split: vec![false; flags],
+            before: vec![false; flags],
+            waiting: BinaryHeap::new(),
+            uses: vec![0; branches.len()],
+            branches,
+            cut: Vec::new(),
+            blocks: Vec::new(),
+        }
+    }
+
+    /// A node, wherever it is.
+    pub fn branch(&self, node: usize) -> &Branch {
+        &self.branches[node]
+    }
+
+    /// Slots that the cut takes.
+    pub fn slots(&self) -> u64 {
+        self.cut.iter().map(|at| self.branches[at.node].slots()).sum()
+    }
+
+    /// Where the flags of a node at a place are.
+    fn flag(&self, at: Placed) -> usize {
+        let [root, begin] = self.roots[at.place];
+        begin + at.node - root
+    }
+
+    /// Chooses the next [`Chooser::cut`]. From the roots on, the node with the largest cells in the image is split first,
     /// as long as its cells are too large and the limits allow. Nodes outside the view are left out.
     ///
     /// `is_new` tells whether a node's block is yet to be uploaded. One new block, or those of one split, may exceed the
     /// limit of new words, so that large nodes are shown in the end, too. A node is not merged if its block would exceed
-    /// the limit while those of its parts are there.
-    pub fn choose(
-        &mut self,
-        nodes: &[Branch],
-        view: &View,
-        size: [u32; 2],
-        limits: &Limits,
-        is_new: impl Fn(usize) -> bool,
-    ) {
-        let entry = |node: usize| Some((nodes[node].projected(view, size)?.to_bits(), Reverse(node)));
-        let is_seen = |node: usize| entry(node).is_some();
-        let is_ready = |node: usize| is_ready(nodes, node, &is_seen, &is_new);
-        let words = |node: usize, count: bool| if count { u64::from(nodes[node].words) } else { 0 };
-        // The slots, the words and the new words of a node, if it is not split.
-        let cost = |node: usize| [nodes[node].slots(), words(node, true), words(node, !is_ready(node))];
+    /// the limit while those of its parts are there. A block is counted once, at however many places it is.
+    pub fn choose(&mut self, view: &View, size: [u32; 2], limits: &Limits, is_new: impl Fn(usize) -> bool) {
         std::mem::swap(&mut self.split, &mut self.before);
         self.split.fill(false);
+        self.uses.fill(0);
         self.cut.clear();
-        self.waiting.extend(entry(0));
-        let mut total = if self.waiting.is_empty() { [0; 3] } else { cost(0) };
-        while let Some((bits, Reverse(node))) = self.waiting.pop() {
-            let least = if self.before[node] { limits.merge } else { limits.cell };
-            let children = nodes[node].children.map(|children| children.map(entry));
-            let children = children.iter().flatten().flatten();
-            let rest: [u64; 3] = array::from_fn(|i| total[i] - cost(node)[i]);
-            let split = children
-                .clone()
-                .fold(rest, |sum, (_, Reverse(child))| array::from_fn(|i| sum[i] + cost(*child)[i]));
-            let is_uploadable = |new: u64| new <= limits.new_words || rest[2] == 0;
-            let whole = rest[2] + words(node, is_new(node));
-            let is_wanted = f32::from_bits(bits) > least && is_uploadable(split[2]);
-            let is_needed = is_new(node) && is_ready(node) && !is_uploadable(whole);
-            let fits = split[0] <= limits.slots && split[1] <= limits.words;
-            if children.clone().next().is_some() && fits && (is_wanted || is_needed) {
-                self.split[node] = true;
-                total = split;
-                self.waiting.extend(children);
-            } else {
-                total[2] = whole;
-                self.cut.push(node);
+        let mut total = Total::default();
+        for place in 0..self.places.len() {
+            let at = Placed { place, node: self.roots[place][0] };
+            if let Some(entry) = self.entry(at, view, size, &is_new) {
+                self.count(&mut total, entry);
+                self.waiting.push(entry);
             }
         }
-        self.cut.sort_unstable();
-    }
-}
+        while let Some(entry) = self.waiting.pop() {
+            let Entry { at, new, .. } = entry;
+            let branch = &self.branches[at.node];
+            let children = branch
+                .children
+                .map(|children| children.map(|node| self.entry(Placed { node, ..at }, view, size, &is_new)));
+            let children = children.unwrap_or_default();
+            let own = if is_new(at.node) && self.uses[at.node] == 1 { branch.words } else { new };
+            let before = total;
+            self.discount(&mut total, entry);
+            let rest = total;
+            children.iter().flatten().for_each(|child| self.count(&mut total, *child));
 
-/// Whether a node can be shown without new blocks: its own is there, or all parts that are in the image are.
-fn is_ready(
-    nodes: &[Branch],
-    node: usize,
-    is_seen: &dyn Fn(usize) -> bool,
-    is_new: &dyn Fn(usize) -> bool,
-) -> bool {
-    let mut children = nodes[node].children.iter().flatten();
-    let has_children = nodes[node].children.is_some();
-    !is_new(node)
-        || has_children && children.all(|&child| !is_seen(child) || is_ready(nodes, child, is_seen, is_new))
+            let is_uploadable = |new: u64| new <= limits.new_words || rest.new == 0;
+            let whole = rest.new + u64::from(own);
+            let before_split = self.before[self.flag(at)];
+            let least = if before_split { limits.merge } else { limits.cell };
+            let is_wanted = f32::from_bits(entry.size) > least && is_uploadable(total.new);
+            // Its parts are there, but it is not.
+            let is_needed = own > new && !is_uploadable(whole);
+            let fits = total.slots <= limits.slots && total.words <= limits.words;
+            if children.iter().flatten().next().is_some() && fits && (is_wanted || is_needed) {
+                let flag = self.flag(at);
+                self.split[flag] = true;
+                self.waiting.extend(children.iter().flatten());
+            } else {
+                children.iter().flatten().for_each(|child| self.discount(&mut total, *child));
+                self.uses[at.node] += 1;
+                total = Total { new: whole, ..before };
+                self.cut.push(at);
+            }
+        }
+        self.cut.sort_unstable_by_key(|at| (at.place, at.node));
+        self.blocks.clear();
+        self.blocks.extend(self.cut.iter().map(|at| at.node));
+        self.blocks.sort_unstable();
+        self.blocks.dedup();
+    }
+
+    /// A node that may be split; `None` outside the view. New words are counted if neither its block nor those of its
+    /// parts are there.
+    fn entry(
+        &self,
+        at: Placed,
+        view: &View,
+        size: [u32; 2],
+        is_new: &dyn Fn(usize) -> bool,
+    ) -> Option<Entry> {
+        let branch = &self.branches[at.node];
+        let projected = branch.projected(&self.places[at.place], view, size)?;
+        let counts = self.uses[at.node] == 0 && !self.is_ready(at, view, size, is_new);
+        Some(Entry { size: projected.to_bits(), at, new: if counts { branch.words } else { 0 } })
+    }
+
+    /// Whether a node can be shown without new blocks: its own is there, or those of all parts that are in the image.
+    fn is_ready(&self, at: Placed, view: &View, size: [u32; 2], is_new: &dyn Fn(usize) -> bool) -> bool {
+        let is_unseen =
+            |node: usize| self.branches[node].projected(&self.places[at.place], view, size).is_none();
+        let is_part_ready = |node: &usize| {
+            is_unseen(*node) || self.is_ready(Placed { node: *node, ..at }, view, size, is_new)
+        };
+        let children = self.branches[at.node].children;
+        !is_new(at.node) || children.is_some_and(|children| children.iter().all(is_part_ready))
+    }
+
+    fn count(&mut self, total: &mut Total, entry: Entry) {
+        let branch = &self.branches[entry.at.node];
+        let uses = &mut self.uses[entry.at.node];
+        total.slots += branch.slots();
+        total.words += if *uses == 0 { u64::from(branch.words) } else { 0 };
+        total.new += u64::from(entry.new);
+        *uses += 1;
+    }
+
+    fn discount(&mut self, total: &mut Total, entry: Entry) {
+        let branch = &self.branches[entry.at.node];
+        let uses = &mut self.uses[entry.at.node];
+        *uses -= 1;
+        total.slots -= branch.slots();
+        total.words -= if *uses == 0 { u64::from(branch.words) } else { 0 };
+        total.new -= u64::from(entry.new);
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::Quat;
+
     use super::*;
 
     /// A root in the box from -2 to 2 in x at z = -10, its halves, and a quarter of each side.
@@ -209,6 +342,14 @@ mod tests {
         ]
     }
 
+    fn place(x: f32) -> Place {
+        Place { model: 0, rotation: Quat::IDENTITY, translation: Vec3::new(x, 0.0, 0.0) }
+    }
+
+    fn chooser() -> Chooser {
+        Chooser::with(nodes(), &[place(0.0)], &[0], &[5])
+    }
+
     const ALL: Limits = Limits { cell: 1.0, merge: 0.5, slots: 1000, words: 10_000, new_words: 10_000 };
 
     /// At the distance of the nodes, 100 pixels see `wide` metres.
@@ -218,8 +359,8 @@ mod tests {
     }
 
     fn choose(chooser: &mut Chooser, view: &View, limits: Limits, known: &[usize]) -> Vec<usize> {
-        chooser.choose(&nodes(), view, [100, 100], &limits, |node| !known.contains(&node));
-        chooser.cut.clone()
+        chooser.choose(view, [100, 100], &limits, |node| !known.contains(&node));
+        chooser.cut.iter().map(|at| at.node).collect()
     }
 
     #[test]
@@ -228,13 +369,13 @@ mod tests {
         for (wide, expected) in
             [(10.1, &[0][..]), (9.9, &[1, 2]), (5.1, &[1, 2]), (4.9, &[2, 3, 4]), (4.1, &[2, 3, 4])]
         {
-            assert_eq!(choose(&mut Chooser::new(5), &view(wide), ALL, &[]), expected, "{wide}");
+            assert_eq!(choose(&mut chooser(), &view(wide), ALL, &[]), expected, "{wide}");
         }
     }
 
     #[test]
     fn a_split_node_is_merged_late() {
-        let mut chooser = Chooser::new(5);
+        let mut chooser = chooser();
         let mut at = |wide| choose(&mut chooser, &view(wide), ALL, &[]);
         assert_eq!(
             [at(10.1), at(9.9), at(19.9), at(20.1), at(10.1)],
@@ -244,20 +385,19 @@ mod tests {
 
     #[test]
     fn a_node_whose_block_exceeds_the_limit_stays_split() {
-        let of =
-            |wide, new_words| choose(&mut Chooser::new(5), &view(wide), Limits { new_words, ..ALL }, &[3, 4]);
+        let of = |wide, new_words| choose(&mut chooser(), &view(wide), Limits { new_words, ..ALL }, &[3, 4]);
         // The root may come alone. Where it is split, node 2 comes, and node 1 only if both fit.
         assert_eq!([of(10.1, 1), of(9.9, 130), of(9.9, 249)], [vec![0], vec![2, 3, 4], vec![2, 3, 4]]);
         assert_eq!(of(9.9, 250), [1, 2]);
         // What is there stays whole, whatever else comes.
         let limits = Limits { new_words: 1, ..ALL };
-        assert_eq!(choose(&mut Chooser::new(5), &view(9.9), limits, &[1, 3, 4]), [1, 2]);
+        assert_eq!(choose(&mut chooser(), &view(9.9), limits, &[1, 3, 4]), [1, 2]);
     }
 
     #[test]
     fn nodes_outside_the_view_are_left_out() {
         let mut turned = view(4.1);
-        let of = |view: &View| choose(&mut Chooser::new(5), view, ALL, &[]);
+        let of = |view: &View| choose(&mut chooser(), view, ALL, &[]);
         // Half of the nodes is left of a view that begins at x = 0.
         turned.eye = [2.5, 0.0, 0.0];
         assert_eq!(of(&turned), [2]);
@@ -273,9 +413,29 @@ mod tests {
         assert!(of(&above).is_empty());
     }
 
+    /// Two copies beside each other, and one that is turned away from the view.
+    #[test]
+    fn copies_share_their_blocks_and_have_cuts_of_their_own() {
+        let turned = Place { rotation: Quat::from_rotation_y(std::f32::consts::PI), ..place(0.0) };
+        let mut chooser = Chooser::with(nodes(), &[place(0.0), place(3.0), turned], &[0], &[5]);
+        let mut choose = |limits: Limits, eye: [f32; 3]| {
+            chooser.choose(&View { eye, ..view(9.9) }, [100, 100], &limits, |_| true);
+            let cut: Vec<_> = chooser.cut.iter().map(|at| (at.place, at.node)).collect();
+            (cut, chooser.blocks.clone(), chooser.slots())
+        };
+        let both = vec![(0, 1), (0, 2), (1, 1), (1, 2)];
+        assert_eq!(choose(ALL, [1.5, 0.0, 0.0]), (both.clone(), vec![1, 2], 50));
+        // 250 words of the two blocks, and 100 of the root while the other copy has it.
+        assert_eq!(choose(Limits { words: 350, ..ALL }, [1.5, 0.0, 0.0]).0, both);
+        assert_eq!(choose(Limits { words: 349, ..ALL }, [1.5, 0.0, 0.0]).0, [(0, 0), (1, 0)]);
+        // A little nearer to the first one.
+        let (cut, blocks, slots) = choose(Limits { slots: 35, ..ALL }, [1.5, 0.0, 0.0]);
+        assert_eq!((cut, blocks, slots), (vec![(0, 1), (0, 2), (1, 0)], vec![0, 1, 2], 35));
+    }
+
     #[test]
     fn limits_stop_the_splits() {
-        let of = |limits: Limits, known: &[usize]| choose(&mut Chooser::new(5), &view(4.1), limits, known);
+        let of = |limits: Limits, known: &[usize]| choose(&mut chooser(), &view(4.1), limits, known);
         assert_eq!(of(Limits { slots: 24, ..ALL }, &[]), [0]);
         assert_eq!(of(Limits { slots: 25, ..ALL }, &[]), [1, 2]);
         assert_eq!(of(Limits { slots: 62, ..ALL }, &[]), [1, 2]);

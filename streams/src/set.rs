@@ -1,0 +1,180 @@
+//! Point sets as scenes show them: models, and where they are.
+
+use std::fmt;
+
+use glam::{DVec3, Quat, Vec3};
+
+use crate::{
+    Codec, EncodeError, Model, Node, Points, Settings, encode,
+    repeats::{Repeats, Shape},
+    unpack_normal,
+};
+
+/// Where a model is: its positions are rotated, then moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// The model by its index.
+    pub model: usize,
+    /// A unit quaternion.
+    pub rotation: Quat,
+    /// Where the model's origin is, from that of the set.
+    pub translation: Vec3,
+}
+
+impl Place {
+    /// Takes positions from the model to the set.
+    pub fn apply(&self, at: Vec3) -> Vec3 {
+        self.rotation * at + self.translation
+    }
+}
+
+/// Models, each at any number of places.
+#[derive(Clone, PartialEq)]
+pub struct PointSet {
+    origin: DVec3,
+    models: Vec<Model>,
+    places: Vec<Place>,
+}
+
+impl fmt::Debug for PointSet {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "PointSet of {} models at {} places", self.models.len(), self.places.len())
+    }
+}
+
+impl From<Model> for PointSet {
+    fn from(model: Model) -> Self {
+        let place = Place { model: 0, rotation: Quat::IDENTITY, translation: Vec3::ZERO };
+        Self { origin: model.origin(), models: vec![model], places: vec![place] }
+    }
+}
+
+impl PointSet {
+    /// Models at places.
+    ///
+    /// # Panics
+    /// If a place names no model.
+    pub fn new(origin: DVec3, models: Vec<Model>, places: Vec<Place>) -> Self {
+        assert!(places.iter().all(|place| place.model < models.len()), "places of models that are there");
+        Self { origin, models, places }
+    }
+
+    /// The vertices of parts that repeat. Each shape is a model, of one level if no two of its vertices share a cell of
+    /// the first, and otherwise as the settings say.
+    ///
+    /// # Errors
+    /// Those of [`encode`].
+    pub fn of_repeats(repeats: &Repeats, settings: &Settings) -> Result<Self, EncodeError> {
+        let models = repeats.shapes().iter().map(|shape| model(shape, settings)).collect::<Result<_, _>>()?;
+        let places = repeats.instances().iter().map(|instance| Place {
+            model: instance.shape as usize,
+            rotation: instance.rotation,
+            translation: instance.translation,
+        });
+        Ok(Self { origin: DVec3::ZERO, models, places: places.collect() })
+    }
+
+    /// What to add to all positions.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// The models.
+    pub fn models(&self) -> &[Model] {
+        &self.models
+    }
+
+    /// Where they are.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// The nodes of all models, one model after the other.
+    pub fn nodes(&self) -> impl Iterator<Item = &Node> {
+        self.models.iter().flat_map(|model| model.nodes())
+    }
+
+    /// Lowest and highest corner of a box around all points, from the origin.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        let boxes: Vec<[Vec3; 2]> = self.models.iter().map(bounds).collect();
+        let corners = self.places.iter().flat_map(|place| {
+            let ends = boxes[place.model];
+            (0..8).map(move |index| place.apply(corner(ends, index)))
+        });
+        corners.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+    }
+}
+
+fn model(shape: &Shape, settings: &Settings) -> Result<Model, EncodeError> {
+    let points = Points {
+        colors: shape.colors().map(<[_]>::to_vec),
+        normals: shape.normals().map(|normals| normals.iter().map(|normal| unpack_normal(*normal)).collect()),
+        ..Points::from(shape.positions().collect::<Vec<_>>())
+    };
+    let coarse = encode(&points, &Settings { codec: Codec::Packed, levels: 1, ..*settings })?;
+    let levels = if coarse.nodes()[0].merged() == 0 { 1 } else { settings.levels };
+    encode(&points, &Settings { levels, ..*settings })
+}
+
+/// A box around the points of a model.
+fn bounds(model: &Model) -> [Vec3; 2] {
+    let root = &model.nodes()[0];
+    let around = root
+        .positions()
+        .into_iter()
+        .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
+    // The corner of a cell is at most this far from its centre.
+    let margin = 0.5 * 3.0_f32.sqrt() * root.frame().cell;
+    [around[0] - margin, around[1] + margin]
+}
+
+/// One of the eight corners of a box.
+fn corner(ends: [Vec3; 2], index: usize) -> Vec3 {
+    Vec3::from([0, 1, 2].map(|axis| ends[index >> axis & 1][axis]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::repeats::{self, Surface, find};
+
+    #[test]
+    fn a_model_is_a_set_at_one_place() {
+        let points = Points::from_double(&[DVec3::new(1e6, 0.0, 0.0), DVec3::new(1e6 + 2.0, 1.0, 0.0)]);
+        let model = encode(&points, &Settings::default()).unwrap();
+        let set = PointSet::from(model.clone());
+        assert_eq!((set.origin(), set.models(), set.places().len()), (points.origin, &[model][..], 1));
+        let [low, high] = set.bounds();
+        assert!(points.positions.iter().all(|at| at.cmpge(low).all() && at.cmple(high).all()));
+        assert!((high - low).max_element() < 2.1, "{low} {high}");
+    }
+
+    /// A wedge and two copies: the set's points are the vertices, within half a cell.
+    #[test]
+    fn repeats_are_one_model_at_several_places() {
+        let wedge = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]].map(Vec3::from);
+        let turned = |angle: f32, by: Vec3| wedge.map(|at| Quat::from_rotation_z(angle) * at + by);
+        let positions =
+            [wedge, turned(1.0, Vec3::new(9.0, 0.0, 3.0)), turned(-2.0, Vec3::new(0.0, -9.0, 0.0))].concat();
+        let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        let triangles: Vec<[u32; 3]> =
+            (0..3).flat_map(|part| faces.map(|corners| corners.map(|corner| corner + 4 * part))).collect();
+        let surface = Surface { positions: &positions, triangles: &triangles, ..Surface::default() };
+        let found = find(&surface, &repeats::Settings::default()).unwrap();
+        let set = PointSet::of_repeats(&found.repeats, &Settings::default()).unwrap();
+        assert_eq!((set.models().len(), set.places().len(), set.nodes().count()), (1, 3, 1));
+        let node = &set.models()[0].nodes()[0];
+        let bound = 0.5 * 3.0_f32.sqrt() * node.frame().cell + 1e-4;
+        let decoded = set.places().iter().flat_map(|place| {
+            let points = set.models()[place.model].nodes()[0].positions();
+            points.into_iter().map(|at| place.apply(at)).collect::<Vec<_>>()
+        });
+        let decoded: Vec<Vec3> = decoded.collect();
+        assert_eq!(decoded.len(), positions.len());
+        for at in &positions {
+            assert!(decoded.iter().any(|found| found.distance(*at) < bound), "{at}");
+        }
+        let [low, high] = set.bounds();
+        assert!(positions.iter().all(|at| at.cmpge(low).all() && at.cmple(high).all()));
+    }
+}
