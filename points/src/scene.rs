@@ -1,14 +1,14 @@
 //! The vertices or the points of a scene.
 
 use epigraph_scenes::Scene;
-use epigraph_streams::{Model, Node, Points, color_of_light, unpack_color, unpack_normal};
+use epigraph_streams::{Node, Place, PointSet, Points, color_of_light, unpack_color, unpack_normal};
 use glam::Vec3;
 
 /// The vertices at rest. Normals are means over the triangles around a vertex by their areas, colours those of the first
 /// triangle's material. Of a scene that is a point set, the points in most detail.
 pub(crate) fn points(scene: &Scene) -> Points {
-    if let Some(model) = &scene.points {
-        return decoded(model);
+    if let Some(set) = &scene.points {
+        return decoded(set);
     }
     let mesh = &scene.mesh;
     let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
@@ -28,15 +28,23 @@ pub(crate) fn points(scene: &Scene) -> Points {
     Points { colors: Some(colors), normals: Some(normals), ..Points::from(mesh.positions.clone()) }
 }
 
-fn decoded(model: &Model) -> Points {
-    let leaves: Vec<&Node> = model.leaves().collect();
-    let all = |values: fn(&Node) -> Option<&[u32]>| {
-        leaves.iter().map(|leaf| values(leaf)).collect::<Option<Vec<_>>>().map(|leaves| leaves.concat())
+/// The points in most detail, at all their places.
+fn decoded(set: &PointSet) -> Points {
+    let leaves = || {
+        set.places()
+            .iter()
+            .flat_map(|place| set.models()[place.model].leaves().map(move |leaf| (place, leaf)))
     };
-    Points {
-        origin: model.origin(),
-        positions: leaves.iter().flat_map(|leaf| leaf.positions()).collect(),
-        colors: all(Node::colors).map(|words| words.into_iter().map(unpack_color).collect()),
-        normals: all(Node::normals).map(|words| words.into_iter().map(unpack_normal).collect()),
-    }
+    let words = |values: fn(&Node) -> Option<&[u32]>| {
+        let of = |(place, leaf): (&Place, &Node)| values(leaf).map(|words| (*place, words.to_vec()));
+        leaves().map(of).collect::<Option<Vec<_>>>()
+    };
+    let colors = words(Node::colors)
+        .map(|all| all.into_iter().flat_map(|(_, words)| words).map(unpack_color).collect());
+    let turned = |(place, words): (Place, Vec<u32>)| {
+        words.into_iter().map(move |word| place.rotation * unpack_normal(word))
+    };
+    let normals = words(Node::normals).map(|all| all.into_iter().flat_map(turned).collect());
+    let positions = leaves().flat_map(|(place, leaf)| leaf.positions().into_iter().map(|at| place.apply(at)));
+    Points { origin: set.origin(), positions: positions.collect(), colors, normals }
 }
