@@ -192,6 +192,27 @@ mod tests {
 
     use super::*;
 
+    #[test]
+    fn textures_and_what_has_rows_or_the_size_of_the_frame_are_images() {
+        let [texel, word] = [Element::Texel(Format::R32Uint), u32::element()];
+        for (element, [width, height], image) in [
+            (&texel, [5, 1], true),
+            (&texel, [7, 3], true),
+            (&word, [7, 3], true),
+            (&word, [8, 4], true),
+            (&word, [5, 1], false),
+            (&word, [21, 1], false),
+        ] {
+            assert_eq!(
+                is_image(element, Dims { width, height }, [7, 3]),
+                image,
+                "{element}, {width}x{height}"
+            );
+        }
+        // A frame of one row.
+        assert!(is_image(&word, Dims { width: 5, height: 1 }, [5, 1]));
+    }
+
     epigraph_core::item! {
         struct Point {
             position: [f32; 3],

@@ -71,6 +71,24 @@ mod tests {
     }
 
     #[test]
+    fn each_number_outside_its_limits_makes_a_camera_invalid() {
+        let good = camera(Vec3::ZERO, Vec3::X);
+        assert!(good.is_valid() && Camera { near: 100.0, ..good }.is_valid());
+        for bad in [
+            Camera { eye: Vec3::splat(2e9), ..good },
+            Camera { rotation: Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0), ..good },
+            Camera { fov_y: 0.0, ..good },
+            Camera { fov_y: std::f32::consts::PI, ..good },
+            Camera { near: 0.0, ..good },
+            Camera { near: 100.1, ..good },
+            Camera { far: f32::INFINITY, ..good },
+            Camera { far: f32::NAN, ..good },
+        ] {
+            assert!(!bad.is_valid(), "{bad:?}");
+        }
+    }
+
+    #[test]
     fn centre_of_the_image_is_the_target_and_y_points_down() {
         for (eye, target) in [
             (Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO),

@@ -260,6 +260,24 @@ mod tests {
     }
 
     #[test]
+    fn a_box_beyond_the_lamp_or_behind_the_point_shades_nothing() {
+        // The cube moves from x = 0 to 0.25, from y = 1 to 3, between the lamp at 4 and the floor.
+        let boxes = [cube(0.0), cube(0.25)];
+        let age = |point: f32, lamp: f32| {
+            let lamp = Lamp { position: [0.0, lamp, 0.0], normal: [0.0; 3], uniform_share: 1.0, ..LAMP };
+            let positions = [[0.0, point, 0.0, 1.0]];
+            let out = run_alike(&mut harness(&positions, &[LIVE], &[Move::REST], [lamp; 2], boxes));
+            (out.get::<u32>("cloud.meta")[0] & AGE) / 256
+        };
+        for (point, lamp, expected) in
+            [(0.0, 4.0, 10), (0.0, 2.0, 10), (0.0, 0.75, 0), (3.25, 4.0, 0), (4.0, 3.5, 0)]
+        {
+            assert_eq!(age(point, lamp), expected, "from {point} to {lamp}");
+            assert_eq!(age(lamp, point), expected, "from {lamp} to {point}");
+        }
+    }
+
+    #[test]
     fn a_line_through_a_corner_of_a_box_meets_it() {
         // The corner (3, 4, 12) is 13 from the middle of the box, and the line through it is tangent to the ball around
         // the box. All numbers are whole, and so exact.

@@ -581,8 +581,11 @@ mod tests {
         // The brightest possible point is compressed and expanded with the precision that is left in 1 - luminance.
         pixels[0].sample = None;
         pixels[1].sample = gray(MAX_RADIANCE);
-        let color = run_cpu(&mut harness(params, [2, 1], &pixels)).get::<[f32; 4]>("color");
-        assert!((color[0][0] / MAX_RADIANCE - 1.0).abs() < 0.02, "{color:?}");
+        let both = run_both(&mut harness(params, [2, 1], &pixels));
+        for out in [both.cpu, both.gpu] {
+            let color = out.get::<[f32; 4]>("color");
+            assert!((color[0][0] / MAX_RADIANCE - 1.0).abs() < 0.02, "{color:?}");
+        }
     }
 
     #[test]

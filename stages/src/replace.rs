@@ -243,6 +243,20 @@ mod tests {
     }
 
     #[test]
+    fn points_of_every_age_are_replaced_in_their_turn() {
+        // One point of each age, in no order: 37 has no factor in common with 256.
+        let age_of = |slot: u32| slot * 37 % 256;
+        let meta: Vec<u32> = (0..256).map(|slot| point(age_of(slot) << 8)).collect();
+        for count in [1, 2, 100, 255, 256] {
+            let mut ages: Vec<u32> =
+                slots(true, &meta, &vec![sample(NO_POINT); count]).into_iter().map(age_of).collect();
+            ages.sort_unstable();
+            let oldest: Vec<u32> = (256 - count as u32..256).collect();
+            assert_eq!(ages, oldest);
+        }
+    }
+
+    #[test]
     fn a_sample_renews_its_point_and_the_first_of_several_wins() {
         let meta = [point(5), point(0x10_00), point(0x20_00), 0];
         let samples =
