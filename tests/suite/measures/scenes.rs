@@ -6,6 +6,7 @@ use std::{
     sync::{Arc, LazyLock},
 };
 
+use epigraph_core::testing::Random;
 use epigraph_scenes::{
     Camera, CameraPath, Job, Mode, Rng, Scene, SceneFacts, ShadowSearch, ShadowSettings, TraceSettings,
     Tracer, keyframes, predict, reference, shadow_segments,
@@ -193,6 +194,10 @@ fn shadows_and_edges_are_as_before() {
         let tracer = Arc::new(Tracer::new(scene.clone()));
         let edges = reference::edges(&tracer, &scene.camera, [47, 35]);
         add("edges", &edges);
+        add(
+            "narrow edges",
+            &[[1, 9], [2, 30], [30, 1]].map(|size| reference::edges(&tracer, &scene.camera, size)),
+        );
         for radius in [0.0, 1.0, 1.5, 4.0] {
             add("within", &reference::within(&edges, 47, radius));
         }
@@ -224,6 +229,70 @@ fn shadows_and_edges_are_as_before() {
         }
     }
     assert_same("shadows", &figures);
+}
+
+/// A scene of shapes and lights at random places, of which some touch, lie in one plane, or face away from a light.
+fn random_scene(random: &mut Random) -> Scene {
+    // Multiples of a quarter, so that some numbers are equal.
+    let mut near = |low: i32, high: i32| f64::from(low + random.below((high - low) as u32 + 1) as i32) / 4.0;
+    let mut objects = String::from("(shape: Quad(corner: (-4, 0, 4), u: (8, 0, 0), v: (0, 0, -8))),");
+    for _ in 0..3 {
+        let [x, y, z] = [near(-6, 6), near(0, 4), near(-6, 6)];
+        objects += &match near(0, 3) as u32 + near(0, 8) as u32 {
+            0 => format!("(shape: Sphere(center: ({x}, {y}, {z}), radius: {})),", near(1, 3)),
+            1 => {
+                let [u, v] = [(near(-4, 4), near(1, 4)), (near(1, 4), near(-4, 4))];
+                let sides = format!("u: ({}, {}, 0.5), v: (0.3, {}, {})", u.0, u.1, v.0, v.1);
+                format!("(shape: Quad(corner: ({x}, {y}, {z}), {sides})),")
+            }
+            _ => {
+                let [a, b, c] = [near(1, 6), near(1, 4), near(1, 6)];
+                let turn = near(0, 3) * 100.0;
+                format!(
+                    "(shape: Box(low: (0, 0, 0), high: ({a}, {b}, {c})), translate: ({x}, {y}, {z}), rotate: (0, {turn}, 0)),"
+                )
+            }
+        };
+    }
+    let mut lights = String::new();
+    for _ in 0..2 {
+        let [x, y, z] = [near(-8, 8), near(4, 16), near(-8, 8)];
+        lights += &match near(0, 7) < 1.0 {
+            true => format!("Point(position: ({x}, {y}, {z}), intensity: (9, 8, 7)),"),
+            false => {
+                let [a, b, c, d] = [near(1, 6), near(-2, 2), near(1, 6), near(-2, 2)];
+                format!(
+                    "Quad(corner: ({x}, {y}, {z}), u: ({a}, {b}, 0), v: (0, {d}, {c}), radiance: (5, 5, 5)),"
+                )
+            }
+        };
+    }
+    let camera = format!("(eye: ({}, 3, 9), target: (0, 1, 0), fov: 50)", near(-20, 20));
+    let text = format!("Scene(version: 1, camera: Some({camera}), objects: [{objects}], lights: [{lights}])");
+    let path = std::env::temp_dir().join(format!("epigraph-random-{}.ron", std::process::id()));
+    fs::write(&path, &text).expect("a temporary folder");
+    let scene = Scene::load(&path.display().to_string()).unwrap_or_else(|error| panic!("{error}: {text}"));
+    fs::remove_file(&path).expect("it is there");
+    scene
+}
+
+#[test]
+fn shadows_and_edges_of_random_scenes_are_as_before() {
+    let mut figures = Figures::new();
+    let mut random = Random(9);
+    for index in 0..40 {
+        let scene = Arc::new(random_scene(&mut random));
+        let tracer = Tracer::new(scene.clone());
+        let figure = figures.entry(format!("scene {index}")).or_default();
+        for contact in [0.0, 0.002, 0.1] {
+            let settings = ShadowSettings { contact, max_penumbra: 0.3, capacity: 10_000 };
+            figure.debug(&shadow_segments(&tracer, &settings, &|_| true));
+        }
+        figure.debug(&reference::edges(&tracer, &scene.camera, [40, 31]));
+        let settings = TraceSettings { mode: Mode::Path, ..TraceSettings::default() };
+        figure.debug(&reference::render(&tracer, &scene.camera, [12, 9], 1, &settings, 4, &|| true));
+    }
+    assert_same("random-scenes", &figures);
 }
 
 #[test]
