@@ -207,7 +207,7 @@ fn color(node: StreamNode, pool: u32, slot: u32) -> vec3<f32> {
         return hue(8u * node.index + pools[pool].number);
     }
     if node.colors == NO_ATTRIBUTE {
-        return vec3(1.0);
+        return vec3(GREY);
     }
     return decode_srgb(unpack4x8unorm(words[node.colors + slot - node.first_point]).rgb);
 }

@@ -8,7 +8,8 @@
 use std::{array, sync::LazyLock};
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, scratch,
+    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, constants, params,
+    scratch,
 };
 use glam::Vec3;
 use rayon::prelude::*;
@@ -29,6 +30,11 @@ use crate::{
 #[path = "explain/stream_decode.rs"]
 mod explain;
 
+constants! {
+    /// The colour of points without one.
+    const GREY: f32 = 0.7;
+}
+
 choice! {
     /// How the GPU expands pools.
     pub enum Expand {
@@ -42,7 +48,7 @@ choice! {
 choice! {
     /// What the colour of a point shows.
     pub enum Show {
-        /// The point's own colour, white if it has none.
+        /// The point's own colour, a light grey if it has none.
         Color,
         /// How often the node was split from the root on.
         Level,
@@ -106,6 +112,7 @@ impl Stage for StreamDecode {
         io.write::<u32>("blocks", scratch(doc), Extent::Fixed([SCAN_BLOCKS, 1]));
 
         io.shader(shader!("stream_decode"));
+        io.constants(CONSTANTS);
         io.compute("count", Threads::Groups(SCAN_BLOCKS));
         io.compute("sum", Threads::Groups(SCAN_BLOCKS));
         match params.expand {
@@ -188,7 +195,7 @@ impl Shade<'_> {
         };
         let color = match self.params.show {
             Show::Color => attribute(node.colors)
-                .map_or([1.0; 3], |color| [0, 8, 16].map(|shift| SRGB[(color >> shift & 255) as usize])),
+                .map_or([GREY; 3], |color| [0, 8, 16].map(|shift| SRGB[(color >> shift & 255) as usize])),
             Show::Level => hue(node.level),
             Show::Pool if pool.tag_words == 0 => [0.2; 3],
             Show::Pool => hue(8 * node.index + pool.number),
@@ -354,8 +361,8 @@ mod tests {
     /// What the nodes in most detail decode to: positions, colours and normals.
     fn expected(model: &Model) -> Vec<([f32; 3], [u8; 4], Vec3)> {
         let of = |node: &epigraph_scenes::streams::Node| {
-            let white = u32::MAX;
-            let colors = node.colors().map_or(vec![white; node.cell_count()], <[u32]>::to_vec);
+            let none = u32::MAX;
+            let colors = node.colors().map_or(vec![none; node.cell_count()], <[u32]>::to_vec);
             let normals = node.normals().map_or(vec![NO_NORMAL; node.cell_count()], <[u32]>::to_vec);
             let points = node.positions().into_iter().zip(colors).zip(normals);
             points
@@ -404,7 +411,8 @@ mod tests {
                     let light = if bare { 1.0 } else { 0.2 + 0.8 * normal.dot(forward).abs() };
                     let found = decode_radiance(radiance[slot]);
                     for channel in 0..3 {
-                        let linear = decode_srgb(f64::from(color[channel]) / 255.0) as f32;
+                        let linear =
+                            if bare { GREY } else { decode_srgb(f64::from(color[channel]) / 255.0) as f32 };
                         assert!(
                             (found[channel] - linear * light).abs() < 1.0 / 500.0,
                             "{slot}: {found:?} {color:?}"
