@@ -12,6 +12,7 @@ use crate::{
     frame::Frame,
     model::{Model, Node},
     pool::{Pool, PoolError},
+    repeats::{BlockError, Repeats},
 };
 
 const MAGIC: &[u8; 8] = b"EPIGRVTS";
@@ -24,6 +25,7 @@ const RECORD: usize = 76;
 /// Bits of the header's flags.
 const COLORS: u32 = 1;
 const NORMALS: u32 = 2;
+const REPEATS: u32 = 4;
 
 /// Why bytes are no model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -50,9 +52,19 @@ pub enum VtsError {
     },
     /// The header has flags that this version does not define.
     #[error(
-        "its flags are {0:#x}; this version of the format has only {COLORS} for colours and {NORMALS} for normals"
+        "its flags are {0:#x}; this version of the format has only {COLORS} for colours and {NORMALS} for normals, or \
+         {REPEATS} for repeats"
     )]
     Flags(u32),
+    /// The file holds [`Repeats`], not a tree of points.
+    #[error("it holds repeats, the parts of a mesh and where they are, and no tree of points")]
+    IsRepeats,
+    /// The file holds a tree of points, not [`Repeats`].
+    #[error("it holds a tree of points, and no repeats")]
+    IsPoints,
+    /// What the file holds is no [`Repeats`].
+    #[error(transparent)]
+    Repeats(#[from] BlockError),
     /// The origin is not finite.
     #[error("its origin is not made of finite numbers")]
     Origin,
@@ -90,6 +102,44 @@ pub enum VtsError {
     },
 }
 
+/// What a file begins with.
+struct Header<'a> {
+    flags: u32,
+    origin: DVec3,
+    /// The table of nodes.
+    table: &'a [u8],
+}
+
+impl<'a> Header<'a> {
+    fn read(bytes: &'a [u8]) -> Result<Self, VtsError> {
+        let short = |part: &str| VtsError::Short { length: bytes.len(), part: part.into() };
+        if !bytes.starts_with(MAGIC) {
+            return Err(VtsError::Magic);
+        }
+        let mut header = Words(bytes.get(8..HEADER).ok_or_else(|| short("the header"))?);
+        let [version, checksum, count, flags] = [0; 4].map(|_| header.next());
+        let origin = DVec3::from([0; 3].map(|_| f64::from_bits(header.next_long())));
+        if version != VERSION {
+            return Err(VtsError::Version(version));
+        }
+        // The file is at least as long as the table, so the table's length is a safe one to allocate.
+        let table =
+            (count as usize).checked_mul(RECORD).and_then(|length| bytes.get(HEADER..)?.get(..length));
+        let table = table.ok_or_else(|| short("the table of nodes"))?;
+        if crc32fast::hash(&bytes[CHECKED..HEADER + table.len()]) != checksum {
+            return Err(VtsError::Checksum { part: "the header and the table of nodes".into() });
+        }
+        let is_points = flags & !(COLORS | NORMALS) == 0;
+        if !is_points && (flags != REPEATS || !table.is_empty()) {
+            return Err(VtsError::Flags(flags));
+        }
+        if !origin.is_finite() {
+            return Err(VtsError::Origin);
+        }
+        Ok(Self { flags, origin, table })
+    }
+}
+
 /// The table of a file's nodes, which are read one by one.
 pub struct Reader<'a> {
     bytes: &'a [u8],
@@ -113,28 +163,9 @@ impl<'a> Reader<'a> {
     /// # Errors
     /// The bytes are no file of this kind and version, or the table is cut off, damaged or no tree.
     pub fn new(bytes: &'a [u8]) -> Result<Self, VtsError> {
-        let short = |part: &str| VtsError::Short { length: bytes.len(), part: part.into() };
-        if !bytes.starts_with(MAGIC) {
-            return Err(VtsError::Magic);
-        }
-        let mut header = Words(bytes.get(8..HEADER).ok_or_else(|| short("the header"))?);
-        let [version, checksum, count, flags] = [0; 4].map(|_| header.next());
-        let origin = DVec3::from([0; 3].map(|_| f64::from_bits(header.next_long())));
-        if version != VERSION {
-            return Err(VtsError::Version(version));
-        }
-        // The file is at least as long as the table, so the table's length is a safe one to allocate.
-        let table =
-            (count as usize).checked_mul(RECORD).and_then(|length| bytes.get(HEADER..)?.get(..length));
-        let table = table.ok_or_else(|| short("the table of nodes"))?;
-        if crc32fast::hash(&bytes[CHECKED..HEADER + table.len()]) != checksum {
-            return Err(VtsError::Checksum { part: "the header and the table of nodes".into() });
-        }
-        if flags & !(COLORS | NORMALS) != 0 {
-            return Err(VtsError::Flags(flags));
-        }
-        if !origin.is_finite() {
-            return Err(VtsError::Origin);
+        let Header { flags, origin, table } = Header::read(bytes)?;
+        if flags & REPEATS != 0 {
+            return Err(VtsError::IsRepeats);
         }
         let records: Vec<Record> = table.chunks_exact(RECORD).map(Record::read).collect();
         check_tree(&records)?;
@@ -236,6 +267,41 @@ fn check_tree(records: &[Record]) -> Result<(), VtsError> {
         return Err(VtsError::Points { node: 0, cause });
     }
     Ok(())
+}
+
+impl Repeats {
+    /// The bytes of a file `.vts` with these repeats in place of a tree.
+    pub fn to_file(&self) -> Vec<u8> {
+        [head(REPEATS, DVec3::ZERO, &[]), self.to_bytes()].concat()
+    }
+
+    /// Repeats from the bytes of a file.
+    ///
+    /// # Errors
+    /// The bytes are no file of this kind and version, it holds a tree of points, or it is cut off or damaged.
+    pub fn from_file(bytes: &[u8]) -> Result<Self, VtsError> {
+        match Header::read(bytes)?.flags {
+            REPEATS => Ok(Self::from_bytes(&bytes[HEADER..])?),
+            _ => Err(VtsError::IsPoints),
+        }
+    }
+
+    /// Reads a file of at most [`MOST_DATA`] bytes.
+    ///
+    /// # Errors
+    /// The file cannot be read, or [`Repeats::from_file`]; the message names the file.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let bytes = epigraph_files::bytes(path, MOST_DATA).map_err(|error| FileError::read(path, error))?;
+        Self::from_file(&bytes).map_err(|error| FileError::read(path, error))
+    }
+
+    /// Writes a file, whole or not at all.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn write(&self, target: &Target) -> Result<(), FileError> {
+        target.write(&self.to_file())
+    }
 }
 
 /// Words of bytes whose length was checked.

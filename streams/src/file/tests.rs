@@ -174,7 +174,7 @@ fn what_does_not_fit_is_named() {
     );
     assert_eq!(
         error(&with_head(5, DVec3::ZERO, 0, &[])),
-        "its flags are 0x5; this version of the format has only 1 for colours and 2 for normals"
+        "its flags are 0x5; this version of the format has only 1 for colours and 2 for normals, or 4 for repeats"
     );
     assert_eq!(error(&with_head(0, DVec3::NAN, 0, &[])), "its origin is not made of finite numbers");
     assert_eq!(error(&file(1, 1, &[0, 1, 1])), "node 0 cannot have node 1 as its first child");

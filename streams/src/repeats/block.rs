@@ -1,36 +1,4 @@
-//! Shapes and instances as bytes.
-//!
-//! All numbers are little-endian.
-//!
-//! | bytes | header |
-//! |--|--|
-//! | 4 | CRC-32 of everything that follows |
-//! | 4 | flags: 1 if there are normals, plus 2 for colours, plus 4 for materials |
-//! | 8 | number of shapes s, number of instances i |
-//! | 4 | the largest distance of a vertex from its place, a float |
-//!
-//! | bytes | a shape's record, s times |
-//! |--|--|
-//! | 12 | number of vertices v, of triangles t, of instances |
-//! | 12 | position of cell (0, 0, 0), three floats |
-//! | 4 | distance from cell to cell, a float |
-//! | 4 | bits of a cell's x, y and z, 24 at most; 0 |
-//!
-//! | bytes | an instance, i times |
-//! |--|--|
-//! | 16 | rotation: x, y, z and w of a unit quaternion, floats |
-//! | 12 | translation, three floats |
-//! | 4 | with materials: the material by its index |
-//!
-//! | bytes | a shape's vertices and triangles, s times |
-//! |--|--|
-//! | | cells: x, y and z of each vertex, one bit after another, the lowest first |
-//! | 4 v | with normals: of each vertex x and y on an octahedron, as in the blocks of points |
-//! | 4 v | with colours: of each vertex red, green, blue and alpha, in sRGB |
-//! | | triangles: three vertices of each, by as many bits as v - 1 has |
-//!
-//! Instances are in the order of their shapes. Cells and triangles end with the bits that fill a byte. A vertex of an
-//! instance lies at `rotation (low + step cell) + translation`, computed in single precision.
+//! Shapes and instances as bytes, as `docs/vts.md` has them.
 
 use glam::{Quat, Vec3};
 

@@ -6,8 +6,8 @@
 //! none of its vertices is farther from its place than a bound, [`Settings::tolerance`]. A mirrored part has a shape of
 //! its own, as it does not become the other by a rotation.
 //!
-//! [`Repeats`] holds shapes and instances; [`Repeats::to_bytes`] and [`Repeats::from_bytes`] store it,
-//! [`Repeats::to_glb`] makes a glTF file with `EXT_mesh_gpu_instancing` of it.
+//! [`Repeats`] holds shapes and instances. [`Repeats::write`] and [`Repeats::read`] are for files, `.vts`;
+//! [`Repeats::write_glb`] makes a glTF file with `EXT_mesh_gpu_instancing`.
 //!
 //! How copies are found: parts with equal numbers of triangles, connected alike and of about the same size are
 //! candidates. Two walks over the triangles of both parts, side by side, say which vertex is which. They begin at a

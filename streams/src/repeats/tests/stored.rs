@@ -4,6 +4,7 @@ use gltf::accessor::{DataType, Dimensions};
 use serde_json::Value;
 
 use super::*;
+use crate::{Model, VtsError, encode};
 
 /// A surface with all attributes: four copies of two shapes in three materials, and one of a third.
 fn colorful() -> Solid {
@@ -151,6 +152,33 @@ fn values_that_cannot_be_are_named() {
     );
     assert!(with(20 + 3 * 32 + 16, f32::INFINITY.to_bits()).starts_with("instance 0 of the repeats"));
     assert!(with(24, 1 << 30).contains("cut off"));
+}
+
+#[test]
+fn files_hold_repeats_or_points() {
+    let repeats = search(&colorful()).repeats;
+    let bytes = repeats.to_file();
+    assert_eq!(Repeats::from_file(&bytes), Ok(repeats.clone()));
+    let error = Model::from_bytes(&bytes).unwrap_err().to_string();
+    assert_eq!(error, "it holds repeats, the parts of a mesh and where they are, and no tree of points");
+    let points = encode(&repeats.positions().into(), &crate::Settings::default()).unwrap();
+    let error = Repeats::from_file(&points.to_bytes()).unwrap_err().to_string();
+    assert_eq!(error, "it holds a tree of points, and no repeats");
+    assert_eq!(Repeats::from_file(b"ply"), Err(VtsError::Magic));
+    for length in (0..bytes.len()).step_by(7) {
+        assert!(Repeats::from_file(&bytes[..length]).is_err());
+    }
+    let mut damaged = bytes.clone();
+    *damaged.last_mut().unwrap() ^= 1;
+    assert_eq!(Repeats::from_file(&damaged), Err(VtsError::Repeats(BlockError::Checksum)));
+
+    let folder = tempfile::tempdir().unwrap();
+    let target = epigraph_files::Target::new(&folder.path().join("parts.vts")).unwrap();
+    repeats.write(&target).unwrap();
+    assert_eq!(Repeats::read(target.path()).unwrap(), repeats);
+    std::fs::write(target.path(), &bytes[..99]).unwrap();
+    let error = Repeats::read(target.path()).unwrap_err().to_string();
+    assert!(error.ends_with("parts.vts: the checksum of the repeats is wrong: they are damaged"), "{error}");
 }
 
 /// The numbers of an accessor of floats.
