@@ -7,11 +7,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use epigraph::{Backend, Change, Pace, Samples};
-use epigraph_streams::{Codec, MOST_LEVELS};
+use epigraph_streams::MOST_LEVELS;
 
 use crate::{
     bench::{Choice, Sweep},
-    values::{self, Light, Place, Save, Size},
+    values::{self, Encoding, Light, Place, Save, Size, Within},
 };
 
 const EXAMPLES: &str = "\
@@ -127,6 +127,16 @@ JSON: input, points, left_out {not_numbers, withheld}, colors, normals, origin, 
 palette, levels [{level, nodes, points, merged, bytes, position_bytes, in_pools, in_bricks, single}], bytes (of the
 file), seconds.
 
+With --codec repeats, and where --out is a .glb, the input is a mesh: its connected parts are compared, and those that are
+the same but for a rotation and a translation are stored once, as a shape, with the places of all copies. Each vertex and
+each triangle of a copy is compared; a mirrored part is a shape of its own. A vertex is at most --tolerance and the rounding
+of single precision, 6/2^23 of the part's largest coordinate, from where it was. Materials belong to parts. A .glb has
+EXT_mesh_gpu_instancing: programs that know it draw all copies of a shape by one call.
+JSON: input, codec, triangles, parts, shapes, copies, ratio (parts for each shape), given_up (parts that took too much
+work), degenerate (triangles left out: without three different corners), deviation (the largest distance of a vertex from
+where it was), bound (the largest that was allowed to some part), position_bytes, instance_bytes, attribute_bytes,
+triangle_bytes, record_bytes (of a .vts file), bytes (of the file), seconds.
+
 What can be read:
   .ply, .ply.gz   ASCII or binary; x y z; red green blue (alpha); nx ny nz, or the normals of faces
   .las, .laz      with colours; points that are withheld are left out
@@ -135,21 +145,24 @@ What can be read:
   .gltf, .glb, scene files (.ron) and scenes by name: vertices with normals and the colours of materials
   .vts            the points of the last level
 Doubles, LAS and text keep the precision of survey coordinates. Points whose coordinates are no numbers are left out and
-counted.
+counted. Repeats are read from .ply, .obj, .gltf, .glb, scene files and scenes by name.
 
 Examples:
   epigraph encode scan.laz --out scan.vts
   epigraph encode dragon.ply.gz --out dragon.vts --no-normals --codec streams --translations 88    as in the paper
   epigraph encode scan.ply --out scan.vts --levels 12 --json scan.json    finer leaves, for a scan of many millions
+  epigraph encode building.obj --out building.glb                         a mesh, with repeated parts as instances
+  epigraph encode chains --out chains.vts --codec repeats --tolerance 0.1%    a thousandth of each part's radius
   epigraph decode scan.vts --out scan.ply                                 the points of the last level";
 
 const DECODE_HELP: &str = "\
 Writes binary PLY: positions (double if the file has an origin, as those of surveys have), red, green, blue and alpha,
-normals. A point is at the centre of its cell.
+normals. A point is at the centre of its cell. A file of --codec repeats is written as .glb, without materials.
 
 Examples:
   epigraph decode scan.vts --out scan.ply
-  epigraph decode scan.vts --out coarse.ply --level 3    at most four nodes of 128x128x128 cells";
+  epigraph decode scan.vts --out coarse.ply --level 3    at most four nodes of 128x128x128 cells
+  epigraph decode parts.vts --out parts.glb              a mesh that was encoded with --codec repeats";
 
 /// Renders moving pictures from sparse ray-traced samples with a graph of stages that you can read and change.
 ///
@@ -534,31 +547,35 @@ pub struct QualityArgs {
 /// Arguments of `encode`.
 #[derive(Args, Clone, Debug)]
 pub struct EncodeArgs {
-    /// Points: a file, or the name of a scene, of which the vertices are taken
+    /// Points: a file, or the name of a scene, of which the vertices are taken; or a mesh for the codec repeats
     #[arg(value_name = "FILE|SCENE")]
     pub input: String,
-    /// Output file
-    #[arg(long, value_name = "FILE.vts")]
+    /// Output file; a .glb has a mesh with its repeated parts as instances
+    #[arg(long, value_name = "FILE.vts|FILE.glb")]
     pub out: PathBuf,
-    /// How points are stored
-    #[arg(long, default_value = "best", value_parser = values::codec())]
-    pub codec: Codec,
-    /// Levels of the tree
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_LEVELS)), allow_hyphen_values = true)]
-    pub levels: u32,
-    /// Pools of each node, for the codecs streams and best
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(..=64), allow_hyphen_values = true)]
-    pub pools: u8,
-    /// The most translations of a pool: 88 as in the paper, or what 3 or 4 words of tags hold
-    #[arg(long, value_name = "N", default_value = "96", value_parser = values::translations())]
-    pub translations: usize,
-    /// A pool takes a vertex if it adds more than this part of the pool's translations, 0 to 1
-    #[arg(long, value_name = "PART", default_value_t = 0.25, allow_hyphen_values = true)]
-    pub threshold: f64,
-    /// Number of the most frequent translations among which pools find theirs
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536), allow_hyphen_values = true)]
-    pub palette: u32,
-    /// Leave colours out
+    /// How points are stored [default: best, or repeats for a .glb]
+    #[arg(long, value_parser = values::codec())]
+    pub codec: Option<Encoding>,
+    /// Levels of the tree [default: 8]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_LEVELS)), allow_hyphen_values = true)]
+    pub levels: Option<u32>,
+    /// Pools of each node, for the codecs streams and best [default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(..=64), allow_hyphen_values = true)]
+    pub pools: Option<u8>,
+    /// The most translations of a pool: 88 as in the paper, or what 3 or 4 words of tags hold [default: 96]
+    #[arg(long, value_name = "N", value_parser = values::translations())]
+    pub translations: Option<usize>,
+    /// A pool takes a vertex if it adds more than this part of the pool's translations, 0 to 1 [default: 0.25]
+    #[arg(long, value_name = "PART", allow_hyphen_values = true)]
+    pub threshold: Option<f64>,
+    /// Number of the most frequent translations among which pools find theirs [default: 256]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536), allow_hyphen_values = true)]
+    pub palette: Option<u32>,
+    /// How far a vertex of a repeated part may be from where it was: a length, or a share of the part's radius
+    /// [default: 0.001%]
+    #[arg(long, value_name = "LENGTH|SHARE%", allow_hyphen_values = true)]
+    pub tolerance: Option<Within>,
+    /// Leave colours out, and the materials of a mesh
     #[arg(long)]
     pub no_colors: bool,
     /// Leave normals out
@@ -576,7 +593,7 @@ pub struct DecodeArgs {
     #[arg(value_name = "FILE.vts")]
     pub input: PathBuf,
     /// Output file
-    #[arg(long, value_name = "FILE.ply")]
+    #[arg(long, value_name = "FILE.ply|FILE.glb")]
     pub out: PathBuf,
     /// Level of the tree, 1 is the coarsest [default: the finest]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]

@@ -1,18 +1,62 @@
-//! `epigraph encode`: points as a file of streams.
+//! `epigraph encode`: points as a file of streams, or a mesh as the parts that repeat.
+
+mod repeats;
 
 use std::{ops::ControlFlow, path::Path, time::Instant};
 
 use epigraph_files::is_stream;
 use epigraph_points::{Input, LeftOut, read};
 use epigraph_streams::{
-    EncodeError, Layout, MOST_LEVELS, Model, Node, Points, Pool, Settings, Step, encode_watched,
+    Codec, EncodeError, Layout, MOST_LEVELS, Model, Node, Points, Pool, Settings, Step, encode_watched,
 };
 use serde_json::{Value, json};
 
-use crate::{args::EncodeArgs, error::CliError, interrupt, output::Outputs, progress, table::Table};
+use crate::{
+    args::EncodeArgs, error::CliError, interrupt, output::Outputs, progress, table::Table, values::Encoding,
+};
+
+/// Reads points or a mesh, encodes and writes.
+pub fn encode(args: &EncodeArgs) -> Result<(), CliError> {
+    let glb = has_ending(&args.out, "glb");
+    let default = if glb { Encoding::Repeats } else { Encoding::Points(Settings::default().codec) };
+    match args.codec.unwrap_or(default) {
+        Encoding::Repeats => {
+            if !glb {
+                require_ending(&args.out, "vts")?;
+            }
+            let given = [
+                ("--levels", args.levels.is_some()),
+                ("--pools", args.pools.is_some()),
+                ("--translations", args.translations.is_some()),
+                ("--threshold", args.threshold.is_some()),
+                ("--palette", args.palette.is_some()),
+            ];
+            if let Some((option, _)) = given.into_iter().find(|(_, given)| *given) {
+                return Err(CliError::Input(format!(
+                    "{option} is for points; the codec repeats takes --tolerance"
+                )));
+            }
+            repeats::encode(args)
+        }
+        Encoding::Points(codec) => {
+            if glb {
+                let text = format!(
+                    "a .glb holds a mesh: --codec repeats; --codec {} needs a .vts file",
+                    codec.name()
+                );
+                return Err(CliError::write(&args.out, text));
+            }
+            if args.tolerance.is_some() {
+                let text = "--tolerance is for --codec repeats; more --levels make points more precise";
+                return Err(CliError::Input(text.into()));
+            }
+            points(args, codec)
+        }
+    }
+}
 
 /// Reads points, encodes them and writes the file.
-pub fn encode(args: &EncodeArgs) -> Result<(), CliError> {
+fn points(args: &EncodeArgs, codec: Codec) -> Result<(), CliError> {
     require_ending(&args.out, "vts")?;
     let mut outputs = Outputs::default();
     let out = outputs.add("--out", &args.out)?;
@@ -27,26 +71,27 @@ pub fn encode(args: &EncodeArgs) -> Result<(), CliError> {
     if args.no_normals {
         points.normals = None;
     }
-    let settings = settings(args);
+    let settings = settings(args, codec);
     let start = Instant::now();
     let model = watched(&points, &settings)?;
     let seconds = start.elapsed().as_secs_f64();
     drop(points);
     let bytes = model.to_bytes();
     outputs.put(out, &bytes)?;
-    let report = Report { args, left_out, model: &model, bytes: bytes.len(), seconds };
+    let report = Report { args, settings: &settings, left_out, model: &model, bytes: bytes.len(), seconds };
     outputs.finish(json, &report.json(), &report.text())
 }
 
 /// The settings of a command line.
-fn settings(args: &EncodeArgs) -> Settings {
+fn settings(args: &EncodeArgs, codec: Codec) -> Settings {
+    let default = Settings::default();
     Settings {
-        codec: args.codec,
-        levels: args.levels,
-        pools: args.pools.into(),
-        translations: args.translations,
-        palette: args.palette as usize,
-        threshold: args.threshold,
+        codec,
+        levels: args.levels.unwrap_or(default.levels),
+        pools: args.pools.map_or(default.pools, usize::from),
+        translations: args.translations.unwrap_or(default.translations),
+        palette: args.palette.map_or(default.palette, |palette| palette as usize),
+        threshold: args.threshold.unwrap_or(default.threshold),
     }
 }
 
@@ -70,10 +115,14 @@ fn watched(points: &Points, settings: &Settings) -> Result<Model, CliError> {
     })
 }
 
+/// Whether a file's name ends so.
+pub fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case(ending))
+}
+
 /// Refuses a file of another ending, unless it is a pipe or a device.
 pub fn require_ending(path: &Path, ending: &str) -> Result<(), CliError> {
-    let is_right = path.extension().is_some_and(|end| end.eq_ignore_ascii_case(ending));
-    if is_right || is_stream(path) {
+    if has_ending(path, ending) || is_stream(path) {
         return Ok(());
     }
     Err(CliError::write(path, format!("its name must end in .{ending}")))
@@ -82,6 +131,7 @@ pub fn require_ending(path: &Path, ending: &str) -> Result<(), CliError> {
 /// What was encoded.
 struct Report<'a> {
     args: &'a EncodeArgs,
+    settings: &'a Settings,
     left_out: LeftOut,
     model: &'a Model,
     /// Of the file.
@@ -205,7 +255,7 @@ impl Report<'_> {
     fn advice(&self) -> String {
         let last = Level::new(self.model, self.model.levels());
         let merged = last.points - last.cells();
-        if 4 * merged < last.points || self.args.levels == MOST_LEVELS {
+        if 4 * merged < last.points || self.settings.levels == MOST_LEVELS {
             return String::new();
         }
         let share = 100.0 * merged as f64 / last.points as f64;
@@ -226,14 +276,14 @@ impl Report<'_> {
                 })
             })
             .collect();
-        let args = self.args;
+        let (args, settings) = (self.args, self.settings);
         json!({
             "input": args.input, "points": self.model.nodes()[0].points(),
             "left_out": { "not_numbers": self.left_out.not_numbers, "withheld": self.left_out.withheld },
             "colors": self.has(Node::colors), "normals": self.has(Node::normals),
-            "origin": self.model.origin().to_array(), "codec": args.codec.name(), "levels": levels,
-            "pools": args.pools, "translations": args.translations, "threshold": args.threshold,
-            "palette": args.palette, "bytes": self.bytes, "seconds": self.seconds,
+            "origin": self.model.origin().to_array(), "codec": settings.codec.name(), "levels": levels,
+            "pools": settings.pools, "translations": settings.translations, "threshold": settings.threshold,
+            "palette": settings.palette, "bytes": self.bytes, "seconds": self.seconds,
         })
     }
 }

@@ -1,5 +1,5 @@
 //! `epigraph`, the command line: renders and checks graphs, lists stages, traces references, compares images, times
-//! stages, makes a gallery, measures image quality, and encodes point sets.
+//! stages, makes a gallery, measures image quality, and encodes point sets and meshes.
 //!
 //! Every command exits with code 0 on success, 1 if its input is wrong, and 130 if it is interrupted. Progress goes to
 //! stderr, results to stdout.

@@ -8,7 +8,7 @@ use clap::{
 };
 use epigraph::{Backend, Pace};
 use epigraph_core::{MAX_SIDE, Source};
-use epigraph_streams::Codec;
+use epigraph_streams::{Codec, repeats::Tolerance};
 
 /// Width and height in pixels, written `WxH`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,9 +89,56 @@ pub fn pace() -> impl TypedValueParser<Value = Pace> {
     choice(&Pace::ALL)
 }
 
+/// How `encode` stores what it reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Points, as a tree.
+    Points(Codec),
+    /// A mesh, as shapes and instances.
+    Repeats,
+}
+
+impl Encoding {
+    const ALL: [(Self, &str, &str); 5] = {
+        let [a, b, c, d] = Codec::ALL;
+        [
+            (Self::Points(a.0), a.1, a.2),
+            (Self::Points(b.0), b.1, b.2),
+            (Self::Points(c.0), c.1, c.2),
+            (Self::Points(d.0), d.1, d.2),
+            (
+                Self::Repeats,
+                "repeats",
+                "the parts of a mesh: those that are alike once, and where each of them is",
+            ),
+        ]
+    };
+}
+
 /// The values of `--codec`.
-pub fn codec() -> impl TypedValueParser<Value = Codec> {
-    choice(&Codec::ALL)
+pub fn codec() -> impl TypedValueParser<Value = Encoding> {
+    choice(&Encoding::ALL)
+}
+
+/// How far a vertex may be from where it was, written as a length or with `%` as a share of its part's radius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Within(pub Tolerance);
+
+impl FromStr for Within {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number =
+            |text: &str| text.parse::<f64>().ok().filter(|number| *number >= 0.0 && number.is_finite());
+        let tolerance = match text.strip_suffix('%') {
+            Some(share) => {
+                number(share).filter(|share| *share <= 100.0).map(|share| Tolerance::Relative(share / 100.0))
+            }
+            None => number(text).map(Tolerance::Distance),
+        };
+        let wrong = "expected a length, such as 0.002, or a share of a part's radius, such as 0.1%";
+        tolerance.map(Self).ok_or_else(|| wrong.into())
+    }
 }
 
 /// The values of `--translations`.
@@ -111,6 +158,16 @@ pub enum Light {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tolerances() {
+        assert_eq!("0.002".parse(), Ok(Within(Tolerance::Distance(0.002))));
+        assert_eq!("0.5%".parse(), Ok(Within(Tolerance::Relative(0.005))));
+        assert_eq!("0".parse(), Ok(Within(Tolerance::Distance(0.0))));
+        for wrong in ["", "%", "-1", "-1%", "101%", "nan", "inf", "1 mm"] {
+            assert!(wrong.parse::<Within>().is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn sizes() {

@@ -16,5 +16,6 @@ mod kills;
 #[cfg(unix)]
 mod outputs;
 mod quality;
+mod repeats;
 mod streams;
 mod support;

@@ -114,7 +114,7 @@ fn what_cannot_be_encoded_or_decoded_says_why() {
         ),
         ("encode chain --out a.vts", vec!["did you mean `chains`?"]),
         ("encode gone.las --out a.vts", vec!["cannot read gone.las"]),
-        ("encode points.xyz", vec!["--out <FILE.vts>"]),
+        ("encode points.xyz", vec!["--out <FILE.vts|FILE.glb>"]),
         ("encode points.xyz --out a.vts --codec zip", vec!["zip", "packed, brick, streams, best"]),
         ("encode points.xyz --out a.vts --translations 90", vec!["90", "88, 96, 128"]),
         ("encode points.xyz --out a.vts --levels 25", vec!["25", "--levels"]),
