@@ -10,6 +10,15 @@ pub const GRID: u32 = 128;
 pub struct Cell(u32);
 
 impl Cell {
+    /// The cell (0, 0, 0).
+    pub(crate) const FIRST: Self = Self(0);
+
+    /// The cell whose packed coordinates are larger by a number. The caller knows that it is in the grid, or does not
+    /// use it.
+    pub(crate) fn plus(self, bits: u32) -> Self {
+        Self(self.0.wrapping_add(bits))
+    }
+
     /// The cell at these coordinates, or `None` outside the grid.
     pub fn new(at: [i32; 3]) -> Option<Self> {
         let [x, y, z] = at.map(|part| u32::try_from(part).ok().filter(|&part| part < GRID));

@@ -6,7 +6,7 @@ use crate::{
     attributes::Attributes,
     cell::{Cell, Cells},
     frame::Frame,
-    pool::Pool,
+    pool::{Pool, TOGETHER},
 };
 
 /// The points of a part of space, at one level of detail.
@@ -64,7 +64,7 @@ impl Node {
 
     /// The cells that contain points, each once: pool by pool, then the rest.
     pub fn cells(&self) -> Vec<Cell> {
-        let mut cells = Vec::with_capacity(self.cell_count());
+        let mut cells = Vec::with_capacity(self.cell_count() + TOGETHER);
         for pool in &self.pools {
             pool.expand(&mut cells);
         }

@@ -129,19 +129,37 @@ impl Pool {
     }
 
     /// Appends the pool's points. The twin of the shader that expands a pool: integer additions, one for each tag.
+    ///
+    /// Tags are taken 64 at a time, points [`TOGETHER`] at a time: the branches after each tag would cost more than all
+    /// else, as no processor can foresee them. What is too much is written over by the next points.
     pub fn expand(&self, points: &mut Vec<Cell>) {
-        points.reserve(self.points());
         // Carries between the packed coordinates cancel, as the sum is in the grid.
-        let steps: Vec<u32> = self.translations.iter().map(|by| packed(*by)).collect();
+        let mut steps = [[0_u32; 64]; MOST_TRANSLATIONS / 64];
+        for (steps, translations) in steps.iter_mut().zip(self.translations.chunks(64)) {
+            steps.iter_mut().zip(translations).for_each(|(step, by)| *step = packed(*by));
+        }
+        let mut end = points.len();
+        points.resize(end + self.points() + TOGETHER, Cell::FIRST);
         for (vertex, tags) in self.vertices.iter().zip(self.tags.chunks_exact(self.words())) {
-            for (tags, steps) in tags.iter().zip(steps.chunks(32)) {
-                points.extend(set_bits(*tags).map(|bit| {
-                    Cell::from_bits(vertex.bits().wrapping_add(steps[bit])).expect("checked by Pool::new")
-                }));
+            for (tags, steps) in tags.chunks(2).zip(&steps) {
+                let mut rest = tags.iter().rev().fold(0_u64, |rest, &tags| rest << 32 | u64::from(tags));
+                let mut at = end;
+                end += rest.count_ones() as usize;
+                while rest != 0 {
+                    for place in &mut points[at..][..TOGETHER] {
+                        *place = vertex.plus(steps[rest.trailing_zeros() as usize & 63]);
+                        rest &= rest.wrapping_sub(1);
+                    }
+                    at += TOGETHER;
+                }
             }
         }
+        points.truncate(end);
     }
 }
+
+/// Points that [`Pool::expand`] writes together: it needs room for so many more than there are.
+pub(crate) const TOGETHER: usize = 4;
 
 /// The indices of the bits that are set, the lowest first.
 fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
