@@ -69,6 +69,9 @@ samples, P2 project, P3 predicted projection, P4 depth cull, E1 silhouettes and 
 classify, I2 reachability, interpolation and anti-aliasing. The papers' two rows follow ours (2006: their hybrid, and the
 original on the CPU).
 
+With --streams, point sets: bytes a point and coverage in the paper's layout beside its own figures, for one pool and more; then
+bytes, time to encode and decoding rate of each codec of `encode`. With --quick, two pools only.
+
 On a machine without a GPU the rows `gpu` and `hybrid` run on a software GPU, if one is installed: they show that the
 graph works, not how fast a GPU is.
 
@@ -77,7 +80,8 @@ Examples:
   epigraph bench --plot bench.svg --json bench.json       everything, in a few minutes
   epigraph bench --scene dragon --backend gpu --size 1920x1080 --sweep none
   epigraph bench --graph render-cache --scene cornell --sweep pixels
-  epigraph bench --graph epi --graph epi+swap:interpolate=mine.wgsl --quick    what a stage of your own costs";
+  epigraph bench --graph epi --graph epi+swap:interpolate=mine.wgsl --quick    what a stage of your own costs
+  epigraph bench --streams --scene scan.laz               codecs for a point set of yours";
 
 const GALLERY_HELP: &str = "\
 For each scene the gallery shows the last frame as an edge-and-point image and by the render cache, both from the same
@@ -437,6 +441,12 @@ pub struct BenchArgs {
     /// Number of CPU threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
     pub threads: Option<u16>,
+    /// Measure point sets in place of frames: the codecs of `encode`, and the paper's figures. Scenes may be files of points
+    #[arg(long, conflicts_with_all = [
+        "backend", "graph", "camera", "size", "samples", "set", "swap", "insert", "wire", "no_prune", "no_pooling",
+        "frames", "sweep", "seed", "plot",
+    ])]
+    pub streams: bool,
     /// Write the figures as JSON; - writes them to stdout instead of the tables
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

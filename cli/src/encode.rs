@@ -73,7 +73,7 @@ fn points(args: &EncodeArgs, codec: Codec) -> Result<(), CliError> {
     }
     let settings = settings(args, codec);
     let start = Instant::now();
-    let model = watched(&points, &settings)?;
+    let model = watched(&points, &settings, "")?;
     let seconds = start.elapsed().as_secs_f64();
     drop(points);
     let bytes = model.to_bytes();
@@ -95,15 +95,16 @@ fn settings(args: &EncodeArgs, codec: Codec) -> Settings {
     }
 }
 
-/// Encodes with a progress bar, until the user interrupts.
-fn watched(points: &Points, settings: &Settings) -> Result<Model, CliError> {
+/// Encodes with a progress bar, until the user interrupts. `label` precedes the bar's words.
+pub fn watched(points: &Points, settings: &Settings, label: &str) -> Result<Model, CliError> {
     let count = points.positions.len() as f64;
     let bar = progress::bar(count as u64, "", "points");
     let watch = |step: Step, part: f64| {
-        bar.set_message(match step {
+        let what = match step {
             Step::Divide => "dividing",
             Step::Store => "encoding",
-        });
+        };
+        bar.set_message(format!("{label}{what}"));
         bar.set_position((count * part) as u64);
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };

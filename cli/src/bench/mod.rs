@@ -8,6 +8,7 @@ mod measure;
 mod papers;
 mod plot;
 mod report;
+mod streams;
 mod times;
 
 use std::sync::Arc;
@@ -79,6 +80,9 @@ pub struct Results {
 
 /// Runs the benchmark and reports its figures.
 pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
+    if args.streams {
+        return streams::bench(args);
+    }
     let threads = open::threads(args.threads)?;
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;

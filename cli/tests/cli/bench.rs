@@ -184,3 +184,45 @@ fn wrong_input() {
         }
     }
 }
+
+#[test]
+fn point_sets_are_measured_beside_the_papers() {
+    let place = Place::new();
+    let report = json(&place.succeeds("bench --streams --quick --scene chains --json -"));
+    let model = &report["models"][0];
+    assert_eq!((&model["model"], report["papers"].as_array().map(Vec::len)), (&"chains".into(), Some(3)));
+    for level in [&model["last_level"][0], &model["level_like_the_papers"][0]] {
+        assert_eq!(
+            (level["pools"].as_u64(), number(level, "conventional_bytes")),
+            (Some(2), 8.0 * number(level, "points"))
+        );
+        let single = number(level, "points") - number(level, "covered");
+        assert_eq!(number(level, "streams_bytes"), number(level, "pool_bytes") + 8.0 * single);
+    }
+    let codecs = model["codecs"].as_array().expect("a list");
+    let names: Vec<&str> = codecs.iter().filter_map(|of| of["codec"].as_str()).collect();
+    // The peer is built on demand.
+    assert_eq!(names[..4], ["packed", "brick", "streams", "best"]);
+    for codec in codecs {
+        assert_eq!(codec["points"], codecs[0]["points"]);
+        assert!(number(codec, "decode_points_per_second") > 0.0 && number(codec, "encode_seconds") > 0.0);
+        let best = number(&codecs[3], "bytes");
+        assert!(number(codec, "bytes") >= best || codec["codec"] == "meshopt", "{codec}");
+    }
+    assert_eq!(number(&codecs[0], "bytes"), 4.0 * number(&codecs[0], "points"));
+
+    place.write("two.xyz", "1 2 3\n4 5 6\n");
+    let text = place.succeeds("bench --streams --quick --scene two.xyz --json figures.json");
+    for part in [
+        "paper: Troll",
+        "two.xyz  best ",
+        "two.xyz: streams beats packed (1.00 times its bytes)",
+        "figures 10 to 14",
+    ] {
+        assert!(text.contains(part), "`{part}` is not in:\n{text}");
+    }
+    let refused = place.fails("bench --streams --plot a.svg");
+    assert!(refused.contains("'--streams' cannot be used with '--plot"), "{refused}");
+    let unknown = place.fails("bench --streams --scene none.las");
+    assert!(unknown.contains("cannot read none.las"), "{unknown}");
+}
