@@ -257,6 +257,30 @@ fn ten_thousand_sets_of_parts_are_told_apart() {
     assert!(copies > 20_000 && (300..9700).contains(&mirrored), "{copies} {mirrored}");
 }
 
+/// Around an edge of many triangles, which is which follows from where they lie.
+#[test]
+fn sheets_around_one_edge_are_told_apart() {
+    let mut random = Random(12);
+    for round in 0..500 {
+        // Sheets of two triangles. Their first ones, with either winding, differ only in their direction from the edge.
+        let count = 3 + random.below(4);
+        let mut fan = Solid { positions: vec![Vec3::ZERO, Vec3::Z], ..Solid::default() };
+        for sheet in 0..count {
+            let angle = (sheet as f32 + 0.5 * random.unit()) * std::f32::consts::TAU / count as f32;
+            let out = Vec3::new(angle.cos(), angle.sin(), 0.0);
+            let near = fan.positions.len() as u32;
+            fan.positions.extend([out + 0.5 * Vec3::Z, (1.5 + random.unit()) * out + Vec3::Z]);
+            let first = if random.below(2) == 0 { [0, 1, near] } else { [1, 0, near] };
+            fan.triangles.extend([first, [1, near + 1, near]]);
+        }
+        let mirrored_is_copy = is_copy(&fan, &fan.mirrored());
+        let parts = [&fan, &fan, &fan.mirrored()]
+            .map(|fan| fan.turned(rotation(&mut random), 10.0 * signed(&mut random)).shuffled(&mut random));
+        let found = search(&Solid::all(&parts));
+        assert_eq!(numbers(&found), (3, 2 - usize::from(mirrored_is_copy), 0), "round {round}");
+    }
+}
+
 #[test]
 fn near_copies_are_shapes_of_their_own() {
     // A plate with a hole, as a ring of quads: the hole is 15 mm off in one of them.
