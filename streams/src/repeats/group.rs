@@ -184,7 +184,12 @@ impl<'a> Grouping<'a> {
                 let seed = net.seed(0.5 * original.part.bound(self.settings));
                 (net, seed)
             });
-            *work = work.checked_sub(part.triangles.len() as u64)?;
+            let triangles = part.triangles.len() as u64;
+            if *work < triangles {
+                *work = 0;
+                return None;
+            }
+            *work -= triangles;
             let walk = Walk::new(original_net, &net, *seed, slack);
             let ranked = walk.starts().into_iter().enumerate();
             starts.extend(ranked.map(|(rank, (difference, start))| (rank, difference, walks.len(), start)));
