@@ -118,6 +118,9 @@ fn value(snapshot: &Snapshot, extent: &Extent, size: [u32; 2], [x, y]: [u32; 2])
 fn with_surface(sample: Sample, capture: &Capture, tracer: &Tracer) -> Vec<Finding> {
     let mut findings = sample.findings;
     let Some(position) = sample.surface.map(Vec3::from) else { return findings };
+    if tracer.scene().mesh.triangles.is_empty() {
+        return findings;
+    }
     let eye = Vec3::from(capture.frame.view.eye);
     let distance = eye.distance(position);
     let hit = tracer.trace(eye, position - eye, &TraceSettings::default(), &mut Rng::new(0, 0));

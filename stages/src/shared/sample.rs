@@ -69,9 +69,14 @@ fn know(graph: &Graph, capture: &Capture, cloud: PortRef, sample: &mut Sample) -
             None => Finding::value("direction", format!("{}; its ray met nothing", place([x, y, z]))),
         },
         Finding::color("radiance", &decode_radiance(radiance)),
-        Finding::value("age", format!("{:.2} of 255", (bits & AGE) as f32 / AGE_ONE as f32)),
-        Finding::value("came", came(graph, capture, cloud, sample.point)),
     ]);
+    // Points that no sample renews have neither.
+    if let Some(dates) = dates(graph, capture, cloud) {
+        sample.findings.extend([
+            Finding::value("age", format!("{:.2} of 255", (bits & AGE) as f32 / AGE_ONE as f32)),
+            Finding::value("came", came(capture, element::<u32>(dates, sample.point))),
+        ]);
+    }
     if bits & CHANGED != 0 {
         sample.findings.push(Finding::value("flagged", "a colour changed near it"));
     }
@@ -80,9 +85,8 @@ fn know(graph: &Graph, capture: &Capture, cloud: PortRef, sample: &mut Sample) -
 
 /// The frame in which a point came into the cloud. Its sample was traced before that: in the previous frame at the
 /// latest, and if frames do not wait for samples, as many frames earlier as tracing took.
-fn came(graph: &Graph, capture: &Capture, cloud: PortRef, point: usize) -> String {
-    let known = dates(graph, capture, cloud).and_then(|dates| element::<u32>(dates, point));
-    let Some(frame) = known.and_then(|date| date.checked_sub(1)) else {
+fn came(capture: &Capture, date: Option<u32>) -> String {
+    let Some(frame) = date.and_then(|date| date.checked_sub(1)) else {
         return "not known; the cloud had it before dates were kept".into();
     };
     match capture.frame.index.saturating_sub(frame) {
