@@ -1,11 +1,13 @@
 //! Point sets as scenes show them: models, and where they are.
 
-use std::fmt;
+use std::{fmt, path::Path};
 
+use epigraph_files::{FileError, MOST_DATA};
 use glam::{DVec3, Quat, Vec3};
+use rayon::prelude::*;
 
 use crate::{
-    Codec, EncodeError, Model, Node, Points, Settings, encode,
+    Codec, EncodeError, Model, Node, Points, Settings, VtsError, encode,
     repeats::{Repeats, Shape},
     unpack_normal,
 };
@@ -65,13 +67,30 @@ impl PointSet {
     /// # Errors
     /// Those of [`encode`].
     pub fn of_repeats(repeats: &Repeats, settings: &Settings) -> Result<Self, EncodeError> {
-        let models = repeats.shapes().iter().map(|shape| model(shape, settings)).collect::<Result<_, _>>()?;
+        let models =
+            repeats.shapes().par_iter().map(|shape| model(shape, settings)).collect::<Result<_, _>>()?;
         let places = repeats.instances().iter().map(|instance| Place {
             model: instance.shape as usize,
             rotation: instance.rotation,
             translation: instance.translation,
         });
         Ok(Self { origin: DVec3::ZERO, models, places: places.collect() })
+    }
+
+    /// Reads a file `.vts` of at most [`MOST_DATA`] bytes: a tree of points, or repeats.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not valid, or holds repeats whose vertices [`encode`] refuses; the message names it.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let fail = |error: &dyn fmt::Display| FileError::read(path, error);
+        let bytes = epigraph_files::bytes(path, MOST_DATA).map_err(|error| fail(&error))?;
+        match Model::from_bytes(&bytes) {
+            Err(VtsError::IsRepeats) => {
+                let repeats = Repeats::from_file(&bytes).map_err(|error| fail(&error))?;
+                Self::of_repeats(&repeats, &Settings::default()).map_err(|error| fail(&error))
+            }
+            read => read.map(Self::from).map_err(|error| fail(&error)),
+        }
     }
 
     /// What to add to all positions.
@@ -162,6 +181,7 @@ mod tests {
         let surface = Surface { positions: &positions, triangles: &triangles, ..Surface::default() };
         let found = find(&surface, &repeats::Settings::default()).unwrap();
         let set = PointSet::of_repeats(&found.repeats, &Settings::default()).unwrap();
+        let model = encode(&Points::from(positions.clone()), &Settings::default()).unwrap();
         assert_eq!((set.models().len(), set.places().len(), set.nodes().count()), (1, 3, 1));
         let node = &set.models()[0].nodes()[0];
         let bound = 0.5 * 3.0_f32.sqrt() * node.frame().cell + 1e-4;
@@ -176,5 +196,14 @@ mod tests {
         }
         let [low, high] = set.bounds();
         assert!(positions.iter().all(|at| at.cmpge(low).all() && at.cmple(high).all()));
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("wedges.vts");
+        std::fs::write(&path, found.repeats.to_file()).unwrap();
+        assert_eq!(PointSet::read(&path).unwrap(), set);
+        std::fs::write(&path, &found.repeats.to_file()[..60]).unwrap();
+        assert!(PointSet::read(&path).unwrap_err().to_string().contains("wedges.vts"));
+        std::fs::write(&path, model.to_bytes()).unwrap();
+        assert_eq!(PointSet::read(&path).unwrap(), PointSet::from(model));
     }
 }

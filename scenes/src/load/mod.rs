@@ -52,8 +52,7 @@ impl Scene {
         if lower.ends_with(SCENE_ENDING) {
             load_scene_file(path, name_or_path)
         } else if lower.ends_with(POINTS_ENDING) {
-            let source = |error: epigraph_files::FileError| SceneError::Points(error);
-            let points = PointSet::from(epigraph_streams::Model::read(path).map_err(source)?);
+            let points = PointSet::read(path).map_err(SceneError::Points)?;
             Ok(Self::of_points(name_or_path, Arc::new(points)))
         } else if MESH_ENDINGS.iter().any(|ending| lower.ends_with(ending)) {
             let unusable = |source| SceneError::Mesh { name: name_or_path.to_owned(), source };
