@@ -149,11 +149,17 @@ impl Tests {
         // First the tests of the module, which take a second.
         let own = self.programs.iter().filter(concern).filter(|program| program.name.starts_with("epigraph"));
         let own = own.map(|program| (program, &*module));
-        // The tests of other modules do not load a shader of one stage.
+        // The tests of other modules do not load a shader of one stage, and few parts of the core matter once it runs.
         let of_one_stage = self.quick && part == "wgsl" && !mutant.file.contains("shared/");
+        let texts = ["file", "wgsl", "reflect", "error.rs", "full.rs", "registry.rs", "shader.rs"];
+        let of_texts = self.quick
+            && part == "core"
+            && texts.iter().any(|name| mutant.file.starts_with(&format!("core/src/{name}")));
         let others = self.programs.iter().filter(|program| {
             program.parts.is_empty()
-                || concern(program) && !(of_one_stage && program.name.starts_with("epigraph"))
+                || concern(program)
+                    && !(of_one_stage && program.name.starts_with("epigraph"))
+                    && !(of_texts && ["measures::graphs", "sides::"].contains(&program.filter))
         });
         for (program, filter) in own.chain(others.map(|program| (program, program.filter))) {
             let (passes, printed) =
