@@ -146,6 +146,12 @@ mod tests {
         ] {
             assert_eq!(perimeter(&mask[..words], [7, 7], at).is_some(), is_there, "{words} words, {at:?}");
         }
+        for [width, height] in [[3, 9], [9, 3]] {
+            let mask = vec![0; (width + 1) * (height + 1)];
+            let all = (0..width * height)
+                .all(|pixel| perimeter(&mask, [width, height], [pixel % width, pixel / width]).is_some());
+            assert!(all, "{width}x{height}");
+        }
     }
 
     #[test]

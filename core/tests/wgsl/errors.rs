@@ -445,6 +445,11 @@ fn draws_are_checked() {
         (id("16 groups"), "8:65", "`place` is @vertex; threads are those of a @compute entry point"),
         (id("depth"), "12:14", "`paint` returns vec4<f32> at @location(0); for `image`, return u32"),
         (
+            with("fn paint(", "fn paint(@location(1) glow: f32"),
+            "12:14",
+            "`paint` takes f32 at @location(1), but `place` returns nothing there",
+        ),
+        (
             with("texture_storage_2d<r32float", "texture_storage_2d<rgba32float")
                 .replace("vec4<f32> {\n    return vec4(1.0)", "vec2<f32> {\n    return vec2(1.0)"),
             "12:14",
