@@ -6,7 +6,10 @@ use epigraph::{Place, graphs::Shipped};
 use epigraph_core::{GraphFile, Settings, WgslFile, compile};
 use epigraph_pictures::Picture;
 use epigraph_scenes::{CameraPath, Rng, Scene, TraceSettings, Tracer};
-use epigraph_streams::{Codec, Model, Node, Points};
+use epigraph_streams::{
+    Codec, Model, Node, Points,
+    repeats::{Repeats, Surface, find},
+};
 use glam::Vec3;
 
 /// A kind of file.
@@ -365,6 +368,51 @@ pub const VTS: Kind = Kind {
         let bytes = fs::read(path).expect("readable");
         let as_it_is = vts(&bytes);
         vts(&with_right_checksums(bytes)) || as_it_is
+    },
+    count: 2000,
+};
+
+fn repeats(bytes: &[u8]) -> bool {
+    let Ok(repeats) = Repeats::from_file(bytes) else { return false };
+    assert_eq!(Repeats::from_file(&repeats.to_file()).as_ref(), Ok(&repeats));
+    assert!(repeats.to_glb(&[]).is_ok());
+    true
+}
+
+pub const REPEATS: Kind = Kind {
+    name: "repeats",
+    file: "parts.vts",
+    seeds: || {
+        let cube =
+            [0, 1, 2, 3, 4, 5, 6, 7].map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32));
+        let corners =
+            [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4], [2, 6, 3], [3, 6, 7]];
+        let positions: Vec<Vec3> =
+            (0..6).flat_map(|i| cube.map(|at| at * (1 + i / 4) as f32 + 9.0 * i as f32)).collect();
+        let triangles: Vec<[u32; 3]> =
+            (0..6).flat_map(|i| corners.map(|corners| corners.map(|vertex| 8 * i + vertex))).collect();
+        let plain = Surface { positions: &positions, triangles: &triangles, ..Default::default() };
+        let materials: Vec<u32> = (0..triangles.len() as u32).map(|triangle| triangle / 24).collect();
+        let colors = vec![[1, 2, 3, 4]; positions.len()];
+        let colored = Surface {
+            normals: Some(&positions),
+            colors: Some(&colors),
+            materials: Some(&materials),
+            ..plain
+        };
+        let file = |surface| find(&surface, &Default::default()).expect("a mesh").repeats.to_file();
+        vec![file(plain), file(colored)]
+    },
+    companions: none,
+    read: |path| {
+        let bytes = fs::read(path).expect("readable");
+        let as_it_is = repeats(&bytes);
+        // `docs/vts.md`: the repeats follow the header and begin with a checksum.
+        let mut mended = with_right_checksums(bytes);
+        if let Some((checksum, rest)) = mended.get_mut(48..).and_then(<[u8]>::split_first_chunk_mut) {
+            *checksum = crc32fast::hash(rest).to_le_bytes();
+        }
+        repeats(&mended) || as_it_is
     },
     count: 2000,
 };

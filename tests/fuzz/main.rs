@@ -212,6 +212,11 @@ fn vts() {
 }
 
 #[test]
+fn repeats() {
+    try_all("repeats", &files::REPEATS);
+}
+
+#[test]
 fn scan() {
     try_all("scan", &files::SCAN);
 }

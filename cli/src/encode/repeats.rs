@@ -135,7 +135,7 @@ impl Report<'_> {
         } else {
             format!("\n{table}")
         };
-        let placed = repeats.positions().len();
+        let placed = repeats.vertex_count();
         format!(
             "{}: {} triangles, {placed} vertices in {} parts\n\
              {} shapes, {} copies: {:.2} parts for each shape\n\

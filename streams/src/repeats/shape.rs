@@ -146,6 +146,11 @@ impl Repeats {
             .map(|instances| (&self.shapes[instances[0].shape as usize], instances))
     }
 
+    /// The number of vertices of all instances.
+    pub fn vertex_count(&self) -> usize {
+        self.instances.iter().map(|instance| self.shapes[instance.shape as usize].vertex_count()).sum()
+    }
+
     /// The positions of all vertices of the surface: instance by instance, each in the order of its shape.
     pub fn positions(&self) -> Vec<Vec3> {
         let placed = |instance: &Instance| {

@@ -77,6 +77,7 @@ fn verify(surface: &Surface, found: &Found, settings: &Settings) {
     }
     assert_eq!(report.unused, used.iter().filter(|used| !**used).count());
     assert_eq!(repeats.positions(), decoded.concat());
+    assert_eq!(repeats.vertex_count(), repeats.positions().len());
     let bytes = repeats.to_bytes();
     assert_eq!(bytes.len(), repeats.bytes().total());
     assert_eq!(&Repeats::from_bytes(&bytes).unwrap(), repeats);
