@@ -114,7 +114,6 @@ fn what_has_no_repeats_says_why() {
         ("decode parts.vts --out a.ply", vec!["cannot read parts.vts: it holds repeats"]),
         ("decode parts.vts --out a.glb --level 1", vec!["--level is for points"]),
         ("decode points.vts --out a.glb", vec!["cannot read points.vts: it holds a tree of points"]),
-        ("--scene parts.vts", vec!["parts.vts: it holds repeats"]),
     ] {
         assert_says(&place.fails(words), &parts);
     }
