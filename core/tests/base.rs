@@ -799,7 +799,7 @@ fn flat_names_do_not_meet_those_of_parts() {
 #[test]
 fn a_graph_in_full_reads_well() {
     let file = loaded(&texts(&change(
-        r#"replace: { "part/two": (kind: "add", on: Cpu, inputs: { "b": "one.out" }) }"#,
+        r#"replace: { "part/two": (kind: "add", on: Cpu, bypass: true, inputs: { "b": "one.out" }) }"#,
     )));
     let text = file.unwrap().full(&registry(), Path::new("full.ron")).unwrap();
     let expected = r#"// change.ron in full.
@@ -821,6 +821,7 @@ Graph(
         "part/two": (
             kind: "add",
             on: Cpu,
+            bypass: true,
             inputs: {
                 "b": "one.out",
                 "a": "part/first.out",

@@ -374,7 +374,9 @@ fn problems_are_reported_together() {
 #[test]
 fn extents_must_fit() {
     let nodes = r#""small": (kind: "small"), "f": (kind: "filter", inputs: { "in": "small.out" }),"#;
-    let text = problems(nodes, "f.out").to_string();
+    let problems = problems(nodes, "f.out");
+    assert_eq!(problems.0[0].port.as_deref(), Some("in"));
+    let text = problems.to_string();
     assert!(text.contains("`small.out` is 16x12, but `in` takes 64x48 (one per pixel)"), "{text}");
 }
 

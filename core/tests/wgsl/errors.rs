@@ -328,6 +328,11 @@ fn wrong_parameters_are_told_together() {
     {
         assert!(text.contains(part), "`{part}` is not in:\n{text}");
     }
+    // Together with what is wrong with the file.
+    let broken = GLOW.replace("* params.strength", "* params.strenth");
+    let problems = super::problems(&broken, &format!("{USER}, radius: 17"));
+    let text = problems.to_string();
+    assert!(text.contains("user.wgsl:28:55") && text.contains("`radius` is 17, outside 1 to 16"), "{text}");
 }
 
 #[test]
