@@ -450,6 +450,11 @@ fn draws_are_checked() {
         (id("16 groups"), "8:65", "`place` is @vertex; threads are those of a @compute entry point"),
         (id("depth"), "12:14", "`paint` returns vec4<f32> at @location(0); for `image`, return u32"),
         (
+            with("fn place(", "fn place(@location(3) at: f32, "),
+            "9:12",
+            "`place` takes @location(3), but there are no vertex buffers",
+        ),
+        (
             with("fn paint(", "fn paint(@location(1) glow: f32"),
             "12:14",
             "`paint` takes f32 at @location(1), but `place` returns nothing there",

@@ -433,6 +433,25 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_is_shorter_than_its_header_says_is_truncated() {
+        let whole = glb(JSON);
+        assert!(check_header(&whole).is_ok() && check_header(b"{}").is_ok());
+        // What follows the promised length does not count. Twelve bytes are a header without anything.
+        for (promised, fits) in
+            [(whole.len() - 1, true), (12, true), (11, false), (0, false), (whole.len() + 1, false)]
+        {
+            let mut file = whole.clone();
+            file[8..12].copy_from_slice(&(promised as u32).to_le_bytes());
+            let said = check_header(&file);
+            let expected =
+                format!("it has {} bytes instead of the {promised} of its header: truncated", whole.len());
+            assert_eq!(said, if fits { Ok(()) } else { Err(expected) });
+        }
+        let said = check_header(&whole[..11]).unwrap_err();
+        assert_eq!(said, "it ends inside its header: truncated");
+    }
+
+    #[test]
     fn triangle_with_lights_camera_and_material() {
         let scene = read(&glb(JSON), no_files).unwrap().into_scene("test").unwrap();
         assert_eq!(scene.mesh.corners(0)[2], Vec3::new(0.0, 4.0, -3.0));
