@@ -341,6 +341,12 @@ mod tests {
     }
 
     #[test]
+    fn an_unknown_choice_is_told_where_the_value_begins() {
+        let choice = ParamKind::Choice(vec!["Up".into(), "Down".into()]);
+        assert_eq!(spec(choice, None).check("Left").unwrap_err().at, (1, 1));
+    }
+
+    #[test]
     fn a_refusal_says_what_is_there_and_what_was_expected() {
         let refused = |kind, range, text: &str| {
             let spec = spec(kind, range);

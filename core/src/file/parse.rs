@@ -401,3 +401,18 @@ pub(super) fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c == '_' || c.is_alphabetic())
         && name.chars().all(|c| c == '_' || c.is_alphanumeric())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::is_identifier;
+
+    #[test]
+    fn identifiers_are_words_that_begin_with_a_letter_or_an_underscore() {
+        for name in ["a", "_", "_1", "Zürich", "a1_b"] {
+            assert!(is_identifier(name), "{name}");
+        }
+        for name in ["", "1", "1a", "-a", "a-b", "a b", "\"a\"", "r#a", "a.b", "(a)"] {
+            assert!(!is_identifier(name), "{name}");
+        }
+    }
+}
