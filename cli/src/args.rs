@@ -441,10 +441,11 @@ pub struct BenchArgs {
     /// Number of CPU threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
     pub threads: Option<u16>,
-    /// Measure point sets in place of frames: the codecs of `encode`, and the paper's figures. Scenes may be files of points
+    /// Measure point sets in place of frames: the codecs of `encode`, the paper's figures, and a flight through each set.
+    /// Scenes may be files of points
     #[arg(long, conflicts_with_all = [
-        "backend", "graph", "camera", "size", "samples", "set", "swap", "insert", "wire", "no_prune", "no_pooling",
-        "frames", "sweep", "seed", "plot",
+        "backend", "graph", "camera", "samples", "set", "swap", "insert", "wire", "no_prune", "no_pooling", "sweep",
+        "seed",
     ])]
     pub streams: bool,
     /// Write the figures as JSON; - writes them to stdout instead of the tables

@@ -199,6 +199,12 @@ fn point_sets_are_measured_beside_the_papers() {
         let single = number(level, "points") - number(level, "covered");
         assert_eq!(number(level, "streams_bytes"), number(level, "pool_bytes") + 8.0 * single);
     }
+    let frames = model["flight"]["frames"].as_array().expect("a list");
+    assert!(frames.len() == 8 && frames.iter().all(|frame| number(frame, "points") > 0.0));
+    // All points come in the end, and the cut shows nearly what they would.
+    let came: f64 = frames.iter().map(|frame| number(frame, "new_bytes")).sum();
+    assert!(came > 0.0 && came <= number(&model["flight"], "all_bytes"));
+    assert!(frames.iter().all(|frame| number(frame, "flip") < 0.05));
     let codecs = model["codecs"].as_array().expect("a list");
     let names: Vec<&str> = codecs.iter().filter_map(|of| of["codec"].as_str()).collect();
     // The peer is built on demand.
@@ -212,7 +218,10 @@ fn point_sets_are_measured_beside_the_papers() {
     assert_eq!(number(&codecs[0], "bytes"), 4.0 * number(&codecs[0], "points"));
 
     place.write("two.xyz", "1 2 3\n4 5 6\n");
-    let text = place.succeeds("bench --streams --quick --scene two.xyz --json figures.json");
+    let text =
+        place.succeeds("bench --streams --quick --scene two.xyz --json figures.json --plot flight.svg");
+    let plot = std::fs::read_to_string(place.path("flight.svg")).expect("the plot");
+    assert!(plot.contains("Flight through two.xyz") && plot.contains("from frame to frame"), "{plot}");
     for part in [
         "paper: Troll",
         "two.xyz  best ",
@@ -221,8 +230,8 @@ fn point_sets_are_measured_beside_the_papers() {
     ] {
         assert!(text.contains(part), "`{part}` is not in:\n{text}");
     }
-    let refused = place.fails("bench --streams --plot a.svg");
-    assert!(refused.contains("'--streams' cannot be used with '--plot"), "{refused}");
+    let refused = place.fails("bench --streams --graph epi");
+    assert!(refused.contains("'--streams' cannot be used with '--graph"), "{refused}");
     let unknown = place.fails("bench --streams --scene none.las");
     assert!(unknown.contains("cannot read none.las"), "{unknown}");
 }

@@ -1,6 +1,7 @@
 //! `epigraph bench --streams`: the paper's figures of vertex transformation streams for models of ours, and codecs side
 //! by side.
 
+mod flight;
 mod peer;
 mod report;
 
@@ -11,7 +12,8 @@ use epigraph_scenes::SceneError;
 use epigraph_streams::{Codec, Layout, Model, Node, Points, Pool, Settings};
 
 use super::{Skipped, needs_fetch};
-use crate::{args::BenchArgs, encode::watched, error::CliError, open, output::Outputs, progress};
+use crate::{args::BenchArgs, encode::watched, error::CliError, open, output::Outputs, progress, svg};
+use flight::{Flight, frames_per_second};
 
 /// Models by default: those with the most vertices. The first two have to be fetched.
 const MODELS: [&str; 4] = ["dragon", "bust", "chains", "room"];
@@ -37,6 +39,9 @@ struct Figures {
     /// the paper's.
     pools: Vec<[Coverage; 2]>,
     codecs: Vec<Coded>,
+    /// Frames a second of all points, packed and as streams.
+    frames: [f64; 2],
+    flight: Flight,
 }
 
 /// A level of a model in the paper's layout.
@@ -71,16 +76,20 @@ pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let threads = open::threads(args.threads)?;
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
+    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, path)).transpose()?;
     let mut skipped = Vec::new();
     let inputs = inputs(args, &mut skipped)?;
-    let outputs = outputs.ready()?;
-    let models = inputs.into_iter().map(|(name, points)| figures(name, &points, args.quick));
+    let mut outputs = outputs.ready()?;
+    let models = inputs.into_iter().map(|(name, points)| figures(name, points, args));
     let models = models.collect::<Result<Vec<_>, _>>()?;
+    if let Some(plot) = plot {
+        outputs.put(plot, flight::plot(models.iter().map(|model| &model.flight)).as_bytes())?;
+    }
     let report = report::Report { models: &models, skipped: &skipped, threads };
     outputs.finish(json, &report.json(), &report.text())
 }
 
-/// The positions of all models. Colours and normals take the same bytes whatever the codec.
+/// The points of all models.
 fn inputs(args: &BenchArgs, skipped: &mut Vec<Skipped>) -> Result<Vec<(String, Points)>, CliError> {
     let by_default = args.scene.is_empty();
     let names: Vec<&str> =
@@ -88,9 +97,7 @@ fn inputs(args: &BenchArgs, skipped: &mut Vec<Skipped>) -> Result<Vec<(String, P
     let mut inputs = Vec::new();
     for name in names {
         match progress::spinner(format!("reading {name}"), || read(name)) {
-            Ok(input) => {
-                inputs.push((name.to_owned(), Points { colors: None, normals: None, ..input.points }))
-            }
+            Ok(input) => inputs.push((name.to_owned(), input.points)),
             Err(ReadError::Scene(error @ SceneError::Invalid { .. })) if by_default && needs_fetch(name) => {
                 skipped.push(Skipped { what: name.into(), why: error.to_string() });
             }
@@ -100,13 +107,17 @@ fn inputs(args: &BenchArgs, skipped: &mut Vec<Skipped>) -> Result<Vec<(String, P
     Ok(inputs)
 }
 
-fn figures(name: String, points: &Points, quick: bool) -> Result<Figures, CliError> {
+fn figures(name: String, mut points: Points, args: &BenchArgs) -> Result<Figures, CliError> {
+    let whole = watched(&points, &Settings::default(), &format!("{name}: "))?;
+    let flight = Flight::new(&name, whole, args)?;
+    // Colours and normals take the same bytes whatever the codec.
+    (points.colors, points.normals) = (None, None);
     let encode = |label: String, settings: Settings| {
         let start = Instant::now();
-        let model = watched(points, &settings, &format!("{name}, {label}: "))?;
+        let model = watched(&points, &settings, &format!("{name}, {label}: "))?;
         Ok::<_, CliError>((model, start.elapsed().as_secs_f64()))
     };
-    let numbers: &[usize] = if quick { &QUICK_POOLS } else { &POOLS };
+    let numbers: &[usize] = if args.quick { &QUICK_POOLS } else { &POOLS };
     let pools = numbers.iter().map(|&pools| {
         let settings =
             Settings { codec: Codec::Streams, translations: TRANSLATIONS, pools, ..Settings::default() };
@@ -115,16 +126,20 @@ fn figures(name: String, points: &Points, quick: bool) -> Result<Figures, CliErr
         Ok([model.levels(), alike].map(|level| Coverage::new(&model, level, pools, seconds)))
     });
     let pools = pools.collect::<Result<Vec<_>, CliError>>()?;
-    let mut codecs = Vec::new();
+    let (mut codecs, mut frames) = (Vec::new(), [0.0; 2]);
     let mut last = None;
-    for (codec, name, _) in Codec::ALL {
-        let (model, seconds) = encode(name.into(), Settings { codec, ..Settings::default() })?;
-        codecs.push(Coded::new(name, &model, seconds));
-        last = Some(model);
+    for (codec, label, _) in Codec::ALL {
+        let (model, seconds) = encode(label.into(), Settings { codec, ..Settings::default() })?;
+        codecs.push(Coded::new(label, &model, seconds));
+        match codec {
+            Codec::Packed => frames[0] = frames_per_second(&name, model, args)?,
+            Codec::Streams => frames[1] = frames_per_second(&name, model, args)?,
+            _ => last = Some(model),
+        }
     }
     let leaves: Vec<&Node> = last.iter().flat_map(Model::leaves).collect();
     codecs.extend(peer::measure(&leaves));
-    Ok(Figures { name, points: points.positions.len(), pools, codecs })
+    Ok(Figures { name, points: points.positions.len(), pools, codecs, frames, flight })
 }
 
 /// The level whose nodes have about as many points as the paper's.

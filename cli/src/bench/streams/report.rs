@@ -62,7 +62,8 @@ impl Report<'_> {
     pub fn text(&self) -> String {
         let mut text = format!(
             "Streams as in the paper: 88 translations, 8 bytes a point conventionally, two pools; the last level, and the level\n\
-             whose nodes have about as many points as the paper's.\n\n{}\n\
+             whose nodes have about as many points as the paper's. Frames a second of all points of the last level on the CPU, packed\n\
+             and as streams.\n\n{}\n\
              Coverage and time by the number of pools, in the level like the paper's; seconds for all levels, on {} threads.\n\n{}\n\
              Codecs: bytes a point in the last level, seconds to encode all levels, million points a second that one core\n\
              decodes to cells, which is a copy for packed ones. {}.\n\n{}\n",
@@ -74,6 +75,10 @@ impl Report<'_> {
         );
         for model in self.models {
             text += &format!("{}: {}\n", model.name, verdict(model));
+        }
+        text += "\nA flight through each model, encoded as small as it goes, with colours and normals if it has some:\n\n";
+        for model in self.models {
+            text += &format!("{}\n", model.flight.text());
         }
         text += &format!("\nThe paper's figures: {SOURCE}\n");
         for Skipped { what, why } in self.skipped {
@@ -112,7 +117,10 @@ impl Report<'_> {
                     format!("{:.2}", level.ratio()),
                     format!("{:.0}", level.in_pools as f64 / 1000.0),
                     format!("{:.2}", level.in_pools as f64 / level.covered.max(1) as f64),
-                    "-".into(),
+                    match level.level == two.map_or(0, |of| of[0].level) {
+                        true => format!("{:.1} to {:.1}", model.frames[0], model.frames[1]),
+                        false => "-".into(),
+                    },
                 ]);
             }
         }
@@ -190,7 +198,9 @@ impl Report<'_> {
                     "model": model.name, "points": model.points,
                     "last_level": model.pools.iter().map(|of| level(&of[0])).collect::<Vec<_>>(),
                     "level_like_the_papers": model.pools.iter().map(|of| level(&of[1])).collect::<Vec<_>>(),
+                    "frames_per_second": { "packed": model.frames[0], "streams": model.frames[1] },
                     "codecs": model.codecs.iter().map(coded).collect::<Vec<_>>(),
+                    "flight": model.flight.json(),
                 })
             })
             .collect();
