@@ -1,5 +1,5 @@
-//! glTF 2.0, text and binary: the node tree's triangles, metallic-roughness factors, emission, `KHR_lights_punctual`
-//! and the first perspective camera. Textures, skins, morph targets, animations and sparse accessors are not read.
+//! glTF 2.0, text and binary: the node tree's triangles, `EXT_mesh_gpu_instancing`, metallic-roughness factors, emission,
+//! `KHR_lights_punctual` and the first perspective camera. Textures, skins, morph targets, animations and sparse accessors are not read.
 //!
 //! Light intensities are taken as they stand (1 cd as 1 W/sr), as viewers do that show them at exposure 1. A
 //! directional light becomes a point far away, a spot a point without a cone.
@@ -9,7 +9,7 @@ use std::collections::{HashMap, HashSet};
 use std::f32::consts::PI;
 use std::rc::Rc;
 
-use glam::{Affine3A, Mat4, Quat, Vec3};
+use glam::{Affine3A, Mat4, Quat, Vec3, Vec4};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::khr_lights_punctual::Kind;
 use gltf::mesh::Mode;
@@ -21,6 +21,9 @@ use crate::{Camera, Light, Material, MeshError, Shape, Surface};
 /// Distance of a directional light in radii of the scene: its light is parallel and uniform to 2%.
 const SUN_DISTANCE: f32 = 100.0;
 
+/// Copies of a node's mesh, each with a translation, a rotation and a scale.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
 /// Reads a `.gltf` or `.glb` file; `external` returns the bytes of a file that it references, relative to its folder.
 pub(super) fn read(
     bytes: &[u8],
@@ -30,8 +33,10 @@ pub(super) fn read(
     let unchecked = gltf::Gltf::from_slice_without_validation(bytes).map_err(|error| error.to_string())?;
     let mut blob = unchecked.blob;
     check_positions(unchecked.document.as_json())?;
-    let file =
-        gltf::Document::from_json(unchecked.document.into_json()).map_err(|error| error.to_string())?;
+    let mut root = unchecked.document.into_json();
+    // Read here; the gltf crate does not know it, and refuses what it does not know.
+    root.extensions_required.retain(|name| name != INSTANCING);
+    let file = gltf::Document::from_json(root).map_err(|error| error.to_string())?;
     let mut buffers = Vec::new();
     // Each file once, however many buffers it has.
     let mut files: HashMap<String, Rc<Vec<u8>>> = HashMap::new();
@@ -141,13 +146,21 @@ impl Reader<'_> {
 
     fn node(&mut self, file: &gltf::Document, node: &gltf::Node, world: Affine3A) -> Result<(), String> {
         if let Some(mesh) = node.mesh() {
+            let places = match node.extension_value(INSTANCING) {
+                Some(value) => self
+                    .instances(file, value)
+                    .map_err(|error| format!("node {}, {INSTANCING}: {error}", node.index()))?,
+                None => vec![Affine3A::IDENTITY],
+            };
             for primitive in mesh.primitives() {
                 let shape = self
-                    .primitive(&primitive)
+                    .primitive(&primitive, places.len())
                     .map_err(|e| format!("mesh {}, primitive {}: {e}", mesh.index(), primitive.index()))?;
-                if let Some(shape) = shape {
-                    self.model.parts.push((shape.transformed(world), primitive.material().index()));
-                }
+                let material = primitive.material().index();
+                let placed = shape
+                    .iter()
+                    .flat_map(|shape| places.iter().map(|place| shape.transformed(world * *place)));
+                self.model.parts.extend(placed.map(|shape| (shape, material)));
             }
         }
         if let Some(light) = node.light() {
@@ -180,8 +193,58 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The triangles of a primitive, or `None` if it consists of points or lines.
-    fn primitive(&mut self, primitive: &gltf::Primitive) -> Result<Option<Shape>, String> {
+    /// The transforms of `EXT_mesh_gpu_instancing`: what an instance lacks is the identity.
+    fn instances(&self, file: &gltf::Document, value: &gltf::json::Value) -> Result<Vec<Affine3A>, String> {
+        let accessor = |name: &str| {
+            let Some(index) = value.get("attributes").and_then(|all| all.get(name)) else { return Ok(None) };
+            let found = index.as_u64().and_then(|index| file.accessors().nth(usize::try_from(index).ok()?));
+            found.map(Some).ok_or_else(|| format!("{name} refers to accessor {index}, which does not exist"))
+        };
+        let vectors = |name: &str| accessor(name)?.map(|accessor| self.vectors(&accessor)).transpose();
+        let (translations, scales) = (vectors("TRANSLATION")?, vectors("SCALE")?);
+        let rotations = accessor("ROTATION")?.map(|accessor| self.rotations(&accessor)).transpose()?;
+        let counts = [
+            translations.as_ref().map(Vec::len),
+            rotations.as_ref().map(Vec::len),
+            scales.as_ref().map(Vec::len),
+        ];
+        let count = counts.into_iter().flatten().next().ok_or("it has no TRANSLATION, ROTATION or SCALE")?;
+        if counts.into_iter().flatten().any(|other| other != count) {
+            return Err("its attributes have different numbers of elements".into());
+        }
+        let place = |index: usize| {
+            let vector = |all: &Option<Vec<Vec3>>, none| all.as_ref().map_or(none, |all| all[index]);
+            let rotation = rotations.as_ref().map_or(Quat::IDENTITY, |all| all[index]);
+            Affine3A::from_scale_rotation_translation(
+                vector(&scales, Vec3::ONE),
+                rotation,
+                vector(&translations, Vec3::ZERO),
+            )
+        };
+        Ok((0..count).map(place).collect())
+    }
+
+    /// Unit quaternions of floats or of normalized signed integers.
+    fn rotations(&self, accessor: &gltf::Accessor) -> Result<Vec<Quat>, String> {
+        let number = |b: &[u8], at: usize| match accessor.data_type() {
+            DataType::I8 => f32::from(b[at].cast_signed()) / 127.0,
+            DataType::I16 => f32::from(i16::from_le_bytes([b[2 * at], b[2 * at + 1]])) / 32767.0,
+            _ => f32::from_le_bytes([b[4 * at], b[4 * at + 1], b[4 * at + 2], b[4 * at + 3]]),
+        };
+        let is_known = matches!(accessor.data_type(), DataType::F32 | DataType::I8 | DataType::I16);
+        if !is_known || accessor.dimensions() != Dimensions::Vec4 {
+            return Err("ROTATION has to be four floats, signed bytes or shorts".to_owned());
+        }
+        let rotations = self.elements(accessor, |b| Vec4::from([0, 1, 2, 3].map(|at| number(b, at))))?;
+        let unit = |(index, rotation): (usize, Vec4)| {
+            let found = rotation.try_normalize().map(Quat::from_vec4);
+            found.ok_or_else(|| format!("rotation {index} is {rotation}, which is no direction"))
+        };
+        rotations.into_iter().enumerate().map(unit).collect()
+    }
+
+    /// The triangles of a primitive, or `None` if it consists of points or lines. There will be so many copies.
+    fn primitive(&mut self, primitive: &gltf::Primitive, copies: usize) -> Result<Option<Shape>, String> {
         let corners_of: fn(u32) -> [u32; 3] = match primitive.mode() {
             Mode::Triangles => |t| [3 * t, 3 * t + 1, 3 * t + 2],
             // Every other triangle of a strip has the opposite winding.
@@ -192,8 +255,8 @@ impl Reader<'_> {
         let positions = primitive.get(&gltf::Semantic::Positions).ok_or("it has no positions")?;
         let corners = primitive.indices().map_or(positions.count(), |indices| indices.count());
         let triangles = if primitive.mode() == Mode::Triangles { corners / 3 } else { corners };
-        self.size[0] = self.size[0].saturating_add(triangles);
-        self.size[1] = self.size[1].saturating_add(positions.count());
+        self.size[0] = self.size[0].saturating_add(triangles.saturating_mul(copies));
+        self.size[1] = self.size[1].saturating_add(positions.count().saturating_mul(copies));
         // Before any of it is made.
         let [triangles, vertices] = self.size;
         MeshError::of_size(triangles, vertices).map_err(|error| error.to_string())?;
@@ -688,6 +751,96 @@ mod tests {
         );
         let model = read(json.as_bytes(), |_| Ok(buffer.clone())).unwrap();
         model.parts.into_iter().map(|(shape, _)| shape).collect()
+    }
+
+    /// What the program itself writes of parts that repeat.
+    #[test]
+    fn instances_of_our_own_files() {
+        use epigraph_streams::repeats::{Settings, Surface, find};
+        let wedge = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]].map(Vec3::from);
+        let copy = |angle, by: Vec3| wedge.map(|at| Quat::from_rotation_y(angle) * at + by);
+        let positions = [wedge, copy(1.0, Vec3::X * 9.0), copy(-2.0, Vec3::Y * 9.0)].concat();
+        let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        let of_part = |part: u32| faces.map(|corners| corners.map(|corner: u32| corner + 4 * part));
+        let triangles: Vec<[u32; 3]> = (0..3).flat_map(of_part).collect();
+        let surface = Surface { positions: &positions, triangles: &triangles, ..Surface::default() };
+        let found = find(&surface, &Settings::default()).unwrap();
+        let model = read(&found.repeats.to_glb(&[]).unwrap(), |_| unreachable!()).unwrap();
+        assert_eq!(model.parts.len(), 3);
+        for (part, (shape, _)) in model.parts.iter().enumerate() {
+            let expected = &positions[4 * part..][..4];
+            assert_eq!((shape.positions.len(), shape.triangles.len()), (4, 4));
+            for at in expected {
+                assert!(shape.positions.iter().any(|found| found.distance(*at) < 1e-4), "{part}: {at}");
+            }
+        }
+    }
+
+    /// A triangle at places whose numbers are after its vertices. `attributes` and `accessors` describe them.
+    fn instanced(numbers: &[u8], attributes: &str, accessors: &str) -> Result<Vec<Shape>, String> {
+        let corners: Vec<u8> =
+            [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
+        let buffer = [&corners, numbers].concat();
+        let json = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "extensionsRequired": ["{INSTANCING}"],
+            "nodes": [{{"mesh": 0, "translation": [0, 0, 5], "extensions": {{"{INSTANCING}": {{"attributes": {{{attributes}}}}}}}}}],
+            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}],
+            "accessors": [
+                {{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 2, 0]}}
+                {accessors}],
+            "bufferViews": [
+                {{"buffer": 0, "byteLength": 36}}, {{"buffer": 0, "byteOffset": 36, "byteLength": {}}}],
+            "buffers": [{{"byteLength": {}, "uri": "a.bin"}}]}}"#,
+            numbers.len(),
+            buffer.len(),
+        );
+        let model = read(json.as_bytes(), |_| Ok(buffer.clone()))?;
+        Ok(model.parts.into_iter().map(|(shape, _)| shape).collect())
+    }
+
+    #[test]
+    fn instances_are_scaled_turned_and_moved_in_this_order() {
+        // A quarter turn around z as shorts, then twice the size, then a step along x.
+        let half = (32767.0 * 0.5f32.sqrt()).round() as i16;
+        let rotation: Vec<u8> = [0, 0, half, half].into_iter().flat_map(i16::to_le_bytes).collect();
+        let floats = |all: &[f32]| all.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+        let numbers = [rotation, floats(&[2.0, 2.0, 2.0]), floats(&[10.0, 0.0, 0.0])].concat();
+        let shapes = instanced(
+            &numbers,
+            r#""ROTATION": 1, "SCALE": 2, "TRANSLATION": 3"#,
+            r#", {"bufferView": 1, "componentType": 5122, "normalized": true, "count": 1, "type": "VEC4"},
+               {"bufferView": 1, "byteOffset": 8, "componentType": 5126, "count": 1, "type": "VEC3"},
+               {"bufferView": 1, "byteOffset": 20, "componentType": 5126, "count": 1, "type": "VEC3"}"#,
+        )
+        .unwrap();
+        let expected = [[10.0, 0.0, 5.0], [10.0, 2.0, 5.0], [6.0, 0.0, 5.0]].map(Vec3::from);
+        assert_eq!(shapes.len(), 1);
+        assert!(
+            shapes[0].positions.iter().zip(expected).all(|(found, at)| found.distance(at) < 1e-4),
+            "{shapes:?}"
+        );
+    }
+
+    #[test]
+    fn instances_that_do_not_fit_are_errors() {
+        let two = r#", {"bufferView": 1, "componentType": 5126, "count": 2, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 1, "type": "VEC4"},
+            {"bufferView": 1, "componentType": 5126, "count": 9, "type": "VEC3"}"#;
+        let ones: Vec<u8> = [1.0f32; 6].into_iter().flat_map(f32::to_le_bytes).collect();
+        for (attributes, expected) in [
+            (r#""TRANSLATION": 1, "ROTATION": 2"#, "different numbers"),
+            (r#""TRANSLATION": 7"#, "accessor 7, which does not exist"),
+            (r#""TRANSLATION": -1"#, "accessor -1, which does not exist"),
+            (r#""TRANSLATION": 3"#, "reaches beyond its buffer"),
+            (r#""ROTATION": 1"#, "four floats, signed bytes or shorts"),
+            ("", "no TRANSLATION, ROTATION or SCALE"),
+        ] {
+            let error = instanced(&ones, attributes, two).unwrap_err();
+            assert!(error.contains("node 0, EXT_mesh_gpu_instancing") && error.contains(expected), "{error}");
+        }
+        let none = instanced(&[0; 24], r#""ROTATION": 2"#, two).unwrap_err();
+        assert!(none.contains("rotation 0 is [0, 0, 0, 0], which is no direction"), "{none}");
+        assert_eq!(instanced(&ones, r#""SCALE": 1"#, two).unwrap().len(), 2);
     }
 
     /// Triangles that begin with their lowest vertex.
