@@ -586,6 +586,10 @@ pub struct EncodeArgs {
     /// [default: 0.001%]
     #[arg(long, value_name = "LENGTH|SHARE%", allow_hyphen_values = true)]
     pub tolerance: Option<Within>,
+    /// Once points take longer than this to encode, keep what is done in OUT.part: after an interruption, the same command
+    /// goes on from there
+    #[arg(long, value_name = "SECONDS", default_value_t = 30, allow_hyphen_values = true)]
+    pub keep_after: u32,
     /// Leave colours out, and the materials of a mesh
     #[arg(long)]
     pub no_colors: bool,
@@ -613,7 +617,7 @@ pub struct DecodeArgs {
 
 fn scene_help() -> String {
     let names: Vec<&str> = epigraph_scenes::scene_names().iter().map(|scene| scene.name).collect();
-    format!("Scene: {}, or a .glb, .gltf, .obj, .ply or .ron file", names.join(", "))
+    format!("Scene: {}, or a .glb, .gltf, .obj, .ply, .vts or .ron file", names.join(", "))
 }
 
 #[cfg(test)]

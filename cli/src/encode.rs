@@ -1,5 +1,6 @@
 //! `epigraph encode`: points as a file of streams, or a mesh as the parts that repeat.
 
+mod part;
 mod repeats;
 
 use std::{ops::ControlFlow, path::Path, time::Instant};
@@ -7,13 +8,14 @@ use std::{ops::ControlFlow, path::Path, time::Instant};
 use epigraph_files::is_stream;
 use epigraph_points::{Input, LeftOut, read};
 use epigraph_streams::{
-    Codec, EncodeError, Layout, MOST_LEVELS, Model, Node, Points, Pool, Settings, Step, encode_watched,
+    Codec, EncodeError, Layout, MOST_LEVELS, Model, Node, Points, Pool, Settings, Step, encode_from,
 };
 use serde_json::{Value, json};
 
 use crate::{
     args::EncodeArgs, error::CliError, interrupt, output::Outputs, progress, table::Table, values::Encoding,
 };
+use part::Part;
 
 /// Reads points or a mesh, encodes and writes.
 pub fn encode(args: &EncodeArgs) -> Result<(), CliError> {
@@ -73,13 +75,15 @@ fn points(args: &EncodeArgs, codec: Codec) -> Result<(), CliError> {
     }
     let settings = settings(args, codec);
     let start = Instant::now();
-    let model = watched(&points, &settings, "")?;
+    let part = Part::new(args, &settings)?;
+    let model = encoded(&points, &settings, "", &part)?;
     let seconds = start.elapsed().as_secs_f64();
     drop(points);
     let bytes = model.to_bytes();
     outputs.put(out, &bytes)?;
     let report = Report { args, settings: &settings, left_out, model: &model, bytes: bytes.len(), seconds };
-    outputs.finish(json, &report.json(), &report.text())
+    outputs.finish(json, &report.json(), &report.text())?;
+    Ok(part.remove()?)
 }
 
 /// The settings of a command line.
@@ -97,6 +101,10 @@ fn settings(args: &EncodeArgs, codec: Codec) -> Settings {
 
 /// Encodes with a progress bar, until the user interrupts. `label` precedes the bar's words.
 pub fn watched(points: &Points, settings: &Settings, label: &str) -> Result<Model, CliError> {
+    encoded(points, settings, label, &Part::default())
+}
+
+fn encoded(points: &Points, settings: &Settings, label: &str, part: &Part) -> Result<Model, CliError> {
     let count = points.positions.len() as f64;
     let bar = progress::bar(count as u64, "", "points");
     let watch = |step: Step, part: f64| {
@@ -108,8 +116,11 @@ pub fn watched(points: &Points, settings: &Settings, label: &str) -> Result<Mode
         bar.set_position((count * part) as u64);
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let model = encode_watched(points, settings, &watch);
+    let model = encode_from(points, settings, &watch, &part.kept, &|record| part.keep(record));
     bar.finish_and_clear();
+    if model.as_ref().is_err_and(|error| *error == EncodeError::Stopped) {
+        part.say_how_to_go_on();
+    }
     model.map_err(|error| match error {
         EncodeError::Stopped => CliError::Interrupted,
         error => CliError::Input(error.to_string()),

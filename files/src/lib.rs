@@ -3,6 +3,7 @@
 //! - [`text`] and [`bytes`] read a file up to a limit, so that a device or a mistyped path cannot fill the memory.
 //! - [`Target`] and [`Draft`] write a file whole or not at all; [`commit`] does so for files that belong together,
 //!   [`write_folder`] for a new folder.
+//! - [`Journal`] keeps what long work has done, until it is done.
 //! - [`Target::input`] tells whether a file to be written was read, and [`Target::is`] whether two are one file, by
 //!   whatever paths and links.
 //!
@@ -24,10 +25,12 @@
 
 mod error;
 mod identity;
+mod journal;
 mod read;
 mod write;
 
 pub use error::FileError;
 pub use identity::is_stream;
+pub use journal::Journal;
 pub use read::{MOST_DATA, MOST_TEXT, bytes, text, without_mark};
 pub use write::{Draft, Target, commit, write_folder};

@@ -14,6 +14,7 @@ use crate::{
     codec::Codec,
     frame::Frame,
     hierarchy::{Branch, hierarchy},
+    kept::{Kept, record},
     model::{Model, Node},
     palette::is_small,
     points::{Point, Points},
@@ -123,6 +124,22 @@ pub fn encode_watched(
     settings: &Settings,
     watch: &(dyn Fn(Step, f64) -> ControlFlow<()> + Sync),
 ) -> Result<Model, EncodeError> {
+    encode_from(given, settings, watch, &Kept::default(), &|_| ())
+}
+
+/// As [`encode_watched`], from what an earlier run of the same points and settings has kept. Calls `keep` on all cores
+/// with bytes for each further node that is done; after [`Kept::header`] and in any order, they are what [`Kept::read`]
+/// reads. The model is the same as that of one run.
+///
+/// # Errors
+/// As [`encode_watched`].
+pub fn encode_from(
+    given: &Points,
+    settings: &Settings,
+    watch: &(dyn Fn(Step, f64) -> ControlFlow<()> + Sync),
+    kept: &Kept,
+    keep: &(dyn Fn(&[u8]) + Sync),
+) -> Result<Model, EncodeError> {
     check(given, settings)?;
     let mut points = Point::all(&given.positions);
     // Each level divides all points.
@@ -141,7 +158,11 @@ pub fn encode_watched(
     let node = |index: usize| {
         storing.check()?;
         let (grid, branch) = (&grids[index], &branches[index]);
-        let (pools, singles) = settings.codec.divide(&grid.cells, settings);
+        let (pools, singles) = kept.division(index, &grid.cells).unwrap_or_else(|| {
+            let (pools, singles) = settings.codec.divide(&grid.cells, settings);
+            keep(&record(index, &pools, &singles));
+            (pools, singles)
+        });
         let mut node = Node {
             frame: grid.frame,
             points: branch.points.len() as u32,

@@ -394,12 +394,18 @@ fn translation(word: u32) -> Option<Translation> {
     Translation::new(by).filter(|_| zero == 0)
 }
 
-pub(crate) fn block(node: &Node) -> Vec<u8> {
+/// The pools and the points by themselves of a node's block without colours and normals.
+pub(crate) fn cells_of(node: usize, bytes: &[u8]) -> Result<(Vec<Pool>, Vec<Cell>), VtsError> {
+    Block { node, bytes, offset: 0 }.cells_of_node()
+}
+
+/// The inverse of [`cells_of`].
+pub(crate) fn block_of(pools: &[Pool], singles: &[Cell]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut word = |word: u32| bytes.extend(word.to_le_bytes());
-    word(node.pools.len() as u32);
-    word(node.singles.len() as u32);
-    for pool in &node.pools {
+    word(pools.len() as u32);
+    word(singles.len() as u32);
+    for pool in pools {
         let translations = if pool.is_of_bricks() { &[] } else { pool.translations() };
         word(pool.vertices().len() as u32);
         word(translations.len() as u32);
@@ -407,8 +413,14 @@ pub(crate) fn block(node: &Node) -> Vec<u8> {
         pool.vertices().iter().for_each(|cell| word(cell.bits()));
         pool.tags().iter().for_each(|&tags| word(tags));
     }
-    node.singles.iter().for_each(|cell| word(cell.bits()));
-    [node.colors(), node.normals()].into_iter().flatten().flatten().for_each(|&value| word(value));
+    singles.iter().for_each(|cell| word(cell.bits()));
+    bytes
+}
+
+pub(crate) fn block(node: &Node) -> Vec<u8> {
+    let mut bytes = block_of(&node.pools, &node.singles);
+    let attributes = [node.colors(), node.normals()].into_iter().flatten().flatten();
+    bytes.extend(attributes.flat_map(|value| value.to_le_bytes()));
     bytes
 }
 

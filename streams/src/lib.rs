@@ -50,6 +50,7 @@ mod encode;
 mod file;
 mod frame;
 mod hierarchy;
+mod kept;
 mod model;
 mod palette;
 mod points;
@@ -65,9 +66,12 @@ pub use attributes::{NO_NORMAL, color_of_light, pack_color, pack_normal, unpack_
 pub use bytes::Layout;
 pub use cell::{Cell, GRID, Translation};
 pub use codec::Codec;
-pub use encode::{EncodeError, MOST_COORDINATE, MOST_LEVELS, Settings, Step, encode, encode_watched};
+pub use encode::{
+    EncodeError, MOST_COORDINATE, MOST_LEVELS, Settings, Step, encode, encode_from, encode_watched,
+};
 pub use file::{Reader, VtsError};
 pub use frame::Frame;
+pub use kept::Kept;
 pub use model::{Model, Node};
 pub use points::Points;
 pub use pool::{MOST_TRANSLATIONS, Pool, PoolError};

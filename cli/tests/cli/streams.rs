@@ -131,3 +131,30 @@ fn what_cannot_be_encoded_or_decoded_says_why() {
         assert_says(&place.fails(words), &parts);
     }
 }
+
+/// A killed run leaves what is done beside its output, from which the same command goes on to the same file.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_killed_run_goes_on() {
+    let place = Place::new();
+    place.succeeds("encode room --codec streams --out whole.vts");
+    let part = place.path("room.vts.part");
+    let command = "encode room --codec streams --out room.vts --keep-after 0";
+    let mut running = place.start(command);
+    // Until some nodes are done: 12 bytes are the file's own.
+    let begun = std::time::Instant::now();
+    while fs::metadata(&part).map_or(true, |data| data.len() < 500) {
+        assert!(begun.elapsed().as_secs() < 60, "nothing was kept");
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    running.kill();
+    running.wait();
+    let said = place.run(command).stderr;
+    assert!(said.contains("goes on from room.vts.part"), "{said}");
+    assert!(place.contents()[&place.path("room.vts")] == place.contents()[&place.path("whole.vts")]);
+    assert_eq!(place.files(), ["room.vts", "whole.vts"]);
+
+    place.write("room.vts.part", "a text");
+    let refused = place.fails("encode room --codec streams --out room.vts");
+    assert!(refused.contains("room.vts.part is in the way"), "{refused}");
+}
