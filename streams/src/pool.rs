@@ -130,7 +130,7 @@ impl Pool {
 
     /// Appends the pool's points. The twin of the shader that expands a pool: integer additions, one for each tag.
     ///
-    /// Tags are taken 64 at a time, points [`TOGETHER`] at a time: the branches after each tag would cost more than all
+    /// Tags are taken 64 at a time, points `TOGETHER` at a time: the branches after each tag would cost more than all
     /// else, as no processor can foresee them. What is too much is written over by the next points.
     pub fn expand(&self, points: &mut Vec<Cell>) {
         // Carries between the packed coordinates cancel, as the sum is in the grid.
