@@ -1,9 +1,12 @@
 use std::{
+    fs,
     path::Path,
     time::{Duration, Instant},
 };
 
 use epigraph_core::{CpuContext, Extent, Io, Out, Registry, Stage, texel};
+use epigraph_scenes::streams::{self, Points, encode};
+use glam::Vec3;
 
 use super::*;
 use crate::document::{
@@ -28,6 +31,15 @@ fn options() -> Options {
         paused: true,
         ..Options::default()
     }
+}
+
+/// Writes a point set, and returns its path.
+fn points_in(folder: &Path) -> String {
+    let points = (0..2000).map(|i| Vec3::new((i % 50) as f32, (i / 50) as f32, (i % 7) as f32));
+    let points = Points::from(points.collect::<Vec<_>>());
+    let path = folder.join("points.vts");
+    fs::write(&path, encode(&points, &streams::Settings::default()).unwrap().to_bytes()).unwrap();
+    path.display().to_string()
 }
 
 fn wait(engine: &Engine, what: &str, done: impl Fn(&State) -> bool) -> Arc<State> {
@@ -253,6 +265,9 @@ fn random_edits_never_stop_the_engine_or_lose_its_graph() {
     for (seed, path) in shipped(folder.path()).iter().enumerate() {
         let mut document = Document::open(path).unwrap();
         let engine = Engine::start(options(), epigraph::registry(), || {});
+        if path.ends_with("streams.ron") {
+            engine.send(Command::Scene(points_in(folder.path())));
+        }
         engine.send(Command::Graph(document.file().unwrap().clone()));
         engine.send(Command::Step(1));
         wait(&engine, "the first frame", |state| state.frames == 1);
@@ -452,7 +467,7 @@ fn a_path_plays_the_same_frames_each_time() {
 
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("keys.ron");
-    std::fs::write(&file, epigraph_scenes::keyframes(&keys)).unwrap();
+    fs::write(&file, epigraph_scenes::keyframes(&keys)).unwrap();
     assert_eq!(first, play(&engine, Way::Named(format!("fly:{}", file.display())), 9));
 }
 
