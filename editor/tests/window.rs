@@ -13,6 +13,8 @@ use std::{fs, path::Path};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use epigraph_editor::app::App;
+use epigraph_scenes::streams::{self, Points, encode};
+use glam::Vec3;
 use support::Opened;
 
 #[test]
@@ -198,8 +200,14 @@ fn every_graph_and_experiment_opens_and_runs() {
     };
     let all: Vec<String> = [graphs(""), graphs("experiments/")].concat();
     assert!(all.len() >= 12, "{all:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let points = folder.path().join("points.vts");
+    let grid = (0..2000).map(|i| Vec3::new((i % 50) as f32, (i / 50) as f32, (i % 7) as f32));
+    let grid = Points::from(grid.collect::<Vec<_>>());
+    fs::write(&points, encode(&grid, &streams::Settings::default()).unwrap().to_bytes()).unwrap();
     for graph in all {
-        let mut opened = Opened::new(&graph);
+        let scene = if graph == "streams.ron" { points.to_str().unwrap() } else { "cornell" };
+        let mut opened = Opened::on_scene(&graph, scene);
         assert_eq!(opened.app().session.document.problems(), [], "{graph}");
         opened.click("Canvas");
         opened.frames(2);

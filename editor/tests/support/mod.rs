@@ -66,6 +66,13 @@ impl Opened {
         Self::build(builder, path, Some(folder), options(size))
     }
 
+    /// Opens a copy of a shipped graph on a scene, with frames of 64x48 pixels.
+    pub fn on_scene(graph: &str, scene: &str) -> Self {
+        let (folder, path) = copy(graph);
+        let options = Options { scene: scene.into(), ..options([64, 48]) };
+        Self::build(Harness::builder().with_size(WINDOW), path, Some(folder), options)
+    }
+
     /// Opens a graph that is written with other files into a copy of the shipped graphs; frames of 64x48 pixels.
     pub fn written(graph: &str, files: &[(&str, &str)]) -> Self {
         let (folder, path) = copy(graph);
