@@ -82,7 +82,7 @@ fn edges(image: &Image, list: &List, site: &Site, found: &mut Vec<String>) -> Op
         Some(count) => site.read(count)?[0] as usize,
         None => segments.len(),
     };
-    let what = if std::ptr::eq(list.names, &SHADOWS) { "shadow of edge" } else { "edge" };
+    let what = if list.names.meaning == SHADOWS.meaning { "shadow of edge" } else { "edge" };
     for segment in segments.iter().take(count) {
         let Some(snapped) = image.snap(segment) else { continue };
         let mut meets = false;
