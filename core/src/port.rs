@@ -129,6 +129,22 @@ impl Element {
         }
     }
 
+    /// Where its numbers of 32 bits are, in bytes from its start.
+    pub fn floats(&self) -> Vec<usize> {
+        match self {
+            Self::Texel(format @ (Format::R32Float | Format::Rgba32Float)) => {
+                (0..format.bytes() as usize).step_by(4).collect()
+            }
+            Self::Texel(_) | Self::AnyFloatTexel => Vec::new(),
+            Self::Item { members, .. } => {
+                let floats = members.iter().filter(|member| member.scalar == Scalar::F32);
+                floats
+                    .flat_map(|member| (0..member.lanes).map(|lane| (member.offset + 4 * lane) as usize))
+                    .collect()
+            }
+        }
+    }
+
     /// Whether an input with these elements accepts the elements `given`.
     pub fn accepts(&self, given: &Element) -> bool {
         match (self, given) {

@@ -68,7 +68,6 @@ use crate::{
     facts::Facts,
     graph::Settings,
     harness::{Harness, Outputs},
-    port::{Element, Format, Scalar},
     registry::Registry,
     side::Side,
     stage::{Host, Stage},
@@ -138,16 +137,7 @@ pub fn run_alike<S: Stage>(harness: &mut Harness<S>, registry: &Registry, tolera
 pub fn differences(cpu: &Snapshot, gpu: &Snapshot, tolerance: f32) -> Vec<String> {
     assert_eq!(cpu.dims, gpu.dims, "`{}`", cpu.name);
     let size = cpu.element.bytes() as usize;
-    let floats: Vec<usize> = match &cpu.element {
-        Element::Texel(Format::R32Float | Format::Rgba32Float) => (0..size).step_by(4).collect(),
-        Element::Texel(_) | Element::AnyFloatTexel => Vec::new(),
-        Element::Item { members, .. } => {
-            let floats = members.iter().filter(|member| member.scalar == Scalar::F32);
-            floats
-                .flat_map(|member| (0..member.lanes).map(|lane| (member.offset + 4 * lane) as usize))
-                .collect()
-        }
-    };
+    let floats = cpu.element.floats();
     let number = |bytes: &[u8], at: usize| f32::from_le_bytes(std::array::from_fn(|byte| bytes[at + byte]));
     let same = |cpu: &[u8], gpu: &[u8]| {
         (0..size).all(|at| {

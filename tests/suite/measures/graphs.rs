@@ -1,7 +1,7 @@
 //! The ports of the shipped graphs, and what their stages explain about pixels.
 
 use epigraph::Place;
-use epigraph_core::{Capture, Element, Format, GraphFile, Scalar, Settings, Snapshot};
+use epigraph_core::{Capture, GraphFile, Settings, Snapshot};
 use epigraph_tests::{GRAPHS, Run, graph, sampled};
 
 use super::{Figure, Figures, assert_same};
@@ -21,16 +21,7 @@ impl Figure {
     fn port(&mut self, snapshot: &Snapshot) {
         self.debug(&(snapshot.dims, &snapshot.element));
         let size = snapshot.element.bytes() as usize;
-        let floats: Vec<usize> = match &snapshot.element {
-            Element::Texel(Format::R32Float | Format::Rgba32Float) => (0..size).step_by(4).collect(),
-            Element::Texel(_) | Element::AnyFloatTexel => Vec::new(),
-            Element::Item { members, .. } => {
-                let floats = members.iter().filter(|member| member.scalar == Scalar::F32);
-                floats
-                    .flat_map(|member| (0..member.lanes).map(|lane| (member.offset + 4 * lane) as usize))
-                    .collect()
-            }
-        };
+        let floats = snapshot.element.floats();
         for element in snapshot.bytes.chunks_exact(size) {
             for at in (0..size).step_by(4) {
                 let word: [u8; 4] = std::array::from_fn(|byte| element[at + byte]);
