@@ -62,9 +62,8 @@ pub fn place(scene: &str, camera: &str) -> Result<Place, CliError> {
 /// # Errors
 /// If the scene has only points: rays would meet nothing.
 pub fn tracer_of_surfaces(place: &Place) -> Result<&Arc<Tracer>, CliError> {
-    let scene = &place.scene;
-    if scene.points.is_some() && scene.mesh.triangles.is_empty() {
-        let text = format!("`{}` has points and no surfaces to trace rays to", scene.name);
+    if place.scene.has_only_points() {
+        let text = format!("`{}` has points and no surfaces to trace rays to", place.scene.name);
         return Err(CliError::Input(text));
     }
     Ok(tracer(place))

@@ -50,6 +50,11 @@ impl Scene {
         }
     }
 
+    /// Whether there are points and no surfaces: rays meet nothing.
+    pub fn has_only_points(&self) -> bool {
+        self.points.is_some() && self.mesh.triangles.is_empty()
+    }
+
     /// A scene of points without surfaces and lights, with a camera that sees all of them.
     pub fn of_points(name: &str, points: Arc<PointSet>) -> Self {
         let bounds = points.bounds();

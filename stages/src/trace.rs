@@ -66,7 +66,7 @@ impl Stage for Trace {
         let settings = TraceSettings { spp: params.spp, mode, max_bounces: params.max_bounces };
         let world = cx.host::<World>()?;
         let scene = world.tracer.scene();
-        if scene.points.is_some() && scene.mesh.triangles.is_empty() {
+        if scene.has_only_points() {
             let name = &scene.name;
             return Err(format!(
                 "`{name}` has points and no surfaces to trace rays to: show it with the graph `streams`"
