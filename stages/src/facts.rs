@@ -1,10 +1,7 @@
 //! What a scene states about itself: the lengths of lists, and reasons to skip stages.
 
 use epigraph_core::{Fact, Facts, Quantity};
-use epigraph_scenes::{
-    Scene, SceneFacts,
-    streams::{Model, Node},
-};
+use epigraph_scenes::{Scene, SceneFacts, streams::Node};
 
 use crate::shared::streams::{block_words, pool_count};
 
@@ -31,13 +28,7 @@ pub const SHADOW_CASTERS: Fact = Fact { name: "shadow_casters" };
 pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
     let facts = SceneFacts::of(scene);
     let points = scene.points.as_deref();
-    // Nodes and pools of a cut, and words of all blocks.
-    let placed = |count: &dyn Fn(&Node) -> usize| -> usize {
-        let Some(points) = points else { return 0 };
-        let of = |model: &Model| model.nodes().iter().map(count).sum::<usize>();
-        let counts: Vec<usize> = points.models().iter().map(of).collect();
-        points.places().iter().map(|place| counts[place.model]).sum()
-    };
+    let placed = |number: fn(&Node) -> usize| points.map_or(0, |points| points.placed(number));
     let words = points.map_or(0, |points| points.nodes().map(block_words).sum());
     // Meshes have 32-bit indices, so the counts fit.
     let counts = [
@@ -45,8 +36,8 @@ pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
         (EDGES, facts.regular_edges + facts.crease_edges + facts.border_edges),
         (FACES, facts.faces),
         (BODIES, facts.bodies),
-        (STREAM_NODES, placed(&|_| 1)),
-        (STREAM_POOLS, placed(&pool_count)),
+        (STREAM_NODES, placed(|_| 1)),
+        (STREAM_POOLS, placed(pool_count)),
         (STREAM_WORDS, words),
     ];
     let stated =

@@ -111,7 +111,7 @@ impl Stage for Mesh {
         match self.normals {
             NormalsOut::F32(out) => write(cx, out, &faces, normals, |n| [n.x, n.y, n.z, 0.0])?,
             NormalsOut::F16(out) => write(cx, out, &faces, normals, |&n| encode_f16(n.into()))?,
-            NormalsOut::Oct16(out) => write(cx, out, &faces, normals, |&n| encode_oct16(n.into()))?,
+            NormalsOut::Oct16(out) => write(cx, out, &faces, normals, |&n| encode_oct16(n))?,
         }
         *written = Some(scene.clone());
         Ok(())
@@ -311,19 +311,19 @@ mod tests {
         let (mut worst_f16, mut worst_oct16) = (0f32, 0f32);
         for n in axes.into_iter().chain(random).filter(|&n| n != Vec3::ZERO) {
             worst_f16 = worst_f16.max(angle(n, decode_f16(encode_f16(n.into())).into()));
-            worst_oct16 = worst_oct16.max(angle(n, decode_oct16(encode_oct16(n.into())).into()));
+            worst_oct16 = worst_oct16.max(angle(n, decode_oct16(encode_oct16(n))));
         }
         // Each of the three numbers has an error of at most half a unit in the last place of numbers near 1: 2^-12.
         assert!(worst_f16 < 3f32.sqrt() / 4096.0 && worst_f16 > 1e-4, "{worst_f16}");
         assert!(worst_oct16 < 7e-5 && worst_oct16 > 1e-5, "{worst_oct16}");
         for axis in axes {
-            assert_eq!(Vec3::from(decode_oct16(encode_oct16(axis.into()))), axis);
+            assert_eq!(decode_oct16(encode_oct16(axis)), axis);
         }
     }
 
     #[test]
     fn a_zero_normal_is_decoded_as_zero() {
         assert_eq!(decode_f16(encode_f16([0.0; 3])), [0.0; 3]);
-        assert_eq!(decode_oct16(encode_oct16([0.0; 3])), [0.0; 3]);
+        assert_eq!(decode_oct16(encode_oct16(Vec3::ZERO)), Vec3::ZERO);
     }
 }

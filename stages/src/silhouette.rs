@@ -117,7 +117,7 @@ impl Stage for Silhouette {
             }
             NormalsIn::Oct16(normals) => {
                 let normals = &cx.read(normals)[..];
-                self.face_eye(cx, |face| decode_oct16(normals[face]).into());
+                self.face_eye(cx, |face| decode_oct16(normals[face]));
             }
         }
         self.choose(cx, params.two_sided_borders);
@@ -233,7 +233,7 @@ mod tests {
             match normals {
                 Normals::F32 => harness.set("normals", &self.list(|n| n.extend(0.0).to_array())),
                 Normals::F16 => harness.set("normals", &self.list(|n| encode_f16(n.into()))),
-                Normals::Oct16 => harness.set("normals", &self.list(|n| encode_oct16(n.into()))),
+                Normals::Oct16 => harness.set("normals", &self.list(encode_oct16)),
             }
             harness
         }

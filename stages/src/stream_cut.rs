@@ -10,10 +10,7 @@ mod cut;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use epigraph_core::{CpuContext, Extent, Finding, Io, Out, Site, Stage, params};
-use epigraph_scenes::{
-    Scene,
-    streams::{Node, PointSet},
-};
+use epigraph_scenes::{Scene, streams::PointSet};
 
 use crate::{
     World, column, facts,
@@ -101,7 +98,7 @@ impl Stage for StreamCut {
         let state = match &mut *state {
             Some(state) if Arc::ptr_eq(&state.scene, scene) => state,
             state => {
-                let (nodes, compiled) = (placed_nodes(points), cx.dims(self.nodes).count());
+                let (nodes, compiled) = (points.placed(|_| 1), cx.dims(self.nodes).count());
                 if nodes != compiled {
                     return Err(format!(
                         "the graph was compiled for a point set of {compiled} nodes, this one has {nodes}; compile it again"
@@ -147,7 +144,7 @@ impl Stage for StreamCut {
         for &node in &cache.new {
             let place = cache.place(node).expect("the cut has a place");
             let place = place.start as usize..place.end as usize;
-            write_block(node_of(points, node), &mut words[place.clone()]);
+            write_block(points.node(node), &mut words[place.clone()]);
             cx.changed(self.words, place);
         }
         let was_still = cx.write(self.numbers)[NEW_BYTES as usize] == 0;
@@ -186,7 +183,7 @@ impl StreamCut {
         let (nodes, pools) = (&mut cx.write(self.nodes)[..], &mut cx.write(self.pools)[..]);
         let (mut points, mut vertices, mut pool_count) = (0, 0, 0);
         for (at, &Placed { place, node: index }) in chooser.cut.iter().enumerate() {
-            let (node, placed) = (node_of(set, index), &set.places()[place]);
+            let (node, placed) = (set.node(index), &set.places()[place]);
             let frame = node.frame();
             let first = cache.place(index).expect("the cut has a place").start;
             let [x, y, z] = frame.axes.map(|axis| (placed.rotation * axis).into());
@@ -259,22 +256,6 @@ impl StreamCut {
             numbers[place as usize] = value;
         }
     }
-}
-
-/// The nodes of a set, at all their places.
-fn placed_nodes(points: &PointSet) -> usize {
-    points.places().iter().map(|place| points.models()[place.model].nodes().len()).sum()
-}
-
-/// A node of a set by its index.
-fn node_of(points: &PointSet, mut index: usize) -> &Node {
-    for model in points.models() {
-        match model.nodes().get(index) {
-            Some(node) => return node,
-            None => index -= model.nodes().len(),
-        }
-    }
-    unreachable!("the set has as many nodes as the chooser")
 }
 
 /// The point set of a scene.

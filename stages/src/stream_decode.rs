@@ -150,7 +150,8 @@ impl Stage for StreamDecode {
             let first = (chunk * step) as u32;
             let slots = position.iter_mut().zip(radiance).zip(meta).zip(first..);
             for ((((position, radiance), meta), slot), point) in slots.zip(cut.points_from(first, start)) {
-                let [x, y, z] = point.position(&nodes[pools[point.pool].node as usize]);
+                let frame = nodes[pools[point.pool].node as usize].frame();
+                let [x, y, z] = frame.center(point.cell).into();
                 *position = [x, y, z, 1.0];
                 *radiance = encode_radiance(shade.color(&point, slot));
                 *meta = LIVE;
@@ -203,7 +204,7 @@ impl Shade<'_> {
         let light = match attribute(node.normals) {
             None | Some(NO_NORMAL) => 1.0,
             Some(normal) => {
-                let normal = decode_oct16(normal);
+                let normal: [f32; 3] = decode_oct16(normal).into();
                 let facing = dot(normal, turned_back(node.rotation, self.forward)).abs();
                 let length = dot(normal, normal).sqrt();
                 1.0 - self.params.light + self.params.light * facing / length

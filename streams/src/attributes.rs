@@ -135,6 +135,11 @@ pub fn pack_normal(normal: Vec3) -> u32 {
 
 /// The inverse of [`pack_normal`]: a unit vector, or zero.
 pub fn unpack_normal(word: u32) -> Vec3 {
+    unpack_direction(word).normalize_or_zero()
+}
+
+/// As [`unpack_normal`], of any length.
+pub fn unpack_direction(word: u32) -> Vec3 {
     if word == NO_NORMAL {
         return Vec3::ZERO;
     }
@@ -142,7 +147,7 @@ pub fn unpack_normal(word: u32) -> Vec3 {
     let z = 1.0 - x.abs() - y.abs();
     let fold = (-z).max(0.0);
     let unfold = |a: f32| a - fold.copysign(a);
-    Vec3::new(unfold(x), unfold(y), z).normalize_or_zero()
+    Vec3::new(unfold(x), unfold(y), z)
 }
 
 #[cfg(test)]

@@ -69,6 +69,12 @@ impl Translation {
         self.0.map(i32::from)
     }
 
+    /// What it adds to the packed coordinates of a cell. Carries between the coordinates cancel if the sum is in the grid.
+    pub fn step(self) -> u32 {
+        let [x, y, z] = self.by();
+        (x + (y << 7) + (z << 14)).cast_unsigned()
+    }
+
     /// The translation as four bytes: x, y, z and 0.
     pub fn bytes(self) -> [u8; 4] {
         let [x, y, z] = self.0.map(|part| part.cast_unsigned());

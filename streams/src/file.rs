@@ -406,7 +406,7 @@ pub(crate) fn block_of(pools: &[Pool], singles: &[Cell]) -> Vec<u8> {
     word(pools.len() as u32);
     word(singles.len() as u32);
     for pool in pools {
-        let translations = if pool.is_of_bricks() { &[] } else { pool.translations() };
+        let translations = pool.stored_translations();
         word(pool.vertices().len() as u32);
         word(translations.len() as u32);
         translations.iter().for_each(|by| word(u32::from_le_bytes(by.bytes())));

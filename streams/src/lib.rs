@@ -62,7 +62,9 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use attributes::{NO_NORMAL, color_of_light, pack_color, pack_normal, unpack_color, unpack_normal};
+pub use attributes::{
+    NO_NORMAL, color_of_light, pack_color, pack_normal, unpack_color, unpack_direction, unpack_normal,
+};
 pub use bytes::Layout;
 pub use cell::{Cell, GRID, Translation};
 pub use codec::Codec;

@@ -115,6 +115,11 @@ impl Pool {
         self.translations.iter().copied().eq(brick::block())
     }
 
+    /// The translations that are stored: none for bricks.
+    pub fn stored_translations(&self) -> &[Translation] {
+        if self.is_of_bricks() { &[] } else { &self.translations }
+    }
+
     /// The number of points: of tags that are set.
     pub fn points(&self) -> usize {
         self.tags.iter().map(|tags| tags.count_ones() as usize).sum()
@@ -133,10 +138,9 @@ impl Pool {
     /// Tags are taken 64 at a time, points `TOGETHER` at a time: the branches after each tag would cost more than all
     /// else, as no processor can foresee them. What is too much is written over by the next points.
     pub fn expand(&self, points: &mut Vec<Cell>) {
-        // Carries between the packed coordinates cancel, as the sum is in the grid.
         let mut steps = [[0_u32; 64]; MOST_TRANSLATIONS / 64];
         for (steps, translations) in steps.iter_mut().zip(self.translations.chunks(64)) {
-            steps.iter_mut().zip(translations).for_each(|(step, by)| *step = packed(*by));
+            steps.iter_mut().zip(translations).for_each(|(step, by)| *step = by.step());
         }
         let mut end = points.len();
         points.resize(end + self.points() + TOGETHER, Cell::FIRST);
@@ -168,12 +172,6 @@ fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
         bits &= bits.wrapping_sub(1);
         (bit < 32).then_some(bit as usize)
     })
-}
-
-/// What a translation adds to the bits of a cell.
-fn packed(by: Translation) -> u32 {
-    let [x, y, z] = by.by();
-    (x + (y << 7) + (z << 14)).cast_unsigned()
 }
 
 /// Divides a set of cells among pools, greedily (section 4 of the paper), and returns the pools and the cells that no

@@ -35,6 +35,8 @@ impl Place {
 pub struct PointSet {
     origin: DVec3,
     models: Vec<Model>,
+    /// The first node of each model among those of all.
+    firsts: Vec<usize>,
     places: Vec<Place>,
 }
 
@@ -47,7 +49,7 @@ impl fmt::Debug for PointSet {
 impl From<Model> for PointSet {
     fn from(model: Model) -> Self {
         let place = Place { model: 0, rotation: Quat::IDENTITY, translation: Vec3::ZERO };
-        Self { origin: model.origin(), models: vec![model], places: vec![place] }
+        Self::new(model.origin(), vec![model], vec![place])
     }
 }
 
@@ -58,7 +60,12 @@ impl PointSet {
     /// If a place names no model.
     pub fn new(origin: DVec3, models: Vec<Model>, places: Vec<Place>) -> Self {
         assert!(places.iter().all(|place| place.model < models.len()), "places of models that are there");
-        Self { origin, models, places }
+        let ends = models.iter().scan(0, |end, model| {
+            let first = *end;
+            *end += model.nodes().len();
+            Some(first)
+        });
+        Self { origin, firsts: ends.collect(), models, places }
     }
 
     /// The vertices of parts that repeat. Each shape is a model, of one level if no two of its vertices share a cell of
@@ -74,7 +81,7 @@ impl PointSet {
             rotation: instance.rotation,
             translation: instance.translation,
         });
-        Ok(Self { origin: DVec3::ZERO, models, places: places.collect() })
+        Ok(Self::new(DVec3::ZERO, models, places.collect()))
     }
 
     /// Reads a file `.vts` of at most [`MOST_DATA`] bytes: a tree of points, or repeats.
@@ -111,6 +118,27 @@ impl PointSet {
     /// The nodes of all models, one model after the other.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
         self.models.iter().flat_map(|model| model.nodes())
+    }
+
+    /// The index of a model's first node among [`PointSet::nodes`].
+    pub fn first_node(&self, model: usize) -> usize {
+        self.firsts[model]
+    }
+
+    /// One of [`PointSet::nodes`], by its index.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    pub fn node(&self, index: usize) -> &Node {
+        let model = self.firsts.partition_point(|&first| first <= index) - 1;
+        &self.models[model].nodes()[index - self.firsts[model]]
+    }
+
+    /// The sum of a number over all nodes, at all their places.
+    pub fn placed(&self, number: impl Fn(&Node) -> usize) -> usize {
+        let of = |model: &Model| model.nodes().iter().map(&number).sum::<usize>();
+        let sums: Vec<usize> = self.models.iter().map(of).collect();
+        self.places.iter().map(|place| sums[place.model]).sum()
     }
 
     /// Lowest and highest corner of a box around all points, from the origin.
@@ -162,6 +190,10 @@ mod tests {
         let points = Points::from_double(&[DVec3::new(1e6, 0.0, 0.0), DVec3::new(1e6 + 2.0, 1.0, 0.0)]);
         let model = encode(&points, &Settings::default()).unwrap();
         let set = PointSet::from(model.clone());
+        let twice = PointSet::new(points.origin, vec![model.clone(), model.clone()], set.places().to_vec());
+        let count = model.nodes().len();
+        assert_eq!([0, 1].map(|model| twice.first_node(model)), [0, count]);
+        assert!(twice.nodes().enumerate().all(|(index, node)| std::ptr::eq(twice.node(index), node)));
         assert_eq!((set.origin(), set.models(), set.places().len()), (points.origin, &[model][..], 1));
         let [low, high] = set.bounds();
         assert!(points.positions.iter().all(|at| at.cmpge(low).all() && at.cmple(high).all()));
@@ -183,6 +215,7 @@ mod tests {
         let set = PointSet::of_repeats(&found.repeats, &Settings::default()).unwrap();
         let model = encode(&Points::from(positions.clone()), &Settings::default()).unwrap();
         assert_eq!((set.models().len(), set.places().len(), set.nodes().count()), (1, 3, 1));
+        assert_eq!((set.placed(|_| 1), set.placed(Node::cell_count)), (3, 12));
         let node = &set.models()[0].nodes()[0];
         let bound = 0.5 * 3.0_f32.sqrt() * node.frame().cell + 1e-4;
         let decoded = set.places().iter().flat_map(|place| {

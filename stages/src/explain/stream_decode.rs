@@ -1,6 +1,7 @@
 //! The vertex and the translation that made a point.
 
 use epigraph_core::{Finding, Site};
+use epigraph_scenes::streams::Cell;
 
 use super::{StreamDecode, cut};
 use crate::shared::{streams::START_STEP, words::count};
@@ -15,20 +16,17 @@ pub(super) fn at(stage: &StreamDecode, site: &Site) -> Option<Vec<Finding>> {
     let point = cut.points_from(slot, start as usize).next()?;
     let pool = &pools[point.pool];
     let node = &nodes[pool.node as usize];
-    let words_of = |bits: u32| format!("{:?}", [0, 7, 14].map(|shift| bits >> shift & 127));
     let mut findings = vec![
         Finding::value("node", format!("{}, level {}, place {}", node.index, node.level, node.place)),
-        Finding::value("cell", words_of(point.cell)),
+        Finding::value("cell", format!("{:?}", point.cell)),
     ];
     match point.translation {
         None => findings.push(Finding::Why("No pool contains the point: it is stored by itself.".into())),
         Some(translation) => {
-            let vertex = words[(pool.vertices + point.vertex) as usize];
-            let [to, from] =
-                [point.cell, vertex].map(|bits| [0, 7, 14].map(|shift| (bits >> shift & 127) as i32));
-            let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+            let vertex = Cell::from_bits(words[(pool.vertices + point.vertex) as usize])?;
+            let by = [0, 1, 2].map(|axis| point.cell.at()[axis] - vertex.at()[axis]);
             findings.push(Finding::value("pool", pool.number.to_string()));
-            findings.push(Finding::value("vertex", format!("{} at {}", point.vertex, words_of(vertex))));
+            findings.push(Finding::value("vertex", format!("{} at {vertex:?}", point.vertex)));
             findings.push(Finding::value("translation", format!("{translation} by {by:?}")));
             let of_vertex = count(cut.points_of(pool, point.vertex) as usize, "point");
             findings.push(Finding::Why(format!("The vertex and its tags make {of_vertex}.")));

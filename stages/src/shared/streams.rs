@@ -5,7 +5,8 @@
 //! pool contains, then the node's colours and normals. Pools of bricks have no translations there. Vertices and points are packed cells, `x | y << 7 | z << 14`;
 //! translations are packed so that a sum of words is the sum of cells.
 
-use epigraph_scenes::streams::{Node, Pool, Translation};
+use epigraph_scenes::streams::{Cell, Frame, Node};
+use glam::Vec3;
 
 epigraph_core::constants! {
     /// Where the cut's number of points is in `numbers`, after the three numbers of workgroups: one for each vertex.
@@ -84,23 +85,13 @@ epigraph_core::item! {
     }
 }
 
-/// What a translation adds to a packed cell.
-pub fn step(translation: Translation) -> u32 {
-    let [x, y, z] = translation.by();
-    (x + (y << 7) + (z << 14)).cast_unsigned()
-}
-
 /// Words of a node's block.
 pub fn block_words(node: &Node) -> usize {
     let pools = node.pools().iter();
-    let pools: usize = pools.map(|p| stored(p).len() + p.vertices().len() + p.tags().len()).sum();
+    let pools: usize =
+        pools.map(|p| p.stored_translations().len() + p.vertices().len() + p.tags().len()).sum();
     let attributes = [node.colors(), node.normals()].into_iter().flatten().map(<[u32]>::len);
     pools + node.singles().len() + attributes.sum::<usize>()
-}
-
-/// The translations of a pool that are in its node's block.
-pub fn stored(pool: &Pool) -> &[Translation] {
-    if pool.is_of_bricks() { &[] } else { pool.translations() }
 }
 
 /// Pools of a node in a cut.
@@ -111,7 +102,7 @@ pub fn pool_count(node: &Node) -> usize {
 /// Writes a node's block.
 pub fn write_block(node: &Node, words: &mut [u32]) {
     let pools = node.pools().iter().flat_map(|pool| {
-        let translations = stored(pool).iter().map(|by| step(*by));
+        let translations = pool.stored_translations().iter().map(|by| by.step());
         let vertices = pool.vertices().iter().map(|cell| cell.bits());
         translations.chain(vertices).chain(pool.tags().iter().copied())
     });
@@ -146,20 +137,14 @@ pub struct Decoded {
     pub vertex: u32,
     /// The pool's translation by its index; `None` for a point that no pool contains.
     pub translation: Option<u32>,
-    /// The packed cell.
-    pub cell: u32,
+    /// The cell.
+    pub cell: Cell,
 }
 
-impl Decoded {
-    /// The packed cell's coordinates.
-    pub fn at(&self) -> [u32; 3] {
-        [0, 7, 14].map(|shift| self.cell >> shift & 127)
-    }
-
-    /// The centre of the cell, in the same order of operations as [`epigraph_scenes::streams::Frame::center`].
-    pub fn position(&self, node: &StreamNode) -> [f32; 3] {
-        let [x, y, z] = self.at().map(|part| (part as f32 + 0.5) * node.cell);
-        std::array::from_fn(|axis| node.origin[axis] + node.x[axis] * x + node.y[axis] * y + node.z[axis] * z)
+impl StreamNode {
+    /// Where its grid lies.
+    pub fn frame(&self) -> Frame {
+        Frame { origin: self.origin.into(), axes: [self.x, self.y, self.z].map(Vec3::from), cell: self.cell }
     }
 }
 
@@ -180,34 +165,38 @@ impl Cut<'_> {
     }
 
     /// The points from slot `first` on; `pool` is the pool that contains it, or one before.
-    pub fn points_from(&self, first: u32, mut pool: usize) -> impl Iterator<Item = Decoded> {
-        let next = |pool: usize| self.pools.get(pool + 1).is_some_and(|next| next.first_point <= first);
-        while first < self.points && next(pool) {
+    pub fn points_from(&self, first: u32, pool: usize) -> impl Iterator<Item = Decoded> {
+        let begin = (first < self.points).then(|| self.vertex_of(first, pool));
+        begin.into_iter().flat_map(move |(begin, vertex)| {
+            let skip = first - self.sums[(self.pools[begin].first_vertex + vertex) as usize];
+            let pools = (begin..self.pools.len()).flat_map(move |pool| {
+                let from = if pool == begin { vertex } else { 0 };
+                (from..self.vertices_of(pool)).flat_map(move |vertex| self.points_at(pool, vertex))
+            });
+            pools.skip(skip as usize)
+        })
+    }
+
+    /// The pool and the vertex of a point; the search begins at a pool that is not after it.
+    fn vertex_of(&self, slot: u32, mut pool: usize) -> (usize, u32) {
+        while self.pools.get(pool + 1).is_some_and(|next| next.first_point <= slot) {
             pool += 1;
         }
-        let vertex = self.pools.get(pool).map_or(0, |found| {
-            let from = found.first_vertex as usize;
-            let sums = &self.sums[from..from + self.vertices_of(pool) as usize];
-            (sums.partition_point(|&before| before <= first)).saturating_sub(1) as u32
-        });
-        let skip = self
-            .pools
-            .get(pool)
-            .map_or(0, |found| first - self.sums[(found.first_vertex + vertex) as usize].min(first));
-        let pools = if first < self.points { pool..self.pools.len() } else { 0..0 };
-        pools
-            .flat_map(move |at| {
-                let from = if at == pool { vertex } else { 0 };
-                (from..self.vertices_of(at)).flat_map(move |vertex| self.points_at(at, vertex))
-            })
-            .skip(skip as usize)
+        let first = self.pools[pool].first_vertex as usize;
+        let sums = &self.sums[first..][..self.vertices_of(pool) as usize];
+        // The first vertex has no more points before it than the pool.
+        (pool, sums.partition_point(|&before| before <= slot) as u32 - 1)
     }
 
     /// The points of a vertex, by rising translation.
     fn points_at(&self, pool: usize, vertex: u32) -> impl Iterator<Item = Decoded> {
         let found = self.pools[pool];
-        let cell = self.words[(found.vertices + vertex) as usize];
-        let single = (found.tag_words == 0).then_some(Decoded { pool, vertex, translation: None, cell });
+        let bits = self.words[(found.vertices + vertex) as usize];
+        let point = move |translation, bits| {
+            let cell = Cell::from_bits(bits).expect("a cell of the set");
+            Decoded { pool, vertex, translation, cell }
+        };
+        let single = (found.tag_words == 0).then(|| point(None, bits));
         let tags = (0..found.tag_words).flat_map(move |word| {
             let mut tags = self.words[(found.tags + vertex * found.tag_words + word) as usize];
             std::iter::from_fn(move || {
@@ -221,7 +210,7 @@ impl Cut<'_> {
                 BRICKS => translation & 3 | (translation >> 2 & 3) << 7 | (translation >> 4) << 14,
                 first => self.words[(first + translation) as usize],
             };
-            Decoded { pool, vertex, translation: Some(translation), cell: cell.wrapping_add(step) }
+            point(Some(translation), bits.wrapping_add(step))
         }))
     }
 }

@@ -165,10 +165,9 @@ pub struct Chooser {
 impl Chooser {
     /// For a point set.
     pub fn new(points: &PointSet) -> Self {
-        let first =
-            |model: usize| points.models()[..model].iter().map(|model| model.nodes().len()).sum::<usize>();
-        let firsts: Vec<usize> = (0..points.models().len()).map(first).collect();
-        let sizes: Vec<usize> = points.models().iter().map(|model| model.nodes().len()).collect();
+        let models = points.models().iter().enumerate();
+        let (firsts, sizes): (Vec<usize>, Vec<usize>) =
+            models.map(|(model, of)| (points.first_node(model), of.nodes().len())).unzip();
         Self::with(Branch::all(points), points.places(), &firsts, &sizes)
     }
 
