@@ -1,8 +1,15 @@
 //! A steady frame allocates no memory. Allocations are counted in the whole process, including the tracer. The counting
 //! allocator is global, so this test is a binary of its own.
 
+use std::sync::Arc;
+
 use epigraph_core::{Facts, Settings, Side};
+use epigraph_scenes::{
+    Scene,
+    streams::{self, Points, encode},
+};
 use epigraph_tests::{Run, Stage, graph, tap};
+use glam::Vec3;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, Stats, StatsAlloc};
 
 #[global_allocator]
@@ -26,6 +33,8 @@ fn a_steady_frame_allocates_nothing() {
         let enclosed = filled.iter().filter(|&&round| round == u32::MAX).count();
         assert!(holes > 100 && enclosed > 0, "{holes} holes, {enclosed} enclosed");
 
+        none("point set", of_frames(&mut point_set()));
+
         let region = Region::new(ALLOCATOR);
         drop(std::hint::black_box(vec![1u8; 100]));
         assert!(region.change().allocations >= 1, "an allocation was not counted");
@@ -41,6 +50,15 @@ fn epi() -> Run {
     let taps = vec![tap("spread.filled")];
     let settings = Settings { side: Side::Cpu, taps, ..Settings::new([160, 120], 200, Facts::none()) };
     Run::new(&graph("epi.ron"), Stage { scene: "chains", camera: "orbit", settings })
+}
+
+fn point_set() -> Run {
+    let wall: Vec<Vec3> =
+        (0..128 * 128).map(|i| Vec3::new((i % 128) as f32, (i / 128) as f32, 0.0)).collect();
+    let points = encode(&Points::from(wall), &streams::Settings { levels: 4, ..Default::default() }).unwrap();
+    let scene = Arc::new(Scene::of_points("wall", Arc::new(points.into())));
+    let settings = Settings { side: Side::Cpu, ..Settings::new([160, 120], 1, Facts::none()) };
+    Run::in_scene(&graph("streams.ron"), &scene, "orbit", settings)
 }
 
 /// The allocations of twenty frames of a run that has warmed up.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use epigraph::{Place, Setup};
-use epigraph_core::{Facts, GraphFile, Settings, Side};
+use epigraph_core::{Capture, Facts, Finding, GraphFile, Settings, Side};
 use epigraph_pictures::{Difference, Look, Picture, show};
 use epigraph_scenes::{
     Scene,
@@ -143,6 +143,46 @@ fn a_flight_shows_what_all_points_would_show() {
         println!("{what}: {uploaded:?} of {all_bytes}");
         assert!(later < 2 * all_bytes, "{later} of {all_bytes} bytes");
     }
+}
+
+/// A point of the first pool, one of the second, and one by itself.
+#[test]
+fn the_inspector_says_which_vertex_and_which_translation_made_a_point() {
+    let scene = scene(Codec::Streams, 1);
+    let ports =
+        ["cut.words", "cut.nodes", "cut.pools", "cut.starts", "cut.numbers", "decode.cloud", "decode.sums"];
+    let settings = Settings { taps: ports.map(tap).to_vec(), ..settings(Side::Cpu) };
+    let mut run = Run::in_scene(&streams(&[]), &scene, "still", settings);
+    let frame = run.next_frame();
+    run.frame(true);
+    let snapshots =
+        run.executor.snapshots().expect("on the CPU").into_iter().cloned().map(Into::into).collect();
+    let capture = Capture { frame, snapshots };
+    let graph = run.graph();
+    let (id, decode) = graph.nodes.iter_enumerated().find(|(_, node)| node.name == "decode").unwrap();
+    let root = scene.points.as_ref().unwrap().node(0);
+    let [first, second] = [0, 1].map(|pool| &root.pools()[pool]);
+    for (slot, pool) in [(5, 0), (first.points() + 7, 1), (root.covered() + 3, 2)] {
+        let findings = decode.stage.explain(&capture.site(graph, id, [0, 0], Some(slot))).unwrap();
+        let mut expected = vec![
+            Finding::value("node", "0, level 0, place 0"),
+            Finding::value("cell", format!("{:?}", root.cells()[slot])),
+        ];
+        if let Some(of) = root.pools().get(pool) {
+            let (vertex, translation) = of.pairs().nth([5, 7][pool]).unwrap();
+            let [at, by] =
+                [format!("{:?}", of.vertices()[vertex]), format!("{:?}", of.translations()[translation])];
+            expected.extend([
+                Finding::value("pool", pool.to_string()),
+                Finding::value("vertex", format!("{vertex} at {at}")),
+                Finding::value("translation", format!("{translation} by {by}")),
+            ]);
+        }
+        assert_eq!(findings[..expected.len()], expected, "slot {slot}");
+        let why = format!("{:?}", findings[expected.len()]);
+        assert!(why.contains(if pool < 2 { "and its tags make" } else { "stored by itself" }), "{why}");
+    }
+    assert!(second.points() > 7);
 }
 
 #[test]
