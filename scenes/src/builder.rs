@@ -8,7 +8,7 @@ use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, MAX_T
 use crate::mesh::bounds_of;
 use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
 use crate::weld::weld_bodies;
-use crate::{Camera, Light, Material, Mesh, Scene, Shape};
+use crate::{Camera, Light, Material, Mesh, Report, Scene, Shape};
 
 /// Default crease angle in degrees: faces that meet at a larger angle form a crease.
 pub const CREASE_ANGLE: f32 = 40.0;
@@ -122,6 +122,8 @@ pub struct SceneBuilder {
     materials: Vec<Material>,
     lights: Vec<Light>,
     moving: Vec<Moving>,
+    /// What the files of the scene have that is not in it as it stands.
+    pub(crate) report: Report,
 }
 
 impl SceneBuilder {
@@ -319,6 +321,7 @@ impl SceneBuilder {
             poses: vec![Pose::REST; bodies.len()],
             bodies: Arc::new(bodies),
             points: None,
+            report: Arc::new(self.report),
         })
     }
 

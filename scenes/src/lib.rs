@@ -37,6 +37,7 @@ mod mesh;
 mod motion;
 mod path;
 pub mod reference;
+mod report;
 mod scene;
 mod shadow;
 mod shape;
@@ -58,6 +59,7 @@ pub use material::{Material, Surface};
 pub use mesh::{Edge, EdgeKind, Mesh, NO_FACE};
 pub use motion::{Body, FRAMES_PER_SECOND, MAX_BODIES, Motion, MotionKey, Pose};
 pub use path::{CameraPath, PathError, keyframes};
+pub use report::{Note, NoteKind, Report};
 pub use scene::{Scene, SceneError};
 pub use shadow::{
     ShadowKind, ShadowSearch, ShadowSegment, ShadowSegments, ShadowSettings, ShadowWork, shadow_segments,

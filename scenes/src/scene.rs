@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use crate::builder::MeshError;
 use crate::load::framing_camera;
-use crate::{Body, Camera, Light, Material, Mesh, Pose};
+use crate::{Body, Camera, Light, Material, Mesh, Pose, Report};
 
 /// A scene at rest, or with its bodies in the poses of a frame.
 #[derive(Clone, Debug)]
@@ -30,6 +30,8 @@ pub struct Scene {
     pub poses: Vec<Pose>,
     /// Points without surfaces, by levels of detail.
     pub points: Option<Arc<PointSet>>,
+    /// What its files have that is not in it as it stands.
+    pub report: Arc<Report>,
 }
 
 impl Scene {
@@ -47,6 +49,7 @@ impl Scene {
             bodies: Arc::default(),
             poses: Vec::new(),
             points: None,
+            report: Arc::default(),
         }
     }
 

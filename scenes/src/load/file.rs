@@ -376,6 +376,7 @@ impl SceneFile {
                 })?),
             };
             let mut model = object.shape.load(path, folders, fetch)?;
+            builder.report.extend(&model.report);
             file_camera = file_camera.or(model.camera);
             if object.smooth > 0.0 && model.parts.iter().all(|(shape, _)| !shape.normals.is_empty()) {
                 let text = "`smooth` is for shapes without normals, but this one has them; drop it";

@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec3};
 
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
 use crate::limits::is_near;
-use crate::{Camera, Light, Material, Scene, Shape};
+use crate::{Camera, Light, Material, Report, Scene, Shape};
 
 /// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light
 /// would cost more than it gains, so only paths that happen to hit it find its light.
@@ -21,6 +21,8 @@ pub(crate) struct Model {
     /// Lights defined in the file; `add_to` finds emissive parallelograms among the parts.
     pub lights: Vec<Light>,
     pub camera: Option<Camera>,
+    /// What the file has that is not in the model as it stands.
+    pub report: Report,
 }
 
 impl Model {
@@ -57,6 +59,7 @@ impl Model {
                 .copied()
                 .collect(),
             camera: Some(scene.camera),
+            report: Report::default(),
         }
     }
 
@@ -129,6 +132,7 @@ impl Model {
     /// The scene of this model alone, with a light and a camera if it has none.
     pub fn into_scene(self, name: &str) -> Result<Scene, MeshError> {
         let mut builder = SceneBuilder::new();
+        builder.report.extend(&self.report);
         self.add_to(&mut builder, Affine3A::IDENTITY, None)?;
         let bounds = builder.bounds();
         let camera = self.camera.unwrap_or_else(|| framing_camera(bounds));
