@@ -25,7 +25,12 @@ pub(crate) fn points(scene: &Scene) -> Points {
         }
     }
     let colors = colors.into_iter().map(|color| color.unwrap_or([255; 4])).collect();
-    Points { colors: Some(colors), normals: Some(normals), ..Points::from(mesh.positions.clone()) }
+    Points {
+        origin: scene.origin,
+        colors: Some(colors),
+        normals: Some(normals),
+        ..Points::from(mesh.positions.clone())
+    }
 }
 
 /// The points in most detail, at all their places.

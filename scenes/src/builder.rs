@@ -1,6 +1,6 @@
 use std::{ops::Range, sync::Arc};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::edges::find_edges;
@@ -122,6 +122,8 @@ pub struct SceneBuilder {
     materials: Vec<Material>,
     lights: Vec<Light>,
     moving: Vec<Moving>,
+    /// See [`Scene::origin`]; what is added is relative to it.
+    pub(crate) origin: DVec3,
     /// What the files of the scene have that is not in it as it stands.
     pub(crate) report: Report,
 }
@@ -312,6 +314,7 @@ impl SceneBuilder {
         let bodies: Vec<Body> = self.moving.iter().map(|moving| self.body(moving, &kept, &mesh)).collect();
         Ok(Scene {
             name: name.to_owned(),
+            origin: self.origin,
             mesh,
             materials: self.materials,
             lights: self.lights,

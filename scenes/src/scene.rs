@@ -1,7 +1,7 @@
 use std::{path::PathBuf, sync::Arc};
 
 use epigraph_streams::PointSet;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::builder::MeshError;
 use crate::load::framing_camera;
@@ -12,6 +12,9 @@ use crate::{Body, Camera, Light, Material, Mesh, Pose, Report};
 pub struct Scene {
     /// The name or path under which it was loaded.
     pub name: String,
+    /// What to add to all coordinates of the scene to get those of its files, metres. Zero unless these are so large for
+    /// the size of what is there that single precision would tear it; then near its centre.
+    pub origin: DVec3,
     /// All triangles.
     pub mesh: Mesh,
     /// Materials by index.
@@ -40,6 +43,7 @@ impl Scene {
     pub fn empty(name: &str, camera: Camera, bounds: [Vec3; 2]) -> Self {
         Self {
             name: name.to_owned(),
+            origin: DVec3::ZERO,
             mesh: Mesh::default(),
             materials: Vec::new(),
             lights: Vec::new(),
@@ -60,8 +64,8 @@ impl Scene {
 
     /// A scene of points without surfaces and lights, with a camera that sees all of them.
     pub fn of_points(name: &str, points: Arc<PointSet>) -> Self {
-        let bounds = points.bounds();
-        Self { points: Some(points), ..Self::empty(name, framing_camera(bounds), bounds) }
+        let (bounds, origin) = (points.bounds(), points.origin());
+        Self { origin, points: Some(points), ..Self::empty(name, framing_camera(bounds), bounds) }
     }
 }
 

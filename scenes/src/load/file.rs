@@ -3,15 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glam::{Affine3A, EulerRot, Quat, Vec3};
+use glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec3, Vec3A};
 use serde::Deserialize;
 
 use super::model::{self, Model};
+use super::origin::origin_of;
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
 use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, is_near, is_radiance, is_time};
 use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Surface};
 
 /// The contents of a scene's `.ron` file. Lengths are in metres, angles in degrees, colours in linear Rec. 709.
+///
+/// Places are read and mesh files placed in double precision. If a file's object remains far out for its size, the scene
+/// gets an origin there ([`Scene::origin`]).
 ///
 /// ```ron
 /// #![enable(implicit_some)]
@@ -72,9 +76,9 @@ fn default_crease_angle() -> f32 {
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
     /// The eye point.
-    pub eye: Vec3,
+    pub eye: DVec3,
     /// The target point.
-    pub target: Vec3,
+    pub target: DVec3,
     /// Full vertical field of view, between 0 and 180 degrees.
     pub fov: f32,
 }
@@ -85,7 +89,7 @@ pub struct CameraSpec {
 pub struct MotionSpec {
     /// The point about which it rotates, for objects at rest. Default: the origin.
     #[serde(default)]
-    pub pivot: Vec3,
+    pub pivot: DVec3,
     /// Poses in ascending order of time, at least one. Between two, translations are interpolated linearly and
     /// rotations along the shorter arc.
     pub keys: Vec<MotionKeySpec>,
@@ -162,7 +166,7 @@ pub struct ObjectSpec {
     pub rotate: Vec3,
     /// Position of its origin, or with `height`, of the middle of its underside.
     #[serde(default)]
-    pub translate: Vec3,
+    pub translate: DVec3,
     /// If given, the object is scaled to this height, and placed centred on `translate`.
     #[serde(default)]
     pub height: Option<f32>,
@@ -242,7 +246,7 @@ pub enum LightSpec {
     /// A point.
     Point {
         /// Its position.
-        position: Vec3,
+        position: DVec3,
         /// Radiant intensity, W/sr.
         intensity: Vec3,
         /// A name in `motions`. Default: it does not move.
@@ -252,7 +256,7 @@ pub enum LightSpec {
     /// A one-sided parallelogram that emits towards `u x v`.
     Quad {
         /// One corner.
-        corner: Vec3,
+        corner: DVec3,
         /// First side.
         u: Vec3,
         /// Second side.
@@ -287,7 +291,7 @@ impl SceneFile {
         }
         if let Some(camera) = self.camera {
             let sane = camera.fov > 0.0 && camera.fov < 180.0 && camera.eye != camera.target;
-            if !sane || !is_near(camera.eye) || !is_near(camera.target) {
+            if !sane || !is_near(camera.eye.as_vec3()) || !is_near(camera.target.as_vec3()) {
                 return Err(format!(
                     "the camera needs an eye and a different target with coordinates of at most {MAX_COORDINATE:e}, and \
                      a fov between 0 and 180: {camera:?}"
@@ -318,13 +322,11 @@ impl SceneFile {
             object.check().map_err(|message| format!("object {index}: {message}"))?;
         }
         for (index, light) in self.lights.iter().enumerate() {
-            let (light, has_area) = match *light {
-                LightSpec::Point { position, intensity, .. } => (Light::Point { position, intensity }, true),
-                LightSpec::Quad { corner, u, v, radiance, .. } => {
-                    (Light::Quad { corner, u, v, radiance }, u.cross(v) != Vec3::ZERO)
-                }
+            let has_area = match *light {
+                LightSpec::Point { .. } => true,
+                LightSpec::Quad { u, v, .. } => u.cross(v) != Vec3::ZERO,
             };
-            if !light.is_valid() || !has_area {
+            if !light.around(DVec3::ZERO).is_valid() || !has_area {
                 return Err(format!(
                     "light {index}: all numbers must be finite, coordinates at most {MAX_COORDINATE:e}, intensity at \
                      most {MAX_INTENSITY:e}, radiance at most {MAX_RADIANCE:e}, and a quad must have an area"
@@ -357,16 +359,15 @@ impl SceneFile {
         for (material_name, spec) in &self.materials {
             materials.insert(material_name.as_str(), builder.material(spec.to_material(material_name)));
         }
-        let motions: BTreeMap<&str, Motion> =
-            self.motions.iter().map(|(name, spec)| (name.as_str(), spec.to_motion())).collect();
         let motion_of = |what: &str, index: usize, name: &Option<String>| match name {
             None => Ok(None),
-            Some(name) => motions.get(name.as_str()).cloned().map(Some).ok_or_else(|| {
-                let hint = super::nearest(name, motions.keys().copied());
+            Some(name) => self.motions.get(name).map(Some).ok_or_else(|| {
+                let hint = super::nearest(name, self.motions.keys().map(String::as_str));
                 invalid(format!("{what} {index}: unknown motion `{name}`{hint}"))
             }),
         };
-        let mut file_camera = None;
+        let mut placed = Vec::new();
+        let mut size = [0_usize; 2];
         for (index, object) in self.objects.iter().enumerate() {
             let material = match &object.material {
                 None => None,
@@ -377,15 +378,15 @@ impl SceneFile {
             };
             let mut model = object.shape.load(path, folders, fetch)?;
             builder.report.extend(&model.report);
-            file_camera = file_camera.or(model.camera);
             if object.smooth > 0.0 && model.parts.iter().all(|(shape, _)| !shape.normals.is_empty()) {
                 let text = "`smooth` is for shapes without normals, but this one has them; drop it";
                 return Err(invalid(format!("object {index}: {text}")));
             }
             // Before any of the copies is made.
             let copies = object.repeat.count as usize;
-            let [triangles, vertices] = model.counts().map(|count| count.saturating_mul(copies));
-            builder.check_room(triangles, vertices).map_err(unplaced(index))?;
+            let counts = model.counts().map(|count| count.saturating_mul(copies));
+            size = [0, 1].map(|of| size[of].saturating_add(counts[of]));
+            MeshError::of_size(size[0], size[1]).map_err(unplaced(index))?;
             for (shape, _) in
                 model.parts.iter_mut().filter(|(s, _)| object.smooth > 0.0 && s.normals.is_empty())
             {
@@ -393,48 +394,86 @@ impl SceneFile {
             }
             let place =
                 object.placement(&model).map_err(|text| invalid(format!("object {index}: {text}")))?;
-            let motion = motion_of("object", index, &object.motion)?;
+            placed.push((model, place, material, motion_of("object", index, &object.motion)?));
+        }
+        // Of the first object that needs one where it is placed.
+        builder.origin = placed
+            .iter()
+            .filter(|(model, ..)| model.origin != DVec3::ZERO)
+            .map(|(model, place, ..)| origin_after(model, *place))
+            .find(|origin| *origin != DVec3::ZERO)
+            .unwrap_or_default();
+        let origin = builder.origin;
+        let mut file_camera = None;
+        for (index, (object, (model, mut place, material, motion))) in
+            self.objects.iter().zip(placed).enumerate()
+        {
+            file_camera = file_camera.or_else(|| {
+                let shift = (model.origin - origin).as_vec3();
+                model.camera.map(|camera| Camera { eye: camera.eye + shift, ..camera })
+            });
+            place.translation -= origin;
+            let place = place.as_affine3a();
             let add = |builder: &mut SceneBuilder| {
                 (0..object.repeat.count).try_for_each(|copy| {
                     let step = Affine3A::from_translation(copy as f32 * object.repeat.step);
                     model.add_to(builder, step * place, material)
                 })
             };
+            let motion = motion.map(|spec| spec.to_motion(origin));
             builder.moving_if(motion, add).map_err(unplaced(index))?;
         }
         for (index, light) in self.lights.iter().enumerate() {
-            match light {
-                LightSpec::Point { position, intensity, motion } => {
-                    let add = |builder: &mut SceneBuilder| {
-                        builder.point_light(*position, *intensity);
-                        Ok(())
-                    };
-                    builder.moving_if(motion_of("light", index, motion)?, add)
+            let (LightSpec::Point { motion, .. } | LightSpec::Quad { motion, .. }) = light;
+            let motion = motion_of("light", index, motion)?.map(|spec| spec.to_motion(origin));
+            let add = |builder: &mut SceneBuilder| match light.around(origin) {
+                Light::Point { position, intensity } => {
+                    builder.point_light(position, intensity);
+                    Ok(())
                 }
-                LightSpec::Quad { corner, u, v, radiance, motion } => {
-                    let add = |builder: &mut SceneBuilder| builder.quad_light(*corner, *u, *v, *radiance);
-                    builder.moving_if(motion_of("light", index, motion)?, add)
-                }
-            }
-            .map_err(unusable)?;
+                Light::Quad { corner, u, v, radiance } => builder.quad_light(corner, u, v, radiance),
+            };
+            builder.moving_if(motion, add).map_err(unusable)?;
         }
         let bounds = builder.bounds();
         if builder.lights().is_empty() {
             model::add_default_light(&mut builder, bounds).map_err(unusable)?;
         }
         let camera = match self.camera {
-            Some(spec) => spec.to_camera(bounds),
+            Some(spec) => spec.to_camera(origin, bounds),
             None => file_camera.unwrap_or_else(|| model::framing_camera(bounds)),
         };
         builder.build(name, camera, self.background, self.weld_distance, self.crease_angle).map_err(unusable)
     }
 }
 
+/// The origin that a model needs where it is placed.
+fn origin_after(model: &Model, place: DAffine3) -> DVec3 {
+    let turn = Affine3A { translation: Vec3A::ZERO, ..place.as_affine3a() };
+    let [low, high] = model.bounds_after(turn).map(|corner| place.translation + corner.as_dvec3());
+    origin_of(low, high)
+}
+
+impl LightSpec {
+    /// The light in a scene of that origin.
+    fn around(&self, origin: DVec3) -> Light {
+        match *self {
+            Self::Point { position, intensity, .. } => {
+                Light::Point { position: (position - origin).as_vec3(), intensity }
+            }
+            Self::Quad { corner, u, v, radiance, .. } => {
+                Light::Quad { corner: (corner - origin).as_vec3(), u, v, radiance }
+            }
+        }
+    }
+}
+
 impl CameraSpec {
     /// Near and far are derived from the scene's bounds.
-    fn to_camera(self, bounds: [Vec3; 2]) -> Camera {
-        let farthest = (self.eye - bounds[0]).abs().max((self.eye - bounds[1]).abs()).length();
-        Camera::look_at(self.eye, self.target, self.fov.to_radians(), 1e-3 * farthest, 2.0 * farthest)
+    fn to_camera(self, origin: DVec3, bounds: [Vec3; 2]) -> Camera {
+        let [eye, target] = [self.eye, self.target].map(|point| (point - origin).as_vec3());
+        let farthest = (eye - bounds[0]).abs().max((eye - bounds[1]).abs()).length();
+        Camera::look_at(eye, target, self.fov.to_radians(), 1e-3 * farthest, 2.0 * farthest)
     }
 }
 
@@ -445,7 +484,7 @@ impl MotionSpec {
         }
         let sane =
             |key: &MotionKeySpec| is_time(key.time) && is_near(key.translate) && key.rotate.is_finite();
-        if !is_near(self.pivot) || !self.keys.iter().all(sane) {
+        if !is_near(self.pivot.as_vec3()) || !self.keys.iter().all(sane) {
             return Err(format!(
                 "all numbers must be finite, coordinates at most {MAX_COORDINATE:e}, times at most {MAX_TIME:e}"
             ));
@@ -456,13 +495,14 @@ impl MotionSpec {
         }
     }
 
-    fn to_motion(&self) -> Motion {
+    fn to_motion(&self, origin: DVec3) -> Motion {
         let key = |key: &MotionKeySpec| MotionKey {
             time: key.time,
             translate: key.translate,
             rotate: rotation(key.rotate),
         };
-        Motion { pivot: self.pivot, keys: self.keys.iter().map(key).collect(), looped: self.looped }
+        let pivot = (self.pivot - origin).as_vec3();
+        Motion { pivot, keys: self.keys.iter().map(key).collect(), looped: self.looped }
     }
 }
 
@@ -497,7 +537,7 @@ impl ObjectSpec {
             return Err(format!("repeat.count must be between 1 and {MOST_COPIES}"));
         }
         let last = self.repeat.count as f32 * self.repeat.step;
-        if !(is_near(self.translate) && self.rotate.is_finite() && is_near(last)) {
+        if !(is_near(self.translate.as_vec3()) && self.rotate.is_finite() && is_near(last)) {
             return Err(format!(
                 "all numbers must be finite, and translate and count * step at most {MAX_COORDINATE:e}"
             ));
@@ -505,16 +545,17 @@ impl ObjectSpec {
         self.shape.check()
     }
 
-    /// The transform from its shape to the scene.
+    /// The transform from its shape to the file's coordinates, those of a scene with the origin zero.
     ///
     /// # Errors
     /// A flat shape cannot be scaled to a height.
-    fn placement(&self, model: &Model) -> Result<Affine3A, String> {
+    fn placement(&self, model: &Model) -> Result<DAffine3, String> {
         let turn = Affine3A::from_quat(rotation(self.rotate));
         let Some(height) = self.height else {
-            return Ok(Affine3A::from_translation(self.translate)
-                * turn
-                * Affine3A::from_scale(Vec3::splat(self.scale.unwrap_or(1.0))));
+            let place = turn * Affine3A::from_scale(Vec3::splat(self.scale.unwrap_or(1.0)));
+            let mut place = place.as_daffine3();
+            place.translation = place.transform_vector3(model.origin) + self.translate;
+            return Ok(place);
         };
         let [low, high] = model.bounds_after(turn);
         if low.y >= high.y {
@@ -524,10 +565,11 @@ impl ObjectSpec {
         }
         let stand = Vec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
         let scale = height / (high.y - low.y);
-        Ok(Affine3A::from_translation(self.translate)
-            * Affine3A::from_scale(Vec3::splat(scale))
-            * Affine3A::from_translation(-stand)
-            * turn)
+        // It is placed by its box, wherever its coordinates are.
+        let place = Affine3A::from_scale(Vec3::splat(scale)) * Affine3A::from_translation(-stand) * turn;
+        let mut place = place.as_daffine3();
+        place.translation += self.translate;
+        Ok(place)
     }
 }
 

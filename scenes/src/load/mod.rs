@@ -4,6 +4,7 @@ mod file;
 mod gltf;
 mod model;
 mod obj;
+mod origin;
 mod ply;
 
 use std::borrow::Cow;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, DVec3, Vec3};
 
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
 use crate::limits::is_near;
@@ -15,6 +15,10 @@ const MOST_PANELS: usize = 16;
 /// The shapes, materials, lights and camera of one file.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Model {
+    /// What to add to all coordinates of the model to get those of the file, metres (see [`origin_of`]).
+    ///
+    /// [`origin_of`]: super::origin::origin_of
+    pub origin: DVec3,
     /// Each shape with its index into `materials`; without one it gets a plain grey.
     pub parts: Vec<(Shape, Option<usize>)>,
     pub materials: Vec<Material>,
@@ -50,6 +54,7 @@ impl Model {
             shape.normals.extend(mesh.corner_normals.get(face));
         }
         Self {
+            origin: scene.origin,
             parts: parts.into_iter().map(|((_, material), shape)| (shape, Some(material as usize))).collect(),
             materials: scene.materials.clone(),
             lights: scene
@@ -132,6 +137,7 @@ impl Model {
     /// The scene of this model alone, with a light and a camera if it has none.
     pub fn into_scene(self, name: &str) -> Result<Scene, MeshError> {
         let mut builder = SceneBuilder::new();
+        builder.origin = self.origin;
         builder.report.extend(&self.report);
         self.add_to(&mut builder, Affine3A::IDENTITY, None)?;
         let bounds = builder.bounds();
