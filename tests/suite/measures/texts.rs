@@ -1,5 +1,10 @@
 //! Graph files and shaders: messages about damage, plans, graphs in full, and edits.
 
+mod declarations;
+mod everything;
+mod random_graphs;
+mod zoo;
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -37,19 +42,39 @@ fn tokens(text: &str) -> Vec<(usize, usize)> {
     tokens
 }
 
-/// A text with one of its tokens left out, doubled, changed by a letter, or replaced by a later one.
-fn damaged(text: &str, tokens: &[(usize, usize)], index: usize) -> String {
+/// The number of ways to damage a text.
+const DAMAGES: usize = 6;
+
+/// A text with one of its tokens left out, doubled, changed by a letter, replaced by a later one, swapped with the next
+/// one, or with another number in it.
+fn damaged(text: &str, tokens: &[(usize, usize)], index: usize, damage: usize) -> String {
     let (start, end) = tokens[index];
     let word = &text[start..end];
     let (later, to) = tokens[(index + 7) % tokens.len()];
-    let new = match index % 4 {
+    let (next, after) = tokens.get(index + 1).copied().unwrap_or((end, end));
+    let new = match damage {
         0 => String::new(),
         1 => format!("{word} {word}"),
         2 => match word.strip_suffix('"') {
             Some(quoted) => format!("{quoted}x\""),
             None => format!("{word}1"),
         },
-        _ => text[later..to].to_owned(),
+        3 => text[later..to].to_owned(),
+        4 => {
+            return format!(
+                "{}{}{}{word}{}",
+                &text[..start],
+                &text[next..after],
+                &text[end..next],
+                &text[after..]
+            );
+        }
+        _ => match word.find(|c: char| c.is_ascii_digit()) {
+            Some(at) => {
+                format!("{}{}{}", &word[..at], ["0", "-1", "257", "4294967296"][index % 4], &word[at + 1..])
+            }
+            None => format!("{word} 2"),
+        },
     };
     format!("{}{new}{}", &text[..start], &text[end..])
 }
@@ -64,8 +89,8 @@ fn damage(file: &Path, step: usize, figures: &mut Figures, say: impl Fn(&str) ->
         .collect();
     let all = tokens(&text);
     let name = file.strip_prefix(root()).expect("a file of the repository").display().to_string();
-    for index in (0..all.len()).step_by(step) {
-        let said = say(&damaged(&text, &all, index)).replace(&*root().to_string_lossy(), "");
+    for (index, damage) in (0..all.len()).step_by(step).zip((0..DAMAGES).cycle()) {
+        let said = say(&damaged(&text, &all, index, damage)).replace(&*root().to_string_lossy(), "");
         figures.entry(name.clone()).or_default().text(&said);
     }
 }
@@ -86,7 +111,7 @@ fn messages_about_damaged_graphs_and_the_plans_of_others_are_as_before() {
     let (registry, mut figures) = (registry(), Figures::new());
     for name in GRAPHS {
         let file = root().join("graphs").join(name);
-        damage(&file, 3, &mut figures, |text| {
+        damage(&file, 1, &mut figures, |text| {
             let parsed = GraphFile::parse(&file.display().to_string(), text);
             let made = parsed
                 .and_then(|file| file.with_parts(&Shipped))
@@ -156,64 +181,70 @@ const DENSE: &str = r#"#![enable(implicit_some)] Graph(version: 1, params: {"p":
       , "c": (kind:"fill",inputs:{},params:()), "d": (kind: "fill")}, // e
     outputs: {"image": "b.cloud", "other": "c.d" })"#;
 
+/// Adds what edits of all kinds make of a file.
+fn edits(name: &str, file: &GraphFile, registry: &Registry, figures: &mut Figures) {
+    let mut add = |what: &str, edit: &dyn Fn(&mut GraphFile) -> Result<(), Problems>| {
+        let mut edited = file.clone();
+        let said = edit(&mut edited).map_or_else(|problems| problems.to_string(), |()| edited.text);
+        let said = said.replace(&*root().to_string_lossy(), "");
+        figures.entry(format!("{name} {what}")).or_default().text(&said);
+    };
+    let stages = file.stages(registry).unwrap_or_default();
+    let addresses = stages.iter().map(|stage| stage.written.clone());
+    let own = file.nodes.iter().map(|node| node.name.value.clone());
+    for node in addresses.chain(own).chain(["none".into()]) {
+        let stage = stages.iter().find(|stage| stage.written == node);
+        let ports =
+            stage.iter().flat_map(|stage| &stage.stage.declaration().ports).map(|port| port.name.to_string());
+        for port in ports.chain(["cloud".into(), "new".into()]) {
+            add("set_input", &|file| file.set_input(&node, &port, "x.y".parse().ok().as_ref()));
+            add("set_input none", &|file| file.set_input(&node, &port, None));
+        }
+        let specs = stage.iter().flat_map(|stage| stage.stage.specs()).map(|spec| spec.name);
+        for param in specs.chain(["points_per_pixel".into(), "x".into()]) {
+            add("set_param", &|file| file.set_param(&node, &param, "7.5"));
+            add("unset_param", &|file| file.unset_param(&node, &param));
+            add("remove_param", &|file| file.remove_param(&node, &param));
+        }
+        for on in [None, Some(Side::Cpu), Some(Side::Gpu)] {
+            add("set_on", &|file| file.set_on(&node, on));
+        }
+        for download in [None, Some(Download::Sync), Some(Download::Latent(3))] {
+            add("set_download", &|file| file.set_download(&node, download));
+        }
+        add("set_bypass", &|file| file.set_bypass(&node, true));
+        add("set_bypass and back", &|file| {
+            file.set_bypass(&node, true).and_then(|()| file.set_bypass(&node, false))
+        });
+        add("set_kind", &|file| file.set_kind(&node, "fill"));
+        add("add_node", &|file| file.add_node(&node, "fill"));
+        add("copy_node", &|file| file.copy_node(&node, "copy"));
+        add("remove_node", &|file| file.remove_node(&node));
+        add("rename_node", &|file| file.rename_node(&node, "renamed"));
+        add("rename_node", &|file| file.rename_node(&node, "a.b"));
+        add("restore_node", &|file| file.restore_node(&node));
+    }
+    for output in ["image", "other", "new"] {
+        add("set_output", &|file| file.set_output(output, "x.y".parse().ok().as_ref()));
+        add("set_output none", &|file| file.set_output(output, None));
+    }
+    for param in ["sigma", "levels", "p", "new"] {
+        add("set_graph_param", &|file| file.set_graph_param(param, "3.0"));
+        add("restore_param", &|file| file.restore_param(param));
+    }
+    add("add_node", &|file| file.add_node("new", "age").and_then(|()| file.remove_node("new")));
+}
+
 #[test]
 fn edits_are_as_before() {
-    let (registry, mut figures) = (registry(), Figures::new());
+    let mut figures = Figures::new();
     let dense = GraphFile::parse("dense.ron", DENSE).unwrap_or_else(|problems| panic!("{problems}"));
     let shipped = GRAPHS.iter().map(|name| (*name, graph(name)));
     for (name, file) in shipped.chain([("dense.ron", dense)]) {
-        let mut add = |what: &str, edit: &dyn Fn(&mut GraphFile) -> Result<(), Problems>| {
-            let mut edited = file.clone();
-            let said = edit(&mut edited).map_or_else(|problems| problems.to_string(), |()| edited.text);
-            let said = said.replace(&*root().to_string_lossy(), "");
-            figures.entry(format!("{name} {what}")).or_default().text(&said);
-        };
-        let stages = file.stages(&registry).unwrap_or_default();
-        let addresses = stages.iter().map(|stage| stage.written.clone());
-        let own = file.nodes.iter().map(|node| node.name.value.clone());
-        for node in addresses.chain(own).chain(["none".into()]) {
-            let stage = stages.iter().find(|stage| stage.written == node);
-            let ports = stage
-                .iter()
-                .flat_map(|stage| &stage.stage.declaration().ports)
-                .map(|port| port.name.to_string());
-            for port in ports.chain(["cloud".into(), "new".into()]) {
-                add("set_input", &|file| file.set_input(&node, &port, "x.y".parse().ok().as_ref()));
-                add("set_input none", &|file| file.set_input(&node, &port, None));
-            }
-            let specs = stage.iter().flat_map(|stage| stage.stage.specs()).map(|spec| spec.name);
-            for param in specs.chain(["points_per_pixel".into(), "x".into()]) {
-                add("set_param", &|file| file.set_param(&node, &param, "7.5"));
-                add("unset_param", &|file| file.unset_param(&node, &param));
-                add("remove_param", &|file| file.remove_param(&node, &param));
-            }
-            for on in [None, Some(Side::Cpu), Some(Side::Gpu)] {
-                add("set_on", &|file| file.set_on(&node, on));
-            }
-            for download in [None, Some(Download::Sync), Some(Download::Latent(3))] {
-                add("set_download", &|file| file.set_download(&node, download));
-            }
-            add("set_bypass", &|file| file.set_bypass(&node, true));
-            add("set_bypass and back", &|file| {
-                file.set_bypass(&node, true).and_then(|()| file.set_bypass(&node, false))
-            });
-            add("set_kind", &|file| file.set_kind(&node, "fill"));
-            add("add_node", &|file| file.add_node(&node, "fill"));
-            add("copy_node", &|file| file.copy_node(&node, "copy"));
-            add("remove_node", &|file| file.remove_node(&node));
-            add("rename_node", &|file| file.rename_node(&node, "renamed"));
-            add("rename_node", &|file| file.rename_node(&node, "a.b"));
-            add("restore_node", &|file| file.restore_node(&node));
-        }
-        for output in ["image", "other", "new"] {
-            add("set_output", &|file| file.set_output(output, "x.y".parse().ok().as_ref()));
-            add("set_output none", &|file| file.set_output(output, None));
-        }
-        for param in ["sigma", "levels", "p", "new"] {
-            add("set_graph_param", &|file| file.set_graph_param(param, "3.0"));
-            add("restore_param", &|file| file.restore_param(param));
-        }
-        add("add_node", &|file| file.add_node("new", "age").and_then(|()| file.remove_node("new")));
+        edits(name, &file, &registry(), &mut figures);
+    }
+    for (name, file) in everything::files() {
+        edits(name, &file, &everything::registry(), &mut figures);
     }
     assert_same("edits", &figures);
 }
