@@ -68,8 +68,15 @@ pub struct Report {
 impl Report {
     /// Adds one occurrence of `what`, at the thing called `name` (may be empty).
     pub fn add(&mut self, kind: NoteKind, what: impl Into<String>, name: &str) {
-        let name = if name.is_empty() { vec![] } else { vec![name.to_owned()] };
-        self.merge(Note { kind, what: what.into(), count: 1, names: name });
+        self.add_many(kind, what, name, 1);
+    }
+
+    /// Adds `count` occurrences of `what` at one thing; none if `count` is 0.
+    pub fn add_many(&mut self, kind: NoteKind, what: impl Into<String>, name: &str, count: usize) {
+        let names = if name.is_empty() { vec![] } else { vec![name.to_owned()] };
+        if count > 0 {
+            self.merge(Note { kind, what: what.into(), count, names });
+        }
     }
 
     /// Adds all notes of another report.
@@ -114,7 +121,8 @@ mod tests {
             report.add(NoteKind::LeftOut, "the second UV set", name);
         }
         report.add(NoteKind::Repaired, "a normal that is not a number", "");
-        report.add(NoteKind::Repaired, "a normal that is not a number", "");
+        report.add_many(NoteKind::Repaired, "a normal that is not a number", "", 1);
+        report.add_many(NoteKind::Repaired, "a normal that is missing", "", 0);
         report.add(NoteKind::Approximated, "the spot's cone", "lamp");
         report.add(NoteKind::Added, "a light", "");
         let mut twice = report.clone();
