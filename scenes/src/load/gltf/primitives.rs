@@ -1,0 +1,275 @@
+//! The triangles of primitives: vertices moved by morph targets and joints, and repaired where they are not numbers.
+
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat4, DVec3, Vec3};
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+use super::container::File;
+use super::nodes::Tree;
+use crate::{MeshError, NoteKind, Report, Shape};
+
+/// An extension without which its primitives have no vertices.
+pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// What moves the vertices of a primitive: the weights of its morph targets and the joints of its skin.
+#[derive(Clone, Copy)]
+pub(super) struct Moves<'a> {
+    pub weights: &'a [f32],
+    pub joints: Option<&'a Joints>,
+}
+
+/// The joints of a skin in its bind pose or wherever else the file's nodes put them.
+pub(super) struct Joints {
+    /// From the mesh's space to that of the file, less the anchor.
+    matrices: Vec<DAffine3>,
+    /// A point near the joints, so that skinned vertices are small numbers.
+    pub anchor: DVec3,
+}
+
+impl Joints {
+    /// The joints of the skin with this index.
+    pub fn of(file: &File, tree: &Tree, skin: usize) -> Result<Self, String> {
+        let skin = file.root.skins.get(skin).ok_or_else(|| format!("skin {skin} does not exist"))?;
+        let world = |joint: usize| {
+            tree.worlds.get(joint).copied().ok_or_else(|| format!("joint {joint} does not exist"))
+        };
+        let worlds: Vec<DAffine3> =
+            skin.joints.iter().map(|joint| world(joint.value())).collect::<Result<_, _>>()?;
+        let anchor = worlds.first().ok_or("it has no joints")?.translation;
+        let binds = match skin.inverse_bind_matrices {
+            Some(accessor) => file.vectors::<16>(accessor.value())?,
+            None => vec![DMat4::IDENTITY.as_mat4().to_cols_array(); worlds.len()],
+        };
+        if binds.len() < worlds.len() {
+            return Err(format!("it has {} joints, but {} matrices for them", worlds.len(), binds.len()));
+        }
+        let matrices = worlds.iter().zip(&binds).map(|(world, bind)| {
+            DAffine3::from_translation(-anchor)
+                * *world
+                * DAffine3::from_mat4(DMat4::from_cols_array(&bind.map(f64::from)))
+        });
+        Ok(Self { matrices: matrices.collect(), anchor })
+    }
+}
+
+/// The triangles of a primitive.
+#[derive(Clone)]
+pub(super) struct Triangles {
+    pub shape: Arc<Shape>,
+    /// Whether they are where their joints are, relative to the anchor; otherwise they are in the space of their node.
+    pub skinned: bool,
+}
+
+/// Vertex positions, and normals if the primitive has them.
+struct Vertices {
+    positions: Vec<Vec3>,
+    normals: Option<Vec<Vec3>>,
+}
+
+impl File<'_> {
+    /// The triangles of a primitive of the mesh called `name`; `None` if it has none. `size` counts the triangles and
+    /// vertices of all primitives, of which there will be so many `copies`.
+    pub fn primitive(
+        &self,
+        primitive: &Primitive,
+        moves: Moves,
+        copies: usize,
+        size: &mut [usize; 2],
+        name: &str,
+        report: &mut Report,
+    ) -> Result<Option<Triangles>, String> {
+        let mut leave_out = |what: &str| {
+            report.add(NoteKind::LeftOut, what, name);
+            Ok(None)
+        };
+        let corners_of: fn(u32) -> [u32; 3] = match primitive.mode {
+            Checked::Valid(Mode::Triangles) => |t| [3 * t, 3 * t + 1, 3 * t + 2],
+            // Every other triangle of a strip has the opposite winding.
+            Checked::Valid(Mode::TriangleStrip) => {
+                |t| if t % 2 == 0 { [t, t + 1, t + 2] } else { [t + 1, t, t + 2] }
+            }
+            Checked::Valid(Mode::TriangleFan) => |t| [0, t + 1, t + 2],
+            Checked::Valid(Mode::Points) => return leave_out("points"),
+            Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => return leave_out("lines"),
+            Checked::Invalid => return leave_out("a primitive of an unknown kind"),
+        };
+        let Some(at) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
+            return leave_out("a primitive without positions");
+        };
+        let accessor = self.accessor(at.value())?;
+        let is_draco = primitive.extensions.as_ref().is_some_and(|all| all.others.contains_key(DRACO));
+        if is_draco && accessor.buffer_view.is_none() {
+            return Err(format!(
+                "it is compressed with {DRACO}, which is not read: decompress the file, for example with `npx \
+                 @gltf-transform/cli cp in.glb out.glb`"
+            ));
+        }
+        let count = self.count(at.value())?;
+        let corners = primitive.indices.map_or(Ok(count), |indices| self.count(indices.value()))?;
+        let listed = primitive.mode == Checked::Valid(Mode::Triangles);
+        let triangles = if listed { corners / 3 } else { corners.saturating_sub(2) };
+        size[0] = size[0].saturating_add(triangles.saturating_mul(copies));
+        size[1] = size[1].saturating_add(count.saturating_mul(copies));
+        // Before any of it is made.
+        MeshError::of_size(size[0], size[1]).map_err(|error| error.to_string())?;
+        if triangles == 0 {
+            return leave_out("a primitive without triangles");
+        }
+
+        let mut vertices = self.vertices(primitive)?;
+        self.morph(primitive, moves.weights, &mut vertices)?;
+        let skinned = moves.joints.map(|joints| self.skin(primitive, joints, &mut vertices));
+        let turns = match skinned {
+            None => false,
+            Some(Ok(mirrors)) => mirrors,
+            Some(Err(ref error)) => {
+                report.add(NoteKind::LeftOut, format!("the skin of a primitive: {error}"), name);
+                false
+            }
+        };
+        let indices = primitive.indices.map(|indices| self.indices(indices.value())).transpose()?;
+        let corner = |at: u32| indices.as_ref().map_or(at, |indices| indices[at as usize]);
+        let shape = assemble(
+            vertices,
+            (0..triangles as u32).map(|t| {
+                let [a, b, c] = corners_of(t).map(corner);
+                if turns { [a, c, b] } else { [a, b, c] }
+            }),
+            name,
+            report,
+        )?;
+        // Before a transform spreads a NaN over its vertex.
+        shape.check().map_err(|error| error.to_string())?;
+        Ok(Some(Triangles { shape: Arc::new(shape), skinned: matches!(skinned, Some(Ok(_))) }))
+    }
+
+    fn vertices(&self, primitive: &Primitive) -> Result<Vertices, String> {
+        let read = |semantic: Semantic| {
+            let at = primitive.attributes.get(&Checked::Valid(semantic));
+            at.map(|at| self.points(at.value())).transpose()
+        };
+        Ok(Vertices {
+            positions: read(Semantic::Positions)?.unwrap_or_default(),
+            normals: read(Semantic::Normals)?,
+        })
+    }
+
+    fn points(&self, accessor: usize) -> Result<Vec<Vec3>, String> {
+        Ok(self.vectors::<3>(accessor)?.into_iter().map(Vec3::from).collect())
+    }
+
+    /// Adds the morph targets, by their weights.
+    fn morph(&self, primitive: &Primitive, weights: &[f32], vertices: &mut Vertices) -> Result<(), String> {
+        let targets = primitive.targets.iter().flatten();
+        for (target, &weight) in targets.zip(weights).filter(|(_, weight)| **weight != 0.0) {
+            let normals = vertices.normals.as_mut();
+            for (vectors, by) in
+                [(Some(&mut vertices.positions), target.positions), (normals, target.normals)]
+            {
+                if let (Some(vectors), Some(by)) = (vectors, by) {
+                    let by = self.points(by.value())?;
+                    vectors.iter_mut().zip(by).for_each(|(vector, by)| *vector += weight * by);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves the vertices with their joints, and says whether the joints mirror them.
+    fn skin(&self, primitive: &Primitive, joints: &Joints, vertices: &mut Vertices) -> Result<bool, String> {
+        let mut sets = Vec::new();
+        for set in 0.. {
+            let at = |semantic| primitive.attributes.get(&Checked::Valid(semantic));
+            let (Some(joints), Some(weights)) = (at(Semantic::Joints(set)), at(Semantic::Weights(set)))
+            else {
+                break;
+            };
+            sets.push((self.joints(joints.value())?, self.vectors::<4>(weights.value())?));
+        }
+        let count = vertices.positions.len();
+        if sets.is_empty()
+            || sets.iter().any(|(joints, weights)| joints.len() < count || weights.len() < count)
+        {
+            return Err("it has no joints for each vertex".to_owned());
+        }
+        let matrix = |vertex: usize| {
+            let mut matrix = DAffine3::ZERO;
+            let mut total = 0.0;
+            let pairs =
+                sets.iter().flat_map(|(joints, weights)| joints[vertex].into_iter().zip(weights[vertex]));
+            for (joint, weight) in pairs.filter(|(_, weight)| *weight > 0.0) {
+                let of_joint = joints.matrices.get(joint as usize);
+                let of_joint =
+                    of_joint.ok_or_else(|| format!("joint {joint} of {}", joints.matrices.len()))?;
+                let weight = f64::from(weight);
+                matrix.matrix3 += weight * of_joint.matrix3;
+                matrix.translation += weight * of_joint.translation;
+                total += weight;
+            }
+            // Rounded weights add up to nearly 1. What no joint moves stays with the first.
+            if total > 0.0 {
+                matrix.matrix3 *= total.recip();
+                matrix.translation /= total;
+            } else {
+                matrix = joints.matrices[0];
+            }
+            Ok(matrix)
+        };
+        // All of them, or none if one is wrong.
+        let matrices: Vec<DAffine3> = (0..count).map(matrix).collect::<Result<_, String>>()?;
+        for (position, matrix) in vertices.positions.iter_mut().zip(&matrices) {
+            *position = matrix.transform_point3(position.as_dvec3()).as_vec3();
+        }
+        for (normal, matrix) in vertices.normals.iter_mut().flatten().zip(&matrices) {
+            *normal = (matrix.matrix3.inverse().transpose().as_mat3() * *normal).normalize_or_zero();
+        }
+        Ok(joints.matrices[0].matrix3.determinant() < 0.0)
+    }
+}
+
+/// The shape of these triangles. One with a corner that is not a number is left out; a normal that is no direction
+/// becomes that of its face.
+fn assemble(
+    mut vertices: Vertices,
+    triangles: impl ExactSizeIterator<Item = [u32; 3]>,
+    name: &str,
+    report: &mut Report,
+) -> Result<Shape, String> {
+    let Vertices { positions, normals } = &mut vertices;
+    let count = positions.len();
+    let finite = positions.iter().find(|position| position.is_finite()).copied().unwrap_or_default();
+    let mut broken = vec![];
+    for (vertex, position) in positions.iter_mut().enumerate().filter(|(_, position)| !position.is_finite()) {
+        broken.resize(count, false);
+        broken[vertex] = true;
+        // Does not enlarge what is around it.
+        *position = finite;
+    }
+    for normal in normals.iter_mut().flatten() {
+        *normal = normal.normalize_or_zero();
+    }
+    let mut shape = Shape { triangles: Vec::with_capacity(triangles.len()), ..Shape::default() };
+    shape.normals.reserve(if normals.is_some() { triangles.len() } else { 0 });
+    let (mut left_out, mut flat) = (0, 0);
+    for (face, triangle) in triangles.enumerate() {
+        if let Some(&index) = triangle.iter().find(|&&index| index as usize >= count) {
+            return Err(format!("face {face} refers to vertex {index} of {count}"));
+        }
+        if !broken.is_empty() && triangle.iter().any(|&index| broken[index as usize]) {
+            left_out += 1;
+            continue;
+        }
+        shape.triangles.push(triangle);
+        if let Some(normals) = normals {
+            let corners = triangle.map(|index| normals.get(index as usize).copied().unwrap_or(Vec3::ZERO));
+            flat += usize::from(corners.contains(&Vec3::ZERO));
+            shape.normals.push(corners);
+        }
+    }
+    shape.positions = vertices.positions;
+    report.add_many(NoteKind::LeftOut, "a triangle with a corner that is not a number", name, left_out);
+    report.add_many(NoteKind::Repaired, "a triangle with a normal that is no direction", name, flat);
+    Ok(shape)
+}
