@@ -474,3 +474,92 @@ impl fmt::Display for Problems {
 }
 
 impl std::error::Error for Problems {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_suggested_up_to_a_third_of_their_letters_and_a_length() {
+        let told = |found: &str, known: &[&str]| GraphError::unknown("port", found, known).to_string();
+        // A third of the letters, rounded up, may be wrong.
+        assert_eq!(told("abcd", &["abxy"]), "unknown port `abcd`, did you mean `abxy`?");
+        assert_eq!(told("abcd", &["axyz"]), "unknown port `abcd`; known: axyz");
+        assert_eq!(told("abc", &["abx"]), "unknown port `abc`, did you mean `abx`?");
+        assert_eq!(told("abc", &["axy"]), "unknown port `abc`; known: axy");
+        assert_eq!(told("a", &[]), "unknown port `a`");
+        // The first of several that are as near.
+        assert_eq!(told("abc", &["xyz", "abd", "abe"]), "unknown port `abc`, did you mean `abd`?");
+        let long = "n".repeat(257);
+        assert!(told(&long[1..], &[&long[2..], &long]).ends_with(&format!("did you mean `{}`?", &long[2..])));
+        assert!(told(&long[1..], &[&long]).contains("; known: nnn"), "a known one is too long");
+        assert!(told(&long, &[&long[1..]]).contains("; known: nnn"), "it is too long itself");
+    }
+
+    #[test]
+    fn of_many_names_the_first_are_listed() {
+        let known: Vec<String> = (0..101).map(|index| format!("{index:03}")).collect();
+        let told = |count: usize| GraphError::unknown("port", "out", &known[..count]).to_string();
+        assert!(told(100).ends_with(", 098, 099"), "{}", told(100));
+        assert!(told(101).ends_with(", 099, and 1 more"), "{}", told(101));
+        // And four nodes that are as near.
+        let near = |parts: &[&str]| {
+            GraphError::unknown_node("fill", parts.iter().map(|part| format!("{part}/fill"))).to_string()
+        };
+        assert_eq!(near(&["a"]), "unknown node `fill`, did you mean `a/fill`?");
+        assert_eq!(near(&["a", "b"]), "unknown node `fill`, did you mean `a/fill` or `b/fill`?");
+        let five = near(&["a", "b", "c/d", "e", "f"]);
+        assert_eq!(five, "unknown node `fill`, did you mean `a/fill`, `b/fill`, `c/d/fill` or `e/fill`?");
+        assert_eq!(
+            GraphError::unknown(STAGE_KIND, "mine", ["age"]).to_string(),
+            "unknown stage kind `mine`; known: age; stages of another crate run in the program of that crate"
+        );
+        assert_eq!(GraphError::unknown("port", "aeg", ["age"]).nearest(), Some("age".into()));
+        assert_eq!(GraphError::More(3).nearest(), None);
+    }
+
+    #[test]
+    fn places_are_lines_and_columns_of_characters() {
+        let text = "éa\nbçd\r\n\nend";
+        let place = |start, end| {
+            let Place { line, column, length, text, lead, .. } = Place::of("f", text, Span { start, end });
+            (line, column, length, text, lead)
+        };
+        assert_eq!(place(0, 2), (1, 1, 1, "éa".into(), 0));
+        assert_eq!(place(2, 3), (1, 2, 1, "éa".into(), 1));
+        // The end of a line belongs to it.
+        assert_eq!(place(3, 4), (1, 3, 1, "éa".into(), 2));
+        assert_eq!(place(4, 8), (2, 1, 3, "bçd".into(), 0));
+        // Within a letter: at its begin.
+        assert_eq!(place(6, 6), (2, 2, 1, "bçd".into(), 1));
+        assert_eq!(place(7, 14), (2, 3, 1, "bçd".into(), 2));
+        assert_eq!(place(10, 10), (3, 1, 1, String::new(), 0));
+        assert_eq!(place(11, 14), (4, 1, 3, "end".into(), 0));
+        assert_eq!(place(99, 3), (4, 4, 1, "end".into(), 3));
+        let problem = Problem::new(GraphError::Invalid("no".into()));
+        let shown =
+            |start, end| problem.clone().at(Place::of("f", "\tab\tcd", Span { start, end })).to_string();
+        assert_eq!(shown(4, 6), "f:1:5: no\n   |\n 1 | \tab\tcd\n   | \t  \t^^");
+        assert_eq!(shown(6, 6), "f:1:7: no\n   |\n 1 | \tab\tcd\n   | \t  \t  ^");
+        assert_eq!(problem.clone().at(Place::file("f")).node("n").to_string(), "f: node `n`: no");
+    }
+
+    #[test]
+    fn a_hundred_problems_are_listed_and_the_rest_counted() {
+        let filled = |count| {
+            let mut problems = Problems::default();
+            (0..count)
+                .for_each(|index| problems.add(|| Problem::new(GraphError::Invalid(index.to_string()))));
+            problems
+        };
+        let last = |problems: &Problems| problems.0.last().unwrap().error.to_string();
+        assert_eq!((filled(99).is_full(), filled(100).is_full()), (false, true));
+        assert_eq!((filled(100).0.len(), last(&filled(100))), (100, "99".into()));
+        assert_eq!((filled(101).0.len(), last(&filled(101))), (101, "1 more problems".into()));
+        let mut two = filled(60);
+        two.append(filled(103));
+        assert_eq!((two.0.len(), last(&two)), (101, "63 more problems".into()));
+        two.append(filled(2));
+        assert_eq!(last(&two), "65 more problems");
+    }
+}

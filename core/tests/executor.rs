@@ -1,9 +1,16 @@
 //! The executor on small graphs whose results are known by hand: both sides, mixed, history, kept memory, late
 //! downloads, poison, no pooling.
 
+use std::{
+    thread,
+    time::{Duration, Instant},
+};
+
 use epigraph_core::{
     Access, CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Out, Registry, RunError,
-    Settings, Shader, ShaderModule, Side, Source, Stage, Step, compile, params, testing::gpu, texel,
+    Settings, Shader, ShaderModule, Side, Source, Stage, Step, compile, params,
+    testing::{Random, gpu},
+    texel,
 };
 
 /// Counts frames in kept memory and writes pixel index + 1000 * frame.
@@ -389,8 +396,140 @@ impl Stage for Raise {
     }
 }
 
+/// Takes its time on the CPU.
+struct Slow;
+
+impl Stage for Slow {
+    const KIND: &'static str = "slow";
+    const DOC: &'static str = "Waits.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.optional::<u32>("after", "runs before this one", Extent::Any);
+        io.write::<u32>("nothing", "nothing", Extent::Fixed([1, 1]));
+        Self
+    }
+
+    fn cpu(&self, (): &(), _: &CpuContext) -> Result<(), String> {
+        thread::sleep(Duration::from_millis(20));
+        Ok(())
+    }
+}
+
+/// The texels of a texture as a list.
+struct Unpack {
+    texture: In<texel::R32Uint>,
+    list: Out<u32>,
+}
+
+impl Stage for Unpack {
+    const KIND: &'static str = "unpack";
+    const DOC: &'static str = "Reads a texture.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(Shader::new(
+            "unpack.wgsl",
+            "
+#import frame
+@group(0) @binding(1) var texture: texture_2d<u32>;
+@group(0) @binding(2) var<storage, read_write> list: array<u32>;
+@compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size) { return; }
+    list[id.y * frame.size.x + id.x] = textureLoad(texture, id.xy, 0).x;
+}",
+        ));
+        let texture = io.read("texture", "read", Extent::Frame(1));
+        let list = io.write("list", "its texels", Extent::Frame(1));
+        io.dispatch("main", texture);
+        Self { texture, list }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        cx.write(self.list).copy_from_slice(&cx.read(self.texture));
+        Ok(())
+    }
+}
+
+/// Kept numbers of which now all, now some, now none change, which it reports as it is.
+struct Seldom {
+    numbers: Out<u32>,
+}
+
+impl Stage for Seldom {
+    const KIND: &'static str = "seldom";
+    const DOC: &'static str = "Numbers of which some change.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        Self { numbers: io.persistent("numbers", "the numbers", Extent::Frame(1)) }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let (frame, numbers) = (cx.frame().index as usize, &mut cx.write(self.numbers));
+        match frame * 7 % 5 {
+            0 => numbers.iter_mut().zip(frame as u32..).for_each(|(number, new)| *number = new),
+            1 | 2 => cx.unchanged(self.numbers),
+            three_or_four => {
+                for start in [frame % 31, 31 + frame % 17].into_iter().take(three_or_four - 2) {
+                    numbers[start..start + 3].fill(1000 + frame as u32);
+                    cx.changed(self.numbers, start..start + 3);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Follows from its input and the view.
+struct See {
+    input: In<u32>,
+    output: Out<u32>,
+}
+
+impl Stage for See {
+    const KIND: &'static str = "see";
+    const DOC: &'static str = "Twice its input and the eye's place.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.per_view();
+        io.shader(Shader::new(
+            "see.wgsl",
+            "
+#import frame
+#import index
+@group(0) @binding(1) var<storage, read> input: array<u32>;
+@group(0) @binding(2) var<storage, read_write> output: array<u32>;
+@compute @workgroup_size(64) fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = linear_index(id, groups, 64u);
+    if i < arrayLength(&output) { output[i] = 2u * input[i] + u32(frame.view.eye.x); }
+}",
+        ));
+        let input = io.read("input", "read", Extent::Any);
+        let output = io.write("output", "written", Extent::Like("input".into()));
+        io.dispatch("main", output);
+        Self { input, output }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let eye = cx.frame().view.eye[0] as u32;
+        for (output, input) in cx.write(self.output).iter_mut().zip(&*cx.read(self.input)) {
+            *output = input.wrapping_mul(2).wrapping_add(eye);
+        }
+        Ok(())
+    }
+}
+
 fn registry() -> Registry {
     Registry::default()
+        .with::<Slow>()
+        .with::<Unpack>()
+        .with::<Seldom>()
+        .with::<See>()
         .with_module(ShaderModule::new("frame", epigraph_shaders::text("shared/frame.wgsl")))
         .with_module(ShaderModule::new("index", epigraph_shaders::text("shared/index.wgsl")))
         .with::<Ramp>()
@@ -666,6 +805,162 @@ fn late_downloads_are_exactly_that_late() {
     (4..8).for_each(|index| run(first, index));
     assert_eq!(seen[2..9], [1008, 2008, 3008, 4008, 5008, 6008, 7008]);
     assert_eq!(seen[11..], [5008, 6008]);
+}
+
+#[test]
+fn steps_are_timed_in_milliseconds_since_the_frame_began() {
+    let text = r#"Graph(version: 1, nodes: {
+        "first": (kind: "slow"),
+        "second": (kind: "slow", inputs: { "after": "first.nothing" }),
+    }, outputs: { "image": "second.nothing" })"#;
+    let file = GraphFile::parse("slow.ron", text).unwrap();
+    let mut executor = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
+    for index in 0..2 {
+        let start = Instant::now();
+        executor.run(&frame(index), &Host::default(), false).unwrap();
+        let took = start.elapsed().as_secs_f32() * 1000.0;
+        let (starts, times) = (executor.starts(), executor.times());
+        assert!(times[..2].iter().all(|time| *time >= 20.0), "{times:?}");
+        assert!(0.0 <= starts[0] && starts[1] >= starts[0] + times[0] - 0.01, "{starts:?} {times:?}");
+        assert!(starts[1] + times[1] <= took, "{starts:?} {times:?} of {took} ms");
+    }
+    // What is not measured keeps its times.
+    executor.profile = false;
+    let before = [executor.starts().to_vec(), executor.times().to_vec()];
+    executor.run(&frame(2), &Host::default(), false).unwrap();
+    assert_eq!([executor.starts(), executor.times()], [&before[0][..], &before[1]]);
+}
+
+#[test]
+fn each_step_tells_what_it_moved() {
+    let text = r#"#![enable(implicit_some)]
+        Graph(version: 1, nodes: {
+            "rarely": (kind: "rarely"),
+            "look": (kind: "look", on: Gpu, inputs: { "input": "rarely.numbers" }),
+            "bump": (kind: "bump", on: Cpu, inputs: { "list": "look.output" }),
+            "late": (kind: "look", on: Cpu, download: Latent(2), inputs: { "input": "ramp.ramp" }),
+            "ramp": (kind: "ramp", on: Gpu),
+        }, outputs: { "image": "bump.list", "late": "late.output" })"#;
+    let file = GraphFile::parse("moved.ron", text).unwrap();
+    let mut executor = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
+    let all = 4 * u64::from(SIZE[0] * SIZE[1]);
+    for index in 0..6 {
+        executor.run(&frame(index), &Host::default(), true).unwrap();
+        for (step, moved) in executor.plan().steps.iter().zip(executor.moved()) {
+            let name = executor.plan().step_name(step);
+            let expected = match step {
+                // The numbers change in frames 1 and 4.
+                Step::Upload(_) => all * u64::from([0, 1, 4].contains(&index)),
+                Step::Download(..) => all,
+                Step::Run(_) | Step::Tap { .. } => 0,
+            };
+            assert_eq!(*moved, expected, "{name}, frame {index}");
+        }
+    }
+}
+
+/// A random graph of lists; `on` says where its nodes run. The names of its outputs begin with `o`.
+fn random_graph(random: &mut Random, on: impl Fn(usize) -> &'static str) -> String {
+    let mut nodes = vec![
+        (String::from(r#"kind: "ramp""#), "ramp", true),
+        (String::from(r#"kind: "seldom""#), "numbers", false),
+    ];
+    for _ in 0..3 + random.below(5) {
+        let mut list = |nodes: &Vec<(String, &str, bool)>| {
+            let [a, b] = [0, 1].map(|_| random.below(nodes.len() as u32) as usize);
+            let (node, port) = (a.max(b), nodes[a.max(b)].1);
+            format!("n{node}.{port}")
+        };
+        let (one, other) = (list(&nodes), list(&nodes));
+        match random.below(4) {
+            0 => nodes.push((format!(r#"kind: "bump", inputs: {{ "list": {one:?} }}"#), "list", true)),
+            1 | 2 => nodes.push((format!(r#"kind: "see", inputs: {{ "input": {one:?} }}"#), "output", true)),
+            _ => {
+                let weight = random.below(4);
+                let inputs = format!(r#"inputs: {{ "now": {one:?}, "before": {other:?} }}"#);
+                let mix = format!(r#"kind: "mix", {inputs}, params: (weight: {weight})"#);
+                let texture = format!(r#"kind: "unpack", inputs: {{ "texture": "n{}.sum" }}"#, nodes.len());
+                nodes.extend([(mix, "", true), (texture, "list", true)]);
+                // Lists only may be read from now on.
+                let last = nodes.len() - 1;
+                nodes[last - 1].1 = nodes[last].1;
+            }
+        }
+    }
+    let mut text = "#![enable(implicit_some)]\nGraph(version: 1, nodes: {\n".to_owned();
+    for (index, (node, _, has_shader)) in nodes.iter().enumerate() {
+        let on = if *has_shader { on(index) } else { "Cpu" };
+        text += &format!("\"n{index}\": (on: {on}, {node}),\n");
+    }
+    let outputs = (0..3).map(|index| {
+        let node = nodes.len() - 1 - random.below(nodes.len().min(4) as u32) as usize;
+        format!("\"o{index}\": \"n{node}.{}\"", nodes[node].1)
+    });
+    let outputs: Vec<String> = outputs.collect();
+    text + &format!("}}, outputs: {{ {} }})", outputs.join(", "))
+}
+
+#[test]
+fn random_graphs_give_the_same_on_any_sides_skipped_pooled_and_recompiled() {
+    let mut random = Random(5);
+    let (mut rounds, mut skipped) = (0, 0);
+    while rounds < 80 {
+        let seed = random.0;
+        // The same graph with other placements: the first is the reference, all on the CPU with nothing left out.
+        let mut place = Random(random.bits().into());
+        let placed: Vec<Vec<bool>> = (0..3).map(|_| (0..20).map(|_| place.below(2) == 0).collect()).collect();
+        let text = |which: Option<usize>| {
+            let on = |node: usize| match which {
+                Some(which) if placed[which][node] => "Gpu",
+                _ => "Cpu",
+            };
+            random_graph(&mut Random(seed), on)
+        };
+        random_graph(&mut random, |_| "Cpu");
+        let mut settings = Settings::new(SIZE, 0, Facts::none());
+        (settings.prune, settings.pooling) = (false, false);
+        let file = |which| GraphFile::parse("random.ron", &text(which)).unwrap();
+        // Some lists are changed in place twice, or have no value of the frame before.
+        if compile(&file(None), &registry(), &settings).is_err() {
+            continue;
+        }
+        rounds += 1;
+        let mut reference = executor(&file(None), &settings);
+        let mut tested = |which: usize| {
+            let settings = Settings {
+                poison: random.below(2) == 0,
+                pooling: random.below(4) > 0,
+                ..Settings::new(SIZE, 0, Facts::none())
+            };
+            executor(&file(Some(which)), &settings)
+        };
+        let (mut current, mut next) = (tested(0), vec![tested(2), tested(1)]);
+        let mut eye = 0.0;
+        for index in 0..9 {
+            // Two compiled anew take over, one after the other.
+            if index % 3 == 2
+                && let Some(mut new) = next.pop()
+            {
+                new.inherit(&mut current).unwrap();
+                current = new;
+            }
+            if place.below(3) == 0 {
+                eye = place.below(100) as f32;
+            }
+            let mut frame = frame(index);
+            frame.view.eye[0] = eye;
+            for executor in [&mut reference, &mut current] {
+                executor.run(&frame, &Host::default(), true).unwrap();
+            }
+            skipped += current.ran().iter().filter(|ran| !**ran).count();
+            for output in ["o0", "o1", "o2"] {
+                let [expected, found] = [&mut reference, &mut current]
+                    .map(|executor| executor.snapshot(output, "").unwrap().unwrap().get::<u32>());
+                assert_eq!(found, expected, "{output}, frame {index}, {}", text(Some(0)));
+            }
+        }
+    }
+    assert!(skipped > 120, "{skipped} nodes were skipped");
 }
 
 #[test]

@@ -221,6 +221,7 @@ fn parameters_of_graphs_are_checked_where_they_are_written() {
         r#""p": (default: 1)"#,
         r#""p": (default: 1, range: (0.0, 2.0), doc: "Words.", unit: "m")"#,
         r#""p": (default: 0.1, range: (0.1, 2))"#,
+        r#""p": (default: 2, range: (2, 2))"#,
     ] {
         declared(good).unwrap_or_else(|problems| panic!("{good}: {problems}"));
     }
@@ -459,6 +460,34 @@ fn what_multiplies_is_bounded() {
     let expected =
         "62.ron:1:64: node `a`: more than 64 graphs are within each other: top.ron -> 0.ron -> 1.ron -> ";
     assert!(text.contains(expected), "{text}");
+    // As many as that, and not one more, may be.
+    for (last, fits) in [(62, true), (63, false)] {
+        let end = "Graph(version: 1, nodes: { \"d\": (kind: \"digit\") }, outputs: {})".to_owned();
+        let chain: Vec<(&str, &str)> = parts
+            .iter()
+            .enumerate()
+            .map(|(level, (name, text))| (*name, if level == last { &end[..] } else { text }))
+            .collect();
+        let file = file("", &format!("{node} \"a\": (kind: \"digit\")"), "a.to", &chain);
+        assert_eq!(file.is_ok(), fits, "{last}");
+    }
+    // 39 * 256 + 16 are 10,000.
+    for (last, fits) in [(16, true), (17, false)] {
+        let node = |name: String, times: u32| {
+            let repeat = format!("repeat: (times: {times}, through: {{ \"from\": \"to\" }})");
+            format!("\"{name}\": (kind: \"digit\", {repeat}),")
+        };
+        let nodes: String = (0..39).map(|index| node(format!("n{index}"), 256)).collect();
+        let found = file("", &(nodes + &node("last".into(), last)), "last.to", &[]).unwrap();
+        assert_eq!(found.stages(&Registry::default().with::<Digit>()).is_ok(), fits, "{last}");
+    }
+    for (count, fits) in [(1000, true), (1001, false)] {
+        let node = |index| format!("\"n{index}\": (kind: \"graph\", params: (file: \"63.ron\")),");
+        let nodes: String = (0..count).map(node).collect();
+        let end = ("63.ron", "Graph(version: 1, nodes: { \"d\": (kind: \"digit\") }, outputs: {})");
+        let file = file("", &format!("{nodes} \"a\": (kind: \"digit\")"), "a.to", &[end]);
+        assert_eq!(file.is_ok(), fits, "{count}");
+    }
 }
 
 #[test]
@@ -556,6 +585,29 @@ fn a_place_in_a_long_line_is_shown_with_what_is_around_it() {
     assert_eq!(underlined, "wrong");
     let problem = epigraph_core::Problem::new(epigraph_core::GraphError::Invalid("no".into())).at(place);
     assert!(problem.to_string().ends_with(&format!("| {}^^^^^", " ".repeat(83))), "{problem}");
+    // Lines are cut only if they are longer than that, and marked where they are cut.
+    let at = |line: &str, start| {
+        epigraph_core::Place::of("g.ron", line, epigraph_core::Span { start, end: start + 1 })
+    };
+    let letters = "abcdefghij".repeat(41);
+    for start in [0, 79, 80, 81, 399] {
+        assert_eq!(
+            (at(&letters[..400], start).text, at(&letters[..400], start).lead),
+            (letters[..400].into(), start)
+        );
+    }
+    let cut = &letters[..401];
+    for (start, text, lead) in [
+        (0, format!("{}...", &cut[..160]), 0),
+        (80, format!("{}...", &cut[..160]), 80),
+        (81, format!("...{}...", &cut[1..161]), 83),
+        (240, format!("...{}...", &cut[160..320]), 83),
+        (320, format!("...{}...", &cut[240..400]), 83),
+        (321, format!("...{}", &cut[241..401]), 83),
+        (400, format!("...{}", &cut[320..401]), 83),
+    ] {
+        assert_eq!((at(cut, start).text, at(cut, start).lead), (text, lead), "{start}");
+    }
     // Names as long as the line are not compared with others.
     let name = "n".repeat(100_000);
     let node = format!("\"{name}\": (kind: \"digit\", inputs: {{ \"from\": \"{}m.to\" }})", &name[1..]);

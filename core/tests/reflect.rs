@@ -832,6 +832,19 @@ fn errors_name_the_file_and_the_line() {
     assert!(error.contains("shader test.wgsl: line 4"), "{error}");
     assert!(error.contains("`sed`") && error.contains("in `return frame.sed;`"), "{error}");
 
+    // At the first byte of a file.
+    for (text, line) in [("? fn", "? fn"), ("#import frame\n? fn", "? fn")] {
+        let error = compose_error(text);
+        assert!(
+            error.contains("shader test.wgsl: line") && error.ends_with(&format!("in `{line}`")),
+            "{error}"
+        );
+    }
+    let mut first = library();
+    first.modules.push(ShaderModule::new("first.wgsl", "? fn"));
+    let error = compose_shader(&shader("#import first\n", &[]), &first, Needs::default()).unwrap_err();
+    assert!(error.to_string().contains("shader first.wgsl: line 1, column 1"), "{error}");
+
     let invalid = compose_error("\nfn f() -> u32 {\n}\n");
     assert!(invalid.contains("test.wgsl: line 2") && invalid.contains("return"), "{invalid}");
 

@@ -659,6 +659,112 @@ mod tests {
         assert_eq!(seen, [(false, -1.0), (true, 0.0), (true, 0.0), (true, 0.0)]);
     }
 
+    /// Works on a list for a while, on the GPU.
+    struct Work;
+
+    crate::params! {
+        struct WorkParams {
+            /// Whether it is skipped while the view and the list are the same.
+            skipped: bool = false;
+        }
+    }
+
+    impl Stage for Work {
+        const KIND: &'static str = "work";
+        const DOC: &'static str = "Takes a while.";
+        type Params = WorkParams;
+        fn declare(params: &WorkParams, io: &mut Io) -> Self {
+            let source = "@group(0) @binding(0) var<storage, read> in: array<u32>;
+                @group(0) @binding(1) var<storage, read_write> out: array<u32>;
+                fn work(index: u32) {
+                    if index >= arrayLength(&out) { return; }
+                    var number = in[index];
+                    for (var i = 0u; i < 100000u; i++) { number = number * 1664525u + 1013904223u; }
+                    out[index] = number;
+                }
+                @compute @workgroup_size(64) fn first(@builtin(global_invocation_id) id: vec3<u32>) { work(id.x); }
+                @compute @workgroup_size(64) fn again(@builtin(global_invocation_id) id: vec3<u32>) { work(id.x); }";
+            if params.skipped {
+                io.per_view();
+            }
+            io.shader(Shader::new("work.wgsl", source));
+            io.read::<u32>("in", "numbers", Extent::Any);
+            let out = io.write::<u32>("out", "other numbers", Extent::Like("in".into()));
+            io.dispatch("first", out);
+            io.dispatch("again", out);
+            Self
+        }
+        fn cpu(&self, _: &WorkParams, _: &CpuContext) -> Result<(), String> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_device_that_keeps_time_tells_when_each_node_ran_and_how_long() {
+        let text = r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {
+                "fill": (kind: "fill", on: Cpu),
+                "first": (kind: "work", on: Gpu, inputs: { "in": "fill.out" }),
+                "once": (kind: "work", on: Gpu, inputs: { "in": "kept.out" }, params: (skipped: true)),
+                "kept": (kind: "keep"),
+                "last": (kind: "work", on: Gpu, inputs: { "in": "first.out" }),
+            }, outputs: { "image": "last.out", "other": "once.out" })"#;
+        let file = GraphFile::parse("work.ron", text).unwrap();
+        let registry = Registry::default().with::<Fill>().with::<Work>().with::<Keep>();
+        let settings = Settings::new([8, 8], 0, crate::facts::Facts::none());
+        let (graph, plan) = compile(&file, &registry, &settings).unwrap();
+        let mut executor = Executor::new(graph, plan, &settings, &registry, Some(gpu())).unwrap();
+        executor.gpu.as_mut().unwrap().keep_time();
+        if !executor.gpu_has_clock() {
+            return;
+        }
+        let mut before = 0.0;
+        for frame in 0..4 {
+            let start = Instant::now();
+            run(&mut executor).unwrap();
+            let took = start.elapsed().as_secs_f32() * 1000.0;
+            let span = |name| {
+                let step = executor.step_of_node[&executor.graph.node(name).unwrap()];
+                [executor.starts[step], executor.starts[step] + executor.times[step]]
+            };
+            let [fill, first, once, last] = ["fill", "first", "once", "last"].map(span);
+            assert!(0.0 <= fill[0] && fill[0] <= fill[1] && fill[1] <= took, "{fill:?} of {took} ms");
+            // The others are those of the frame before.
+            let on_device = [first, once, last];
+            let begin = on_device.iter().map(|span| span[0]).fold(f32::MAX, f32::min);
+            assert_eq!(begin, 0.0, "frame {frame}: {on_device:?}");
+            match frame {
+                0 => assert_eq!(on_device, [[0.0; 2]; 3]),
+                1 => assert!(once[1] > once[0] && last[0] >= once[1].min(first[1]), "{on_device:?}"),
+                _ => assert_eq!(once, [0.0; 2], "it did not run in frame {}", frame - 1),
+            }
+            if frame > 0 {
+                let worked = first[1] - first[0] + last[1] - last[0];
+                assert!(last[0] >= first[1] - 1e-3, "frame {frame}: {on_device:?}");
+                // The rest is submission and waiting.
+                assert!(worked > 0.1 * before && last[1] <= before, "{on_device:?} of {before} ms");
+            }
+            before = took;
+        }
+    }
+
+    /// Only owns memory.
+    struct Keep;
+
+    impl Stage for Keep {
+        const KIND: &'static str = "keep";
+        const DOC: &'static str = "Keeps a list.";
+        type Params = ();
+        fn declare((): &(), io: &mut Io) -> Self {
+            io.idle();
+            io.persistent::<u32>("out", "kept", Extent::Frame(1));
+            Self
+        }
+        fn cpu(&self, (): &(), _: &CpuContext) -> Result<(), String> {
+            Ok(())
+        }
+    }
+
     #[test]
     fn after_an_error_of_the_device_the_next_frame_runs() {
         let gpu = gpu();

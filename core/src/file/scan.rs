@@ -248,6 +248,7 @@ fn character(text: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::Random;
 
     fn tokens(text: &str) -> Vec<&str> {
         let tokens = Tokens { text, at: 0, end: text.len() };
@@ -276,5 +277,115 @@ mod tests {
         ] {
             assert_eq!(tokens(text), expected, "{text}");
         }
+    }
+
+    /// What [`block`] should find: the spans that a text was written with.
+    #[derive(Debug, Default, PartialEq)]
+    struct Written {
+        name: Option<Span>,
+        open: usize,
+        close: usize,
+        items: Vec<WrittenItem>,
+    }
+
+    /// Key, value, comma, and what is in the value.
+    type WrittenItem = (Option<Span>, Span, Option<usize>, Option<Written>);
+
+    fn trivia_at_random(text: &mut String, random: &mut Random) {
+        const TRIVIA: [&str; 8] =
+            [" ", "\n    ", "// a, (\n", "/* ] , */", "/* /* \" */ ) */ ", "\u{200E}", "\t", "//\n"];
+        for _ in 0..random.below(3) {
+            *text += TRIVIA[random.below(8) as usize];
+        }
+    }
+
+    /// Writes a value, and returns its span and what is in it.
+    fn value_at_random(text: &mut String, depth: u32, random: &mut Random) -> (Span, Option<Written>) {
+        const LITERALS: [&str; 10] = [
+            "1",
+            "-2.5e+3",
+            "é_1",
+            r#""a, (\"""#,
+            "'('",
+            r"'\''",
+            r##"r#")", "#"##,
+            r#"b"]\\""#,
+            "b','",
+            "r#in",
+        ];
+        let start = text.len();
+        if depth == 0 || random.below(2) == 0 {
+            *text += LITERALS[random.below(10) as usize];
+            return (Span { start, end: text.len() }, None);
+        }
+        let mut written = Written::default();
+        if random.below(3) == 0 {
+            *text += ["Name", "é", "r#if"][random.below(3) as usize];
+            written.name = Some(Span { start, end: text.len() });
+            trivia_at_random(text, random);
+        }
+        let [open, close] = [['(', ')'], ['[', ']'], ['{', '}']][random.below(3) as usize];
+        written.open = text.len();
+        text.push(open);
+        let count = random.below(4);
+        for index in 0..count {
+            trivia_at_random(text, random);
+            let key = (random.below(2) == 0).then(|| {
+                let (key, _) = value_at_random(text, 0, random);
+                trivia_at_random(text, random);
+                text.push(':');
+                trivia_at_random(text, random);
+                key
+            });
+            let (value, inner) = value_at_random(text, depth - 1, random);
+            trivia_at_random(text, random);
+            let comma = (index + 1 < count || random.below(2) == 0).then(|| {
+                text.push(',');
+                text.len() - 1
+            });
+            written.items.push((key, value, comma, inner));
+        }
+        trivia_at_random(text, random);
+        written.close = text.len();
+        text.push(close);
+        (Span { start, end: text.len() }, Some(written))
+    }
+
+    /// What [`block`] finds, recursively.
+    fn read(text: &str, span: Span) -> Option<Written> {
+        let Block { name, open, close, items } = block(text, span)?;
+        let item = |Item { key, value, comma }| (key, value, comma, read(text, value));
+        Some(Written { name, open, close, items: items.into_iter().map(item).collect() })
+    }
+
+    /// All pairs of brackets.
+    fn brackets(written: &Written, found: &mut Vec<[usize; 2]>) {
+        found.push([written.open, written.close]);
+        written.items.iter().filter_map(|item| item.3.as_ref()).for_each(|inner| brackets(inner, found));
+    }
+
+    #[test]
+    fn random_values_are_split_as_they_were_written() {
+        let mut random = Random(3);
+        for _ in 0..2000 {
+            let mut text = String::new();
+            trivia_at_random(&mut text, &mut random);
+            for _ in 0..random.below(3) {
+                text += "#![enable(implicit_some, [a])]";
+                trivia_at_random(&mut text, &mut random);
+            }
+            let (span, written) = value_at_random(&mut text, 4, &mut random);
+            trivia_at_random(&mut text, &mut random);
+            assert_eq!(root(&text), Some(span), "{text}");
+            assert_eq!(read(&text, span), written, "{text}");
+            let mut all = Vec::new();
+            written.iter().for_each(|written| brackets(written, &mut all));
+            for at in (span.start..=text.len()).filter(|at| text.is_char_boundary(*at)) {
+                let around = all.iter().filter(|[open, close]| *open < at && at <= *close);
+                let innermost = around.map(|[open, _]| *open).max();
+                assert_eq!(open_bracket(&text[..], at), innermost, "{at} in {text}");
+            }
+        }
+        assert_eq!(root(" // nothing"), None);
     }
 }

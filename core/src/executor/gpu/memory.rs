@@ -280,7 +280,95 @@ pub(super) fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> IndexVec<Slo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::port::{Member, PortElement};
+    use crate::{
+        AdapterChoice, CpuContext, Extent, Facts, GraphFile, Io, Registry, Settings, Shader, Stage, compile,
+        port::{Member, PortElement, texel},
+    };
+
+    #[test]
+    fn rows_of_textures_are_padded_and_buffers_are_not() {
+        let layout = |element: &Element, width, height| Layout::new(element, Dims { width, height });
+        let narrow = layout(&Element::Texel(Format::Rgba16Float), 33, 3);
+        assert!(!narrow.is_packed());
+        assert_eq!(narrow.staged_bytes(), 3 * 512);
+        let bytes: Vec<u8> = (0..3 * 33 * 8).map(|at| (at % 251) as u8 + 1).collect();
+        let mut staged = vec![0; 3 * 512];
+        narrow.pad(&bytes, &mut staged);
+        for (row, staged) in staged.chunks(512).enumerate() {
+            let (texels, padding) = staged.split_at(33 * 8);
+            assert_eq!(texels, &bytes[row * 33 * 8..][..33 * 8]);
+            assert!(padding.iter().all(|byte| *byte == 0));
+        }
+        let mut back = vec![0; bytes.len()];
+        narrow.unpad(&staged, &mut back);
+        assert_eq!(back, bytes);
+        let fitting = layout(&Element::Texel(Format::R32Uint), 64, 5);
+        assert!(fitting.is_packed());
+        assert_eq!(fitting.staged_bytes(), 5 * 256);
+        let buffer = layout(&<[f32; 2]>::element(), 3, 7);
+        assert!(buffer.is_packed());
+        assert_eq!(buffer.staged_bytes(), 3 * 7 * 8);
+        let mut copied = vec![0; 3 * 7 * 8];
+        buffer.unpad(&bytes[..copied.len()], &mut copied);
+        assert_eq!(copied, bytes[..copied.len()]);
+    }
+
+    /// Writes 16 bytes for each pixel to a buffer, or a texture with one texel more than pixels on each axis.
+    struct Large;
+
+    crate::params! {
+        struct LargeParams {
+            /// A texture instead of a buffer.
+            texture: bool = false;
+        }
+    }
+
+    impl Stage for Large {
+        const KIND: &'static str = "large";
+        const DOC: &'static str = "Much memory.";
+        type Params = LargeParams;
+        fn declare(params: &LargeParams, io: &mut Io) -> Self {
+            io.shader(Shader::new("large.wgsl", ""));
+            let out = match params.texture {
+                true => FieldRef::from(io.write::<texel::R32Float>("out", "written", Extent::Corners)),
+                false => io.write::<[f32; 4]>("out", "written", Extent::Frame(1)).into(),
+            };
+            io.dispatch("main", out);
+            Self
+        }
+        fn cpu(&self, _: &LargeParams, _: &CpuContext) -> Result<(), String> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn what_shaders_can_bind_reaches_up_to_the_limits() {
+        let gpu = Gpu::open(AdapterChoice::Any).unwrap();
+        let limits = gpu.device.limits();
+        let check = |texture: bool, size| {
+            let text = format!(
+                "Graph(version: 1, nodes: {{ \"large\": (kind: \"large\", on: Gpu, params: (texture: {texture})) }}, \
+                 outputs: {{ \"image\": \"large.out\" }})"
+            );
+            let file = GraphFile::parse("large.ron", &text).unwrap();
+            let registry = Registry::default().with::<Large>();
+            let (_, plan) = compile(&file, &registry, &Settings::new(size, 0, Facts::none())).unwrap();
+            check_limits(&gpu, &plan)
+        };
+        let side = limits.max_texture_dimension_2d.min(crate::MAX_SIDE);
+        for (fits, exceeds) in [([side - 1, 3], [side, 3]), ([3, side - 1], [3, side])] {
+            assert_eq!(check(true, fits), Ok(()));
+            // If textures may be larger than any frame, there is nothing to exceed.
+            if side == limits.max_texture_dimension_2d {
+                assert!(matches!(check(true, exceeds), Err(RunError::Gpu(_))));
+            }
+        }
+        // Buffers are as large as their number of pixels: rows that fill the limit to the last element.
+        let width = 4096;
+        let rows = u32::try_from(limits.max_storage_buffer_binding_size / (16 * u64::from(width))).unwrap();
+        assert_eq!(check(false, [width, rows]), Ok(()));
+        assert!(matches!(check(false, [width, rows + 1]), Err(RunError::Gpu(_))));
+    }
 
     #[test]
     fn poison_is_not_a_number_where_all_is_float_and_else_a_known_word() {

@@ -131,7 +131,7 @@ impl GpuSide {
         self.clock.is_some()
     }
 
-    /// The begins and durations of the nodes of frame `frame`, as [`Clock::read`] returns them, if the device measures
+    /// The begins and durations of the nodes of frame `frame`, as [`Clock::read`] hands them on, if the device measures
     /// time.
     pub fn node_times(
         &mut self,

@@ -177,11 +177,7 @@ impl Builder<'_> {
 
     fn groups(&self, threads: Threads, size: [u32; 3], node: NodeId) -> Groups {
         let dims = &self.graph.nodes[node].dims;
-        let list = |count: usize| {
-            let groups = u32::try_from(count.div_ceil(size[0] as usize)).unwrap_or(u32::MAX).max(1);
-            let x = groups.min(MAX_GROUPS_X);
-            [x, groups.div_ceil(x)]
-        };
+        let list = |count: usize| in_rows(count, size[0]);
         Groups::Known(match threads {
             Threads::Over(at) => {
                 let dims = dims[at.port as usize];
@@ -253,6 +249,36 @@ impl Builder<'_> {
     }
 }
 
+/// The numbers of workgroups along x and y for this many threads, of which a workgroup has `width` in a row.
+fn in_rows(threads: usize, width: u32) -> [u32; 2] {
+    let groups = u32::try_from(threads.div_ceil(width as usize)).unwrap_or(u32::MAX).max(1);
+    let x = groups.min(MAX_GROUPS_X);
+    [x, groups.div_ceil(x)]
+}
+
 fn entry_of<'r>(reflected: &'r Reflected, name: &str) -> &'r Entry {
     reflected.entry(name).expect("checked: every pass has its entry point").1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_have_a_thread_for_each_element_in_rows_of_workgroups() {
+        let most = MAX_GROUPS_X as usize;
+        for (threads, width, expected) in [
+            (0, 64, [1, 1]),
+            (1, 64, [1, 1]),
+            (64, 64, [1, 1]),
+            (65, 64, [2, 1]),
+            (most, 1, [MAX_GROUPS_X, 1]),
+            (64 * most - 1, 64, [MAX_GROUPS_X, 1]),
+            (64 * most + 1, 64, [MAX_GROUPS_X, 2]),
+            (2 * most + 1, 1, [MAX_GROUPS_X, 3]),
+            (usize::MAX, 1, [MAX_GROUPS_X, u32::MAX.div_ceil(MAX_GROUPS_X)]),
+        ] {
+            assert_eq!(in_rows(threads, width), expected, "{threads} threads, {width} in a workgroup");
+        }
+    }
 }
