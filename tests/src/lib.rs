@@ -7,7 +7,7 @@ use std::{
 };
 
 use epigraph::{Device, Place, Samples, Setup, Snapshot, Source, graphs::Shipped};
-use epigraph_core::{Facts, GraphFile, Settings, Side};
+use epigraph_core::{Facts, GraphFile, Port, Settings, Side};
 use epigraph_scenes::Scene;
 use epigraph_stages::facts::CAMERA_MOVES;
 
@@ -97,9 +97,22 @@ impl Run {
     /// # Panics
     /// On any error.
     pub fn with_all_ports(file: &GraphFile, place: &Place, settings: &Settings) -> Self {
+        Self::with_ports(file, place, settings, |port| !port.scratch)
+    }
+
+    /// The same with those of the ports that are `wanted`.
+    ///
+    /// # Panics
+    /// On any error.
+    pub fn with_ports(
+        file: &GraphFile,
+        place: &Place,
+        settings: &Settings,
+        wanted: impl Fn(&Port) -> bool,
+    ) -> Self {
         let setup = setup(file, place, settings).compile().unwrap_or_else(|error| panic!("{error}"));
         let written = setup.graph().nodes.iter().flat_map(|node| {
-            let ports = node.declaration().ports.iter().filter(|port| port.is_output() && !port.scratch);
+            let ports = node.declaration().ports.iter().filter(|port| port.is_output() && wanted(port));
             ports.map(|port| Source { node: node.name.clone(), port: port.name.to_string() })
         });
         Self::at(file, place, &Settings { taps: written.collect(), ..settings.clone() })

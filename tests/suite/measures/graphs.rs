@@ -1,5 +1,7 @@
 //! The ports of the shipped graphs, and what their stages explain about pixels.
 
+use std::collections::HashSet;
+
 use epigraph::Place;
 use epigraph_core::{Capture, GraphFile, Settings, Snapshot};
 use epigraph_tests::{GRAPHS, Run, graph, sampled};
@@ -36,12 +38,20 @@ impl Figure {
 
 /// Runs some frames on the CPU, and adds figures of all ports and of what the stages explain.
 fn measure(what: &str, file: &GraphFile, place: &Place, settings: &Settings, figures: &mut Figures) {
-    let mut run = Run::with_all_ports(file, place, settings);
+    // What stages explain follows from their scratch ports too.
+    let mut run = Run::with_ports(file, place, settings, |_| true);
+    let nodes = run.graph().nodes.iter();
+    let scratch: HashSet<String> = nodes
+        .flat_map(|node| {
+            let ports = node.declaration().ports.iter().filter(|port| port.scratch);
+            ports.map(|port| format!("{}.{}", node.name, port.name))
+        })
+        .collect();
     for _ in 0..5 {
         let frame = run.next_frame();
         run.frame(true);
         let snapshots = run.executor.snapshots().expect("on the CPU");
-        for snapshot in &snapshots {
+        for snapshot in snapshots.iter().filter(|snapshot| !scratch.contains(&snapshot.name)) {
             let Snapshot { name, field, .. } = snapshot;
             let dot = if field.is_empty() { "" } else { "." };
             figures.entry(format!("{what} {name}{dot}{field}")).or_default().port(snapshot);
@@ -50,7 +60,7 @@ fn measure(what: &str, file: &GraphFile, place: &Place, settings: &Settings, fig
         let graph = run.graph();
         let [width, height] = settings.size;
         for (id, node) in graph.nodes.iter_enumerated() {
-            for pixel in (0..width * height).step_by(37) {
+            for pixel in (0..width * height).step_by(13) {
                 let site = capture.site(graph, id, [pixel % width, pixel / width], Some(pixel as usize));
                 if let Some(findings) = node.stage.explain(&site) {
                     figures.entry(format!("{what} {} explained", node.name)).or_default().debug(&findings);
