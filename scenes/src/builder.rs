@@ -1,14 +1,15 @@
 use std::{ops::Range, sync::Arc};
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::edges::find_edges;
 use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, MAX_TRIANGLES};
 use crate::mesh::bounds_of;
 use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
+use crate::shape::append;
 use crate::weld::weld_bodies;
-use crate::{Camera, Light, Material, Mesh, Report, Scene, Shape};
+use crate::{Camera, Light, Material, Mesh, Report, Scene, Shape, Texture};
 
 /// Default crease angle in degrees: faces that meet at a larger angle form a crease.
 pub const CREASE_ANGLE: f32 = 40.0;
@@ -115,11 +116,13 @@ pub struct SceneBuilder {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
     normals: Vec<[Vec3; 3]>,
-    has_normals: bool,
+    uvs: [Vec<[Vec2; 3]>; 2],
+    colors: Vec<[Vec4; 3]>,
     material: Vec<u32>,
     object: Vec<u32>,
     objects: u32,
     materials: Vec<Material>,
+    textures: Vec<Arc<Texture>>,
     lights: Vec<Light>,
     moving: Vec<Moving>,
     /// See [`Scene::origin`]; what is added is relative to it.
@@ -140,6 +143,15 @@ impl SceneBuilder {
         self.materials.len() as u32 - 1
     }
 
+    /// Adds a texture that maps of materials use, once however often it is added, and returns its index.
+    pub fn texture(&mut self, texture: &Arc<Texture>) -> usize {
+        let found = self.textures.iter().position(|known| Arc::ptr_eq(known, texture));
+        found.unwrap_or_else(|| {
+            self.textures.push(texture.clone());
+            self.textures.len() - 1
+        })
+    }
+
     /// Adds a shape of one material as an object of its own.
     ///
     /// # Errors
@@ -150,9 +162,12 @@ impl SceneBuilder {
         let base = self.positions.len();
         self.positions.extend(&shape.positions);
         self.triangles.extend(shape.triangles.iter().map(|t| t.map(|i| i + base as u32)));
-        self.normals.extend(&shape.normals);
-        self.normals.resize(self.triangles.len(), [Vec3::ZERO; 3]);
-        self.has_normals |= !shape.normals.is_empty();
+        let triangles = self.triangles.len();
+        append(&mut self.normals, &shape.normals, triangles, [Vec3::ZERO; 3]);
+        for (set, added) in self.uvs.iter_mut().zip(&shape.uvs) {
+            append(set, added, triangles, [Vec2::ZERO; 3]);
+        }
+        append(&mut self.colors, &shape.colors, triangles, [Vec4::ONE; 3]);
         self.material.resize(self.triangles.len(), material);
         self.object.resize(self.triangles.len(), self.objects);
         self.objects += 1;
@@ -207,13 +222,18 @@ impl SceneBuilder {
         self.lights.push(Light::Point { position, intensity });
     }
 
+    /// Adds a spot light; see [`Light::Spot`].
+    pub fn spot_light(&mut self, position: Vec3, axis: Vec3, intensity: Vec3, cosines: [f32; 2]) {
+        self.lights.push(Light::Spot { position, axis, intensity, cosines });
+    }
+
     /// Adds a quad light that emits towards `u x v`, and its two triangles.
     ///
     /// # Errors
     /// Those of [`add`](Self::add).
     pub fn quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: Vec3) -> Result<(), MeshError> {
         let name = format!("light {}", self.lights.len());
-        let material = self.material(Material { emission: radiance, ..Material::diffuse(name, Vec3::ZERO) });
+        let material = self.material(Material::lamp(name, radiance));
         self.register_quad_light(corner, u, v, radiance);
         self.add(&Shape::quad([corner, corner + u, corner + u + v, corner + v]), material)
     }
@@ -223,9 +243,9 @@ impl SceneBuilder {
         self.lights.push(Light::Quad { corner, u, v, radiance });
     }
 
-    /// Emitted radiance of the material with index `material`.
-    pub(crate) fn emission(&self, material: u32) -> Vec3 {
-        self.materials[material as usize].emission
+    /// The material with index `material`.
+    pub(crate) fn material_at(&self, material: u32) -> &Material {
+        &self.materials[material as usize]
     }
 
     /// Returns true if a triangle with three different corners was added.
@@ -299,13 +319,16 @@ impl SceneBuilder {
         mesh.triangles = Arc::new(triangles);
         mesh.face_normals =
             (0..kept.len()).into_par_iter().map(|face| face_normal(mesh.corners(face))).collect();
-        if self.has_normals {
+        if !self.normals.is_empty() {
             let flat = |normal: Vec3, face: usize| {
                 if normal == Vec3::ZERO { mesh.face_normals[face] } else { normal }
             };
             mesh.corner_normals =
                 kept.iter().enumerate().map(|(new, &old)| self.normals[old].map(|n| flat(n, new))).collect();
         }
+        let kept_uvs = |set: &Vec<[Vec2; 3]>| kept_of(set, &kept);
+        mesh.corner_uvs = Arc::new(self.uvs.each_ref().map(kept_uvs));
+        mesh.corner_colors = Arc::new(kept_of(&self.colors, &kept));
         mesh.material = Arc::new(kept.iter().map(|&old| self.material[old]).collect());
         mesh.object = Arc::new(kept.iter().map(|&old| self.object[old]).collect());
         let edges = find_edges(&mesh.triangles, &mesh.object, &mesh.face_normals, crease_angle.to_radians());
@@ -317,6 +340,7 @@ impl SceneBuilder {
             origin: self.origin,
             mesh,
             materials: self.materials,
+            textures: Arc::new(self.textures),
             lights: self.lights,
             background,
             camera,
@@ -382,6 +406,11 @@ impl SceneBuilder {
             *i = index[*i as usize];
         }
     }
+}
+
+/// The entries of the triangles that are kept, or none if there are none.
+fn kept_of<T: Copy>(all: &[T], kept: &[usize]) -> Vec<T> {
+    if all.is_empty() { vec![] } else { kept.iter().map(|&old| all[old]).collect() }
 }
 
 /// Unit normal of a counter-clockwise triangle, or zero if it has no area. Computed in f64, as the cross product of a

@@ -5,7 +5,7 @@ use crate::{EdgeKind, Light, Scene};
 pub struct SceneFacts {
     /// True if there can be shadows: there are lights, and surfaces that do not emit.
     pub shadow_casters: bool,
-    /// Number of point lights.
+    /// Number of point and spot lights.
     pub point_lights: usize,
     /// Number of quad area lights.
     pub quad_lights: usize,
@@ -27,8 +27,8 @@ impl SceneFacts {
     /// Counts the facts of `scene`.
     pub fn of(scene: &Scene) -> Self {
         let edges = |kind| scene.mesh.edges.iter().filter(|edge| edge.kind == kind).count();
-        let point_lights = scene.lights.iter().filter(|light| matches!(light, Light::Point { .. })).count();
-        let passive = |&material: &u32| scene.materials[material as usize].emission == glam::Vec3::ZERO;
+        let point_lights = scene.lights.iter().filter(|light| !matches!(light, Light::Quad { .. })).count();
+        let passive = |&material: &u32| !scene.materials[material as usize].emits();
         Self {
             shadow_casters: !scene.lights.is_empty() && scene.mesh.material.iter().any(passive),
             point_lights,
@@ -64,8 +64,7 @@ mod tests {
     fn lights_are_counted_by_kind_and_shadows_need_both_light_and_surface() {
         let facts = |surface: bool, points: usize, quads: usize| {
             let mut builder = SceneBuilder::new();
-            let lamp =
-                builder.material(Material { emission: Vec3::ONE, ..Material::diffuse("", Vec3::ZERO) });
+            let lamp = builder.material(Material::lamp("", Vec3::ONE));
             let white = builder.material(Material::diffuse("", Vec3::ONE));
             builder.add(&Shape::cuboid(Vec3::ZERO, Vec3::ONE), if surface { white } else { lamp }).unwrap();
             (0..points).for_each(|_| builder.point_light(2.0 * Vec3::Y, Vec3::ONE));

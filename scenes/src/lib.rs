@@ -32,6 +32,7 @@ mod facts;
 mod light;
 mod limits;
 mod load;
+mod look;
 mod material;
 mod mesh;
 mod motion;
@@ -41,6 +42,7 @@ mod report;
 mod scene;
 mod shadow;
 mod shape;
+mod texture;
 mod trace;
 mod weld;
 
@@ -55,7 +57,8 @@ pub use load::{
     CameraSpec, LightSpec, MaterialSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile,
     ShapeSpec, SurfaceSpec,
 };
-pub use material::{Material, Surface};
+pub use look::Look;
+pub use material::{Alpha, DIELECTRIC_F0, Map, Maps, Material, Medium, f0_of_ior};
 pub use mesh::{Edge, EdgeKind, Mesh, NO_FACE};
 pub use motion::{Body, FRAMES_PER_SECOND, MAX_BODIES, Motion, MotionKey, Pose};
 pub use path::{CameraPath, PathError, keyframes};
@@ -65,4 +68,5 @@ pub use shadow::{
     ShadowKind, ShadowSearch, ShadowSegment, ShadowSegments, ShadowSettings, ShadowWork, shadow_segments,
 };
 pub use shape::Shape;
+pub use texture::{Texture, Wrap};
 pub use trace::{AsyncTracer, Hit, Job, Mode, Rng, TaggedHit, TaggedJob, TraceSettings, Tracer};

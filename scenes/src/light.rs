@@ -12,6 +12,17 @@ pub enum Light {
         /// Radiant intensity.
         intensity: Vec3,
     },
+    /// A point light that shines into a cone, as in KHR_lights_punctual.
+    Spot {
+        /// Position, metres.
+        position: Vec3,
+        /// Unit direction in which it shines.
+        axis: Vec3,
+        /// Radiant intensity along the axis.
+        intensity: Vec3,
+        /// The cosines of the angles to the axis at which it begins to fade and beyond which it is dark.
+        cosines: [f32; 2],
+    },
     /// A one-sided parallelogram `corner + s*u + t*v` that emits `radiance` towards `u x v`.
     /// Its two triangles are also part of the mesh, with an emissive material, so that eye rays see it.
     Quad {
@@ -31,9 +42,36 @@ impl Light {
     pub(crate) fn is_valid(&self) -> bool {
         match *self {
             Self::Point { position, intensity } => is_near(position) && is_intensity(intensity),
+            Self::Spot { position, axis, intensity, cosines: [inner, outer] } => {
+                let is_cone = (-1.0..=1.0).contains(&outer) && (outer..=1.0).contains(&inner);
+                is_near(position) && is_intensity(intensity) && axis.is_normalized() && is_cone
+            }
             Self::Quad { corner, u, v, radiance } => {
                 is_near(corner) && is_near(u) && is_near(v) && is_radiance(radiance)
             }
         }
+    }
+}
+
+/// The share of its intensity that a spot sends at this cosine to its axis: smooth between the two angles, as the
+/// specification of KHR_lights_punctual suggests.
+pub(crate) fn cone(cosine: f32, [inner, outer]: [f32; 2]) -> f32 {
+    if cosine >= inner {
+        return 1.0;
+    }
+    // Where both angles are the same, the edge is sharp.
+    ((cosine - outer) / (inner - outer)).clamp(0.0, 1.0).powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cone_fades_between_two_angles() {
+        for (cosine, expected) in [(1.0, 1.0), (0.9, 1.0), (0.8, 0.25), (0.7, 0.0), (-1.0, 0.0)] {
+            assert!((cone(cosine, [0.9, 0.7]) - expected).abs() < 1e-5, "{cosine}");
+        }
+        assert_eq!([cone(0.5, [0.5, 0.5]), cone(0.499, [0.5, 0.5])], [1.0, 0.0]);
     }
 }

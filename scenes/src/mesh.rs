@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4};
 
 /// Means "no face" in [`Edge::faces`].
 pub const NO_FACE: u32 = u32::MAX;
@@ -39,6 +39,10 @@ pub struct Mesh {
     pub face_normals: Vec<Vec3>,
     /// Shading normals per corner if the source has them (empty: flat shading everywhere).
     pub corner_normals: Vec<[Vec3; 3]>,
+    /// Two sets of texture coordinates per corner, each empty if no part of the source has it.
+    pub corner_uvs: Arc<[Vec<[Vec2; 3]>; 2]>,
+    /// Factors on colour and opacity per corner, linear; empty if no part of the source has them.
+    pub corner_colors: Arc<Vec<[Vec4; 3]>>,
     /// Index into `Scene::materials` of each triangle.
     pub material: Arc<Vec<u32>>,
     /// The object of each triangle.

@@ -56,6 +56,10 @@ impl Pose {
             Light::Point { position, intensity } => {
                 Light::Point { position: self.point(position), intensity }
             }
+            Light::Spot { position, axis, intensity, cosines } => {
+                let [position, axis] = [self.point(position), self.vector(axis).normalize()];
+                Light::Spot { position, axis, intensity, cosines }
+            }
             Light::Quad { corner, u, v, radiance } => {
                 Light::Quad { corner: self.point(corner), u: self.vector(u), v: self.vector(v), radiance }
             }

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 
 use crate::builder::MeshError;
 use crate::load::framing_camera;
-use crate::{Body, Camera, Light, Material, Mesh, Pose, Report};
+use crate::{Body, Camera, Light, Material, Mesh, Pose, Report, Texture};
 
 /// A scene at rest, or with its bodies in the poses of a frame.
 #[derive(Clone, Debug)]
@@ -19,6 +19,8 @@ pub struct Scene {
     pub mesh: Mesh,
     /// Materials by index.
     pub materials: Vec<Material>,
+    /// Textures by the index that the materials' maps use.
+    pub textures: Arc<Vec<Arc<Texture>>>,
     /// Shadow-casting lights.
     pub lights: Vec<Light>,
     /// Radiance of a ray that hits nothing, and ambient light of the path tracer.
@@ -46,6 +48,7 @@ impl Scene {
             origin: DVec3::ZERO,
             mesh: Mesh::default(),
             materials: Vec::new(),
+            textures: Arc::default(),
             lights: Vec::new(),
             background: Vec3::ZERO,
             camera,

@@ -2,7 +2,7 @@ use std::collections::HashMap;
 use std::f32::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
-use glam::{Affine3A, Mat3A, Vec2, Vec3};
+use glam::{Affine3A, Mat3A, Vec2, Vec3, Vec4};
 
 use crate::MeshError;
 use crate::limits::is_near;
@@ -18,6 +18,11 @@ pub struct Shape {
     pub triangles: Vec<[u32; 3]>,
     /// Shading normals per corner, one entry per triangle; empty for flat shading.
     pub normals: Vec<[Vec3; 3]>,
+    /// Two sets of texture coordinates per corner, one entry per triangle each; empty without. (0, 0) is the corner of
+    /// a texture's first texel, and v points down.
+    pub uvs: [Vec<[Vec2; 3]>; 2],
+    /// Factors on the material's colour and opacity per corner, one entry per triangle; empty without. Linear.
+    pub colors: Vec<[Vec4; 3]>,
 }
 
 impl Shape {
@@ -45,7 +50,7 @@ impl Shape {
 
     /// The planar quad `a b c d`, counter-clockwise seen from the front.
     pub fn quad(corners: [Vec3; 4]) -> Self {
-        Self { positions: corners.to_vec(), triangles: vec![[0, 1, 2], [0, 2, 3]], normals: vec![] }
+        Self { positions: corners.to_vec(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Self::default() }
     }
 
     /// A closed prism between two outlines of the same number of corners, both counter-clockwise seen from above,
@@ -182,10 +187,12 @@ impl Shape {
             let base = all.positions.len() as u32;
             all.positions.extend(shape.positions);
             all.triangles.extend(shape.triangles.iter().map(|t| t.map(|i| i + base)));
-            if !shape.normals.is_empty() {
-                all.normals.extend(shape.normals);
+            let triangles = all.triangles.len();
+            append(&mut all.normals, &shape.normals, triangles, [Vec3::ZERO; 3]);
+            for (set, added) in all.uvs.iter_mut().zip(&shape.uvs) {
+                append(set, added, triangles, [Vec2::ZERO; 3]);
             }
-            all.normals.resize(all.triangles.len(), [Vec3::ZERO; 3]);
+            append(&mut all.colors, &shape.colors, triangles, [Vec4::ONE; 3]);
         }
         all
     }
@@ -237,16 +244,19 @@ impl Shape {
     pub fn transformed(&self, transform: Affine3A) -> Self {
         let normal_matrix: Mat3A = transform.matrix3.inverse().transpose();
         let mirrors = transform.matrix3.determinant() < 0.0;
-        let turn_face = |[a, b, c]: [u32; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
-        let turn_normals = |[a, b, c]: [Vec3; 3]| {
-            let [a, b, c] = [a, b, c].map(|n| (normal_matrix * n).normalize_or_zero());
-            if mirrors { [a, c, b] } else { [a, b, c] }
-        };
-        Self {
+        let turned = |n: Vec3| (normal_matrix * n).normalize_or_zero();
+        let mut shape = Self {
             positions: self.positions.iter().map(|&p| transform.transform_point3(p)).collect(),
-            triangles: self.triangles.iter().map(|&t| turn_face(t)).collect(),
-            normals: self.normals.iter().map(|&n| turn_normals(n)).collect(),
+            normals: self.normals.iter().map(|corners| corners.map(turned)).collect(),
+            ..self.clone()
+        };
+        if mirrors {
+            shape.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+            shape.normals.iter_mut().for_each(|corners| corners.swap(1, 2));
+            shape.uvs.iter_mut().flatten().for_each(|corners| corners.swap(1, 2));
+            shape.colors.iter_mut().for_each(|corners| corners.swap(1, 2));
         }
+        shape
     }
 
     /// This shape moved by `offset`.
@@ -257,6 +267,16 @@ impl Shape {
     /// Lowest and highest corner of the box around its vertices (inverted and infinite if there are none).
     pub fn bounds(&self) -> [Vec3; 2] {
         bounds_of(&self.positions)
+    }
+}
+
+/// Appends one entry per triangle to those of all `triangles`, where a part without any gets `none`.
+pub(crate) fn append<T: Clone>(all: &mut Vec<T>, added: &[T], triangles: usize, none: T) {
+    if !added.is_empty() {
+        all.resize(triangles - added.len(), none);
+        all.extend_from_slice(added);
+    } else if !all.is_empty() {
+        all.resize(triangles, none);
     }
 }
 
@@ -384,22 +404,30 @@ mod tests {
     }
 
     #[test]
-    fn normals_follow_a_transform_and_a_union() {
+    fn values_at_corners_follow_a_transform_and_a_union() {
         let normals = [Vec3::X, Vec3::new(0.6, 0.8, 0.0), Vec3::Z];
+        let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y];
+        let colors = [Vec4::X, Vec4::Y, Vec4::Z];
         let triangle = Shape {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
             triangles: vec![[0, 1, 2]],
             normals: vec![normals],
+            uvs: [vec![uvs], vec![]],
+            colors: vec![colors],
         };
         // It mirrors y, so the last two corners change places; normals scale by the inverse.
         let mirrored = triangle.transformed(Affine3A::from_scale(Vec3::new(2.0, -1.0, 4.0)));
         let expected = [Vec3::X, Vec3::Z, Vec3::new(0.3, -0.8, 0.0).normalize()];
         assert_eq!(mirrored.triangles, [[0, 2, 1]]);
+        assert_eq!(mirrored.uvs, [vec![[Vec2::ZERO, Vec2::Y, Vec2::X]], vec![]]);
+        assert_eq!(mirrored.colors, [[Vec4::X, Vec4::Z, Vec4::Y]]);
         assert!(mirrored.normals[0].iter().zip(expected).all(|(normal, b)| normal.distance(b) < 1e-6));
-        let flat = Shape { normals: vec![], ..triangle.clone() };
+        let flat = Shape { normals: vec![], uvs: [vec![], vec![]], colors: vec![], ..triangle.clone() };
         let both = Shape::union([flat.clone(), triangle.clone(), flat]);
         assert_eq!(both.triangles, [[0, 1, 2], [3, 4, 5], [6, 7, 8]]);
         assert_eq!(both.normals, [[Vec3::ZERO; 3], normals, [Vec3::ZERO; 3]]);
+        assert_eq!(both.uvs, [vec![[Vec2::ZERO; 3], uvs, [Vec2::ZERO; 3]], vec![]]);
+        assert_eq!(both.colors, [[Vec4::ONE; 3], colors, [Vec4::ONE; 3]]);
     }
 
     #[test]
@@ -408,7 +436,7 @@ mod tests {
         let mut shape = Shape {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, 3.0 * Vec3::Z],
             triangles: vec![[0, 1, 2], [1, 0, 3]],
-            normals: vec![],
+            ..Shape::default()
         };
         for (angle, at_the_edge) in [(91.0, Vec3::new(0.0, 3.0, 1.0).normalize()), (89.0, Vec3::Z)] {
             shape.smooth(angle);
@@ -427,7 +455,7 @@ mod tests {
         Shape {
             positions: [Vec3::ZERO].into_iter().chain(rim).collect(),
             triangles: (0..faces).map(|i| [0, 1 + (i + 1) % faces, 1 + i]).collect(),
-            normals: vec![],
+            ..Shape::default()
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::{ops::ControlFlow, time::Instant};
 
-use epigraph_scenes::{Material, Scene, Surface as Scattering};
+use epigraph_scenes::{Material, Scene};
 use epigraph_streams::repeats::{
     Found, GlbMaterial, RepeatsError, Settings, Surface, Tolerance, find_watched,
 };
@@ -70,18 +70,13 @@ fn search(args: &EncodeArgs, scene: &Scene, settings: &Settings) -> Result<Found
     })
 }
 
-/// A material of a scene, as near as the metallic-roughness model comes to it.
+/// The factors of a material of a scene.
 fn material(material: &Material) -> GlbMaterial {
-    let (metallic, roughness) = match material.surface {
-        Scattering::Diffuse => (0.0, 1.0),
-        Scattering::Glossy { roughness, .. } => (0.0, roughness),
-        Scattering::Mirror => (1.0, 0.0),
-    };
     GlbMaterial {
         name: material.name.clone(),
         color: material.color.extend(1.0).to_array(),
-        metallic,
-        roughness,
+        metallic: material.metallic,
+        roughness: material.roughness,
         emission: material.emission.to_array(),
     }
 }

@@ -9,7 +9,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
-use crate::{Camera, Material, Scene, Shape, Surface};
+use crate::{Camera, Material, Scene, Shape};
 
 /// Radius of a link's wire, metres.
 const WIRE: f32 = 0.036;
@@ -30,12 +30,7 @@ const POST_X: f32 = 1.0;
 pub(super) fn scene() -> Result<Scene, MeshError> {
     let mut builder = SceneBuilder::new();
     let mut glossy = |name: &str, color: [f32; 3], roughness: f32, f0: f32| {
-        builder.material(Material {
-            name: name.to_owned(),
-            color: color.into(),
-            surface: Surface::Glossy { roughness, f0 },
-            emission: Vec3::ZERO,
-        })
+        builder.material(Material::glossy(name, color.into(), roughness, f0))
     };
     let steel = glossy("steel", [0.32, 0.34, 0.37], 0.35, 0.25);
     let brass = glossy("brass", [0.62, 0.42, 0.13], 0.35, 0.25);

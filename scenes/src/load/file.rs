@@ -10,7 +10,7 @@ use super::model::{self, Model};
 use super::origin::origin_of;
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
 use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, is_near, is_radiance, is_time};
-use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Surface};
+use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneError, Shape};
 
 /// The contents of a scene's `.ron` file. Lengths are in metres, angles in degrees, colours in linear Rec. 709.
 ///
@@ -126,7 +126,7 @@ pub struct MaterialSpec {
     pub emission: Vec3,
 }
 
-/// The scattering of a material in a scene file; see [`Surface`].
+/// The scattering of a material in a scene file; see [`Material`].
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub enum SurfaceSpec {
@@ -253,6 +253,24 @@ pub enum LightSpec {
         #[serde(default)]
         motion: Option<String>,
     },
+    /// A point that shines into a cone around the direction to `target`.
+    Spot {
+        /// Its position.
+        position: DVec3,
+        /// A point on its axis.
+        target: DVec3,
+        /// Radiant intensity along the axis, W/sr.
+        intensity: Vec3,
+        /// The angle to the axis at which it begins to fade, degrees. Default 0.
+        #[serde(default)]
+        inner: f32,
+        /// The angle to the axis beyond which it is dark, degrees. Default 45.
+        #[serde(default = "default_cone")]
+        outer: f32,
+        /// A name in `motions`. Default: it does not move.
+        #[serde(default)]
+        motion: Option<String>,
+    },
     /// A one-sided parallelogram that emits towards `u x v`.
     Quad {
         /// One corner.
@@ -267,6 +285,10 @@ pub enum LightSpec {
         #[serde(default)]
         motion: Option<String>,
     },
+}
+
+fn default_cone() -> f32 {
+    45.0
 }
 
 impl SceneFile {
@@ -322,14 +344,18 @@ impl SceneFile {
             object.check().map_err(|message| format!("object {index}: {message}"))?;
         }
         for (index, light) in self.lights.iter().enumerate() {
-            let has_area = match *light {
+            let has_extent = match *light {
                 LightSpec::Point { .. } => true,
+                LightSpec::Spot { position, target, inner, outer, .. } => {
+                    position != target && 0.0 <= inner && inner <= outer && outer <= 180.0
+                }
                 LightSpec::Quad { u, v, .. } => u.cross(v) != Vec3::ZERO,
             };
-            if !light.around(DVec3::ZERO).is_valid() || !has_area {
+            if !light.around(DVec3::ZERO).is_valid() || !has_extent {
                 return Err(format!(
                     "light {index}: all numbers must be finite, coordinates at most {MAX_COORDINATE:e}, intensity at \
-                     most {MAX_INTENSITY:e}, radiance at most {MAX_RADIANCE:e}, and a quad must have an area"
+                     most {MAX_INTENSITY:e}, radiance at most {MAX_RADIANCE:e}, a quad must have an area, \
+                     and a spot a target and 0 <= inner <= outer <= 180"
                 ));
             }
         }
@@ -424,11 +450,17 @@ impl SceneFile {
             builder.moving_if(motion, add).map_err(unplaced(index))?;
         }
         for (index, light) in self.lights.iter().enumerate() {
-            let (LightSpec::Point { motion, .. } | LightSpec::Quad { motion, .. }) = light;
+            let (LightSpec::Point { motion, .. }
+            | LightSpec::Spot { motion, .. }
+            | LightSpec::Quad { motion, .. }) = light;
             let motion = motion_of("light", index, motion)?.map(|spec| spec.to_motion(origin));
             let add = |builder: &mut SceneBuilder| match light.around(origin) {
                 Light::Point { position, intensity } => {
                     builder.point_light(position, intensity);
+                    Ok(())
+                }
+                Light::Spot { position, axis, intensity, cosines } => {
+                    builder.spot_light(position, axis, intensity, cosines);
                     Ok(())
                 }
                 Light::Quad { corner, u, v, radiance } => builder.quad_light(corner, u, v, radiance),
@@ -461,6 +493,12 @@ impl LightSpec {
             Self::Point { position, intensity, .. } => {
                 Light::Point { position: (position - origin).as_vec3(), intensity }
             }
+            Self::Spot { position, target, intensity, inner, outer, .. } => Light::Spot {
+                position: (position - origin).as_vec3(),
+                axis: (target - position).normalize_or_zero().as_vec3().normalize_or_zero(),
+                intensity,
+                cosines: [inner, outer].map(|degrees| degrees.to_radians().cos()),
+            },
             Self::Quad { corner, u, v, radiance, .. } => {
                 Light::Quad { corner: (corner - origin).as_vec3(), u, v, radiance }
             }
@@ -514,12 +552,12 @@ fn rotation(degrees: Vec3) -> Quat {
 
 impl MaterialSpec {
     fn to_material(self, name: &str) -> Material {
-        let surface = match self.surface {
-            SurfaceSpec::Diffuse => Surface::Diffuse,
-            SurfaceSpec::Glossy { roughness, f0 } => Surface::Glossy { roughness, f0 },
-            SurfaceSpec::Mirror => Surface::Mirror,
+        let material = match self.surface {
+            SurfaceSpec::Diffuse => Material::diffuse(name, self.color),
+            SurfaceSpec::Glossy { roughness, f0 } => Material::glossy(name, self.color, roughness, f0),
+            SurfaceSpec::Mirror => Material::mirror(name, self.color),
         };
-        Material { name: name.to_owned(), color: self.color, surface, emission: self.emission }
+        Material { emission: self.emission, ..material }
     }
 }
 

@@ -1,15 +1,16 @@
 //! The contents of a file before it becomes a scene, and defaults for a missing light or camera.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::{Affine3A, DVec3, Vec3};
 
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
 use crate::limits::is_near;
-use crate::{Camera, Light, Material, Report, Scene, Shape};
+use crate::{Camera, Light, Material, Report, Scene, Shape, Texture};
 
 /// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light
-/// would cost more than it gains, so only paths that happen to hit it find its light.
+/// of its own would cost more than it gains, so it is sampled as a whole, and its shadows have no edges.
 const MOST_PANELS: usize = 16;
 
 /// The shapes, materials, lights and camera of one file.
@@ -22,6 +23,8 @@ pub(crate) struct Model {
     /// Each shape with its index into `materials`; without one it gets a plain grey.
     pub parts: Vec<(Shape, Option<usize>)>,
     pub materials: Vec<Material>,
+    /// Textures by the index that the materials' maps use.
+    pub textures: Vec<Arc<Texture>>,
     /// Lights defined in the file; `add_to` finds emissive parallelograms among the parts.
     pub lights: Vec<Light>,
     pub camera: Option<Camera>,
@@ -52,15 +55,20 @@ impl Model {
             shape.positions.extend(mesh.corners(face));
             shape.triangles.push([base, base + 1, base + 2]);
             shape.normals.extend(mesh.corner_normals.get(face));
+            for (set, all) in shape.uvs.iter_mut().zip(mesh.corner_uvs.iter()) {
+                set.extend(all.get(face));
+            }
+            shape.colors.extend(mesh.corner_colors.get(face));
         }
         Self {
             origin: scene.origin,
             parts: parts.into_iter().map(|((_, material), shape)| (shape, Some(material as usize))).collect(),
             materials: scene.materials.clone(),
+            textures: scene.textures.to_vec(),
             lights: scene
                 .lights
                 .iter()
-                .filter(|light| matches!(light, Light::Point { .. }))
+                .filter(|light| !matches!(light, Light::Quad { .. }))
                 .copied()
                 .collect(),
             camera: Some(scene.camera),
@@ -102,19 +110,21 @@ impl Model {
             let placed = shape.transformed(transform);
             let own = match (replace, *material) {
                 (Some(replacement), _) => replacement,
-                (None, Some(i)) => {
-                    *index[i].get_or_insert_with(|| builder.material(self.materials[i].clone()))
-                }
+                (None, Some(i)) => *index[i].get_or_insert_with(|| self.add_material(builder, i)),
                 (None, None) => *plain.get_or_insert_with(|| builder.material(plain_material())),
             };
             builder.add(&placed, own)?;
-            let radiance = builder.emission(own);
-            if radiance != Vec3::ZERO {
+            let material = builder.material_at(own);
+            let (radiance, both_sides) = (material.emission, material.double_sided);
+            if material.emits() && material.maps.emission.is_none() {
                 let panels = parallelograms(&placed);
                 if panels.len() <= MOST_PANELS {
-                    panels
-                        .into_iter()
-                        .for_each(|[corner, u, v]| builder.register_quad_light(corner, u, v, radiance));
+                    for [corner, u, v] in panels {
+                        builder.register_quad_light(corner, u, v, radiance);
+                        if both_sides {
+                            builder.register_quad_light(corner, v, u, radiance);
+                        }
+                    }
                 }
             }
         }
@@ -123,6 +133,12 @@ impl Model {
                 Light::Point { position, intensity } => {
                     builder.point_light(transform.transform_point3(position), intensity);
                 }
+                Light::Spot { position, axis, intensity, cosines } => builder.spot_light(
+                    transform.transform_point3(position),
+                    transform.transform_vector3(axis).normalize_or(axis),
+                    intensity,
+                    cosines,
+                ),
                 Light::Quad { corner, u, v, radiance } => builder.register_quad_light(
                     transform.transform_point3(corner),
                     transform.transform_vector3(u),
@@ -132,6 +148,15 @@ impl Model {
             }
         }
         Ok(())
+    }
+
+    /// Adds a material and its textures.
+    fn add_material(&self, builder: &mut SceneBuilder, index: usize) -> u32 {
+        let mut material = self.materials[index].clone();
+        for map in material.maps.all_mut() {
+            map.texture = builder.texture(&self.textures[map.texture]);
+        }
+        builder.material(material)
     }
 
     /// The scene of this model alone, with a light and a camera if it has none.

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::model::Model;
 use crate::limits::{MAX_COORDINATE, MAX_RADIANCE, is_near, is_radiance};
-use crate::{Material, MeshError, Shape, Surface};
+use crate::{Material, MeshError, Shape};
 
 /// Reads an OBJ file; `library` returns the text of a material file that it references.
 ///
@@ -203,20 +203,16 @@ impl Mtl {
         const ROUGHEST_COAT: f32 = 0.6;
         let roughness = (1.0 - self.exponent.max(0.0).sqrt() / 30.0).clamp(0.02, 1.0);
         let specular = self.specular.max_element().clamp(0.0, 1.0);
-        let surface = match self.illum {
-            3.. if specular > 0.0 && roughness <= 0.02 => Surface::Mirror,
-            3.. if specular > 0.0 => Surface::Glossy { roughness, f0: specular },
+        let color = self.diffuse.clamp(Vec3::ZERO, Vec3::ONE);
+        let material = match self.illum {
+            3.. if specular > 0.0 && roughness <= 0.02 => Material::mirror(self.name, color),
+            3.. if specular > 0.0 => Material::glossy(self.name, color, roughness, specular),
             2 if specular > 0.0 && roughness < ROUGHEST_COAT => {
-                Surface::Glossy { roughness, f0: 0.08 * specular }
+                Material::glossy(self.name, color, roughness, 0.08 * specular)
             }
-            _ => Surface::Diffuse,
+            _ => Material::diffuse(self.name, color),
         };
-        Material {
-            name: self.name,
-            color: self.diffuse.clamp(Vec3::ZERO, Vec3::ONE),
-            surface,
-            emission: self.emission.max(Vec3::ZERO),
-        }
+        Material { emission: self.emission.max(Vec3::ZERO), ..material }
     }
 }
 
@@ -241,7 +237,7 @@ mod tests {
         assert_eq!(model.parts[0].0.normals, [[Vec3::Z; 3]; 2]);
         assert_eq!(model.parts[1].0.normals, [[Vec3::Z, Vec3::Z, Vec3::ZERO]]);
         assert_eq!(model.materials[0].emission, Vec3::new(5.0, 4.0, 3.0));
-        assert_eq!(model.materials[1].surface, Surface::Glossy { roughness: 0.5, f0: 0.5 });
+        assert_eq!((model.materials[1].roughness, model.materials[1].f0), (0.5, 0.5));
     }
 
     #[test]
@@ -288,28 +284,31 @@ mod tests {
 
     #[test]
     fn surfaces_of_materials() {
-        let glossy = |roughness, f0| Surface::Glossy { roughness, f0 };
+        // Metallic, roughness and reflectance.
+        let surface_of = |material: &Material| (material.metallic, material.roughness, material.f0);
+        let (diffuse, mirror) = ((0.0, 1.0, 0.0), (1.0, 0.0, crate::DIELECTRIC_F0));
+        let glossy = |roughness, f0| (0.0, roughness, f0);
         // Ns = 900 (1 - roughness)^2.
         for (illum, specular, exponent, surface) in [
-            (0, 0.5, 225.0, Surface::Diffuse),
-            (1, 0.5, 225.0, Surface::Diffuse),
-            (2, 0.0, 225.0, Surface::Diffuse),
+            (0, 0.5, 225.0, diffuse),
+            (1, 0.5, 225.0, diffuse),
+            (2, 0.0, 225.0, diffuse),
             (2, 0.5, 225.0, glossy(0.5, 0.04)),
             (2, 1.0, 225.0, glossy(0.5, 0.08)),
             (2, 9.0, 225.0, glossy(0.5, 0.08)),
             (2, 0.5, 900.0, glossy(0.02, 0.04)),
-            (2, 0.5, 143.0, Surface::Diffuse),
-            (2, 0.5, 0.0, Surface::Diffuse),
-            (2, 0.5, -5.0, Surface::Diffuse),
-            (3, 0.0, 900.0, Surface::Diffuse),
-            (3, 0.5, 900.0, Surface::Mirror),
-            (3, 0.5, 1000.0, Surface::Mirror),
+            (2, 0.5, 143.0, diffuse),
+            (2, 0.5, 0.0, diffuse),
+            (2, 0.5, -5.0, diffuse),
+            (3, 0.0, 900.0, diffuse),
+            (3, 0.5, 900.0, mirror),
+            (3, 0.5, 1000.0, mirror),
             (3, 0.5, 225.0, glossy(0.5, 0.5)),
             (3, 0.5, 0.0, glossy(1.0, 0.5)),
             (7, 0.25, 225.0, glossy(0.5, 0.25)),
         ] {
             let text = format!("newmtl a\nillum {illum}\n Ks 0 {specular} 0\nNs {exponent}\n");
-            assert_eq!(read_materials(&text).unwrap()[0].surface, surface, "{text}");
+            assert_eq!(surface_of(&read_materials(&text).unwrap()[0]), surface, "{text}");
         }
         // Without `illum` it is a coat; the rest is grey and dark.
         let [plain, coat] =
@@ -317,9 +316,12 @@ mod tests {
         else {
             panic!("two materials")
         };
-        let expected = (Vec3::splat(0.7), Surface::Diffuse, Vec3::ZERO);
-        assert_eq!((plain.name.as_str(), (plain.color, plain.surface, plain.emission)), ("a b", expected));
-        assert_eq!((coat.color, coat.surface), (Vec3::new(1.0, 0.0, 0.5), glossy(0.5, 0.08)));
+        let expected = (Vec3::splat(0.7), diffuse, Vec3::ZERO);
+        assert_eq!(
+            (plain.name.as_str(), (plain.color, surface_of(plain), plain.emission)),
+            ("a b", expected)
+        );
+        assert_eq!((coat.color, surface_of(coat)), (Vec3::new(1.0, 0.0, 0.5), glossy(0.5, 0.08)));
     }
 
     #[test]

@@ -188,7 +188,7 @@ mod tests {
         Shape {
             positions: [a.positions.clone(), b.positions.clone()].concat(),
             triangles: a.triangles.iter().copied().chain(triangles).collect(),
-            normals: vec![],
+            ..Shape::default()
         }
     }
 

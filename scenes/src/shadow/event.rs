@@ -25,7 +25,9 @@ impl Source {
     /// The polygon of `light`; `None` for a quad without area, which emits no light.
     pub fn new(light: &Light) -> Option<Self> {
         match *light {
-            Light::Point { position, .. } => Some(Self { corners: vec![position.as_dvec3()], normal: None }),
+            Light::Point { position, .. } | Light::Spot { position, .. } => {
+                Some(Self { corners: vec![position.as_dvec3()], normal: None })
+            }
             Light::Quad { corner, u, v, .. } => {
                 let [corner, u, v] = [corner, u, v].map(|p| p.as_dvec3());
                 let corners = vec![corner, corner + u, corner + u + v, corner + v];

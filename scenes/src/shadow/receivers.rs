@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::event::{Event, HalfSpace};
 use crate::boxes::make_unlike;
-use crate::{Mesh, NO_FACE, Pose, Scene, Surface};
+use crate::{Material, Mesh, NO_FACE, Pose, Scene};
 
 /// Adjacent receivers whose normals have a larger cosine are coplanar.
 const ONE_PLANE: f64 = 1.0 - 1e-9;
@@ -102,10 +102,7 @@ impl Receivers {
         let bodies = bodies.collect();
         let still = (0..mesh.triangles.len() as u32).filter(|&face| !moves[face as usize]).collect();
         let still = Boxes::new(still, |face| mesh.corners(face as usize), 0.0);
-        let scatters = scene.materials.iter();
-        let scatters = scatters
-            .map(|m| m.surface != Surface::Mirror && (m.color != Vec3::ZERO || glossy(m.surface)))
-            .collect();
+        let scatters = scene.materials.iter().map(Material::shows_shadows).collect();
         let objects = mesh.object.iter().map(|&object| object as usize + 1).max().unwrap_or(0);
         let mut closed = vec![true; objects];
         for edge in mesh.edges.iter().filter(|edge| edge.faces[1] == NO_FACE) {
@@ -209,10 +206,6 @@ fn clip([start, end]: [DVec3; 2], at_start: f64, at_end: f64) -> Option<[DVec3; 
         (false, true) => Some([zero(), end]),
         (false, false) => None,
     }
-}
-
-fn glossy(surface: Surface) -> bool {
-    matches!(surface, Surface::Glossy { .. })
 }
 
 /// Sorts the cuts and joins those that continue each other in one plane, such as the cuts of a floor's two triangles.

@@ -268,11 +268,11 @@ impl OfLight<'_> {
 fn reach_of(scene: &Scene) -> f64 {
     let still = |index: &usize| !scene.bodies.iter().any(|body| body.lights.contains(index));
     let lights = (0..scene.lights.len()).filter(still).map(|index| match scene.lights[index] {
-        Light::Point { position, .. } => position.abs(),
+        Light::Point { position, .. } | Light::Spot { position, .. } => position.abs(),
         Light::Quad { corner, u, v, .. } => corner.abs() + u.abs() + v.abs(),
     });
     let corners = |light: &Light| match *light {
-        Light::Point { position, .. } => vec![position],
+        Light::Point { position, .. } | Light::Spot { position, .. } => vec![position],
         Light::Quad { corner, u, v, .. } => vec![corner, corner + u, corner + u + v, corner + v],
     };
     let moving = scene.bodies.iter().filter(|body| !body.lights.is_empty()).flat_map(|body| {

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::{Camera, Light, Material, Rng, Scene, SceneBuilder, Shape, Surface};
+use crate::{Camera, Light, Material, Rng, Scene, SceneBuilder, Shape};
 
 /// A scene under construction. All coordinates passed to it are multiplied by `scale`.
 struct World {
@@ -12,8 +12,7 @@ struct World {
 impl World {
     fn new(scale: f32) -> Self {
         let mut builder = SceneBuilder::new();
-        let (name, surface) = (String::new(), Surface::Diffuse);
-        builder.material(Material { name, color: Vec3::ONE, surface, emission: Vec3::ZERO });
+        builder.material(Material::diffuse("", Vec3::ONE));
         Self { builder, scale }
     }
 
@@ -253,24 +252,28 @@ fn boundaries_begin_at_the_contact_distance() {
 
 #[test]
 fn only_surfaces_that_scatter_light_show_shadows() {
-    let glossy = Surface::Glossy { roughness: 0.5, f0: 0.04 };
-    for (surface, color, sides) in [
-        (Surface::Diffuse, Vec3::ONE, 4),
-        (Surface::Diffuse, Vec3::X, 4),
-        (Surface::Diffuse, Vec3::ZERO, 0),
-        (Surface::Mirror, Vec3::ONE, 0),
-        (glossy, Vec3::ZERO, 4),
-        (glossy, Vec3::ONE, 4),
+    let diffuse = |color| Material::diffuse("", color);
+    let glossy = |color| Material::glossy("", color, 0.5, 0.04);
+    for (material, sides) in [
+        (diffuse(Vec3::ONE), 4),
+        (diffuse(Vec3::X), 4),
+        (diffuse(Vec3::ZERO), 0),
+        (Material::mirror("", Vec3::ONE), 0),
+        (Material::glass("", Vec3::ONE, 1.5), 0),
+        (Material::metal("", Vec3::ONE, 0.3), 4),
+        (Material { unlit: true, ..diffuse(Vec3::ONE) }, 0),
+        (glossy(Vec3::ZERO), 4),
+        (glossy(Vec3::ONE), 4),
     ] {
         let mut world = World::new(1.0);
         let floor = Shape::quad(square(5.0).map(|[x, z]| Vec3::new(x, 0.0, z)));
-        let name = String::new();
-        let material = world.builder.material(Material { name, color, surface, emission: Vec3::ZERO });
+        let description = format!("{material:?}");
+        let material = world.builder.material(material);
         world.builder.add(&floor, material).unwrap();
         world.square(2.0, 1.0, [0.0; 2]);
         world.point([0.0, 4.0, 0.0]);
         let segments = find(&world.scene(), &ShadowSettings::default());
-        assert_eq!(segments.len(), sides, "{surface:?} of {color}");
+        assert_eq!(segments.len(), sides, "{description}");
     }
 }
 

@@ -6,7 +6,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use glam::{Vec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
@@ -42,24 +42,39 @@ impl Triangle {
     /// and only if the line intersects the triangle, and each is proportional to the weight of the opposite corner.
     /// Both triangles at an edge compute exactly opposite values for it, so that a ray never misses both.
     #[inline(always)]
-    fn volumes(&self, ray: &Ray) -> ([Vec3A; 3], Vec3) {
+    fn volumes(&self, ray: &Ray) -> Vec3 {
         let [a, b, c] = self.0.map(|corner| corner - ray.origin);
         let volume = |p: Vec3A, q: Vec3A| (q - p).cross(q + p).dot(ray.direction);
-        ([a, b, c], Vec3::new(volume(b, c), volume(c, a), volume(a, b)))
+        Vec3::new(volume(b, c), volume(c, a), volume(a, b))
     }
 
-    /// Distance along the ray, infinite for a miss. It is interpolated between the corners' distances, so that the hit
-    /// lies in the triangle even if the ray is nearly parallel to it.
+    /// Distance along the ray, infinite for a miss, and of triangles that do not `count` at the hit's weights.
     #[inline(always)]
-    fn intersect(&self, ray: &Ray) -> f32 {
-        let (corners, v) = self.volumes(ray);
+    fn intersect(&self, ray: &Ray, count: impl Fn(Vec3) -> bool) -> f32 {
+        let v = self.volumes(ray);
         if v.min_element() < 0.0 && v.max_element() > 0.0 {
             return f32::INFINITY;
         }
-        let along = Vec3::from(corners.map(|corner| corner.dot(ray.direction)));
+        let t = self.distance(ray);
         // A degenerate triangle gives 0/0, which fails the comparison.
-        let t = v.dot(along) / (v.x + v.y + v.z);
-        if t > ray.tmin && t <= ray.tmax { t } else { f32::INFINITY }
+        let is_hit = t > ray.tmin && t <= ray.tmax && count(v / (v.x + v.y + v.z));
+        if is_hit { t } else { f32::INFINITY }
+    }
+
+    /// Distance along the ray to the triangle's plane. In f64, as a triangle may be far larger than the distance that a
+    /// ray starts off it. It is interpolated between the corners' distances, so that the hit lies in the triangle even if
+    /// the ray is nearly parallel to it.
+    #[inline(always)]
+    fn distance(&self, ray: &Ray) -> f32 {
+        let origin = ray.origin.as_dvec3();
+        let direction = ray.direction.as_dvec3();
+        let [a, b, c] = self.0.map(|corner| corner.as_dvec3() - origin);
+        let volume = |p: DVec3, q: DVec3| (q - p).cross(q + p).dot(direction);
+        let v = DVec3::new(volume(b, c), volume(c, a), volume(a, b));
+        // Rounding in f32 may have let in a ray that passes just outside.
+        let v = (v * v.element_sum().signum()).max(DVec3::ZERO);
+        let along = DVec3::new(a.dot(direction), b.dot(direction), c.dot(direction));
+        (v.dot(along) / v.element_sum()) as f32
     }
 }
 
@@ -99,25 +114,30 @@ impl Bvhs {
         Self { still: self.still.clone(), bodies }
     }
 
-    /// The nearest triangle along the ray; `direction` is of unit length.
-    pub fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Intersection> {
-        let mut nearest = self.still.closest(origin, direction, f32::INFINITY);
+    /// The nearest triangle along the ray that counts at the point that the ray hits; `direction` is of unit length.
+    pub fn closest(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        counts: impl Fn(Intersection) -> bool,
+    ) -> Option<Intersection> {
+        let mut nearest = self.still.closest(origin, direction, f32::INFINITY, &counts);
         for (bvh, pose) in &self.bodies {
             let limit = nearest.map_or(f32::INFINITY, |(distance, _)| distance);
-            let nearer = bvh.closest(pose.point(origin), pose.vector(direction), limit);
+            let nearer = bvh.closest(pose.point(origin), pose.vector(direction), limit, &counts);
             nearest = nearer.or(nearest);
         }
         nearest.map(|(_, intersection)| intersection)
     }
 
-    /// Returns true if nothing lies between two points.
-    pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
+    /// Returns true if nothing that counts lies between two points.
+    pub fn visible(&self, from: Vec3, to: Vec3, counts: impl Fn(Intersection) -> bool) -> bool {
         let (direction, distance) = (to - from).normalize_and_length();
-        self.still.visible(from, direction, distance)
+        self.still.visible(from, direction, distance, &counts)
             && self
                 .bodies
                 .iter()
-                .all(|(bvh, pose)| bvh.visible(pose.point(from), pose.vector(direction), distance))
+                .all(|(bvh, pose)| bvh.visible(pose.point(from), pose.vector(direction), distance, &counts))
     }
 }
 
@@ -146,20 +166,38 @@ impl Bvh {
 
     /// The nearest triangle along the ray that is closer than `limit`, with its distance. Both distances are in scaled
     /// units; `direction` is of unit length.
-    fn closest(&self, origin: Vec3, direction: Vec3, limit: f32) -> Option<(f32, Intersection)> {
+    fn closest(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        limit: f32,
+        counts: impl Fn(Intersection) -> bool,
+    ) -> Option<(f32, Intersection)> {
         let ray = self.ray(origin, direction, limit);
         let mut hit = RayHit::none();
-        self.nodes.ray_traverse(ray, &mut hit, |ray, i| self.triangles[i].intersect(ray));
+        self.nodes.ray_traverse(ray, &mut hit, |ray, leaf| self.intersect(ray, leaf, &counts));
         let triangle = self.triangles.get(hit.primitive_id as usize)?;
-        let (_, v) = triangle.volumes(&ray);
+        let v = triangle.volumes(&ray);
         let face = self.nodes.primitive_indices[hit.primitive_id as usize];
         Some((hit.t, Intersection { face, weights: v / (v.x + v.y + v.z) }))
     }
 
-    /// Returns true if nothing lies within `distance` metres along the ray; `direction` is of unit length.
-    fn visible(&self, from: Vec3, direction: Vec3, distance: f32) -> bool {
+    /// Returns true if nothing that counts lies within `distance` metres along the ray; `direction` is of unit length.
+    fn visible(
+        &self,
+        from: Vec3,
+        direction: Vec3,
+        distance: f32,
+        counts: impl Fn(Intersection) -> bool,
+    ) -> bool {
         let ray = self.ray(from, direction, distance * self.scale);
-        self.nodes.ray_traverse_miss(ray, |ray, i| self.triangles[i].intersect(ray))
+        self.nodes.ray_traverse_miss(ray, |ray, leaf| self.intersect(ray, leaf, &counts))
+    }
+
+    #[inline(always)]
+    fn intersect(&self, ray: &Ray, leaf: usize, counts: impl Fn(Intersection) -> bool) -> f32 {
+        let face = self.nodes.primitive_indices[leaf];
+        self.triangles[leaf].intersect(ray, |weights| counts(Intersection { face, weights }))
     }
 
     fn ray(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
@@ -201,7 +239,7 @@ mod tests {
         let scene = builder.build("row", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
         // Half a second; a minute if each pass joined one pair.
         let bvhs = Bvhs::new(&scene);
-        let hit = bvhs.closest(Vec3::new(0.5, 0.5, -1.0), Vec3::Z).unwrap();
+        let hit = bvhs.closest(Vec3::new(0.5, 0.5, -1.0), Vec3::Z, |_| true).unwrap();
         assert!(scene.mesh.corners(hit.face as usize).iter().all(|corner| corner.z == 0.0));
     }
 }

@@ -1,9 +1,11 @@
-//! The lights of a scene as the tracer samples them.
+//! The lights of a scene as the tracer samples them: point and spot lights, quad lights one by one, and all other
+//! emissive triangles by their power.
 
 use std::{collections::HashMap, sync::Arc};
 
 use glam::Vec3;
 
+use crate::light::cone;
 use crate::{Light, Scene};
 
 /// A quad light, ready to be sampled by area.
@@ -20,11 +22,13 @@ pub(super) struct Quad {
     in_mesh: bool,
 }
 
-/// A point light.
+/// A point light, or a spot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
     position: Vec3,
     intensity: Vec3,
+    /// Unit axis of a spot, and the cosines of the angles where its cone is full and where it ends.
+    cone: Option<(Vec3, [f32; 2])>,
 }
 
 /// The unoccluded light from one light at a shaded point.
@@ -43,8 +47,14 @@ pub(super) struct Incident {
 impl Point {
     pub fn towards(&self, from: Vec3) -> Option<Incident> {
         let (direction, distance) = (self.position - from).normalize_and_length();
-        let power = self.intensity / (distance * distance);
-        (distance > 0.0).then_some(Incident { target: self.position, direction, power, pdf: 0.0 })
+        let shown = self.cone.map_or(1.0, |(axis, cosines)| cone(-axis.dot(direction), cosines));
+        let power = self.intensity * shown / (distance * distance);
+        (distance > 0.0 && shown > 0.0).then_some(Incident {
+            target: self.position,
+            direction,
+            power,
+            pdf: 0.0,
+        })
     }
 }
 
@@ -68,18 +78,95 @@ impl Quad {
     /// Density, 1/sr, with which [`Quad::towards`] samples `direction`, the direction to `point`; `None` if `from` is
     /// behind the quad.
     pub fn pdf(&self, from: Vec3, point: Vec3, direction: Vec3) -> Option<f32> {
-        let cosine = -direction.dot(self.normal);
-        let pdf = (point - from).length_squared() / (cosine * self.area);
-        (cosine > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(pdf)
+        area_pdf(from, point, -direction.dot(self.normal), self.area)
     }
 }
 
-/// All lights, and the map from faces of the mesh to quad lights.
+/// Density, 1/sr, of the direction to a point that is sampled uniformly on an area which is seen at this cosine; `None`
+/// if the area is not seen.
+fn area_pdf(from: Vec3, point: Vec3, cosine: f32, area: f32) -> Option<f32> {
+    let pdf = (point - from).length_squared() / (cosine * area);
+    (cosine > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(pdf)
+}
+
+/// Emissive triangles that are not quad lights, chosen by their power.
+#[derive(Debug, Default)]
+struct Panels {
+    faces: Vec<Panel>,
+    /// The shares of the power of this and all earlier triangles; the last is 1.
+    cumulative: Vec<f32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Panel {
+    face: u32,
+    area: f32,
+    /// The probability with which it is chosen.
+    probability: f32,
+}
+
+impl Panels {
+    /// Of triangles with their powers, which are positive.
+    fn new(scene: &Scene, faces: impl Iterator<Item = u32>) -> Self {
+        let powered = faces.filter_map(|face| {
+            let [a, b, c] = scene.mesh.corners(face as usize).map(Vec3::as_dvec3);
+            let area = 0.5 * (b - a).cross(c - a).length();
+            let power = area * f64::from(mean_emission(scene, face as usize));
+            (power > 0.0).then_some((face, area, power))
+        });
+        let all: Vec<(u32, f64, f64)> = powered.collect();
+        let total: f64 = all.iter().map(|(_, _, power)| power).sum();
+        let mut so_far = 0.0;
+        let mut panels = Self::default();
+        for (face, area, power) in all {
+            so_far += power;
+            let probability = (power / total) as f32;
+            panels.faces.push(Panel { face, area: area as f32, probability });
+            panels.cumulative.push((so_far / total) as f32);
+        }
+        panels
+    }
+
+    fn choose(&self, at: f32) -> Panel {
+        let index = self.cumulative.partition_point(|&share| share <= at);
+        self.faces[index.min(self.faces.len() - 1)]
+    }
+}
+
+/// The mean radiance of a triangle's front over its area, at least a hundredth of the largest, by points of an even grid.
+fn mean_emission(scene: &Scene, face: usize) -> f32 {
+    let material = &scene.materials[scene.mesh.material[face] as usize];
+    let brightness = |color: Vec3| color.element_sum() / 3.0;
+    let largest = brightness(material.emission);
+    if material.maps.emission.is_none() {
+        return largest;
+    }
+    const ROWS: u32 = 8;
+    let weights = (0..ROWS).flat_map(|row| (0..ROWS - row).map(move |column| [row, column]));
+    let points = weights.map(|[row, column]| {
+        let [u, v] = [row, column].map(|step| (step as f32 + 1.0 / 3.0) / ROWS as f32);
+        Vec3::new(1.0 - u - v, u, v)
+    });
+    let count = ROWS * (ROWS + 1) / 2;
+    let sum: f32 = points.map(|weights| brightness(scene.look(face, weights).emission)).sum();
+    (sum / count as f32).max(0.01 * largest)
+}
+
+/// What a face of the mesh belongs to.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    Quad(usize),
+    Panel(usize),
+}
+
+/// All lights, and the map from faces of the mesh to them.
 #[derive(Debug, Default)]
 pub(super) struct Emitters {
     pub quads: Vec<Quad>,
     pub points: Vec<Point>,
-    faces: Arc<HashMap<u32, usize>>,
+    /// Of all poses: bodies are rigid.
+    panels: Arc<Panels>,
+    faces: Arc<HashMap<u32, Source>>,
 }
 
 impl Emitters {
@@ -91,7 +178,8 @@ impl Emitters {
 
     /// The emitters of the same scene in another pose.
     pub fn posed(&self, scene: &Scene) -> Self {
-        let mut emitters = Self { faces: self.faces.clone(), ..Self::of_lights(scene) };
+        let mut emitters =
+            Self { faces: self.faces.clone(), panels: self.panels.clone(), ..Self::of_lights(scene) };
         for (quad, before) in emitters.quads.iter_mut().zip(&self.quads) {
             quad.in_mesh = before.in_mesh;
         }
@@ -102,7 +190,12 @@ impl Emitters {
         let mut emitters = Self::default();
         for light in &scene.lights {
             match *light {
-                Light::Point { position, intensity } => emitters.points.push(Point { position, intensity }),
+                Light::Point { position, intensity } => {
+                    emitters.points.push(Point { position, intensity, cone: None });
+                }
+                Light::Spot { position, axis, intensity, cosines } => {
+                    emitters.points.push(Point { position, intensity, cone: Some((axis, cosines)) });
+                }
                 Light::Quad { corner, u, v, radiance } => {
                     let (normal, area) = u.cross(v).normalize_and_length();
                     if area > 0.0 {
@@ -114,18 +207,85 @@ impl Emitters {
         emitters
     }
 
-    /// The quad light that an emissive face belongs to.
-    pub fn quad_of(&self, face: u32) -> Option<&Quad> {
-        self.faces.get(&face).map(|&i| &self.quads[i])
+    /// The number of choices of [`Emitters::choose`].
+    pub fn count(&self) -> usize {
+        self.quads.len() + self.points.len() + usize::from(self.has_panels())
     }
 
-    /// Maps faces to quad lights. A face belongs to a quad light if it emits, has the same normal, and all of its
-    /// vertices are corners of the quad.
+    /// Whether there are emissive triangles that are not quad lights.
+    pub fn has_panels(&self) -> bool {
+        !self.panels.faces.is_empty()
+    }
+
+    /// The light at `from` of choice `index`, by two numbers in [0, 1).
+    pub fn choose(
+        &self,
+        scene: &Scene,
+        index: usize,
+        from: Vec3,
+        uv: impl FnOnce() -> [f32; 2],
+    ) -> Option<Incident> {
+        let points = self.quads.len();
+        match self.quads.get(index) {
+            Some(quad) => quad.towards(from, uv()),
+            None if index - points < self.points.len() => self.points[index - points].towards(from),
+            None => self.panel(scene, from, uv()),
+        }
+    }
+
+    /// The light at `from` of an emissive triangle, chosen by two numbers in [0, 1).
+    pub fn panel(&self, scene: &Scene, from: Vec3, [choice, t]: [f32; 2]) -> Option<Incident> {
+        let panel = self.panels.choose(choice);
+        let index = self.panels.cumulative.partition_point(|&share| share <= choice);
+        // What is left of the choice within the triangle's share is as random as the choice was.
+        let before = index.checked_sub(1).map_or(0.0, |before| self.panels.cumulative[before]);
+        let s = ((choice - before) / panel.probability).clamp(0.0, 1.0);
+        let (root, face) = (s.sqrt(), panel.face as usize);
+        let weights = Vec3::new(1.0 - root, root * (1.0 - t), root * t);
+        let point = super::interpolate(scene.mesh.corners(face), weights);
+        let direction = (point - from).try_normalize()?;
+        let pdf = self.panel_pdf(scene, &panel, from, point, direction)?;
+        let radiance = scene.look(face, weights).emission;
+        // The shadow ray ends a little in front of the light, on the side of the shaded point.
+        let normal = scene.mesh.face_normals[face];
+        let facing = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        let target = super::offset(point, facing - direction, point.abs().max_element());
+        Some(Incident { target, direction, power: radiance / pdf, pdf })
+    }
+
+    fn panel_pdf(
+        &self,
+        scene: &Scene,
+        panel: &Panel,
+        from: Vec3,
+        point: Vec3,
+        direction: Vec3,
+    ) -> Option<f32> {
+        let face = panel.face as usize;
+        let cosine = -direction.dot(scene.mesh.face_normals[face]);
+        let material = &scene.materials[scene.mesh.material[face] as usize];
+        let seen = if material.double_sided { cosine.abs() } else { cosine };
+        Some(area_pdf(from, point, seen, panel.area)? * panel.probability)
+    }
+
+    /// Density, 1/sr, with which `direction`, the direction to `point` on an emissive face, is sampled if the light that
+    /// it belongs to is chosen; `None` if it is not sampled.
+    pub fn pdf(&self, scene: &Scene, face: u32, from: Vec3, point: Vec3, direction: Vec3) -> Option<f32> {
+        match *self.faces.get(&face)? {
+            Source::Quad(quad) => self.quads[quad].pdf(from, point, direction),
+            Source::Panel(panel) => self.panel_pdf(scene, &self.panels.faces[panel], from, point, direction),
+        }
+    }
+
+    /// Maps emissive faces to lights. A face belongs to a quad light if it has the same normal, and all of its vertices
+    /// are corners of the quad.
     fn find_faces(&mut self, scene: &Scene) {
         let mesh = &scene.mesh;
         let mut faces = HashMap::new();
+        let mut others = Vec::new();
         for (face, &material) in mesh.material.iter().enumerate() {
-            if scene.materials[material as usize].emission == Vec3::ZERO {
+            let material = &scene.materials[material as usize];
+            if !material.emits() {
                 continue;
             }
             let corners = mesh.triangles[face].map(|i| mesh.positions[i as usize]);
@@ -135,11 +295,18 @@ impl Emitters {
                 let is_corner = |p: &Vec3| ends.iter().any(|end| end.distance(*p) <= tolerance);
                 mesh.face_normals[face].dot(quad.normal) > 0.0 && corners.iter().all(is_corner)
             });
-            if let Some(quad) = owner {
-                self.quads[quad].in_mesh = true;
-                faces.insert(face as u32, quad);
+            match owner {
+                Some(quad) => {
+                    self.quads[quad].in_mesh = true;
+                    faces.insert(face as u32, Source::Quad(quad));
+                }
+                None => others.push(face as u32),
             }
         }
+        let panels = Panels::new(scene, others.into_iter());
+        let found = (0..).zip(&panels.faces).map(|(index, panel)| (panel.face, Source::Panel(index)));
+        faces.extend(found);
+        self.panels = Arc::new(panels);
         self.faces = Arc::new(faces);
     }
 }

@@ -5,28 +5,34 @@
 //! threads.
 //!
 //! Light reaches a path in two ways: lights are sampled at every vertex (next-event estimation), and scattered rays may
-//! hit an emissive face. Quad lights are found in both ways, which are therefore weighted by the balance heuristic
-//! (Veach and Guibas 1995), separately for each lobe. Other emissive faces and the background are found only by
-//! scattered rays, and count in full.
+//! hit an emissive face. Emissive faces are found in both ways, which are therefore weighted by the balance heuristic
+//! (Veach and Guibas 1995), separately for each lobe. The background and what glass bends are found only by scattered
+//! rays, and count in full.
+//!
+//! Shadow rays go straight through surfaces that blend and through thin clear glass. Through a body of glass they do so
+//! in direct mode only, as an approximation; in path mode it casts the shadow that it has, and its caustics are found by
+//! scattered rays, but not those of point lights.
 
+mod albedo;
 mod bvh;
 mod emitter;
 mod queue;
 mod rng;
 mod surface;
 
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::{Material, Pose, Scene};
+use crate::{Alpha, Material, Pose, Scene};
 use bvh::{Bvhs, Intersection};
 use emitter::{Emitters, Incident};
 pub use queue::{AsyncTracer, TaggedHit, TaggedJob};
 pub use rng::Rng;
-use surface::{Bsdf, Lobe, PerLobe};
+use surface::{Bsdf, Lobe, LobeValue, PerLobe, Scatter};
 
 /// Means "no face" in [`Hit::face`].
 const NO_FACE: u32 = crate::NO_FACE;
@@ -41,8 +47,11 @@ const MAX_SURVIVAL: f32 = 0.97;
 /// are sampled, so that a narrow lobe would give rare, bright pixels.
 const REFLECTED_ALPHA: f32 = 0.1;
 
-/// Distance from the surface at which rays start, in units in the last place of the triangle's coordinates.
+/// Distance from the surface at which rays start, in units in the last place of the point's coordinates.
 const OFFSET_ULPS: f32 = 32.0;
+
+/// The most transparent layers that a ray passes between two scattering events.
+const MOST_PASSES: u32 = 64;
 
 /// The stratified pairs at a sample's first vertex: one for the lobe, one for the direction, then one per quad light.
 const LOBE_PAIR: u32 = 0;
@@ -113,6 +122,9 @@ pub struct Tracer {
     scene: Arc<Scene>,
     bvh: Bvhs,
     emitters: Emitters,
+    /// Whether materials have holes, or are transparent.
+    has_holes: bool,
+    is_translucent: bool,
     /// Shared by all poses of the scene.
     non_finite: Arc<AtomicU64>,
 }
@@ -138,11 +150,13 @@ struct Vertex {
     /// Unit geometric normal, on the viewer's side.
     facing: Vec3,
     to_viewer: Vec3,
-    /// Largest coordinate of the triangle. The error of the position is a few units in the last place of this.
-    reach: f32,
     bsdf: Bsdf,
+    /// The probability with which a ray does not just pass through.
+    opacity: f32,
     /// Radiance that the surface emits towards the viewer.
     emission: Vec3,
+    /// The share of the light that the medium between the vertex and its viewer leaves.
+    kept: Vec3,
 }
 
 /// The densities with which a scattered ray was sampled, from which follows the weight of the light that it hits.
@@ -160,7 +174,15 @@ impl Tracer {
     pub fn new(scene: Arc<Scene>) -> Self {
         let bvh = Bvhs::new(&scene);
         let emitters = Emitters::new(&scene);
-        Self { scene, bvh, emitters, non_finite: Arc::default() }
+        let used = |is: fn(&Material) -> bool| scene.materials.iter().any(is);
+        Self {
+            has_holes: used(|material| material.alpha != Alpha::Opaque),
+            is_translucent: used(Material::is_transparent),
+            bvh,
+            emitters,
+            non_finite: Arc::default(),
+            scene,
+        }
     }
 
     /// The tracer of the scene in a frame; this tracer if no pose differs. Hierarchies are shared, not rebuilt. See
@@ -176,6 +198,8 @@ impl Tracer {
         Self {
             bvh: self.bvh.posed(&scene.poses),
             emitters: self.emitters.posed(&scene),
+            has_holes: self.has_holes,
+            is_translucent: self.is_translucent,
             non_finite: self.non_finite.clone(),
             scene,
         }
@@ -186,9 +210,13 @@ impl Tracer {
         &self.scene
     }
 
-    /// Returns true if no triangle lies strictly between two points.
+    /// Returns true if no surface lies strictly between two points; transparent ones count, holes do not.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
-        self.bvh.visible(from, to)
+        if self.has_holes {
+            self.bvh.visible(from, to, |hit| self.is_there(hit))
+        } else {
+            self.bvh.visible(from, to, |_| true)
+        }
     }
 
     /// The nearest surface along a ray from `origin` in `direction` (of any length).
@@ -206,13 +234,9 @@ impl Tracer {
     /// Returns true if nothing lies between a surface and the point `at` of the light with index `light`, or `None` if
     /// the surface or the light faces away. `at` is in [0, 1]^2 for quad lights and has no effect for point lights.
     pub(crate) fn sees_light(&self, surface: &Seen, light: usize, at: [f32; 2]) -> Option<bool> {
-        let Emitters { quads, points, .. } = &self.emitters;
-        let incident = match quads.get(light) {
-            Some(quad) => quad.towards(surface.position, at),
-            None => points[light - quads.len()].towards(surface.position),
-        };
+        let incident = self.emitters.choose(&self.scene, light, surface.position, || at);
         let incident = incident.filter(|light| surface.facing.dot(light.direction) > 0.0)?;
-        Some(self.bvh.visible(surface.start, incident.target))
+        Some(self.visible(surface.start, incident.target))
     }
 
     /// The number of samples so far, in all poses of the scene, whose radiance was not finite. They are returned as
@@ -253,7 +277,7 @@ impl Tracer {
         // Reflection in mirrors is deterministic, so it is traced once for all light paths.
         let mut vertex = *first;
         let mut tint = Vec3::ONE;
-        let mut radiance = vertex.emission;
+        let mut radiance = vertex.shown();
         let mut bounces = 0;
         while let Some((direction, color)) = vertex.mirror() {
             if bounces == settings.max_bounces {
@@ -265,16 +289,17 @@ impl Tracer {
                 Some(next) => vertex = next,
                 None => return radiance + tint * self.scene.background,
             }
-            radiance += tint * vertex.emission;
+            tint *= vertex.kept;
+            radiance += tint * vertex.shown();
         }
 
         // A point light's contribution is the same for all paths.
         let points = self.emitters.points.iter().filter_map(|point| point.towards(vertex.position));
-        let exact: Vec3 = points.map(|light| self.lit(&vertex, &light, 1.0, [0.0; 2])).sum();
+        let exact: Vec3 = points.map(|light| self.lit(&vertex, &light, 1.0, [0.0; 3], settings.mode)).sum();
         let paths = settings.spp.max(1);
         let sampled: Vec3 =
             (0..paths).map(|path| self.light_path(&vertex, bounces, settings, path, rng)).sum();
-        radiance + tint * (exact + sampled / paths as f32)
+        radiance + tint * (vertex.opacity * exact + sampled / paths as f32)
     }
 
     /// The radiance of one light path from `first`: the contributions of quad lights, scattered rays and further
@@ -291,54 +316,73 @@ impl Tracer {
         let mut vertex = *first;
         let mut throughput = Vec3::ONE;
         let mut radiance = Vec3::ZERO;
-        for bounce in bounces..=settings.max_bounces {
-            let (at_first, at_last) = (bounce == bounces, bounce == settings.max_bounces);
-            let scattered = if let Some((direction, color)) = vertex.mirror() {
-                throughput *= color;
-                (!at_last).then_some((direction, f32::INFINITY))
-            } else {
-                let shares = match settings.mode {
-                    _ if at_last => [0.0; 2],
-                    Mode::Path => vertex.bsdf.lobe_shares(),
-                    Mode::Direct if at_first && vertex.bsdf.is_glossy() => [0.0, 1.0],
-                    Mode::Direct => [0.0; 2],
-                };
-                if at_first {
-                    for (light, quad) in (FIRST_LIGHT_PAIR..).zip(&self.emitters.quads) {
-                        if let Some(light) = quad.towards(vertex.position, rng.stratified(light, path, paths))
-                        {
-                            radiance += self.lit(&vertex, &light, 1.0, shares);
-                        }
-                    }
-                } else {
-                    radiance += throughput * self.one_light(&vertex, shares, rng);
-                }
-                let [choice, uv] = if at_first {
-                    [rng.stratified(LOBE_PAIR, path, paths), rng.stratified(DIRECTION_PAIR, path, paths)]
-                } else {
-                    [rng.next_pair(), rng.next_pair()]
-                };
-                vertex.scatter(shares, choice[0], uv).map(|(direction, weight, pdf)| {
-                    throughput *= weight;
-                    (direction, pdf)
-                })
-            };
-            let Some((direction, pdf)) = scattered else { break };
-            if bounce >= ROULETTE_BOUNCE {
-                let survival = throughput.max_element().min(MAX_SURVIVAL);
-                if rng.next_f32() >= survival {
+        let mut origin = Origin { position: first.position, pdf: f32::INFINITY, light_probability: 1.0 };
+        let (mut bounce, mut passes, mut at_first) = (bounces, 0, true);
+        // Whether the eye sees the vertex, directly or by perfect reflection and refraction.
+        let mut unscattered = true;
+        loop {
+            let at_last = bounce == settings.max_bounces;
+            let (start, direction);
+            if vertex.opacity < 1.0 && rng.next_f32() >= vertex.opacity {
+                passes += 1;
+                if passes > MOST_PASSES {
                     break;
                 }
-                throughput /= survival;
+                (start, direction) = (vertex.beyond(), -vertex.to_viewer);
+            } else {
+                let scattered = if let Some((direction, color)) = vertex.mirror() {
+                    (!at_last)
+                        .then_some((Lobe::Specular, Scatter { direction, weight: color, pdf: f32::INFINITY }))
+                } else {
+                    let shares = match settings.mode {
+                        _ if at_last => [0.0; 3],
+                        Mode::Path => vertex.bsdf.lobe_shares(),
+                        Mode::Direct => vertex.bsdf.direct_shares(unscattered),
+                    };
+                    radiance += throughput
+                        * if at_first {
+                            self.first_lights(&vertex, shares, settings, path, rng)
+                        } else if unscattered {
+                            self.all_lights(&vertex, shares, settings.mode, rng)
+                        } else {
+                            self.one_light(&vertex, shares, settings.mode, rng)
+                        };
+                    let [choice, uv] = if at_first {
+                        [rng.stratified(LOBE_PAIR, path, paths), rng.stratified(DIRECTION_PAIR, path, paths)]
+                    } else {
+                        [rng.next_pair(), rng.next_pair()]
+                    };
+                    vertex.scatter(shares, choice[0], uv)
+                };
+                let Some((lobe, scatter)) = scattered else { break };
+                throughput *= scatter.weight;
+                if bounce >= ROULETTE_BOUNCE {
+                    let survival = throughput.max_element().min(MAX_SURVIVAL);
+                    if rng.next_f32() >= survival {
+                        break;
+                    }
+                    throughput /= survival;
+                }
+                bounce += 1;
+                start = if lobe == Lobe::Transmit { vertex.beyond() } else { vertex.start() };
+                direction = scatter.direction;
+                let is_perfect = scatter.pdf.is_infinite();
+                // Shadow rays go straight through thin glass, in direct mode through all: its light is weighted as theirs.
+                let like_shadows = vertex.bsdf.is_thin() || settings.mode == Mode::Direct && !unscattered;
+                if !(is_perfect && lobe == Lobe::Transmit && like_shadows) {
+                    let light_probability = if unscattered { 1.0 } else { self.light_probability() };
+                    origin = Origin { position: vertex.position, pdf: scatter.pdf, light_probability };
+                }
+                unscattered &= is_perfect;
             }
-            let light_probability = if at_first { 1.0 } else { self.light_probability() };
-            let origin = Origin { position: vertex.position, pdf, light_probability };
-            let Some(mut next) = self.vertex(vertex.start(), direction) else {
+            at_first = false;
+            let Some(mut next) = self.vertex(start, direction) else {
                 radiance += throughput * self.scene.background;
                 break;
             };
-            radiance += throughput * next.emission * self.weight_of_hit(&origin, direction, &next);
-            if settings.mode == Mode::Direct {
+            throughput *= next.kept;
+            radiance += throughput * next.shown() * self.weight_of_hit(&origin, direction, &next);
+            if settings.mode == Mode::Direct && !unscattered {
                 next.bsdf.roughen(REFLECTED_ALPHA);
             }
             vertex = next;
@@ -346,57 +390,127 @@ impl Tracer {
         radiance
     }
 
+    /// The contribution of all lights but points at the first vertex, which gets the same points for all paths.
+    fn first_lights(
+        &self,
+        vertex: &Vertex,
+        shares: PerLobe,
+        settings: &TraceSettings,
+        path: u32,
+        rng: &mut Rng,
+    ) -> Vec3 {
+        let paths = settings.spp.max(1);
+        let mut sum = Vec3::ZERO;
+        let mut pair = FIRST_LIGHT_PAIR;
+        for quad in &self.emitters.quads {
+            if let Some(light) = quad.towards(vertex.position, rng.stratified(pair, path, paths)) {
+                sum += self.lit(vertex, &light, 1.0, shares, settings.mode);
+            }
+            pair += 1;
+        }
+        if self.emitters.has_panels() {
+            let uv = rng.stratified(pair, path, paths);
+            if let Some(light) = self.emitters.panel(&self.scene, vertex.position, uv) {
+                sum += self.lit(vertex, &light, 1.0, shares, settings.mode);
+            }
+        }
+        sum
+    }
+
+    /// The contribution of all lights at a vertex that is seen through glass.
+    fn all_lights(&self, vertex: &Vertex, shares: PerLobe, mode: Mode, rng: &mut Rng) -> Vec3 {
+        let lights = (0..self.emitters.count()).filter_map(|index| {
+            self.emitters.choose(&self.scene, index, vertex.position, || rng.next_pair())
+        });
+        lights.map(|light| self.lit(vertex, &light, 1.0, shares, mode)).sum()
+    }
+
     /// The contribution of one light, chosen at random from all lights, scattered towards the viewer of `vertex`.
-    fn one_light(&self, vertex: &Vertex, shares: PerLobe, rng: &mut Rng) -> Vec3 {
-        let Emitters { quads, points, .. } = &self.emitters;
-        let count = quads.len() + points.len();
+    fn one_light(&self, vertex: &Vertex, shares: PerLobe, mode: Mode, rng: &mut Rng) -> Vec3 {
+        let count = self.emitters.count();
         if count == 0 {
             return Vec3::ZERO;
         }
         let index = ((rng.next_f32() * count as f32) as usize).min(count - 1);
-        let light = match quads.get(index) {
-            Some(quad) => quad.towards(vertex.position, rng.next_pair()),
-            None => points[index - quads.len()].towards(vertex.position),
-        };
-        light.map_or(Vec3::ZERO, |light| self.lit(vertex, &light, self.light_probability(), shares))
+        let light = self.emitters.choose(&self.scene, index, vertex.position, || rng.next_pair());
+        light.map_or(Vec3::ZERO, |light| self.lit(vertex, &light, self.light_probability(), shares, mode))
     }
 
     /// The probability with which [`Tracer::one_light`] chooses each light.
     fn light_probability(&self) -> f32 {
-        1.0 / (self.emitters.quads.len() + self.emitters.points.len()).max(1) as f32
+        1.0 / self.emitters.count().max(1) as f32
     }
 
-    /// The contribution of a sampled light, scattered by both lobes towards the viewer of `vertex`; black in shadow.
+    /// The contribution of a sampled light, scattered by all lobes towards the viewer of `vertex`; black in shadow.
     /// `shares` are the probabilities with which a scattered ray of each lobe is traced, which may hit the light too.
-    fn lit(&self, vertex: &Vertex, light: &Incident, probability: f32, shares: PerLobe) -> Vec3 {
-        if vertex.facing.dot(light.direction) <= 0.0 {
+    fn lit(&self, vertex: &Vertex, light: &Incident, probability: f32, shares: PerLobe, mode: Mode) -> Vec3 {
+        let is_front = vertex.facing.dot(light.direction) > 0.0;
+        if !is_front && !vertex.bsdf.is_glass() {
             return Vec3::ZERO;
         }
         let lobes = vertex.bsdf.evaluate(light.direction);
         let light_pdf = light.pdf * probability;
-        let reflected: Vec3 = lobes
+        let reflected: Vec3 = Lobe::ALL
             .into_iter()
-            .zip(shares)
-            .map(|(lobe, share)| {
-                let rival = share * lobe.pdf;
-                if light_pdf > 0.0 { lobe.value * (light_pdf / (light_pdf + rival)) } else { lobe.value }
+            // A bent shading normal must not let light through the surface.
+            .filter(|&lobe| is_front != (lobe == Lobe::Transmit))
+            .map(|lobe| {
+                let LobeValue { value, pdf } = lobes[lobe as usize];
+                let rival = shares[lobe as usize] * pdf;
+                if light_pdf > 0.0 { value * (light_pdf / (light_pdf + rival)) } else { value }
             })
             .sum();
         let arriving = reflected * light.power / probability;
-        if arriving == Vec3::ZERO || !self.bvh.visible(vertex.start(), light.target) {
+        if arriving == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        arriving
+        let start = if is_front { vertex.start() } else { vertex.beyond() };
+        arriving * self.unblocked(start, light.target, mode)
     }
 
-    /// The weight of the emission of a face that a scattered ray hit: by the balance heuristic if the face belongs to a
-    /// quad light, otherwise 1.
+    /// The share of the light that passes between two points. It goes straight through what blends and through thin
+    /// clear glass, in direct mode through all glass.
+    fn unblocked(&self, from: Vec3, to: Vec3, mode: Mode) -> Vec3 {
+        if !self.is_translucent {
+            return Vec3::splat(f32::from(u8::from(self.visible(from, to))));
+        }
+        let direction = (to - from).normalize_or_zero();
+        let passed = Cell::new(Vec3::ONE);
+        let blocks = |hit: Intersection| {
+            let through = if self.is_there(hit) { self.passing(hit, direction, mode) } else { Vec3::ONE };
+            passed.set(passed.get() * through);
+            through == Vec3::ZERO
+        };
+        if self.bvh.visible(from, to, blocks) { passed.get() } else { Vec3::ZERO }
+    }
+
+    /// The share of light of this direction that goes straight through a surface.
+    fn passing(&self, hit: Intersection, direction: Vec3, mode: Mode) -> Vec3 {
+        let face = hit.face as usize;
+        let material = &self.scene.materials[self.scene.mesh.material[face] as usize];
+        if !material.is_transparent() {
+            return Vec3::ZERO;
+        }
+        let look = self.scene.look(face, hit.weights);
+        let normal = self.scene.mesh.face_normals[face];
+        let through = surface::straight_through(&look, normal.dot(direction).abs(), mode);
+        through * look.opacity + (1.0 - look.opacity)
+    }
+
+    /// Whether there is a surface where a ray hits a triangle, and not a hole of its material.
+    fn is_there(&self, hit: Intersection) -> bool {
+        let face = hit.face as usize;
+        let material = &self.scene.materials[self.scene.mesh.material[face] as usize];
+        material.alpha == Alpha::Opaque || self.scene.opacity(face, hit.weights) > 0.0
+    }
+
+    /// The weight of the emission of a face that a scattered ray hit: by the balance heuristic if lights are sampled
+    /// there, otherwise 1.
     fn weight_of_hit(&self, origin: &Origin, direction: Vec3, hit: &Vertex) -> f32 {
         if hit.emission == Vec3::ZERO || origin.pdf.is_infinite() {
             return 1.0;
         }
-        let quad = self.emitters.quad_of(hit.face);
-        match quad.and_then(|quad| quad.pdf(origin.position, hit.position, direction)) {
+        match self.emitters.pdf(&self.scene, hit.face, origin.position, hit.position, direction) {
             Some(rival) => origin.pdf / (origin.pdf + rival * origin.light_probability),
             None => 1.0,
         }
@@ -404,28 +518,36 @@ impl Tracer {
 
     /// The nearest surface along a ray of unit direction.
     fn vertex(&self, origin: Vec3, direction: Vec3) -> Option<Vertex> {
-        let Intersection { face, weights } = self.bvh.closest(origin, direction)?;
+        let hit = if self.has_holes {
+            self.bvh.closest(origin, direction, |hit| self.is_there(hit))
+        } else {
+            self.bvh.closest(origin, direction, |_| true)
+        };
+        let Intersection { face, weights } = hit?;
         let mesh = &self.scene.mesh;
         let index = face as usize;
-        let corners = mesh.triangles[index].map(|i| mesh.positions[i as usize]);
-        let material: &Material = &self.scene.materials[mesh.material[index] as usize];
+        let look = self.scene.look(index, weights);
         let to_viewer = -direction;
         let front = mesh.face_normals[index].dot(to_viewer) > 0.0;
-        let side = if front { 1.0 } else { -1.0 };
-        let facing = mesh.face_normals[index] * side;
+        let facing = if front { mesh.face_normals[index] } else { -mesh.face_normals[index] };
         let shading = match mesh.corner_normals.get(index) {
-            Some(normals) => (interpolate(*normals, weights) * side).normalize_or(facing),
+            // Inside-out meshes have their normals on either side.
+            Some(normals) => turned(interpolate(*normals, weights).normalize_or(facing), facing),
             None => facing,
         };
-        Some(Vertex {
-            position: interpolate(corners, weights),
-            face,
-            facing,
-            to_viewer,
-            reach: corners.map(|corner| corner.abs().max_element()).into_iter().fold(0.0, f32::max),
-            bsdf: Bsdf::new(material, shading, to_viewer),
-            emission: if front { material.emission } else { Vec3::ZERO },
-        })
+        let position = interpolate_exactly(mesh.corners(index), weights);
+        let (emission, bsdf) = if look.unlit {
+            (look.color, Bsdf::black(shading, to_viewer))
+        } else {
+            let emission = if front || look.double_sided { look.emission } else { Vec3::ZERO };
+            let normal = turned(self.scene.mapped_normal(index, weights, front, shading), facing);
+            (emission, Bsdf::new(&look, normal, to_viewer, front))
+        };
+        let kept = match look.medium {
+            Some(medium) if !front => (-medium.absorption * origin.distance(position)).exp(),
+            _ => Vec3::ONE,
+        };
+        Some(Vertex { position, face, facing, to_viewer, bsdf, opacity: look.opacity, emission, kept })
     }
 }
 
@@ -433,36 +555,72 @@ impl Vertex {
     /// The start of rays from the vertex. It is off the surface, and slightly towards the viewer, so that in a corner
     /// it is off the other surface too.
     fn start(&self) -> Vec3 {
-        offset(self.position, self.facing + self.to_viewer, self.reach)
+        self.off(self.facing + self.to_viewer)
+    }
+
+    /// The start of rays on the other side of the surface.
+    fn beyond(&self) -> Vec3 {
+        self.off(-self.facing - self.to_viewer)
+    }
+
+    fn off(&self, direction: Vec3) -> Vec3 {
+        offset(self.position, direction, self.position.abs().max_element())
+    }
+
+    /// What the eye sees of it without any light.
+    fn shown(&self) -> Vec3 {
+        self.opacity * self.emission
     }
 
     /// The reflected direction and its tint, if the surface is a mirror.
     fn mirror(&self) -> Option<(Vec3, Vec3)> {
-        let (direction, color) = self.bsdf.mirror()?;
-        // A bent shading normal may reflect into the surface.
-        let depth = self.facing.dot(direction).min(0.0);
-        Some(((direction - 2.0 * depth * self.facing).normalize(), color))
+        let (direction, color) = self.bsdf.mirror().filter(|_| self.opacity == 1.0)?;
+        Some((self.outwards(direction), color))
     }
 
-    /// Samples a lobe by `shares`, and a direction of the lobe. Returns direction, weight and density, of which the
-    /// last two include the lobe's probability; `None` if `shares` are 0 or the direction points into the surface.
-    fn scatter(&self, shares: PerLobe, choice: f32, uv: [f32; 2]) -> Option<(Vec3, Vec3, f32)> {
-        let [diffuse, specular] = shares;
-        if diffuse + specular == 0.0 {
-            return None;
-        }
-        let (lobe, share) =
-            if choice < diffuse { (Lobe::Diffuse, diffuse) } else { (Lobe::Specular, specular) };
-        let scatter = self.bsdf.sample(lobe, uv)?;
-        // A bent shading normal can send rays through the surface.
-        let outside = self.facing.dot(scatter.direction) > 0.0;
-        outside.then(|| (scatter.direction, scatter.weight / share, scatter.pdf * share))
+    /// A perfectly reflected direction; a bent shading normal may have reflected it into the surface.
+    fn outwards(&self, direction: Vec3) -> Vec3 {
+        let depth = self.facing.dot(direction).min(0.0);
+        (direction - 2.0 * depth * self.facing).normalize()
     }
+
+    /// Samples a lobe by `shares`, and a direction of the lobe. Weight and density include the lobe's probability; `None`
+    /// if `shares` are 0 or the direction points to the wrong side of the surface.
+    fn scatter(&self, shares: PerLobe, choice: f32, uv: [f32; 2]) -> Option<(Lobe, Scatter)> {
+        let mut end = 0.0;
+        let chosen = Lobe::ALL.into_iter().filter(|&lobe| shares[lobe as usize] > 0.0);
+        let lobe = chosen.reduce(|before, lobe| {
+            end += shares[before as usize];
+            if choice < end { before } else { lobe }
+        })?;
+        let share = shares[lobe as usize];
+        let mut scatter = self.bsdf.sample(lobe, uv)?;
+        if scatter.pdf.is_infinite() && lobe == Lobe::Specular {
+            scatter.direction = self.outwards(scatter.direction);
+        }
+        // A bent shading normal can send rays to the wrong side.
+        let is_outside = self.facing.dot(scatter.direction) > 0.0;
+        let scatter = Scatter { weight: scatter.weight / share, pdf: scatter.pdf * share, ..scatter };
+        (is_outside != (lobe == Lobe::Transmit)).then_some((lobe, scatter))
+    }
+}
+
+/// A normal on the side of `facing`.
+fn turned(normal: Vec3, facing: Vec3) -> Vec3 {
+    if normal.dot(facing) < 0.0 { -normal } else { normal }
 }
 
 /// Weighted sum of three corners' values.
 fn interpolate(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
     corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z
+}
+
+/// The point of a triangle's plane with these weights, to the last place of its own coordinates, however large the
+/// triangle is.
+fn interpolate_exactly(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
+    let [a, b, c] = corners.map(Vec3::as_dvec3);
+    let weights = weights.as_dvec3();
+    (a + (b - a) * weights.y + (c - a) * weights.z).as_vec3()
 }
 
 /// `position` moved in `direction` by more than the rounding error of coordinates that are at most `reach`.

@@ -78,7 +78,8 @@ impl Lamp {
     /// A light of a scene.
     pub fn of(light: &Light) -> Self {
         match *light {
-            Light::Point { position, intensity } => Self {
+            // Outside its cone, a spot lights nothing; what it may light there does no harm.
+            Light::Point { position, intensity } | Light::Spot { position, intensity, .. } => Self {
                 position: position.into(),
                 power: luminance(intensity.into()),
                 uniform_share: 1.0,

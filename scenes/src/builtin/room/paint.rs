@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::{Material, Surface};
+use crate::Material;
 
 /// A material of the room. Its discriminant is its index in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,14 +77,16 @@ impl Paint {
     ];
 
     pub fn material(self) -> Material {
-        let diffuse = Surface::Diffuse;
-        let varnish = Surface::Glossy { roughness: 0.35, f0: 0.04 };
-        let glaze = Surface::Glossy { roughness: 0.15, f0: 0.05 };
-        let (color, surface) = match self {
+        // Roughness and reflectance at normal incidence of the GGX lobe.
+        let diffuse = (1.0, 0.0);
+        let varnish = (0.35, 0.04);
+        let glaze = (0.15, 0.05);
+        let name = format!("{self:?}").to_lowercase();
+        let (color, (roughness, f0)) = match self {
             Self::Wall => ([0.74, 0.72, 0.67], diffuse),
             Self::AccentWall => ([0.25, 0.38, 0.40], diffuse),
             Self::Ceiling => ([0.82, 0.82, 0.80], diffuse),
-            Self::Floor => ([0.42, 0.27, 0.16], Surface::Glossy { roughness: 0.3, f0: 0.04 }),
+            Self::Floor => ([0.42, 0.27, 0.16], (0.3, 0.04)),
             Self::White => ([0.80, 0.80, 0.78], varnish),
             Self::Rug => ([0.60, 0.50, 0.40], diffuse),
             Self::Sofa => ([0.18, 0.27, 0.38], diffuse),
@@ -96,11 +98,11 @@ impl Paint {
             Self::Ceramic => ([0.72, 0.74, 0.76], glaze),
             Self::Terracotta => ([0.58, 0.27, 0.16], diffuse),
             Self::Soil => ([0.09, 0.06, 0.04], diffuse),
-            Self::Leaf => ([0.12, 0.32, 0.09], Surface::Glossy { roughness: 0.4, f0: 0.04 }),
+            Self::Leaf => ([0.12, 0.32, 0.09], (0.4, 0.04)),
             Self::Black => ([0.03, 0.03, 0.035], glaze),
-            Self::Steel => ([0.22, 0.22, 0.23], Surface::Glossy { roughness: 0.2, f0: 0.5 }),
-            Self::Copper => ([0.50, 0.22, 0.12], Surface::Glossy { roughness: 0.2, f0: 0.4 }),
-            Self::Mirror => ([0.92, 0.93, 0.92], Surface::Mirror),
+            Self::Steel => ([0.22, 0.22, 0.23], (0.2, 0.5)),
+            Self::Copper => ([0.50, 0.22, 0.12], (0.2, 0.4)),
+            Self::Mirror => return Material::mirror(name, Vec3::new(0.92, 0.93, 0.92)),
             Self::Apple => ([0.62, 0.08, 0.06], glaze),
             Self::Orange => ([0.85, 0.37, 0.05], varnish),
             Self::Lime => ([0.38, 0.58, 0.08], glaze),
@@ -113,12 +115,7 @@ impl Paint {
             Self::BookCream => ([0.72, 0.65, 0.50], varnish),
             Self::BookDark => ([0.11, 0.09, 0.10], varnish),
         };
-        Material {
-            name: format!("{self:?}").to_lowercase(),
-            color: color.into(),
-            surface,
-            emission: Vec3::ZERO,
-        }
+        Material::glossy(name, color.into(), roughness, f0)
     }
 }
 

@@ -1,15 +1,14 @@
 use glam::{Affine3A, Quat};
 
 use super::*;
-use crate::{Camera, Material, Motion, MotionKey, Rng, SceneBuilder, Shape, Surface, shadow_segments};
+use crate::{Camera, Material, Motion, MotionKey, Rng, SceneBuilder, Shape, shadow_segments};
 
 /// Wider penumbrae than by default, so that there are more boundaries.
 const SETTINGS: ShadowSettings = ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 0.2 };
 
 fn builder() -> SceneBuilder {
     let mut builder = SceneBuilder::new();
-    let (name, surface) = (String::new(), Surface::Diffuse);
-    builder.material(Material { name, color: Vec3::ONE, surface, emission: Vec3::ZERO });
+    builder.material(Material::diffuse("", Vec3::ONE));
     builder
 }
 
