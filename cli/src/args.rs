@@ -233,7 +233,7 @@ pub enum Command {
 pub struct SceneArgs {
     #[arg(long, value_name = "SCENE", default_value = "cornell", help = scene_help())]
     pub scene: String,
-    /// Camera path: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    /// Camera path: still, file:NAME, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
     /// Width and height of the image in pixels
@@ -418,7 +418,7 @@ pub struct BenchArgs {
     /// Graph file, or the name of a graph or a variant, for the rows `cpu` and `gpu`; may be repeated [default: epi]
     #[arg(long)]
     pub graph: Vec<String>,
-    /// Camera path: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    /// Camera path: still, file:NAME, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
     /// Width and height of the image in pixels; the default is the papers' size
@@ -471,7 +471,7 @@ pub struct GalleryArgs {
     /// Scene to show; may be repeated [default: cornell, chains and room; bust and dragon if fetched]
     #[arg(long, value_name = "SCENE")]
     pub scene: Vec<String>,
-    /// Camera path: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
+    /// Camera path: still, file:NAME, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
     /// Width and height of the images in pixels

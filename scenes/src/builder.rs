@@ -127,6 +127,8 @@ pub struct SceneBuilder {
     moving: Vec<Moving>,
     /// See [`Scene::origin`]; what is added is relative to it.
     pub(crate) origin: DVec3,
+    /// See [`Scene::cameras`].
+    pub(crate) cameras: Vec<(String, Camera)>,
     /// What the files of the scene have that is not in it as it stands.
     pub(crate) report: Report,
 }
@@ -344,6 +346,7 @@ impl SceneBuilder {
             lights: self.lights,
             background,
             camera,
+            cameras: Arc::new(self.cameras),
             bounds,
             poses: vec![Pose::REST; bodies.len()],
             bodies: Arc::new(bodies),

@@ -9,8 +9,11 @@ pub struct Camera {
     pub eye: Vec3,
     /// Rotation from camera to world space.
     pub rotation: Quat,
-    /// Full vertical field of view, radians.
+    /// Full vertical field of view, radians, of an image of the shape `aspect` or a wider one.
     pub fov_y: f32,
+    /// Width by height of the image for which the camera was made: a narrower one keeps the horizontal field of view, so
+    /// that it shows everything that the camera is to show. `None`: every image has the vertical field of view.
+    pub aspect: Option<f32>,
     /// Nearest distance along the view axis that an image has to resolve, metres.
     pub near: f32,
     /// Farthest such distance, metres.
@@ -25,20 +28,31 @@ impl Camera {
         let up = if back.y.abs() > 0.9999 { Vec3::Z } else { Vec3::Y };
         let right = up.cross(back).normalize();
         let rotation = Quat::from_mat3(&glam::Mat3::from_cols(right, back.cross(right), back));
-        Self { eye, rotation, fov_y, near, far }
+        Self { eye, rotation, fov_y, aspect: None, near, far }
     }
 
     /// Whether all numbers are within the limits of a scene.
     pub(crate) fn is_valid(&self) -> bool {
-        let Self { eye, rotation, fov_y, near, far } = *self;
-        let has_lens = fov_y > 0.0 && fov_y < std::f32::consts::PI;
+        let Self { eye, rotation, fov_y, aspect, near, far } = *self;
+        let has_shape = aspect.is_none_or(|aspect| aspect > 0.0 && aspect.is_finite());
+        let has_lens = fov_y > 0.0 && fov_y < std::f32::consts::PI && has_shape;
         is_near(eye) && rotation.is_finite() && has_lens && near > 0.0 && near <= far && far.is_finite()
+    }
+
+    /// Half the height of what an image of `size` pixels shows, at one unit along the view axis: the tangent of half the
+    /// vertical field of view of that image.
+    pub fn half_height(&self, size: [u32; 2]) -> f32 {
+        let half = (self.fov_y * 0.5).tan();
+        match self.aspect {
+            Some(aspect) => half * (aspect * size[1] as f32 / size[0] as f32).max(1.0),
+            None => half,
+        }
     }
 
     /// The direction (not normalised: one unit along the view axis) through image position `(x, y)` in pixels,
     /// x right and y down, of an image of `size` pixels.
     pub fn direction(&self, x: f32, y: f32, size: [u32; 2]) -> Vec3 {
-        let half = (self.fov_y * 0.5).tan();
+        let half = self.half_height(size);
         let aspect = size[0] as f32 / size[1] as f32;
         let u = (2.0 * x / size[0] as f32 - 1.0) * half * aspect;
         let v = (1.0 - 2.0 * y / size[1] as f32) * half;
@@ -79,6 +93,8 @@ mod tests {
             Camera { rotation: Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0), ..good },
             Camera { fov_y: 0.0, ..good },
             Camera { fov_y: std::f32::consts::PI, ..good },
+            Camera { aspect: Some(0.0), ..good },
+            Camera { aspect: Some(f32::INFINITY), ..good },
             Camera { near: 0.0, ..good },
             Camera { near: 100.1, ..good },
             Camera { far: f32::INFINITY, ..good },
@@ -110,6 +126,21 @@ mod tests {
         let angle =
             camera.direction(50.0, 0.0, [100, 40]).angle_between(camera.direction(50.0, 40.0, [100, 40]));
         assert!((angle - camera.fov_y).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_narrower_image_keeps_the_width_that_the_camera_shows() {
+        let wide = Camera { aspect: Some(2.0), ..camera(Vec3::ZERO, Vec3::NEG_Z) };
+        let half = 0.5_f32.tan();
+        for (size, width, height) in
+            [([100, 50], 2.0, 1.0), ([100, 25], 4.0, 1.0), ([100, 100], 2.0, 2.0), ([50, 100], 2.0, 4.0)]
+        {
+            let corner = wide.direction(size[0] as f32, 0.0, size);
+            let expected = Vec3::new(width * half, height * half, -1.0);
+            assert!(corner.distance(expected) < 1e-5, "{size:?}: {corner} {expected}");
+        }
+        let any = Camera { aspect: None, ..wide };
+        assert_eq!(any.half_height([50, 100]), half);
     }
 
     #[test]

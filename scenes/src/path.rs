@@ -13,8 +13,8 @@ use flight::Flight;
 pub use flight::keyframes;
 
 /// The forms that [`CameraPath::parse`] accepts.
-const FORMS: [&str; 5] =
-    ["still", "view:X,Y,Z:QX,QY,QZ,QW", "orbit[:DEGREES[:ARC]]", "fly[:FILE.ron]", "shake"];
+const FORMS: [&str; 6] =
+    ["still", "file:NAME", "view:X,Y,Z:QX,QY,QZ,QW", "orbit[:DEGREES[:ARC]]", "fly[:FILE.ron]", "shake"];
 
 /// An orbit's default speed in degrees per frame, and its default arc in degrees. The arc is wide enough for every kind
 /// of disocclusion, and narrow enough to keep the eye of the Cornell box within the opening: from beside it, the camera
@@ -70,6 +70,14 @@ pub enum PathError {
         /// ", did you mean `...`?" or nothing.
         hint: String,
     },
+    /// The scene has no camera of that name.
+    #[error("camera path `file:{name}`: {}", cameras(known))]
+    Camera {
+        /// The unknown name.
+        name: String,
+        /// The names of the scene's cameras.
+        known: Vec<String>,
+    },
     /// An argument that is not a number, or out of range.
     #[error("camera path `{text}`: expected {expected}, found `{found}`")]
     Number {
@@ -109,7 +117,8 @@ pub enum PathError {
 impl CameraPath {
     /// Reads a path for the camera of `scene`:
     ///
-    /// - `still`;
+    /// - `still`: the scene's view;
+    /// - `file:NAME`: the camera of that name in the scene's file;
     /// - `view:X,Y,Z:QX,QY,QZ,QW`: a fixed eye point, with the rotation from camera to world space as a quaternion and
     ///   the scene's lens. [`CameraPath::view`] writes it;
     /// - `orbit`, `orbit:DEGREES`, `orbit:DEGREES:ARC`: orbits the camera's target by `DEGREES` per frame (default 1),
@@ -131,6 +140,10 @@ impl CameraPath {
                 Motion::Still
             }
             ("still", None) => Motion::Still,
+            ("file", name) => {
+                base = of_file(name.unwrap_or_default(), scene)?;
+                Motion::Still
+            }
             ("shake", None) => Motion::Shake { distance: target_distance(scene) },
             ("still" | "shake", Some(_)) => return Err(surplus(name)),
             ("orbit", arguments) => orbit(text, arguments, scene)?,
@@ -206,6 +219,23 @@ fn unknown(name: &str) -> PathError {
         .filter(|known| strsim::damerau_levenshtein(known, name) <= 2)
         .map_or(String::new(), |known| format!(", did you mean `{known}`?"));
     PathError::Unknown { name: name.into(), hint }
+}
+
+/// The camera of that name in the scene's file.
+fn of_file(name: &str, scene: &Scene) -> Result<Camera, PathError> {
+    let found = scene.cameras.iter().find(|(known, _)| known == name);
+    found.map(|(_, camera)| *camera).ok_or_else(|| PathError::Camera {
+        name: name.to_owned(),
+        known: scene.cameras.iter().map(|(name, _)| name.clone()).collect(),
+    })
+}
+
+/// The names of a scene's cameras in a sentence.
+fn cameras(known: &[String]) -> String {
+    match known {
+        [] => "the scene's file has no cameras; `still` is the scene's own view".to_owned(),
+        known => format!("the scene's cameras are {}", known.join(", ")),
+    }
 }
 
 /// Eye and rotation of `view:X,Y,Z:QX,QY,QZ,QW`.

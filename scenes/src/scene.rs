@@ -27,6 +27,8 @@ pub struct Scene {
     pub background: Vec3,
     /// The scene's own view.
     pub camera: Camera,
+    /// The cameras of its file by name, for [`CameraPath::parse`](crate::CameraPath::parse).
+    pub cameras: Arc<Vec<(String, Camera)>>,
     /// Lowest and highest corner of a box that contains the mesh in every frame.
     pub bounds: [Vec3; 2],
     /// Moving bodies, in ascending order of faces.
@@ -52,6 +54,7 @@ impl Scene {
             lights: Vec::new(),
             background: Vec3::ZERO,
             camera,
+            cameras: Arc::default(),
             bounds,
             bodies: Arc::default(),
             poses: Vec::new(),

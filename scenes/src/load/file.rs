@@ -434,10 +434,11 @@ impl SceneFile {
         for (index, (object, (model, mut place, material, motion))) in
             self.objects.iter().zip(placed).enumerate()
         {
-            file_camera = file_camera.or_else(|| {
-                let shift = (model.origin - origin).as_vec3();
-                model.camera.map(|camera| Camera { eye: camera.eye + shift, ..camera })
-            });
+            let shift = (model.origin - origin).as_vec3();
+            let shifted = |camera: Camera| Camera { eye: camera.eye + shift, ..camera };
+            file_camera = file_camera.or_else(|| model.camera.map(shifted));
+            let cameras = model.cameras.iter().map(|(name, camera)| (name.clone(), shifted(*camera)));
+            builder.cameras.extend(cameras);
             place.translation -= origin;
             let place = place.as_affine3a();
             let add = |builder: &mut SceneBuilder| {

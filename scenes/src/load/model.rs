@@ -13,7 +13,10 @@ use crate::{Camera, Light, Material, Report, Scene, Shape, Texture};
 /// of its own would cost more than it gains, so it is sampled as a whole, and its shadows have no edges.
 const MOST_PANELS: usize = 16;
 
-/// The shapes, materials, lights and camera of one file.
+/// Half the diagonal of the smallest box that fills an image, metres; a smaller one counts as a point.
+const SMALLEST: f32 = 1e-9;
+
+/// The shapes, materials, lights and cameras of one file.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Model {
     /// What to add to all coordinates of the model to get those of the file, metres (see [`origin_of`]).
@@ -28,6 +31,8 @@ pub(crate) struct Model {
     /// Lights defined in the file; `add_to` finds emissive parallelograms among the parts.
     pub lights: Vec<Light>,
     pub camera: Option<Camera>,
+    /// All cameras of the file by name, `camera` among them.
+    pub cameras: Vec<(String, Camera)>,
     /// What the file has that is not in the model as it stands.
     pub report: Report,
 }
@@ -72,6 +77,7 @@ impl Model {
                 .copied()
                 .collect(),
             camera: Some(scene.camera),
+            cameras: scene.cameras.to_vec(),
             report: Report::default(),
         }
     }
@@ -163,6 +169,7 @@ impl Model {
     pub fn into_scene(self, name: &str) -> Result<Scene, MeshError> {
         let mut builder = SceneBuilder::new();
         builder.origin = self.origin;
+        builder.cameras = self.cameras.clone();
         builder.report.extend(&self.report);
         self.add_to(&mut builder, Affine3A::IDENTITY, None)?;
         let bounds = builder.bounds();
@@ -218,17 +225,20 @@ fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<[Vec3; 3]> {
 
 /// Half the diagonal of the box, or a positive value for a single point.
 fn radius_of([low, high]: [Vec3; 2]) -> f32 {
-    (0.5 * (high - low).length()).max(1e-3)
+    // In f64, as the squares of small sides leave the range of f32.
+    let radius = 0.5 * (high - low).as_dvec3().length() as f32;
+    if radius > SMALLEST { radius } else { 1e-3 }
 }
 
-/// A camera that sees the whole box from the front, a little from the right and above.
+/// A camera that sees the whole box, in an image of any shape, from the front, a little from the right and above.
 pub(crate) fn framing_camera(bounds: [Vec3; 2]) -> Camera {
     const FOV_Y: f32 = 40.0_f32.to_radians();
     let centre = bounds[0].midpoint(bounds[1]);
     let radius = radius_of(bounds);
     let distance = radius / (0.5 * FOV_Y).sin();
     let eye = centre + distance * Vec3::new(0.45, 0.35, 1.0).normalize();
-    Camera::look_at(eye, centre, FOV_Y, 0.01 * distance, distance + 4.0 * radius)
+    let camera = Camera::look_at(eye, centre, FOV_Y, 0.01 * distance, distance + 4.0 * radius);
+    Camera { aspect: Some(1.0), ..camera }
 }
 
 /// A quad light to the upper left in front of the box, half as wide as the box's diagonal, that makes a white surface
@@ -279,11 +289,14 @@ mod tests {
         let scene =
             Model::from_shape(Shape::cuboid(Vec3::ZERO, Vec3::new(4.0, 1.0, 2.0))).into_scene("box").unwrap();
         let camera = scene.camera;
-        for face in 0..12 {
+        for (size, face) in
+            [[64, 64], [90, 64], [64, 300]].into_iter().flat_map(|size| (0..12).map(move |face| (size, face)))
+        {
             for corner in scene.mesh.corners(face) {
                 let seen = camera.rotation.inverse() * (corner - camera.eye);
-                let limit = -seen.z * (0.5 * camera.fov_y).tan();
-                assert!(seen.x.abs() <= limit && seen.y.abs() <= limit && -seen.z > camera.near);
+                let height = -seen.z * camera.half_height(size);
+                let width = height * size[0] as f32 / size[1] as f32;
+                assert!(seen.x.abs() <= width && seen.y.abs() <= height && -seen.z > camera.near);
                 assert!(seen.length() < camera.far);
             }
         }
@@ -297,6 +310,19 @@ mod tests {
         // A white surface that faces it has the radiance L A / (pi d^2).
         let white = radiance * u.cross(v).length() / (std::f32::consts::PI * to_light.length_squared());
         assert!(white.distance(Vec3::ONE) < 1e-5, "{white}");
+    }
+
+    #[test]
+    fn boxes_of_any_size_fill_the_picture_alike() {
+        let whole = framing_camera([Vec3::ZERO, Vec3::ONE]);
+        for size in [1e-8, 5e-4, 1e8_f32] {
+            let camera = framing_camera([Vec3::ZERO, Vec3::splat(size)]);
+            assert!(camera.is_valid());
+            assert!((camera.eye / size).distance(whole.eye) < 1e-4, "{size}: {camera:?}");
+            assert!((camera.near / size / whole.near - 1.0).abs() < 1e-4);
+            assert!((camera.far / size / whole.far - 1.0).abs() < 1e-4);
+        }
+        assert!(framing_camera([Vec3::ONE; 2]).is_valid());
     }
 
     #[test]

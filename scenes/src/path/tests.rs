@@ -29,6 +29,14 @@ fn still_does_not_move() {
 }
 
 #[test]
+fn cameras_of_a_file_without_any_are_an_error() {
+    assert_eq!(
+        message("file:top"),
+        "camera path `file:top`: the scene's file has no cameras; `still` is the scene's own view"
+    );
+}
+
+#[test]
 fn every_moving_path_begins_near_the_scenes_view_and_moves() {
     for text in ["orbit", "fly", "shake"] {
         let (path, base) = (path(text), outside().camera);
@@ -255,7 +263,7 @@ fn shake_grows_with_the_distance_and_has_a_limit() {
 fn errors_say_what_to_write_instead() {
     assert_eq!(
         message("orbitt"),
-        "unknown camera path `orbitt`, did you mean `orbit`?; known paths: still, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], \
+        "unknown camera path `orbitt`, did you mean `orbit`?; known paths: still, file:NAME, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], \
          fly[:FILE.ron], shake"
     );
     assert!(!message("spiral").contains("did you mean"));

@@ -30,7 +30,7 @@ const EXTREMES: [[f32; 2]; 5] = [CENTER, [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.
 pub fn edges(tracer: &Tracer, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
     let [width, height] = size.map(|side| side as usize);
     // Width of a pixel at unit distance along the axis.
-    let pixel = 2.0 * (0.5 * camera.fov_y).tan() / size[1] as f32;
+    let pixel = 2.0 * camera.half_height(size) / size[1] as f32;
     let forward = camera.rotation * Vec3::NEG_Z;
     let mut cut = vec![false; width * height];
     cut.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, cut)| {

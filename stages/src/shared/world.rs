@@ -68,7 +68,7 @@ impl World {
 
     /// A camera as the view of an image of `size` pixels.
     pub fn view(camera: &Camera, size: [u32; 2]) -> View {
-        let tan_y = (camera.fov_y * 0.5).tan();
+        let tan_y = camera.half_height(size);
         View {
             eye: camera.eye.into(),
             near: camera.near,

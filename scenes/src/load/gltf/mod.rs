@@ -68,7 +68,7 @@ struct Reader<'a> {
     pieces: Vec<Piece>,
     /// With the names of their nodes.
     lights: Vec<(lights::Placed, String)>,
-    camera: Option<(cameras::Placed, String)>,
+    cameras: Vec<(cameras::Placed, String)>,
     report: Report,
 }
 
@@ -81,7 +81,7 @@ impl<'a> Reader<'a> {
             meshes: HashMap::new(),
             pieces: vec![],
             lights: vec![],
-            camera: None,
+            cameras: vec![],
             report: Report::default(),
         }
     }
@@ -141,7 +141,7 @@ impl<'a> Reader<'a> {
             self.lights.push((light, name.clone()));
         }
         if let Some(camera) = node.camera {
-            self.camera(camera, &name, &world);
+            self.camera(camera, &node.name, &world);
         }
         Ok(())
     }
@@ -198,24 +198,31 @@ impl<'a> Reader<'a> {
         Ok(shapes)
     }
 
-    /// The first camera is the scene's.
+    /// The camera of a node, by the name of the node, its own, or its number.
     fn camera(&mut self, index: usize, node: &str, world: &DAffine3) {
         let camera = self.file.root.cameras.get(index).and_then(|camera| camera.0.as_ref());
-        let name = camera.and_then(|camera| camera.name.as_deref()).unwrap_or(node);
-        match camera.map(|camera| &camera.perspective) {
-            Some(Some(lens)) => match cameras::Placed::of(lens, world) {
-                Ok(camera) => {
-                    self.camera.get_or_insert((camera, name.to_owned()));
+        let own = camera.and_then(|camera| camera.name.as_deref());
+        let name = if node.is_empty() { name_of(own, "camera", index) } else { node.to_owned() };
+        let lenses = camera.map(|camera| (&camera.perspective, &camera.orthographic));
+        let placed = match lenses {
+            Some((Some(lens), _)) => cameras::Placed::perspective(lens, world),
+            Some((None, Some(lens))) => cameras::Placed::orthographic(lens, world),
+            _ => Err("its lens is not valid".to_owned()),
+        };
+        match placed {
+            Ok(camera) => {
+                if camera.is_orthographic() {
+                    let what = "an orthographic camera, by one far away";
+                    self.report.add(NoteKind::Approximated, what, &name);
                 }
-                Err(error) => self.report.add(NoteKind::LeftOut, format!("a camera: {error}"), name),
-            },
-            Some(None) => self.report.add(NoteKind::LeftOut, "an orthographic camera", name),
-            None => self.report.add(NoteKind::LeftOut, "a camera that is not valid", name),
+                self.cameras.push((camera, name));
+            }
+            Err(error) => self.report.add(NoteKind::LeftOut, format!("a camera: {error}"), &name),
         }
     }
 
     fn finish(self, materials: Vec<Material>) -> Model {
-        let Self { meshes, pieces, lights, camera, mut report, .. } = self;
+        let Self { meshes, pieces, lights, cameras, mut report, .. } = self;
         drop(meshes);
         let [low, high] = bounds(&pieces);
         let origin = origin_of(low, high);
@@ -233,13 +240,21 @@ impl<'a> Reader<'a> {
                 report.add(NoteKind::LeftOut, "a light that is too strong or too far away", &name);
             }
         }
-        if let Some((camera, name)) = camera {
-            let camera = camera.camera(origin, bounds);
-            if camera.is_valid() {
-                model.camera = Some(camera);
-            } else {
+        for (camera, name) in cameras {
+            let (camera, cuts) = camera.camera(origin, bounds);
+            if !camera.is_valid() {
                 report.add(NoteKind::LeftOut, "a camera that is too far away", &name);
+                continue;
             }
+            if cuts {
+                report.add(NoteKind::LeftOut, "a far plane that hides some of the scene", &name);
+            }
+            // The first is the scene's view.
+            model.camera.get_or_insert(camera);
+            let is_new = |name: &String| model.cameras.iter().all(|(known, _)| known != name);
+            let names = [name.clone()].into_iter().chain((2..).map(|copy| format!("{name} {copy}")));
+            let name = names.into_iter().find(is_new).unwrap_or_default();
+            model.cameras.push((name, camera));
         }
         model.report = report;
         model

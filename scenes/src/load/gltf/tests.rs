@@ -106,20 +106,30 @@ fn a_camera_keeps_its_planes_or_is_left_out() {
         let old = r#""yfov": 0.5, "znear": 0.25"#;
         read(&glb(&JSON.replacen(old, lens, 1)), no_files).unwrap()
     };
-    let camera = with(r#""yfov": 0.5, "znear": 0.00001, "zfar": 0.00005"#).into_scene("").unwrap().camera;
-    assert_eq!((camera.near, camera.far), (1e-5, 5e-5));
+    let model = with(r#""yfov": 0.5, "znear": 0.00001, "zfar": 99"#);
+    assert!(model.report.is_empty());
+    let camera = model.into_scene("").unwrap().camera;
+    assert_eq!((camera.near, camera.far), (1e-5, 99.0));
+    // The triangle is 8 m away.
+    for (far, hides) in [("8.1", false), ("7.9", true), ("0.00005", true)] {
+        let model = with(&format!(r#""yfov": 0.5, "znear": 0.00001, "zfar": {far}"#));
+        let expected = "left out: a far plane that hides some of the scene (camera 0)";
+        assert_eq!(notes(&model), &[expected][..usize::from(hides)]);
+        let camera = model.camera.unwrap();
+        assert!(camera.near == 1e-5 && (8.0..20.0).contains(&camera.far), "{camera:?}");
+    }
     for (lens, expected) in [
         (r#""yfov": 0.5, "znear": 0"#, "znear is 0; znear must be above 0 and below zfar"),
         (r#""yfov": 0.5, "znear": -1"#, "znear is -1"),
         (r#""yfov": 0.5, "znear": 2, "zfar": 1"#, "znear is 2 and zfar 1"),
         (r#""yfov": 0.5, "znear": 1, "zfar": 1"#, "znear is 1 and zfar 1"),
         (r#""yfov": 3.2, "znear": 1"#, "yfov is 3.2"),
-        (r#""yfov": "wide""#, "a camera that is not valid"),
+        (r#""yfov": "wide""#, "a camera: its lens is not valid"),
     ] {
         let model = with(lens);
         assert!(model.camera.is_none());
         let [note] = &notes(&model)[..] else { panic!("{:?}", model.report) };
-        assert!(note.contains(expected) && note.ends_with("(node 3)"), "{lens}: {note}");
+        assert!(note.contains(expected) && note.ends_with("(camera 0)"), "{lens}: {note}");
     }
 }
 
@@ -147,7 +157,7 @@ fn numbers_beyond_the_limits_are_left_out_by_name() {
             "left out: a material that is not valid (material 0)",
         ),
         (r#""material": 0"#, r#""material": 1"#, "repaired: a material that does not exist (mesh 0)"),
-        ("[0, 0, 5]", "[0, 0, 5e9]", "left out: a camera that is too far away (node 3)"),
+        ("[0, 0, 5]", "[0, 0, 5e9]", "left out: a camera that is too far away (camera 0)"),
     ] {
         assert!(JSON.contains(from), "{from}");
         let model = read(&glb(&JSON.replacen(from, to, 1)), no_files).unwrap();
@@ -187,13 +197,58 @@ fn meshes_that_share_a_buffer_are_counted_before_they_are_made() {
 }
 
 #[test]
-fn an_orthographic_camera_is_named() {
+fn an_orthographic_camera_becomes_one_far_away() {
     let lens = r#""perspective": {"yfov": 0.5, "znear": 0.25}"#;
-    let other = r#""orthographic": {"xmag": 1, "ymag": 1, "zfar": 9, "znear": 0.1}"#;
     assert!(JSON.contains(lens));
-    let model = read(&glb(&JSON.replacen(lens, other, 1)), no_files).unwrap();
-    assert!(model.camera.is_none());
-    assert_eq!(notes(&model), ["left out: an orthographic camera (node 3)"]);
+    let with = |members: &str| {
+        let other = format!(r#""orthographic": {{{members}}}"#);
+        read(&glb(&JSON.replacen(lens, &other, 1)), no_files).unwrap()
+    };
+    let model = with(r#""xmag": 3, "ymag": 2, "zfar": 9, "znear": 0.1"#);
+    assert_eq!(notes(&model), ["approximated: an orthographic camera, by one far away (camera 0)"]);
+    let camera = model.camera.unwrap();
+    assert!(camera.is_valid() && camera.rotation * Vec3::NEG_Z == Vec3::NEG_Z);
+    // It shows three metres to each side and two up and down, at the front and at the back.
+    for z in [-2.0, -3.0, -4.0] {
+        let corner = camera.direction(300.0, 0.0, [300, 200]) * (camera.eye.z - z);
+        assert!(corner.x / 3.0 > 0.99 && corner.x / 3.0 < 1.01, "{corner}");
+        assert!(corner.y / 2.0 > 0.99 && corner.y / 2.0 < 1.01, "{corner}");
+    }
+    assert!((camera.eye.z - camera.near - 4.9).abs() < 1e-3 && camera.eye.z - camera.far < -4.0);
+    for (members, expected) in [
+        (
+            r#""xmag": 0, "ymag": 2, "zfar": 9, "znear": 0.1"#,
+            "a camera: xmag is 0 and ymag 2; they must be above 0",
+        ),
+        (r#""xmag": 1, "ymag": 2, "zfar": 1, "znear": 1"#, "a camera: znear is 1 and zfar 1;"),
+        (r#""xmag": 1, "ymag": 2"#, "a camera: its lens is not valid"),
+    ] {
+        let [note] = &notes(&with(members))[..] else { panic!("one note") };
+        assert!(note.contains(expected), "{note}");
+    }
+}
+
+#[test]
+fn cameras_are_found_by_name() {
+    let nodes = r#""nodes": [
+        {"mesh": 0}, {"name": "top", "camera": 0}, {"camera": 1}, {"name": "top", "camera": 1, "translation": [0, 0, 7]},
+        {"camera": 0}, {"name": "top", "camera": 0}],"#;
+    let cameras = r#""cameras": [
+        {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.25, "aspectRatio": 1.5}},
+        {"name": "side", "type": "perspective", "perspective": {"yfov": 0.75, "znear": 0.25}}],"#;
+    let (start, end) = (JSON.find("\"scene\": 0").unwrap(), JSON.find("\"materials\"").unwrap());
+    let json = format!("{}{nodes}{cameras}{}", &JSON[..start], &JSON[end..]);
+    let scene = read(&glb(&json), no_files).unwrap().into_scene("").unwrap();
+    let names: Vec<&str> = scene.cameras.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["top", "side", "top 2", "camera 0", "top 3"]);
+    assert_eq!((scene.camera, scene.camera.aspect), (scene.cameras[0].1, Some(1.5)));
+    let camera = |text: &str| crate::CameraPath::parse(text, &scene).map(|path| path.camera(5));
+    assert_eq!(camera("file:top 2").unwrap(), scene.cameras[2].1);
+    assert_eq!(camera("file:side").unwrap().fov_y, 0.75);
+    assert_eq!(
+        camera("file:back").unwrap_err().to_string(),
+        "camera path `file:back`: the scene's cameras are top, side, top 2, camera 0, top 3"
+    );
 }
 
 #[test]
