@@ -183,41 +183,37 @@ impl Bsdf {
     /// Probabilities with which a path continues in each lobe, in proportion to the light that the lobe scatters.
     pub fn lobe_shares(&self) -> PerLobe {
         let Some(lobe) = self.lobe else { return [1.0, 0.0, 0.0] };
-        let cosine = self.normal.dot(self.to_viewer);
-        let specular = match lobe.eta {
-            Some(_) => lobe.fresnel(cosine),
-            None => lobe.albedo.reflected(lobe.f0),
-        }
-        .max_element();
-        let transmit = self.glass.map_or(0.0, |glass| glass.tint.max_element() * (1.0 - specular));
-        let diffuse = (self.base * (1.0 - lobe.albedo.of_dielectric(lobe.dielectric_f0))
-            + lobe.repeated() * lobe.albedo.lost())
-        .max_element();
-        if lobe.is_perfect {
-            let sum = diffuse + specular + transmit;
-            return if sum > 0.0 { [diffuse / sum, specular / sum, transmit / sum] } else { [0.0; 3] };
-        }
-        // Each lobe that scatters light has a minimum probability, as rare choices with large weights are noisy.
-        let least =
-            |share: f32| if share > 0.0 { share.max(0.1 * (diffuse + specular + transmit)) } else { 0.0 };
-        let shares = [least(diffuse), least(specular), least(transmit)];
-        let sum: f32 = shares.iter().sum();
-        if sum > 0.0 { shares.map(|share| share / sum) } else { [0.0; 3] }
+        let base = self.base * (1.0 - lobe.albedo.of_dielectric(lobe.dielectric_f0));
+        let diffuse = (base + lobe.repeated() * lobe.albedo.lost()).max_element();
+        let [specular, transmit] = self.facet_shares(&lobe);
+        shares(&lobe, [diffuse, specular, transmit])
     }
 
     /// The shares in direct mode, where only mirror images and what is seen through glass are traced: at the first
     /// surface those of glossy ones too.
     pub fn direct_shares(&self, at_first: bool) -> PerLobe {
-        match (self.lobe, self.glass) {
-            (Some(lobe), Some(glass)) => {
-                let specular = lobe.fresnel(self.normal.dot(self.to_viewer)).max_element();
-                let transmit = (1.0 - specular) * glass.tint.max_element();
-                let sum = specular + transmit;
-                if sum > 0.0 { [0.0, specular / sum, transmit / sum] } else { [0.0; 3] }
+        match self.lobe {
+            Some(lobe) if self.glass.is_some() => {
+                let [specular, transmit] = self.facet_shares(&lobe);
+                shares(&lobe, [0.0, specular, transmit])
             }
-            (Some(lobe), None) if at_first && lobe.shows_reflections() => [0.0, 1.0, 0.0],
+            Some(lobe) if at_first && lobe.shows_reflections() => [0.0, 1.0, 0.0],
             _ => [0.0; 3],
         }
+    }
+
+    /// Shares of the light that facets reflect and let through.
+    fn facet_shares(&self, lobe: &Microfacets) -> [f32; 2] {
+        let mut reflected = match lobe.eta {
+            Some(_) => lobe.fresnel(self.normal.dot(self.to_viewer)),
+            None => lobe.albedo.reflected(lobe.f0),
+        }
+        .max_element();
+        if !lobe.is_perfect {
+            // Some facets of a rough surface let light through even where a smooth one would reflect all.
+            reflected = reflected.min(0.9);
+        }
+        [reflected, self.glass.map_or(0.0, |glass| glass.tint.max_element() * (1.0 - reflected))]
     }
 
     /// Values and densities of all lobes in the direction to a light.
@@ -341,6 +337,15 @@ impl Bsdf {
         let [x, y, z] = visible_facet(axes.map(|axis| axis.dot(self.to_viewer)), alpha, [u, v]);
         tangent * x + bitangent * y + self.normal * z
     }
+}
+
+/// Probabilities in proportion to shares of light. Each lobe that scatters light has a minimum, as rare choices with large
+/// weights are noisy; those of perfect lobes have equal weights.
+fn shares(lobe: &Microfacets, of: PerLobe) -> PerLobe {
+    let least = if lobe.is_perfect { 0.0 } else { 0.1 * of.iter().sum::<f32>() };
+    let of = of.map(|share| if share > 0.0 { share.max(least) } else { 0.0 });
+    let sum: f32 = of.iter().sum();
+    if sum > 0.0 { of.map(|share| share / sum) } else { [0.0; 3] }
 }
 
 /// The share of light that goes straight through a surface which it meets at this cosine: see [`super`].
