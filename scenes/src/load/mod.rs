@@ -1,24 +1,29 @@
 //! Loads a scene by its name or path.
 
+mod beside;
 mod file;
 mod gltf;
+mod kind;
 mod model;
 mod obj;
 mod origin;
 mod ply;
+mod polygons;
+mod triangulate;
 
 use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use epigraph_files::{self as files, MOST_DATA, MOST_TEXT, without_mark};
+use epigraph_files::{self as files, MOST_DATA, without_mark};
 use epigraph_streams::PointSet;
 use flate2::read::MultiGzDecoder;
 
 use crate::builtin::{self, scene_names};
 use crate::{Scene, SceneError};
 
+use beside::Beside;
 pub use file::{
     CameraSpec, LightSpec, MaterialSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile,
     ShapeSpec, SurfaceSpec,
@@ -74,11 +79,8 @@ fn load_scene_file(path: &Path, name: &str) -> Result<Scene, SceneError> {
 /// Reads a mesh file of any kind, by its ending.
 fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
-    let beside = |name: &str, most: u64| {
-        let companion = path.with_file_name(name);
-        files::bytes(&companion, most)
-            .map_err(|error| format!("cannot read {}, which it references: {error}", companion.display()))
-    };
+    let companions = Beside { mesh: path };
+    let beside = |name: &str, most: u64| companions.bytes(name, most);
     let name = path.to_string_lossy().to_lowercase();
     let bytes =
         files::bytes(path, MOST_DATA).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
@@ -87,13 +89,11 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
         ply::check_start(MultiGzDecoder::new(bytes.as_slice()).take(LONGEST_HEADER)).map_err(invalid)?;
     }
     let bytes = unpack(bytes, MOST_DATA).map_err(invalid)?;
+    kind::check(&bytes, &name).map_err(invalid)?;
     let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
         ply::read(&bytes)
     } else if name.ends_with(".obj") {
-        // Old exporters write names in various encodings; only the numbers matter.
-        obj::read(&lossy(&bytes), |library| {
-            beside(library, MOST_TEXT).map(|bytes| lossy(&bytes).into_owned())
-        })
+        obj::read(&lossy(&bytes), beside)
     } else if name.ends_with(".glb") || name.ends_with(".gltf") {
         gltf::read(without_mark(&bytes), |name| beside(name, MOST_DATA))
     } else {
@@ -104,9 +104,18 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     Ok(model)
 }
 
-/// Text in any encoding that has ASCII's letters.
+/// Text in UTF-16 with a byte-order mark, or in any encoding that has ASCII's letters: old exporters write names in
+/// various ones, but only the numbers matter.
 fn lossy(bytes: &[u8]) -> Cow<'_, str> {
-    String::from_utf8_lossy(without_mark(bytes))
+    let words = |read: fn([u8; 2]) -> u16| {
+        let words: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| read([pair[0], pair[1]])).collect();
+        Cow::Owned(String::from_utf16_lossy(&words))
+    };
+    match bytes {
+        [0xFF, 0xFE, ..] => words(u16::from_le_bytes),
+        [0xFE, 0xFF, ..] => words(u16::from_be_bytes),
+        _ => String::from_utf8_lossy(without_mark(bytes)),
+    }
 }
 
 /// Decompresses gzip data, to at most `most` bytes; other data is returned unchanged.

@@ -62,13 +62,12 @@ fn a_mesh_without_light_or_camera_gets_both() {
 fn broken_meshes_are_errors() {
     let folder = Folder::new("broken");
     for (name, content, expected) in [
-        ("nan.obj", TETRAHEDRON.replace("v 1 0 0", "v 1 nan 0"), "line 2"),
-        ("empty.obj", String::new(), "no triangles"),
-        ("points.obj", "v 0 0 0\nv 1 0 0\n".to_owned(), "no triangles"),
+        ("nan.obj", "v 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n".to_owned(), "line 2, `1 nan 0`"),
+        ("empty.obj", String::new(), "it is empty"),
+        ("points.obj", "v 0 0 0\nv 1 0 0\n".to_owned(), "no faces"),
         ("flat.obj", "v 0 0 0\nv 0 0 0\nv 1 0 0\nf 1 2 3\n".to_owned(), "no triangles"),
-        ("library.obj", format!("mtllib none.mtl\n{TETRAHEDRON}"), "none.mtl"),
-        ("empty.ply", String::new(), "magic"),
-        ("empty.glb", String::new(), "EOF"),
+        ("empty.ply", String::new(), "it is empty"),
+        ("empty.glb", String::new(), "it is empty"),
         ("text.glb", "glTF is nice".to_owned(), "truncated"),
         ("empty.gltf", r#"{"asset": {"version": "2.0"}}"#.to_owned(), "no triangles"),
         ("broken.gltf", r#"{"asset": {"#.to_owned(), "EOF"),
@@ -372,9 +371,6 @@ fn numbers_at_the_limit_are_traced_and_numbers_beyond_it_refused() {
         let message = error(&folder.file(name, content));
         assert!(message.contains(expected) && message.contains(name), "{message}");
     }
-    folder.file("far.mtl", "newmtl lamp\nKe 1 1e20 1\n");
-    let message = error(&folder.file("lamp.obj", format!("mtllib far.mtl\n{TETRAHEDRON}")));
-    assert!(message.contains("material library, line 2: an emission may be at most 1e18"), "{message}");
 }
 
 #[test]

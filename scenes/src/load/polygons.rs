@@ -1,0 +1,149 @@
+//! The polygons of a file, in double precision, on their way to shapes.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::origin::origin_of;
+use super::triangulate::{Fault, Triangulator};
+use crate::limits::is_near;
+use crate::{MeshError, NoteKind, Report, Shape};
+
+/// Polygons, and the vertices that they share.
+#[derive(Default)]
+pub(super) struct Polygons {
+    /// The places of the vertices in the file's coordinates, metres. Numbers that are not finite harm only the polygons
+    /// that use them.
+    pub at: Vec<DVec3>,
+    /// The vertex of each corner of each polygon; what follows the last polygon's belongs to the next one.
+    pub corners: Vec<u32>,
+    /// The end of each polygon in `corners`.
+    ends: Vec<usize>,
+    /// The number of triangles that all polygons make.
+    triangles: usize,
+}
+
+impl Polygons {
+    /// The number of polygons.
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Makes a polygon of the corners that were added since the last one. Fewer than three are dropped, and noted.
+    pub fn close(&mut self, name: &str, report: &mut Report) -> Result<(), MeshError> {
+        let begin = self.ends.last().copied().unwrap_or(0);
+        let count = self.corners.len() - begin;
+        if count < 3 {
+            report.add(NoteKind::LeftOut, "a face with fewer than three corners", name);
+            self.corners.truncate(begin);
+            return Ok(());
+        }
+        self.triangles += count - 2;
+        MeshError::of_size(self.triangles, self.at.len())?;
+        self.ends.push(self.corners.len());
+        Ok(())
+    }
+
+    /// The corners of a polygon.
+    fn polygon(&self, index: usize) -> Range<usize> {
+        let begin = if index == 0 { 0 } else { self.ends[index - 1] };
+        begin..self.ends[index]
+    }
+
+    /// Whether the places of all corners are numbers.
+    fn is_finite(&self, corners: Range<usize>) -> bool {
+        self.corners[corners].iter().all(|&vertex| self.at[vertex as usize].is_finite())
+    }
+}
+
+/// Makes shapes of polygons, relative to one origin.
+pub(super) struct Assembly<'a> {
+    polygons: &'a Polygons,
+    /// What is subtracted from all places.
+    pub origin: DVec3,
+    triangulator: Triangulator,
+    /// The index of each vertex in the shape that is being made, or [`u32::MAX`].
+    index: Vec<u32>,
+    places: Vec<DVec3>,
+    cut: Vec<[u32; 3]>,
+}
+
+impl<'a> Assembly<'a> {
+    /// Chooses the origin. All corners must be vertices.
+    ///
+    /// # Errors
+    /// The index of a vertex that a polygon uses, too far from the origin.
+    pub fn new(polygons: &'a Polygons) -> Result<Self, usize> {
+        let used = || {
+            let whole = (0..polygons.len()).map(|index| polygons.polygon(index));
+            whole
+                .filter(|corners| polygons.is_finite(corners.clone()))
+                .flat_map(|corners| &polygons.corners[corners])
+                .map(|&vertex| vertex as usize)
+        };
+        let around = |[low, high]: [DVec3; 2], vertex: usize| {
+            [low.min(polygons.at[vertex]), high.max(polygons.at[vertex])]
+        };
+        let [low, high] = used().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], around);
+        let origin = origin_of(low, high);
+        let is_far = |point: DVec3| !is_near((point - origin).as_vec3());
+        // Without a usable polygon the box is infinite.
+        if (is_far(low) || is_far(high))
+            && let Some(vertex) = used().find(|&vertex| is_far(polygons.at[vertex]))
+        {
+            return Err(vertex);
+        }
+        Ok(Self {
+            polygons,
+            origin,
+            triangulator: Triangulator::new(),
+            index: vec![u32::MAX; polygons.at.len()],
+            places: Vec::new(),
+            cut: Vec::new(),
+        })
+    }
+
+    /// The shape of the polygons with these indices, which are those of the thing called `name`, and the corners of its
+    /// triangles, as indices into all corners. Polygons with corners that are not finite are left out. Normals and all
+    /// else are up to the caller.
+    pub fn shape(
+        &mut self,
+        range: Range<usize>,
+        name: &str,
+        report: &mut Report,
+    ) -> (Shape, Vec<[usize; 3]>) {
+        let Polygons { at, corners: all, .. } = self.polygons;
+        let (mut shape, mut corners) = (Shape::default(), Vec::new());
+        for polygon in range.map(|index| self.polygons.polygon(index)) {
+            if !self.polygons.is_finite(polygon.clone()) {
+                report.add(NoteKind::LeftOut, "a face with a corner that is not a number", name);
+                continue;
+            }
+            self.places.clear();
+            self.places.extend(all[polygon.clone()].iter().map(|&vertex| at[vertex as usize]));
+            self.cut.clear();
+            let what = match self.triangulator.add(&self.places, &mut self.cut) {
+                None => None,
+                Some(Fault::Crossed) => Some("a polygon whose sides cross"),
+                Some(Fault::Bent) => Some("a polygon that is neither convex nor flat"),
+            };
+            if let Some(what) = what {
+                report.add(NoteKind::Approximated, what, name);
+            }
+            for triangle in &self.cut {
+                let triangle = triangle.map(|corner| polygon.start + corner as usize);
+                shape.triangles.push(triangle.map(|corner| {
+                    let vertex = all[corner] as usize;
+                    if self.index[vertex] == u32::MAX {
+                        self.index[vertex] = shape.positions.len() as u32;
+                        shape.positions.push((at[vertex] - self.origin).as_vec3());
+                    }
+                    self.index[vertex]
+                }));
+                corners.push(triangle);
+            }
+        }
+        corners.iter().flatten().for_each(|&corner| self.index[all[corner] as usize] = u32::MAX);
+        (shape, corners)
+    }
+}
