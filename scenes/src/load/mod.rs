@@ -37,8 +37,6 @@ const MESH_ENDINGS: [&str; 5] = [".glb", ".gltf", ".obj", ".ply", ".ply.gz"];
 const SCENE_ENDING: &str = ".ron";
 /// The ending of point sets.
 const POINTS_ENDING: &str = ".vts";
-/// Bytes that the header of a PLY file has at most, to be looked at before all is unpacked.
-const LONGEST_HEADER: u64 = 1 << 16;
 /// Least Jaro-Winkler similarity at which a name counts as a mistyped one.
 const HINT_SIMILARITY: f64 = 0.75;
 
@@ -86,7 +84,7 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
         files::bytes(path, MOST_DATA).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
     if name.ends_with(".ply.gz") {
         // A few bytes can unpack to a promise of millions.
-        ply::check_start(MultiGzDecoder::new(bytes.as_slice()).take(LONGEST_HEADER)).map_err(invalid)?;
+        ply::check_start(MultiGzDecoder::new(bytes.as_slice())).map_err(invalid)?;
     }
     let bytes = unpack(bytes, MOST_DATA).map_err(invalid)?;
     kind::check(&bytes, &name).map_err(invalid)?;

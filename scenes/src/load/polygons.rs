@@ -61,6 +61,8 @@ pub(super) struct Assembly<'a> {
     polygons: &'a Polygons,
     /// What is subtracted from all places.
     pub origin: DVec3,
+    /// Whether the vertices of a shape are in the order of the file, not in that in which its faces use them.
+    pub in_file_order: bool,
     triangulator: Triangulator,
     /// The index of each vertex in the shape that is being made, or [`u32::MAX`].
     index: Vec<u32>,
@@ -96,6 +98,7 @@ impl<'a> Assembly<'a> {
         Ok(Self {
             polygons,
             origin,
+            in_file_order: false,
             triangulator: Triangulator::new(),
             index: vec![u32::MAX; polygons.at.len()],
             places: Vec::new(),
@@ -130,20 +133,26 @@ impl<'a> Assembly<'a> {
             if let Some(what) = what {
                 report.add(NoteKind::Approximated, what, name);
             }
-            for triangle in &self.cut {
-                let triangle = triangle.map(|corner| polygon.start + corner as usize);
-                shape.triangles.push(triangle.map(|corner| {
-                    let vertex = all[corner] as usize;
-                    if self.index[vertex] == u32::MAX {
-                        self.index[vertex] = shape.positions.len() as u32;
-                        shape.positions.push((at[vertex] - self.origin).as_vec3());
-                    }
-                    self.index[vertex]
-                }));
-                corners.push(triangle);
+            let of_all = |corner: u32| polygon.start + corner as usize;
+            corners.extend(self.cut.iter().map(|triangle| triangle.map(of_all)));
+        }
+        let mut used = Vec::new();
+        for &vertex in corners.iter().flatten().map(|&corner| &all[corner]) {
+            if self.index[vertex as usize] == u32::MAX {
+                self.index[vertex as usize] = 0;
+                used.push(vertex);
             }
         }
-        corners.iter().flatten().for_each(|&corner| self.index[all[corner] as usize] = u32::MAX);
+        if self.in_file_order {
+            used.sort_unstable();
+        }
+        for (new, &vertex) in used.iter().enumerate() {
+            self.index[vertex as usize] = new as u32;
+            shape.positions.push((at[vertex as usize] - self.origin).as_vec3());
+        }
+        let new = |corner: usize| self.index[all[corner] as usize];
+        shape.triangles = corners.iter().map(|corners| corners.map(new)).collect();
+        used.iter().for_each(|&vertex| self.index[vertex as usize] = u32::MAX);
         (shape, corners)
     }
 }

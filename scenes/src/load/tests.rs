@@ -71,7 +71,7 @@ fn broken_meshes_are_errors() {
         ("text.glb", "glTF is nice".to_owned(), "truncated"),
         ("empty.gltf", r#"{"asset": {"version": "2.0"}}"#.to_owned(), "no triangles"),
         ("broken.gltf", r#"{"asset": {"#.to_owned(), "EOF"),
-        ("broken.ply.gz", "\u{1f}\u{8b}".to_owned(), "magic"),
+        ("broken.ply.gz", "\u{1f}\u{8b}".to_owned(), "the word `ply`"),
         ("wrong.ron", "Scene(version: 1, objects: [), lights: [])".to_owned(), "line 1, column"),
     ] {
         let message = error(&folder.file(name, content));
@@ -82,7 +82,7 @@ fn broken_meshes_are_errors() {
     let nan = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
         element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n";
     let message = error(&folder.file("nan.ply", nan));
-    assert!(message.contains("1 nan 0"), "{message}");
+    assert!(message.contains("vertex 1, (1, NaN, 0)"), "{message}");
     let mut binary = nan.split("0 0 0").next().unwrap().replace("ascii", "binary_big_endian").into_bytes();
     for value in [0.0, 0.0, 0.0, 1.0, f32::NAN, 0.0, 0.0, 1.0, 0.0] {
         binary.extend(value.to_be_bytes());
@@ -90,7 +90,7 @@ fn broken_meshes_are_errors() {
     binary.push(3);
     binary.extend([0, 1, 2_i32].iter().flat_map(|i| i.to_be_bytes()));
     let message = error(&folder.file("nan-binary.ply", binary));
-    assert!(message.contains("vertex 1 is not finite: (1, NaN, 0)"), "{message}");
+    assert!(message.contains("vertex 1, (1, NaN, 0)"), "{message}");
 }
 
 fn gzip(bytes: &[u8]) -> Vec<u8> {
