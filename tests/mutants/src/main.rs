@@ -247,13 +247,27 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Box<dyn Error>> {
     Ok(fs::write(path, bytes)?)
 }
 
-/// Copies all files but those that are mutated.
+/// Copies all files but those that are mutated, and removes those that are gone.
 fn copy_workspace(root: &Path, copy: &Path) -> Result<(), Box<dyn Error>> {
-    for path in files(root, ".")? {
+    let files = files(root, ".")?;
+    for path in &files {
         let mutated =
             PARTS.iter().any(|(name, folder)| *name != "wgsl" && path.starts_with(&format!("{folder}/")));
-        if !mutated || !is_source(&path) {
-            write(&copy.join(&path), &fs::read(root.join(&path))?)?;
+        if !mutated || !is_source(path) {
+            write(&copy.join(path), &fs::read(root.join(path))?)?;
+        }
+    }
+    remove_others(copy, &files.iter().map(|path| copy.join(path)).collect())
+}
+
+/// Removes all files in a folder but those that are to stay. A module that has moved would be there twice.
+fn remove_others(folder: &Path, stay: &HashSet<PathBuf>) -> Result<(), Box<dyn Error>> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            remove_others(&path, stay)?;
+        } else if !stay.contains(&path) {
+            fs::remove_file(&path)?;
         }
     }
     Ok(())
