@@ -823,8 +823,18 @@ mod tests {
             ([7777, -reach, 7777, reach], [7777, -256, 7777, 65536]),
             ([-reach, -reach, reach, reach], [-256, -256, 65536, 65536]),
             ([-reach, 8192 - reach / 2, reach, 8192 + reach / 2], [-16384, 0, 32768, 24576]),
+            ([8192 - reach / 2, -reach, 8192 + reach / 2, reach], [-8192, -32768, 24576, 32768]),
         ] {
-            assert_eq!(mask(size, &[flat(ends, size)]), model(size, near.map(i64::from)), "{ends:?}");
+            let [ax, ay, bx, by] = ends;
+            let expected = model(size, near.map(i64::from));
+            // Clipped at both ends, and at one: from the middle to either side.
+            for ends in [ends, [bx, by, ax, ay]] {
+                assert_eq!(mask(size, &[flat(ends, size)]), expected, "{ends:?}");
+            }
+            let middle = [ax / 2 + bx / 2, ay / 2 + by / 2];
+            let halves = [[ax, ay, middle[0], middle[1]], [middle[0], middle[1], bx, by]];
+            let halves = halves.map(|ends| flat(ends, size));
+            assert_eq!(mask(size, &halves), expected, "{ends:?} in halves");
         }
         // A segment whose ends have very different distances.
         let segment = |reach: f32| Segment {

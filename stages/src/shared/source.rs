@@ -248,3 +248,18 @@ impl SampleSource for BackgroundTracer {
         Pace::Async
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paces_have_names() {
+        for (pace, name, _) in Pace::ALL {
+            assert_eq!(pace.to_string(), name);
+            assert_eq!(name.parse(), Ok(pace));
+        }
+        assert_eq!(Pace::ALL.map(|(pace, ..)| pace), [Pace::Exact, Pace::Async]);
+        assert!("fast".parse::<Pace>().is_err());
+    }
+}

@@ -231,45 +231,67 @@ fn shadows_and_edges_are_as_before() {
     assert_same("shadows", &figures);
 }
 
-/// A scene of shapes and lights at random places, of which some touch, lie in one plane, or face away from a light.
-fn random_scene(random: &mut Random) -> Scene {
+/// A scene of shapes and lights at random places, of which some touch, lie in one plane, or face away from a light; if
+/// `moves`, some of them move.
+fn random_scene(random: &mut Random, moves: bool) -> Scene {
+    let mut motions = String::new();
+    let mut moving: Vec<&str> = Vec::new();
+    if moves {
+        let mut number = || f64::from(random.below(17)) / 8.0 - 1.0;
+        for name in ["one", "other"] {
+            let keys: String = [0.0, 0.2, 0.7]
+                .map(|time| {
+                    let [x, y, z, turn] = [number(), number(), number(), 90.0 * number()];
+                    format!("(time: {time}, translate: ({x}, {y}, {z}), rotate: (0, {turn}, {turn})),")
+                })
+                .concat();
+            motions += &format!("\"{name}\": (keys: [{keys}]),");
+        }
+        let motion = |_| ["", ", motion: \"one\"", ", motion: \"other\""][random.below(3) as usize];
+        moving = (0..5).map(motion).collect();
+    }
+    let motion = |index: usize| moving.get(index).copied().unwrap_or_default();
     // Multiples of a quarter, so that some numbers are equal.
     let mut near = |low: i32, high: i32| f64::from(low + random.below((high - low) as u32 + 1) as i32) / 4.0;
     let mut objects = String::from("(shape: Quad(corner: (-4, 0, 4), u: (8, 0, 0), v: (0, 0, -8))),");
-    for _ in 0..3 {
+    for index in 0..3 {
+        let motion = motion(index);
         let [x, y, z] = [near(-6, 6), near(0, 4), near(-6, 6)];
         objects += &match near(0, 3) as u32 + near(0, 8) as u32 {
-            0 => format!("(shape: Sphere(center: ({x}, {y}, {z}), radius: {})),", near(1, 3)),
+            0 => format!("(shape: Sphere(center: ({x}, {y}, {z}), radius: {}){motion}),", near(1, 3)),
             1 => {
                 let [u, v] = [(near(-4, 4), near(1, 4)), (near(1, 4), near(-4, 4))];
                 let sides = format!("u: ({}, {}, 0.5), v: (0.3, {}, {})", u.0, u.1, v.0, v.1);
-                format!("(shape: Quad(corner: ({x}, {y}, {z}), {sides})),")
+                format!("(shape: Quad(corner: ({x}, {y}, {z}), {sides}){motion}),")
             }
             _ => {
                 let [a, b, c] = [near(1, 6), near(1, 4), near(1, 6)];
                 let turn = near(0, 3) * 100.0;
                 format!(
-                    "(shape: Box(low: (0, 0, 0), high: ({a}, {b}, {c})), translate: ({x}, {y}, {z}), rotate: (0, {turn}, 0)),"
+                    "(shape: Box(low: (0, 0, 0), high: ({a}, {b}, {c})), translate: ({x}, {y}, {z}), rotate: (0, {turn}, 0){motion}),"
                 )
             }
         };
     }
     let mut lights = String::new();
-    for _ in 0..2 {
+    for index in 3..5 {
+        let motion = motion(index);
         let [x, y, z] = [near(-8, 8), near(4, 16), near(-8, 8)];
         lights += &match near(0, 7) < 1.0 {
-            true => format!("Point(position: ({x}, {y}, {z}), intensity: (9, 8, 7)),"),
+            true => format!("Point(position: ({x}, {y}, {z}), intensity: (9, 8, 7){motion}),"),
             false => {
                 let [a, b, c, d] = [near(1, 6), near(-2, 2), near(1, 6), near(-2, 2)];
                 format!(
-                    "Quad(corner: ({x}, {y}, {z}), u: ({a}, {b}, 0), v: (0, {d}, {c}), radiance: (5, 5, 5)),"
+                    "Quad(corner: ({x}, {y}, {z}), u: ({a}, {b}, 0), v: (0, {d}, {c}), radiance: (5, 5, 5){motion}),"
                 )
             }
         };
     }
     let camera = format!("(eye: ({}, 3, 9), target: (0, 1, 0), fov: 50)", near(-20, 20));
-    let text = format!("Scene(version: 1, camera: Some({camera}), objects: [{objects}], lights: [{lights}])");
-    let path = std::env::temp_dir().join(format!("epigraph-random-{}.ron", std::process::id()));
+    let text = format!(
+        "Scene(version: 1, camera: Some({camera}), motions: {{ {motions} }}, objects: [{objects}], lights: [{lights}])"
+    );
+    let path = std::env::temp_dir().join(format!("epigraph-random-{moves}-{}.ron", std::process::id()));
     fs::write(&path, &text).expect("a temporary folder");
     let scene = Scene::load(&path.display().to_string()).unwrap_or_else(|error| panic!("{error}: {text}"));
     fs::remove_file(&path).expect("it is there");
@@ -281,7 +303,7 @@ fn shadows_and_edges_of_random_scenes_are_as_before() {
     let mut figures = Figures::new();
     let mut random = Random(9);
     for index in 0..40 {
-        let scene = Arc::new(random_scene(&mut random));
+        let scene = Arc::new(random_scene(&mut random, false));
         let tracer = Tracer::new(scene.clone());
         let figure = figures.entry(format!("scene {index}")).or_default();
         for contact in [0.0, 0.002, 0.1] {
@@ -293,6 +315,34 @@ fn shadows_and_edges_of_random_scenes_are_as_before() {
         figure.debug(&reference::render(&tracer, &scene.camera, [12, 9], 1, &settings, 4, &|| true));
     }
     assert_same("random-scenes", &figures);
+}
+
+#[test]
+fn shadows_of_random_scenes_in_motion_are_as_before() {
+    let mut figures = Figures::new();
+    let mut random = Random(10);
+    for index in 0..40 {
+        let scene = Arc::new(random_scene(&mut random, true));
+        let tracer = Arc::new(Tracer::new(scene.clone()));
+        let figure = figures.entry(format!("moving scene {index}")).or_default();
+        for (contact, max_penumbra, capacity) in [(0.002, 0.02, 1000), (0.0, 0.3, 10_000), (0.05, 1.0, 40)] {
+            let mut search = ShadowSearch::new(ShadowSettings { contact, max_penumbra, capacity });
+            for frame in [0, 3, 3, 9, 30] {
+                let tracer = tracer.at(frame);
+                let found = search.find(&tracer, &|_| true);
+                figure.debug(&found);
+                figure.debug(&search.work());
+                // What moved is all that was searched again.
+                let settings = ShadowSettings { contact, max_penumbra, capacity };
+                assert_eq!(
+                    found,
+                    shadow_segments(&tracer, &settings, &|_| true),
+                    "scene {index}, frame {frame}"
+                );
+            }
+        }
+    }
+    assert_same("moving-shadows", &figures);
 }
 
 #[test]
