@@ -388,14 +388,16 @@ mod tests {
 
     #[test]
     fn every_codec_and_both_ways_decode_to_the_cells_of_the_model() {
-        for (codec, levels, bare) in [
-            (Codec::Packed, 1, true),
-            (Codec::Brick, 3, false),
-            (Codec::Streams, 2, false),
-            (Codec::Best, 4, true),
-            (Codec::Best, 4, false),
+        for (codec, levels, bare, count) in [
+            (Codec::Packed, 1, true, 20_000),
+            // More vertices than workgroups in a row.
+            (Codec::Packed, 1, false, 40_000),
+            (Codec::Brick, 3, false, 20_000),
+            (Codec::Streams, 2, false, 20_000),
+            (Codec::Best, 4, true, 20_000),
+            (Codec::Best, 4, false, 20_000),
         ] {
-            let points = sphere(20_000, bare);
+            let points = sphere(count, bare);
             for expand in [Expand::Prefix, Expand::Product] {
                 let params = StreamDecodeParams { expand, ..StreamDecodeParams::default() };
                 let model = model(&points, codec, levels);
