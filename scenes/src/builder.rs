@@ -9,7 +9,7 @@ use crate::mesh::bounds_of;
 use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
 use crate::shape::append;
 use crate::weld::weld_bodies;
-use crate::{Camera, Light, Material, Mesh, Report, Scene, Shape, Texture};
+use crate::{Camera, Light, Material, Mesh, Report, Scene, Shape, Sky, Texture};
 
 /// Default crease angle in degrees: faces that meet at a larger angle form a crease.
 pub const CREASE_ANGLE: f32 = 40.0;
@@ -124,6 +124,8 @@ pub struct SceneBuilder {
     materials: Vec<Material>,
     textures: Vec<Arc<Texture>>,
     lights: Vec<Light>,
+    has_own_light: bool,
+    sky: Option<Arc<Sky>>,
     moving: Vec<Moving>,
     /// See [`Scene::origin`]; what is added is relative to it.
     pub(crate) origin: DVec3,
@@ -221,12 +223,20 @@ impl SceneBuilder {
 
     /// Adds a point light of the given radiant intensity (W/sr).
     pub fn point_light(&mut self, position: Vec3, intensity: Vec3) {
+        self.has_own_light = true;
         self.lights.push(Light::Point { position, intensity });
     }
 
     /// Adds a spot light; see [`Light::Spot`].
     pub fn spot_light(&mut self, position: Vec3, axis: Vec3, intensity: Vec3, cosines: [f32; 2]) {
+        self.has_own_light = true;
         self.lights.push(Light::Spot { position, axis, intensity, cosines });
+    }
+
+    /// Lights the scene by a sky.
+    pub fn sky(&mut self, sky: Arc<Sky>) {
+        self.has_own_light = true;
+        self.sky = Some(sky);
     }
 
     /// Adds a quad light that emits towards `u x v`, and its two triangles.
@@ -234,6 +244,7 @@ impl SceneBuilder {
     /// # Errors
     /// Those of [`add`](Self::add).
     pub fn quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: Vec3) -> Result<(), MeshError> {
+        self.has_own_light = true;
         let name = format!("light {}", self.lights.len());
         let material = self.material(Material::lamp(name, radiance));
         self.register_quad_light(corner, u, v, radiance);
@@ -250,17 +261,23 @@ impl SceneBuilder {
         &self.materials[material as usize]
     }
 
+    /// Whether there is a light that is not just an emissive surface.
+    pub(crate) fn has_own_light(&self) -> bool {
+        self.has_own_light
+    }
+
+    /// The corners of all triangles, and their materials.
+    pub(crate) fn faces(&self) -> impl Iterator<Item = ([Vec3; 3], &Material)> {
+        let corners = self.triangles.iter().map(|triangle| triangle.map(|i| self.positions[i as usize]));
+        corners.zip(self.material.iter().map(|&material| &self.materials[material as usize]))
+    }
+
     /// Returns true if a triangle with three different corners was added.
     pub(crate) fn has_triangles(&self) -> bool {
         self.triangles.iter().any(|triangle| {
             let [a, b, c] = triangle.map(|i| self.positions[i as usize]);
             a != b && b != c && c != a
         })
-    }
-
-    /// The lights added so far.
-    pub(crate) fn lights(&self) -> &[Light] {
-        &self.lights
     }
 
     /// Lowest and highest corner of a box that contains everything added so far in every frame.
@@ -345,6 +362,7 @@ impl SceneBuilder {
             textures: Arc::new(self.textures),
             lights: self.lights,
             background,
+            sky: self.sky,
             camera,
             cameras: Arc::new(self.cameras),
             bounds,

@@ -42,6 +42,7 @@ mod report;
 mod scene;
 mod shadow;
 mod shape;
+mod sky;
 mod texture;
 mod trace;
 mod weld;
@@ -68,5 +69,6 @@ pub use shadow::{
     ShadowKind, ShadowSearch, ShadowSegment, ShadowSegments, ShadowSettings, ShadowWork, shadow_segments,
 };
 pub use shape::Shape;
+pub use sky::Sky;
 pub use texture::{Texture, Wrap};
 pub use trace::{AsyncTracer, Hit, Job, Mode, Rng, TaggedHit, TaggedJob, TraceSettings, Tracer};

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 
 use crate::builder::MeshError;
 use crate::load::framing_camera;
-use crate::{Body, Camera, Light, Material, Mesh, Pose, Report, Texture};
+use crate::{Body, Camera, Light, Material, Mesh, Pose, Report, Sky, Texture};
 
 /// A scene at rest, or with its bodies in the poses of a frame.
 #[derive(Clone, Debug)]
@@ -25,6 +25,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Radiance of a ray that hits nothing, and ambient light of the path tracer.
     pub background: Vec3,
+    /// What lights the scene from all around, and is seen by rays that hit nothing, instead of the background.
+    pub sky: Option<Arc<Sky>>,
     /// The scene's own view.
     pub camera: Camera,
     /// The cameras of its file by name, for [`CameraPath::parse`](crate::CameraPath::parse).
@@ -53,6 +55,7 @@ impl Scene {
             textures: Arc::default(),
             lights: Vec::new(),
             background: Vec3::ZERO,
+            sky: None,
             camera,
             cameras: Arc::default(),
             bounds,
@@ -61,6 +64,11 @@ impl Scene {
             points: None,
             report: Arc::default(),
         }
+    }
+
+    /// Radiance from a unit direction in which there is nothing.
+    pub fn beyond(&self, direction: Vec3) -> Vec3 {
+        self.sky.as_ref().map_or(self.background, |sky| sky.radiance(direction))
     }
 
     /// Whether there are points and no surfaces: rays meet nothing.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec3, Vec3A};
 use serde::Deserialize;
 
+use super::default_light::add_default_light;
 use super::model::{self, Model};
 use super::origin::origin_of;
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
@@ -469,13 +470,9 @@ impl SceneFile {
             builder.moving_if(motion, add).map_err(unusable)?;
         }
         let bounds = builder.bounds();
-        if builder.lights().is_empty() {
-            model::add_default_light(&mut builder, bounds).map_err(unusable)?;
-        }
-        let camera = match self.camera {
-            Some(spec) => spec.to_camera(origin, bounds),
-            None => file_camera.unwrap_or_else(|| model::framing_camera(bounds)),
-        };
+        let own_camera = self.camera.map(|spec| spec.to_camera(origin, bounds)).or(file_camera);
+        add_default_light(&mut builder, own_camera.as_ref(), bounds).map_err(unusable)?;
+        let camera = own_camera.unwrap_or_else(|| model::framing_camera(bounds));
         builder.build(name, camera, self.background, self.weld_distance, self.crease_angle).map_err(unusable)
     }
 }

@@ -1,6 +1,7 @@
 //! Loads a scene by its name or path.
 
 mod beside;
+mod default_light;
 mod file;
 mod gltf;
 mod kind;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use glam::{Affine3A, DVec3, Vec3};
 
+use super::default_light::add_default_light;
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
-use crate::limits::is_near;
 use crate::{Camera, Light, Material, Report, Scene, Shape, Texture};
 
 /// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light
@@ -174,9 +174,7 @@ impl Model {
         self.add_to(&mut builder, Affine3A::IDENTITY, None)?;
         let bounds = builder.bounds();
         let camera = self.camera.unwrap_or_else(|| framing_camera(bounds));
-        if builder.lights().is_empty() {
-            add_default_light(&mut builder, bounds)?;
-        }
+        add_default_light(&mut builder, self.camera.as_ref(), bounds)?;
         builder.build(name, camera, Vec3::ZERO, 0.0, CREASE_ANGLE)
     }
 }
@@ -224,7 +222,7 @@ fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<[Vec3; 3]> {
 }
 
 /// Half the diagonal of the box, or a positive value for a single point.
-fn radius_of([low, high]: [Vec3; 2]) -> f32 {
+pub(super) fn radius_of([low, high]: [Vec3; 2]) -> f32 {
     // In f64, as the squares of small sides leave the range of f32.
     let radius = 0.5 * (high - low).as_dvec3().length() as f32;
     if radius > SMALLEST { radius } else { 1e-3 }
@@ -239,29 +237,6 @@ pub(crate) fn framing_camera(bounds: [Vec3; 2]) -> Camera {
     let eye = centre + distance * Vec3::new(0.45, 0.35, 1.0).normalize();
     let camera = Camera::look_at(eye, centre, FOV_Y, 0.01 * distance, distance + 4.0 * radius);
     Camera { aspect: Some(1.0), ..camera }
-}
-
-/// A quad light to the upper left in front of the box, half as wide as the box's diagonal, that makes a white surface
-/// that faces it about as bright as white.
-pub(crate) fn add_default_light(builder: &mut SceneBuilder, bounds: [Vec3; 2]) -> Result<(), MeshError> {
-    if !builder.has_triangles() {
-        return Err(MeshError::Empty);
-    }
-    let centre = bounds[0].midpoint(bounds[1]);
-    let radius = radius_of(bounds);
-    let towards = Vec3::new(-0.6, 1.2, 0.8).normalize();
-    let distance = 3.0 * radius;
-    let side = radius;
-    let u = side * towards.cross(Vec3::Y).normalize();
-    let v = side * u.normalize().cross(towards);
-    let (u, v) = if u.cross(v).dot(towards) < 0.0 { (u, v) } else { (v, u) };
-    // Radiance of a white surface: L A / (pi d^2).
-    let radiance = std::f32::consts::PI * (distance / side).powi(2);
-    let corner = centre + distance * towards - 0.5 * (u + v);
-    if ![corner, corner + u, corner + u + v, corner + v].into_iter().all(is_near) {
-        return Err(MeshError::NoRoomForLight);
-    }
-    builder.quad_light(corner, u, v, Vec3::splat(radiance))
 }
 
 #[cfg(test)]

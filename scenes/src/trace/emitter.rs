@@ -6,7 +6,7 @@ use std::{collections::HashMap, sync::Arc};
 use glam::Vec3;
 
 use crate::light::cone;
-use crate::{Light, Scene};
+use crate::{Light, Scene, Sky};
 
 /// A quad light, ready to be sampled by area.
 #[derive(Clone, Copy, Debug)]
@@ -116,20 +116,17 @@ impl Panels {
         });
         let all: Vec<(u32, f64, f64)> = powered.collect();
         let total: f64 = all.iter().map(|(_, _, power)| power).sum();
-        let mut so_far = 0.0;
+        let (mut so_far, mut before) = (0.0, 0.0);
         let mut panels = Self::default();
         for (face, area, power) in all {
             so_far += power;
-            let probability = (power / total) as f32;
-            panels.faces.push(Panel { face, area: area as f32, probability });
-            panels.cumulative.push((so_far / total) as f32);
+            let share = (so_far / total) as f32;
+            // Of what rounding leaves, so that it is the probability to the last bit.
+            panels.faces.push(Panel { face, area: area as f32, probability: share - before });
+            panels.cumulative.push(share);
+            before = share;
         }
         panels
-    }
-
-    fn choose(&self, at: f32) -> Panel {
-        let index = self.cumulative.partition_point(|&share| share <= at);
-        self.faces[index.min(self.faces.len() - 1)]
     }
 }
 
@@ -167,6 +164,14 @@ pub(super) struct Emitters {
     /// Of all poses: bodies are rigid.
     panels: Arc<Panels>,
     faces: Arc<HashMap<u32, Source>>,
+    sky: Option<SkyLight>,
+}
+
+/// A sky, and a distance beyond all surfaces from any point that a ray hits.
+#[derive(Clone, Debug)]
+struct SkyLight {
+    sky: Arc<Sky>,
+    distance: f32,
 }
 
 impl Emitters {
@@ -187,7 +192,11 @@ impl Emitters {
     }
 
     fn of_lights(scene: &Scene) -> Self {
-        let mut emitters = Self::default();
+        let sky = scene.sky.as_ref().filter(|sky| sky.shines()).map(|sky| SkyLight {
+            sky: sky.clone(),
+            distance: 2.0 * scene.bounds[0].distance(scene.bounds[1]).max(f32::MIN_POSITIVE),
+        });
+        let mut emitters = Self { sky, ..Self::default() };
         for light in &scene.lights {
             match *light {
                 Light::Point { position, intensity } => {
@@ -209,7 +218,10 @@ impl Emitters {
 
     /// The number of choices of [`Emitters::choose`].
     pub fn count(&self) -> usize {
-        self.quads.len() + self.points.len() + usize::from(self.has_panels())
+        self.quads.len()
+            + self.points.len()
+            + usize::from(self.has_panels())
+            + usize::from(self.sky.is_some())
     }
 
     /// Whether there are emissive triangles that are not quad lights.
@@ -225,20 +237,24 @@ impl Emitters {
         from: Vec3,
         uv: impl FnOnce() -> [f32; 2],
     ) -> Option<Incident> {
-        let points = self.quads.len();
-        match self.quads.get(index) {
-            Some(quad) => quad.towards(from, uv()),
-            None if index - points < self.points.len() => self.points[index - points].towards(from),
-            None => self.panel(scene, from, uv()),
+        if let Some(quad) = self.quads.get(index) {
+            return quad.towards(from, uv());
         }
+        let index = index - self.quads.len();
+        if let Some(point) = self.points.get(index) {
+            return point.towards(from);
+        }
+        let is_panel = self.has_panels() && index == self.points.len();
+        if is_panel { self.panel(scene, from, uv()) } else { self.sky(from, uv()) }
     }
 
     /// The light at `from` of an emissive triangle, chosen by two numbers in [0, 1).
     pub fn panel(&self, scene: &Scene, from: Vec3, [choice, t]: [f32; 2]) -> Option<Incident> {
-        let panel = self.panels.choose(choice);
-        let index = self.panels.cumulative.partition_point(|&share| share <= choice);
+        let Panels { faces, cumulative } = &*self.panels;
+        let index = cumulative.partition_point(|&share| share <= choice).min(faces.len() - 1);
+        let panel = faces[index];
         // What is left of the choice within the triangle's share is as random as the choice was.
-        let before = index.checked_sub(1).map_or(0.0, |before| self.panels.cumulative[before]);
+        let before = index.checked_sub(1).map_or(0.0, |before| cumulative[before]);
         let s = ((choice - before) / panel.probability).clamp(0.0, 1.0);
         let (root, face) = (s.sqrt(), panel.face as usize);
         let weights = Vec3::new(1.0 - root, root * (1.0 - t), root * t);
@@ -251,6 +267,20 @@ impl Emitters {
         let facing = if normal.dot(direction) > 0.0 { -normal } else { normal };
         let target = super::offset(point, facing - direction, point.abs().max_element());
         Some(Incident { target, direction, power: radiance / pdf, pdf })
+    }
+
+    /// The light at `from` of a direction of the sky, chosen by two numbers in [0, 1); `None` without a sky.
+    pub fn sky(&self, from: Vec3, uv: [f32; 2]) -> Option<Incident> {
+        let SkyLight { sky, distance } = self.sky.as_ref()?;
+        let (direction, pdf) = sky.sample(uv);
+        let power = sky.radiance(direction) / pdf;
+        let target = from + *distance * direction;
+        power.is_finite().then_some(Incident { target, direction, power, pdf })
+    }
+
+    /// Density, 1/sr, with which a direction of the sky is sampled if the sky is chosen; `None` without a sky.
+    pub fn sky_pdf(&self, direction: Vec3) -> Option<f32> {
+        self.sky.as_ref().map(|light| light.sky.pdf(direction))
     }
 
     fn panel_pdf(

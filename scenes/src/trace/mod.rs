@@ -249,7 +249,12 @@ impl Tracer {
     pub fn trace(&self, origin: Vec3, direction: Vec3, settings: &TraceSettings, rng: &mut Rng) -> Hit {
         let direction = direction.normalize_or_zero();
         let Some(first) = self.vertex(origin, direction) else {
-            return Hit { position: direction, hit: false, radiance: self.scene.background, face: NO_FACE };
+            return Hit {
+                position: direction,
+                hit: false,
+                radiance: self.scene.beyond(direction),
+                face: NO_FACE,
+            };
         };
         let mut radiance = self.radiance(&first, settings, rng);
         if !radiance.is_finite() {
@@ -287,7 +292,7 @@ impl Tracer {
             tint *= color;
             match self.vertex(vertex.start(), direction) {
                 Some(next) => vertex = next,
-                None => return radiance + tint * self.scene.background,
+                None => return radiance + tint * self.scene.beyond(direction),
             }
             tint *= vertex.kept;
             radiance += tint * vertex.shown();
@@ -377,7 +382,8 @@ impl Tracer {
             }
             at_first = false;
             let Some(mut next) = self.vertex(start, direction) else {
-                radiance += throughput * self.scene.background;
+                radiance +=
+                    throughput * self.scene.beyond(direction) * self.weight_of_sky(&origin, direction);
                 break;
             };
             throughput *= next.kept;
@@ -408,13 +414,12 @@ impl Tracer {
             }
             pair += 1;
         }
-        if self.emitters.has_panels() {
-            let uv = rng.stratified(pair, path, paths);
-            if let Some(light) = self.emitters.panel(&self.scene, vertex.position, uv) {
-                sum += self.lit(vertex, &light, 1.0, shares, settings.mode);
-            }
-        }
-        sum
+        let panel = self.emitters.has_panels().then(|| rng.stratified(pair, path, paths));
+        let panel = panel.and_then(|uv| self.emitters.panel(&self.scene, vertex.position, uv));
+        let sky = self.scene.sky.is_some().then(|| rng.stratified(pair + 1, path, paths));
+        let sky = sky.and_then(|uv| self.emitters.sky(vertex.position, uv));
+        let others = panel.iter().chain(&sky);
+        sum + others.map(|light| self.lit(vertex, light, 1.0, shares, settings.mode)).sum::<Vec3>()
     }
 
     /// The contribution of all lights at a vertex that is seen through glass.
@@ -513,6 +518,16 @@ impl Tracer {
         match self.emitters.pdf(&self.scene, hit.face, origin.position, hit.position, direction) {
             Some(rival) => origin.pdf / (origin.pdf + rival * origin.light_probability),
             None => 1.0,
+        }
+    }
+
+    /// The weight of the sky in a scattered direction, as [`Tracer::weight_of_hit`].
+    fn weight_of_sky(&self, origin: &Origin, direction: Vec3) -> f32 {
+        match self.emitters.sky_pdf(direction) {
+            Some(rival) if origin.pdf.is_finite() => {
+                origin.pdf / (origin.pdf + rival * origin.light_probability)
+            }
+            _ => 1.0,
         }
     }
 
