@@ -11,7 +11,7 @@ pub struct Camera {
     pub rotation: Quat,
     /// Full vertical field of view, radians, of an image of the shape `aspect` or a wider one.
     pub fov_y: f32,
-    /// Width by height of the image for which the camera was made: a narrower one keeps the horizontal field of view, so
+    /// Width by height of the image for which the camera was made. A narrower one keeps the horizontal field of view, so
     /// that it shows everything that the camera is to show. `None`: every image has the vertical field of view.
     pub aspect: Option<f32>,
     /// Nearest distance along the view axis that an image has to resolve, metres.
@@ -39,8 +39,8 @@ impl Camera {
         is_near(eye) && rotation.is_finite() && has_lens && near > 0.0 && near <= far && far.is_finite()
     }
 
-    /// Half the height of what an image of `size` pixels shows, at one unit along the view axis: the tangent of half the
-    /// vertical field of view of that image.
+    /// Half the height of what an image of `size` pixels shows at one unit along the view axis: the tangent of half its
+    /// vertical field of view.
     pub fn half_height(&self, size: [u32; 2]) -> f32 {
         let half = (self.fov_y * 0.5).tan();
         match self.aspect {

@@ -92,12 +92,17 @@ impl Texture {
     }
 }
 
+/// The linear value of an sRGB code.
+pub(crate) fn linear_of(code: u8) -> f32 {
+    LINEAR[usize::from(code)]
+}
+
 fn decode(texel: [u8; 4], coding: Coding) -> Vec4 {
     let share = |code: u8| f32::from(code) / 255.0;
     let [r, g, b, a] = texel;
     match coding {
         Coding::Color => {
-            let [r, g, b] = [r, g, b].map(|code| LINEAR[usize::from(code)]);
+            let [r, g, b] = [r, g, b].map(linear_of);
             Vec4::new(r, g, b, share(a))
         }
         Coding::Linear => Vec4::from_array(texel.map(share)),

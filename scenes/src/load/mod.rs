@@ -4,6 +4,7 @@ mod beside;
 mod default_light;
 mod file;
 mod gltf;
+mod images;
 mod kind;
 mod model;
 mod obj;

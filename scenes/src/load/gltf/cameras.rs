@@ -7,8 +7,8 @@ use gltf::json::camera::{Orthographic, Perspective};
 
 use crate::Camera;
 
-/// Distance of the camera that takes the place of an orthographic one, in radii of the scene: sizes differ by at most 2%
-/// between its front and its back.
+/// Distance of the camera that takes the place of an orthographic one, in radii of the scene: sizes differ by at most
+/// 2% between its front and its back.
 const ORTHOGRAPHIC_DISTANCE: f32 = 100.0;
 
 /// A camera in the space of the file.
@@ -75,7 +75,7 @@ impl Placed {
         matches!(self.lens, Lens::Orthographic(_))
     }
 
-    /// The camera in a scene with this origin and these bounds, and whether its far plane would have cut off some of it.
+    /// The camera in a scene with this origin and these bounds, and whether its far plane would have hidden some of it.
     pub fn camera(&self, origin: DVec3, [low, high]: [Vec3; 2]) -> (Camera, bool) {
         let eye = (self.eye - origin).as_vec3();
         let back = self.rotation * Vec3::Z;

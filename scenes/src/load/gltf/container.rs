@@ -16,11 +16,16 @@ type Data<'a> = Result<Arc<Cow<'a, [u8]>>, String>;
 pub(super) struct File<'a> {
     pub root: Root,
     pub buffers: Vec<Data<'a>>,
+    /// The bytes of a file next to it.
+    pub external: &'a dyn Fn(&str) -> Result<Vec<u8>, String>,
 }
 
 impl<'a> File<'a> {
     /// Reads a `.gltf` or `.glb` file; `external` returns the bytes of a file next to it.
-    pub fn open(bytes: &'a [u8], external: &dyn Fn(&str) -> Result<Vec<u8>, String>) -> Result<Self, String> {
+    pub fn open(
+        bytes: &'a [u8],
+        external: &'a dyn Fn(&str) -> Result<Vec<u8>, String>,
+    ) -> Result<Self, String> {
         let (json, blob) = if bytes.starts_with(b"glTF") { split(bytes)? } else { (bytes, None) };
         let head: Head = from_slice(json).map_err(|error| explain(&error))?;
         if !head.asset.version.starts_with("2.") {
@@ -58,7 +63,7 @@ impl<'a> File<'a> {
             Ok(data)
         };
         let buffers = root.buffers.iter().enumerate().map(&mut read).collect();
-        Ok(Self { root, buffers })
+        Ok(Self { root, buffers, external })
     }
 }
 

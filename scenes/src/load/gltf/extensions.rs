@@ -5,17 +5,29 @@ use std::collections::BTreeSet;
 use super::instances::INSTANCING;
 use super::json::{Root, name_of};
 use super::lights::LIGHTS;
+use super::materials;
 use super::primitives::DRACO;
 use crate::{NoteKind, Report};
 
-/// What is read. Draco is not: its primitives have a note of their own.
-const KNOWN: [&str; 6] = [
+/// What is read, or has notes of its own: compressed primitives, and textures in formats without a fallback.
+const KNOWN: [&str; 17] = [
     INSTANCING,
     LIGHTS,
     DRACO,
     "KHR_mesh_quantization",
-    "KHR_materials_emissive_strength",
     "KHR_node_visibility",
+    materials::EMISSIVE_STRENGTH,
+    materials::IOR,
+    materials::SPECULAR,
+    materials::SPECULAR_GLOSSINESS,
+    materials::TRANSMISSION,
+    materials::UNLIT,
+    materials::VOLUME,
+    materials::TEXTURE_TRANSFORM,
+    materials::WEBP,
+    "KHR_texture_basisu",
+    "EXT_texture_avif",
+    "MSFT_texture_dds",
 ];
 
 /// Notes each unknown extension where nodes, primitives and the materials in use have it, and those that the file only
@@ -38,9 +50,8 @@ pub(super) fn note(root: &Root, report: &mut Report) {
     let used: BTreeSet<usize> = primitives().filter_map(|(p, _)| Some(p.material?.value())).collect();
     let of_materials = used.iter().filter_map(|&index| Some((index, root.materials.get(index)?.0.as_ref()?)));
     let of_materials = of_materials.flat_map(|(index, material)| {
-        let name = name_of(material.name.as_deref(), "material", index);
-        let extensions = material.extensions.iter().flat_map(|all| all.others.keys());
-        extensions.map(move |extension| (extension.clone(), name.clone()))
+        let name = name_of(Some(&material.name), "material", index);
+        material.extensions.keys().map(move |extension| (extension.clone(), name.clone()))
     });
     let mut found = BTreeSet::new();
     for (extension, name) in of_primitives.chain(of_nodes).chain(of_materials) {

@@ -1,10 +1,12 @@
 //! `KHR_lights_punctual`. Intensities are taken as they are (1 cd as 1 W/sr), as by viewers at exposure 1. A
-//! directional light becomes a point far away, a spot a point without a cone.
+//! directional light becomes a point far away.
+
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use glam::{DAffine3, DVec3, Vec3};
 use gltf::json::deserialize::from_value;
 
-use super::json::{Light, Node, Root};
+use super::json::{Light, Node, Root, Spot};
 use crate::limits::is_intensity;
 use crate::{NoteKind, Report};
 
@@ -17,6 +19,7 @@ const SUN_DISTANCE: f32 = 100.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Placed {
     Point { position: DVec3, intensity: Vec3 },
+    Spot { position: DVec3, axis: Vec3, intensity: Vec3, cosines: [f32; 2] },
     Directional { direction: Vec3, irradiance: Vec3 },
 }
 
@@ -42,15 +45,25 @@ impl Placed {
         if light.range.is_some() {
             leave_out("the range of a light");
         }
-        match light.kind.as_str() {
-            "directional" => {
-                let direction = world.transform_vector3(DVec3::NEG_Z).as_vec3().normalize_or_zero();
-                Some(Self::Directional { direction, irradiance: intensity })
+        let axis = world.transform_vector3(DVec3::NEG_Z).as_vec3().try_normalize();
+        let position = world.translation;
+        match (light.kind.as_str(), axis) {
+            ("point", _) => Some(Self::Point { position, intensity }),
+            ("directional", Some(direction)) => Some(Self::Directional { direction, irradiance: intensity }),
+            ("spot", Some(axis)) => {
+                let Spot { inner_cone_angle: inner, outer_cone_angle: outer } =
+                    light.spot.unwrap_or_default();
+                let outer = outer.unwrap_or(FRAC_PI_4);
+                if !(0.0 <= inner && inner <= outer && outer <= FRAC_PI_2) {
+                    report.add(NoteKind::Repaired, "a spot's cone that is not valid", name);
+                }
+                let outer = outer.clamp(0.0, FRAC_PI_2);
+                let cosines = [inner.clamp(0.0, outer).cos(), outer.cos()];
+                Some(Self::Spot { position, axis, intensity, cosines })
             }
-            "point" => Some(Self::Point { position: world.translation, intensity }),
-            "spot" => {
-                report.add(NoteKind::Approximated, "a spot light, by a point without a cone", name);
-                Some(Self::Point { position: world.translation, intensity })
+            ("directional" | "spot", None) => {
+                leave_out("a light whose node has no direction");
+                None
             }
             _ => {
                 leave_out("a light of an unknown kind");
@@ -64,6 +77,9 @@ impl Placed {
         match *self {
             Self::Point { position, intensity } => {
                 crate::Light::Point { position: (position - origin).as_vec3(), intensity }
+            }
+            Self::Spot { position, axis, intensity, cosines } => {
+                crate::Light::Spot { position: (position - origin).as_vec3(), axis, intensity, cosines }
             }
             Self::Directional { direction, irradiance } => {
                 let distance = SUN_DISTANCE * 0.5 * low.distance(high);

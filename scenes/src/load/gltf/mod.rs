@@ -1,5 +1,5 @@
-//! glTF 2.0, text and binary. What a file has that is not in the model as it stands is in the model's report; only damage
-//! to its geometry refuses it.
+//! glTF 2.0, text and binary. What a file has that is not in the model as it stands is in the model's report; only
+//! damage to its geometry refuses it.
 
 mod accessors;
 mod cameras;
@@ -11,8 +11,9 @@ mod lights;
 mod materials;
 mod nodes;
 mod primitives;
+mod textures;
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
@@ -20,13 +21,13 @@ use rayon::prelude::*;
 
 use super::model::Model;
 use super::origin::origin_of;
-use crate::limits::{MAX_RADIANCE, is_radiance};
-use crate::{Material, NoteKind, Report, Shape};
+use crate::{NoteKind, Report, Shape};
 use container::File;
 use instances::INSTANCING;
 use json::name_of;
+use materials::Described;
 use nodes::Tree;
-use primitives::{Joints, Moves, Triangles};
+use primitives::{Joints, Setting, Triangles};
 
 /// Reads a `.gltf` or `.glb` file; `external` returns the bytes of a file that it references, relative to its folder.
 pub(super) fn read(
@@ -40,11 +41,10 @@ pub(super) fn read(
     for animation in &file.root.animations {
         reader.report.add(NoteKind::LeftOut, "an animation", &animation.name);
     }
-    let materials = reader.materials();
     for &node in &tree.shown {
         reader.node(node)?;
     }
-    Ok(reader.finish(materials))
+    Ok(reader.finish())
 }
 
 /// The shapes of a mesh with their materials.
@@ -60,6 +60,7 @@ struct Piece {
 struct Reader<'a> {
     file: &'a File<'a>,
     tree: &'a Tree,
+    materials: Vec<Described>,
     /// Triangles and vertices of all primitives so far. Many primitives may share one buffer, so these can be far more
     /// than the file has bytes.
     size: [usize; 2],
@@ -77,6 +78,7 @@ impl<'a> Reader<'a> {
         Self {
             file,
             tree,
+            materials: Described::all(&file.root),
             size: [0; 2],
             meshes: HashMap::new(),
             pieces: vec![],
@@ -84,28 +86,6 @@ impl<'a> Reader<'a> {
             cameras: vec![],
             report: Report::default(),
         }
-    }
-
-    fn materials(&mut self) -> Vec<Material> {
-        let convert = |(index, material): (usize, &json::Lenient<gltf::json::Material>)| {
-            let Some(material) = &material.0 else {
-                self.report.add(
-                    NoteKind::LeftOut,
-                    "a material that is not valid",
-                    &format!("material {index}"),
-                );
-                return materials::convert(&gltf::json::Material::default());
-            };
-            let mut converted = materials::convert(material);
-            if !is_radiance(converted.emission) {
-                let name = name_of(material.name.as_deref(), "material", index);
-                let what = format!("an emission beyond {MAX_RADIANCE:e}");
-                self.report.add(NoteKind::Repaired, what, &name);
-                converted.emission = converted.emission.min(Vec3::splat(MAX_RADIANCE));
-            }
-            converted
-        };
-        self.file.root.materials.iter().enumerate().map(convert).collect()
     }
 
     fn node(&mut self, index: usize) -> Result<(), String> {
@@ -170,25 +150,19 @@ impl<'a> Reader<'a> {
         let weights = weights.or(mesh.weights.as_deref()).unwrap_or_default();
         let mut shapes = Vec::new();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            let triangles = self
-                .file
-                .primitive(
-                    primitive,
-                    Moves { weights, joints },
-                    copies,
-                    &mut self.size,
-                    &name,
-                    &mut self.report,
-                )
-                .map_err(|error| format!("mesh {index}, primitive {number}: {error}"))?;
             let material = primitive.material.map(|material| material.value());
             let material = material.filter(|&material| {
-                let exists = material < self.file.root.materials.len();
+                let exists = material < self.materials.len();
                 if !exists {
                     self.report.add(NoteKind::Repaired, "a material that does not exist", &name);
                 }
                 exists
             });
+            let uv_sets = material.map_or(&[][..], |material| &self.materials[material].uv_sets);
+            let setting = Setting { name: &name, weights, joints, uv_sets, copies };
+            let triangles = self.file.primitive(primitive, setting, &mut self.size, &mut self.report);
+            let triangles =
+                triangles.map_err(|error| format!("mesh {index}, primitive {number}: {error}"))?;
             shapes.extend(triangles.map(|triangles| (triangles, material)));
         }
         let shapes = Arc::new(shapes);
@@ -221,16 +195,19 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn finish(self, materials: Vec<Material>) -> Model {
-        let Self { meshes, pieces, lights, cameras, mut report, .. } = self;
+    fn finish(self) -> Model {
+        let Self { file, materials, meshes, pieces, lights, cameras, mut report, .. } = self;
         drop(meshes);
+        let used: BTreeSet<usize> = pieces.iter().filter_map(|piece| piece.material).collect();
+        used.iter().for_each(|&material| materials[material].note(&mut report));
+        let (materials, textures) = textures::load(file, materials, &used, &mut report);
         let [low, high] = bounds(&pieces);
         let origin = origin_of(low, high);
         let part = |Piece { shape, material, world }: Piece| {
             (placed(shape, &DAffine3 { translation: world.translation - origin, ..world }), material)
         };
         let parts = pieces.into_par_iter().map(part).collect();
-        let mut model = Model { origin, parts, materials, ..Model::default() };
+        let mut model = Model { origin, parts, materials, textures, ..Model::default() };
         let bounds = model.bounds();
         for (light, name) in lights {
             let light = light.light(origin, bounds);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat4, DVec3, Vec3};
+use glam::{DAffine3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
@@ -13,11 +13,19 @@ use crate::{MeshError, NoteKind, Report, Shape};
 /// An extension without which its primitives have no vertices.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// What moves the vertices of a primitive: the weights of its morph targets and the joints of its skin.
+/// What a primitive needs to know of what is around it.
 #[derive(Clone, Copy)]
-pub(super) struct Moves<'a> {
+pub(super) struct Setting<'a> {
+    /// The name of its mesh.
+    pub name: &'a str,
+    /// The weights of its morph targets.
     pub weights: &'a [f32],
+    /// The joints of its skin.
     pub joints: Option<&'a Joints>,
+    /// The numbers of the texture coordinates that its material uses.
+    pub uv_sets: &'a [u32],
+    /// There will be so many copies of it.
+    pub copies: usize,
 }
 
 /// The joints of a skin in its bind pose or wherever else the file's nodes put them.
@@ -62,24 +70,24 @@ pub(super) struct Triangles {
     pub skinned: bool,
 }
 
-/// Vertex positions, and normals if the primitive has them.
+/// Vertex positions, and what else the primitive has and the picture needs.
 struct Vertices {
     positions: Vec<Vec3>,
     normals: Option<Vec<Vec3>>,
+    uvs: [Option<Vec<Vec2>>; 2],
+    colors: Option<Vec<Vec4>>,
 }
 
 impl File<'_> {
-    /// The triangles of a primitive of the mesh called `name`; `None` if it has none. `size` counts the triangles and
-    /// vertices of all primitives, of which there will be so many `copies`.
+    /// The triangles of a primitive; `None` if it has none. `size` counts the triangles and vertices of all primitives.
     pub fn primitive(
         &self,
         primitive: &Primitive,
-        moves: Moves,
-        copies: usize,
+        setting: Setting,
         size: &mut [usize; 2],
-        name: &str,
         report: &mut Report,
     ) -> Result<Option<Triangles>, String> {
+        let Setting { name, weights, joints, uv_sets, copies } = setting;
         let mut leave_out = |what: &str| {
             report.add(NoteKind::LeftOut, what, name);
             Ok(None)
@@ -118,9 +126,20 @@ impl File<'_> {
             return leave_out("a primitive without triangles");
         }
 
-        let mut vertices = self.vertices(primitive)?;
-        self.morph(primitive, moves.weights, &mut vertices)?;
-        let skinned = moves.joints.map(|joints| self.skin(primitive, joints, &mut vertices));
+        let has = |semantic| primitive.attributes.contains_key(&Checked::Valid(semantic));
+        if uv_sets.iter().any(|&set| !has(Semantic::TexCoords(set))) {
+            report.add(
+                NoteKind::Approximated,
+                "a texture where its mesh has no coordinates, by one texel",
+                name,
+            );
+        }
+        if has(Semantic::Colors(1)) {
+            report.add(NoteKind::LeftOut, "a second set of vertex colours", name);
+        }
+        let mut vertices = self.vertices(primitive, uv_sets)?;
+        self.morph(primitive, weights, &mut vertices)?;
+        let skinned = joints.map(|joints| self.skin(primitive, joints, &mut vertices));
         let turns = match skinned {
             None => false,
             Some(Ok(mirrors)) => mirrors,
@@ -145,14 +164,31 @@ impl File<'_> {
         Ok(Some(Triangles { shape: Arc::new(shape), skinned: matches!(skinned, Some(Ok(_))) }))
     }
 
-    fn vertices(&self, primitive: &Primitive) -> Result<Vertices, String> {
-        let read = |semantic: Semantic| {
-            let at = primitive.attributes.get(&Checked::Valid(semantic));
-            at.map(|at| self.points(at.value())).transpose()
+    fn vertices(&self, primitive: &Primitive, uv_sets: &[u32]) -> Result<Vertices, String> {
+        let at = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|at| at.value());
+        let points = |semantic| at(semantic).map(|accessor| self.points(accessor)).transpose();
+        let uvs = |set: usize| {
+            let accessor = uv_sets.get(set).and_then(|&number| at(Semantic::TexCoords(number)));
+            let uvs = accessor.map(|accessor| self.vectors::<2>(accessor)).transpose()?;
+            Ok::<_, String>(uvs.map(|uvs| uvs.into_iter().map(Vec2::from).collect()))
         };
         Ok(Vertices {
-            positions: read(Semantic::Positions)?.unwrap_or_default(),
-            normals: read(Semantic::Normals)?,
+            positions: points(Semantic::Positions)?.unwrap_or_default(),
+            normals: points(Semantic::Normals)?,
+            uvs: [uvs(0)?, uvs(1)?],
+            colors: at(Semantic::Colors(0)).map(|accessor| self.colors(accessor)).transpose()?,
+        })
+    }
+
+    /// Colours with or without opacity.
+    fn colors(&self, accessor: usize) -> Result<Vec<Vec4>, String> {
+        // A number that is none is no factor.
+        let share = |factor: f32| if factor.is_nan() { 1.0 } else { factor.clamp(0.0, 1.0) };
+        Ok(match self.kind(accessor)? {
+            (_, 3) => {
+                self.vectors(accessor)?.into_iter().map(|c| Vec3::from(c).map(share).extend(1.0)).collect()
+            }
+            _ => self.vectors(accessor)?.into_iter().map(|c| Vec4::from(c).map(share)).collect(),
         })
     }
 
@@ -237,7 +273,7 @@ fn assemble(
     name: &str,
     report: &mut Report,
 ) -> Result<Shape, String> {
-    let Vertices { positions, normals } = &mut vertices;
+    let Vertices { positions, normals, .. } = &mut vertices;
     let count = positions.len();
     let finite = positions.iter().find(|position| position.is_finite()).copied().unwrap_or_default();
     let mut broken = vec![];
@@ -268,7 +304,15 @@ fn assemble(
             shape.normals.push(corners);
         }
     }
-    shape.positions = vertices.positions;
+    fn at_corners<T: Copy>(triangles: &[[u32; 3]], values: Option<Vec<T>>, none: T) -> Vec<[T; 3]> {
+        let Some(values) = values else { return vec![] };
+        let value = |index: u32| values.get(index as usize).copied().unwrap_or(none);
+        triangles.iter().map(|corners| corners.map(value)).collect()
+    }
+    let Vertices { positions, uvs, colors, .. } = vertices;
+    shape.positions = positions;
+    shape.uvs = uvs.map(|set| at_corners(&shape.triangles, set, Vec2::ZERO));
+    shape.colors = at_corners(&shape.triangles, colors, Vec4::ONE);
     report.add_many(NoteKind::LeftOut, "a triangle with a corner that is not a number", name, left_out);
     report.add_many(NoteKind::Repaired, "a triangle with a normal that is no direction", name, flat);
     Ok(shape)

@@ -1,7 +1,7 @@
-use glam::Quat;
+use glam::{Quat, Vec2, Vec4};
 
 use super::*;
-use crate::{DIELECTRIC_F0, Light};
+use crate::{Alpha, DIELECTRIC_F0, Light, Wrap};
 
 /// A GLB of `json` and the positions of one triangle.
 fn glb(json: &str) -> Vec<u8> {
@@ -231,7 +231,8 @@ fn an_orthographic_camera_becomes_one_far_away() {
 #[test]
 fn cameras_are_found_by_name() {
     let nodes = r#""nodes": [
-        {"mesh": 0}, {"name": "top", "camera": 0}, {"camera": 1}, {"name": "top", "camera": 1, "translation": [0, 0, 7]},
+        {"mesh": 0}, {"name": "top", "camera": 0}, {"camera": 1}, 
+        {"name": "top", "camera": 1, "translation": [0, 0, 7]},
         {"camera": 0}, {"name": "top", "camera": 0}],"#;
     let cameras = r#""cameras": [
         {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.25, "aspectRatio": 1.5}},
@@ -504,18 +505,14 @@ fn metals_and_dielectrics() {
         let factors = format!(r#""metallicFactor": {metallic}, "roughnessFactor": {roughness}"#);
         let found =
             of(&format!(r#""pbrMetallicRoughness": {{"baseColorFactor": [0.5, 0.8, 0.2, 1], {factors}}}"#));
-        assert_eq!((found.metallic, found.roughness, found.f0), (metallic, roughness, DIELECTRIC_F0));
+        assert_eq!((found.metallic, found.roughness), (metallic, roughness));
+        assert!((found.f0 - DIELECTRIC_F0).abs() < 1e-6);
         assert_eq!(found.color, Vec3::new(0.5, 0.8, 0.2));
     }
     let emissive = r#""emissiveFactor": [1, 0.5, 0]"#;
     let strong = r#""extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}"#;
     assert_eq!(of(emissive).emission, Vec3::new(1.0, 0.5, 0.0));
     assert_eq!(of(&format!("{emissive}, {strong}")).emission, Vec3::new(8.0, 4.0, 0.0));
-    let masked = format!(
-        r#"{emissive}, "emissiveTexture": {{"index": 0}}}}],
-        "images": [{{"uri": "a.png"}}], "textures": [{{"source": 0}}], "samplers": [{{"#
-    );
-    assert_eq!(of(&masked).emission, Vec3::ZERO, "what the texture would show is not known");
 }
 
 /// A file in the making: its buffer and accessors.
@@ -884,4 +881,301 @@ fn places_far_out_keep_double_precision() {
     let [Light::Point { position, .. }] = model.lights[..] else { panic!("{:?}", model.lights) };
     close(at(position), [0.0, 3.07, 0.0]);
     close(at(model.camera.unwrap().eye), [0.01, 0.0, 9.0]);
+}
+
+/// A PNG file of 2 x 1 texels, opaque red and half transparent blue.
+fn png() -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(vec![]);
+    let texel = |x, _| image::Rgba(if x == 0 { [255, 0, 0, 255] } else { [0, 0, 188, 128] });
+    let texels = image::RgbaImage::from_fn(2, 1, texel);
+    texels.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    bytes.into_inner()
+}
+
+/// A model of one triangle with texture coordinates 0, 1 and 2, whose image is that of [`png`] in the file.
+fn textured(material: &str, textures: &str) -> Model {
+    let mut making = Making::default();
+    making.floats("VEC3", 3, &TRIANGLE);
+    for set in 0..3 {
+        let set = set as f32;
+        making.floats("VEC2", 3, &[set, 0.0, set, 1.0, 0.5, set]);
+    }
+    let image = making.view(&png(), "");
+    making.model(&format!(
+        r#""materials": [{{"name": "paint", {material}}}], {textures},
+        "images": [{{"bufferView": {image}, "name": "checks", "mimeType": "image/png"}}],
+        "nodes": [{{"mesh": 0}}],
+        "meshes": [{{"name": "wedge", "primitives": [{{"material": 0, "attributes": {{
+            "POSITION": 0, "TEXCOORD_0": 1, "TEXCOORD_1": 2, "TEXCOORD_2": 3}}}}]}}]"#
+    ))
+}
+
+const TEXTURES: &str = r#""textures": [{"source": 0}]"#;
+
+#[test]
+fn images_are_in_the_file_or_beside_it() {
+    let material = r#""materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}]"#;
+    let mesh = r#""nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"material": 0, "attributes": {"POSITION": 0, "TEXCOORD_0": 0}}]}]"#;
+    let mut making = Making::default();
+    making.floats("VEC3", 3, &TRIANGLE);
+    let digits = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let bits: Vec<u8> = png().iter().flat_map(|byte| (0..8).rev().map(move |bit| byte >> bit & 1)).collect();
+    let six = |bits: &[u8]| bits.iter().fold(0, |all, bit| 2 * all + bit) << (6 - bits.len());
+    let base64: String = bits.chunks(6).map(|bits| char::from(digits[usize::from(six(bits))])).collect();
+    let files = |name: &str| if name == "my checks.png" { Ok(png()) } else { no_files(name) };
+    let mesh = mesh.replace(r#", "TEXCOORD_0": 0"#, "");
+    let load = |image: &str| {
+        read(&making.file(&format!(r#"{material}, "images": [{image}], {mesh}"#)), files).unwrap()
+    };
+    for image in [
+        r#"{"uri": "my%20checks.png"}"#.to_owned(),
+        format!(r#"{{"uri": "data:image/png;base64,{base64}"}}"#),
+    ] {
+        let model = load(&image);
+        let map = model.materials[0].maps.color.unwrap();
+        assert_eq!(model.textures[map.texture].texels, [[255, 0, 0, 255], [0, 0, 188, 128]]);
+        assert_eq!(
+            notes(&model),
+            ["approximated: a texture where its mesh has no coordinates, by one texel (mesh 0)"]
+        );
+    }
+    for (image, expected) in [
+        (r#"{"uri": "gone.png"}"#, "an image: its file is missing or cannot be read (gone.png)"),
+        (r#"{"uri": "data:image/png;base64,iVBO"}"#, "an image: it is neither PNG, JPEG nor WebP"),
+        (r#"{"bufferView": 0}"#, "an image: it is neither PNG, JPEG nor WebP"),
+        (r#"{"bufferView": 9, "name": "x"}"#, "an image: buffer view 9 does not exist (x)"),
+        (r#"{"name": "x"}"#, "an image: it has no data (x)"),
+        (r#"{"uri": 7}"#, "an image: it is not valid (image 0)"),
+    ] {
+        let model = load(image);
+        assert!(model.materials[0].maps.is_empty() && model.textures.is_empty());
+        assert!(notes(&model)[1].contains(expected), "{image}: {:?}", notes(&model));
+    }
+}
+
+#[test]
+fn maps_have_their_channels_samplers_and_coordinates() {
+    let textures = r#""textures": [{"source": 0, "sampler": 0}, {"source": 0}],
+        "samplers": [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}]"#;
+    let model = textured(
+        r#""pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 2},
+                "metallicRoughnessTexture": {"index": 1}},
+            "normalTexture": {"index": 1, "scale": 0.5, "texCoord": 1, "extensions": {"KHR_texture_transform": {
+                "offset": [0.5, 0.25], "rotation": 1.5707963267948966, "scale": [2, 4], "texCoord": 0}}},
+            "emissiveTexture": {"index": 0, "texCoord": 2}, "emissiveFactor": [1, 2, 3], "alphaMode": "BLEND""#,
+        textures,
+    );
+    assert!(model.report.is_empty(), "{:?}", model.report);
+    let material = &model.materials[0];
+    let maps = material.maps;
+    let (color, mixed, (normal, scale)) = (maps.color.unwrap(), maps.metallic.unwrap(), maps.normal.unwrap());
+    assert_eq!((color.wrap, color.nearest, color.channel), ([Wrap::Clamp, Wrap::Mirror], true, 0));
+    assert_eq!((mixed.wrap, mixed.nearest, mixed.channel), ([Wrap::Repeat; 2], false, 2));
+    assert_eq!((maps.roughness, maps.opacity), (Some(mixed.of_channel(1)), Some(color.of_channel(3))));
+    assert_eq!((maps.emission, scale, maps.transmission), (Some(color), 0.5, None));
+    assert_eq!(material.emission, Vec3::new(1.0, 2.0, 3.0));
+    // The image is read once.
+    assert_eq!((model.textures.len(), maps.all().map(|map| map.texture).max()), (1, Some(0)));
+    // The two sets that are used are the mesh's two.
+    let shape = &model.parts[0].0;
+    assert_eq!(shape.uvs[color.uv_set], [[[2.0, 0.0], [2.0, 1.0], [0.5, 2.0]].map(Vec2::from)]);
+    assert_eq!(shape.uvs[normal.uv_set], [[[0.0, 0.0], [0.0, 1.0], [0.5, 0.0]].map(Vec2::from)]);
+    assert_eq!((mixed.uv_set, maps.emission.unwrap().uv_set), (normal.uv_set, color.uv_set));
+    // Scaled, turned and moved in this order: one unit along v goes along u.
+    let at = |u, v| normal.transform.transform_point2(Vec2::new(u, v));
+    assert!(at(0.0, 0.0).distance(Vec2::new(0.5, 0.25)) < 1e-6);
+    assert!(at(0.0, 1.0).distance(Vec2::new(4.5, 0.25)) < 1e-6);
+    assert!(at(1.0, 0.0).distance(Vec2::new(0.5, -1.75)) < 1e-6);
+}
+
+#[test]
+fn what_a_material_has_that_is_not_used_is_named() {
+    let color = |info: &str| format!(r#""pbrMetallicRoughness": {{"baseColorTexture": {info}}}"#);
+    for (material, textures, expected) in [
+        (color(r#"{"index": 3}"#), TEXTURES, "left out: a base colour texture that does not exist (paint)"),
+        (
+            color(r#"{"index": 0}"#),
+            r#""textures": [{}]"#,
+            "left out: a base colour texture without an image (paint)",
+        ),
+        (
+            color(r#"{"index": 0}"#),
+            r#""textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]"#,
+            "left out: a base colour texture in the format of KHR_texture_basisu, which is not read: convert it to PNG \
+             or JPEG (paint)",
+        ),
+        (
+            color(r#"{"index": 0}, "metallicRoughnessTexture": {"index": 0, "texCoord": 1}"#)
+                + r#", "normalTexture": {"index": 0, "texCoord": 2}"#,
+            TEXTURES,
+            "left out: a normal texture with a third set of coordinates (paint)",
+        ),
+        (
+            r#""occlusionTexture": {"index": 0}"#.to_owned(),
+            TEXTURES,
+            "left out: an occlusion texture, as light is traced (paint)",
+        ),
+        (r#""alphaMode": "GLOW""#.to_owned(), TEXTURES, "left out: an unknown alpha mode (paint)"),
+        (
+            r#""extensions": {"KHR_materials_ior": {"ior": "much"}}"#.to_owned(),
+            TEXTURES,
+            "left out: the extension KHR_materials_ior, which is not valid (paint)",
+        ),
+        (
+            r#""extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}"#.to_owned(),
+            TEXTURES,
+            "left out: the extension KHR_materials_clearcoat (paint)",
+        ),
+        (
+            r#""extensions": {"KHR_materials_specular": {"specularColorFactor": [1, 0.5, 1]}}"#.to_owned(),
+            TEXTURES,
+            "approximated: the colour of a dielectric's reflection, by grey (paint)",
+        ),
+        (
+            r#""extensions": {"KHR_materials_specular": {"specularTexture": {"index": 0}}}"#.to_owned(),
+            TEXTURES,
+            "left out: a texture of a dielectric's reflection (paint)",
+        ),
+    ] {
+        let model = textured(&material, textures);
+        assert_eq!(notes(&model), [expected], "{material}");
+    }
+    // A texture with a fallback, and one as WebP, are read.
+    for extension in ["KHR_texture_basisu", "EXT_texture_webp"] {
+        let source = usize::from(extension == "KHR_texture_basisu");
+        let textures = format!(
+            r#""textures": [{{"source": 0, "extensions": {{"{extension}": {{"source": {source}}}}}}}]"#
+        );
+        let model = textured(&color(r#"{"index": 0}"#), &textures);
+        assert!(model.report.is_empty() && model.materials[0].maps.color.is_some());
+    }
+    // What a map would have shown is not known.
+    let model = textured(r#""emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 9}"#, TEXTURES);
+    assert_eq!(model.materials[0].emission, Vec3::ZERO);
+}
+
+#[test]
+fn extensions_of_materials() {
+    let of = |extensions: &str| {
+        let model = textured(&format!(r#""extensions": {{{extensions}}}, "alphaMode": "MASK""#), TEXTURES);
+        assert!(model.report.is_empty(), "{:?}", model.report);
+        model.materials[0].clone()
+    };
+    let plain = of("");
+    assert_eq!((plain.alpha, plain.transmission), (Alpha::Mask(0.5), 0.0));
+    assert!((plain.f0 - DIELECTRIC_F0).abs() < 1e-6);
+    assert!(!plain.unlit && plain.medium.is_none());
+    assert!(of(r#""KHR_materials_unlit": {}"#).unlit);
+    assert!((of(r#""KHR_materials_ior": {"ior": 2}"#).f0 - 1.0 / 9.0).abs() < 1e-6);
+    assert_eq!(of(r#""KHR_materials_ior": {"ior": 0}"#).f0, 1.0);
+    let specular =
+        of(r#""KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1.5, 1.5, 1.5]}"#);
+    assert!((specular.f0 - 0.03).abs() < 1e-6);
+    let thin = of(
+        r#""KHR_materials_transmission": {"transmissionFactor": 0.75, "transmissionTexture": {"index": 0}}"#,
+    );
+    assert_eq!((thin.transmission, thin.medium), (0.75, None));
+    assert_eq!(thin.maps.transmission.unwrap().channel, 0);
+    let solid = of(
+        r#""KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1.25},
+        "KHR_materials_volume": {"thicknessFactor": 0.1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]}"#,
+    );
+    let medium = solid.medium.unwrap();
+    assert_eq!((medium.ior, medium.absorption.x), (1.25, 0.0));
+    // Half of it is left after two metres.
+    assert!(((-2.0 * medium.absorption.y).exp() - 0.5).abs() < 1e-6 && medium.absorption.z > 4.0);
+    let clear = of(
+        r#""KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_volume": {"thicknessFactor": 1}"#,
+    );
+    assert_eq!(clear.medium.unwrap().absorption, Vec3::ZERO);
+}
+
+#[test]
+fn specular_glossiness_is_converted() {
+    let of = |members: &str| {
+        let extension = format!(r#""extensions": {{"KHR_materials_pbrSpecularGlossiness": {{{members}}}}}"#);
+        let model = textured(&extension, TEXTURES);
+        assert!(model.report.is_empty(), "{:?}", model.report);
+        model
+    };
+    let model = of(
+        r#""diffuseFactor": [0.25, 0.5, 0.75, 1], "specularFactor": [0.04, 0.04, 0.04], "glossinessFactor": 0.75"#,
+    );
+    let material = &model.materials[0];
+    assert_eq!((material.metallic, material.roughness, material.f0), (0.0, 0.25, DIELECTRIC_F0));
+    assert!(material.color.distance(Vec3::new(0.25, 0.5, 0.75)) < 1e-6);
+    let model = of(r#""diffuseFactor": [0, 0, 0, 1], "specularFactor": [1, 0.75, 0.25]"#);
+    assert!(
+        model.materials[0].metallic > 0.999
+            && model.materials[0].color.distance(Vec3::new(1.0, 0.75, 0.25)) < 1e-3
+    );
+    assert_eq!(model.materials[0].roughness, 0.0);
+    // Red metal of glossiness 1, then a dark surface of glossiness 128 / 255 with blue reflections, half as glossy.
+    let model = of(
+        r#""diffuseFactor": [0, 0, 0, 1], "glossinessFactor": 0.5, "specularGlossinessTexture": {"index": 0}"#,
+    );
+    let material = &model.materials[0];
+    let [color, mixed] =
+        [material.maps.color, material.maps.metallic].map(|map| &model.textures[map.unwrap().texture].texels);
+    assert_eq!((material.color, material.metallic, material.roughness), (Vec3::ONE, 1.0, 1.0));
+    assert_eq!((color[0], color[1][2].abs_diff(188) < 3), ([255, 0, 0, 255], true));
+    assert_eq!(mixed.iter().map(|texel| texel[1]).collect::<Vec<_>>(), [128, 191]);
+    assert!(mixed.iter().all(|texel| texel[2] > 250), "{mixed:?}");
+}
+
+#[test]
+fn vertex_colours_have_three_or_four_numbers() {
+    let colors = [[1.0, 0.5, 0.0, 0.25], [0.0, 1.0, 1.0, 0.5], [2.0, f32::NAN, 0.5, 1.0]];
+    let expected = [[1.0, 0.5, 0.0, 0.25], [0.0, 1.0, 1.0, 0.5], [1.0, 1.0, 0.5, 1.0]].map(Vec4::from);
+    for count in [3, 4] {
+        let mut making = Making::default();
+        making.floats("VEC3", 3, &TRIANGLE);
+        let numbers: Vec<f32> = colors.iter().flat_map(|color| color[..count].to_vec()).collect();
+        making.floats(&format!("VEC{count}"), 3, &numbers);
+        let view = making.view(&[255, 0, 51, 0].repeat(3), r#", "byteStride": 4"#);
+        making.accessor(format!(
+            r#""bufferView": {view}, "componentType": 5121, "normalized": true, "count": 3, "type": "VEC{count}""#
+        ));
+        let model = making.model(&one(r#""attributes": {"POSITION": 0, "COLOR_0": 1}"#));
+        let opacity = |color: Vec4| if count == 3 { color.truncate().extend(1.0) } else { color };
+        assert_eq!(model.parts[0].0.colors, [expected.map(opacity)]);
+        let model = making.model(&one(r#""attributes": {"POSITION": 0, "COLOR_0": 2, "COLOR_1": 1}"#));
+        assert_eq!(model.parts[0].0.colors[0][0].truncate(), Vec3::new(1.0, 0.0, 0.2));
+        assert_eq!(notes(&model), ["left out: a second set of vertex colours (wedge)"]);
+    }
+}
+
+#[test]
+fn spots_shine_into_cones() {
+    let of = |spot: &str| {
+        let json = JSON.replacen(r#""type": "point""#, &format!(r#""type": "spot"{spot}"#), 1).replacen(
+            r#"{"translation": [1, 2, 3],"#,
+            r#"{"translation": [1, 2, 3], "rotation": [0.7071068, 0, 0, 0.7071068], "scale": [3, 3, 3],"#,
+            1,
+        );
+        let model = read(&glb(&json), no_files).unwrap();
+        let Light::Spot { position, axis, intensity, cosines } = model.lights[0] else {
+            panic!("{:?}", model.lights)
+        };
+        assert_eq!((position, intensity), (Vec3::new(1.0, 2.0, 3.0), Vec3::new(8.0, 4.0, 2.0)));
+        assert!(axis.distance(Vec3::Y) < 1e-6, "{axis}");
+        (cosines.map(|cosine| cosine.acos()), notes(&model))
+    };
+    for (spot, angles, valid) in [
+        ("", [0.0, 0.25 * std::f32::consts::PI], true),
+        (r#", "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.25}"#, [0.2, 0.25], true),
+        (r#", "spot": {"innerConeAngle": 0.5, "outerConeAngle": 0.25}"#, [0.25, 0.25], false),
+        (
+            r#", "spot": {"innerConeAngle": -1, "outerConeAngle": 3}"#,
+            [0.0, 0.5 * std::f32::consts::PI],
+            false,
+        ),
+    ] {
+        let (found, notes) = of(spot);
+        assert!(found.iter().zip(angles).all(|(a, b)| (a - b).abs() < 1e-3), "{spot}: {found:?}");
+        let expected = "repaired: a spot's cone that is not valid (node 1)";
+        assert_eq!(notes, &[expected][usize::from(valid)..]);
+    }
 }

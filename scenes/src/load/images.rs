@@ -1,0 +1,166 @@
+//! Images that become textures: PNG, JPEG and WebP.
+
+use std::io::Cursor;
+use std::sync::Arc;
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use rayon::prelude::*;
+
+use crate::Texture;
+
+/// The most columns and rows of an image.
+const MOST_SIDE: u32 = 16_384;
+
+/// The most texels of all images of a file: 1 GiB.
+const MOST_TEXELS: u64 = 1 << 28;
+
+/// How files of textures for graphics cards begin.
+const KTX2: &[u8] = b"\xABKTX 20\xBB";
+
+/// The textures in some image files, given by name and contents, decoded in parallel.
+///
+/// # Errors
+/// For each image, why it cannot be a texture, and what to do: it is too large, together with those before it, or
+/// broken, or of another kind.
+pub(super) fn decode<B: AsRef<[u8]> + Sync>(images: &[(String, B)]) -> Vec<Result<Arc<Texture>, String>> {
+    let mut room = MOST_TEXELS;
+    // Sizes are promised by the first bytes, so that what is too large is never made.
+    let fits: Vec<Result<(), String>> =
+        images.iter().map(|(_, bytes)| take_room(bytes.as_ref(), &mut room)).collect();
+    images
+        .par_iter()
+        .zip(fits)
+        .map(|((name, bytes), fits)| {
+            fits?;
+            let image = decoder(bytes.as_ref()).and_then(|decoder| {
+                DynamicImage::from_decoder(decoder).map_err(|error| format!("it cannot be decoded: {error}"))
+            })?;
+            let size = [image.width(), image.height()];
+            let texels = image.into_rgba8().into_raw().as_chunks().0.to_vec();
+            Ok(Arc::new(Texture { name: name.clone(), size, texels }))
+        })
+        .collect()
+}
+
+fn take_room(bytes: &[u8], room: &mut u64) -> Result<(), String> {
+    let (width, height) = decoder(bytes)?.dimensions();
+    let texels = u64::from(width) * u64::from(height);
+    if width.max(height) > MOST_SIDE {
+        return Err(format!(
+            "it has {width}x{height} texels, but a side may have at most {MOST_SIDE}: scale it down"
+        ));
+    }
+    if texels == 0 {
+        return Err("it has no texels".to_owned());
+    }
+    match room.checked_sub(texels) {
+        Some(left) => *room = left,
+        None => {
+            return Err(format!(
+                "its {width}x{height} texels do not fit into the 1 GiB for textures: scale it down"
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + '_, String> {
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let reader = reader.map_err(|error| error.to_string())?;
+    match reader.format() {
+        Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP) => {
+            reader.into_decoder().map_err(|error| format!("it cannot be decoded: {error}"))
+        }
+        _ if bytes.is_empty() => Err("it is empty".to_owned()),
+        _ if bytes.starts_with(KTX2) => {
+            Err("it is a KTX2 file, which is not read: convert it to PNG".to_owned())
+        }
+        Some(format) => Err(format!("it is a file of kind {format:?}, which is not read: convert it to PNG")),
+        None => Err("it is neither PNG, JPEG nor WebP: convert it to PNG".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
+
+    use super::*;
+
+    fn encoded(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    fn one(bytes: &[u8]) -> Result<Arc<Texture>, String> {
+        decode(&[("name".to_owned(), bytes)]).remove(0)
+    }
+
+    #[test]
+    fn images_of_three_kinds_become_rows_of_texels_from_the_top() {
+        let image = RgbaImage::from_fn(3, 2, |x, y| Rgba([x as u8 * 100, y as u8 * 100, 7, 80]));
+        for format in [ImageFormat::Png, ImageFormat::WebP] {
+            let texture = one(&encoded(&image.clone().into(), format)).unwrap();
+            assert_eq!((texture.name.as_str(), texture.size), ("name", [3, 2]));
+            let expected = [0, 1].map(|y| [0, 1, 2].map(|x| [x * 100, y * 100, 7, 80]));
+            assert_eq!(texture.texels, expected.concat());
+        }
+        let jpeg = RgbImage::from_pixel(8, 4, Rgb([200, 100, 50]));
+        let texture = one(&encoded(&jpeg.into(), ImageFormat::Jpeg)).unwrap();
+        let near = |texel: &[u8; 4]| texel.iter().zip([200, 100, 50, 255]).all(|(a, b)| a.abs_diff(b) < 4);
+        assert!(texture.size == [8, 4] && texture.texels.iter().all(near), "{:?}", texture.texels);
+        let grey = GrayImage::from_pixel(1, 1, Luma([9]));
+        assert_eq!(one(&encoded(&grey.into(), ImageFormat::Png)).unwrap().texels, [[9, 9, 9, 255]]);
+        let deep = image::ImageBuffer::<Luma<u16>, _>::from_pixel(1, 1, Luma([0x1234]));
+        assert_eq!(one(&encoded(&deep.into(), ImageFormat::Png)).unwrap().texels, [[0x12, 0x12, 0x12, 255]]);
+    }
+
+    #[test]
+    fn what_is_no_image_is_named() {
+        let png = encoded(&GrayImage::new(40, 40).into(), ImageFormat::Png);
+        for (bytes, expected) in [
+            (&b""[..], "it is empty"),
+            (b"<html>", "it is neither PNG, JPEG nor WebP"),
+            (b"GIF89a", "it is a file of kind Gif, which is not read"),
+            (b"\xABKTX 20\xBB\r\n", "it is a KTX2 file, which is not read: convert it to PNG"),
+            (&png[..png.len() / 2], "it cannot be decoded"),
+            (&png[..20], "it cannot be decoded"),
+        ] {
+            let message = one(bytes).unwrap_err();
+            assert!(message.starts_with(expected), "{message}");
+        }
+    }
+
+    /// The first chunk of a PNG file of this size, and then nothing.
+    fn promise(width: u32, height: u32) -> Vec<u8> {
+        let mut png = encoded(&GrayImage::new(1, 1).into(), ImageFormat::Png);
+        png[16..20].copy_from_slice(&width.to_be_bytes());
+        png[20..24].copy_from_slice(&height.to_be_bytes());
+        let sum = crc32(&png[12..29]);
+        png[29..33].copy_from_slice(&sum.to_be_bytes());
+        png
+    }
+
+    /// The check sum of PNG chunks.
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0, |sum, byte| {
+            (0..8)
+                .fold(sum ^ u32::from(*byte), |sum, _| sum >> 1 ^ if sum & 1 == 1 { 0xEDB8_8320 } else { 0 })
+        })
+    }
+
+    #[test]
+    fn images_that_promise_too_much_are_refused_before_they_are_made() {
+        let message = one(&promise(16_385, 1)).unwrap_err();
+        assert!(message.contains("16385x1 texels, but a side may have at most 16384"), "{message}");
+        // Three quarters of the room, then as much again, then what is left.
+        let files = [
+            promise(16_384, 12_288),
+            promise(16_384, 12_288),
+            encoded(&GrayImage::new(2, 2).into(), ImageFormat::Png),
+        ];
+        let mut room = MOST_TEXELS;
+        let fits: Vec<bool> = files.iter().map(|file| take_room(file, &mut room).is_ok()).collect();
+        assert_eq!(fits, [true, false, true]);
+    }
+}
