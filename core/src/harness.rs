@@ -284,7 +284,7 @@ impl<S: Stage> Harness<S> {
 mod tests {
     use super::*;
     use crate::{
-        port::{In, Out},
+        port::{In, Out, PortElement},
         stage::Io,
         texel::Rgba8Unorm,
     };
@@ -358,6 +358,29 @@ mod tests {
     #[should_panic = "stage `taker`: unknown input `cloud.marks`, did you mean `cloud.mark`?"]
     fn an_input_that_there_is_not_is_refused() {
         harness().set("cloud.marks", &[1u32]);
+    }
+
+    #[test]
+    fn an_output_has_as_many_numbers_as_its_elements_have_words() {
+        let snapshot = |name: &str, element: Element| {
+            let (dims, bytes) = (Dims { width: 1, height: 1 }, vec![0; element.bytes() as usize]);
+            let snapshot = Snapshot {
+                name: name.into(),
+                field: String::new(),
+                meaning: None,
+                element,
+                dims,
+                frame: 0,
+                bytes,
+            };
+            (name.to_owned(), snapshot)
+        };
+        let outputs = Outputs(HashMap::from([
+            snapshot("one", f32::element()),
+            snapshot("four", <[f32; 4]>::element()),
+            snapshot("color", Rgba8Unorm::element()),
+        ]));
+        assert_eq!(["one", "four", "color"].map(|name| outputs.lanes(name)), [1, 4, 1]);
     }
 
     #[test]

@@ -1,7 +1,11 @@
 //! Graphs that change another graph: what comes out of them, what is refused and where, and that a graph written out in
 //! full computes the same. The stages compute single numbers on the CPU.
 
-use std::{collections::BTreeMap, io, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    io,
+    path::Path,
+};
 
 use epigraph_core::{
     CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Library, Origin, Out, Problems,
@@ -741,6 +745,88 @@ fn a_changed_graph_written_out_in_full_computes_the_same() {
         }
     }
     assert!(same > 1000 && refused > 300, "{same} the same, {refused} refused");
+}
+
+/// Nodes, wires and parameters with everything that they can have, in two files.
+#[test]
+fn everything_in_a_changed_graph_keeps_its_file_and_place() {
+    let nodes = |name: &str| {
+        format!(
+            r#""{name}": (kind: "scale", repeat: (times: 3, through: {{ "a": "out", "b": "out" }}, count: "factor"),
+            on: Cpu, download: Sync, inputs: {{ "a": "three.out", "b": "part.given" }}, params: (factor: 0.5),
+            set: {{ "1": (factor: 7.0), "2": () }}),"#
+        )
+    };
+    let base = BASE.replace("\"three\":", &format!("{}\n\"three\":", nodes("row")));
+    let fields = format!(
+        r#"params: {{ "p": (default: 2.5) }}, nodes: {{ {} "taker": (kind: "number", params: (value: Param("p"))) }},
+        replace: {{ {} "part": (kind: "graph", params: (file: "parts/part.ron"), set: {{ "two": (factor: 1.0) }}) }},
+        rewire: {{ "last.b": None, "last.a": "new.out", "outputs.image": "taker.out" }},
+        set: {{ "three": (value: 4.0), "part/first": (amount: 8.0) }}, outputs: {{ "more": "last.out" }}"#,
+        nodes("new"),
+        nodes("row")
+    );
+    let mut texts = texts(&change(&fields).replace("base: \"base\"", "base: \"base.ron\""));
+    texts.files.insert("base.ron", format!("#![enable(implicit_some)]\n{base}"));
+    let file = texts.files.get_mut("change.ron").unwrap();
+    *file = format!("#![enable(implicit_some)] {file}");
+    let loaded = loaded(&texts).unwrap_or_else(|problems| panic!("{problems}"));
+    let whole = loaded.whole().unwrap_or_else(|problems| panic!("{problems}"));
+    let mut seen = BTreeMap::new();
+    // The text at a place, as far as it is on the place's first line.
+    let mut check = |span, expected: &str| {
+        let place = whole.place(span);
+        let text = &texts.files[&*place.file];
+        let line = text.lines().nth(place.line - 1).unwrap();
+        let found: String = line.chars().skip(place.column - 1).take(place.length).collect();
+        assert_eq!(found, expected, "{}:{}:{}", place.file, place.line, place.column);
+        *seen.entry(place.file).or_insert(0) += 1;
+    };
+    let quoted = |text: &str| format!("{text:?}");
+    for node in &whole.nodes {
+        check(node.name.span, &quoted(&node.name.value));
+        check(node.kind.span, &quoted(&node.kind.value));
+        node.on.iter().for_each(|on| check(on.span, &format!("{:?}", on.value)));
+        node.download.iter().for_each(|download| check(download.span, &format!("{:?}", download.value)));
+        for input in &node.inputs {
+            // `rewire` names the node too.
+            let is_rewired = node.name.value == "last";
+            let port = if is_rewired { "last.a" } else { &input.port.value };
+            check(input.port.span, &quoted(port));
+            check(input.from.span, &quoted(&input.from.value.to_string()));
+        }
+        if let Some(repeat) = &node.repeat {
+            check(repeat.times.span, &repeat.times.value);
+            repeat.count.iter().for_each(|count| check(count.span, &quoted(&count.value)));
+            for (input, output) in &repeat.through {
+                check(input.span, &quoted(&input.value));
+                check(output.span, &quoted(&output.value));
+            }
+        }
+        let names: BTreeSet<&str> = node.params.iter().map(|param| param.name.value.as_str()).collect();
+        assert_eq!(names.len(), node.params.len(), "a parameter of `{}` is there twice", node.name.value);
+        let set = node.set.iter().flat_map(|(_, params)| params);
+        for param in node.params.iter().chain(set) {
+            check(param.name.span, &param.name.value);
+            check(param.value.span, &param.value.value);
+        }
+        // Set in the change for a node of a part, or where the part is included.
+        for (address, _) in &node.set {
+            let place = whole.place(address.span);
+            let name = if place.text.contains("\"part/first\"") { "part/first" } else { &address.value };
+            check(address.span, &quoted(name));
+        }
+        node.cut.iter().for_each(|cut| check(cut.span, "\"last.b\""));
+    }
+    for output in &whole.outputs {
+        check(output.from.span, &quoted(&output.from.value.to_string()));
+    }
+    for param in &whole.params {
+        check(param.name.span, &quoted(&param.name.value));
+        check(param.default.span, &param.default.value);
+    }
+    assert_eq!(whole.node("last").unwrap().cut.len(), 1);
+    assert!(seen["base.ron"] >= 10 && seen["change.ron"] >= 40, "{seen:?}");
 }
 
 #[test]

@@ -737,6 +737,14 @@ fn a_parts_placement_is_its_nodes_default() {
         text.contains("test.ron:5:37: node `blur`: `on` changes nothing: the part has no node"),
         "{text}"
     );
+    // Two such parts are two problems, the copies of one are one.
+    let row = "repeat: (times: 3, through: { \"picture\": \"result\" }), params";
+    let more = nodes.replace("\"blur\"", "\"again\"").replace(r#""source": (kind: "source"),"#, "");
+    let file =
+        with_parts(&format!("{}{more}", nodes.replace("params", row)), "blur.result", &[("part.ron", PART)]);
+    let problems = compile(&file.unwrap(), &registry(), &gpu).err().expect("it is broken");
+    let told: Vec<_> = problems.0.iter().map(|problem| problem.node.as_deref().unwrap()).collect();
+    assert_eq!(told, ["blur/0", "again"], "{problems}");
 }
 
 #[test]

@@ -232,6 +232,14 @@ fn parameters_of_graphs_are_checked_where_they_are_written() {
             r#""p": (default: 1, range: (2, 1))"#,
             "expected finite numbers, the lower one first, found `(2, 1)`",
         ),
+        (
+            r#""p": (default: 1.0, range: (-inf, 2.0))"#,
+            "expected finite numbers, the lower one first, found `(-inf, 2.0)`",
+        ),
+        (
+            r#""p": (default: 1.0, range: (0.0, inf))"#,
+            "expected finite numbers, the lower one first, found `(0.0, inf)`",
+        ),
         (r#""p": (default: 1, range: 2)"#, "expected a range as (LOW, HIGH), found `2`"),
         (r#""p": (default: true, range: (0, 1))"#, "parameter `p` is true or false, which has no range"),
         (r#""p": (default: A, choices: [B, C])"#, "parameter `p`: there is no `A`; expected one of B, C"),
