@@ -32,5 +32,5 @@ mod write;
 pub use error::FileError;
 pub use identity::is_stream;
 pub use journal::Journal;
-pub use read::{MOST_DATA, MOST_TEXT, bytes, text, without_mark};
+pub use read::{MOST_DATA, MOST_TEXT, bytes, text, text_of, without_mark};
 pub use write::{Draft, Target, commit, write_folder};

@@ -25,7 +25,14 @@ static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 /// # Errors
 /// The file cannot be read, is longer, or is not UTF-8 text.
 pub fn text(path: &Path) -> io::Result<String> {
-    let mut bytes = bytes(path, MOST_TEXT)?;
+    text_of(bytes(path, MOST_TEXT)?)
+}
+
+/// The text of a file's contents, without a byte-order mark at its beginning.
+///
+/// # Errors
+/// It is not UTF-8 text.
+pub fn text_of(mut bytes: Vec<u8>) -> io::Result<String> {
     bytes.drain(..bytes.len() - without_mark(&bytes).len());
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();

@@ -1,6 +1,7 @@
 //! Loads a scene by its name or path.
 
 mod beside;
+mod colors;
 mod default_light;
 mod file;
 mod gltf;
@@ -18,7 +19,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use epigraph_files::{self as files, MOST_DATA, without_mark};
+use epigraph_files::{self as files, MOST_DATA, MOST_TEXT, without_mark};
 use epigraph_streams::PointSet;
 use flate2::read::MultiGzDecoder;
 
@@ -71,7 +72,10 @@ impl Scene {
 
 fn load_scene_file(path: &Path, name: &str) -> Result<Scene, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
-    let text = files::text(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
+    let unreadable = |source| SceneError::Io { path: path.to_owned(), source };
+    let bytes = files::bytes(path, MOST_TEXT).map_err(unreadable)?;
+    kind::check(&bytes, &name.to_lowercase()).map_err(invalid)?;
+    let text = files::text_of(bytes).map_err(unreadable)?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
     SceneFile::parse(&text).map_err(invalid)?.into_scene(name, path, &[folder], None)
 }
@@ -91,7 +95,7 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     let bytes = unpack(bytes, MOST_DATA).map_err(invalid)?;
     kind::check(&bytes, &name).map_err(invalid)?;
     let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
-        ply::read(&bytes)
+        ply::read(&bytes, beside)
     } else if name.ends_with(".obj") {
         obj::read(&lossy(&bytes), beside)
     } else if name.ends_with(".glb") || name.ends_with(".gltf") {
@@ -153,5 +157,7 @@ fn unknown(name: &str) -> String {
     )
 }
 
+#[cfg(test)]
+mod cases;
 #[cfg(test)]
 mod tests;

@@ -111,13 +111,13 @@ impl<'a> Assembly<'a> {
     /// else are up to the caller.
     pub fn shape(
         &mut self,
-        range: Range<usize>,
+        polygons: impl IntoIterator<Item = usize>,
         name: &str,
         report: &mut Report,
     ) -> (Shape, Vec<[usize; 3]>) {
         let Polygons { at, corners: all, .. } = self.polygons;
         let (mut shape, mut corners) = (Shape::default(), Vec::new());
-        for polygon in range.map(|index| self.polygons.polygon(index)) {
+        for polygon in polygons.into_iter().map(|index| self.polygons.polygon(index)) {
             if !self.polygons.is_finite(polygon.clone()) {
                 report.add(NoteKind::LeftOut, "a face with a corner that is not a number", name);
                 continue;

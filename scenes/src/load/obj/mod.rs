@@ -1,9 +1,10 @@
-//! Wavefront OBJ: positions, vertex colours, normals, polygons, and the materials of its MTL files.
+//! Wavefront OBJ: positions, colours, normals and texture coordinates, polygons, and the materials of its MTL files.
 //!
 //! Files are read as people have them. A number that is none, a name that is not defined or a statement that is not known
 //! costs what depends on it, and a note in the report; only a face whose vertex does not exist, or a file without a usable
 //! face, is an error.
 
+mod maps;
 mod mtl;
 
 use std::borrow::Cow;
@@ -11,13 +12,15 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use epigraph_files::MOST_TEXT;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use super::lossy;
 use super::model::Model;
 use super::polygons::{Assembly, Polygons};
+use super::{colors, lossy};
 use crate::limits::MAX_COORDINATE;
-use crate::{Material, MeshError, NoteKind, Report};
+use crate::{Material, MeshError, NoteKind, Report, Shape};
+use maps::Textures;
+use mtl::Mtl;
 
 /// Reads an OBJ file; `beside` returns the bytes of a file that it names, of at most so many.
 ///
@@ -30,7 +33,7 @@ pub(super) fn read(
     for (number, line) in statements(text) {
         reader.line(&line, number, &beside).map_err(|message| format!("line {number}: {message}"))?;
     }
-    reader.finish(text)
+    reader.finish(text, beside)
 }
 
 /// The statements of a text with the number of the line on which each begins. A line that ends in a backslash goes on in
@@ -82,9 +85,9 @@ fn shortened(text: &str) -> String {
     text.chars().take(60).collect()
 }
 
-/// Means that a corner has no normal.
+/// Means that a corner has no normal or texture coordinates.
 const NONE: u32 = u32::MAX;
-/// The index of a normal that does not exist.
+/// The index of those that do not exist.
 const MISSING: u32 = u32::MAX - 1;
 
 /// The material of faces: its index, or its name as long as no library has defined it.
@@ -105,13 +108,19 @@ struct Reader {
     polygons: Polygons,
     /// The index of the normal of each of the polygons' corners.
     corner_normals: Vec<u32>,
+    /// That of the texture coordinates.
+    corner_uvs: Vec<u32>,
     /// Unit vectors, or zero for what is no direction.
     normals: Vec<Vec3>,
+    /// With v downwards.
+    uvs: Vec<Vec2>,
+    /// As in the file, NaN where a vertex has none; only up to the last vertex that has one.
+    colors: Vec<Vec4>,
     /// The first vertex whose coordinates are not numbers, and its line.
     first_bad_vertex: Option<(usize, String)>,
     /// The largest vertex number of a face, and the face's line: vertices may follow faces.
     largest: (u32, usize),
-    materials: Vec<Material>,
+    materials: Vec<Mtl>,
     by_name: HashMap<String, usize>,
     /// The material files that were read, or looked for.
     libraries: HashSet<String>,
@@ -134,6 +143,7 @@ impl Reader {
         match keyword {
             "v" => self.vertex(without_comment(rest), number).map_err(|error| error.to_string())?,
             "vn" => self.normal(without_comment(rest)),
+            "vt" => self.texture_coordinates(without_comment(rest)),
             // `fo` is the face of old files.
             "f" | "fo" => self.face(without_comment(rest), number)?,
             "o" | "g" => {
@@ -150,9 +160,10 @@ impl Reader {
             "l" => self.leave_out("a line"),
             "p" => self.leave_out("a point"),
             "curv" | "curv2" | "surf" => self.leave_out("a free-form curve or surface"),
-            // These belong to curves and surfaces; texture coordinates to textures.
+            // These belong to curves and surfaces.
             "vp" | "cstype" | "deg" | "bmat" | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "con"
-            | "end" | "vt" => {}
+            | "end" => {}
+            "#MRGB" => self.packed_colors(rest),
             _ if keyword.is_empty() || keyword.starts_with('#') => {}
             _ => self.report.add(NoteKind::LeftOut, "a statement that is not known", &shortened(keyword)),
         }
@@ -170,8 +181,45 @@ impl Reader {
         if !at.is_finite() && self.first_bad_vertex.is_none() {
             self.first_bad_vertex = Some((line, shortened(rest.trim())));
         }
+        // Three more numbers are a colour; a single one is a weight.
+        if let (Some(red), Some(green), Some(blue)) = (words.next(), words.next(), words.next()) {
+            let [red, green, blue] = [red, green, blue].map(|word| number(word) as f32);
+            self.colors.resize(self.polygons.at.len(), Vec4::NAN);
+            let color = Vec4::new(red, green, blue, 1.0);
+            if !color.is_finite() {
+                let what = "a colour of a vertex that is not made of numbers, taken as white";
+                self.report.add(NoteKind::Repaired, what, &self.name);
+            }
+            self.colors.push(if color.is_finite() { color } else { Vec4::NAN });
+        }
         self.polygons.at.push(at);
         MeshError::of_size(0, self.polygons.at.len())
+    }
+
+    /// Colours of the next vertices that have none as ZBrush writes them: eight hexadecimal digits each, for a mask, red,
+    /// green and blue.
+    fn packed_colors(&mut self, digits: &str) {
+        for code in digits.trim().as_bytes().chunks_exact(8) {
+            let code = std::str::from_utf8(code).ok().and_then(|code| u32::from_str_radix(code, 16).ok());
+            if self.colors.len() < self.polygons.at.len() {
+                let [_, red, green, blue] = code.map_or([255; 4], u32::to_be_bytes).map(f32::from);
+                self.colors.push(Vec4::new(red, green, blue, 255.0) / 255.0);
+            }
+        }
+    }
+
+    fn texture_coordinates(&mut self, rest: &str) {
+        let mut words = rest.split_ascii_whitespace().map(number);
+        let (u, v) = (words.next().unwrap_or(f64::NAN), words.next().unwrap_or(0.0));
+        let uv = Vec2::new(u as f32, (1.0 - v) as f32);
+        if !uv.is_finite() {
+            self.report.add(
+                NoteKind::Repaired,
+                "texture coordinates that are not numbers, taken as 0",
+                &self.name,
+            );
+        }
+        self.uvs.push(if uv.is_finite() { uv } else { Vec2::Y });
     }
 
     fn normal(&mut self, rest: &str) {
@@ -187,21 +235,23 @@ impl Reader {
 
     fn face(&mut self, words: &str, line: usize) -> Result<(), String> {
         for word in words.split_ascii_whitespace() {
-            let [vertex, normal] = self.corner(word)?;
+            let [vertex, uv, normal] = self.corner(word)?;
             if vertex >= self.largest.0 {
                 self.largest = (vertex, line);
             }
             self.polygons.corners.push(vertex);
+            self.corner_uvs.push(uv);
             self.corner_normals.push(normal);
         }
         self.polygons.close(&self.name, &mut self.report).map_err(|error| error.to_string())?;
+        self.corner_uvs.truncate(self.polygons.corners.len());
         self.corner_normals.truncate(self.polygons.corners.len());
         Ok(())
     }
 
-    /// The vertex and normal of `vertex`, `vertex/texture`, `vertex//normal` or all three; from 1, or negative from the
+    /// The vertex, texture coordinates and normal of `vertex`, `vertex/texture`, `vertex//normal` or all three; from 1, or negative from the
     /// latest.
-    fn corner(&self, word: &str) -> Result<[u32; 2], String> {
+    fn corner(&self, word: &str) -> Result<[u32; 3], String> {
         let mut fields = word.split('/');
         let field = fields.next().unwrap_or_default();
         let number: i64 =
@@ -209,13 +259,11 @@ impl Reader {
         let count = self.polygons.at.len();
         let vertex = resolve(number, count)
             .ok_or_else(|| format!("vertex {number} does not exist: only {count} are defined so far"))?;
-        let normal = match fields.nth(1) {
+        let mut next = |count: usize| match fields.next() {
             None | Some("") => NONE,
-            Some(field) => {
-                field.parse().ok().and_then(|number| resolve(number, self.normals.len())).unwrap_or(MISSING)
-            }
+            Some(field) => field.parse().ok().and_then(|number| resolve(number, count)).unwrap_or(MISSING),
         };
-        Ok([vertex, normal])
+        Ok([vertex, next(self.uvs.len()), next(self.normals.len())])
     }
 
     /// Reads the material files of a line: one name, which may have blanks in it, or several.
@@ -225,9 +273,9 @@ impl Reader {
             return;
         }
         let uncommented = before_comment(names);
-        let whole = [names, uncommented].into_iter().find_map(|name| beside(name, MOST_TEXT).ok());
-        let found: Vec<(&str, Option<Vec<u8>>)> = match whole {
-            Some(bytes) => vec![(names, Some(bytes))],
+        let read = |name| beside(name, MOST_TEXT).ok().map(|bytes| (name, Some(bytes)));
+        let found: Vec<(&str, Option<Vec<u8>>)> = match [names, uncommented].into_iter().find_map(read) {
+            Some(whole) => vec![whole],
             None => {
                 let words = uncommented.split_ascii_whitespace();
                 words.map(|word| (word, beside(word, MOST_TEXT).ok())).collect()
@@ -245,7 +293,8 @@ impl Reader {
                 self.lacks_library = true;
                 continue;
             };
-            for material in mtl::read(&lossy(&bytes), &mut self.report) {
+            let folder = &name[..name.rfind(['/', '\\']).map_or(0, |slash| slash + 1)];
+            for material in mtl::read(&lossy(&bytes), folder, &mut self.report) {
                 self.by_name.insert(material.name.clone(), self.materials.len());
                 self.materials.push(material);
             }
@@ -255,7 +304,7 @@ impl Reader {
     /// The index of the material of that name, or of the name without what may be a comment.
     fn material(&self, name: &str) -> Option<usize> {
         let defined = |name: &str| self.by_name.get(name).copied();
-        let is_commented = |material: &Material| before_comment(&material.name) == name;
+        let is_commented = |material: &Mtl| before_comment(&material.name) == name;
         defined(name)
             .or_else(|| defined(before_comment(name)))
             .or_else(|| self.materials.iter().position(is_commented))
@@ -269,7 +318,11 @@ impl Reader {
         }
     }
 
-    fn finish(mut self, text: &str) -> Result<Model, String> {
+    fn finish(
+        mut self,
+        text: &str,
+        beside: impl Fn(&str, u64) -> Result<Vec<u8>, String>,
+    ) -> Result<Model, String> {
         self.finish_part();
         let (largest, line) = self.largest;
         let vertices = self.polygons.at.len();
@@ -285,45 +338,38 @@ impl Reader {
                 _ => "it has vertices, but no faces: `epigraph encode` makes a point set of them".to_owned(),
             });
         }
+        let of_parts: Vec<Option<usize>> = (0..self.parts.len()).map(|part| self.material_of(part)).collect();
+        let mut model = self.materials(&of_parts, beside);
+        colors::linear(&mut self.colors);
         let mut assembly = Assembly::new(&self.polygons).map_err(|vertex| {
             let mut vertices = statements(text).filter(|(_, line)| keyword(line).0 == "v");
             let (number, line) = vertices.nth(vertex).unwrap_or_default();
             let limit = format!("farther out than {MAX_COORDINATE:e} m: make the model smaller");
             format!("line {number}: the vertex `{}` is {limit}", shortened(keyword(&line).1))
         })?;
-        let mut model = Model { origin: assembly.origin, ..Model::default() };
-        for part in &self.parts {
-            let name = &part.name;
-            let (mut shape, corners) = assembly.shape(part.polygons.clone(), name, &mut self.report);
+        model.origin = assembly.origin;
+        // Where colours are all that there is, they are not those of plain grey.
+        let mut white = None;
+        for (part, mut material) in self.parts.iter().zip(of_parts) {
+            let (mut shape, corners) = assembly.shape(part.polygons.clone(), &part.name, &mut self.report);
             if corners.is_empty() {
                 continue;
             }
-            if corners.iter().flatten().any(|&corner| self.corner_normals[corner] != NONE) {
-                let mut normal = |corner: usize| match self.corner_normals[corner] {
-                    NONE => Vec3::ZERO,
-                    index => self.normals.get(index as usize).copied().unwrap_or_else(|| {
-                        let what = "a normal that does not exist, replaced by the face's";
-                        self.report.add(NoteKind::Repaired, what, name);
-                        Vec3::ZERO
-                    }),
-                };
-                shape.normals = corners.iter().map(|corners| corners.map(&mut normal)).collect();
-            } else if part.is_smooth {
-                let what = "a smoothing group without normals, shaded flat";
-                self.report.add(NoteKind::Approximated, what, name);
+            let mut attributes =
+                Attributes { reader: &self, corners: &corners, name: &part.name, report: Report::default() };
+            attributes.normals(part.is_smooth, &mut shape);
+            attributes.colors(&mut shape);
+            if material.is_some_and(|index| !model.materials[index].maps.is_empty()) {
+                attributes.uvs(&mut shape);
             }
-            let material = match &part.material {
-                None => None,
-                Some(Ok(index)) => Some(*index),
-                Some(Err(name)) => {
-                    let defined_later = self.material(name);
-                    if defined_later.is_none() && !self.lacks_library {
-                        let what = "a material that is not defined, shown as plain grey";
-                        self.report.add(NoteKind::LeftOut, what, &shortened(name));
-                    }
-                    defined_later
-                }
-            };
+            let report = attributes.report;
+            self.report.extend(&report);
+            if material.is_none() && !shape.colors.is_empty() {
+                material = Some(*white.get_or_insert_with(|| {
+                    model.materials.push(Material::diffuse("vertex colours", Vec3::ONE));
+                    model.materials.len() - 1
+                }));
+            }
             model.parts.push((shape, material));
         }
         if model.parts.is_empty() {
@@ -332,9 +378,104 @@ impl Reader {
             });
             return Err(format!("no face is usable: all have coordinates that are not numbers{example}"));
         }
-        model.materials = self.materials;
         model.report = self.report;
         Ok(model)
+    }
+
+    /// The index of the material of a part, also if it was defined later.
+    fn material_of(&mut self, part: usize) -> Option<usize> {
+        let name = match self.parts[part].material.as_ref()? {
+            Ok(index) => return Some(*index),
+            Err(name) => name,
+        };
+        let defined_later = self.material(name);
+        if defined_later.is_none() && !self.lacks_library {
+            let what = "a material that is not defined, shown as plain grey";
+            self.report.add(NoteKind::LeftOut, what, &shortened(name));
+        }
+        defined_later
+    }
+
+    /// A model of the materials, those that are used with their textures.
+    fn materials(
+        &mut self,
+        of_parts: &[Option<usize>],
+        beside: impl Fn(&str, u64) -> Result<Vec<u8>, String>,
+    ) -> Model {
+        let mut is_used = vec![false; self.materials.len()];
+        of_parts.iter().flatten().for_each(|&index| is_used[index] = true);
+        let used = || self.materials.iter().zip(&is_used).filter(|(_, used)| **used).map(|(mtl, _)| mtl);
+        let textures = Textures::load(used().flat_map(Mtl::pictures), beside, &mut self.report);
+        // What is not used need not be reported.
+        let mut unused = Report::default();
+        let material = |(mtl, is_used): (&Mtl, &bool)| {
+            mtl.to_material(&textures, if *is_used { &mut self.report } else { &mut unused })
+        };
+        let materials = self.materials.iter().zip(&is_used).map(material).collect();
+        Model { materials, textures: textures.all, ..Model::default() }
+    }
+}
+
+/// What the corners of a shape have beside their vertices.
+struct Attributes<'a> {
+    reader: &'a Reader,
+    /// The corners of the shape's triangles, as indices into all corners.
+    corners: &'a [[usize; 3]],
+    /// The object's name.
+    name: &'a str,
+    report: Report,
+}
+
+impl Attributes<'_> {
+    /// Whether any corner has an index.
+    fn any(&self, indices: &[u32]) -> bool {
+        self.corners.iter().flatten().any(|&corner| indices[corner] != NONE)
+    }
+
+    /// For each corner the value of its index; `default` if it has none, which is noted as `missing` if there is an index.
+    fn values<T: Copy>(&mut self, indices: &[u32], values: &[T], default: T, missing: &str) -> Vec<[T; 3]> {
+        let value = |corner: usize| match indices[corner] {
+            NONE => default,
+            index => values.get(index as usize).copied().unwrap_or_else(|| {
+                self.report.add(NoteKind::Repaired, missing, self.name);
+                default
+            }),
+        };
+        let mut value = value;
+        self.corners.iter().map(|corners| corners.map(&mut value)).collect()
+    }
+
+    fn normals(&mut self, is_smooth: bool, shape: &mut Shape) {
+        let Reader { corner_normals, normals, .. } = self.reader;
+        if self.any(corner_normals) {
+            let missing = "a normal that does not exist, replaced by the face's";
+            shape.normals = self.values(corner_normals, normals, Vec3::ZERO, missing);
+        } else if is_smooth {
+            let what = "a smoothing group without normals, shaded flat";
+            self.report.add(NoteKind::Approximated, what, self.name);
+        }
+    }
+
+    fn uvs(&mut self, shape: &mut Shape) {
+        let Reader { corner_uvs, uvs, .. } = self.reader;
+        if self.any(corner_uvs) {
+            let missing = "texture coordinates that do not exist, taken as 0";
+            shape.uvs[0] = self.values(corner_uvs, uvs, Vec2::Y, missing);
+        } else {
+            let what = "a texture on faces without texture coordinates, which show its corner";
+            self.report.add(NoteKind::Approximated, what, self.name);
+        }
+    }
+
+    fn colors(&self, shape: &mut Shape) {
+        let Reader { colors, polygons, .. } = self.reader;
+        let color = |corner: usize| {
+            colors.get(polygons.corners[corner] as usize).copied().filter(|color| !color.is_nan())
+        };
+        if self.corners.iter().flatten().any(|&corner| color(corner).is_some()) {
+            let white = |corner| color(corner).unwrap_or(Vec4::ONE);
+            shape.colors = self.corners.iter().map(|corners| corners.map(white)).collect();
+        }
     }
 }
 

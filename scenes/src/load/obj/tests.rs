@@ -1,5 +1,7 @@
 use super::*;
 
+use crate::{Alpha, Map};
+
 const OBJ: &str = "mtllib a.mtl\no quad\nv 0 0 0\nv 1 0 0 # comment\nv 1 1 0\nv 0 1 0\nvn 0 0 2\n\
     usemtl lamp\nf 1//1 2//1 3//1 -1//1\nusemtl metal\nf 1/1/1 3/9/1 2\nusemtl unknown\nf 1 2 3\n";
 const MTL: &str =
@@ -18,8 +20,18 @@ fn notes(model: &Model) -> Vec<String> {
     model.report.notes().iter().map(ToString::to_string).collect()
 }
 
+/// The materials of a file without pictures, and what is said of them.
+fn read_noted(text: &str) -> (Vec<Material>, String) {
+    let mut report = Report::default();
+    let materials = mtl::read(text, "", &mut report);
+    let to_material = |mtl: &Mtl| mtl.to_material(&Textures::default(), &mut report);
+    let materials = materials.iter().map(to_material).collect();
+    let notes: Vec<String> = report.notes().iter().map(ToString::to_string).collect();
+    (materials, notes.join("; "))
+}
+
 fn read_materials(text: &str) -> Vec<Material> {
-    mtl::read(text, &mut Report::default())
+    read_noted(text).0
 }
 
 #[test]
@@ -294,14 +306,247 @@ fn values_of_materials_in_many_forms() {
         ("Kd nan 1 0", [0.7; 3], "repaired: a colour that is not made of numbers (a)"),
         ("Kd spectral red.rfl", [0.7; 3], "left out: a colour as `spectral` (a)"),
         ("Kd xyz 0.3 0.3 0.3", [0.7; 3], "left out: a colour as `xyz` (a)"),
+        (
+            "Kd 2 1 -1",
+            [1.0, 1.0, 0.0],
+            "repaired: a colour beyond 0 to 1, taken as the nearest one within (a)",
+        ),
         ("Ns many", [0.7; 3], "repaired: a material's value that is not a number (a)"),
+        ("Ka 1 1 1\nmap_Ka a.png\nsharpness 60\nPs 0\nPc 0.0\nPcr 0.3\naniso 0\nanisor 0", [0.7; 3], ""),
+        (
+            "Pc 0.5\nPs 0.1\naniso 1",
+            [0.7; 3],
+            "left out: the clear coat of a material (a); left out: the sheen of a \
+            material (a); left out: the anisotropy of a material (a)",
+        ),
+        (
+            "map_Ks a.png\ndisp b.png",
+            [0.7; 3],
+            "left out: the statement `map_Ks` of a material (a); left out: the \
+            statement `disp` of a material (a)",
+        ),
+        (
+            "Ks 0.9 0.1 0.1\nNs 300",
+            [0.7; 3],
+            "approximated: a tinted highlight of a material, shown white (a)",
+        ),
+        ("Ke 0 1e30 0", [0.7; 3], "repaired: an emission too large for a scene (a)"),
+        ("Tr 1", [0.7; 3], "repaired: `Tr 1` without `d`, taken as opaque (a)"),
     ] {
-        let mut report = Report::default();
-        let materials = mtl::read(&format!("newmtl a\n{line}\n"), &mut report);
-        assert_eq!(materials[0].color, Vec3::from(color), "{line}");
-        let notes: Vec<String> = report.notes().iter().map(ToString::to_string).collect();
-        assert_eq!(notes.join("; "), expected, "{line}");
+        let (materials, notes) = read_noted(&format!("newmtl a\n{line}\n"));
+        assert_eq!((materials[0].color, notes.as_str()), (Vec3::from(color), expected), "{line}");
     }
+}
+
+#[test]
+fn what_lets_light_through() {
+    let of = |lines: &str| read_materials(&format!("newmtl a\nKd 0.8 0.1 0.1\n{lines}\n")).remove(0);
+    for (lines, alpha, opacity, transmission, ior) in [
+        ("d 0.25", Alpha::Blend, 0.25, 0.0, None),
+        ("d -halo 0.25", Alpha::Blend, 0.25, 0.0, None),
+        ("Tr 0.75", Alpha::Blend, 0.25, 0.0, None),
+        // The one that is not ambiguous counts.
+        ("d 0.25\nTr 0.25", Alpha::Blend, 0.25, 0.0, None),
+        ("d 1\nTr 1", Alpha::Opaque, 1.0, 0.0, None),
+        ("Tr 0", Alpha::Opaque, 1.0, 0.0, None),
+        ("Tr 1", Alpha::Opaque, 1.0, 0.0, None),
+        ("d 0.1\nTr 0.9\nillum 4", Alpha::Blend, 0.1, 0.0, None),
+        ("d 0.5\nillum 6\nNi 1.45", Alpha::Blend, 0.5, 0.0, None),
+        ("illum 7\nNi 1.5\nNs 900\nKs 1 1 1", Alpha::Opaque, 1.0, 1.0, Some(1.5)),
+        ("illum 6\nNi 1.33\nTf 1 1 1", Alpha::Opaque, 1.0, 1.0, Some(1.33)),
+        ("illum 6\nNi 1.33\nTf 0 0 0", Alpha::Opaque, 1.0, 0.0, None),
+        ("illum 7\nNi 1", Alpha::Opaque, 1.0, 0.0, None),
+        ("illum 2\nNi 1.5\nTf 1 1 1", Alpha::Opaque, 1.0, 0.0, None),
+    ] {
+        let found = of(lines);
+        let medium = found.medium.map(|medium| medium.ior);
+        assert_eq!(
+            (found.alpha, found.opacity, found.transmission, medium),
+            (alpha, opacity, transmission, ior),
+            "{lines}"
+        );
+    }
+    let green = of("illum 7\nNi 1.5\nTf 0.5 1 0.5");
+    assert_eq!((green.color, green.roughness), (Vec3::new(0.5, 1.0, 0.5), 0.0));
+    assert!((of("illum 7\nNi 1.5\nNs 225").roughness - 0.5).abs() < 1e-6);
+}
+
+#[test]
+fn metals_and_physical_materials() {
+    let of = |lines: &str| read_materials(&format!("newmtl a\n{lines}\n")).remove(0);
+    for (lines, color, metallic, roughness, f0) in [
+        ("Kd 0.5 0.4 0.3\nPr 0.25\nPm 1", [0.5, 0.4, 0.3], 1.0, 0.25, 0.04),
+        ("Kd 0.5 0.4 0.3\nPm 0.5\nNs 225", [0.5, 0.4, 0.3], 0.5, 0.5, 0.04),
+        ("Kd 0.5 0.4 0.3\nPr 2\nPm -1", [0.5, 0.4, 0.3], 0.0, 1.0, 0.04),
+        ("Kd 0.5 0.4 0.3\nPr 0.5\nNi 2", [0.5, 0.4, 0.3], 0.0, 0.5, 1.0 / 9.0),
+        // Gold as it was written before that: nothing but a tinted reflection.
+        ("Kd 0 0 0\nKs 1 0.8 0.3\nNs 1000\nillum 3", [1.0, 0.8, 0.3], 1.0, 0.0, 0.04),
+        ("Kd 0.01 0.01 0\nKs 1 0.8 0.3\nNs 225\nillum 3", [1.0, 0.8, 0.3], 1.0, 0.5, 0.04),
+        ("Kd 0.5 0.4 0.3\nKs 0.5 0.5 0.5\nNs 225\nillum 3", [0.5, 0.4, 0.3], 0.0, 0.5, 0.5),
+    ] {
+        let found = of(lines);
+        assert_eq!(
+            (found.color, found.metallic, found.roughness),
+            (Vec3::from(color), metallic, roughness),
+            "{lines}"
+        );
+        assert!((found.f0 - f0).abs() < 1e-6, "{lines}: {}", found.f0);
+    }
+}
+
+fn png(texels: &[[u8; 4]]) -> Vec<u8> {
+    let picture = image::RgbaImage::from_raw(texels.len() as u32, 1, texels.concat()).unwrap();
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    bytes.into_inner()
+}
+
+/// A triangle with texture coordinates in the material of these lines, and some pictures.
+fn textured(lines: &str) -> Model {
+    let files = |name: &str, _: u64| match name {
+        "a.mtl" => Ok(format!("newmtl a\n{lines}\n").into_bytes()),
+        "red green.png" | "tex/rough.png" => Ok(png(&[[255, 0, 0, 255], [0, 255, 0, 255]])),
+        "leaf.png" => Ok(png(&[[255; 4], [0, 255, 0, 0]])),
+        "normal.png" => Ok(png(&[[128, 128, 255, 255], [140, 120, 250, 255]])),
+        "broken.png" => Ok(b"GIF89a".to_vec()),
+        _ => Err("none".to_owned()),
+    };
+    let text = "mtllib a.mtl\no leaf\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.25 0.25\nvt 1 0 0\nvt 0\nusemtl a\nf 1/1 2/2 3/3\n";
+    read(text, files).unwrap()
+}
+
+#[test]
+fn maps_and_their_options() {
+    let plain = textured("map_Kd red green.png");
+    assert_eq!(notes(&plain), [""; 0]);
+    let uvs = plain.parts[0].0.uvs[0][0];
+    assert_eq!(uvs, [[0.25, 0.75], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from));
+    assert_eq!((plain.materials[0].color, plain.textures[0].size), (Vec3::ONE, [2, 1]));
+    let map = plain.materials[0].maps.color.unwrap();
+    assert_eq!(map, Map::new(0));
+    let moved = textured("map_Kd -blendu on -s 2 3 1 -o 0.5 0.25 -clamp on -mm 0 1 -texres 64 red green.png");
+    let map = moved.materials[0].maps.color.unwrap();
+    // (u, v) upwards becomes (2 u + 0.5, 3 v + 0.25).
+    let at = |u: f32, v: f32| map.transform.transform_point2(Vec2::new(u, 1.0 - v));
+    assert_eq!((at(0.0, 0.0), at(0.25, 0.5)), (Vec2::new(0.5, 0.75), Vec2::new(1.0, 1.0 - 1.75)));
+    assert_eq!(map.wrap, [crate::Wrap::Clamp; 2]);
+
+    for (lines, expected) in [
+        ("map_Kd none.png", "left out: a texture that is missing (none.png)"),
+        (
+            "map_Kd broken.png",
+            "left out: a texture, as it is a file of kind Gif, which is not read: convert it to PNG (broken.png)",
+        ),
+        ("map_Kd -t 1 1 1 red green.png", "left out: the option `-t` of a map (a)"),
+        ("map_Kd -mm 0.2 1 red green.png", "left out: the option `-mm` of a map (a)"),
+        ("bump leaf.png", "left out: a map of heights (a)"),
+        (
+            "Kd 0 0 0\nmap_Kd red green.png",
+            "repaired: a black colour that hides its texture, taken as white (a)",
+        ),
+        ("map_Kd red green.png # mine", ""),
+        ("map_Kd -bm 2", "left out: a map without the name of a file (a)"),
+        ("map_Kd -2.png", "left out: a texture that is missing (-2.png)"),
+    ] {
+        assert_eq!(notes(&textured(lines)).join("; "), expected, "{lines}");
+    }
+}
+
+#[test]
+fn maps_of_all_factors() {
+    let maps = |lines: &str| {
+        let model = textured(lines);
+        (model.materials[0].clone(), model.materials[0].maps)
+    };
+    let (material, all) =
+        maps("Pr 0.5\nmap_Pr -imfchan g tex/rough.png\nmap_Pm tex\\rough.png\nmap_Ke red green.png");
+    assert_eq!((material.roughness, material.metallic, material.emission), (0.5, 0.0, Vec3::ONE));
+    assert_eq!(all.roughness.unwrap().channel, 1);
+    assert!(all.emission.is_some() && all.metallic.is_none(), "a name with a backslash is up to the caller");
+    // The channel of opacity if the picture has one.
+    for (lines, alpha, channel) in [
+        ("map_d leaf.png", Alpha::Blend, Some(3)),
+        ("map_d red green.png", Alpha::Blend, Some(0)),
+        ("map_d -imfchan l leaf.png", Alpha::Blend, Some(0)),
+        ("map_d none.png", Alpha::Opaque, None),
+    ] {
+        let (material, all) = maps(lines);
+        assert_eq!((material.alpha, all.opacity.map(|map| map.channel)), (alpha, channel), "{lines}");
+    }
+    for lines in ["norm normal.png", "map_Bump -bm 0.5 normal.png", "bump normal.png"] {
+        let (_, scale) = maps(lines).1.normal.unwrap();
+        assert_eq!(scale, if lines.contains("-bm") { 0.5 } else { 1.0 }, "{lines}");
+    }
+}
+
+#[test]
+fn textures_need_coordinates() {
+    let files = |name: &str, _: u64| match name {
+        "sub/a.mtl" => {
+            Ok(b"newmtl a\nmap_Kd a.png\nnewmtl b\nmap_Kd b.png\nnewmtl unused\nmap_Kd c.png\nKd 1 x 1"
+                .to_vec())
+        }
+        "sub/a.png" | "b.png" => Ok(png(&[[9, 9, 9, 255]])),
+        _ => Err("none".to_owned()),
+    };
+    let text = "mtllib sub/a.mtl\no one\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt nan 1\nusemtl a\nf 1/1 2/2 3/7\no two\n\
+        usemtl b\nf 1 2 3\n";
+    let model = read(text, files).unwrap();
+    assert_eq!(
+        model.textures.iter().map(|texture| texture.name.as_str()).collect::<Vec<_>>(),
+        ["sub/a.png", "sub/b.png"]
+    );
+    assert_eq!(model.parts[0].0.uvs[0], [[Vec2::Y; 3]]);
+    assert!(model.parts[1].0.uvs[0].is_empty());
+    let expected = [
+        "repaired: a colour that is not made of numbers (unused)",
+        "repaired: texture coordinates that are not numbers, taken as 0 (one)",
+        "repaired: texture coordinates that do not exist, taken as 0 (one)",
+        "approximated: a texture on faces without texture coordinates, which show its corner (two)",
+    ];
+    assert_eq!(notes(&model), expected);
+}
+
+#[test]
+fn colours_of_vertices() {
+    let text = |colors: [&str; 3]| {
+        let [a, b, c] = colors;
+        format!("v 0 0 0 {a}\nv 1 0 0 {b}\nv 0 1 0 {c}\nv 0 0 1\nf 1 2 3\no other\nf 1 2 4\n")
+    };
+    let read_colors = |colors| {
+        let model = read(&text(colors), nothing).unwrap();
+        let of_parts: Vec<Vec<[Vec4; 3]>> =
+            model.parts.iter().map(|(shape, _)| shape.colors.clone()).collect();
+        (of_parts, model)
+    };
+    let near = |found: Vec4, expected: [f32; 3]| {
+        found.truncate().distance(Vec3::from(expected)) < 1e-4 && found.w == 1.0
+    };
+    for colors in [
+        ["1 0 0", "0.5 0.5 0.5", "0 0 1"],
+        ["255 0 0", "127.5 127.5 127.5", "0 0 255"],
+        ["1 0 0 1", "0.5 0.5 0.5 1", "0 0 1 1"],
+    ] {
+        let (found, model) = read_colors(colors);
+        let [red, grey, blue] = found[0][0];
+        assert!(
+            near(red, [1.0, 0.0, 0.0]) && near(grey, [0.21404; 3]) && near(blue, [0.0, 0.0, 1.0]),
+            "{found:?}"
+        );
+        // The last vertex has no colour.
+        assert_eq!(found[1][0][2], Vec4::ONE);
+        assert_eq!(model.materials[0].color, Vec3::ONE);
+        assert_eq!(model.parts.iter().map(|part| part.1).collect::<Vec<_>>(), [Some(0); 2]);
+        assert_eq!(notes(&model), [""; 0]);
+    }
+    let (found, model) = read_colors(["1", "", "0.5"]);
+    assert_eq!((found, model.parts[0].1), (vec![vec![]; 2], None), "a single number is a weight");
+    let (found, model) = read_colors(["1 x 0", "0 1 0", ""]);
+    assert_eq!(found[0][0], [Vec4::ONE, Vec4::new(0.0, 1.0, 0.0, 1.0), Vec4::ONE]);
+    assert_eq!(notes(&model), ["repaired: a colour of a vertex that is not made of numbers, taken as white"]);
+    let packed = text([""; 3]).replace("f 1 2 3", "#MRGB ffff0000ff808080\n#MRGB ff0000ff\nf 1 2 3");
+    let [red, grey, blue] = read(&packed, nothing).unwrap().parts[0].0.colors[0];
+    assert!(near(red, [1.0, 0.0, 0.0]) && near(grey, [0.21586; 3]) && near(blue, [0.0, 0.0, 1.0]));
 }
 
 #[test]

@@ -66,6 +66,8 @@ pub struct Element {
 pub struct Header {
     pub format: Format,
     pub elements: Vec<Element>,
+    /// The names of pictures.
+    pub textures: Vec<String>,
     /// The number of bytes before the first element.
     pub length: usize,
 }
@@ -77,7 +79,7 @@ impl Header {
 
     /// Reads the header at the beginning of a file. Its lines may end in line feeds, carriage returns, or both.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let mut header = Self { format: Format::Text, elements: Vec::new(), length: 0 };
+        let mut header = Self { format: Format::Text, elements: Vec::new(), textures: Vec::new(), length: 0 };
         let mut lines = Lines { bytes, at: 0, ends_in_both: false };
         let cut_off = || "cut off: it ends within its header".to_owned();
         let is_ply = b"ply".starts_with(&bytes[..bytes.len().min(3)]);
@@ -113,6 +115,9 @@ impl Header {
                 let list = if types.len() == 4 { Some(Kind::of(types[1])?) } else { None };
                 let kind = Kind::of(types[types.len() - 2])?;
                 element.properties.push(Property { name: (*name).to_owned(), kind, list });
+            }
+            ("comment", [tag, ..]) if tag.eq_ignore_ascii_case("texturefile") => {
+                self.textures.push(rest.trim_start()[tag.len()..].trim().to_owned());
             }
             ("comment" | "obj_info" | "", _) => {}
             _ => {

@@ -1,21 +1,29 @@
-//! PLY, text and binary: vertices with normals and colours, and faces of any number of corners or strips of triangles.
+//! PLY, text and binary: vertices with normals, colours and texture coordinates, faces of any number of corners, which may
+//! have colours and texture coordinates of their own, and strips of triangles.
 
 mod header;
 
 use std::io::Read;
+use std::ops::Range;
+use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use epigraph_files::MOST_DATA;
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::model::Model;
 use super::polygons::{Assembly, Polygons};
-use crate::{MeshError, NoteKind, Report};
+use super::{colors, images};
+use crate::{Alpha, Map, Material, MeshError, NoteKind, Report, Texture};
 use header::{Element, Format, Header, Kind, Property};
 
 /// Bytes of a packed file's header that are looked at before all is unpacked.
 const LONGEST_HEADER: u64 = 1 << 16;
 
-/// Reads a whole PLY file.
-pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
+/// Reads a whole PLY file; `beside` returns the bytes of a file that it names, of at most so many.
+pub(super) fn read(
+    bytes: &[u8],
+    beside: impl Fn(&str, u64) -> Result<Vec<u8>, String>,
+) -> Result<Model, String> {
     let header = Header::parse(bytes)?;
     check_counts(&header)?;
     let vertex = header.element("vertex").ok_or("no element `vertex` in the header")?;
@@ -36,7 +44,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, String> {
             "",
         );
     }
-    reader.finish()
+    reader.finish(&header.textures, beside)
 }
 
 /// Refuses a file whose header, at its `start`, declares more vertices or faces than a scene may have. A start that is no
@@ -146,14 +154,76 @@ fn parse(word: &[u8]) -> f64 {
 }
 
 /// The names of the numbers that a vertex may have, by their places in [`Values`].
-const VERTEX: [&[&str]; IGNORED] = [&["x"], &["y"], &["z"], &["nx"], &["ny"], &["nz"]];
+const VERTEX: [&[&str]; IGNORED] = [
+    &["x"],
+    &["y"],
+    &["z"],
+    &["nx"],
+    &["ny"],
+    &["nz"],
+    &["red", "diffuse_red", "r"],
+    &["green", "diffuse_green", "g"],
+    &["blue", "diffuse_blue", "b"],
+    &["alpha", "diffuse_alpha", "a"],
+    &["u", "s", "texture_u"],
+    &["v", "t", "texture_v"],
+];
+const NORMAL: Range<usize> = 3..6;
+const COLOR: Range<usize> = 6..9;
+/// Colour and opacity.
+const COLORS: Range<usize> = 6..10;
+const UV: Range<usize> = 10..12;
 /// The place of numbers that are not used.
-const IGNORED: usize = 6;
-/// The numbers of a vertex.
+const IGNORED: usize = 12;
+/// The numbers of a vertex, or those of a face that vertices have too.
 type Values = [f64; IGNORED + 1];
+/// White, with nothing else.
+const NO_VALUES: Values = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
 
 /// The names of the list of a face's vertices.
 const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
+/// The list of the texture coordinates of a face's corners, and the number of their texture.
+const CORNER_UVS: &str = "texcoord";
+const TEXTURE: &str = "texnumber";
+
+/// What to do with a property.
+struct Use<'a> {
+    property: &'a Property,
+    /// Its place in [`Values`], and what its number is multiplied by.
+    place: usize,
+    unit: f64,
+}
+
+impl<'a> Use<'a> {
+    fn of(property: &'a Property) -> Self {
+        let place = VERTEX.iter().position(|names| names.contains(&property.name.as_str()));
+        let place = place.filter(|_| property.list.is_none()).unwrap_or(IGNORED);
+        // Integers are shares of the largest one, if it is that of a byte or a word without a sign.
+        let unit = match property.kind {
+            _ if !COLORS.contains(&place) => 1.0,
+            Kind::F32 | Kind::F64 => 1.0,
+            Kind::U16 => 1.0 / f64::from(u16::MAX),
+            _ => 1.0 / f64::from(u8::MAX),
+        };
+        Self { property, place, unit }
+    }
+}
+
+/// Whether all places of a range are among those of some properties.
+fn has(uses: &[Use], places: Range<usize>) -> bool {
+    places.into_iter().all(|place| uses.iter().any(|one| one.place == place))
+}
+
+fn color_of(values: &Values) -> Vec4 {
+    let color = Vec4::from([6, 7, 8, 9].map(|place| values[place] as f32));
+    if color.is_finite() { color } else { Vec4::NAN }
+}
+
+/// Texture coordinates with v downwards.
+fn uv_of(u: f64, v: f64) -> Vec2 {
+    let uv = Vec2::new(u as f32, (1.0 - v) as f32);
+    if uv.is_finite() { uv } else { Vec2::Y }
+}
 
 #[derive(Default)]
 struct Reader {
@@ -163,38 +233,48 @@ struct Reader {
     polygons: Polygons,
     /// Unit vectors, or zero for what is no direction; none if the vertices have no normals.
     normals: Vec<Vec3>,
+    /// Of vertices, and of corners: as in the file, or none.
+    colors: Vec<Vec4>,
+    corner_colors: Vec<Vec4>,
+    uvs: Vec<Vec2>,
+    corner_uvs: Vec<Vec2>,
+    /// The number of each polygon's texture, if faces have it.
+    texture_numbers: Vec<f64>,
 }
 
 impl Reader {
     /// Reads all elements of a kind.
     fn elements(&mut self, body: &mut Body, element: &Element) -> Result<(), String> {
         let Element { name, count, properties } = element;
-        let place_of = |property: &Property| {
-            let place = VERTEX.iter().position(|names| names.contains(&property.name.as_str()));
-            place.filter(|_| property.list.is_none()).unwrap_or(IGNORED)
+        let uses: Vec<Use> = properties.iter().map(Use::of).collect();
+        let (what, is_used): (_, fn(&Use) -> bool) = match name.as_str() {
+            "vertex" => ("data of vertices that is not shown", |one| one.place != IGNORED),
+            "face" => ("data of faces that is not shown", |one| {
+                let name = one.property.name.as_str();
+                COLORS.contains(&one.place)
+                    || CORNERS.contains(&name)
+                    || [CORNER_UVS, TEXTURE].contains(&name)
+            }),
+            "tristrips" => {
+                ("data of faces that is not shown", |one| CORNERS.contains(&one.property.name.as_str()))
+            }
+            _ => {
+                self.report.add_many(NoteKind::LeftOut, "an element that is not known", name, *count);
+                ("", |_| true)
+            }
         };
-        let places: Vec<usize> = properties.iter().map(place_of).collect();
-        match name.as_str() {
-            "vertex" => {
-                let unused = properties.iter().zip(&places).filter(|(_, place)| **place == IGNORED);
-                unused
-                    .for_each(|(property, _)| self.leave_out("data of vertices that is not shown", property));
-            }
-            "face" | "tristrips" => {
-                let unused = properties.iter().filter(|property| !CORNERS.contains(&property.name.as_str()));
-                unused.for_each(|property| self.leave_out("data of faces that is not shown", property));
-            }
-            _ => self.report.add_many(NoteKind::LeftOut, "an element that is not known", name, *count),
+        for one in uses.iter().filter(|one| !is_used(one)) {
+            self.report.add(NoteKind::LeftOut, what, &one.property.name);
         }
         // Nothing of it is in the file.
         if properties.is_empty() {
             return Ok(());
         }
-        let has_normals = [3, 4, 5].iter().all(|place| places.contains(place));
+        let has_attributes = [NORMAL, COLOR, UV].map(|places| has(&uses, places));
         for index in 0..*count {
             let read = match name.as_str() {
-                "vertex" => self.vertex(body, properties, &places, has_normals),
-                "face" => self.face(body, properties),
+                "vertex" => self.vertex(body, &uses, has_attributes),
+                "face" => self.face(body, &uses, has_attributes[1]),
                 "tristrips" => self.strips(body, properties),
                 _ => properties.iter().try_for_each(|property| body.property(property, |_| {})),
             };
@@ -210,24 +290,15 @@ impl Reader {
         Ok(())
     }
 
-    fn leave_out(&mut self, what: &str, property: &Property) {
-        self.report.add(NoteKind::LeftOut, what, &property.name);
-    }
-
-    fn vertex(
-        &mut self,
-        body: &mut Body,
-        properties: &[Property],
-        places: &[usize],
-        has_normals: bool,
-    ) -> Result<(), Stop> {
-        let mut values: Values = [0.0; IGNORED + 1];
-        for (property, place) in properties.iter().zip(places) {
-            body.property(property, |number| values[*place] = number)?;
+    fn vertex(&mut self, body: &mut Body, uses: &[Use], has_attributes: [bool; 3]) -> Result<(), Stop> {
+        let mut values = NO_VALUES;
+        for Use { property, place, unit } in uses {
+            body.property(property, |number| values[*place] = unit * number)?;
         }
-        let [x, y, z, nx, ny, nz, _] = values;
+        let [x, y, z, nx, ny, nz, _, _, _, _, u, v, _] = values;
         self.polygons.at.push(DVec3::new(x, y, z));
-        if has_normals {
+        let [has_normal, has_color, has_uv] = has_attributes;
+        if has_normal {
             let normal = DVec3::new(nx, ny, nz);
             if !normal.is_finite() {
                 let what = "a normal that is not a number, replaced by the face's";
@@ -235,11 +306,17 @@ impl Reader {
             }
             self.normals.push(normal.normalize_or_zero().as_vec3());
         }
+        self.colors.extend(has_color.then(|| color_of(&values)));
+        self.uvs.extend(has_uv.then(|| uv_of(u, v)));
         Ok(())
     }
 
-    fn face(&mut self, body: &mut Body, properties: &[Property]) -> Result<(), Stop> {
-        for property in properties {
+    fn face(&mut self, body: &mut Body, uses: &[Use], has_color: bool) -> Result<(), Stop> {
+        let mut values = NO_VALUES;
+        let mut uvs = Vec::new();
+        let (mut has_uvs, mut texture) = (false, None);
+        let begin = self.polygons.corners.len();
+        for Use { property, place, unit } in uses {
             if CORNERS.contains(&property.name.as_str()) {
                 let Self { polygons, vertices, .. } = self;
                 let mut wrong = None;
@@ -248,11 +325,35 @@ impl Reader {
                     None => wrong = Some(number),
                 })?;
                 check_vertex(wrong, *vertices)?;
+            } else if property.name == CORNER_UVS {
+                has_uvs = true;
+                body.property(property, |number| uvs.push(number))?;
+            } else if property.name == TEXTURE {
+                body.property(property, |number| texture = Some(number))?;
             } else {
-                body.property(property, |_| {})?;
+                body.property(property, |number| values[*place] = unit * number)?;
             }
         }
-        self.polygons.close("", &mut self.report).map_err(|error| Stop::Other(format!(": {error}")))
+        let before = self.polygons.len();
+        self.polygons.close("", &mut self.report).map_err(|error| Stop::Other(format!(": {error}")))?;
+        if self.polygons.len() == before {
+            return Ok(());
+        }
+        let corners = begin..self.polygons.corners.len();
+        if has_color {
+            self.corner_colors.extend(corners.clone().map(|_| color_of(&values)));
+        }
+        if has_uvs {
+            if uvs.len() != 2 * corners.len() {
+                let what = "texture coordinates of a face that do not fit its corners, taken as 0";
+                self.report.add(NoteKind::Repaired, what, "");
+            }
+            let number = |place: usize| uvs.get(place).copied().unwrap_or(0.0);
+            self.corner_uvs
+                .extend((0..corners.len()).map(|corner| uv_of(number(2 * corner), number(2 * corner + 1))));
+        }
+        self.texture_numbers.extend(texture);
+        Ok(())
     }
 
     /// Strips of triangles, each next one turned the other way; -1 begins a new strip.
@@ -281,17 +382,82 @@ impl Reader {
         Ok(())
     }
 
-    fn finish(mut self) -> Result<Model, String> {
-        if self.polygons.len() == 0 {
+    fn finish(
+        mut self,
+        names: &[String],
+        beside: impl Fn(&str, u64) -> Result<Vec<u8>, String>,
+    ) -> Result<Model, String> {
+        let count = self.polygons.len();
+        if count == 0 {
             return Err("it has points, but no faces: `epigraph encode` makes a point set of them".to_owned());
         }
+        let has_corner_uvs = self.corner_uvs.len() == self.polygons.corners.len();
+        let has_uvs = has_corner_uvs || !self.uvs.is_empty();
+        let (textures, by_number) = if has_uvs {
+            self.textures(names, beside)
+        } else {
+            let unused = |name: &String| {
+                self.report.add(NoteKind::LeftOut, "a texture without texture coordinates", name)
+            };
+            names.iter().for_each(unused);
+            (vec![], vec![])
+        };
+        if has_uvs && names.is_empty() {
+            self.report.add(NoteKind::LeftOut, "texture coordinates without a texture", "");
+        }
+        let has_corner_colors = self.corner_colors.len() == self.polygons.corners.len();
+        let colors = if has_corner_colors { &mut self.corner_colors } else { &mut self.colors };
+        let is_transparent = repair_opacities(colors, &mut self.report);
+        colors::linear(colors);
+        let (colors, corner_colors) = (&self.colors, &self.corner_colors);
+
         let mut assembly = Assembly::new(&self.polygons).map_err(|vertex| {
             let position = self.polygons.at[vertex].as_vec3();
             MeshError::TooFar { vertex, position }.to_string()
         })?;
         assembly.in_file_order = true;
-        let (mut shape, corners) = assembly.shape(0..self.polygons.len(), "", &mut self.report);
-        if corners.is_empty() {
+        let mut model = Model { origin: assembly.origin, textures, ..Model::default() };
+        // The polygons of each texture; of the first one if faces do not say.
+        let number = |polygon: usize| self.texture_numbers.get(polygon).map_or(0, |number| *number as usize);
+        let pictures = by_number.len().max(1);
+        for picture in 0..pictures {
+            let of_picture = |polygon: &usize| number(*polygon).min(pictures - 1) == picture;
+            let (mut shape, corners) = assembly.shape((0..count).filter(of_picture), "", &mut self.report);
+            if corners.is_empty() {
+                continue;
+            }
+            let vertex = |corner: usize| self.polygons.corners[corner] as usize;
+            let each = |value: &dyn Fn(usize) -> Vec4| corners.iter().map(|all| all.map(value)).collect();
+            if !self.normals.is_empty() {
+                shape.normals =
+                    corners.iter().map(|all| all.map(|corner| self.normals[vertex(corner)])).collect();
+            }
+            let shown = |color: Vec4| if color.is_nan() { Vec4::ONE } else { color };
+            if has_corner_colors {
+                shape.colors = each(&|corner| shown(corner_colors[corner]));
+            } else if !colors.is_empty() {
+                shape.colors = each(&|corner| shown(colors[vertex(corner)]));
+            }
+            let texture = by_number.get(picture).copied().flatten();
+            if texture.is_some() {
+                let uv = |corner: usize| {
+                    if has_corner_uvs { self.corner_uvs[corner] } else { self.uvs[vertex(corner)] }
+                };
+                shape.uvs[0] = corners.iter().map(|all| all.map(uv)).collect();
+            }
+            let material = (texture.is_some() || !shape.colors.is_empty()).then(|| {
+                let mut material =
+                    Material::diffuse(names.get(picture).map_or("vertex colours", String::as_str), Vec3::ONE);
+                material.maps.color = texture.map(Map::new);
+                if is_transparent {
+                    material.alpha = Alpha::Blend;
+                }
+                model.materials.push(material);
+                model.materials.len() - 1
+            });
+            model.parts.push((shape, material));
+        }
+        if model.parts.is_empty() {
             let is_bad = |at: &DVec3| !at.is_finite();
             let bad = self.polygons.at.iter().position(is_bad).unwrap_or_default();
             let DVec3 { x, y, z } = self.polygons.at[bad];
@@ -299,13 +465,46 @@ impl Reader {
                 "no face is usable: all have coordinates that are not numbers, such as those of vertex {bad}, ({x}, {y}, {z})"
             ));
         }
-        if !self.normals.is_empty() {
-            let normal = |corner: usize| self.normals[self.polygons.corners[corner] as usize];
-            shape.normals = corners.iter().map(|corners| corners.map(normal)).collect();
-        }
-        let origin = assembly.origin;
-        Ok(Model { origin, report: self.report, ..Model::from_shape(shape) })
+        model.report = self.report;
+        Ok(model)
     }
+
+    /// The textures of the files with these names, and for each name its texture, if it could be read.
+    fn textures(
+        &mut self,
+        names: &[String],
+        beside: impl Fn(&str, u64) -> Result<Vec<u8>, String>,
+    ) -> (Vec<Arc<Texture>>, Vec<Option<usize>>) {
+        let files: Vec<(String, Vec<u8>)> =
+            names.iter().map(|name| (name.clone(), beside(name, MOST_DATA).unwrap_or_default())).collect();
+        let (mut textures, mut by_number) = (Vec::new(), Vec::new());
+        for (result, (name, bytes)) in images::decode(&files).into_iter().zip(&files) {
+            by_number.push(match result {
+                Ok(texture) => {
+                    textures.push(texture);
+                    Some(textures.len() - 1)
+                }
+                Err(message) => {
+                    let what = match bytes.is_empty() {
+                        true => "a texture that is missing".to_owned(),
+                        false => format!("a texture, as {message}"),
+                    };
+                    self.report.add(NoteKind::LeftOut, what, name);
+                    None
+                }
+            });
+        }
+        (textures, by_number)
+    }
+}
+
+/// Whether some of the colours let light through. Opacities that are all 0 are taken as 1, and noted.
+fn repair_opacities(colors: &mut [Vec4], report: &mut Report) -> bool {
+    if !colors.is_empty() && colors.iter().all(|color| color.w == 0.0) {
+        report.add(NoteKind::Repaired, "opacities that are all 0, taken as 1", "");
+        colors.iter_mut().for_each(|color| color.w = 1.0);
+    }
+    colors.iter().any(|color| color.w < 1.0)
 }
 
 /// The vertex that a number means, if there is one.

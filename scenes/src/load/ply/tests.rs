@@ -1,5 +1,15 @@
 use super::*;
 
+use crate::Shape;
+
+fn nothing(name: &str, _: u64) -> Result<Vec<u8>, String> {
+    Err(format!("no {name}"))
+}
+
+fn read(bytes: &[u8]) -> Result<Model, String> {
+    super::read(bytes, nothing)
+}
+
 const ASCII: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty double y\n\
     property float z\nproperty uchar red\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
     0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0 9\n4 0 1 2 3\n";
@@ -236,6 +246,118 @@ fn vertices_that_are_not_numbers_harm_only_their_faces() {
     assert!(!notes(&read(unused.as_bytes()).unwrap()).contains("not a number"));
     let all = ASCII.replace("0 0 0 9", "nan 0 0 9");
     assert!(error(&all).contains("no face is usable") && error(&all).contains("vertex 0, (NaN, 0, 0)"));
+}
+
+/// Two triangles of four vertices, with these properties and values of each vertex, and of each face.
+fn with(vertex: &str, values: [&str; 4], face: &str, of_faces: [&str; 2]) -> String {
+    let [a, b, c, d] = values;
+    let [first, second] = of_faces;
+    format!(
+        "ply\nformat ascii 1.0\ncomment TextureFile wood.png\nelement vertex 4\nproperty float x\nproperty float y\n\
+         property float z\n{vertex}element face 2\nproperty list uchar int vertex_indices\n{face}end_header\n0 0 0 {a}\n\
+         1 0 0 {b}\n1 1 0 {c}\n0 1 0 {d}\n3 0 1 2 {first}\n3 0 2 3 {second}\n"
+    )
+}
+
+fn properties(kind: &str, names: &[&str]) -> String {
+    names.iter().map(|name| format!("property {kind} {name}\n")).collect()
+}
+
+#[test]
+fn colours_of_all_types_and_names() {
+    let rgb = ["red", "green", "blue"];
+    for (kind, names, values) in [
+        ("uchar", rgb, ["255 0 0", "188 188 188", "0 0 255", "255 255 255"]),
+        ("int", rgb, ["255 0 0", "188 188 188", "0 0 255", "255 255 255"]),
+        ("ushort", ["r", "g", "b"], ["65535 0 0", "48316 48316 48316", "0 0 65535", "65535 65535 65535"]),
+        (
+            "float",
+            ["diffuse_red", "diffuse_green", "diffuse_blue"],
+            ["1 0 0", ".737255 .737255 .737255", "0 0 1", "1 1 1"],
+        ),
+        ("float", rgb, ["255 0 0", "188 188 188", "0 0 255", "255 255 255"]),
+    ] {
+        let model = read(with(&properties(kind, &names), values, "", [""; 2]).as_bytes()).unwrap();
+        let shape = &model.parts[0].0;
+        let expected = [[1.0, 0.0, 0.0, 1.0], [0.502_886, 0.502_886, 0.502_886, 1.0], [0.0, 0.0, 1.0, 1.0]];
+        let near = shape.colors[0].iter().zip(expected).all(|(a, b)| a.distance(b.into()) < 1e-4);
+        assert!(near && shape.colors.len() == 2, "{kind}: {:?}", shape.colors);
+        let material = &model.materials[model.parts[0].1.unwrap()];
+        assert_eq!((material.color, material.alpha), (Vec3::ONE, Alpha::Opaque));
+    }
+    // Two of three are none.
+    let model = read(with(&properties("uchar", &rgb[..2]), ["1 2"; 4], "", [""; 2]).as_bytes()).unwrap();
+    assert!(model.parts[0].0.colors.is_empty() && model.parts[0].1.is_none());
+}
+
+#[test]
+fn colours_let_light_through() {
+    let rgba = properties("uchar", &["red", "green", "blue", "alpha"]);
+    let of = |values| read(with(&rgba, values, "", [""; 2]).as_bytes()).unwrap();
+    let model = of(["255 0 0 255", "255 0 0 51", "255 0 0 255", "255 0 0 255"]);
+    assert_eq!(model.parts[0].0.colors[0][1], Vec4::new(1.0, 0.0, 0.0, 0.2));
+    assert_eq!(model.materials[0].alpha, Alpha::Blend);
+    let model = of(["255 0 0 0"; 4]);
+    assert_eq!(model.materials[0].alpha, Alpha::Opaque);
+    assert!(notes(&model).contains("repaired: opacities that are all 0, taken as 1"), "{}", notes(&model));
+}
+
+#[test]
+fn colours_of_faces() {
+    let face = properties("uchar", &["red", "green", "blue"]);
+    let model = read(with("", [""; 4], &face, ["255 0 0", "0 255 0"]).as_bytes()).unwrap();
+    let expected = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]].map(|color| [Vec4::from(color); 3]);
+    assert_eq!(model.parts[0].0.colors, expected);
+}
+
+#[test]
+fn textures_of_vertices_and_faces() {
+    let picture = |color: [u8; 3]| {
+        let picture = image::RgbImage::from_pixel(2, 2, image::Rgb(color));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    };
+    let files = |name: &str, _: u64| match name {
+        "wood.png" => Ok(picture([9, 8, 7])),
+        "stone 1.png" => Ok(picture([1, 2, 3])),
+        _ => Err("none".to_owned()),
+    };
+    let uvs = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.5]].map(Vec2::from);
+    for names in [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]] {
+        let text = with(&properties("float", &names), ["0 0", "1 0", "1 .5", "0 1"], "", [""; 2]);
+        let model = super::read(text.as_bytes(), files).unwrap();
+        assert_eq!((model.parts[0].0.uvs[0][0], notes(&model)), (uvs, String::new()));
+        let material = &model.materials[model.parts[0].1.unwrap()];
+        assert_eq!((material.color, material.maps.color), (Vec3::ONE, Some(Map::new(0))));
+        assert_eq!(model.textures[0].texels[0], [9, 8, 7, 255]);
+        // Without the picture the surface is plain.
+        let model = read(text.as_bytes()).unwrap();
+        assert_eq!(
+            (model.parts[0].1, notes(&model)),
+            (None, "left out: a texture that is missing (wood.png)".to_owned())
+        );
+    }
+    let face = "property list uchar float texcoord\nproperty int texnumber\n";
+    let lists = ["6 0 0 1 0 1 .5 1", "6 0 0 0 0 0 0 0"];
+    let text = with("", [""; 4], face, lists)
+        .replace("element vertex", "comment TextureFile stone 1.png\nelement vertex");
+    let model = super::read(text.as_bytes(), files).unwrap();
+    // The parts by texture: the second face first.
+    let [wood, stone] = &model.parts[..] else { panic!("two textures") };
+    assert_eq!((stone.0.uvs[0][0], notes(&model)), (uvs, String::new()));
+    let texel = |part: &(Shape, Option<usize>)| {
+        let map = model.materials[part.1.unwrap()].maps.color.unwrap();
+        model.textures[map.texture].texels[0][0]
+    };
+    assert_eq!((texel(wood), texel(stone)), (9, 1));
+    assert_eq!((wood.0.triangles.len(), stone.0.triangles.len()), (1, 1));
+    // A list that does not fit.
+    let short = text.replace("6 0 0 1 0 1 .5 1", "4 0 0 1 0 1");
+    let message = notes(&super::read(short.as_bytes(), files).unwrap());
+    assert!(message.contains("texture coordinates of a face that do not fit its corners"), "{message}");
+    let bare = notes(&super::read(with("", [""; 4], "", [""; 2]).as_bytes(), files).unwrap());
+    assert_eq!(bare, "left out: a texture without texture coordinates (wood.png)");
 }
 
 #[test]
