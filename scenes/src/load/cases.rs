@@ -36,19 +36,24 @@ const NAMES: [&str; 3] = ["floor", "red", "blue"];
 const MATERIALS: &str =
     "newmtl floor\nKd 0.6 0.6 0.6\nnewmtl red\nKd 0.8 0.1 0.1\nnewmtl blue\nKd 0.1 0.2 0.8\n";
 
-/// The vertices of each of the three, and their faces.
-fn things() -> [(Vec<[f32; 3]>, Vec<Vec<usize>>); 3] {
+/// The vertices of one of the three, and its faces.
+struct Thing {
+    vertices: Vec<[f32; 3]>,
+    faces: Vec<Vec<usize>>,
+}
+
+fn things() -> [Thing; 3] {
     [
-        (FLOOR.to_vec(), vec![vec![0, 1, 2, 3]]),
-        (BOX.to_vec(), SIDES.iter().map(|side| side.to_vec()).collect()),
-        (BALL.to_vec(), FACETS.iter().map(|facet| facet.to_vec()).collect()),
+        Thing { vertices: FLOOR.to_vec(), faces: vec![vec![0, 1, 2, 3]] },
+        Thing { vertices: BOX.to_vec(), faces: SIDES.iter().map(|side| side.to_vec()).collect() },
+        Thing { vertices: BALL.to_vec(), faces: FACETS.iter().map(|facet| facet.to_vec()).collect() },
     ]
 }
 
 /// The scene as OBJ. `vertex` makes the line of a vertex of the thing with that index, `corner` the word of a corner.
 fn obj_of(vertex: impl Fn(usize, Vec3) -> String, corner: impl Fn(usize) -> String) -> String {
     let (mut text, mut first) = ("mtllib scene.mtl\n".to_owned(), 1);
-    for (index, (vertices, faces)) in things().into_iter().enumerate() {
+    for (index, Thing { vertices, faces }) in things().into_iter().enumerate() {
         text += &format!("o {name}\nusemtl {name}\n", name = NAMES[index]);
         text.extend(vertices.iter().map(|at| vertex(index, Vec3::from(*at)) + "\n"));
         for face in faces {
@@ -71,12 +76,12 @@ fn obj() -> String {
 /// The scene as PLY, with more properties and numbers of vertices.
 fn ply_of(properties: &str, numbers: [&str; 3]) -> String {
     let (mut vertices, mut faces) = (Vec::new(), Vec::new());
-    for ((at, corners), numbers) in things().into_iter().zip(numbers) {
-        faces.extend(corners.iter().map(|face| {
+    for (thing, numbers) in things().into_iter().zip(numbers) {
+        faces.extend(thing.faces.iter().map(|face| {
             let words: Vec<String> = face.iter().map(|place| (vertices.len() + place).to_string()).collect();
             format!("{} {}\n", face.len(), words.join(" "))
         }));
-        vertices.extend(at.iter().map(|[x, y, z]| format!("{x} {y} {z} {numbers}\n")));
+        vertices.extend(thing.vertices.iter().map(|[x, y, z]| format!("{x} {y} {z} {numbers}\n")));
     }
     format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n{properties}\

@@ -44,8 +44,13 @@ impl Polygons {
         Ok(())
     }
 
+    /// The index of the polygon of a corner.
+    pub fn of_corner(&self, corner: usize) -> usize {
+        self.ends.partition_point(|&end| end <= corner)
+    }
+
     /// The corners of a polygon.
-    fn polygon(&self, index: usize) -> Range<usize> {
+    pub fn polygon(&self, index: usize) -> Range<usize> {
         let begin = if index == 0 { 0 } else { self.ends[index - 1] };
         begin..self.ends[index]
     }

@@ -4,8 +4,10 @@
 //! costs what depends on it, and a note in the report; only a face whose vertex does not exist, or a file without a usable
 //! face, is an error.
 
+mod attributes;
 mod maps;
 mod mtl;
+mod smooth;
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -18,9 +20,11 @@ use super::model::Model;
 use super::polygons::{Assembly, Polygons};
 use super::{colors, lossy};
 use crate::limits::MAX_COORDINATE;
-use crate::{Material, MeshError, NoteKind, Report, Shape};
+use crate::{Material, MeshError, NoteKind, Report};
+use attributes::Attributes;
 use maps::Textures;
 use mtl::Mtl;
+use smooth::SmoothNormals;
 
 /// Reads an OBJ file; `beside` returns the bytes of a file that it names, of at most so many.
 ///
@@ -98,8 +102,6 @@ struct Part {
     name: String,
     material: Option<Named>,
     polygons: Range<usize>,
-    /// Whether some of its faces are in a smoothing group.
-    is_smooth: bool,
 }
 
 #[derive(Default)]
@@ -128,7 +130,10 @@ struct Reader {
     /// The name of the present object or group.
     name: String,
     material: Option<Named>,
-    is_smooth: bool,
+    /// The present smoothing group; 0 for none.
+    group: u32,
+    /// The smoothing group of each polygon, only up to the last one that is in any.
+    groups: Vec<u32>,
     parts: Vec<Part>,
 }
 
@@ -156,7 +161,9 @@ impl Reader {
                 self.material = (!rest.is_empty()).then(named);
             }
             "mtllib" => self.library(rest, beside),
-            "s" => self.is_smooth = !matches!(rest, "off" | "0" | ""),
+            "s" => {
+                self.group = if rest == "on" { 1 } else { without_comment(rest).trim().parse().unwrap_or(0) }
+            }
             "l" => self.leave_out("a line"),
             "p" => self.leave_out("a point"),
             "curv" | "curv2" | "surf" => self.leave_out("a free-form curve or surface"),
@@ -246,6 +253,11 @@ impl Reader {
         self.polygons.close(&self.name, &mut self.report).map_err(|error| error.to_string())?;
         self.corner_uvs.truncate(self.polygons.corners.len());
         self.corner_normals.truncate(self.polygons.corners.len());
+        let kept = self.polygons.len();
+        if self.group > 0 && kept > self.groups.len() {
+            self.groups.resize(kept - 1, 0);
+            self.groups.push(self.group);
+        }
         Ok(())
     }
 
@@ -314,7 +326,7 @@ impl Reader {
         let polygons = self.parts.last().map_or(0, |part| part.polygons.end)..self.polygons.len();
         if !polygons.is_empty() {
             let (name, material) = (self.name.clone(), self.material.clone());
-            self.parts.push(Part { name, material, polygons, is_smooth: self.is_smooth });
+            self.parts.push(Part { name, material, polygons });
         }
     }
 
@@ -348,6 +360,8 @@ impl Reader {
             format!("line {number}: the vertex `{}` is {limit}", shortened(keyword(&line).1))
         })?;
         model.origin = assembly.origin;
+        let lacks_normals = !self.groups.is_empty() && self.corner_normals.contains(&NONE);
+        let smooth = lacks_normals.then(|| SmoothNormals::of(&self.polygons, &self.groups));
         // Where colours are all that there is, they are not those of plain grey.
         let mut white = None;
         for (part, mut material) in self.parts.iter().zip(of_parts) {
@@ -357,7 +371,7 @@ impl Reader {
             }
             let mut attributes =
                 Attributes { reader: &self, corners: &corners, name: &part.name, report: Report::default() };
-            attributes.normals(part.is_smooth, &mut shape);
+            attributes.normals(smooth.as_ref(), &mut shape);
             attributes.colors(&mut shape);
             if material.is_some_and(|index| !model.materials[index].maps.is_empty()) {
                 attributes.uvs(&mut shape);
@@ -413,69 +427,6 @@ impl Reader {
         };
         let materials = self.materials.iter().zip(&is_used).map(material).collect();
         Model { materials, textures: textures.all, ..Model::default() }
-    }
-}
-
-/// What the corners of a shape have beside their vertices.
-struct Attributes<'a> {
-    reader: &'a Reader,
-    /// The corners of the shape's triangles, as indices into all corners.
-    corners: &'a [[usize; 3]],
-    /// The object's name.
-    name: &'a str,
-    report: Report,
-}
-
-impl Attributes<'_> {
-    /// Whether any corner has an index.
-    fn any(&self, indices: &[u32]) -> bool {
-        self.corners.iter().flatten().any(|&corner| indices[corner] != NONE)
-    }
-
-    /// For each corner the value of its index; `default` if it has none, which is noted as `missing` if there is an index.
-    fn values<T: Copy>(&mut self, indices: &[u32], values: &[T], default: T, missing: &str) -> Vec<[T; 3]> {
-        let value = |corner: usize| match indices[corner] {
-            NONE => default,
-            index => values.get(index as usize).copied().unwrap_or_else(|| {
-                self.report.add(NoteKind::Repaired, missing, self.name);
-                default
-            }),
-        };
-        let mut value = value;
-        self.corners.iter().map(|corners| corners.map(&mut value)).collect()
-    }
-
-    fn normals(&mut self, is_smooth: bool, shape: &mut Shape) {
-        let Reader { corner_normals, normals, .. } = self.reader;
-        if self.any(corner_normals) {
-            let missing = "a normal that does not exist, replaced by the face's";
-            shape.normals = self.values(corner_normals, normals, Vec3::ZERO, missing);
-        } else if is_smooth {
-            let what = "a smoothing group without normals, shaded flat";
-            self.report.add(NoteKind::Approximated, what, self.name);
-        }
-    }
-
-    fn uvs(&mut self, shape: &mut Shape) {
-        let Reader { corner_uvs, uvs, .. } = self.reader;
-        if self.any(corner_uvs) {
-            let missing = "texture coordinates that do not exist, taken as 0";
-            shape.uvs[0] = self.values(corner_uvs, uvs, Vec2::Y, missing);
-        } else {
-            let what = "a texture on faces without texture coordinates, which show its corner";
-            self.report.add(NoteKind::Approximated, what, self.name);
-        }
-    }
-
-    fn colors(&self, shape: &mut Shape) {
-        let Reader { colors, polygons, .. } = self.reader;
-        let color = |corner: usize| {
-            colors.get(polygons.corners[corner] as usize).copied().filter(|color| !color.is_nan())
-        };
-        if self.corners.iter().flatten().any(|&corner| color(corner).is_some()) {
-            let white = |corner| color(corner).unwrap_or(Vec4::ONE);
-            shape.colors = self.corners.iter().map(|corners| corners.map(white)).collect();
-        }
     }
 }
 

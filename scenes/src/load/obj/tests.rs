@@ -207,12 +207,7 @@ fn what_is_wrong_and_inessential_is_noted() {
             "left out: a face with a corner that is not a number, 3 times (floor)",
         ),
         ("f 1 2 4", "v nan 0 0\nf 1 2 4", [1, 1, 1], ""),
-        (
-            "o floor",
-            "o floor\ns 1",
-            [1, 1, 1],
-            "approximated: a smoothing group without normals, shaded flat (floor)",
-        ),
+        ("o floor", "o floor\ns 1", [1, 1, 1], ""),
         ("f 1 2 4", "f 1 3 2 4", [1, 1, 2], "approximated: a polygon whose sides cross (floor)"),
     ] {
         let text = HABITS.replacen(from, to, 1);
@@ -547,6 +542,41 @@ fn colours_of_vertices() {
     let packed = text([""; 3]).replace("f 1 2 3", "#MRGB ffff0000ff808080\n#MRGB ff0000ff\nf 1 2 3");
     let [red, grey, blue] = read(&packed, nothing).unwrap().parts[0].0.colors[0];
     assert!(near(red, [1.0, 0.0, 0.0]) && near(grey, [0.21586; 3]) && near(blue, [0.0, 0.0, 1.0]));
+}
+
+#[test]
+fn smoothing_groups_share_normals_where_there_are_none() {
+    // Two upright squares at a right angle, the second twice as wide, and a floor.
+    let text = |groups: [&str; 3]| {
+        let [a, b, c] = groups;
+        format!(
+            "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 0 -2\nv 1 1 -2\nv 0 0 -2\nvn 0 0 1\ns {a}\nf 1 2 3 4\n\
+             s {b}\nf 2 5 6 3\no floor\ns {c}\nf 1 7 5 2\n"
+        )
+    };
+    let normals = |groups| {
+        let model = read(&text(groups), nothing).unwrap();
+        assert_eq!(notes(&model), [""; 0]);
+        model.parts.iter().map(|part| part.0.normals.clone()).collect::<Vec<_>>()
+    };
+    let near = |a: Vec3, b: Vec3| a.distance(b.normalize()) < 1e-6;
+    // The first triangles: corners 1, 2, 3 and 2, 5, 6.
+    let smooth = normals(["1", "1", "off"]);
+    let [front, _, side, _] = smooth[0][..] else { panic!("four triangles") };
+    assert!(near(front[0], Vec3::Z) && near(front[1], Vec3::new(2.0, 0.0, 1.0)) && near(side[1], Vec3::X));
+    assert_eq!((front[1], smooth[1].len()), (side[0], 0), "the floor is flat");
+    // Three groups, of which the first and the last are one.
+    let apart = normals(["1", "2", "on"]);
+    let (front, side, floor) = (apart[0][0], apart[0][2], apart[1][0]);
+    assert!(near(side[0], Vec3::X) && near(front[2], Vec3::Z));
+    assert!(near(front[0], Vec3::new(0.0, -2.0, 1.0)) && front[0] == floor[0]);
+    // Flat faces beside smooth ones of one object, and normals of the file beside those of a group.
+    let mixed = normals(["0", "3", "0"]);
+    assert_eq!((mixed[0][0], mixed[0][2][0]), ([Vec3::ZERO; 3], Vec3::X));
+    let own = text(["1", "1", "off"]).replace("f 1 2 3 4", "f 1//1 2//1 3//1 4");
+    let own = read(&own, nothing).unwrap().parts[0].0.normals[1];
+    assert_eq!(own, [Vec3::Z; 3]);
+    assert!(normals(["off", "", "none"]).iter().all(Vec::is_empty));
 }
 
 #[test]
