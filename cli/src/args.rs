@@ -236,6 +236,9 @@ pub struct SceneArgs {
     /// Camera path: still, file:NAME, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
+    /// Light the scene by an HDR or EXR image of longitudes and latitudes
+    #[arg(long, value_name = "FILE")]
+    pub sky: Option<PathBuf>,
     /// Width and height of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true)]
     pub size: Size,

@@ -25,7 +25,7 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
             return Err(CliError::Input(format!("{option}; name one GRAPH")));
         }
     }
-    let place = open::place(&args.scene.scene, &args.scene.camera)?;
+    let place = open::place_of(&args.scene)?;
     let settings = settings(args, place.facts())?;
 
     let mut text = String::new();
@@ -64,7 +64,16 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
     for (file, text) in files {
         outputs.put(file, text.as_bytes())?;
     }
-    outputs.finish(json, &json!({ "errors": errors, "plan": plan, "plans": plans }), &text)?;
+    outputs.finish(
+        json,
+        &json!({
+            "errors": errors,
+            "plan": plan,
+            "plans": plans,
+            "scene": { "name": args.scene.scene, "report": *place.scene.report },
+        }),
+        &text,
+    )?;
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

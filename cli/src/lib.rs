@@ -18,6 +18,7 @@
 mod args;
 mod axis;
 mod bench;
+mod blank;
 mod check;
 mod compare;
 mod decode;

@@ -1,12 +1,17 @@
 //! Opens the inputs of commands: graphs with their changes, scenes with a progress display, threads.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use epigraph::{Change, Place, Registry, Run, Samples, graphs};
 use epigraph_core::{GraphError, GraphFile};
-use epigraph_scenes::{Scene, Tracer};
+use epigraph_scenes::{Scene, Sky, Tracer};
 
-use crate::{args::ChangeArgs, error::CliError, progress};
+use crate::{
+    args::{ChangeArgs, SceneArgs},
+    error::CliError,
+    progress,
+};
 
 /// Names of commands, to suggest one for a mistyped word.
 const COMMANDS: [&str; 10] =
@@ -51,9 +56,25 @@ pub fn samples(samples: Samples, size: [u32; 2]) -> Result<u32, CliError> {
     Ok(count)
 }
 
-/// Reads a scene and the camera's path through it.
+/// Reads a scene and the camera's path through it, and tells what of its files is not in it.
 pub fn place(scene: &str, camera: &str) -> Result<Place, CliError> {
-    let loaded = progress::spinner(format!("loading scene {scene}"), || Scene::load(scene))?;
+    place_under(scene, camera, None)
+}
+
+/// The same for the options of a command.
+pub fn place_of(args: &SceneArgs) -> Result<Place, CliError> {
+    place_under(&args.scene, &args.camera, args.sky.as_deref())
+}
+
+fn place_under(scene: &str, camera: &str, sky: Option<&Path>) -> Result<Place, CliError> {
+    let load = || {
+        let sky = sky.map(Sky::load).transpose()?.map(Arc::new);
+        Scene::load_under(scene, sky)
+    };
+    let loaded = progress::spinner(format!("loading scene {scene}"), load)?;
+    for note in loaded.report.notes() {
+        eprintln!("{scene}: {note}");
+    }
     Ok(Place::new(Arc::new(loaded), camera)?)
 }
 

@@ -8,7 +8,7 @@ use epigraph_scenes::{Camera, Mode, TraceSettings, Tracer, reference};
 
 use crate::{
     args::ReferenceArgs,
-    edge_mask,
+    blank, edge_mask,
     error::CliError,
     interrupt, open,
     output::{Output, Outputs, print},
@@ -27,7 +27,7 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
     let edges = args.edges.as_deref().map(|path| add_mask(&mut outputs, path)).transpose()?;
     let size = args.scene.size.0;
     require_memory(size)?;
-    let place = open::place(&args.scene.scene, &args.scene.camera)?;
+    let place = open::place_of(&args.scene)?;
     let mut outputs = outputs.ready()?;
     let tracer = open::tracer_of_surfaces(&place)?.at(args.frame);
     let settings = trace_settings(args.mode);
@@ -53,7 +53,12 @@ pub fn reference(args: &ReferenceArgs) -> Result<(), CliError> {
         text += &format!("edges: {}, {share:.1}% of the pixels\n", outputs.path(edges).display());
     }
     outputs.commit()?;
-    print(&text)
+    print(&text)?;
+    let shown: Vec<[u8; 3]> = colors.iter().copied().map(tone::to_srgb8).collect();
+    if let Some(why) = blank::why(&shown, &tracer, &camera, size) {
+        eprintln!("warning: {why}");
+    }
+    Ok(())
 }
 
 /// The tracing settings of a reference with this light transport.

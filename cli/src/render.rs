@@ -2,7 +2,7 @@
 
 use std::{path::Path, process::ExitCode, sync::Arc, time::Instant};
 
-use epigraph::{Device, Registry, Run, Setup, Source, graphs};
+use epigraph::{Device, Place, Registry, Run, Setup, Source, graphs};
 use epigraph_core::{Executor, Graph, Node, PerSide, Plan, Port, RunError, Snapshot};
 use epigraph_pictures::{Kind, Look, is_image, png, show, size};
 use epigraph_stages::{
@@ -13,6 +13,7 @@ use epigraph_stages::{
 use crate::{
     INTERRUPTED,
     args::RenderArgs,
+    blank,
     error::CliError,
     interrupt, open,
     output::{Json, Output, Outputs, Ready},
@@ -39,7 +40,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     let size = args.scene.size.0;
     // Checked before the scene is loaded, which may take long.
     open::samples(args.compile.samples, size)?;
-    let place = open::place(&args.scene.scene, &args.scene.camera)?;
+    let place = open::place_of(&args.scene)?;
     let device = Device::open(args.backend)?;
     let mut compiled = Setup::new(file)
         .registry(registry.clone())
@@ -75,6 +76,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
 
     let look = Look { far: place.path.camera(run.index() - 1).far, ..Look::default() };
     files.put(&mut outputs, &mut run.executor, output.as_deref(), &tiles, &look)?;
+    let blank = why_blank(&mut run, output.as_deref(), &place, &look)?;
     let report = Report {
         args,
         graph: &graph,
@@ -86,14 +88,37 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         pooled_bytes: pooled,
         frames: run.index(),
         measured: &measured,
+        notes: &place.scene.report,
+        blank: blank.as_deref(),
         written: files.written(&outputs),
     };
     outputs.finish(files.json, &report.json(), &report.text())?;
+    if let Some(why) = &blank {
+        eprintln!("warning: {why}");
+    }
     if run.index() < args.frames {
         eprintln!("interrupted after {} of {} frames", run.index(), args.frames);
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Why the picture shows nothing, if it does not.
+fn why_blank(
+    run: &mut Run,
+    output: Option<&str>,
+    place: &Place,
+    look: &Look,
+) -> Result<Option<String>, CliError> {
+    if place.scene.has_only_points() {
+        return Ok(None);
+    }
+    let (frame, size) = (run.index() - 1, run.settings().size);
+    let snapshots = run.executor.snapshots()?;
+    let field = output.and_then(|output| snapshots.iter().copied().find(|snapshot| snapshot.name == output));
+    let tracer = place.tracer().at(frame);
+    Ok(field
+        .and_then(|field| blank::why(&show(field, look).colors, &tracer, &place.path.camera(frame), size)))
 }
 
 /// Runs all frames, or up to the one after an interruption. The last one is captured.

@@ -3,6 +3,7 @@
 use epigraph::memory;
 use epigraph_core::{Gpu, PerSide, Plan, PlannedNode, Side, Step};
 use epigraph_pictures::readable;
+use epigraph_scenes::Report as Notes;
 use epigraph_stages::column::TRACE;
 use serde_json::{Value, json};
 
@@ -76,6 +77,10 @@ impl Measured {
 pub struct Report<'a> {
     /// The command line.
     pub args: &'a RenderArgs,
+    /// What of the scene's files is not in the scene as it stands.
+    pub notes: &'a Notes,
+    /// Why the picture shows nothing, if it does not.
+    pub blank: Option<&'a str>,
     /// The graph file's name.
     pub graph: &'a str,
     /// Number of CPU threads.
@@ -271,6 +276,8 @@ impl Report<'_> {
         json!({
             "graph": self.graph,
             "scene": args.scene.scene,
+            "scene_report": self.notes,
+            "blank": self.blank,
             "camera": args.scene.camera,
             "size": args.scene.size.0,
             "seed": args.seed,

@@ -17,5 +17,6 @@ mod kills;
 mod outputs;
 mod quality;
 mod repeats;
+mod scenes;
 mod streams;
 mod support;

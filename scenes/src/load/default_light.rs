@@ -164,7 +164,8 @@ impl Surfaces {
         lit[POINTS / 2]
     }
 
-    /// The median distance to what is around a point; `None` if it is outdoors.
+    /// The distance to the walls around a point, farther than three quarters of what is seen from it; `None` if it is
+    /// outdoors.
     fn wall_distance(&self, eye: Vec3) -> Option<f32> {
         let mut distances: Vec<f32> = (0..DIRECTIONS)
             .map(|index| {
@@ -178,7 +179,7 @@ impl Surfaces {
             .filter(|distance| distance.is_finite())
             .collect();
         distances.sort_by(f32::total_cmp);
-        (distances.len() >= WALLS).then(|| distances[distances.len() / 2])
+        (distances.len() >= WALLS).then(|| distances[distances.len() * 3 / 4])
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec3, Vec3A};
 use serde::Deserialize;
@@ -11,7 +12,7 @@ use super::model::{self, Model};
 use super::origin::origin_of;
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
 use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, is_near, is_radiance, is_time};
-use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneError, Shape};
+use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Sky};
 
 /// The contents of a scene's `.ron` file. Lengths are in metres, angles in degrees, colours in linear Rec. 709.
 ///
@@ -49,6 +50,10 @@ pub struct SceneFile {
     /// Radiance of a ray that hits nothing. Default black.
     #[serde(default)]
     pub background: Vec3,
+    /// An HDR or EXR file of longitudes and latitudes that lights the scene from all around, instead of the background;
+    /// relative to the scene file's folder. Default: none.
+    #[serde(default)]
+    pub sky: Option<String>,
     /// Faces that meet at more than this angle make a crease. Default 40.
     #[serde(default = "default_crease_angle")]
     pub crease_angle: f32,
@@ -377,11 +382,23 @@ impl SceneFile {
         path: &Path,
         folders: &[PathBuf],
         fetch: Option<&str>,
+        sky: Option<Arc<Sky>>,
     ) -> Result<Scene, SceneError> {
         let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
         let unusable = |source| SceneError::Mesh { name: name.to_owned(), source };
         let unplaced = |index: usize| move |error: MeshError| invalid(format!("object {index}: {error}"));
         let mut builder = SceneBuilder::new();
+        let own_sky = self.sky.as_ref().map(|name| {
+            let candidates = folders.iter().map(|folder| folder.join(name));
+            Sky::load(
+                &candidates.clone().find(|path| path.exists()).unwrap_or_else(|| path.with_file_name(name)),
+            )
+        });
+        match (sky, own_sky) {
+            (Some(sky), _) => builder.sky(sky),
+            (None, Some(sky)) => builder.sky(Arc::new(sky?)),
+            (None, None) => {}
+        }
         let mut materials = BTreeMap::new();
         for (material_name, spec) in &self.materials {
             materials.insert(material_name.as_str(), builder.material(spec.to_material(material_name)));

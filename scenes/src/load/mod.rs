@@ -24,7 +24,7 @@ use epigraph_streams::PointSet;
 use flate2::read::MultiGzDecoder;
 
 use crate::builtin::{self, scene_names};
-use crate::{Scene, SceneError};
+use crate::{Scene, SceneError, Sky};
 
 use beside::Beside;
 pub use file::{
@@ -51,33 +51,42 @@ impl Scene {
     /// An unknown name or ending, a file that cannot be read or is broken, a mesh that has not been fetched, a mesh
     /// without triangles or with vertices that are not finite.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
-        if let Some(scene) = builtin::load(name_or_path) {
+        Self::load_under(name_or_path, None)
+    }
+
+    /// The same, lit by this sky instead of its own, if one is given.
+    ///
+    /// # Errors
+    /// Those of [`Scene::load`].
+    pub fn load_under(name_or_path: &str, sky: Option<Arc<Sky>>) -> Result<Self, SceneError> {
+        if let Some(scene) = builtin::load(name_or_path, sky.clone()) {
             return scene;
         }
         let path = Path::new(name_or_path);
         let lower = name_or_path.to_lowercase();
         if lower.ends_with(SCENE_ENDING) {
-            load_scene_file(path, name_or_path)
+            load_scene_file(path, name_or_path, sky)
         } else if lower.ends_with(POINTS_ENDING) {
             let points = PointSet::read(path).map_err(SceneError::Points)?;
-            Ok(Self::of_points(name_or_path, Arc::new(points)))
+            Ok(Self { sky, ..Self::of_points(name_or_path, Arc::new(points)) })
         } else if MESH_ENDINGS.iter().any(|ending| lower.ends_with(ending)) {
             let unusable = |source| SceneError::Mesh { name: name_or_path.to_owned(), source };
-            read_mesh_file(path)?.into_scene(name_or_path).map_err(unusable)
+            let model = Model { sky, ..read_mesh_file(path)? };
+            model.into_scene(name_or_path).map_err(unusable)
         } else {
             Err(SceneError::Unknown(unknown(name_or_path)))
         }
     }
 }
 
-fn load_scene_file(path: &Path, name: &str) -> Result<Scene, SceneError> {
+fn load_scene_file(path: &Path, name: &str, sky: Option<Arc<Sky>>) -> Result<Scene, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
     let unreadable = |source| SceneError::Io { path: path.to_owned(), source };
     let bytes = files::bytes(path, MOST_TEXT).map_err(unreadable)?;
     kind::check(&bytes, &name.to_lowercase()).map_err(invalid)?;
     let text = files::text_of(bytes).map_err(unreadable)?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
-    SceneFile::parse(&text).map_err(invalid)?.into_scene(name, path, &[folder], None)
+    SceneFile::parse(&text).map_err(invalid)?.into_scene(name, path, &[folder], None, sky)
 }
 
 /// Reads a mesh file of any kind, by its ending.

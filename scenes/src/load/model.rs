@@ -7,7 +7,7 @@ use glam::{Affine3A, DVec3, Vec3};
 
 use super::default_light::add_default_light;
 use crate::builder::{CREASE_ANGLE, MeshError, SceneBuilder};
-use crate::{Camera, Light, Material, Report, Scene, Shape, Texture};
+use crate::{Camera, Light, Material, Report, Scene, Shape, Sky, Texture};
 
 /// An emissive shape of more parallelograms than this is a finely tessellated surface. Sampling each part as a light
 /// of its own would cost more than it gains, so it is sampled as a whole, and its shadows have no edges.
@@ -35,6 +35,8 @@ pub(crate) struct Model {
     pub cameras: Vec<(String, Camera)>,
     /// What the file has that is not in the model as it stands.
     pub report: Report,
+    /// What lights it from all around.
+    pub sky: Option<Arc<Sky>>,
 }
 
 impl Model {
@@ -79,6 +81,7 @@ impl Model {
             camera: Some(scene.camera),
             cameras: scene.cameras.to_vec(),
             report: Report::default(),
+            sky: scene.sky.clone(),
         }
     }
 
@@ -171,6 +174,9 @@ impl Model {
         builder.origin = self.origin;
         builder.cameras = self.cameras.clone();
         builder.report.extend(&self.report);
+        if let Some(sky) = &self.sky {
+            builder.sky(sky.clone());
+        }
         self.add_to(&mut builder, Affine3A::IDENTITY, None)?;
         let bounds = builder.bounds();
         let camera = self.camera.unwrap_or_else(|| framing_camera(bounds));

@@ -429,7 +429,7 @@ fn a_mesh_that_was_not_fetched_names_the_command() {
     let folder = Folder::new("not-fetched");
     let file = SceneFile::parse(text).unwrap();
     let error = file
-        .into_scene("dragon", Path::new("dragon.ron"), std::slice::from_ref(&folder.0), Some("dragon"))
+        .into_scene("dragon", Path::new("dragon.ron"), std::slice::from_ref(&folder.0), Some("dragon"), None)
         .unwrap_err();
     assert!(error.to_string().contains("run `scenes/fetch dragon`"), "{error}");
 }
