@@ -164,20 +164,38 @@ pub const FLIGHTS: Kind = Kind {
     count: 3000,
 };
 
+/// Colours, texture coordinates, smoothing, a polygon with a notch, lines that go on, and coordinates far out.
+const MANY_FORMS: &[u8] = b"mtllib a.mtl b.mtl\no c\nv 700000 0 0 1 0 0\nv 700002 0 0 0 1 0\nv 700002 1 0 0 0 1\nv 700001 0.5 0 1 1 1\n\
+    v 700000 1 -5e6 nan 1 1\nv nan 0 0\nvt 0 0\nvt 1 0.5\nvn nan 0 1\ns 1\nusemtl many forms\nf 1/1 2/2/1 3//1 4/1 \\\n 5/2\n\
+    s off\nusemtl glass # clear\nf 1 2 4\nf 2 3\nf 1 2 6\nl 1 2\ncstype bezier\ncurv 0 1 1 2\n#MRGB ff00ff00\n";
+
+const MATERIALS: &[u8] = b"newmtl lamp\nKd 0 0 0\nKe 5 4 3\nnewmtl metal\nKd 0.1 0.2 0.3\nKs 0.5 0.5 0.5\nNs 225\nillum 3\n\
+    newmtl many forms\nKd 1\nPr 0.5\nPm 1\nmap_Kd -s 2 2 1 -o 0.5 0 -clamp on a.png\nmap_d -imfchan r a.png\nd 0.5\nbump -bm 2 a.png\n\
+    norm a.png\nmap_Pr .\\A.PNG\nmap_Ke a.png\nKe 1 1 1\nTr 0.5\nnewmtl glass\nillum 7\nNi 1.5\nTf 1 0.9 0.9\nKd spectral x\n";
+
+fn small_picture() -> Vec<u8> {
+    epigraph_pictures::png([2, 2], &[[255, 0, 0], [128, 128, 255], [0, 255, 0], [9, 9, 9]])
+        .expect("it is encoded")
+}
+
+const QUAD: &[u8] =
+    b"mtllib a.mtl\no quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl lamp\nf -1 -2 -3 -4\nusemtl metal\nf 1 2 3\n";
+
 pub const OBJ: Kind = Kind {
     name: "obj",
     file: "mesh.obj",
-    seeds: || {
-        vec![
-            TETRAHEDRON.to_vec(),
-            b"mtllib a.mtl\no quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl lamp\nf -1 -2 -3 -4\nusemtl metal\nf 1 2 3\n".to_vec(),
-        ]
-    },
-    companions: || {
-        let materials = b"newmtl lamp\nKd 0 0 0\nKe 5 4 3\nnewmtl metal\nKd 0.1 0.2 0.3\nKs 0.5 0.5 0.5\nNs 225\nillum 3\n";
-        vec![("a.mtl", materials.to_vec())]
-    },
+    seeds: || vec![TETRAHEDRON.to_vec(), QUAD.to_vec(), MANY_FORMS.to_vec()],
+    companions: || vec![("a.mtl", MATERIALS.to_vec()), ("a.png", small_picture())],
     read: see,
+    count: 1200,
+};
+
+pub const MTL: Kind = Kind {
+    name: "mtl",
+    file: "a.mtl",
+    seeds: || vec![MATERIALS.to_vec()],
+    companions: || vec![("mesh.obj", [QUAD, MANY_FORMS].concat()), ("a.png", small_picture())],
+    read: |path| see(&path.with_file_name("mesh.obj")),
     count: 800,
 };
 
@@ -200,11 +218,20 @@ pub const PLY: Kind = Kind {
             binary.push(face.len() as u8);
             binary.extend(face.iter().flat_map(|index: &i32| index.to_le_bytes()));
         }
-        vec![ascii.into_bytes(), binary]
+        let many_forms = "ply\r\nformat ascii 1.0\r\ncomment TextureFile a.png\r\ncomment TextureFile b.png\r\nelement vertex 5\r\n\
+            property double x\r\nproperty double y\r\nproperty double z\r\nproperty float nx\r\nproperty float ny\r\n\
+            property float nz\r\nproperty uchar red\r\nproperty uchar green\r\nproperty uchar blue\r\nproperty uchar alpha\r\n\
+            property float s\r\nproperty float t\r\nelement face 2\r\nproperty list uchar int vertex_indices\r\n\
+            property list uchar float texcoord\r\nproperty int texnumber\r\nproperty ushort red\r\nproperty ushort green\r\n\
+            property ushort blue\r\nelement tristrips 1\r\nproperty list int int vertex_indices\r\nelement edge 1\r\n\
+            property int vertex1\r\nend_header\r\n\r\n500000 0 0 0 0 1 1 2 3 4 0 0\r\n500002 0 0 0 0 nan 1 2 3 255 0 1\r\n\
+            500002 1 0 0 1 0 1 2 3 4 0.5 1\r\n500000.5 0.25 0 0 0 1 9 9 9 9 0 0\r\nnan 1 0 0 0 1 1 2 3 4 0 0\r\n\
+            4 0 1 2 3 8 0 0 1 0 1 1 0 1 0 65535 0 0\r\n3 0 1 4 6 0 0 1 0 1 1 1 0 9 9\r\n6 0 1 2 -1 3 2\r\n7\r\n";
+        vec![ascii.into_bytes(), binary, many_forms.into()]
     },
-    companions: none,
+    companions: || vec![("a.png", small_picture())],
     read: see,
-    count: 1200,
+    count: 1800,
 };
 
 /// A triangle, lights, a camera and a material; the buffer is in another file, or in the binary chunk.

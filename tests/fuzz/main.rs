@@ -177,6 +177,11 @@ fn obj() {
 }
 
 #[test]
+fn mtl() {
+    try_all("mtl", &files::MTL);
+}
+
+#[test]
 fn ply() {
     try_all("ply", &files::PLY);
 }

@@ -1,9 +1,9 @@
 //! Files as people have them, beside the same scene as a plain file: a floor, a box and a ball.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::tests::Folder;
-use crate::{Alpha, NoteKind, Scene};
+use crate::{Alpha, Light, NoteKind, Scene};
 
 /// The corners of the box, and its sides.
 const BOX: [[f32; 3]; 8] = [
@@ -259,12 +259,101 @@ fn coordinates_of_seven_digits_are_as_good_as_small_ones() {
     };
     let control = place.load("near.obj", obj());
     let scene = place.load("far.obj", obj_of(far, |vertex| vertex.to_string()));
-    let shift = (scene.origin - glam::DVec3::new(691_234.0, 313.0, -5_334_567.0)).as_vec3();
+    let shift = (scene.origin - DVec3::new(691_234.0, 313.0, -5_334_567.0)).as_vec3();
     for ((at, color, _), (expected_at, expected, _)) in look(&scene).into_iter().zip(look(&control)) {
         // The digits of seven figures and six decimals.
         assert!(at.iter().zip(expected_at).all(|(at, near)| (*at + shift).distance(near) < 1e-5), "{at:?}");
         assert_eq!(color, expected);
     }
+}
+
+/// A scene file with two meshes, a box, a camera, a light and a motion, all by `x` and `z` from where they are near.
+fn scene_file(x: f64, z: f64) -> String {
+    format!(
+        r#"Scene(
+            version: 1,
+            camera: (eye: ({}, 1.5, {}), target: ({}, 0.5, {}), fov: 40),
+            motions: {{ "turn": (pivot: ({}, 0, {}), keys: [(time: 0), (time: 1, rotate: (0, 90, 0))]) }},
+            objects: [
+                (shape: Box(low: (0, 0, 0), high: (1, 1, 1)), translate: ({}, 0.25, {})),
+                (shape: File("a.obj")),
+                (shape: File("b.obj"), motion: "turn"),
+            ],
+            lights: [Point(position: ({}, 5, {}), intensity: (9, 9, 9)),
+                Quad(corner: ({}, 4, {}), u: (1, 0, 0), v: (0, 0, 1), radiance: (1, 1, 1), motion: "turn")],
+        )"#,
+        x + 0.25,
+        z + 8.0,
+        x,
+        z,
+        x + 3.5,
+        z - 1.25,
+        x - 2.0,
+        z + 0.125,
+        x,
+        z + 1.0,
+        x + 1.5,
+        z
+    )
+}
+
+#[test]
+fn a_scene_file_places_far_meshes_beside_each_other() {
+    let (x, z) = (500_000.25, -4_649_776.5);
+    let load = |x: f64, z: f64, test: &str| {
+        let place = Place::new(test);
+        for (name, shift) in [("a.obj", 0.0), ("b.obj", 3.375)] {
+            let moved = |_: usize, at: Vec3| {
+                // Binary fractions, which f64 adds without rounding.
+                let at = (at * 16.0).round().as_dvec3() / 16.0;
+                format!("v {} {} {}", at.x + x + shift, at.y, at.z + z)
+            };
+            place.0.file(name, obj_of(moved, |vertex| vertex.to_string()));
+        }
+        place.load("scene.ron", scene_file(x, z))
+    };
+    let (near, far) = (load(0.0, 0.0, "near-scene"), load(x, z, "far-scene"));
+    assert_eq!((near.origin, far.origin), (DVec3::ZERO, DVec3::new(500_000.0, 1.0, -4_649_777.0)));
+    let shift = (far.origin - DVec3::new(x, 0.0, z)).as_vec3();
+    // At rest and in motion, on all sides.
+    for frame in [0, 15] {
+        let [near, far] = [&near, &far].map(|scene| scene.posed(&scene.poses_at(frame)));
+        for (at, expected) in far.mesh.positions.iter().zip(&near.mesh.positions) {
+            assert!((*at + shift).distance(*expected) < 2e-5, "frame {frame}: {at} {expected}");
+        }
+        for (light, expected) in far.lights.iter().zip(&near.lights) {
+            let place = |light: &Light| match *light {
+                Light::Point { position, .. } | Light::Spot { position, .. } => position,
+                Light::Quad { corner, .. } => corner,
+            };
+            assert!((place(light) + shift).distance(place(expected)) < 2e-5, "frame {frame}: {light:?}");
+        }
+    }
+    assert_eq!((far.camera.eye + shift, far.camera.rotation), (near.camera.eye, near.camera.rotation));
+}
+
+#[test]
+fn a_mesh_that_is_placed_near_needs_no_origin() {
+    let place = Place::new("placed-near");
+    let far =
+        |_: usize, at: Vec3| format!("v {} {} {}", 500_000.0 + f64::from(at.x), at.y, f64::from(at.z) - 4e6);
+    place.0.file("far.obj", obj_of(far, |vertex| vertex.to_string()));
+    let of = |members: &str| {
+        place
+            .load("scene.ron", format!("Scene(version: 1, objects: [(shape: File(\"far.obj\"), {members})])"))
+    };
+    let low = |scene: &Scene| {
+        look(scene).iter().flat_map(|(corners, ..)| *corners).take(66).reduce(Vec3::min).unwrap()
+    };
+    let moved = of("translate: (-500000, 0, 4000000)");
+    assert!(moved.origin == DVec3::ZERO && low(&moved).distance(Vec3::new(-2.0, 0.0, -2.0)) < 1e-5);
+    // By its height it is placed by its box.
+    let scaled = of("height: 2.8, translate: (1, 0, 0)");
+    assert!(scaled.origin == DVec3::ZERO && low(&scaled).distance(Vec3::new(-3.0, 0.0, -4.0)) < 1e-4);
+    // Half the size, and turned: from (x, z) to (z, -x).
+    let turned = of("scale: 0.5, rotate: (0, 90, 0)");
+    let expected = DVec3::new(-2e6, 0.35, -250_000.0).round();
+    assert!(turned.origin.distance(expected) < 2.0, "{}", turned.origin);
 }
 
 #[test]
