@@ -279,6 +279,39 @@ fn a_part_is_replaced_by_another_file_or_by_a_stage() {
 }
 
 #[test]
+fn a_new_node_knows_what_it_keeps_of_the_old_one() {
+    let fields = r#"replace: {
+        "part": (kind: "add", inputs: { "x": "one.out" }),
+        "last": (kind: "scale"),
+        "three": (kind: "number", params: (value: 2.0)),
+        "one": (kind: "graph", params: (file: "parts/part.ron"), inputs: { "x": "three.out" }),
+    }"#;
+    let loaded = loaded(&texts(&change(fields))).unwrap_or_else(|problems| panic!("{problems}"));
+    let whole = loaded.whole().unwrap();
+    let kept = |name: &str| {
+        let replaced = whole.node(name).unwrap().replaced.clone().unwrap();
+        (replaced.what, replaced.kept.join(" "), replaced.dropped.join(" "), replaced.params.join(" "))
+    };
+    let expected = |[what, kept, dropped, params]: [&str; 4]| {
+        (what.to_owned(), kept.to_owned(), dropped.to_owned(), params.to_owned())
+    };
+    // A part's file is what it is, and no parameter.
+    assert_eq!(kept("part"), expected(["parts/part.ron", "y", "", ""]));
+    assert_eq!(kept("last"), expected(["add", "a b", "", "amount"]));
+    assert_eq!(kept("three"), expected(["number", "", "", ""]));
+    assert_eq!(kept("one"), expected(["number", "", "", ""]));
+    // In a part, whose node takes what it is not given.
+    let fields = r#"replace: { "part/two": (kind: "graph", params: (file: "parts/part.ron")) }"#;
+    let loaded = self::loaded(&texts(&change(fields))).unwrap_or_else(|problems| panic!("{problems}"));
+    let whole = loaded.whole().unwrap();
+    let replaced = whole.node_at("part/two").unwrap().0.replaced.clone().unwrap();
+    assert_eq!(
+        [&replaced.kept, &replaced.dropped, &replaced.params],
+        [&vec![], &vec!["a", "b"], &vec!["factor"]]
+    );
+}
+
+#[test]
 fn a_base_may_have_a_base_and_so_may_a_part() {
     let outer = r#"Graph(version: 1, base: "inner.ron", set: { "last": (amount: 0.0) },
         rewire: { "new.b": "three.out" })"#;
