@@ -46,6 +46,7 @@ pub(crate) fn mutant(id: u32) -> bool {
 "#;
 
 /// Where core loads the text of a shader, and what the copy does first.
+const LOADER: &str = "core/src/shader.rs";
 const LOADS: &str =
     "pub(crate) fn or_embedded<'t>(&self, file: Option<&Path>, embedded: &'t str) -> Cow<'t, str> {";
 const LOADS_MUTANT: &str = r#"
@@ -110,7 +111,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize()?;
     let place = root.join("target/mutants");
     let copy = place.join("copy");
-    copy_workspace(&root, &copy)?;
+    let wanted = |name: &str| args.parts.is_empty() || args.parts.iter().any(|part| part == name);
+    copy_workspace(&root, &copy, &wanted)?;
 
     // Equivalent mutants, by key, each with the reason above it.
     let equivalent: HashSet<String> = include_str!("../equivalent.txt")
@@ -121,7 +123,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut rust = Vec::new();
     let mut shaders = Vec::new();
     let mut mutants: Vec<(usize, Mutant)> = Vec::new();
-    for (part, (name, folder)) in PARTS.iter().enumerate() {
+    for (part, (name, folder)) in PARTS.iter().enumerate().filter(|(_, (name, _))| wanted(name)) {
         for path in files(&root, folder)? {
             let text = fs::read_to_string(root.join(&path))?;
             let first = mutants.len() as u32;
@@ -140,11 +142,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let first_shader = mutants.len() - shaders.len();
+    if wanted("wgsl") && !wanted("core") {
+        rust.push((LOADER.into(), fs::read_to_string(root.join(LOADER))?, rust::Edits::default()));
+    }
 
     let broken = if args.list { HashSet::new() } else { compile(&place, &copy, &rust, &mutants)? };
-    let chosen = |(part, mutant): &&(usize, Mutant)| {
-        (args.parts.is_empty() || args.parts.iter().any(|name| name == PARTS[*part].0))
-            && args.file.as_ref().is_none_or(|text| mutant.file.contains(text))
+    let chosen = |(_, mutant): &&(usize, Mutant)| {
+        args.file.as_ref().is_none_or(|text| mutant.file.contains(text))
             && !broken.contains(&mutant.id)
             && !equivalent.contains(&mutant.key())
     };
@@ -247,12 +251,14 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Box<dyn Error>> {
     Ok(fs::write(path, bytes)?)
 }
 
-/// Copies all files but those that are mutated, and removes those that are gone.
-fn copy_workspace(root: &Path, copy: &Path) -> Result<(), Box<dyn Error>> {
+/// Copies all files but those that are mutated, of the parts that are wanted, and removes those that are gone.
+fn copy_workspace(root: &Path, copy: &Path, wanted: &dyn Fn(&str) -> bool) -> Result<(), Box<dyn Error>> {
     let files = files(root, ".")?;
     for path in &files {
-        let mutated =
-            PARTS.iter().any(|(name, folder)| *name != "wgsl" && path.starts_with(&format!("{folder}/")));
+        let is_in = |(name, folder): &(&str, &str)| {
+            *name != "wgsl" && wanted(name) && path.starts_with(&format!("{folder}/"))
+        };
+        let mutated = PARTS.iter().any(is_in) || wanted("wgsl") && path == LOADER;
         if !mutated || !is_source(path) {
             write(&copy.join(path), &fs::read(root.join(path))?)?;
         }
@@ -295,11 +301,11 @@ fn compile(
             if path.ends_with("src/lib.rs") {
                 mutated.text += SWITCH;
             }
-            if path == "core/src/shader.rs" {
+            if path == LOADER {
                 let at = mutated
                     .text
                     .find(LOADS)
-                    .ok_or("core/src/shader.rs no longer loads shaders as expected")?;
+                    .ok_or_else(|| format!("{LOADER} no longer loads shaders as expected"))?;
                 mutated.text.insert_str(at + LOADS.len(), LOADS_MUTANT);
                 // No mutants there: this code is not the program's.
                 for (_, place) in &mut mutated.places {

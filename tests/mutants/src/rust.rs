@@ -43,6 +43,7 @@ pub fn find(file: &str, text: &str, first: u32) -> syn::Result<(Vec<Mutant>, Edi
 }
 
 /// The changes that compile a file's mutants in.
+#[derive(Default)]
 pub struct Edits(Vec<Edit>);
 
 impl Edits {
