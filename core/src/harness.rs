@@ -361,6 +361,18 @@ mod tests {
     }
 
     #[test]
+    fn a_reset_begins_with_frame_0_and_takes_other_lengths() {
+        let mut harness = harness();
+        harness.frame.index = 7;
+        run(&mut harness).unwrap();
+        harness.set("list", &[[1u32, 2], [3, 4], [5, 6]]);
+        assert!(run(&mut harness).is_err());
+        harness.reset();
+        assert_eq!(harness.frame.index, 0);
+        assert_eq!(run(&mut harness).unwrap().get::<u32>("sums"), [3, 7, 11]);
+    }
+
+    #[test]
     fn an_output_has_as_many_numbers_as_its_elements_have_words() {
         let snapshot = |name: &str, element: Element| {
             let (dims, bytes) = (Dims { width: 1, height: 1 }, vec![0; element.bytes() as usize]);

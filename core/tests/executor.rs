@@ -964,6 +964,45 @@ fn random_graphs_give_the_same_on_any_sides_skipped_pooled_and_recompiled() {
 }
 
 #[test]
+fn downloads_under_way_are_taken_over_by_name_and_size() {
+    let text = r#"Graph(version: 1, nodes: {
+        "ramp": (kind: "ramp", on: Gpu),
+        "other": (kind: "ramp", on: Gpu),
+        "bump": (kind: "bump", on: Gpu, inputs: { "list": "other.ramp" }),
+        "one": (kind: "bump", on: Cpu, download: Latent(2), inputs: { "list": "ramp.ramp" }),
+        "two": (kind: "bump", on: Cpu, download: Latent(2), inputs: { "list": "bump.list" }),
+    }, outputs: { "image": "one.list", "other": "two.list" })"#;
+    let file = GraphFile::parse("late.ron", text).unwrap();
+    let start = |size| executor(&file, &Settings::new(size, 0, Facts::none()));
+    let run = |executor: &mut Executor, size: [u32; 2], index: u32| {
+        let frame = Frame { size, index, ..Frame::default() };
+        executor.run(&frame, &Host::default(), true).unwrap();
+        ["image", "other"].map(|name| {
+            let image = executor.snapshot(name, "").unwrap().unwrap().get::<u32>();
+            assert_eq!(image.len(), (size[0] * size[1]) as usize);
+            image[7]
+        })
+    };
+    let mut old = start(SIZE);
+    for index in 0..3 {
+        run(&mut old, SIZE, index);
+    }
+    // Another size has lists of its own: it begins like one that takes over nothing.
+    let mut larger = start([16, 9]);
+    larger.inherit(&mut old).unwrap();
+    let mut fresh = start([16, 9]);
+    for index in 0..4 {
+        let [taken, own] = [&mut larger, &mut fresh].map(|executor| run(executor, [16, 9], index));
+        // What the list keeps is one number, which has no size.
+        let later = if index < 2 { 0 } else { 3000 };
+        assert_eq!(taken, own.map(|value| if value < 1000 { value } else { value + later }), "frame {index}");
+    }
+    let mut same = start(SIZE);
+    same.inherit(&mut old).unwrap();
+    assert_eq!([3, 4].map(|index| run(&mut same, SIZE, index)), [[2008, 2009], [3008, 3009]]);
+}
+
+#[test]
 fn an_all_gpu_frame_has_no_transfers_and_pools() {
     let mut settings = Settings::new(SIZE, 0, Facts::none());
     settings.side = Side::Gpu;

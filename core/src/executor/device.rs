@@ -50,18 +50,11 @@ impl Gpu {
     }
 
     async fn open_best(adapters: Vec<wgpu::Adapter>, choice: AdapterChoice) -> Result<Self, RunError> {
-        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
-            wgpu::DeviceType::DiscreteGpu => 0,
-            wgpu::DeviceType::IntegratedGpu => 1,
-            wgpu::DeviceType::VirtualGpu => 2,
-            wgpu::DeviceType::Other => 3,
-            wgpu::DeviceType::Cpu => 4,
-        };
         let hardware_only = choice == AdapterChoice::Hardware;
         let adapter = adapters
             .into_iter()
             .filter(|adapter| !hardware_only || adapter.get_info().device_type != wgpu::DeviceType::Cpu)
-            .min_by_key(rank)
+            .min_by_key(|adapter| rank(adapter.get_info().device_type))
             .ok_or(RunError::NoGpu)?;
         let wanted = wgpu::Features::TIMESTAMP_QUERY
             | wgpu::Features::SHADER_INT64
@@ -159,10 +152,76 @@ impl Gpu {
     }
 }
 
+/// The order in which adapters are chosen, the best first.
+fn rank(device: wgpu::DeviceType) -> u32 {
+    match device {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
 fn note(first: &Mutex<Option<RunError>>, failure: RunError) {
     let mut first = first.lock().expect("no panic while noting a failure");
     // A loss explains all failures that were reported before it.
     if first.is_none() || matches!(failure, RunError::Lost(_)) {
         *first = Some(failure);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hardware_comes_first_and_software_last() {
+        use wgpu::DeviceType::*;
+        assert!([DiscreteGpu, IntegratedGpu, VirtualGpu, Other, Cpu].map(rank).is_sorted_by(|a, b| a < b));
+        let has_hardware = Gpu::adapters().iter().any(|adapter| adapter.get_info().device_type != Cpu);
+        match Gpu::open(AdapterChoice::Hardware) {
+            Ok(gpu) => assert!(has_hardware && !gpu.is_software()),
+            Err(error) => assert!(!has_hardware && error == RunError::NoGpu, "{error}"),
+        }
+        assert_eq!(Gpu::open(AdapterChoice::Any).unwrap().is_software(), !has_hardware);
+    }
+
+    #[test]
+    fn a_loss_explains_what_failed_before_and_other_failures_are_told_once() {
+        let gpu = Gpu::open(AdapterChoice::Any).unwrap();
+        let failures = ["one", "other"].map(|text| RunError::Gpu(text.into()));
+        assert_eq!(gpu.check(), Ok(()));
+        failures.iter().for_each(|failure| note(&gpu.failure, failure.clone()));
+        assert_eq!((gpu.check_lost(), gpu.check(), gpu.check()), (Ok(()), Err(failures[0].clone()), Ok(())));
+        let lost = RunError::Lost("unplugged".into());
+        for failure in [&failures[0], &lost, &failures[1]] {
+            note(&gpu.failure, failure.clone());
+        }
+        for _ in 0..2 {
+            assert_eq!((gpu.check_lost(), gpu.check()), (Err(lost.clone()), Err(lost.clone())));
+        }
+    }
+
+    #[test]
+    fn errors_in_a_scope_are_returned_and_others_are_noted() {
+        let gpu = Gpu::open(AdapterChoice::Any).unwrap();
+        let wrong = || {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("wrong"),
+                size: 16,
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::STORAGE,
+                mapped_at_creation: false,
+            })
+        };
+        let text = gpu.scoped(wrong).unwrap_err().to_string();
+        assert!(text.contains("wrong"), "{text}");
+        assert_eq!((gpu.check(), gpu.scoped(|| 3)), (Ok(()), Ok(3)));
+        wrong();
+        assert!(matches!(gpu.check(), Err(RunError::Gpu(text)) if text.contains("wrong")));
+        assert_eq!(gpu.wait(), Ok(()));
+        gpu.lose();
+        let lost = gpu.wait().unwrap_err();
+        assert_eq!(lost.to_string(), "the GPU was lost: its driver gives no reason");
     }
 }
