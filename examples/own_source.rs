@@ -22,7 +22,7 @@ fn sphere(origin: Vec3, direction: Vec3) -> Option<f32> {
 }
 
 /// Where a ray meets the scene, and the radiance that it sees there.
-fn trace(Ray { origin, direction }: Ray) -> Option<(Vec3, Vec3)> {
+fn trace(Ray { origin, direction, .. }: Ray) -> Option<(Vec3, Vec3)> {
     let floor = || Some(-origin.y / direction.y).filter(|distance| *distance > 0.0);
     let hit = sphere(origin, direction);
     let at = origin + hit.or_else(floor)? * direction;

@@ -14,9 +14,11 @@ pub struct Camera {
     /// Width by height of the image for which the camera was made. A narrower one keeps the horizontal field of view, so
     /// that it shows everything that the camera is to show. `None`: every image has the vertical field of view.
     pub aspect: Option<f32>,
-    /// Nearest distance along the view axis that an image has to resolve, metres.
+    /// Distance of the near plane along the view axis, metres. Surfaces in front of it are not seen: the rays of all
+    /// images start there.
     pub near: f32,
-    /// Farthest such distance, metres.
+    /// The farthest distance along the view axis that an image has to resolve, metres. It hides nothing: samples of
+    /// surfaces beyond are drawn, but not told apart by their distance.
     pub far: f32,
 }
 

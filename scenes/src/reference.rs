@@ -49,8 +49,35 @@ fn render_pixel(
             let mut rng = Rng::nth(seed, key, nth);
             let [dx, dy] = rng.subpixel();
             let direction = camera.direction(x as f32 + dx, y as f32 + dy, size);
-            tracer.trace(camera.eye, direction, settings, &mut rng).radiance
+            tracer.trace_from(camera.eye, direction, camera.near, settings, &mut rng).radiance
         })
         .sum();
     sum / spp as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::{CREASE_ANGLE, Material, SceneBuilder, Shape};
+
+    #[test]
+    fn the_near_plane_is_a_plane() {
+        for (depth, is_seen) in [(0.5, false), (0.99, false), (1.01, true), (3.0, true)] {
+            let mut builder = SceneBuilder::new();
+            for (depth, color) in [(4.0, Vec3::X), (depth, Vec3::Y)] {
+                let lamp = builder.material(Material::lamp("", color));
+                let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]];
+                builder.add(&Shape::quad(corners.map(|[x, y]| Vec3::new(x, y, -depth))), lamp).unwrap();
+            }
+            // At the corners of the image, rays of one metre end at a depth of 0.6 m.
+            let camera = Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.5, 1.0, 9.0);
+            let scene = builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+            let tracer = Tracer::new(Arc::new(scene));
+            let image = render(&tracer, &camera, [8, 8], 1, &TraceSettings::default(), 0, &|| true).unwrap();
+            let expected = if is_seen { Vec3::Y } else { Vec3::X };
+            assert!(image.iter().all(|pixel| *pixel == expected), "{depth}: {image:?}");
+        }
+    }
 }

@@ -66,6 +66,7 @@ fn rays(criterion: &mut Criterion) {
             .map(|(x, y)| Job {
                 origin: camera.eye,
                 direction: camera.direction(x as f32 + 0.5, y as f32 + 0.5, SIZE),
+                start: camera.near,
                 key: u64::from(y * SIZE[0] + x),
             })
             .collect();

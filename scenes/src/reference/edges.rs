@@ -85,7 +85,7 @@ impl Lattice {
         let seen: Vec<Option<Seen>> = (0..(STEPS + 1) * stride)
             .map(|point| {
                 let direction = camera.direction(at(point % stride), y as f32 + at(point / stride), size);
-                tracer.first_surface(camera.eye, direction)
+                tracer.first_surface(camera.eye, direction, camera.near)
             })
             .collect();
         let lit = |light| seen.iter().map(|seen| tracer.sees_light(seen.as_ref()?, light, CENTER)).collect();
@@ -123,7 +123,8 @@ fn penumbra_is_narrow(
     let points = (0..=STEPS).flat_map(|row| (0..=STEPS).map(move |step| [step, row]));
     let views: Vec<Vec<bool>> = points
         .filter_map(|[step, row]| {
-            let seen = tracer.first_surface(camera.eye, camera.direction(at(x, step), at(y, row), size))?;
+            let direction = camera.direction(at(x, step), at(y, row), size);
+            let seen = tracer.first_surface(camera.eye, direction, camera.near)?;
             Some(EXTREMES.iter().filter_map(|&point| tracer.sees_light(&seen, light, point)).collect())
         })
         .collect();

@@ -114,17 +114,20 @@ impl Bvhs {
         Self { still: self.still.clone(), bodies }
     }
 
-    /// The nearest triangle along the ray that counts at the point that the ray hits; `direction` is of unit length.
+    /// The nearest triangle along the ray, `start` metres from its origin or farther, that counts at the point that the
+    /// ray hits; `direction` is of unit length.
     pub fn closest(
         &self,
         origin: Vec3,
         direction: Vec3,
+        start: f32,
         counts: impl Fn(Intersection) -> bool,
     ) -> Option<Intersection> {
-        let mut nearest = self.still.closest(origin, direction, f32::INFINITY, &counts);
+        let start = start * self.still.scale;
+        let mut nearest = self.still.closest(origin, direction, [start, f32::INFINITY], &counts);
         for (bvh, pose) in &self.bodies {
             let limit = nearest.map_or(f32::INFINITY, |(distance, _)| distance);
-            let nearer = bvh.closest(pose.point(origin), pose.vector(direction), limit, &counts);
+            let nearer = bvh.closest(pose.point(origin), pose.vector(direction), [start, limit], &counts);
             nearest = nearer.or(nearest);
         }
         nearest.map(|(_, intersection)| intersection)
@@ -164,16 +167,16 @@ impl Bvh {
         Self { nodes, triangles, scale }
     }
 
-    /// The nearest triangle along the ray that is closer than `limit`, with its distance. Both distances are in scaled
+    /// The nearest triangle along the ray within a range of distances, with its distance. All distances are in scaled
     /// units; `direction` is of unit length.
     fn closest(
         &self,
         origin: Vec3,
         direction: Vec3,
-        limit: f32,
+        range: [f32; 2],
         counts: impl Fn(Intersection) -> bool,
     ) -> Option<(f32, Intersection)> {
-        let ray = self.ray(origin, direction, limit);
+        let ray = self.ray(origin, direction, range);
         let mut hit = RayHit::none();
         self.nodes.ray_traverse(ray, &mut hit, |ray, leaf| self.intersect(ray, leaf, &counts));
         let triangle = self.triangles.get(hit.primitive_id as usize)?;
@@ -190,7 +193,7 @@ impl Bvh {
         distance: f32,
         counts: impl Fn(Intersection) -> bool,
     ) -> bool {
-        let ray = self.ray(from, direction, distance * self.scale);
+        let ray = self.ray(from, direction, [0.0, distance * self.scale]);
         self.nodes.ray_traverse_miss(ray, |ray, leaf| self.intersect(ray, leaf, &counts))
     }
 
@@ -200,10 +203,10 @@ impl Bvh {
         self.triangles[leaf].intersect(ray, |weights| counts(Intersection { face, weights }))
     }
 
-    fn ray(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
+    fn ray(&self, origin: Vec3, direction: Vec3, [start, end]: [f32; 2]) -> Ray {
         // Adding zero turns -0 into +0: obvhs treats the sign of a zero direction inconsistently.
         let direction = Vec3A::from(direction) + Vec3A::ZERO;
-        Ray::new(Vec3A::from(origin) * self.scale, direction, 0.0, tmax)
+        Ray::new(Vec3A::from(origin) * self.scale, direction, start, end)
     }
 }
 
@@ -239,7 +242,7 @@ mod tests {
         let scene = builder.build("row", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
         // Half a second; a minute if each pass joined one pair.
         let bvhs = Bvhs::new(&scene);
-        let hit = bvhs.closest(Vec3::new(0.5, 0.5, -1.0), Vec3::Z, |_| true).unwrap();
+        let hit = bvhs.closest(Vec3::new(0.5, 0.5, -1.0), Vec3::Z, 0.0, |_| true).unwrap();
         assert!(scene.mesh.corners(hit.face as usize).iter().all(|corner| corner.z == 0.0));
     }
 }

@@ -113,6 +113,9 @@ pub struct Job {
     pub origin: Vec3,
     /// Its direction, of any length.
     pub direction: Vec3,
+    /// Where on it surfaces begin to count, in lengths of `direction`: the near plane of a camera, for a direction of one
+    /// unit along its axis.
+    pub start: f32,
     /// Key of the random numbers; see [`Rng::key`].
     pub key: u64,
 }
@@ -219,9 +222,10 @@ impl Tracer {
         }
     }
 
-    /// The nearest surface along a ray from `origin` in `direction` (of any length).
-    pub(crate) fn first_surface(&self, origin: Vec3, direction: Vec3) -> Option<Seen> {
-        let vertex = self.vertex(origin, direction.normalize_or_zero())?;
+    /// The nearest surface along a ray from `origin` in `direction` (of any length), from `start` such lengths on.
+    pub(crate) fn first_surface(&self, origin: Vec3, direction: Vec3, start: f32) -> Option<Seen> {
+        let start = start * direction.length();
+        let vertex = self.vertex_from(origin, direction.normalize_or_zero(), start)?;
         let Vertex { position, face, facing, .. } = vertex;
         Some(Seen { position, face, facing, start: vertex.start() })
     }
@@ -247,8 +251,21 @@ impl Tracer {
 
     /// The sample of the ray from `origin` (metres) in `direction` (of any length).
     pub fn trace(&self, origin: Vec3, direction: Vec3, settings: &TraceSettings, rng: &mut Rng) -> Hit {
+        self.trace_from(origin, direction, 0.0, settings, rng)
+    }
+
+    /// The sample of the same ray if it meets no surface before `start` lengths of `direction`.
+    pub fn trace_from(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        start: f32,
+        settings: &TraceSettings,
+        rng: &mut Rng,
+    ) -> Hit {
+        let start = start * direction.length();
         let direction = direction.normalize_or_zero();
-        let Some(first) = self.vertex(origin, direction) else {
+        let Some(first) = self.vertex_from(origin, direction, start) else {
             return Hit {
                 position: direction,
                 hit: false,
@@ -274,7 +291,8 @@ impl Tracer {
     }
 
     fn trace_job(&self, job: &Job, settings: &TraceSettings, seed: u64) -> Hit {
-        self.trace(job.origin, job.direction, settings, &mut Rng::new(seed, job.key))
+        let Job { origin, direction, start, key } = *job;
+        self.trace_from(origin, direction, start, settings, &mut Rng::new(seed, key))
     }
 
     /// The radiance from a vertex towards its viewer.
@@ -533,10 +551,15 @@ impl Tracer {
 
     /// The nearest surface along a ray of unit direction.
     fn vertex(&self, origin: Vec3, direction: Vec3) -> Option<Vertex> {
+        self.vertex_from(origin, direction, 0.0)
+    }
+
+    /// The nearest surface along a ray of unit direction, `start` metres from its origin or farther.
+    fn vertex_from(&self, origin: Vec3, direction: Vec3, start: f32) -> Option<Vertex> {
         let hit = if self.has_holes {
-            self.bvh.closest(origin, direction, |hit| self.is_there(hit))
+            self.bvh.closest(origin, direction, start, |hit| self.is_there(hit))
         } else {
-            self.bvh.closest(origin, direction, |_| true)
+            self.bvh.closest(origin, direction, start, |_| true)
         };
         let Intersection { face, weights } = hit?;
         let mesh = &self.scene.mesh;

@@ -399,7 +399,7 @@ fn room_and_jobs() -> (Tracer, Vec<Job>) {
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 1.2, 0.1, 3.0);
     let jobs = (0..32 * 32).map(|i| {
         let direction = camera.direction((i % 32) as f32 + 0.5, (i / 32) as f32 + 0.5, [32, 32]);
-        Job { origin: camera.eye, direction, key: Rng::key(0, i) }
+        Job { origin: camera.eye, direction, start: camera.near, key: Rng::key(0, i) }
     });
     (stage.tracer(), jobs.collect())
 }

@@ -91,6 +91,8 @@ pub struct Ray {
     pub origin: Vec3,
     /// Towards the scene; its length along the view axis is 1.
     pub direction: Vec3,
+    /// Distance of the near plane along the view axis, metres: surfaces in front of it are not seen.
+    pub near: f32,
 }
 
 impl<'a> Query<'a> {
@@ -114,7 +116,7 @@ impl<'a> Query<'a> {
         let u = (2.0 * x / *width as f32 - 1.0) * view.tan_x;
         let v = (1.0 - 2.0 * y / *height as f32) * view.tan_y;
         let direction = Vec3::from(view.forward) + u * Vec3::from(view.right) + v * Vec3::from(view.up);
-        Ray { origin: view.eye.into(), direction }
+        Ray { origin: view.eye.into(), direction, near: view.near }
     }
 
     /// Moves a sample that was traced in the scene of an earlier frame to the current position of its body.
@@ -130,10 +132,10 @@ impl<'a> Query<'a> {
     /// The request in the tracer's format, with random numbers of its frame, view and pixel.
     #[inline]
     fn job(&self, request: &Request) -> Job {
-        let Ray { origin, direction } = self.ray(request);
+        let Ray { origin, direction, near } = self.ray(request);
         // Pixel indices have at most 28 bits, so the top bit can distinguish the views.
         let key = Rng::key(self.frame.index, request.pixel | u32::from(request.view != VIEW_NOW) << 31);
-        Job { origin, direction, key }
+        Job { origin, direction, start: near, key }
     }
 }
 

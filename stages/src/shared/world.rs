@@ -159,7 +159,7 @@ mod tests {
                     .direction((pixel % 48) as f32 + 0.75, (pixel / 48) as f32 + 0.25, SIZE)
                     .normalize();
                 assert!(ray.direction.normalize().distance(expected) < 1e-6);
-                assert_eq!(ray.origin, camera.eye);
+                assert_eq!((ray.origin, ray.near), (camera.eye, camera.near));
             }
         }
     }

@@ -164,7 +164,7 @@ fn scenes_and_rays_are_as_before() {
                     .map(|pixel| {
                         let [x, y] = [pixel % size[0], pixel / size[0]].map(|at| at as f32 + 0.37);
                         let direction = scene.camera.direction(x, y, size);
-                        Job { origin: scene.camera.eye, direction, key: Rng::key(frame, pixel) }
+                        Job { origin: scene.camera.eye, direction, start: 0.0, key: Rng::key(frame, pixel) }
                     })
                     .collect();
                 let mut hits = vec![Default::default(); jobs.len()];
