@@ -5,7 +5,7 @@ use epigraph_streams::{Node, Place, PointSet, Points, color_of_light, unpack_col
 use glam::Vec3;
 
 /// The vertices at rest. Normals are means over the triangles around a vertex by their areas, colours those of the first
-/// triangle's material. Of a scene that is a point set, the points in most detail.
+/// triangle at this corner. Of a scene that is a point set, the points in most detail.
 pub(crate) fn points(scene: &Scene) -> Points {
     if let Some(set) = &scene.points {
         return decoded(set);
@@ -16,12 +16,13 @@ pub(crate) fn points(scene: &Scene) -> Points {
     for (face, vertices) in mesh.triangles.iter().enumerate() {
         let [a, b, c] = mesh.corners(face);
         let area = (b - a).cross(c - a).length();
-        let material = &scene.materials[mesh.material[face] as usize];
-        let [red, green, blue] = color_of_light(material.color.into());
         for (corner, &vertex) in vertices.iter().enumerate() {
             let normal = mesh.corner_normals.get(face).map_or(mesh.face_normals[face], |all| all[corner]);
             normals[vertex as usize] += area * normal;
-            colors[vertex as usize].get_or_insert([red, green, blue, 255]);
+            colors[vertex as usize].get_or_insert_with(|| {
+                let [red, green, blue] = color_of_light(scene.look(face, Vec3::AXES[corner]).color.into());
+                [red, green, blue, 255]
+            });
         }
     }
     let colors = colors.into_iter().map(|color| color.unwrap_or([255; 4])).collect();

@@ -213,6 +213,12 @@ fn scenes_are_vertices_with_the_colours_of_their_materials() {
     folder.write("a.mtl", "newmtl red\nKd 0.5 0 0\n");
     let points = folder.read("a.obj", red).points;
     assert_eq!((points.positions[1], points.colors.unwrap()[1]), (Vec3::X, [188, 0, 0, 255]));
+    // Colours of vertices, and coordinates far out.
+    let far = "v 700000 0 0 1 0 0\nv 700001 0 0 0 1 0\nv 700000 1 0 0 0 1\nf 1 2 3\n";
+    let points = folder.read("a.obj", far).points;
+    assert_eq!(points.origin + points.positions[1].as_dvec3(), DVec3::new(700_001.0, 0.0, 0.0));
+    assert!(points.origin.x > 6e5);
+    assert_eq!(points.colors.unwrap()[..3], [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]]);
     let error = read("chain").unwrap_err().to_string();
     assert!(error.contains("did you mean `chains`") && error.contains(".laz"), "{error}");
     assert!(read("none.las").unwrap_err().to_string().starts_with("cannot read none.las: "));

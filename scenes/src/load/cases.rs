@@ -386,7 +386,7 @@ fn files_that_are_not_what_their_names_say() {
     let error =
         |name: &str, content: &[u8]| Scene::load(&place.0.file(name, content)).unwrap_err().to_string();
     let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 123456\n";
-    for name in ["a.glb", "a.gltf", "a.obj", "a.ply", "a.ron"] {
+    for name in ["a.glb", "a.gltf", "a.obj", "a.ply", "a.ron", "a.vts"] {
         assert!(error(name, pointer).contains("a git-lfs pointer"), "{name}");
         assert!(error(name, b"<!DOCTYPE html><html>").contains("a web page"), "{name}");
         assert!(error(name, b"").contains("it is empty"), "{name}");

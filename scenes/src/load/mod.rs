@@ -67,7 +67,14 @@ impl Scene {
         if lower.ends_with(SCENE_ENDING) {
             load_scene_file(path, name_or_path, sky)
         } else if lower.ends_with(POINTS_ENDING) {
-            let points = PointSet::read(path).map_err(SceneError::Points)?;
+            let points = PointSet::read(path).map_err(|error| {
+                // It was read in pieces. What stands for another file is small.
+                let other = files::bytes(path, MOST_TEXT).ok().map(|bytes| kind::check(&bytes, &lower));
+                match other {
+                    Some(Err(message)) => SceneError::Invalid { path: path.to_owned(), message },
+                    _ => SceneError::Points(error),
+                }
+            })?;
             Ok(Self { sky, ..Self::of_points(name_or_path, Arc::new(points)) })
         } else if MESH_ENDINGS.iter().any(|ending| lower.ends_with(ending)) {
             let unusable = |source| SceneError::Mesh { name: name_or_path.to_owned(), source };
@@ -104,7 +111,7 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     let bytes = unpack(bytes, MOST_DATA).map_err(invalid)?;
     kind::check(&bytes, &name).map_err(invalid)?;
     let model = if name.ends_with(".ply") || name.ends_with(".ply.gz") {
-        ply::read(&bytes, beside)
+        ply::read(without_mark(&bytes), beside)
     } else if name.ends_with(".obj") {
         obj::read(&lossy(&bytes), beside)
     } else if name.ends_with(".glb") || name.ends_with(".gltf") {
@@ -117,8 +124,8 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     Ok(model)
 }
 
-/// Text in UTF-16 with a byte-order mark, or in any encoding that has ASCII's letters: old exporters write names in
-/// various ones, but only the numbers matter.
+/// Text in UTF-16 with a byte-order mark, in UTF-8, or else in Latin-1, as old exporters write names: in another encoding
+/// of bytes these are misspelt, but remain different names.
 fn lossy(bytes: &[u8]) -> Cow<'_, str> {
     let words = |read: fn([u8; 2]) -> u16| {
         let words: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| read([pair[0], pair[1]])).collect();
@@ -127,7 +134,10 @@ fn lossy(bytes: &[u8]) -> Cow<'_, str> {
     match bytes {
         [0xFF, 0xFE, ..] => words(u16::from_le_bytes),
         [0xFE, 0xFF, ..] => words(u16::from_be_bytes),
-        _ => String::from_utf8_lossy(without_mark(bytes)),
+        _ => match std::str::from_utf8(without_mark(bytes)) {
+            Ok(text) => Cow::Borrowed(text),
+            Err(_) => Cow::Owned(bytes.iter().map(|&byte| char::from(byte)).collect()),
+        },
     }
 }
 

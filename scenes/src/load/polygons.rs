@@ -29,6 +29,12 @@ impl Polygons {
         self.ends.len()
     }
 
+    /// Makes room for so many triangles.
+    pub fn reserve(&mut self, count: usize) {
+        self.ends.reserve(count);
+        self.corners.reserve(3 * count);
+    }
+
     /// Makes a polygon of the corners that were added since the last one. Fewer than three are dropped, and noted.
     pub fn close(&mut self, name: &str, report: &mut Report) -> Result<(), MeshError> {
         let begin = self.ends.last().copied().unwrap_or(0);

@@ -79,9 +79,9 @@ fn before_comment(name: &str) -> &str {
     name.split_once(" #").or_else(|| name.split_once("\t#")).map_or(name, |(name, _)| name.trim_end())
 }
 
-/// A word that is a number, or NaN.
+/// A word that is a number, or NaN. A comma is a decimal point: some programs write numbers as their user's country does.
 fn number(word: &str) -> f64 {
-    word.parse().unwrap_or(f64::NAN)
+    word.parse().or_else(|_| word.replace(',', ".").parse()).unwrap_or(f64::NAN)
 }
 
 /// The beginning of a text from a file, for messages.
@@ -349,6 +349,11 @@ impl Reader {
                 0 => "it has neither vertices nor faces: it is not an OBJ file, or cut off".to_owned(),
                 _ => "it has vertices, but no faces: `epigraph encode` makes a point set of them".to_owned(),
             });
+        }
+        // Whoever writes one writes all so.
+        let mut vertices = statements(text).filter(|(_, line)| keyword(line).0 == "v").take(100);
+        if vertices.any(|(_, line)| line.contains(',')) {
+            self.report.add(NoteKind::Repaired, "numbers with a decimal comma", "");
         }
         let of_parts: Vec<Option<usize>> = (0..self.parts.len()).map(|part| self.material_of(part)).collect();
         let mut model = self.materials(&of_parts, beside);

@@ -137,7 +137,7 @@ fn errors_name_the_line() {
     for (text, expected) in [
         ("mtllib a.mtl\n", "it has neither vertices nor faces"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "no faces: `epigraph encode` makes a point set"),
-        ("v 0 0 0\nv 1,5 0 0\nv 0 1 0\nf 1 2 3\n", "such as those of the vertex in line 2, `1,5 0 0`"),
+        ("v 0 0 0\nv 1;5 0 0\nv 0 1 0\nf 1 2 3\n", "such as those of the vertex in line 2, `1;5 0 0`"),
     ] {
         let error = read(text, nothing).err().unwrap();
         assert!(error.contains(expected), "{error}");
@@ -202,7 +202,7 @@ fn what_is_wrong_and_inessential_is_noted() {
         ),
         (
             "f 1 2 4",
-            "v inf 0 0\nv 1,5 0 0\nv 1 0\nf 1 2 5\nf 1 2 6 3\nf 7 2 1\nf 1 2 4",
+            "v inf 0 0\nv 1:5 0 0\nv 1 0\nf 1 2 5\nf 1 2 6 3\nf 7 2 1\nf 1 2 4",
             [1, 1, 1],
             "left out: a face with a corner that is not a number, 3 times (floor)",
         ),
@@ -245,6 +245,22 @@ fn the_many_ways_of_writing_the_same() {
         assert_eq!(model.parts, control.parts, "{what}");
         assert_eq!(model.materials, control.materials, "{what}");
     }
+}
+
+#[test]
+fn numbers_and_names_of_other_countries() {
+    let files = |name: &str, _: u64| match name {
+        // `T\u{fc}r` and `T\u{f6}r` in Latin-1.
+        "a.mtl" => Ok(b"newmtl T\xfcr\nKd 0,5 0,25 0\nnewmtl T\xf6r\nKd 0 1 0\n".to_vec()),
+        _ => Err("none".to_owned()),
+    };
+    let text =
+        b"mtllib a.mtl\nv 0 0 0\nv 1,5 0 0\nv 0 2,25 0\nusemtl T\xfcr\nf 1 2 3\nusemtl T\xf6r\nf 1 2 3\n";
+    let model = read(&lossy(text), files).unwrap();
+    let colors: Vec<Vec3> = model.parts.iter().map(|part| model.materials[part.1.unwrap()].color).collect();
+    assert_eq!(colors, [Vec3::new(0.5, 0.25, 0.0), Vec3::Y]);
+    assert_eq!(model.parts[0].0.positions, [Vec3::ZERO, 1.5 * Vec3::X, 2.25 * Vec3::Y]);
+    assert_eq!(notes(&model), ["repaired: numbers with a decimal comma"]);
 }
 
 #[test]

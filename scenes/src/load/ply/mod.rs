@@ -270,6 +270,13 @@ impl Reader {
         if properties.is_empty() {
             return Ok(());
         }
+        // As much as the rest of the file can hold at most.
+        let most = body.rest.len().min(*count);
+        match name.as_str() {
+            "vertex" => self.polygons.at.reserve_exact(most),
+            "face" => self.polygons.reserve(most),
+            _ => {}
+        }
         let has_attributes = [NORMAL, COLOR, UV].map(|places| has(&uses, places));
         for index in 0..*count {
             let read = match name.as_str() {
