@@ -124,8 +124,8 @@ impl Mtl {
             }
             _ if keyword.is_empty() || keyword.starts_with('#') => {}
             _ => {
-                let what = format!("the statement `{}` of a material", shortened(keyword));
-                report.add(NoteKind::LeftOut, what, name);
+                let what = "a statement of a material that is not known";
+                report.add(NoteKind::LeftOut, what, &shortened(keyword));
             }
         }
     }

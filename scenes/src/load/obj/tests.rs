@@ -333,8 +333,7 @@ fn values_of_materials_in_many_forms() {
         (
             "map_Ks a.png\ndisp b.png",
             [0.7; 3],
-            "left out: the statement `map_Ks` of a material (a); left out: the \
-            statement `disp` of a material (a)",
+            "left out: a statement of a material that is not known, 2 times (map_Ks, disp)",
         ),
         (
             "Ks 0.9 0.1 0.1\nNs 300",

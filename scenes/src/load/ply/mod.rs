@@ -270,8 +270,8 @@ impl Reader {
         if properties.is_empty() {
             return Ok(());
         }
-        // As much as the rest of the file can hold at most.
-        let most = body.rest.len().min(*count);
+        // No more than the rest of the file can hold: a vertex has three numbers at least, a face four.
+        let most = (body.rest.len() / 3).min(*count);
         match name.as_str() {
             "vertex" => self.polygons.at.reserve_exact(most),
             "face" => self.polygons.reserve(most),
