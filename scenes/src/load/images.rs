@@ -1,4 +1,4 @@
-//! Images that become textures: PNG, JPEG and WebP.
+//! Images that become textures: PNG, JPEG and WebP, and for old OBJ files BMP and TGA.
 
 use std::io::Cursor;
 use std::sync::Arc;
@@ -26,13 +26,13 @@ pub(super) fn decode<B: AsRef<[u8]> + Sync>(images: &[(String, B)]) -> Vec<Resul
     let mut room = MOST_TEXELS;
     // Sizes are promised by the first bytes, so that what is too large is never made.
     let fits: Vec<Result<(), String>> =
-        images.iter().map(|(_, bytes)| take_room(bytes.as_ref(), &mut room)).collect();
+        images.iter().map(|(name, bytes)| take_room(name, bytes.as_ref(), &mut room)).collect();
     images
         .par_iter()
         .zip(fits)
         .map(|((name, bytes), fits)| {
             fits?;
-            let image = decoder(bytes.as_ref()).and_then(|decoder| {
+            let image = decoder(name, bytes.as_ref()).and_then(|decoder| {
                 DynamicImage::from_decoder(decoder).map_err(|error| format!("it cannot be decoded: {error}"))
             })?;
             let size = [image.width(), image.height()];
@@ -42,8 +42,8 @@ pub(super) fn decode<B: AsRef<[u8]> + Sync>(images: &[(String, B)]) -> Vec<Resul
         .collect()
 }
 
-fn take_room(bytes: &[u8], room: &mut u64) -> Result<(), String> {
-    let (width, height) = decoder(bytes)?.dimensions();
+fn take_room(name: &str, bytes: &[u8], room: &mut u64) -> Result<(), String> {
+    let (width, height) = decoder(name, bytes)?.dimensions();
     let texels = u64::from(width) * u64::from(height);
     if width.max(height) > MOST_SIDE {
         return Err(format!(
@@ -64,19 +64,23 @@ fn take_room(bytes: &[u8], room: &mut u64) -> Result<(), String> {
     Ok(())
 }
 
-fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + '_, String> {
+fn decoder<'a>(name: &str, bytes: &'a [u8]) -> Result<impl ImageDecoder + 'a, String> {
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let reader = reader.map_err(|error| error.to_string())?;
+    let mut reader = reader.map_err(|error| error.to_string())?;
+    // The one kind without a mark at its beginning.
+    if reader.format().is_none() && !bytes.is_empty() && name.to_lowercase().ends_with(".tga") {
+        reader.set_format(ImageFormat::Tga);
+    }
     match reader.format() {
-        Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP) => {
-            reader.into_decoder().map_err(|error| format!("it cannot be decoded: {error}"))
-        }
+        Some(
+            ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP | ImageFormat::Bmp | ImageFormat::Tga,
+        ) => reader.into_decoder().map_err(|error| format!("it cannot be decoded: {error}")),
         _ if bytes.is_empty() => Err("it is empty".to_owned()),
         _ if bytes.starts_with(KTX2) => {
             Err("it is a KTX2 file, which is not read: convert it to PNG".to_owned())
         }
         Some(format) => Err(format!("it is a file of kind {format:?}, which is not read: convert it to PNG")),
-        None => Err("it is neither PNG, JPEG nor WebP: convert it to PNG".to_owned()),
+        None => Err("it is not PNG, JPEG, WebP, BMP or TGA: convert it to PNG".to_owned()),
     }
 }
 
@@ -105,6 +109,13 @@ mod tests {
             let expected = [0, 1].map(|y| [0, 1, 2].map(|x| [x * 100, y * 100, 7, 80]));
             assert_eq!(texture.texels, expected.concat());
         }
+        let opaque = DynamicImage::from(image).into_rgb8();
+        for (name, format) in [("a.bmp", ImageFormat::Bmp), ("wall.TGA", ImageFormat::Tga)] {
+            let bytes = encoded(&opaque.clone().into(), format);
+            let texture = decode(&[(name.to_owned(), bytes)]).remove(0).unwrap();
+            let expected = [0, 1].map(|y| [0, 1, 2].map(|x| [x * 100, y * 100, 7, 255]));
+            assert_eq!((texture.size, &texture.texels), ([3, 2], &expected.concat()), "{name}");
+        }
         let jpeg = RgbImage::from_pixel(8, 4, Rgb([200, 100, 50]));
         let texture = one(&encoded(&jpeg.into(), ImageFormat::Jpeg)).unwrap();
         let near = |texel: &[u8; 4]| texel.iter().zip([200, 100, 50, 255]).all(|(a, b)| a.abs_diff(b) < 4);
@@ -120,7 +131,7 @@ mod tests {
         let png = encoded(&GrayImage::new(40, 40).into(), ImageFormat::Png);
         for (bytes, expected) in [
             (&b""[..], "it is empty"),
-            (b"<html>", "it is neither PNG, JPEG nor WebP"),
+            (b"<html>", "it is not PNG, JPEG, WebP, BMP or TGA"),
             (b"GIF89a", "it is a file of kind Gif, which is not read"),
             (b"\xABKTX 20\xBB\r\n", "it is a KTX2 file, which is not read: convert it to PNG"),
             (&png[..png.len() / 2], "it cannot be decoded"),
@@ -160,7 +171,7 @@ mod tests {
             encoded(&GrayImage::new(2, 2).into(), ImageFormat::Png),
         ];
         let mut room = MOST_TEXELS;
-        let fits: Vec<bool> = files.iter().map(|file| take_room(file, &mut room).is_ok()).collect();
+        let fits: Vec<bool> = files.iter().map(|file| take_room("", file, &mut room).is_ok()).collect();
         assert_eq!(fits, [true, false, true]);
     }
 }

@@ -943,8 +943,8 @@ fn images_are_in_the_file_or_beside_it() {
     }
     for (image, expected) in [
         (r#"{"uri": "gone.png"}"#, "an image: its file is missing or cannot be read (gone.png)"),
-        (r#"{"uri": "data:image/png;base64,iVBO"}"#, "an image: it is neither PNG, JPEG nor WebP"),
-        (r#"{"bufferView": 0}"#, "an image: it is neither PNG, JPEG nor WebP"),
+        (r#"{"uri": "data:image/png;base64,iVBO"}"#, "an image: it is not PNG, JPEG, WebP, BMP or TGA"),
+        (r#"{"bufferView": 0}"#, "an image: it is not PNG, JPEG, WebP, BMP or TGA"),
         (r#"{"bufferView": 9, "name": "x"}"#, "an image: buffer view 9 does not exist (x)"),
         (r#"{"name": "x"}"#, "an image: it has no data (x)"),
         (r#"{"uri": 7}"#, "an image: it is not valid (image 0)"),
