@@ -7,6 +7,7 @@ use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
 use super::container::File;
+use super::meshopt::Compressed;
 use crate::limits::MAX_TRIANGLES;
 
 /// The largest element, a matrix of sixteen floats, as zeros: what an accessor without data consists of.
@@ -152,14 +153,33 @@ impl File<'_> {
     pub fn view(&self, index: usize) -> Result<(&[u8], Option<usize>), String> {
         let view = self.root.buffer_views.get(index);
         let view = view.ok_or_else(|| format!("buffer view {index} does not exist"))?;
-        let buffer = self.buffers.get(view.buffer.value());
-        let buffer = buffer.ok_or_else(|| format!("buffer {} does not exist", view.buffer.value()))?;
-        let data = buffer.as_ref().map_err(Clone::clone)?;
-        let outside = || format!("buffer view {index} reaches beyond its buffer");
-        let start = usize::try_from(view.byte_offset.unwrap_or_default().0).map_err(|_| outside())?;
-        let length = usize::try_from(view.byte_length.0).map_err(|_| outside())?;
-        let data = start.checked_add(length).and_then(|end| data.get(start..end));
-        Ok((data.ok_or_else(outside)?, view.byte_stride.map(|stride| stride.0)))
+        let within = |error| format!("buffer view {index}: {error}");
+        let unpack = || {
+            Compressed::of(view).map(|compressed| {
+                let compressed = compressed?;
+                let offset = compressed.byte_offset as u64;
+                compressed.decode(self.range(compressed.buffer, offset, compressed.byte_length as u64)?)
+            })
+        };
+        let data = match self.unpacked[index].get_or_init(unpack) {
+            Some(unpacked) => unpacked.as_deref().map_err(Clone::clone),
+            None => {
+                self.range(view.buffer.value(), view.byte_offset.unwrap_or_default().0, view.byte_length.0)
+            }
+        };
+        Ok((data.map_err(within)?, view.byte_stride.map(|stride| stride.0)))
+    }
+
+    /// A range of a buffer's bytes.
+    fn range(&self, buffer: usize, offset: u64, length: u64) -> Result<&[u8], String> {
+        let data = self.buffers.get(buffer).ok_or_else(|| format!("buffer {buffer} does not exist"))?;
+        let data = data.as_ref().map_err(Clone::clone)?;
+        let start = usize::try_from(offset).ok();
+        let end = offset.checked_add(length).and_then(|end| usize::try_from(end).ok());
+        start
+            .zip(end)
+            .and_then(|(start, end)| data.get(start..end))
+            .ok_or_else(|| "it reaches beyond its buffer".into())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use gltf::json::deserialize::from_slice;
 use gltf::json::{Buffer, Error};
@@ -12,10 +12,15 @@ use super::json::{Head, Root};
 /// The contents of a buffer; an error becomes one of the file only where the buffer is used.
 type Data<'a> = Result<Arc<Cow<'a, [u8]>>, String>;
 
+/// What a buffer view unpacks to, or `None` if it is not compressed.
+type Unpacked = Option<Result<Vec<u8>, String>>;
+
 /// A file with the buffers that it refers to.
 pub(super) struct File<'a> {
     pub root: Root,
     pub buffers: Vec<Data<'a>>,
+    /// For each buffer view, once it is used.
+    pub unpacked: Vec<OnceLock<Unpacked>>,
     /// The bytes of a file next to it.
     pub external: &'a dyn Fn(&str) -> Result<Vec<u8>, String>,
 }
@@ -63,7 +68,8 @@ impl<'a> File<'a> {
             Ok(data)
         };
         let buffers = root.buffers.iter().enumerate().map(&mut read).collect();
-        Ok(Self { root, buffers, external })
+        let unpacked = root.buffer_views.iter().map(|_| OnceLock::new()).collect();
+        Ok(Self { root, buffers, unpacked, external })
     }
 }
 

@@ -6,16 +6,19 @@ use super::instances::INSTANCING;
 use super::json::{Root, name_of};
 use super::lights::LIGHTS;
 use super::materials;
+use super::meshopt::MESHOPT;
 use super::primitives::DRACO;
 use crate::{NoteKind, Report};
 
 /// What is read, or has notes of its own: compressed primitives, and textures in formats without a fallback.
-const KNOWN: [&str; 17] = [
+const KNOWN: [&str; 19] = [
     INSTANCING,
     LIGHTS,
     DRACO,
     "KHR_mesh_quantization",
     "KHR_node_visibility",
+    MESHOPT[0],
+    MESHOPT[1],
     materials::EMISSIVE_STRENGTH,
     materials::IOR,
     materials::SPECULAR,

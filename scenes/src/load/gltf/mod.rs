@@ -9,6 +9,7 @@ mod instances;
 mod json;
 mod lights;
 mod materials;
+mod meshopt;
 mod nodes;
 mod primitives;
 mod textures;

@@ -1179,3 +1179,35 @@ fn spots_shine_into_cones() {
         assert_eq!(notes, &[expected][usize::from(valid)..]);
     }
 }
+
+#[test]
+fn compressed_buffer_views_are_unpacked() {
+    let hex = "e1fe1e001e5e0e021efffff00696001401007687566778a9866589689801690000";
+    let stream: Vec<u8> =
+        (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..][..2], 16).unwrap()).collect();
+    for extension in meshopt::MESHOPT {
+        let mut making = Making::default();
+        let place = |i: usize| [(i % 3) as f32, (i / 3) as f32, 0.0];
+        making.floats("VEC3", 9, (0..9).map(place).collect::<Vec<_>>().as_flattened());
+        let packed = making.view(&stream, "");
+        let offset = making.bytes.len() - stream.len();
+        let indices = making.accessor(format!(
+            r#""bufferView": {}, "componentType": 5123, "count": 30, "type": "SCALAR""#,
+            packed + 1
+        ));
+        // The buffer of what it unpacks to need not be there.
+        making.views.push(format!(
+            r#"{{"buffer": 1, "byteLength": 60, "extensions": {{"{extension}": {{"buffer": 0, "byteOffset": {offset},
+            "byteLength": {}, "byteStride": 2, "count": 30, "mode": "TRIANGLES"}}}}}}"#,
+            stream.len()
+        ));
+        let rest = one(&format!(r#""attributes": {{"POSITION": 0}}, "indices": {indices}"#));
+        let model = making.model(&format!(r#""extensionsRequired": ["{extension}"], {rest}"#));
+        assert!(model.report.is_empty(), "{:?}", model.report);
+        assert_eq!(model.parts[0].0.triangles[..2], [[0, 3, 1], [1, 3, 4]]);
+        assert_eq!(model.parts[0].0.triangles.len(), 10);
+        making.bytes[offset] = 0;
+        let message = read(&making.file(&rest), no_files).unwrap_err();
+        assert!(message.contains("buffer view 2: its compressed data is damaged"), "{message}");
+    }
+}
