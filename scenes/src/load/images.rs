@@ -6,6 +6,7 @@ use std::sync::Arc;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use rayon::prelude::*;
 
+use super::kind;
 use crate::Texture;
 
 /// The most columns and rows of an image.
@@ -80,7 +81,9 @@ fn decoder<'a>(name: &str, bytes: &'a [u8]) -> Result<impl ImageDecoder + 'a, St
             Err("it is a KTX2 file, which is not read: convert it to PNG".to_owned())
         }
         Some(format) => Err(format!("it is a file of kind {format:?}, which is not read: convert it to PNG")),
-        None => Err("it is not PNG, JPEG, WebP, BMP or TGA: convert it to PNG".to_owned()),
+        None => Err(kind::check(bytes, name)
+            .err()
+            .unwrap_or_else(|| "it is not PNG, JPEG, WebP, BMP or TGA: convert it to PNG".to_owned())),
     }
 }
 
@@ -131,7 +134,9 @@ mod tests {
         let png = encoded(&GrayImage::new(40, 40).into(), ImageFormat::Png);
         for (bytes, expected) in [
             (&b""[..], "it is empty"),
-            (b"<html>", "it is not PNG, JPEG, WebP, BMP or TGA"),
+            (b"<html>", "it is a web page"),
+            (b"version https://git-lfs.github.com/spec/v1\n", "it is a git-lfs pointer"),
+            (b"JPG", "it is not PNG, JPEG, WebP, BMP or TGA"),
             (b"GIF89a", "it is a file of kind Gif, which is not read"),
             (b"\xABKTX 20\xBB\r\n", "it is a KTX2 file, which is not read: convert it to PNG"),
             (&png[..png.len() / 2], "it cannot be decoded"),

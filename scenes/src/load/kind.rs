@@ -36,8 +36,9 @@ const UNPACK: &str = "unpack it first";
 const EXPORT: &str = "export it as .glb from the program that made it, or convert it";
 const NO_MESH: &str = "name a file with a mesh";
 
-/// Markup that is served in the place of a file: in lower case, how it begins, what it is, and what to do.
-const MARKUP: [(&str, &str, &str); 3] = [
+/// Texts that are served in the place of a file: in lower case, how they begin, what they are, and what to do.
+const ANSWERS: [(&str, &str, &str); 4] = [
+    ("404: not found", "the answer of a server that has no such file", "download it from its right address"),
     ("<!doctype html", PAGE, DOWNLOAD),
     ("<html", PAGE, DOWNLOAD),
     ("<?xml", "an XML document (COLLADA, X3D, ...)", EXPORT),
@@ -73,7 +74,7 @@ pub(super) fn check(bytes: &[u8], name: &str) -> Result<(), String> {
     }
     let text = epigraph_files::without_mark(start).trim_ascii_start();
     let text = String::from_utf8_lossy(&text[..text.len().min(32)]).to_lowercase();
-    match MARKUP.iter().find(|(start, ..)| text.starts_with(start)) {
+    match ANSWERS.iter().find(|(start, ..)| text.starts_with(start)) {
         Some((_, what, advice)) => refuse(what, advice),
         None => Ok(()),
     }
@@ -92,6 +93,7 @@ mod tests {
             (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n", "run `git lfs pull`"),
             (b"\n  <!DOCTYPE html>\n<title>", "a web page (HTML)"),
             (b"\xEF\xBB\xBF<HTML>", "download the file itself"),
+            (b"404: Not Found", "the answer of a server"),
             (b"<?xml version=\"1.0\"?><COLLADA>", "an XML document"),
             (b"PK\x03\x04....", "a zip archive: unpack it first"),
             (b"Kaydara FBX Binary  \0", "an FBX file: export it as .glb"),

@@ -45,7 +45,9 @@ pub(super) fn read(
 fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     // Line feeds, with or without carriage returns, which are blanks; or carriage returns alone.
     let end = if text.contains('\n') { '\n' } else { '\r' };
-    let mut lines = text.split(end).map(str::trim).zip(1..);
+    // Some files end in zeros or in the mark by which DOS ended texts.
+    let mut lines =
+        text.split(end).map(|line| line.trim_matches(|c: char| c.is_whitespace() || c.is_control())).zip(1..);
     std::iter::from_fn(move || {
         let (line, number) = lines.next()?;
         let Some(mut begun) = line.strip_suffix('\\').filter(|_| !line.starts_with('#')) else {

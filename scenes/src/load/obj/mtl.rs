@@ -169,6 +169,9 @@ impl Mtl {
             (None, Some(transparency)) => 1.0 - transparency.clamp(0.0, 1.0),
             (None, None) => 1.0,
         };
+        if opacity == 0.0 {
+            report.add(NoteKind::LeftOut, "a surface that `d 0` makes invisible", name);
+        }
         let mut material = Material { emission, ..self.surface(color, opacity, textures, report) };
         if opacity < 1.0 || shows(&self.maps.dissolve) {
             material.alpha = Alpha::Blend;

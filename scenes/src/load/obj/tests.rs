@@ -238,6 +238,7 @@ fn the_many_ways_of_writing_the_same() {
         (HABITS.replace("a.mtl", "a.mtl # mine"), "a comment after a file's name"),
         (HABITS.replace("mtllib a.mtl", "mtllib a.mtl\nmtllib a.mtl"), "a library twice"),
         (faces_first.join("\n"), "faces first"),
+        (format!("{HABITS}\u{1a}\0\0\0"), "marks at the end"),
         (HABITS.replace("mtllib a.mtl\n", "") + "mtllib a.mtl\n", "materials last"),
     ] {
         let model = read(&text, library).unwrap();
@@ -341,6 +342,7 @@ fn values_of_materials_in_many_forms() {
             "approximated: a tinted highlight of a material, shown white (a)",
         ),
         ("Ke 0 1e30 0", [0.7; 3], "repaired: an emission too large for a scene (a)"),
+        ("d 0", [0.7; 3], "left out: a surface that `d 0` makes invisible (a)"),
         ("Tr 1", [0.7; 3], "repaired: `Tr 1` without `d`, taken as opaque (a)"),
     ] {
         let (materials, notes) = read_noted(&format!("newmtl a\n{line}\n"));
@@ -352,6 +354,7 @@ fn values_of_materials_in_many_forms() {
 fn what_lets_light_through() {
     let of = |lines: &str| read_materials(&format!("newmtl a\nKd 0.8 0.1 0.1\n{lines}\n")).remove(0);
     for (lines, alpha, opacity, transmission, ior) in [
+        ("d 0", Alpha::Blend, 0.0, 0.0, None),
         ("d 0.25", Alpha::Blend, 0.25, 0.0, None),
         ("d -halo 0.25", Alpha::Blend, 0.25, 0.0, None),
         ("Tr 0.75", Alpha::Blend, 0.25, 0.0, None),

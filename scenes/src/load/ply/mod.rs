@@ -37,6 +37,9 @@ pub(super) fn read(
     for element in &header.elements {
         reader.elements(&mut body, element)?;
     }
+    if !body.rest.trim_ascii().is_empty() {
+        reader.report.add(NoteKind::LeftOut, "what follows the last element", "");
+    }
     if body.has_more_words {
         reader.report.add(
             NoteKind::LeftOut,
@@ -313,7 +316,14 @@ impl Reader {
             }
             self.normals.push(normal.normalize_or_zero().as_vec3());
         }
-        self.colors.extend(has_color.then(|| color_of(&values)));
+        if has_color {
+            let color = color_of(&values);
+            if color.is_nan() {
+                let what = "a colour that is not made of numbers, taken as white";
+                self.report.add(NoteKind::Repaired, what, "");
+            }
+            self.colors.push(color);
+        }
         self.uvs.extend(has_uv.then(|| uv_of(u, v)));
         Ok(())
     }

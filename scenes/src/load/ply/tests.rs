@@ -224,6 +224,8 @@ fn what_is_not_used_is_noted() {
         assert!(notes(&model).contains(expected), "{to}: {}", notes(&model));
         assert_eq!(model.parts[0].0.triangles.len(), triangles, "{to}");
     }
+    let longer = read(format!("{ASCII}\n 3 0 1 2\n").as_bytes()).unwrap();
+    assert!(notes(&longer).contains("left out: what follows the last element"), "{}", notes(&longer));
     let few = ASCII.replace("face 1", "face 3") + "2 0 1\n0\n";
     assert!(notes(&read(few.as_bytes()).unwrap()).contains("a face with fewer than three corners, 2 times"));
 }
@@ -288,6 +290,21 @@ fn colours_of_all_types_and_names() {
     // Two of three are none.
     let model = read(with(&properties("uchar", &rgb[..2]), ["1 2"; 4], "", [""; 2]).as_bytes()).unwrap();
     assert!(model.parts[0].0.colors.is_empty() && model.parts[0].1.is_none());
+}
+
+#[test]
+fn colours_that_are_not_numbers_are_white() {
+    let rgb = properties("float", &["red", "green", "blue"]);
+    let model = read(with(&rgb, ["0 nan 0", "1 0 0", "1 0 0", "1 0 0"], "", [""; 2]).as_bytes()).unwrap();
+    assert_eq!(
+        model.parts[0].0.colors[0],
+        [Vec4::ONE, Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(1.0, 0.0, 0.0, 1.0)]
+    );
+    assert!(
+        notes(&model).contains("repaired: a colour that is not made of numbers, taken as white"),
+        "{}",
+        notes(&model)
+    );
 }
 
 #[test]
