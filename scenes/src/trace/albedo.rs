@@ -17,7 +17,7 @@ const SAMPLES: u32 = 1024;
 
 /// The albedo of a lobe of reflectance `f0` at normal incidence, and 1 at grazing incidence, is `f0 * scale + bias`.
 #[derive(Clone, Copy, Debug, Default)]
-struct Entry {
+pub(super) struct Entry {
     scale: f32,
     bias: f32,
 }
@@ -30,72 +30,53 @@ impl Entry {
         }
     }
 
-    fn at(self, f0: f32) -> f32 {
-        f0 * self.scale + self.bias
-    }
-}
-
-/// The albedo of a lobe in one direction, and its mean over all directions, weighted by their cosine.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Albedo {
-    here: Entry,
-    mean: Entry,
-}
-
-/// Loads the entry of a direction, by its cosine to the normal, and a perceptual roughness.
-pub(super) fn albedo(cosine: f32, roughness: f32) -> Albedo {
-    let table = &*TABLE;
-    let at = roughness.clamp(0.0, 1.0) * (ROUGHNESSES - 1) as f32;
-    let row = (at as usize).min(ROUGHNESSES - 2);
-    let t = at - row as f32;
-    let column = cosine.clamp(0.0, 1.0).sqrt() * (COSINES - 1) as f32;
-    let first = (column as usize).min(COSINES - 2);
-    let s = column - first as f32;
-    let line = |row: usize| table.entries[row][first].mix(table.entries[row][first + 1], s);
-    Albedo { here: line(row).mix(line(row + 1), t), mean: table.means[row].mix(table.means[row + 1], t) }
-}
-
-impl Albedo {
     /// The share that single scattering reflects.
-    pub fn reflected(&self, f0: Vec3) -> Vec3 {
-        f0 * self.here.scale + self.here.bias
+    pub fn reflected(self, f0: f32) -> f32 {
+        f0 * self.scale + self.bias
     }
 
     /// The share that meets a second microfacet.
-    pub fn lost(&self) -> f32 {
-        (1.0 - self.here.at(1.0)).max(0.0)
+    pub fn lost(self) -> f32 {
+        (1.0 - self.scale - self.bias).max(0.0)
+    }
+}
+
+/// The albedo of a lobe of one width, in every direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Albedo {
+    row: usize,
+    t: f32,
+    /// The mean over all directions, weighted by their cosine.
+    pub mean: Entry,
+}
+
+impl Albedo {
+    /// By perceptual roughness.
+    pub fn new(roughness: f32) -> Self {
+        let at = roughness.clamp(0.0, 1.0) * (ROUGHNESSES - 1) as f32;
+        let row = (at as usize).min(ROUGHNESSES - 2);
+        let t = at - row as f32;
+        Self { row, t, mean: TABLE.means[row].mix(TABLE.means[row + 1], t) }
+    }
+
+    /// In a direction at this cosine to the normal.
+    pub fn at(&self, cosine: f32) -> Entry {
+        let column = cosine.clamp(0.0, 1.0).sqrt() * (COSINES - 1) as f32;
+        let first = (column as usize).min(COSINES - 2);
+        let s = column - first as f32;
+        let [low, high] = [0, 1].map(|next| {
+            let line = &TABLE.entries[self.row + next];
+            line[first].mix(line[first + 1], s)
+        });
+        low.mix(high, self.t)
     }
 
     /// What of the light that meets a second microfacet leaves in the end.
     pub fn repeated(&self, f0: Vec3) -> Vec3 {
         // The mean of Schlick's approximation, weighted by the cosine.
         let fresnel = f0 + (1.0 - f0) / 21.0;
-        let mean = self.mean.at(1.0);
-        fresnel * fresnel * mean / (1.0 - fresnel * (1.0 - mean))
-    }
-
-    /// The factor on [`Albedo::repeated`] of light between two directions.
-    pub fn repeated_share(&self, there: &Self) -> f32 {
-        let mean = 1.0 - self.mean.at(1.0);
-        if mean > 0.0 { self.lost() * there.lost() / mean } else { 0.0 }
-    }
-
-    /// The share that a dielectric's lobe reflects in all scattering events.
-    pub fn of_dielectric(&self, f0: f32) -> f32 {
-        if f0 == 0.0 {
-            return 0.0;
-        }
-        (self.here.at(f0) + self.lost() * self.repeated(Vec3::splat(f0)).x).min(1.0)
-    }
-
-    /// The factor on a base's albedo for light between two directions, below a dielectric's lobe.
-    pub fn base_share(&self, there: &Self, f0: f32) -> f32 {
-        if f0 == 0.0 {
-            return 1.0;
-        }
-        let mean = self.mean.at(f0) + (1.0 - self.mean.at(1.0)) * self.repeated(Vec3::splat(f0)).x;
-        let through = |at: &Self| 1.0 - at.of_dielectric(f0);
-        through(self) * through(there) / (1.0 - mean).max(1e-6)
+        let lost = self.mean.lost();
+        fresnel * fresnel * (1.0 - lost) / (1.0 - fresnel * lost)
     }
 }
 

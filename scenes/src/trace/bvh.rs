@@ -24,6 +24,10 @@ const SCALED_EXPONENT: i32 = 10;
 /// that rays along a box's face are not lost.
 const PAD: f32 = 1.0 / 1024.0;
 
+/// Distances of less than this share of those to a triangle's corners are computed in f64; the error of f32 is a few times
+/// 1e-7 of those.
+const CLOSE: f32 = 1e-5;
+
 /// The hit of a ray with the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Intersection {
@@ -42,30 +46,36 @@ impl Triangle {
     /// and only if the line intersects the triangle, and each is proportional to the weight of the opposite corner.
     /// Both triangles at an edge compute exactly opposite values for it, so that a ray never misses both.
     #[inline(always)]
-    fn volumes(&self, ray: &Ray) -> Vec3 {
+    fn volumes(&self, ray: &Ray) -> ([Vec3A; 3], Vec3) {
         let [a, b, c] = self.0.map(|corner| corner - ray.origin);
         let volume = |p: Vec3A, q: Vec3A| (q - p).cross(q + p).dot(ray.direction);
-        Vec3::new(volume(b, c), volume(c, a), volume(a, b))
+        ([a, b, c], Vec3::new(volume(b, c), volume(c, a), volume(a, b)))
     }
 
-    /// Distance along the ray, infinite for a miss, and of triangles that do not `count` at the hit's weights.
+    /// Distance along the ray, infinite for a miss, and of triangles that do not `count` at the hit's weights. It is
+    /// interpolated between the corners' distances, so that the hit lies in the triangle even if the ray is nearly
+    /// parallel to it.
     #[inline(always)]
     fn intersect(&self, ray: &Ray, count: impl Fn(Vec3) -> bool) -> f32 {
-        let v = self.volumes(ray);
+        let (corners, v) = self.volumes(ray);
         if v.min_element() < 0.0 && v.max_element() > 0.0 {
             return f32::INFINITY;
         }
-        let t = self.distance(ray);
+        let along = Vec3::from(corners.map(|corner| corner.dot(ray.direction)));
+        let sum = v.x + v.y + v.z;
+        let mut t = v.dot(along) / sum;
+        // A triangle may be far larger than the distance at which rays start off it.
+        if t.abs() < CLOSE * along.abs().max_element() {
+            t = self.close_distance(ray);
+        }
         // A degenerate triangle gives 0/0, which fails the comparison.
-        let is_hit = t > ray.tmin && t <= ray.tmax && count(v / (v.x + v.y + v.z));
+        let is_hit = t > ray.tmin && t <= ray.tmax && count(v / sum);
         if is_hit { t } else { f32::INFINITY }
     }
 
-    /// Distance along the ray to the triangle's plane. In f64, as a triangle may be far larger than the distance that a
-    /// ray starts off it. It is interpolated between the corners' distances, so that the hit lies in the triangle even if
-    /// the ray is nearly parallel to it.
-    #[inline(always)]
-    fn distance(&self, ray: &Ray) -> f32 {
+    /// The distance in f64.
+    #[cold]
+    fn close_distance(&self, ray: &Ray) -> f32 {
         let origin = ray.origin.as_dvec3();
         let direction = ray.direction.as_dvec3();
         let [a, b, c] = self.0.map(|corner| corner.as_dvec3() - origin);
@@ -180,7 +190,7 @@ impl Bvh {
         let mut hit = RayHit::none();
         self.nodes.ray_traverse(ray, &mut hit, |ray, leaf| self.intersect(ray, leaf, &counts));
         let triangle = self.triangles.get(hit.primitive_id as usize)?;
-        let v = triangle.volumes(&ray);
+        let (_, v) = triangle.volumes(&ray);
         let face = self.nodes.primitive_indices[hit.primitive_id as usize];
         Some((hit.t, Intersection { face, weights: v / (v.x + v.y + v.z) }))
     }

@@ -17,6 +17,8 @@ pub(super) struct Quad {
     /// Unit normal on the emitting side.
     normal: Vec3,
     area: f32,
+    /// The largest coordinate of its corners, at most.
+    reach: f32,
     radiance: Vec3,
     /// True if its triangles are part of the mesh, so that rays can hit them.
     in_mesh: bool,
@@ -60,13 +62,13 @@ impl Point {
 
 impl Quad {
     /// The light at `from` from the point `(s, t)` in [0, 1)^2 of the quad; `None` if `from` is behind the quad.
+    #[inline]
     pub fn towards(&self, from: Vec3, [s, t]: [f32; 2]) -> Option<Incident> {
         let point = self.corner + s * self.u + t * self.v;
         let direction = (point - from).try_normalize()?;
         let pdf = self.pdf(from, point, direction)?;
         // The shadow ray ends several units in the last place of its coordinates in front of the light.
-        let reach = [self.corner, self.u, self.v].map(|p| p.abs().max_element()).into_iter().sum();
-        let target = super::offset(point, self.normal, reach);
+        let target = super::offset(point, self.normal, self.reach);
         Some(Incident {
             target,
             direction,
@@ -84,6 +86,7 @@ impl Quad {
 
 /// Density, 1/sr, of the direction to a point that is sampled uniformly on an area which is seen at this cosine; `None`
 /// if the area is not seen.
+#[inline]
 fn area_pdf(from: Vec3, point: Vec3, cosine: f32, area: f32) -> Option<f32> {
     let pdf = (point - from).length_squared() / (cosine * area);
     (cosine > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(pdf)
@@ -208,7 +211,9 @@ impl Emitters {
                 Light::Quad { corner, u, v, radiance } => {
                     let (normal, area) = u.cross(v).normalize_and_length();
                     if area > 0.0 {
-                        emitters.quads.push(Quad { corner, u, v, normal, area, radiance, in_mesh: false });
+                        let reach = [corner, u, v].map(|p| p.abs().max_element()).into_iter().sum();
+                        let quad = Quad { corner, u, v, normal, area, reach, radiance, in_mesh: false };
+                        emitters.quads.push(quad);
                     }
                 }
             }

@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::{Alpha, Material, Pose, Scene};
+use crate::{Alpha, Look, Material, Pose, Scene};
 use bvh::{Bvhs, Intersection};
 use emitter::{Emitters, Incident};
 pub use queue::{AsyncTracer, TaggedHit, TaggedJob};
@@ -125,6 +125,8 @@ pub struct Tracer {
     scene: Arc<Scene>,
     bvh: Bvhs,
     emitters: Emitters,
+    /// What each material looks like everywhere, if it does not differ from point to point.
+    looks: Arc<Vec<Option<Look>>>,
     /// Whether materials have holes, or are transparent.
     has_holes: bool,
     is_translucent: bool,
@@ -177,8 +179,11 @@ impl Tracer {
     pub fn new(scene: Arc<Scene>) -> Self {
         let bvh = Bvhs::new(&scene);
         let emitters = Emitters::new(&scene);
+        let plain = |material: &Material| material.maps.is_empty() && scene.mesh.corner_colors.is_empty();
+        let look = |material: &Material| plain(material).then(|| Look::of(material));
         let used = |is: fn(&Material) -> bool| scene.materials.iter().any(is);
         Self {
+            looks: Arc::new(scene.materials.iter().map(look).collect()),
             has_holes: used(|material| material.alpha != Alpha::Opaque),
             is_translucent: used(Material::is_transparent),
             bvh,
@@ -201,6 +206,7 @@ impl Tracer {
         Self {
             bvh: self.bvh.posed(&scene.poses),
             emitters: self.emitters.posed(&scene),
+            looks: self.looks.clone(),
             has_holes: self.has_holes,
             is_translucent: self.is_translucent,
             non_finite: self.non_finite.clone(),
@@ -370,6 +376,9 @@ impl Tracer {
                         } else {
                             self.one_light(&vertex, shares, settings.mode, rng)
                         };
+                    if shares == [0.0; 3] {
+                        break;
+                    }
                     let [choice, uv] = if at_first {
                         [rng.stratified(LOBE_PAIR, path, paths), rng.stratified(DIRECTION_PAIR, path, paths)]
                     } else {
@@ -432,12 +441,18 @@ impl Tracer {
             }
             pair += 1;
         }
-        let panel = self.emitters.has_panels().then(|| rng.stratified(pair, path, paths));
-        let panel = panel.and_then(|uv| self.emitters.panel(&self.scene, vertex.position, uv));
-        let sky = self.scene.sky.is_some().then(|| rng.stratified(pair + 1, path, paths));
-        let sky = sky.and_then(|uv| self.emitters.sky(vertex.position, uv));
-        let others = panel.iter().chain(&sky);
-        sum + others.map(|light| self.lit(vertex, light, 1.0, shares, settings.mode)).sum::<Vec3>()
+        if self.emitters.has_panels() {
+            let uv = rng.stratified(pair, path, paths);
+            if let Some(light) = self.emitters.panel(&self.scene, vertex.position, uv) {
+                sum += self.lit(vertex, &light, 1.0, shares, settings.mode);
+            }
+        }
+        if self.scene.sky.is_some()
+            && let Some(light) = self.emitters.sky(vertex.position, rng.stratified(pair + 1, path, paths))
+        {
+            sum += self.lit(vertex, &light, 1.0, shares, settings.mode);
+        }
+        sum
     }
 
     /// The contribution of all lights at a vertex that is seen through glass.
@@ -473,16 +488,17 @@ impl Tracer {
         }
         let lobes = vertex.bsdf.evaluate(light.direction);
         let light_pdf = light.pdf * probability;
-        let reflected: Vec3 = Lobe::ALL
-            .into_iter()
-            // A bent shading normal must not let light through the surface.
-            .filter(|&lobe| is_front != (lobe == Lobe::Transmit))
-            .map(|lobe| {
-                let LobeValue { value, pdf } = lobes[lobe as usize];
-                let rival = shares[lobe as usize] * pdf;
-                if light_pdf > 0.0 { value * (light_pdf / (light_pdf + rival)) } else { value }
-            })
-            .sum();
+        let weighted = |lobe: Lobe| {
+            let LobeValue { value, pdf } = lobes[lobe as usize];
+            let rival = shares[lobe as usize] * pdf;
+            if light_pdf > 0.0 { value * (light_pdf / (light_pdf + rival)) } else { value }
+        };
+        // A bent shading normal must not let light through the surface.
+        let reflected = if is_front {
+            weighted(Lobe::Diffuse) + weighted(Lobe::Specular)
+        } else {
+            weighted(Lobe::Transmit)
+        };
         let arriving = reflected * light.power / probability;
         if arriving == Vec3::ZERO {
             return Vec3::ZERO;
@@ -564,7 +580,8 @@ impl Tracer {
         let Intersection { face, weights } = hit?;
         let mesh = &self.scene.mesh;
         let index = face as usize;
-        let look = self.scene.look(index, weights);
+        let plain = self.looks[mesh.material[index] as usize];
+        let look = plain.unwrap_or_else(|| self.scene.look(index, weights));
         let to_viewer = -direction;
         let front = mesh.face_normals[index].dot(to_viewer) > 0.0;
         let facing = if front { mesh.face_normals[index] } else { -mesh.face_normals[index] };
@@ -578,7 +595,10 @@ impl Tracer {
             (look.color, Bsdf::black(shading, to_viewer))
         } else {
             let emission = if front || look.double_sided { look.emission } else { Vec3::ZERO };
-            let normal = turned(self.scene.mapped_normal(index, weights, front, shading), facing);
+            let normal = match plain {
+                Some(_) => shading,
+                None => turned(self.scene.mapped_normal(index, weights, front, shading), facing),
+            };
             (emission, Bsdf::new(&look, normal, to_viewer, front))
         };
         let kept = match look.medium {

@@ -10,7 +10,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 use glam::Vec3;
 
 use super::Mode;
-use super::albedo::{Albedo, albedo};
+use super::albedo::{Albedo, Entry};
 use crate::Look;
 
 /// Minimum width of a lobe (alpha, the square of the roughness). In f32, narrower lobes cannot be distinguished from a
@@ -94,8 +94,14 @@ struct Microfacets {
     /// Index of refraction beyond the surface divided by that on the viewer's side, where Fresnel's equations count
     /// instead of Schlick's approximation.
     eta: Option<f32>,
-    /// Its albedo towards the viewer, and averages.
     albedo: Albedo,
+    /// Its albedo towards the viewer.
+    here: Entry,
+    /// The share of the light of repeated scattering that leaves a dielectric.
+    repeated: f32,
+    /// What the base, and repeated scattering, send to the viewer of the light that gets to them.
+    base: Vec3,
+    between: Vec3,
 }
 
 /// What passes through the surface.
@@ -125,28 +131,30 @@ impl Bsdf {
             .filter(|_| transmits > 0.0)
             .map(|medium| if front { medium.ior } else { 1.0 / medium.ior });
         let is_lambertian = look.f0 == 0.0 && look.metallic == 0.0 && transmits == 0.0;
+        let base = look.color * (dielectric * (1.0 - look.transmission));
         let lobe = (!is_lambertian).then(|| {
-            let cosine = normal.dot(to_viewer);
             let alpha = look.roughness * look.roughness;
-            let f0 = look.color * look.metallic + look.f0 * dielectric;
-            let albedo = albedo(cosine, look.roughness);
-            Microfacets {
-                f0,
+            let lobe = Microfacets {
+                f0: look.color * look.metallic + look.f0 * dielectric,
                 dielectric_f0: look.f0,
                 tint: look.color,
                 metallic: look.metallic,
                 alpha: alpha.max(MIN_ALPHA),
                 is_perfect: alpha < MIN_ALPHA && (look.metallic == 1.0 || transmits > 0.0),
                 eta,
-                albedo,
-            }
+                albedo: Albedo::new(look.roughness),
+                here: Entry::default(),
+                repeated: 0.0,
+                base: Vec3::ZERO,
+                between: Vec3::ZERO,
+            };
+            lobe.over(base, normal.dot(to_viewer))
         });
         let glass = (transmits > 0.0).then(|| Glass {
             tint: look.color * transmits,
             eta: eta.unwrap_or(1.0),
             is_thin: eta.is_none(),
         });
-        let base = look.color * (dielectric * (1.0 - look.transmission));
         Self { normal, to_viewer, base, lobe, glass }
     }
 
@@ -175,16 +183,16 @@ impl Bsdf {
     /// Widens the GGX lobe to at least `alpha`.
     pub fn roughen(&mut self, alpha: f32) {
         if let Some(lobe) = self.lobe.as_mut().filter(|lobe| !lobe.is_perfect && lobe.alpha < alpha) {
-            lobe.alpha = alpha;
-            lobe.albedo = albedo(self.normal.dot(self.to_viewer), alpha.sqrt());
+            let wider = Microfacets { alpha, albedo: Albedo::new(alpha.sqrt()), ..*lobe };
+            *lobe = wider.over(self.base, self.normal.dot(self.to_viewer));
         }
     }
 
     /// Probabilities with which a path continues in each lobe, in proportion to the light that the lobe scatters.
     pub fn lobe_shares(&self) -> PerLobe {
         let Some(lobe) = self.lobe else { return [1.0, 0.0, 0.0] };
-        let base = self.base * (1.0 - lobe.albedo.of_dielectric(lobe.dielectric_f0));
-        let diffuse = (base + lobe.repeated() * lobe.albedo.lost()).max_element();
+        let base = self.base * lobe.passed(lobe.here);
+        let diffuse = (base + lobe.scattered_again() * lobe.here.lost()).max_element();
         let [specular, transmit] = self.facet_shares(&lobe);
         shares(&lobe, [diffuse, specular, transmit])
     }
@@ -206,7 +214,7 @@ impl Bsdf {
     fn facet_shares(&self, lobe: &Microfacets) -> [f32; 2] {
         let mut reflected = match lobe.eta {
             Some(_) => lobe.fresnel(self.normal.dot(self.to_viewer)),
-            None => lobe.albedo.reflected(lobe.f0),
+            None => lobe.f0 * lobe.here.reflected(1.0) + (1.0 - lobe.f0) * lobe.here.reflected(0.0),
         }
         .max_element();
         if !lobe.is_perfect {
@@ -240,9 +248,8 @@ impl Bsdf {
     /// The factor on `cos / pi` of the diffuse lobe towards a light.
     fn diffuse(&self, cos_i: f32) -> Vec3 {
         let Some(lobe) = self.lobe else { return self.base };
-        let there = albedo(cos_i, lobe.alpha.sqrt());
-        let base = lobe.albedo.base_share(&there, lobe.dielectric_f0);
-        self.base * base + lobe.repeated() * lobe.albedo.repeated_share(&there)
+        let there = lobe.albedo.at(cos_i);
+        lobe.base * lobe.passed(there) + lobe.between * there.lost()
     }
 
     /// What masking leaves of a reflected direction's weight, and its density.
@@ -378,10 +385,30 @@ impl Microfacets {
         }
     }
 
+    /// The same lobe over a base of this albedo, seen at this cosine.
+    fn over(self, base: Vec3, cosine: f32) -> Self {
+        let (albedo, here) = (self.albedo, self.albedo.at(cosine));
+        let repeated = albedo.repeated(Vec3::splat(self.dielectric_f0)).x;
+        let lobe = Self { here, repeated, ..self };
+        let lost = albedo.mean.lost();
+        Self {
+            base: base * (lobe.passed(here) / lobe.passed(albedo.mean).max(1e-6)),
+            between: if lost > 0.0 { lobe.scattered_again() * (here.lost() / lost) } else { Vec3::ZERO },
+            ..lobe
+        }
+    }
+
+    /// The share of light that passes a dielectric's lobe to the base, in a direction of this albedo.
+    fn passed(&self, at: Entry) -> f32 {
+        if self.dielectric_f0 == 0.0 {
+            return 1.0;
+        }
+        (1.0 - at.reflected(self.dielectric_f0) - at.lost() * self.repeated).max(0.0)
+    }
+
     /// Albedo of all scattering events after the first, as a share of what they get.
-    fn repeated(&self) -> Vec3 {
-        let dielectric = self.albedo.repeated(Vec3::splat(self.dielectric_f0));
-        dielectric.lerp(self.albedo.repeated(self.tint), self.metallic)
+    fn scattered_again(&self) -> Vec3 {
+        Vec3::splat(self.repeated).lerp(self.albedo.repeated(self.tint), self.metallic)
     }
 
     /// Whether it is narrow or strong enough to tell what it reflects.
