@@ -863,6 +863,23 @@ fn everything_in_a_changed_graph_keeps_its_file_and_place() {
 }
 
 #[test]
+fn files_of_the_same_text_are_told_apart() {
+    // Each changes the one in the next folder, the last one the base.
+    let mut texts = texts("");
+    let text = r#"Graph(version: 1, base: "next/change.ron", set: { "three": (value: 7.0) })"#;
+    let paths = ["change.ron", "next/change.ron", "next/next/change.ron"];
+    paths.into_iter().for_each(|path| drop(texts.files.insert(path, text.into())));
+    texts.files.insert("next/next/next/change.ron", BASE.into());
+    texts.files.insert("next/next/next/parts/part.ron", PART.into());
+    let loaded = loaded(&texts).unwrap_or_else(|problems| panic!("{problems}"));
+    let whole = loaded.whole().unwrap();
+    let [param] = &whole.node("three").unwrap().params[..] else { panic!("one parameter") };
+    // The outermost counts.
+    let place = whole.place(param.value.span);
+    assert_eq!((place.file.as_str(), place.line, place.column), ("change.ron", 1, 68));
+}
+
+#[test]
 fn garbage_in_a_change_is_refused_without_a_panic() {
     let whole = change(
         r#"params: { "p": (default: 1.0) },

@@ -686,31 +686,37 @@ fn stages_of_the_view_run_only_when_it_or_their_inputs_change() {
 
 #[test]
 fn only_the_elements_that_changed_are_uploaded() {
-    let text = r#"#![enable(implicit_some)]
-        Graph(version: 1, nodes: {
-            "few": (kind: "few"),
-            "stumble": (kind: "stumble", on: Cpu, inputs: { "list": "ramp.ramp" }, params: (at: 3)),
-            "ramp": (kind: "ramp"),
-            "look": (kind: "look", on: Gpu, inputs: { "input": "few.numbers" }),
-        }, outputs: { "image": "look.output", "other": "stumble.list" })"#;
-    let file = GraphFile::parse("few.ron", text).unwrap();
-    let mut executor = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
-    let upload = executor.plan().steps.iter().position(|step| matches!(step, Step::Upload(_))).unwrap();
-    for index in 0..5 {
-        let failed = executor.run(&frame(index), &Host::default(), true).is_err();
-        assert_eq!(failed, index == 3);
-        if failed {
-            continue;
+    // The node that fails runs before the upload, or after it.
+    for after in ["ramp.ramp", "look.output"] {
+        let text = format!(
+            r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {{
+                "few": (kind: "few"),
+                "ramp": (kind: "ramp"),
+                "stumble": (kind: "stumble", on: Cpu, inputs: {{ "list": "ramp.ramp", "after": "{after}" }},
+                    params: (at: 3)),
+                "look": (kind: "look", on: Gpu, inputs: {{ "input": "few.numbers" }}),
+            }}, outputs: {{ "image": "look.output", "other": "stumble.list" }})"#
+        );
+        let file = GraphFile::parse("few.ron", &text).unwrap();
+        let mut executor = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
+        let upload = executor.plan().steps.iter().position(|step| matches!(step, Step::Upload(_))).unwrap();
+        for index in 0..5 {
+            let failed = executor.run(&frame(index), &Host::default(), true).is_err();
+            assert_eq!(failed, index == 3);
+            if failed {
+                continue;
+            }
+            let seen = executor.snapshot("image", "").unwrap().unwrap().get::<u32>();
+            let seen: Vec<u32> = seen.iter().map(|value| value % 1000).collect();
+            // All of it at first, and after a frame that failed, when the GPU may hold anything.
+            let all = index == 0 || index == 4;
+            let pixels = u64::from(SIZE[0] * SIZE[1]);
+            assert_eq!(executor.moved()[upload], if all { 4 * pixels } else { 12 }, "frame {index}");
+            let ninth = if all { index + 1 } else { 1 };
+            let now = index + 1;
+            assert_eq!(seen[..11], [0, 0, 0, now, 0, now, now, 0, 0, ninth, 0], "frame {index}");
         }
-        let seen = executor.snapshot("image", "").unwrap().unwrap().get::<u32>();
-        let seen: Vec<u32> = seen.iter().map(|value| value % 1000).collect();
-        // All of it at first, and after a frame that failed, when the GPU may hold anything.
-        let all = index == 0 || index == 4;
-        let pixels = u64::from(SIZE[0] * SIZE[1]);
-        assert_eq!(executor.moved()[upload], if all { 4 * pixels } else { 12 }, "frame {index}");
-        let ninth = if all { index + 1 } else { 1 };
-        let now = index + 1;
-        assert_eq!(seen[..11], [0, 0, 0, now, 0, now, now, 0, 0, ninth, 0], "frame {index}");
     }
 }
 

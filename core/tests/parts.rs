@@ -489,6 +489,17 @@ fn what_multiplies_is_bounded() {
         let found = file("", &(nodes + &node("last".into(), last)), "last.to", &[]).unwrap();
         assert_eq!(found.stages(&Registry::default().with::<Digit>()).is_ok(), fits, "{last}");
     }
+    // The same of parts without nodes.
+    for (last, fits) in [(16, true), (17, false)] {
+        let node = |name: String, times: u32| {
+            let repeat = format!("repeat: (times: {times}, through: {{ \"from\": \"to\" }})");
+            format!("\"{name}\": (kind: \"graph\", {repeat}, params: (file: \"empty.ron\")),")
+        };
+        let nodes: String = (0..39).map(|index| node(format!("n{index}"), 256)).collect();
+        let found =
+            file("", &(nodes + &node("last".into(), last)), "last.to", &[("empty.ron", empty)]).unwrap();
+        assert_eq!(found.stages(&Registry::default().with::<Digit>()).is_ok(), fits, "{last}");
+    }
     for (count, fits) in [(1000, true), (1001, false)] {
         let node = |index| format!("\"n{index}\": (kind: \"graph\", params: (file: \"63.ron\")),");
         let nodes: String = (0..count).map(node).collect();

@@ -434,6 +434,33 @@ fn helper() {}
     }
 
     #[test]
+    fn declarations_above_what_takes_none_are_stray() {
+        for item in [
+            "const A = 1u;",
+            "alias T = u32;",
+            "override o: u32;",
+            "struct S { a: u32 }",
+            "var<workgroup> t: array<u32, 4>;",
+            "@group(0) var;",
+            "fn f() { let a = 1u; }",
+            "{ /// = within\n }",
+            ";",
+            ") ]",
+            "",
+        ] {
+            let text = format!("/// Words.\n/// = nothing\n{item}\n/// = 3\n@compute fn last() {{}}");
+            let outline = Outline::of(&text);
+            let within = if item.contains("within") { vec!["= within"] } else { vec![] };
+            let expected = if item.is_empty() { vec![] } else { [vec!["= nothing"], within].concat() };
+            assert_eq!(texts(&outline.stray), expected, "{item}");
+            let last = outline.items.last().expect("the function");
+            let own = if item.is_empty() { vec!["Words.", "= nothing", "= 3"] } else { vec!["= 3"] };
+            assert_eq!((last.name.value, texts(&last.doc)), ("last", own), "{item}");
+        }
+        assert_eq!(texts(&Outline::of("/// = nothing").stray), ["= nothing"]);
+    }
+
+    #[test]
     fn places_are_those_of_the_text() {
         let outline = Outline::of(TEXT);
         let all = outline.items.iter().flat_map(|item| item.doc.iter().chain([&item.name]));
