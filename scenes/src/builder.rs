@@ -9,7 +9,7 @@ use crate::mesh::bounds_of;
 use crate::motion::{Body, MAX_BODIES, Motion, Pose, Rest};
 use crate::shape::append;
 use crate::weld::weld_bodies;
-use crate::{Camera, Light, Material, Mesh, Report, Scene, Shape, Sky, Texture};
+use crate::{Camera, Light, Material, Mesh, NoteKind, Report, Scene, Shape, Sky, Texture};
 
 /// Default crease angle in degrees: faces that meet at a larger angle form a crease.
 pub const CREASE_ANGLE: f32 = 40.0;
@@ -354,6 +354,11 @@ impl SceneBuilder {
         mesh.edges = Arc::new(edges);
         let bounds = self.swept(mesh.bounds());
         let bodies: Vec<Body> = self.moving.iter().map(|moving| self.body(moving, &kept, &mesh)).collect();
+        if self.origin != DVec3::ZERO {
+            let DVec3 { x, y, z } = self.origin;
+            let what = format!("an origin at ({x}, {y}, {z}), from which camera paths count");
+            self.report.add(NoteKind::Added, what, "");
+        }
         Ok(Scene {
             name: name.to_owned(),
             origin: self.origin,

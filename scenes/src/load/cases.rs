@@ -259,7 +259,10 @@ fn coordinates_of_seven_digits_are_as_good_as_small_ones() {
     };
     let control = place.load("near.obj", obj());
     let scene = place.load("far.obj", obj_of(far, |vertex| vertex.to_string()));
+    let DVec3 { x, y, z } = scene.origin;
     let shift = (scene.origin - DVec3::new(691_234.0, 313.0, -5_334_567.0)).as_vec3();
+    let told = format!("an origin at ({x}, {y}, {z}), from which camera paths count");
+    assert!(scene.report.notes().iter().any(|note| note.what == told), "{:?}", scene.report);
     for ((at, color, _), (expected_at, expected, _)) in look(&scene).into_iter().zip(look(&control)) {
         // The digits of seven figures and six decimals.
         assert!(at.iter().zip(expected_at).all(|(at, near)| (*at + shift).distance(near) < 1e-5), "{at:?}");

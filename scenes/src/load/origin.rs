@@ -1,6 +1,6 @@
 //! The origin of a file's coordinates, so that single precision suffices for what is around it.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// The share of an object's size that may be lost to rounding.
 const TOLERANCE: f64 = 1e-5;
@@ -20,6 +20,14 @@ pub(crate) fn origin_of(low: DVec3, high: DVec3) -> DVec3 {
     // A single point has no size; whole metres do for it.
     let unit = if size > 0.0 { size.log2().floor().min(0.0).exp2() } else { 1.0 };
     (low.midpoint(high) / unit).round() * unit
+}
+
+/// Whether single precision tears what is in this box, relative to the scene's origin: rounding may cost more than a
+/// hundredth of its size.
+pub(crate) fn is_torn(low: Vec3, high: Vec3) -> bool {
+    let size = (high - low).max_element();
+    let farthest = low.abs().max(high.abs()).max_element();
+    size > 0.0 && 0.5 * f32::EPSILON * farthest > 0.01 * size
 }
 
 #[cfg(test)]
@@ -54,6 +62,16 @@ mod tests {
         for size in [1e-6, 1e-3, 0.7, 1.0, 30.0, 1e4] {
             let left = (utm - origin(utm, size)).abs().max_element();
             assert!(left <= 0.5 * size.max(1.0) && left <= 100.0 * size, "{size}: {left}");
+        }
+    }
+
+    #[test]
+    fn what_is_small_and_far_from_the_origin_is_torn() {
+        for (x, size, expected) in
+            [(1e3, 1.0, false), (1e5, 1.0, false), (1e6, 1.0, true), (1e6, 100.0, false), (1e6, 0.0, false)]
+        {
+            let low = Vec3::new(x, 0.0, 0.0);
+            assert_eq!(is_torn(low, low + size), expected, "{x}, {size}");
         }
     }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::origin::origin_of;
+use super::origin::{is_torn, origin_of};
 use super::triangulate::{Fault, Triangulator};
 use crate::limits::is_near;
 use crate::{MeshError, NoteKind, Report, Shape};
@@ -160,6 +160,11 @@ impl<'a> Assembly<'a> {
         for (new, &vertex) in used.iter().enumerate() {
             self.index[vertex as usize] = new as u32;
             shape.positions.push((at[vertex as usize] - self.origin).as_vec3());
+        }
+        let [low, high] = shape.bounds();
+        if is_torn(low, high) {
+            let what = "a part that is small and far from the others, so that single precision deforms it";
+            report.add(NoteKind::Approximated, what, name);
         }
         let new = |corner: usize| self.index[all[corner] as usize];
         shape.triangles = corners.iter().map(|corners| corners.map(new)).collect();

@@ -563,6 +563,19 @@ fn colours_of_vertices() {
 }
 
 #[test]
+fn parts_far_from_each_other_are_reported() {
+    let text = |x: &str| {
+        format!(
+            "o stray\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no house\nv {x}0 0 0\nv {x}1 0 0\nv {x}0 1 0\nf 4 5 6\n"
+        )
+    };
+    let expected = "approximated: a part that is small and far from the others, so that single precision deforms it (house)";
+    for (x, expected) in [("", vec![]), ("400", vec![]), ("4000000", vec![expected])] {
+        assert_eq!(notes(&read(&text(x), nothing).unwrap()), expected, "{x}");
+    }
+}
+
+#[test]
 fn smoothing_groups_share_normals_where_there_are_none() {
     // Two upright squares at a right angle, the second twice as wide, and a floor.
     let text = |groups: [&str; 3]| {
