@@ -18,6 +18,7 @@ pub fn show(ui: &mut Ui, session: &mut Session) {
     ui.add_space(2.0);
     problems(ui, session);
     ui.horizontal(|ui| {
+        notes(ui, session);
         state(ui, session);
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| figures(ui, session));
     });
@@ -50,6 +51,23 @@ fn problems(ui: &mut Ui, session: &mut Session) {
         session.push(Intent::Jump(jump));
     }
     ui.separator();
+}
+
+/// A button that lists what of the scene's files is not in the scene as it stands.
+fn notes(ui: &mut Ui, session: &Session) {
+    let notes = session.state.report.notes();
+    if notes.is_empty() {
+        return;
+    }
+    let title =
+        if notes.len() == 1 { "scene: 1 note".into() } else { format!("scene: {} notes", notes.len()) };
+    ui.menu_button(title, |ui| {
+        for note in notes {
+            ui.label(note.to_string());
+        }
+    })
+    .response
+    .on_hover_text("What of the scene's files is left out, approximated, repaired or added");
 }
 
 fn state(ui: &mut Ui, session: &Session) {

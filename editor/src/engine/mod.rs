@@ -21,7 +21,7 @@ use std::{
 };
 
 use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
-use epigraph_scenes::Camera;
+use epigraph_scenes::{Camera, Report};
 
 use crate::inspect::Inspection;
 use worker::{ReadShaders, edited};
@@ -166,6 +166,8 @@ pub struct State {
     pub home: Option<Camera>,
     /// Lowest and highest corner of the scene, metres.
     pub bounds: [[f32; 3]; 2],
+    /// What of the scene's files is not in the scene as it stands.
+    pub report: Arc<Report>,
     /// The graph that runs.
     pub graph: Option<Arc<GraphInfo>>,
     /// Problems of the graph given last; it then does not run, and [`State::graph`] is an earlier one.

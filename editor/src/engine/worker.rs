@@ -174,6 +174,7 @@ impl Worker {
         self.state.scene = self.options.scene.clone();
         self.state.home = Some(scene.camera);
         self.state.bounds = scene.bounds.map(Into::into);
+        self.state.report = scene.report.clone();
     }
 
     fn run(mut self, commands: &Receiver<Command>, publish: &dyn Fn(State)) {

@@ -347,3 +347,20 @@ fn graphs_and_scenes_are_opened_created_and_saved_without_a_restart() {
     opened.until("the file", |app| app.session.document.path().ends_with("other.ron"));
     assert_eq!(fs::read(mine.join("mine.ron")).unwrap(), fs::read(mine.join("other.ron")).unwrap());
 }
+
+#[test]
+fn what_a_scene_leaves_out_is_listed_in_the_status_line() {
+    let files = tempfile::tempdir().unwrap();
+    let scene = files.path().join("floor.obj");
+    fs::write(&scene, "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n").unwrap();
+    let mut opened = Opened::on_scene("epi.ron", scene.to_str().unwrap());
+    opened.until("the scene", |app| !app.session.state.report.is_empty());
+    opened.harness.run_steps(2);
+    opened.click("scene: 2 notes");
+    opened.harness.run_steps(3);
+    for words in ["added: a light in front", "none.mtl"] {
+        assert!(opened.harness.query_by_label_contains(words).is_some(), "{words}");
+    }
+    let cornell = Opened::new("epi.ron");
+    assert!(cornell.harness.query_by_label_contains("scene: ").is_none());
+}
