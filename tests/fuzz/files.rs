@@ -259,39 +259,136 @@ fn gltf_json(buffer: &str) -> String {
     .replace("BUFFER", buffer)
 }
 
+/// A file with everything else that is read; its numbers are in the same buffer.
+fn rich_gltf_json(buffer: &str) -> String {
+    r#"{
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_lights_punctual", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "EXT_meshopt_compression"],
+        "extensions": {"KHR_lights_punctual": {"lights": [
+            {"type": "spot", "range": 9, "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.5}}]}},
+        "nodes": [
+            {"mesh": 0, "skin": 0, "weights": [0.5, 0.25]},
+            {"mesh": 1, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 9}}}, "name": "copies"},
+            {"matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 3, 0, 0, 1], "children": [3]},
+            {"mesh": 1, "extensions": {"KHR_node_visibility": {"visible": true}}},
+            {"camera": 0, "translation": [0, 0, 5]}, {"camera": 1, "translation": [0, 0, 5], "extensions": {"KHR_lights_punctual": {"light": 0}}}],
+        "skins": [{"joints": [2, 3], "inverseBindMatrices": 6}],
+        "cameras": [
+            {"type": "orthographic", "name": "plan", "orthographic": {"xmag": 2, "ymag": 1, "znear": 0.1, "zfar": 9}},
+            {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.25, "zfar": 2, "aspectRatio": 1.5}}],
+        "images": [{"uri": "a.png"}, {"bufferView": 2}, {"uri": "data:image/png;base64,iVBORw0KGgo="}],
+        "samplers": [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}],
+        "textures": [{"source": 0, "sampler": 0}, {"source": 1}, {"source": 2},
+            {"extensions": {"EXT_texture_webp": {"source": 0}, "KHR_texture_basisu": {"source": 1}}}],
+        "materials": [
+            {"name": "paint", "alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": true,
+                "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0, 1], "metallicFactor": 0.5, "roughnessFactor": 0.2,
+                    "baseColorTexture": {"index": 0, "texCoord": 1, "extensions": {"KHR_texture_transform": {
+                        "offset": [0.5, 0], "rotation": 1.5, "scale": [2, 3], "texCoord": 0}}},
+                    "metallicRoughnessTexture": {"index": 3}},
+                "normalTexture": {"index": 0, "scale": 0.5}, "occlusionTexture": {"index": 1, "strength": 0.5},
+                "emissiveTexture": {"index": 0}, "emissiveFactor": [1, 1, 0],
+                "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}, "KHR_materials_ior": {"ior": 1.3}}},
+            {"name": "glass", "alphaMode": "BLEND", "extensions": {
+                "KHR_materials_transmission": {"transmissionFactor": 0.9, "transmissionTexture": {"index": 0}},
+                "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [0.5, 1, 1]},
+                "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 0]}, "KHR_materials_unlit": {}}},
+            {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 1, 1, 0.5], "glossinessFactor": 0.5,
+                "diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 0}, "specularFactor": [1, 0.5, 0.5]}}}],
+        "meshes": [
+            {"weights": [1], "primitives": [{"material": 0, "indices": 1, "targets": [{"POSITION": 7}, {"NORMAL": 0}], "attributes": {
+                "POSITION": 0, "NORMAL": 0, "TEXCOORD_0": 2, "TEXCOORD_1": 2, "COLOR_0": 3, "JOINTS_0": 4, "WEIGHTS_0": 5}}]},
+            {"name": "bits", "primitives": [
+                {"material": 1, "attributes": {"POSITION": 7}, "indices": 8}, {"mode": 5, "attributes": {"POSITION": 10}},
+                {"material": 2, "mode": 6, "attributes": {"POSITION": 0, "TEXCOORD_0": 2, "COLOR_1": 3}}, {"mode": 1, "attributes": {"POSITION": 0}}]}],
+        "animations": [{"name": "walk", "channels": [], "samplers": []}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5121, "count": 3, "type": "SCALAR"},
+            {"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC2"},
+            {"bufferView": 2, "byteOffset": 24, "componentType": 5121, "normalized": true, "count": 3, "type": "VEC4"},
+            {"bufferView": 2, "byteOffset": 36, "componentType": 5121, "count": 3, "type": "VEC4"},
+            {"bufferView": 2, "byteOffset": 48, "componentType": 5126, "count": 3, "type": "VEC4"},
+            {"bufferView": 2, "byteOffset": 96, "componentType": 5126, "count": 2, "type": "MAT4"},
+            {"componentType": 5126, "count": 3, "type": "VEC3", "sparse": {"count": 1,
+                "indices": {"bufferView": 2, "byteOffset": 224, "componentType": 5121}, "values": {"bufferView": 2, "byteOffset": 228}}},
+            {"bufferView": 3, "componentType": 5123, "count": 3, "type": "SCALAR"},
+            {"bufferView": 2, "byteOffset": 240, "componentType": 5126, "count": 2, "type": "VEC3"},
+            {"bufferView": 4, "componentType": 5122, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 3},
+            {"buffer": 0, "byteOffset": 40, "byteLength": 264},
+            {"buffer": 1, "byteLength": 6, "extensions": {"EXT_meshopt_compression": {
+                "buffer": 0, "byteOffset": 304, "byteLength": 8, "byteStride": 2, "count": 3, "mode": "INDICES"}}},
+            {"buffer": 0, "byteOffset": 40, "byteLength": 24, "byteStride": 8}],
+        "buffers": [BUFFER, {"byteLength": 6}]
+    }"#
+    .replace("BUFFER", buffer)
+}
+
 fn gltf_bytes() -> Vec<u8> {
-    let positions = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0, 0.0_f32];
-    positions.iter().flat_map(|value| value.to_le_bytes()).chain([0, 1, 2, 0]).collect()
+    let floats = |all: &[f32]| all.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let positions = floats(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0, 0.0]);
+    let coordinates = floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let (colors, joints) = ([255, 128, 0, 255].repeat(3), [0, 1, 0, 0].repeat(3));
+    let weights = floats(&[0.75, 0.25, 0.0, 0.0].repeat(3));
+    let matrix = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    let matrices = floats(&matrix.repeat(2));
+    let (changed, to, places) =
+        ([2, 0, 0, 0], floats(&[1.0, 3.0, 0.0]), floats(&[0.0, 0.0, 1.0, 5.0, 0.0, 0.0]));
+    // The indices 0, 1 and 2.
+    let compressed = [0xD1, 0, 4, 4, 0, 0, 0, 0];
+    let all: [&[u8]; 11] = [
+        &positions,
+        &[0, 1, 2, 0],
+        &coordinates,
+        &colors,
+        &joints,
+        &weights,
+        &matrices,
+        &changed,
+        &to,
+        &places,
+        &compressed,
+    ];
+    all.concat()
 }
 
 pub const GLTF: Kind = Kind {
     name: "gltf",
     file: "mesh.gltf",
-    seeds: || vec![gltf_json(r#"{"byteLength": 40, "uri": "a.bin"}"#).into_bytes()],
-    companions: || vec![("a.bin", gltf_bytes())],
+    seeds: || {
+        let bin = |length: usize| format!(r#"{{"byteLength": {length}, "uri": "a.bin"}}"#);
+        vec![gltf_json(&bin(40)).into_bytes(), rich_gltf_json(&bin(gltf_bytes().len())).into_bytes()]
+    },
+    companions: || vec![("a.bin", gltf_bytes()), ("a.png", small_picture())],
     read: see,
-    count: 800,
+    count: 1600,
 };
+
+fn glb(json: String) -> Vec<u8> {
+    let (mut json, bytes) = (json.into_bytes(), gltf_bytes());
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut file = b"glTF".to_vec();
+    let total = 12 + 8 + json.len() + 8 + bytes.len();
+    file.extend([2, total as u32, json.len() as u32].iter().flat_map(|number| number.to_le_bytes()));
+    file.extend(b"JSON");
+    file.extend(json);
+    file.extend((bytes.len() as u32).to_le_bytes());
+    file.extend(b"BIN\0");
+    file.extend(bytes);
+    file
+}
 
 pub const GLB: Kind = Kind {
     name: "glb",
     file: "mesh.glb",
     seeds: || {
-        let (mut json, bytes) = (gltf_json(r#"{"byteLength": 40}"#).into_bytes(), gltf_bytes());
-        json.resize(json.len().next_multiple_of(4), b' ');
-        let mut file = b"glTF".to_vec();
-        let total = 12 + 8 + json.len() + 8 + bytes.len();
-        file.extend([2, total as u32, json.len() as u32].iter().flat_map(|number| number.to_le_bytes()));
-        file.extend(b"JSON");
-        file.extend(json);
-        file.extend((bytes.len() as u32).to_le_bytes());
-        file.extend(b"BIN\0");
-        file.extend(bytes);
-        vec![file]
+        let rich = rich_gltf_json(&format!(r#"{{"byteLength": {}}}"#, gltf_bytes().len()));
+        vec![glb(gltf_json(r#"{"byteLength": 40}"#)), glb(rich)]
     },
-    companions: none,
+    companions: || vec![("a.png", small_picture())],
     read: see,
-    count: 1200,
+    count: 2400,
 };
 
 fn picture(path: &Path) -> bool {

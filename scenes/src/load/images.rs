@@ -3,6 +3,7 @@
 use std::io::Cursor;
 use std::sync::Arc;
 
+use bytemuck::allocation::try_cast_vec;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use rayon::prelude::*;
 
@@ -37,7 +38,9 @@ pub(super) fn decode<B: AsRef<[u8]> + Sync>(images: &[(String, B)]) -> Vec<Resul
                 DynamicImage::from_decoder(decoder).map_err(|error| format!("it cannot be decoded: {error}"))
             })?;
             let size = [image.width(), image.height()];
-            let texels = image.into_rgba8().into_raw().as_chunks().0.to_vec();
+            let bytes = image.into_rgba8().into_raw();
+            // The same memory if it can be.
+            let texels = try_cast_vec(bytes).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec());
             Ok(Arc::new(Texture { name: name.clone(), size, texels }))
         })
         .collect()

@@ -273,4 +273,6 @@ fn placed(shape: Arc<Shape>, place: &DAffine3) -> Shape {
 }
 
 #[cfg(test)]
+mod cases;
+#[cfg(test)]
 mod tests;

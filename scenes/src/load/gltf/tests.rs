@@ -517,7 +517,7 @@ fn metals_and_dielectrics() {
 
 /// A file in the making: its buffer and accessors.
 #[derive(Default)]
-struct Making {
+pub(super) struct Making {
     bytes: Vec<u8>,
     views: Vec<String>,
     accessors: Vec<String>,
@@ -525,7 +525,7 @@ struct Making {
 
 impl Making {
     /// Adds a buffer view and gives its index.
-    fn view(&mut self, bytes: &[u8], members: &str) -> usize {
+    pub(super) fn view(&mut self, bytes: &[u8], members: &str) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0xFF);
         let (offset, length) = (self.bytes.len(), bytes.len());
         self.views
@@ -535,13 +535,13 @@ impl Making {
     }
 
     /// Adds an accessor with the given members and gives its index.
-    fn accessor(&mut self, members: impl Into<String>) -> usize {
+    pub(super) fn accessor(&mut self, members: impl Into<String>) -> usize {
         self.accessors.push(members.into());
         self.accessors.len() - 1
     }
 
     /// Adds an accessor of floats.
-    fn floats(&mut self, kind: &str, count: usize, numbers: &[f32]) -> usize {
+    pub(super) fn floats(&mut self, kind: &str, count: usize, numbers: &[f32]) -> usize {
         let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
         let view = self.view(&bytes, "");
         self.accessor(format!(
@@ -550,7 +550,7 @@ impl Making {
     }
 
     /// The file with the other members of its JSON.
-    fn file(&self, rest: &str) -> Vec<u8> {
+    pub(super) fn file(&self, rest: &str) -> Vec<u8> {
         let accessors: Vec<String> = self.accessors.iter().map(|members| format!("{{{members}}}")).collect();
         let json = format!(
             r#"{{"asset": {{"version": "2.0"}}, {rest}, "accessors": [{}], "bufferViews": [{}],
