@@ -272,6 +272,8 @@ mod tests {
             ("\"a, b", vec!["\"a, b"]),
             ("r#\"a\", b", vec!["r#\"a\", b"]),
             ("a /* b", vec!["a"]),
+            // Neither a raw string nor a raw identifier.
+            ("r##ab , c", vec!["r##ab", ",", "c"]),
             ("b", vec!["b"]),
             ("", vec![]),
         ] {
