@@ -96,6 +96,10 @@ stage!(Maybe, "maybe", |io| {
     io.optional::<u32>("hint", "may be missing", Extent::Any);
     io.write::<f32>("out", "numbers", Extent::Frame(1));
 });
+stage!(Shadow, "shadow", |io| {
+    io.optional::<f32>("in", "may be missing", Extent::Any);
+    io.write::<f32>("out", "as many", Extent::Like("in".into()));
+});
 stage!(Helper, "helper", |io| {
     if io.optional::<u32>("hint", "may be missing", Extent::Any).is_some() {
         io.write::<u32>("work", scratch("only with a hint"), Extent::Frame(4));
@@ -165,6 +169,7 @@ fn registry() -> Registry {
         .with::<Guess>()
         .with::<Maybe>()
         .with::<Helper>()
+        .with::<Shadow>()
         .with::<Cloud>()
         .with::<Aging>()
         .with::<Splat>()
@@ -440,6 +445,21 @@ fn lists_of_bits_have_one_for_each_element() {
         problems.contains("96x1 (a list of one per 32 of `in`)") && problems.contains("6x1"),
         "{problems}"
     );
+}
+
+#[test]
+fn what_is_as_long_as_an_input_has_one_element_without_it() {
+    for (nodes, bytes) in [
+        (r#""shadow": (kind: "shadow")"#, 4),
+        (
+            r#""small": (kind: "small"), "shadow": (kind: "shadow", inputs: { "in": "small.out" })"#,
+            4 * 16 * 12,
+        ),
+    ] {
+        let (_, plan) = compiled(nodes, "shadow.out", &settings());
+        let out = plan.storages.iter().find(|storage| storage.name == "shadow.out").unwrap();
+        assert_eq!(out.bytes(), bytes);
+    }
 }
 
 #[test]
