@@ -259,6 +259,13 @@ impl Shape {
         shape
     }
 
+    /// This shape with texture coordinates by the positions of its corners.
+    pub fn with_uvs(mut self, uv: impl Fn(Vec3) -> Vec2) -> Self {
+        let corner = |i: u32| uv(self.positions[i as usize]);
+        self.uvs[0] = self.triangles.iter().map(|triangle| triangle.map(corner)).collect();
+        self
+    }
+
     /// This shape moved by `offset`.
     pub fn moved(&self, offset: Vec3) -> Self {
         self.transformed(Affine3A::from_translation(offset))

@@ -4,6 +4,7 @@
 mod chains;
 mod cornell;
 mod room;
+mod still_life;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -58,6 +59,11 @@ const BUILTINS: &[Builtin] = &[
         name: "room",
         doc: "a furnished room for global illumination: 101k triangles, three area lights",
         source: Source::Code(room::scene),
+    },
+    Builtin {
+        name: "still-life",
+        doc: "gold, steel and glass on a wooden table, before tiles and behind a screen of holes: textures",
+        source: Source::Code(still_life::scene),
     },
     Builtin {
         name: "dragon",
