@@ -243,18 +243,12 @@ impl Shape {
     /// fronts.
     pub fn transformed(&self, transform: Affine3A) -> Self {
         let normal_matrix: Mat3A = transform.matrix3.inverse().transpose();
-        let mirrors = transform.matrix3.determinant() < 0.0;
-        let turned = |n: Vec3| (normal_matrix * n).normalize_or_zero();
-        let mut shape = Self {
-            positions: self.positions.iter().map(|&p| transform.transform_point3(p)).collect(),
-            normals: self.normals.iter().map(|corners| corners.map(turned)).collect(),
-            ..self.clone()
-        };
-        if mirrors {
-            shape.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
-            shape.normals.iter_mut().for_each(|corners| corners.swap(1, 2));
-            shape.uvs.iter_mut().flatten().for_each(|corners| corners.swap(1, 2));
-            shape.colors.iter_mut().for_each(|corners| corners.swap(1, 2));
+        let mut shape = self.clone();
+        shape.positions.iter_mut().for_each(|at| *at = transform.transform_point3(*at));
+        let normals = shape.normals.iter_mut().flatten();
+        normals.for_each(|normal| *normal = (normal_matrix * *normal).normalize_or_zero());
+        if transform.matrix3.determinant() < 0.0 {
+            shape.turn_over();
         }
         shape
     }
@@ -264,6 +258,14 @@ impl Shape {
         let corner = |i: u32| uv(self.positions[i as usize]);
         self.uvs[0] = self.triangles.iter().map(|triangle| triangle.map(corner)).collect();
         self
+    }
+
+    /// Makes the back of each triangle its front.
+    pub(crate) fn turn_over(&mut self) {
+        self.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+        self.normals.iter_mut().for_each(|corners| corners.swap(1, 2));
+        self.uvs.iter_mut().flatten().for_each(|corners| corners.swap(1, 2));
+        self.colors.iter_mut().for_each(|corners| corners.swap(1, 2));
     }
 
     /// This shape moved by `offset`.

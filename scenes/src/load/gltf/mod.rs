@@ -17,7 +17,7 @@ mod textures;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
-use glam::{Affine3A, DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::model::Model;
@@ -258,18 +258,24 @@ fn bounds(pieces: &[Piece]) -> [DVec3; 2] {
     bounds
 }
 
-/// A shape moved by a transform in double precision.
+/// A shape moved by a transform in double precision. One that mirrors also turns the triangles, so that fronts stay
+/// fronts.
 fn placed(shape: Arc<Shape>, place: &DAffine3) -> Shape {
+    let mut shape = Arc::unwrap_or_clone(shape);
     if *place == DAffine3::IDENTITY {
-        return Arc::unwrap_or_clone(shape);
+        return shape;
     }
-    let rough =
-        Affine3A { matrix3: place.matrix3.as_mat3().into(), translation: place.translation.as_vec3a() };
-    let mut placed = shape.transformed(rough);
-    for (at, from) in placed.positions.iter_mut().zip(&shape.positions) {
-        *at = place.transform_point3(from.as_dvec3()).as_vec3();
+    for at in &mut shape.positions {
+        *at = place.transform_point3(at.as_dvec3()).as_vec3();
     }
-    placed
+    let of_normals = place.matrix3.inverse().transpose().as_mat3();
+    for normal in shape.normals.iter_mut().flatten() {
+        *normal = (of_normals * *normal).normalize_or_zero();
+    }
+    if place.matrix3.determinant() < 0.0 {
+        shape.turn_over();
+    }
+    shape
 }
 
 #[cfg(test)]
