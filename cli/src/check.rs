@@ -54,6 +54,10 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
             Err(error) => return Err(error),
         }
     }
+    let cameras: Vec<&str> = place.scene.cameras.iter().map(|(name, _)| name.as_str()).collect();
+    if !cameras.is_empty() {
+        text += &format!("cameras of {}, for --camera file:NAME: {}\n", args.scene.scene, cameras.join(", "));
+    }
     let plan = match plans.as_slice() {
         [only] if args.graphs.len() == 1 => only["plan"].clone(),
         _ => Value::Null,
@@ -70,7 +74,7 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
             "errors": errors,
             "plan": plan,
             "plans": plans,
-            "scene": { "name": args.scene.scene, "report": *place.scene.report },
+            "scene": { "name": args.scene.scene, "cameras": cameras, "report": *place.scene.report },
         }),
         &text,
     )?;

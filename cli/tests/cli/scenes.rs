@@ -101,3 +101,24 @@ fn a_sky_lights_a_scene_instead_of_the_default_light() {
     let text = place.fails(&format!("{render} m.mtl"));
     assert!(text.contains("m.mtl: it is no image: a sky is an HDR, EXR"), "{text}");
 }
+
+#[test]
+fn cameras_of_a_file_are_listed_and_chosen() {
+    let place = Place::new();
+    // A triangle of the corners (1, 0, 0), (0, 1, 0) and (0, 0, 0).
+    let file = r#"{"asset": {"version": "2.0"}, "nodes": [
+            {"mesh": 0}, {"camera": 0, "name": "front", "translation": [0, 0, 5]},
+            {"camera": 0, "name": "top view", "translation": [0, 9, 0]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": "data:;base64,AACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAAAA"}]}"#;
+    place.write("two.gltf", file);
+    let text = place.succeeds("check epi --scene two.gltf --camera still");
+    assert!(text.contains("cameras of two.gltf, for --camera file:NAME: front, top view\n"), "{text}");
+    let checked = json(&place.succeeds("check epi --scene two.gltf --json -"));
+    assert_eq!(checked["scene"]["cameras"], serde_json::json!(["front", "top view"]));
+    let text = place.fails("check epi --scene two.gltf --camera file:back");
+    assert!(text.contains("the scene's cameras are front, top view"), "{text}");
+}
