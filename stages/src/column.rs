@@ -18,3 +18,30 @@ pub const I1: &str = "I1";
 pub const I2: &str = "I2";
 /// Tracing, which is not in the papers' table.
 pub const TRACE: &str = "trace";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_stage_counts_towards_its_column() {
+        let all = [
+            (P1, "age carry dither integrate motion point_cloud replace stream_cut stream_decode"),
+            (P2, "image_id project"),
+            (P3, "predict"),
+            (P4, "depth_cull"),
+            (E1, "compact mesh shadow_edges silhouette"),
+            (E2, "edge_raster"),
+            (I1, "classify"),
+            (I2, "antialias fill interpolate reach reach_cull spread subdivide"),
+            (TRACE, "trace"),
+        ];
+        let registry = crate::registry();
+        for kind in registry.kinds() {
+            let Some(declaration) = kind.declaration() else { continue };
+            let of = all.iter().find(|(_, kinds)| kinds.split(' ').any(|name| name == kind.name()));
+            // The rest of the frame: tone mapping.
+            assert_eq!(declaration.column, of.map(|(column, _)| *column), "{}", kind.name());
+        }
+    }
+}

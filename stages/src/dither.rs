@@ -523,6 +523,14 @@ mod tests {
     }
 
     #[test]
+    fn a_request_is_worth_an_equal_share_of_the_total() {
+        for (total, wanted, expected) in [(1000, 10, 100), (1009, 10, 100), (5, 10, 1), (7, 0, 7), (0, 3, 1)]
+        {
+            assert_eq!(limit(total, wanted), expected, "{total} for {wanted}");
+        }
+    }
+
+    #[test]
     fn the_number_of_requests_is_exact() {
         for priority in images() {
             for samples in [655, 6554, 13107] {
