@@ -50,6 +50,9 @@ const REFLECTED_ALPHA: f32 = 0.1;
 /// Distance from the surface at which rays start, in units in the last place of the point's coordinates.
 const OFFSET_ULPS: f32 = 32.0;
 
+/// What weights of f32 may shift a point at most, in sizes of its triangle.
+const MOST_SHIFT: f64 = 1e-5;
+
 /// The most transparent layers that a ray passes between two scattering events.
 const MOST_PASSES: u32 = 64;
 
@@ -590,7 +593,7 @@ impl Tracer {
             Some(normals) => turned(interpolate(*normals, weights).normalize_or(facing), facing),
             None => facing,
         };
-        let position = interpolate_exactly(mesh.corners(index), weights);
+        let position = meeting_point(mesh.corners(index), weights, origin, direction);
         let (emission, bsdf) = if look.unlit {
             (look.color, Bsdf::black(shading, to_viewer))
         } else {
@@ -673,12 +676,18 @@ fn interpolate(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
     corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z
 }
 
-/// The point of a triangle's plane with these weights, to the last place of its own coordinates, however large the
-/// triangle is.
-fn interpolate_exactly(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
+/// The point where a ray meets a triangle, of these weights, to the last place of its own coordinates, however large the
+/// triangle is. Weights of f32 place it to some millionths of the triangle's size, along the triangle.
+fn meeting_point(corners: [Vec3; 3], weights: Vec3, origin: Vec3, direction: Vec3) -> Vec3 {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
+    let [first, second] = [b - a, c - a];
     let weights = weights.as_dvec3();
-    (a + (b - a) * weights.y + (c - a) * weights.z).as_vec3()
+    let near = a + first * weights.y + second * weights.z;
+    let (normal, origin, direction) = (first.cross(second), origin.as_dvec3(), direction.as_dvec3());
+    let met = origin + direction * (normal.dot(a - origin) / normal.dot(direction));
+    // A ray along the triangle's plane meets it anywhere.
+    let size = first.abs().max(second.abs()).max_element();
+    if (met - near).abs().max_element() <= MOST_SHIFT * size { met.as_vec3() } else { near.as_vec3() }
 }
 
 /// `position` moved in `direction` by more than the rounding error of coordinates that are at most `reach`.

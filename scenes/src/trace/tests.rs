@@ -1,4 +1,5 @@
 mod analytic;
+mod transparent;
 
 use std::f32::consts::PI;
 use std::sync::atomic::Ordering;
@@ -60,7 +61,6 @@ impl Stage {
 
 const UP: Vec3 = Vec3::Y;
 
-/// A large floor at y = 0 that faces up.
 fn diffuse() -> Material {
     Material::diffuse("", Vec3::ONE)
 }
@@ -73,6 +73,7 @@ fn glossy(roughness: f32, f0: f32) -> Material {
     Material::glossy("", Vec3::ONE, roughness, f0)
 }
 
+/// A large floor at y = 0 that faces up.
 fn floor(stage: &mut Stage, surface: Material, color: f32) {
     stage.quad(Vec3::new(-5.0, 0.0, -5.0), Vec3::Z * 10.0, Vec3::X * 10.0, surface, color, 0.0);
 }
