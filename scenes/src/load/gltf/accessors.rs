@@ -6,14 +6,14 @@ use gltf::json::Accessor;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
-use super::container::File;
+use super::container::Container;
 use super::meshopt::Compressed;
 use crate::limits::MAX_TRIANGLES;
 
 /// The largest element, a matrix of sixteen floats, as zeros: what an accessor without data consists of.
 const ZEROS: [u8; 64] = [0; 64];
 
-impl File<'_> {
+impl Container<'_> {
     pub fn accessor(&self, index: usize) -> Result<&Accessor, String> {
         let missing = || format!("accessor {index} does not exist: there are {}", self.root.accessors.len());
         self.root.accessors.get(index).ok_or_else(missing)

@@ -16,7 +16,7 @@ type Data<'a> = Result<Arc<Cow<'a, [u8]>>, String>;
 type Unpacked = Option<Result<Vec<u8>, String>>;
 
 /// A file with the buffers that it refers to.
-pub(super) struct File<'a> {
+pub(super) struct Container<'a> {
     pub root: Root,
     pub buffers: Vec<Data<'a>>,
     /// For each buffer view, once it is used.
@@ -25,7 +25,7 @@ pub(super) struct File<'a> {
     pub external: &'a dyn Fn(&str) -> Result<Vec<u8>, String>,
 }
 
-impl<'a> File<'a> {
+impl<'a> Container<'a> {
     /// Reads a `.gltf` or `.glb` file; `external` returns the bytes of a file next to it.
     pub fn open(
         bytes: &'a [u8],
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn what_is_not_gltf_2_is_named() {
-        let open = |bytes: &[u8]| File::open(bytes, &|_| Err(String::new())).map(|_| ()).unwrap_err();
+        let open = |bytes: &[u8]| Container::open(bytes, &|_| Err(String::new())).map(|_| ()).unwrap_err();
         let mut old = glb(&[(b"JSON", b"{}")]);
         old[4] = 1;
         for (bytes, expected) in [

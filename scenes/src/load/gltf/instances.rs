@@ -4,11 +4,11 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 use gltf::json::Value;
 use gltf::json::accessor::ComponentType;
 
-use super::container::File;
+use super::container::Container;
 
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-impl File<'_> {
+impl Container<'_> {
     /// The transforms of the instances: what one lacks is the identity.
     pub fn instances(&self, value: &Value) -> Result<Vec<DAffine3>, String> {
         let accessor = |name: &str| {

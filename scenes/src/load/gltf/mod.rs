@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use super::model::Model;
 use super::origin::origin_of;
 use crate::{NoteKind, Report, Shape};
-use container::File;
+use container::Container;
 use instances::INSTANCING;
 use json::name_of;
 use materials::Described;
@@ -35,7 +35,7 @@ pub(super) fn read(
     bytes: &[u8],
     external: impl Fn(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Model, String> {
-    let file = File::open(bytes, &external)?;
+    let file = Container::open(bytes, &external)?;
     let tree = Tree::of(&file.root)?;
     let mut reader = Reader::new(&file, &tree);
     extensions::note(&file.root, &mut reader.report);
@@ -59,7 +59,7 @@ struct Piece {
 }
 
 struct Reader<'a> {
-    file: &'a File<'a>,
+    file: &'a Container<'a>,
     tree: &'a Tree,
     materials: Vec<Described>,
     /// Triangles and vertices of all primitives so far. Many primitives may share one buffer, so these can be far more
@@ -75,7 +75,7 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn new(file: &'a File<'a>, tree: &'a Tree) -> Self {
+    fn new(file: &'a Container<'a>, tree: &'a Tree) -> Self {
         Self {
             file,
             tree,

@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-use super::container::File;
+use super::container::Container;
 use super::nodes::Tree;
 use crate::{MeshError, NoteKind, Report, Shape};
 
@@ -38,7 +38,7 @@ pub(super) struct Joints {
 
 impl Joints {
     /// The joints of the skin with this index.
-    pub fn of(file: &File, tree: &Tree, skin: usize) -> Result<Self, String> {
+    pub fn of(file: &Container, tree: &Tree, skin: usize) -> Result<Self, String> {
         let skin = file.root.skins.get(skin).ok_or_else(|| format!("skin {skin} does not exist"))?;
         let world = |joint: usize| {
             tree.worlds.get(joint).copied().ok_or_else(|| format!("joint {joint} does not exist"))
@@ -78,7 +78,7 @@ struct Vertices {
     colors: Option<Vec<Vec4>>,
 }
 
-impl File<'_> {
+impl Container<'_> {
     /// The triangles of a primitive; `None` if it has none. `size` counts the triangles and vertices of all primitives.
     pub fn primitive(
         &self,

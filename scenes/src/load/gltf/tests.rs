@@ -661,7 +661,7 @@ fn quantized_positions_and_normals_are_scaled_where_they_are_normalized() {
         r#""bufferView": {view}, "componentType": 5120, "normalized": true, "count": 1, "type": "VEC3""#
     ));
     let file = making.file(r#""nodes": []"#);
-    assert_eq!(File::open(&file, &no_files).unwrap().vectors::<3>(0), Ok(vec![[-1.0, 1.0, -1.0]]));
+    assert_eq!(Container::open(&file, &no_files).unwrap().vectors::<3>(0), Ok(vec![[-1.0, 1.0, -1.0]]));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::container::{File, decode_data, decode_percent};
+use super::container::{Container, decode_data, decode_percent};
 use super::json::Image;
 use super::materials::{Described, Glossiness};
 use crate::load::images;
@@ -16,7 +16,7 @@ use crate::{DIELECTRIC_F0, Map, Material, NoteKind, Report, Texture};
 /// Reads the images of the materials in use, and gives all materials with maps of the textures. A map of an image that
 /// cannot be read is left out.
 pub(super) fn load(
-    file: &File,
+    file: &Container,
     materials: Vec<Described>,
     used: &BTreeSet<usize>,
     report: &mut Report,
@@ -49,7 +49,7 @@ pub(super) fn load(
     (materials, textures)
 }
 
-impl File<'_> {
+impl Container<'_> {
     /// The name and the bytes of an image, or why there are none.
     fn image(&self, index: usize) -> (String, Result<Cow<'_, [u8]>, String>) {
         let unnamed = format!("image {index}");
