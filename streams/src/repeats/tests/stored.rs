@@ -273,7 +273,9 @@ fn a_gltf_file_has_the_vertices_of_the_surface() {
         .collect();
     assert_eq!(names, ["a", "\"b\"", "", "\"b\""]);
     let glowing = file.materials().nth(2).unwrap();
-    assert_eq!((glowing.emissive_factor(), glowing.emissive_strength()), ([0.25, 1.0, 0.5], Some(8.0)));
+    let strength =
+        glowing.extension_value("KHR_materials_emissive_strength").unwrap()["emissiveStrength"].as_f64();
+    assert_eq!((glowing.emissive_factor(), strength), ([0.25, 1.0, 0.5], Some(8.0)));
     let smooth = file.materials().next().unwrap().pbr_metallic_roughness();
     assert_eq!(
         (smooth.base_color_factor(), smooth.metallic_factor(), smooth.roughness_factor()),
