@@ -5,6 +5,7 @@ use glam::Vec3;
 
 use crate::SceneError;
 use crate::limits::{MAX_RADIANCE, is_radiance};
+use crate::texture::decode_srgb;
 
 /// The most texels of a sky.
 const MOST_TEXELS: u64 = 1 << 27;
@@ -111,11 +112,7 @@ impl Sky {
         }
         let image = reader.decode().map_err(|error| invalid(error.to_string()))?;
         let is_linear = matches!(format, image::ImageFormat::Hdr | image::ImageFormat::OpenExr);
-        let decode = |value: f32| match value {
-            value if is_linear => value,
-            value if value <= 0.04045 => value / 12.92,
-            value => ((value + 0.055) / 1.055).powf(2.4),
-        };
+        let decode = |value: f32| if is_linear { value } else { decode_srgb(value.into()) as f32 };
         let image = image.into_rgb32f();
         let size = [image.width(), image.height()];
         let texels = image.pixels().map(|pixel| Vec3::from(pixel.0.map(decode))).collect();

@@ -57,14 +57,14 @@ pub(crate) enum Coding {
     Linear,
 }
 
-/// The linear value of each sRGB code (IEC 61966-2-1).
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|code| {
-        let value = code as f64 / 255.0;
-        let linear = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
-        linear as f32
-    })
-});
+/// The linear value of an sRGB code between 0 and 1 (IEC 61966-2-1).
+pub(crate) fn decode_srgb(code: f64) -> f64 {
+    if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The linear value of each sRGB byte.
+static LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|byte| decode_srgb(byte as f64 / 255.0) as f32));
 
 impl Texture {
     /// The value of `map` at the mesh's texture coordinates `uv`. Texels are decoded, then interpolated.

@@ -5,6 +5,8 @@
 
 use glam::Vec4;
 
+use crate::texture::decode_srgb;
+
 /// Colours in sRGB, with opacity, as factors on a material's colour: linear. Numbers above 1 mean that all are bytes, 0 to
 /// 255, but for the opacities. What is not a number remains so.
 pub(super) fn linear(colors: &mut [Vec4]) {
@@ -12,15 +14,10 @@ pub(super) fn linear(colors: &mut [Vec4]) {
     let unit = if brightest > 1.0 { 255.0 } else { 1.0 };
     for color in colors {
         let [red, green, blue, opacity] = color.to_array();
-        let [red, green, blue] = [red, green, blue].map(|code| linear_of_code(code / unit));
+        let [red, green, blue] =
+            [red, green, blue].map(|code| decode_srgb((code / unit).clamp(0.0, 1.0).into()) as f32);
         *color = Vec4::new(red, green, blue, opacity.clamp(0.0, 1.0));
     }
-}
-
-/// IEC 61966-2-1.
-fn linear_of_code(code: f32) -> f32 {
-    let code = code.clamp(0.0, 1.0);
-    if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]
