@@ -1,5 +1,6 @@
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::mesh::interpolate;
 use crate::texture::Coding;
 use crate::{Alpha, Map, Material, Medium, Scene};
 
@@ -110,14 +111,12 @@ impl Scene {
     }
 
     fn vertex_color(&self, face: usize, weights: Vec3) -> Option<Vec4> {
-        let [a, b, c] = *self.mesh.corner_colors.get(face)?;
-        Some(a * weights.x + b * weights.y + c * weights.z)
+        self.mesh.corner_colors.get(face).map(|&colors| interpolate(colors, weights))
     }
 
     fn texel(&self, map: &Map, face: usize, weights: Vec3, coding: Coding) -> Vec4 {
-        let uv = self.mesh.corner_uvs[map.uv_set]
-            .get(face)
-            .map_or(Vec2::ZERO, |[a, b, c]| a * weights.x + b * weights.y + c * weights.z);
+        let uv =
+            self.mesh.corner_uvs[map.uv_set].get(face).map_or(Vec2::ZERO, |&uvs| interpolate(uvs, weights));
         self.textures[map.texture].at(map, uv, coding)
     }
 }

@@ -1,3 +1,4 @@
+use std::ops::{Add, Mul};
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
@@ -66,4 +67,9 @@ impl Mesh {
 /// Lowest and highest corner of the box around `points` (an inverted infinite box if there are none).
 pub(crate) fn bounds_of(points: &[Vec3]) -> [Vec3; 2] {
     points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
+}
+
+/// The mean of three corners' values with these barycentric weights.
+pub(crate) fn interpolate<T: Add<Output = T> + Mul<f32, Output = T>>([a, b, c]: [T; 3], weights: Vec3) -> T {
+    a * weights.x + b * weights.y + c * weights.z
 }

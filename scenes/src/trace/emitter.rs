@@ -6,6 +6,7 @@ use std::{collections::HashMap, sync::Arc};
 use glam::Vec3;
 
 use crate::light::cone;
+use crate::mesh::interpolate;
 use crate::{Light, Scene, Sky};
 
 /// A quad light, ready to be sampled by area.
@@ -263,7 +264,7 @@ impl Emitters {
         let s = ((choice - before) / panel.probability).clamp(0.0, 1.0);
         let (root, face) = (s.sqrt(), panel.face as usize);
         let weights = Vec3::new(1.0 - root, root * (1.0 - t), root * t);
-        let point = super::interpolate(scene.mesh.corners(face), weights);
+        let point = interpolate(scene.mesh.corners(face), weights);
         let direction = (point - from).try_normalize()?;
         let pdf = self.panel_pdf(scene, &panel, from, point, direction)?;
         let radiance = scene.look(face, weights).emission;

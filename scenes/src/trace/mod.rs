@@ -27,6 +27,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::mesh::interpolate;
 use crate::{Alpha, Look, Material, Pose, Scene};
 use bvh::{Bvhs, Intersection};
 use emitter::{Emitters, Incident};
@@ -669,11 +670,6 @@ impl Vertex {
 /// A normal on the side of `facing`.
 fn turned(normal: Vec3, facing: Vec3) -> Vec3 {
     if normal.dot(facing) < 0.0 { -normal } else { normal }
-}
-
-/// Weighted sum of three corners' values.
-fn interpolate(corners: [Vec3; 3], weights: Vec3) -> Vec3 {
-    corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z
 }
 
 /// The point where a ray meets a triangle, of these weights, to the last place of its own coordinates, however large the
