@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::rng::Rng;
-use super::surface::{schlick, smith_lambda, visible_facet};
+use super::surface::{masking, schlick, visible_facet};
 
 /// Numbers of cosines, from 0 to 1 in squares, and of roughnesses from 0 to 1.
 const COSINES: usize = 32;
@@ -104,14 +104,13 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
 fn integrate(cosine: f32, alpha: f32) -> Entry {
     let rng = Rng::new(0, 0);
     let viewer = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
-    let lambda_o = smith_lambda(cosine, alpha);
     let (mut all, mut bias) = (0.0_f64, 0.0_f64);
     for sample in 0..SAMPLES {
         let half = Vec3::from(visible_facet(viewer, alpha, rng.stratified(0, sample, SAMPLES)));
         let facing = half.dot(Vec3::from(viewer));
         let cos_i = 2.0 * facing * half.z - cosine;
         if cos_i > 0.0 {
-            let weight = (1.0 + lambda_o) / (1.0 + lambda_o + smith_lambda(cos_i, alpha));
+            let weight = masking(cosine, cos_i, alpha);
             all += f64::from(weight);
             bias += f64::from(weight * schlick(facing));
         }

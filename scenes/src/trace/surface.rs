@@ -254,10 +254,9 @@ impl Bsdf {
 
     /// What masking leaves of a reflected direction's weight, and its density.
     fn reflected(&self, lobe: &Microfacets, half: Vec3, cos_o: f32, cos_i: f32) -> (f32, f32) {
-        let alpha = lobe.alpha;
-        let (lambda_o, lambda_i) = (smith_lambda(cos_o, alpha), smith_lambda(cos_i, alpha));
-        let pdf = ggx(self.normal, half, alpha) / (4.0 * cos_o * (1.0 + lambda_o));
-        ((1.0 + lambda_o) / (1.0 + lambda_o + lambda_i), pdf)
+        let seen = 1.0 + smith_lambda(cos_o, lobe.alpha);
+        let pdf = ggx(self.normal, half, lobe.alpha) / (4.0 * cos_o * seen);
+        (masking(cos_o, cos_i, lobe.alpha), pdf)
     }
 
     fn transmitted(
@@ -283,11 +282,10 @@ impl Bsdf {
         if o <= 0.0 || i >= 0.0 {
             return LobeValue::ZERO;
         }
-        let alpha = lobe.alpha;
-        let (lambda_o, lambda_i) = (smith_lambda(cos_o, alpha), smith_lambda(cos_i, alpha));
+        let seen = 1.0 + smith_lambda(cos_o, lobe.alpha);
         let stretch = i + o / glass.eta;
-        let pdf = ggx(self.normal, half, alpha) * o * -i / (cos_o * (1.0 + lambda_o) * stretch * stretch);
-        let value = through(lobe.fresnel(o)) * (pdf * (1.0 + lambda_o) / (1.0 + lambda_o + lambda_i));
+        let pdf = ggx(self.normal, half, lobe.alpha) * o * -i / (cos_o * seen * stretch * stretch);
+        let value = through(lobe.fresnel(o)) * (masking(cos_o, cos_i, lobe.alpha) * pdf);
         if pdf.is_finite() { LobeValue { value, pdf } } else { LobeValue::ZERO }
     }
 
@@ -327,9 +325,7 @@ impl Bsdf {
         let (masking, pdf) = match (lobe, self.glass) {
             (Lobe::Transmit, Some(glass)) if !glass.is_thin => {
                 let LobeValue { pdf, .. } = self.transmitted(&facets, &glass, direction, cos_o, cos_i);
-                let (lambda_o, lambda_i) =
-                    (smith_lambda(cos_o, facets.alpha), smith_lambda(cos_i, facets.alpha));
-                ((1.0 + lambda_o) / (1.0 + lambda_o + lambda_i), pdf)
+                (masking(cos_o, cos_i, facets.alpha), pdf)
             }
             _ => self.reflected(&facets, half, cos_o, cos_i.abs()),
         };
@@ -457,8 +453,14 @@ fn ggx(normal: Vec3, half: Vec3, alpha: f32) -> f32 {
     a2 * FRAC_1_PI / (root * root)
 }
 
+/// The share of the light from the visible microfacets that others do not mask on its way out.
+pub(super) fn masking(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
+    let seen = 1.0 + smith_lambda(cos_o, alpha);
+    seen / (seen + smith_lambda(cos_i, alpha))
+}
+
 /// Smith's auxiliary function of GGX (Heitz, "Understanding the Masking-Shadowing Function", 2014).
-pub(super) fn smith_lambda(cosine: f32, alpha: f32) -> f32 {
+fn smith_lambda(cosine: f32, alpha: f32) -> f32 {
     let c2 = cosine * cosine;
     0.5 * ((1.0 + alpha * alpha * (1.0 - c2).max(0.0) / c2).sqrt() - 1.0)
 }
