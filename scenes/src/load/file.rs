@@ -388,16 +388,9 @@ impl SceneFile {
         let unusable = |source| SceneError::Mesh { name: name.to_owned(), source };
         let unplaced = |index: usize| move |error: MeshError| invalid(format!("object {index}: {error}"));
         let mut builder = SceneBuilder::new();
-        let own_sky = self.sky.as_ref().map(|name| {
-            let candidates = folders.iter().map(|folder| folder.join(name));
-            Sky::load(
-                &candidates.clone().find(|path| path.exists()).unwrap_or_else(|| path.with_file_name(name)),
-            )
-        });
-        match (sky, own_sky) {
-            (Some(sky), _) => builder.sky(sky),
-            (None, Some(sky)) => builder.sky(Arc::new(sky?)),
-            (None, None) => {}
+        let own_sky = |name: &String| Sky::load(&find(name, path, folders, fetch)?).map(Arc::new);
+        if let Some(sky) = sky.map(Ok).or_else(|| self.sky.as_ref().map(own_sky)) {
+            builder.sky(sky?);
         }
         let mut materials = BTreeMap::new();
         for (material_name, spec) in &self.materials {
@@ -626,6 +619,22 @@ impl ObjectSpec {
     }
 }
 
+/// The file `name` of the scene file `path`, in the first of `folders` that has it; `fetch` is as in
+/// [`SceneFile::into_scene`].
+fn find(name: &str, path: &Path, folders: &[PathBuf], fetch: Option<&str>) -> Result<PathBuf, SceneError> {
+    let candidates = folders.iter().map(|folder| folder.join(name));
+    candidates.clone().find(|candidate| candidate.exists()).ok_or_else(|| {
+        let looked = candidates.map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
+        let message = match fetch {
+            Some(scene) => {
+                format!("`{name}` is not here yet: run `scenes/fetch {scene}` (looked for {looked})")
+            }
+            None => format!("`{name}` does not exist (looked for {looked})"),
+        };
+        SceneError::Invalid { path: path.to_owned(), message }
+    })
+}
+
 impl ShapeSpec {
     fn check(&self) -> Result<(), String> {
         let length = |length: f32| length > 0.0 && length <= MAX_COORDINATE;
@@ -657,19 +666,7 @@ impl ShapeSpec {
     fn load(&self, path: &Path, folders: &[PathBuf], fetch: Option<&str>) -> Result<Model, SceneError> {
         let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
         Ok(match self {
-            Self::File(name) => {
-                let candidates = folders.iter().map(|folder| folder.join(name));
-                let Some(found) = candidates.clone().find(|p| p.exists()) else {
-                    let looked = candidates.map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
-                    return Err(invalid(match fetch {
-                        Some(scene) => format!(
-                            "`{name}` is not here yet: run `scenes/fetch {scene}` (looked for {looked})"
-                        ),
-                        None => format!("`{name}` does not exist (looked for {looked})"),
-                    }));
-                };
-                super::read_mesh_file(&found)?
-            }
+            Self::File(name) => super::read_mesh_file(&find(name, path, folders, fetch)?)?,
             Self::Builtin(name) => match crate::builtin::by_code(name) {
                 Some(scene) => Model::from_scene(&scene?),
                 None => return Err(invalid(format!("`{name}` is not a scene made by code"))),

@@ -433,3 +433,62 @@ fn a_mesh_that_was_not_fetched_names_the_command() {
         .unwrap_err();
     assert!(error.to_string().contains("run `scenes/fetch dragon`"), "{error}");
 }
+
+/// A file of the tetrahedron with these members.
+fn tetrahedron_with(folder: &Folder, members: &str) -> String {
+    folder.file("a.obj", TETRAHEDRON);
+    folder.file("s.ron", format!(r#"Scene(version: 1, objects: [(shape: File("a.obj"))], {members})"#))
+}
+
+#[test]
+fn a_scene_file_has_spots() {
+    let folder = Folder::new("spots");
+    let spot = |members: &str| {
+        tetrahedron_with(
+            &folder,
+            &format!(
+                "lights: [Spot(position: (1, 4, 2), target: (1, 0, 2), intensity: (3, 2, 1), {members})]"
+            ),
+        )
+    };
+    let cone = |members: &str| match Scene::load(&spot(members)).unwrap().lights[..] {
+        [Light::Spot { position, axis, intensity, cosines }] => {
+            assert_eq!((position, axis), (Vec3::new(1.0, 4.0, 2.0), Vec3::NEG_Y));
+            assert_eq!(intensity, Vec3::new(3.0, 2.0, 1.0));
+            cosines
+        }
+        ref others => panic!("{others:?}"),
+    };
+    let near = |found: [f32; 2], expected: [f32; 2]| {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+    };
+    near(cone(""), [1.0, 0.5_f32.sqrt()]);
+    near(cone("inner: 30, outer: 60"), [0.75_f32.sqrt(), 0.5]);
+    for wrong in ["inner: 50", "inner: -1", "outer: 181", "outer: NaN"] {
+        assert!(error(&spot(wrong)).contains("light 0: all numbers must be finite"), "{wrong}");
+    }
+    let aimless = tetrahedron_with(
+        &folder,
+        "lights: [Spot(position: (1, 4, 2), target: (1, 4, 2), intensity: (1, 1, 1))]",
+    );
+    assert!(error(&aimless).contains("a spot a target"));
+}
+
+#[test]
+fn a_scene_file_has_a_sky_unless_another_is_given() {
+    let folder = Folder::new("sky");
+    let mut png = std::io::Cursor::new(Vec::new());
+    let image = image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([if x == 0 { 188 } else { 255 }; 3]));
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    folder.file("sky.png", png.into_inner());
+    let path = tetrahedron_with(&folder, r#"sky: Some("sky.png")"#);
+    let scene = Scene::load(&path).unwrap();
+    // 188 is the code of about half the light. The sky lights the scene, so that nothing is added.
+    let left = scene.beyond(Vec3::NEG_X).x;
+    assert!((left - 0.502_886).abs() < 1e-5 && scene.beyond(Vec3::X).x == 1.0, "{left}");
+    assert!(scene.lights.is_empty() && scene.report.is_empty(), "{:?}", scene.report);
+    let given = Arc::new(Sky::new("", [1, 1], vec![Vec3::splat(7.0)]).unwrap());
+    assert_eq!(Scene::load_under(&path, Some(given)).unwrap().beyond(Vec3::X).x, 7.0);
+    let missing = error(&tetrahedron_with(&folder, r#"sky: Some("none.hdr")"#));
+    assert!(missing.contains("`none.hdr` does not exist (looked for "), "{missing}");
+}
