@@ -85,7 +85,8 @@ impl Desk {
     fn open(program: PathBuf, graph: &'static str, folder: tempfile::TempDir) -> Self {
         let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1280x720x24", "-nolisten", "tcp"])
+            // Without -noreset, the server starts anew when its last client leaves, a killed editor, and refuses new ones.
+            .args(["-displayfd", "1", "-noreset", "-screen", "0", "1280x720x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn();
