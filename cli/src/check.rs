@@ -26,7 +26,8 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
         }
     }
     let place = open::place_of(&args.scene)?;
-    let settings = settings(args, place.facts())?;
+    let facts = place.facts();
+    let settings = settings(args, facts.clone())?;
 
     let mut text = String::new();
     let mut errors: Vec<Problem> = Vec::new();
@@ -74,7 +75,9 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> Result<ExitCode, CliError
             "errors": errors,
             "plan": plan,
             "plans": plans,
-            "scene": { "name": args.scene.scene, "cameras": cameras, "report": *place.scene.report },
+            "scene": {
+                "name": args.scene.scene, "cameras": cameras, "report": *place.scene.report, "facts": facts,
+            },
         }),
         &text,
     )?;

@@ -40,8 +40,8 @@ pub struct Fact {
     pub name: &'static str,
 }
 
-/// What an application states.
-#[derive(Clone, Debug, PartialEq)]
+/// What an application states. As JSON, `counts` and `facts` by name.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Facts {
     counts: BTreeMap<&'static str, u32>,
     facts: BTreeMap<&'static str, bool>,

@@ -17,6 +17,12 @@ pub struct SceneFacts {
     pub border_edges: usize,
     /// Number of triangles.
     pub faces: usize,
+    /// Number of triangles that emit light, those of quad lights too.
+    pub emitters: usize,
+    /// Number of textures.
+    pub textures: usize,
+    /// True if rays may pass through surfaces: holes, blending, glass.
+    pub transparent: bool,
     /// Number of bodies that move.
     pub bodies: usize,
     /// True if a light moves.
@@ -28,15 +34,21 @@ impl SceneFacts {
     pub fn of(scene: &Scene) -> Self {
         let edges = |kind| scene.mesh.edges.iter().filter(|edge| edge.kind == kind).count();
         let point_lights = scene.lights.iter().filter(|light| !matches!(light, Light::Quad { .. })).count();
-        let passive = |&material: &u32| !scene.materials[material as usize].emits();
+        let emits = |&&material: &&u32| scene.materials[material as usize].emits();
+        let emitters = scene.mesh.material.iter().filter(emits).count();
+        let faces = scene.mesh.triangles.len();
+        let is_transparent = |&material: &u32| scene.materials[material as usize].is_transparent();
         Self {
-            shadow_casters: !scene.lights.is_empty() && scene.mesh.material.iter().any(passive),
+            shadow_casters: !scene.lights.is_empty() && emitters < faces,
             point_lights,
             quad_lights: scene.lights.len() - point_lights,
             regular_edges: edges(EdgeKind::Regular),
             crease_edges: edges(EdgeKind::Crease),
             border_edges: edges(EdgeKind::Border),
-            faces: scene.mesh.triangles.len(),
+            faces,
+            emitters,
+            textures: scene.textures.len(),
+            transparent: scene.mesh.material.iter().any(is_transparent),
             bodies: scene.bodies.iter().filter(|body| body.motion.moves()).count(),
             lights_move: scene.bodies.iter().any(|body| !body.lights.is_empty() && body.motion.moves()),
         }
@@ -86,6 +98,18 @@ mod tests {
             assert_eq!((facts.crease_edges, facts.faces), (12, 12 + 2 * quads));
             assert_eq!((facts.regular_edges, facts.border_edges), (6 + quads, 4 * quads));
         }
+    }
+
+    #[test]
+    fn facts_of_materials() {
+        let of = |name: &str| {
+            let facts = SceneFacts::of(&Scene::load(name).unwrap());
+            (facts.emitters, facts.textures, facts.transparent)
+        };
+        assert_eq!(of("cornell"), (2, 0, false));
+        assert_eq!(of("chains"), (0, 0, false));
+        // A quad light and a bulb of 32 x 16 facets, of which those at the poles are triangles.
+        assert_eq!(of("still-life"), (2 + 2 * 32 * 15, 4, true));
     }
 
     #[test]

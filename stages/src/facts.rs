@@ -11,6 +11,10 @@ pub const VERTICES: Quantity = Quantity { name: "vertices", one: "vertex" };
 pub const EDGES: Quantity = Quantity { name: "edges", one: "edge" };
 /// Triangles of the mesh.
 pub const FACES: Quantity = Quantity { name: "faces", one: "face" };
+/// Triangles that emit light.
+pub const EMITTERS: Quantity = Quantity { name: "emitters", one: "emissive triangle" };
+/// Textures of the materials.
+pub const TEXTURES: Quantity = Quantity { name: "textures", one: "texture" };
 /// Bodies that move.
 pub const BODIES: Quantity = Quantity { name: "bodies", one: "moving body" };
 /// Nodes of the point set, at all their places.
@@ -23,6 +27,8 @@ pub const STREAM_WORDS: Quantity = Quantity { name: "stream_words", one: "word o
 pub const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
 /// Some light casts shadows.
 pub const SHADOW_CASTERS: Fact = Fact { name: "shadow_casters" };
+/// Rays may pass through surfaces: holes, blending, glass.
+pub const TRANSPARENT: Fact = Fact { name: "transparent" };
 
 /// The facts of a scene; `path_moves` is [`CameraPath::moves`](epigraph_scenes::CameraPath::moves).
 pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
@@ -35,12 +41,32 @@ pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
         (VERTICES, scene.mesh.positions.len()),
         (EDGES, facts.regular_edges + facts.crease_edges + facts.border_edges),
         (FACES, facts.faces),
+        (EMITTERS, facts.emitters),
+        (TEXTURES, facts.textures),
         (BODIES, facts.bodies),
         (STREAM_NODES, placed(|_| 1)),
         (STREAM_POOLS, placed(pool_count)),
         (STREAM_WORDS, words),
     ];
-    let stated =
-        Facts::none().stating(CAMERA_MOVES, path_moves).stating(SHADOW_CASTERS, facts.shadow_casters);
+    let stated = Facts::none()
+        .stating(CAMERA_MOVES, path_moves)
+        .stating(SHADOW_CASTERS, facts.shadow_casters)
+        .stating(TRANSPARENT, facts.transparent);
     counts.into_iter().fold(stated, |stated, (quantity, count)| stated.with(quantity, count as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_graph_knows_of_textures_emitters_and_transparency() {
+        for (name, emitters, textures, transparent) in
+            [("cornell", 2, 0, false), ("chains", 0, 0, false), ("still-life", 962, 4, true)]
+        {
+            let facts = of(&Scene::load(name).unwrap(), false);
+            assert_eq!((facts.count(EMITTERS), facts.count(TEXTURES)), (Some(emitters), Some(textures)));
+            assert_eq!(facts.holds(TRANSPARENT), Some(transparent), "{name}");
+        }
+    }
 }

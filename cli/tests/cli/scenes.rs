@@ -40,6 +40,10 @@ fn what_is_left_out_of_a_file_is_told_once_and_written_to_json() {
         (&checked["scene"]["name"], &checked["scene"]["report"]),
         (&"floor.obj".into(), &report["scene_report"])
     );
+    let facts = &checked["scene"]["facts"];
+    // The floor and the light, of two triangles each.
+    assert_eq!((&facts["counts"]["faces"], &facts["counts"]["emitters"]), (&4.into(), &2.into()));
+    assert_eq!((&facts["counts"]["textures"], &facts["facts"]["transparent"]), (&0.into(), &false.into()));
 }
 
 #[test]
