@@ -6,7 +6,7 @@ use crate::texture::Wrap;
 pub const DIELECTRIC_F0: f32 = 0.04;
 
 /// How a material's opacity shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
 pub enum Alpha {
     /// Not at all.
     #[default]

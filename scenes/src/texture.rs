@@ -5,7 +5,7 @@ use glam::{Vec2, Vec4};
 use crate::Map;
 
 /// What lies beyond a texture's edge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 pub enum Wrap {
     /// The texture again.
     #[default]
@@ -67,6 +67,11 @@ static LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|byte| decode_srgb(byte as f64 / 255.0) as f32));
 
 impl Texture {
+    /// Whether every texel is opaque.
+    pub(crate) fn is_opaque(&self) -> bool {
+        self.texels.iter().all(|texel| texel[3] == u8::MAX)
+    }
+
     /// The value of `map` at the mesh's texture coordinates `uv`. Texels are decoded, then interpolated.
     pub(crate) fn at(&self, map: &Map, uv: Vec2, coding: Coding) -> Vec4 {
         let [width, height] = self.size.map(i64::from);

@@ -129,10 +129,33 @@ Scene(
 )"#
             .to_vec(),
             br#"Scene(version: 1, objects: [(shape: Builtin("cornell"))])"#.to_vec(),
+            br#"Scene(
+    version: 1,
+    materials: {
+        "tin": (metallic: 0.9, roughness: 0.2, maps: (
+            color: (file: "a.png", uv_set: 0, rotate: 30), normal: (file: "a.png", slope: 2))),
+        "jar": (color: (1, 1, 1), ior: 1.3, f0: 0.1, transmission: 0.9, medium: (absorption: (1, 2, 3)),
+            double_sided: true),
+        "net": (alpha: Mask(0.5), maps: (
+            color: (file: "a.png"),
+            opacity: (file: "a.png", channel: Red, scale: (2, -3), translate: (0.1, 9), wrap: (Clamp, Mirror),
+                nearest: true),
+            emission: (file: "none.png"), roughness: (file: "a.png"))),
+        "sign": (color: (1, 0, 0), unlit: true, opacity: 0.5, alpha: Blend),
+    },
+    objects: [
+        (shape: File("a.obj"), material: "tin"),
+        (shape: Box(low: (0, 0, 0), high: (1, 1, 1)), material: "tin"),
+        (shape: Sphere(center: (0, 1, 0), radius: 0.5), material: "net"),
+        (shape: Cylinder(base: (0, 0, 0), radius: 0.5, height: 2), material: "jar"),
+        (shape: Quad(corner: (0, 3, 0), u: (1, 0, 0), v: (0, 0, 1)), material: "sign"),
+    ],
+)"#
+            .to_vec(),
         ]);
         seeds
     },
-    companions: || vec![("a.obj", TETRAHEDRON.to_vec())],
+    companions: || vec![("a.obj", TETRAHEDRON.to_vec()), ("a.png", small_picture())],
     read: see,
     count: 400,
 };

@@ -6,6 +6,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use epigraph_scenes::SceneFile;
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
 }
@@ -124,4 +126,14 @@ fn the_readme_shows_the_program_of_the_librarys_front_page() {
     let program = readme.split("```rust\n").find(|block| block.starts_with("let mut run = Run::open"));
     let program = program.and_then(|block| block.split("```").next()).expect("the README shows a program");
     assert!(front.contains(program), "the library's front page has another program");
+}
+
+#[test]
+fn the_scene_file_of_the_documents_is_one() {
+    let text = fs::read_to_string(root().join("docs/scenes.md")).unwrap();
+    let block = text.split("```ron\n").nth(1).and_then(|block| block.split("```").next());
+    let file = SceneFile::parse(block.expect("docs/scenes.md shows a scene file")).unwrap();
+    let used = file.objects.iter().filter_map(|object| object.material.as_ref());
+    assert!(used.clone().all(|name| file.materials.contains_key(name)), "{used:?}");
+    assert_eq!((file.materials.len(), file.objects.len(), used.count()), (6, 7, 6));
 }

@@ -4,15 +4,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use epigraph_files::{self as files, MOST_DATA};
 use glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec3, Vec3A};
 use serde::Deserialize;
 
 use super::default_light::add_default_light;
+use super::materials::{self, MaterialSpec};
 use super::model::{self, Model};
 use super::origin::origin_of;
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
 use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, is_near, is_radiance, is_time};
-use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Sky};
+use crate::{Camera, Light, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Sky};
 
 /// The contents of a scene's `.ron` file. Lengths are in metres, angles in degrees, colours in linear Rec. 709.
 ///
@@ -28,8 +30,8 @@ use crate::{Camera, Light, Material, MeshError, Motion, MotionKey, Scene, SceneE
 ///         "to and fro": (keys: [(time: 0), (time: 2, translate: (1, 0, 0)), (time: 4)], looped: true),
 ///     },
 ///     materials: {
-///         "clay": (color: (0.7, 0.4, 0.3)),
-///         "metal": (color: (0.2, 0.2, 0.2), surface: Glossy(roughness: 0.3, f0: 0.4)),
+///         "clay": (color: (0.7, 0.4, 0.3), maps: (normal: (file: "clay.png"))),
+///         "metal": (color: (0.2, 0.2, 0.2), metallic: 1, roughness: 0.3),
 ///     },
 ///     objects: [
 ///         (shape: Quad(corner: (-2, 0, 2), u: (4, 0, 0), v: (0, 0, -4)), material: "clay"),
@@ -116,43 +118,6 @@ pub struct MotionKeySpec {
     /// Rotation about the pivot: about z, then x, then y, degrees. Default: none.
     #[serde(default)]
     pub rotate: Vec3,
-}
-
-/// A material of a scene file.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-pub struct MaterialSpec {
-    /// Reflectance, each channel in [0, 1].
-    pub color: Vec3,
-    /// Its scattering. Default: diffuse.
-    #[serde(default)]
-    pub surface: SurfaceSpec,
-    /// Emitted radiance. Default: none. Emissive panels become lights.
-    #[serde(default)]
-    pub emission: Vec3,
-}
-
-/// The scattering of a material in a scene file; see [`Material`].
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-pub enum SurfaceSpec {
-    /// Lambertian.
-    #[default]
-    Diffuse,
-    /// A GGX lobe over a Lambertian base.
-    Glossy {
-        /// Perceptual roughness in (0, 1].
-        roughness: f32,
-        /// Reflectance at normal incidence, in [0, 1]. Default 0.04.
-        #[serde(default = "dielectric_f0")]
-        f0: f32,
-    },
-    /// Perfect reflection.
-    Mirror,
-}
-
-fn dielectric_f0() -> f32 {
-    0.04
 }
 
 /// An object of a scene file: a shape, scaled, then rotated, then moved.
@@ -330,18 +295,7 @@ impl SceneFile {
             return Err(format!("background: each channel must be a number of at most {MAX_RADIANCE:e}"));
         }
         for (name, material) in &self.materials {
-            let unit = |value: f32| (0.0..=1.0).contains(&value);
-            let glossy_is_sane = match material.surface {
-                SurfaceSpec::Glossy { roughness, f0 } => roughness > 0.0 && unit(roughness) && unit(f0),
-                _ => true,
-            };
-            let emits = is_radiance(material.emission) && material.emission.min_element() >= 0.0;
-            if !material.color.to_array().into_iter().all(unit) || !glossy_is_sane || !emits {
-                return Err(format!(
-                    "material `{name}`: color, roughness and f0 must be between 0 and 1, roughness not 0, and emission \
-                     between 0 and {MAX_RADIANCE:e}"
-                ));
-            }
+            material.check().map_err(|message| format!("material `{name}`: {message}"))?;
         }
         for (name, motion) in &self.motions {
             motion.check().map_err(|message| format!("motion `{name}`: {message}"))?;
@@ -392,9 +346,12 @@ impl SceneFile {
         if let Some(sky) = sky.map(Ok).or_else(|| self.sky.as_ref().map(own_sky)) {
             builder.sky(sky?);
         }
+        let image = |name: &str| files::bytes(&find(name, path, folders, fetch).ok()?, MOST_DATA).ok();
+        let images = materials::images(self.materials.values(), image, &mut builder.report);
         let mut materials = BTreeMap::new();
-        for (material_name, spec) in &self.materials {
-            materials.insert(material_name.as_str(), builder.material(spec.to_material(material_name)));
+        for (name, spec) in &self.materials {
+            let material = spec.to_material(name, &images, &mut builder);
+            materials.insert(name.as_str(), builder.material(material));
         }
         let motion_of = |what: &str, index: usize, name: &Option<String>| match name {
             None => Ok(None),
@@ -415,6 +372,9 @@ impl SceneFile {
             };
             let mut model = object.shape.load(path, folders, fetch)?;
             builder.report.extend(&model.report);
+            if let Some(spec) = object.material.as_ref().map(|name| &self.materials[name]) {
+                spec.maps.place(&object.shape, &mut model, &format!("object {index}"), &mut builder.report);
+            }
             if object.smooth > 0.0 && model.parts.iter().all(|(shape, _)| !shape.normals.is_empty()) {
                 let text = "`smooth` is for shapes without normals, but this one has them; drop it";
                 return Err(invalid(format!("object {index}: {text}")));
@@ -556,17 +516,6 @@ impl MotionSpec {
 fn rotation(degrees: Vec3) -> Quat {
     let [x, y, z] = degrees.to_array().map(f32::to_radians);
     Quat::from_euler(EulerRot::YXZ, y, x, z)
-}
-
-impl MaterialSpec {
-    fn to_material(self, name: &str) -> Material {
-        let material = match self.surface {
-            SurfaceSpec::Diffuse => Material::diffuse(name, self.color),
-            SurfaceSpec::Glossy { roughness, f0 } => Material::glossy(name, self.color, roughness, f0),
-            SurfaceSpec::Mirror => Material::mirror(name, self.color),
-        };
-        Material { emission: self.emission, ..material }
-    }
 }
 
 impl ObjectSpec {

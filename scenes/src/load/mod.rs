@@ -7,12 +7,14 @@ mod file;
 mod gltf;
 mod images;
 mod kind;
+mod materials;
 mod model;
 mod obj;
 mod origin;
 mod ply;
 mod polygons;
 mod triangulate;
+mod uvs;
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -28,9 +30,9 @@ use crate::{Scene, SceneError, Sky};
 
 use beside::Beside;
 pub use file::{
-    CameraSpec, LightSpec, MaterialSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile,
-    ShapeSpec, SurfaceSpec,
+    CameraSpec, LightSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile, ShapeSpec,
 };
+pub use materials::{ChannelSpec, MapSpec, MapSpecs, MaterialSpec, MediumSpec, SurfaceSpec};
 use model::Model;
 pub(crate) use model::framing_camera;
 

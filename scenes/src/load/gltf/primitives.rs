@@ -8,6 +8,7 @@ use gltf::json::validation::Checked;
 
 use super::container::Container;
 use super::nodes::Tree;
+use crate::load::uvs::WITHOUT_UVS;
 use crate::{MeshError, NoteKind, Report, Shape};
 
 /// An extension without which its primitives have no vertices.
@@ -128,11 +129,7 @@ impl Container<'_> {
 
         let has = |semantic| primitive.attributes.contains_key(&Checked::Valid(semantic));
         if uv_sets.iter().any(|&set| !has(Semantic::TexCoords(set))) {
-            report.add(
-                NoteKind::Approximated,
-                "a texture where its mesh has no coordinates, by one texel",
-                name,
-            );
+            report.add(NoteKind::Approximated, WITHOUT_UVS, name);
         }
         if has(Semantic::Colors(1)) {
             report.add(NoteKind::LeftOut, "a second set of vertex colours", name);

@@ -107,10 +107,9 @@ impl Picture {
 
     /// The map of one number, which is in the picture's channel of opacity if that is what it is for and it has one.
     pub fn map_of_number(&self, texture: usize, is_opacity: bool, textures: &[Arc<Texture>]) -> Map {
-        let is_cut_out = |texture: &Texture| texture.texels.iter().any(|texel| texel[3] < u8::MAX);
         let channel = match self.channel {
             Some(Channel::Of(channel)) => channel,
-            None if is_opacity && is_cut_out(&textures[texture]) => 3,
+            None if is_opacity && !textures[texture].is_opaque() => 3,
             _ => 0,
         };
         self.map(texture).of_channel(channel)
