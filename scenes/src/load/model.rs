@@ -13,6 +13,9 @@ use crate::{Camera, Light, Material, Report, Scene, Shape, Sky, Texture};
 /// of its own would cost more than it gains, so it is sampled as a whole, and its shadows have no edges.
 const MOST_PANELS: usize = 16;
 
+/// Of more parallelograms than that in a model, only those with this share of the power of all are lights of their own.
+const LEAST_SHARE: f32 = 1.0 / 32.0;
+
 /// Half the diagonal of the smallest box that fills an image, metres; a smaller one counts as a point.
 const SMALLEST: f32 = 1e-9;
 
@@ -115,6 +118,7 @@ impl Model {
         // Only used materials become part of the scene.
         let mut index: Vec<Option<u32>> = vec![None; self.materials.len()];
         let mut plain = None;
+        let mut panels = Vec::new();
         for (shape, material) in &self.parts {
             let placed = shape.transformed(transform);
             let own = match (replace, *material) {
@@ -126,17 +130,13 @@ impl Model {
             let material = builder.material_at(own);
             let (radiance, both_sides) = (material.emission, material.double_sided);
             if material.emits() && material.maps.emission.is_none() {
-                let panels = parallelograms(&placed);
-                if panels.len() <= MOST_PANELS {
-                    for [corner, u, v] in panels {
-                        builder.register_quad_light(corner, u, v, radiance);
-                        if both_sides {
-                            builder.register_quad_light(corner, v, u, radiance);
-                        }
-                    }
+                let shape = parallelograms(&placed);
+                if shape.len() <= MOST_PANELS {
+                    panels.extend(shape.into_iter().map(|sides| Panel { sides, radiance, both_sides }));
                 }
             }
         }
+        register(panels, builder);
         for light in &self.lights {
             match *light {
                 Light::Point { position, intensity } => {
@@ -188,6 +188,36 @@ impl Model {
 /// The material of a surface without one.
 fn plain_material() -> Material {
     Material::diffuse("plain", Vec3::splat(0.7))
+}
+
+/// An emissive parallelogram.
+struct Panel {
+    /// A corner, and the sides `u` and `v` from there; its front is towards `u x v`.
+    sides: [Vec3; 3],
+    radiance: Vec3,
+    both_sides: bool,
+}
+
+impl Panel {
+    /// In proportion to the power that it emits.
+    fn power(&self) -> f32 {
+        let [_, u, v] = self.sides;
+        let sides = if self.both_sides { 2.0 } else { 1.0 };
+        u.cross(v).length() * self.radiance.element_sum() * sides
+    }
+}
+
+/// Makes the panels of a model lights of their own, if there are many only those that give a good part of its light.
+fn register(panels: Vec<Panel>, builder: &mut SceneBuilder) {
+    let total: f32 = panels.iter().map(Panel::power).sum();
+    let least = if panels.len() > MOST_PANELS { LEAST_SHARE * total } else { 0.0 };
+    for panel in panels.iter().filter(|panel| panel.power() >= least) {
+        let [corner, u, v] = panel.sides;
+        builder.register_quad_light(corner, u, v, panel.radiance);
+        if panel.both_sides {
+            builder.register_quad_light(corner, v, u, panel.radiance);
+        }
+    }
 }
 
 /// Pairs of consecutive triangles that make a parallelogram, as (corner, u, v) with the front towards `u x v`. Files
@@ -248,6 +278,29 @@ pub(crate) fn framing_camera(bounds: [Vec3; 2]) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_many_lamps_those_that_give_a_good_part_of_the_light_are_lights_of_their_own() {
+        let lamps = |small: usize| {
+            let quad = |x: f32, size: f32| {
+                let corner = x * Vec3::X;
+                Shape::quad([
+                    corner,
+                    corner + size * Vec3::X,
+                    corner + size * (Vec3::X + Vec3::Y),
+                    corner + size * Vec3::Y,
+                ])
+            };
+            let mut parts = vec![(quad(-9.0, 3.0), Some(0))];
+            parts.extend((0..small).map(|lamp| (quad(lamp as f32, 0.1), Some(0))));
+            let materials = vec![Material::lamp("lamp", Vec3::ONE)];
+            Model { parts, materials, ..Model::default() }.into_scene("lamps").unwrap()
+        };
+        assert_eq!(lamps(15).lights.len(), 16);
+        // 300 lamps of 0.01 give a quarter of the light, each a twelve-hundredth.
+        let [Light::Quad { corner, .. }] = lamps(300).lights[..] else { panic!() };
+        assert_eq!(corner.x, -6.0);
+    }
 
     #[test]
     fn a_quad_is_one_parallelogram_in_any_order_of_corners() {
