@@ -1,24 +1,22 @@
 //! Boxes for the builder of bounding volume hierarchies.
 
-use std::collections::HashMap;
-
 use obvhs::aabb::Aabb;
+use rayon::prelude::*;
 
 /// So many boxes of exactly one size are made unlike.
-const MANY: u32 = 4096;
+const MANY: usize = 4096;
 
 /// Enlarges boxes by up to `by`, each by another amount, if thousands have exactly the same size, as the copies of one
 /// object have. The builder joins neighbours that suit each other best; in a row of equal ones at equal distances, each
 /// would choose the next, and only the last two would agree, in every pass anew.
 pub(crate) fn make_unlike(boxes: &mut [Aabb], by: f32) {
-    let mut alike: HashMap<[u32; 3], u32> = HashMap::new();
-    let mut most = 0;
-    for bounds in boxes.iter() {
-        let count = alike.entry((bounds.max - bounds.min).to_array().map(f32::to_bits)).or_default();
-        *count += 1;
-        most = most.max(*count);
+    if boxes.len() < MANY {
+        return;
     }
-    if most < MANY {
+    let size = |bounds: &Aabb| (bounds.max - bounds.min).to_array().map(f32::to_bits);
+    let mut sizes: Vec<[u32; 3]> = boxes.iter().map(size).collect();
+    sizes.par_sort_unstable();
+    if sizes.chunk_by(|a, b| a == b).all(|alike| alike.len() < MANY) {
         return;
     }
     for (index, bounds) in (0_u32..).zip(boxes) {

@@ -54,8 +54,11 @@ pub struct Mesh {
 
 impl Mesh {
     /// The corners of triangle `face`, metres.
+    #[inline]
     pub fn corners(&self, face: usize) -> [Vec3; 3] {
-        self.triangles[face].map(|i| self.positions[i as usize])
+        let [a, b, c] = self.triangles[face];
+        let at = |vertex: u32| self.positions[vertex as usize];
+        [at(a), at(b), at(c)]
     }
 
     /// Lowest and highest corner of the axis-aligned box around all vertices.

@@ -1,9 +1,9 @@
 //! Tables of the share of light that the GGX lobe reflects.
 
-use std::sync::LazyLock;
+use std::array;
+use std::sync::OnceLock;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::rng::Rng;
 use super::surface::{masking, schlick, visible_facet};
@@ -13,7 +13,7 @@ const COSINES: usize = 32;
 const ROUGHNESSES: usize = 32;
 
 /// Sampled directions of each entry.
-const SAMPLES: u32 = 1024;
+const SAMPLES: u32 = 256;
 
 /// The albedo of a lobe of reflectance `f0` at normal incidence, and 1 at grazing incidence, is `f0 * scale + bias`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -37,7 +37,9 @@ impl Entry {
 
     /// The share that meets a second microfacet.
     pub fn lost(self) -> f32 {
-        (1.0 - self.scale - self.bias).max(0.0)
+        let lost = 1.0 - self.scale - self.bias;
+        // A mirror loses nothing, up to rounding.
+        if lost > 1e-6 { lost } else { 0.0 }
     }
 }
 
@@ -56,7 +58,7 @@ impl Albedo {
         let at = roughness.clamp(0.0, 1.0) * (ROUGHNESSES - 1) as f32;
         let row = (at as usize).min(ROUGHNESSES - 2);
         let t = at - row as f32;
-        Self { row, t, mean: TABLE.means[row].mix(TABLE.means[row + 1], t) }
+        Self { row, t, mean: line(row).mean.mix(line(row + 1).mean, t) }
     }
 
     /// In a direction at this cosine to the normal.
@@ -64,11 +66,8 @@ impl Albedo {
         let column = cosine.clamp(0.0, 1.0).sqrt() * (COSINES - 1) as f32;
         let first = (column as usize).min(COSINES - 2);
         let s = column - first as f32;
-        let [low, high] = [0, 1].map(|next| {
-            let line = &TABLE.entries[self.row + next];
-            line[first].mix(line[first + 1], s)
-        });
-        low.mix(high, self.t)
+        let of = |line: &Line| line.entries[first].mix(line.entries[first + 1], s);
+        of(line(self.row)).mix(of(line(self.row + 1)), self.t)
     }
 
     /// What of the light that meets a second microfacet leaves in the end.
@@ -80,25 +79,25 @@ impl Albedo {
     }
 }
 
-struct Table {
-    entries: Vec<[Entry; COSINES]>,
-    means: Vec<Entry>,
+/// The entries of one roughness.
+struct Line {
+    entries: [Entry; COSINES],
+    mean: Entry,
 }
 
-/// Made when the first surface with a lobe is met, in some hundredths of a second.
-static TABLE: LazyLock<Table> = LazyLock::new(|| {
-    let line = |row: usize| {
+/// The line of a roughness, made when the first surface with such a lobe is met, in some thousandths of a second.
+fn line(row: usize) -> &'static Line {
+    static LINES: [OnceLock<Line>; ROUGHNESSES] = [const { OnceLock::new() }; ROUGHNESSES];
+    LINES[row].get_or_init(|| {
         let alpha = (row as f32 / (ROUGHNESSES - 1) as f32).powi(2);
-        std::array::from_fn(|column| {
+        let entries = array::from_fn(|column| {
             // At a cosine of 0, nothing is seen; a little above, nearly everything is reflected.
             let cosine = (column as f32 / (COSINES - 1) as f32).powi(2).max(1e-4);
             integrate(cosine, alpha.max(1e-6))
-        })
-    };
-    let entries: Vec<[Entry; COSINES]> = (0..ROUGHNESSES).into_par_iter().map(line).collect();
-    let means = entries.iter().map(mean).collect();
-    Table { entries, means }
-});
+        });
+        Line { mean: mean(&entries), entries }
+    })
+}
 
 /// The albedo of one direction and width, by directions sampled in proportion to the lobe.
 fn integrate(cosine: f32, alpha: f32) -> Entry {

@@ -26,7 +26,11 @@ const PAD: f32 = 1.0 / 1024.0;
 
 /// Distances of less than this share of those to a triangle's corners are computed in f64; the error of f32 is a few times
 /// 1e-7 of those.
-const CLOSE: f32 = 1e-5;
+const CLOSE: f32 = 2e-6;
+
+/// No close distance is larger, in scaled units: nothing in the scene is farther from a point in it than four times its
+/// largest coordinate.
+const CLOSE_AT_MOST: f32 = CLOSE * (4 << SCALED_EXPONENT) as f32;
 
 /// The hit of a ray with the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +69,7 @@ impl Triangle {
         let sum = v.x + v.y + v.z;
         let mut t = v.dot(along) / sum;
         // A triangle may be far larger than the distance at which rays start off it.
-        if t.abs() < CLOSE * along.abs().max_element() {
+        if t.abs() < CLOSE_AT_MOST && t.abs() < CLOSE * along.abs().max_element() {
             t = self.close_distance(ray);
         }
         // A degenerate triangle gives 0/0, which fails the comparison.

@@ -51,6 +51,9 @@ const REFLECTED_ALPHA: f32 = 0.1;
 /// Distance from the surface at which rays start, in units in the last place of the point's coordinates.
 const OFFSET_ULPS: f32 = 32.0;
 
+/// The coordinates of a triangle, in those of a point in it, up to which single precision places the point by its weights.
+const ROUGHLY_ALIKE: f32 = 4.0;
+
 /// What weights of f32 may shift a point at most, in sizes of its triangle.
 const MOST_SHIFT: f64 = 1e-5;
 
@@ -308,7 +311,8 @@ impl Tracer {
     /// The radiance from a vertex towards its viewer.
     fn radiance(&self, first: &Vertex, settings: &TraceSettings, rng: &mut Rng) -> Vec3 {
         // Reflection in mirrors is deterministic, so it is traced once for all light paths.
-        let mut vertex = *first;
+        let mut next;
+        let mut vertex = first;
         let mut tint = Vec3::ONE;
         let mut radiance = vertex.shown();
         let mut bounces = 0;
@@ -318,7 +322,8 @@ impl Tracer {
             }
             bounces += 1;
             tint *= color;
-            match self.vertex(vertex.start(), direction) {
+            next = self.vertex(vertex.start(), direction);
+            match &next {
                 Some(next) => vertex = next,
                 None => return radiance + tint * self.scene.beyond(direction),
             }
@@ -328,10 +333,10 @@ impl Tracer {
 
         // A point light's contribution is the same for all paths.
         let points = self.emitters.points.iter().filter_map(|point| point.towards(vertex.position));
-        let exact: Vec3 = points.map(|light| self.lit(&vertex, &light, 1.0, [0.0; 3], settings.mode)).sum();
+        let exact: Vec3 = points.map(|light| self.lit(vertex, &light, 1.0, [0.0; 3], settings.mode)).sum();
         let paths = settings.spp.max(1);
         let sampled: Vec3 =
-            (0..paths).map(|path| self.light_path(&vertex, bounces, settings, path, rng)).sum();
+            (0..paths).map(|path| self.light_path(vertex, bounces, settings, path, rng)).sum();
         radiance + tint * (vertex.opacity * exact + sampled / paths as f32)
     }
 
@@ -346,7 +351,8 @@ impl Tracer {
         rng: &mut Rng,
     ) -> Vec3 {
         let paths = settings.spp.max(1);
-        let mut vertex = *first;
+        let mut next;
+        let mut vertex = first;
         let mut throughput = Vec3::ONE;
         let mut radiance = Vec3::ZERO;
         let mut origin = Origin { position: first.position, pdf: f32::INFINITY, light_probability: 1.0 };
@@ -374,11 +380,11 @@ impl Tracer {
                     };
                     radiance += throughput
                         * if at_first {
-                            self.first_lights(&vertex, shares, settings, path, rng)
+                            self.first_lights(vertex, shares, settings, path, rng)
                         } else if unscattered {
-                            self.all_lights(&vertex, shares, settings.mode, rng)
+                            self.all_lights(vertex, shares, settings.mode, rng)
                         } else {
-                            self.one_light(&vertex, shares, settings.mode, rng)
+                            self.one_light(vertex, shares, settings.mode, rng)
                         };
                     if shares == [0.0; 3] {
                         break;
@@ -412,13 +418,14 @@ impl Tracer {
                 unscattered &= is_perfect;
             }
             at_first = false;
-            let Some(mut next) = self.vertex(start, direction) else {
+            next = self.vertex(start, direction);
+            let Some(next) = &mut next else {
                 radiance +=
                     throughput * self.scene.beyond(direction) * self.weight_of_sky(&origin, direction);
                 break;
             };
             throughput *= next.kept;
-            radiance += throughput * next.shown() * self.weight_of_hit(&origin, direction, &next);
+            radiance += throughput * next.shown() * self.weight_of_hit(&origin, direction, next);
             if settings.mode == Mode::Direct && !unscattered {
                 next.bsdf.roughen(REFLECTED_ALPHA);
             }
@@ -584,8 +591,15 @@ impl Tracer {
         let Intersection { face, weights } = hit?;
         let mesh = &self.scene.mesh;
         let index = face as usize;
-        let plain = self.looks[mesh.material[index] as usize];
-        let look = plain.unwrap_or_else(|| self.scene.look(index, weights));
+        let plain = self.looks[mesh.material[index] as usize].as_ref();
+        let here;
+        let look = match plain {
+            Some(look) => look,
+            None => {
+                here = self.scene.look(index, weights);
+                &here
+            }
+        };
         let to_viewer = -direction;
         let front = mesh.face_normals[index].dot(to_viewer) > 0.0;
         let facing = if front { mesh.face_normals[index] } else { -mesh.face_normals[index] };
@@ -595,21 +609,33 @@ impl Tracer {
             None => facing,
         };
         let position = meeting_point(mesh.corners(index), weights, origin, direction);
-        let (emission, bsdf) = if look.unlit {
-            (look.color, Bsdf::black(shading, to_viewer))
-        } else {
-            let emission = if front || look.double_sided { look.emission } else { Vec3::ZERO };
-            let normal = match plain {
-                Some(_) => shading,
-                None => turned(self.scene.mapped_normal(index, weights, front, shading), facing),
-            };
-            (emission, Bsdf::new(&look, normal, to_viewer, front))
+        let emission = match look {
+            Look { unlit: true, color, .. } => *color,
+            _ if front || look.double_sided => look.emission,
+            _ => Vec3::ZERO,
         };
         let kept = match look.medium {
             Some(medium) if !front => (-medium.absorption * origin.distance(position)).exp(),
             _ => Vec3::ONE,
         };
-        Some(Vertex { position, face, facing, to_viewer, bsdf, opacity: look.opacity, emission, kept })
+        let normal = match plain {
+            Some(_) => shading,
+            None => turned(self.scene.mapped_normal(index, weights, front, shading), facing),
+        };
+        Some(Vertex {
+            position,
+            face,
+            facing,
+            to_viewer,
+            bsdf: if look.unlit {
+                Bsdf::black(normal, to_viewer)
+            } else {
+                Bsdf::new(look, normal, to_viewer, front)
+            },
+            opacity: look.opacity,
+            emission,
+            kept,
+        })
     }
 }
 
@@ -672,9 +698,23 @@ fn turned(normal: Vec3, facing: Vec3) -> Vec3 {
     if normal.dot(facing) < 0.0 { -normal } else { normal }
 }
 
-/// The point where a ray meets a triangle, of these weights, to the last place of its own coordinates, however large the
-/// triangle is. Weights of f32 place it to some millionths of the triangle's size, along the triangle.
+/// The point where a ray meets a triangle, of these weights, to a few units in the last place of its own coordinates,
+/// however large the triangle is.
 fn meeting_point(corners: [Vec3; 3], weights: Vec3, origin: Vec3, direction: Vec3) -> Vec3 {
+    let near = interpolate(corners, weights);
+    let [a, b, c] = corners.map(|corner| corner.abs().max_element());
+    // The sum is exact to half a unit in the last place of the largest corner for each of its terms.
+    if a.max(b).max(c) <= ROUGHLY_ALIKE * near.abs().max_element() {
+        near
+    } else {
+        exact_meeting_point(corners, weights, origin, direction)
+    }
+}
+
+/// The same in double precision. Weights of f32 place the point to some millionths of the triangle's size, along the
+/// triangle.
+#[cold]
+fn exact_meeting_point(corners: [Vec3; 3], weights: Vec3, origin: Vec3, direction: Vec3) -> Vec3 {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
     let [first, second] = [b - a, c - a];
     let weights = weights.as_dvec3();

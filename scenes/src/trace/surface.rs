@@ -116,6 +116,7 @@ struct Glass {
 impl Bsdf {
     /// `normal` is the shading normal on the side of the geometric normal that faces the viewer; `front` tells whether
     /// that is the surface's front.
+    #[inline]
     pub fn new(look: &Look, normal: Vec3, to_viewer: Vec3, front: bool) -> Self {
         // An interpolated normal may point away from the viewer near a silhouette.
         let cosine = normal.dot(to_viewer);
@@ -124,32 +125,32 @@ impl Bsdf {
         } else {
             normal
         };
+        if look.f0 == 0.0 && look.metallic == 0.0 && look.transmission == 0.0 {
+            return Self { normal, to_viewer, base: look.color, lobe: None, glass: None };
+        }
         let dielectric = 1.0 - look.metallic;
         let transmits = look.transmission * dielectric;
         let eta = look
             .medium
             .filter(|_| transmits > 0.0)
             .map(|medium| if front { medium.ior } else { 1.0 / medium.ior });
-        let is_lambertian = look.f0 == 0.0 && look.metallic == 0.0 && transmits == 0.0;
         let base = look.color * (dielectric * (1.0 - look.transmission));
-        let lobe = (!is_lambertian).then(|| {
-            let alpha = look.roughness * look.roughness;
-            let lobe = Microfacets {
-                f0: look.color * look.metallic + look.f0 * dielectric,
-                dielectric_f0: look.f0,
-                tint: look.color,
-                metallic: look.metallic,
-                alpha: alpha.max(MIN_ALPHA),
-                is_perfect: alpha < MIN_ALPHA && (look.metallic == 1.0 || transmits > 0.0),
-                eta,
-                albedo: Albedo::new(look.roughness),
-                here: Entry::default(),
-                repeated: 0.0,
-                base: Vec3::ZERO,
-                between: Vec3::ZERO,
-            };
-            lobe.over(base, normal.dot(to_viewer))
-        });
+        let alpha = look.roughness * look.roughness;
+        let lobe = Microfacets {
+            f0: look.color * look.metallic + look.f0 * dielectric,
+            dielectric_f0: look.f0,
+            tint: look.color,
+            metallic: look.metallic,
+            alpha: alpha.max(MIN_ALPHA),
+            is_perfect: alpha < MIN_ALPHA && (look.metallic == 1.0 || transmits > 0.0),
+            eta,
+            albedo: Albedo::new(look.roughness),
+            here: Entry::default(),
+            repeated: 0.0,
+            base: Vec3::ZERO,
+            between: Vec3::ZERO,
+        };
+        let lobe = Some(lobe.over(base, normal.dot(to_viewer)));
         let glass = (transmits > 0.0).then(|| Glass {
             tint: look.color * transmits,
             eta: eta.unwrap_or(1.0),
@@ -159,8 +160,9 @@ impl Bsdf {
     }
 
     /// The reflected direction and its tint, if the surface does nothing but reflect perfectly.
+    #[inline]
     pub fn mirror(&self) -> Option<(Vec3, Vec3)> {
-        let lobe = self.lobe.filter(|lobe| lobe.is_perfect && self.glass.is_none())?;
+        let lobe = self.lobe.as_ref().filter(|lobe| lobe.is_perfect && self.glass.is_none())?;
         let cosine = self.normal.dot(self.to_viewer);
         Some((reflect(self.to_viewer, self.normal), lobe.fresnel(cosine)))
     }
@@ -177,7 +179,7 @@ impl Bsdf {
 
     /// Whether it lets light through without bending it.
     pub fn is_thin(&self) -> bool {
-        self.glass.is_some_and(|glass| glass.is_thin)
+        self.glass.as_ref().is_some_and(|glass| glass.is_thin)
     }
 
     /// Widens the GGX lobe to at least `alpha`.
@@ -189,21 +191,23 @@ impl Bsdf {
     }
 
     /// Probabilities with which a path continues in each lobe, in proportion to the light that the lobe scatters.
+    #[inline]
     pub fn lobe_shares(&self) -> PerLobe {
-        let Some(lobe) = self.lobe else { return [1.0, 0.0, 0.0] };
+        let Some(lobe) = &self.lobe else { return [1.0, 0.0, 0.0] };
         let base = self.base * lobe.passed(lobe.here);
         let diffuse = (base + lobe.scattered_again() * lobe.here.lost()).max_element();
-        let [specular, transmit] = self.facet_shares(&lobe);
-        shares(&lobe, [diffuse, specular, transmit])
+        let [specular, transmit] = self.facet_shares(lobe);
+        shares(lobe, [diffuse, specular, transmit])
     }
 
     /// The shares in direct mode, where only mirror images and what is seen through glass are traced: at the first
     /// surface those of glossy ones too.
+    #[inline]
     pub fn direct_shares(&self, at_first: bool) -> PerLobe {
-        match self.lobe {
+        match &self.lobe {
             Some(lobe) if self.glass.is_some() => {
-                let [specular, transmit] = self.facet_shares(&lobe);
-                shares(&lobe, [0.0, specular, transmit])
+                let [specular, transmit] = self.facet_shares(lobe);
+                shares(lobe, [0.0, specular, transmit])
             }
             Some(lobe) if at_first && lobe.shows_reflections() => [0.0, 1.0, 0.0],
             _ => [0.0; 3],
@@ -232,22 +236,23 @@ impl Bsdf {
             let pdf = cos_i * FRAC_1_PI;
             values[Lobe::Diffuse as usize] = LobeValue { value: self.diffuse(cos_i) * pdf, pdf };
         }
-        let Some(lobe) = self.lobe.filter(|lobe| !lobe.is_perfect) else { return values };
+        let Some(lobe) = self.lobe.as_ref().filter(|lobe| !lobe.is_perfect) else { return values };
         let cos_o = self.normal.dot(self.to_viewer);
         if cos_i > 0.0 {
             let half = (self.to_viewer + to_light).normalize_or(self.normal);
-            let (masking, pdf) = self.reflected(&lobe, half, cos_o, cos_i);
+            let (masking, pdf) = self.reflected(lobe, half, cos_o, cos_i);
             let value = lobe.fresnel(half.dot(to_light)) * (masking * pdf);
             values[Lobe::Specular as usize] = LobeValue { value, pdf };
-        } else if let Some(glass) = self.glass.filter(|_| cos_i < 0.0) {
-            values[Lobe::Transmit as usize] = self.transmitted(&lobe, &glass, to_light, cos_o, cos_i);
+        } else if let Some(glass) = self.glass.as_ref().filter(|_| cos_i < 0.0) {
+            values[Lobe::Transmit as usize] = self.transmitted(lobe, glass, to_light, cos_o, cos_i);
         }
         values
     }
 
     /// The factor on `cos / pi` of the diffuse lobe towards a light.
+    #[inline]
     fn diffuse(&self, cos_i: f32) -> Vec3 {
-        let Some(lobe) = self.lobe else { return self.base };
+        let Some(lobe) = &self.lobe else { return self.base };
         let there = lobe.albedo.at(cos_i);
         lobe.base * lobe.passed(there) + lobe.between * there.lost()
     }
@@ -299,7 +304,7 @@ impl Bsdf {
             let direction = (tangent * cos_phi + bitangent * sin_phi) * radius + self.normal * cos_i;
             return Some(Scatter { direction, weight: self.diffuse(cos_i), pdf: cos_i * FRAC_1_PI });
         }
-        let facets = self.lobe?;
+        let facets = self.lobe.as_ref()?;
         let half = if facets.is_perfect { self.normal } else { self.facet(facets.alpha, [u, v]) };
         let fresnel = facets.fresnel(half.dot(self.to_viewer));
         let (direction, color) = match (lobe, self.glass) {
@@ -324,10 +329,10 @@ impl Bsdf {
         }
         let (masking, pdf) = match (lobe, self.glass) {
             (Lobe::Transmit, Some(glass)) if !glass.is_thin => {
-                let LobeValue { pdf, .. } = self.transmitted(&facets, &glass, direction, cos_o, cos_i);
+                let LobeValue { pdf, .. } = self.transmitted(facets, &glass, direction, cos_o, cos_i);
                 (masking(cos_o, cos_i, facets.alpha), pdf)
             }
-            _ => self.reflected(&facets, half, cos_o, cos_i.abs()),
+            _ => self.reflected(facets, half, cos_o, cos_i.abs()),
         };
         (pdf > 0.0).then_some(Scatter { direction, weight: color * masking, pdf })
     }
