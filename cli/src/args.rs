@@ -239,6 +239,9 @@ pub struct SceneArgs {
     /// Light the scene by an HDR or EXR image of longitudes and latitudes
     #[arg(long, value_name = "FILE")]
     pub sky: Option<PathBuf>,
+    /// Hide the backs of single-sided materials of glTF files, as the format says
+    #[arg(long)]
+    pub single_sided: bool,
     /// Width and height of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true)]
     pub size: Size,

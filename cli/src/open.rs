@@ -1,11 +1,10 @@
 //! Opens the inputs of commands: graphs with their changes, scenes with a progress display, threads.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use epigraph::{Change, Place, Registry, Run, Samples, graphs};
 use epigraph_core::{GraphError, GraphFile};
-use epigraph_scenes::{Scene, Sky, Tracer};
+use epigraph_scenes::{LoadOptions, Scene, Sky, Tracer};
 
 use crate::{
     args::{ChangeArgs, SceneArgs},
@@ -58,19 +57,17 @@ pub fn samples(samples: Samples, size: [u32; 2]) -> Result<u32, CliError> {
 
 /// Reads a scene and the camera's path through it, and tells what of its files is not in it.
 pub fn place(scene: &str, camera: &str) -> Result<Place, CliError> {
-    place_under(scene, camera, None)
+    place_with(scene, camera, &LoadOptions::default())
 }
 
 /// The same for the options of a command.
 pub fn place_of(args: &SceneArgs) -> Result<Place, CliError> {
-    place_under(&args.scene, &args.camera, args.sky.as_deref())
+    let sky = args.sky.as_deref().map(Sky::load).transpose()?.map(Arc::new);
+    place_with(&args.scene, &args.camera, &LoadOptions { sky, single_sided: args.single_sided })
 }
 
-fn place_under(scene: &str, camera: &str, sky: Option<&Path>) -> Result<Place, CliError> {
-    let load = || {
-        let sky = sky.map(Sky::load).transpose()?.map(Arc::new);
-        Scene::load_under(scene, sky)
-    };
+fn place_with(scene: &str, camera: &str, options: &LoadOptions) -> Result<Place, CliError> {
+    let load = || Scene::load_with(scene, options);
     let loaded = progress::spinner(format!("loading scene {scene}"), load)?;
     for note in loaded.report.notes() {
         eprintln!("{scene}: {note}");

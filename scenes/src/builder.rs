@@ -350,7 +350,10 @@ impl SceneBuilder {
         mesh.corner_colors = Arc::new(kept_of(&self.colors, &kept));
         mesh.material = Arc::new(kept.iter().map(|&old| self.material[old]).collect());
         mesh.object = Arc::new(kept.iter().map(|&old| self.object[old]).collect());
-        let edges = find_edges(&mesh.triangles, &mesh.object, &mesh.face_normals, crease_angle.to_radians());
+        let material = |face: u32| self.materials.get(mesh.material[face as usize] as usize);
+        let culled = |face: u32| material(face).is_some_and(|material| material.culled);
+        let angle = crease_angle.to_radians();
+        let edges = find_edges(&mesh.triangles, &mesh.object, &mesh.face_normals, angle, culled);
         mesh.edges = Arc::new(edges);
         let bounds = self.swept(mesh.bounds());
         let bodies: Vec<Body> = self.moving.iter().map(|moving| self.body(moving, &kept, &mesh)).collect();

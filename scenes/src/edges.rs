@@ -20,11 +20,15 @@ struct Side {
 /// Two faces share an edge when they run along it in opposite directions. Where more than two faces meet, faces of
 /// the same object pair up first, the rest in face order, and a face left over gets a border edge of its own; so
 /// every side of every face belongs to exactly one edge and the silhouette test needs only its three kinds.
+///
+/// A face whose back is `culled` does not pair with one that has two sides: only one of them is seen from behind. Left
+/// over, it is on both sides of its edge.
 pub(crate) fn find_edges(
     triangles: &[[u32; 3]],
     object: &[u32],
     face_normals: &[Vec3],
     crease_angle: f32,
+    culled: impl Fn(u32) -> bool + Sync,
 ) -> Vec<Edge> {
     let mut sides: Vec<Side> = triangles
         .par_iter()
@@ -43,7 +47,9 @@ pub(crate) fn find_edges(
     let kind_of = |[first, second]: [u32; 2]| {
         if second == NO_FACE {
             EdgeKind::Border
-        } else if face_normals[first as usize].dot(face_normals[second as usize]) < crease_cos {
+        } else if first == second
+            || face_normals[first as usize].dot(face_normals[second as usize]) < crease_cos
+        {
             EdgeKind::Crease
         } else {
             EdgeKind::Regular
@@ -51,7 +57,7 @@ pub(crate) fn find_edges(
     };
     let mut edges = Vec::with_capacity(sides.len() / 2);
     for group in sides.chunk_by(|a, b| a.vertices == b.vertices) {
-        let mut pairs = pair_faces(group, object);
+        let mut pairs = pair_faces(group, object, &culled);
         pairs.sort_unstable();
         edges.extend(pairs.into_iter().map(|faces| Edge {
             vertices: group[0].vertices,
@@ -63,7 +69,7 @@ pub(crate) fn find_edges(
 }
 
 /// Splits the sides on one edge into pairs of opposite direction and single ones.
-fn pair_faces(group: &[Side], object: &[u32]) -> Vec<[u32; 2]> {
+fn pair_faces(group: &[Side], object: &[u32], culled: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
     let mut single = group.to_vec();
     let mut pairs = Vec::with_capacity(1);
     for same_object_only in [true, false] {
@@ -73,6 +79,7 @@ fn pair_faces(group: &[Side], object: &[u32]) -> Vec<[u32; 2]> {
             let partner = (i + 1..single.len()).find(|&j| {
                 let other = single[j];
                 other.ascending != side.ascending
+                    && culled(other.face) == culled(side.face)
                     && (!same_object_only || object[other.face as usize] == object[side.face as usize])
             });
             match partner {
@@ -85,7 +92,7 @@ fn pair_faces(group: &[Side], object: &[u32]) -> Vec<[u32; 2]> {
             }
         }
     }
-    pairs.extend(single.iter().map(|side| [side.face, NO_FACE]));
+    pairs.extend(single.iter().map(|side| [side.face, if culled(side.face) { side.face } else { NO_FACE }]));
     pairs
 }
 
@@ -101,7 +108,7 @@ mod tests {
     fn three_faces_on_one_edge_give_a_pair_and_a_border() {
         // Faces 0 and 1 run up the edge 0-1, face 2 runs down: the first of the two gets the partner.
         let triangles = [[0, 1, 2], [0, 1, 3], [1, 0, 4]];
-        let edges = find_edges(&triangles, &[0; 3], &[Vec3::Z; 3], 0.7);
+        let edges = find_edges(&triangles, &[0; 3], &[Vec3::Z; 3], 0.7, |_| false);
         let shared: Vec<_> = edges.iter().filter(|e| e.vertices == [0, 1]).map(|e| e.faces).collect();
         assert_eq!(shared, [[0, 2], [1, NO_FACE]]);
         assert_eq!((edges.len(), kinds(&edges, EdgeKind::Border)), (8, 7));
@@ -110,14 +117,29 @@ mod tests {
     #[test]
     fn objects_that_touch_keep_their_own_pairs() {
         let triangles = [[0, 1, 2], [0, 1, 3], [1, 0, 4], [1, 0, 5]];
-        let edges = find_edges(&triangles, &[0, 1, 1, 0], &[Vec3::Z; 4], 0.7);
+        let edges = find_edges(&triangles, &[0, 1, 1, 0], &[Vec3::Z; 4], 0.7, |_| false);
         let shared: Vec<_> = edges.iter().filter(|e| e.vertices == [0, 1]).map(|e| e.faces).collect();
         assert_eq!(shared, [[0, 3], [1, 2]]);
     }
 
     #[test]
     fn faces_of_opposite_winding_do_not_pair() {
-        let edges = find_edges(&[[0, 1, 2], [0, 1, 3]], &[0, 0], &[Vec3::Z, Vec3::NEG_Z], 0.7);
+        let edges = find_edges(&[[0, 1, 2], [0, 1, 3]], &[0, 0], &[Vec3::Z, Vec3::NEG_Z], 0.7, |_| false);
         assert_eq!(kinds(&edges, EdgeKind::Border), 6);
+    }
+
+    #[test]
+    fn faces_without_a_back_pair_among_themselves_and_end_in_creases() {
+        let triangles = [[0, 1, 2], [1, 0, 3]];
+        let find = |culled: [bool; 2]| {
+            find_edges(&triangles, &[0; 2], &[Vec3::Z; 2], 0.7, |face| culled[face as usize])
+        };
+        let both = find([true; 2]);
+        assert_eq!((kinds(&both, EdgeKind::Regular), kinds(&both, EdgeKind::Crease)), (1, 4));
+        assert!(both.iter().all(|edge| edge.faces[1] != NO_FACE));
+        let one = find([true, false]);
+        assert_eq!((kinds(&one, EdgeKind::Crease), kinds(&one, EdgeKind::Border)), (3, 3));
+        let of_first = one.iter().filter(|edge| edge.faces == [0, 0]);
+        assert!(of_first.clone().all(|edge| edge.kind == EdgeKind::Crease) && of_first.count() == 3);
     }
 }

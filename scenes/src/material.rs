@@ -46,6 +46,8 @@ pub struct Material {
     pub emission: Vec3,
     /// Whether the back side emits too.
     pub double_sided: bool,
+    /// Whether rays pass through it from behind.
+    pub culled: bool,
     /// Whether it shows its colour whatever light there is.
     pub unlit: bool,
     /// The maps of the factors.
@@ -153,6 +155,7 @@ impl Material {
             medium: None,
             emission: Vec3::ZERO,
             double_sided: false,
+            culled: false,
             unlit: false,
             maps: Maps::default(),
         }

@@ -22,7 +22,9 @@ pub enum EdgeKind {
 pub struct Edge {
     /// Indices into [`Mesh::positions`]; the lower first.
     pub vertices: [u32; 2],
-    /// The faces on both sides, the lower first; `NO_FACE` second for a border.
+    /// The faces on both sides, the lower first; `NO_FACE` second for a border. Where a face whose back is culled
+    /// ([`Material::culled`](crate::Material::culled)) ends, it is on both sides of a crease, which is drawn while the face
+    /// is seen.
     pub faces: [u32; 2],
     /// Regular, crease or border.
     pub kind: EdgeKind,

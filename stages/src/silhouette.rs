@@ -217,8 +217,12 @@ mod tests {
         }
 
         fn of_shape(shape: &Shape) -> Self {
+            Self::of_material(shape, Material::diffuse("", Vec3::ONE))
+        }
+
+        fn of_material(shape: &Shape, material: Material) -> Self {
             let mut builder = SceneBuilder::new();
-            let material = builder.material(Material::diffuse("", Vec3::ONE));
+            let material = builder.material(material);
             builder.add(shape, material).unwrap();
             let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
             Self::of(&builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap())
@@ -289,6 +293,20 @@ mod tests {
         ] {
             let expected = if shown { borders.clone() } else { vec![] };
             assert_eq!(seen(two_sided, z), expected, "two-sided {two_sided}, z = {z}");
+        }
+    }
+
+    #[test]
+    fn faces_with_culled_backs_have_edges_from_the_front_only() {
+        let culled = Material { culled: true, ..Material::diffuse("", Vec3::ONE) };
+        let quad = Shape::quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]);
+        let lists = Lists::of_material(&quad, culled);
+        let borders = all_of(&lists, CREASE);
+        assert_eq!((borders.len(), all_of(&lists, BORDER)), (4, vec![]));
+        let mut harness = lists.harness(SilhouetteParams::default());
+        for (z, shown) in [(2.0, borders), (-2.0, vec![])] {
+            harness.frame.view.eye = [0.3, 0.2, z];
+            assert_eq!(edges_of(&segments(&mut harness)), shown, "z = {z}");
         }
     }
 

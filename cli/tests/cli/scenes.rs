@@ -125,4 +125,15 @@ fn cameras_of_a_file_are_listed_and_chosen() {
     assert_eq!(checked["scene"]["cameras"], serde_json::json!(["front", "top view"]));
     let text = place.fails("check epi --scene two.gltf --camera file:back");
     assert!(text.contains("the scene's cameras are front, top view"), "{text}");
+    // From the front the triangle is seen, from behind only if it has two sides.
+    for (camera, options, is_seen) in [
+        ("file:front", "--single-sided", true),
+        ("view:0.2,0.2,-2:0,1,0,0", "", true),
+        ("view:0.2,0.2,-2:0,1,0,0", "--single-sided", false),
+    ] {
+        let words =
+            format!("reference --scene two.gltf --size 16x16 --camera {camera} {options} --out a.png");
+        let (_, err) = both(&place, &words);
+        assert_eq!(!err.contains("the camera sees no surface"), is_seen, "{camera} {options}: {err}");
+    }
 }

@@ -7,11 +7,10 @@ mod room;
 mod still_life;
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use crate::builder::MeshError;
 use crate::load::SceneFile;
-use crate::{Scene, SceneError, Sky};
+use crate::{LoadOptions, Scene, SceneError};
 
 /// A built-in scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,11 +94,11 @@ pub fn scene_names() -> Vec<SceneInfo> {
         .collect()
 }
 
-/// The built-in scene `name`, lit by `sky` too if one is given, or `None` if there is no such scene.
-pub(crate) fn load(name: &str, sky: Option<Arc<Sky>>) -> Option<Result<Scene, SceneError>> {
+/// The built-in scene `name`, or `None` if there is no such scene.
+pub(crate) fn load(name: &str, options: &LoadOptions) -> Option<Result<Scene, SceneError>> {
     let (text, fetch) = match BUILTINS.iter().find(|b| b.name == name)?.source {
         Source::Code(_) => {
-            let under = |scene: Scene| Scene { sky: sky.or(scene.sky), ..scene };
+            let under = |scene: Scene| Scene { sky: options.sky.clone().or(scene.sky), ..scene };
             return by_code(name).map(|scene| scene.map(under));
         }
         Source::File(text) => (text, None),
@@ -107,7 +106,7 @@ pub(crate) fn load(name: &str, sky: Option<Arc<Sky>>) -> Option<Result<Scene, Sc
     };
     let path = PathBuf::from(format!("scenes/{name}.ron"));
     let file = SceneFile::parse(text).map_err(|message| SceneError::Invalid { path: path.clone(), message });
-    Some(file.and_then(|file| file.into_scene(name, &path, &scene_folders(), fetch, sky)))
+    Some(file.and_then(|file| file.into_scene(name, &path, &scene_folders(), fetch, options)))
 }
 
 /// The built-in scene `name` if it is made by code.

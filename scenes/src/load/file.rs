@@ -14,7 +14,7 @@ use super::model::{self, Model};
 use super::origin::origin_of;
 use crate::builder::{CREASE_ANGLE, SceneBuilder};
 use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, is_near, is_radiance, is_time};
-use crate::{Camera, Light, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Sky};
+use crate::{Camera, Light, LoadOptions, MeshError, Motion, MotionKey, Scene, SceneError, Shape, Sky};
 
 /// The contents of a scene's `.ron` file. Lengths are in metres, angles in degrees, colours in linear Rec. 709.
 ///
@@ -336,14 +336,14 @@ impl SceneFile {
         path: &Path,
         folders: &[PathBuf],
         fetch: Option<&str>,
-        sky: Option<Arc<Sky>>,
+        options: &LoadOptions,
     ) -> Result<Scene, SceneError> {
         let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
         let unusable = |source| SceneError::Mesh { name: name.to_owned(), source };
         let unplaced = |index: usize| move |error: MeshError| invalid(format!("object {index}: {error}"));
         let mut builder = SceneBuilder::new();
         let own_sky = |name: &String| Sky::load(&find(name, path, folders, fetch)?).map(Arc::new);
-        if let Some(sky) = sky.map(Ok).or_else(|| self.sky.as_ref().map(own_sky)) {
+        if let Some(sky) = options.sky.clone().map(Ok).or_else(|| self.sky.as_ref().map(own_sky)) {
             builder.sky(sky?);
         }
         let image = |name: &str| files::bytes(&find(name, path, folders, fetch).ok()?, MOST_DATA).ok();
@@ -370,7 +370,7 @@ impl SceneFile {
                     invalid(format!("object {index}: unknown material `{wanted}`{hint}"))
                 })?),
             };
-            let mut model = object.shape.load(path, folders, fetch)?;
+            let mut model = object.shape.load(path, folders, fetch, options.single_sided)?;
             builder.report.extend(&model.report);
             if let Some(spec) = object.material.as_ref().map(|name| &self.materials[name]) {
                 spec.maps.place(&object.shape, &mut model, &format!("object {index}"), &mut builder.report);
@@ -612,10 +612,16 @@ impl ShapeSpec {
         Err(format!("a {kind} needs {expected}, and numbers that are finite and at most {MAX_COORDINATE:e}"))
     }
 
-    fn load(&self, path: &Path, folders: &[PathBuf], fetch: Option<&str>) -> Result<Model, SceneError> {
+    fn load(
+        &self,
+        path: &Path,
+        folders: &[PathBuf],
+        fetch: Option<&str>,
+        single_sided: bool,
+    ) -> Result<Model, SceneError> {
         let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
         Ok(match self {
-            Self::File(name) => super::read_mesh_file(&find(name, path, folders, fetch)?)?,
+            Self::File(name) => super::read_mesh_file(&find(name, path, folders, fetch)?, single_sided)?,
             Self::Builtin(name) => match crate::builtin::by_code(name) {
                 Some(scene) => Model::from_scene(&scene?),
                 None => return Err(invalid(format!("`{name}` is not a scene made by code"))),

@@ -45,6 +45,16 @@ const POINTS_ENDING: &str = ".vts";
 /// Least Jaro-Winkler similarity at which a name counts as a mistyped one.
 const HINT_SIMILARITY: f64 = 0.75;
 
+/// What a scene has beside what its files say.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// Lights it instead of its own sky. Default: none.
+    pub sky: Option<Arc<Sky>>,
+    /// Whether rays pass through the backs of the single-sided materials of glTF files, as that format says, but for those
+    /// that transmit light. Default: false, all surfaces have two sides.
+    pub single_sided: bool,
+}
+
 impl Scene {
     /// The scene of that name (see [`scene_names`]), or the one in the `.glb`, `.gltf`, `.obj`, `.ply`, `.ply.gz`,
     /// `.ron` or `.vts` file at that path.
@@ -53,21 +63,21 @@ impl Scene {
     /// An unknown name or ending, a file that cannot be read or is broken, a mesh that has not been fetched, a mesh
     /// without triangles or with vertices that are not finite.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
-        Self::load_under(name_or_path, None)
+        Self::load_with(name_or_path, &LoadOptions::default())
     }
 
-    /// The same, lit by this sky instead of its own, if one is given.
+    /// The same with other options.
     ///
     /// # Errors
     /// Those of [`Scene::load`].
-    pub fn load_under(name_or_path: &str, sky: Option<Arc<Sky>>) -> Result<Self, SceneError> {
-        if let Some(scene) = builtin::load(name_or_path, sky.clone()) {
+    pub fn load_with(name_or_path: &str, options: &LoadOptions) -> Result<Self, SceneError> {
+        if let Some(scene) = builtin::load(name_or_path, options) {
             return scene;
         }
         let path = Path::new(name_or_path);
         let lower = name_or_path.to_lowercase();
         if lower.ends_with(SCENE_ENDING) {
-            load_scene_file(path, name_or_path, sky)
+            load_scene_file(path, name_or_path, options)
         } else if lower.ends_with(POINTS_ENDING) {
             let points = PointSet::read(path).map_err(|error| {
                 // It was read in pieces. What stands for another file is small.
@@ -77,10 +87,10 @@ impl Scene {
                     _ => SceneError::Points(error),
                 }
             })?;
-            Ok(Self { sky, ..Self::of_points(name_or_path, Arc::new(points)) })
+            Ok(Self { sky: options.sky.clone(), ..Self::of_points(name_or_path, Arc::new(points)) })
         } else if MESH_ENDINGS.iter().any(|ending| lower.ends_with(ending)) {
             let unusable = |source| SceneError::Mesh { name: name_or_path.to_owned(), source };
-            let model = Model { sky, ..read_mesh_file(path)? };
+            let model = Model { sky: options.sky.clone(), ..read_mesh_file(path, options.single_sided)? };
             model.into_scene(name_or_path).map_err(unusable)
         } else {
             Err(SceneError::Unknown(unknown(name_or_path)))
@@ -88,18 +98,18 @@ impl Scene {
     }
 }
 
-fn load_scene_file(path: &Path, name: &str, sky: Option<Arc<Sky>>) -> Result<Scene, SceneError> {
+fn load_scene_file(path: &Path, name: &str, options: &LoadOptions) -> Result<Scene, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
     let unreadable = |source| SceneError::Io { path: path.to_owned(), source };
     let bytes = files::bytes(path, MOST_TEXT).map_err(unreadable)?;
     kind::check(&bytes, &name.to_lowercase()).map_err(invalid)?;
     let text = files::text_of(bytes).map_err(unreadable)?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
-    SceneFile::parse(&text).map_err(invalid)?.into_scene(name, path, &[folder], None, sky)
+    SceneFile::parse(&text).map_err(invalid)?.into_scene(name, path, &[folder], None, options)
 }
 
-/// Reads a mesh file of any kind, by its ending.
-fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
+/// Reads a mesh file of any kind, by its ending; `single_sided` is as in [`LoadOptions`].
+fn read_mesh_file(path: &Path, single_sided: bool) -> Result<Model, SceneError> {
     let invalid = |message: String| SceneError::Invalid { path: path.to_owned(), message };
     let companions = Beside { mesh: path };
     let beside = |name: &str, most: u64| companions.bytes(name, most);
@@ -121,7 +131,8 @@ fn read_mesh_file(path: &Path) -> Result<Model, SceneError> {
     } else {
         Err(format!("the file name must end in one of {}", MESH_ENDINGS.join(", ")))
     };
-    let model = model.map_err(invalid)?;
+    let mut model = model.map_err(invalid)?;
+    model.materials.iter_mut().for_each(|material| material.culled &= single_sided);
     model.check().map_err(|error| invalid(error.to_string()))?;
     Ok(model)
 }

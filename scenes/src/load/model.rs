@@ -186,7 +186,7 @@ impl Model {
 }
 
 /// The material of a surface without one.
-fn plain_material() -> Material {
+pub(super) fn plain_material() -> Material {
     Material::diffuse("plain", Vec3::splat(0.7))
 }
 

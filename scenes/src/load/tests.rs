@@ -429,7 +429,13 @@ fn a_mesh_that_was_not_fetched_names_the_command() {
     let folder = Folder::new("not-fetched");
     let file = SceneFile::parse(text).unwrap();
     let error = file
-        .into_scene("dragon", Path::new("dragon.ron"), std::slice::from_ref(&folder.0), Some("dragon"), None)
+        .into_scene(
+            "dragon",
+            Path::new("dragon.ron"),
+            std::slice::from_ref(&folder.0),
+            Some("dragon"),
+            &LoadOptions::default(),
+        )
         .unwrap_err();
     assert!(error.to_string().contains("run `scenes/fetch dragon`"), "{error}");
 }
@@ -487,8 +493,39 @@ fn a_scene_file_has_a_sky_unless_another_is_given() {
     let left = scene.beyond(Vec3::NEG_X).x;
     assert!((left - 0.502_886).abs() < 1e-5 && scene.beyond(Vec3::X).x == 1.0, "{left}");
     assert!(scene.lights.is_empty() && scene.report.is_empty(), "{:?}", scene.report);
-    let given = Arc::new(Sky::new("", [1, 1], vec![Vec3::splat(7.0)]).unwrap());
-    assert_eq!(Scene::load_under(&path, Some(given)).unwrap().beyond(Vec3::X).x, 7.0);
+    let given = Some(Arc::new(Sky::new("", [1, 1], vec![Vec3::splat(7.0)]).unwrap()));
+    let options = LoadOptions { sky: given, ..LoadOptions::default() };
+    assert_eq!(Scene::load_with(&path, &options).unwrap().beyond(Vec3::X).x, 7.0);
     let missing = error(&tetrahedron_with(&folder, r#"sky: Some("none.hdr")"#));
     assert!(missing.contains("`none.hdr` does not exist (looked for "), "{missing}");
+}
+
+#[test]
+fn single_sided_materials_of_gltf_files_have_culled_backs_if_wanted() {
+    let folder = Folder::new("sides");
+    // The last triangle has no material.
+    let triangle =
+        |material: &str| format!(r#"{{"primitives": [{{"attributes": {{"POSITION": 0}}{material}}}]}}"#);
+    let materials = [r#", "material": 0"#, r#", "material": 1"#, r#", "material": 2"#, ""];
+    let meshes = materials.map(triangle).join(", ");
+    let file = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "meshes": [{meshes}],
+        "nodes": [{{"mesh": 0}}, {{"mesh": 1}}, {{"mesh": 2}}, {{"mesh": 3}}],
+        "materials": [{{"name": "one"}}, {{"name": "two", "doubleSided": true}}, {{"name": "glass",
+            "extensions": {{"KHR_materials_transmission": {{"transmissionFactor": 1}}}}}}],
+        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
+        "buffers": [{{"byteLength": 36, "uri":
+            "data:;base64,AACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAAAA"}}]}}"#
+    );
+    let path = folder.file("a.gltf", file);
+    let scene_file = r#"Scene(version: 1, objects: [(shape: File("a.gltf"))])"#;
+    for path in [path, folder.file("a.ron", scene_file)] {
+        let culled = |single_sided: bool| {
+            let options = LoadOptions { single_sided, ..LoadOptions::default() };
+            let scene = Scene::load_with(&path, &options).unwrap();
+            [0, 1, 2, 3].map(|index| scene.materials[index].culled)
+        };
+        assert_eq!((culled(false), culled(true)), ([false; 4], [true, false, false, true]), "{path}");
+    }
 }

@@ -227,6 +227,6 @@ impl<'a> Finder<'a> {
         };
         let end = distance - short;
         let at = |distance: f64| (light + direction * distance).as_vec3();
-        begin < end && self.tracer.visible(at(begin), at(end))
+        begin < end && self.tracer.reaches(at(begin), at(end))
     }
 }

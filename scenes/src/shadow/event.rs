@@ -269,7 +269,12 @@ impl<'a> Blockers<'a> {
         let edge = &self.mesh.edges[index];
         let [first, second] = edge.faces;
         // The corners from which the edge is a silhouette, one bit each.
-        let outline = if second == NO_FACE { 0xF } else { facing.of(first) ^ facing.of(second) };
+        let outline = match second {
+            NO_FACE => 0xF,
+            // What is behind a culled back does not see the face.
+            _ if second == first => !facing.of(first) & 0xF,
+            _ => facing.of(first) ^ facing.of(second),
+        };
         if outline == 0 {
             return events;
         }

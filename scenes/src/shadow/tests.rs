@@ -27,6 +27,17 @@ impl World {
         self.add(Shape::quad(corners.map(|[u, v]| Vec3::new(x + half * u, y, z + half * v))));
     }
 
+    /// Adds a square of two metres at height 1 with a culled back, that faces up or down.
+    fn culled_square(&mut self, up: bool) {
+        let culled = self.builder.material(Material { culled: true, ..Material::diffuse("", Vec3::ONE) });
+        let mut corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
+        if !up {
+            corners.reverse();
+        }
+        let quad = Shape::quad(corners.map(|[x, z]| Vec3::new(x, 1.0, z) * self.scale));
+        self.builder.add(&quad, culled).unwrap();
+    }
+
     fn point(&mut self, position: [f32; 3]) {
         self.builder.point_light(Vec3::from(position) * self.scale, Vec3::ONE);
     }
@@ -466,4 +477,20 @@ fn beyond_the_capacity_the_longest_segments_are_kept_in_order() {
 fn a_cancelled_search_returns_nothing() {
     let scene = heap(9, 1.0, |world, _| world.lamp(5.0, 0.1));
     assert_eq!(shadow_segments(&Tracer::new(scene), &WIDE, &|share| !(0.0..1.0).contains(&share)), None);
+}
+
+#[test]
+fn a_culled_back_casts_no_shadow() {
+    for (up, corners) in [(true, &[][..]), (false, &[[-2.0, -2.0], [-2.0, 2.0], [2.0, 2.0], [2.0, -2.0]])] {
+        let mut world = World::new(1.0);
+        world.square(0.0, 5.0, [0.0, 0.0]);
+        world.culled_square(up);
+        world.point([0.0, 2.0, 0.0]);
+        let segments = find(&world.scene(), &WIDE);
+        if corners.is_empty() {
+            assert_eq!(segments, []);
+        } else {
+            assert_outline(&segments, 0.0, corners, 1.0, 1e-3);
+        }
+    }
 }

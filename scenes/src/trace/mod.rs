@@ -134,8 +134,8 @@ pub struct Tracer {
     emitters: Emitters,
     /// What each material looks like everywhere, if it does not differ from point to point.
     looks: Arc<Vec<Option<Look>>>,
-    /// Whether materials have holes, or are transparent.
-    has_holes: bool,
+    /// Whether materials have holes or culled backs, or are transparent.
+    has_gaps: bool,
     is_translucent: bool,
     /// Shared by all poses of the scene.
     non_finite: Arc<AtomicU64>,
@@ -191,7 +191,7 @@ impl Tracer {
         let used = |is: fn(&Material) -> bool| scene.materials.iter().any(is);
         Self {
             looks: Arc::new(scene.materials.iter().map(look).collect()),
-            has_holes: used(|material| material.alpha != Alpha::Opaque),
+            has_gaps: used(|material| material.alpha != Alpha::Opaque || material.culled),
             is_translucent: used(Material::is_transparent),
             bvh,
             emitters,
@@ -214,7 +214,7 @@ impl Tracer {
             bvh: self.bvh.posed(&scene.poses),
             emitters: self.emitters.posed(&scene),
             looks: self.looks.clone(),
-            has_holes: self.has_holes,
+            has_gaps: self.has_gaps,
             is_translucent: self.is_translucent,
             non_finite: self.non_finite.clone(),
             scene,
@@ -226,10 +226,21 @@ impl Tracer {
         &self.scene
     }
 
-    /// Returns true if no surface lies strictly between two points; transparent ones count, holes do not.
+    /// Returns true if no surface that is seen from the point `from` lies strictly between it and another; transparent ones
+    /// count, holes do not.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
-        if self.has_holes {
-            self.bvh.visible(from, to, |hit| self.is_there(hit))
+        self.sees(from, to, to - from)
+    }
+
+    /// Returns true if the light at one point reaches another, which is that the other sees it.
+    pub(crate) fn reaches(&self, light: Vec3, point: Vec3) -> bool {
+        self.sees(light, point, light - point)
+    }
+
+    /// Returns true if no surface that is seen in a direction lies between two points.
+    fn sees(&self, from: Vec3, to: Vec3, direction: Vec3) -> bool {
+        if self.has_gaps {
+            self.bvh.visible(from, to, |hit| self.is_there(hit, direction))
         } else {
             self.bvh.visible(from, to, |_| true)
         }
@@ -527,7 +538,8 @@ impl Tracer {
         let direction = (to - from).normalize_or_zero();
         let passed = Cell::new(Vec3::ONE);
         let blocks = |hit: Intersection| {
-            let through = if self.is_there(hit) { self.passing(hit, direction, mode) } else { Vec3::ONE };
+            let through =
+                if self.is_there(hit, direction) { self.passing(hit, direction, mode) } else { Vec3::ONE };
             passed.set(passed.get() * through);
             through == Vec3::ZERO
         };
@@ -547,10 +559,13 @@ impl Tracer {
         through * look.opacity + (1.0 - look.opacity)
     }
 
-    /// Whether there is a surface where a ray hits a triangle, and not a hole of its material.
-    fn is_there(&self, hit: Intersection) -> bool {
+    /// Whether there is a surface where a ray of this direction hits a triangle, and not a hole or a culled back.
+    fn is_there(&self, hit: Intersection, direction: Vec3) -> bool {
         let face = hit.face as usize;
         let material = &self.scene.materials[self.scene.mesh.material[face] as usize];
+        if material.culled && self.scene.mesh.face_normals[face].dot(direction) >= 0.0 {
+            return false;
+        }
         material.alpha == Alpha::Opaque || self.scene.opacity(face, hit.weights) > 0.0
     }
 
@@ -583,8 +598,8 @@ impl Tracer {
 
     /// The nearest surface along a ray of unit direction, `start` metres from its origin or farther.
     fn vertex_from(&self, origin: Vec3, direction: Vec3, start: f32) -> Option<Vertex> {
-        let hit = if self.has_holes {
-            self.bvh.closest(origin, direction, start, |hit| self.is_there(hit))
+        let hit = if self.has_gaps {
+            self.bvh.closest(origin, direction, start, |hit| self.is_there(hit, direction))
         } else {
             self.bvh.closest(origin, direction, start, |_| true)
         };

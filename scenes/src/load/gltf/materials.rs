@@ -136,6 +136,8 @@ impl Reader<'_> {
         }
         self.emission(material, &mut read);
         self.dielectric(extensions, &mut read);
+        // Light leaves a body through the backs of its surface.
+        read.culled = !material.double_sided && read.transmission == 0.0;
         let glossiness = self
             .extension::<SpecularGlossiness>(extensions, SPECULAR_GLOSSINESS)
             .and_then(|glossy| self.glossiness(&glossy, &mut read));

@@ -20,9 +20,9 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::model::Model;
+use super::model::{Model, plain_material};
 use super::origin::origin_of;
-use crate::{NoteKind, Report, Shape};
+use crate::{Material, NoteKind, Report, Shape};
 use container::Container;
 use instances::INSTANCING;
 use json::name_of;
@@ -201,11 +201,16 @@ impl<'a> Reader<'a> {
         drop(meshes);
         let used: BTreeSet<usize> = pieces.iter().filter_map(|piece| piece.material).collect();
         used.iter().for_each(|&material| materials[material].note(&mut report));
-        let (materials, textures) = textures::load(file, materials, &used, &mut report);
+        let (mut materials, textures) = textures::load(file, materials, &used, &mut report);
+        let plain = materials.len();
+        if pieces.iter().any(|piece| piece.material.is_none()) {
+            materials.push(Material { culled: true, ..plain_material() });
+        }
         let [low, high] = bounds(&pieces);
         let origin = origin_of(low, high);
         let part = |Piece { shape, material, world }: Piece| {
-            (placed(shape, &DAffine3 { translation: world.translation - origin, ..world }), material)
+            let shape = placed(shape, &DAffine3 { translation: world.translation - origin, ..world });
+            (shape, Some(material.unwrap_or(plain)))
         };
         let parts = pieces.into_par_iter().map(part).collect();
         let mut model = Model { origin, parts, materials, textures, ..Model::default() };

@@ -83,6 +83,38 @@ fn masks_cut_holes_for_eyes_and_light() {
 }
 
 #[test]
+fn rays_pass_through_culled_backs() {
+    let culled = || Material { culled: true, ..diffuse() };
+    let (above, below) = (Vec3::new(0.1, 1.5, 0.0), Vec3::new(0.1, 0.5, 0.0));
+    for mode in [Mode::Direct, Mode::Path] {
+        // The sheet faces up, to the light. The floor sees its back, which is not there.
+        let (tracer, open) = under(culled());
+        assert!((seen(&tracer, mode) - open).abs() < 1e-5, "{mode:?}");
+        let height = |eye: Vec3, at: Vec3| look(&tracer, eye, at, &settings(mode, 1)).position.y;
+        assert_eq!([height(above, Vec3::ZERO), height(below, Vec3::ZERO)], [1.0, 0.0]);
+        assert!(!look(&tracer, below, above, &settings(mode, 1)).hit);
+        assert!(tracer.visible(below, above) && !tracer.visible(above, below));
+        assert!(tracer.reaches(above, below) && !tracer.reaches(below, above));
+    }
+    // One that faces down is a roof.
+    let mut stage = Stage::new(1.0);
+    floor(&mut stage, diffuse(), 0.8);
+    stage.quad(Vec3::new(-1.0, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, culled(), 0.5, 0.0);
+    point_light(&mut stage, 2.0 * UP, 3.0);
+    let tracer = stage.tracer();
+    assert_eq!(seen(&tracer, Mode::Direct), 0.0);
+    let through = look(&tracer, above, Vec3::ZERO, &settings(Mode::Direct, 1)).position.y;
+    assert_eq!(through, 0.0);
+    // A mirror below a sheet that faces up shows the sky.
+    let mut stage = Stage::new(1.0);
+    stage.scene.background = Vec3::ONE;
+    floor(&mut stage, Material::mirror("", Vec3::ONE), 1.0);
+    sheet(&mut stage, 1.0, culled());
+    let mirrored = look(&stage.tracer(), below, Vec3::ZERO, &settings(Mode::Direct, 1)).radiance.x;
+    assert_near(mirrored, 1.0, 1e-4);
+}
+
+#[test]
 fn thin_clear_glass_passes_what_it_does_not_reflect() {
     let glass = Material { medium: None, ..Material::glass("", Vec3::new(0.9, 0.9, 0.9), 1.5) };
     let (tracer, open) = under(glass);
