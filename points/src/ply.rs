@@ -6,6 +6,7 @@ use std::{
     str::FromStr,
 };
 
+use epigraph_scenes::ply_header;
 use epigraph_streams::{Node, unpack_color, unpack_normal};
 use glam::{DVec3, Vec3};
 use ply_rs_bw::{
@@ -19,7 +20,7 @@ use crate::{MOST_POINTS, cloud::Cloud};
 const LONGEST_HEADER: u64 = 1 << 20;
 
 /// The longest line of an ASCII file, in bytes.
-const LONGEST_LINE: u64 = 1 << 20;
+const LONGEST_LINE: usize = 1 << 20;
 
 /// A vertex, with the properties that are read.
 struct Vertex {
@@ -117,8 +118,13 @@ impl PropertyAccess for Other {
 
 /// Reads the vertices of a file. If it has faces, vertices without normals get the means of theirs.
 pub(crate) fn read(mut file: impl BufRead) -> Result<Cloud, String> {
-    let header =
-        Parser::<Other>::new().read_header(&mut file.by_ref().take(LONGEST_HEADER)).map_err(one_line)?;
+    let mut start = Vec::new();
+    file.by_ref().take(LONGEST_HEADER).read_to_end(&mut start).map_err(one_line)?;
+    // What has no end of a header is refused with the parser's reason.
+    let (text, length) =
+        ply_header(&start).map_or((start.clone(), start.len()), |(text, end)| (text.into_bytes(), end));
+    let header = Parser::<Other>::new().read_header(&mut text.as_slice()).map_err(one_line)?;
+    let mut file = start[length..].chain(file);
     let vertex = header.elements.get("vertex").ok_or("no element `vertex` in the header")?;
     let has = |name: &str| vertex.properties.contains_key(name);
     if let Some(missing) = ["x", "y", "z"].into_iter().find(|name| !has(name)) {
@@ -203,10 +209,7 @@ fn for_each<E: PropertyAccess>(
 
 /// Reads an element from a line. The parser's own function knows no `nan`, which scanners write for what they missed.
 fn read_line<E: PropertyAccess>(file: &mut impl BufRead, element: &ElementDef) -> io::Result<E> {
-    let mut line = String::new();
-    if file.by_ref().take(LONGEST_LINE).read_line(&mut line)? == 0 {
-        return Err(io::ErrorKind::UnexpectedEof.into());
-    }
+    let line = next_line(file)?;
     let mut words = line.split_ascii_whitespace();
     let mut next = || words.next().ok_or("its line ends early").map_err(io::Error::other);
     let mut read = E::new();
@@ -226,6 +229,31 @@ fn read_line<E: PropertyAccess>(file: &mut impl BufRead, element: &ElementDef) -
         read.set_property(name, value);
     }
     Ok(read)
+}
+
+/// The next line that is not blank. It ends in a line feed, a carriage return, or both.
+fn next_line(file: &mut impl BufRead) -> io::Result<String> {
+    let mut line = Vec::new();
+    loop {
+        let bytes = file.fill_buf()?;
+        let is_last = bytes.is_empty();
+        let end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        let length = end.unwrap_or(bytes.len());
+        line.extend(&bytes[..length]);
+        file.consume(length + usize::from(end.is_some()));
+        if line.len() > LONGEST_LINE {
+            return Err(io::Error::other(format!("its line has more than {LONGEST_LINE} bytes")));
+        }
+        if (end.is_some() || is_last) && !line.trim_ascii().is_empty() {
+            return String::from_utf8(line).map_err(|_| io::Error::other("it is no text"));
+        }
+        if is_last {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        if end.is_some() {
+            line.clear();
+        }
+    }
 }
 
 fn scalar(word: &str, kind: &ScalarType) -> io::Result<Property> {

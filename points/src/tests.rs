@@ -79,6 +79,42 @@ fn ply_of_all_formats() {
 }
 
 #[test]
+fn ply_with_lines_of_all_systems() {
+    let folder = Folder::new();
+    let control = folder.read("a.ply", ply("ascii"));
+    let text = String::from_utf8(ply("ascii")).unwrap();
+    for (text, what) in [
+        (text.replace('\n', "\r\n"), "Windows"),
+        (text.replace('\n', "\r"), "old Macs"),
+        (text.replace("end_header\n", "end_header\n\n"), "a blank line after the header"),
+        (text.replace('\n', "\r\n").replace("end_header\r\n", "end_header\r\n\r\n"), "both"),
+        (text.replace("property float x", "\n  property\tfloat   x "), "blanks"),
+        (text.trim_end().to_owned(), "no line feed at the end"),
+    ] {
+        assert_eq!(folder.read("a.ply", text), control, "{what}");
+    }
+    // The first byte of the points looks like the end of a line.
+    let end = b"end_header\n";
+    for format in ["binary_little_endian", "binary_big_endian"] {
+        let file = ply(format);
+        let length = file.windows(end.len()).position(|words| words == end).unwrap() + end.len();
+        let mut points = file[length..].to_vec();
+        points[0] = b'\n';
+        let of_header = |header: String| folder.read("a.ply", [header.as_bytes(), &points].concat());
+        let header = String::from_utf8(file[..length].to_vec()).unwrap();
+        let control = of_header(header.clone());
+        for ends in ["\r\n", "\r"] {
+            assert_eq!(of_header(header.replace('\n', ends)), control, "{format} {ends:?}");
+        }
+    }
+    let long = "1 2 3 ".repeat(1 << 18);
+    let message = folder.error("a.ply", text.replace("1 2 3.5", &long));
+    assert_eq!(message, "cannot read a.ply: vertex 0 of 2: its line has more than 1048576 bytes");
+    let file = [&text.as_bytes()[..text.len() - 2], b"\xff\n"].concat();
+    assert_eq!(folder.error("a.ply", file), "cannot read a.ply: vertex 1 of 2: it is no text");
+}
+
+#[test]
 fn ply_colours_of_any_type_and_double_positions() {
     let folder = Folder::new();
     for (kind, values) in [

@@ -593,10 +593,7 @@ pub const SCAN: Kind = Kind {
             binary.extend([0, 5, 7, 8]);
             [number; 4].iter().for_each(|part| binary.extend(part.to_be_bytes()));
         }
-        // The last of the meshes has a header with the line ends of other systems, which is not read as a scan.
-        let mut meshes = (PLY.seeds)();
-        meshes.truncate(2);
-        [vec![ascii.into_bytes(), binary], meshes].concat()
+        [vec![ascii.into_bytes(), binary], (PLY.seeds)()].concat()
     },
     companions: none,
     read: points,

@@ -35,6 +35,7 @@ pub use file::{
 pub use materials::{ChannelSpec, MapSpec, MapSpecs, MaterialSpec, MediumSpec, SurfaceSpec};
 use model::Model;
 pub(crate) use model::framing_camera;
+pub use ply::ply_header;
 
 /// The kinds of file that hold meshes, by ending.
 const MESH_ENDINGS: [&str; 5] = [".glb", ".gltf", ".obj", ".ply", ".ply.gz"];

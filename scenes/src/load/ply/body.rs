@@ -6,6 +6,8 @@ use super::header::{Format, Kind, Property};
 pub(super) struct Body<'a> {
     pub rest: &'a [u8],
     pub format: Format,
+    /// Whether each element of a text ends with its line. If not, lines are like blanks.
+    pub has_lines: bool,
     /// Whether a line of a text had more words than its element has numbers.
     pub has_more_words: bool,
 }
@@ -49,9 +51,9 @@ impl<'a> Body<'a> {
         (!word.is_empty()).then_some(word)
     }
 
-    /// Goes to the next line of a text.
+    /// Goes to the next line of a text that has lines.
     pub fn end_element(&mut self) {
-        if self.format == Format::Text {
+        if self.format == Format::Text && self.has_lines {
             let end =
                 self.rest.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(self.rest.len());
             self.has_more_words |= !self.rest[..end].trim_ascii().is_empty();

@@ -129,6 +129,24 @@ impl Header {
     }
 }
 
+/// The header with which a PLY file begins, as lines that end in line feeds, with one blank between words, whatever is
+/// between them in the file; and the header's length in the file, bytes. `None` if the header does not end within `start`.
+pub fn ply_header(start: &[u8]) -> Option<(String, usize)> {
+    let mut lines = Lines { bytes: start, at: 0, ends_in_both: false };
+    let mut text = String::new();
+    loop {
+        let line = lines.next()?;
+        if !line.is_empty() {
+            let words: Vec<&str> = line.split_ascii_whitespace().collect();
+            text += &words.join(" ");
+            text.push('\n');
+        }
+        if line == "end_header" {
+            return Some((text, lines.at));
+        }
+    }
+}
+
 /// The lines of the header, without blanks at their ends.
 struct Lines<'a> {
     bytes: &'a [u8],

@@ -16,6 +16,7 @@ use super::polygons::{Assembly, Polygons};
 use super::{colors, images};
 use crate::{Alpha, Map, Material, MeshError, NoteKind, Report, Texture};
 use body::{Body, Stop};
+pub use header::ply_header;
 use header::{Element, Header, Kind, Property};
 
 /// Bytes of a packed file's header that are looked at before all is unpacked.
@@ -34,11 +35,22 @@ pub(super) fn read(
     {
         return Err(format!("the element `vertex` has no property `{missing}`"));
     }
-    let mut reader = Reader { vertices: vertex.count, ..Reader::default() };
-    let mut body = Body { rest: &bytes[header.length..], format: header.format, has_more_words: false };
-    for element in &header.elements {
-        reader.elements(&mut body, element)?;
+    let read_all = |has_lines: bool| {
+        let mut reader = Reader { vertices: vertex.count, ..Reader::default() };
+        let rest = &bytes[header.length..];
+        let mut body = Body { rest, format: header.format, has_lines, has_more_words: false };
+        let read = header.elements.iter().try_for_each(|element| reader.elements(&mut body, element));
+        (read, reader, body)
+    };
+    let (mut read, mut reader, mut body) = read_all(true);
+    if read.is_err() && body.has_more_words {
+        // Some write several elements in a line, which shows by the numbers' coming out even.
+        let freely = read_all(false);
+        if freely.0.is_ok() && freely.2.rest.trim_ascii().is_empty() {
+            (read, reader, body) = freely;
+        }
     }
+    read?;
     if !body.rest.trim_ascii().is_empty() {
         reader.report.add(NoteKind::LeftOut, "what follows the last element", "");
     }

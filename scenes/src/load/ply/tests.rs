@@ -147,11 +147,29 @@ fn the_many_ways_of_writing_the_same() {
         (ASCII.replace("element vertex", "comment x\nobj_info y\n\nelement  vertex"), "comments"),
         (ASCII.replace("float", "float32").replace("uchar int", "uint8 int64"), "other names of types"),
         (ASCII.trim_end().to_owned(), "no line feed at the end"),
+        (in_one_line(ASCII), "one line"),
+        (ASCII.replace("9\n1 ", "9 1 ").replace("9\n0 ", "9 0 "), "two vertices in a line"),
     ] {
         let model = read(text.as_bytes()).unwrap();
         assert_eq!(model.parts, control.parts, "{what}");
         assert_eq!(notes(&model), notes(&control), "{what}");
     }
+}
+
+/// The same file with all numbers in one line.
+fn in_one_line(text: &str) -> String {
+    let (header, numbers) = text.split_once("end_header\n").unwrap();
+    format!("{header}end_header\n{}", numbers.replace('\n', " "))
+}
+
+#[test]
+fn numbers_in_one_line_must_come_out_even() {
+    let cut_off = |text: &str| {
+        assert_eq!(error(text), "cut off: it ends within vertex 1 of 4; copy or download it again");
+    };
+    let text = in_one_line(ASCII);
+    cut_off(text.trim_end().strip_suffix(" 3").unwrap());
+    cut_off(&(text + "7"));
 }
 
 #[test]
