@@ -1,6 +1,7 @@
 //! The status line at the bottom: problems, else the frame rate.
 
 use egui::{Align, Label, Layout, ProgressBar, RichText, ScrollArea, Sense, Ui};
+use epigraph_scenes::texture_progress;
 
 use crate::{
     engine::{Command, Phase, Playing},
@@ -78,7 +79,10 @@ fn state(ui: &mut Ui, session: &Session) {
         ui.colored_label(theme::palette(ui).bad, format!("{why}; choose another with File, Open scene"));
     } else if state.phase == Phase::Loading {
         ui.spinner();
-        ui.label("reading the scene …");
+        ui.label(match texture_progress() {
+            [_, 0] => "reading the scene …".to_owned(),
+            [done, wanted] => format!("reading the scene: {done} of {wanted} textures …"),
+        });
     } else if let Some(trouble) = &state.trouble {
         ui.colored_label(theme::palette(ui).bad, trouble);
     } else if let Some(seconds) = session.recorded_seconds() {

@@ -57,6 +57,7 @@ pub use limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE, MAX_TIME, MAX_TRIA
 pub use load::{
     CameraSpec, ChannelSpec, LightSpec, LoadOptions, MapSpec, MapSpecs, MaterialSpec, MediumSpec,
     MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile, ShapeSpec, SurfaceSpec, ply_header,
+    texture_progress,
 };
 pub use look::Look;
 pub use material::{Alpha, DIELECTRIC_F0, Map, Maps, Material, Medium, f0_of_ior};

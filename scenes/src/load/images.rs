@@ -2,6 +2,7 @@
 
 use std::io::Cursor;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bytemuck::allocation::try_cast_vec;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
@@ -19,6 +20,41 @@ const MOST_TEXELS: u64 = 1 << 28;
 /// How files of textures for graphics cards begin.
 const KTX2: &[u8] = b"\xABKTX 20\xBB";
 
+/// The images that are being decoded, and how many of them are done, in the whole process.
+static WANTED: AtomicUsize = AtomicUsize::new(0);
+static DONE: AtomicUsize = AtomicUsize::new(0);
+
+/// How many textures are decoded of those of the mesh file that is being read, and how many these are, for a display of
+/// progress; both 0 at other times. Files that are read at once count together.
+pub fn texture_progress() -> [usize; 2] {
+    [&DONE, &WANTED].map(|count| count.load(Ordering::Relaxed))
+}
+
+/// Images that [`texture_progress`] counts while this lives.
+struct Counted {
+    count: usize,
+    done: AtomicUsize,
+}
+
+impl Counted {
+    fn new(count: usize) -> Self {
+        WANTED.fetch_add(count, Ordering::Relaxed);
+        Self { count, done: AtomicUsize::new(0) }
+    }
+
+    fn one_done(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+        DONE.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        DONE.fetch_sub(*self.done.get_mut(), Ordering::Relaxed);
+        WANTED.fetch_sub(self.count, Ordering::Relaxed);
+    }
+}
+
 /// The textures in some image files, given by name and contents, decoded in parallel.
 ///
 /// # Errors
@@ -29,21 +65,27 @@ pub(super) fn decode<B: AsRef<[u8]> + Sync>(images: &[(String, B)]) -> Vec<Resul
     // Sizes are promised by the first bytes, so that what is too large is never made.
     let fits: Vec<Result<(), String>> =
         images.iter().map(|(name, bytes)| take_room(name, bytes.as_ref(), &mut room)).collect();
+    let counted = Counted::new(images.len());
     images
         .par_iter()
         .zip(fits)
         .map(|((name, bytes), fits)| {
-            fits?;
-            let image = decoder(name, bytes.as_ref()).and_then(|decoder| {
-                DynamicImage::from_decoder(decoder).map_err(|error| format!("it cannot be decoded: {error}"))
-            })?;
-            let size = [image.width(), image.height()];
-            let bytes = image.into_rgba8().into_raw();
-            // The same memory if it can be.
-            let texels = try_cast_vec(bytes).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec());
-            Ok(Arc::new(Texture { name: name.clone(), size, texels }))
+            let texture = fits.and_then(|()| texture(name, bytes.as_ref()));
+            counted.one_done();
+            texture.map(Arc::new)
         })
         .collect()
+}
+
+fn texture(name: &str, bytes: &[u8]) -> Result<Texture, String> {
+    let image = decoder(name, bytes).and_then(|decoder| {
+        DynamicImage::from_decoder(decoder).map_err(|error| format!("it cannot be decoded: {error}"))
+    })?;
+    let size = [image.width(), image.height()];
+    let bytes = image.into_rgba8().into_raw();
+    // The same memory if it can be.
+    let texels = try_cast_vec(bytes).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec());
+    Ok(Texture { name: name.to_owned(), size, texels })
 }
 
 fn take_room(name: &str, bytes: &[u8], room: &mut u64) -> Result<(), String> {
@@ -130,6 +172,31 @@ mod tests {
         assert_eq!(one(&encoded(&grey.into(), ImageFormat::Png)).unwrap().texels, [[9, 9, 9, 255]]);
         let deep = image::ImageBuffer::<Luma<u16>, _>::from_pixel(1, 1, Luma([0x1234]));
         assert_eq!(one(&encoded(&deep.into(), ImageFormat::Png)).unwrap().texels, [[0x12, 0x12, 0x12, 255]]);
+    }
+
+    #[test]
+    fn images_are_counted_while_they_are_decoded() {
+        /// Looks at the progress whenever its bytes are asked for.
+        struct Watched(Vec<u8>, std::sync::Mutex<Vec<[usize; 2]>>);
+        impl AsRef<[u8]> for Watched {
+            fn as_ref(&self) -> &[u8] {
+                self.1.lock().unwrap().push(texture_progress());
+                &self.0
+            }
+        }
+        let png = encoded(&GrayImage::new(40, 40).into(), ImageFormat::Png);
+        let half = png[..png.len() / 2].to_vec();
+        let files = [png, half].map(|bytes| (String::new(), Watched(bytes, std::sync::Mutex::default())));
+        assert_eq!(decode(&files).iter().filter(|texture| texture.is_ok()).count(), 1);
+        // Other tests' images count too.
+        for (_, Watched(_, seen)) in files {
+            let seen = seen.into_inner().unwrap();
+            assert!(seen.last().unwrap()[1] >= 2, "{seen:?}");
+        }
+        let counted = Counted::new(9);
+        counted.one_done();
+        let [done, wanted] = texture_progress();
+        assert!(done >= 1 && wanted >= 9, "{done} of {wanted}");
     }
 
     #[test]

@@ -32,6 +32,7 @@ use beside::Beside;
 pub use file::{
     CameraSpec, LightSpec, MotionKeySpec, MotionSpec, ObjectSpec, RepeatSpec, SceneFile, ShapeSpec,
 };
+pub use images::texture_progress;
 pub use materials::{ChannelSpec, MapSpec, MapSpecs, MaterialSpec, MediumSpec, SurfaceSpec};
 use model::Model;
 pub(crate) use model::framing_camera;

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::container::{Container, decode_data, decode_percent};
 use super::json::Image;
@@ -120,9 +121,7 @@ impl Glossiness {
         let specular = textures[map.texture].clone();
         let diffuse = material.maps.color.map(|map| textures[map.texture].clone());
         let [width, height] = specular.size;
-        let mut colors = Vec::with_capacity(specular.texels.len());
-        let mut mixed = Vec::with_capacity(specular.texels.len());
-        for (index, &[r, g, b, gloss]) in specular.texels.iter().enumerate() {
+        let convert = |(index, &[r, g, b, gloss]): (usize, &[u8; 4])| {
             let [x, y] = [index as u32 % width, index as u32 / width];
             let [p, q, s, opacity] = diffuse.as_ref().map_or([255; 4], |texture| {
                 let [columns, rows] = texture.size;
@@ -133,10 +132,10 @@ impl Glossiness {
             let (color, metallic) =
                 metallic(self.diffuse * linear([p, q, s]), self.specular * linear([r, g, b]));
             let [r, g, b] = color.to_array().map(code_of);
-            colors.push([r, g, b, opacity]);
             let roughness = 255.0 - self.glossiness * f32::from(gloss);
-            mixed.push([0, roughness.round() as u8, (255.0 * metallic).round() as u8, 255]);
-        }
+            ([r, g, b, opacity], [0, roughness.round() as u8, (255.0 * metallic).round() as u8, 255])
+        };
+        let (colors, mixed) = specular.texels.par_iter().enumerate().map(convert).unzip();
         let name = &specular.name;
         let mut add = |name: String, texels| {
             textures.push(Arc::new(Texture { name, size: specular.size, texels }));
