@@ -140,6 +140,9 @@ impl<'a> Assembly<'a> {
                 None => None,
                 Some(Fault::Crossed) => Some("a polygon whose sides cross"),
                 Some(Fault::Bent) => Some("a polygon that is neither convex nor flat"),
+                Some(Fault::Large) => {
+                    Some("a polygon with notches and too many corners, whose notches are filled")
+                }
             };
             if let Some(what) = what {
                 report.add(NoteKind::Approximated, what, name);

@@ -12,6 +12,10 @@ const LOST_AREA: f64 = 1e-6;
 /// The height of a polygon over its plane, in its diameters, from which it no longer counts as flat.
 const BENT: f64 = 0.02;
 
+/// The most work for the polygons of a file, in squares of their numbers of corners: that is how the time to cut ears grows
+/// if their corners are far from one another. A minute at most; a coast of as many corners takes less than a second.
+const MOST_WORK: u64 = 250_000 * 250_000;
+
 /// What is wrong with a polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
@@ -19,6 +23,8 @@ pub(super) enum Fault {
     Crossed,
     /// It is neither convex nor flat, so that the triangles are those of its projection to a plane.
     Bent,
+    /// It is not convex, and has so many corners that it is not cut but taken as convex.
+    Large,
 }
 
 /// Cuts polygons into triangles. It is kept from polygon to polygon for its memory.
@@ -26,11 +32,13 @@ pub(super) struct Triangulator {
     earcut: Earcut<f64>,
     flat: Vec<DVec2>,
     cut: Vec<u32>,
+    /// What is done of [`MOST_WORK`].
+    work: u64,
 }
 
 impl Triangulator {
     pub fn new() -> Self {
-        Self { earcut: Earcut::new(), flat: Vec::new(), cut: Vec::new() }
+        Self { earcut: Earcut::new(), flat: Vec::new(), cut: Vec::new(), work: 0 }
     }
 
     /// Appends the triangles of the polygon with these `corners`, at least three, all finite, as indices into them, in
@@ -62,6 +70,12 @@ impl Triangulator {
             triangles.extend(fan);
             return Some(Fault::Crossed);
         }
+        let work = self.work + u64::from(count) * u64::from(count);
+        if work > MOST_WORK {
+            triangles.extend(fan);
+            return Some(Fault::Large);
+        }
+        self.work = work;
         let across = normal.any_orthonormal_vector();
         let up = normal.cross(across);
         self.flat.clear();
@@ -285,5 +299,26 @@ mod tests {
             }
         }
         assert!(start.elapsed().as_secs_f64() < 20.0);
+    }
+
+    #[test]
+    fn polygons_that_would_take_minutes_become_fans() {
+        let count = 250_001;
+        let star: Vec<DVec3> = (0..count)
+            .map(|k| (f64::from(k) / f64::from(count) * TAU, f64::from(1 + k % 2)))
+            .map(|(angle, radius)| radius * DVec3::new(angle.cos(), angle.sin(), 0.0))
+            .collect();
+        let mut triangulator = Triangulator::new();
+        let mut triangles = Vec::new();
+        let start = std::time::Instant::now();
+        assert_eq!(triangulator.add(&star, &mut triangles), Some(Fault::Large));
+        assert!(start.elapsed().as_secs_f64() < 2.0 && triangles.len() == star.len() - 2);
+        assert_eq!(triangles[1000], [0, 1001, 1002]);
+        // Others are cut nevertheless, until all together are too many.
+        assert_eq!(triangulator.add(&tilted(&C), &mut triangles), None);
+        assert_eq!(triangulator.work, 64);
+        triangulator.work = MOST_WORK - 64;
+        assert_eq!(triangulator.add(&tilted(&C), &mut triangles), None);
+        assert_eq!(triangulator.add(&tilted(&C), &mut triangles), Some(Fault::Large));
     }
 }
