@@ -84,6 +84,11 @@ const BUILTINS: &[Builtin] = &[
         doc: "a kitchen of 56,939 triangles and 33 materials for global illumination",
         source: Source::Fetched(include_str!("../../kitchen.ron")),
     },
+    Builtin {
+        name: "fox",
+        doc: "the Fox of the Khronos glTF samples, 576 triangles with a texture, at a mirror",
+        source: Source::Fetched(include_str!("../../fox.ron")),
+    },
 ];
 
 /// All built-in scenes, in the order in which to list them.
@@ -145,7 +150,7 @@ mod tests {
     #[test]
     fn scene_files_of_the_crate_are_valid() {
         let fetched: Vec<_> = scene_names().into_iter().filter(|info| info.needs_fetch).collect();
-        assert_eq!(fetched.len(), 4);
+        assert_eq!(fetched.len(), 5);
         for builtin in BUILTINS {
             if let Source::File(text) | Source::Fetched(text) = builtin.source {
                 let file = SceneFile::parse(text).unwrap_or_else(|error| panic!("{}: {error}", builtin.name));
