@@ -42,23 +42,26 @@ pub(super) struct Mtl {
     maps: Pictures,
 }
 
-/// The maps of a material as the file has them.
+/// The maps of a material as the file has them. Most have none.
 #[derive(Clone, Debug, Default)]
 struct Pictures {
-    diffuse: Option<Picture>,
-    emission: Option<Picture>,
-    dissolve: Option<Picture>,
-    roughness: Option<Picture>,
-    metallic: Option<Picture>,
-    normal: Option<Picture>,
+    diffuse: Option<Box<Picture>>,
+    emission: Option<Box<Picture>>,
+    dissolve: Option<Box<Picture>>,
+    roughness: Option<Box<Picture>>,
+    metallic: Option<Box<Picture>>,
+    normal: Option<Box<Picture>>,
     /// Of heights by the letter, but many files have normals here.
-    bump: Option<Picture>,
+    bump: Option<Box<Picture>>,
 }
 
 impl Pictures {
     fn all(&self) -> impl Iterator<Item = &Picture> {
         let Self { diffuse, emission, dissolve, roughness, metallic, normal, bump } = self;
-        [diffuse, emission, dissolve, roughness, metallic, normal, bump].into_iter().flatten()
+        [diffuse, emission, dissolve, roughness, metallic, normal, bump]
+            .into_iter()
+            .flatten()
+            .map(Box::as_ref)
     }
 }
 
@@ -120,7 +123,8 @@ impl Mtl {
                     "bump" | "map_bump" => &mut maps.bump,
                     _ => &mut maps.normal,
                 };
-                *slot = Picture::parse(rest, folder, &self.name, report).or(slot.take());
+                let picture = Picture::parse(rest, folder, &self.name, report).map(Box::new);
+                *slot = picture.or(slot.take());
             }
             _ if keyword.is_empty() || keyword.starts_with('#') => {}
             _ => {
@@ -146,7 +150,8 @@ impl Mtl {
             repair("a colour beyond 0 to 1, taken as the nearest one within");
             color = unit(color);
         }
-        let shows = |picture: &Option<Picture>| picture.as_ref().is_some_and(|p| textures.index(p).is_some());
+        let shows =
+            |picture: &Option<Box<Picture>>| picture.as_ref().is_some_and(|p| textures.index(p).is_some());
         if color == Vec3::ZERO && shows(&self.maps.diffuse) {
             repair("a black colour that hides its texture, taken as white");
             color = Vec3::ONE;
@@ -184,7 +189,7 @@ impl Mtl {
     /// How it scatters light.
     fn surface(&self, color: Vec3, opacity: f32, textures: &Textures, report: &mut Report) -> Material {
         let name = self.name.as_str();
-        let has = |map: &Option<Picture>| map.as_ref().is_some_and(|p| textures.index(p).is_some());
+        let has = |map: &Option<Box<Picture>>| map.as_ref().is_some_and(|p| textures.index(p).is_some());
         let exponent = self.exponent.unwrap_or(0.0).max(0.0);
         let roughness = (1.0 - exponent.sqrt() / 30.0).clamp(SMOOTHEST, 1.0);
         let ior = self.ior.filter(|ior| *ior > 1.0 && ior.is_finite());
@@ -239,7 +244,7 @@ impl Mtl {
 
     fn maps(&self, textures: &Textures, report: &mut Report) -> Maps {
         let Pictures { diffuse, emission, dissolve, roughness, metallic, normal, bump } = &self.maps;
-        let indexed = |picture: &Option<Picture>| {
+        let indexed = |picture: &Option<Box<Picture>>| {
             let picture = picture.as_ref()?;
             Some((picture.clone(), textures.index(picture)?))
         };
