@@ -2,7 +2,8 @@
 
 use std::{
     io::Cursor,
-    panic::{AssertUnwindSafe, catch_unwind},
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
+    thread,
 };
 
 use glam::DVec3;
@@ -13,11 +14,22 @@ use crate::{
     laz::{check_chunks, check_record},
 };
 
-/// Points that are read together. Memory is taken for these, however many a header promises.
+/// The most points that are read together, and the most bytes. Memory is taken for these, however many points a header
+/// promises, and however long ones.
 const BATCH: u64 = 1 << 14;
+const BATCH_BYTES: u64 = 1 << 20;
+
+/// The stack for decoding LAZ, in bytes: the decoder calls itself as often as damaged points say.
+const STACK: usize = 256 << 20;
 
 /// Reads a whole file.
 pub(crate) fn read(bytes: Vec<u8>) -> Result<Cloud, String> {
+    let decoder = thread::Builder::new().stack_size(STACK).spawn(|| decode(bytes));
+    let decoder = decoder.map_err(|error| format!("there is no memory to read it: {error}"))?;
+    decoder.join().unwrap_or_else(|panic| resume_unwind(panic))
+}
+
+fn decode(bytes: Vec<u8>) -> Result<Cloud, String> {
     let wrong = |error: las::Error| format!("its header is wrong: {error}");
     check_record(&bytes)?;
     let header = Header::new(Cursor::new(&bytes[..])).map_err(wrong)?;
@@ -26,6 +38,7 @@ pub(crate) fn read(bytes: Vec<u8>) -> Result<Cloud, String> {
     }
     let mut reader = Reader::new(Cursor::new(bytes)).map_err(wrong)?;
     let count = reader.header().number_of_points();
+    let together = together(reader.header().point_format().len());
     let has_color = reader.header().point_format().has_color;
     let mut cloud = Cloud::default();
     let mut colors: Vec<[u16; 3]> = Vec::new();
@@ -34,7 +47,7 @@ pub(crate) fn read(bytes: Vec<u8>) -> Result<Cloud, String> {
     while index < count {
         let fail = |error: las::Error| format!("after point {index} of {count}: {error}");
         // The decoder of LAZ checks most of what it reads, but indexes its tables with some of it.
-        let filled = catch_unwind(AssertUnwindSafe(|| reader.fill_points(BATCH, &mut batch)));
+        let filled = catch_unwind(AssertUnwindSafe(|| reader.fill_points(together, &mut batch)));
         let damaged = || format!("after point {index} of {count}: the compressed points are damaged");
         filled.map_err(|_| damaged())?.map_err(fail)?;
         for point in batch.points() {
@@ -55,6 +68,11 @@ pub(crate) fn read(bytes: Vec<u8>) -> Result<Cloud, String> {
     Ok(cloud)
 }
 
+/// The number of points of so many bytes that are read together.
+fn together(length: u16) -> u64 {
+    (BATCH_BYTES / u64::from(length.max(1))).clamp(1, BATCH)
+}
+
 /// Colours of 16 bits as bytes. Many programs write bytes, against the specification: then no channel of any point is
 /// above 255.
 fn bytes_of(colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
@@ -68,4 +86,14 @@ fn bytes_of(colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
             [red, green, blue, 255]
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_points_take_no_more_memory() {
+        assert_eq!([0, 20, 64, 256, u16::MAX].map(together), [BATCH, BATCH, BATCH, BATCH / 4, 16]);
+    }
 }
