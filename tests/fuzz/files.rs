@@ -204,10 +204,31 @@ fn small_picture() -> Vec<u8> {
 const QUAD: &[u8] =
     b"mtllib a.mtl\no quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl lamp\nf -1 -2 -3 -4\nusemtl metal\nf 1 2 3\n";
 
+/// The sides of the squares of [`hills`].
+const SIDE: u16 = 24;
+
+/// The vertices and the triangles of a hilly square of 1152 triangles: enough that memory grows with the file.
+fn hills() -> (Vec<Vec3>, Vec<[u16; 3]>) {
+    let row = SIDE + 1;
+    let height = |x: u16, z: u16| (0.7 * f32::from(x)).sin() + (0.5 * f32::from(z)).cos();
+    let vertex = |i: u16| Vec3::new((i % row).into(), height(i % row, i / row), (i / row).into());
+    let square = |i: u16| {
+        let corner = i / SIDE * row + i % SIDE;
+        [[corner, corner + row, corner + 1], [corner + 1, corner + row, corner + row + 1]]
+    };
+    ((0..row * row).map(vertex).collect(), (0..SIDE * SIDE).flat_map(square).collect())
+}
+
 pub const OBJ: Kind = Kind {
     name: "obj",
     file: "mesh.obj",
-    seeds: || vec![TETRAHEDRON.to_vec(), QUAD.to_vec(), MANY_FORMS.to_vec()],
+    seeds: || {
+        let (positions, triangles) = hills();
+        let vertices = positions.iter().map(|Vec3 { x, y, z }| format!("v {x} {y} {z}\n"));
+        let faces = triangles.iter().map(|face| face.map(|vertex| vertex + 1));
+        let hills: String = vertices.chain(faces.map(|[a, b, c]| format!("f {a} {b} {c}\n"))).collect();
+        vec![TETRAHEDRON.to_vec(), QUAD.to_vec(), MANY_FORMS.to_vec(), hills.into_bytes()]
+    },
     companions: || vec![("a.mtl", MATERIALS.to_vec()), ("a.png", small_picture())],
     read: see,
     count: 1200,
@@ -226,14 +247,14 @@ pub const PLY: Kind = Kind {
     name: "ply",
     file: "mesh.ply",
     seeds: || {
-        let header = |format: &str| {
+        let header = |format: &str, vertices: usize, faces: usize| {
             format!(
-                "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
-                 element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+                "ply\nformat {format} 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\n\
+                 property float z\nelement face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
             )
         };
-        let ascii = header("ascii") + "0 0 0\n1 0 0\n1 1 0\n0 1 1\n3 0 1 2\n4 0 1 2 3\n";
-        let mut binary = header("binary_little_endian").into_bytes();
+        let ascii = header("ascii", 4, 2) + "0 0 0\n1 0 0\n1 1 0\n0 1 1\n3 0 1 2\n4 0 1 2 3\n";
+        let mut binary = header("binary_little_endian", 4, 2).into_bytes();
         for value in [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0_f32] {
             binary.extend(value.to_le_bytes());
         }
@@ -250,7 +271,14 @@ pub const PLY: Kind = Kind {
             property int vertex1\r\nend_header\r\n\r\n500000 0 0 0 0 1 1 2 3 4 0 0\r\n500002 0 0 0 0 nan 1 2 3 255 0 1\r\n\
             500002 1 0 0 1 0 1 2 3 4 0.5 1\r\n500000.5 0.25 0 0 0 1 9 9 9 9 0 0\r\nnan 1 0 0 0 1 1 2 3 4 0 0\r\n\
             4 0 1 2 3 8 0 0 1 0 1 1 0 1 0 65535 0 0\r\n3 0 1 4 6 0 0 1 0 1 1 1 0 9 9\r\n6 0 1 2 -1 3 2\r\n7\r\n";
-        vec![ascii.into_bytes(), binary, many_forms.into()]
+        let (positions, triangles) = hills();
+        let mut hills = header("binary_little_endian", positions.len(), triangles.len()).into_bytes();
+        hills.extend(positions.iter().flat_map(|at| at.to_array()).flat_map(f32::to_le_bytes));
+        for face in triangles {
+            hills.push(3);
+            hills.extend(face.iter().flat_map(|&vertex| i32::from(vertex).to_le_bytes()));
+        }
+        vec![ascii.into_bytes(), binary, many_forms.into(), hills]
     },
     companions: || vec![("a.png", small_picture())],
     read: see,
@@ -388,8 +416,8 @@ pub const GLTF: Kind = Kind {
     count: 1600,
 };
 
-fn glb(json: String) -> Vec<u8> {
-    let (mut json, bytes) = (json.into_bytes(), gltf_bytes());
+fn glb(json: String, bytes: &[u8]) -> Vec<u8> {
+    let mut json = json.into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut file = b"glTF".to_vec();
     let total = 12 + 8 + json.len() + 8 + bytes.len();
@@ -402,12 +430,35 @@ fn glb(json: String) -> Vec<u8> {
     file
 }
 
+fn glb_hills() -> Vec<u8> {
+    let (positions, triangles) = hills();
+    let mut bytes: Vec<u8> =
+        positions.iter().flat_map(|at| at.to_array()).flat_map(f32::to_le_bytes).collect();
+    let begin = bytes.len();
+    bytes.extend(triangles.iter().flatten().flat_map(|vertex| vertex.to_le_bytes()));
+    let json = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}],
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "indices": 1}}]}}],
+        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": {}, "type": "VEC3"}},
+            {{"bufferView": 1, "componentType": 5123, "count": {}, "type": "SCALAR"}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": {begin}}},
+            {{"buffer": 0, "byteOffset": {begin}, "byteLength": {}}}],
+        "buffers": [{{"byteLength": {}}}]}}"#,
+        positions.len(),
+        3 * triangles.len(),
+        bytes.len() - begin,
+        bytes.len(),
+    );
+    glb(json, &bytes)
+}
+
 pub const GLB: Kind = Kind {
     name: "glb",
     file: "mesh.glb",
     seeds: || {
-        let rich = rich_gltf_json(&format!(r#"{{"byteLength": {}}}"#, gltf_bytes().len()));
-        vec![glb(gltf_json(r#"{"byteLength": 40}"#)), glb(rich)]
+        let bytes = gltf_bytes();
+        let rich = rich_gltf_json(&format!(r#"{{"byteLength": {}}}"#, bytes.len()));
+        vec![glb(gltf_json(r#"{"byteLength": 40}"#), &bytes), glb(rich, &bytes), glb_hills()]
     },
     companions: || vec![("a.png", small_picture())],
     read: see,

@@ -3,13 +3,15 @@
 //!
 //! Each kind of file has seeds, in `files.rs`, and a corpus of what was found, in `corpus/KIND/`. A process of its own
 //! reads one damaged file after the other, so that one that ends the process can be named. `EPIGRAPH_FUZZ=50` tries 50
-//! times as many, `EPIGRAPH_FUZZ_SEED=2` others.
+//! times as many, `EPIGRAPH_FUZZ_MUTANTS=20000` that many of each kind, `EPIGRAPH_FUZZ_SEED=2` others. With `--nocapture`
+//! each kind prints a line of figures; `README.md` has those of a long run.
 
 // `ulimit` and signals.
 #![cfg(unix)]
 
 mod command;
 mod files;
+mod memory;
 mod mutate;
 mod shaders;
 
@@ -26,6 +28,7 @@ use std::{
 use epigraph_core::testing::Random;
 
 use files::Kind;
+use memory::Figures;
 
 /// The longest that a file may take.
 const LONGEST: Duration = Duration::from_secs(60);
@@ -53,8 +56,11 @@ fn random(place: usize) -> Random {
 pub fn limited(program: &Path) -> Command {
     let mut command = Command::new("sh");
     command.args(["-c", &format!("ulimit -v {MOST_KILOBYTES} && ulimit -c 0 && exec \"$0\" \"$@\"")]);
-    // Each thread reserves address space.
-    command.arg(program).env("RAYON_NUM_THREADS", "2").env("MALLOC_ARENA_MAX", "2").stdin(Stdio::null());
+    // Each thread reserves address space. Large blocks go back to the system when they are freed, so that what a file takes
+    // is not hidden by what one before it left.
+    let environment =
+        [("RAYON_NUM_THREADS", "2"), ("MALLOC_ARENA_MAX", "2"), ("MALLOC_MMAP_THRESHOLD_", "65536")];
+    command.arg(program).envs(environment).stdin(Stdio::null());
     command
 }
 
@@ -109,11 +115,13 @@ fn try_all(test: &str, kind: &Kind) {
         }
         sleep(Duration::from_millis(20));
     };
+    let said = fs::read_to_string(folder.path().join("stderr")).unwrap_or_default();
     if let Some(fault) = fault {
-        let said = fs::read_to_string(folder.path().join("stderr")).unwrap_or_default();
         let kept = folder.keep();
         panic!("{fault}: {}\n{said}", kept.join(kind.file).display());
     }
+    // The figures; what precedes them are panics of libraries that their callers catch.
+    eprintln!("{}", said.lines().last().unwrap_or_default());
 }
 
 /// Reads the corpus and the mutants, one after the other, in the process that [`try_all`] has started.
@@ -128,13 +136,18 @@ fn read_all(kind: &Kind, folder: &Path) {
         fs::write(folder.join(name), bytes).expect("writable");
     }
     let seeds = (kind.seeds)();
-    let read = |what: &str, bytes: &[u8]| {
+    let write = |bytes: &[u8]| {
+        let path = folder.join(kind.file);
         // Anew: writing over a file waits for the disk.
-        let _ = fs::remove_file(folder.join(kind.file));
-        fs::write(folder.join(kind.file), bytes).expect("writable");
-        let read = catch_unwind(AssertUnwindSafe(|| (kind.read)(&folder.join(kind.file))));
+        let _ = fs::remove_file(&path);
+        fs::write(&path, bytes).expect("writable");
+        path
+    };
+    let try_one = |what: &str, path: &Path| {
+        let read = catch_unwind(AssertUnwindSafe(|| (kind.read)(path)));
         read.unwrap_or_else(|_| panic!("{what} panicked"))
     };
+    let read = |what: &str, bytes: &[u8]| try_one(what, &write(bytes));
     known.iter().for_each(|(name, bytes)| {
         read(name, bytes);
     });
@@ -143,16 +156,18 @@ fn read_all(kind: &Kind, folder: &Path) {
     }
     let all: Vec<&[u8]> =
         seeds.iter().map(Vec::as_slice).chain(known.iter().map(|(_, bytes)| &bytes[..])).collect();
-    let count = kind.count * times();
+    let count = number("EPIGRAPH_FUZZ_MUTANTS").unwrap_or(kind.count * times());
+    let mut figures = Figures::default();
     let accepted = (0..count).filter(|&number| {
         let mut random = random(number);
         let mutant =
             mutate::mutant(&seeds[number % seeds.len()], mutate::choose(&mut random, &all), &mut random);
-        read(&format!("mutant {number}"), &mutant)
+        let path = write(&mutant);
+        figures.of(number, mutant.len(), || try_one(&format!("mutant {number}"), &path))
     });
     // Otherwise nothing but the readers' first lines is tried.
     let accepted = accepted.count();
-    eprintln!("{accepted} of {count} accepted");
+    eprintln!("| {} | {count} | {accepted} | {figures} |", kind.name);
     assert!(accepted > count / 100, "{accepted} of {count} mutants are accepted");
 }
 
