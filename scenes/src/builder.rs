@@ -117,6 +117,7 @@ pub struct SceneBuilder {
     triangles: Vec<[u32; 3]>,
     normals: Vec<[Vec3; 3]>,
     uvs: [Vec<[Vec2; 3]>; 2],
+    tangents: Vec<[Vec4; 3]>,
     colors: Vec<[Vec4; 3]>,
     material: Vec<u32>,
     object: Vec<u32>,
@@ -171,6 +172,7 @@ impl SceneBuilder {
         for (set, added) in self.uvs.iter_mut().zip(&shape.uvs) {
             append(set, added, triangles, [Vec2::ZERO; 3]);
         }
+        append(&mut self.tangents, &shape.tangents, triangles, [Vec4::ZERO; 3]);
         append(&mut self.colors, &shape.colors, triangles, [Vec4::ONE; 3]);
         self.material.resize(self.triangles.len(), material);
         self.object.resize(self.triangles.len(), self.objects);
@@ -347,6 +349,7 @@ impl SceneBuilder {
         }
         let kept_uvs = |set: &Vec<[Vec2; 3]>| kept_of(set, &kept);
         mesh.corner_uvs = Arc::new(self.uvs.each_ref().map(kept_uvs));
+        mesh.corner_tangents = Arc::new(kept_of(&self.tangents, &kept));
         mesh.corner_colors = Arc::new(kept_of(&self.colors, &kept));
         mesh.material = Arc::new(kept.iter().map(|&old| self.material[old]).collect());
         mesh.object = Arc::new(kept.iter().map(|&old| self.object[old]).collect());

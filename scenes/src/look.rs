@@ -100,14 +100,26 @@ impl Scene {
         let material = &self.materials[self.mesh.material[face] as usize];
         let Some((map, scale)) = material.maps.normal else { return normal };
         let Some(uvs) = self.mesh.corner_uvs[map.uv_set].get(face) else { return normal };
-        let Some((tangent, bitangent)) = tangents(self.mesh.corners(face), *uvs, normal) else {
-            return normal;
+        let frame = match self.tangent(face, weights) {
+            Some(tangent) => frame(tangent, if front { normal } else { -normal }),
+            None => tangents(self.mesh.corners(face), *uvs, normal),
         };
+        let Some((tangent, bitangent)) = frame else { return normal };
         let texel = 2.0 * self.texel(&map, face, weights, Coding::Linear).truncate() - 1.0;
         // Seen from behind, bumps are hollows.
         let slope = if front { scale } else { -scale };
         let bent = tangent * (slope * texel.x) + bitangent * (slope * texel.y) + normal * texel.z;
         bent.normalize_or(normal)
+    }
+
+    /// The source's own tangent at a point of a triangle.
+    fn tangent(&self, face: usize, weights: Vec3) -> Option<Vec4> {
+        let tangent = interpolate(*self.mesh.corner_tangents.get(face)?, weights);
+        let turned = match self.body_of_face(face as u32) {
+            0 => tangent.truncate(),
+            body => self.poses[body as usize - 1].vector(tangent.truncate()),
+        };
+        (tangent != Vec4::ZERO).then(|| turned.extend(tangent.w))
     }
 
     fn vertex_color(&self, face: usize, weights: Vec3) -> Option<Vec4> {
@@ -119,6 +131,13 @@ impl Scene {
             self.mesh.corner_uvs[map.uv_set].get(face).map_or(Vec2::ZERO, |&uvs| interpolate(uvs, weights));
         self.textures[map.texture].at(map, uv, coding)
     }
+}
+
+/// The unit directions to the right and up in a normal map, across `normal`, on whose side its tangent counts.
+fn frame(tangent: Vec4, normal: Vec3) -> Option<(Vec3, Vec3)> {
+    let along = tangent.truncate();
+    let right = (along - normal * normal.dot(along)).try_normalize()?;
+    Some((right, normal.cross(right) * tangent.w.signum()))
 }
 
 /// The unit directions, across `normal`, in which u grows and v shrinks (right and up in an image) along a triangle;

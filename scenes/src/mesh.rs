@@ -44,6 +44,9 @@ pub struct Mesh {
     pub corner_normals: Vec<[Vec3; 3]>,
     /// Two sets of texture coordinates per corner, each empty if no part of the source has it.
     pub corner_uvs: Arc<[Vec<[Vec2; 3]>; 2]>,
+    /// The frames of normal maps per corner, as [`Shape::tangents`](crate::Shape::tangents), with bodies at rest; empty if
+    /// no part of the source has them.
+    pub corner_tangents: Arc<Vec<[Vec4; 3]>>,
     /// Factors on colour and opacity per corner, linear; empty if no part of the source has them.
     pub corner_colors: Arc<Vec<[Vec4; 3]>>,
     /// Index into `Scene::materials` of each triangle.

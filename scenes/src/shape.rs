@@ -21,6 +21,10 @@ pub struct Shape {
     /// Two sets of texture coordinates per corner, one entry per triangle each; empty without. (0, 0) is the corner of
     /// a texture's first texel, and v points down.
     pub uvs: [Vec<[Vec2; 3]>; 2],
+    /// The directions in which u grows per corner, for normal maps, and 1 or -1 if a normal map's up is to the left of it
+    /// or to the right, seen from the front; one entry per triangle, zero where that follows from the texture coordinates;
+    /// empty without.
+    pub tangents: Vec<[Vec4; 3]>,
     /// Factors on the material's colour and opacity per corner, one entry per triangle; empty without. Linear.
     pub colors: Vec<[Vec4; 3]>,
 }
@@ -192,6 +196,7 @@ impl Shape {
             for (set, added) in all.uvs.iter_mut().zip(&shape.uvs) {
                 append(set, added, triangles, [Vec2::ZERO; 3]);
             }
+            append(&mut all.tangents, &shape.tangents, triangles, [Vec4::ZERO; 3]);
             append(&mut all.colors, &shape.colors, triangles, [Vec4::ONE; 3]);
         }
         all
@@ -247,6 +252,7 @@ impl Shape {
         shape.positions.iter_mut().for_each(|at| *at = transform.transform_point3(*at));
         let normals = shape.normals.iter_mut().flatten();
         normals.for_each(|normal| *normal = (normal_matrix * *normal).normalize_or_zero());
+        shape.turn_tangents(|tangent| transform.transform_vector3(tangent));
         if transform.matrix3.determinant() < 0.0 {
             shape.turn_over();
         }
@@ -260,12 +266,21 @@ impl Shape {
         self
     }
 
-    /// Makes the back of each triangle its front.
+    /// Changes the directions of the tangents.
+    pub(crate) fn turn_tangents(&mut self, turned: impl Fn(Vec3) -> Vec3) {
+        for tangent in self.tangents.iter_mut().flatten() {
+            *tangent = turned(tangent.truncate()).normalize_or_zero().extend(tangent.w);
+        }
+    }
+
+    /// Turns the triangles of a shape whose corners were mirrored, so that fronts stay fronts.
     pub(crate) fn turn_over(&mut self) {
         self.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
         self.normals.iter_mut().for_each(|corners| corners.swap(1, 2));
         self.uvs.iter_mut().flatten().for_each(|corners| corners.swap(1, 2));
         self.colors.iter_mut().for_each(|corners| corners.swap(1, 2));
+        self.tangents.iter_mut().for_each(|corners| corners.swap(1, 2));
+        self.tangents.iter_mut().flatten().for_each(|tangent| tangent.w = -tangent.w);
     }
 
     /// This shape moved by `offset`.
@@ -416,26 +431,37 @@ mod tests {
     fn values_at_corners_follow_a_transform_and_a_union() {
         let normals = [Vec3::X, Vec3::new(0.6, 0.8, 0.0), Vec3::Z];
         let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y];
+        let tangents =
+            [(Vec3::X, 1.0), (Vec3::Y, -1.0), (Vec3::Z, 1.0)].map(|(along, side)| along.extend(side));
         let colors = [Vec4::X, Vec4::Y, Vec4::Z];
         let triangle = Shape {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
             triangles: vec![[0, 1, 2]],
             normals: vec![normals],
             uvs: [vec![uvs], vec![]],
+            tangents: vec![tangents],
             colors: vec![colors],
         };
-        // It mirrors y, so the last two corners change places; normals scale by the inverse.
+        // It mirrors y, so the last two corners change places, and up is on the other side of right; normals scale by the
+        // inverse.
         let mirrored = triangle.transformed(Affine3A::from_scale(Vec3::new(2.0, -1.0, 4.0)));
         let expected = [Vec3::X, Vec3::Z, Vec3::new(0.3, -0.8, 0.0).normalize()];
         assert_eq!(mirrored.triangles, [[0, 2, 1]]);
         assert_eq!(mirrored.uvs, [vec![[Vec2::ZERO, Vec2::Y, Vec2::X]], vec![]]);
         assert_eq!(mirrored.colors, [[Vec4::X, Vec4::Z, Vec4::Y]]);
+        let turned = [(Vec3::X, -1.0), (Vec3::Z, -1.0), (Vec3::NEG_Y, 1.0)];
+        assert_eq!(mirrored.tangents, [turned.map(|(along, side)| along.extend(side))]);
         assert!(mirrored.normals[0].iter().zip(expected).all(|(normal, b)| normal.distance(b) < 1e-6));
-        let flat = Shape { normals: vec![], uvs: [vec![], vec![]], colors: vec![], ..triangle.clone() };
+        let flat = Shape {
+            positions: triangle.positions.clone(),
+            triangles: triangle.triangles.clone(),
+            ..Shape::default()
+        };
         let both = Shape::union([flat.clone(), triangle.clone(), flat]);
         assert_eq!(both.triangles, [[0, 1, 2], [3, 4, 5], [6, 7, 8]]);
         assert_eq!(both.normals, [[Vec3::ZERO; 3], normals, [Vec3::ZERO; 3]]);
         assert_eq!(both.uvs, [vec![[Vec2::ZERO; 3], uvs, [Vec2::ZERO; 3]], vec![]]);
+        assert_eq!(both.tangents, [[Vec4::ZERO; 3], tangents, [Vec4::ZERO; 3]]);
         assert_eq!(both.colors, [[Vec4::ONE; 3], colors, [Vec4::ONE; 3]]);
     }
 

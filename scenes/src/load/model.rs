@@ -68,6 +68,7 @@ impl Model {
             for (set, all) in shape.uvs.iter_mut().zip(mesh.corner_uvs.iter()) {
                 set.extend(all.get(face));
             }
+            shape.tangents.extend(mesh.corner_tangents.get(face));
             shape.colors.extend(mesh.corner_colors.get(face));
         }
         Self {

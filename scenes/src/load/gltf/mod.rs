@@ -160,7 +160,9 @@ impl<'a> Reader<'a> {
                 exists
             });
             let uv_sets = material.map_or(&[][..], |material| &self.materials[material].uv_sets);
-            let setting = Setting { name: &name, weights, joints, uv_sets, copies };
+            let has_bumps =
+                material.is_some_and(|material| self.materials[material].material.maps.normal.is_some());
+            let setting = Setting { name: &name, weights, joints, uv_sets, has_bumps, copies };
             let triangles = self.file.primitive(primitive, setting, &mut self.size, &mut self.report);
             let triangles =
                 triangles.map_err(|error| format!("mesh {index}, primitive {number}: {error}"))?;
@@ -277,6 +279,8 @@ fn placed(shape: Arc<Shape>, place: &DAffine3) -> Shape {
     for normal in shape.normals.iter_mut().flatten() {
         *normal = (of_normals * *normal).normalize_or_zero();
     }
+    let matrix = place.matrix3.as_mat3();
+    shape.turn_tangents(|tangent| matrix * tangent);
     if place.matrix3.determinant() < 0.0 {
         shape.turn_over();
     }

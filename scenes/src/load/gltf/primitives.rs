@@ -25,6 +25,8 @@ pub(super) struct Setting<'a> {
     pub joints: Option<&'a Joints>,
     /// The numbers of the texture coordinates that its material uses.
     pub uv_sets: &'a [u32],
+    /// Whether its material has a normal map.
+    pub has_bumps: bool,
     /// There will be so many copies of it.
     pub copies: usize,
 }
@@ -75,6 +77,8 @@ pub(super) struct Triangles {
 struct Vertices {
     positions: Vec<Vec3>,
     normals: Option<Vec<Vec3>>,
+    /// Of normal maps, with the sign of the map's other axis.
+    tangents: Option<Vec<Vec4>>,
     uvs: [Option<Vec<Vec2>>; 2],
     colors: Option<Vec<Vec4>>,
 }
@@ -88,7 +92,7 @@ impl Container<'_> {
         size: &mut [usize; 2],
         report: &mut Report,
     ) -> Result<Option<Triangles>, String> {
-        let Setting { name, weights, joints, uv_sets, copies } = setting;
+        let Setting { name, weights, joints, uv_sets, has_bumps, copies } = setting;
         let mut leave_out = |what: &str| {
             report.add(NoteKind::LeftOut, what, name);
             Ok(None)
@@ -134,7 +138,7 @@ impl Container<'_> {
         if has(Semantic::Colors(1)) {
             report.add(NoteKind::LeftOut, "a second set of vertex colours", name);
         }
-        let mut vertices = self.vertices(primitive, uv_sets)?;
+        let mut vertices = self.vertices(primitive, uv_sets, has_bumps)?;
         self.morph(primitive, weights, &mut vertices)?;
         let skinned = joints.map(|joints| self.skin(primitive, joints, &mut vertices));
         let turns = match skinned {
@@ -161,7 +165,7 @@ impl Container<'_> {
         Ok(Some(Triangles { shape: Arc::new(shape), skinned: matches!(skinned, Some(Ok(_))) }))
     }
 
-    fn vertices(&self, primitive: &Primitive, uv_sets: &[u32]) -> Result<Vertices, String> {
+    fn vertices(&self, primitive: &Primitive, uv_sets: &[u32], has_bumps: bool) -> Result<Vertices, String> {
         let at = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|at| at.value());
         let points = |semantic| at(semantic).map(|accessor| self.points(accessor)).transpose();
         let uvs = |set: usize| {
@@ -169,9 +173,14 @@ impl Container<'_> {
             let uvs = accessor.map(|accessor| self.vectors::<2>(accessor)).transpose()?;
             Ok::<_, String>(uvs.map(|uvs| uvs.into_iter().map(Vec2::from).collect()))
         };
+        let normals = points(Semantic::Normals)?;
+        // The format has no tangents without normals.
+        let tangents = at(Semantic::Tangents).filter(|_| has_bumps && normals.is_some());
+        let tangents = tangents.map(|accessor| self.vectors::<4>(accessor)).transpose()?;
         Ok(Vertices {
             positions: points(Semantic::Positions)?.unwrap_or_default(),
-            normals: points(Semantic::Normals)?,
+            normals,
+            tangents: tangents.map(|tangents| tangents.into_iter().map(Vec4::from).collect()),
             uvs: [uvs(0)?, uvs(1)?],
             colors: at(Semantic::Colors(0)).map(|accessor| self.colors(accessor)).transpose()?,
         })
@@ -205,6 +214,10 @@ impl Container<'_> {
                     let by = self.points(by.value())?;
                     vectors.iter_mut().zip(by).for_each(|(vector, by)| *vector += weight * by);
                 }
+            }
+            if let (Some(tangents), Some(by)) = (vertices.tangents.as_mut(), target.tangents) {
+                let by = self.points(by.value())?;
+                tangents.iter_mut().zip(by).for_each(|(tangent, by)| *tangent += (weight * by).extend(0.0));
             }
         }
         Ok(())
@@ -258,8 +271,22 @@ impl Container<'_> {
         for (normal, matrix) in vertices.normals.iter_mut().flatten().zip(&matrices) {
             *normal = (matrix.matrix3.inverse().transpose().as_mat3() * *normal).normalize_or_zero();
         }
-        Ok(joints.matrices[0].matrix3.determinant() < 0.0)
+        let mirrors = joints.matrices[0].matrix3.determinant() < 0.0;
+        for (tangent, matrix) in vertices.tangents.iter_mut().flatten().zip(&matrices) {
+            let side = if mirrors { -tangent.w } else { tangent.w };
+            *tangent = (matrix.matrix3.as_mat3() * tangent.truncate()).extend(side);
+        }
+        Ok(mirrors)
     }
+}
+
+/// A tangent of unit length with a sign; zero if it is none.
+fn unit_tangent(tangent: Vec4) -> Vec4 {
+    let along = tangent.truncate().normalize_or_zero();
+    if along == Vec3::ZERO || tangent.w == 0.0 || tangent.w.is_nan() {
+        return Vec4::ZERO;
+    }
+    along.extend(tangent.w.signum())
 }
 
 /// The shape of these triangles. One with a corner that is not a number is left out; a normal that is no direction
@@ -306,7 +333,10 @@ fn assemble(
         let value = |index: u32| values.get(index as usize).copied().unwrap_or(none);
         triangles.iter().map(|corners| corners.map(value)).collect()
     }
-    let Vertices { positions, uvs, colors, .. } = vertices;
+    let Vertices { positions, tangents, uvs, colors, .. } = vertices;
+    // What is no direction follows from the texture coordinates.
+    let tangents = tangents.map(|all| all.into_iter().map(unit_tangent).collect());
+    shape.tangents = at_corners(&shape.triangles, tangents, Vec4::ZERO);
     shape.positions = positions;
     shape.uvs = uvs.map(|set| at_corners(&shape.triangles, set, Vec2::ZERO));
     shape.colors = at_corners(&shape.triangles, colors, Vec4::ONE);

@@ -1211,3 +1211,51 @@ fn compressed_buffer_views_are_unpacked() {
         assert!(message.contains("buffer view 2: its compressed data is damaged"), "{message}");
     }
 }
+
+/// The normals that a normal map of (1, -1, -1) makes of the z axis, seen from the front and from behind, on a triangle whose
+/// file has this tangent and normal.
+fn bent(tangent: [f32; 4], scale: &str, attributes: &str) -> [Vec3; 2] {
+    let mut making = Making::default();
+    making.floats("VEC3", 3, &TRIANGLE);
+    making.floats("VEC3", 3, &[[0.0, 0.0, 1.0]; 3].concat());
+    making.floats("VEC4", 3, &[tangent; 3].concat());
+    making.floats("VEC2", 3, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let mut red = std::io::Cursor::new(vec![]);
+    image::RgbImage::from_pixel(1, 1, image::Rgb([255, 0, 0]))
+        .write_to(&mut red, image::ImageFormat::Png)
+        .unwrap();
+    let image = making.view(red.get_ref(), "");
+    let model = making.model(&format!(
+        r#""materials": [{{"normalTexture": {{"index": 0}}}}], "textures": [{{"source": 0}}],
+        "images": [{{"bufferView": {image}}}], "nodes": [{{"mesh": 0, "scale": {scale}}}],
+        "meshes": [{{"primitives": [{{"material": 0, "attributes": {{"POSITION": 0, {attributes}}}}}]}}]"#
+    ));
+    assert!(model.report.is_empty(), "{:?}", model.report);
+    let scene = model.into_scene("").unwrap();
+    [true, false].map(|front| {
+        let normal = scene.mesh.face_normals[0] * if front { 1.0 } else { -1.0 };
+        scene.mapped_normal(0, Vec3::splat(1.0 / 3.0), front, normal) * 3f32.sqrt()
+    })
+}
+
+#[test]
+fn tangents_of_the_file_turn_its_normal_maps() {
+    let all = r#""NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3"#;
+    let plain = "[1, 1, 1]";
+    for (tangent, scale, attributes, expected) in [
+        // Right is -x, and up is -y or +y.
+        ([-1.0, 0.0, 0.0, 1.0], plain, all, [-1.0, 1.0, -1.0]),
+        ([-1.0, 0.0, 0.0, -1.0], plain, all, [-1.0, -1.0, -1.0]),
+        // The mirror image of the first.
+        ([-1.0, 0.0, 0.0, 1.0], "[-1, 1, 1]", all, [1.0, 1.0, -1.0]),
+        // By the texture coordinates: right is +x, and up is -y.
+        ([-1.0, 0.0, 0.0, 0.0], plain, all, [1.0, 1.0, -1.0]),
+        ([f32::NAN, 1.0, 0.0, 1.0], plain, all, [1.0, 1.0, -1.0]),
+        // Tangents without normals do not count.
+        ([-1.0, 0.0, 0.0, -1.0], plain, r#""TANGENT": 2, "TEXCOORD_0": 3"#, [1.0, 1.0, -1.0]),
+    ] {
+        let [front, back] = bent(tangent, scale, attributes);
+        assert!(front.distance(Vec3::from(expected)) < 1e-5, "{tangent:?}, {scale}: {front}");
+        assert!(back.distance(-front) < 1e-5, "seen from behind: {back}");
+    }
+}

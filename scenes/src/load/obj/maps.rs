@@ -55,7 +55,13 @@ impl Picture {
             match lower.as_str() {
                 "-o" => picture.offset = pair(&mut rest, 0.0),
                 "-s" => picture.scale = pair(&mut rest, 1.0),
-                "-clamp" => picture.clamps = take_word(&mut rest).eq_ignore_ascii_case("on"),
+                "-clamp" => {
+                    picture.clamps = take_word(&mut rest).eq_ignore_ascii_case("on");
+                    if picture.clamps {
+                        let what = "`-clamp on`: beyond a map is the colour of its edge, not of the material";
+                        report.add(NoteKind::Approximated, what, name);
+                    }
+                }
                 "-bm" => {
                     let bumps = number(take_word(&mut rest)) as f32;
                     picture.bumps = if bumps.is_finite() { bumps } else { 1.0 };

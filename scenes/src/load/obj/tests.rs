@@ -443,6 +443,10 @@ fn maps_and_their_options() {
     let at = |u: f32, v: f32| map.transform.transform_point2(Vec2::new(u, 1.0 - v));
     assert_eq!((at(0.0, 0.0), at(0.25, 0.5)), (Vec2::new(0.5, 0.75), Vec2::new(1.0, 1.0 - 1.75)));
     assert_eq!(map.wrap, [crate::Wrap::Clamp; 2]);
+    assert_eq!(
+        notes(&moved),
+        ["approximated: `-clamp on`: beyond a map is the colour of its edge, not of the material (a)"]
+    );
 
     for (lines, expected) in [
         ("map_Kd none.png", "left out: a texture that is missing (none.png)"),
