@@ -4,7 +4,7 @@ use epigraph_scenes::Scene;
 use epigraph_streams::{Node, Place, PointSet, Points, color_of_light, unpack_color, unpack_normal};
 use glam::Vec3;
 
-/// The vertices at rest. Normals are means over the triangles around a vertex by their areas, colours those of the first
+/// The vertices at rest, but for those of an added light. Normals are means over the triangles around a vertex by their areas, colours those of the first
 /// triangle at this corner. Of a scene that is a point set, the points in most detail.
 pub(crate) fn points(scene: &Scene) -> Points {
     if let Some(set) = &scene.points {
@@ -13,7 +13,8 @@ pub(crate) fn points(scene: &Scene) -> Points {
     let mesh = &scene.mesh;
     let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
     let mut colors = vec![None; mesh.positions.len()];
-    for (face, vertices) in mesh.triangles.iter().enumerate() {
+    for (face, vertices) in mesh.triangles.iter().enumerate().filter(|(face, _)| !scene.added.contains(face))
+    {
         let [a, b, c] = mesh.corners(face);
         let area = (b - a).cross(c - a).length();
         for (corner, &vertex) in vertices.iter().enumerate() {
@@ -25,12 +26,16 @@ pub(crate) fn points(scene: &Scene) -> Points {
             });
         }
     }
-    let colors = colors.into_iter().map(|color| color.unwrap_or([255; 4])).collect();
+    let mut is_added = vec![false; mesh.positions.len()];
+    for &vertex in mesh.triangles[scene.added.clone()].iter().flatten() {
+        is_added[vertex as usize] = colors[vertex as usize].is_none();
+    }
+    let own = || (0..mesh.positions.len()).filter(|&vertex| !is_added[vertex]);
     Points {
         origin: scene.origin,
-        colors: Some(colors),
-        normals: Some(normals),
-        ..Points::from(mesh.positions.clone())
+        colors: Some(own().map(|vertex| colors[vertex].unwrap_or([255; 4])).collect()),
+        normals: Some(own().map(|vertex| normals[vertex]).collect()),
+        ..Points::from(own().map(|vertex| mesh.positions[vertex]).collect::<Vec<_>>())
     }
 }
 

@@ -249,6 +249,8 @@ fn scenes_are_vertices_with_the_colours_of_their_materials() {
     folder.write("a.mtl", "newmtl red\nKd 0.5 0 0\n");
     let points = folder.read("a.obj", red).points;
     assert_eq!((points.positions[1], points.colors.unwrap()[1]), (Vec3::X, [188, 0, 0, 255]));
+    // The light that the scene gets is not among them.
+    assert_eq!((points.positions.len(), points.normals.unwrap()), (3, vec![Vec3::Z; 3]));
     // Colours of vertices, and coordinates far out.
     let far = "v 700000 0 0 1 0 0\nv 700001 0 0 0 1 0\nv 700000 1 0 0 0 1\nf 1 2 3\n";
     let points = folder.read("a.obj", far).points;

@@ -126,6 +126,8 @@ pub struct SceneBuilder {
     textures: Vec<Arc<Texture>>,
     lights: Vec<Light>,
     has_own_light: bool,
+    /// See [`Scene::added`].
+    added: Range<usize>,
     sky: Option<Arc<Sky>>,
     moving: Vec<Moving>,
     /// See [`Scene::origin`]; what is added is relative to it.
@@ -253,6 +255,23 @@ impl SceneBuilder {
         self.add(&Shape::quad([corner, corner + u, corner + u + v, corner + v]), material)
     }
 
+    /// The same where the scene's files have no light.
+    ///
+    /// # Errors
+    /// Those of [`add`](Self::add).
+    pub(crate) fn added_quad_light(
+        &mut self,
+        corner: Vec3,
+        u: Vec3,
+        v: Vec3,
+        radiance: Vec3,
+    ) -> Result<(), MeshError> {
+        let first = self.triangles.len();
+        self.quad_light(corner, u, v, radiance)?;
+        self.added = first..self.triangles.len();
+        Ok(())
+    }
+
     /// Declares that an emissive parallelogram that is already part of the mesh is a light.
     pub(crate) fn register_quad_light(&mut self, corner: Vec3, u: Vec3, v: Vec3, radiance: Vec3) {
         self.lights.push(Light::Quad { corner, u, v, radiance });
@@ -365,6 +384,7 @@ impl SceneBuilder {
             let what = format!("an origin at ({x}, {y}, {z}), from which camera paths count");
             self.report.add(NoteKind::Added, what, "");
         }
+        let face = |old: usize| kept.partition_point(|&face| face < old);
         Ok(Scene {
             name: name.to_owned(),
             origin: self.origin,
@@ -372,6 +392,7 @@ impl SceneBuilder {
             materials: self.materials,
             textures: Arc::new(self.textures),
             lights: self.lights,
+            added: face(self.added.start)..face(self.added.end),
             background,
             sky: self.sky,
             camera,

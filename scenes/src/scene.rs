@@ -1,4 +1,4 @@
-use std::{path::PathBuf, sync::Arc};
+use std::{ops::Range, path::PathBuf, sync::Arc};
 
 use epigraph_streams::PointSet;
 use glam::{DVec3, Vec3};
@@ -23,6 +23,8 @@ pub struct Scene {
     pub textures: Arc<Vec<Arc<Texture>>>,
     /// Shadow-casting lights.
     pub lights: Vec<Light>,
+    /// The triangles that its files do not have: those of a light that was added where there was none.
+    pub added: Range<usize>,
     /// Radiance of a ray that hits nothing, and ambient light of the path tracer.
     pub background: Vec3,
     /// What lights the scene from all around, and is seen by rays that hit nothing, instead of the background.
@@ -54,6 +56,7 @@ impl Scene {
             materials: Vec::new(),
             textures: Arc::default(),
             lights: Vec::new(),
+            added: 0..0,
             background: Vec3::ZERO,
             sky: None,
             camera,

@@ -272,7 +272,7 @@ fn check_tree(records: &[Record]) -> Result<(), VtsError> {
 impl Repeats {
     /// The bytes of a file `.vts` with these repeats in place of a tree.
     pub fn to_file(&self) -> Vec<u8> {
-        [head(REPEATS, DVec3::ZERO, &[]), self.to_bytes()].concat()
+        [head(REPEATS, self.origin(), &[]), self.to_bytes()].concat()
     }
 
     /// Repeats from the bytes of a file.
@@ -280,8 +280,9 @@ impl Repeats {
     /// # Errors
     /// The bytes are no file of this kind and version, it holds a tree of points, or it is cut off or damaged.
     pub fn from_file(bytes: &[u8]) -> Result<Self, VtsError> {
-        match Header::read(bytes)?.flags {
-            REPEATS => Ok(Self::from_bytes(&bytes[HEADER..])?),
+        let Header { flags, origin, .. } = Header::read(bytes)?;
+        match flags {
+            REPEATS => Ok(Self::from_bytes(&bytes[HEADER..])?.at(origin)),
             _ => Err(VtsError::IsPoints),
         }
     }

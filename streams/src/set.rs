@@ -81,7 +81,7 @@ impl PointSet {
             rotation: instance.rotation,
             translation: instance.translation,
         });
-        Ok(Self::new(DVec3::ZERO, models, places.collect()))
+        Ok(Self::new(repeats.origin(), models, places.collect()))
     }
 
     /// Reads a file `.vts` of at most [`MOST_DATA`] bytes: a tree of points, or repeats.

@@ -24,15 +24,22 @@ pub fn encode(args: &EncodeArgs) -> Result<(), CliError> {
     let found = search(args, &scene, &settings)?;
     let seconds = start.elapsed().as_secs_f64();
     let bytes = if has_ending(&args.out, "glb") {
-        let materials = if args.no_colors { vec![] } else { scene.materials.iter().map(material).collect() };
+        let used = own_faces(&scene).map(|face| scene.mesh.material[face] as usize + 1).max().unwrap_or(0);
+        let named = if args.no_colors { 0 } else { used };
+        let materials: Vec<GlbMaterial> = scene.materials[..named].iter().map(material).collect();
         found.repeats.to_glb(&materials).map_err(|error| CliError::write(&args.out, error))?
     } else {
         found.repeats.to_file()
     };
     outputs.put(out, &bytes)?;
-    let triangles = scene.mesh.triangles.len();
+    let triangles = own_faces(&scene).count();
     let report = Report { args, found: &found, settings: &settings, triangles, bytes: bytes.len(), seconds };
     outputs.finish(json, &report.json(), &report.text())
+}
+
+/// The triangles that are not of an added light.
+fn own_faces(scene: &Scene) -> impl Iterator<Item = usize> {
+    (0..scene.mesh.triangles.len()).filter(|face| !scene.added.contains(face))
 }
 
 fn settings(args: &EncodeArgs) -> Settings {
@@ -44,16 +51,19 @@ fn settings(args: &EncodeArgs) -> Settings {
 fn search(args: &EncodeArgs, scene: &Scene, settings: &Settings) -> Result<Found, CliError> {
     let mesh = &scene.mesh;
     // The scene has normals at corners of triangles. Corners that are alike become one vertex of a shape again.
-    let faces = 0..mesh.triangles.len();
-    let positions: Vec<_> = faces.clone().flat_map(|face| mesh.corners(face)).collect();
+    let positions: Vec<_> = own_faces(scene).flat_map(|face| mesh.corners(face)).collect();
     let triangles: Vec<[u32; 3]> =
-        faces.map(|face| [0, 1, 2].map(|corner| 3 * face as u32 + corner)).collect();
-    let normals = (!args.no_normals && !mesh.corner_normals.is_empty()).then(|| mesh.corner_normals.concat());
+        (0..positions.len() as u32 / 3).map(|face| [0, 1, 2].map(|corner| 3 * face + corner)).collect();
+    let has_normals = !args.no_normals && !mesh.corner_normals.is_empty();
+    let normals: Option<Vec<_>> =
+        has_normals.then(|| own_faces(scene).flat_map(|face| mesh.corner_normals[face]).collect());
+    let materials: Vec<u32> = own_faces(scene).map(|face| mesh.material[face]).collect();
     let surface = Surface {
         positions: &positions,
         triangles: &triangles,
         normals: normals.as_deref(),
-        materials: (!args.no_colors).then_some(mesh.material.as_slice()),
+        materials: (!args.no_colors).then_some(materials.as_slice()),
+        origin: scene.origin,
         ..Surface::default()
     };
     // The number of parts is known when the first one is done.

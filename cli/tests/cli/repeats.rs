@@ -98,6 +98,29 @@ fn a_gltf_file_has_shapes_instances_and_materials() {
 }
 
 #[test]
+fn an_added_light_stays_out_of_files_and_the_origin_goes_along() {
+    let place = Place::new();
+    place.write("far.obj", "v 700000 0 0\nv 700001 0 0\nv 700000 1 0\nf 1 2 3\n");
+    let said = place.succeeds("encode far.obj --out far.glb");
+    assert_says(&said, &["far.obj: 1 triangles, 3 vertices in 1 parts"]);
+    let file = description(&place, "far.glb");
+    assert_eq!(
+        (file["meshes"].as_array().unwrap().len(), file["materials"].as_array().unwrap().len()),
+        (1, 1)
+    );
+    let root = &file["nodes"][file["scenes"][0]["nodes"][0].as_u64().unwrap() as usize];
+    place.succeeds("encode far.obj --out far.vts --codec repeats");
+    let origin = Repeats::read(&place.path("far.vts")).unwrap().origin();
+    assert!((origin.x - 700_000.0).abs() < 2.0, "{origin}");
+    assert_eq!(root["translation"], serde_json::json!(origin.to_array()));
+    place.succeeds("decode far.vts --out again.glb");
+    assert_eq!(&description(&place, "again.glb")["nodes"], &file["nodes"]);
+    // It is there again.
+    let read = place.run("check epi --scene far.glb").stderr;
+    assert!(read.contains("an origin at (70000"), "{read}");
+}
+
+#[test]
 fn what_has_no_repeats_says_why() {
     let place = inputs();
     place.succeeds("encode cube.obj --out parts.vts --codec repeats");

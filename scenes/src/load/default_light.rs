@@ -67,7 +67,7 @@ fn add_quad(builder: &mut SceneBuilder, bounds: [Vec3; 2]) -> Result<(), MeshErr
     if ![corner, corner + u, corner + u + v, corner + v].into_iter().all(is_near) {
         return Err(MeshError::NoRoomForLight);
     }
-    builder.quad_light(corner, u, v, Vec3::splat(radiance))
+    builder.added_quad_light(corner, u, v, Vec3::splat(radiance))
 }
 
 /// The triangles of a scene under construction.
@@ -199,7 +199,7 @@ fn hit([a, b, c]: [Vec3; 3], origin: Vec3, direction: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Light, Material, Shape};
+    use crate::{Light, Material, Report, Shape};
 
     fn builder(parts: &[(Shape, Material)]) -> SceneBuilder {
         let mut builder = SceneBuilder::new();
@@ -224,6 +224,10 @@ mod tests {
         add_default_light(&mut builder, camera, bounds).unwrap();
         let any = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
         let scene = builder.build("", any, Vec3::ZERO, 0.0, 40.0).unwrap();
+        let is_added = |notes: &Report| notes.notes().iter().any(|note| note.what.starts_with("a light in"));
+        let added = if is_added(&scene.report) { 2 } else { 0 };
+        let triangles = scene.mesh.triangles.len();
+        assert!(scene.added.clone().eq(triangles - added..triangles), "{:?}", scene.added);
         (scene.lights.to_vec(), scene.report.notes().iter().map(ToString::to_string).collect())
     }
 

@@ -1,6 +1,6 @@
 //! Shapes and instances as bytes, as `docs/vts.md` has them.
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use super::{
     bits::{BitReader, BitWriter, bytes_of},
@@ -189,7 +189,7 @@ impl Repeats {
         let shapes = (0..).zip(records).map(|(index, record)| record.shape(&mut reader, index, flags));
         let shapes = shapes.collect::<Result<_, _>>()?;
         match reader.all.len() - reader.offset {
-            0 => Ok(Self { shapes, instances, deviation }),
+            0 => Ok(Self { shapes, instances, deviation, origin: DVec3::ZERO }),
             rest => Err(BlockError::Long(rest)),
         }
     }

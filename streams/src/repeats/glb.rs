@@ -1,7 +1,7 @@
 //! Shapes and instances as a glTF file: `EXT_mesh_gpu_instancing` draws all copies of a shape by one call.
 
 use epigraph_files::{FileError, Target};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
 use super::shape::{Instance, Repeats, Shape};
@@ -76,7 +76,7 @@ impl Repeats {
                 file.node(alike);
             }
         }
-        file.finish(materials)
+        file.finish(self.origin, materials)
     }
 
     /// Writes [`Repeats::to_glb`] to a file, whole or not at all.
@@ -179,11 +179,17 @@ impl File {
     }
 
     /// The bytes of the file: a header, and a chunk each for the description and for the numbers.
-    fn finish(self, materials: &[GlbMaterial]) -> Result<Vec<u8>, GlbError> {
+    fn finish(mut self, origin: DVec3, materials: &[GlbMaterial]) -> Result<Vec<u8>, GlbError> {
+        let mut roots: Vec<usize> = (0..self.nodes.len()).collect();
+        if origin != DVec3::ZERO {
+            // Numbers of the description are doubles.
+            self.nodes.push(json!({ "translation": origin.to_array(), "children": roots }));
+            roots = vec![self.nodes.len() - 1];
+        }
         let mut root = json!({
             "asset": { "version": "2.0", "generator": "Epigraph" },
             "scene": 0,
-            "scenes": [{ "nodes": (0..self.nodes.len()).collect::<Vec<_>>() }],
+            "scenes": [{ "nodes": roots }],
             "nodes": self.nodes,
             "meshes": self.meshes,
             "accessors": self.accessors,

@@ -54,7 +54,7 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 pub use block::{BlockError, Bytes};
@@ -84,6 +84,8 @@ pub struct Surface<'a> {
     pub colors: Option<&'a [[u8; 4]]>,
     /// The material of each triangle, by a number. A part ends where the material changes.
     pub materials: Option<&'a [u32]>,
+    /// What to add to all positions: numbers.
+    pub origin: DVec3,
 }
 
 /// How far a vertex of a copy may be from its place, beside what rounding to single precision takes.
@@ -353,7 +355,7 @@ fn assemble(surface: &Surface, parts: &[Part], mut groups: Vec<Group>) -> Found 
         bound: 0.0,
     };
     Found {
-        repeats: Repeats { shapes, instances, deviation: not_below(deviation) },
+        repeats: Repeats { shapes, instances, deviation: not_below(deviation), origin: surface.origin },
         report,
         vertices,
         triangles,
@@ -367,7 +369,7 @@ fn not_below(number: f64) -> f32 {
 }
 
 fn check(surface: &Surface) -> Result<(), RepeatsError> {
-    let Surface { positions, triangles, normals, colors, materials } = *surface;
+    let Surface { positions, triangles, normals, colors, materials, origin: _ } = *surface;
     for (what, count, most) in
         [("vertices", positions.len(), u32::MAX as usize), ("triangles", triangles.len(), MOST_TRIANGLES)]
     {

@@ -121,9 +121,20 @@ pub struct Repeats {
     pub(super) shapes: Vec<Shape>,
     pub(super) instances: Vec<Instance>,
     pub(super) deviation: f32,
+    pub(super) origin: DVec3,
 }
 
 impl Repeats {
+    /// The same with another origin.
+    pub(crate) fn at(self, origin: DVec3) -> Self {
+        Self { origin, ..self }
+    }
+
+    /// What to add to all positions.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
     /// The different parts, in the order in which the surface first has them.
     pub fn shapes(&self) -> &[Shape] {
         &self.shapes

@@ -23,6 +23,7 @@ impl Solid {
             normals: self.normals.as_deref(),
             colors: self.colors.as_deref(),
             materials: self.materials.as_deref(),
+            ..Surface::default()
         }
     }
 
