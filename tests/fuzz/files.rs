@@ -347,8 +347,8 @@ fn rich_gltf_json(buffer: &str) -> String {
             {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 1, 1, 0.5], "glossinessFactor": 0.5,
                 "diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 0}, "specularFactor": [1, 0.5, 0.5]}}}],
         "meshes": [
-            {"weights": [1], "primitives": [{"material": 0, "indices": 1, "targets": [{"POSITION": 7}, {"NORMAL": 0}], "attributes": {
-                "POSITION": 0, "NORMAL": 0, "TEXCOORD_0": 2, "TEXCOORD_1": 2, "COLOR_0": 3, "JOINTS_0": 4, "WEIGHTS_0": 5}}]},
+            {"weights": [1], "primitives": [{"material": 0, "indices": 1, "targets": [{"POSITION": 7}, {"NORMAL": 0, "TANGENT": 0}], "attributes": {
+                "POSITION": 0, "NORMAL": 0, "TANGENT": 11, "TEXCOORD_0": 2, "TEXCOORD_1": 2, "COLOR_0": 3, "JOINTS_0": 4, "WEIGHTS_0": 5}}]},
             {"name": "bits", "primitives": [
                 {"material": 1, "attributes": {"POSITION": 7}, "indices": 8}, {"mode": 5, "attributes": {"POSITION": 10}},
                 {"material": 2, "mode": 6, "attributes": {"POSITION": 0, "TEXCOORD_0": 2, "COLOR_1": 3}}, {"mode": 1, "attributes": {"POSITION": 0}}]}],
@@ -365,7 +365,8 @@ fn rich_gltf_json(buffer: &str) -> String {
                 "indices": {"bufferView": 2, "byteOffset": 224, "componentType": 5121}, "values": {"bufferView": 2, "byteOffset": 228}}},
             {"bufferView": 3, "componentType": 5123, "count": 3, "type": "SCALAR"},
             {"bufferView": 2, "byteOffset": 240, "componentType": 5126, "count": 2, "type": "VEC3"},
-            {"bufferView": 4, "componentType": 5122, "count": 3, "type": "VEC3"}],
+            {"bufferView": 4, "componentType": 5122, "count": 3, "type": "VEC3"},
+            {"bufferView": 2, "byteOffset": 52, "componentType": 5126, "count": 3, "type": "VEC4"}],
         "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 3},
             {"buffer": 0, "byteOffset": 40, "byteLength": 264},
             {"buffer": 1, "byteLength": 6, "extensions": {"EXT_meshopt_compression": {
