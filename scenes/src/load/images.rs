@@ -15,7 +15,7 @@ use crate::Texture;
 const MOST_SIDE: u32 = 16_384;
 
 /// The most texels of all images of a file: 1 GiB.
-const MOST_TEXELS: u64 = 1 << 28;
+pub(super) const MOST_TEXELS: u64 = 1 << 28;
 
 /// How files of textures for graphics cards begin.
 const KTX2: &[u8] = b"\xABKTX 20\xBB";

@@ -46,7 +46,10 @@ pub(super) fn load(
             Err(error) => report.add(NoteKind::LeftOut, format!("an image: {error}"), name),
         }
     }
-    let materials = materials.into_iter().map(|described| described.with(&found, &mut textures)).collect();
+    let texels: u64 = textures.iter().map(|texture| texture.texels.len() as u64).sum();
+    let mut room = images::MOST_TEXELS - texels;
+    let with = |described: Described| described.with(&found, &mut textures, &mut room, report);
+    let materials = materials.into_iter().map(with).collect();
     (materials, textures)
 }
 
@@ -84,8 +87,14 @@ impl Described {
         self.material.maps.all().map(|map| map.texture).chain(glossiness)
     }
 
-    /// The material with maps of textures, which are `found` by their images.
-    fn with(self, found: &BTreeMap<usize, usize>, textures: &mut Vec<Arc<Texture>>) -> Material {
+    /// The material with maps of textures, which are `found` by their images. There is `room` for more texels.
+    fn with(
+        self,
+        found: &BTreeMap<usize, usize>,
+        textures: &mut Vec<Arc<Texture>>,
+        room: &mut u64,
+        report: &mut Report,
+    ) -> Material {
         let mut material = self.material;
         let of_texture = |map: Map| Some(Map { texture: *found.get(&map.texture)?, ..map });
         let maps = &mut material.maps;
@@ -107,8 +116,11 @@ impl Described {
         }
         if let Some(glossiness) = self.glossiness
             && let Some(map) = of_texture(glossiness.map)
+            && !glossiness.convert(&mut material, map, textures, room)
         {
-            glossiness.convert(&mut material, map, textures);
+            let what =
+                "a specular-glossiness texture whose conversion does not fit into the 1 GiB for textures";
+            report.add(NoteKind::LeftOut, what, &material.name);
         }
         material
     }
@@ -116,9 +128,18 @@ impl Described {
 
 impl Glossiness {
     /// Makes maps of the metallic-roughness model from those of the material's diffuse colour, and of specular colour
-    /// and glossiness, as many texels as the latter.
-    fn convert(&self, material: &mut Material, map: Map, textures: &mut Vec<Arc<Texture>>) {
+    /// and glossiness, as many texels as the latter. Many materials may share these. False if there is no `room` for the
+    /// texels.
+    fn convert(
+        &self,
+        material: &mut Material,
+        map: Map,
+        textures: &mut Vec<Arc<Texture>>,
+        room: &mut u64,
+    ) -> bool {
         let specular = textures[map.texture].clone();
+        let Some(left) = room.checked_sub(2 * specular.texels.len() as u64) else { return false };
+        *room = left;
         let diffuse = material.maps.color.map(|map| textures[map.texture].clone());
         let [width, height] = specular.size;
         let convert = |(index, &[r, g, b, gloss]): (usize, &[u8; 4])| {
@@ -149,6 +170,7 @@ impl Glossiness {
         material.maps.opacity = material.maps.opacity.map(|_| color.of_channel(3));
         material.maps.metallic = Some(mixed.of_channel(2));
         material.maps.roughness = Some(mixed.of_channel(1));
+        true
     }
 }
 
@@ -199,6 +221,22 @@ mod tests {
             );
         }
         assert_eq!(metallic(Vec3::splat(0.96), Vec3::ZERO), (Vec3::ONE, 0.0));
+    }
+
+    #[test]
+    fn materials_that_share_a_texture_are_converted_as_long_as_there_is_room() {
+        let texture = Texture { name: "gloss".to_owned(), size: [3, 1], texels: vec![[255, 0, 0, 128]; 3] };
+        let mut textures = vec![Arc::new(texture)];
+        let json = r#"{"asset": {"version": "2.0"}, "images": [{}], "textures": [{"source": 0}], "materials": [{"extensions": {
+            "KHR_materials_pbrSpecularGlossiness": {"specularGlossinessTexture": {"index": 0}}}}]}"#;
+        let described = Described::all(&gltf::json::deserialize::from_str(json).unwrap()).remove(0);
+        let (found, mut room, mut report) = (BTreeMap::from([(0, 0)]), 13, Report::default());
+        for is_converted in [true, true, false] {
+            let material = described.clone().with(&found, &mut textures, &mut room, &mut report);
+            assert_eq!(material.maps.color.is_some(), is_converted);
+        }
+        assert_eq!((room, textures.len()), (1, 5));
+        assert!(report.notes()[0].to_string().starts_with("left out: a specular-glossiness texture whose"));
     }
 
     #[test]
