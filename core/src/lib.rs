@@ -100,7 +100,7 @@ pub use frame::{Frame, View};
 pub use graph::{Culled, Graph, MAX_LATENCY, MAX_SIDE, Node, PortRef, Settings, StageOf};
 pub use harness::{Harness, Outputs};
 pub use id::{NodeId, SlotId, StepId, StorageId, TapId};
-pub use params::{ParamError, ParamKind, ParamSpec, ParamValue, Params, parse_value};
+pub use params::{AUTO, ParamError, ParamKind, ParamSpec, ParamValue, Params, parse_value};
 pub use plan::{Bindings, Life, Plan, PlannedNode, Slot, SlotPair, Step, Storage, Tap, TapField, Value};
 pub use port::{
     Access, Dims, Element, Extent, Field, FieldRef, Format, Holds, In, ItemMember, Lifetime, Meaning, Member,

@@ -16,6 +16,8 @@ pub enum ParamKind {
     I32,
     /// A number.
     F32,
+    /// A number, or `Auto`, for which 0 is in the uniform.
+    F32OrAuto,
     /// One of these names; its index is in the uniform.
     Choice(Vec<String>),
     /// A quoted string, such as a path. It is not part of the uniform.
@@ -26,7 +28,7 @@ impl ParamKind {
     /// The scalar type in the uniform; `None` for kinds that are not part of the uniform.
     pub fn scalar(&self) -> Option<Scalar> {
         match self {
-            Self::F32 => Some(Scalar::F32),
+            Self::F32 | Self::F32OrAuto => Some(Scalar::F32),
             Self::I32 => Some(Scalar::I32),
             Self::Bool | Self::U32 | Self::Choice(_) => Some(Scalar::U32),
             Self::Text => None,
@@ -40,6 +42,7 @@ impl ParamKind {
             Self::U32 => "a whole number".into(),
             Self::I32 => "a whole number, negative allowed".into(),
             Self::F32 => "a number".into(),
+            Self::F32OrAuto => "Auto or a number".into(),
             Self::Choice(names) => format!("one of {}", names.join(", ")),
             Self::Text => "a text in quotes".into(),
         }
@@ -71,6 +74,7 @@ impl ParamSpec {
             ParamKind::U32 => parse_value::<u32>(text, self.range).map(drop),
             ParamKind::I32 => parse_value::<i32>(text, self.range).map(drop),
             ParamKind::F32 => parse_value::<f32>(text, self.range).map(drop),
+            ParamKind::F32OrAuto => parse_value::<Option<f32>>(text, self.range).map(drop),
             ParamKind::Text => parse_ron::<String>(text).map(drop),
             ParamKind::Choice(names) if names.iter().any(|name| name == text) => Ok(()),
             ParamKind::Choice(_) => {
@@ -105,6 +109,10 @@ impl ParamSpec {
 pub trait ParamValue: DeserializeOwned + PartialEq + Clone {
     /// The kind of value.
     fn kind() -> ParamKind;
+    /// The value of RON text. The error says what is there; what was expected depends on the parameter.
+    fn parse(ron: &str) -> Result<Self, ParamError> {
+        parse_ron(ron)
+    }
     /// Its 32 bits in the uniform.
     fn bits(&self) -> u32;
     /// As a number, if its kind can have a range.
@@ -143,6 +151,28 @@ number_params! {
 /// in decimals, and a value at the end of its range is within it.
 pub(crate) fn decimal(value: f32) -> f64 {
     format!("{value:?}").parse().unwrap_or(f64::NAN)
+}
+
+/// What stands for `None` in the text of a number that a stage can find by itself.
+pub const AUTO: &str = "Auto";
+
+/// A number, or `None`, written `Auto`: the stage finds it.
+impl ParamValue for Option<f32> {
+    fn kind() -> ParamKind {
+        ParamKind::F32OrAuto
+    }
+    fn parse(ron: &str) -> Result<Self, ParamError> {
+        if ron.trim() == AUTO { Ok(None) } else { f32::parse(ron).map(Some) }
+    }
+    fn bits(&self) -> u32 {
+        self.map_or(0, f32::to_bits)
+    }
+    fn number(&self) -> Option<f64> {
+        self.map(decimal)
+    }
+    fn ron(&self) -> String {
+        self.map_or(AUTO.into(), |number| number.ron())
+    }
 }
 
 impl ParamValue for bool {
@@ -242,7 +272,7 @@ pub(crate) fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, ParamError
 
 /// Parses one value and checks its range; used by [`crate::params!`].
 pub fn parse_value<T: ParamValue>(text: &str, range: Option<(f64, f64)>) -> Result<T, ParamError> {
-    let value: T = parse_ron(text)?;
+    let value = T::parse(text)?;
     // No range contains NaN, so `contains` rejects it too.
     if let (Some((low, high)), Some(number)) = (range, value.number())
         && !(low..=high).contains(&number)
@@ -341,6 +371,19 @@ mod tests {
     }
 
     #[test]
+    fn auto_stands_for_no_number() {
+        for (text, value) in [("Auto", None), (" Auto ", None), ("1.5", Some(1.5)), ("-2", Some(-2.0))] {
+            assert_eq!(parse_value::<Option<f32>>(text, Some((-24.0, 24.0))), Ok(value), "{text}");
+            let again = parse_value::<Option<f32>>(&value.ron(), None);
+            assert_eq!(again, Ok(value), "{text}");
+        }
+        assert_eq!([None, Some(0.5)].map(|value: Option<f32>| value.bits()), [0, 0.5f32.to_bits()]);
+        for text in ["auto", "Automatic", "None", "Some(1.0)", "\"Auto\"", "NaN", "inf", ""] {
+            assert!(parse_value::<Option<f32>>(text, Some((-24.0, 24.0))).is_err(), "{text}");
+        }
+    }
+
+    #[test]
     fn an_unknown_choice_is_told_where_the_value_begins() {
         let choice = ParamKind::Choice(vec!["Up".into(), "Down".into()]);
         assert_eq!(spec(choice, None).check("Left").unwrap_err().at, (1, 1));
@@ -363,6 +406,13 @@ mod tests {
                 "-3",
                 "parameter `p`: found `-3`; expected a whole number, 0 to 4294967295",
             ),
+            (
+                ParamKind::F32OrAuto,
+                range,
+                "auto",
+                "parameter `p`: found `auto`; expected Auto or a number, 0 to 10",
+            ),
+            (ParamKind::F32OrAuto, range, "11.5", "parameter `p` is 11.5, outside 0 to 10"),
             (ParamKind::Bool, None, "3", "parameter `p`: found `3`; expected true or false"),
             (ParamKind::Text, None, "a", "parameter `p`: found `a`; expected a text in quotes"),
             (

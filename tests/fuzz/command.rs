@@ -9,7 +9,7 @@ use std::{
 };
 
 use epigraph::{Place, graphs::Shipped};
-use epigraph_core::{GraphFile, ParamKind, Settings, compile, testing::Random};
+use epigraph_core::{AUTO, GraphFile, ParamKind, Settings, compile, testing::Random};
 
 use crate::mutate::{EXTREMES, choose};
 
@@ -43,6 +43,7 @@ fn names() -> Names {
             );
             match &spec.kind {
                 ParamKind::Choice(names) => values.extend(names.clone()),
+                ParamKind::F32OrAuto => values.push(AUTO.into()),
                 ParamKind::Bool => values.extend(["true", "false"].map(str::to_owned)),
                 _ => {}
             }

@@ -4,7 +4,7 @@
 use std::fs;
 
 use epigraph::{Change, Registry, changed, graphs::Shipped};
-use epigraph_core::{GraphFile, ParamKind, ParamSpec, Settings, testing::Random};
+use epigraph_core::{AUTO, GraphFile, ParamKind, ParamSpec, Settings, testing::Random};
 use epigraph_stages::registry;
 use epigraph_tests::{GRAPHS, Run, Stage, facts, graph};
 
@@ -14,7 +14,8 @@ fn value(spec: &ParamSpec, random: &mut Random) -> Option<String> {
     let between =
         |random: &mut Random, low: f64, high: f64| f64::from(random.between(low as f32, high as f32));
     Some(match &spec.kind {
-        ParamKind::F32 => {
+        ParamKind::F32OrAuto if random.below(2) == 0 => AUTO.into(),
+        ParamKind::F32 | ParamKind::F32OrAuto => {
             let default: f64 = spec.default.parse().ok()?;
             let low = low.max(default * 0.5);
             format!("{:?}", between(random, low, high.min(default * 1.5).max(low)) as f32)

@@ -129,6 +129,7 @@ pub(super) fn word(spec: &ParamSpec, text: &str) -> Result<u32, ParamError> {
     match &spec.kind {
         ParamKind::I32 => parse_value::<i32>(text, spec.range).map(|value| value.bits()),
         ParamKind::F32 => parse_value::<f32>(text, spec.range).map(|value| value.bits()),
+        ParamKind::F32OrAuto => parse_value::<Option<f32>>(text, spec.range).map(|value| value.bits()),
         ParamKind::Bool => parse_value::<bool>(text, None).map(|value| value.bits()),
         ParamKind::Choice(names) => {
             let Variant(found) = parse_ron(text)?;

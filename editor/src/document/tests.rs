@@ -1,6 +1,6 @@
 use std::{fs, path::PathBuf};
 
-use epigraph_core::{ParamKind, ParamSpec, Side, Source};
+use epigraph_core::{AUTO, ParamKind, ParamSpec, Side, Source};
 
 use super::*;
 use crate::files;
@@ -47,7 +47,8 @@ fn value(spec: &ParamSpec, random: &mut Random) -> String {
     match &spec.kind {
         ParamKind::Bool => (random.below(2) == 0).to_string(),
         ParamKind::U32 | ParamKind::I32 => ((low + share * (high - low).min(100.0)) as i64).to_string(),
-        ParamKind::F32 => format!("{:?}", low + share * (high - low)),
+        ParamKind::F32OrAuto if random.below(2) == 0 => AUTO.into(),
+        ParamKind::F32 | ParamKind::F32OrAuto => format!("{:?}", low + share * (high - low)),
         ParamKind::Choice(names) => random.pick(names).cloned().unwrap_or_default(),
         ParamKind::Text => "\"x.ron\"".into(),
     }

@@ -7,7 +7,7 @@ use egui::{
     Button, Checkbox, ComboBox, DragValue, Grid, Response, RichText, ScrollArea, Slider, SliderClamping,
     TextEdit, Ui,
 };
-use epigraph_core::{Changed, GraphFile, NodeDef, ParamKind, ParamSpec, Side, handed};
+use epigraph_core::{AUTO, Changed, GraphFile, NodeDef, ParamKind, ParamSpec, Side, handed};
 
 use crate::{
     document::{Tag, fitting, home, nodes, param_text, remove_param, swap},
@@ -336,11 +336,35 @@ fn widget(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> Response {
         }
         ParamKind::Text => ui.add(TextEdit::singleline(value).desired_width(120.0)),
         ParamKind::F32 | ParamKind::U32 | ParamKind::I32 => number(ui, value, spec),
+        ParamKind::F32OrAuto => number_or_auto(ui, value, spec),
     }
 }
 
+/// A number, and a button that leaves it to the stage.
+fn number_or_auto(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> Response {
+    ui.horizontal(|ui| {
+        let mut auto = value.trim() == AUTO;
+        let number = (!auto).then(|| number(ui, value, spec));
+        let button = ui.toggle_value(&mut auto, AUTO);
+        let changed = button.changed();
+        let mut response = number.unwrap_or(button);
+        if changed {
+            *value = if auto { AUTO.into() } else { a_number(spec) };
+            response.mark_changed();
+        }
+        response
+    })
+    .inner
+}
+
+/// The default, or the number nearest to 0 if that is `Auto`.
+fn a_number(spec: &ParamSpec) -> String {
+    let (low, high) = spec.range.unwrap_or((f64::MIN, f64::MAX));
+    if spec.default == AUTO { format!("{:?}", 0f64.clamp(low, high)) } else { spec.default.clone() }
+}
+
 fn number(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> Response {
-    let whole = spec.kind != ParamKind::F32;
+    let whole = matches!(spec.kind, ParamKind::U32 | ParamKind::I32);
     let Ok(before) = value.trim().parse::<f64>() else {
         return ui.add(TextEdit::singleline(value).desired_width(120.0));
     };
