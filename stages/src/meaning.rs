@@ -45,6 +45,8 @@ epigraph_core::meanings! {
     RADIANCE = "radiance";
     /// The picture, sRGB-encoded.
     PICTURE = "picture";
+    /// The radiance that is shown as white, found from the picture; 0 before there is light in it.
+    WHITE = "white";
     /// How much a sample is worth, 0 to 255.
     PRIORITY = "priority";
     /// Where in the pixel the next sample should go, in 1/65536 of it: x low, y high.

@@ -1,15 +1,29 @@
-//! The last step: from linear radiance to the bytes that a screen shows.
+//! The last step: from linear radiance to the bytes that a screen shows. The exposure is a number, or found from the
+//! picture.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params, texel};
+use epigraph_core::{
+    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, scratch, texel,
+};
 use rayon::prelude::*;
 
 use crate::{
-    meaning::{PICTURE, RADIANCE},
+    meaning::{PICTURE, RADIANCE, WHITE},
     shared::color::{decode_srgb, luminance},
 };
 
+mod auto;
 #[path = "explain/tonemap.rs"]
 mod explain;
+
+/// Pixels that each GPU thread counts: few enough to keep all cores busy, many enough that the histograms of the
+/// workgroups are cheap to add.
+const PIXELS_PER_THREAD: u32 = 16;
+
+/// Pixels per parallel task of the count: as many as a GPU's workgroup counts.
+const CHUNK: usize = 256 * PIXELS_PER_THREAD as usize;
+
+/// A histogram of some pixels.
+type Bins = [u32; auto::BINS as usize];
 
 /// The colour of NaN: conspicuous, so that it is found.
 const MAGENTA: [u8; 3] = [255, 0, 255];
@@ -27,10 +41,13 @@ choice! {
 params! {
     /// Parameters of [`Tonemap`].
     pub struct TonemapParams {
-        /// Each step doubles the brightness.
-        exposure: f32 = 0.0, in -24.0..=24.0, unit "EV";
+        /// Each step doubles the brightness. Auto fits it to the picture: at once at the start, then slowly, so that
+        /// it follows a moving camera without flicker.
+        exposure: Option<f32> = Some(0.0), in -24.0..=24.0, unit "EV";
         /// How radiance is mapped to the range of a screen.
         curve: Curve = Curve::Clamp;
+        /// With exposure Auto, the share of the pixels with light that are at most as bright as what is shown as 1.
+        percentile: u32 = 90, in 1..=100, unit "%";
     }
 }
 
@@ -38,7 +55,14 @@ params! {
 pub struct Tonemap {
     color: In<texel::Rgba32Float>,
     image: Out<texel::Rgba8Unorm>,
+    auto: Option<Auto>,
     srgb: Srgb,
+}
+
+/// What the exposure `Auto` adds to the stage.
+struct Auto {
+    histogram: Out<u32>,
+    white: Out<f32>,
 }
 
 impl Stage for Tonemap {
@@ -47,18 +71,22 @@ impl Stage for Tonemap {
         "Exposure, a curve, and the sRGB encoding: from linear radiance to the picture.";
     type Params = TonemapParams;
 
-    fn declare(_: &TonemapParams, io: &mut Io) -> Self {
+    fn declare(params: &TonemapParams, io: &mut Io) -> Self {
         let color = io.read("color", RADIANCE, Extent::Frame(1));
         let image = io.write("image", PICTURE, Extent::Frame(1));
         io.shader(shader!("tonemap"));
+        let auto = params.exposure.is_none().then(|| Auto::declare(io, image));
         io.dispatch("tonemap", image);
-        Self { color, image, srgb: Srgb::new() }
+        Self { color, image, auto, srgb: Srgb::new() }
     }
 
     fn cpu(&self, params: &TonemapParams, cx: &CpuContext) -> Result<(), String> {
         let width = cx.dims(self.image).width as usize;
         let (color, image) = (cx.read(self.color), &mut cx.write(self.image)[..]);
-        let gain = params.exposure.exp2();
+        let gain = match (params.exposure, &self.auto) {
+            (None, Some(auto)) => auto.gain(params.percentile, &color, cx),
+            (exposure, _) => exposure.unwrap_or_default().exp2(),
+        };
         image.par_chunks_mut(width).zip(color.par_chunks(width)).for_each(|(image, color)| {
             for (image, &[r, g, b, _]) in image.iter_mut().zip(color) {
                 let [r, g, b] = self.srgb.show(params.curve, [r * gain, g * gain, b * gain]);
@@ -70,6 +98,45 @@ impl Stage for Tonemap {
 
     fn explain(&self, params: &TonemapParams, site: &Site) -> Option<Vec<Finding>> {
         explain::at(self, params, site)
+    }
+}
+
+impl Auto {
+    /// Declares the passes that find the white, before the one that shows it.
+    fn declare(io: &mut Io, image: Out<texel::Rgba8Unorm>) -> Self {
+        let histogram = io.write(
+            "histogram",
+            scratch("Pixels by the brightness of their brightest channel, 16 bins an octave, from 2^-24."),
+            Extent::Fixed([auto::BINS, 1]),
+        );
+        let white = io.persistent("white", WHITE, Extent::Fixed([1, 1]));
+        io.constants(auto::CONSTANTS);
+        io.define("AUTO");
+        io.dispatch("clear", histogram);
+        io.compute("count", Threads::Blocks(image.into(), PIXELS_PER_THREAD));
+        io.compute("adapt", Threads::Groups(1));
+        Self { histogram, white }
+    }
+
+    /// Moves the white towards what fits this picture, and returns the factor that shows it as 1.
+    fn gain(&self, percentile: u32, color: &[[f32; 4]], cx: &CpuContext) -> f32 {
+        let mut histogram = cx.write(self.histogram);
+        let empty = || [0; auto::BINS as usize];
+        let count = |mut histogram: Bins, pixels: &[[f32; 4]]| {
+            let bins = pixels.iter().filter_map(|&[r, g, b, _]| auto::bin([r, g, b]));
+            bins.for_each(|bin| histogram[bin] += 1);
+            histogram
+        };
+        let add = |mut sum: Bins, other: Bins| {
+            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
+            sum
+        };
+        histogram.copy_from_slice(&color.par_chunks(CHUNK).fold(empty, count).reduce(empty, add));
+        let white = &mut cx.write(self.white)[0];
+        if let Some(fitting) = auto::fitting(&histogram, percentile) {
+            *white = auto::follow(*white, fitting);
+        }
+        auto::gain(*white)
     }
 }
 
@@ -170,7 +237,7 @@ mod tests {
     #[test]
     fn exposure_doubles() {
         let brighter =
-            shown(TonemapParams { exposure: 2.0, ..TonemapParams::default() }, &[[0.1, 0.2, 0.02]]);
+            shown(TonemapParams { exposure: Some(2.0), ..TonemapParams::default() }, &[[0.1, 0.2, 0.02]]);
         assert_eq!(brighter, shown(TonemapParams::default(), &[[0.4, 0.8, 0.08]]));
     }
 
@@ -195,12 +262,90 @@ mod tests {
         assert_eq!(shown(TonemapParams::default(), &colors[2..]), [[0, 188, 0, 255]]);
     }
 
+    fn auto() -> TonemapParams {
+        TonemapParams { exposure: None, ..TonemapParams::default() }
+    }
+
+    /// Runs a frame on both sides, which must find the same white, bit for bit, from the same histogram. Returns the white
+    /// and the twin's picture.
+    fn fitted(harness: &mut Harness<Tonemap>) -> (f32, Vec<[u8; 4]>) {
+        let both = run_both(harness);
+        assert_eq!(both.cpu.get::<u32>("histogram"), both.gpu.get::<u32>("histogram"));
+        let [cpu, gpu] = [&both.cpu, &both.gpu].map(|out| out.get::<f32>("white")[0]);
+        assert_eq!(cpu.to_bits(), gpu.to_bits(), "{cpu} {gpu}");
+        let [cpu_image, gpu_image] = [&both.cpu, &both.gpu].map(|out| out.get::<[u8; 4]>("image"));
+        // As in `both_sides_agree`.
+        let apart = cpu_image.iter().flatten().zip(gpu_image.iter().flatten());
+        assert!(apart.map(|(cpu, gpu)| cpu.abs_diff(*gpu)).all(|apart| apart <= 1));
+        (cpu, cpu_image)
+    }
+
+    #[test]
+    fn auto_by_hand() {
+        // Of 10 pixels with light, 9 are to be at most white: to the end of their bin, 0.25 to 0.25 * 17/16.
+        let mut colors = [[0.25, 0.1, 0.0]; 9].to_vec();
+        colors.push([8.0; 3]);
+        let (white, image) = fitted(&mut harness(auto(), &colors));
+        assert_eq!(white, 0.265625);
+        // 0.25 / 0.265625 = 16/17: 1.055 * 0.9412^(1 / 2.4) - 0.055 = 0.9737 = 248.3 / 255; 0.1 likewise.
+        assert_eq!((image[0], image[9]), ([248, 165, 0, 255], [255; 4]));
+        // Pixels without light, or not finite, do not count.
+        colors.extend([[0.0; 3], [-1.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0]].repeat(30));
+        assert_eq!(fitted(&mut harness(auto(), &colors)).0, white);
+    }
+
+    #[test]
+    fn auto_at_the_extremes() {
+        let most = 2f32.powi(24);
+        // 2^-24 times 17/16: the end of the darkest bin.
+        for (color, white, byte) in [(1e-30, 1.0625 / most, 0), (1e30, most, 255), (0.5, 0.53125, 248)] {
+            assert_eq!(fitted(&mut harness(auto(), &[[color; 3]])), (white, vec![[byte, byte, byte, 255]]));
+        }
+        // No light, before and after there was some.
+        let mut dark = harness(auto(), &[[0.0; 3], [f32::NAN; 3]]);
+        assert_eq!(fitted(&mut dark), (0.0, vec![[0, 0, 0, 255], [255, 0, 255, 255]]));
+        dark.set("color", &[[4.0f32; 4], [0.0; 4]]);
+        assert_eq!(fitted(&mut dark), (4.25, vec![[248, 248, 248, 255], [0, 0, 0, 255]]));
+        dark.set("color", &[[0.0f32; 4]; 2]);
+        assert_eq!(fitted(&mut dark).0, 4.25);
+        // As wide as textures may be, and rows that no workgroup ends with.
+        let row: Vec<[f32; 4]> = (0..8192 * 3).map(|i| [0.001 * (i % 8192) as f32; 4]).collect();
+        let mut wide = Harness::<Tonemap>::new(auto(), &settings([8192, 3], 0));
+        wide.set("color", &row);
+        let (white, _) = fitted(&mut wide);
+        // 8191 pixels of a row have light: 90% of them are up to 7.37.
+        assert!((white / 7.37 - 1.0).abs() < 0.01, "{white}");
+    }
+
+    #[test]
+    fn auto_agrees_on_both_sides_frame_by_frame() {
+        let mut random = Random(3);
+        let mut harness = Harness::<Tonemap>::new(auto(), &settings([67, 41], 0));
+        for frame in 0..40 {
+            // Colours over many octaves, some black, some not finite, which grow brighter.
+            let mut color = || {
+                let scale = (random.between(-20.0, 0.0) + 0.3 * frame as f32).exp2();
+                let [r, g, b] = [0; 3].map(|_| scale * random.between(-0.1, 1.0));
+                match random.below(20) {
+                    0 => [0.0; 4],
+                    1 => [r, f32::NAN, b, 1.0],
+                    2 => [r, g, f32::INFINITY, 1.0],
+                    _ => [r, g, b, 1.0],
+                }
+            };
+            let colors: Vec<[f32; 4]> = (0..67 * 41).map(|_| color()).collect();
+            harness.set("color", &colors);
+            fitted(&mut harness);
+        }
+    }
+
     #[test]
     fn both_sides_agree() {
         let mut random = Random(2);
         let colors: Vec<[f32; 3]> = (0..4000).map(|_| [0; 3].map(|_| random.between(-0.1, 1.2))).collect();
         for curve in [Curve::Clamp, Curve::Reinhard] {
-            let mut harness = harness(TonemapParams { curve, exposure: 0.3 }, &colors);
+            let mut harness =
+                harness(TonemapParams { curve, exposure: Some(0.3), ..TonemapParams::default() }, &colors);
             let both = run_both(&mut harness);
             let (cpu, gpu) = (both.cpu.get::<u8>("image"), both.gpu.get::<u8>("image"));
             let apart: Vec<u8> = cpu.iter().zip(gpu).map(|(cpu, gpu)| cpu.abs_diff(gpu)).collect();

@@ -5,6 +5,7 @@ mod complex;
 mod documents;
 mod epi;
 mod experiments;
+mod exposure;
 mod extremes;
 mod library;
 mod measures;

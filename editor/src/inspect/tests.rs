@@ -541,3 +541,20 @@ fn findings_agree_with_the_outputs_at_every_pixel() {
     }
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
 }
+
+#[test]
+fn an_exposure_that_fits_the_picture_is_told_in_ev() {
+    let run = Run::new("epi.ron", "cornell", Backend::Cpu, &[], 2);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/epi.ron");
+    let mut file = GraphFile::load(&path).unwrap();
+    file.set_param("tonemap", "exposure", "Auto").unwrap();
+    run.engine.send(Command::Graph(Arc::new(file)));
+    run.engine.send(Command::Watch(vec!["tonemap.white".into()]));
+    run.engine.send(Command::Step(3));
+    run.wait("frames", |state| state.frames == 5);
+    let (state, inspection) = run.look([48, 32]);
+    let white = f32::from_bits(port(&state, "tonemap.white")[0]);
+    let text = format!("{:+.2} EV, Auto", -white.log2());
+    assert_eq!(value_of(findings_of(&inspection, "tonemap"), "exposure"), Some(text.as_str()));
+    assert!(white > 0.0 && white != 1.0, "{white}");
+}

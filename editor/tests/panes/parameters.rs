@@ -72,6 +72,25 @@ fn fill(opened: &mut Opened, name: &str, text: &str) {
     opened.settle(3);
 }
 
+#[test]
+fn a_number_can_be_left_to_the_stage() {
+    let mut opened = Opened::new("epi.ron");
+    opened.frames(2);
+    select(&mut opened, Some("tonemap"));
+    opened.click("Auto");
+    assert!(opened.text().contains("params: (exposure: Auto)"), "{}", opened.text());
+    assert!(opened.harness.query_by_role_and_label(Role::Slider, "exposure").is_none());
+    opened.frames(2);
+    assert_eq!(opened.app().session.problems(), []);
+    // The number is the default again.
+    opened.click("Auto");
+    assert!(opened.text().contains("params: (exposure: 0.0)"), "{}", opened.text());
+    fill(&mut opened, "exposure", "1.5");
+    assert!(opened.text().contains("params: (exposure: 1.5)"), "{}", opened.text());
+    opened.click("default of exposure");
+    assert!(!opened.text().contains("exposure"), "{}", opened.text());
+}
+
 fn select(opened: &mut Opened, node: Option<&str>) {
     opened.harness.state_mut().session.selected = node.map(str::to_owned);
     opened.settle(3);
