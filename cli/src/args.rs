@@ -87,7 +87,7 @@ const GALLERY_HELP: &str = "\
 For each scene the gallery shows the last frame as an edge-and-point image and by the render cache, both from the same
 number of samples; an enlarged detail after every step of the algorithm (points, edges, classes, reachability, priority,
 result), as in figure 4 of the papers; and the same detail by both algorithms and in a converged reference. The page,
-gallery.md, gives the command line of every picture. Files are written only after all pictures are rendered.
+gallery.md, gives the command line of every picture. All have exposure 0; graphs with exposure Auto are refused. Files are written only after all pictures are rendered.
 
 Examples:
   epigraph gallery --out gallery                                 all scenes, in a few minutes
@@ -102,8 +102,9 @@ converged pictures of the same views. A table cell reads
 
 PSNR is in dB (higher is better), FLIP is the mean over the pixels (0: no difference). Both are computed as by `compare`,
 on the displayed sRGB values. References are clamped to [0, 1], as a graph's `tonemap` does by default, so leave its
-exposure and curve unchanged. Pixels near edges are those within 2 pixels of an edge of the reference: an outline, a
-crease or a hard shadow boundary (`reference --edges` writes them). The first graph is the baseline for the others.
+exposure and curve unchanged; a graph with exposure Auto is refused, as its pictures would differ by exposure too. Pixels
+near edges are those within 2 pixels of an edge of the reference: an outline, a crease or a hard shadow boundary
+(`reference --edges` writes them). The first graph is the baseline for the others.
 
 With few light paths per sample (`trace.spp`, 4 by default), their noise hides differences at edges; 64 shows them.
 JSON: size, seed, backend, adapter, spp, mode, set (changes to all graphs), edge_reach (pixels), rows [{graph, scene,
@@ -206,7 +207,8 @@ pub enum Command {
     /// Measure how much two images differ: RMSE, PSNR, SSIM, FLIP
     #[command(
         after_help = "PNG is read as sRGB, EXR as linear light. RMSE uses the values as stored in the files; for the \
-        other metrics, linear values are first clamped to [0, 1] and sRGB-encoded.\n\n\
+        other metrics, linear values are first clamped to [0, 1] and sRGB-encoded. Compare pictures of one exposure: \
+        `tonemap.exposure` a number, 0 beside a reference, not Auto.\n\n\
         Examples:\n  epigraph compare reference.exr epigraph.png --map flip.png\n  \
         epigraph compare reference.exr epigraph.png --mask edges.png"
     )]

@@ -38,7 +38,9 @@ fn cause(tracer: &Tracer, camera: &Camera, size: [u32; 2], is_black: bool) -> St
     let colors = colors.unwrap_or_default();
     let mean = colors.iter().map(|color| color.element_sum() / 3.0).sum::<f32>() / colors.len().max(1) as f32;
     let exposure = (GREY / mean).log2().clamp(-24.0, 24.0);
-    let tip = format!("the mean radiance is {mean:.1e}; try --set tonemap.exposure={exposure:.0}");
+    let tip = format!(
+        "the mean radiance is {mean:.1e}; try --set tonemap.exposure={exposure:.0} or Auto, which fits the picture"
+    );
     match mean {
         0.0 if tracer.scene().lights.is_empty() => {
             "no surface that the camera sees emits light, and none lights it".into()

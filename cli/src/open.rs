@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use epigraph::{Change, Place, Registry, Run, Samples, graphs};
-use epigraph_core::{GraphError, GraphFile};
+use epigraph::{Change, Place, Registry, Run, Samples, Source, graphs};
+use epigraph_core::{Graph, GraphError, GraphFile};
 use epigraph_scenes::{LoadOptions, Scene, Sky, Tracer};
+use epigraph_stages::meaning::WHITE;
 
 use crate::{
     args::{ChangeArgs, SceneArgs},
@@ -40,6 +41,29 @@ pub fn label(name: &str) -> String {
     let base = epigraph::split(name).map_or(name, |(base, _)| base);
     let bare = base.strip_prefix("graphs/").unwrap_or(base);
     format!("{}{}", bare.strip_suffix(".ron").unwrap_or(bare), &name[base.len()..])
+}
+
+/// Refuses a graph that fits the exposure to its picture, for commands that compare it with converged pictures.
+///
+/// # Errors
+/// [`CliError::Input`], with the parameter to set.
+pub fn require_fixed_exposure(graph: &Graph) -> Result<(), CliError> {
+    match fitted(graph).next() {
+        None => Ok(()),
+        Some(Source { node, .. }) => Err(CliError::Input(format!(
+            "{node}: its exposure is Auto, but pictures are compared at one exposure, that of the converged ones, \
+             0 EV; leave it at 0, or use `render` to see the picture as it fits"
+        ))),
+    }
+}
+
+/// The ports with the radiance that is shown as white, of stages that find it from the picture.
+pub fn fitted(graph: &Graph) -> impl Iterator<Item = Source> {
+    graph.nodes.iter().flat_map(|node| {
+        let ports = node.declaration().ports.iter();
+        let white = ports.filter(|port| port.is_output() && port.meaning == Some(WHITE));
+        white.map(|port| Source { node: node.name.clone(), port: port.name.to_string() })
+    })
 }
 
 /// The maximum number of samples per frame of `size` pixels.

@@ -62,7 +62,8 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         if files.sheet.is_some() { image_ports(compiled.graph(), compiled.plan(), size) } else { Vec::new() };
     let traced = traced_ports(compiled.graph());
     let saved = args.save.iter().map(|save| &save.source);
-    let kept: Vec<Source> = saved.chain(&tiles).chain(&traced).cloned().collect();
+    let whites: Vec<Source> = open::fitted(compiled.graph()).collect();
+    let kept: Vec<Source> = saved.chain(&tiles).chain(&traced).chain(&whites).cloned().collect();
     // The graph itself compiles, so an error here is about the ports to save.
     compiled.keep(&kept).map_err(|problems| CliError::Input(format!("--save: {problems}")))?;
     check_saves(compiled.plan(), size, args)?;
@@ -76,6 +77,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
 
     let look = Look { far: place.path.camera(run.index() - 1).far, ..Look::default() };
     files.put(&mut outputs, &mut run.executor, output.as_deref(), &tiles, &look)?;
+    let exposures = exposures(&mut run, &whites)?;
     let blank = why_blank(&mut run, output.as_deref(), &place, &look)?;
     let report = Report {
         args,
@@ -88,6 +90,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         pooled_bytes: pooled,
         frames: run.index(),
         measured: &measured,
+        exposures: &exposures,
         notes: &place.scene.report,
         blank: blank.as_deref(),
         written: files.written(&outputs),
@@ -119,6 +122,17 @@ fn why_blank(
     let tracer = place.tracer().at(frame);
     Ok(field
         .and_then(|field| blank::why(&show(field, look).colors, &tracer, &place.path.camera(frame), size)))
+}
+
+/// The nodes that fit the exposure to the picture, and their exposures in the last frame, in EV.
+fn exposures(run: &mut Run, whites: &[Source]) -> Result<Vec<(String, f64)>, CliError> {
+    let ev = |white: &Source| {
+        let shown_as_1 = run.snapshot(&white.to_string())?.get::<f32>()[0];
+        // 0 before there is light.
+        let ev = if shown_as_1 > 0.0 { -f64::from(shown_as_1).log2() } else { 0.0 };
+        Ok((white.node.clone(), ev))
+    };
+    whites.iter().map(ev).collect()
 }
 
 /// Runs all frames, or up to the one after an interruption. The last one is captured.

@@ -99,6 +99,8 @@ pub struct Report<'a> {
     pub frames: u32,
     /// Times and counts of the run.
     pub measured: &'a Measured,
+    /// The nodes that fit the exposure to the picture, and the exposures that they found, in EV.
+    pub exposures: &'a [(String, f64)],
     /// Contents and path of each written file.
     pub written: Vec<(String, String)>,
 }
@@ -212,6 +214,9 @@ impl Report<'_> {
         line("samples", format!("at most {} per frame{}", self.samples, arrived.unwrap_or_default()));
         line("speed", format!("{:.1} frames per second, including tracing", self.frames_per_second()));
         line("memory", self.memory_text());
+        for (node, ev) in self.exposures {
+            line("exposure", format!("{node}: {ev:.2} EV, Auto"));
+        }
         for culled in &self.plan.culled {
             line("left out", format!("{} ({}): {}", culled.node, culled.kind, culled.why));
         }
@@ -273,6 +278,8 @@ impl Report<'_> {
             .collect();
         let files: Vec<Value> =
             self.written.iter().map(|(what, path)| json!({ "what": what, "path": path })).collect();
+        let exposures: Vec<Value> =
+            self.exposures.iter().map(|(node, ev)| json!({ "node": node, "ev": rounded(*ev) })).collect();
         json!({
             "graph": self.graph,
             "scene": args.scene.scene,
@@ -294,6 +301,7 @@ impl Report<'_> {
             "peak_bytes": memory::peak(),
             "plan_bytes": { "cpu": self.plan.bytes(Side::Cpu), "gpu": self.plan.bytes(Side::Gpu) },
             "pooled_bytes": { "cpu": self.pooled_bytes.cpu, "gpu": self.pooled_bytes.gpu },
+            "exposures": exposures,
             "nodes": nodes,
             "culled": culled,
             "skipped": skipped,

@@ -104,13 +104,12 @@ impl Camera<'_> {
         Ok(Dissected { shot, layers })
     }
 
-    /// Checks that a graph compiles for the scene.
+    /// Checks that a graph compiles for the scene, and that its exposure is fixed.
     ///
     /// # Errors
-    /// Problems of the graph for this scene.
+    /// Problems of the graph for this scene, and an exposure that fits the picture.
     pub fn check(&self, file: &GraphFile) -> Result<(), CliError> {
-        self.setup(file).compile()?;
-        Ok(())
+        open::require_fixed_exposure(self.setup(file).compile()?.graph())
     }
 
     fn setup(&self, file: &GraphFile) -> Setup {

@@ -68,10 +68,11 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Checks that the graph compiles for the scene and outputs a picture.
+    /// Checks that the graph compiles for the scene and outputs a picture, of a fixed exposure.
     pub fn check(&self) -> Result<(), CliError> {
         let mut compiled = self.setup().compile()?;
         compiled.picture()?;
+        open::require_fixed_exposure(compiled.graph())?;
         Ok(compiled.require()?)
     }
 

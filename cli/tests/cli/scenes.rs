@@ -84,6 +84,20 @@ fn a_black_or_white_picture_says_why() {
         err.split("try ").nth(1).and_then(|rest| rest.split_whitespace().nth(1)).expect("a tip").to_owned();
     let (_, err) = both(&place, &format!("{SMALL} --samples 100% --scene s.ron --set {exposure}"));
     assert!(!err.contains("the picture is"), "{err}");
+    // So does the one that fits, which the report tells.
+    let (out, err) =
+        both(&place, &format!("{SMALL} --samples 100% --scene s.ron --set tonemap.exposure=Auto"));
+    assert!(!err.contains("the picture is"), "{err}");
+    let report = json(&std::fs::read_to_string(place.path("a.json")).expect("written"));
+    let found = &report["exposures"][0];
+    let ev = found["ev"].as_f64().expect("a number");
+    assert!(
+        found["node"] == "tonemap" && out.contains(&format!("exposure tonemap: {ev:.2} EV, Auto")),
+        "{out}"
+    );
+    // It shows most as less than 1, the tip the mean as 0.18: by the peak's 10%, the two differ by 2 to 3 EV.
+    let tip: f64 = exposure.split('=').nth(1).and_then(|ev| ev.parse().ok()).expect("a number");
+    assert!((ev - tip).abs() < 3.5, "{ev} {tip}");
     // A camera that looks past everything, also in a reference.
     let past = "reference --size 32x32 --spp 1 --out r.png --scene s.ron --camera view:0,9,0:0.7071068,0,0,0.7071068";
     let (_, err) = both(&place, past);
@@ -135,5 +149,20 @@ fn cameras_of_a_file_are_listed_and_chosen() {
             format!("reference --scene two.gltf --size 16x16 --camera {camera} {options} --out a.png");
         let (_, err) = both(&place, &words);
         assert_eq!(!err.contains("the camera sees no surface"), is_seen, "{camera} {options}: {err}");
+    }
+}
+
+#[test]
+fn pictures_are_not_compared_at_exposures_of_their_own() {
+    let place = Place::new();
+    for command in [
+        "quality --scene cornell --size 32x32 --frames 1",
+        "gallery --out g --scene cornell --size 64x64 --graph",
+    ] {
+        let text = place.fails(&format!("{command} epi+tonemap.exposure=Auto"));
+        assert!(
+            text.contains("tonemap: its exposure is Auto, but pictures are compared at one exposure"),
+            "{text}"
+        );
     }
 }

@@ -66,6 +66,28 @@ fn a_held_image_is_compared_with_later_ones() {
 }
 
 #[test]
+fn a_comparison_at_exposures_that_pictures_find_is_called_that() {
+    let mut view = View::new([64, 48], false, 3);
+    view.click("Compare");
+    let warned = |view: &View| view.opened.harness.query_by_label_contains("exposure is Auto").is_some();
+    assert!(!warned(&view));
+    view.set("tonemap", "exposure", "Auto");
+    view.opened.until("Auto", |app| {
+        let node = app.session.state.graph.as_ref().and_then(|graph| graph.node("tonemap"));
+        node.is_some_and(|node| node.ports.iter().any(|info| info.port.name == "white"))
+    });
+    view.settle();
+    assert!(warned(&view));
+    view.set("tonemap", "exposure", "1.0");
+    view.opened.until("a number", |app| {
+        let node = app.session.state.graph.as_ref().and_then(|graph| graph.node("tonemap"));
+        node.is_some_and(|node| node.ports.iter().all(|info| info.port.name != "white"))
+    });
+    view.settle();
+    assert!(!warned(&view));
+}
+
+#[test]
 fn the_line_of_a_wipe_can_be_dragged_and_moved_by_keys() {
     let mut view = View::new([64, 48], false, 3);
     view.click("Compare");

@@ -12,6 +12,7 @@ use egui::{
 };
 use epigraph_core::Snapshot;
 use epigraph_pictures::{Difference, Picture, Ramp, metrics};
+use epigraph_stages::meaning::WHITE;
 
 use super::{
     beside, header,
@@ -96,6 +97,12 @@ impl PartialEq for Pair {
 struct Held {
     image: Arc<Snapshot>,
     frames: u32,
+}
+
+/// Whether a graph fits the exposure to its picture.
+fn fits_exposure(graph: &GraphInfo) -> bool {
+    let mut ports = graph.nodes.iter().flat_map(|node| &node.ports).map(|info| &info.port);
+    ports.any(|port| port.is_output() && port.meaning == Some(WHITE))
 }
 
 /// A comparison.
@@ -201,6 +208,12 @@ impl Compare {
             With::File => self.file_row(ui),
             With::Graph => beside::row(ui, session),
             With::Held | With::Port(_) => {}
+        }
+        let beside = session.state.other.as_ref().and_then(|other| other.graph.as_deref());
+        let beside = beside.filter(|_| self.with == With::Graph);
+        if [Some(graph), beside].into_iter().flatten().any(fits_exposure) {
+            ui.colored_label(theme::palette(ui).bad, "exposure is Auto: set a number to compare pictures")
+                .on_hover_text("Each picture finds its own, so that they also differ by exposure");
         }
         self.figures_row(ui);
     }
