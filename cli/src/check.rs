@@ -170,6 +170,9 @@ fn check_shaders(file: &GraphFile, graph: &Graph, registry: &Registry) -> Result
     for node in &graph.nodes {
         count += usize::from(node.declaration().shader.is_some());
         let errors = check_stage(&*node.stage, &registry.library);
+        if errors.is_empty() {
+            continue;
+        }
         let place = file.node_at(&node.name).map(|(node, file)| file.place(node.kind.span));
         problems.0.extend(errors.into_iter().map(|error| {
             let problem = Problem::new(error).node(&node.name);

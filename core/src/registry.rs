@@ -1,6 +1,6 @@
 //! The stage kinds that graph files may name.
 
-use std::{collections::BTreeMap, marker::PhantomData, path::Path};
+use std::{collections::BTreeMap, marker::PhantomData, path::Path, sync::OnceLock};
 
 use crate::{
     constant::Constant,
@@ -139,6 +139,9 @@ pub struct Registry {
     /// Shared shader modules.
     pub library: ShaderLibrary,
     counts: Vec<(Quantity, Box<Count>)>,
+    /// The ports of all kinds, once they are asked for: to declare a kind anew for each node would take longer than all
+    /// other checks of the node.
+    ports: OnceLock<Vec<Port>>,
 }
 
 impl Registry {
@@ -150,6 +153,7 @@ impl Registry {
     /// Adds a kind that is not a plain stage, such as `wgsl`.
     pub fn with_kind(mut self, kind: Box<dyn Kind>) -> Self {
         self.kinds.insert(kind.name(), kind);
+        self.ports = OnceLock::new();
         self
     }
 
@@ -203,17 +207,17 @@ impl Registry {
 
     /// The meanings of the stages' ports, each once.
     pub fn meanings(&self) -> Vec<Meaning> {
-        distinct(self.ports().filter_map(|port| port.meaning))
+        distinct(self.ports().iter().filter_map(|port| port.meaning))
     }
 
     /// The meaning with this name, among those of the stages' ports.
     pub fn meaning(&self, name: &str) -> Option<Meaning> {
-        self.ports().filter_map(|port| port.meaning).find(|meaning| meaning.name == name)
+        self.ports().iter().filter_map(|port| port.meaning).find(|meaning| meaning.name == name)
     }
 
     /// The quantities that are the length of a stage's list or have a count of their own, each once.
     pub fn quantities(&self) -> Vec<Quantity> {
-        let lists = self.ports().filter_map(|port| match port.extent {
+        let lists = self.ports().iter().filter_map(|port| match port.extent {
             Extent::Each(quantity) => Some(quantity),
             _ => None,
         });
@@ -225,8 +229,10 @@ impl Registry {
         distinct(self.kinds().filter_map(Kind::declaration).filter_map(|declared| declared.column))
     }
 
-    fn ports(&self) -> impl Iterator<Item = Port> {
-        self.kinds().filter_map(Kind::declaration).flat_map(|declared| declared.ports)
+    fn ports(&self) -> &[Port] {
+        self.ports.get_or_init(|| {
+            self.kinds().filter_map(Kind::declaration).flat_map(|declared| declared.ports).collect()
+        })
     }
 
     /// All kinds in alphabetical order.
