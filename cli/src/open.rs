@@ -135,6 +135,16 @@ pub fn warn_of_bad_samples(count: u64) {
     }
 }
 
+/// Warns about boundaries of shadows that were not searched for.
+pub fn warn_of_missing_shadows(count: usize) {
+    if count > 0 {
+        eprintln!(
+            "warning: the shadows of {count} edges have no boundaries, or not all: too many triangles lie in one place (are \
+             there objects more than once?)"
+        );
+    }
+}
+
 /// Runs `frames` frames with a progress bar. `capture` decides by a frame's number if the frame is captured; `after` is
 /// called after each frame.
 ///

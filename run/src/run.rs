@@ -85,6 +85,12 @@ impl Run {
         self.host.get::<World>().map_or(0, |world| world.tracer.non_finite())
     }
 
+    /// The number of edges and vertices whose shadows' boundaries were not all found, as too many triangles lie in one
+    /// place ([`epigraph_scenes::ShadowSettings::effort`]).
+    pub fn incomplete_shadows(&self) -> usize {
+        self.host.get::<World>().map_or(0, |world| world.shadows.incomplete())
+    }
+
     /// Leaves the path: the next frames use this camera.
     pub fn look(&mut self, camera: Camera) {
         self.camera = Some(camera);

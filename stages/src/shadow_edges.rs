@@ -84,6 +84,7 @@ impl Stage for ShadowEdges {
             capacity: params.capacity as usize,
             contact: params.contact,
             max_penumbra: params.max_penumbra,
+            ..ShadowSettings::default()
         };
         let world = cx.host::<World>()?;
         let found = world.shadows.find(&world.at(cx.frame().index), settings, world.pace())?;

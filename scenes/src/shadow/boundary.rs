@@ -1,11 +1,13 @@
 //! Finds the parts of an event's cuts that are shadow boundaries, with shadow rays to points on both sides of a cut.
 
+use std::cell::Cell;
+
 use glam::DVec3;
 
 use super::{
     ShadowKind, ShadowSegment, ShadowSettings,
     event::{Event, Source},
-    receivers::{Cut, Receivers, join},
+    receivers::{Cut, Cutting, Receivers, join},
 };
 use crate::Tracer;
 
@@ -32,6 +34,23 @@ const HALVINGS: u32 = 8;
 /// The least [`Width`]: narrower penumbrae are not distinguished.
 const NARROWEST: f64 = -24.0;
 
+/// The effort that is left for the search of one event, in tests of a ray with a triangle.
+pub(super) struct Effort(Cell<u64>);
+
+impl Effort {
+    /// Takes some from what is left. Returns false if nothing was.
+    #[inline]
+    pub fn spend(&self, much: u64) -> bool {
+        let left = self.0.get();
+        self.0.set(left.saturating_sub(much));
+        left > 0
+    }
+
+    pub fn is_spent(&self) -> bool {
+        self.0.get() == 0
+    }
+}
+
 /// Finds the boundaries of one light's events.
 pub(super) struct Finder<'a> {
     tracer: &'a Tracer,
@@ -50,6 +69,7 @@ pub(super) struct Finder<'a> {
 /// A cut whose points are tested.
 struct Line<'a> {
     event: &'a Event,
+    effort: &'a Effort,
     ends: [DVec3; 2],
     normal: DVec3,
     /// A step across the line on the receiver, towards the blocker's side, that changes the distance from the event's
@@ -85,28 +105,35 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Appends the boundaries of an event.
-    pub fn find(&self, event: &Event, found: &mut Vec<ShadowSegment>) {
-        if event.length < STEP * self.diagonal && !self.sees_outline(event) {
-            return;
+    /// Appends the boundaries of an event, as far as the effort lasts. Returns what is left of it: 0 if some boundaries may
+    /// be missing.
+    pub fn find(&self, event: &Event, effort: u64, found: &mut Vec<ShadowSegment>) -> u64 {
+        let effort = Effort(Cell::new(effort));
+        if event.length >= STEP * self.diagonal || self.sees_outline(event, &effort) {
+            let mut cuts = Vec::new();
+            let scene = self.tracer.scene();
+            let cutting = Cutting { scene, event, contact: self.contact, effort: &effort };
+            self.receivers.cut(&cutting, &mut cuts);
+            join(&mut cuts, event);
+            for cut in &cuts {
+                self.divide(event, cut, &effort, found);
+            }
         }
-        let mut cuts = Vec::new();
-        self.receivers.cut(self.tracer.scene(), event, self.contact, &mut cuts);
-        join(&mut cuts, event);
-        for cut in &cuts {
-            self.divide(event, cut, found);
-        }
+        effort.0.get()
     }
 
     /// Returns true if the light sees the middle of the event's edge (or its vertex). A cheap first test for short
     /// edges: most silhouette edges of a dense mesh are hidden from the light by others, and then cast no boundary.
-    fn sees_outline(&self, event: &Event) -> bool {
+    fn sees_outline(&self, event: &Event, effort: &Effort) -> bool {
         let middle = event.middle - event.normal * self.clearance;
-        self.clear(event.light(), middle, 0.0)
+        self.clear(event.light(), middle, 0.0, effort)
     }
 
-    /// Appends the parts of a cut that are boundaries.
-    fn divide(&self, event: &Event, cut: &Cut, found: &mut Vec<ShadowSegment>) {
+    /// Appends the parts of a cut that are boundaries, as far as the effort lasts.
+    fn divide(&self, event: &Event, cut: &Cut, effort: &Effort, found: &mut Vec<ShadowSegment>) {
+        if effort.is_spent() {
+            return;
+        }
         let [start, end] = cut.ends;
         let length = start.distance(end);
         let Some(across) = super::across(cut.normal, end - start) else { return };
@@ -114,7 +141,7 @@ impl<'a> Finder<'a> {
         if sine.abs() < MIN_SINE || length < self.lift {
             return;
         }
-        let line = Line { event, ends: cut.ends, normal: cut.normal, across: across / sine };
+        let line = Line { event, effort, ends: cut.ends, normal: cut.normal, across: across / sine };
         let steps = (length / (STEP * self.diagonal)).ceil().clamp(1.0, MAX_STEPS) as usize;
         let place = |step: usize| (step as f64 + 0.5) / steps as f64;
         let mut begin = 0.0;
@@ -132,6 +159,9 @@ impl<'a> Finder<'a> {
             } else {
                 self.border(&line, here, there, now.is_some())
             };
+            if effort.is_spent() {
+                return;
+            }
             if let Some(width) = now {
                 let ends = [begin, border].map(|place| start.lerp(end, place).as_vec3());
                 found.push(ShadowSegment {
@@ -168,7 +198,7 @@ impl<'a> Finder<'a> {
         // The ends of the two rays that pass the blocker on either side at the clearance.
         let away = self.clearance * point.distance(light) / blocker.distance(light);
         let [bright, dark] = [-away, away].map(|away| point + line.across * away);
-        let sees = |from: DVec3, light: DVec3| self.sees(from, line.normal, light);
+        let sees = |from: DVec3, light: DVec3| self.sees(from, line.normal, light, line.effort);
         if !sees(bright, light) || sees(dark, light) {
             return None;
         }
@@ -210,14 +240,14 @@ impl<'a> Finder<'a> {
     }
 
     /// Returns true if the point `from` of a receiver with the given normal sees the point `light` of the light.
-    fn sees(&self, from: DVec3, normal: DVec3, light: DVec3) -> bool {
+    fn sees(&self, from: DVec3, normal: DVec3, light: DVec3, effort: &Effort) -> bool {
         let towards = (light - from).normalize_or_zero();
         let sine = normal.dot(towards);
-        sine >= MIN_SINE && self.clear(light, from, self.lift / sine)
+        sine >= MIN_SINE && self.clear(light, from, self.lift / sine, effort)
     }
 
     /// Returns true if nothing blocks the ray from a point of the light to a point at the distance `short` before `to`.
-    fn clear(&self, light: DVec3, to: DVec3, short: f64) -> bool {
+    fn clear(&self, light: DVec3, to: DVec3, short: f64, effort: &Effort) -> bool {
         let (direction, distance) = (to - light).normalize_and_length();
         let begin = match self.source.normal {
             None => 0.0,
@@ -227,6 +257,6 @@ impl<'a> Finder<'a> {
         };
         let end = distance - short;
         let at = |distance: f64| (light + direction * distance).as_vec3();
-        begin < end && self.tracer.reaches(at(begin), at(end))
+        begin < end && self.tracer.reaches(at(begin), at(end), || effort.spend(1))
     }
 }

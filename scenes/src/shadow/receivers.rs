@@ -12,7 +12,10 @@ use obvhs::{
 };
 use rayon::prelude::*;
 
-use super::event::{Event, HalfSpace};
+use super::{
+    boundary::Effort,
+    event::{Event, HalfSpace},
+};
 use crate::boxes::make_unlike;
 use crate::{Material, Mesh, NO_FACE, Pose, Scene};
 
@@ -21,6 +24,9 @@ const ONE_PLANE: f64 = 1.0 - 1e-9;
 
 /// Maximum rounding error of a body's posed vertices, as a share of the largest coordinate.
 const ROUNDING: f64 = 1e-6;
+
+/// The [`Effort`] of cutting a triangle, which takes so many times as long as to test it with a ray.
+const CUT: u64 = 16;
 
 /// How much boxes may grow that are made unlike, as a share of all boxes' size.
 const UNLIKE: f32 = 1e-6;
@@ -77,6 +83,15 @@ impl Reached {
     }
 }
 
+/// An event whose plane cuts the receivers of a scene.
+pub(super) struct Cutting<'a> {
+    pub scene: &'a Scene,
+    pub event: &'a Event,
+    /// The minimum of the event's `reach` on the blocker's own object and on others.
+    pub contact: [f64; 2],
+    pub effort: &'a Effort,
+}
+
 /// All geometry that can receive a shadow, for all poses of a scene.
 pub(super) struct Receivers {
     still: Boxes,
@@ -111,13 +126,13 @@ impl Receivers {
         Self { still, bodies, scatters, closed }
     }
 
-    /// Appends the cuts of an event's plane with the receivers behind the blocker, in a deterministic order. `contact`
-    /// is the minimum of the event's `reach` on the blocker's own object and on others.
-    pub fn cut(&self, scene: &Scene, event: &Event, contact: [f64; 2], cuts: &mut Vec<Cut>) {
-        let reached = Reached::new(event);
-        self.cut_boxes(&self.still, &reached, scene, event, contact, cuts);
-        for (boxes, pose) in self.bodies.iter().zip(&scene.poses) {
-            self.cut_boxes(boxes, &reached.at_rest(pose), scene, event, contact, cuts);
+    /// Appends the cuts of an event's plane with the receivers behind the blocker, in a deterministic order, until the
+    /// effort is spent.
+    pub fn cut(&self, of: &Cutting, cuts: &mut Vec<Cut>) {
+        let reached = Reached::new(of.event);
+        self.cut_boxes(&self.still, &reached, of, cuts);
+        for (boxes, pose) in self.bodies.iter().zip(&of.scene.poses) {
+            self.cut_boxes(boxes, &reached.at_rest(pose), of, cuts);
         }
     }
 
@@ -125,16 +140,14 @@ impl Receivers {
         &self,
         Boxes { tree, slack: rounding }: &Boxes,
         Reached { plane, sides, reach }: &Reached,
-        scene: &Scene,
-        event: &Event,
-        contact: [f64; 2],
+        &Cutting { scene, event, contact, effort }: &Cutting,
         cuts: &mut Vec<Cut>,
     ) {
         let Some(root) = tree.nodes.first() else { return };
         let mesh = &scene.mesh;
         let blocker = mesh.object[mesh.edges[event.edge as usize].faces[0] as usize];
         let mut stack = vec![*root];
-        while let Some(node) = stack.pop() {
+        while let Some(node) = stack.pop().filter(|_| !effort.is_spent()) {
             let bounds = node.aabb();
             let center = Vec3::from((bounds.min + bounds.max) * 0.5).as_dvec3();
             // The f32 rounding of the centre must not exclude what just touches the box.
@@ -149,7 +162,7 @@ impl Receivers {
             let first = node.first_index as usize;
             if node.is_leaf() {
                 let faces = &tree.primitive_indices[first..first + node.prim_count as usize];
-                cuts.extend(faces.iter().filter_map(|&face| {
+                cuts.extend(faces.iter().take_while(|_| effort.spend(CUT)).filter_map(|&face| {
                     let own = mesh.object[face as usize] == blocker;
                     self.cut_face(mesh, event, face, contact[usize::from(!own)])
                 }));

@@ -5,6 +5,9 @@
 //! edges and lights, and all other events whose region contains a moved body, in its old or new pose, as the body may
 //! be (or have been) a receiver, or an obstacle between light and receiver. All other events are unchanged, bit for
 //! bit.
+//!
+//! The effort for one event is limited. It is ample unless thousands of triangles lie in one place, where the search would
+//! not end otherwise.
 
 use std::{
     ops::Range,
@@ -27,7 +30,13 @@ use super::{
 use crate::{Body, Light, Pose, Scene, Tracer};
 
 /// Number of edges or vertices that are searched between two calls of `progress`.
-const PROGRESS_STEP: usize = 4096;
+const PROGRESS_STEP: usize = 1024;
+
+/// The effort that is enough for each event of a usual scene.
+const AMPLE: u64 = 1 << 16;
+
+/// The number of edges whose effort is measured to learn whether a scene is a usual one.
+const MEASURED: usize = 1024;
 
 /// Statistics of the last search, in events: pairs of a light and a blocker's edge or vertex that may cast a boundary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,6 +64,8 @@ struct Known {
     receivers: Receivers,
     around: Around,
     reach: f64,
+    /// The most effort for one event.
+    effort: u64,
     /// The poses of the last search; empty before the first.
     poses: Vec<Pose>,
     lights: Vec<Light>,
@@ -68,6 +79,8 @@ struct Found {
     place: usize,
     event: Event,
     segments: Vec<ShadowSegment>,
+    /// Whether all of them were found.
+    is_complete: bool,
 }
 
 /// The bodies that have moved since the last search.
@@ -106,7 +119,7 @@ impl ShadowSearch {
         }
         // Taken out of `self`, so that a search that ends early leaves no partial state.
         let known = self.known.take().filter(|known| Arc::ptr_eq(&known.bodies, &scene.bodies));
-        let mut known = known.unwrap_or_else(|| Known::new(scene));
+        let mut known = known.unwrap_or_else(|| Known::new(tracer, &self.settings));
         let moved = Moved::new(scene, &known.poses);
         let mesh = &scene.mesh;
         let work = Work::new(scene.lights.len() * (mesh.edges.len() + mesh.positions.len()), progress);
@@ -119,6 +132,7 @@ impl ShadowSearch {
                 source: &source,
                 blockers: &blockers,
                 reach: known.reach,
+                effort: known.effort,
                 work: &work,
             };
             if known.lights.get(index) == Some(light) {
@@ -135,8 +149,9 @@ impl ShadowSearch {
         if work.stopped.into_inner() {
             return None;
         }
-        let found = known.found.iter().flatten();
-        let mut segments: Vec<_> = found.flat_map(|found| &found.segments).copied().collect();
+        let found = || known.found.iter().flatten();
+        let mut segments: Vec<_> = found().flat_map(|found| &found.segments).copied().collect();
+        let incomplete = found().filter(|found| !found.is_complete).count();
         if !scene.bodies.is_empty() {
             known.poses.clone_from(&scene.poses);
             known.lights.clone_from(&scene.lights);
@@ -144,23 +159,47 @@ impl ShadowSearch {
         }
         let dropped = segments.len().saturating_sub(self.settings.capacity);
         keep_important(&mut segments, self.settings.capacity, scene.bounds[0].distance(scene.bounds[1]));
-        Some(ShadowSegments { segments, dropped })
+        Some(ShadowSegments { segments, dropped, incomplete })
     }
 }
 
 impl Known {
-    fn new(scene: &Scene) -> Self {
+    fn new(tracer: &Tracer, settings: &ShadowSettings) -> Self {
+        let scene: &Scene = tracer.scene();
         let reach = reach_of(scene);
         let quads = scene.lights.iter().any(|light| matches!(light, Light::Quad { .. }));
-        Self {
+        let mut known = Self {
             bodies: scene.bodies.clone(),
             receivers: Receivers::new(scene, reach),
             around: if quads { Around::new(&scene.mesh) } else { Around::default() },
             reach,
+            effort: settings.effort / (scene.lights.len() * scene.mesh.edges.len()).max(1) as u64,
             poses: Vec::new(),
             lights: Vec::new(),
             found: scene.lights.iter().map(|_| Vec::new()).collect(),
+        };
+        if known.effort < AMPLE && known.is_usual(tracer, settings) {
+            known.effort = AMPLE;
         }
+        known
+    }
+
+    /// Whether all events together take less than the most effort, by those of some edges.
+    fn is_usual(&self, tracer: &Tracer, settings: &ShadowSettings) -> bool {
+        let scene: &Scene = tracer.scene();
+        let mesh = &scene.mesh;
+        let blockers = Blockers::new(mesh, &self.around, self.reach);
+        let sources: Vec<Source> = scene.lights.iter().filter_map(Source::new).collect();
+        let each = (MEASURED / sources.len().max(1)).clamp(1, mesh.edges.len());
+        let spent = sources.iter().map(|source| {
+            let finder = Finder::new(tracer, &self.receivers, source, settings, self.reach);
+            let facing = &blockers.facing(source, 0..mesh.triangles.len());
+            let edges = (0..each).into_par_iter().map(|index| index * mesh.edges.len() / each);
+            let events = edges.flat_map_iter(|edge| blockers.edge_events(source, facing, edge));
+            events.map(|event| AMPLE - finder.find(&event, AMPLE, &mut Vec::new())).sum::<u64>()
+        });
+        let spent: u64 = spent.sum();
+        spent.saturating_mul((mesh.edges.len() / each) as u64) <= settings.effort
     }
 }
 
@@ -195,6 +234,7 @@ struct OfLight<'a> {
     blockers: &'a Blockers<'a>,
     finder: Finder<'a>,
     reach: f64,
+    effort: u64,
     work: &'a Work<'a>,
 }
 
@@ -218,7 +258,7 @@ impl OfLight<'_> {
         let touched = found.par_iter_mut().filter(|_| self.work.step()).filter_map(|found| {
             let region = Region::new(&found.event, self.source, self.reach);
             let touches = |region: Region| moved.boxes.iter().any(|posed| region.touches(posed));
-            region.is_none_or(touches).then(|| found.segments = self.boundaries(&found.event))
+            region.is_none_or(touches).then(|| found.search(&self.finder, self.effort))
         });
         let touched = touched.count();
         for body in &moved.bodies {
@@ -240,9 +280,10 @@ impl OfLight<'_> {
         let moves = !self.scene.bodies.is_empty();
         let find = |place: usize, events: Vec<Event>| {
             events.into_iter().filter_map(move |event| {
-                let segments = self.boundaries(&event);
+                let mut found = Found { place, event, segments: Vec::new(), is_complete: true };
+                found.search(&self.finder, self.effort);
                 // Events without boundaries matter only if bodies may move into their regions.
-                (moves || !segments.is_empty()).then_some(Found { place, event, segments })
+                (moves || !found.segments.is_empty() || !found.is_complete).then_some(found)
             })
         };
         let facing = &self.blockers.facing(self.source, faces);
@@ -256,11 +297,13 @@ impl OfLight<'_> {
             into.par_extend(vertices.flat_map_iter(of_vertex));
         }
     }
+}
 
-    fn boundaries(&self, event: &Event) -> Vec<ShadowSegment> {
-        let mut segments = Vec::new();
-        self.finder.find(event, &mut segments);
-        segments
+impl Found {
+    /// Finds the boundaries anew.
+    fn search(&mut self, finder: &Finder, effort: u64) {
+        self.segments.clear();
+        self.is_complete = finder.find(&self.event, effort, &mut self.segments) > 0;
     }
 }
 

@@ -56,7 +56,8 @@ impl World {
 }
 
 /// Settings with which penumbrae of any width are found.
-const WIDE: ShadowSettings = ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 1.0 };
+const WIDE: ShadowSettings =
+    ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 1.0, effort: 1 << 33 };
 
 fn find(scene: &Arc<Scene>, settings: &ShadowSettings) -> Vec<ShadowSegment> {
     let found = shadow_segments(&Tracer::new(scene.clone()), settings, &|_| true).unwrap();

@@ -147,14 +147,20 @@ impl Bvhs {
         nearest.map(|(_, intersection)| intersection)
     }
 
-    /// Returns true if nothing that counts lies between two points.
-    pub fn visible(&self, from: Vec3, to: Vec3, counts: impl Fn(Intersection) -> bool) -> bool {
+    /// Returns true if nothing that counts lies between two points. `spend` is called before each test of a triangle; once
+    /// it returns false, the search ends as if the triangle were in the way.
+    pub fn visible(
+        &self,
+        from: Vec3,
+        to: Vec3,
+        counts: impl Fn(Intersection) -> bool,
+        spend: impl Fn() -> bool,
+    ) -> bool {
         let (direction, distance) = (to - from).normalize_and_length();
-        self.still.visible(from, direction, distance, &counts)
-            && self
-                .bodies
-                .iter()
-                .all(|(bvh, pose)| bvh.visible(pose.point(from), pose.vector(direction), distance, &counts))
+        self.still.visible(from, direction, distance, &counts, &spend)
+            && self.bodies.iter().all(|(bvh, pose)| {
+                bvh.visible(pose.point(from), pose.vector(direction), distance, &counts, &spend)
+            })
     }
 }
 
@@ -206,9 +212,15 @@ impl Bvh {
         direction: Vec3,
         distance: f32,
         counts: impl Fn(Intersection) -> bool,
+        spend: impl Fn() -> bool,
     ) -> bool {
         let ray = self.ray(from, direction, [0.0, distance * self.scale]);
-        self.nodes.ray_traverse_miss(ray, |ray, leaf| self.intersect(ray, leaf, &counts))
+        self.nodes.ray_traverse_miss(
+            ray,
+            |ray, leaf| {
+                if spend() { self.intersect(ray, leaf, &counts) } else { ray.tmin }
+            },
+        )
     }
 
     #[inline(always)]

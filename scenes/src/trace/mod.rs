@@ -229,20 +229,21 @@ impl Tracer {
     /// Returns true if no surface that is seen from the point `from` lies strictly between it and another; transparent ones
     /// count, holes do not.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
-        self.sees(from, to, to - from)
+        self.sees(from, to, to - from, || true)
     }
 
-    /// Returns true if the light at one point reaches another, which is that the other sees it.
-    pub(crate) fn reaches(&self, light: Vec3, point: Vec3) -> bool {
-        self.sees(light, point, light - point)
+    /// Returns true if the light at one point reaches another, which is that the other sees it. `spend` is called before
+    /// each test of a triangle; once it returns false, something is taken to be in the way.
+    pub(crate) fn reaches(&self, light: Vec3, point: Vec3, spend: impl Fn() -> bool) -> bool {
+        self.sees(light, point, light - point, spend)
     }
 
     /// Returns true if no surface that is seen in a direction lies between two points.
-    fn sees(&self, from: Vec3, to: Vec3, direction: Vec3) -> bool {
+    fn sees(&self, from: Vec3, to: Vec3, direction: Vec3, spend: impl Fn() -> bool) -> bool {
         if self.has_gaps {
-            self.bvh.visible(from, to, |hit| self.is_there(hit, direction))
+            self.bvh.visible(from, to, |hit| self.is_there(hit, direction), spend)
         } else {
-            self.bvh.visible(from, to, |_| true)
+            self.bvh.visible(from, to, |_| true, spend)
         }
     }
 
@@ -543,7 +544,7 @@ impl Tracer {
             passed.set(passed.get() * through);
             through == Vec3::ZERO
         };
-        if self.bvh.visible(from, to, blocks) { passed.get() } else { Vec3::ZERO }
+        if self.bvh.visible(from, to, blocks, || true) { passed.get() } else { Vec3::ZERO }
     }
 
     /// The share of light of this direction that goes straight through a surface.

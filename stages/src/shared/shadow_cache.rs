@@ -90,6 +90,15 @@ impl ShadowCache {
         Ok(search)
     }
 
+    /// The number of edges and vertices for which the searches have not found all boundaries, for lack of effort.
+    pub fn incomplete(&self) -> usize {
+        let count = |search: &Arc<Search>| match &search.how {
+            How::Exact(exact) => lock(exact).last.as_ref().map_or(0, |(_, found)| found.incomplete),
+            How::Async(worker) => lock(&worker.0.state).found.as_ref().map_or(0, |found| found.incomplete),
+        };
+        lock(&self.0).iter().map(count).max().unwrap_or(0)
+    }
+
     /// The settings of the cached searches.
     #[cfg(test)]
     pub fn kept(&self) -> Vec<ShadowSettings> {

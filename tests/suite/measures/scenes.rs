@@ -210,9 +210,19 @@ fn shadows_and_edges_are_as_before() {
         }
         for settings in [
             ShadowSettings::default(),
-            ShadowSettings { contact: 0.0, max_penumbra: 1.0, capacity: 100_000 },
-            ShadowSettings { contact: 0.2, max_penumbra: 0.1, capacity: 100_000 },
-            ShadowSettings { contact: 0.01, max_penumbra: 0.3, capacity: 20 },
+            ShadowSettings {
+                contact: 0.0,
+                max_penumbra: 1.0,
+                capacity: 100_000,
+                ..ShadowSettings::default()
+            },
+            ShadowSettings {
+                contact: 0.2,
+                max_penumbra: 0.1,
+                capacity: 100_000,
+                ..ShadowSettings::default()
+            },
+            ShadowSettings { contact: 0.01, max_penumbra: 0.3, capacity: 20, ..ShadowSettings::default() },
         ] {
             if scene.name == "chains" && settings != ShadowSettings::default() {
                 break;
@@ -307,7 +317,8 @@ fn shadows_and_edges_of_random_scenes_are_as_before() {
         let tracer = Tracer::new(scene.clone());
         let figure = figures.entry(format!("scene {index}")).or_default();
         for contact in [0.0, 0.002, 0.1] {
-            let settings = ShadowSettings { contact, max_penumbra: 0.3, capacity: 10_000 };
+            let settings =
+                ShadowSettings { contact, max_penumbra: 0.3, capacity: 10_000, ..ShadowSettings::default() };
             figure.debug(&shadow_segments(&tracer, &settings, &|_| true));
         }
         figure.debug(&reference::edges(&tracer, &scene.camera, [40, 31]));
@@ -326,14 +337,20 @@ fn shadows_of_random_scenes_in_motion_are_as_before() {
         let tracer = Arc::new(Tracer::new(scene.clone()));
         let figure = figures.entry(format!("moving scene {index}")).or_default();
         for (contact, max_penumbra, capacity) in [(0.002, 0.02, 1000), (0.0, 0.3, 10_000), (0.05, 1.0, 40)] {
-            let mut search = ShadowSearch::new(ShadowSettings { contact, max_penumbra, capacity });
+            let mut search = ShadowSearch::new(ShadowSettings {
+                contact,
+                max_penumbra,
+                capacity,
+                ..ShadowSettings::default()
+            });
             for frame in [0, 3, 3, 9, 30] {
                 let tracer = tracer.at(frame);
                 let found = search.find(&tracer, &|_| true);
                 figure.debug(&found);
                 figure.debug(&search.work());
                 // What moved is all that was searched again.
-                let settings = ShadowSettings { contact, max_penumbra, capacity };
+                let settings =
+                    ShadowSettings { contact, max_penumbra, capacity, ..ShadowSettings::default() };
                 assert_eq!(
                     found,
                     shadow_segments(&tracer, &settings, &|_| true),

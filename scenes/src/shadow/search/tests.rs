@@ -4,7 +4,8 @@ use super::*;
 use crate::{Camera, Material, Motion, MotionKey, Rng, SceneBuilder, Shape, shadow_segments};
 
 /// Wider penumbrae than by default, so that there are more boundaries.
-const SETTINGS: ShadowSettings = ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 0.2 };
+const SETTINGS: ShadowSettings =
+    ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 0.2, effort: 1 << 33 };
 
 fn builder() -> SceneBuilder {
     let mut builder = SceneBuilder::new();
@@ -58,6 +59,35 @@ fn random_scene(rng: &mut Rng) -> Tracer {
     let lamp = Vec3::new(between(-2.0, 2.0), 4.0, between(-2.0, 2.0));
     builder.moving(motion(), |b| b.quad_light(lamp, 0.2 * Vec3::X, 0.3 * Vec3::Z, Vec3::ONE)).unwrap();
     built(builder)
+}
+
+/// `boxes` boxes in one place, above a floor and below a lamp.
+fn crowd(boxes: usize) -> Tracer {
+    let mut builder = builder();
+    builder.add(&floor(), 0).unwrap();
+    for _ in 0..boxes {
+        builder.add(&cube([0.0, 1.0, 0.0], 0.3), 0).unwrap();
+    }
+    builder.quad_light(Vec3::new(-0.1, 5.0, -0.1), 0.2 * Vec3::X, 0.2 * Vec3::Z, Vec3::ONE).unwrap();
+    built(builder)
+}
+
+#[test]
+fn where_too_much_lies_in_one_place_the_rest_is_left_out_and_counted() {
+    let tracer = crowd(200);
+    let search =
+        |effort| shadow_segments(&tracer, &ShadowSettings { effort, ..SETTINGS }, &|_| true).unwrap();
+    let all = search(SETTINGS.effort);
+    assert_eq!((all.incomplete, all.dropped), (0, 0));
+    assert!(all.segments.len() >= 200 * 4);
+    let some = search(1 << 22);
+    // Each box has eight edges that some corners of the lamp see as outlines, and the floor has four.
+    assert!(some.incomplete > 200, "{}", some.incomplete);
+    assert!(some.segments.len() < all.segments.len());
+    // What is found is right.
+    assert!(some.segments.iter().all(|segment| all.segments.contains(segment)));
+    // Events that cost little are searched in full.
+    assert!(search(1 << 28).incomplete == 0);
 }
 
 #[test]
