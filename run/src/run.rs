@@ -85,10 +85,9 @@ impl Run {
         self.host.get::<World>().map_or(0, |world| world.tracer.non_finite())
     }
 
-    /// The number of edges and vertices whose shadows' boundaries were not all found, as too many triangles lie in one
-    /// place ([`epigraph_scenes::ShadowSettings::effort`]).
+    /// See [`World::incomplete_shadows`].
     pub fn incomplete_shadows(&self) -> usize {
-        self.host.get::<World>().map_or(0, |world| world.shadows.incomplete())
+        self.host.get::<World>().map_or(0, World::incomplete_shadows)
     }
 
     /// Leaves the path: the next frames use this camera.

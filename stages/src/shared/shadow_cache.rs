@@ -90,7 +90,7 @@ impl ShadowCache {
         Ok(search)
     }
 
-    /// The number of edges and vertices for which the searches have not found all boundaries, for lack of effort.
+    /// See [`World::incomplete_shadows`](crate::World::incomplete_shadows).
     pub fn incomplete(&self) -> usize {
         let count = |search: &Arc<Search>| match &search.how {
             How::Exact(exact) => lock(exact).last.as_ref().map_or(0, |(_, found)| found.incomplete),

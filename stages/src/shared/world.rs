@@ -51,6 +51,12 @@ impl World {
         self.source.pace()
     }
 
+    /// The number of edges and vertices for which the last searches have not found all boundaries of shadows, as too many
+    /// triangles lie in one place ([`epigraph_scenes::ShadowSettings::effort`]).
+    pub fn incomplete_shadows(&self) -> usize {
+        self.shadows.incomplete()
+    }
+
     /// The tracer of the scene in a frame: the same value as for the frame before if nothing has moved.
     pub fn at(&self, frame: u32) -> Arc<Tracer> {
         let mut posed = self.posed.lock().unwrap_or_else(PoisonError::into_inner);

@@ -94,7 +94,7 @@ fn rays_pass_through_culled_backs() {
         assert_eq!([height(above, Vec3::ZERO), height(below, Vec3::ZERO)], [1.0, 0.0]);
         assert!(!look(&tracer, below, above, &settings(mode, 1)).hit);
         assert!(tracer.visible(below, above) && !tracer.visible(above, below));
-        assert!(tracer.reaches(above, below) && !tracer.reaches(below, above));
+        assert!(tracer.reaches(above, below, || true) && !tracer.reaches(below, above, || true));
     }
     // One that faces down is a roof.
     let mut stage = Stage::new(1.0);
