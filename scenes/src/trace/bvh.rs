@@ -16,13 +16,13 @@ use obvhs::ray::{Ray, RayHit};
 use crate::boxes::make_unlike;
 use crate::{Mesh, Pose, Scene};
 
-/// The largest coordinate is scaled to [2^9, 2^10), so that the scene is large compared to the tolerances of obvhs,
-/// which are absolute (1e-4).
-const SCALED_EXPONENT: i32 = 10;
+/// The largest coordinate is scaled to [2^29, 2^30), so that what is small is large compared to the tolerance of obvhs,
+/// which is absolute: it skips what rays leave within a distance of 1e-4. Volumes times distances are within f32.
+const SCALED_EXPONENT: i32 = 30;
 
 /// Boxes are enlarged by this much on each side, in scaled units. It exceeds the rounding error of the slab test, so
 /// that rays along a box's face are not lost.
-const PAD: f32 = 1.0 / 1024.0;
+const PAD: f32 = (1 << (SCALED_EXPONENT - 20)) as f32;
 
 /// Distances of less than this share of those to a triangle's corners are computed in f64; the error of f32 is a few times
 /// 1e-7 of those.
@@ -30,7 +30,7 @@ const CLOSE: f32 = 2e-6;
 
 /// No close distance is larger, in scaled units: nothing in the scene is farther from a point in it than four times its
 /// largest coordinate.
-const CLOSE_AT_MOST: f32 = CLOSE * (4 << SCALED_EXPONENT) as f32;
+const CLOSE_AT_MOST: f32 = CLOSE * (4_u64 << SCALED_EXPONENT) as f32;
 
 /// The hit of a ray with the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -236,7 +236,7 @@ impl Bvh {
     }
 }
 
-/// The power of two that brings `largest` to [2^9, 2^10).
+/// The power of two that brings `largest` to [2^29, 2^30).
 fn power_of_two_scale(largest: f32) -> f32 {
     if largest.is_normal() {
         let exponent = largest.log2().floor() as i32 + 1;
