@@ -28,6 +28,7 @@ pub use base::{Changes, Replaced, Rewire};
 pub use edit_base::{Changed, Difference};
 pub use library::{Library, Origin};
 pub use param::{GraphParam, GraphValue, handed, handing};
+pub use parse::ron_problem;
 pub(crate) use parts::{Flat, FlatNode, Swap};
 pub use parts::{PART_KIND, ParamPlaces};
 pub use paths::{moved_path, names_file, relative};

@@ -4,6 +4,7 @@
 //! - [`Target`] and [`Draft`] write a file whole or not at all; [`commit`] does so for files that belong together,
 //!   [`write_folder`] for a new folder.
 //! - [`Journal`] keeps what long work has done, until it is done.
+//! - [`Fingerprint`] names what is kept by what it was made from.
 //! - [`Target::input`] tells whether a file to be written was read, and [`Target::is`] whether two are one file, by
 //!   whatever paths and links.
 //!
@@ -24,12 +25,14 @@
 //! ```
 
 mod error;
+mod fingerprint;
 mod identity;
 mod journal;
 mod read;
 mod write;
 
 pub use error::FileError;
+pub use fingerprint::Fingerprint;
 pub use identity::is_stream;
 pub use journal::Journal;
 pub use read::{MOST_DATA, MOST_TEXT, bytes, text, text_of, without_mark};

@@ -19,6 +19,27 @@ pub(crate) fn rmse_of(pairs: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> f64 
     (squares / count.max(1) as f64).sqrt()
 }
 
+/// What relative errors add to the square of the reference, so that black pixels do not count infinitely.
+const REL_MSE_FLOOR: f64 = 0.01;
+/// The share of the pixels, those with the largest errors, that [`rel_mse`] leaves out.
+const REL_MSE_OUTLIERS: f64 = 0.001;
+
+/// Mean relative squared error of linear colours: (a - r)^2 / (r^2 + 0.01), mean over the channels of a pixel, then over
+/// the pixels but for the 0.1% (rounded down) with the largest errors.
+pub fn rel_mse(reference: &[[f32; 3]], test: &[[f32; 3]]) -> f64 {
+    let of_pixel = |(r, a): (&[f32; 3], &[f32; 3])| {
+        let channel = |(&r, &a): (&f32, &f32)| {
+            let (r, a) = (f64::from(r), f64::from(a));
+            (a - r).powi(2) / (r * r + REL_MSE_FLOOR)
+        };
+        r.iter().zip(a).map(channel).sum::<f64>() / 3.0
+    };
+    let mut errors: Vec<f64> = reference.iter().zip(test).map(of_pixel).collect();
+    errors.sort_unstable_by(f64::total_cmp);
+    errors.truncate(errors.len() - (errors.len() as f64 * REL_MSE_OUTLIERS) as usize);
+    errors.iter().sum::<f64>() / errors.len().max(1) as f64
+}
+
 /// Peak signal-to-noise ratio in decibels for values in [0, 1]; infinite for equal images.
 pub fn psnr(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
     decibels(rmse(a, b))
@@ -150,6 +171,22 @@ mod tests {
         assert!((psnr(&a, &b) - 20.0).abs() < 1e-5);
         // No structure: only the luminance term is left, (2 * 0.3 + C1) / (0.25 + 0.36 + C1).
         assert!((ssim(&a, &b, SIZE) - 0.6001 / 0.6101).abs() < 1e-6);
+    }
+
+    #[test]
+    fn relative_errors_by_hand() {
+        // (0.6 - 0.5)^2 / (0.25 + 0.01) in one channel of three.
+        let (a, b) = ([[0.5, 0.5, 0.5]; 4], [[0.6, 0.5, 0.5]; 4]);
+        assert!((rel_mse(&a, &b) - 0.01 / 0.26 / 3.0).abs() < 1e-7);
+        assert_eq!(rel_mse(&[], &[]), 0.0);
+        // Two of 2999 pixels are outliers and left out; a third one counts.
+        let black = vec![[0.0; 3]; 2999];
+        let mut bright = black.clone();
+        bright[7] = [9.0; 3];
+        bright[2998] = [8.0; 3];
+        assert_eq!(rel_mse(&black, &bright), 0.0);
+        bright[100] = [0.1; 3];
+        assert!((rel_mse(&black, &bright) - 1.0 / 2997.0).abs() < 1e-7);
     }
 
     /// Random numbers from 0 to 1, more alike the larger `blend`.

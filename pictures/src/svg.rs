@@ -69,6 +69,14 @@ impl Svg {
         self.body += &format!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{color}\"/>\n");
     }
 
+    /// A circle.
+    pub fn ring(&mut self, [x, y]: [f64; 2], radius: f64, color: &str, width: f64) {
+        self.body += &format!(
+            "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"none\" stroke=\"{color}\" \
+             stroke-width=\"{width}\"/>\n"
+        );
+    }
+
     /// A line of text; `y` is its baseline.
     pub fn text(&mut self, [x, y]: [f64; 2], text: &str, anchor: Anchor, font: Font) {
         let anchor = match anchor {

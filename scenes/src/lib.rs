@@ -29,6 +29,7 @@ mod builtin;
 mod camera;
 mod edges;
 mod facts;
+mod fingerprint;
 mod light;
 mod limits;
 mod load;

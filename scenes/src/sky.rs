@@ -1,6 +1,7 @@
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::path::Path;
 
+use epigraph_files::Fingerprint;
 use glam::Vec3;
 
 use crate::SceneError;
@@ -34,6 +35,12 @@ impl std::fmt::Debug for Sky {
 }
 
 impl Sky {
+    /// Takes everything that its light depends on.
+    pub(crate) fn fingerprint(&self, print: &mut Fingerprint) {
+        self.size.iter().for_each(|side| print.take(&side.to_le_bytes()));
+        self.texels.iter().flat_map(Vec3::to_array).for_each(|value| print.take(&value.to_le_bytes()));
+    }
+
     /// A sky of `size` texels, row by row from the top.
     ///
     /// # Errors

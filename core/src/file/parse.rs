@@ -40,6 +40,19 @@ impl GraphFile {
     }
 }
 
+/// The problem of a part of a file that serde could not read. `error` is about `text` from the byte `from` on.
+pub fn ron_problem(path: &str, text: &str, from: usize, error: &ron::error::SpannedError) -> Problem {
+    use ron::Error::{NoSuchEnumVariant, NoSuchStructField};
+    let Span { start, end } = syntax_span(&text[from..], error);
+    let span = Span { start: from + start, end: from + end };
+    let problem = match &error.code {
+        NoSuchStructField { expected, found, .. } => GraphError::unknown("field", found, *expected),
+        NoSuchEnumVariant { expected, found, .. } => GraphError::unknown("name", found, *expected),
+        code => GraphError::Syntax(syntax_message(path, text, code, span)),
+    };
+    Problem::new(problem).at(Place::of(path, text, span))
+}
+
 /// ron's message; if a bracket may be missing, also which one is open. The mistake is often there, lines earlier.
 fn syntax_message(path: &str, text: &str, code: &ron::Error, span: Span) -> String {
     use ron::Error::*;
