@@ -1,4 +1,4 @@
-//! The output folder.
+//! Output folders.
 
 use std::{
     fs,
@@ -9,7 +9,7 @@ use epigraph_files::Target;
 
 use crate::error::CliError;
 
-/// An output folder. If it is made for the gallery and nothing is written there, it goes again.
+/// An output folder. If it is made for a command and nothing is written there, it goes again.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,

@@ -1,4 +1,4 @@
-//! The machine that ran the benchmark.
+//! The machine on which times were measured.
 
 use std::path::Path;
 

@@ -72,7 +72,7 @@ fn commands_write_through_their_outputs() {
         .collect();
     writers.sort();
     // The folder makes one to see whether it can be made.
-    assert_eq!(writers, ["cli/src/gallery/folder.rs", "cli/src/output.rs"]);
+    assert_eq!(writers, ["cli/src/folder.rs", "cli/src/output.rs"]);
 }
 
 #[test]

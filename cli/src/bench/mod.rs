@@ -3,7 +3,6 @@
 mod choice;
 mod column;
 mod json;
-mod machine;
 mod measure;
 mod papers;
 mod plot;
@@ -16,14 +15,13 @@ use std::sync::Arc;
 use epigraph::{Backend, Device, Registry};
 use epigraph_core::{GraphFile, Side};
 
-pub use self::choice::{Choice, Sweep};
 use self::{
     choice::Split,
-    machine::Machine,
     measure::{Job, Loaded, Measured, Outcome},
     report::Report,
 };
-use crate::{args::BenchArgs, error::CliError, open, output::Outputs, svg};
+pub use self::choice::{Choice, Sweep};
+use crate::{args::BenchArgs, error::CliError, machine::Machine, open, output::Outputs, svg};
 
 /// Scenes measured by default, in the order of the papers. The last two have to be fetched.
 pub const SCENES: [&str; 5] = ["cornell", "chains", "room", "bust", "dragon"];

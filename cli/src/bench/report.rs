@@ -5,12 +5,11 @@ use epigraph_pictures::grouped;
 use super::{
     Results, Row, SOFTWARE_WARNING, Split, Sweep,
     column::{self, COLUMNS},
-    machine::Machine,
     measure::Measured,
     papers::{self, Paper},
     times::{Times, growth},
 };
-use crate::{args::BenchArgs, table::Table};
+use crate::{args::BenchArgs, machine::Machine, table::Table};
 
 /// The report of a benchmark run.
 pub struct Report<'a> {

@@ -3,7 +3,6 @@
 
 mod canvas;
 mod draw;
-mod folder;
 mod page;
 mod shot;
 mod window;
@@ -17,7 +16,6 @@ use epigraph_scenes::{CameraPath, Tracer};
 
 use self::{
     draw::Panel,
-    folder::Folder,
     page::{Names, Page, Section},
     shot::{Camera, Shot},
     window::Window,
@@ -26,6 +24,7 @@ use crate::{
     args::{ChangeArgs, GalleryArgs},
     bench::{SCENES, needs_fetch},
     error::CliError,
+    folder::Folder,
     open,
     output::{Output, Outputs, print},
     reference, sheet,

@@ -1,6 +1,6 @@
 //! Plots FLIP over samples per frame: a panel for each scene and camera, a line for each graph.
 
-use epigraph_pictures::svg::{Anchor, Font, Svg};
+use epigraph_pictures::svg::{Anchor, Svg};
 
 use super::{
     Figures, Row, distinct,
@@ -9,6 +9,7 @@ use super::{
 use crate::{
     axis::{Log, number, span},
     edge_mask,
+    svg::{GRID, HEADING, LABEL, LINES, QUIET, TITLE},
 };
 
 /// Left and right margin, pixels.
@@ -22,15 +23,6 @@ const NUMBERS: f64 = 40.0;
 const TOP: f64 = 168.0;
 /// Least number of panel columns, so that the title fits.
 const LEAST_COLUMNS: usize = 2;
-
-/// Colours of the graphs, repeated if there are more graphs.
-const LINES: [&str; 6] = ["#c0392b", "#2563a8", "#2f8f4e", "#7d5ba6", "#c8760a", "#57606a"];
-
-const TITLE: Font = Font { size: 22.0, color: "#1b1f24", bold: true };
-const HEADING: Font = Font { size: 14.0, color: "#1b1f24", bold: true };
-const LABEL: Font = Font { size: 12.5, color: "#30363d", bold: false };
-const QUIET: Font = Font { size: 11.5, color: "#6e7781", bold: false };
-const GRID: &str = "#e3e6ea";
 
 /// A kind of line: its width, the radius of its dots, and the figures that it shows.
 type Kind = (f64, f64, fn(&Row) -> Option<Figures>);

@@ -1,14 +1,14 @@
 //! Converged pictures of the frames to compare, kept until all graphs are compared with them.
 
-use epigraph::{Place, memory};
+use epigraph::memory;
 use epigraph_pictures::{Difference, Picture};
 
 use super::measure::{Figures, FrameFigures, View};
 use crate::{
     args::QualityArgs,
+    converged::{self, Converged, Take},
     edge_mask,
     error::CliError,
-    reference::{trace, trace_settings},
 };
 
 /// Bytes per pixel during a comparison, and in each reference.
@@ -21,12 +21,6 @@ pub struct References {
     views: Vec<Converged>,
 }
 
-struct Converged {
-    picture: Picture,
-    /// The pixels near edges.
-    edges: Vec<bool>,
-}
-
 impl References {
     /// Traces the references.
     ///
@@ -34,21 +28,13 @@ impl References {
     /// If there is not enough memory.
     pub fn trace(args: &QualityArgs, view: &View, frames: &[u32]) -> Result<Self, CliError> {
         let size = args.size.0;
-        let Place { path, scene, .. } = &view.place;
-        let tracer = view.place.tracer();
-        let frames =
-            if path.moves() || !scene.bodies.is_empty() { frames } else { &frames[..frames.len().min(1)] };
+        let frames = converged::different(&view.place, frames);
         let bytes = BYTES_TO_COMPARE + BYTES_TO_KEEP * frames.len() as u64;
         memory::require(u64::from(size[0]) * u64::from(size[1]) * bytes)?;
-        let settings = trace_settings(args.mode);
         let converged = |&frame: &u32| -> Result<_, CliError> {
             let label = format!("{}, {}, reference {frame}", view.scene_name, view.camera);
-            let camera = path.camera(frame);
-            let tracer = tracer.at(frame);
-            let colors = trace(&label, &tracer, &camera, size, args.spp, &settings, args.seed)?;
-            let edges = edge_mask::trace(&tracer, &camera, size);
-            let size = size.map(|side| side as usize);
-            Ok(Converged { picture: Picture { size, colors, linear: true }, edges })
+            let take = Take { place: &view.place, frame, size, mode: args.mode };
+            Ok(take.converged(take.colors(&label, args.spp, args.seed)?))
         };
         Ok(Self { views: frames.iter().map(converged).collect::<Result<_, _>>()? })
     }
