@@ -27,6 +27,7 @@ Examples:
   epigraph bench --quick                     the time of each step, beside the papers' figures
   epigraph gallery --out gallery             a page of pictures: what each step does, scene by scene
   epigraph quality --scene cornell           image quality at 1, 2, 5 and 10% of the pixels sampled per frame
+  epigraph tradeoff mine.ron --out results   an experiment: error against cost, over budgets and parameters
   epigraph encode scan.laz --out scan.vts    a point set with level of detail, in few bytes";
 
 /// How graphs and changes to them are named, at the end of several help texts.
@@ -118,6 +119,46 @@ Examples:
   epigraph quality epi my.ron --frames 9,19,39,79                                your own graph beside epi
   epigraph quality epi epi+sigma=0.6 --scene chains                              the effect of a parameter
   epigraph quality epi epi+swap:interpolate=mine.wgsl                            the effect of a stage of your own";
+
+const TRADEOFF_HELP: &str = "\
+An experiment is a file such as
+
+  Tradeoff(
+      version: 1,
+      doc: \"Does half the sub-pixel precision show?\",
+      graphs: [\"render-cache\", \"epi\", (graph: \"epi\", name: \"4 bits\", set: { \"project.subpixel_bits\": 4 })],
+      scenes: [\"cornell\"],
+      cameras: [\"orbit\"],                                     // the default
+      sizes: [\"256x256\"],                                     // the default
+      frames: 30,                                               // how many run; the default
+      compare: [19, 24, 29],                                    // which are compared; by default the last one
+      budgets: [Samples(\"5%\"), PathsPerPixel(0.4)],           // by default Samples(\"5%\")
+      vary: Grid({                                              // or OneAtATime({ ... })
+          \"cull.threshold\": [0.02, 0.05],
+          \"trace.spp\": Range(from: 4, to: 12, step: 4),
+      }),
+      seeds: [1, 2, 3],                                         // repetitions; by default [1]
+      metrics: [Flip, RelMse],                                  // the first one is plotted; by default all
+      costs: [PathsPerPixel, TotalMs],                          // over these; the default
+      reference: (spp: 256, mode: Direct),                      // the default; mode: Path for global illumination
+      backend: \"auto\",                                        // the default
+      quick: (sizes: [\"64x64\"], frames: 10, compare: [9]),    // what differs with --quick
+  )
+
+Every graph with every variation, scene, camera, size, budget and seed is a cell. PathsPerPixel(0.4) is as many samples per
+frame as have 0.4 light paths per pixel: samples x trace.spp / pixels. Metrics: Flip, Rmse, RelMse, Psnr, Ssim, EdgeFlip,
+EdgePsnr, Flicker, Holes. Costs: PathsPerPixel, Samples, PeakBytes, BytesMoved, Rays, FrameMs, TraceMs, TotalMs.
+docs/tradeoff.md defines them.
+
+DIR gets results.csv, with a line for each cell, results.json with frames and nodes too, plots, references/ and cells/. Finished
+cells and references are kept: the same command goes on after an interruption, and measures again only what has changed or
+failed. With the same program, machine and backend, errors are the same to the last digit in every run; times are not.
+
+Examples:
+  epigraph tradeoff graphs/tradeoffs/budgets.ron --quick --out budgets    a first impression
+  epigraph tradeoff mine.ron --list                                       the cells, without running them
+  epigraph tradeoff mine.ron --jobs | xargs -d '\\n' -n 1 -P 2 epigraph tradeoff mine.ron --out mine --run
+  epigraph tradeoff mine.ron --out mine --collect                         results of the cells that are there";
 
 const ENCODE_HELP: &str = "\
 A .vts file holds a tree: level 1 is the whole set as one node, level 2 has two nodes, and so on. Each node has its points
@@ -222,6 +263,9 @@ pub enum Command {
     /// Measure the image quality of graphs: PSNR and FLIP against converged pictures, overall and near edges
     #[command(after_help = [QUALITY_HELP, NAMES].concat())]
     Quality(QualityArgs),
+    /// Measure what graphs reach for what they cost: an experiment over budgets, scenes and parameters
+    #[command(after_help = TRADEOFF_HELP)]
+    Tradeoff(TradeoffArgs),
     /// Encode a point set as a tree with level of detail, in few bytes: a .vts file
     #[command(after_help = ENCODE_HELP)]
     Encode(EncodeArgs),
@@ -561,6 +605,35 @@ pub struct QualityArgs {
     /// Plot FLIP over samples per frame as an SVG picture
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+}
+
+/// Arguments of `tradeoff`.
+#[derive(Args, Clone, Debug)]
+pub struct TradeoffArgs {
+    /// The experiment's file
+    #[arg(value_name = "EXPERIMENT.ron")]
+    pub experiment: PathBuf,
+    /// Folder for results, finished cells and references; created if it does not exist
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["list", "jobs"])]
+    pub out: Option<PathBuf>,
+    /// Measure the experiment's quick form
+    #[arg(long)]
+    pub quick: bool,
+    /// List the cells, and with --out which are done, without running them
+    #[arg(long, group = "part")]
+    pub list: bool,
+    /// Print a line of JSON for each cell, with --out for each that is not done
+    #[arg(long, group = "part")]
+    pub jobs: bool,
+    /// Measure the cell of one line of --jobs, and keep it in DIR/cells
+    #[arg(long, value_name = "JOB", group = "part")]
+    pub run: Option<String>,
+    /// Write the results of the cells that are in DIR/cells, without running others
+    #[arg(long, group = "part")]
+    pub collect: bool,
+    /// Number of CPU threads [default: one per core]; does not affect the errors
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
+    pub threads: Option<u16>,
 }
 
 /// Arguments of `encode`.

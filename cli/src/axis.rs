@@ -33,6 +33,82 @@ impl Log {
     }
 }
 
+/// An axis with equal steps.
+pub struct Linear {
+    low: f64,
+    high: f64,
+    screen: [f64; 2],
+}
+
+impl Linear {
+    /// An axis for these values, with a margin at both ends.
+    pub fn new([low, high]: [f64; 2], screen: [f64; 2]) -> Self {
+        let room = 0.06 * (high - low).max(1e-9);
+        Self { low: low - room, high: high + room, screen }
+    }
+
+    /// The screen position of a value.
+    pub fn at(&self, value: f64) -> f64 {
+        let share = (value - self.low) / (self.high - self.low);
+        self.screen[0] + share * (self.screen[1] - self.screen[0])
+    }
+
+    /// Four to nine multiples of a power of ten, or of two or five of them.
+    pub fn ticks(&self) -> Vec<f64> {
+        let rough = (self.high - self.low) / 8.0;
+        let power = 10f64.powf(rough.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= rough);
+        let step = step.unwrap_or(rough);
+        let nth = |value: f64| (value / step).ceil() as i64;
+        (nth(self.low)..=nth(self.high))
+            .map(|nth| nth as f64 * step)
+            .filter(|value| *value <= self.high)
+            .collect()
+    }
+}
+
+/// An axis of either kind.
+pub enum Axis {
+    /// For positive values that span decades.
+    Log(Log),
+    /// For all others.
+    Linear(Linear),
+}
+
+impl Axis {
+    /// An axis for these values; `None` if it can show none of them.
+    pub fn new(values: impl Iterator<Item = f64>, logarithmic: bool, screen: [f64; 2]) -> Option<Self> {
+        if logarithmic {
+            return Some(Self::Log(Log::new(span(values.filter(|value| *value > 0.0))?, screen)));
+        }
+        let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+            [low.min(value), f64::max(high, value)]
+        });
+        (low <= high).then(|| Self::Linear(Linear::new([low, high], screen)))
+    }
+
+    /// Whether it can show a value.
+    pub fn shows(&self, value: f64) -> bool {
+        matches!(self, Self::Linear(_)) || value > 0.0
+    }
+
+    /// The screen position of a value.
+    pub fn at(&self, value: f64) -> f64 {
+        match self {
+            Self::Log(axis) => axis.at(value),
+            Self::Linear(axis) => axis.at(value),
+        }
+    }
+
+    /// Round numbers.
+    pub fn ticks(&self) -> Vec<f64> {
+        match self {
+            Self::Log(axis) => axis.ticks(),
+            Self::Linear(axis) => axis.ticks(),
+        }
+    }
+}
+
 /// The smallest and the largest value, if a logarithmic axis can show them.
 pub fn span(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let [low, high] =
@@ -59,5 +135,24 @@ mod tests {
         assert_eq!(Log::new([30.0, 40.0], [0.0, 1.0]).ticks().len(), 3);
         assert_eq!(span([3.0, 0.0].into_iter()), None);
         assert_eq!(span([3.0, 1.0].into_iter()), Some([1.0, 3.0]));
+    }
+
+    #[test]
+    fn linear_ticks_are_multiples_of_round_steps() {
+        let ticks = |values| Linear::new(values, [0.0, 1.0]).ticks();
+        assert_eq!(ticks([0.0, 30.0]), [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0]);
+        assert_eq!(ticks([19.0, 29.0]), [20.0, 22.0, 24.0, 26.0, 28.0]);
+        for width in [0.3, 1.0, 7.0, 1e5] {
+            assert!(
+                (4..=9).contains(&ticks([1.0, 1.0 + width]).len()),
+                "{width}: {:?}",
+                ticks([1.0, 1.0 + width])
+            );
+        }
+        let axis = Axis::new([-1.0, 3.0].into_iter(), false, [10.0, 20.0]).unwrap();
+        assert_eq!((axis.at(1.0), axis.shows(-1.0)), (15.0, true));
+        assert!(Axis::new([0.0, -3.0].into_iter(), true, [0.0, 1.0]).is_none());
+        let axis = Axis::new([0.0, 3.0, 30.0].into_iter(), true, [0.0, 1.0]).unwrap();
+        assert!(!axis.shows(0.0) && axis.shows(1e-3));
     }
 }

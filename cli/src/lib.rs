@@ -1,5 +1,5 @@
 //! `epigraph`, the command line: renders and checks graphs, lists stages, traces references, compares images, times
-//! stages, makes a gallery, measures image quality, and encodes point sets and meshes.
+//! stages, makes a gallery, measures image quality and what it costs, and encodes point sets and meshes.
 //!
 //! Every command exits with code 0 on success, 1 if its input is wrong, and 130 if it is interrupted. Progress goes to
 //! stderr, results to stdout.
@@ -41,6 +41,7 @@ mod sheet;
 mod stages;
 mod svg;
 mod table;
+mod tradeoff;
 mod values;
 
 use std::{process::ExitCode, sync::Arc};
@@ -90,6 +91,7 @@ fn run(cli: Cli, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
         Some(Command::Bench(args)) => bench::bench(&args, registry).map(done),
         Some(Command::Gallery(args)) => gallery::gallery(&args, registry).map(done),
         Some(Command::Quality(args)) => quality::quality(&args, registry).map(done),
+        Some(Command::Tradeoff(args)) => tradeoff::tradeoff(&args, registry),
         Some(Command::Encode(args)) => encode::encode(&args).map(done),
         Some(Command::Decode(args)) => decode::decode(&args).map(done),
     }

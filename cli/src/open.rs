@@ -14,8 +14,19 @@ use crate::{
 };
 
 /// Names of commands, to suggest one for a mistyped word.
-const COMMANDS: [&str; 10] =
-    ["render", "check", "stages", "reference", "compare", "bench", "gallery", "quality", "encode", "decode"];
+const COMMANDS: [&str; 11] = [
+    "render",
+    "check",
+    "stages",
+    "reference",
+    "compare",
+    "bench",
+    "gallery",
+    "quality",
+    "tradeoff",
+    "encode",
+    "decode",
+];
 
 /// Reads a graph by its name or file, with its variant's changes and those of the options.
 ///

@@ -18,7 +18,12 @@ impl Table {
 
     /// Adds a row with one cell for each heading.
     pub fn row<const N: usize>(&mut self, cells: [String; N]) {
-        self.rows.push(cells.into());
+        self.line(cells.into());
+    }
+
+    /// The same for a number of headings that is known only when the program runs.
+    pub fn line(&mut self, cells: Vec<String>) {
+        self.rows.push(cells);
     }
 }
 

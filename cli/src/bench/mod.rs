@@ -20,7 +20,10 @@ use self::{
     measure::{Job, Loaded, Measured, Outcome},
     report::Report,
 };
-pub use self::choice::{Choice, Sweep};
+pub use self::{
+    choice::{Choice, Sweep},
+    times::quantile,
+};
 use crate::{args::BenchArgs, error::CliError, machine::Machine, open, output::Outputs, svg};
 
 /// Scenes measured by default, in the order of the papers. The last two have to be fetched.

@@ -53,6 +53,26 @@ fn a_run_that_is_interrupted_writes_its_last_frame() {
 }
 
 #[test]
+fn an_experiment_that_is_interrupted_keeps_its_cells() {
+    let place = Place::new();
+    let text = |frames: u32| {
+        format!(
+            "Tradeoff(version: 1, graphs: [\"render-cache\"], scenes: [\"cornell\"], sizes: [\"24x16\"], frames: {frames}, \
+             reference: (spp: 2), backend: \"cpu\")"
+        )
+    };
+    place.write("t.ron", text(9_000_000));
+    let running = place.start("tradeoff t.ron --out a");
+    interrupt(&running);
+    let run = running.wait();
+    assert_eq!(run.code, Some(130), "{}\n{}", run.stdout, run.stderr);
+    assert!(run.stderr.contains("interrupted; 0 of 1 cells are done and kept in a/cells"), "{}", run.stderr);
+    assert!(!place.path("a/results.csv").exists());
+    place.write("t.ron", text(3));
+    place.succeeds("tradeoff t.ron --out a");
+}
+
+#[test]
 fn work_without_frames_writes_nothing_when_interrupted() {
     let place = Place::new();
     // Some seconds of work.

@@ -20,3 +20,4 @@ mod repeats;
 mod scenes;
 mod streams;
 mod support;
+mod tradeoff;

@@ -1,0 +1,325 @@
+//! `epigraph tradeoff`: what graphs reach for what they cost, cell by cell.
+
+mod cell;
+mod experiment;
+mod figure;
+mod measure;
+mod plot;
+mod references;
+mod results;
+mod store;
+mod study;
+
+use std::{collections::BTreeSet, path::Path, process::ExitCode, sync::Arc};
+
+use epigraph::Registry;
+use epigraph_core::Side;
+use indicatif::ProgressBar;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use self::{
+    cell::{Cell, Outcome, Record},
+    experiment::Experiment,
+    figure::Cost,
+    measure::{References, measure, reference_frames, references},
+    references::Wanted,
+    results::Results,
+    store::Store,
+    study::Study,
+};
+use crate::{
+    INTERRUPTED,
+    args::TradeoffArgs,
+    error::CliError,
+    interrupt,
+    machine::Machine,
+    open,
+    output::{Output, Outputs, Ready, print},
+    progress,
+    table::Table,
+};
+
+/// The files of the results.
+const CSV: &str = "results.csv";
+const JSON: &str = "results.json";
+
+/// What the plot over frames is called after.
+const FRAMES: &str = "frames";
+
+/// Runs an experiment, or the part of it that the options choose.
+pub fn tradeoff(args: &TradeoffArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
+    let threads = open::threads(args.threads)?;
+    let experiment = Experiment::read(&args.experiment, args.quick)?;
+    let study = Study::open(&experiment, registry)?;
+    let store = args.out.as_deref().map(Store::new).transpose()?;
+    if args.list {
+        return list(&study, store.as_ref()).map(|()| ExitCode::SUCCESS);
+    }
+    if args.jobs {
+        return jobs(&study, store.as_ref()).map(|()| ExitCode::SUCCESS);
+    }
+    // The command line asks for a folder in all other cases.
+    let Some(store) = store else { return Err(CliError::Input("--out DIR is missing".into())) };
+    let gpu = study.device.gpu.as_ref().filter(|_| study.device.side == Side::Gpu);
+    let machine = Machine::new(threads, gpu.map(Arc::as_ref)).json();
+    let work = Work { study: &study, store: &store, machine };
+    match &args.run {
+        Some(job) => work.run_job(job),
+        None if args.collect => work.collect(args, files(&experiment, &store)?),
+        None => work.run_all(args, files(&experiment, &store)?),
+    }
+}
+
+/// Prints the cells in words.
+fn list(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
+    let mut table =
+        Table::new(&["graph", "scene", "camera", "size", "budget", ">samples", ">paths/px", ">seed", ""]);
+    let mut references = BTreeSet::new();
+    for cell in &study.cells {
+        let state = match store.map(|store| store.cell(&cell.key)).transpose()?.flatten() {
+            None => "",
+            Some(Record { result: Outcome::Measured(_), .. }) => "done",
+            Some(Record { result: Outcome::Failed(_), .. }) => "failed",
+        };
+        let size = format!("{}x{}", cell.size[0], cell.size[1]);
+        let paths = cell.paths_per_pixel.map_or_else(|| "-".to_owned(), |paths| format!("{paths:.3}"));
+        let (samples, seed) = (cell.samples.to_string(), cell.seed.to_string());
+        let (scene, camera, budget) = (cell.scene.clone(), cell.camera.clone(), cell.budget.clone());
+        table.row([cell.variation(), scene, camera, size, budget, samples, paths, seed, state.into()]);
+        references.extend(wanted(study, cell).map(|wanted| wanted.key().to_owned()));
+    }
+    let (cells, count, spp) = (study.cells.len(), references.len(), study.experiment.spp);
+    print(&format!("{table}\n{cells} cells, {count} references of {spp} samples per pixel\n"))
+}
+
+/// Prints the cells that are not done as lines of JSON.
+fn jobs(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
+    for cell in &study.cells {
+        let record = store.map(|store| store.cell(&cell.key)).transpose()?.flatten();
+        if record.is_none_or(|record| record.measured().is_none()) {
+            let Cell { key, variant, budget, seed, .. } = cell;
+            print(&format!(
+                "{}\n",
+                json!({ "cell": key, "variant": variant, "view": cell.view(), "budget": budget, "seed": seed })
+            ))?;
+        }
+    }
+    Ok(())
+}
+
+/// The references that a cell needs.
+fn wanted<'a>(study: &'a Study, cell: &'a Cell) -> impl Iterator<Item = Wanted<'a>> {
+    let frames = reference_frames(study.experiment, cell);
+    frames.into_iter().map(|frame| Wanted::new(study.experiment, cell, study.view(cell), frame))
+}
+
+/// A study with its folder.
+struct Work<'a> {
+    study: &'a Study<'a>,
+    store: &'a Store,
+    machine: Value,
+}
+
+/// A line of `--jobs`.
+#[derive(Deserialize)]
+struct Job {
+    cell: String,
+}
+
+impl Work<'_> {
+    /// Measures all cells that are not there, and writes the results.
+    fn run_all(&self, args: &TradeoffArgs, outputs: Files) -> Result<ExitCode, CliError> {
+        let mut todo = Vec::new();
+        for cell in &self.study.cells {
+            if self.store.cell(&cell.key)?.is_none_or(|record| record.measured().is_none()) {
+                todo.push(cell);
+            }
+        }
+        let done = self.study.cells.len() - todo.len();
+        if done > 0 {
+            eprintln!("{done} of {} cells are done already", self.study.cells.len());
+        }
+        match self.run_cells(&todo) {
+            Err(CliError::Interrupted) => {
+                let kept = self.study.cells.len() - self.missing()?;
+                eprintln!(
+                    "interrupted; {kept} of {} cells are done and kept in {}: the same command goes on from there",
+                    self.study.cells.len(),
+                    self.store.root().file("cells").display()
+                );
+                Ok(ExitCode::from(INTERRUPTED))
+            }
+            Err(error) => Err(error),
+            Ok(()) => self.collect(args, outputs),
+        }
+    }
+
+    fn run_cells(&self, todo: &[&Cell]) -> Result<(), CliError> {
+        self.trace_references(todo)?;
+        let frames: u64 = todo.iter().map(|cell| u64::from(cell.frames)).sum();
+        let bar = progress::bar(frames, "", "frames");
+        // Cells of one view follow each other and share the references.
+        for view in todo.chunk_by(|a, b| a.view() == b.view()) {
+            let references = references(self.study, view[0], self.store);
+            if let Err(CliError::Interrupted) = &references {
+                return Err(CliError::Interrupted);
+            }
+            for (nth, cell) in view.iter().enumerate() {
+                bar.set_message(format!(
+                    "{} ({} of {} in {})",
+                    cell.label(),
+                    nth + 1,
+                    view.len(),
+                    cell.view()
+                ));
+                let result = match &references {
+                    Ok(references) => self.cell(cell, references, &bar)?,
+                    Err(error) => Outcome::Failed(error.to_string()),
+                };
+                if let Outcome::Failed(message) = &result {
+                    bar.suspend(|| eprintln!("failed: {}: {message}", cell.label()));
+                }
+                self.store.keep_cell(&Record { cell: (*cell).clone(), result })?;
+            }
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// Traces the references that are not there. One that fails is reported with its cells.
+    fn trace_references(&self, todo: &[&Cell]) -> Result<(), CliError> {
+        let mut keys = BTreeSet::new();
+        let all = todo.iter().flat_map(|cell| wanted(self.study, cell));
+        let all: Vec<Wanted> = all.filter(|wanted| keys.insert(wanted.key().to_owned())).collect();
+        let bar = progress::bar(all.len() as u64, "tracing references", "references");
+        for wanted in &all {
+            interrupt::check()?;
+            open::tracer_of_surfaces(wanted.take.place)?;
+            if let Err(CliError::Interrupted) = wanted.ensure(self.store) {
+                return Err(CliError::Interrupted);
+            }
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// Measures a cell. What keeps it from being measured is its result.
+    fn cell(&self, cell: &Cell, references: &References, bar: &ProgressBar) -> Result<Outcome, CliError> {
+        match measure(self.study, cell, references, self.machine.clone(), || bar.inc(1)) {
+            Ok(measured) => Ok(Outcome::Measured(Box::new(measured))),
+            Err(CliError::Interrupted) => Err(CliError::Interrupted),
+            Err(error) => Ok(Outcome::Failed(error.to_string())),
+        }
+    }
+
+    /// Measures the cell of a line of `--jobs`.
+    fn run_job(&self, job: &str) -> Result<ExitCode, CliError> {
+        let Job { cell: key } = serde_json::from_str(job)
+            .map_err(|error| CliError::Input(format!("--run {job}: {error}; expected a line of --jobs")))?;
+        let Some(cell) = self.study.cells.iter().find(|cell| cell.key == key) else {
+            let text = format!(
+                "--run: the experiment has no cell {key}; the experiment, a file that it names, or the program has changed \
+                 since --jobs, or --quick differs"
+            );
+            return Err(CliError::Input(text));
+        };
+        if self.store.cell(&key)?.is_none_or(|record| record.measured().is_none()) {
+            self.run_cells(&[cell])?;
+        }
+        let failed = self.store.cell(&key)?.is_none_or(|record| record.measured().is_none());
+        print(&format!("{}: {}\n", cell.label(), if failed { "failed" } else { "done" }))?;
+        Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    }
+
+    /// The number of cells that are not measured.
+    fn missing(&self) -> Result<usize, CliError> {
+        let mut missing = 0;
+        for cell in &self.study.cells {
+            missing +=
+                usize::from(self.store.cell(&cell.key)?.is_none_or(|record| record.measured().is_none()));
+        }
+        Ok(missing)
+    }
+
+    /// Writes the results of the cells that are there.
+    fn collect(&self, args: &TradeoffArgs, outputs: Files) -> Result<ExitCode, CliError> {
+        let (mut ready, named) = outputs;
+        let mut records = Vec::new();
+        for cell in &self.study.cells {
+            // The names in the file may be those of another experiment with the same cell.
+            records.extend(self.store.cell(&cell.key)?.map(|record| Record { cell: cell.clone(), ..record }));
+        }
+        let missing = self.study.cells.len() - records.len();
+        let results = Results { experiment: self.study.experiment, records: &records, missing };
+        let command: Vec<String> = std::env::args().collect();
+        let json = format!("{:#}\n", results.json(&command, &self.machine));
+        let mut files = vec![(CSV.to_owned(), results.csv()), (JSON.to_owned(), json)];
+        files.extend(plots(self.study.experiment, &records));
+        for (name, text) in &files {
+            let (_, file) =
+                named.iter().find(|(known, _)| known == name).expect("all files are named beforehand");
+            ready.put(*file, text.as_bytes())?;
+        }
+        ready.commit()?;
+        let failed = records.iter().filter(|record| record.measured().is_none()).count();
+        let mut text = format!("{}\n", results.text());
+        for (name, _) in &files {
+            let what = if name.ends_with(".svg") { "plot" } else { "results" };
+            text += &format!("{what:<7}  {}\n", self.store.root().file(name).display());
+        }
+        print(&text)?;
+        if missing > 0 {
+            eprintln!(
+                "{missing} of {} cells are missing; {} measures them",
+                self.study.cells.len(),
+                rerun(args)
+            );
+        }
+        if failed > 0 {
+            eprintln!("error: {failed} of {} cells failed", self.study.cells.len());
+        }
+        Ok(if failed + missing > 0 { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    }
+}
+
+/// The files of the results that there may be, by their names. None of them is an input.
+type Files = (Ready, Vec<(String, Output)>);
+
+fn files(experiment: &Experiment, store: &Store) -> Result<Files, CliError> {
+    let metric = experiment.metrics.first().map_or("", |metric| metric.column());
+    let over = experiment.costs.iter().map(|cost| cost.column()).chain([FRAMES]);
+    let plots = over.map(|over| plot_name(metric, over));
+    let mut outputs = Outputs::default();
+    let named = [CSV, JSON].map(String::from).into_iter().chain(plots).map(|name| {
+        let file = outputs.add("--out", &store.root().file(&name))?;
+        Ok((name, file))
+    });
+    let named = named.collect::<Result<_, CliError>>()?;
+    Ok((outputs.ready()?, named))
+}
+
+fn plot_name(metric: &str, over: &str) -> String {
+    format!("{metric}-over-{over}.svg")
+}
+
+/// The plots of an experiment, by the names of their files: its first metric over each of its costs and over frames.
+fn plots(experiment: &Experiment, records: &[Record]) -> Vec<(String, String)> {
+    let Some(&metric) = experiment.metrics.first() else { return Vec::new() };
+    let column = metric.column();
+    let over_cost = |cost: &Cost| {
+        let svg = plot::over_cost(&experiment.doc, records, metric, *cost)?;
+        Some((plot_name(column, cost.column()), svg))
+    };
+    let over_frames = plot::over_frames(&experiment.doc, records, metric);
+    let over_frames = over_frames.map(|svg| (plot_name(column, FRAMES), svg));
+    experiment.costs.iter().filter_map(over_cost).chain(over_frames).collect()
+}
+
+/// The command that measures what is missing.
+fn rerun(args: &TradeoffArgs) -> String {
+    let out = args.out.as_deref().unwrap_or(Path::new("DIR"));
+    let quick = if args.quick { " --quick" } else { "" };
+    format!("epigraph tradeoff {}{quick} --out {}", args.experiment.display(), out.display())
+}

@@ -1,0 +1,416 @@
+//! Plots: error over cost with the Pareto front, and error over frames; a panel for each scene, camera and size.
+
+use std::collections::BTreeSet;
+
+use epigraph_pictures::svg::{Anchor, Svg};
+
+use super::{
+    cell::{Cell, Record},
+    figure::{Cost, Metric},
+    results::{groups, mean},
+};
+use crate::{
+    axis::{Axis, number},
+    svg::{GRID, HEADING, LABEL, LINES, QUIET, TITLE},
+};
+
+/// Left and right margin, pixels.
+const MARGIN: f64 = 36.0;
+/// Size of a panel's axes, and distance from one panel to the next.
+const PANEL: [f64; 2] = [460.0, 320.0];
+const STEP: [f64; 2] = [556.0, 412.0];
+/// Width of the numbers of the vertical axis.
+const NUMBERS: f64 = 52.0;
+/// Most panels in a row.
+const COLUMNS: usize = 2;
+/// About the width of a letter of the labels and of the quiet texts, pixels.
+const LETTER: f64 = 7.0;
+const QUIET_LETTER: f64 = 6.0;
+/// Height of a line of text, pixels.
+const LINE: f64 = 17.0;
+/// The colour of the front.
+const FRONT: &str = "#57606a";
+
+/// A place in a panel.
+#[derive(Clone, Debug, PartialEq)]
+struct Point {
+    at: [f64; 2],
+    /// What is written beside it.
+    text: String,
+}
+
+/// The points of one variation of a graph.
+#[derive(Debug, PartialEq)]
+struct Series {
+    /// The variation.
+    name: String,
+    /// What has a colour of its own: the variation, or the graph if there are many.
+    group: String,
+    points: Vec<Point>,
+}
+
+/// A panel.
+struct Panel {
+    title: String,
+    series: Vec<Series>,
+    /// Whether the front is drawn, and if so, whether more is better.
+    front: Option<bool>,
+}
+
+/// A plot.
+struct Plot<'a> {
+    title: &'a str,
+    about: String,
+    across: (&'a str, bool),
+    down: (String, bool),
+    panels: Vec<Panel>,
+}
+
+/// A metric over a cost: a point for each set of repetitions, a line for each variation of a graph. `None` if there is
+/// nothing to show.
+pub fn over_cost(doc: &str, records: &[Record], metric: Metric, cost: Cost) -> Option<String> {
+    let naming = Naming::of(records);
+    let point = |group: &[Record]| {
+        let at = [mean(group, cost.column())?, mean(group, metric.column())?];
+        Some(Point { at, text: naming.label(&group[0].cell) })
+    };
+    let panel = |view: &[Record]| {
+        let mut series: Vec<Series> = Vec::new();
+        for group in groups(view) {
+            let name = group[0].cell.variation();
+            let Some(point) = point(group) else { continue };
+            match series.iter_mut().find(|series| series.name == name) {
+                Some(series) => series.points.push(point),
+                None => {
+                    series.push(Series { name, group: naming.group(&group[0].cell), points: vec![point] })
+                }
+            }
+        }
+        Panel { title: view[0].cell.view(), series, front: Some(metric.more_is_better()) }
+    };
+    let times = if cost.is_time() { "; times of this machine" } else { "" };
+    Plot {
+        title: doc,
+        about: format!(
+            "{}{}; rings: the Pareto front, which nothing else beats in both; means over the seeds{times}",
+            metric.column(),
+            if metric.more_is_better() { " (more is better)" } else { " (less is better)" }
+        ),
+        across: (cost.unit(), true),
+        down: (axis_name(metric), !metric.more_is_better()),
+        panels: views(records).map(panel).collect(),
+    }
+    .svg()
+}
+
+/// A metric over the compared frames: a line for each variation of a graph at each budget. `None` if fewer than two frames
+/// are compared.
+pub fn over_frames(doc: &str, records: &[Record], metric: Metric) -> Option<String> {
+    let naming = Naming::of(records);
+    let several = |record: &Record| record.cell.compare.len() > 1;
+    let line = |group: &[Record]| {
+        let cell = &group[0].cell;
+        let of_frame = |frame: &u32| {
+            let figures = group.iter().filter_map(|record| {
+                let frames = &record.measured()?.frames;
+                frames
+                    .iter()
+                    .find(|found| found.frame == *frame)?
+                    .errors
+                    .get(metric.column())
+                    .copied()
+                    .flatten()
+            });
+            let figures: Vec<f64> = figures.collect();
+            let mean = figures.iter().sum::<f64>() / figures.len() as f64;
+            (!figures.is_empty()).then(|| Point { at: [f64::from(*frame), mean], text: String::new() })
+        };
+        let mut points: Vec<Point> = cell.compare.iter().filter_map(of_frame).collect();
+        points.last_mut()?.text = naming.label(cell);
+        Some(Series { name: cell.variation(), group: naming.group(cell), points })
+    };
+    let panel = |view: &[Record]| Panel {
+        title: view[0].cell.view(),
+        series: groups(view).filter_map(line).collect(),
+        front: None,
+    };
+    let plot = Plot {
+        title: doc,
+        about: format!("{} of each compared frame; means over the seeds", metric.column()),
+        across: ("frame", false),
+        down: (axis_name(metric), !metric.more_is_better()),
+        panels: views(records).map(panel).collect(),
+    };
+    records.iter().any(several).then(|| plot.svg()).flatten()
+}
+
+/// How variations are coloured and points labelled.
+struct Naming {
+    by_graph: bool,
+    several_budgets: bool,
+}
+
+impl Naming {
+    fn of(records: &[Record]) -> Self {
+        let count = |of: &dyn Fn(&Cell) -> String| {
+            records.iter().map(|record| of(&record.cell)).collect::<BTreeSet<_>>().len()
+        };
+        Self {
+            by_graph: count(&Cell::variation) > LINES.len(),
+            several_budgets: count(&|cell| cell.budget.clone()) > 1,
+        }
+    }
+
+    /// What has a colour.
+    fn group(&self, cell: &Cell) -> String {
+        if self.by_graph { cell.graph.clone() } else { cell.variation() }
+    }
+
+    /// What the colour does not say: the budget if there are several, and parameters.
+    fn label(&self, cell: &Cell) -> String {
+        let params = cell.params.iter().map(|(param, value)| {
+            let name = param.rsplit_once('.').map_or(param.as_str(), |(_, name)| name);
+            format!("{name} {value}")
+        });
+        let params: Vec<String> =
+            if self.by_graph || !self.several_budgets { params.collect() } else { Vec::new() };
+        let budget = self.several_budgets.then(|| cell.budget.clone());
+        let parts: Vec<String> = params.into_iter().chain(budget).collect();
+        if parts.is_empty() { cell.graph.clone() } else { parts.join(", ") }
+    }
+}
+
+/// The records by scene, camera and size.
+fn views(records: &[Record]) -> impl Iterator<Item = &[Record]> {
+    records.chunk_by(|a, b| a.cell.view() == b.cell.view())
+}
+
+/// The points that no other one beats: whoever costs less has a worse figure. In ascending order of the cost.
+fn front<'p>(points: impl Iterator<Item = &'p Point>, more: bool) -> Vec<&'p Point> {
+    let value = |point: &Point| if more { -point.at[1] } else { point.at[1] };
+    let mut points: Vec<&Point> = points.collect();
+    points.sort_by(|a, b| a.at[0].total_cmp(&b.at[0]).then(value(a).total_cmp(&value(b))));
+    let mut best = f64::INFINITY;
+    points.retain(|point| {
+        let better = value(point) < best;
+        best = best.min(value(point));
+        better
+    });
+    points
+}
+
+impl Plot<'_> {
+    fn svg(&self) -> Option<String> {
+        let points = || self.panels.iter().flat_map(|panel| &panel.series).flat_map(|series| &series.points);
+        // All panels share one scale, so that they can be compared.
+        let axis = |lane: usize, logarithmic: bool, screen| {
+            Axis::new(points().map(|point| point.at[lane]), logarithmic, screen)
+        };
+        let columns = self.panels.len().min(COLUMNS);
+        let width = (2.0 * MARGIN + STEP[0] * columns as f64).max(2.0 * MARGIN + STEP[0] * 1.3);
+        let mut svg = Svg::default();
+        let names: Vec<&str> = {
+            let mut known = BTreeSet::new();
+            let all = self.panels.iter().flat_map(|panel| &panel.series).map(|series| series.group.as_str());
+            all.filter(|name| known.insert(*name)).collect()
+        };
+        let top = self.heading(&mut svg, &names, width) + 46.0;
+        for (index, panel) in self.panels.iter().enumerate() {
+            let left = MARGIN + NUMBERS + STEP[0] * (index % columns) as f64;
+            let top = top + STEP[1] * (index / columns) as f64;
+            let across = axis(0, self.across.1, [left, left + PANEL[0]])?;
+            let down = axis(1, self.down.1, [top + PANEL[1], top])?;
+            self.axes(&mut svg, &across, &down, [left, top]);
+            svg.text([left, top - 9.0], &panel.title, Anchor::Start, HEADING);
+            panel.draw(&mut svg, [&across, &down], left + PANEL[0], &names);
+        }
+        let rows = self.panels.len().div_ceil(columns.max(1)) as f64;
+        Some(svg.finish([width, top + STEP[1] * rows - 20.0]))
+    }
+
+    /// Title, description and legend. Returns where they end.
+    fn heading(&self, svg: &mut Svg, names: &[&str], width: f64) -> f64 {
+        let mut y = 40.0;
+        for line in wrapped(self.title, ((width - 2.0 * MARGIN) / 10.5) as usize) {
+            svg.text([MARGIN, y], &line, Anchor::Start, TITLE);
+            y += 26.0;
+        }
+        for line in wrapped(&self.about, ((width - 2.0 * MARGIN) / QUIET_LETTER) as usize) {
+            svg.text([MARGIN, y], &line, Anchor::Start, QUIET);
+            y += LINE;
+        }
+        y += 10.0;
+        let mut x = MARGIN;
+        for name in names {
+            let entry = 34.0 + LETTER * name.chars().count() as f64 + 18.0;
+            if x > MARGIN && x + entry > width - MARGIN {
+                (x, y) = (MARGIN, y + LINE);
+            }
+            let color = color(names, name);
+            svg.line([x, y - 4.0], [x + 24.0, y - 4.0], color, 2.4);
+            svg.dot([x + 12.0, y - 4.0], 3.8, color);
+            svg.text([x + 31.0, y], name, Anchor::Start, LABEL);
+            x += entry;
+        }
+        y
+    }
+
+    fn axes(&self, svg: &mut Svg, across: &Axis, down: &Axis, [left, top]: [f64; 2]) {
+        let [width, height] = PANEL;
+        for value in across.ticks() {
+            let x = across.at(value);
+            svg.line([x, top], [x, top + height], GRID, 1.0);
+            svg.text([x, top + height + 15.0], &short(value), Anchor::Middle, QUIET);
+        }
+        for value in down.ticks() {
+            let y = down.at(value);
+            svg.line([left, y], [left + width, y], GRID, 1.0);
+            svg.text([left - 6.0, y + 4.0], &short(value), Anchor::End, QUIET);
+        }
+        let scale = |logarithmic| if logarithmic { ", logarithmic" } else { "" };
+        let name = format!("{}{}", self.across.0, scale(self.across.1));
+        svg.text([left + width / 2.0, top + height + 34.0], &name, Anchor::Middle, LABEL);
+        let name = format!("{}{}", self.down.0, scale(self.down.1));
+        svg.text([left + width, top - 9.0], &name, Anchor::End, QUIET);
+    }
+}
+
+impl Panel {
+    fn draw(&self, svg: &mut Svg, [across, down]: [&Axis; 2], right: f64, names: &[&str]) {
+        let screen = |point: &Point| [across.at(point.at[0]), down.at(point.at[1])];
+        let shown = |point: &&Point| across.shows(point.at[0]) && down.shows(point.at[1]);
+        let all = || self.series.iter().flat_map(|series| &series.points).filter(shown);
+        let front = self.front.map_or(Vec::new(), |more| front(all(), more));
+        let path: Vec<[f64; 2]> = front.iter().map(|point| screen(point)).collect();
+        svg.dashed(&path, FRONT, 1.4);
+        for series in &self.series {
+            let mut points: Vec<[f64; 2]> = series.points.iter().filter(shown).map(screen).collect();
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            let color = color(names, &series.group);
+            svg.polyline(&points, color, 2.0);
+            points.into_iter().for_each(|point| svg.dot(point, 3.6, color));
+        }
+        for point in &path {
+            svg.ring(*point, 6.5, FRONT, 1.6);
+        }
+        // The front's points are labelled first, the others where there is room.
+        let mut taken: Vec<[f64; 4]> = Vec::new();
+        let rest = all().filter(|point| !front.contains(point));
+        for point in front.iter().copied().chain(rest).filter(|point| !point.text.is_empty()) {
+            let [x, y] = screen(point);
+            let width = QUIET_LETTER * point.text.chars().count() as f64;
+            // To the right, or to the left where the panel ends.
+            let left = if x + 8.0 + width > right { x - 8.0 - width } else { x + 8.0 };
+            let room = [left, y - 16.0, left + width, y - 3.0];
+            let overlaps = |other: &[f64; 4]| {
+                room[0] < other[2] && other[0] < room[2] && room[1] < other[3] && other[1] < room[3]
+            };
+            if !taken.iter().any(overlaps) {
+                svg.text([room[0], y - 5.0], &point.text, Anchor::Start, QUIET);
+                taken.push(room);
+            }
+        }
+    }
+}
+
+/// The name of a metric's axis.
+fn axis_name(metric: Metric) -> String {
+    match metric.unit() {
+        "" => metric.column().to_owned(),
+        unit => format!("{}, {unit}", metric.column()),
+    }
+}
+
+/// A number of an axis: large ones with a suffix.
+fn short(value: f64) -> String {
+    let suffixes = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
+    let large =
+        suffixes.iter().find(|(unit, _)| value.abs() >= 10.0 * unit || (*unit > 1e3 && value.abs() >= *unit));
+    large.map_or_else(|| number(value), |(unit, suffix)| format!("{}{suffix}", number(value / unit)))
+}
+
+/// Lines of at most `width` letters, broken between words.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                *line += &format!(" {word}");
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+fn color(names: &[&str], name: &str) -> &'static str {
+    let nth = names.iter().position(|known| *known == name).unwrap_or(0);
+    LINES[nth % LINES.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tradeoff::cell::tests::{cell, record};
+
+    fn point(x: f64, y: f64) -> Point {
+        Point { at: [x, y], text: String::new() }
+    }
+
+    #[test]
+    fn the_front_has_what_nothing_beats() {
+        let points = [
+            point(1.0, 9.0),
+            point(2.0, 9.5),
+            point(3.0, 4.0),
+            point(3.0, 5.0),
+            point(7.0, 4.0),
+            point(8.0, 1.0),
+        ];
+        let found = |more| front(points.iter(), more).iter().map(|point| point.at).collect::<Vec<_>>();
+        assert_eq!(found(false), [[1.0, 9.0], [3.0, 4.0], [8.0, 1.0]]);
+        assert_eq!(found(true), [[1.0, 9.0], [2.0, 9.5]]);
+    }
+
+    #[test]
+    fn each_variation_is_a_line_and_the_front_has_rings() {
+        let records = [
+            ("epi", 5, 0.5, 2.0),
+            ("epi", 9, 0.25, 4.0),
+            ("render-cache", 5, 0.75, 1.0),
+            ("render-cache", 9, 0.7, 5.0),
+        ]
+        .map(|(graph, samples, flip, ms)| record(cell(graph, samples, 1), flip, ms));
+        let svg = over_cost("What?", &records, Metric::Flip, Cost::TotalMs).unwrap();
+        // A line in the legend and one in the panel for each graph.
+        assert_eq!(svg.matches("<polyline").count() - svg.matches(GRID).count(), 2 * 2 + 1);
+        // The dearest point of the render cache is beaten.
+        assert_eq!(svg.matches("stroke-width=\"1.6\"").count(), 3);
+        assert!(over_frames("What?", &records, Metric::Flip).is_none(), "one frame is compared");
+        assert!(over_cost("What?", &records, Metric::Ssim, Cost::TotalMs).is_none(), "it was not measured");
+    }
+
+    #[test]
+    fn many_variations_have_the_colours_of_their_graphs() {
+        let with = |value: u32| {
+            let params = vec![("cull.threshold".to_owned(), value.to_string())];
+            record(Cell { params, ..cell("epi", 5, 1) }, 0.1, f64::from(value + 1))
+        };
+        let few: Vec<Record> = (0..8).map(with).collect();
+        let many: Vec<Record> = (0..9).map(with).collect();
+        let of = |records: &[Record]| {
+            let naming = Naming::of(records);
+            (naming.group(&records[1].cell), naming.label(&records[1].cell))
+        };
+        assert_eq!(of(&few), ("epi cull.threshold=1".into(), "threshold 1".into()));
+        assert_eq!(of(&many), ("epi".into(), "threshold 1".into()));
+        let budgets = [record(cell("epi", 5, 1), 0.1, 1.0), record(cell("epi", 9, 1), 0.1, 1.0)];
+        assert_eq!(of(&budgets), ("epi".into(), "9".into()));
+    }
+
+    #[test]
+    fn texts_are_broken_between_words_and_large_numbers_short() {
+        assert_eq!(wrapped("one two  three", 7), ["one two", "three"]);
+        assert_eq!([0.05, 2000.0, 20_000.0, 3e6, 2.5e10].map(short), ["0.05", "2000", "20k", "3M", "25G"]);
+    }
+}

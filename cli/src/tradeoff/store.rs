@@ -1,0 +1,126 @@
+//! What an experiment keeps in its folder: finished cells and references, each in a file that is named by what it was
+//! made from. Several processes may work on one folder: a file is whole or absent, and two processes that make the same
+//! file make the same contents, but for times.
+
+use std::{io::ErrorKind, path::Path};
+
+use epigraph_files::{Target, commit};
+use epigraph_pictures::{Picture, exr};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::cell::Record;
+use crate::{error::CliError, folder::Folder};
+
+/// The folder of an experiment.
+pub struct Store {
+    // Dropped first: a folder that was made and is empty goes.
+    cells: Folder,
+    references: Folder,
+    root: Folder,
+}
+
+impl Store {
+    /// Makes the folder if it does not exist.
+    ///
+    /// # Errors
+    /// If it is a file, or cannot be made.
+    pub fn new(path: &Path) -> Result<Self, CliError> {
+        let root = Folder::new(path)?;
+        let [cells, references] = ["cells", "references"].map(|name| Folder::new(&root.file(name)));
+        Ok(Self { cells: cells?, references: references?, root })
+    }
+
+    /// The folder.
+    pub fn root(&self) -> &Folder {
+        &self.root
+    }
+
+    /// The result of a cell, if it is there.
+    ///
+    /// # Errors
+    /// The file is there, but is not one that this program has written.
+    pub fn cell(&self, key: &str) -> Result<Option<Record>, CliError> {
+        read(&self.cells.file(&format!("{key}.json")))
+    }
+
+    /// Keeps the result of a cell.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn keep_cell(&self, record: &Record) -> Result<(), CliError> {
+        let path = self.cells.file(&format!("{}.json", record.cell.key));
+        let text =
+            serde_json::to_string_pretty(record).expect("a record has no maps with other keys than texts");
+        Ok(Target::new(&path)?.write(text.as_bytes())?)
+    }
+
+    /// A reference with what is known of it, if it is there.
+    ///
+    /// # Errors
+    /// The files are there, but are not those that this program has written.
+    pub fn reference<T: DeserializeOwned>(&self, key: &str) -> Result<Option<(Picture, T)>, CliError> {
+        let [picture, facts] = self.reference_paths(key);
+        let Some(facts) = read(&facts)? else { return Ok(None) };
+        Ok(Some((Picture::read(&picture)?, facts)))
+    }
+
+    /// Keeps a reference with what is known of it.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn keep_reference(&self, key: &str, picture: &Picture, facts: &Value) -> Result<(), CliError> {
+        let [to, to_facts] = self.reference_paths(key);
+        let bytes = exr(picture.size, &picture.colors).map_err(|cause| CliError::write(&to, cause))?;
+        // The picture is in its place before the facts are, which say that it is there.
+        let picture = Target::new(&to)?.draft(&bytes)?;
+        let facts = Target::new(&to_facts)?.draft(format!("{facts:#}\n").as_bytes())?;
+        Ok(commit(vec![picture, facts])?)
+    }
+
+    fn reference_paths(&self, key: &str) -> [std::path::PathBuf; 2] {
+        ["exr", "json"].map(|ending| self.references.file(&format!("{key}.{ending}")))
+    }
+}
+
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, CliError> {
+    match epigraph_files::text(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(CliError::read(path, error)),
+        Ok(text) => serde_json::from_str(&text)
+            .map(Some)
+            .map_err(|error| CliError::read(path, format!("{error}; remove the file, and it is made again"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use serde_json::json;
+
+    use super::*;
+    use crate::tradeoff::cell::tests::{cell, record};
+
+    #[test]
+    fn what_is_kept_is_found_and_what_is_damaged_reported() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("out");
+        drop(Store::new(&path).unwrap());
+        assert!(!path.exists(), "nothing was kept");
+        let store = Store::new(&path).unwrap();
+        let kept = record(cell("epi", 5, 1), 0.25, 3.0);
+        assert_eq!(store.cell(&kept.cell.key).unwrap(), None);
+        store.keep_cell(&kept).unwrap();
+        assert_eq!(store.cell(&kept.cell.key).unwrap().as_ref(), Some(&kept));
+        // It is replaced, though it was read.
+        store.keep_cell(&kept).unwrap();
+        let picture = Picture { size: [2, 1], colors: vec![[0.1, 7.0, 0.0]; 2], linear: true };
+        assert!(store.reference::<Value>("a").unwrap().is_none());
+        store.keep_reference("a", &picture, &json!({ "spp": 4 })).unwrap();
+        assert_eq!(store.reference::<Value>("a").unwrap(), Some((picture, json!({ "spp": 4 }))));
+        fs::write(path.join("cells/b.json"), "{").unwrap();
+        let text = store.cell("b").unwrap_err().to_string();
+        assert!(text.contains("b.json") && text.contains("remove the file"), "{text}");
+    }
+}

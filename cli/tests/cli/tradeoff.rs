@@ -1,0 +1,298 @@
+//! `epigraph tradeoff`: experiments, what they keep, and how they are spread over processes.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::support::Place;
+
+/// An experiment of four cells of the Cornell box, with further fields.
+fn experiment(more: &str) -> String {
+    format!(
+        "Tradeoff(
+            version: 1,
+            doc: \"What do edges bring?\",
+            graphs: [\"render-cache\", \"epi\"],
+            scenes: [\"cornell\"],
+            sizes: [\"32x32\"],
+            budgets: [Samples(\"5%\"), PathsPerPixel(0.8)],
+            reference: (spp: 8),
+            backend: \"cpu\",
+            quick: (frames: 2, compare: [1]),
+            {more}
+        )"
+    )
+}
+
+/// The lines of the results, as fields by column, without those of times.
+fn errors(place: &Place, folder: &str) -> Vec<Vec<(String, String)>> {
+    let text = fs::read_to_string(place.path(&format!("{folder}/results.csv"))).expect("written");
+    let mut lines = text.lines().map(|line| line.split(',').map(String::from).collect::<Vec<_>>());
+    let head = lines.next().expect("a heading");
+    let is_time = |name: &str| name.ends_with("_ms") || name == "inefficiency";
+    let of = |line: Vec<String>| {
+        assert_eq!(line.len(), head.len(), "{text}");
+        head.iter().cloned().zip(line).filter(|(name, _)| !is_time(name)).collect()
+    };
+    lines.map(of).collect()
+}
+
+fn figures(place: &Place, folder: &str) -> Value {
+    let text = fs::read(place.path(&format!("{folder}/results.json"))).expect("written");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+fn cells(place: &Place, folder: &str) -> usize {
+    fs::read_dir(place.path(&format!("{folder}/cells"))).expect("there").count()
+}
+
+#[test]
+fn cells_are_measured_kept_and_the_same_in_every_run() {
+    let place = Place::new();
+    place.write("t.ron", experiment("frames: 8, compare: [4, 7], seeds: [1, 2]"));
+    let text = place.succeeds("tradeoff t.ron --out a");
+    // A line for each pair of seeds.
+    assert_eq!(text.lines().filter(|line| line.contains("  cornell  orbit   32x32  ")).count(), 4, "{text}");
+    let value = figures(&place, "a");
+    let all = value["cells"].as_array().expect("a list");
+    assert_eq!((all.len(), &value["missing"]), (8, &0.into()));
+    for cell in all {
+        let measured = &cell["result"]["measured"];
+        for (column, low, high) in [
+            ("flip", 0.01, 0.5),
+            ("rmse", 0.001, 0.5),
+            ("rel_mse", 1e-4, 5.0),
+            ("psnr", 10.0, 50.0),
+            ("ssim", 0.2, 1.0),
+            ("edge_flip", 0.01, 0.6),
+            ("edge_psnr", 8.0, 50.0),
+            ("flicker", 0.001, 0.5),
+            ("holes", 0.05, 0.99),
+            ("reference_flip", 0.001, 0.2),
+        ] {
+            let figure =
+                measured["errors"][column].as_f64().unwrap_or_else(|| panic!("{column}: {measured}"));
+            assert!((low..high).contains(&figure), "{column} is {figure}");
+        }
+        // 5% of 32 x 32, or 0.8 x 1024 / 4.
+        let samples = if cell["cell"]["budget"] == "5%" { 51 } else { 205 };
+        assert_eq!(cell["cell"]["samples"], samples);
+        // A dither asks for at most as many.
+        let rays = measured["costs"]["rays"].as_f64().expect("a number");
+        assert!((0.9 * f64::from(samples)..=f64::from(samples)).contains(&rays), "{rays} of {samples}");
+        assert_eq!(measured["frames"].as_array().map(Vec::len), Some(2));
+        let nodes = measured["nodes"].as_array().expect("a list");
+        assert!(nodes.iter().any(|node| node["kind"] == "trace" && node["backend"] == "cpu"), "{measured}");
+    }
+    for name in ["flip-over-paths_per_pixel.svg", "flip-over-total_ms.svg", "flip-over-frames.svg"] {
+        assert!(fs::read_to_string(place.path(&format!("a/{name}"))).expect("written").ends_with("</svg>\n"));
+    }
+    place.succeeds("tradeoff t.ron --out b --threads 1");
+    assert_eq!(errors(&place, "a"), errors(&place, "b"));
+
+    // What is gone is measured again, and nothing else.
+    let before = place.contents();
+    let gone = all[3]["cell"]["key"].as_str().expect("a name").to_owned();
+    place.remove(&format!("a/cells/{gone}.json"));
+    let run = place.run("tradeoff t.ron --out a");
+    assert!(run.stderr.contains("7 of 8 cells are done already"), "{}", run.stderr);
+    assert_eq!(errors(&place, "a"), errors(&place, "b"));
+    let changed = |path: &str| before[&place.path(path)] != fs::read(place.path(path)).expect("there");
+    let others =
+        all.iter().map(|cell| cell["cell"]["key"].as_str().expect("a name")).filter(|key| *key != gone);
+    assert!(
+        changed(&format!("a/cells/{gone}.json"))
+            && !others.into_iter().any(|key| changed(&format!("a/cells/{key}.json")))
+    );
+}
+
+#[test]
+fn the_figures_are_those_of_render_and_compare() {
+    let place = Place::new();
+    place.write(
+        "t.ron",
+        experiment("frames: 6").replace("[\"render-cache\", \"epi\"]", "[\"epi+sigma=0.5\"]"),
+    );
+    place.succeeds("tradeoff t.ron --out a");
+    let value = figures(&place, "a");
+    let cell = &value["cells"][0];
+    let variant = cell["cell"]["variant"].as_str().expect("a name");
+    place.succeeds(&format!(
+        "render {variant} --size 32x32 --frames 6 --samples 51 --backend cpu --out p.png"
+    ));
+    // Of a moving camera, the frame before is traced for flicker as well.
+    let last =
+        fs::read_dir(place.path("a/references")).expect("there").map(|entry| entry.expect("there").path());
+    let is_last = |path: &std::path::PathBuf| {
+        path.extension().is_some_and(|ending| ending == "json")
+            && serde_json::from_slice::<Value>(&fs::read(path).expect("there")).expect("JSON")["frame"] == 5
+    };
+    let picture = last.into_iter().find(is_last).expect("frame 5 is compared").with_extension("exr");
+    let by_hand = place.succeeds(&format!("compare {} p.png --json -", picture.display()));
+    let by_hand: Value = serde_json::from_str(&by_hand).expect("JSON");
+    for column in ["flip", "psnr", "ssim"] {
+        let ours = cell["result"]["measured"]["errors"][column].as_f64().expect("a number");
+        assert!(
+            (ours - by_hand[column].as_f64().expect("a number")).abs() < 1e-6,
+            "{column}: {ours}, {by_hand}"
+        );
+    }
+}
+
+#[test]
+fn a_cell_that_fails_is_reported_and_the_rest_goes_on() {
+    let place = Place::new();
+    let text = experiment("frames: 2").replace("\"render-cache\", \"epi\"", "\"hybrid\", \"render-cache\"");
+    place.write("t.ron", text);
+    // The hybrid needs a GPU, which only its run finds missing.
+    let run = place.run_without_gpu("tradeoff t.ron --out a");
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(run.stderr.contains("failed: hybrid, cornell, orbit, 32x32, 5%, seed 1: "), "{}", run.stderr);
+    assert!(run.stderr.contains("error: 2 of 4 cells failed"), "{}", run.stderr);
+    let lines =
+        run.stdout.lines().filter(|line| line.contains("failed: ") && line.contains("but none was found"));
+    assert_eq!(lines.count(), 2, "{}", run.stdout);
+    let value = figures(&place, "a");
+    let failed =
+        value["cells"].as_array().expect("a list").iter().filter(|cell| cell["result"]["failed"].is_string());
+    assert_eq!(failed.count(), 2);
+    // It is tried again.
+    let run = place.run("tradeoff t.ron --out a");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.contains("2 of 4 cells are done already"), "{}", run.stderr);
+}
+
+#[cfg(unix)]
+#[test]
+fn processes_share_the_cells_and_one_that_is_killed_is_made_up_for() {
+    let place = Place::new();
+    place.write("t.ron", experiment("frames: 300"));
+    // The first process of xargs is killed while it works.
+    place.write(
+        "job.sh",
+        "if mkdir first 2> /dev/null; then timeout -s KILL 0.15 \"$EPIGRAPH\" tradeoff t.ron --out a --run \"$1\"\n\
+         else \"$EPIGRAPH\" tradeoff t.ron --out a --run \"$1\"; fi",
+    );
+    let run = place.shell(
+        "\"$EPIGRAPH\" tradeoff t.ron --jobs > jobs && xargs -d '\\n' -n 1 -P 2 bash job.sh < jobs > /dev/null",
+    );
+    assert_ne!(run.code, Some(0), "no process was killed");
+    let jobs = fs::read_to_string(place.path("jobs")).expect("written");
+    assert_eq!(jobs.lines().filter(|line| serde_json::from_str::<Value>(line).is_ok()).count(), 4, "{jobs}");
+    let done = cells(&place, "a");
+    assert!((1..4).contains(&done), "{done} of 4 cells are done");
+
+    let collected = place.run("tradeoff t.ron --out a --collect");
+    assert_eq!(collected.code, Some(1));
+    let missing =
+        format!("{} of 4 cells are missing; epigraph tradeoff t.ron --out a measures them", 4 - done);
+    assert!(collected.stderr.contains(&missing), "{}", collected.stderr);
+    assert_eq!(errors(&place, "a").len(), done);
+    let listed = place.succeeds("tradeoff t.ron --out a --list");
+    assert_eq!(listed.lines().filter(|line| line.ends_with("done")).count(), done, "{listed}");
+    assert_eq!(place.succeeds("tradeoff t.ron --out a --jobs").lines().count(), 4 - done);
+
+    let run = place.run("tradeoff t.ron --out a");
+    assert!(run.stderr.contains(&format!("{done} of 4 cells are done already")), "{}", run.stderr);
+    place.succeeds("tradeoff t.ron --out b");
+    assert_eq!(errors(&place, "a"), errors(&place, "b"));
+    // What is done already is not done again.
+    let job = place.shell("\"$EPIGRAPH\" tradeoff t.ron --out a --run \"$(head -n 1 jobs)\"");
+    assert!(
+        job.code == Some(0) && job.stdout.ends_with(", seed 1: done\n"),
+        "{}\n{}",
+        job.stdout,
+        job.stderr
+    );
+}
+
+#[test]
+fn wrong_experiments_are_reported_with_their_places() {
+    let place = Place::new();
+    let fails = |text: &str, words: &str, parts: &[&str]| {
+        place.write("t.ron", text);
+        let message = place.fails(words);
+        for part in parts {
+            assert!(message.contains(part), "`{part}` is not in:\n{message}");
+        }
+    };
+    let with = |more: &str| experiment(&format!("frames: 2,\n{more}"));
+    let all = "tradeoff t.ron --out a";
+    for (from, to, parts) in [
+        ("\"epi\"", "\"epy\"", ["t.ron:4:38: ", "unknown graph, file or command `epy`, did you mean `epi`?"]),
+        ("\"epi\"", "\"epi+sigm=1\"", ["t.ron:4:38: ", "did you mean `sigma`?"]),
+        ("\"epi\"", "\"render-cache+age.evict=false\"", ["", ""]),
+        ("cornell", "cornel", ["t.ron:5:22: ", "did you mean `cornell`?"]),
+        (
+            "0.8",
+            "8",
+            ["t.ron:7:38: 8 paths/pixel is 2048 samples of 4 paths", "an image of 32x32 has 1024 pixels"],
+        ),
+    ] {
+        if !parts[0].is_empty() {
+            fails(&with("").replacen(from, to, 1), all, &parts);
+        }
+    }
+    for (more, parts) in [
+        ("cameras: [\"orbti\"]", ["t.ron:12:11: ", "did you mean `orbit`?"]),
+        (
+            "vary: Grid({ \"trace.spp\": [4, 9999] })",
+            ["t.ron:12:31: ", "parameter `spp` is 9999, outside 1 to 4096"],
+        ),
+        (
+            "vary: Grid({ \"trace.sp\": [4] })",
+            ["t.ron:12:27: ", "unknown parameter `sp`, did you mean `spp`?"],
+        ),
+        ("vary: Grid({ \"interpolate.sigma\": [0.5] })", ["t.ron:12:36: ", "unknown node `interpolate`"]),
+        (
+            "vary: Grid({ \"tonemap.exposure\": [Auto] })",
+            ["t.ron:12:36: tonemap: its exposure is Auto", "0 EV"],
+        ),
+        ("metrics: [Fli]", ["t.ron:12:11: unknown name `Fli`, did you mean `Flip`?", "metrics: [Fli]"]),
+        ("sead: 3", ["t.ron:12:1: unknown field `sead`, did you mean `seeds`?", ""]),
+    ] {
+        fails(&with(more), all, &parts);
+    }
+    fails("Tradeoff(version: 1", all, &["t.ron:1:20: ", "is still open here"]);
+    place.write("t.ron", with(""));
+    for (words, part) in [
+        ("tradeoff t.ron", "--out <DIR>"),
+        ("tradeoff none.ron --out a", "cannot read none.ron"),
+        ("tradeoff t.ron --out t.ron", "it is a file; name a folder"),
+        ("tradeoff t.ron --out a --run x", "expected a line of --jobs"),
+        ("tradeoff t.ron --out a --run {\"cell\":\"x\"}", "the experiment has no cell x"),
+        ("tradeoff t.ron --out a --list --jobs", "cannot be used with"),
+    ] {
+        let message = place.fails(words);
+        assert!(message.contains(part), "`{part}` is not in:\n{message}");
+    }
+    place.succeeds("tradeoff t.ron --quick --list");
+    // Results do not replace an experiment.
+    place.succeeds("tradeoff t.ron --quick --out a");
+    place.write("a/results.json", with(""));
+    let message = place.fails("tradeoff a/results.json --quick --out a");
+    assert!(message.contains("results.json would replace"), "{message}");
+}
+
+#[cfg(unix)]
+#[test]
+fn shipped_experiments_are_valid_in_full_and_quick() {
+    let place = Place::new();
+    // They name graphs from the repository's root.
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let files = fs::read_dir(format!("{root}/graphs/tradeoffs"))
+        .expect("there")
+        .map(|entry| entry.expect("there").path());
+    let files: Vec<_> = files.filter(|path| path.extension().is_some_and(|ending| ending == "ron")).collect();
+    assert!(!files.is_empty());
+    for (file, quick) in files.iter().flat_map(|file| [(file, ""), (file, "--quick")]) {
+        let line = format!("cd {root} && \"$EPIGRAPH\" tradeoff {} {quick} --list", file.display());
+        let run = place.shell(&line);
+        assert!(
+            run.code == Some(0) && run.stdout.contains(" cells, "),
+            "{line}\n{}\n{}",
+            run.stdout,
+            run.stderr
+        );
+    }
+}
