@@ -128,30 +128,32 @@ An experiment is a file such as
       doc: \"Does half the sub-pixel precision show?\",
       graphs: [\"render-cache\", \"epi\", (graph: \"epi\", name: \"4 bits\", set: { \"project.subpixel_bits\": 4 })],
       scenes: [\"cornell\"],
-      cameras: [\"orbit\"],                                     // the default
-      sizes: [\"256x256\"],                                     // the default
-      frames: 30,                                               // how many run; the default
-      compare: [19, 24, 29],                                    // which are compared; by default the last one
-      budgets: [Samples(\"5%\"), PathsPerPixel(0.4)],           // by default Samples(\"5%\")
-      vary: Grid({                                              // or OneAtATime({ ... })
+      cameras: [\"orbit\"],                                   // the default
+      sizes: [\"256x256\"],                                   // the default
+      frames: 30,                                           // how many run; the default
+      compare: [19, 24, 29],                                // which are compared; by default the last one
+      budgets: [Samples(\"5%\"), PathsPerPixel(0.4)],         // by default Samples(\"5%\")
+      vary: Grid({                                          // or OneAtATime({ ... })
           \"cull.threshold\": [0.02, 0.05],
           \"trace.spp\": Range(from: 4, to: 12, step: 4),
       }),
-      seeds: [1, 2, 3],                                         // repetitions; by default [1]
-      metrics: [Flip, RelMse],                                  // the first one is plotted; by default all
-      costs: [PathsPerPixel, TotalMs],                          // over these; the default
-      reference: (spp: 256, mode: Direct),                      // the default; mode: Path for global illumination
-      backend: \"auto\",                                        // the default
-      quick: (sizes: [\"64x64\"], frames: 10, compare: [9]),    // what differs with --quick
+      search: [Search(metric: Flip, target: 0.04)],         // the samples for an equal error, or with cost: TotalMs time
+      seeds: [1, 2, 3],                                     // repetitions; by default [1]
+      metrics: [Flip, RelMse],                              // the first one is plotted; by default all
+      costs: [PathsPerPixel, TotalMs],                      // over these; the default
+      reference: (spp: 256, mode: Direct),                  // the default; mode: Path for global illumination
+      backend: \"auto\",                                      // the default
+      quick: (sizes: [\"64x64\"], frames: 10, compare: [9]),  // what differs with --quick
   )
 
 Every graph with every variation, scene, camera, size, budget and seed is a cell. PathsPerPixel(0.4) is as many samples per
-frame as have 0.4 light paths per pixel: samples x trace.spp / pixels. Metrics: Flip, Rmse, RelMse, Psnr, Ssim, EdgeFlip,
-EdgePsnr, Flicker, Holes. Costs: PathsPerPixel, Samples, PeakBytes, BytesMoved, Rays, FrameMs, TraceMs, TotalMs.
-docs/tradeoff.md defines them.
+frame as have 0.4 light paths per pixel: samples x trace.spp / pixels. A search tries numbers of samples per frame and gives
+an interval; it needs three seeds or more. Metrics: Flip, Rmse, RelMse, Psnr, Ssim, EdgeFlip, EdgePsnr, Flicker, Holes.
+Costs: PathsPerPixel, Samples, PeakBytes, BytesMoved, Rays, FrameMs, TraceMs, TotalMs. docs/tradeoff.md defines
+them.
 
-DIR gets results.csv, with a line for each cell, results.json with frames and nodes too, plots, references/ and cells/. Finished
-cells and references are kept: the same command goes on after an interruption, and measures again only what has changed or
+DIR gets results.csv, with a line for each cell, results.json with frames and nodes too, plots, references/ and cells/.
+Finished cells and references are kept: the same command goes on after an interruption, and measures again only what has changed or
 failed. With the same program, machine and backend, errors are the same to the last digit in every run; times are not.
 
 Examples:

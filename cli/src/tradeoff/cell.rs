@@ -101,6 +101,42 @@ pub struct Record {
     pub result: Outcome,
 }
 
+/// A search with its answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// The fingerprint of everything that it depends on: the name of its file.
+    pub key: String,
+    /// What is searched in, without budget and seed.
+    pub cell: Cell,
+    /// The column of the figure.
+    pub column: String,
+    /// What the figure is to be.
+    pub target: f64,
+    /// The answer.
+    pub result: Reached,
+}
+
+/// The answer of a search.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Reached {
+    /// The target is reached.
+    Within {
+        /// Samples per frame, most likely.
+        samples: f64,
+        /// The fewest and the most samples per frame at which it may be.
+        interval: [u32; 2],
+        /// What was measured there: means over the seeds.
+        figures: Figures,
+    },
+    /// The fewest samples that were tried are enough.
+    Fewer(u32),
+    /// The most samples that were tried are too few.
+    More(u32),
+    /// The message of what went wrong.
+    Failed(String),
+}
+
 impl Cell {
     /// The scene, the camera and the size.
     pub fn view(&self) -> String {

@@ -25,6 +25,9 @@ const MOST_FRAMES: u32 = 10_000_000;
 /// Most values of a range.
 const MOST_STEPS: f64 = 10_000.0;
 
+/// The fewest repetitions from which a search can tell noise.
+const LEAST_SEEDS: usize = 3;
+
 /// The most samples per pixel of a reference.
 const MOST_SPP: u32 = 1_000_000;
 
@@ -71,6 +74,36 @@ impl fmt::Display for Budget {
     }
 }
 
+/// What a search reaches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// An equal error.
+    Metric(Metric),
+    /// An equal time.
+    Cost(Cost),
+}
+
+impl Goal {
+    /// The column of its figures.
+    pub fn column(self) -> &'static str {
+        match self {
+            Self::Metric(metric) => metric.column(),
+            Self::Cost(cost) => cost.column(),
+        }
+    }
+}
+
+/// A search for the number of samples per frame at which a figure reaches a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Search {
+    /// The figure.
+    pub goal: Goal,
+    /// What it is to be.
+    pub target: f64,
+    /// The fewest and the most samples to try.
+    pub range: [Samples; 2],
+}
+
 /// A parameter with a value, as RON text.
 pub type Set = (String, String);
 
@@ -95,6 +128,8 @@ pub struct Experiment {
     pub budgets: Vec<Placed<Budget>>,
     /// The parameters of each variation of a graph; one of them may be the graph unchanged.
     pub variations: Vec<Vec<Placed<Set>>>,
+    /// Searches, in every view with every variation.
+    pub searches: Vec<Search>,
     /// Random seeds: each is a repetition.
     pub seeds: Vec<u32>,
     /// The metrics, without duplicates. The first one is plotted.
@@ -134,6 +169,8 @@ struct Fields<'t> {
     #[serde(borrow, default)]
     vary: Option<&'t RawValue>,
     #[serde(borrow, default)]
+    search: Option<&'t RawValue>,
+    #[serde(borrow, default)]
     seeds: Option<&'t RawValue>,
     #[serde(borrow, default)]
     metrics: Option<&'t RawValue>,
@@ -161,6 +198,7 @@ impl<'t> Fields<'t> {
             compare: self.compare.or(others.compare),
             budgets: self.budgets.or(others.budgets),
             vary: self.vary.or(others.vary),
+            search: self.search.or(others.search),
             seeds: self.seeds.or(others.seeds),
             metrics: self.metrics.or(others.metrics),
             costs: self.costs.or(others.costs),
@@ -188,6 +226,30 @@ struct GraphFields<'t> {
 enum BudgetField {
     Samples(Parsed<Samples>),
     PathsPerPixel(f64),
+}
+
+#[derive(Deserialize)]
+#[serde(rename = "Search", deny_unknown_fields)]
+struct SearchFields {
+    #[serde(default)]
+    metric: Option<Metric>,
+    #[serde(default)]
+    cost: Option<Cost>,
+    target: f64,
+    /// There is one choice so far, which files may spell out.
+    #[serde(default)]
+    #[expect(dead_code, reason = "reading it checks it")]
+    over: Over,
+    #[serde(default)]
+    from: Option<Parsed<Samples>>,
+    #[serde(default)]
+    to: Option<Parsed<Samples>>,
+}
+
+#[derive(Default, Deserialize)]
+enum Over {
+    #[default]
+    Samples,
 }
 
 #[derive(Deserialize)]
@@ -314,9 +376,16 @@ impl<'t> Reader<'t> {
         let scenes = self.required(fields.scenes, "scenes: [\"cornell\"]");
         let budgets = match fields.budgets {
             Some(raw) => self.list(raw).into_iter().filter_map(|raw| self.budget(raw)).collect(),
+            // A search finds its own.
+            None if fields.search.is_some() => Vec::new(),
             None => vec![self.nowhere(Budget::Samples(Samples::Share(0.05)))],
         };
         let sizes = self.each_or(fields.sizes, Parsed(Size([256, 256]))).into_iter();
+        let seeds = self.distinct(fields.seeds, &[1]);
+        let metrics = self.distinct(fields.metrics, Metric::ALL);
+        let searches = fields.search.map_or(Vec::new(), |raw| self.list(raw));
+        let searches =
+            searches.into_iter().filter_map(|raw| self.search(raw, &metrics, seeds.len())).collect();
         Experiment {
             doc: fields.doc.and_then(|raw| self.read(raw)).unwrap_or_default(),
             graphs,
@@ -329,8 +398,9 @@ impl<'t> Reader<'t> {
             compare,
             budgets,
             variations: fields.vary.map_or_else(|| vec![Vec::new()], |raw| self.variations(raw)),
-            seeds: self.distinct(fields.seeds, &[1]),
-            metrics: self.distinct(fields.metrics, Metric::ALL),
+            searches,
+            seeds,
+            metrics,
             costs: self.distinct(fields.costs, &[Cost::PathsPerPixel, Cost::TotalMs]),
             spp,
             mode,
@@ -474,6 +544,27 @@ impl<'t> Reader<'t> {
             }
         };
         Some(Placed { value, place: self.place(raw) })
+    }
+
+    fn search(&mut self, raw: &'t RawValue, metrics: &[Metric], seeds: usize) -> Option<Search> {
+        let fields: SearchFields = self.read(raw)?;
+        let [from, to] = [(fields.from, 0.001), (fields.to, 1.0)]
+            .map(|(given, default)| given.map_or(Samples::Share(default), |Parsed(samples)| samples));
+        let goal = match (fields.metric, fields.cost) {
+            (Some(metric), None) => Some(Goal::Metric(metric)),
+            (None, Some(cost)) => Some(Goal::Cost(cost)),
+            _ => None,
+        };
+        let problem = match goal {
+            None => "a search is for a metric or a cost; write Search(metric: Flip, target: 0.02) or Search(cost: TotalMs, target: 10)".into(),
+            Some(Goal::Metric(metric)) if !metrics.contains(&metric) => format!("add {metric:?} to `metrics`, which leaves it out"),
+            Some(Goal::Cost(cost)) if !cost.is_time() => format!("{cost:?} needs no search; name a time: FrameMs, TraceMs or TotalMs"),
+            _ if fields.target <= 0.0 || !fields.target.is_finite() => format!("the target is {}; expected a number above 0", fields.target),
+            _ if seeds < LEAST_SEEDS => format!("a search compares repetitions; name at least {LEAST_SEEDS} seeds: seeds: [1, 2, 3]"),
+            Some(goal) => return Some(Search { goal, target: fields.target, range: [from, to] }),
+        };
+        self.problem(raw, problem);
+        None
     }
 
     /// Every combination of the parameters' values, or each value alone beside the unchanged graph.
@@ -677,6 +768,16 @@ mod tests {
     }
 
     #[test]
+    fn searches_need_no_budgets() {
+        let text = "seeds: [1, 2, 3], search: [Search(metric: Psnr, target: 30, over: Samples), (cost: TotalMs, target: 9, to: \"50%\")]";
+        let experiment = parse(text).unwrap();
+        let [first, second] = experiment.searches[..] else { panic!("{experiment:?}") };
+        assert_eq!((first.goal, first.target), (Goal::Metric(Metric::Psnr), 30.0));
+        assert_eq!((second.goal, second.range[1]), (Goal::Cost(Cost::TotalMs), Samples::Share(0.5)));
+        assert!(experiment.budgets.is_empty());
+    }
+
+    #[test]
     fn problems_have_places_and_say_what_to_do() {
         for (fields, wanted) in [
             ("sceens: []", "t.ron:2:1: unknown field `sceens`, did you mean `scenes`?"),
@@ -703,6 +804,21 @@ mod tests {
             ("reference: (spp: 1)", "t.ron:2:18: expected at least 2 samples per pixel"),
             ("sizes: [\"64\"]", "t.ron:2:10: expected WIDTHxHEIGHT in pixels"),
             ("backend: \"cup\"", "t.ron:2:11: expected auto, gpu or cpu"),
+            (
+                "search: [Search(metric: Flip, target: 0.1)]",
+                "t.ron:2:10: a search compares repetitions; name at least 3",
+            ),
+            (
+                "search: [Search(target: 0.1)], seeds: [1, 2, 3]",
+                "t.ron:2:10: a search is for a metric or a cost",
+            ),
+            ("search: [Search(cost: Rays, target: 1)]", "t.ron:2:10: Rays needs no search; name a time"),
+            ("search: [Search(metric: Flip, target: 0)]", "t.ron:2:10: the target is 0"),
+            (
+                "search: [Search(metric: Flip, target: 1)], metrics: [Psnr]",
+                "t.ron:2:10: add Flip to `metrics`",
+            ),
+            ("search: [Search(metric: Flip, target: 1, over: Spp)]", "t.ron:2:48: unknown name `Spp`"),
             ("quick: (version: 1)", "t.ron:2:8: `quick` has other fields than the file"),
             ("frames: 3", ""),
         ] {

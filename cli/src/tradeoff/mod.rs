@@ -1,5 +1,6 @@
 //! `epigraph tradeoff`: what graphs reach for what they cost, cell by cell.
 
+mod bisect;
 mod cell;
 mod experiment;
 mod figure;
@@ -7,10 +8,11 @@ mod measure;
 mod plot;
 mod references;
 mod results;
+mod search;
 mod store;
 mod study;
 
-use std::{collections::BTreeSet, path::Path, process::ExitCode, sync::Arc};
+use std::{collections::BTreeSet, path::Path, process::ExitCode, sync::Arc, time::Duration};
 
 use epigraph::Registry;
 use epigraph_core::Side;
@@ -19,14 +21,14 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use self::{
-    cell::{Cell, Outcome, Record},
+    cell::{Cell, Found, Outcome, Reached, Record},
     experiment::Experiment,
     figure::Cost,
     measure::{References, measure, reference_frames, references},
     references::Wanted,
     results::Results,
     store::Store,
-    study::Study,
+    study::{Study, Task},
 };
 use crate::{
     INTERRUPTED,
@@ -89,23 +91,59 @@ fn list(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
         table.row([cell.variation(), scene, camera, size, budget, samples, paths, seed, state.into()]);
         references.extend(wanted(study, cell).map(|wanted| wanted.key().to_owned()));
     }
-    let (cells, count, spp) = (study.cells.len(), references.len(), study.experiment.spp);
-    print(&format!("{table}\n{cells} cells, {count} references of {spp} samples per pixel\n"))
+    let mut searches = String::new();
+    for task in &study.tasks {
+        let Task { setting, .. } = task;
+        let [from, to] = task.range();
+        let what = format!("{} of {}, {}", task.label(), setting.cell.variation(), setting.cell.view());
+        searches += &format!("search for {what}, from {from} to {to} samples\n");
+        references.extend(wanted(study, &setting.cell).map(|wanted| wanted.key().to_owned()));
+    }
+    let (cells, tasks, count) = (study.cells.len(), study.tasks.len(), references.len());
+    let spp = study.experiment.spp;
+    let table = if cells > 0 { format!("{table}\n") } else { String::new() };
+    let tasks = if tasks > 0 { format!("{searches}\n{tasks} searches, ") } else { String::new() };
+    print(&format!("{table}{tasks}{cells} cells, {count} references of {spp} samples per pixel\n"))
 }
 
-/// Prints the cells that are not done as lines of JSON.
+/// Prints the cells and searches that are not done as lines of JSON.
 fn jobs(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
+    for cell in open_cells(study, store)? {
+        let Cell { key, variant, budget, seed, .. } = cell;
+        let line =
+            json!({ "cell": key, "variant": variant, "view": cell.view(), "budget": budget, "seed": seed });
+        print(&format!("{line}\n"))?;
+    }
+    for task in open_tasks(study, store)? {
+        let Cell { variant, .. } = &task.setting.cell;
+        let line = json!({ "search": task.key, "variant": variant, "view": task.setting.cell.view(), "what": task.label() });
+        print(&format!("{line}\n"))?;
+    }
+    Ok(())
+}
+
+/// The cells that are not measured yet.
+fn open_cells<'s>(study: &'s Study, store: Option<&Store>) -> Result<Vec<&'s Cell>, CliError> {
+    let mut open = Vec::new();
     for cell in &study.cells {
         let record = store.map(|store| store.cell(&cell.key)).transpose()?.flatten();
         if record.is_none_or(|record| record.measured().is_none()) {
-            let Cell { key, variant, budget, seed, .. } = cell;
-            print(&format!(
-                "{}\n",
-                json!({ "cell": key, "variant": variant, "view": cell.view(), "budget": budget, "seed": seed })
-            ))?;
+            open.push(cell);
         }
     }
-    Ok(())
+    Ok(open)
+}
+
+/// The searches that have no answer yet.
+fn open_tasks<'s>(study: &'s Study, store: Option<&Store>) -> Result<Vec<&'s Task>, CliError> {
+    let mut open = Vec::new();
+    for task in &study.tasks {
+        let found = store.map(|store| store.search(&task.key)).transpose()?.flatten();
+        if found.is_none_or(|found| matches!(found.result, Reached::Failed(_))) {
+            open.push(task);
+        }
+    }
+    Ok(open)
 }
 
 /// The references that a cell needs.
@@ -123,26 +161,30 @@ struct Work<'a> {
 
 /// A line of `--jobs`.
 #[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Key {
+    Cell(String),
+    Search(String),
+}
+
+#[derive(Deserialize)]
 struct Job {
-    cell: String,
+    #[serde(flatten)]
+    key: Key,
 }
 
 impl Work<'_> {
-    /// Measures all cells that are not there, and writes the results.
+    /// Measures and searches what is not there, and writes the results.
     fn run_all(&self, args: &TradeoffArgs, outputs: Files) -> Result<ExitCode, CliError> {
-        let mut todo = Vec::new();
-        for cell in &self.study.cells {
-            if self.store.cell(&cell.key)?.is_none_or(|record| record.measured().is_none()) {
-                todo.push(cell);
-            }
-        }
-        let done = self.study.cells.len() - todo.len();
+        let (cells, tasks) =
+            (open_cells(self.study, Some(self.store))?, open_tasks(self.study, Some(self.store))?);
+        let done = self.study.cells.len() - cells.len();
         if done > 0 {
             eprintln!("{done} of {} cells are done already", self.study.cells.len());
         }
-        match self.run_cells(&todo) {
+        match self.run_cells(&cells).and_then(|()| self.run_tasks(&tasks)) {
             Err(CliError::Interrupted) => {
-                let kept = self.study.cells.len() - self.missing()?;
+                let kept = self.study.cells.len() - open_cells(self.study, Some(self.store))?.len();
                 eprintln!(
                     "interrupted; {kept} of {} cells are done and kept in {}: the same command goes on from there",
                     self.study.cells.len(),
@@ -155,8 +197,26 @@ impl Work<'_> {
         }
     }
 
+    fn run_tasks(&self, tasks: &[&Task]) -> Result<(), CliError> {
+        self.trace_references(tasks.iter().map(|task| &task.setting.cell))?;
+        let bar = ProgressBar::new_spinner();
+        bar.enable_steady_tick(Duration::from_millis(100));
+        for task in tasks {
+            interrupt::check()?;
+            let found = self.search(task, &bar)?;
+            if let Reached::Failed(message) = &found.result {
+                let Task { setting, .. } = task;
+                let what = format!("{}, {}", setting.cell.variation(), setting.cell.view());
+                bar.suspend(|| eprintln!("failed: search for {} of {what}: {message}", task.label()));
+            }
+            self.store.keep_search(&found)?;
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
     fn run_cells(&self, todo: &[&Cell]) -> Result<(), CliError> {
-        self.trace_references(todo)?;
+        self.trace_references(todo.iter().copied())?;
         let frames: u64 = todo.iter().map(|cell| u64::from(cell.frames)).sum();
         let bar = progress::bar(frames, "", "frames");
         // Cells of one view follow each other and share the references.
@@ -188,10 +248,12 @@ impl Work<'_> {
     }
 
     /// Traces the references that are not there. One that fails is reported with its cells.
-    fn trace_references(&self, todo: &[&Cell]) -> Result<(), CliError> {
+    fn trace_references<'c>(&self, todo: impl Iterator<Item = &'c Cell>) -> Result<(), CliError> {
         let mut keys = BTreeSet::new();
-        let all = todo.iter().flat_map(|cell| wanted(self.study, cell));
-        let all: Vec<Wanted> = all.filter(|wanted| keys.insert(wanted.key().to_owned())).collect();
+        let all: Vec<Wanted> = todo
+            .flat_map(|cell| wanted(self.study, cell))
+            .filter(|wanted| keys.insert(wanted.key().to_owned()))
+            .collect();
         let bar = progress::bar(all.len() as u64, "tracing references", "references");
         for wanted in &all {
             interrupt::check()?;
@@ -214,33 +276,41 @@ impl Work<'_> {
         }
     }
 
-    /// Measures the cell of a line of `--jobs`.
+    /// Measures the cell, or makes the search, of a line of `--jobs`.
     fn run_job(&self, job: &str) -> Result<ExitCode, CliError> {
-        let Job { cell: key } = serde_json::from_str(job)
+        let Job { key } = serde_json::from_str(job)
             .map_err(|error| CliError::Input(format!("--run {job}: {error}; expected a line of --jobs")))?;
-        let Some(cell) = self.study.cells.iter().find(|cell| cell.key == key) else {
-            let text = format!(
-                "--run: the experiment has no cell {key}; the experiment, a file that it names, or the program has changed \
+        let unknown = |what: &str, key: &str| {
+            CliError::Input(format!(
+                "--run: the experiment has no {what} {key}; the experiment, a file that it names, or the program has changed \
                  since --jobs, or --quick differs"
-            );
-            return Err(CliError::Input(text));
+            ))
         };
-        if self.store.cell(&key)?.is_none_or(|record| record.measured().is_none()) {
-            self.run_cells(&[cell])?;
-        }
-        let failed = self.store.cell(&key)?.is_none_or(|record| record.measured().is_none());
-        print(&format!("{}: {}\n", cell.label(), if failed { "failed" } else { "done" }))?;
+        let open = |key: &str| -> Result<bool, CliError> {
+            let cells = open_cells(self.study, Some(self.store))?;
+            let tasks = open_tasks(self.study, Some(self.store))?;
+            Ok(cells.iter().any(|cell| cell.key == key) || tasks.iter().any(|task| task.key == key))
+        };
+        let (label, failed) = match &key {
+            Key::Cell(key) => {
+                let cell = self.study.cells.iter().find(|cell| cell.key == *key);
+                let cell = cell.ok_or_else(|| unknown("cell", key))?;
+                if open(key)? {
+                    self.run_cells(&[cell])?;
+                }
+                (cell.label(), open(key)?)
+            }
+            Key::Search(key) => {
+                let task = self.study.tasks.iter().find(|task| task.key == *key);
+                let task = task.ok_or_else(|| unknown("search", key))?;
+                if open(key)? {
+                    self.run_tasks(&[task])?;
+                }
+                (format!("search for {} of {}", task.label(), task.setting.cell.variation()), open(key)?)
+            }
+        };
+        print(&format!("{label}: {}\n", if failed { "failed" } else { "done" }))?;
         Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
-    }
-
-    /// The number of cells that are not measured.
-    fn missing(&self) -> Result<usize, CliError> {
-        let mut missing = 0;
-        for cell in &self.study.cells {
-            missing +=
-                usize::from(self.store.cell(&cell.key)?.is_none_or(|record| record.measured().is_none()));
-        }
-        Ok(missing)
     }
 
     /// Writes the results of the cells that are there.
@@ -251,8 +321,15 @@ impl Work<'_> {
             // The names in the file may be those of another experiment with the same cell.
             records.extend(self.store.cell(&cell.key)?.map(|record| Record { cell: cell.clone(), ..record }));
         }
-        let missing = self.study.cells.len() - records.len();
-        let results = Results { experiment: self.study.experiment, records: &records, missing };
+        let mut found = Vec::new();
+        for task in &self.study.tasks {
+            let cell = || task.setting.cell.clone();
+            found.extend(self.store.search(&task.key)?.map(|found| Found { cell: cell(), ..found }));
+        }
+        let all = self.study.cells.len() + self.study.tasks.len();
+        let missing = all - records.len() - found.len();
+        let results =
+            Results { experiment: self.study.experiment, records: &records, found: &found, missing };
         let command: Vec<String> = std::env::args().collect();
         let json = format!("{:#}\n", results.json(&command, &self.machine));
         let mut files = vec![(CSV.to_owned(), results.csv()), (JSON.to_owned(), json)];
@@ -263,22 +340,20 @@ impl Work<'_> {
             ready.put(*file, text.as_bytes())?;
         }
         ready.commit()?;
-        let failed = records.iter().filter(|record| record.measured().is_none()).count();
+        let failed = records.iter().filter(|record| record.measured().is_none()).count()
+            + found.iter().filter(|found| matches!(found.result, Reached::Failed(_))).count();
         let mut text = format!("{}\n", results.text());
         for (name, _) in &files {
             let what = if name.ends_with(".svg") { "plot" } else { "results" };
             text += &format!("{what:<7}  {}\n", self.store.root().file(name).display());
         }
         print(&text)?;
+        let what = if self.study.tasks.is_empty() { "cells" } else { "cells and searches" };
         if missing > 0 {
-            eprintln!(
-                "{missing} of {} cells are missing; {} measures them",
-                self.study.cells.len(),
-                rerun(args)
-            );
+            eprintln!("{missing} of {all} {what} are missing; {} measures them", rerun(args));
         }
         if failed > 0 {
-            eprintln!("error: {failed} of {} cells failed", self.study.cells.len());
+            eprintln!("error: {failed} of {all} {what} failed");
         }
         Ok(if failed + missing > 0 { ExitCode::FAILURE } else { ExitCode::SUCCESS })
     }

@@ -207,6 +207,9 @@ impl Plot<'_> {
             Axis::new(points().map(|point| point.at[lane]), logarithmic, screen)
         };
         let columns = self.panels.len().min(COLUMNS);
+        if columns == 0 {
+            return None;
+        }
         let width = (2.0 * MARGIN + STEP[0] * columns as f64).max(2.0 * MARGIN + STEP[0] * 1.3);
         let mut svg = Svg::default();
         let names: Vec<&str> = {
@@ -224,7 +227,7 @@ impl Plot<'_> {
             svg.text([left, top - 9.0], &panel.title, Anchor::Start, HEADING);
             panel.draw(&mut svg, [&across, &down], left + PANEL[0], &names);
         }
-        let rows = self.panels.len().div_ceil(columns.max(1)) as f64;
+        let rows = self.panels.len().div_ceil(columns) as f64;
         Some(svg.finish([width, top + STEP[1] * rows - 20.0]))
     }
 

@@ -2,8 +2,7 @@
 
 use std::fmt::Write;
 
-use epigraph::{Place, memory};
-use epigraph_files::Fingerprint;
+use epigraph::memory;
 use epigraph_pictures::{Difference, Picture, metrics, tone};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -139,13 +138,6 @@ pub fn light(picture: &Picture) -> Vec<[f32; 3]> {
     let shown = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
     let of = |color: &[f32; 3]| if picture.linear { color.map(shown) } else { color.map(tone::decode) };
     picture.colors.iter().map(of).collect()
-}
-
-/// The fingerprint of a camera's way over the first `frames` frames.
-pub fn way(print: &mut Fingerprint, place: &Place, frames: u32) {
-    for frame in 0..frames {
-        write!(print, "{:?}", place.path.camera(frame)).expect("a fingerprint takes all text");
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::{
-    cell::{Measured, Outcome, Record},
+    cell::{Found, Measured, Outcome, Reached, Record},
     experiment::Experiment,
     figure::{Cost, INEFFICIENCY, Metric, NOISE},
 };
@@ -15,7 +15,9 @@ pub struct Results<'a> {
     pub experiment: &'a Experiment,
     /// The cells that are there, in the order of the experiment.
     pub records: &'a [Record],
-    /// Number of cells that are not there.
+    /// The answers of the searches that are there.
+    pub found: &'a [Found],
+    /// Number of cells and searches that are not there.
     pub missing: usize,
 }
 
@@ -94,12 +96,72 @@ impl Results<'_> {
             "machine": machine,
             "columns": columns,
             "cells": self.records.iter().map(cell).collect::<Vec<_>>(),
+            "searches": self.found,
             "missing": self.missing,
         })
     }
 
-    /// A table with a line for each set of repetitions: means over the seeds.
+    /// The tables.
     pub fn text(&self) -> String {
+        let tables =
+            [(self.records.is_empty(), self.cells_text()), (self.found.is_empty(), self.searches_text())];
+        let tables = tables.into_iter().filter(|(empty, _)| !empty).map(|(_, text)| text);
+        tables.collect::<Vec<_>>().join("\n")
+    }
+
+    /// A table of the searches: the samples at which a figure reaches its target, and what else is so there.
+    fn searches_text(&self) -> String {
+        let metrics = self.experiment.metrics.iter().take(3);
+        let columns: Vec<(&str, usize)> = metrics
+            .map(|metric| (metric.column(), digits(*metric)))
+            .chain([(Cost::TotalMs.column(), 2)])
+            .collect();
+        let names = columns.iter().map(|(column, _)| format!(">{column}"));
+        let head = ["graph", "scene", "camera", "size", "search", ">samples", ">interval", ">paths/px"];
+        let head: Vec<String> =
+            head.map(str::to_owned).into_iter().chain(names).chain([String::new()]).collect();
+        let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
+        for Found { cell, column, target, result, .. } in self.found {
+            let size = format!("{}x{}", cell.size[0], cell.size[1]);
+            let none = || "-".to_owned();
+            let figure = |column: &str, digits: usize| match result {
+                Reached::Within { figures, .. } => figures
+                    .get(column)
+                    .copied()
+                    .flatten()
+                    .map_or_else(none, |value| format!("{value:.digits$}")),
+                _ => none(),
+            };
+            let (samples, interval, note) = match result {
+                Reached::Within { samples, interval: [low, high], .. } => {
+                    (format!("{samples:.0}"), format!("{low} - {high}"), String::new())
+                }
+                Reached::Fewer(samples) => {
+                    (none(), format!("< {samples}"), "fewer samples than were tried".to_owned())
+                }
+                Reached::More(samples) => (none(), format!("> {samples}"), "not reached".to_owned()),
+                Reached::Failed(message) => {
+                    (none(), none(), format!("failed: {}", message.lines().next().unwrap_or_default()))
+                }
+            };
+            let what = [
+                cell.variation(),
+                cell.scene.clone(),
+                cell.camera.clone(),
+                size,
+                format!("{column} {target}"),
+            ];
+            let paths = figure(Cost::PathsPerPixel.column(), 3);
+            let figures = columns.iter().map(|(column, digits)| figure(column, *digits));
+            table.line(
+                what.into_iter().chain([samples, interval, paths]).chain(figures).chain([note]).collect(),
+            );
+        }
+        table.to_string()
+    }
+
+    /// A table with a line for each set of repetitions: means over the seeds.
+    fn cells_text(&self) -> String {
         let Some(first) = self.experiment.metrics.first().copied() else { return String::new() };
         let shown = |metric: &Metric| self.experiment.metrics.contains(metric) && *metric != first;
         let others: Vec<Metric> = [Metric::Flip, Metric::Psnr, Metric::RelMse, Metric::EdgeFlip]

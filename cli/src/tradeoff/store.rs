@@ -6,16 +6,17 @@ use std::{io::ErrorKind, path::Path};
 
 use epigraph_files::{Target, commit};
 use epigraph_pictures::{Picture, exr};
-use serde::de::DeserializeOwned;
+use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
-use super::cell::Record;
+use super::cell::{Found, Record};
 use crate::{error::CliError, folder::Folder};
 
 /// The folder of an experiment.
 pub struct Store {
     // Dropped first: a folder that was made and is empty goes.
     cells: Folder,
+    searches: Folder,
     references: Folder,
     root: Folder,
 }
@@ -27,8 +28,9 @@ impl Store {
     /// If it is a file, or cannot be made.
     pub fn new(path: &Path) -> Result<Self, CliError> {
         let root = Folder::new(path)?;
-        let [cells, references] = ["cells", "references"].map(|name| Folder::new(&root.file(name)));
-        Ok(Self { cells: cells?, references: references?, root })
+        let folder = |name: &str| Folder::new(&root.file(name));
+        let (cells, searches, references) = (folder("cells")?, folder("searches")?, folder("references")?);
+        Ok(Self { cells, searches, references, root })
     }
 
     /// The folder.
@@ -53,6 +55,22 @@ impl Store {
         let text =
             serde_json::to_string_pretty(record).expect("a record has no maps with other keys than texts");
         Ok(Target::new(&path)?.write(text.as_bytes())?)
+    }
+
+    /// The answer of a search, if it is there.
+    ///
+    /// # Errors
+    /// The file is there, but is not one that this program has written.
+    pub fn search(&self, key: &str) -> Result<Option<Found>, CliError> {
+        read(&self.searches.file(&format!("{key}.json")))
+    }
+
+    /// Keeps the answer of a search.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn keep_search(&self, found: &Found) -> Result<(), CliError> {
+        keep(&self.searches.file(&format!("{}.json", found.key)), found)
     }
 
     /// A reference with what is known of it, if it is there.
@@ -81,6 +99,11 @@ impl Store {
     fn reference_paths(&self, key: &str) -> [std::path::PathBuf; 2] {
         ["exr", "json"].map(|ending| self.references.file(&format!("{key}.{ending}")))
     }
+}
+
+fn keep<T: Serialize>(path: &Path, value: &T) -> Result<(), CliError> {
+    let text = serde_json::to_string_pretty(value).expect("the keys of all maps are texts");
+    Ok(Target::new(path)?.write(text.as_bytes())?)
 }
 
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, CliError> {

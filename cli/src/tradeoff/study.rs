@@ -10,8 +10,7 @@ use epigraph_stages::meaning::SAMPLES;
 
 use super::{
     cell::Cell,
-    experiment::{Budget, Experiment, Placed, Set},
-    references::way,
+    experiment::{Budget, Experiment, Placed, Search, Set},
 };
 use crate::{args::ChangeArgs, error::CliError, open};
 
@@ -39,6 +38,27 @@ struct Variation<'e> {
     graph: &'e Placed<super::experiment::Named>,
 }
 
+/// A variation of a graph in a view.
+#[derive(Clone)]
+pub struct Setting {
+    /// Its cells, but for budget and seed.
+    pub cell: Cell,
+    /// Light paths of a sample, if a node has them.
+    paths: Option<u32>,
+    /// The fingerprint of the graph.
+    print: Fingerprint,
+}
+
+/// A search in a setting.
+pub struct Task {
+    /// The name of its file.
+    pub key: String,
+    /// Where.
+    pub setting: Setting,
+    /// What is searched.
+    pub search: Search,
+}
+
 /// A checked experiment.
 pub struct Study<'e> {
     /// What the file says.
@@ -49,8 +69,12 @@ pub struct Study<'e> {
     pub device: Device,
     /// All cells; those of one view follow each other.
     pub cells: Vec<Cell>,
+    /// All searches.
+    pub tasks: Vec<Task>,
+    settings: Vec<Setting>,
     views: Vec<View>,
     graphs: Vec<(String, GraphFile)>,
+    build: Fingerprint,
 }
 
 impl<'e> Study<'e> {
@@ -62,8 +86,20 @@ impl<'e> Study<'e> {
         let device = Device::open(experiment.backend)?;
         let variations = variations(experiment, registry)?;
         let views = views(experiment)?;
-        let mut study = Self { experiment, registry, device, cells: Vec::new(), views, graphs: Vec::new() };
-        study.cells = study.all_cells(&variations)?;
+        let per_view = variations.len().saturating_mul(experiment.sizes.len());
+        let per_setting = (experiment.budgets.len() * experiment.seeds.len()).max(1);
+        let count = views.len().saturating_mul(per_view).saturating_mul(per_setting);
+        if count > MOST_CELLS {
+            let text =
+                format!("the experiment has {count} cells; {MOST_CELLS} are the limit: vary less at a time");
+            return Err(CliError::Input(text));
+        }
+        let (build, cells, tasks) = (build()?, Vec::new(), Vec::new());
+        let (settings, graphs) = (Vec::new(), Vec::new());
+        let mut study = Self { experiment, registry, device, cells, tasks, settings, views, graphs, build };
+        study.settings = study.all_settings(&variations)?;
+        study.cells = study.all_cells()?;
+        study.tasks = study.all_tasks()?;
         study.graphs = variations.into_iter().map(|variation| (variation.variant, variation.file)).collect();
         Ok(study)
     }
@@ -90,63 +126,103 @@ impl<'e> Study<'e> {
             .size(size)
     }
 
-    fn all_cells(&self, variations: &[Variation]) -> Result<Vec<Cell>, CliError> {
-        let Experiment { sizes, frames, compare, budgets, seeds, .. } = self.experiment;
-        let count = [self.views.len(), sizes.len(), variations.len(), budgets.len(), seeds.len()];
-        let count: usize = count.into_iter().fold(1, usize::saturating_mul);
-        if count > MOST_CELLS {
-            let text =
-                format!("the experiment has {count} cells; {MOST_CELLS} are the limit: vary less at a time");
-            return Err(CliError::Input(text));
-        }
-        let build = build()?;
-        let (mut cells, mut problems) = (Vec::new(), Problems::default());
+    /// Every graph with every variation in every view, checked.
+    fn all_settings(&self, variations: &[Variation]) -> Result<Vec<Setting>, Problems> {
+        let Experiment { sizes, frames, compare, .. } = self.experiment;
+        let (mut settings, mut problems) = (Vec::new(), Problems::default());
         for view in &self.views {
-            for size in sizes {
-                for variation in variations {
-                    let (paths, print) = match self.check(variation, view, size.value) {
-                        Ok(checked) => checked,
-                        Err(others) => {
-                            problems.append(others);
-                            continue;
-                        }
-                    };
-                    for budget in budgets {
-                        let samples = match samples(budget, size.value, paths, &variation.variant) {
-                            Ok(samples) => samples,
-                            Err(others) => {
-                                problems.append(others);
-                                continue;
-                            }
+            for (size, variation) in sizes.iter().flat_map(|size| variations.iter().map(move |of| (size, of)))
+            {
+                match self.check(variation, view, size.value) {
+                    Ok((paths, print)) => {
+                        let cell = Cell {
+                            key: String::new(),
+                            graph: variation.label.to_owned(),
+                            variant: variation.variant.clone(),
+                            params: variation.params.iter().map(|set| set.value.clone()).collect(),
+                            scene: view.scene.clone(),
+                            camera: view.camera.clone(),
+                            size: size.value,
+                            frames: *frames,
+                            compare: compare.clone(),
+                            budget: String::new(),
+                            samples: 0,
+                            paths_per_pixel: None,
+                            seed: 0,
                         };
-                        let pixels = f64::from(size.value[0]) * f64::from(size.value[1]);
-                        for &seed in seeds {
-                            let mut cell = Cell {
-                                key: String::new(),
-                                graph: variation.label.to_owned(),
-                                variant: variation.variant.clone(),
-                                params: variation.params.iter().map(|set| set.value.clone()).collect(),
-                                scene: view.scene.clone(),
-                                camera: view.camera.clone(),
-                                size: size.value,
-                                frames: *frames,
-                                compare: compare.clone(),
-                                budget: budget.value.to_string(),
-                                samples,
-                                paths_per_pixel: paths.map(|paths| f64::from(samples * paths) / pixels),
-                                seed,
-                            };
-                            cell.key = self.key(&cell, view, build, print);
-                            cells.push(cell);
-                        }
+                        settings.push(Setting { cell, paths, print });
                     }
+                    Err(others) => problems.append(others),
                 }
             }
         }
         // The same problem in several views is one.
         problems.0.dedup();
         problems.into_result()?;
+        Ok(settings)
+    }
+
+    fn all_cells(&self) -> Result<Vec<Cell>, Problems> {
+        let Experiment { budgets, seeds, .. } = self.experiment;
+        let (mut cells, mut problems) = (Vec::new(), Problems::default());
+        for setting in &self.settings {
+            for budget in budgets {
+                match samples(budget, setting.cell.size, setting.paths, &setting.cell.variant) {
+                    Ok(samples) => {
+                        let text = budget.value.to_string();
+                        cells.extend(seeds.iter().map(|seed| self.cell(setting, &text, samples, *seed)));
+                    }
+                    Err(others) => problems.append(others),
+                }
+            }
+        }
+        problems.0.dedup();
+        problems.into_result()?;
         Ok(cells)
+    }
+
+    /// The cell of a setting with this number of samples and this seed.
+    pub fn cell(&self, setting: &Setting, budget: &str, samples: u32, seed: u32) -> Cell {
+        let [width, height] = setting.cell.size.map(f64::from);
+        let paths = |paths| f64::from(samples) * f64::from(paths) / (width * height);
+        let mut cell = Cell {
+            budget: budget.to_owned(),
+            samples,
+            paths_per_pixel: setting.paths.map(paths),
+            seed,
+            ..setting.cell.clone()
+        };
+        cell.key = self.key(&cell, setting.print).to_string();
+        cell
+    }
+
+    /// Every search in every setting.
+    fn all_tasks(&self) -> Result<Vec<Task>, CliError> {
+        let of = |setting: &Setting| {
+            self.experiment
+                .searches
+                .iter()
+                .map(|search| {
+                    let mut print = self.key(&setting.cell, setting.print);
+                    let seeds = &self.experiment.seeds;
+                    write!(print, " {search:?} {seeds:?}").expect("a fingerprint takes all text");
+                    Task { key: print.to_string(), setting: setting.clone(), search: *search }
+                })
+                .collect::<Vec<_>>()
+        };
+        let tasks: Vec<Task> = self.settings.iter().flat_map(of).collect();
+        for task in &tasks {
+            let ([from, to], [width, height]) = (task.range(), task.setting.cell.size);
+            if from > to || to > width * height {
+                let text = format!(
+                    "the search for {} is from {from} to {to} samples in an image of {width}x{height}; expected rising numbers, \
+                     at most one per pixel",
+                    task.label()
+                );
+                return Err(CliError::Input(text));
+            }
+        }
+        Ok(tasks)
     }
 
     /// Compiles a graph for a view. Returns the light paths of a sample, if a node has them, and a fingerprint of the graph
@@ -179,20 +255,21 @@ impl<'e> Study<'e> {
     }
 
     /// The fingerprint of everything that a cell's errors depend on.
-    fn key(&self, cell: &Cell, view: &View, build: Fingerprint, graph: Fingerprint) -> String {
+    fn key(&self, cell: &Cell, graph: Fingerprint) -> Fingerprint {
         let Experiment { spp, mode, metrics, .. } = self.experiment;
+        let view = self.view(cell);
         let mut print = view.print;
-        way(&mut print, &view.place, cell.frames);
         let adapter =
             self.device.gpu.as_ref().filter(|_| self.device.side == Side::Gpu).map(|gpu| gpu.name());
+        let path = &view.place.path;
         let Cell { size, frames, compare, samples, seed, .. } = cell;
         write!(
             print,
-            " {build} {graph} {} {adapter:?} {size:?} {frames} {compare:?} {samples} {seed} {spp} {mode:?} {metrics:?}",
-            self.device.side
+            " {} {graph} {} {path:?} {adapter:?} {size:?} {frames} {compare:?} {samples} {seed} {spp} {mode:?} {metrics:?}",
+            self.build, self.device.side
         )
         .expect("a fingerprint takes all text");
-        print.to_string()
+        print
     }
 }
 

@@ -246,7 +246,7 @@ fn wrong_experiments_are_reported_with_their_places() {
         ("vary: Grid({ \"interpolate.sigma\": [0.5] })", ["t.ron:12:36: ", "unknown node `interpolate`"]),
         (
             "vary: Grid({ \"tonemap.exposure\": [Auto] })",
-            ["t.ron:12:36: tonemap: its exposure is Auto", "0 EV"],
+            ["t.ron:12:35: tonemap: its exposure is Auto", "0 EV"],
         ),
         ("metrics: [Fli]", ["t.ron:12:11: unknown name `Fli`, did you mean `Flip`?", "metrics: [Fli]"]),
         ("sead: 3", ["t.ron:12:1: unknown field `sead`, did you mean `seeds`?", ""]),
@@ -295,4 +295,51 @@ fn shipped_experiments_are_valid_in_full_and_quick() {
             run.stderr
         );
     }
+}
+
+#[test]
+fn searches_find_equal_errors_and_go_on_where_they_were() {
+    let place = Place::new();
+    let text = experiment("frames: 6, search: [Search(metric: Flip, target: 0.24)], seeds: [1, 2, 3],")
+        .replace("budgets: [Samples(\"5%\"), PathsPerPixel(0.8)],", "");
+    place.write("t.ron", &text);
+    let listed = place.succeeds("tradeoff t.ron --list");
+    assert!(
+        listed.contains("search for flip 0.24 of epi, cornell, orbit, 32x32, from 1 to 1024 samples"),
+        "{listed}"
+    );
+    assert!(listed.contains("2 searches, 0 cells, "), "{listed}");
+    let job = place.succeeds("tradeoff t.ron --jobs").lines().last().expect("a search").to_owned();
+    place.write("job", &job);
+    let run = place.shell("\"$EPIGRAPH\" tradeoff t.ron --out a --run \"$(cat job)\"");
+    assert!(
+        run.code == Some(0) && run.stdout.contains("search for flip 0.24 of epi: done"),
+        "{}",
+        run.stderr
+    );
+    let collected = place.run("tradeoff t.ron --out a --collect");
+    assert!(collected.stderr.contains("1 of 2 cells and searches are missing"), "{}", collected.stderr);
+    place.succeeds("tradeoff t.ron --out a");
+    let value = figures(&place, "a");
+    let searches = value["searches"].as_array().expect("a list");
+    let found = |graph: &str| {
+        let search = searches.iter().find(|search| search["cell"]["graph"] == graph).expect("there");
+        let within = &search["result"]["within"];
+        let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{search}"));
+        let [low, high] = [0, 1].map(|end| number(&within["interval"][end]));
+        let samples = number(&within["samples"]);
+        assert!(low <= samples && samples <= high && high <= 1024.0, "{search}");
+        // Few frames of a small image are noisy.
+        assert!((number(&within["figures"]["flip"]) / 0.24 - 1.0).abs() < 0.3, "{search}");
+        samples
+    };
+    // Exact edges save samples.
+    assert!(found("epi") < found("render-cache"), "{value}");
+    assert!(!place.path("a/flip-over-total_ms.svg").exists(), "there are no cells to plot");
+    let before = place.contents();
+    place.succeeds("tradeoff t.ron --out a");
+    let same = |(path, bytes): (&std::path::PathBuf, &Vec<u8>)| {
+        path.ends_with("results.json") || place.contents().get(path) == Some(bytes)
+    };
+    assert!(before.iter().all(same), "something was measured again");
 }
