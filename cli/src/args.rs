@@ -152,9 +152,9 @@ an interval; it needs three seeds or more. Metrics: Flip, Rmse, RelMse, Psnr, Ss
 Costs: PathsPerPixel, Samples, PeakBytes, BytesMoved, Rays, FrameMs, TraceMs, TotalMs. docs/tradeoff.md defines
 them.
 
-DIR gets results.csv, with a line for each cell, results.json with frames and nodes too, plots, references/ and cells/.
-Finished cells and references are kept: the same command goes on after an interruption, and measures again only what has changed or
-failed. With the same program, machine and backend, errors are the same to the last digit in every run; times are not.
+DIR gets results.csv, with a line for each cell, results.json with frames and nodes too, plots, page.html with pictures
+side by side, and folders. Finished cells and references are kept there: the same command goes on after an interruption,
+and measures again only what has changed or failed. With the same program, machine and backend, errors are the same to the last digit in every run; times are not.
 
 Examples:
   epigraph tradeoff graphs/tradeoffs/budgets.ron --quick --out budgets    a first impression

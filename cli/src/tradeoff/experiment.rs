@@ -636,9 +636,10 @@ impl<'t> Reader<'t> {
             Mode::Direct => Light::Direct,
             Mode::Path => Light::Path,
         };
+        let known = self.problems.0.len();
         let found = self.number(spp, MOST_SPP);
-        if found < 2 {
-            self.problem(spp, "expected at least 2 samples per pixel, as the halves are compared");
+        if found % 2 == 1 && self.problems.0.len() == known {
+            self.problem(spp, "expected an even number of samples per pixel, as its halves are compared");
         }
         (found, mode)
     }
@@ -801,7 +802,7 @@ mod tests {
                 "t.ron:2:19: a range from 1 to 0 cannot have",
             ),
             ("vary: Grid({ \".a\": [1] })", "t.ron:2:14: expected node.param=value"),
-            ("reference: (spp: 1)", "t.ron:2:18: expected at least 2 samples per pixel"),
+            ("reference: (spp: 1)", "t.ron:2:18: expected an even number of samples per pixel"),
             ("sizes: [\"64\"]", "t.ron:2:10: expected WIDTHxHEIGHT in pixels"),
             ("backend: \"cup\"", "t.ron:2:11: expected auto, gpu or cpu"),
             (

@@ -55,7 +55,7 @@ pub fn references(study: &Study, cell: &Cell, store: &Store) -> Result<Reference
     reference_frames(study.experiment, cell).into_iter().map(get).collect()
 }
 
-/// Runs the frames of a cell and measures them. `frame_done` is called after each frame.
+/// Runs the frames of a cell and measures them. Returns the last compared picture too. `frame_done` is called after each frame.
 ///
 /// # Errors
 /// Problems of this machine (memory, a missing GPU), stages that fail, and [`CliError::Interrupted`].
@@ -65,7 +65,7 @@ pub fn measure(
     references: &References,
     machine: Value,
     mut frame_done: impl FnMut(),
-) -> Result<Measured, CliError> {
+) -> Result<(Measured, Picture), CliError> {
     let mut compiled = study.setup(cell).compile()?;
     let output = compiled.picture()?;
     // Before ports are kept, which takes memory.
@@ -77,6 +77,7 @@ pub fn measure(
     let metrics = &study.experiment.metrics;
     let (mut log, mut frames, mut rays) = (Log::new(cell.frames), Vec::new(), Vec::new());
     let mut before: Option<(u32, Picture)> = None;
+    let mut compared: Option<Picture> = None;
     for index in 0..cell.frames {
         interrupt::check()?;
         let is_compared = cell.compare.binary_search(&index).is_ok();
@@ -92,6 +93,7 @@ pub fn measure(
                 }
                 frames.push(FrameErrors { frame: index, errors });
                 rays.extend(ports.rays(&mut run)?);
+                compared = Some(picture.clone());
             }
             before = Some((index, picture));
         }
@@ -118,7 +120,8 @@ pub fn measure(
         .map(|(error, ms)| error * ms);
     costs.insert(INEFFICIENCY.0.into(), inefficiency);
     let backend = study.device.side.to_string();
-    Ok(Measured { errors, frames, costs, nodes: log.nodes(plan), backend, machine })
+    let measured = Measured { errors, frames, costs, nodes: log.nodes(plan), backend, machine };
+    Ok((measured, compared.expect("an experiment compares at least one of its frames")))
 }
 
 /// The picture of the last frame as displayed.

@@ -5,6 +5,7 @@ mod cell;
 mod experiment;
 mod figure;
 mod measure;
+mod page;
 mod plot;
 mod references;
 mod results;
@@ -25,6 +26,7 @@ use self::{
     experiment::Experiment,
     figure::Cost,
     measure::{References, measure, reference_frames, references},
+    page::Shown,
     references::Wanted,
     results::Results,
     store::Store,
@@ -45,6 +47,7 @@ use crate::{
 /// The files of the results.
 const CSV: &str = "results.csv";
 const JSON: &str = "results.json";
+const PAGE: &str = "page.html";
 
 /// What the plot over frames is called after.
 const FRAMES: &str = "frames";
@@ -270,7 +273,10 @@ impl Work<'_> {
     /// Measures a cell. What keeps it from being measured is its result.
     fn cell(&self, cell: &Cell, references: &References, bar: &ProgressBar) -> Result<Outcome, CliError> {
         match measure(self.study, cell, references, self.machine.clone(), || bar.inc(1)) {
-            Ok(measured) => Ok(Outcome::Measured(Box::new(measured))),
+            Ok((measured, picture)) => {
+                self.store.keep_picture(&cell.key, &picture)?;
+                Ok(Outcome::Measured(Box::new(measured)))
+            }
             Err(CliError::Interrupted) => Err(CliError::Interrupted),
             Err(error) => Ok(Outcome::Failed(error.to_string())),
         }
@@ -313,6 +319,37 @@ impl Work<'_> {
         Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
     }
 
+    /// The references of all views and the pictures of the first seed's cells that are kept.
+    fn pictures(&self, records: &[Record]) -> Result<Vec<Shown>, CliError> {
+        let Experiment { metrics, seeds, spp, .. } = self.study.experiment;
+        let mut pictures: Vec<Shown> = Vec::new();
+        for record in records.iter().filter(|record| seeds.first() == Some(&record.cell.seed)) {
+            if pictures.iter().all(|shown| shown.view != record.cell.view())
+                && let Some(last) = wanted(self.study, &record.cell).last()
+                && let Some(picture) = last.picture(self.store)?
+            {
+                pictures.push(Shown::reference(record, *spp, &picture).map_err(CliError::Input)?);
+            }
+            let png = self.store.picture(&record.cell.key)?.filter(|_| record.measured().is_some());
+            pictures.extend(png.map(|png| Shown::of(record, metrics, png)));
+        }
+        Ok(pictures)
+    }
+
+    /// What was measured, where and with what, in a line.
+    fn about(&self, cells: usize) -> String {
+        let Study { experiment, device, .. } = self.study;
+        let Experiment { frames, compare, spp, .. } = experiment;
+        let compare: Vec<String> = compare.iter().map(u32::to_string).collect();
+        let cpu = self.machine["cpu"].as_str().unwrap_or_default();
+        format!(
+            "{cells} cells of {frames} frames; frames {} compared with references of {spp} samples per pixel; {}, {cpu}; epigraph {}",
+            compare.join(", "),
+            device.side,
+            env!("CARGO_PKG_VERSION")
+        )
+    }
+
     /// Writes the results of the cells that are there.
     fn collect(&self, args: &TradeoffArgs, outputs: Files) -> Result<ExitCode, CliError> {
         let (mut ready, named) = outputs;
@@ -333,7 +370,17 @@ impl Work<'_> {
         let command: Vec<String> = std::env::args().collect();
         let json = format!("{:#}\n", results.json(&command, &self.machine));
         let mut files = vec![(CSV.to_owned(), results.csv()), (JSON.to_owned(), json)];
-        files.extend(plots(self.study.experiment, &records));
+        let plots = plots(self.study.experiment, &records);
+        if !records.is_empty() {
+            let svgs: Vec<String> = plots.iter().map(|(_, svg)| svg.clone()).collect();
+            let pictures = self.pictures(&records)?;
+            let about = self.about(records.len());
+            files.push((
+                PAGE.to_owned(),
+                page::page(self.study.experiment, &records, &svgs, &pictures, &about),
+            ));
+        }
+        files.extend(plots);
         for (name, text) in &files {
             let (_, file) =
                 named.iter().find(|(known, _)| known == name).expect("all files are named beforehand");
@@ -344,7 +391,11 @@ impl Work<'_> {
             + found.iter().filter(|found| matches!(found.result, Reached::Failed(_))).count();
         let mut text = format!("{}\n", results.text());
         for (name, _) in &files {
-            let what = if name.ends_with(".svg") { "plot" } else { "results" };
+            let what = match name.rsplit_once('.') {
+                Some((_, "svg")) => "plot",
+                Some((_, "html")) => "page",
+                _ => "results",
+            };
             text += &format!("{what:<7}  {}\n", self.store.root().file(name).display());
         }
         print(&text)?;
@@ -367,7 +418,7 @@ fn files(experiment: &Experiment, store: &Store) -> Result<Files, CliError> {
     let over = experiment.costs.iter().map(|cost| cost.column()).chain([FRAMES]);
     let plots = over.map(|over| plot_name(metric, over));
     let mut outputs = Outputs::default();
-    let named = [CSV, JSON].map(String::from).into_iter().chain(plots).map(|name| {
+    let named = [CSV, JSON, PAGE].map(String::from).into_iter().chain(plots).map(|name| {
         let file = outputs.add("--out", &store.root().file(&name))?;
         Ok((name, file))
     });

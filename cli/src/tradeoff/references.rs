@@ -59,8 +59,6 @@ impl<'a> Wanted<'a> {
     pub fn new(experiment: &Experiment, cell: &Cell, view: &'a View, frame: u32) -> Self {
         let View { place, print, .. } = view;
         let Experiment { spp, mode, .. } = *experiment;
-        // Both halves have as many samples.
-        let spp = spp.next_multiple_of(2);
         let frame = if different(place, &[0, frame]).len() == 1 { 0 } else { frame };
         let take = Take { place, frame, size: cell.size, mode };
         let mut print = *print;
@@ -108,12 +106,20 @@ impl<'a> Wanted<'a> {
         Ok(Reference { converged, noise })
     }
 
+    /// The picture of the reference, if it is in the store.
+    ///
+    /// # Errors
+    /// Files that cannot be read.
+    pub fn picture(&self, store: &Store) -> Result<Option<Picture>, CliError> {
+        Ok(store.reference::<Facts>(&self.key)?.map(|(picture, _)| picture))
+    }
+
     /// Traces the reference unless it is in the store.
     ///
     /// # Errors
     /// Those of [`Wanted::get`].
     pub fn ensure(&self, store: &Store) -> Result<(), CliError> {
-        match store.reference::<Facts>(&self.key)? {
+        match self.picture(store)? {
             Some(_) => Ok(()),
             None => self.get(store).map(drop),
         }

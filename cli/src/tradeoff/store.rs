@@ -4,8 +4,8 @@
 
 use std::{io::ErrorKind, path::Path};
 
-use epigraph_files::{Target, commit};
-use epigraph_pictures::{Picture, exr};
+use epigraph_files::{MOST_DATA, Target, commit};
+use epigraph_pictures::{Picture, exr, png, tone};
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
@@ -17,6 +17,7 @@ pub struct Store {
     // Dropped first: a folder that was made and is empty goes.
     cells: Folder,
     searches: Folder,
+    pictures: Folder,
     references: Folder,
     root: Folder,
 }
@@ -29,8 +30,9 @@ impl Store {
     pub fn new(path: &Path) -> Result<Self, CliError> {
         let root = Folder::new(path)?;
         let folder = |name: &str| Folder::new(&root.file(name));
-        let (cells, searches, references) = (folder("cells")?, folder("searches")?, folder("references")?);
-        Ok(Self { cells, searches, references, root })
+        let (cells, searches) = (folder("cells")?, folder("searches")?);
+        let (pictures, references) = (folder("pictures")?, folder("references")?);
+        Ok(Self { cells, searches, pictures, references, root })
     }
 
     /// The folder.
@@ -55,6 +57,29 @@ impl Store {
         let text =
             serde_json::to_string_pretty(record).expect("a record has no maps with other keys than texts");
         Ok(Target::new(&path)?.write(text.as_bytes())?)
+    }
+
+    /// The last compared picture of a cell as a PNG file, if it is there.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn picture(&self, key: &str) -> Result<Option<Vec<u8>>, CliError> {
+        let path = self.pictures.file(&format!("{key}.png"));
+        match epigraph_files::bytes(&path, MOST_DATA) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            bytes => bytes.map(Some).map_err(|error| CliError::read(&path, error)),
+        }
+    }
+
+    /// Keeps the last compared picture of a cell.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn keep_picture(&self, key: &str, picture: &Picture) -> Result<(), CliError> {
+        let path = self.pictures.file(&format!("{key}.png"));
+        let bytes: Vec<[u8; 3]> = picture.srgb().into_iter().map(|color| color.map(tone::to_byte)).collect();
+        let bytes = png(picture.size, &bytes).map_err(|cause| CliError::write(&path, cause))?;
+        Ok(Target::new(&path)?.write(&bytes)?)
     }
 
     /// The answer of a search, if it is there.

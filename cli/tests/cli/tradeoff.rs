@@ -87,6 +87,10 @@ fn cells_are_measured_kept_and_the_same_in_every_run() {
     for name in ["flip-over-paths_per_pixel.svg", "flip-over-total_ms.svg", "flip-over-frames.svg"] {
         assert!(fs::read_to_string(place.path(&format!("a/{name}"))).expect("written").ends_with("</svg>\n"));
     }
+    // The reference, and the cells of the first seed.
+    let page = fs::read_to_string(place.path("a/page.html")).expect("written");
+    assert_eq!(page.matches("data:image/png;base64,iVBORw0KGgo").count(), 1 + 4);
+    assert!(page.contains("<h1>What do edges bring?</h1>") && page.matches("<svg").count() == 3);
     place.succeeds("tradeoff t.ron --out b --threads 1");
     assert_eq!(errors(&place, "a"), errors(&place, "b"));
 
