@@ -3,6 +3,7 @@
 //! Checking continues after each problem, so that a file's problems are reported together. Nodes that the scene makes
 //! needless are bypassed here, and nodes that nothing reads are left out; both with a reason in words.
 
+mod remedy;
 mod swap;
 
 use std::{
@@ -16,10 +17,10 @@ use self::swap::Differences;
 use crate::{
     error::{GraphError, Problem, Problems, STAGE_KIND, Span, Spanned},
     facts::Facts,
-    file::{Flat, FlatNode, GraphFile, GraphValue, PART_KIND, Source},
+    file::{Flat, FlatNode, GraphFile, GraphValue, NodeDef, PART_KIND, Source},
     id::{FlatId, NodeId},
     params::decimal,
-    port::{Access, Dims, Extent, FieldRef, Lifetime, Meaning, Port, share_of},
+    port::{Access, Dims, Extent, Field, FieldRef, Lifetime, Meaning, Port, share_of},
     registry::{NodeContext, Registry},
     shader::Pass,
     side::{Download, Side},
@@ -266,13 +267,15 @@ impl Graph {
     }
 }
 
-/// The stage of a node, if the inputs are connected that `connected` says.
+/// The stage of `node`, which is a node of the graph or that with other parameters, if the inputs are connected that
+/// `connected` says.
 fn stage(
     flat: &FlatNode,
+    node: &NodeDef,
     registry: &Registry,
     connected: &dyn Fn(&str) -> bool,
 ) -> Result<Box<dyn AnyStage>, Problems> {
-    let FlatNode { def: node, file, places, .. } = flat;
+    let FlatNode { file, places, .. } = flat;
     let Some(kind) = registry.get(&node.kind.value) else {
         let known = registry.kinds().map(|kind| kind.name()).chain([PART_KIND]);
         let error = GraphError::unknown(STAGE_KIND, &node.kind.value, known);
@@ -289,7 +292,7 @@ pub(crate) fn stages(flat: &Flat, registry: &Registry) -> Result<Vec<Box<dyn Any
     let mut problems = Problems::default();
     let mut stages = Vec::new();
     for node in &flat.nodes {
-        match stage(node, registry, &|_| true) {
+        match stage(node, &node.def, registry, &|_| true) {
             Ok(stage) => stages.push(stage),
             Err(found) => problems.append(found),
         }
@@ -432,7 +435,7 @@ impl<'a> Checker<'a> {
     }
 
     fn make(&mut self, index: FlatId, connected: &dyn Fn(&str) -> bool) -> Option<Made> {
-        match stage(&self.flat.nodes[index], self.registry, connected) {
+        match stage(&self.flat.nodes[index], &self.flat.nodes[index].def, self.registry, connected) {
             Ok(stage) => Some(Made { stage }),
             Err(problems) => {
                 for problem in problems.0 {
@@ -531,7 +534,17 @@ impl<'a> Checker<'a> {
             NoPort::Of(node) => {
                 let ports = made[node].iter().flat_map(|made| made.ports());
                 let known = ports.filter(|port| port.is_output()).map(|port| &port.name);
-                GraphError::unknown("output port", &source.port, known)
+                let has_it =
+                    |ports: &[Port]| ports.iter().any(|port| port.is_output() && port.name == source.port);
+                match &self.remedies(node, has_it)[..] {
+                    [] => GraphError::unknown("output port", &source.port, known),
+                    settings => GraphError::Invalid(format!(
+                        "the output `{}` of `{}` needs {}",
+                        source.port,
+                        source.node,
+                        settings.join(" or ")
+                    )),
+                }
             }
         }
     }
@@ -625,13 +638,7 @@ impl<'a> Checker<'a> {
                 let given = full_fields(made, wires, *source);
                 let Some(given) = given else { continue };
                 let wanted = &stage.ports()[port];
-                let fits = wanted.fields.iter().all(|field| {
-                    given
-                        .fields
-                        .iter()
-                        .any(|other| other.name == field.name && field.element.accepts(&other.element))
-                });
-                if fits {
+                if accepts(wanted, given) {
                     continue;
                 }
                 let source_port = Source {
@@ -641,10 +648,16 @@ impl<'a> Checker<'a> {
                 if self.has_other_type(index, wanted, &source_port, given) {
                     continue;
                 }
+                let mut settings = self.remedies(index, |ports| {
+                    ports.iter().any(|port| port.name == wanted.name && accepts(port, given))
+                });
+                settings.extend(self.remedies(source.node, |ports| {
+                    ports.iter().any(|port| port.name == source_port.port && accepts(wanted, port))
+                }));
                 let error = GraphError::Type {
                     port: wanted.name.to_string(),
                     source_port: source_port.to_string(),
-                    expected: describe(wanted),
+                    expected: describe(wanted) + &remedy::or_set(&settings),
                     found: describe(given),
                 };
                 let span = self.input_span(index, &wanted.name);
@@ -969,7 +982,12 @@ impl<'a> Checker<'a> {
                     Ok(Some(expected)) => GraphError::Extent {
                         port: port.clone(),
                         source_port: graph.name(source),
-                        expected: format!("{expected} ({extent})"),
+                        expected: {
+                            let [reader, writer] =
+                                [node, source.node].map(|node| self.index_in_file(&graph.nodes[node].name));
+                            let settings = [self.alike(reader, writer), self.alike(writer, reader)].concat();
+                            format!("{expected} ({extent}){}", remedy::or_set(&settings))
+                        },
                         found: found.to_string(),
                     },
                     Err(text) => GraphError::Invalid(text),
@@ -979,6 +997,15 @@ impl<'a> Checker<'a> {
             }
         }
     }
+}
+
+/// Whether an input takes what another port gives.
+fn accepts(input: &Port, given: &Port) -> bool {
+    let has = |field: &Field| {
+        let same = |other: &Field| other.name == field.name && field.element.accepts(&other.element);
+        given.fields.iter().any(same)
+    };
+    input.fields.iter().all(has)
 }
 
 fn describe(port: &Port) -> String {
