@@ -1,11 +1,11 @@
 //! The search for the number of samples at which a noisy figure reaches a target.
 //!
-//! The figure is measured several times, with another seed each, at some numbers of samples. A number counts as too few
-//! (or enough) only if a t-test says so; between such numbers the search bisects. Where noise does not let it decide, the
-//! answer is an interval. The figure must rise or fall with the samples.
+//! The figure is measured several times, with another seed each, at some numbers of samples. A number counts as too
+//! few (or enough) only if a t-test says so; between such numbers the search bisects. Where noise does not let it
+//! decide, the answer is an interval. The figure must rise or fall with the samples.
 
-/// A value of the normal distribution exceeds this one with a chance of 0.0005: the doubt with which too few samples are
-/// taken for enough, or the other way round.
+/// A value of the normal distribution exceeds this one with a chance of 0.0005: the doubt with which too few samples
+/// are taken for enough, or the other way round.
 const NORMAL_QUANTILE: f64 = 3.290_527;
 
 /// The search ends where the ends of an interval differ by less than this share: 0.5%.
@@ -76,8 +76,8 @@ pub fn search<E>(target: &Target, mut measure: impl FnMut(u32) -> Result<Vec<f64
     if most > fewest {
         at(most, &mut points)?;
     }
-    // The next number is in the middle of the wider of two gaps: between too few and undecided, undecided and enough. As long
-    // as all are decided, both are one.
+    // The next number is in the middle of the wider of two gaps: between too few and undecided, undecided and enough.
+    // As long as all are decided, both are one.
     while let Some(next) = next(&points) {
         at(next, &mut points)?;
     }
@@ -104,7 +104,8 @@ fn sides(points: &[Point]) -> Vec<Option<bool>> {
     points.iter().map(side).collect()
 }
 
-/// The indices of the last point up to which all are surely too few, and of the first one from which all are surely enough.
+/// The indices of the last point up to which all are surely too few, and of the first one from which all are surely
+/// enough.
 fn bounds(points: &[Point]) -> [Option<usize>; 2] {
     let sides = sides(points);
     let few = sides.iter().take_while(|side| **side == Some(true)).count();
@@ -159,8 +160,8 @@ fn crossing(points: &[Point]) -> f64 {
     if slope < 0.0 { (x - y / slope).exp() } else { x.exp() }
 }
 
-/// The quantile of Student's distribution that [`NORMAL_QUANTILE`] is of the normal one, by the expansion in Abramowitz and Stegun, 26.7.5: 1% too low at 8
-/// degrees of freedom, less with more.
+/// The quantile of Student's distribution that [`NORMAL_QUANTILE`] is of the normal one, by the expansion in
+/// Abramowitz and Stegun, 26.7.5: 1% too low at 8 degrees of freedom, less with more.
 fn quantile(freedom: usize) -> f64 {
     let (x, n) = (NORMAL_QUANTILE, freedom.max(1) as f64);
     let terms = [
@@ -196,8 +197,8 @@ mod tests {
         (-2.0 * (1.0 - uniform()).ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
     }
 
-    /// Searches where 0.02 (samples / TRUTH)^-exponent, with relative noise, is 0.02. Returns the answer and the number of
-    /// measurements.
+    /// Searches where 0.02 (samples / TRUTH)^-exponent, with relative noise, is 0.02. Returns the answer and the
+    /// number of measurements.
     fn run(seed: u32, repetitions: u32, noise: f64, exponent: f64) -> (Answer, usize) {
         let target = Target { value: 0.02, falls: exponent > 0.0, ratios: true, range: [10, 60_000] };
         let mut count = 0;

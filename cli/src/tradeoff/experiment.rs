@@ -22,6 +22,9 @@ const VERSION: u32 = 1;
 /// The last frame that can be compared: all before it run too.
 const MOST_FRAMES: u32 = 10_000_000;
 
+/// The most variations of a graph.
+const MOST_VARIATIONS: usize = 10_000;
+
 /// Most values of a range.
 const MOST_STEPS: f64 = 10_000.0;
 
@@ -556,11 +559,21 @@ impl<'t> Reader<'t> {
             _ => None,
         };
         let problem = match goal {
-            None => "a search is for a metric or a cost; write Search(metric: Flip, target: 0.02) or Search(cost: TotalMs, target: 10)".into(),
-            Some(Goal::Metric(metric)) if !metrics.contains(&metric) => format!("add {metric:?} to `metrics`, which leaves it out"),
-            Some(Goal::Cost(cost)) if !cost.is_time() => format!("{cost:?} needs no search; name a time: FrameMs, TraceMs or TotalMs"),
-            _ if fields.target <= 0.0 || !fields.target.is_finite() => format!("the target is {}; expected a number above 0", fields.target),
-            _ if seeds < LEAST_SEEDS => format!("a search compares repetitions; name at least {LEAST_SEEDS} seeds: seeds: [1, 2, 3]"),
+            None => "a search is for a metric or a cost; write Search(metric: Flip, target: 0.02) or \
+                     Search(cost: TotalMs, target: 10)"
+                .into(),
+            Some(Goal::Metric(metric)) if !metrics.contains(&metric) => {
+                format!("add {metric:?} to `metrics`, which leaves it out")
+            }
+            Some(Goal::Cost(cost)) if !cost.is_time() => {
+                format!("{cost:?} needs no search; name a time: FrameMs, TraceMs or TotalMs")
+            }
+            _ if fields.target <= 0.0 || !fields.target.is_finite() => {
+                format!("the target is {}; expected a number above 0", fields.target)
+            }
+            _ if seeds < LEAST_SEEDS => {
+                format!("a search compares repetitions; name at least {LEAST_SEEDS} seeds: seeds: [1, 2, 3]")
+            }
             Some(goal) => return Some(Search { goal, target: fields.target, range: [from, to] }),
         };
         self.problem(raw, problem);
@@ -580,6 +593,17 @@ impl<'t> Reader<'t> {
             }
             names.push(name.clone());
             params.push(self.values(param, values, &name));
+        }
+        let all: usize = match vary {
+            Vary::Grid(_) => params.iter().map(Vec::len).fold(1, usize::saturating_mul),
+            Vary::OneAtATime(_) => params.iter().map(Vec::len).sum::<usize>() + 1,
+        };
+        if all > MOST_VARIATIONS {
+            let text = format!(
+                "{all} variations of each graph; {MOST_VARIATIONS} are the limit: vary less at a time"
+            );
+            self.problem(raw, text);
+            return Vec::new();
         }
         match vary {
             Vary::Grid(_) => params.into_iter().fold(vec![Vec::new()], |grid, values| {
@@ -748,7 +772,8 @@ mod tests {
     #[test]
     fn graphs_have_names_and_changes() {
         let text = "Tradeoff(version: 1, scenes: [\"room\"], graphs: [
-            \"graphs/epi.ron\", (graph: \"epi\", name: \"4 bits\", set: { \"subpixel_bits\": 4 }), (graph: \"epi\", set: { \"a.b\": C }),
+            \"graphs/epi.ron\", (graph: \"epi\", name: \"4 bits\", set: { \"subpixel_bits\": 4 }),
+            (graph: \"epi\", set: { \"a.b\": C }),
         ], quick: (frames: 3), frames: 9)";
         let experiment = Experiment::parse("t.ron", text, true).unwrap();
         let named: Vec<_> = experiment.graphs.iter().map(|graph| &graph.value).collect();
@@ -769,8 +794,55 @@ mod tests {
     }
 
     #[test]
+    fn damaged_experiments_are_refused_or_read() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/tradeoffs");
+        let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let files: Vec<_> = files.filter(|path| path.is_file()).collect();
+        let seeds: Vec<String> = files.iter().map(|path| std::fs::read_to_string(path).unwrap()).collect();
+        let mut random = epigraph_core::testing::Random(3);
+        let (mut read, mut refused) = (0, 0);
+        for nth in 0..3000 {
+            let mut text: Vec<char> = seeds[nth % seeds.len()].chars().collect();
+            for _ in 0..1 + random.below(3) {
+                let at = random.below(text.len() as u32) as usize;
+                let end = (at + random.below(12) as usize).min(text.len());
+                match random.below(4) {
+                    0 => drop(text.drain(at..end)),
+                    1 => {
+                        let copy: Vec<char> = text[at..end].to_vec();
+                        let to = random.below(text.len() as u32) as usize;
+                        text.splice(to..to, copy);
+                    }
+                    2 => {
+                        text[at] = ['(', ')', '[', ']', '{', '}', '"', ',', ':', '9', '-', '\u{e9}']
+                            [random.below(12) as usize]
+                    }
+                    _ => {
+                        let last = text.len() - 1;
+                        text.swap(at, end.min(last));
+                    }
+                }
+                if text.is_empty() {
+                    text.push(' ');
+                }
+            }
+            let text: String = text.into_iter().collect();
+            match Experiment::parse("t.ron", &text, nth % 2 == 0) {
+                Ok(_) => read += 1,
+                Err(problems) => {
+                    refused += 1;
+                    assert!(problems.to_string().starts_with("t.ron:"), "{problems}");
+                }
+            }
+        }
+        assert!(read > 100 && refused > 100, "{read} are read, {refused} refused");
+    }
+
+    #[test]
     fn searches_need_no_budgets() {
-        let text = "seeds: [1, 2, 3], search: [Search(metric: Psnr, target: 30, over: Samples), (cost: TotalMs, target: 9, to: \"50%\")]";
+        let text = "seeds: [1, 2, 3], search: [
+            Search(metric: Psnr, target: 30, over: Samples), (cost: TotalMs, target: 9, to: \"50%\"),
+        ]";
         let experiment = parse(text).unwrap();
         let [first, second] = experiment.searches[..] else { panic!("{experiment:?}") };
         assert_eq!((first.goal, first.target), (Goal::Metric(Metric::Psnr), 30.0));
@@ -802,6 +874,10 @@ mod tests {
                 "t.ron:2:19: a range from 1 to 0 cannot have",
             ),
             ("vary: Grid({ \".a\": [1] })", "t.ron:2:14: expected node.param=value"),
+            (
+                "vary: Grid({ \"a\": Range(from: 1, to: 500, step: 1), \"b\": Range(from: 1, to: 500, step: 1) })",
+                "t.ron:2:7: 250000 variations of each graph; 10000 are the limit",
+            ),
             ("reference: (spp: 1)", "t.ron:2:18: expected an even number of samples per pixel"),
             ("sizes: [\"64\"]", "t.ron:2:10: expected WIDTHxHEIGHT in pixels"),
             ("backend: \"cup\"", "t.ron:2:11: expected auto, gpu or cpu"),

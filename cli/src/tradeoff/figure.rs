@@ -2,7 +2,9 @@
 
 /// Declares an enum whose variants are named in experiment files, each with its column in the results and its unit.
 macro_rules! columns {
-    ($(#[$meta:meta])* $name:ident { $($(#[doc = $doc:literal])+ $variant:ident = $column:literal, $unit:literal;)* }) => {
+    ($(#[$meta:meta])* $name:ident {
+        $($(#[doc = $doc:literal])+ $variant:ident = $column:literal, $unit:literal;)*
+    }) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
         pub enum $name {

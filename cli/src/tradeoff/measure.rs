@@ -55,7 +55,8 @@ pub fn references(study: &Study, cell: &Cell, store: &Store) -> Result<Reference
     reference_frames(study.experiment, cell).into_iter().map(get).collect()
 }
 
-/// Runs the frames of a cell and measures them. Returns the last compared picture too. `frame_done` is called after each frame.
+/// Runs the frames of a cell and measures them. Returns the last compared picture too. `frame_done` is called after
+/// each frame.
 ///
 /// # Errors
 /// Problems of this machine (memory, a missing GPU), stages that fail, and [`CliError::Interrupted`].
@@ -268,7 +269,11 @@ impl Log {
     }
 
     fn costs(&self, plan: &Plan) -> Figures {
-        let is_trace = |step: usize| matches!(plan.steps[step], Step::Run(node) if plan.nodes[node].column == Some(TRACE));
+        let column = |step: usize| match plan.steps[step] {
+            Step::Run(node) => plan.nodes[node].column,
+            _ => None,
+        };
+        let is_trace = |step: usize| column(step) == Some(TRACE);
         // Copies for these figures are no cost of the graph.
         let counts = |step: usize| !matches!(plan.steps[step], Step::Tap { .. });
         let costs = [

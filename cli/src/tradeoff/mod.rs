@@ -119,7 +119,8 @@ fn jobs(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
     }
     for task in open_tasks(study, store)? {
         let Cell { variant, .. } = &task.setting.cell;
-        let line = json!({ "search": task.key, "variant": variant, "view": task.setting.cell.view(), "what": task.label() });
+        let (view, what) = (task.setting.cell.view(), task.label());
+        let line = json!({ "search": task.key, "variant": variant, "view": view, "what": what });
         print(&format!("{line}\n"))?;
     }
     Ok(())
@@ -288,8 +289,8 @@ impl Work<'_> {
             .map_err(|error| CliError::Input(format!("--run {job}: {error}; expected a line of --jobs")))?;
         let unknown = |what: &str, key: &str| {
             CliError::Input(format!(
-                "--run: the experiment has no {what} {key}; the experiment, a file that it names, or the program has changed \
-                 since --jobs, or --quick differs"
+                "--run: the experiment has no {what} {key}; the experiment, a file that it names, or the program has \
+                 changed since --jobs, or --quick differs"
             ))
         };
         let open = |key: &str| -> Result<bool, CliError> {
@@ -343,7 +344,8 @@ impl Work<'_> {
         let compare: Vec<String> = compare.iter().map(u32::to_string).collect();
         let cpu = self.machine["cpu"].as_str().unwrap_or_default();
         format!(
-            "{cells} cells of {frames} frames; frames {} compared with references of {spp} samples per pixel; {}, {cpu}; epigraph {}",
+            "{cells} cells of {frames} frames; frames {} compared with references of {spp} samples per pixel; {}, \
+             {cpu}; epigraph {}",
             compare.join(", "),
             device.side,
             env!("CARGO_PKG_VERSION")

@@ -76,7 +76,8 @@ pub fn page(
         .iter()
         .map(|shown| {
             let src = format!("data:image/png;base64,{}", STANDARD.encode(&shown.png));
-            json!({ "view": shown.view, "label": shown.label, "figures": shown.figures, "size": shown.size, "src": src })
+            let Shown { view, label, figures, size, .. } = shown;
+            json!({ "view": view, "label": label, "figures": figures, "size": size, "src": src })
         })
         .collect();
     // Within a script, only `</script>` would end it.

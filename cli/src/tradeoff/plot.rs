@@ -66,8 +66,8 @@ struct Plot<'a> {
     panels: Vec<Panel>,
 }
 
-/// A metric over a cost: a point for each set of repetitions, a line for each variation of a graph. `None` if there is
-/// nothing to show.
+/// A metric over a cost: a point for each set of repetitions, a line for each variation of a graph. `None` if there
+/// is nothing to show.
 pub fn over_cost(doc: &str, records: &[Record], metric: Metric, cost: Cost) -> Option<String> {
     let naming = Naming::of(records);
     let point = |group: &[Record]| {
@@ -103,8 +103,8 @@ pub fn over_cost(doc: &str, records: &[Record], metric: Metric, cost: Cost) -> O
     .svg()
 }
 
-/// A metric over the compared frames: a line for each variation of a graph at each budget. `None` if fewer than two frames
-/// are compared.
+/// A metric over the compared frames: a line for each variation of a graph at each budget. `None` if fewer than two
+/// frames are compared.
 pub fn over_frames(doc: &str, records: &[Record], metric: Metric) -> Option<String> {
     let naming = Naming::of(records);
     let several = |record: &Record| record.cell.compare.len() > 1;

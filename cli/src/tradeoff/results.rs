@@ -220,9 +220,9 @@ pub fn mean(records: &[Record], column: &str) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Whether a picture is as near to its reference as the reference to the truth, so that more says nothing: its FLIP is not
-/// above that of the reference's halves, or its RMSE not above sqrt(2) times the reference's, of which half the square
-/// is the reference's own. `None` if neither was measured.
+/// Whether a picture is as near to its reference as the reference to the truth, so that more says nothing: its FLIP
+/// is not above that of the reference's halves, or its RMSE not above sqrt(2) times the reference's, of which half
+/// the square is the reference's own. `None` if neither was measured.
 fn at_noise(record: &Record) -> Option<bool> {
     let [flip, rmse, _] = NOISE.map(|(name, _)| record.figure(name));
     let flip = record.figure(Metric::Flip.column()).zip(flip).map(|(found, noise)| found <= noise);

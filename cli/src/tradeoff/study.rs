@@ -215,8 +215,8 @@ impl<'e> Study<'e> {
             let ([from, to], [width, height]) = (task.range(), task.setting.cell.size);
             if from > to || to > width * height {
                 let text = format!(
-                    "the search for {} is from {from} to {to} samples in an image of {width}x{height}; expected rising numbers, \
-                     at most one per pixel",
+                    "the search for {} is from {from} to {to} samples in an image of {width}x{height}; expected rising \
+                     numbers, at most one per pixel",
                     task.label()
                 );
                 return Err(CliError::Input(text));
@@ -225,8 +225,8 @@ impl<'e> Study<'e> {
         Ok(tasks)
     }
 
-    /// Compiles a graph for a view. Returns the light paths of a sample, if a node has them, and a fingerprint of the graph
-    /// with its shaders.
+    /// Compiles a graph for a view. Returns the light paths of a sample, if a node has them, and a fingerprint of the
+    /// graph with its shaders.
     fn check(
         &self,
         variation: &Variation,
@@ -265,7 +265,8 @@ impl<'e> Study<'e> {
         let Cell { size, frames, compare, samples, seed, .. } = cell;
         write!(
             print,
-            " {} {graph} {} {path:?} {adapter:?} {size:?} {frames} {compare:?} {samples} {seed} {spp} {mode:?} {metrics:?}",
+            " {} {graph} {} {path:?} {adapter:?} {size:?} {frames} {compare:?} {samples} {seed} {spp} {mode:?} \
+             {metrics:?}",
             self.build, self.device.side
         )
         .expect("a fingerprint takes all text");
@@ -434,7 +435,8 @@ mod tests {
         let text = |value, paths| of(value, paths).unwrap_err().to_string();
         assert_eq!(
             text(Budget::PathsPerPixel(8.0), Some(4)),
-            "t.ron: 8 paths/pixel is 10000 samples of 4 paths, more than one per pixel; an image of 100x50 has 5000 pixels"
+            "t.ron: 8 paths/pixel is 10000 samples of 4 paths, more than one per pixel; an image of 100x50 has 5000 \
+             pixels"
         );
         assert!(text(Budget::PathsPerPixel(1.0), None).contains("`mine` has no node with samples"));
         assert!(
