@@ -1,4 +1,4 @@
-//! Ctrl-C: work ends at the next frame or row of pixels, and files are complete or untouched. A second Ctrl-C ends the
+//! Ctrl-C: work ends at the next frame or pixel, and files are complete or untouched. A second Ctrl-C ends the
 //! program at once.
 
 use std::{

@@ -96,12 +96,13 @@ pub fn trace(
     settings: &TraceSettings,
     seed: u32,
 ) -> Result<Vec<[f32; 3]>, CliError> {
-    let bar = progress::bar(size[1].into(), label, "rows");
-    let row_done = || {
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    let bar = progress::bar(pixels, label, "pixels");
+    let pixel_done = || {
         bar.inc(1);
         !interrupt::asked()
     };
-    let colors = reference::render(tracer, camera, size, spp, settings, seed.into(), &row_done);
+    let colors = reference::render(tracer, camera, size, spp, settings, seed.into(), &pixel_done);
     bar.finish_and_clear();
     let colors = colors.ok_or(CliError::Interrupted)?;
     Ok(colors.into_iter().map(Into::into).collect())

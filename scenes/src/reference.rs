@@ -11,7 +11,7 @@ use crate::{Camera, Rng, TraceSettings, Tracer};
 /// Renders an image of `size` pixels, rows from the top, each the mean of `spp` samples spread evenly over the
 /// pixel's area (box filter); each sample carries `settings.spp` light paths. The same bits on any number of threads.
 ///
-/// `row_done` is called once for each finished row, from any thread. Where it returns false, the rows that are not yet
+/// `pixel_done` is called once for each finished pixel, from any thread. Where it returns false, the pixels that are not yet
 /// begun are left out and there is no image.
 pub fn render(
     tracer: &Tracer,
@@ -20,16 +20,16 @@ pub fn render(
     spp: u32,
     settings: &TraceSettings,
     seed: u64,
-    row_done: &(dyn Fn() -> bool + Sync),
+    pixel_done: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<Vec3>> {
     let [width, height] = size.map(|n| n as usize);
     let mut image = vec![Vec3::ZERO; width * height];
     let rows = image.par_chunks_mut(width.max(1)).enumerate();
     let whole = rows.try_for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
+        row.iter_mut().enumerate().try_for_each(|(x, pixel)| {
             *pixel = render_pixel(tracer, camera, size, [x, y], spp.max(1), settings, seed);
-        }
-        row_done().then_some(())
+            pixel_done().then_some(())
+        })
     });
     whole.map(|()| image)
 }

@@ -445,26 +445,26 @@ fn reference_image_is_the_same_on_any_number_of_threads_and_converges() {
 }
 
 #[test]
-fn reference_pixels_are_averaged_over_their_area_and_each_row_is_reported_once() {
+fn reference_pixels_are_averaged_over_their_area_and_each_is_reported_once() {
     let mut stage = Stage::new(1.0);
     // The left half of the view is emissive, the right half black. The image is one row of three pixels.
     stage.quad(Vec3::new(-9.0, -9.0, -1.0), Vec3::X * 9.0, Vec3::Y * 18.0, diffuse(), 0.0, 1.0);
     let (tracer, camera) = (stage.tracer(), Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0));
-    let rows = std::sync::atomic::AtomicUsize::new(0);
+    let pixels = std::sync::atomic::AtomicUsize::new(0);
     let render = |size, stop_at| {
-        rows.store(0, Ordering::Relaxed);
-        let row_done = || rows.fetch_add(1, Ordering::Relaxed) + 1 < stop_at;
-        reference::render(&tracer, &camera, size, 64, &settings(Mode::Direct, 1), 0, &row_done)
+        pixels.store(0, Ordering::Relaxed);
+        let pixel_done = || pixels.fetch_add(1, Ordering::Relaxed) + 1 < stop_at;
+        reference::render(&tracer, &camera, size, 64, &settings(Mode::Direct, 1), 0, &pixel_done)
     };
     let image = render([3, 1], usize::MAX).unwrap();
     assert_eq!(image[0], Vec3::ONE);
     assert_near(image[1].x, 0.5, 1e-6);
     assert_eq!(image[2], Vec3::ZERO);
-    assert_eq!(rows.load(Ordering::Relaxed), 1);
-    assert!(render([3, 9], usize::MAX).is_some() && rows.load(Ordering::Relaxed) == 9);
-    // A stopped render returns no image and skips the rows that have not begun.
+    assert_eq!(pixels.load(Ordering::Relaxed), 3);
+    assert!(render([3, 9], usize::MAX).is_some() && pixels.load(Ordering::Relaxed) == 27);
+    // A stopped render returns no image and skips the pixels that have not begun.
     assert_eq!(render([3, 1000], 1), None);
-    assert!(rows.load(Ordering::Relaxed) < 1000);
+    assert!(pixels.load(Ordering::Relaxed) < 100);
 }
 
 #[test]
