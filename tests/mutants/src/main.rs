@@ -236,6 +236,7 @@ fn files(root: &Path, folder: &str) -> Result<Vec<String>, Box<dyn Error>> {
 fn is_source(path: &str) -> bool {
     path.ends_with(".rs")
         && !path.ends_with("tests.rs")
+        && !path.ends_with("/cases.rs")
         && !path.contains("/tests/")
         && !path.ends_with("/testing.rs")
 }
@@ -329,15 +330,16 @@ fn compile(
                 around.min_by_key(|(_, place)| place.len())
             });
             // What a mutant borrows can be in the way of another statement: then all mutants near it go.
-            let near = || {
-                let start = spans.iter().map(|at| at.start).min().unwrap_or(0).saturating_sub(NEAR);
-                let end = spans.iter().map(|at| at.end).max().unwrap_or(0) + NEAR;
+            let near = |distance: usize| {
+                let start = spans.iter().map(|at| at.start).min().unwrap_or(0).saturating_sub(distance);
+                let end = spans.iter().map(|at| at.end).max().unwrap_or(0) + distance;
                 here().filter(move |(_, place)| place.start < end && start < place.end)
             };
-            match innermost {
-                Some((mutant, _)) => drop(broken.insert(*mutant)),
-                None if near().count() > 0 => broken.extend(near().map(|(mutant, _)| *mutant)),
-                None => return Err(format!("an error that is no mutant's\n{text}").into()),
+            let distance = NEAR.into_iter().find(|&distance| near(distance).count() > 0);
+            match (innermost, distance) {
+                (Some((mutant, _)), _) => drop(broken.insert(*mutant)),
+                (None, Some(distance)) => broken.extend(near(distance).map(|(mutant, _)| *mutant)),
+                (None, None) => return Err(format!("an error that is no mutant's\n{text}").into()),
             }
         }
         assert!(broken.len() > before, "errors that leaving out mutants does not mend");
@@ -371,8 +373,8 @@ struct Trouble {
     text: String,
 }
 
-/// Bytes around an error in which mutants may be its cause.
-const NEAR: usize = 400;
+/// Bytes around an error in which mutants may be its cause: the nearest that there are.
+const NEAR: [usize; 3] = [400, 1600, 6400];
 
 /// The compiler's errors about the copy.
 fn errors(copy: &Path, place: &Path) -> Result<Vec<Trouble>, Box<dyn Error>> {
