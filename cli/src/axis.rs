@@ -55,10 +55,7 @@ impl Linear {
 
     /// Four to nine multiples of a power of ten, or of two or five of them.
     pub fn ticks(&self) -> Vec<f64> {
-        let rough = (self.high - self.low) / 8.0;
-        let power = 10f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= rough);
-        let step = step.unwrap_or(rough);
+        let step = round_step((self.high - self.low) / 8.0);
         let nth = |value: f64| (value / step).ceil() as i64;
         (nth(self.low)..=nth(self.high))
             .map(|nth| nth as f64 * step)
@@ -114,6 +111,12 @@ pub fn span(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let [low, high] =
         values.fold([f64::INFINITY, 0.0], |[low, high], value| [low.min(value), f64::max(high, value)]);
     (low > 0.0 && low.is_finite()).then_some([low, high])
+}
+
+/// 1, 2 or 5 times a power of ten, at least `least`.
+pub fn round_step(least: f64) -> f64 {
+    let power = 10f64.powf(least.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= least).unwrap_or(least)
 }
 
 /// A number without trailing zeros.

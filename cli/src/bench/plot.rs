@@ -13,7 +13,10 @@ use super::{
     report::{Report, by_line, ms},
     times::Times,
 };
-use crate::axis::{Log, number, span};
+use crate::{
+    axis::{Axis, Log, number, round_step, span},
+    svg::{GRID, HEADING, LABEL, QUIET, TITLE, grid},
+};
 
 /// Width of the picture, pixels.
 const WIDTH: f64 = 1280.0;
@@ -29,12 +32,8 @@ const REST: &str = "#c4c4c8";
 const LINES: [[&str; 3]; 3] =
     [["#2563a8", "#c0392b", "#7d5ba6"], ["#2f8f4e", "#d9822b", "#7d5ba6"], ["#0fa3a3", "#b5496b", "#7d5ba6"]];
 
-const TITLE: Font = Font { size: 22.0, color: "#1b1f24", bold: true };
-const HEADING: Font = Font { size: 14.0, color: "#1b1f24", bold: true };
-const LABEL: Font = Font { size: 12.5, color: "#30363d", bold: false };
-const QUIET: Font = Font { size: 11.5, color: "#6e7781", bold: false };
+/// A warning.
 const LOUD: Font = Font { size: 12.5, color: "#b42318", bold: true };
-const GRID: &str = "#e3e6ea";
 
 /// Left and right ends of the bars in milliseconds, and of the bars in shares.
 const BARS: [f64; 2] = [MARGIN + 128.0, 760.0];
@@ -111,7 +110,7 @@ fn bars(svg: &mut Svg, report: &Report, top: f64) -> f64 {
     svg.text([SHARES[0], top], "share of the frame", Anchor::Start, HEADING);
     let heights = report.scenes().map(|rows| 34.0 + scene_bars(report, rows).len() as f64 * ROW);
     let bottom = top + 26.0 + heights.sum::<f64>();
-    let step = nice_step(most / 6.0);
+    let step = round_step(most / 6.0);
     let ticks = (0..).map(|tick| f64::from(tick) * step).take_while(|value| *value <= most);
     axis(svg, ticks.map(|value| (BARS[0] + value * per_ms, number(value))), [top + 26.0, bottom]);
     let quarters = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -226,18 +225,9 @@ fn color(row: &Row) -> &'static str {
 fn panel(svg: &mut Svg, rows: &[(f64, &Row)], title: &str, [left, top]: [f64; 2], [width, height]: [f64; 2]) {
     let frames = || rows.iter().map(|(_, row)| row.measured.times.frame);
     let (Some(xs), Some(ys)) = (span(rows.iter().map(|(x, _)| *x)), span(frames())) else { return };
-    let across = Log::new(xs, [left, left + width]);
-    let down = Log::new(ys, [top + height, top]);
-    for value in across.ticks() {
-        let x = across.at(value);
-        svg.line([x, top], [x, top + height], GRID, 1.0);
-        svg.text([x, top + height + 15.0], &short(value), Anchor::Middle, QUIET);
-    }
-    for value in down.ticks() {
-        let y = down.at(value);
-        svg.line([left, y], [left + width, y], GRID, 1.0);
-        svg.text([left - 6.0, y + 4.0], &number(value), Anchor::End, QUIET);
-    }
+    let across = Axis::Log(Log::new(xs, [left, left + width]));
+    let down = Axis::Log(Log::new(ys, [top + height, top]));
+    grid(svg, [&across, &down], [left, top], [width, height], [short, number]);
     svg.text([left + width / 2.0, top + height + 34.0], title, Anchor::Middle, LABEL);
     for rows in by_line(rows) {
         let color = color(rows[0].1);
@@ -248,12 +238,6 @@ fn panel(svg: &mut Svg, rows: &[(f64, &Row)], title: &str, [left, top]: [f64; 2]
             svg.dot(*point, 3.5, color);
         }
     }
-}
-
-/// 1, 2 or 5 times a power of ten, at least `least`.
-fn nice_step(least: f64) -> f64 {
-    let power = 10f64.powf(least.log10().floor());
-    [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= least).unwrap_or(least)
 }
 
 /// A count in short form: 1.3M.
@@ -271,7 +255,7 @@ mod tests {
 
     #[test]
     fn axes_show_round_numbers() {
-        assert_eq!([0.7, 1.0, 13.0, 420.0].map(nice_step), [1.0, 1.0, 20.0, 500.0]);
+        assert_eq!([0.7, 1.0, 13.0, 420.0].map(round_step), [1.0, 1.0, 20.0, 500.0]);
         assert_eq!([500.0, 20_000.0, 1_300_000.0].map(short), ["500", "20k", "1.3M"]);
     }
 }

@@ -7,9 +7,9 @@ use super::{
     report::{Report, by_graph},
 };
 use crate::{
-    axis::{Log, number, span},
+    axis::{Axis, Log, number, span},
     edge_mask,
-    svg::{GRID, HEADING, LABEL, LINES, QUIET, TITLE},
+    svg::{HEADING, LABEL, QUIET, TITLE, grid, line_color},
 };
 
 /// Left and right margin, pixels.
@@ -51,14 +51,14 @@ pub fn svg(report: &Report) -> String {
             };
             let left = MARGIN + NUMBERS + STEP[0] * place(columns);
             let top = TOP + STEP[1] * place(rows);
-            let across = Log::new(xs, [left, left + PANEL[0]]);
-            let down = Log::new(ys, [top + PANEL[1], top]);
+            let across = Axis::Log(Log::new(xs, [left, left + PANEL[0]]));
+            let down = Axis::Log(Log::new(ys, [top + PANEL[1], top]));
             axes(&mut svg, &across, &down, [left, top]);
             let title = format!("{}, {}", group[0].scene, group[0].camera);
             svg.text([left, top - 9.0], &title, Anchor::Start, HEADING);
             for line in by_graph(group) {
                 let at = |row: &Row, flip: f64| [across.at(percent(report, row)), down.at(flip)];
-                draw(&mut svg, line, at, color(&graphs, &line[0].graph));
+                draw(&mut svg, line, at, line_color(&graphs, &line[0].graph));
             }
         }
     }
@@ -98,29 +98,15 @@ fn heading(svg: &mut Svg, report: &Report, graphs: &[&str]) {
         x += 31.0 + 7.0 * text.chars().count() as f64 + 18.0;
     };
     for graph in graphs {
-        entry(graph, color(graphs, graph), WHOLE.0, WHOLE.1);
+        entry(graph, line_color(graphs, graph), WHOLE.0, WHOLE.1);
     }
     let near = format!("thin: within {} pixels of reference edges", edge_mask::REACH);
     entry(&near, QUIET.color, EDGES.0, EDGES.1);
 }
 
-fn axes(svg: &mut Svg, across: &Log, down: &Log, [left, top]: [f64; 2]) {
+fn axes(svg: &mut Svg, across: &Axis, down: &Axis, [left, top]: [f64; 2]) {
     let [width, height] = PANEL;
-    for value in across.ticks() {
-        let x = across.at(value);
-        svg.line([x, top], [x, top + height], GRID, 1.0);
-        svg.text([x, top + height + 15.0], &format!("{}%", number(value)), Anchor::Middle, QUIET);
-    }
-    for value in down.ticks() {
-        let y = down.at(value);
-        svg.line([left, y], [left + width, y], GRID, 1.0);
-        svg.text([left - 6.0, y + 4.0], &number(value), Anchor::End, QUIET);
-    }
+    grid(svg, [across, down], [left, top], PANEL, [|value| format!("{}%", number(value)), number]);
     let middle = left + width / 2.0;
     svg.text([middle, top + height + 33.0], "samples per frame, in % of the pixels", Anchor::Middle, LABEL);
-}
-
-fn color(graphs: &[&str], graph: &str) -> &'static str {
-    let nth = graphs.iter().position(|known| *known == graph).unwrap_or(0);
-    LINES[nth % LINES.len()]
 }

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     axis::{Axis, number},
-    svg::{GRID, HEADING, LABEL, LINES, QUIET, TITLE},
+    svg::{HEADING, LABEL, LINES, QUIET, TITLE, grid, line_color},
 };
 
 /// Left and right margin, pixels.
@@ -249,7 +249,7 @@ impl Plot<'_> {
             if x > MARGIN && x + entry > width - MARGIN {
                 (x, y) = (MARGIN, y + LINE);
             }
-            let color = color(names, name);
+            let color = line_color(names, name);
             svg.line([x, y - 4.0], [x + 24.0, y - 4.0], color, 2.4);
             svg.dot([x + 12.0, y - 4.0], 3.8, color);
             svg.text([x + 31.0, y], name, Anchor::Start, LABEL);
@@ -260,16 +260,7 @@ impl Plot<'_> {
 
     fn axes(&self, svg: &mut Svg, across: &Axis, down: &Axis, [left, top]: [f64; 2]) {
         let [width, height] = PANEL;
-        for value in across.ticks() {
-            let x = across.at(value);
-            svg.line([x, top], [x, top + height], GRID, 1.0);
-            svg.text([x, top + height + 15.0], &short(value), Anchor::Middle, QUIET);
-        }
-        for value in down.ticks() {
-            let y = down.at(value);
-            svg.line([left, y], [left + width, y], GRID, 1.0);
-            svg.text([left - 6.0, y + 4.0], &short(value), Anchor::End, QUIET);
-        }
+        grid(svg, [across, down], [left, top], PANEL, [short; 2]);
         let scale = |logarithmic| if logarithmic { ", logarithmic" } else { "" };
         let name = format!("{}{}", self.across.0, scale(self.across.1));
         svg.text([left + width / 2.0, top + height + 34.0], &name, Anchor::Middle, LABEL);
@@ -289,7 +280,7 @@ impl Panel {
         for series in &self.series {
             let mut points: Vec<[f64; 2]> = series.points.iter().filter(shown).map(screen).collect();
             points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            let color = color(names, &series.group);
+            let color = line_color(names, &series.group);
             svg.polyline(&points, color, 2.0);
             points.into_iter().for_each(|point| svg.dot(point, 3.6, color));
         }
@@ -346,15 +337,13 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-fn color(names: &[&str], name: &str) -> &'static str {
-    let nth = names.iter().position(|known| *known == name).unwrap_or(0);
-    LINES[nth % LINES.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tradeoff::cell::tests::{cell, record};
+    use crate::{
+        svg::GRID,
+        tradeoff::cell::tests::{cell, record},
+    };
 
     fn point(x: f64, y: f64) -> Point {
         Point { at: [x, y], text: String::new() }
