@@ -128,26 +128,35 @@ fn jobs(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
 
 /// The cells that are not measured yet.
 fn open_cells<'s>(study: &'s Study, store: Option<&Store>) -> Result<Vec<&'s Cell>, CliError> {
+    open(&study.cells, store, is_open_cell)
+}
+
+/// The searches that have no answer yet.
+fn open_tasks<'s>(study: &'s Study, store: Option<&Store>) -> Result<Vec<&'s Task>, CliError> {
+    open(&study.tasks, store, is_open_task)
+}
+
+/// Those of a list that are not done; without a folder, all.
+fn open<'s, T>(
+    all: &'s [T],
+    store: Option<&Store>,
+    is_open: impl Fn(&T, &Store) -> Result<bool, CliError>,
+) -> Result<Vec<&'s T>, CliError> {
     let mut open = Vec::new();
-    for cell in &study.cells {
-        let record = store.map(|store| store.cell(&cell.key)).transpose()?.flatten();
-        if record.is_none_or(|record| record.measured().is_none()) {
-            open.push(cell);
+    for one in all {
+        if store.map_or(Ok(true), |store| is_open(one, store))? {
+            open.push(one);
         }
     }
     Ok(open)
 }
 
-/// The searches that have no answer yet.
-fn open_tasks<'s>(study: &'s Study, store: Option<&Store>) -> Result<Vec<&'s Task>, CliError> {
-    let mut open = Vec::new();
-    for task in &study.tasks {
-        let found = store.map(|store| store.search(&task.key)).transpose()?.flatten();
-        if found.is_none_or(|found| matches!(found.result, Reached::Failed(_))) {
-            open.push(task);
-        }
-    }
-    Ok(open)
+fn is_open_cell(cell: &Cell, store: &Store) -> Result<bool, CliError> {
+    Ok(store.cell(&cell.key)?.is_none_or(|record| record.measured().is_none()))
+}
+
+fn is_open_task(task: &Task, store: &Store) -> Result<bool, CliError> {
+    Ok(store.search(&task.key)?.is_none_or(|found| matches!(found.result, Reached::Failed(_))))
 }
 
 /// The references that a cell needs.
@@ -293,27 +302,23 @@ impl Work<'_> {
                  changed since --jobs, or --quick differs"
             ))
         };
-        let open = |key: &str| -> Result<bool, CliError> {
-            let cells = open_cells(self.study, Some(self.store))?;
-            let tasks = open_tasks(self.study, Some(self.store))?;
-            Ok(cells.iter().any(|cell| cell.key == key) || tasks.iter().any(|task| task.key == key))
-        };
         let (label, failed) = match &key {
             Key::Cell(key) => {
                 let cell = self.study.cells.iter().find(|cell| cell.key == *key);
                 let cell = cell.ok_or_else(|| unknown("cell", key))?;
-                if open(key)? {
+                if is_open_cell(cell, self.store)? {
                     self.run_cells(&[cell])?;
                 }
-                (cell.label(), open(key)?)
+                (cell.label(), is_open_cell(cell, self.store)?)
             }
             Key::Search(key) => {
                 let task = self.study.tasks.iter().find(|task| task.key == *key);
                 let task = task.ok_or_else(|| unknown("search", key))?;
-                if open(key)? {
+                if is_open_task(task, self.store)? {
                     self.run_tasks(&[task])?;
                 }
-                (format!("search for {} of {}", task.label(), task.setting.cell.variation()), open(key)?)
+                let label = format!("search for {} of {}", task.label(), task.setting.cell.variation());
+                (label, is_open_task(task, self.store)?)
             }
         };
         print(&format!("{label}: {}\n", if failed { "failed" } else { "done" }))?;

@@ -119,10 +119,7 @@ impl<'a> Wanted<'a> {
     /// # Errors
     /// Those of [`Wanted::get`].
     pub fn ensure(&self, store: &Store) -> Result<(), CliError> {
-        match self.picture(store)? {
-            Some(_) => Ok(()),
-            None => self.get(store).map(drop),
-        }
+        if store.has_reference(&self.key)? { Ok(()) } else { self.get(store).map(drop) }
     }
 }
 

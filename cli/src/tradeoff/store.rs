@@ -53,10 +53,7 @@ impl Store {
     /// # Errors
     /// The system's error.
     pub fn keep_cell(&self, record: &Record) -> Result<(), CliError> {
-        let path = self.cells.file(&format!("{}.json", record.cell.key));
-        let text =
-            serde_json::to_string_pretty(record).expect("a record has no maps with other keys than texts");
-        Ok(Target::new(&path)?.write(text.as_bytes())?)
+        keep(&self.cells.file(&format!("{}.json", record.cell.key)), record)
     }
 
     /// The last compared picture of a cell as a PNG file, if it is there.
@@ -96,6 +93,15 @@ impl Store {
     /// The system's error.
     pub fn keep_search(&self, found: &Found) -> Result<(), CliError> {
         keep(&self.searches.file(&format!("{}.json", found.key)), found)
+    }
+
+    /// Whether a reference is there.
+    ///
+    /// # Errors
+    /// What is known of it is there, but is not what this program has written.
+    pub fn has_reference(&self, key: &str) -> Result<bool, CliError> {
+        let [_, facts] = self.reference_paths(key);
+        Ok(read::<Value>(&facts)?.is_some())
     }
 
     /// A reference with what is known of it, if it is there.
