@@ -384,7 +384,6 @@ impl SceneBuilder {
             let what = format!("an origin at ({x}, {y}, {z}), from which camera paths count");
             self.report.add(NoteKind::Added, what, "");
         }
-        let face = |old: usize| kept.partition_point(|&face| face < old);
         Ok(Scene {
             name: name.to_owned(),
             origin: self.origin,
@@ -392,7 +391,7 @@ impl SceneBuilder {
             materials: self.materials,
             textures: Arc::new(self.textures),
             lights: self.lights,
-            added: face(self.added.start)..face(self.added.end),
+            added: faces_of(&self.added, &kept),
             background,
             sky: self.sky,
             camera,
@@ -420,8 +419,7 @@ impl SceneBuilder {
     /// in that of their vertices, so the parts of a body are contiguous in every list.
     fn body(&self, moving: &Moving, kept: &[usize], mesh: &Mesh) -> Body {
         let Moving { motion, triangles, lights, .. } = moving;
-        let face = |old: usize| kept.partition_point(|&face| face < old);
-        let faces = face(triangles.start)..face(triangles.end);
+        let faces = faces_of(triangles, kept);
         let named = || mesh.triangles[faces.clone()].iter().flatten().map(|&vertex| vertex as usize);
         let first = named().min().unwrap_or(0);
         let vertices = first..named().max().map_or(first, |last| last + 1);
@@ -459,6 +457,13 @@ impl SceneBuilder {
             *i = index[*i as usize];
         }
     }
+}
+
+/// The faces of the mesh that are left of a range of added triangles; `kept` has the triangle of each face, in ascending
+/// order.
+fn faces_of(triangles: &Range<usize>, kept: &[usize]) -> Range<usize> {
+    let face = |old: usize| kept.partition_point(|&face| face < old);
+    face(triangles.start)..face(triangles.end)
 }
 
 /// The entries of the triangles that are kept, or none if there are none.

@@ -151,7 +151,6 @@ fn tangents([a, b, c]: [Vec3; 3], [s, t, r]: [Vec2; 3], normal: Vec3) -> Option<
     }
     let along_u = (first * e.y - second * d.y) * area.signum();
     let against_v = (first * e.x - second * d.x) * area.signum();
-    let tangent = (along_u - normal * normal.dot(along_u)).try_normalize()?;
-    let bitangent = normal.cross(tangent);
-    Some((tangent, if bitangent.dot(against_v) < 0.0 { -bitangent } else { bitangent }))
+    let (right, up) = frame(along_u.extend(1.0), normal)?;
+    Some((right, if up.dot(against_v) < 0.0 { -up } else { up }))
 }
