@@ -50,7 +50,8 @@ pub struct ShadowWork {
 }
 
 /// Finds the shadow boundaries of a scene in one pose after another. It keeps the last result and searches only the
-/// events that may have changed. The result equals that of a full search.
+/// events that may have changed. The result equals that of a full search, unless boundaries are missing for lack of
+/// [`ShadowSettings::effort`]: then it depends on the pose of the first search which.
 pub struct ShadowSearch {
     settings: ShadowSettings,
     known: Option<Known>,
@@ -190,7 +191,7 @@ impl Known {
         let mesh = &scene.mesh;
         let blockers = Blockers::new(mesh, &self.around, self.reach);
         let sources: Vec<Source> = scene.lights.iter().filter_map(Source::new).collect();
-        let each = (MEASURED / sources.len().max(1)).clamp(1, mesh.edges.len());
+        let each = (MEASURED / sources.len().max(1)).max(1).min(mesh.edges.len());
         let spent = sources.iter().map(|source| {
             let finder = Finder::new(tracer, &self.receivers, source, settings, self.reach);
             let facing = &blockers.facing(source, 0..mesh.triangles.len());
@@ -199,7 +200,7 @@ impl Known {
             events.map(|event| AMPLE - finder.find(&event, AMPLE, &mut Vec::new())).sum::<u64>()
         });
         let spent: u64 = spent.sum();
-        spent.saturating_mul((mesh.edges.len() / each) as u64) <= settings.effort
+        spent.saturating_mul((mesh.edges.len() / each.max(1)) as u64) <= settings.effort
     }
 }
 

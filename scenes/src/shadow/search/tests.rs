@@ -91,6 +91,16 @@ fn where_too_much_lies_in_one_place_the_rest_is_left_out_and_counted() {
 }
 
 #[test]
+fn a_scene_without_edges_takes_no_effort() {
+    let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+    let mut scene = Scene::empty("", camera, [Vec3::ZERO, Vec3::ONE]);
+    scene.lights.push(Light::Point { position: Vec3::Y, intensity: Vec3::ONE });
+    let settings = ShadowSettings { effort: 1, ..SETTINGS };
+    let found = shadow_segments(&Tracer::new(Arc::new(scene)), &settings, &|_| true).unwrap();
+    assert_eq!(found, ShadowSegments::default());
+}
+
+#[test]
 fn an_incremental_search_equals_a_full_one_to_the_bit() {
     let (mut work, mut changes) = (ShadowWork::default(), 0);
     for seed in 0..6 {
