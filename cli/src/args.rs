@@ -88,7 +88,8 @@ const GALLERY_HELP: &str = "\
 For each scene the gallery shows the last frame as an edge-and-point image and by the render cache, both from the same
 number of samples; an enlarged detail after every step of the algorithm (points, edges, classes, reachability, priority,
 result), as in figure 4 of the papers; and the same detail by both algorithms and in a converged reference. The page,
-gallery.md, gives the command line of every picture. All have exposure 0; graphs with exposure Auto are refused. Files are written only after all pictures are rendered.
+gallery.md, gives the command line of every picture. All have exposure 0; graphs with exposure Auto are refused. Files
+are written only after all pictures are rendered.
 
 Examples:
   epigraph gallery --out gallery                                 all scenes, in a few minutes
@@ -154,7 +155,8 @@ them.
 
 DIR gets results.csv, with a line for each cell, results.json with frames and nodes too, plots, page.html with pictures
 side by side, and folders. Finished cells and references are kept there: the same command goes on after an interruption,
-and measures again only what has changed or failed. With the same program, machine and backend, errors are the same to the last digit in every run; times are not.
+and measures again only what has changed or failed. With the same program, machine and backend, errors are the same to
+the last digit in every run; times are not.
 
 Examples:
   epigraph tradeoff graphs/tradeoffs/budgets.ron --quick --out budgets    a first impression
