@@ -12,15 +12,18 @@ use epigraph_stages::{
 };
 
 use crate::{
-    both,
+    Group, both,
     interval::{Interval, Number, ulp},
+    measured,
     table::{Expected, Measure, Row, Unit, markdown, rounded_up},
 };
 
 /// The bits of infinity: no point.
 const NONE: u32 = 0x7F80_0000;
 
-pub static ROWS: crate::Group = LazyLock::new(|| vec![means(), seed_exact(), votes(), reachable_votes()]);
+pub static ROWS: Group = LazyLock::new(|| {
+    measured(&[|| vec![means()], || vec![seed_exact()], || vec![votes()], || vec![reachable_votes()]])
+});
 
 // ---- Encodings
 

@@ -8,11 +8,13 @@
 //! Each group of stages has a file, with a list of [`Row`]s that is measured once. The document's tables are those rows;
 //! a bound that is too small fails where it is exceeded, one that is too large in [`Measure::row`](table::Measure::row).
 
+mod cloud;
 mod depth;
 mod interval;
+mod project;
 mod table;
 
-use std::{env, fs, path::Path, sync::LazyLock};
+use std::{any::Any, env, fs, panic::catch_unwind, path::Path, sync::LazyLock};
 
 use epigraph_core::testing::{Both, run_both};
 use table::Row;
@@ -20,14 +22,32 @@ use table::Row;
 /// The rows of a group of stages, measured at the first use.
 type Group = LazyLock<Vec<Row>>;
 
+/// The rows of all these functions.
+///
+/// # Panics
+/// With the messages of all that fail.
+fn measured(functions: &[fn() -> Vec<Row>]) -> Vec<Row> {
+    let results = functions.iter().map(catch_unwind);
+    let (rows, errors): (Vec<_>, Vec<_>) = results.partition(Result::is_ok);
+    let text = |error: Box<dyn Any + Send>| error.downcast_ref::<String>().cloned().unwrap_or_default();
+    let errors: Vec<_> = errors.into_iter().filter_map(Result::err).map(text).collect();
+    assert!(errors.is_empty(), "{} failed:\n{}", errors.len(), errors.join("\n"));
+    rows.into_iter().flatten().flatten().collect()
+}
+
 /// Titles of the groups, and their rows.
-const GROUPS: [(&str, &Group); 1] = [("Projection and depth", &depth::ROWS)];
+const GROUPS: [(&str, &Group); 3] =
+    [("depth", &depth::ROWS), ("projection", &project::ROWS), ("cloud", &cloud::ROWS)];
 
 /// Makes a table with columns of its own.
 type Make = fn() -> String;
 
 /// Such tables, by the names of their places in the document.
-const TABLES: [(&str, Make); 2] = [("shifts of depths", depth::shifts), ("stored depths", depth::encodings)];
+const TABLES: [(&str, Make); 3] = [
+    ("shifts of depths", depth::shifts),
+    ("stored depths", depth::encodings),
+    ("errors of places", project::errors_in_pixels),
+];
 
 /// The document with its tables made anew. Each has its place between two comments.
 fn made_anew(document: &str) -> String {
@@ -37,6 +57,8 @@ fn made_anew(document: &str) -> String {
         tables.push((title.into(), table::markdown(&Row::HEADINGS, &lines)));
     }
     tables.extend(TABLES.map(|(name, make)| (name.to_owned(), make())));
+    let places = document.matches("<!-- table: ").count();
+    assert!(places == tables.len(), "docs/numerics.md has {places} places for {} tables", tables.len());
     let mut text = document.to_owned();
     for (name, table) in tables {
         let (start, end) = (format!("<!-- table: {name} -->\n"), "<!-- end -->");
@@ -55,6 +77,16 @@ fn without_gpu(text: &str) -> String {
         None => line.to_owned(),
     };
     text.lines().map(strip).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn projection_and_depth_hold_what_they_claim() {
+    assert!(!depth::ROWS.is_empty() && !project::ROWS.is_empty());
+}
+
+#[test]
+fn the_cloud_holds_what_it_claims() {
+    assert!(!cloud::ROWS.is_empty());
 }
 
 /// The figures of the CPU are the same on every machine, but for the last digit of mathematical functions; those of the

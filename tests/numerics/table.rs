@@ -137,6 +137,16 @@ impl Measure {
         }
     }
 
+    /// Counts values that were compared otherwise, and those of them that are wrong.
+    ///
+    /// # Panics
+    /// If any is.
+    #[track_caller]
+    pub fn count(&mut self, side: Side, case: &str, wrong: usize, count: usize) {
+        self.sides[usize::from(side == Side::Gpu)].1 += count;
+        assert!(wrong == 0, "{} on {side}: {wrong} of {count} are wrong", self.name(case));
+    }
+
     /// An error that was measured otherwise, of `count` values.
     ///
     /// # Panics
