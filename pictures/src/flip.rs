@@ -317,9 +317,12 @@ pub fn mean(errors: impl IntoIterator<Item = f32>) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use nv_flip::FlipImageRgb8;
 
     use super::*;
+    use crate::{Difference, Picture, tone::to_byte};
 
     /// Two unlike images with smooth parts, edges and noise, as bytes.
     fn images([width, height]: [usize; 2]) -> [Vec<[u8; 3]>; 2] {
@@ -358,6 +361,27 @@ mod tests {
             for (index, (ours, theirs)) in ours.iter().zip(nvidias(&images, size)).enumerate() {
                 assert!((ours - theirs).abs() < 1e-4, "{size:?} pixel {index}: {ours} and {theirs}");
             }
+        }
+    }
+
+    #[test]
+    fn errors_of_stored_pictures_are_as_nvidias_own_code_has_them() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/scikit-image");
+        let read = |name: &str| Picture::read(&folder.join(format!("{name}.png"))).unwrap();
+        let bytes = |picture: &Picture| picture.srgb().into_iter().map(|color| color.map(to_byte)).collect();
+        for (scene, graph) in
+            [("cornell", "epi"), ("cornell", "render-cache"), ("chains", "epi"), ("chains", "render-cache")]
+        {
+            let pictures = [format!("{scene}-converged"), format!("{scene}-{graph}")].map(|name| read(&name));
+            let size = pictures[0].size;
+            let theirs = nvidias(&[bytes(&pictures[0]), bytes(&pictures[1])], size);
+            let ours = Difference::new(&pictures[0], &pictures[1]);
+            for (index, (ours, theirs)) in ours.errors.iter().zip(&theirs).enumerate() {
+                assert!((ours - theirs).abs() < 1e-4, "{scene}, {graph}, {index}: {ours} and {theirs}");
+            }
+            let off = ours.flip() - mean(theirs);
+            println!("{scene}, {graph}: FLIP {}, off by {off}", ours.flip());
+            assert!(off.abs() < 1e-5 && ours.flip() > 0.01, "{scene}, {graph}: {off}");
         }
     }
 

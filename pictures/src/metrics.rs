@@ -71,6 +71,22 @@ pub(crate) fn ssim_of(
     b: impl Fn(usize) -> [f32; 3] + Sync,
     progress: &mut dyn FnMut(usize),
 ) -> f64 {
+    let mut sum = 0.0;
+    // In the order of the image, so that the sum does not depend on the tiles.
+    similarities(size, a, b, |band| {
+        band.iter().for_each(|similarity| sum += similarity);
+        progress(band.len());
+    });
+    sum / (size[0] * size[1]).max(1) as f64
+}
+
+/// The structural similarity around every pixel, handed over in bands of rows from the top.
+fn similarities(
+    size: [usize; 2],
+    a: impl Fn(usize) -> [f32; 3] + Sync,
+    b: impl Fn(usize) -> [f32; 3] + Sync,
+    take: impl FnMut(&[f64]),
+) {
     // Rec. 601 luma, on which the measure was calibrated.
     let luma = |[r, g, b]: [f32; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
     let similarities = |tile: &Tile| -> Vec<f64> {
@@ -90,13 +106,7 @@ pub(crate) fn ssim_of(
         };
         (0..mean_a.len()).map(similarity).collect()
     };
-    let mut sum = 0.0;
-    by_tiles(size, similarities, |band| {
-        // In the order of the image, so that the sum does not depend on the tiles.
-        band.iter().for_each(|similarity| sum += similarity);
-        progress(band.len());
-    });
-    sum / (size[0] * size[1]).max(1) as f64
+    by_tiles(size, similarities, take);
 }
 
 /// Gaussian mean around every pixel of `tile`, row-wise then column-wise, of the values `around` it. Where these end, the
@@ -147,7 +157,10 @@ fn blur(values: &[f64], around: &Tile, tile: &Tile) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::{Difference, Picture};
 
     const SIZE: [usize; 2] = [16, 12];
 
@@ -243,6 +256,33 @@ mod tests {
             assert!((found - expected).abs() < 1e-9, "{found}, expected {expected}");
             assert!((found - about).abs() < 0.2, "{found} for textures that are {blend} alike");
         }
+    }
+
+    #[test]
+    fn psnr_and_ssim_of_stored_pictures_are_those_of_scikit_image() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/scikit-image");
+        let figures = std::fs::read_to_string(folder.join("figures.csv")).unwrap();
+        let read = |name: &str| Picture::read(&folder.join(format!("{name}.png"))).unwrap();
+        let mut count = 0;
+        for line in figures.lines().skip(1) {
+            let fields: Vec<&str> = line.split(',').collect();
+            let [reference, picture] = [0, 1].map(|field| read(fields[field]));
+            let [psnr_there, ssim_there] = [2, 3].map(|field| fields[field].parse::<f64>().unwrap());
+            let difference = Difference::new(&reference, &picture);
+            assert!((difference.psnr() - psnr_there).abs() < 1e-6, "{line}: PSNR is {}", difference.psnr());
+            // Scikit-image takes the mean over the pixels whose window lies in the picture.
+            let size = reference.size;
+            let mut all = Vec::new();
+            similarities(size, |i| reference.srgb_at(i), |i| picture.srgb_at(i), |band| all.extend(band));
+            let whole = all.iter().sum::<f64>() / all.len() as f64;
+            assert!((whole - difference.ssim()).abs() < 1e-12, "{line}");
+            let [columns, rows] = size.map(|side| SSIM_RADIUS..side - SSIM_RADIUS);
+            let within: Vec<f64> = rows.flat_map(|y| &all[y * size[0]..][columns.clone()]).copied().collect();
+            let ssim = within.iter().sum::<f64>() / within.len() as f64;
+            assert!((ssim - ssim_there).abs() < 1e-6, "{line}: SSIM is {ssim}");
+            count += 1;
+        }
+        assert_eq!(count, 4);
     }
 
     #[test]
