@@ -1,163 +1,186 @@
-//! The search for the number of samples at which a noisy figure reaches a target.
+//! The search for the value of a parameter, or the number of samples, at which a noisy figure reaches a target.
 //!
-//! The figure is measured several times, with another seed each, at some numbers of samples. A number counts as too
-//! few (or enough) only if a t-test says so; between such numbers the search bisects. Where noise does not let it
-//! decide, the answer is an interval. The figure must rise or fall with the samples.
+//! The figure is measured several times, with another seed each, at some values. A value counts as too small (or large
+//! enough) only if a t-test says so; between such values the search bisects. Where noise does not let it decide, the
+//! answer is an interval. The figure must rise or fall with the value.
 
-/// A value of the normal distribution exceeds this one with a chance of 0.0005: the doubt with which too few samples
-/// are taken for enough, or the other way round.
+/// A value of the normal distribution exceeds this one with a chance of 0.0005: the doubt with which a value that is too
+/// small is taken for large enough, or the other way round.
 const NORMAL_QUANTILE: f64 = 3.290_527;
 
-/// The search ends where the ends of an interval differ by less than this share: 0.5%.
-const PRECISION: f64 = 1.005;
+/// The search ends where the ends of an interval differ by less: by 0.5%, or on a linear scale by 0.5% of the range.
+const PRECISION: f64 = 0.005;
 
 /// What is searched.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
     /// The figure to reach.
     pub value: f64,
-    /// Whether the figure falls when there are more samples.
-    pub falls: bool,
+    /// Whether the figure falls where the value rises; `None` if the ends of the range are to tell.
+    pub falls: Option<bool>,
     /// Whether ratios of the figure count, not differences. Its noise is then as large a share everywhere.
     pub ratios: bool,
-    /// The fewest and the most samples.
-    pub range: [u32; 2],
+    /// The smallest and the largest value. If both are above 0, the search is over their logarithms.
+    pub range: [f64; 2],
+    /// Whether values are whole numbers.
+    pub whole: bool,
 }
 
-/// The number of samples at which the figure reaches its target.
+/// The value at which the figure reaches its target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// Most likely at `samples`, and hardly ever outside of the interval.
+    /// Most likely at `value`, and hardly ever outside of the interval.
     Within {
-        /// By a line through the figures around the target, over the logarithm of the samples.
-        samples: f64,
-        /// The fewest and the most samples at which it may be.
-        interval: [u32; 2],
+        /// By a line through the figures around the target, over the logarithm of the value or the value itself.
+        value: f64,
+        /// The smallest and the largest value at which it may be.
+        interval: [f64; 2],
     },
-    /// The fewest samples of the range are enough.
-    Fewer,
-    /// The most samples of the range are too few.
-    More,
+    /// At the start of the range, the figure is beyond the target already.
+    Below,
+    /// At the end of the range, it is not there yet.
+    Above,
 }
 
-/// What was measured at a number of samples: distances from the target, positive where samples are too few.
+/// What was measured at a value: distances of the figure from the target, positive where the value is too small.
 struct Point {
-    samples: u32,
-    values: Vec<f64>,
+    value: f64,
+    distances: Vec<f64>,
 }
 
 impl Point {
     fn mean(&self) -> f64 {
-        self.values.iter().sum::<f64>() / self.values.len() as f64
+        self.distances.iter().sum::<f64>() / self.distances.len() as f64
     }
 
     /// The sum of squared deviations from the mean.
     fn squares(&self) -> f64 {
         let mean = self.mean();
-        self.values.iter().map(|value| (value - mean).powi(2)).sum()
+        self.distances.iter().map(|distance| (distance - mean).powi(2)).sum()
     }
 }
 
-/// Searches. `measure` gives the figure at a number of samples, once for each repetition; it is called once for each
-/// number.
+/// Searches. `measure` gives the figure at a value, once for each repetition; it is called once for each value.
 ///
 /// # Errors
 /// Those of `measure`.
-pub fn search<E>(target: &Target, mut measure: impl FnMut(u32) -> Result<Vec<f64>, E>) -> Result<Answer, E> {
-    let mut points: Vec<Point> = Vec::new();
-    let mut at = |samples: u32, points: &mut Vec<Point>| -> Result<(), E> {
-        let values = measure(samples)?.into_iter().map(|figure| target.distance(figure)).collect();
-        points.push(Point { samples, values });
-        points.sort_by_key(|point| point.samples);
-        Ok(())
+pub fn search<E>(target: &Target, mut measure: impl FnMut(f64) -> Result<Vec<f64>, E>) -> Result<Answer, E> {
+    let mut at = |value: f64| -> Result<Point, E> {
+        let distances = measure(value)?.into_iter().map(|figure| target.distance(figure)).collect();
+        Ok(Point { value, distances })
     };
-    let [fewest, most] = target.range;
-    at(fewest, &mut points)?;
-    if most > fewest {
-        at(most, &mut points)?;
+    let [first, last] = target.range;
+    let mut points = vec![at(first)?];
+    if last > first {
+        points.push(at(last)?);
     }
-    // The next number is in the middle of the wider of two gaps: between too few and undecided, undecided and enough.
-    // As long as all are decided, both are one.
-    while let Some(next) = next(&points) {
-        at(next, &mut points)?;
+    let falls = target.falls.unwrap_or_else(|| points[0].mean() > points[points.len() - 1].mean());
+    let turned = |mut point: Point| {
+        if !falls {
+            point.distances.iter_mut().for_each(|distance| *distance = -*distance);
+        }
+        point
+    };
+    let mut points: Vec<Point> = points.into_iter().map(turned).collect();
+    // The next value is in the middle of the wider of two gaps: between too small and undecided, undecided and large
+    // enough. As long as all are decided, both are one.
+    while let Some(next) = target.next(&points) {
+        points.push(turned(at(next)?));
+        points.sort_by(|a, b| a.value.total_cmp(&b.value));
     }
-    Ok(answer(&points))
+    Ok(target.answer(&points))
 }
 
-impl Target {
-    fn distance(&self, figure: f64) -> f64 {
-        let distance = if self.ratios { (figure / self.value).ln() } else { figure - self.value };
-        if self.falls { distance } else { -distance }
-    }
-}
-
-/// For each point, whether its samples are surely too few (`Some(true)`) or enough (`Some(false)`).
+/// For each point, whether its value is surely too small (`Some(true)`) or large enough (`Some(false)`).
 fn sides(points: &[Point]) -> Vec<Option<bool>> {
-    let freedom: usize = points.iter().map(|point| point.values.len().saturating_sub(1)).sum();
-    // The noise is about the same at all numbers of samples, so that all points tell about it.
+    let freedom: usize = points.iter().map(|point| point.distances.len().saturating_sub(1)).sum();
+    // The noise is about the same at all values, so that all points tell about it.
     let variance = points.iter().map(Point::squares).sum::<f64>() / freedom.max(1) as f64;
     let side = |point: &Point| {
-        let bound = quantile(freedom) * (variance / point.values.len() as f64).sqrt();
+        let bound = quantile(freedom) * (variance / point.distances.len() as f64).sqrt();
         let mean = point.mean();
         (mean.abs() > bound).then_some(mean > 0.0)
     };
     points.iter().map(side).collect()
 }
 
-/// The indices of the last point up to which all are surely too few, and of the first one from which all are surely
-/// enough.
+/// The indices of the last point up to which all are surely too small, and of the first one from which all are surely
+/// large enough.
 fn bounds(points: &[Point]) -> [Option<usize>; 2] {
     let sides = sides(points);
-    let few = sides.iter().take_while(|side| **side == Some(true)).count();
+    let small = sides.iter().take_while(|side| **side == Some(true)).count();
     let enough = sides.iter().rev().take_while(|side| **side == Some(false)).count();
-    [few.checked_sub(1), (enough > 0).then(|| points.len() - enough)]
+    [small.checked_sub(1), (enough > 0).then(|| points.len() - enough)]
 }
 
-/// The number of samples to measure next, or `None` at the end.
-fn next(points: &[Point]) -> Option<u32> {
-    let last = points.len() - 1;
-    let [few, enough] = bounds(points);
-    // An end of the range that is on the other side answers the question.
-    if enough == Some(0) || few == Some(last) {
-        return None;
+impl Target {
+    /// How far a figure is above the target.
+    fn distance(&self, figure: f64) -> f64 {
+        if self.ratios { (figure / self.value).ln() } else { figure - self.value }
     }
-    let lower = few.map(|few| [few, few + 1]);
-    let upper = enough.map(|enough| [enough - 1, enough]);
-    let gaps = [lower, upper].into_iter().flatten().map(|gap| gap.map(|index| points[index].samples));
-    let middle = |[a, b]: [u32; 2]| (f64::from(a) * f64::from(b)).sqrt().round() as u32;
-    let open = gaps.filter(|[a, b]| {
-        f64::from(*b) > PRECISION * f64::from(*a) && middle([*a, *b]) != *a && middle([*a, *b]) != *b
-    });
-    open.max_by(|[a, b], [c, d]| (f64::from(*b) / f64::from(*a)).total_cmp(&(f64::from(*d) / f64::from(*c))))
-        .map(middle)
-}
 
-fn answer(points: &[Point]) -> Answer {
-    let last = points.len() - 1;
-    let [few, enough] = bounds(points);
-    if enough == Some(0) {
-        return Answer::Fewer;
+    /// Whether the search is over logarithms.
+    fn is_logarithmic(&self) -> bool {
+        self.range[0] > 0.0
     }
-    if few == Some(last) {
-        return Answer::More;
-    }
-    let (low, high) = (few.unwrap_or(0), enough.unwrap_or(last));
-    let interval = [points[low].samples, points[high].samples];
-    // A line through the points of the interval and the next ones.
-    let around = &points[low.saturating_sub(1)..(high + 2).min(points.len())];
-    let samples = crossing(around).clamp(f64::from(interval[0]), f64::from(interval[1]));
-    Answer::Within { samples, interval }
-}
 
-/// Where the line of least squares through the means, over the logarithm of the samples, crosses zero.
-fn crossing(points: &[Point]) -> f64 {
-    let logs: Vec<[f64; 2]> =
-        points.iter().map(|point| [f64::from(point.samples).ln(), point.mean()]).collect();
-    let mean = |lane: usize| logs.iter().map(|log| log[lane]).sum::<f64>() / logs.len() as f64;
-    let [x, y] = [mean(0), mean(1)];
-    let spread: f64 = logs.iter().map(|log| (log[0] - x).powi(2)).sum();
-    let slope = logs.iter().map(|log| (log[0] - x) * (log[1] - y)).sum::<f64>() / spread;
-    if slope < 0.0 { (x - y / slope).exp() } else { x.exp() }
+    /// The place of a value on the scale of the search.
+    fn place(&self, value: f64) -> f64 {
+        if self.is_logarithmic() { value.ln() } else { value }
+    }
+
+    /// The value at a place on the scale, a whole number if it has to be.
+    fn value(&self, place: f64) -> f64 {
+        let value = if self.is_logarithmic() { place.exp() } else { place };
+        if self.whole { value.round() } else { value }
+    }
+
+    /// The value to measure next, or `None` at the end.
+    fn next(&self, points: &[Point]) -> Option<f64> {
+        let last = points.len() - 1;
+        let [small, enough] = bounds(points);
+        // An end of the range that is on the other side answers the question.
+        if enough == Some(0) || small == Some(last) {
+            return None;
+        }
+        let lower = small.map(|small| [small, small + 1]);
+        let upper = enough.map(|enough| [enough - 1, enough]);
+        let gaps = [lower, upper].into_iter().flatten().map(|gap| gap.map(|index| points[index].value));
+        let width = |[a, b]: [f64; 2]| self.place(b) - self.place(a);
+        let middle = |[a, b]: [f64; 2]| self.value(0.5 * (self.place(a) + self.place(b)));
+        let precise = if self.is_logarithmic() { PRECISION.ln_1p() } else { PRECISION * width(self.range) };
+        let open = gaps.filter(|&gap| width(gap) > precise && !gap.contains(&middle(gap)));
+        open.max_by(|a, b| width(*a).total_cmp(&width(*b))).map(middle)
+    }
+
+    fn answer(&self, points: &[Point]) -> Answer {
+        let last = points.len() - 1;
+        let [small, enough] = bounds(points);
+        if enough == Some(0) {
+            return Answer::Below;
+        }
+        if small == Some(last) {
+            return Answer::Above;
+        }
+        let (low, high) = (small.unwrap_or(0), enough.unwrap_or(last));
+        let interval = [points[low].value, points[high].value];
+        // A line through the points of the interval and the next ones.
+        let around = &points[low.saturating_sub(1)..(high + 2).min(points.len())];
+        let value = self.crossing(around).clamp(interval[0], interval[1]);
+        Answer::Within { value, interval }
+    }
+
+    /// Where the line of least squares through the means crosses zero.
+    fn crossing(&self, points: &[Point]) -> f64 {
+        let of = |point: &Point| [self.place(point.value), point.mean()];
+        let all: Vec<[f64; 2]> = points.iter().map(of).collect();
+        let mean = |lane: usize| all.iter().map(|pair| pair[lane]).sum::<f64>() / all.len() as f64;
+        let [x, y] = [mean(0), mean(1)];
+        let spread: f64 = all.iter().map(|pair| (pair[0] - x).powi(2)).sum();
+        let slope = all.iter().map(|pair| (pair[0] - x) * (pair[1] - y)).sum::<f64>() / spread;
+        let place = if slope < 0.0 { x - y / slope } else { x };
+        if self.is_logarithmic() { place.exp() } else { place }
+    }
 }
 
 /// The quantile of Student's distribution that [`NORMAL_QUANTILE`] is of the normal one, by the expansion in
@@ -200,12 +223,18 @@ mod tests {
     /// Searches where 0.02 (samples / TRUTH)^-exponent, with relative noise, is 0.02. Returns the answer and the
     /// number of measurements.
     fn run(seed: u32, repetitions: u32, noise: f64, exponent: f64) -> (Answer, usize) {
-        let target = Target { value: 0.02, falls: exponent > 0.0, ratios: true, range: [10, 60_000] };
+        let target = Target {
+            value: 0.02,
+            falls: Some(exponent > 0.0),
+            ratios: true,
+            range: [10.0, 60_000.0],
+            whole: true,
+        };
         let mut count = 0;
         let answer = search(&target, |samples| {
             count += 1;
-            let exact = 0.02 * (f64::from(samples) / TRUTH).powf(-exponent);
-            let figure = |nth| exact * (noise * normal([seed, samples, nth])).exp();
+            let exact = 0.02 * (samples / TRUTH).powf(-exponent);
+            let figure = |nth| exact * (noise * normal([seed, samples as u32, nth])).exp();
             Ok::<_, Infallible>((0..repetitions).map(figure).collect())
         });
         (answer.unwrap(), count)
@@ -218,12 +247,12 @@ mod tests {
             let (mut widths, mut off, mut most) = (Vec::new(), Vec::new(), 0);
             for seed in 0..100 {
                 let (answer, count) = run(seed, repetitions, noise, exponent);
-                let Answer::Within { samples, interval: [low, high] } = answer else {
+                let Answer::Within { value, interval: [low, high] } = answer else {
                     panic!("{seed}: {answer:?}")
                 };
-                assert!((f64::from(low)..=f64::from(high)).contains(&TRUTH), "{seed}, {noise}: {answer:?}");
-                widths.push(f64::from(high) / f64::from(low));
-                off.push((samples / TRUTH).ln().abs());
+                assert!((low..=high).contains(&TRUTH), "{seed}, {noise}: {answer:?}");
+                widths.push(high / low);
+                off.push((value / TRUTH).ln().abs());
                 most = most.max(count);
             }
             widths.sort_by(f64::total_cmp);
@@ -242,9 +271,7 @@ mod tests {
     #[test]
     fn another_truth_is_not_within_the_interval() {
         let wrong = |seed| match run(seed, 5, 0.05, 0.4).0 {
-            Answer::Within { interval: [low, high], .. } => {
-                !(f64::from(low)..=f64::from(high)).contains(&(2.0 * TRUTH))
-            }
+            Answer::Within { interval: [low, high], .. } => !(low..=high).contains(&(2.0 * TRUTH)),
             _ => true,
         };
         assert!((0..100).filter(|seed| wrong(*seed)).count() > 95);
@@ -253,35 +280,63 @@ mod tests {
     #[test]
     fn without_noise_the_answer_is_exact() {
         let (answer, count) = run(1, 2, 0.0, 0.4);
-        let Answer::Within { samples, interval } = answer else { panic!("{answer:?}") };
-        assert!(interval[0] <= 1234 && interval[1] >= 1235 && interval[1] - interval[0] <= 8, "{interval:?}");
-        assert!((samples - TRUTH).abs() < 1.0 && count < 16, "{samples} after {count} measurements");
+        let Answer::Within { value, interval: [low, high] } = answer else { panic!("{answer:?}") };
+        assert!(low <= 1234.0 && high >= 1235.0 && high - low <= 8.0, "{low} to {high}");
+        assert!((value - TRUTH).abs() < 1.0 && count < 16, "{value} after {count} measurements");
     }
 
     #[test]
     fn targets_beyond_the_range_are_recognised() {
         let find = |value: f64, falls: bool| {
-            let target = Target { value, falls, ratios: false, range: [1, 100] };
+            let target =
+                Target { value, falls: Some(falls), ratios: false, range: [1.0, 100.0], whole: true };
             let sign = if falls { -1.0 } else { 1.0 };
             search(&target, |samples| {
                 Ok::<_, Infallible>(
-                    (0..3).map(|nth| sign * f64::from(samples) + 0.1 * normal([7, samples, nth])).collect(),
+                    (0..3).map(|nth| sign * samples + 0.1 * normal([7, samples as u32, nth])).collect(),
                 )
             })
             .unwrap()
         };
-        assert_eq!((find(-101.0, true), find(200.0, false)), (Answer::More, Answer::More));
-        assert_eq!((find(0.0, true), find(-3.0, false)), (Answer::Fewer, Answer::Fewer));
+        assert_eq!((find(-101.0, true), find(200.0, false)), (Answer::Above, Answer::Above));
+        assert_eq!((find(0.0, true), find(-3.0, false)), (Answer::Below, Answer::Below));
         assert!(
-            matches!(find(50.5, false), Answer::Within { interval: [50, 51], .. }),
+            matches!(find(50.5, false), Answer::Within { interval: [50.0, 51.0], .. }),
             "{:?}",
             find(50.5, false)
         );
     }
 
     #[test]
+    fn a_fractional_parameter_is_found_whether_the_figure_rises_or_falls() {
+        // The figure crosses its target at 0.3, in a range with or without zero.
+        for (sign, from) in [(1.0, 0.0), (-1.0, 0.0), (1.0, -0.5), (-1.0, 0.01), (1.0, 0.01)] {
+            for seed in 0..100 {
+                let target =
+                    Target { value: 2.0, falls: None, ratios: false, range: [from, 1.0], whole: false };
+                let mut nth = 0;
+                let answer = search(&target, |value| {
+                    let mut figure = || {
+                        nth += 1;
+                        2.0 + sign * (value - 0.3) + 0.02 * normal([seed, 11, nth])
+                    };
+                    Ok::<_, Infallible>((0..4).map(|_| figure()).collect())
+                });
+                let Ok(Answer::Within { value, interval: [low, high] }) = answer else {
+                    panic!("{seed}: {answer:?}")
+                };
+                assert!(
+                    low <= 0.3 && high >= 0.3 && high - low < 0.3,
+                    "{sign}, {from}, {seed}: {low} to {high}"
+                );
+                assert!((value - 0.3).abs() < 0.05, "{sign}, {from}, {seed}: {value}");
+            }
+        }
+    }
+
+    #[test]
     fn an_error_ends_the_search() {
-        let target = Target { value: 1.0, falls: true, ratios: true, range: [1, 100] };
+        let target = Target { value: 1.0, falls: Some(true), ratios: true, range: [1.0, 100.0], whole: true };
         assert_eq!(search(&target, |_| Err("no")), Err("no"));
     }
 

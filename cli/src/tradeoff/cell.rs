@@ -108,6 +108,8 @@ pub struct Found {
     pub key: String,
     /// What is searched in, without budget and seed.
     pub cell: Cell,
+    /// What is searched: `samples`, or a parameter.
+    pub over: String,
     /// The column of the figure.
     pub column: String,
     /// What the figure is to be.
@@ -122,17 +124,17 @@ pub struct Found {
 pub enum Reached {
     /// The target is reached.
     Within {
-        /// Samples per frame, most likely.
-        samples: f64,
-        /// The fewest and the most samples per frame at which it may be.
-        interval: [u32; 2],
+        /// The samples per frame, or the value of the parameter, most likely.
+        value: f64,
+        /// The smallest and the largest value at which it may be.
+        interval: [f64; 2],
         /// What was measured there: means over the seeds.
         figures: Figures,
     },
-    /// The fewest samples that were tried are enough.
-    Fewer(u32),
-    /// The most samples that were tried are too few.
-    More(u32),
+    /// The smallest value that was tried is beyond the target already.
+    Below(f64),
+    /// The largest value that was tried does not reach the target.
+    Above(f64),
     /// The message of what went wrong.
     Failed(String),
 }

@@ -35,7 +35,7 @@ const LEAST_SEEDS: usize = 3;
 const MOST_SPP: u32 = 1_000_000;
 
 /// A value and its place in the file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Placed<T> {
     /// The value.
     pub value: T,
@@ -96,15 +96,41 @@ impl Goal {
     }
 }
 
-/// A search for the number of samples per frame at which a figure reaches a target.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a search varies.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Over {
+    /// The samples per frame, from the fewest to the most to try.
+    Samples([Samples; 2]),
+    /// A parameter.
+    Param {
+        /// Its name, as in `vary`.
+        name: String,
+        /// The smallest and the largest value to try.
+        range: [f64; 2],
+        /// The samples per frame.
+        budget: Placed<Budget>,
+    },
+}
+
+impl Over {
+    /// Its name in the results.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Samples(_) => "samples",
+            Self::Param { name, .. } => name,
+        }
+    }
+}
+
+/// A search for what makes a figure reach a target.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Search {
     /// The figure.
     pub goal: Goal,
     /// What it is to be.
     pub target: f64,
-    /// The fewest and the most samples to try.
-    pub range: [Samples; 2],
+    /// What is varied.
+    pub over: Over,
 }
 
 /// A parameter with a value, as RON text.
@@ -132,7 +158,7 @@ pub struct Experiment {
     /// The parameters of each variation of a graph; one of them may be the graph unchanged.
     pub variations: Vec<Vec<Placed<Set>>>,
     /// Searches, in every view with every variation.
-    pub searches: Vec<Search>,
+    pub searches: Vec<Placed<Search>>,
     /// Random seeds: each is a repetition.
     pub seeds: Vec<u32>,
     /// The metrics, without duplicates. The first one is plotted.
@@ -233,24 +259,24 @@ enum BudgetField {
 
 #[derive(Deserialize)]
 #[serde(rename = "Search", deny_unknown_fields)]
-struct SearchFields {
+struct SearchFields<'t> {
     #[serde(default)]
     metric: Option<Metric>,
     #[serde(default)]
     cost: Option<Cost>,
     target: f64,
-    /// There is one choice so far, which files may spell out.
     #[serde(default)]
-    #[expect(dead_code, reason = "reading it checks it")]
-    over: Over,
-    #[serde(default)]
-    from: Option<Parsed<Samples>>,
-    #[serde(default)]
-    to: Option<Parsed<Samples>>,
+    over: OverField,
+    #[serde(borrow, default)]
+    from: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    to: Option<&'t RawValue>,
+    #[serde(borrow, default)]
+    budget: Option<&'t RawValue>,
 }
 
 #[derive(Default, Deserialize)]
-enum Over {
+enum OverField {
     #[default]
     Samples,
 }
@@ -261,6 +287,7 @@ enum Vary<'t> {
     OneAtATime(#[serde(borrow)] Entries<'t>),
 }
 
+    Param(String),
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 enum Steps {
@@ -549,10 +576,8 @@ impl<'t> Reader<'t> {
         Some(Placed { value, place: self.place(raw) })
     }
 
-    fn search(&mut self, raw: &'t RawValue, metrics: &[Metric], seeds: usize) -> Option<Search> {
+    fn search(&mut self, raw: &'t RawValue, metrics: &[Metric], seeds: usize) -> Option<Placed<Search>> {
         let fields: SearchFields = self.read(raw)?;
-        let [from, to] = [(fields.from, 0.001), (fields.to, 1.0)]
-            .map(|(given, default)| given.map_or(Samples::Share(default), |Parsed(samples)| samples));
         let goal = match (fields.metric, fields.cost) {
             (Some(metric), None) => Some(Goal::Metric(metric)),
             (None, Some(cost)) => Some(Goal::Cost(cost)),
@@ -574,7 +599,11 @@ impl<'t> Reader<'t> {
             _ if seeds < LEAST_SEEDS => {
                 format!("a search compares repetitions; name at least {LEAST_SEEDS} seeds: seeds: [1, 2, 3]")
             }
-            Some(goal) => return Some(Search { goal, target: fields.target, range: [from, to] }),
+            Some(goal) => {
+                let (target, place) = (fields.target, self.place(raw));
+                let over = self.over(raw, fields)?;
+                return Some(Placed { value: Search { goal, target, over }, place });
+            }
         };
         self.problem(raw, problem);
         None
@@ -611,6 +640,38 @@ impl<'t> Reader<'t> {
                     values.iter().map(|value| [row.clone(), vec![value.clone()]].concat()).collect::<Vec<_>>()
                 };
                 grid.iter().flat_map(with).collect()
+    fn over(&mut self, raw: &'t RawValue, fields: SearchFields<'t>) -> Option<Over> {
+        let OverField::Param(name) = fields.over else {
+            if let Some(budget) = fields.budget {
+                self.problem(budget, "a search over samples finds its own budget; leave `budget` out");
+                return None;
+            }
+            let mut samples = |given: Option<&'t RawValue>, default| match given {
+                None => Some(Samples::Share(default)),
+                Some(raw) => self.read(raw).map(|Parsed(samples)| samples),
+            };
+            return Some(Over::Samples([samples(fields.from, 0.001)?, samples(fields.to, 1.0)?]));
+        };
+        if let Err(expected) = Change::set(&format!("{name}=0")) {
+            self.problem(raw, expected);
+            return None;
+        }
+        let (Some(from), Some(to)) = (fields.from, fields.to) else {
+            self.problem(raw, format!("a search over `{name}` needs both ends: from: 0.01, to: 0.5"));
+            return None;
+        };
+        let range: [f64; 2] = [self.read(from)?, self.read(to)?];
+        if !range.iter().all(|end| end.is_finite()) || range[0] >= range[1] {
+            self.problem(from, format!("from {} to {}; expected rising numbers", range[0], range[1]));
+            return None;
+        }
+        let budget = match fields.budget {
+            Some(raw) => self.budget(raw)?,
+            None => self.nowhere(Budget::Samples(Samples::Share(0.05))),
+        };
+        Some(Over::Param { name, range, budget })
+    }
+
             }),
             Vary::OneAtATime(_) => {
                 [Vec::new()].into_iter().chain(params.into_iter().flatten().map(|set| vec![set])).collect()
@@ -630,7 +691,7 @@ impl<'t> Reader<'t> {
             return Vec::new();
         }
         let place = self.place(raw);
-        let at = |index: u32| (name.to_owned(), tidy(from + step * f64::from(index)));
+        let at = |index: u32| (name.to_owned(), tidy(from + step * f64::from(index), 10));
         (0..=count as u32).map(|index| Placed { value: at(index), place: place.clone() }).collect()
     }
 
@@ -720,9 +781,10 @@ impl<'t> Reader<'t> {
     }
 }
 
-/// A number without the rounding errors of sums; a whole one without a point, as whole parameters need.
-fn tidy(value: f64) -> String {
-    let rounded: f64 = format!("{value:.9e}").parse().expect("a number was formatted");
+/// A number in so many digits, without the rounding errors of sums; a whole one without a point, as whole parameters
+/// need.
+pub fn tidy(value: f64, digits: usize) -> String {
+    let rounded: f64 = format!("{value:.*e}", digits - 1).parse().expect("a number was formatted");
     rounded.to_string()
 }
 
@@ -844,9 +906,11 @@ mod tests {
             Search(metric: Psnr, target: 30, over: Samples), (cost: TotalMs, target: 9, to: \"50%\"),
         ]";
         let experiment = parse(text).unwrap();
-        let [first, second] = experiment.searches[..] else { panic!("{experiment:?}") };
-        assert_eq!((first.goal, first.target), (Goal::Metric(Metric::Psnr), 30.0));
-        assert_eq!((second.goal, second.range[1]), (Goal::Cost(Cost::TotalMs), Samples::Share(0.5)));
+        let [first, second] = &experiment.searches[..] else { panic!("{experiment:?}") };
+        let all = Over::Samples([Samples::Share(0.001), Samples::Share(1.0)]);
+        assert_eq!(first.value, Search { goal: Goal::Metric(Metric::Psnr), target: 30.0, over: all });
+        let half = Over::Samples([Samples::Share(0.001), Samples::Share(0.5)]);
+        assert_eq!(second.value, Search { goal: Goal::Cost(Cost::TotalMs), target: 9.0, over: half });
         assert!(experiment.budgets.is_empty());
     }
 
@@ -902,6 +966,18 @@ mod tests {
             let text = parse(fields).err().unwrap_or_default();
             assert!(text.starts_with(wanted), "{wanted}\nis not\n{text}");
         }
+    #[test]
+    fn searches_are_over_samples_or_a_parameter() {
+        let text = "seeds: [1, 2, 3], search: [Search(metric: Flip, target: 0.1, over: Param(\"cull.threshold\"), \
+                    from: 0, to: 0.5, budget: PathsPerPixel(0.2))]";
+        let experiment = parse(text).unwrap();
+        let Over::Param { name, range, budget } = &experiment.searches[0].value.over else {
+            panic!("{experiment:?}")
+        };
+        assert_eq!((name.as_str(), *range), ("cull.threshold", [0.0, 0.5]));
+        assert_eq!(budget.value, Budget::PathsPerPixel(0.2));
+    }
+
         let text = |text: &str| Experiment::parse("t.ron", text, true).unwrap_err().to_string();
         assert!(text("Tradeoff(version: 2)").contains("t.ron:1:19: unsupported version 2"));
         let all = text("Tradeoff(frames: \"x\")");
@@ -917,3 +993,15 @@ mod tests {
         );
     }
 }
+            (
+                "search: [Search(metric: Flip, target: 1, from: 1, to: 9, budget: Samples(3))], seeds: [1, 2, 3]",
+                "t.ron:2:66: a search over samples finds its own budget",
+            ),
+            (
+                "search: [Search(metric: Flip, target: 1, over: Param(\"a\"), to: 9)], seeds: [1, 2, 3]",
+                "t.ron:2:10: a search over `a` needs both ends",
+            ),
+            (
+                "search: [Search(metric: Flip, target: 1, over: Param(\"a\"), from: 9, to: 9)], seeds: [1, 2, 3]",
+                "t.ron:2:66: from 9 to 9; expected rising numbers",
+            ),

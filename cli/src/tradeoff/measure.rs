@@ -67,7 +67,7 @@ pub fn measure(
     machine: Value,
     mut frame_done: impl FnMut(),
 ) -> Result<(Measured, Picture), CliError> {
-    let mut compiled = study.setup(cell).compile()?;
+    let mut compiled = study.setup(cell)?.compile()?;
     let output = compiled.picture()?;
     // Before ports are kept, which takes memory.
     let peak_bytes: u64 = Side::ALL.iter().map(|side| compiled.plan().bytes(*side)).sum();

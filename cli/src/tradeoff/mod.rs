@@ -23,7 +23,7 @@ use serde_json::{Value, json};
 
 use self::{
     cell::{Cell, Found, Outcome, Reached, Record},
-    experiment::Experiment,
+    experiment::{Experiment, Over},
     figure::Cost,
     measure::{References, measure, reference_frames, references},
     page::Shown,
@@ -96,10 +96,10 @@ fn list(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
     }
     let mut searches = String::new();
     for task in &study.tasks {
-        let Task { setting, .. } = task;
-        let [from, to] = task.range();
+        let Task { setting, search, range: [from, to], .. } = task;
         let what = format!("{} of {}, {}", task.label(), setting.cell.variation(), setting.cell.view());
-        searches += &format!("search for {what}, from {from} to {to} samples\n");
+        let unit = if matches!(search.over, Over::Samples(_)) { " samples" } else { "" };
+        searches += &format!("search for {what}, from {from} to {to}{unit}\n");
         references.extend(wanted(study, &setting.cell).map(|wanted| wanted.key().to_owned()));
     }
     let (cells, tasks, count) = (study.cells.len(), study.tasks.len(), references.len());

@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::{
     cell::{Found, Measured, Outcome, Reached, Record},
-    experiment::Experiment,
+    experiment::{Experiment, tidy},
     figure::{Cost, INEFFICIENCY, Metric, NOISE},
 };
 use crate::table::Table;
@@ -109,7 +109,7 @@ impl Results<'_> {
         tables.collect::<Vec<_>>().join("\n")
     }
 
-    /// A table of the searches: the samples at which a figure reaches its target, and what else is so there.
+    /// A table of the searches: where a figure reaches its target, and what else is so there.
     fn searches_text(&self) -> String {
         let metrics = self.experiment.metrics.iter().take(3);
         let columns: Vec<(&str, usize)> = metrics
@@ -117,11 +117,11 @@ impl Results<'_> {
             .chain([(Cost::TotalMs.column(), 2)])
             .collect();
         let names = columns.iter().map(|(column, _)| format!(">{column}"));
-        let head = ["graph", "scene", "camera", "size", "search", ">samples", ">interval", ">paths/px"];
+        let head = ["graph", "scene", "camera", "size", "search", "over", ">value", ">interval", ">paths/px"];
         let head: Vec<String> =
             head.map(str::to_owned).into_iter().chain(names).chain([String::new()]).collect();
         let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
-        for Found { cell, column, target, result, .. } in self.found {
+        for Found { cell, over, column, target, result, .. } in self.found {
             let size = format!("{}x{}", cell.size[0], cell.size[1]);
             let none = || "-".to_owned();
             let figure = |column: &str, digits: usize| match result {
@@ -132,14 +132,15 @@ impl Results<'_> {
                     .map_or_else(none, |value| format!("{value:.digits$}")),
                 _ => none(),
             };
-            let (samples, interval, note) = match result {
-                Reached::Within { samples, interval: [low, high], .. } => {
-                    (format!("{samples:.0}"), format!("{low} - {high}"), String::new())
+            let (value, interval, note) = match result {
+                Reached::Within { value, interval: [low, high], .. } => {
+                    let [value, low, high] = [value, low, high].map(|value| short(*value));
+                    (value, format!("{low} - {high}"), String::new())
                 }
-                Reached::Fewer(samples) => {
-                    (none(), format!("< {samples}"), "fewer samples than were tried".to_owned())
+                Reached::Below(value) => {
+                    (none(), format!("< {value}"), "reached below what was tried".to_owned())
                 }
-                Reached::More(samples) => (none(), format!("> {samples}"), "not reached".to_owned()),
+                Reached::Above(value) => (none(), format!("> {value}"), "not reached".to_owned()),
                 Reached::Failed(message) => {
                     (none(), none(), format!("failed: {}", message.lines().next().unwrap_or_default()))
                 }
@@ -150,11 +151,12 @@ impl Results<'_> {
                 cell.camera.clone(),
                 size,
                 format!("{column} {target}"),
+                over.clone(),
             ];
             let paths = figure(Cost::PathsPerPixel.column(), 3);
             let figures = columns.iter().map(|(column, digits)| figure(column, *digits));
             table.line(
-                what.into_iter().chain([samples, interval, paths]).chain(figures).chain([note]).collect(),
+                what.into_iter().chain([value, interval, paths]).chain(figures).chain([note]).collect(),
             );
         }
         table.to_string()
@@ -202,6 +204,11 @@ impl Results<'_> {
         }
         table.to_string()
     }
+}
+
+/// A number of samples, or the value of a parameter, in four digits.
+fn short(value: f64) -> String {
+    if value.abs() >= 1000.0 { format!("{value:.0}") } else { tidy(value, 4) }
 }
 
 /// Digits behind the point of a figure in the table.

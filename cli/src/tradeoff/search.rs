@@ -1,4 +1,5 @@
-//! The searches of an experiment: with how many samples does a graph reach an error, or fill a time?
+//! The searches of an experiment: with how many samples, or at which value of a parameter, does a graph reach an error or
+//! fill a time?
 
 use indicatif::ProgressBar;
 
@@ -6,7 +7,7 @@ use super::{
     Work,
     bisect::{self, Answer, Target},
     cell::{Figures, Found, Outcome, Reached, Record},
-    experiment::{Goal, Search},
+    experiment::{Goal, Over},
     measure::{References, references},
     results::mean,
     study::Task,
@@ -24,56 +25,67 @@ impl Work<'_> {
             Err(error) => Reached::Failed(error.to_string()),
             Ok(reached) => reached,
         };
-        let Search { goal, target, .. } = task.search;
-        let (key, column) = (task.key.clone(), goal.column().to_owned());
-        Ok(Found { key, cell: task.setting.cell.clone(), column, target, result })
+        let Task { key, search, setting, .. } = task;
+        let column = search.goal.column().to_owned();
+        Ok(Found {
+            key: key.clone(),
+            cell: setting.cell.clone(),
+            over: search.over.name().to_owned(),
+            column,
+            target: search.target,
+            result,
+        })
     }
 
     fn reached(&self, task: &Task, bar: &ProgressBar) -> Result<Reached, CliError> {
-        let Search { goal, target, .. } = task.search;
+        let (goal, value) = (task.search.goal, task.search.target);
         let (falls, ratios) = match goal {
             Goal::Metric(metric) => (!metric.more_is_better(), !metric.more_is_better()),
             Goal::Cost(_) => (false, true),
         };
-        let range = task.range();
+        // More samples lower errors and take time; what a parameter does, it has to show.
+        let falls = matches!(task.search.over, Over::Samples(_)).then_some(falls);
         let references = references(self.study, &task.setting.cell, self.store)?;
         let column = goal.column();
-        let target = Target { value: target, falls, ratios, range };
-        let answer = bisect::search(&target, |samples| {
-            let records = self.repetitions(task, samples, &references, bar)?;
+        let Task { range, whole, .. } = *task;
+        let target = Target { value, falls, ratios, range, whole };
+        let answer = bisect::search(&target, |at| {
+            let records = self.repetitions(task, at, &references, bar)?;
             let figure = |record: &Record| {
                 let figure = record.figure(column).filter(|figure| !ratios || *figure > 0.0);
-                figure.ok_or_else(|| CliError::Input(format!("there is no {column} at {samples} samples")))
+                figure.ok_or_else(|| CliError::Input(format!("there is no {column} at {at}")))
             };
             records.iter().map(figure).collect::<Result<Vec<f64>, CliError>>()
         })?;
         Ok(match answer {
-            Answer::Fewer => Reached::Fewer(range[0]),
-            Answer::More => Reached::More(range[1]),
-            Answer::Within { samples, interval } => {
-                let records = self.repetitions(task, samples.round() as u32, &references, bar)?;
+            Answer::Below => Reached::Below(range[0]),
+            Answer::Above => Reached::Above(range[1]),
+            Answer::Within { value, interval } => {
+                let at = if whole { value.round() } else { value };
+                let records = self.repetitions(task, at, &references, bar)?;
                 let columns = records
                     .iter()
                     .filter_map(Record::measured)
                     .flat_map(|measured| measured.errors.keys().chain(measured.costs.keys()).cloned());
                 let figures: Figures =
                     columns.map(|column| (column.clone(), mean(&records, &column))).collect();
-                Reached::Within { samples, interval, figures }
+                Reached::Within { value, interval, figures }
             }
         })
     }
 
-    /// The cells of all seeds with this number of samples, from the store or measured and kept.
+    /// The cells of all seeds at a value, from the store or measured and kept.
     fn repetitions(
         &self,
         task: &Task,
-        samples: u32,
+        at: f64,
         references: &References,
         bar: &ProgressBar,
     ) -> Result<Vec<Record>, CliError> {
         let seeds = self.study.experiment.seeds.iter();
+        let (setting, samples) = self.study.at(task, at)?;
         let record = |seed: &u32| {
-            let cell = self.study.cell(&task.setting, &samples.to_string(), samples, *seed);
+            let cell = self.study.cell(&setting, &samples.to_string(), samples, *seed);
             bar.set_message(format!("searching {}: {}", task.label(), cell.label()));
             if let Some(record) = self.store.cell(&cell.key)?.filter(|record| record.measured().is_some()) {
                 return Ok(record);
@@ -91,13 +103,12 @@ impl Work<'_> {
 }
 
 impl Task {
-    /// The fewest and the most samples.
-    pub fn range(&self) -> [u32; 2] {
-        self.search.range.map(|samples| samples.of(self.setting.cell.size))
-    }
-
-    /// What is searched: `flip 0.02`.
+    /// What is searched: `flip 0.02`, or `flip 0.02 over sigma at 5%`.
     pub fn label(&self) -> String {
-        format!("{} {}", self.search.goal.column(), self.search.target)
+        let (column, target) = (self.search.goal.column(), self.search.target);
+        match &self.search.over {
+            Over::Samples(_) => format!("{column} {target}"),
+            Over::Param { name, budget, .. } => format!("{column} {target} over {name} at {}", budget.value),
+        }
     }
 }

@@ -10,7 +10,7 @@ use epigraph_stages::meaning::SAMPLES;
 
 use super::{
     cell::Cell,
-    experiment::{Budget, Experiment, Placed, Search, Set},
+    experiment::{Budget, Experiment, Over, Placed, Search, Set, tidy},
 };
 use crate::{args::ChangeArgs, error::CliError, open};
 
@@ -57,6 +57,10 @@ pub struct Task {
     pub setting: Setting,
     /// What is searched.
     pub search: Search,
+    /// The smallest and the largest value.
+    pub range: [f64; 2],
+    /// Whether values are whole numbers.
+    pub whole: bool,
 }
 
 /// A checked experiment.
@@ -111,11 +115,17 @@ impl<'e> Study<'e> {
     }
 
     /// The settings of a cell's run.
-    pub fn setup(&self, cell: &Cell) -> Setup {
+    ///
+    /// # Errors
+    /// Those of a graph with a value of a search, which has to be opened.
+    pub fn setup(&self, cell: &Cell) -> Result<Setup, CliError> {
         let is = |graph: &&(String, GraphFile)| graph.0 == cell.variant;
-        let (_, file) = self.graphs.iter().find(is).expect("cells are made of these graphs");
+        let file = match self.graphs.iter().find(is) {
+            Some((_, file)) => file.clone(),
+            None => open::graph(&cell.variant, &ChangeArgs::default(), self.registry)?,
+        };
         let samples = Samples::Count(cell.samples);
-        self.setup_of(file, self.view(cell), cell.size).samples(samples).seed(cell.seed)
+        Ok(self.setup_of(&file, self.view(cell), cell.size).samples(samples).seed(cell.seed))
     }
 
     fn setup_of(&self, file: &GraphFile, view: &View, size: [u32; 2]) -> Setup {
@@ -133,7 +143,7 @@ impl<'e> Study<'e> {
         for view in &self.views {
             for (size, variation) in sizes.iter().flat_map(|size| variations.iter().map(move |of| (size, of)))
             {
-                match self.check(variation, view, size.value) {
+                match self.check(&variation.file, view, size.value) {
                     Ok((paths, print)) => {
                         let cell = Cell {
                             key: String::new(),
@@ -152,7 +162,10 @@ impl<'e> Study<'e> {
                         };
                         settings.push(Setting { cell, paths, print });
                     }
-                    Err(others) => problems.append(others),
+                    Err(error) => problems.add(|| {
+                        let first = variation.params.first();
+                        first.map_or_else(|| variation.graph.problem(&error), |set| set.problem(&error))
+                    }),
                 }
             }
         }
@@ -198,54 +211,87 @@ impl<'e> Study<'e> {
 
     /// Every search in every setting.
     fn all_tasks(&self) -> Result<Vec<Task>, CliError> {
-        let of = |setting: &Setting| {
-            self.experiment
-                .searches
-                .iter()
-                .map(|search| {
-                    let mut print = self.key(&setting.cell, setting.print);
-                    let seeds = &self.experiment.seeds;
-                    write!(print, " {search:?} {seeds:?}").expect("a fingerprint takes all text");
-                    Task { key: print.to_string(), setting: setting.clone(), search: *search }
-                })
-                .collect::<Vec<_>>()
-        };
-        let tasks: Vec<Task> = self.settings.iter().flat_map(of).collect();
-        for task in &tasks {
-            let ([from, to], [width, height]) = (task.range(), task.setting.cell.size);
-            if from > to || to > width * height {
-                let text = format!(
-                    "the search for {} is from {from} to {to} samples in an image of {width}x{height}; expected rising \
-                     numbers, at most one per pixel",
-                    task.label()
-                );
-                return Err(CliError::Input(text));
+        let mut tasks = Vec::new();
+        for setting in &self.settings {
+            for search in &self.experiment.searches {
+                let mut print = self.key(&setting.cell, setting.print);
+                let seeds = &self.experiment.seeds;
+                write!(print, " {:?} {seeds:?}", search.value).expect("a fingerprint takes all text");
+                let (range, whole) = self.range(setting, search)?;
+                let (key, setting, search) = (print.to_string(), setting.clone(), search.value.clone());
+                tasks.push(Task { key, setting, search, range, whole });
             }
         }
         Ok(tasks)
+    }
+
+    /// The values that a search tries, and whether they are whole numbers.
+    fn range(&self, setting: &Setting, search: &Placed<Search>) -> Result<([f64; 2], bool), Problems> {
+        match &search.value.over {
+            Over::Samples(range) => {
+                let [width, height] = setting.cell.size;
+                let [from, to] = range.map(|samples| samples.of(setting.cell.size));
+                if from > to || to > width * height {
+                    let text = format!(
+                        "the search is from {from} to {to} samples in an image of {width}x{height}; expected rising \
+                         numbers, at most one per pixel"
+                    );
+                    return Err(search.problem(text).into());
+                }
+                Ok(([from, to].map(f64::from), true))
+            }
+            Over::Param { name, range, budget } => {
+                let at = |value: f64| self.with(setting, name, value);
+                for end in range {
+                    let with = at(*end).map_err(|error| search.problem(error))?;
+                    samples(budget, with.cell.size, with.paths, &with.cell.variant)?;
+                }
+                // A parameter that takes both ends, but nothing between whole numbers, has whole numbers.
+                let whole = range.iter().all(|end| end.fract() == 0.0) && at(range[0] + 0.5).is_err();
+                Ok((*range, whole))
+            }
+        }
+    }
+
+    /// A setting with another value of a parameter.
+    fn with(&self, setting: &Setting, name: &str, value: f64) -> Result<Setting, CliError> {
+        let mut cell = setting.cell.clone();
+        let text = tidy(value, 10);
+        cell.variant += &format!("+{name}={text}");
+        cell.params.push((name.to_owned(), text));
+        let file = open::graph(&cell.variant, &ChangeArgs::default(), self.registry)?;
+        let (paths, print) = self.check(&file, self.view(&cell), cell.size)?;
+        Ok(Setting { cell, paths, print })
+    }
+
+    /// The setting and the samples per frame at a value of a search.
+    ///
+    /// # Errors
+    /// The parameter does not take the value.
+    pub fn at(&self, task: &Task, value: f64) -> Result<(Setting, u32), CliError> {
+        match &task.search.over {
+            Over::Samples(_) => Ok((task.setting.clone(), value as u32)),
+            Over::Param { name, budget, .. } => {
+                let setting = self.with(&task.setting, name, value)?;
+                let samples = samples(budget, setting.cell.size, setting.paths, &setting.cell.variant)?;
+                Ok((setting, samples))
+            }
+        }
     }
 
     /// Compiles a graph for a view. Returns the light paths of a sample, if a node has them, and a fingerprint of the
     /// graph with its shaders.
     fn check(
         &self,
-        variation: &Variation,
+        file: &GraphFile,
         view: &View,
         size: [u32; 2],
-    ) -> Result<(Option<u32>, Fingerprint), Problems> {
-        let of_graph = |error: Error| {
-            let problem = variation.params.first().map(|set| set.problem(&error));
-            Problems::from(problem.unwrap_or_else(|| variation.graph.problem(&error)))
-        };
-        let setup = self.setup_of(&variation.file, view, size).samples(Samples::Count(1));
-        let compiled = setup.compile().map_err(of_graph)?;
-        compiled.picture().map_err(of_graph)?;
+    ) -> Result<(Option<u32>, Fingerprint), CliError> {
+        let compiled = self.setup_of(file, view, size).samples(Samples::Count(1)).compile()?;
+        compiled.picture()?;
         // Pictures are compared at the references' exposure.
-        if let Err(error) = open::require_fixed_exposure(compiled.graph()) {
-            return Err(of_graph(Error::Input(error.to_string())));
-        }
-        let full = variation.file.full(self.registry, Path::new(""));
-        let full = full.map_err(|problems| of_graph(problems.into()))?;
+        open::require_fixed_exposure(compiled.graph())?;
+        let full = file.full(self.registry, Path::new(""))?;
         let mut print = Fingerprint::default();
         print.take(full.as_bytes());
         for shader in compiled.graph().nodes.iter().filter_map(|node| node.declaration().shader.as_ref()) {

@@ -331,7 +331,7 @@ fn searches_find_equal_errors_and_go_on_where_they_were() {
         let within = &search["result"]["within"];
         let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{search}"));
         let [low, high] = [0, 1].map(|end| number(&within["interval"][end]));
-        let samples = number(&within["samples"]);
+        let samples = number(&within["value"]);
         assert!(low <= samples && samples <= high && high <= 1024.0, "{search}");
         // Few frames of a small image are noisy.
         assert!((number(&within["figures"]["flip"]) / 0.24 - 1.0).abs() < 0.3, "{search}");
@@ -346,4 +346,58 @@ fn searches_find_equal_errors_and_go_on_where_they_were() {
         path.ends_with("results.json") || place.contents().get(path) == Some(bytes)
     };
     assert!(before.iter().all(same), "something was measured again");
+}
+
+#[test]
+fn searches_find_the_value_of_a_parameter() {
+    let place = Place::new();
+    // Pictures that are too bright differ more; more light paths a sample cost more time.
+    let searches = "search: [
+            Search(metric: Flip, target: 0.4, over: Param(\"tonemap.exposure\"), from: 0, to: 4),
+            Search(metric: Psnr, target: 12, over: Param(\"exposure\"), from: 0.5, to: 4, budget: Samples(50)),
+            Search(cost: TraceMs, target: 1e9, over: Param(\"trace.spp\"), from: 1, to: 4),
+        ],";
+    let text = experiment(&format!("frames: 6, seeds: [1, 2, 3], {searches}"))
+        .replace("budgets: [Samples(\"5%\"), PathsPerPixel(0.8)],", "")
+        .replace("\"render-cache\", ", "");
+    place.write("t.ron", &text);
+    let listed = place.succeeds("tradeoff t.ron --list");
+    let first =
+        "search for flip 0.4 over tonemap.exposure at 5% of epi, cornell, orbit, 32x32, from 0 to 4\n";
+    assert!(listed.contains(first) && listed.contains(" over exposure at 50 of epi"), "{listed}");
+    let table = place.succeeds("tradeoff t.ron --out a");
+    assert!(table.contains("not reached") && table.contains("> 4"), "{table}");
+    let value = figures(&place, "a");
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("no number: {value}"));
+    for (search, column, target, width) in
+        [(&value["searches"][0], "flip", 0.4, 0.6), (&value["searches"][1], "psnr", 12.0, 0.8)]
+    {
+        let within = &search["result"]["within"];
+        let [low, high] = [0, 1].map(|end| number(&within["interval"][end]));
+        assert!((low..=high).contains(&number(&within["value"])) && high - low < width, "{search}");
+        assert!((number(&within["figures"][column]) / target - 1.0).abs() < 0.05, "{search}");
+    }
+    assert_eq!(value["searches"][2]["result"]["above"], 4.0);
+    // The values that were tried are cells of their own; those of whole numbers are written as such.
+    let tried = |param: &str| {
+        let files =
+            fs::read_dir(place.path("a/cells")).expect("there").map(|file| file.expect("there").path());
+        let cells =
+            files.map(|path| serde_json::from_slice::<Value>(&fs::read(path).expect("there")).expect("JSON"));
+        let of = |cell: Value| cell["cell"]["params"][0].as_array().cloned();
+        let values = cells.filter_map(of).filter(|set| set[0] == param).map(|set| set[1].clone());
+        values.collect::<Vec<Value>>()
+    };
+    assert!(tried("trace.spp").iter().all(|value| value == "1" || value == "4"), "{:?}", tried("trace.spp"));
+    assert!(tried("tonemap.exposure").len() > 12);
+
+    for (from, to, part) in [
+        ("\"exposure\"", "\"exposur\"", "t.ron:13:13: +exposur=0.5: "),
+        ("from: 1, to: 4", "from: 0, to: 4", "parameter `spp` is 0, outside 1 to 4096"),
+        ("Samples(50)", "Samples(5000)", "5000 is 5000 samples of 4 paths, more than one"),
+    ] {
+        place.write("t.ron", text.replacen(from, to, 1));
+        let message = place.fails("tradeoff t.ron --list");
+        assert!(message.contains(part), "`{part}` is not in:\n{message}");
+    }
 }
