@@ -31,6 +31,9 @@ const MOST_STEPS: f64 = 10_000.0;
 /// The fewest repetitions from which a search can tell noise.
 const LEAST_SEEDS: usize = 3;
 
+/// The fewest frames from a change on, to find the steady value of the error after it.
+const LEAST_AFTER_CHANGE: u32 = 8;
+
 /// The most samples per pixel of a reference.
 const MOST_SPP: u32 = 1_000_000;
 
@@ -153,6 +156,8 @@ pub struct Experiment {
     pub frames: u32,
     /// The frames that are compared, ascending.
     pub compare: Vec<u32>,
+    /// The frame in which the camera or the scene changes abruptly. All frames from there on are compared.
+    pub change: Option<u32>,
     /// Samples per frame.
     pub budgets: Vec<Placed<Budget>>,
     /// The parameters of each variation of a graph; one of them may be the graph unchanged.
@@ -194,6 +199,8 @@ struct Fields<'t> {
     #[serde(borrow, default)]
     compare: Option<&'t RawValue>,
     #[serde(borrow, default)]
+    change: Option<&'t RawValue>,
+    #[serde(borrow, default)]
     budgets: Option<&'t RawValue>,
     #[serde(borrow, default)]
     vary: Option<&'t RawValue>,
@@ -225,6 +232,7 @@ impl<'t> Fields<'t> {
             sizes: self.sizes.or(others.sizes),
             frames: self.frames.or(others.frames),
             compare: self.compare.or(others.compare),
+            change: self.change.or(others.change),
             budgets: self.budgets.or(others.budgets),
             vary: self.vary.or(others.vary),
             search: self.search.or(others.search),
@@ -279,6 +287,7 @@ struct SearchFields<'t> {
 enum OverField {
     #[default]
     Samples,
+    Param(String),
 }
 
 #[derive(Deserialize)]
@@ -287,7 +296,6 @@ enum Vary<'t> {
     OneAtATime(#[serde(borrow)] Entries<'t>),
 }
 
-    Param(String),
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 enum Steps {
@@ -399,7 +407,19 @@ impl<'t> Reader<'t> {
             raw.map_or(default, |raw| reader.number(raw, most))
         };
         let frames = number(self, fields.frames, 30, MOST_FRAMES);
-        let compare = fields.compare.map_or_else(|| vec![frames.max(1) - 1], |raw| self.compare(raw, frames));
+        let change = fields.change.and_then(|raw| self.change(raw, frames));
+        let compare = match (fields.compare, change) {
+            (None, None) => vec![frames.max(1) - 1],
+            (None, Some(change)) => (change..frames).collect(),
+            (Some(raw), None) => self.compare(raw, frames),
+            (Some(raw), Some(_)) => {
+                self.problem(
+                    raw,
+                    "leave `compare` out: with `change`, all frames from there on are compared",
+                );
+                Vec::new()
+            }
+        };
         let (spp, mode) = fields.reference.map_or((256, Light::Direct), |raw| self.reference(raw));
         let graphs = self.required(fields.graphs, "graphs: [\"epi\"]");
         let graphs = graphs.into_iter().filter_map(|raw| self.graph(raw)).collect();
@@ -413,6 +433,16 @@ impl<'t> Reader<'t> {
         let sizes = self.each_or(fields.sizes, Parsed(Size([256, 256]))).into_iter();
         let seeds = self.distinct(fields.seeds, &[1]);
         let metrics = self.distinct(fields.metrics, Metric::ALL);
+        if let Some(raw) = fields.metrics
+            && metrics.contains(&Metric::Latency)
+        {
+            if !metrics.contains(&Metric::Flip) {
+                self.problem(raw, "add Flip, from which Latency is measured");
+            }
+            if change.is_none() {
+                self.problem(raw, "Latency needs the frame of an abrupt change: change: 30");
+            }
+        }
         let searches = fields.search.map_or(Vec::new(), |raw| self.list(raw));
         let searches =
             searches.into_iter().filter_map(|raw| self.search(raw, &metrics, seeds.len())).collect();
@@ -426,6 +456,7 @@ impl<'t> Reader<'t> {
                 .collect(),
             frames,
             compare,
+            change,
             budgets,
             variations: fields.vary.map_or_else(|| vec![Vec::new()], |raw| self.variations(raw)),
             searches,
@@ -609,37 +640,6 @@ impl<'t> Reader<'t> {
         None
     }
 
-    /// Every combination of the parameters' values, or each value alone beside the unchanged graph.
-    fn variations(&mut self, raw: &'t RawValue) -> Vec<Vec<Placed<Set>>> {
-        let Some(vary) = self.read::<Vary>(raw) else { return Vec::new() };
-        let (Vary::Grid(Entries(entries)) | Vary::OneAtATime(Entries(entries))) = &vary;
-        let mut names: Vec<String> = Vec::new();
-        let mut params: Vec<Vec<Placed<Set>>> = Vec::new();
-        for &(param, values) in entries {
-            let Some(name) = self.read::<String>(param) else { continue };
-            if names.contains(&name) {
-                self.problem(param, format!("duplicate parameter `{name}`"));
-            }
-            names.push(name.clone());
-            params.push(self.values(param, values, &name));
-        }
-        let all: usize = match vary {
-            Vary::Grid(_) => params.iter().map(Vec::len).fold(1, usize::saturating_mul),
-            Vary::OneAtATime(_) => params.iter().map(Vec::len).sum::<usize>() + 1,
-        };
-        if all > MOST_VARIATIONS {
-            let text = format!(
-                "{all} variations of each graph; {MOST_VARIATIONS} are the limit: vary less at a time"
-            );
-            self.problem(raw, text);
-            return Vec::new();
-        }
-        match vary {
-            Vary::Grid(_) => params.into_iter().fold(vec![Vec::new()], |grid, values| {
-                let with = |row: &Vec<Placed<Set>>| {
-                    values.iter().map(|value| [row.clone(), vec![value.clone()]].concat()).collect::<Vec<_>>()
-                };
-                grid.iter().flat_map(with).collect()
     fn over(&mut self, raw: &'t RawValue, fields: SearchFields<'t>) -> Option<Over> {
         let OverField::Param(name) = fields.over else {
             if let Some(budget) = fields.budget {
@@ -672,6 +672,37 @@ impl<'t> Reader<'t> {
         Some(Over::Param { name, range, budget })
     }
 
+    /// Every combination of the parameters' values, or each value alone beside the unchanged graph.
+    fn variations(&mut self, raw: &'t RawValue) -> Vec<Vec<Placed<Set>>> {
+        let Some(vary) = self.read::<Vary>(raw) else { return Vec::new() };
+        let (Vary::Grid(Entries(entries)) | Vary::OneAtATime(Entries(entries))) = &vary;
+        let mut names: Vec<String> = Vec::new();
+        let mut params: Vec<Vec<Placed<Set>>> = Vec::new();
+        for &(param, values) in entries {
+            let Some(name) = self.read::<String>(param) else { continue };
+            if names.contains(&name) {
+                self.problem(param, format!("duplicate parameter `{name}`"));
+            }
+            names.push(name.clone());
+            params.push(self.values(param, values, &name));
+        }
+        let all: usize = match vary {
+            Vary::Grid(_) => params.iter().map(Vec::len).fold(1, usize::saturating_mul),
+            Vary::OneAtATime(_) => params.iter().map(Vec::len).sum::<usize>() + 1,
+        };
+        if all > MOST_VARIATIONS {
+            let text = format!(
+                "{all} variations of each graph; {MOST_VARIATIONS} are the limit: vary less at a time"
+            );
+            self.problem(raw, text);
+            return Vec::new();
+        }
+        match vary {
+            Vary::Grid(_) => params.into_iter().fold(vec![Vec::new()], |grid, values| {
+                let with = |row: &Vec<Placed<Set>>| {
+                    values.iter().map(|value| [row.clone(), vec![value.clone()]].concat()).collect::<Vec<_>>()
+                };
+                grid.iter().flat_map(with).collect()
             }),
             Vary::OneAtATime(_) => {
                 [Vec::new()].into_iter().chain(params.into_iter().flatten().map(|set| vec![set])).collect()
@@ -713,6 +744,21 @@ impl<'t> Reader<'t> {
         compare.sort_unstable();
         compare.dedup();
         compare
+    }
+
+    fn change(&mut self, raw: &'t RawValue, frames: u32) -> Option<u32> {
+        let change = self.read::<u32>(raw)?;
+        if change.saturating_add(LEAST_AFTER_CHANGE) > frames {
+            self.problem(
+                raw,
+                format!(
+                    "a change in frame {change} of {frames}; at least {LEAST_AFTER_CHANGE} frames must run from there \
+                     on to find the steady error"
+                ),
+            );
+            return None;
+        }
+        Some(change)
     }
 
     fn reference(&mut self, raw: &'t RawValue) -> (u32, Light) {
@@ -810,6 +856,12 @@ mod tests {
         assert_eq!((experiment.frames, experiment.compare, experiment.spp), (30, vec![29], 256));
         assert_eq!((experiment.sizes[0].value, experiment.seeds), ([256, 256], vec![1]));
         assert_eq!((experiment.metrics.len(), experiment.variations.len()), (Metric::ALL.len(), 1));
+    }
+
+    #[test]
+    fn all_frames_from_a_change_on_are_compared() {
+        let experiment = parse("frames: 30, change: 20").unwrap();
+        assert_eq!((experiment.change, experiment.compare), (Some(20), (20..30).collect()));
     }
 
     #[test]
@@ -915,6 +967,18 @@ mod tests {
     }
 
     #[test]
+    fn searches_are_over_samples_or_a_parameter() {
+        let text = "seeds: [1, 2, 3], search: [Search(metric: Flip, target: 0.1, over: Param(\"cull.threshold\"), \
+                    from: 0, to: 0.5, budget: PathsPerPixel(0.2))]";
+        let experiment = parse(text).unwrap();
+        let Over::Param { name, range, budget } = &experiment.searches[0].value.over else {
+            panic!("{experiment:?}")
+        };
+        assert_eq!((name.as_str(), *range), ("cull.threshold", [0.0, 0.5]));
+        assert_eq!(budget.value, Budget::PathsPerPixel(0.2));
+    }
+
+    #[test]
     fn problems_have_places_and_say_what_to_do() {
         for (fields, wanted) in [
             ("sceens: []", "t.ron:2:1: unknown field `sceens`, did you mean `scenes`?"),
@@ -929,6 +993,10 @@ mod tests {
                 "frames: 10, compare: [9, 10]",
                 "t.ron:2:26: frame 10 does not run; with frames: 10, they are 0 to 9",
             ),
+            ("frames: 30, change: 23", "t.ron:2:21: a change in frame 23 of 30; at least 8 frames must run"),
+            ("change: 9, compare: [9]", "t.ron:2:21: leave `compare` out: with `change`, all frames"),
+            ("change: 9, metrics: [Latency]", "t.ron:2:21: add Flip, from which Latency is measured"),
+            ("metrics: [Flip, Latency]", "t.ron:2:10: Latency needs the frame of an abrupt change"),
             ("frames: 0", "t.ron:2:9: 0 is not in 1 to 10000000"),
             ("seeds: []", "t.ron:2:8: an empty list leaves nothing to measure"),
             ("vary: Gird({})", "t.ron:2:7: unknown name `Gird`, did you mean `Grid`?"),
@@ -960,24 +1028,24 @@ mod tests {
                 "t.ron:2:10: add Flip to `metrics`",
             ),
             ("search: [Search(metric: Flip, target: 1, over: Spp)]", "t.ron:2:48: unknown name `Spp`"),
+            (
+                "search: [Search(metric: Flip, target: 1, from: 1, to: 9, budget: Samples(3))], seeds: [1, 2, 3]",
+                "t.ron:2:66: a search over samples finds its own budget",
+            ),
+            (
+                "search: [Search(metric: Flip, target: 1, over: Param(\"a\"), to: 9)], seeds: [1, 2, 3]",
+                "t.ron:2:10: a search over `a` needs both ends",
+            ),
+            (
+                "search: [Search(metric: Flip, target: 1, over: Param(\"a\"), from: 9, to: 9)], seeds: [1, 2, 3]",
+                "t.ron:2:66: from 9 to 9; expected rising numbers",
+            ),
             ("quick: (version: 1)", "t.ron:2:8: `quick` has other fields than the file"),
             ("frames: 3", ""),
         ] {
             let text = parse(fields).err().unwrap_or_default();
             assert!(text.starts_with(wanted), "{wanted}\nis not\n{text}");
         }
-    #[test]
-    fn searches_are_over_samples_or_a_parameter() {
-        let text = "seeds: [1, 2, 3], search: [Search(metric: Flip, target: 0.1, over: Param(\"cull.threshold\"), \
-                    from: 0, to: 0.5, budget: PathsPerPixel(0.2))]";
-        let experiment = parse(text).unwrap();
-        let Over::Param { name, range, budget } = &experiment.searches[0].value.over else {
-            panic!("{experiment:?}")
-        };
-        assert_eq!((name.as_str(), *range), ("cull.threshold", [0.0, 0.5]));
-        assert_eq!(budget.value, Budget::PathsPerPixel(0.2));
-    }
-
         let text = |text: &str| Experiment::parse("t.ron", text, true).unwrap_err().to_string();
         assert!(text("Tradeoff(version: 2)").contains("t.ron:1:19: unsupported version 2"));
         let all = text("Tradeoff(frames: \"x\")");
@@ -993,15 +1061,3 @@ mod tests {
         );
     }
 }
-            (
-                "search: [Search(metric: Flip, target: 1, from: 1, to: 9, budget: Samples(3))], seeds: [1, 2, 3]",
-                "t.ron:2:66: a search over samples finds its own budget",
-            ),
-            (
-                "search: [Search(metric: Flip, target: 1, over: Param(\"a\"), to: 9)], seeds: [1, 2, 3]",
-                "t.ron:2:10: a search over `a` needs both ends",
-            ),
-            (
-                "search: [Search(metric: Flip, target: 1, over: Param(\"a\"), from: 9, to: 9)], seeds: [1, 2, 3]",
-                "t.ron:2:66: from 9 to 9; expected rising numbers",
-            ),

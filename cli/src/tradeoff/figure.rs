@@ -61,6 +61,8 @@ columns! {
         Flicker = "flicker", "";
         /// Share of the pixels without a point; empty if the graph has no port with the points of pixels.
         Holes = "holes", "";
+        /// Frames after the abrupt change until FLIP is at most 10% above its steady value; empty without a change.
+        Latency = "latency", "frames";
     }
 }
 

@@ -1,6 +1,6 @@
 //! Measures one cell: runs its frames, compares some of them with their references, and adds up what they cost.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use epigraph::{Run, Source};
 use epigraph_core::{Graph, Meaning, Plan, Port, Side, Step};
@@ -33,8 +33,15 @@ const MOST_WARM_UP: u32 = 10;
 /// The greatest change of a channel of the reference, in bytes, of a pixel that counts as static.
 const STATIC: u8 = 1;
 
+/// After a change, the error counts as steady where it is at most this many times its steady value.
+const NEARLY_STEADY: f64 = 1.1;
+
+/// The steady value of the error after a change is its mean over the last frames: one in so many of those compared.
+const STEADY_SHARE: usize = 4;
+
 /// The references of a cell by frame: those of the compared frames, and of the frames before if flicker is measured.
-pub type References = BTreeMap<u32, Reference>;
+/// Frames of the same view share theirs.
+pub type References = BTreeMap<u32, Arc<Reference>>;
 
 /// The frames whose references a cell needs.
 pub fn reference_frames(experiment: &Experiment, cell: &Cell) -> Vec<u32> {
@@ -51,7 +58,16 @@ pub fn reference_frames(experiment: &Experiment, cell: &Cell) -> Vec<u32> {
 /// # Errors
 /// Those of [`Wanted::get`].
 pub fn references(study: &Study, cell: &Cell, store: &Store) -> Result<References, CliError> {
-    let get = |frame| Ok((frame, Wanted::new(study.experiment, cell, study.view(cell), frame).get(store)?));
+    let mut known: BTreeMap<String, Arc<Reference>> = BTreeMap::new();
+    let get = |frame| {
+        let wanted = Wanted::new(study.experiment, cell, study.view(cell), frame);
+        let reference = match known.get(wanted.key()) {
+            Some(reference) => reference.clone(),
+            None => Arc::new(wanted.get(store)?),
+        };
+        known.insert(wanted.key().to_owned(), reference.clone());
+        Ok((frame, reference))
+    };
     reference_frames(study.experiment, cell).into_iter().map(get).collect()
 }
 
@@ -108,6 +124,9 @@ pub fn measure(
     costs.insert(Cost::PeakBytes.column().into(), count(peak_bytes));
     costs.insert(Cost::Rays.column().into(), mean(rays.into_iter().map(|rays| rays as f64)));
     let mut errors = means(metrics, &frames);
+    if let Some(found) = errors.get_mut(Metric::Latency.column()) {
+        *found = study.experiment.change.and_then(|_| latency(&frames));
+    }
     let noise = cell.compare.iter().map(|frame| references[frame].noise);
     let noise = [
         mean(noise.clone().map(|noise| noise.flip)),
@@ -140,7 +159,7 @@ fn errors(
     last: Option<&Picture>,
     references: &References,
 ) -> Figures {
-    let Reference { converged, .. } = &references[&frame];
+    let Reference { converged, .. } = &*references[&frame];
     let edges = Some(&converged.edges).filter(|edges| edges.contains(&true));
     let difference = Difference::new(&converged.picture, picture);
     let (reference, test) = (light(&converged.picture), light(picture));
@@ -157,8 +176,8 @@ fn errors(
         Metric::EdgeFlip => edges.map(|edges| difference.flip_within(edges)),
         Metric::EdgePsnr => edges.and_then(|edges| finite(difference.psnr_within(edges))),
         Metric::Flicker => flicker(),
-        // Of ports, not of pictures.
-        Metric::Holes => None,
+        // Of ports, and of all frames.
+        Metric::Holes | Metric::Latency => None,
     };
     wanted.iter().map(|&metric| (metric.column().to_owned(), of(metric))).collect()
 }
@@ -197,6 +216,15 @@ fn means(metrics: &[Metric], frames: &[FrameErrors]) -> Figures {
     metrics.iter().map(of).collect()
 }
 
+/// The number of frames after the first one, in which something changes abruptly, until FLIP is nearly steady.
+fn latency(frames: &[FrameErrors]) -> Option<f64> {
+    let flip = |frame: &FrameErrors| frame.errors.get(Metric::Flip.column()).copied().flatten();
+    let errors: Vec<f64> = frames.iter().filter_map(flip).collect();
+    let last = errors.len().div_ceil(STEADY_SHARE);
+    let steady = mean(errors[errors.len() - last..].iter().copied())?;
+    errors.iter().position(|error| *error <= NEARLY_STEADY * steady).map(|frames| frames as f64)
+}
+
 /// The ports that figures are taken from.
 struct Ports {
     /// The points of the pixels, as the last node leaves them.
@@ -214,7 +242,13 @@ impl Ports {
                 ports.map(|port| Source { node: node.name.clone(), port: port.name.to_string() })
             })
         };
-        Self { id: with(ID).last(), samples: with(SAMPLES).collect() }
+        // Those of a source, not of nodes that pass samples on.
+        let is_source = |source: &Source| {
+            let node = graph.node(&source.node).expect("its ports were listed");
+            let mut ports = graph.nodes[node].declaration().ports.iter();
+            !ports.any(|port| !port.is_output() && port.meaning == Some(SAMPLES))
+        };
+        Self { id: with(ID).last(), samples: with(SAMPLES).filter(is_source).collect() }
     }
 
     fn all(&self) -> Vec<Source> {
@@ -324,6 +358,20 @@ mod tests {
         assert!((found([&references[0], &references[1]]).unwrap() - expected).abs() < 1e-6);
         let other = picture([[0; 3]; 4]);
         assert_eq!(found([&references[0], &other]), None);
+    }
+
+    #[test]
+    fn latency_is_counted_until_the_error_is_nearly_steady() {
+        let frames = |errors: &[f64]| -> Vec<FrameErrors> {
+            let of = |flip: &f64| [("flip".to_owned(), Some(*flip))].into_iter().collect();
+            errors.iter().zip(0..).map(|(flip, frame)| FrameErrors { frame, errors: of(flip) }).collect()
+        };
+        // The last two of seven are steady at 0.1, and 0.11 is near enough.
+        let found = |errors: &[f64]| latency(&frames(errors));
+        assert_eq!(found(&[0.5, 0.3, 0.12, 0.1099, 0.105, 0.09, 0.11]), Some(3.0));
+        assert_eq!(found(&[0.1; 8]), Some(0.0));
+        assert_eq!(found(&[0.0; 8]), Some(0.0));
+        assert_eq!(found(&[]), None);
     }
 
     #[test]

@@ -62,11 +62,11 @@ impl<'a> Wanted<'a> {
         let frame = if different(place, &[0, frame]).len() == 1 { 0 } else { frame };
         let take = Take { place, frame, size: cell.size, mode };
         let mut print = *print;
-        let posed = if place.scene.bodies.is_empty() { 0 } else { frame };
+        let poses = place.scene.poses_at(frame);
         let camera = place.path.camera(frame);
         let size = cell.size;
         let version = env!("CARGO_PKG_VERSION");
-        write!(print, " {version} {camera:?} {posed} {size:?} {mode:?} {spp}")
+        write!(print, " {version} {camera:?} {poses:?} {size:?} {mode:?} {spp}")
             .expect("a fingerprint takes all text");
         let label = format!("reference {}, frame {frame}", cell.view());
         Self { take, spp, key: print.to_string(), label }

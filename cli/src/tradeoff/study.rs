@@ -302,7 +302,7 @@ impl<'e> Study<'e> {
 
     /// The fingerprint of everything that a cell's errors depend on.
     fn key(&self, cell: &Cell, graph: Fingerprint) -> Fingerprint {
-        let Experiment { spp, mode, metrics, .. } = self.experiment;
+        let Experiment { spp, mode, metrics, change, .. } = self.experiment;
         let view = self.view(cell);
         let mut print = view.print;
         let adapter =
@@ -311,8 +311,8 @@ impl<'e> Study<'e> {
         let Cell { size, frames, compare, samples, seed, .. } = cell;
         write!(
             print,
-            " {} {graph} {} {path:?} {adapter:?} {size:?} {frames} {compare:?} {samples} {seed} {spp} {mode:?} \
-             {metrics:?}",
+            " {} {graph} {} {path:?} {adapter:?} {size:?} {frames} {compare:?} {change:?} {samples} {seed} {spp} \
+             {mode:?} {metrics:?}",
             self.build, self.device.side
         )
         .expect("a fingerprint takes all text");

@@ -401,3 +401,38 @@ fn searches_find_the_value_of_a_parameter() {
         assert!(message.contains(part), "`{part}` is not in:\n{message}");
     }
 }
+
+#[test]
+fn the_latency_of_a_cut_is_measured() {
+    let place = Place::new();
+    let eye = "eye: (0.278, 0.273, -0.8), target: (0.278, 0.273, 0)";
+    let keys = [
+        (0.0, eye),
+        (0.3, eye),
+        (0.333_333, eye),
+        (0.366_66, "eye: (0.4, 0.4, -0.4), target: (0.2, 0.1, 0.3)"),
+    ];
+    let keys: Vec<String> = keys.iter().map(|(time, view)| format!("(time: {time}, {view})")).collect();
+    place.write("cut.ron", format!("(keys: [{}])", keys.join(", ")));
+    let text = experiment("cameras: [\"fly:cut.ron\"], frames: 41, change: 11")
+        .replace("PathsPerPixel(0.8)", "Samples(\"20%\")")
+        .replace("quick: (frames: 2, compare: [1]),", "");
+    place.write("t.ron", text);
+    place.succeeds("tradeoff t.ron --out a");
+    let value = figures(&place, "a");
+    let latency = |graph: &str, budget: &str| {
+        let cells = value["cells"].as_array().expect("a list");
+        let is = |cell: &&Value| cell["cell"]["graph"] == graph && cell["cell"]["budget"] == budget;
+        let measured = &cells.iter().find(is).expect("there")["result"]["measured"];
+        let frames = measured["frames"].as_array().expect("a list");
+        assert_eq!((frames.len(), &frames[0]["frame"]), (30, &11.into()));
+        measured["errors"]["latency"].as_f64().expect("a number")
+    };
+    for graph in ["render-cache", "epi"] {
+        let [few, many] = ["5%", "20%"].map(|budget| latency(graph, budget));
+        // The view is new: no sample of it is there in the frame of the cut.
+        assert!(1.0 <= many && many < few && few < 29.0, "{graph}: {few} frames at 5%, {many} at 20%");
+    }
+    // The view is still before and after the cut, and of each only one picture is traced.
+    assert_eq!(fs::read_dir(place.path("a/references")).expect("there").count(), 2 * 2);
+}
