@@ -4,7 +4,12 @@
 use std::sync::Arc;
 
 use epigraph_core::{Facts, Settings, Side};
+use epigraph_pictures::tone;
 use epigraph_scenes::{CameraPath, Mode, Scene, TraceSettings, Tracer, reference};
+use epigraph_stages::shared::{
+    cloud::{decode_radiance, encode_radiance},
+    requests::Sample,
+};
 use epigraph_tests::{Run, Stage, graph, sampled, tap};
 
 use crate::epi::rms;
@@ -100,4 +105,80 @@ fn a_median_removes_what_sticks_out() {
             assert_eq!(after[pixel as usize][channel], around[4], "{x}, {y}");
         }
     }
+}
+
+#[test]
+fn colours_are_rounded_to_what_a_format_holds() {
+    let file = graph("tradeoffs/formats/images.ron");
+    let [before, after] = ["spread.color", "round_spread.rounded"];
+    let of = |format: &str| {
+        let file = file.with_param("the test", "round_spread", "format", format).unwrap();
+        let settings =
+            Settings { taps: [before, after].map(tap).to_vec(), side: Side::Gpu, ..sampled([37, 21], 0.13) };
+        let mut run = Run::new(&file, Stage { scene: "cornell", camera: "orbit", settings });
+        run.frames(5);
+        [before, after].map(|port| run.captured(port).get::<[f32; 4]>())
+    };
+    // Bits of the fraction of red and green, and of blue.
+    for (format, bits) in [("Rgba16Float", [10, 10]), ("Rg11b10Ufloat", [6, 5])] {
+        let [before, after] = of(format);
+        let mut rounded = 0;
+        for (lane, bits) in [(0, bits[0]), (1, bits[0]), (2, bits[1])] {
+            for (before, after) in before.iter().zip(&after).map(|(a, b)| (a[lane], b[lane])) {
+                // A shader may round either way.
+                let step = f32::max(before, 2f32.powi(-14)) * 2f32.powi(-bits);
+                assert!((before - after).abs() <= step, "{format}: {before} became {after}");
+                assert_eq!(after.to_bits() << (9 + bits), 0, "{format}: {after} has more than {bits} bits");
+                rounded += usize::from(before != after);
+            }
+        }
+        assert!(rounded > 500, "{format}: {rounded}");
+    }
+    let [before, after] = of("Rgb9e5Ufloat");
+    for (before, after) in before.iter().zip(&after) {
+        let expected = decode_radiance(encode_radiance([before[0], before[1], before[2]]));
+        assert_eq!(
+            [after[0], after[1], after[2], after[3]],
+            [expected[0], expected[1], expected[2], before[3]]
+        );
+    }
+    let [before, after] = of("Rgba32Float");
+    assert_eq!(before, after);
+    let [before, after] = of("Rgba8UnormSrgb");
+    displayed(before.iter().zip(&after).flat_map(|(a, b)| [0, 1, 2].map(|lane| (a[lane], b[lane]))));
+}
+
+#[test]
+fn samples_are_rounded_to_displayed_colours() {
+    let settings = Settings {
+        taps: ["trace.samples", "round.rounded"].map(tap).to_vec(),
+        side: Side::Gpu,
+        ..sampled([37, 21], 0.13)
+    };
+    let mut run = Run::new(
+        &graph("tradeoffs/formats/cloud.ron"),
+        Stage { scene: "cornell", camera: "orbit", settings },
+    );
+    run.frames(5);
+    let [before, after] = ["trace.samples", "round.rounded"].map(|port| run.captured(port).get::<Sample>());
+    let pairs = before.iter().zip(&after);
+    for (before, after) in pairs.clone() {
+        assert_eq!(Sample { radiance: before.radiance, ..*after }, *before);
+    }
+    displayed(pairs.flat_map(|(a, b)| [0, 1, 2].map(|lane| (a.radiance[lane], b.radiance[lane]))));
+}
+
+/// The second of each pair is the first as displayed in 8 bits.
+fn displayed(pairs: impl Iterator<Item = (f32, f32)>) {
+    let mut count = 0;
+    for (before, after) in pairs {
+        let code = tone::encode(before.clamp(0.0, 1.0)) * 255.0;
+        let found = tone::encode(after) * 255.0;
+        assert!(
+            (found - found.round()).abs() < 1e-3 && (code - found).abs() < 0.501,
+            "{before} became {after}"
+        );
+        count += usize::from(before != after);
+    }
+    assert!(count > 100, "{count}");
 }
