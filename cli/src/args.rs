@@ -11,7 +11,7 @@ use epigraph_streams::MOST_LEVELS;
 
 use crate::{
     bench::{Choice, Sweep},
-    values::{self, Encoding, Light, Place, Save, Size, Within},
+    values::{self, Crop, Encoding, Light, Place, Save, Size, Within},
 };
 
 const EXAMPLES: &str = "\
@@ -153,8 +153,8 @@ an interval; it needs three seeds or more. Metrics: Flip, Rmse, RelMse, Psnr, Ss
 Costs: PathsPerPixel, Samples, PeakBytes, BytesMoved, Rays, FrameMs, TraceMs, TotalMs. docs/tradeoff.md defines
 them.
 
-DIR gets results.csv, with a line for each cell, results.json with frames and nodes too, plots, page.html with pictures
-side by side, and folders. Finished cells and references are kept there: the same command goes on after an interruption,
+DIR gets results.csv, with a line for each cell, searches.csv, results.json with frames and nodes too, plots, page.html with
+pictures side by side, and folders. Finished cells and references are kept there: the same command goes on after an interruption,
 and measures again only what has changed or failed. With the same program, machine and backend, errors are the same to
 the last digit in every run; times are not.
 
@@ -162,7 +162,8 @@ Examples:
   epigraph tradeoff graphs/tradeoffs/budgets.ron --quick --out budgets    a first impression
   epigraph tradeoff mine.ron --list                                       the cells, without running them
   epigraph tradeoff mine.ron --jobs | xargs -d '\\n' -n 1 -P 2 epigraph tradeoff mine.ron --out mine --run
-  epigraph tradeoff mine.ron --out mine --collect                         results of the cells that are there";
+  epigraph tradeoff mine.ron --out mine --collect                         results of the cells that are there
+  epigraph tradeoff mine.ron --out mine --collect --figure figure.svg     and a figure for a paper";
 
 const ENCODE_HELP: &str = "\
 A .vts file holds a tree: level 1 is the whole set as one node, level 2 has two nodes, and so on. Each node has its points
@@ -611,6 +612,26 @@ pub struct QualityArgs {
     pub plot: Option<PathBuf>,
 }
 
+/// What `tradeoff --figure` shows.
+#[derive(Args, Clone, Debug)]
+pub struct FigureArgs {
+    /// Draw a figure for a paper as SVG: whole pictures, crops, error maps and errors of graphs side by side
+    #[arg(long, value_name = "FILE.svg", conflicts_with_all = ["list", "jobs", "run"])]
+    pub figure: Option<PathBuf>,
+    /// A crop of the figure, in pixels from the top left; up to four times [default: the two places in which the graphs'
+    /// errors differ most, found for each view]
+    #[arg(long = "crop", value_name = "X,Y,WxH", requires = "figure", allow_hyphen_values = true)]
+    pub crops: Vec<Crop>,
+    /// A column of the figure: a graph as the results name it, at the first budget or at another one (`epi, 10%`); up to
+    /// seven times [default: all graphs at the first budget]
+    #[arg(long, value_name = "GRAPH[, BUDGET]", requires = "figure")]
+    pub show: Vec<String>,
+    /// Width of the figure in millimetres: 178 are both columns of most journals, 85 one of them
+    #[arg(long, value_name = "MM", requires = "figure", default_value_t = 178,
+        value_parser = clap::value_parser!(u16).range(60..=500), allow_hyphen_values = true)]
+    pub width: u16,
+}
+
 /// Arguments of `tradeoff`.
 #[derive(Args, Clone, Debug)]
 pub struct TradeoffArgs {
@@ -635,6 +656,8 @@ pub struct TradeoffArgs {
     /// Write the results of the cells that are in DIR/cells, without running others
     #[arg(long, group = "part")]
     pub collect: bool,
+    #[command(flatten)]
+    pub figure: FigureArgs,
     /// Number of CPU threads [default: one per core]; does not affect the errors
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
     pub threads: Option<u16>,

@@ -51,13 +51,14 @@ pub fn grid(
     }
 }
 
-/// Adds the file of `--plot`.
+/// Adds the file of `--plot` or `--figure`.
 ///
 /// # Errors
 /// If its name does not end in `.svg`, and those of [`Outputs::add`].
-pub fn add(outputs: &mut Outputs, path: &Path) -> Result<Output, CliError> {
+pub fn add(outputs: &mut Outputs, option: &'static str, path: &Path) -> Result<Output, CliError> {
     if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("svg")) {
-        return Err(CliError::write(path, "the plot is written as SVG; name it FILE.svg"));
+        let text = format!("the {} is written as SVG; name it FILE.svg", option.trim_start_matches('-'));
+        return Err(CliError::write(path, text));
     }
-    outputs.add("--plot", path)
+    outputs.add(option, path)
 }

@@ -48,6 +48,36 @@ impl fmt::Display for Place {
     }
 }
 
+/// A part of a picture, written `X,Y,WxH`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// The pixel at its top left.
+    pub at: [u32; 2],
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+}
+
+impl FromStr for Crop {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.rsplit_once(',').and_then(|(at, size)| {
+            let (Place(at), Size(size)) = (at.parse().ok()?, size.parse().ok()?);
+            Some(Self { at, size })
+        });
+        parts.ok_or_else(|| {
+            "expected column and row of the top left, then the size, such as 120,80,48x32".into()
+        })
+    }
+}
+
+impl fmt::Display for Crop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { at: [x, y], size: [width, height] } = self;
+        write!(f, "{x},{y},{width}x{height}")
+    }
+}
+
 /// A port and the file for its contents, written `node.port=FILE`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Save {

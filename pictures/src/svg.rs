@@ -14,13 +14,16 @@ pub enum Anchor {
 /// Size and colour of a text; bold or not.
 #[derive(Clone, Copy)]
 pub struct Font {
-    /// Height, pixels.
+    /// Height, in the unit of the drawing.
     pub size: f64,
     /// Colour.
     pub color: &'static str,
     /// True if it is bold.
     pub bold: bool,
 }
+
+/// The fonts of all texts: the first one that is there.
+const FONTS: &str = "Helvetica, Arial, sans-serif";
 
 /// A picture that grows downwards.
 #[derive(Default)]
@@ -33,6 +36,22 @@ impl Svg {
     pub fn rect(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], color: &str) {
         self.body += &format!(
             "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"{color}\"/>\n"
+        );
+    }
+
+    /// The frame of a rectangle; half of its width is outside.
+    pub fn outline(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], color: &str, stroke: f64) {
+        self.body += &format!(
+            "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"none\" \
+             stroke=\"{color}\" stroke-width=\"{stroke}\"/>\n"
+        );
+    }
+
+    /// A picture, stretched to this size. `url` may hold the picture itself: `data:image/png;base64,...`.
+    pub fn image(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], url: &str) {
+        self.body += &format!(
+            "<image x=\"{x:.2}\" y=\"{y:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" \
+             preserveAspectRatio=\"none\" href=\"{url}\"/>\n"
         );
     }
 
@@ -97,8 +116,19 @@ impl Svg {
     pub fn finish(self, [width, height]: [f64; 2]) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
-             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"Helvetica, Arial, sans-serif\">\n\
+             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"{FONTS}\">\n\
              <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n{}</svg>\n",
+            self.body
+        )
+    }
+
+    /// The file of a figure that is printed: all lengths are points, 1/72 inch, and nothing is behind it. `about` is its
+    /// description, which is not drawn.
+    pub fn finish_print(self, [width, height]: [f64; 2], about: &str) -> String {
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.2}pt\" height=\"{height:.2}pt\" \
+             viewBox=\"0 0 {width:.2} {height:.2}\" font-family=\"{FONTS}\">\n<desc>{}</desc>\n{}</svg>\n",
+            escaped(about),
             self.body
         )
     }

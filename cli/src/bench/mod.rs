@@ -87,7 +87,7 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
     let threads = open::threads(args.threads)?;
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, path)).transpose()?;
+    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, "--plot", path)).transpose()?;
     let bench = Bench::new(args, registry)?;
     let gpu = bench.gpu.as_ref().ok().and_then(Option::as_ref).and_then(|device| device.gpu.as_deref());
     let machine = Machine::new(threads, gpu);

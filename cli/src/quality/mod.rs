@@ -69,7 +69,7 @@ pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<(), CliEr
     open::threads(args.threads)?;
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, path)).transpose()?;
+    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, "--plot", path)).transpose()?;
     let quality = Quality::new(args, registry)?;
     let views = quality.checked_views()?;
     let mut outputs = outputs.ready()?;

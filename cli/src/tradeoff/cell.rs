@@ -139,6 +139,25 @@ pub enum Reached {
     Failed(String),
 }
 
+impl Reached {
+    /// The figure of a column at the answer, if there is one.
+    pub fn figure(&self, column: &str) -> Option<f64> {
+        match self {
+            Self::Within { figures, .. } => figures.get(column).copied().flatten(),
+            _ => None,
+        }
+    }
+
+    /// The most likely value and the ends of its interval, as far as they are known.
+    pub fn values(&self) -> Vec<f64> {
+        match self {
+            Self::Within { value, interval: [low, high], .. } => vec![*low, *value, *high],
+            Self::Below(value) | Self::Above(value) => vec![*value],
+            Self::Failed(_) => Vec::new(),
+        }
+    }
+}
+
 impl Cell {
     /// The scene, the camera and the size.
     pub fn view(&self) -> String {

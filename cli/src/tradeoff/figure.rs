@@ -93,6 +93,33 @@ impl Metric {
     pub fn more_is_better(self) -> bool {
         matches!(self, Self::Psnr | Self::Ssim | Self::EdgePsnr)
     }
+
+    /// Its name in print.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flip => "FLIP",
+            Self::Rmse => "RMSE",
+            Self::RelMse => "relMSE",
+            Self::Psnr => "PSNR",
+            Self::Ssim => "SSIM",
+            Self::EdgeFlip => "edge FLIP",
+            Self::EdgePsnr => "edge PSNR",
+            Self::Flicker => "flicker",
+            Self::Holes => "holes",
+            Self::Latency => "latency",
+        }
+    }
+
+    /// Digits behind the point of its figures.
+    pub fn digits(self) -> usize {
+        if matches!(self, Self::Psnr | Self::EdgePsnr) { 2 } else { 4 }
+    }
+
+    /// A figure with its name and unit: `PSNR 31.20 dB`.
+    pub fn written(self, value: f64) -> String {
+        let (name, digits, unit) = (self.name(), self.digits(), self.unit());
+        format!("{name} {value:.digits$} {unit}").trim_end().to_owned()
+    }
 }
 
 impl Cost {

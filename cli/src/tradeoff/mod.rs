@@ -2,14 +2,18 @@
 
 mod bisect;
 mod cell;
+mod crops;
 mod experiment;
 mod figure;
+mod intervals;
 mod measure;
 mod page;
+mod paper;
 mod plot;
 mod references;
 mod results;
 mod search;
+mod stacks;
 mod store;
 mod study;
 
@@ -17,6 +21,7 @@ use std::{collections::BTreeSet, path::Path, process::ExitCode, sync::Arc, time:
 
 use epigraph::Registry;
 use epigraph_core::Side;
+use epigraph_pictures::Difference;
 use indicatif::ProgressBar;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -27,6 +32,7 @@ use self::{
     figure::Cost,
     measure::{References, measure, reference_frames, references},
     page::Shown,
+    paper::Figure,
     references::Wanted,
     results::Results,
     store::Store,
@@ -40,14 +46,18 @@ use crate::{
     machine::Machine,
     open,
     output::{Output, Outputs, Ready, print},
-    progress,
+    progress, svg,
     table::Table,
 };
 
 /// The files of the results.
 const CSV: &str = "results.csv";
+const SEARCHES: &str = "searches.csv";
 const JSON: &str = "results.json";
 const PAGE: &str = "page.html";
+
+const STACKS: &str = "ms-by-node.svg";
+const INTERVALS: &str = "searches.svg";
 
 /// What the plot over frames is called after.
 const FRAMES: &str = "frames";
@@ -66,14 +76,16 @@ pub fn tradeoff(args: &TradeoffArgs, registry: &Arc<Registry>) -> Result<ExitCod
     }
     // The command line asks for a folder in all other cases.
     let Some(store) = store else { return Err(CliError::Input("--out DIR is missing".into())) };
+    let figure = args.figure.figure.as_ref().map(|_| Figure::plan(&args.figure, &study)).transpose()?;
     let gpu = study.device.gpu.as_ref().filter(|_| study.device.side == Side::Gpu);
     let machine = Machine::new(threads, gpu.map(Arc::as_ref)).json();
     let work = Work { study: &study, store: &store, machine };
-    match &args.run {
-        Some(job) => work.run_job(job),
-        None if args.collect => work.collect(args, files(&experiment, &store)?),
-        None => work.run_all(args, files(&experiment, &store)?),
+    if let Some(job) = &args.run {
+        return work.run_job(job);
     }
+    let outputs = Files::new(args, &experiment, &store)?;
+    let all = || work.collect(args, figure.as_ref(), outputs);
+    if args.collect { all() } else { work.run_all(all) }
 }
 
 /// Prints the cells in words.
@@ -188,7 +200,7 @@ struct Job {
 
 impl Work<'_> {
     /// Measures and searches what is not there, and writes the results.
-    fn run_all(&self, args: &TradeoffArgs, outputs: Files) -> Result<ExitCode, CliError> {
+    fn run_all(&self, collect: impl FnOnce() -> Result<ExitCode, CliError>) -> Result<ExitCode, CliError> {
         let (cells, tasks) =
             (open_cells(self.study, Some(self.store))?, open_tasks(self.study, Some(self.store))?);
         let done = self.study.cells.len() - cells.len();
@@ -206,7 +218,7 @@ impl Work<'_> {
                 Ok(ExitCode::from(INTERRUPTED))
             }
             Err(error) => Err(error),
-            Ok(()) => self.collect(args, outputs),
+            Ok(()) => collect(),
         }
     }
 
@@ -284,7 +296,9 @@ impl Work<'_> {
     fn cell(&self, cell: &Cell, references: &References, bar: &ProgressBar) -> Result<Outcome, CliError> {
         match measure(self.study, cell, references, self.machine.clone(), || bar.inc(1)) {
             Ok((measured, picture)) => {
-                self.store.keep_picture(&cell.key, &picture)?;
+                let last = cell.compare.last().expect("an experiment compares at least one of its frames");
+                let errors = Difference::new(&references[last].converged.picture, &picture).errors;
+                self.store.keep_picture(&cell.key, &picture, &errors)?;
                 Ok(Outcome::Measured(Box::new(measured)))
             }
             Err(CliError::Interrupted) => Err(CliError::Interrupted),
@@ -336,20 +350,22 @@ impl Work<'_> {
             {
                 pictures.push(Shown::reference(record, *spp, &picture).map_err(CliError::Input)?);
             }
-            let png = self.store.picture(&record.cell.key)?.filter(|_| record.measured().is_some());
-            pictures.extend(png.map(|png| Shown::of(record, metrics, png)));
+            let (png, map) =
+                (self.store.picture_file(&record.cell.key)?, self.store.map_file(&record.cell.key)?);
+            let both = png.zip(map).filter(|_| record.measured().is_some());
+            pictures.extend(both.map(|(png, map)| Shown::of(record, metrics, png, map)));
         }
         Ok(pictures)
     }
 
     /// What was measured, where and with what, in a line.
-    fn about(&self, cells: usize) -> String {
+    fn about(&self) -> String {
         let Study { experiment, device, .. } = self.study;
         let Experiment { frames, compare, spp, .. } = experiment;
         let compare: Vec<String> = compare.iter().map(u32::to_string).collect();
         let cpu = self.machine["cpu"].as_str().unwrap_or_default();
         format!(
-            "{cells} cells of {frames} frames; frames {} compared with references of {spp} samples per pixel; {}, \
+            "{frames} frames each; frames {} compared with references of {spp} samples per pixel; {}, \
              {cpu}; epigraph {}",
             compare.join(", "),
             device.side,
@@ -358,8 +374,12 @@ impl Work<'_> {
     }
 
     /// Writes the results of the cells that are there.
-    fn collect(&self, args: &TradeoffArgs, outputs: Files) -> Result<ExitCode, CliError> {
-        let (mut ready, named) = outputs;
+    fn collect(
+        &self,
+        args: &TradeoffArgs,
+        figure: Option<&Figure>,
+        mut outputs: Files,
+    ) -> Result<ExitCode, CliError> {
         let mut records = Vec::new();
         for cell in &self.study.cells {
             // The names in the file may be those of another experiment with the same cell.
@@ -377,23 +397,23 @@ impl Work<'_> {
         let command: Vec<String> = std::env::args().collect();
         let json = format!("{:#}\n", results.json(&command, &self.machine));
         let mut files = vec![(CSV.to_owned(), results.csv()), (JSON.to_owned(), json)];
-        let plots = plots(self.study.experiment, &records);
-        if !records.is_empty() {
-            let svgs: Vec<String> = plots.iter().map(|(_, svg)| svg.clone()).collect();
-            let pictures = self.pictures(&records)?;
-            let about = self.about(records.len());
-            files.push((
-                PAGE.to_owned(),
-                page::page(self.study.experiment, &records, &svgs, &pictures, &about),
-            ));
+        if !self.study.tasks.is_empty() {
+            files.push((SEARCHES.to_owned(), results.searches_csv()));
+        }
+        let plots = plots(self.study.experiment, &records, &found);
+        if !(records.is_empty() && found.is_empty()) {
+            let svgs: Vec<&str> = plots.iter().map(|(_, svg)| svg.as_str()).collect();
+            let page = page::page(&results, &svgs, &self.pictures(&records)?, &self.about());
+            files.push((PAGE.to_owned(), page));
         }
         files.extend(plots);
         for (name, text) in &files {
-            let (_, file) =
-                named.iter().find(|(known, _)| known == name).expect("all files are named beforehand");
-            ready.put(*file, text.as_bytes())?;
+            outputs.put(name, text)?;
         }
-        ready.commit()?;
+        if let Some((figure, file)) = figure.zip(outputs.figure) {
+            outputs.ready.put(file, self.figure(figure, &records)?.as_bytes())?;
+        }
+        outputs.ready.commit()?;
         let failed = records.iter().filter(|record| record.measured().is_none()).count()
             + found.iter().filter(|found| matches!(found.result, Reached::Failed(_))).count();
         let mut text = format!("{}\n", results.text());
@@ -404,6 +424,9 @@ impl Work<'_> {
                 _ => "results",
             };
             text += &format!("{what:<7}  {}\n", self.store.root().file(name).display());
+        }
+        if let Some(path) = &args.figure.figure {
+            text += &format!("figure   {}\n", path.display());
         }
         print(&text)?;
         let what = if self.study.tasks.is_empty() { "cells" } else { "cells and searches" };
@@ -417,28 +440,49 @@ impl Work<'_> {
     }
 }
 
-/// The files of the results that there may be, by their names. None of them is an input.
-type Files = (Ready, Vec<(String, Output)>);
+/// The files of the results that there may be. None of them is an input.
+struct Files {
+    ready: Ready,
+    /// Those in the folder, by their names.
+    named: Vec<(String, Output)>,
+    /// That of `--figure`.
+    figure: Option<Output>,
+}
 
-fn files(experiment: &Experiment, store: &Store) -> Result<Files, CliError> {
-    let metric = experiment.metrics.first().map_or("", |metric| metric.column());
-    let over = experiment.costs.iter().map(|cost| cost.column()).chain([FRAMES]);
-    let plots = over.map(|over| plot_name(metric, over));
-    let mut outputs = Outputs::default();
-    let named = [CSV, JSON, PAGE].map(String::from).into_iter().chain(plots).map(|name| {
-        let file = outputs.add("--out", &store.root().file(&name))?;
-        Ok((name, file))
-    });
-    let named = named.collect::<Result<_, CliError>>()?;
-    Ok((outputs.ready()?, named))
+impl Files {
+    fn new(args: &TradeoffArgs, experiment: &Experiment, store: &Store) -> Result<Self, CliError> {
+        let metric = experiment.metrics.first().map_or("", |metric| metric.column());
+        let over = experiment.costs.iter().map(|cost| cost.column()).chain([FRAMES]);
+        let plots = over.map(|over| plot_name(metric, over));
+        let mut outputs = Outputs::default();
+        let named =
+            [CSV, SEARCHES, JSON, PAGE, STACKS, INTERVALS].map(String::from).into_iter().chain(plots).map(
+                |name| {
+                    let file = outputs.add("--out", &store.root().file(&name))?;
+                    Ok((name, file))
+                },
+            );
+        let named = named.collect::<Result<_, CliError>>()?;
+        let figure = args.figure.figure.as_deref();
+        let figure = figure.map(|path| svg::add(&mut outputs, "--figure", path)).transpose()?;
+        Ok(Self { ready: outputs.ready()?, named, figure })
+    }
+
+    /// Writes a file beside its place.
+    fn put(&mut self, name: &str, text: &str) -> Result<(), CliError> {
+        let file = self.named.iter().find(|(known, _)| known == name);
+        let (_, file) = file.expect("all files are named beforehand");
+        self.ready.put(*file, text.as_bytes())
+    }
 }
 
 fn plot_name(metric: &str, over: &str) -> String {
     format!("{metric}-over-{over}.svg")
 }
 
-/// The plots of an experiment, by the names of their files: its first metric over each of its costs and over frames.
-fn plots(experiment: &Experiment, records: &[Record]) -> Vec<(String, String)> {
+/// The plots of an experiment, by the names of their files: its first metric over each of its costs and over frames,
+/// the times of nodes, and the answers of searches.
+fn plots(experiment: &Experiment, records: &[Record], found: &[Found]) -> Vec<(String, String)> {
     let Some(&metric) = experiment.metrics.first() else { return Vec::new() };
     let column = metric.column();
     let over_cost = |cost: &Cost| {
@@ -447,7 +491,9 @@ fn plots(experiment: &Experiment, records: &[Record]) -> Vec<(String, String)> {
     };
     let over_frames = plot::over_frames(&experiment.doc, records, metric);
     let over_frames = over_frames.map(|svg| (plot_name(column, FRAMES), svg));
-    experiment.costs.iter().filter_map(over_cost).chain(over_frames).collect()
+    let stacks = stacks::stacks(&experiment.doc, records).map(|svg| (STACKS.to_owned(), svg));
+    let intervals = intervals::intervals(&experiment.doc, found).map(|svg| (INTERVALS.to_owned(), svg));
+    experiment.costs.iter().filter_map(over_cost).chain(over_frames).chain(stacks).chain(intervals).collect()
 }
 
 /// The command that measures what is missing.

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Left and right margin, pixels.
-const MARGIN: f64 = 36.0;
+pub const MARGIN: f64 = 36.0;
 /// Size of a panel's axes, and distance from one panel to the next.
 const PANEL: [f64; 2] = [460.0, 320.0];
 const STEP: [f64; 2] = [556.0, 412.0];
@@ -24,10 +24,10 @@ const NUMBERS: f64 = 52.0;
 /// Most panels in a row.
 const COLUMNS: usize = 2;
 /// About the width of a letter of the labels and of the quiet texts, pixels.
-const LETTER: f64 = 7.0;
-const QUIET_LETTER: f64 = 6.0;
+pub const LETTER: f64 = 7.0;
+pub const QUIET_LETTER: f64 = 6.0;
 /// Height of a line of text, pixels.
-const LINE: f64 = 17.0;
+pub const LINE: f64 = 17.0;
 /// The colour of the front.
 const FRONT: &str = "#57606a";
 
@@ -181,7 +181,7 @@ impl Naming {
 }
 
 /// The records by scene, camera and size.
-fn views(records: &[Record]) -> impl Iterator<Item = &[Record]> {
+pub fn views(records: &[Record]) -> impl Iterator<Item = &[Record]> {
     records.chunk_by(|a, b| a.cell.view() == b.cell.view())
 }
 
@@ -217,7 +217,9 @@ impl Plot<'_> {
             let all = self.panels.iter().flat_map(|panel| &panel.series).map(|series| series.group.as_str());
             all.filter(|name| known.insert(*name)).collect()
         };
-        let top = self.heading(&mut svg, &names, width) + 46.0;
+        let top = heading(&mut svg, self.title, &self.about, width);
+        let colors: Vec<(&str, &str)> = names.iter().map(|name| (*name, line_color(&names, name))).collect();
+        let top = legend(&mut svg, Mark::Line, &colors, width, top) + 46.0;
         for (index, panel) in self.panels.iter().enumerate() {
             let left = MARGIN + NUMBERS + STEP[0] * (index % columns) as f64;
             let top = top + STEP[1] * (index / columns) as f64;
@@ -229,33 +231,6 @@ impl Plot<'_> {
         }
         let rows = self.panels.len().div_ceil(columns) as f64;
         Some(svg.finish([width, top + STEP[1] * rows - 20.0]))
-    }
-
-    /// Title, description and legend. Returns where they end.
-    fn heading(&self, svg: &mut Svg, names: &[&str], width: f64) -> f64 {
-        let mut y = 40.0;
-        for line in wrapped(self.title, ((width - 2.0 * MARGIN) / 10.5) as usize) {
-            svg.text([MARGIN, y], &line, Anchor::Start, TITLE);
-            y += 26.0;
-        }
-        for line in wrapped(&self.about, ((width - 2.0 * MARGIN) / QUIET_LETTER) as usize) {
-            svg.text([MARGIN, y], &line, Anchor::Start, QUIET);
-            y += LINE;
-        }
-        y += 10.0;
-        let mut x = MARGIN;
-        for name in names {
-            let entry = 34.0 + LETTER * name.chars().count() as f64 + 18.0;
-            if x > MARGIN && x + entry > width - MARGIN {
-                (x, y) = (MARGIN, y + LINE);
-            }
-            let color = line_color(names, name);
-            svg.line([x, y - 4.0], [x + 24.0, y - 4.0], color, 2.4);
-            svg.dot([x + 12.0, y - 4.0], 3.8, color);
-            svg.text([x + 31.0, y], name, Anchor::Start, LABEL);
-            x += entry;
-        }
-        y
     }
 
     fn axes(&self, svg: &mut Svg, across: &Axis, down: &Axis, [left, top]: [f64; 2]) {
@@ -307,6 +282,50 @@ impl Panel {
     }
 }
 
+/// Title and description of a plot. Returns where a legend can begin.
+pub fn heading(svg: &mut Svg, title: &str, about: &str, width: f64) -> f64 {
+    let mut y = 40.0;
+    for line in wrapped(title, ((width - 2.0 * MARGIN) / 10.5) as usize) {
+        svg.text([MARGIN, y], &line, Anchor::Start, TITLE);
+        y += 26.0;
+    }
+    for line in wrapped(about, ((width - 2.0 * MARGIN) / QUIET_LETTER) as usize) {
+        svg.text([MARGIN, y], &line, Anchor::Start, QUIET);
+        y += LINE;
+    }
+    y + 10.0
+}
+
+/// What a legend shows of a colour.
+#[derive(Clone, Copy)]
+pub enum Mark {
+    /// A line with a point.
+    Line,
+    /// A rectangle.
+    Area,
+}
+
+/// Names with their colours. Returns where they end.
+pub fn legend(svg: &mut Svg, mark: Mark, entries: &[(&str, &str)], width: f64, mut y: f64) -> f64 {
+    let mut x = MARGIN;
+    for (name, color) in entries {
+        let entry = 34.0 + LETTER * name.chars().count() as f64 + 18.0;
+        if x > MARGIN && x + entry > width - MARGIN {
+            (x, y) = (MARGIN, y + LINE);
+        }
+        match mark {
+            Mark::Line => {
+                svg.line([x, y - 4.0], [x + 24.0, y - 4.0], color, 2.4);
+                svg.dot([x + 12.0, y - 4.0], 3.8, color);
+            }
+            Mark::Area => svg.rect([x + 6.0, y - 10.0], [18.0, 11.0], color),
+        }
+        svg.text([x + 31.0, y], name, Anchor::Start, LABEL);
+        x += entry;
+    }
+    y
+}
+
 /// The name of a metric's axis.
 fn axis_name(metric: Metric) -> String {
     match metric.unit() {
@@ -316,7 +335,7 @@ fn axis_name(metric: Metric) -> String {
 }
 
 /// A number of an axis: large ones with a suffix.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     let suffixes = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
     let large =
         suffixes.iter().find(|(unit, _)| value.abs() >= 10.0 * unit || (*unit > 1e3 && value.abs() >= *unit));
@@ -324,7 +343,7 @@ fn short(value: f64) -> String {
 }
 
 /// Lines of at most `width` letters, broken between words.
-fn wrapped(text: &str, width: usize) -> Vec<String> {
+pub fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {

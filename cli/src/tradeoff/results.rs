@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::{
-    cell::{Found, Measured, Outcome, Reached, Record},
+    cell::{Cell, Found, Measured, Outcome, Reached, Record},
     experiment::{Experiment, tidy},
     figure::{Cost, INEFFICIENCY, Metric, NOISE},
 };
@@ -37,32 +37,14 @@ impl Results<'_> {
 
     /// A line for each cell.
     pub fn csv(&self) -> String {
-        let what = [
-            "cell", "graph", "variant", "params", "scene", "camera", "width", "height", "frames", "compare",
-            "budget", "seed",
-        ];
         let figures: Vec<&str> = self.errors().chain(Self::costs()).map(|(name, _)| name).collect();
-        let head = what.iter().chain(&figures).chain(&["at_reference_noise", "backend", "cpu", "failed"]);
+        let head = ["cell"].iter().chain(&SETTING).chain(&["budget", "seed"]).chain(&figures);
+        let head = head.chain(&["at_reference_noise", "backend", "cpu", "failed"]);
         let mut text = line(head.map(|name| (*name).to_owned()));
         for record in self.records {
             let cell = &record.cell;
-            let params: Vec<String> =
-                cell.params.iter().map(|(param, value)| format!("{param}={value}")).collect();
-            let compare: Vec<String> = cell.compare.iter().map(u32::to_string).collect();
-            let fields = [
-                cell.key.clone(),
-                cell.graph.clone(),
-                cell.variant.clone(),
-                params.join(" "),
-                cell.scene.clone(),
-                cell.camera.clone(),
-                cell.size[0].to_string(),
-                cell.size[1].to_string(),
-                cell.frames.to_string(),
-                compare.join(" "),
-                cell.budget.clone(),
-                cell.seed.to_string(),
-            ];
+            let budget = [cell.budget.clone(), cell.seed.to_string()];
+            let fields = [cell.key.clone()].into_iter().chain(setting(cell)).chain(budget);
             let figure = |name: &&str| record.figure(name).map_or(String::new(), |value| value.to_string());
             let (backend, machine, failed) = match &record.result {
                 Outcome::Measured(measured) => {
@@ -73,7 +55,36 @@ impl Results<'_> {
             };
             let noise = at_noise(record).map_or(String::new(), |at| at.to_string());
             let figures = figures.iter().map(figure);
-            text += &line(fields.into_iter().chain(figures).chain([noise, backend, machine, failed]));
+            text += &line(fields.chain(figures).chain([noise, backend, machine, failed]));
+        }
+        text
+    }
+
+    /// A line for each search. An answer beyond what was tried has an interval that is open at one end.
+    pub fn searches_csv(&self) -> String {
+        let figures = || self.errors().chain(Self::costs()).map(|(name, _)| name);
+        let goal = ["figure", "target", "over", "answer", "value", "low", "high"];
+        let head = ["search"].into_iter().chain(SETTING).chain(goal).chain(figures()).chain(["failed"]);
+        let mut text = line(head.map(str::to_owned));
+        for Found { key, cell, over, column, target, result } in self.found {
+            let none = String::new;
+            let (answer, [value, low, high]) = match result {
+                Reached::Within { value, interval: [low, high], .. } => {
+                    ("within", [value.to_string(), low.to_string(), high.to_string()])
+                }
+                Reached::Below(value) => ("below", [none(), none(), value.to_string()]),
+                Reached::Above(value) => ("above", [none(), value.to_string(), none()]),
+                Reached::Failed(_) => ("failed", [none(), none(), none()]),
+            };
+            let failed = match result {
+                Reached::Failed(message) => message.clone(),
+                _ => none(),
+            };
+            let goal =
+                [column.clone(), target.to_string(), over.clone(), answer.to_owned(), value, low, high];
+            let fields = [key.clone()].into_iter().chain(setting(cell)).chain(goal);
+            let figures = figures().map(|name| result.figure(name).map_or(none(), |value| value.to_string()));
+            text += &line(fields.chain(figures).chain([failed]));
         }
         text
     }
@@ -113,7 +124,7 @@ impl Results<'_> {
     fn searches_text(&self) -> String {
         let metrics = self.experiment.metrics.iter().take(3);
         let columns: Vec<(&str, usize)> = metrics
-            .map(|metric| (metric.column(), digits(*metric)))
+            .map(|metric| (metric.column(), metric.digits()))
             .chain([(Cost::TotalMs.column(), 2)])
             .collect();
         let names = columns.iter().map(|(column, _)| format!(">{column}"));
@@ -124,13 +135,8 @@ impl Results<'_> {
         for Found { cell, over, column, target, result, .. } in self.found {
             let size = format!("{}x{}", cell.size[0], cell.size[1]);
             let none = || "-".to_owned();
-            let figure = |column: &str, digits: usize| match result {
-                Reached::Within { figures, .. } => figures
-                    .get(column)
-                    .copied()
-                    .flatten()
-                    .map_or_else(none, |value| format!("{value:.digits$}")),
-                _ => none(),
+            let figure = |column: &str, digits: usize| {
+                result.figure(column).map_or_else(none, |value| format!("{value:.digits$}"))
             };
             let (value, interval, note) = match result {
                 Reached::Within { value, interval: [low, high], .. } => {
@@ -198,7 +204,7 @@ impl Results<'_> {
             let paths = cell.paths_per_pixel.map_or_else(|| "-".to_owned(), |paths| format!("{paths:.3}"));
             let what =
                 [cell.variation(), cell.scene.clone(), cell.camera.clone(), size, cell.budget.clone(), paths];
-            let figures = metrics.iter().map(|metric| number(metric.column(), digits(*metric)));
+            let figures = metrics.iter().map(|metric| number(metric.column(), metric.digits()));
             let times = [Cost::FrameMs, Cost::TraceMs].map(|cost| number(cost.column(), 2));
             table.line(what.into_iter().chain(figures).chain(times).chain([note]).collect());
         }
@@ -207,13 +213,8 @@ impl Results<'_> {
 }
 
 /// A number of samples, or the value of a parameter, in four digits.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     if value.abs() >= 1000.0 { format!("{value:.0}") } else { tidy(value, 4) }
-}
-
-/// Digits behind the point of a figure in the table.
-fn digits(metric: Metric) -> usize {
-    if matches!(metric, Metric::Psnr | Metric::EdgePsnr) { 2 } else { 4 }
 }
 
 /// The records in groups of repetitions.
@@ -222,8 +223,8 @@ pub fn groups(records: &[Record]) -> impl Iterator<Item = &[Record]> {
 }
 
 /// The mean of a column over the records that have it.
-pub fn mean(records: &[Record], column: &str) -> Option<f64> {
-    let values: Vec<f64> = records.iter().filter_map(|record| record.figure(column)).collect();
+pub fn mean<'r>(records: impl IntoIterator<Item = &'r Record>, column: &str) -> Option<f64> {
+    let values: Vec<f64> = records.into_iter().filter_map(|record| record.figure(column)).collect();
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
@@ -236,6 +237,27 @@ fn at_noise(record: &Record) -> Option<bool> {
     let rmse = record.figure(Metric::Rmse.column()).zip(rmse);
     let rmse = rmse.map(|(found, noise)| found <= std::f64::consts::SQRT_2 * noise);
     flip.into_iter().chain(rmse).reduce(|a, b| a || b)
+}
+
+/// The columns of [`setting`].
+const SETTING: [&str; 9] =
+    ["graph", "variant", "params", "scene", "camera", "width", "height", "frames", "compare"];
+
+/// What a cell or a search runs, but for budgets and seeds.
+fn setting(cell: &Cell) -> [String; 9] {
+    let params: Vec<String> = cell.params.iter().map(|(param, value)| format!("{param}={value}")).collect();
+    let compare: Vec<String> = cell.compare.iter().map(u32::to_string).collect();
+    [
+        cell.graph.clone(),
+        cell.variant.clone(),
+        params.join(" "),
+        cell.scene.clone(),
+        cell.camera.clone(),
+        cell.size[0].to_string(),
+        cell.size[1].to_string(),
+        cell.frames.to_string(),
+        compare.join(" "),
+    ]
 }
 
 /// A line of CSV (RFC 4180).

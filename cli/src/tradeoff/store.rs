@@ -2,10 +2,13 @@
 //! made from. Several processes may work on one folder: a file is whole or absent, and two processes that make the same
 //! file make the same contents, but for times.
 
-use std::{io::ErrorKind, path::Path};
+use std::{
+    io::ErrorKind,
+    path::{Path, PathBuf},
+};
 
 use epigraph_files::{MOST_DATA, Target, commit};
-use epigraph_pictures::{Picture, exr, png, tone};
+use epigraph_pictures::{Picture, Ramp, exr, png, tone};
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
@@ -56,27 +59,45 @@ impl Store {
         keep(&self.cells.file(&format!("{}.json", record.cell.key)), record)
     }
 
-    /// The last compared picture of a cell as a PNG file, if it is there.
+    /// The last compared picture of a cell, if it is there.
     ///
     /// # Errors
-    /// The system's error.
-    pub fn picture(&self, key: &str) -> Result<Option<Vec<u8>>, CliError> {
-        let path = self.pictures.file(&format!("{key}.png"));
-        match epigraph_files::bytes(&path, MOST_DATA) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            bytes => bytes.map(Some).map_err(|error| CliError::read(&path, error)),
-        }
+    /// The file is there, but is not one that this program has written.
+    pub fn picture(&self, key: &str) -> Result<Option<Picture>, CliError> {
+        let path = self.picture_path(key);
+        Ok(path.exists().then(|| Picture::read(&path)).transpose()?)
     }
 
-    /// Keeps the last compared picture of a cell.
+    /// The same as a PNG file.
     ///
     /// # Errors
     /// The system's error.
-    pub fn keep_picture(&self, key: &str, picture: &Picture) -> Result<(), CliError> {
-        let path = self.pictures.file(&format!("{key}.png"));
-        let bytes: Vec<[u8; 3]> = picture.srgb().into_iter().map(|color| color.map(tone::to_byte)).collect();
-        let bytes = png(picture.size, &bytes).map_err(|cause| CliError::write(&path, cause))?;
-        Ok(Target::new(&path)?.write(&bytes)?)
+    pub fn picture_file(&self, key: &str) -> Result<Option<Vec<u8>>, CliError> {
+        file(&self.picture_path(key))
+    }
+
+    /// The FLIP error map of this picture as a PNG file, if it is there.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn map_file(&self, key: &str) -> Result<Option<Vec<u8>>, CliError> {
+        file(&self.map_path(key))
+    }
+
+    /// Keeps the last compared picture of a cell, and its FLIP error map from the errors of its pixels.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn keep_picture(&self, key: &str, picture: &Picture, errors: &[f32]) -> Result<(), CliError> {
+        let colors = picture.srgb().into_iter().map(|color| color.map(tone::to_byte)).collect();
+        let map = errors.iter().map(|error| Ramp::Magma.color(*error)).collect();
+        let draft = |(path, colors): (PathBuf, Vec<[u8; 3]>)| {
+            let bytes = png(picture.size, &colors).map_err(|cause| CliError::write(&path, cause))?;
+            Ok(Target::new(&path)?.draft(&bytes)?)
+        };
+        let files = [(self.picture_path(key), colors), (self.map_path(key), map)];
+        let drafts = files.into_iter().map(draft).collect::<Result<_, CliError>>()?;
+        Ok(commit(drafts)?)
     }
 
     /// The answer of a search, if it is there.
@@ -127,7 +148,15 @@ impl Store {
         Ok(commit(vec![picture, facts])?)
     }
 
-    fn reference_paths(&self, key: &str) -> [std::path::PathBuf; 2] {
+    fn picture_path(&self, key: &str) -> PathBuf {
+        self.pictures.file(&format!("{key}.png"))
+    }
+
+    fn map_path(&self, key: &str) -> PathBuf {
+        self.pictures.file(&format!("{key}-flip.png"))
+    }
+
+    fn reference_paths(&self, key: &str) -> [PathBuf; 2] {
         ["exr", "json"].map(|ending| self.references.file(&format!("{key}.{ending}")))
     }
 }
@@ -135,6 +164,14 @@ impl Store {
 fn keep<T: Serialize>(path: &Path, value: &T) -> Result<(), CliError> {
     let text = serde_json::to_string_pretty(value).expect("the keys of all maps are texts");
     Ok(Target::new(path)?.write(text.as_bytes())?)
+}
+
+/// The contents of a file, if it is there.
+fn file(path: &Path) -> Result<Option<Vec<u8>>, CliError> {
+    match epigraph_files::bytes(path, MOST_DATA) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        bytes => bytes.map(Some).map_err(|error| CliError::read(path, error)),
+    }
 }
 
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, CliError> {
@@ -170,6 +207,12 @@ mod tests {
         // It is replaced, though it was read.
         store.keep_cell(&kept).unwrap();
         let picture = Picture { size: [2, 1], colors: vec![[0.1, 7.0, 0.0]; 2], linear: true };
+        assert!(store.picture("a").unwrap().is_none() && store.map_file("a").unwrap().is_none());
+        store.keep_picture("a", &picture, &[0.0, 1.0]).unwrap();
+        // As displayed.
+        let kept = store.picture("a").unwrap().unwrap();
+        assert_eq!((kept.srgb_at(1)[1], kept.srgb_at(1)[2]), (1.0, 0.0));
+        assert!(store.map_file("a").unwrap().unwrap().starts_with(b"\x89PNG"));
         assert!(store.reference::<Value>("a").unwrap().is_none());
         store.keep_reference("a", &picture, &json!({ "spp": 4 })).unwrap();
         assert_eq!(store.reference::<Value>("a").unwrap(), Some((picture, json!({ "spp": 4 }))));

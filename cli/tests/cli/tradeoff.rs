@@ -1,6 +1,6 @@
 //! `epigraph tradeoff`: experiments, what they keep, and how they are spread over processes.
 
-use std::fs;
+use std::{fs, path::Path};
 
 use serde_json::Value;
 
@@ -87,10 +87,12 @@ fn cells_are_measured_kept_and_the_same_in_every_run() {
     for name in ["flip-over-paths_per_pixel.svg", "flip-over-total_ms.svg", "flip-over-frames.svg"] {
         assert!(fs::read_to_string(place.path(&format!("a/{name}"))).expect("written").ends_with("</svg>\n"));
     }
-    // The reference, and the cells of the first seed.
+    let nodes = fs::read_to_string(place.path("a/ms-by-node.svg")).expect("written");
+    assert!(nodes.contains(">epi, 0.8 paths/pixel<") && nodes.ends_with("</svg>\n"), "{nodes}");
+    // The reference, and the cells of the first seed with their error maps.
     let page = fs::read_to_string(place.path("a/page.html")).expect("written");
-    assert_eq!(page.matches("data:image/png;base64,iVBORw0KGgo").count(), 1 + 4);
-    assert!(page.contains("<h1>What do edges bring?</h1>") && page.matches("<svg").count() == 3);
+    assert_eq!(page.matches("data:image/png;base64,iVBORw0KGgo").count(), 1 + 2 * 4);
+    assert!(page.contains("<h1>What do edges bring?</h1>") && page.matches("<svg").count() == 4);
     place.succeeds("tradeoff t.ron --out b --threads 1");
     assert_eq!(errors(&place, "a"), errors(&place, "b"));
 
@@ -208,6 +210,101 @@ fn processes_share_the_cells_and_one_that_is_killed_is_made_up_for() {
         job.stdout,
         job.stderr
     );
+}
+
+/// The pictures that an SVG holds, in its order.
+fn pictures(svg: &str) -> Vec<image::RgbImage> {
+    use base64::{Engine, engine::general_purpose::STANDARD};
+    let urls = svg.split("href=\"data:image/png;base64,").skip(1);
+    let decode = |text: &str| {
+        let bytes = STANDARD.decode(text.split_once('"').expect("a quote").0).expect("base64");
+        image::load_from_memory(&bytes).expect("a picture").into_rgb8()
+    };
+    urls.map(decode).collect()
+}
+
+#[test]
+fn a_figure_has_crops_errors_and_whole_pictures() {
+    let place = Place::new();
+    place.write("t.ron", experiment("frames: 4, seeds: [1, 2], metrics: [Flip, Psnr]"));
+    place.succeeds("tradeoff t.ron --out a");
+    let before = place.contents();
+    // Two graphs at the first budget and the reference, with two crops each, two error maps, the whole picture, the
+    // colours' scale.
+    let text = place.succeeds("tradeoff t.ron --out a --collect --figure f.svg");
+    assert!(text.ends_with("figure   f.svg\n"), "{text}");
+    let svg = fs::read_to_string(place.path("f.svg")).expect("written");
+    assert_eq!(pictures(&svg).len(), 3 * 2 + 2 + 1 + 1);
+    assert!(svg.starts_with("<svg ") && svg.contains(" width=\"504.57pt\""), "178 mm are 504.57 points");
+    let value = figures(&place, "a");
+    let means = |graph: &str, metric: &str| {
+        let of = |cell: &&Value| cell["cell"]["graph"] == graph && cell["cell"]["budget"] == "5%";
+        let cells: Vec<&Value> = value["cells"].as_array().expect("a list").iter().filter(of).collect();
+        assert_eq!(cells.len(), 2);
+        let figure = |cell: &&Value| cell["result"]["measured"]["errors"][metric].as_f64().expect("a number");
+        cells.iter().map(figure).sum::<f64>() / 2.0
+    };
+    for graph in ["render-cache", "epi"] {
+        for text in [
+            format!(">FLIP {:.4}<", means(graph, "flip")),
+            format!(">PSNR {:.2} dB<", means(graph, "psnr")),
+            format!(" font-weight=\"600\">{graph}<"),
+        ] {
+            assert!(svg.contains(&text), "{text} is not in the figure");
+        }
+    }
+    assert!(svg.contains(">5% samples<") && svg.contains(">8 samples/pixel<"));
+    // The better one is bold.
+    let best =
+        format!(" font-weight=\"600\">FLIP {:.4}<", means("epi", "flip").min(means("render-cache", "flip")));
+    assert_eq!(svg.matches(" font-weight=\"600\">FLIP").count(), 1);
+    assert!(svg.contains(&best));
+    // Nothing is measured again.
+    let after = place.contents();
+    let is_kept = |path: &Path| {
+        ["cells", "pictures", "references"].iter().any(|name| path.starts_with(place.path("a").join(name)))
+    };
+    assert!(before.iter().filter(|(path, _)| is_kept(path)).all(|(path, bytes)| after[path] == *bytes));
+
+    // Given crops, in one column at another budget: pixels of the kept picture, as squares.
+    place.succeeds("tradeoff t.ron --out a --collect --figure g.svg --crop 3,4,8x6 --show epi --width 85");
+    let svg = fs::read_to_string(place.path("g.svg")).expect("written");
+    let found = pictures(&svg);
+    assert_eq!(found.len(), 2 + 1 + 1 + 1);
+    let key = value["cells"].as_array().expect("a list").iter().find(|cell| {
+        cell["cell"]["graph"] == "epi" && cell["cell"]["budget"] == "5%" && cell["cell"]["seed"] == 1
+    });
+    let key = key.expect("it is there")["cell"]["key"].as_str().expect("a name");
+    let kept = image::open(place.path(&format!("a/pictures/{key}.png"))).expect("a picture").into_rgb8();
+    let crop = &found[1];
+    assert_eq!(crop.dimensions(), (304, 228));
+    assert!(crop.enumerate_pixels().all(|(x, y, pixel)| pixel == kept.get_pixel(3 + x / 38, 4 + y / 38)));
+    // Two budgets of one graph.
+    let shown = place.shell(
+        "\"$EPIGRAPH\" tradeoff t.ron --out a --collect --figure h.svg --show 'epi, 5%' --show 'epi, 0.8 paths/pixel'",
+    );
+    assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+    let svg = fs::read_to_string(place.path("h.svg")).expect("written");
+    assert!(svg.contains(">5% samples<") && svg.contains(">0.8 paths/pixel<"));
+
+    fs::hard_link(place.path("t.ron"), place.path("linked.svg")).expect("links are possible");
+    for (words, part) in [
+        ("--figure f.png", "the figure is written as SVG; name it FILE.svg"),
+        ("--figure t.svg --crop 30,0,8x8", "--crop 30,0,8x8 does not lie in a picture of 32x32 pixels"),
+        ("--figure t.svg --crop 8x8", "such as 120,80,48x32"),
+        ("--figure t.svg --show epy", "--show epy: the experiment has `render-cache, 5%`, "),
+        ("--figure t.svg --width 20", "60..=500"),
+        ("--crop 1,1,8x8", "--figure <FILE.svg>"),
+        ("--list --figure t.svg", "cannot be used with"),
+        ("--figure none/f.svg", "there is no folder"),
+        ("--figure a/searches.svg", "--out and --figure both write a/searches.svg"),
+        ("--figure linked.svg", "t.ron, which the command reads; name another file"),
+    ] {
+        let message = place.fails(&format!("tradeoff t.ron --out a {words}"));
+        assert!(message.contains(part), "`{part}` is not in:\n{message}");
+    }
+    let message = place.fails("tradeoff t.ron --quick --out a --collect --figure t.svg");
+    assert!(message.contains("nothing that it shows is measured"), "{message}");
 }
 
 #[test]
@@ -340,6 +437,21 @@ fn searches_find_equal_errors_and_go_on_where_they_were() {
         assert!((number(&within["figures"]["flip"]) / 0.24 - 1.0).abs() < 0.3, "{search}");
         samples
     };
+    let text = fs::read_to_string(place.path("a/searches.csv")).expect("written");
+    let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let of = |name: &str| lines[0].iter().position(|known| *known == name).expect("a column");
+    assert_eq!(lines.len(), 3, "{text}");
+    let within = &searches[1]["result"]["within"];
+    assert_eq!(lines[2][of("graph")], "epi");
+    for (name, value) in
+        [("value", &within["value"]), ("low", &within["interval"][0]), ("psnr", &within["figures"]["psnr"])]
+    {
+        let found: f64 = lines[2][of(name)].parse().expect("a number");
+        assert_eq!(Some(found), value.as_f64(), "{name}");
+    }
+    let page = fs::read_to_string(place.path("a/page.html")).expect("written");
+    assert!(page.contains("<h2>Searches</h2>") && page.contains("<td>flip 0.24 over samples</td>"));
+    assert!(place.path("a/searches.svg").exists());
     // Exact edges save samples.
     assert!(found("epi") < found("render-cache"), "{value}");
     assert!(!place.path("a/flip-over-total_ms.svg").exists(), "there are no cells to plot");

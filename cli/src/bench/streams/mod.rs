@@ -76,7 +76,7 @@ pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let threads = open::threads(args.threads)?;
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
-    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, path)).transpose()?;
+    let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, "--plot", path)).transpose()?;
     let mut skipped = Vec::new();
     let inputs = inputs(args, &mut skipped)?;
     let mut outputs = outputs.ready()?;
