@@ -2,6 +2,8 @@
 
 mod bad_input;
 mod bench;
+#[cfg(target_os = "linux")]
+mod browser;
 mod changes;
 mod commands;
 mod gallery;
@@ -15,6 +17,8 @@ mod interrupt;
 mod kills;
 #[cfg(unix)]
 mod outputs;
+#[cfg(target_os = "linux")]
+mod page;
 mod quality;
 mod repeats;
 mod scenes;
