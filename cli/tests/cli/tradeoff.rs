@@ -1,6 +1,6 @@
 //! `epigraph tradeoff`: experiments, what they keep, and how they are spread over processes.
 
-use std::{fs, path::Path};
+use std::{collections::BTreeMap, fs, path::Path, thread, time::Instant};
 
 use serde_json::Value;
 
@@ -305,6 +305,67 @@ fn a_figure_has_crops_errors_and_whole_pictures() {
     }
     let message = place.fails("tradeoff t.ron --quick --out a --collect --figure t.svg");
     assert!(message.contains("nothing that it shows is measured"), "{message}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn runs_that_are_killed_are_made_up_for() {
+    let kills = std::env::var("EPIGRAPH_KILLS").map_or(24, |text| text.parse().expect("a number of kills"));
+    let place = Place::new();
+    place.write(
+        "t.ron",
+        experiment("frames: 6, seeds: [1, 2, 3], search: [Search(metric: Flip, target: 0.24)]"),
+    );
+    let start = Instant::now();
+    place.succeeds("tradeoff t.ron --out b --figure b.svg");
+    let took = start.elapsed();
+    let paths = |folder: &str| -> BTreeMap<String, Vec<u8>> {
+        let root = place.path(folder);
+        let name = |path: &Path| path.strip_prefix(&root).ok().map(|path| path.display().to_string());
+        place.contents().into_iter().filter_map(|(path, bytes)| Some((name(&path)?, bytes))).collect()
+    };
+    // What is measured, but for times.
+    let errors_of = |bytes: &[u8]| {
+        let value: Value = serde_json::from_slice(bytes).expect("whole");
+        let measured = &value["result"]["measured"];
+        (measured["errors"].clone(), measured["frames"].clone())
+    };
+    let whole = paths("b");
+    let mut random = epigraph_core::testing::Random(11);
+    let (mut kept, mut ended) = (0, 0);
+    for _ in 0..kills {
+        let mut running = place.start("tradeoff t.ron --out a --figure a.svg");
+        thread::sleep(took.mul_f64(f64::from(random.below(1000)) / 1000.0));
+        running.kill();
+        let found = paths("a");
+        for (name, bytes) in found.iter().filter(|(name, _)| !name.contains(".epigraph-")) {
+            let of = &whole[name];
+            match name.split_once('/') {
+                Some(("cells", _)) => assert_eq!(errors_of(bytes), errors_of(of), "{name}"),
+                Some(("pictures" | "references", _)) => assert!(bytes == of, "{name} is torn"),
+                Some(("searches", _)) => assert_eq!(
+                    serde_json::from_slice::<Value>(bytes).expect("whole")["result"]["within"]["interval"],
+                    serde_json::from_slice::<Value>(of).expect("whole")["result"]["within"]["interval"]
+                ),
+                _ => assert!(bytes.ends_with(b"\n"), "{name} is torn"),
+            }
+        }
+        kept += found.keys().filter(|name| name.starts_with("cells/")).count();
+        if found.contains_key("results.csv") {
+            // It was not killed before its end: from the beginning again.
+            ended += 1;
+            fs::remove_dir_all(place.path("a")).expect("it is there");
+        }
+    }
+    assert!(kept > 0 && ended < kills, "{kills} kills, {kept} cells were there, {ended} runs had ended");
+    place.succeeds("tradeoff t.ron --out a --figure a.svg");
+    assert_eq!(errors(&place, "a"), errors(&place, "b"));
+    assert!(paths("a").keys().eq(whole.keys()), "something was left behind");
+    assert_eq!(
+        fs::read(place.path("a.svg")).expect("written"),
+        fs::read(place.path("b.svg")).expect("written")
+    );
+    println!("{kills} kills within {took:.2?}: {ended} runs had ended");
 }
 
 #[test]
