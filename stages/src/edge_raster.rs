@@ -16,8 +16,8 @@
 //!
 //! **Clipping.** Before rounding, a segment is clipped at the near plane and, to bound the integers, at a square of
 //! 65,535 pixels around the middle of the image. Both are outside the image, so no crossing in the image is lost or
-//! gained. A clipped end is off the line by less than 1/100 of a pixel, and by less still at the image; ends that are
-//! not clipped keep their coordinates.
+//! gained. A clipped end is off the line by less than 1/100 of a pixel, or 2^-24 of the segment's length in pixels if that
+//! is more, and by less still at the image; ends that are not clipped keep their coordinates.
 //!
 //! **Penumbrae.** The boundaries of a soft shadow are edges only where its penumbra is narrow on the screen; its width
 //! is computed as if it were perpendicular to the view.

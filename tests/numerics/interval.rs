@@ -78,7 +78,9 @@ impl Interval {
             return Self::ANY;
         }
         // The operation in f64 has been rounded itself.
-        let (low, high) = (low.next_down() - ulps * ulp(low), high.next_up() + ulps * ulp(high));
+        let widened =
+            |x: f64, sign: f64| if x.is_finite() { x + sign * (ulps * ulp(x) + x.abs() * 1e-15) } else { x };
+        let (low, high) = (widened(low, -1.0), widened(high, 1.0));
         let down = |x: f64| if f64::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
         let rounded = Self { low: down(low).into(), high: (-down(-high)).into() };
         rounded.flushed()

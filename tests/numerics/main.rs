@@ -8,10 +8,16 @@
 //! Each group of stages has a file, with a list of [`Row`]s that is measured once. The document's tables are those rows;
 //! a bound that is too small fails where it is exceeded, one that is too large in [`Measure::row`](table::Measure::row).
 
+mod chance;
 mod cloud;
+mod colors;
 mod depth;
+mod edges;
 mod interval;
+mod pixels;
 mod project;
+mod scenes;
+mod streams;
 mod table;
 
 use std::{any::Any, env, fs, panic::catch_unwind, path::Path, sync::LazyLock};
@@ -36,8 +42,17 @@ fn measured(functions: &[fn() -> Vec<Row>]) -> Vec<Row> {
 }
 
 /// Titles of the groups, and their rows.
-const GROUPS: [(&str, &Group); 3] =
-    [("depth", &depth::ROWS), ("projection", &project::ROWS), ("cloud", &cloud::ROWS)];
+const GROUPS: [(&str, &Group); 9] = [
+    ("depth", &depth::ROWS),
+    ("projection", &project::ROWS),
+    ("cloud", &cloud::ROWS),
+    ("edges", &edges::ROWS),
+    ("pixels", &pixels::ROWS),
+    ("colours", &colors::ROWS),
+    ("requests", &chance::ROWS),
+    ("scene", &scenes::ROWS),
+    ("streams", &streams::ROWS),
+];
 
 /// Makes a table with columns of its own.
 type Make = fn() -> String;
@@ -87,6 +102,36 @@ fn projection_and_depth_hold_what_they_claim() {
 #[test]
 fn the_cloud_holds_what_it_claims() {
     assert!(!cloud::ROWS.is_empty());
+}
+
+#[test]
+fn edges_hold_what_they_claim() {
+    assert!(!edges::ROWS.is_empty());
+}
+
+#[test]
+fn regions_and_reachability_hold_what_they_claim() {
+    assert!(!pixels::ROWS.is_empty());
+}
+
+#[test]
+fn colours_hold_what_they_claim() {
+    assert!(!colors::ROWS.is_empty());
+}
+
+#[test]
+fn requests_hold_what_they_claim() {
+    assert!(!chance::ROWS.is_empty());
+}
+
+#[test]
+fn samples_and_motion_hold_what_they_claim() {
+    assert!(!scenes::ROWS.is_empty());
+}
+
+#[test]
+fn point_sets_hold_what_they_claim() {
+    assert!(!streams::ROWS.is_empty());
 }
 
 /// The figures of the CPU are the same on every machine, but for the last digit of mathematical functions; those of the
