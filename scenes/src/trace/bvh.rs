@@ -6,7 +6,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A, Vec4, Vec4Swizzles};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
@@ -41,19 +41,57 @@ pub(super) struct Intersection {
     pub weights: Vec3,
 }
 
-/// A triangle's corners in scaled coordinates.
+/// A triangle's corners in scaled coordinates: one lane for each corner, so that what is computed for each takes one
+/// instruction. The fourth lane is 0.
 #[derive(Clone, Copy)]
-struct Triangle([Vec3A; 3]);
+struct Triangle {
+    x: Vec4,
+    y: Vec4,
+    z: Vec4,
+}
+
+/// What a ray's intersection with a triangle follows from.
+struct Spanned {
+    /// The signed volumes that the ray's line spans with each edge (Plücker coordinates).
+    volumes: Vec3A,
+    /// The distances of the corners along the ray.
+    along: Vec3A,
+}
+
+impl Spanned {
+    fn sum(&self) -> f32 {
+        self.volumes.x + self.volumes.y + self.volumes.z
+    }
+
+    /// The barycentric weights of the corners.
+    fn weights(&self) -> Vec3 {
+        Vec3::from(self.volumes) / self.sum()
+    }
+}
 
 impl Triangle {
-    /// The signed volumes that the ray's line spans with each edge (Plücker coordinates). They have the same sign if
-    /// and only if the line intersects the triangle, and each is proportional to the weight of the opposite corner.
-    /// Both triangles at an edge compute exactly opposite values for it, so that a ray never misses both.
+    fn new([a, b, c]: [Vec3A; 3]) -> Self {
+        let lanes = |of: fn(Vec3A) -> f32| Vec4::new(of(a), of(b), of(c), 0.0);
+        Self { x: lanes(|p| p.x), y: lanes(|p| p.y), z: lanes(|p| p.z) }
+    }
+
+    fn corners(&self) -> [Vec3A; 3] {
+        [0, 1, 2].map(|corner| Vec3A::new(self.x[corner], self.y[corner], self.z[corner]))
+    }
+
+    /// The volumes have the same sign if and only if the line intersects the triangle, and each is proportional to the
+    /// weight of the opposite corner. Both triangles at an edge compute exactly opposite values for it, so that a ray never
+    /// misses both.
     #[inline(always)]
-    fn volumes(&self, ray: &Ray) -> ([Vec3A; 3], Vec3) {
-        let [a, b, c] = self.0.map(|corner| corner - ray.origin);
-        let volume = |p: Vec3A, q: Vec3A| (q - p).cross(q + p).dot(ray.direction);
-        ([a, b, c], Vec3::new(volume(b, c), volume(c, a), volume(a, b)))
+    fn spanned(&self, ray: &Ray) -> Spanned {
+        let [x, y, z] = [self.x - ray.origin.x, self.y - ray.origin.y, self.z - ray.origin.z];
+        let Vec3 { x: dx, y: dy, z: dz } = ray.direction.into();
+        // From one end of each corner's opposite edge to the other, and their sum.
+        let edge = |of: Vec4| (of.zxyw() - of.yzxw(), of.zxyw() + of.yzxw());
+        let ((ex, sx), (ey, sy), (ez, sz)) = (edge(x), edge(y), edge(z));
+        let [nx, ny, nz] = [ey * sz - sy * ez, ez * sx - sz * ex, ex * sy - sx * ey];
+        let dot = |x: Vec4, y: Vec4, z: Vec4| Vec3A::from_vec4(x * dx + y * dy + z * dz);
+        Spanned { volumes: dot(nx, ny, nz), along: dot(x, y, z) }
     }
 
     /// Distance along the ray, infinite for a miss, and of triangles that do not `count` at the hit's weights. It is
@@ -61,19 +99,18 @@ impl Triangle {
     /// parallel to it.
     #[inline(always)]
     fn intersect(&self, ray: &Ray, count: impl Fn(Vec3) -> bool) -> f32 {
-        let (corners, v) = self.volumes(ray);
-        if v.min_element() < 0.0 && v.max_element() > 0.0 {
+        let spanned = self.spanned(ray);
+        let Spanned { volumes, along } = spanned;
+        if volumes.min_element() < 0.0 && volumes.max_element() > 0.0 {
             return f32::INFINITY;
         }
-        let along = Vec3::from(corners.map(|corner| corner.dot(ray.direction)));
-        let sum = v.x + v.y + v.z;
-        let mut t = v.dot(along) / sum;
+        let mut t = volumes.dot(along) / spanned.sum();
         // A triangle may be far larger than the distance at which rays start off it.
         if t.abs() < CLOSE_AT_MOST && t.abs() < CLOSE * along.abs().max_element() {
             t = self.close_distance(ray);
         }
         // A degenerate triangle gives 0/0, which fails the comparison.
-        let is_hit = t > ray.tmin && t <= ray.tmax && count(v / sum);
+        let is_hit = t > ray.tmin && t <= ray.tmax && count(spanned.weights());
         if is_hit { t } else { f32::INFINITY }
     }
 
@@ -82,7 +119,7 @@ impl Triangle {
     fn close_distance(&self, ray: &Ray) -> f32 {
         let origin = ray.origin.as_dvec3();
         let direction = ray.direction.as_dvec3();
-        let [a, b, c] = self.0.map(|corner| corner.as_dvec3() - origin);
+        let [a, b, c] = self.corners().map(|corner| corner.as_dvec3() - origin);
         let volume = |p: DVec3, q: DVec3| (q - p).cross(q + p).dot(direction);
         let v = DVec3::new(volume(b, c), volume(c, a), volume(a, b));
         // Rounding in f32 may have let in a ray that passes just outside.
@@ -176,14 +213,13 @@ struct Bvh {
 impl Bvh {
     /// Builds the hierarchy of some faces.
     fn new(mesh: &Mesh, faces: Vec<u32>, position: impl Fn(u32) -> Vec3, scale: f32) -> Self {
-        let scaled = |&face: &u32| {
-            Triangle(mesh.triangles[face as usize].map(|vertex| Vec3A::from(position(vertex)) * scale))
-        };
-        let mut boxes: Vec<Aabb> = faces.iter().map(|face| padded_box(&scaled(face))).collect();
+        let scaled =
+            |&face: &u32| mesh.triangles[face as usize].map(|vertex| Vec3A::from(position(vertex)) * scale);
+        let mut boxes: Vec<Aabb> = faces.iter().map(|face| padded_box(scaled(face))).collect();
         make_unlike(&mut boxes, PAD);
         let mut nodes = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
         nodes.primitive_indices.iter_mut().for_each(|index| *index = faces[*index as usize]);
-        let triangles = nodes.primitive_indices.iter().map(scaled).collect();
+        let triangles = nodes.primitive_indices.iter().map(|face| Triangle::new(scaled(face))).collect();
         Self { nodes, triangles, scale }
     }
 
@@ -200,9 +236,8 @@ impl Bvh {
         let mut hit = RayHit::none();
         self.nodes.ray_traverse(ray, &mut hit, |ray, leaf| self.intersect(ray, leaf, &counts));
         let triangle = self.triangles.get(hit.primitive_id as usize)?;
-        let (_, v) = triangle.volumes(&ray);
         let face = self.nodes.primitive_indices[hit.primitive_id as usize];
-        Some((hit.t, Intersection { face, weights: v / (v.x + v.y + v.z) }))
+        Some((hit.t, Intersection { face, weights: triangle.spanned(&ray).weights() }))
     }
 
     /// Returns true if nothing that counts lies within `distance` metres along the ray; `direction` is of unit length.
@@ -246,8 +281,7 @@ fn power_of_two_scale(largest: f32) -> f32 {
     }
 }
 
-fn padded_box(triangle: &Triangle) -> Aabb {
-    let [a, b, c] = triangle.0;
+fn padded_box([a, b, c]: [Vec3A; 3]) -> Aabb {
     Aabb::new(a.min(b).min(c) - Vec3A::splat(PAD), a.max(b).max(c) + Vec3A::splat(PAD))
 }
 

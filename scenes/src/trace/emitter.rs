@@ -236,6 +236,7 @@ impl Emitters {
     }
 
     /// The light at `from` of choice `index`, by two numbers in [0, 1).
+    #[inline]
     pub fn choose(
         &self,
         scene: &Scene,

@@ -401,12 +401,14 @@ impl Tracer {
                     if shares == [0.0; 3] {
                         break;
                     }
-                    let [choice, uv] = if at_first {
-                        [rng.stratified(LOBE_PAIR, path, paths), rng.stratified(DIRECTION_PAIR, path, paths)]
+                    let (choice, uv) = if at_first {
+                        let is_choice = shares.iter().filter(|&&share| share > 0.0).count() > 1;
+                        let choice = if is_choice { rng.stratified(LOBE_PAIR, path, paths)[0] } else { 0.0 };
+                        (choice, rng.stratified(DIRECTION_PAIR, path, paths))
                     } else {
-                        [rng.next_pair(), rng.next_pair()]
+                        (rng.next_pair()[0], rng.next_pair())
                     };
-                    vertex.scatter(shares, choice[0], uv)
+                    vertex.scatter(shares, choice, uv)
                 };
                 let Some((lobe, scatter)) = scattered else { break };
                 throughput *= scatter.weight;

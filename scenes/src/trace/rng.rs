@@ -97,14 +97,15 @@ fn hash32(x: u32) -> u32 {
 /// Point `index` of the first two Sobol dimensions. `seed` shuffles the order and Owen-scrambles the digits (Burley,
 /// "Practical Hash-based Owen Scrambling", JCGT 2020).
 fn sobol_pair(index: u32, seed: u32) -> [f32; 2] {
-    let index = owen_scramble(index, seed);
-    let x = index.reverse_bits();
-    let y = sobol_second(index);
-    [unit(owen_scramble(x, hash32(seed ^ 1))), unit(owen_scramble(y, hash32(seed ^ 2)))]
+    // The first dimension is the index in reverse; scrambling works on reversed digits, which are the index again.
+    let index = scramble(index.reverse_bits(), seed).reverse_bits();
+    let x = scramble(index, hash32(seed ^ 1));
+    let y = scramble(sobol_second(index), hash32(seed ^ 2));
+    [unit(x.reverse_bits()), unit(y.reverse_bits())]
 }
 
-/// The second Sobol dimension. Its generator matrix is Pascal's triangle modulo 2, the fifth Kronecker power of `[[1,
-/// 1], [0, 1]]`, so that five butterflies replace a product with 32 columns.
+/// The second Sobol dimension, lowest digit first. Its generator matrix is Pascal's triangle modulo 2, the fifth Kronecker
+/// power of `[[1, 1], [0, 1]]`, so that five butterflies replace a product with 32 columns.
 fn sobol_second(index: u32) -> u32 {
     let mut x = index;
     x ^= (x >> 1) & 0x5555_5555;
@@ -112,18 +113,18 @@ fn sobol_second(index: u32) -> u32 {
     x ^= (x >> 4) & 0x0f0f_0f0f;
     x ^= (x >> 8) & 0x00ff_00ff;
     x ^= (x >> 16) & 0x0000_ffff;
-    x.reverse_bits()
+    x
 }
 
-/// Nested uniform scramble: flips each bit by a hash of the bits above it.
-fn owen_scramble(x: u32, seed: u32) -> u32 {
-    // In reversed order, these are the bits below it: carries and products depend on lower bits only.
-    let mut x = x.reverse_bits().wrapping_add(seed);
+/// Nested uniform scramble of digits in reverse, the lowest first: flips each by a hash of those below it, since carries
+/// and products depend on lower bits only.
+fn scramble(digits: u32, seed: u32) -> u32 {
+    let mut x = digits.wrapping_add(seed);
     x ^= x.wrapping_mul(0x6c50_b47c);
     x ^= x.wrapping_mul(0xb82f_1e52);
     x ^= x.wrapping_mul(0xc7af_e638);
     x ^= x.wrapping_mul(0x8d22_f6e6);
-    x.reverse_bits()
+    x
 }
 
 #[cfg(test)]
@@ -168,7 +169,7 @@ mod tests {
     fn second_dimension_is_the_published_sequence() {
         let expected = [0.0, 0.5, 0.75, 0.25, 0.625, 0.125, 0.375, 0.875];
         for (index, y) in expected.into_iter().enumerate() {
-            assert_eq!(unit(sobol_second(index as u32)), y, "index {index}");
+            assert_eq!(unit(sobol_second(index as u32).reverse_bits()), y, "index {index}");
         }
     }
 
@@ -207,10 +208,10 @@ mod tests {
 
     #[test]
     fn the_second_dimension_is_that_of_pascals_triangle_to_the_last_bit() {
-        // Bit b of the index, from the lowest, adds column b of the matrix: C(b, k) mod 2 in row k, the top bit first.
+        // Bit b of the index, from the lowest, adds column b of the matrix: C(b, k) mod 2 in row k, the lowest bit first.
         // C(b, k) is odd if k is a subset of b.
         for b in 0..32u32 {
-            let column = (0..=b).filter(|k| k & b == *k).fold(0u32, |bits, k| bits | 1 << (31 - k));
+            let column = (0..=b).filter(|k| k & b == *k).fold(0u32, |bits, k| bits | 1 << k);
             assert_eq!(sobol_second(1 << b), column, "bit {b}");
         }
     }
