@@ -255,6 +255,16 @@ mod tests {
     }
 
     #[test]
+    fn times_ascend() {
+        let mut motion = motion(false);
+        assert!(motion.is_valid());
+        motion.keys[1].time = motion.keys[0].time;
+        assert!(!motion.is_valid());
+        motion.keys.clear();
+        assert!(!motion.is_valid());
+    }
+
+    #[test]
     fn a_loop_repeats() {
         let motion = motion(true);
         for frame in [15, 20, 47, 74] {

@@ -271,9 +271,21 @@ fn errors_say_what_to_write_instead() {
         message("orbit:fast"),
         "camera path `orbit:fast`: expected degrees per frame between -360 and 360, found `fast`"
     );
-    for bad in ["orbit:", "orbit:nan", "orbit:1:0", "orbit:1:400", "orbit:1:2:3", "still:1", "shake:2", ""] {
+    for bad in [
+        "orbit:",
+        "orbit:nan",
+        "orbit:1:0",
+        "orbit:1:400",
+        "orbit:1:2:3",
+        "orbit:361",
+        "orbit:-360.5",
+        "still:1",
+        "shake:2",
+        "",
+    ] {
         assert!(CameraPath::parse(bad, &outside()).is_err(), "{bad}");
     }
+    assert!(["orbit:360", "orbit:-360:360"].iter().all(|good| CameraPath::parse(good, &outside()).is_ok()));
     assert!(message("fly:/nowhere/keys.ron").starts_with("/nowhere/keys.ron: "));
 }
 

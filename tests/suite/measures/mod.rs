@@ -14,6 +14,7 @@
 //! the version before too, and compare the folders.
 
 mod graphs;
+mod models;
 mod pictures;
 mod scenes;
 mod texts;
