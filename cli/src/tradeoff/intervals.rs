@@ -29,8 +29,8 @@ pub fn intervals(doc: &str, found: &[Found]) -> Option<String> {
     let left = MARGIN + LETTER * letters as f64 + 12.0;
     let width = left + WIDTH + WORDS + MARGIN;
     let mut svg = Svg::default();
-    let about = "samples per frame, or values of a parameter; lines: the interval in which the answer is, dots: the most likely \
-                 one; arrows: it is beyond what was tried";
+    let about = "samples per frame, or values of a parameter; lines: the interval in which the answer is, dots: the most \
+                 likely one; arrows: it is beyond what was tried";
     let mut y = heading(&mut svg, doc, about, width) + 18.0;
     let mut panels: Vec<(String, Vec<&Found>)> = Vec::new();
     for answer in found {

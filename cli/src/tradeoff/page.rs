@@ -177,9 +177,9 @@ fn cells(experiment: &Experiment, records: &[Record]) -> String {
 }
 
 /// What the columns of the searches' table are.
-const SEARCHES_NOTE: &str = "The number of samples per frame, or the value of a parameter, at which a figure is what is searched \
-    for, the interval in which it is, and what else was measured there. If one end is empty, the answer is beyond what was \
-    tried.";
+const SEARCHES_NOTE: &str = "The number of samples per frame, or the value of a parameter, at which a figure is what is \
+    searched for, the interval in which it is, and what else was measured there. If one end is empty, the answer is \
+    beyond what was tried.";
 
 /// A row for each search.
 fn searches(experiment: &Experiment, found: &[Found]) -> String {

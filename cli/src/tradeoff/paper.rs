@@ -37,8 +37,9 @@ const ASCENT: f64 = 7.0;
 /// Texts, and those that stand out.
 const TEXT: Font = Font { size: 7.5, color: "#000", bold: false };
 const STRONG: Font = Font { bold: true, ..TEXT };
-/// The width of a letter, as a share of the font's size: that of wide fonts, as the reader's is not known.
+/// The widths of letters, as shares of the font's size: those of wide fonts, as the reader's is not known.
 const LETTER: f64 = 0.6;
+const BOLD_LETTER: f64 = 0.7;
 /// The colours of the crops.
 const COLORS: [&str; MOST_CROPS] = ["#e8452c", "#2f7fd6", "#35a04a", "#e69a00"];
 /// The fewest pixels of an embedded crop, and of a whole picture: some 300 per inch.
@@ -196,7 +197,7 @@ impl Figure {
         worst(&spread, row.reference.size, [side; 2], FOUND_CROPS)
     }
 
-    /// The width at which a row with the whole picture, which is as high as its crops and maps, is as wide as the figure.
+    /// The width at which a row is as wide as the figure, with the whole picture as high as the crops and the map.
     fn crop_width(&self, row: &Row, crops: &[Crop]) -> f64 {
         let whole = aspect(row.cell.size);
         let (gaps, heights) =
@@ -262,14 +263,14 @@ impl Figure {
             svg.image([left, map_top], [lengths.crop, lengths.map], &map.enlarged(CROP_PIXELS).url()?);
             for (nth, metric) in metrics.iter().enumerate() {
                 let Some(value) = entry.figure(*metric) else { continue };
-                let others = row.entries.iter().flatten().filter_map(|other| other.figure(*metric));
-                let is_best = self.columns.len() > 1
-                    && others
-                        .into_iter()
-                        .all(|other| if metric.more_is_better() { value >= other } else { value <= other });
+                let all = row.entries.iter().flatten().filter_map(|other| other.figure(*metric));
+                let best = all.reduce(if metric.more_is_better() { f64::max } else { f64::min });
+                // What is written alike is equally good.
+                let text = metric.written(value);
+                let is_best = self.columns.len() > 1 && best.is_some_and(|best| text == metric.written(best));
                 let at = [left + lengths.crop / 2.0, text_top + LINE * nth as f64];
                 let font = if is_best { STRONG } else { TEXT };
-                fitted(svg, at, &metric.written(value), lengths.crop, font);
+                fitted(svg, at, &text, lengths.crop, font);
             }
         }
         let left = self.left(self.columns.len(), lengths.crop);
@@ -357,7 +358,8 @@ impl Lengths {
 
 /// A text about a middle, in smaller letters if it were wider than this.
 fn fitted(svg: &mut Svg, middle: [f64; 2], text: &str, width: f64, font: Font) {
-    let wide = font.size * LETTER * text.chars().count() as f64;
+    let letter = if font.bold { BOLD_LETTER } else { LETTER };
+    let wide = font.size * letter * text.chars().count() as f64;
     let size = (font.size * (width / wide).min(1.0) * 100.0).floor() / 100.0;
     svg.text(middle, text, Anchor::Middle, Font { size, ..font });
 }

@@ -65,8 +65,8 @@ pub fn stacks(doc: &str, records: &[Record]) -> Option<String> {
     let left = MARGIN + LETTER * letters as f64 + 12.0;
     let width = left + BAR[0] + TIMES + MARGIN;
     let mut svg = Svg::default();
-    let about = "ms per frame of each node: its median over the frames, the mean of that over the seeds; the line below a \
-                 bar shows the side; times of this machine";
+    let about = "ms per frame of each node: its median over the frames, the mean of that over the seeds; the line below \
+                 a bar shows the side; times of this machine";
     let mut y = heading(&mut svg, doc, about, width);
     y = legend(&mut svg, Mark::Area, &colors, width, y) + LINE;
     y = legend(&mut svg, Mark::Area, &SIDES, width, y) + 30.0;

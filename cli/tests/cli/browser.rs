@@ -1,5 +1,5 @@
-//! A headless Chromium, driven by the Chrome DevTools protocol over pipes: real events, screenshots, and all errors of a
-//! page.
+//! A headless Chromium, driven by the Chrome DevTools protocol over pipes: real events, screenshots, and all errors of
+//! a page.
 
 use std::{
     env,
@@ -93,7 +93,9 @@ impl Browser {
         browser.resize(size);
         browser.ask("Page.navigate", json!({ "url": format!("file://{}", page.display()) }));
         // The page's script is at its end, and runs before this does.
-        browser.eval("new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', done))");
+        browser.eval(
+            "new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', done))",
+        );
         browser
     }
 
@@ -123,8 +125,8 @@ impl Browser {
     #[track_caller]
     pub fn place(&mut self, selector: &str) -> [f64; 4] {
         let script = format!(
-            "(() => {{ const element = document.querySelector({selector:?}); element.scrollIntoView({{ block: 'center' }}); \
-             const box = element.getBoundingClientRect(); return [box.left, box.top, box.width, box.height]; }})()"
+            "(() => {{ const element = document.querySelector({selector:?}); \
+             element.scrollIntoView({{ block: 'center' }}); const box = element.getBoundingClientRect(); return [box.left, box.top, box.width, box.height]; }})()"
         );
         let found = self.eval(&script);
         std::array::from_fn(|side| found[side].as_f64().expect("a number"))

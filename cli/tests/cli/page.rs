@@ -223,8 +223,8 @@ fn texts_of_figures_fit() {
         let mut browser = Browser::open(&place.path(name), [1280, 1200]);
         let boxes = browser.eval(
             "(() => { const whole = document.documentElement.viewBox.baseVal; \
-             return [[0, 0, whole.width, whole.height], ...[...document.querySelectorAll('text, image')].map(element => { \
-             const box = element.getBBox(); return [box.x, box.y, box.width, box.height, element.tagName]; })]; })()",
+             return [[0, 0, whole.width, whole.height], \
+             ...[...document.querySelectorAll('text, image')].map(element => { const box = element.getBBox(); return [box.x, box.y, box.width, box.height, element.tagName]; })]; })()",
         );
         let boxes: Vec<([f64; 4], bool)> = boxes
             .as_array()

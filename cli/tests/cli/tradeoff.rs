@@ -254,7 +254,7 @@ fn a_figure_has_crops_errors_and_whole_pictures() {
         }
     }
     assert!(svg.contains(">5% samples<") && svg.contains(">8 samples/pixel<"));
-    // The better one is bold.
+    // The better one is bold: they are far apart.
     let best =
         format!(" font-weight=\"600\">FLIP {:.4}<", means("epi", "flip").min(means("render-cache", "flip")));
     assert_eq!(svg.matches(" font-weight=\"600\">FLIP").count(), 1);
