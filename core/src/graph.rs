@@ -51,6 +51,10 @@ pub struct Settings {
     pub pooling: bool,
     /// Fill transients with NaN or 0xDEADBEEF before their first use.
     pub poison: bool,
+    /// Check every value that a node writes: a bad one is a [`RunError::Watch`](crate::RunError::Watch).
+    /// The plan is the same. Transients are filled with zeros before their first use, so that the unused rest of a list
+    /// is not taken for values; they are not poisoned then.
+    pub watch: bool,
     /// Ports to read after their node has run: they keep their nodes alive.
     pub taps: Vec<Source>,
 }
@@ -66,6 +70,7 @@ impl Settings {
             prune: true,
             pooling: true,
             poison: false,
+            watch: false,
             taps: Vec::new(),
         }
     }

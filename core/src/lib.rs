@@ -82,10 +82,13 @@ mod plan;
 mod port;
 mod reflect;
 mod registry;
+mod rule;
 mod shader;
 mod side;
 mod stage;
 pub mod testing;
+mod values;
+mod watch;
 mod wgsl;
 
 pub use capture::{Capture, Snapshot};
@@ -110,7 +113,10 @@ pub use reflect::{
     Entry, Reflected, Space, Variable, check as check_shader, check_stage, compose as compose_shader, imports,
 };
 pub use registry::{Kind, NodeContext, Registry};
+pub use rule::{Limit, Rule};
 pub use shader::{EditedTexts, Needs, Pass, Shader, ShaderLibrary, ShaderModule, Shape, Threads};
 pub use side::{Download, PerSide, Side};
 pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Stage};
+pub use values::Wrong;
+pub use watch::{BadValue, Checks};
 pub use wgsl::{WgslClause, WgslFile, wgsl_clauses, wgsl_kind};

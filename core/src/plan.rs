@@ -280,7 +280,7 @@ impl Plan {
         self.nodes[node].first_writes.iter().map(|&storage| self.storages[storage].bytes()).sum()
     }
 
-    /// The storages that a node writes completely, so that poison mode may overwrite them before.
+    /// The storages that a node writes completely, so that they may be filled with anything before.
     pub(crate) fn written_anew(&self, node: NodeId) -> impl Iterator<Item = StorageId> {
         let node = &self.nodes[node];
         let kept = |storage: &StorageId| self.storages[*storage].life == Life::Persistent;

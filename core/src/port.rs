@@ -4,7 +4,7 @@ use std::{borrow::Cow, fmt, marker::PhantomData};
 
 use bytemuck::Pod;
 
-use crate::facts::Quantity;
+use crate::{facts::Quantity, rule::Rule};
 
 /// A texture format that both sides support. All can be written as storage textures on every WebGPU device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -142,6 +142,15 @@ impl Element {
                     .flat_map(|member| (0..member.lanes).map(|lane| (member.offset + 4 * lane) as usize))
                     .collect()
             }
+        }
+    }
+
+    /// The scalar types of its numbers, as shaders read them.
+    pub(crate) fn scalars(&self) -> Vec<Scalar> {
+        match self {
+            Self::Texel(format) => vec![format.scalar()],
+            Self::AnyFloatTexel => vec![Scalar::F32],
+            Self::Item { members, .. } => members.iter().map(|member| member.scalar).collect(),
         }
     }
 
@@ -400,18 +409,32 @@ pub struct Field {
 
 /// What the values of a port mean: a depth, a priority, a list of samples. Applications define their own as constants,
 /// with [`meanings`](crate::meanings); this crate only compares and prints them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 pub struct Meaning {
     /// Its name, a word or two.
     pub name: &'static str,
     /// One sentence, for ports without a sentence of their own.
     pub doc: &'static str,
+    /// What the values may be, for ports without rules of their own.
+    pub rules: &'static [Rule],
 }
 
 impl Meaning {
     /// For a port of this meaning with a sentence of its own.
     pub fn doc(self, doc: &'static str) -> Holds {
-        Holds { doc, meaning: Some(self), scratch: false }
+        Holds { doc, meaning: Some(self), scratch: false, rules: &[] }
+    }
+
+    /// For a port of this meaning with rules of its own about what its values may be.
+    pub fn within(self, rules: &'static [Rule]) -> Holds {
+        Holds::from(self).within(rules)
+    }
+}
+
+/// Without the rules, which are long: the name stands for them.
+impl fmt::Debug for Meaning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Meaning").field("name", &self.name).field("doc", &self.doc).finish()
     }
 }
 
@@ -421,21 +444,30 @@ impl fmt::Display for Meaning {
     }
 }
 
-/// Defines constants of type [`Meaning`]. A constant's doc comment is its sentence.
+/// Defines constants of type [`Meaning`]. A constant's doc comment is its sentence; after a comma come the rules about
+/// what the values may be, if there are any.
 ///
 /// ```
+/// use epigraph_core::Rule;
+///
 /// epigraph_core::meanings! {
 ///     /// Distance along the camera's axis, metres.
-///     DEPTH = "depth";
+///     DEPTH = "depth", [Rule::floats(0.0, f32::MAX)];
+///     /// What is left of it.
+///     REST = "rest";
 /// }
 /// assert_eq!(DEPTH.doc, "Distance along the camera's axis, metres.");
+/// assert_eq!([DEPTH, REST].map(|meaning| meaning.rules.len()), [1, 0]);
 /// ```
 #[macro_export]
 macro_rules! meanings {
-    ($($(#[doc = $doc:literal])+ $constant:ident = $name:literal;)+) => {$(
+    ($($(#[doc = $doc:literal])+ $constant:ident = $name:literal $(, [$($rule:expr),+ $(,)?])?;)+) => {$(
         $(#[doc = $doc])+
-        pub const $constant: $crate::Meaning =
-            $crate::Meaning { name: $name, doc: concat!($($doc),+).trim_ascii() };
+        pub const $constant: $crate::Meaning = $crate::Meaning {
+            name: $name,
+            doc: concat!($($doc),+).trim_ascii(),
+            rules: &[$($($rule),+)?],
+        };
     )+};
 }
 
@@ -446,6 +478,7 @@ pub struct Holds {
     pub(crate) doc: &'static str,
     pub(crate) meaning: Option<Meaning>,
     pub(crate) scratch: bool,
+    pub(crate) rules: &'static [Rule],
 }
 
 impl Holds {
@@ -453,11 +486,16 @@ impl Holds {
     pub fn scratch(self) -> Self {
         Self { scratch: true, ..self }
     }
+
+    /// For a port with rules of its own about what its values may be, in the place of those of its meaning.
+    pub fn within(self, rules: &'static [Rule]) -> Self {
+        Self { rules, ..self }
+    }
 }
 
 impl From<&'static str> for Holds {
     fn from(doc: &'static str) -> Self {
-        Self { doc, meaning: None, scratch: false }
+        Self { doc, meaning: None, scratch: false, rules: &[] }
     }
 }
 
@@ -487,6 +525,8 @@ pub struct Port {
     pub meaning: Option<Meaning>,
     /// Whether its values make sense only to its stage.
     pub scratch: bool,
+    /// What its values may be; empty: what its meaning says.
+    pub rules: Cow<'static, [Rule]>,
     /// Its number of elements.
     pub extent: Extent,
     /// How long its values live (written ports).

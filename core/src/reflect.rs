@@ -12,10 +12,13 @@ use crate::{
     shader::{Needs, Shader, ShaderLibrary},
 };
 
-pub(crate) use check::{Misfit, misfits};
+pub(crate) use check::{Misfit, errors_of_checks, misfits};
 pub use check::{check, check_stage};
 pub use compose::imports;
-pub(crate) use compose::{Composed, at_its_line, compose as join, conditions, error_in, is_edited};
+pub(crate) use compose::{
+    CHECK_WORDS, CHECKS, Check, Composed, WATCH, at_its_line, compose as join, conditions, error_in,
+    has_checks, is_edited, watched,
+};
 
 /// A composed and validated shader with its variables by name.
 #[derive(Clone, Debug)]

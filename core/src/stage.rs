@@ -21,6 +21,7 @@ use crate::{
     port::{Access, Dims, Extent, Field, FieldRef, Holds, In, Lifetime, Out, Port, PortElement},
     shader::{Needs, Pass, Shader, Threads},
     side::Side,
+    watch::{Checks, Failed},
 };
 
 /// A step of an algorithm. See the README for one in full.
@@ -98,7 +99,7 @@ impl<'a> Io<'a> {
     }
 
     fn port(&mut self, access: Access, name: &'static str, holds: Holds, extent: Extent) -> Bundle<'_> {
-        let Holds { doc, meaning, scratch } = holds;
+        let Holds { doc, meaning, scratch, rules } = holds;
         self.declared.ports.push(Port {
             name: name.into(),
             doc: doc.into(),
@@ -106,6 +107,7 @@ impl<'a> Io<'a> {
             fields: Vec::new(),
             meaning,
             scratch,
+            rules: rules.into(),
             extent,
             lifetime: Lifetime::Transient,
             optional: false,
@@ -332,6 +334,8 @@ pub struct CpuContext<'a> {
     pub(crate) memory: &'a IndexSlice<SlotId, [RefCell<CpuMemory>]>,
     pub(crate) bindings: &'a [Vec<Option<Binding>>],
     pub(crate) changes: &'a RefCell<Changes>,
+    /// `None` unless the run is watched.
+    pub(crate) failed: Option<&'a Failed>,
 }
 
 /// What a node has reported of its kept outputs.
@@ -380,6 +384,23 @@ impl CpuContext<'_> {
     /// buffers.
     pub fn changed(&self, port: impl Into<FieldRef>, elements: Range<usize>) {
         self.changes.borrow_mut().ranges.push((port.into(), elements));
+    }
+
+    /// What takes the results of the stage's own checks of an output, if the run is watched
+    /// ([`Settings::watch`](crate::Settings::watch)); otherwise `None`, so that checks cost nothing:
+    ///
+    /// ```
+    /// # use epigraph_core::{CpuContext, Out};
+    /// # fn cpu(cx: &CpuContext, shares: Out<[f32; 2]>) {
+    /// if let Some(checks) = cx.checks(shares) {
+    ///     for (element, [a, b]) in cx.write(shares).iter().enumerate() {
+    ///         checks.that(element, (a + b - 1.0).abs() < 1e-5, "the shares add up to 1");
+    ///     }
+    /// }
+    /// # }
+    /// ```
+    pub fn checks(&self, port: impl Into<FieldRef>) -> Option<Checks<'_>> {
+        Some(Checks::new(self.failed?, port.into()))
     }
 
     /// Width and height of a port.

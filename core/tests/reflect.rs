@@ -50,6 +50,7 @@ fn port(name: &'static str, access: Access, element: Element) -> Port {
         fields: vec![Field { name: "".into(), element }],
         meaning: None,
         scratch: false,
+        rules: Default::default(),
         extent: Extent::Any,
         lifetime: Lifetime::Transient,
         optional: false,

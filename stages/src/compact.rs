@@ -1,7 +1,7 @@
 //! Collects the edges whose bits are set, in order: the last step of [`crate::silhouette`], and a stage of its own for
 //! the CPU, where the papers did it.
 
-use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Stage};
+use epigraph_core::{CpuContext, Extent, Facts, In, Io, Out, Rule, Stage};
 
 use crate::{
     column, facts,
@@ -28,7 +28,9 @@ impl Compaction {
             SILHOUETTES.doc("The silhouettes, in the order of the edges."),
             facts::EDGES.list(),
         );
-        let count = io.write("count", COUNT.doc("The number of silhouettes."), Extent::Fixed([1, 1]));
+        const NUMBER: &[Rule] = &[Rule::count_of("silhouettes")];
+        let doc = COUNT.doc("The number of silhouettes.").within(NUMBER);
+        let count = io.write("count", doc, Extent::Fixed([1, 1]));
         Self { vertices, edges, segments, count }
     }
 

@@ -82,12 +82,14 @@ impl Stage for DepthCull {
             DEPTH.doc("Bits of the points' distance; infinity where there is none."),
             Extent::Frame(1),
         );
+        const FINITE: &[epigraph_core::Rule] = &[epigraph_core::Rule::floats(0.0, f32::MAX)];
         let filtered = io.write(
             "filtered",
             DEPTH.doc(
                 "Mean distance of the 3x3 pixels, shifted back by the threshold, metres; the far plane where all \
                  are empty.",
-            ),
+            )
+            .within(FINITE),
             Extent::Frame(1),
         );
         io.shader(shader!("depth_cull"));

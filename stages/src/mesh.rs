@@ -6,7 +6,7 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use epigraph_core::{CpuContext, Facts, Io, Out, PortElement, Stage, choice, params};
+use epigraph_core::{CpuContext, Facts, Io, Out, PortElement, Rule, Stage, choice, params};
 use epigraph_scenes::{Body, Edge, EdgeKind, Scene};
 use half::f16;
 
@@ -69,7 +69,11 @@ impl Stage for Mesh {
         let faces = io.persistent("faces", FACES, facts::FACES.list());
         let (name, doc) = ("normals", "Unit normals of the triangles, zero where one is degenerate.");
         let normals = match params.normals {
-            Normals::F32 => NormalsOut::F32(io.persistent(name, NORMALS.doc(doc), facts::FACES.list())),
+            Normals::F32 => {
+                // A unit vector is rounded in each of its components.
+                const UNIT: &[Rule] = &[Rule::floats(-1.0 - 1e-6, 1.0 + 1e-6)];
+                NormalsOut::F32(io.persistent(name, NORMALS.doc(doc).within(UNIT), facts::FACES.list()))
+            }
             Normals::F16 => NormalsOut::F16(io.persistent(name, NORMALS.doc(doc), facts::FACES.list())),
             Normals::Oct16 => NormalsOut::Oct16(io.persistent(name, NORMALS.doc(doc), facts::FACES.list())),
         };

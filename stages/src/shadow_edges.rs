@@ -4,7 +4,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage, params};
+use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Rule, Stage, params};
 use epigraph_scenes::{ShadowKind, ShadowSegment, ShadowSegments, ShadowSettings};
 
 use crate::{
@@ -41,6 +41,9 @@ pub struct ShadowEdges {
     written: Mutex<Written>,
 }
 
+/// The number of boundaries is at most the length of their list.
+const NUMBER: &[Rule] = &[Rule::count_of("shadow boundaries")];
+
 /// What the outputs contain.
 #[derive(Default)]
 enum Written {
@@ -71,7 +74,7 @@ impl Stage for ShadowEdges {
             ),
             count: io.persistent(
                 "count",
-                COUNT.doc("The number of boundaries; 0 while the search runs."),
+                COUNT.doc("The number of boundaries; 0 while the search runs.").within(NUMBER),
                 number.clone(),
             ),
             dropped: io.persistent("dropped", "The number of boundaries that were dropped for lack of room.", number),

@@ -11,7 +11,8 @@
 //! of 16, 32, 64 and so on. It is a cheap relative of push-pull, without smoothing: only specks need it.
 
 use epigraph_core::{
-    CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, constants, params, scratch, texel,
+    CpuContext, Extent, Finding, In, Io, Out, Rule, Site, Stage, Threads, choice, constants, params, scratch,
+    texel,
 };
 use rayon::prelude::*;
 
@@ -102,7 +103,10 @@ impl Stage for Spread {
             // A quarter of that would do, but for what rounding adds to images of a few tiles.
             Extent::Frame(TILE as u32 / 4),
         );
-        let found = io.write("found", RADIANCE.doc("The colours that holes took.").scratch(), pixels());
+        // The twin keeps a list of holes there instead of colours.
+        const ANYTHING: &[Rule] = &[Rule::any()];
+        let colors = RADIANCE.doc("The colours that holes took.").scratch().within(ANYTHING);
+        let found = io.write("found", colors, pixels());
         let filled = io.write(
             "filled",
             "The round in which a hole was filled, 0xFFFFFFFF if in none; 0: no hole.",

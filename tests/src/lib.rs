@@ -162,7 +162,7 @@ impl DerefMut for Run {
 
 /// Exact pace, seed 1 and no profiling.
 fn setup(file: &GraphFile, place: &Place, settings: &Settings) -> Setup {
-    let &Settings { size, samples, side, prune, pooling, poison, .. } = settings;
+    let &Settings { size, samples, side, prune, pooling, poison, watch, .. } = settings;
     let device = if side == Side::Gpu { Device::on(gpu()) } else { Device::CPU };
     Setup::new(file.clone())
         .at(place)
@@ -172,6 +172,7 @@ fn setup(file: &GraphFile, place: &Place, settings: &Settings) -> Setup {
         .prune(prune)
         .pooling(pooling)
         .poison(poison)
+        .watch(watch)
         .profile(false)
 }
 

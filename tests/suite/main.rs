@@ -21,5 +21,6 @@ mod still;
 mod streams;
 mod swap;
 mod user_shader;
+mod watch;
 mod wgsl_docs;
 mod wgsl_nodes;

@@ -209,3 +209,12 @@ fn an_image_too_small_for_the_coarsest_node_says_so() {
     let error = run.frame().unwrap_err().to_string();
     assert!(error.contains("room for 1024: raise points_per_pixel"), "{error}");
 }
+
+#[test]
+fn a_cut_and_its_points_run_watched() {
+    for side in Side::ALL {
+        let settings = Settings { watch: true, ..settings(side) };
+        let mut run = Run::in_scene(&streams(&[]), &scene(Codec::Packed, 3), "orbit", settings);
+        run.frames(4);
+    }
+}

@@ -151,8 +151,11 @@ impl Drop for Folder {
 }
 
 fn run(graph: &GraphFile, frames: u32) -> Run {
-    let size = [61, 43];
-    let settings = Settings { side: Side::Gpu, poison: true, ..sampled(size, 0.1) };
+    run_with(graph, frames, Settings { poison: true, ..sampled([61, 43], 0.1) })
+}
+
+fn run_with(graph: &GraphFile, frames: u32, settings: Settings) -> Run {
+    let settings = Settings { side: Side::Gpu, ..settings };
     let mut run = Run::new(graph, Stage { scene: "cornell", camera: "orbit", settings });
     run.frames(frames);
     run
@@ -228,6 +231,7 @@ fn the_examples_run() {
             "{shader}: every parameter has a sentence"
         );
         let image = run(&folder.graph(name), 4).captured("image");
+        run_with(&folder.graph(name), 4, Settings { watch: true, ..sampled([61, 43], 0.1) });
         let differ = image.bytes.iter().zip(&shipped.bytes).filter(|(a, b)| a != b).count();
         println!("{name}: {differ} of {} bytes differ from epi", image.bytes.len());
         assert!(differ > image.bytes.len() / 100, "{name}: {differ} bytes");

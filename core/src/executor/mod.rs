@@ -8,6 +8,7 @@ mod gpu;
 mod programs;
 mod readback;
 mod versions;
+mod watch;
 
 use std::{
     cell::RefCell,
@@ -22,6 +23,7 @@ use gpu::{GpuSide, Layout, poison_word};
 use index_vec::{IndexSlice, IndexVec, index_vec};
 use readback::Readback;
 use versions::Versions;
+use watch::Watch;
 
 use crate::{
     capture::Snapshot,
@@ -29,9 +31,11 @@ use crate::{
     graph::{Graph, Node, Settings},
     id::{NodeId, SlotId, StepId, StorageId, TapId},
     plan::{Life, Plan, PlannedNode, Slot, Step, Storage, TapField, Value},
+    port::Element,
     registry::Registry,
     side::{Download, Side},
     stage::{Binding, Changes, CpuContext, CpuMemory, Host},
+    watch::BadValue,
 };
 
 /// What to do where there is no GPU adapter.
@@ -58,6 +62,9 @@ pub enum RunError {
         /// The stage's message.
         message: String,
     },
+    /// A node wrote a bad value: see [`Settings::watch`].
+    #[error("{0}")]
+    Watch(Box<BadValue>),
     /// Not enough main memory.
     #[error("not enough memory for {bytes} bytes of `{name}`; choose a smaller size")]
     Memory {
@@ -66,6 +73,33 @@ pub enum RunError {
         /// Its size in bytes.
         bytes: u64,
     },
+}
+
+/// What memory is filled with before a node writes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fill {
+    /// Zeros.
+    Zeros,
+    /// NaN, or 0xDEADBEEF where not all is float.
+    Poison,
+}
+
+impl Fill {
+    fn of(settings: &Settings) -> Option<Self> {
+        match settings {
+            Settings { watch: true, .. } => Some(Self::Zeros),
+            Settings { poison: true, .. } => Some(Self::Poison),
+            _ => None,
+        }
+    }
+
+    /// The 32-bit pattern for an element.
+    fn word(self, element: &Element) -> u32 {
+        match self {
+            Self::Zeros => 0,
+            Self::Poison => poison_word(element),
+        }
+    }
 }
 
 /// The bindings of a node's ports on the CPU, field by field.
@@ -84,7 +118,8 @@ struct TapState {
 pub struct Executor {
     graph: Graph,
     plan: Plan,
-    poison: bool,
+    fill: Option<Fill>,
+    watch: Option<Watch>,
     cpu: IndexVec<SlotId, RefCell<CpuMemory>>,
     /// For even and odd frames.
     bindings: [IndexVec<NodeId, CpuBindings>; 2],
@@ -116,8 +151,12 @@ impl Executor {
         registry: &Registry,
         gpu: Option<Arc<Gpu>>,
     ) -> Result<Self, RunError> {
+        let fill = Fill::of(settings);
+        let watch = settings.watch.then(|| Watch::new(&graph, &plan, settings));
         let gpu = match (plan.uses(Side::Gpu), gpu) {
-            (true, Some(gpu)) => Some(GpuSide::new(gpu, &graph, &plan, &registry.library, settings.poison)?),
+            (true, Some(gpu)) => {
+                Some(GpuSide::new(gpu, &graph, &plan, &registry.library, fill, watch.as_ref())?)
+            }
             (true, None) => return Err(RunError::NoGpu),
             (false, _) => None,
         };
@@ -138,7 +177,8 @@ impl Executor {
         Ok(Self {
             graph,
             plan,
-            poison: settings.poison,
+            fill,
+            watch,
             cpu,
             bindings,
             gpu,
@@ -209,6 +249,9 @@ impl Executor {
     /// frame transfers everything and runs every node, even if nothing seems to have changed. Taps of nodes that ran
     /// show the failed frame, the others an earlier one.
     ///
+    /// [`RunError::Watch`] if a node wrote a bad value and the run is watched. The frame has run to its end and counts.
+    /// If a stage failed after the bad value, this error is returned all the same, but the frame is one that failed.
+    ///
     /// [`RunError::Lost`] if the device is lost. Every further call then fails with it and does nothing.
     pub fn run(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
         if let Some(gpu) = &self.gpu {
@@ -219,7 +262,20 @@ impl Executor {
             Ok(()) => self.frame += 1,
             Err(_) => self.abandon(),
         }
-        done
+        match (self.bad_value(frame), done) {
+            (Ok(Some(bad)), _) => Err(RunError::Watch(Box::new(bad))),
+            (Ok(None), done) => done,
+            (Err(error), done) => done.and(Err(error)),
+        }
+    }
+
+    /// The first bad value of the frame that has just ended, if the run is watched.
+    fn bad_value(&mut self, frame: &Frame) -> Result<Option<BadValue>, RunError> {
+        let Some(watch) = &mut self.watch else { return Ok(None) };
+        if let Some(gpu) = &mut self.gpu {
+            gpu.found(watch, frame)?;
+        }
+        Ok(watch.take())
     }
 
     /// The lowest bit of the frame number: history pairs swap with it.
@@ -323,7 +379,12 @@ impl Executor {
                         let gpu = self.gpu.as_mut().expect("made where a node needs it");
                         gpu.run(&self.plan, node, parity, self.profile);
                     }
-                    Side::Cpu => self.run_cpu(node, frame, host, parity)?,
+                    Side::Cpu => {
+                        self.run_cpu(node, frame, host, parity)?;
+                        if let Some(watch) = &mut self.watch {
+                            watch.examine(node, &self.plan, &self.cpu, parity, frame);
+                        }
+                    }
                 }
                 self.versions.ran(&self.plan, node, &self.changes.borrow());
                 self.ran[parity][node] = true;
@@ -361,8 +422,8 @@ impl Executor {
 
     fn run_cpu(&mut self, node: NodeId, frame: &Frame, host: &Host, parity: usize) -> Result<(), RunError> {
         let stage = &self.graph.nodes[node].stage;
-        if self.poison {
-            self.poison_cpu(node, parity);
+        if let Some(fill) = self.fill {
+            self.fill_cpu(fill, node, parity);
         }
         let cx = CpuContext {
             frame,
@@ -370,6 +431,7 @@ impl Executor {
             memory: &self.cpu,
             bindings: &self.bindings[parity][node],
             changes: &self.changes,
+            failed: self.watch.as_ref().map(|watch| &watch.failed),
         };
         let fail = |message| RunError::Stage { node: self.plan.nodes[node].name.clone(), message };
         // A stage that panics is a bug, but it must not take down the application, with its window and unsaved files.
@@ -383,10 +445,10 @@ impl Executor {
         }
     }
 
-    fn poison_cpu(&self, node: NodeId, parity: usize) {
+    fn fill_cpu(&self, fill: Fill, node: NodeId, parity: usize) {
         for storage in self.plan.written_anew(node) {
             let slot = self.plan.slot(Value::now(storage), Side::Cpu, parity);
-            let word = poison_word(&self.plan.storages[storage].element).to_le_bytes();
+            let word = fill.word(&self.plan.storages[storage].element).to_le_bytes();
             let mut memory = self.cpu[slot].borrow_mut();
             for bytes in memory.bytes_mut().chunks_exact_mut(4) {
                 bytes.copy_from_slice(&word);

@@ -6,13 +6,16 @@ use std::borrow::Cow;
 
 use naga::{ShaderStage, StorageAccess};
 
-use super::{Entry, Reflected, Space, Variable, join, outline::Outline, validate};
+use super::{
+    CHECKS, Check as OwnCheck, Composed, Entry, Reflected, Space, Variable, has_checks, join,
+    outline::Outline, validate, watched,
+};
 use crate::{
     error::GraphError,
     frame::Frame,
     params::ParamSpec,
     port::{Access, Element, FieldRef, Member, Port, Scalar},
-    shader::{Pass, ShaderLibrary, Threads},
+    shader::{Pass, Shader, ShaderLibrary, Threads},
     stage::{AnyStage, Declaration},
 };
 
@@ -31,7 +34,8 @@ const MAX_WORKGROUP_BYTES: u32 = 16384;
 pub fn check_stage(stage: &dyn AnyStage, library: &ShaderLibrary) -> Vec<GraphError> {
     let declaration = stage.declaration();
     let Some(shader) = &declaration.shader else { return Vec::new() };
-    let checked = join(shader, library).and_then(|composed| {
+    let checked = with_checks(shader, library).and_then(|shader| {
+        let composed = join(&shader, library)?;
         let reflected = validate(&composed, declaration.needs)?;
         let outline = Outline::of(composed.own());
         let misfits = misfits(&reflected, declaration, &stage.specs()).into_iter();
@@ -40,9 +44,27 @@ pub fn check_stage(stage: &dyn AnyStage, library: &ShaderLibrary) -> Vec<GraphEr
             Some(span) => composed.own_error(span, &message),
             None => composed.error_anywhere(&message),
         };
-        Ok(misfits.map(error).collect())
+        Ok(misfits.map(error).chain(errors_of_checks(&composed, declaration)).collect())
     });
     checked.unwrap_or_else(|error| vec![error])
+}
+
+/// The shader with its checks, if it has any: it is valid without them then, too, but for what they name.
+fn with_checks(shader: &Shader, library: &ShaderLibrary) -> Result<Shader, GraphError> {
+    Ok(if has_checks(shader, library)? { watched(shader) } else { shader.clone() })
+}
+
+/// The checks of ports that the stage does not write.
+pub(crate) fn errors_of_checks(composed: &Composed, declaration: &Declaration) -> Vec<GraphError> {
+    let outputs = declaration.ports.iter().filter(|port| port.is_output());
+    let known: Vec<String> =
+        outputs.flat_map(|port| (0..port.fields.len()).map(|field| port.variable(field))).collect();
+    let strangers = composed.checks.iter().filter(|check| !known.contains(&check.port));
+    let error = |check: &OwnCheck| {
+        let unknown = GraphError::unknown("output", &check.port, &known);
+        composed.error(check.at, &format!("#check: {unknown}"))
+    };
+    strangers.map(error).collect()
 }
 
 /// All differences between a shader and its stage's declaration. There must be a variable for each field of each port,
@@ -338,7 +360,9 @@ impl<'a> Check<'a> {
 
     fn limits(&mut self, entry: &Entry) {
         self.errors.about(&entry.name);
-        let used = || entry.uses.iter().map(|&index| &self.reflected.variables[index].space);
+        // The buffer of the checks is there in watched runs only.
+        let used = entry.uses.iter().map(|&index| &self.reflected.variables[index]);
+        let used = || used.clone().filter(|variable| variable.name != CHECKS).map(|variable| &variable.space);
         let buffers = used().filter(|space| matches!(space, Space::Buffer { .. })).count();
         let textures = used().filter(|space| matches!(space, Space::StorageTexture { .. })).count();
         let invocations: u64 = entry.workgroup_size.iter().map(|&size| u64::from(size)).product();
@@ -360,7 +384,7 @@ impl<'a> Check<'a> {
 }
 
 fn is_reserved(name: &str) -> bool {
-    matches!(name, "params" | "frame")
+    matches!(name, "params" | "frame" | CHECKS)
 }
 
 fn stage_name(stage: ShaderStage) -> &'static str {

@@ -5,6 +5,9 @@
 //! comment, and a place in it is a line of one file. (naga_oil was tried. In imported modules it rejects type aliases
 //! and struct members that end in a digit, and loses constants without a type; it renames what it imports, and in the
 //! importing shader also members of the same name.)
+//!
+//! `#check PORT[ELEMENT]: CONDITION, "TEXT"` is a line of WGSL only where the run is watched: it notes the least
+//! element for which the condition does not hold.
 
 use std::{borrow::Cow, ops::Range};
 
@@ -14,9 +17,35 @@ use crate::{
     shader::{Shader, ShaderLibrary, ShaderModule},
 };
 
+/// The name for `#ifdef` that holds where the run is watched.
+pub(crate) const WATCH: &str = "WATCH";
+
+/// The variable to which the checks of a watched shader write: for each, the least element that fails, and room for a
+/// copy of it.
+pub(crate) const CHECKS: &str = "watch_checks";
+
+/// Words of a check in that variable.
+pub(crate) const CHECK_WORDS: usize = 64;
+
+/// Its binding; the last one that WebGPU allows by default.
+const CHECKS_BINDING: u32 = 999;
+
+/// A `#check` of a shader.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Check {
+    /// The variable of the port.
+    pub port: String,
+    /// What should hold.
+    pub text: String,
+    /// Its statement in the composed text.
+    pub at: Span,
+}
+
 /// A shader followed by the modules that it imports, as one WGSL text.
 pub(crate) struct Composed {
     pub text: String,
+    /// Its checks, if it is composed for a watched run.
+    pub checks: Vec<Check>,
     /// The shader's file.
     name: String,
     parts: Vec<Part>,
@@ -150,12 +179,29 @@ pub(crate) fn error_in(name: &str, source: &str, at: Span, message: &str) -> Gra
     GraphError::Shader { shader: name.to_owned(), message: message.to_owned(), place }
 }
 
+/// A shader for a watched run.
+pub(crate) fn watched(shader: &Shader) -> Shader {
+    let mut shader = shader.clone();
+    shader.defines.push(WATCH.into());
+    shader
+}
+
+/// Whether the text of a shader, or of a module that it imports, has checks or lines for watched runs only.
+pub(crate) fn has_checks(shader: &Shader, library: &ShaderLibrary) -> Result<bool, GraphError> {
+    Ok(compose(&watched(shader), library)?.text != compose(shader, library)?.text)
+}
+
 /// Composes a shader: `#import NAME` includes the library's module of that name, `#ifdef NAME`, `#ifndef NAME`, `#else`
 /// and `#endif` keep or drop lines depending on the shader's defines. Directives are on lines of their own, which are
 /// blank in the result, so that line numbers stay the same. Constants from Rust precede the file that uses them and
 /// count as a file of their own.
 pub(crate) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Composed, GraphError> {
-    let mut composed = Composed { text: String::new(), name: shader.name.to_string(), parts: Vec::new() };
+    let mut composed = Composed {
+        text: String::new(),
+        checks: Vec::new(),
+        name: shader.name.to_string(),
+        parts: Vec::new(),
+    };
     let mut imports: Vec<String> = Vec::new();
     let mut next = 0;
     let (mut name, mut source, mut file) = (&*shader.name, &*shader.source, shader.file.as_deref());
@@ -165,14 +211,41 @@ pub(crate) fn compose(shader: &Shader, library: &ShaderLibrary) -> Result<Compos
         constants.iter().for_each(|constant| constant.declare(&mut composed.text));
         composed.parts.push(Part { name: name.to_owned(), start: composed.text.len() });
         let text = library.edited.or_embedded(file, source);
-        preprocess(name, &text, shader, library, &mut imports, &mut composed.text)?;
+        preprocess(name, &text, shader, library, &mut imports, &mut composed)?;
         let Some(module) = imports.get(next).and_then(|import| library.module(import)) else {
+            if !composed.checks.is_empty() {
+                composed.parts.push(Part { name: "checks".into(), start: composed.text.len() });
+                composed.text += &format!(
+                    "@group(0) @binding({CHECKS_BINDING}) var<storage, read_write> {CHECKS}: array<atomic<u32>>;\n"
+                );
+            }
             return Ok(composed);
         };
         next += 1;
         (name, source, file) = (&*module.name, &*module.source, module.file.as_deref());
         constants = &module.constants;
     }
+}
+
+/// The check in a line: its port, its text, and the statement that it becomes as the check of this index.
+fn check(line: &str, index: usize) -> Result<[String; 3], &'static str> {
+    const FORM: &str = "a check is `#check PORT[ELEMENT]: CONDITION, \"TEXT\"`";
+    let parse = || {
+        let (port, rest) = line.trim().strip_prefix("#check")?.split_once('[')?;
+        let mut depth = 1;
+        let close = rest.find(|letter| {
+            depth += i32::from(letter == '[') - i32::from(letter == ']');
+            depth == 0
+        })?;
+        let (element, condition) = (&rest[..close], rest[close + 1..].trim_start().strip_prefix(':')?);
+        let (condition, text) = condition.strip_suffix('"')?.rsplit_once('"')?;
+        let (port, condition) = (port.trim(), condition.trim_end().strip_suffix(',')?.trim());
+        let complete = [port, element.trim(), condition, text].iter().all(|part| !part.is_empty());
+        let place = index * CHECK_WORDS;
+        let statement = format!("if !({condition}) {{ atomicMin(&{CHECKS}[{place}], u32({element})); }}");
+        complete.then_some([port.to_owned(), text.to_owned(), statement])
+    };
+    parse().ok_or(FORM)
 }
 
 /// An open `#ifdef`.
@@ -190,8 +263,9 @@ fn preprocess(
     shader: &Shader,
     library: &ShaderLibrary,
     imports: &mut Vec<String>,
-    out: &mut String,
+    composed: &mut Composed,
 ) -> Result<(), GraphError> {
+    let Composed { text: out, checks, .. } = composed;
     let mut conditions: Vec<Condition> = Vec::new();
     let mut start = 0;
     for line in source.split_inclusive('\n') {
@@ -208,6 +282,16 @@ fn preprocess(
             out.push('\n');
             continue;
         };
+        if directive[..].first() == Some(&"check") {
+            let [port, text, statement] = check(line, checks.len()).map_err(fail)?;
+            if keep && shader.defines.iter().any(|known| known == WATCH) {
+                let at = Span { start: out.len(), end: out.len() + statement.len() };
+                out.push_str(&statement);
+                checks.push(Check { port, text, at });
+            }
+            out.push('\n');
+            continue;
+        }
         out.push('\n');
         match directive[..] {
             ["import", module] if keep => {
@@ -238,7 +322,8 @@ fn preprocess(
             }
             _ => {
                 return Err(fail(
-                    "unknown directive; known: `#import MODULE`, `#ifdef NAME`, `#ifndef NAME`, `#else` and `#endif`",
+                    "unknown directive; known: `#import MODULE`, `#ifdef NAME`, `#ifndef NAME`, `#else`, `#endif` and \
+                     `#check PORT[ELEMENT]: CONDITION, \"TEXT\"`",
                 ));
             }
         }

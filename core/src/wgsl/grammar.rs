@@ -37,6 +37,8 @@ pub(super) enum PortClause {
     Kept,
     FieldOf(Name),
     Means(Name),
+    In(f64, f64),
+    AnyValue,
     Format(Format),
     Extent(Extent),
     /// A list with one element for each item of the quantity with this singular.
@@ -109,6 +111,10 @@ impl Subject for PortClause {
         form("means MEANING", "What the values mean: the meaning of a port of another stage.", |filled| {
             Self::Means(filled.name(0))
         }),
+        form("in LOW..HIGH", "What its numbers may be: checked with `--watch`.", |filled| {
+            Self::In(filled.number(0), filled.number(1))
+        }),
+        form("any value", "Its floats may also be infinite or NaN: for `--watch`.", |_| Self::AnyValue),
         form(
             "format FORMAT",
             "Of an output that is a texture_2d: a draw writes it, later passes read it.",

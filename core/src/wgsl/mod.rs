@@ -407,6 +407,15 @@ fn read(
         }
     }
     wrong.into_result()?;
+    let wrong = |error| vec![error];
+    if reflect::has_checks(&shader, library).map_err(wrong)? {
+        let watched = reflect::join(&reflect::watched(&shader), library).map_err(wrong)?;
+        reflect::validate(&watched, needs).map_err(wrong)?;
+        let errors = reflect::errors_of_checks(&watched, &declaration);
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+    }
     Ok(Read { declaration, doc: declarations.file.prose, assumed })
 }
 
@@ -464,11 +473,12 @@ fn all_ports(
 /// Checks that something defines the name of every `#ifdef`: an input that may be connected, or a parameter.
 fn check_conditions(shader: &Shader, ports: &[Port], specs: &[ParamSpec], wrong: &mut Wrong) {
     let inputs = ports.iter().filter(|port| port.is_input()).map(|port| has(&port.name).into_owned());
-    let known: Vec<String> = inputs.chain(specs.iter().flat_map(params::defines)).collect();
+    let known = inputs.chain(specs.iter().flat_map(params::defines)).chain([reflect::WATCH.to_owned()]);
+    let known: Vec<String> = known.collect();
     for (define, span) in reflect::conditions(&shader.source) {
         if known.iter().all(|known| known != define) {
             let mut message = GraphError::unknown("name after #ifdef", define, &known).to_string();
-            if known.is_empty() {
+            if known.len() == 1 {
                 message += "; an optional input or a parameter that is true or false defines one";
             }
             wrong.errors.push(reflect::error_in(&shader.name, &shader.source, span, &message));

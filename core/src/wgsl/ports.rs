@@ -11,6 +11,7 @@ use crate::{
     port::{Access, Element, Extent, Field, FieldRef, Format, Lifetime, Port, Scalar},
     reflect::{Reflected, Space, Variable},
     registry::Registry,
+    rule::Rule,
 };
 
 /// A bound variable with what is declared above it.
@@ -113,6 +114,8 @@ struct Said {
     optional: Option<Span>,
     field_of: Option<(Span, Name)>,
     means: Option<Name>,
+    /// `None` within: any value.
+    values: Option<(Span, Option<(f64, f64)>)>,
     format: Option<(Span, Format)>,
     extent: Option<Spanned<PortClause>>,
 }
@@ -136,6 +139,10 @@ impl Said {
             PortClause::Optional => set(&mut self.optional, span, "`optional`"),
             PortClause::FieldOf(name) => set(&mut self.field_of, (span, name.clone()), "the bundle"),
             PortClause::Means(name) => set(&mut self.means, name.clone(), "the meaning"),
+            PortClause::In(low, high) => {
+                set(&mut self.values, (span, Some((*low, *high))), "what its values may be")
+            }
+            PortClause::AnyValue => set(&mut self.values, (span, None), "what its values may be"),
             PortClause::Format(format) => set(&mut self.format, (span, *format), "the format"),
             PortClause::Extent(_) | PortClause::Each(_) => {
                 set(&mut self.extent, clause.clone(), "the number of elements")
@@ -311,13 +318,40 @@ impl Draft<'_> {
             name: name.clone().into(),
             doc: doc.into(),
             access,
-            fields,
             meaning,
             scratch: self.said.scratch.is_some(),
+            rules: self.rules(&fields, access, wrong).into(),
+            fields,
             extent: Extent::Any,
             lifetime: if kept { Lifetime::Persistent } else { Lifetime::Transient },
             optional: self.said.optional.is_some(),
         }
+    }
+
+    /// What the values may be, as declared.
+    fn rules(&self, fields: &[Field], access: Access, wrong: &mut Wrong) -> Vec<Rule> {
+        let Some((span, range)) = self.said.values else { return Vec::new() };
+        let name = &self.name;
+        if matches!(access, Access::Read | Access::History) {
+            wrong.at(span, format!("`{name}` is only read; its values are checked where they are written"));
+        }
+        let Some((low, high)) = range else { return vec![Rule::any()] };
+        if low > high {
+            wrong.at(span, format!("the range of `{name}` is empty; the lower number comes first"));
+        }
+        let scalars = fields.iter().flat_map(|field| field.element.scalars());
+        let floats: Vec<bool> = scalars.map(|scalar| scalar == Scalar::F32).collect();
+        if floats.iter().any(|float| *float != floats[0]) {
+            let text = format!("`{name}` has floats and whole numbers; a range is for numbers of one kind");
+            wrong.at(span, text);
+        }
+        if floats.first() == Some(&true) {
+            return vec![Rule::floats(low as f32, high as f32)];
+        }
+        if [low, high].iter().any(|bound| bound.fract() != 0.0) {
+            wrong.at(span, format!("`{name}` has whole numbers; give whole numbers as the range"));
+        }
+        vec![Rule::wholes(low as i64, high as i64)]
     }
 
     fn access(&self, assumed: &mut Vec<String>, wrong: &mut Wrong) -> Access {

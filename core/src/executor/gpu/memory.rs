@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use index_vec::IndexVec;
 
-use super::{Gpu, RunError};
+use super::{Fill, Gpu, RunError};
 use crate::{
     graph::Graph,
     id::SlotId,
@@ -255,19 +255,19 @@ pub(crate) fn poison_word(element: &Element) -> u32 {
     }
 }
 
-/// For each slot, a staging buffer filled with poison.
-pub(super) fn poison_buffers(device: &wgpu::Device, plan: &Plan) -> IndexVec<SlotId, wgpu::Buffer> {
+/// For each slot, a staging buffer filled with what the slot is filled with.
+pub(super) fn fill_buffers(device: &wgpu::Device, plan: &Plan, fill: Fill) -> IndexVec<SlotId, wgpu::Buffer> {
     let slots = plan.slots.gpu.iter();
     slots
         .map(|slot| {
             let size = Layout::new(&slot.element, slot.dims).staged_bytes().max(16);
             let buffer = device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("poison"),
+                label: Some("fill"),
                 size,
                 usage: wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: true,
             });
-            let words = vec![poison_word(&slot.element); (size / 4) as usize];
+            let words = vec![fill.word(&slot.element); (size / 4) as usize];
             if let Ok(mut range) = buffer.get_mapped_range_mut(..) {
                 range.copy_from_slice(bytemuck::cast_slice(&words));
             }

@@ -4,6 +4,7 @@ mod clock;
 mod memory;
 mod pipelines;
 mod recording;
+mod watch;
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -12,8 +13,9 @@ use index_vec::IndexVec;
 use memory::GpuMemory;
 pub(super) use memory::{Layout, poison_word};
 use pipelines::{Builder, GpuNode};
+use watch::GpuWatch;
 
-use super::{Gpu, RunError, readback::Readback};
+use super::{Fill, Gpu, RunError, readback::Readback, watch::Watch};
 use crate::{
     frame::Frame,
     graph::{Graph, Node},
@@ -40,10 +42,11 @@ pub(super) struct GpuSide {
     nodes: IndexVec<NodeId, Option<GpuNode>>,
     uploads: HashMap<Value, Upload>,
     downloads: HashMap<Value, Readback>,
-    /// In poison mode: for each slot, the buffer that fills it before a node writes it.
-    poison: Option<IndexVec<SlotId, wgpu::Buffer>>,
+    /// If memory is filled before a node writes it: for each slot, the buffer that fills it.
+    fill: Option<IndexVec<SlotId, wgpu::Buffer>>,
     encoder: Option<wgpu::CommandEncoder>,
     clock: Option<Clock>,
+    watch: Option<GpuWatch>,
 }
 
 impl GpuSide {
@@ -53,7 +56,8 @@ impl GpuSide {
         graph: &Graph,
         plan: &Plan,
         library: &ShaderLibrary,
-        poison: bool,
+        fill: Option<Fill>,
+        watch: Option<&Watch>,
     ) -> Result<Self, RunError> {
         memory::check_limits(&gpu, plan)?;
         let memory = gpu.scoped(|| memory::allocate(&gpu.device, graph, plan))?;
@@ -63,22 +67,37 @@ impl GpuSide {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let builder = Builder { gpu: &gpu, graph, plan, library, memory: &memory, frame: &frame };
+        let on_gpu = watch.map(|watch| GpuWatch::new(&gpu, graph, watch, library)).transpose()?;
+        let watch = watch.zip(on_gpu.as_ref());
+        let builder = Builder { gpu: &gpu, graph, plan, library, memory: &memory, frame: &frame, watch };
         let build = |(id, node): (NodeId, &Node)| {
             (node.side == Side::Gpu && !node.declaration().idle).then(|| builder.node(id)).transpose()
         };
         let nodes = graph.nodes.iter_enumerated().map(build).collect::<Result<_, _>>()?;
         let (uploads, downloads) = gpu.scoped(|| transfers(&gpu.device, plan))?;
-        let poison = poison.then(|| gpu.scoped(|| memory::poison_buffers(&gpu.device, plan))).transpose()?;
+        let fill =
+            fill.map(|fill| gpu.scoped(|| memory::fill_buffers(&gpu.device, plan, fill))).transpose()?;
         let clock =
             gpu.has_timestamps().then(|| gpu.scoped(|| Clock::new(&gpu, graph.nodes.len()))).transpose()?;
         gpu.check()?;
-        Ok(Self { gpu, memory, frame, nodes, uploads, downloads, poison, encoder: None, clock })
+        let (encoder, watch) = (None, on_gpu);
+        Ok(Self { gpu, memory, frame, nodes, uploads, downloads, fill, encoder, clock, watch })
     }
 
     /// Writes the frame's constants; must come first in a frame.
     pub fn begin(&mut self, frame: &Frame) {
         self.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+        if let Some(watch) = &self.watch {
+            watch.begin(&self.gpu.queue);
+        }
+    }
+
+    /// Reports the first bad value of each node, of the frame that has just ended.
+    pub fn found(&mut self, to: &mut Watch, frame: &Frame) -> Result<(), RunError> {
+        match &mut self.watch {
+            Some(watch) => watch.read(&self.gpu, to, frame),
+            None => Ok(()),
+        }
     }
 
     /// Measures time even on a software device, whose times mean little, if the device can.
@@ -117,7 +136,13 @@ impl GpuSide {
     }
 
     fn close(&mut self) {
+        if let Some(watch) = &mut self.watch {
+            watch.end(encoder(&self.gpu, &mut self.encoder));
+        }
         self.submit();
+        if let Some(watch) = &mut self.watch {
+            watch.map();
+        }
         for readback in self.downloads.values_mut() {
             readback.map();
         }

@@ -7,9 +7,13 @@ use index_vec::IndexVec;
 use super::{
     Gpu, RunError,
     memory::{GpuMemory, texture},
+    watch::GpuWatch,
 };
 use crate::{
-    executor::programs::{Program, Raster},
+    executor::{
+        programs::{Program, Raster},
+        watch::Watch,
+    },
     graph::Graph,
     id::{NodeId, SlotId},
     plan::Plan,
@@ -27,7 +31,7 @@ const MAX_GROUPS_X: u32 = 32768;
 pub(super) struct GpuNode {
     pub passes: Vec<GpuPass>,
     /// Kept alive for the next executor.
-    _program: Arc<Program>,
+    _programs: Vec<Arc<Program>>,
 }
 
 pub(super) struct GpuPass {
@@ -74,6 +78,8 @@ pub(super) struct Builder<'a> {
     pub memory: &'a IndexVec<SlotId, GpuMemory>,
     /// The uniform `frame`.
     pub frame: &'a wgpu::Buffer,
+    /// What watches the nodes, if the run is watched.
+    pub watch: Option<(&'a Watch, &'a GpuWatch)>,
 }
 
 impl Builder<'_> {
@@ -87,6 +93,8 @@ impl Builder<'_> {
             return Err(fail(format!("{} has no 64-bit atomics; choose another method", self.gpu.name())));
         }
         let programs = &self.gpu.programs;
+        let watched = self.watch.map(|_| reflect::watched(shader));
+        let shader = watched.as_ref().unwrap_or(shader);
         let program = programs.get(self.gpu, shader, self.library, declaration.needs).map_err(fail)?;
         let wrong = reflect::check(&program.reflected, &shader.name, declaration, &node.stage.specs());
         if let Some(error) = wrong.first() {
@@ -110,9 +118,15 @@ impl Builder<'_> {
             });
             passes.collect()
         });
-        built
-            .map(|passes| GpuNode { passes, _program: program.clone() })
-            .map_err(|error| fail(error.to_string()))
+        let mut passes: Vec<GpuPass> = built.map_err(|error| fail(error.to_string()))?;
+        let mut programs = vec![program];
+        if let Some((watch, on_gpu)) = self.watch {
+            let watching = self.gpu.scoped(|| on_gpu.passes(self.gpu, self.plan, watch, self.memory, id));
+            let (more, theirs) = watching.map_err(|error| fail(error.to_string()))?.map_err(fail)?;
+            passes.extend(more);
+            programs.extend(theirs);
+        }
+        Ok(GpuNode { passes, _programs: programs })
     }
 
     fn pipeline(&self, program: &Program, pass: &Pass, node: NodeId) -> Pipeline {
@@ -232,6 +246,7 @@ impl Builder<'_> {
                 let resource = match variable.name.as_str() {
                     "frame" => self.frame.as_entire_binding(),
                     "params" => params.as_entire_binding(),
+                    reflect::CHECKS => self.watch.expect("only watched shaders have checks").1.checks(id),
                     name => self.memory[self.slot(id, fields[name], parity)].binding(),
                 };
                 wgpu::BindGroupEntry { binding: variable.binding, resource }
@@ -250,7 +265,7 @@ impl Builder<'_> {
 }
 
 /// The numbers of workgroups along x and y for this many threads, of which a workgroup has `width` in a row.
-fn in_rows(threads: usize, width: u32) -> [u32; 2] {
+pub(super) fn in_rows(threads: usize, width: u32) -> [u32; 2] {
     let groups = u32::try_from(threads.div_ceil(width as usize)).unwrap_or(u32::MAX).max(1);
     let x = groups.min(MAX_GROUPS_X);
     [x, groups.div_ceil(x)]

@@ -22,13 +22,13 @@ impl GpuSide {
     pub fn run(&mut self, plan: &Plan, node: NodeId, parity: usize, timed: bool) {
         let Some(built) = &self.nodes[node] else { return };
         let encoder = encoder(&self.gpu, &mut self.encoder);
-        if let Some(poison) = &self.poison {
+        if let Some(fill) = &self.fill {
             for storage in plan.written_anew(node) {
                 let storage = &plan.storages[storage];
                 let Some(slots) = storage.slots.gpu else { continue };
                 let slot = slots.at(parity, false);
                 let layout = Layout::new(&storage.element, storage.dims);
-                self.memory[slot].copy_in(encoder, &poison[slot], layout);
+                self.memory[slot].copy_in(encoder, &fill[slot], layout);
             }
         }
         // One compute pass for consecutive dispatches; wgpu orders dispatches that share memory.
