@@ -377,6 +377,9 @@ pub struct RenderArgs {
     /// Fill intermediate results with NaN and 0xDEADBEEF before use, to find stages that read unwritten memory
     #[arg(long)]
     pub poison: bool,
+    /// End at the first NaN, infinity, negative or out-of-range number that a node writes, and name its place
+    #[arg(long, conflicts_with = "poison")]
+    pub watch: bool,
 }
 
 /// Arguments of `check`.

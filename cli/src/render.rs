@@ -18,7 +18,7 @@ use crate::{
     interrupt, open,
     output::{Json, Output, Outputs, Ready},
     progress,
-    report::{Measured, Report},
+    report::{self, Measured, Report},
     sheet::{self, Tile},
     values::Save,
 };
@@ -54,6 +54,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         .prune(!args.compile.no_prune)
         .pooling(!args.compile.no_pooling)
         .poison(args.poison)
+        .watch(args.watch)
         .compile()?;
     let mut outputs = outputs.ready()?;
     let output = files.picture.as_ref().map(|_| compiled.picture()).transpose()?;
@@ -72,7 +73,14 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     open::tracer(&place);
     let graph = compiled.file().name();
     let mut run = compiled.start()?;
-    let measured = run_frames(&mut run, args.frames, &traced)?;
+    let measured = match run_frames(&mut run, args.frames, &traced) {
+        Err(CliError::Run(epigraph::Error::Run(RunError::Watch(bad)))) => {
+            // The pictures are not written: they are not what the graph is meant to make.
+            outputs.finish(files.json, &report::of_bad_value(args, &graph, device.side, &bad), "")?;
+            return Err(RunError::Watch(bad).into());
+        }
+        measured => measured?,
+    };
     open::warn_of_bad_samples(run.non_finite_samples());
     open::warn_of_missing_shadows(run.incomplete_shadows());
 

@@ -1,7 +1,7 @@
 //! The report of a run of frames, as a table and as JSON.
 
 use epigraph::memory;
-use epigraph_core::{Gpu, PerSide, Plan, PlannedNode, Side, Step};
+use epigraph_core::{BadValue, Gpu, PerSide, Plan, PlannedNode, Side, Step};
 use epigraph_pictures::readable;
 use epigraph_scenes::Report as Notes;
 use epigraph_stages::column::TRACE;
@@ -225,6 +225,9 @@ impl Report<'_> {
             let why = "its inputs and the view were unchanged in the others";
             line("skipped", format!("{name} ({kind}): ran in {runs} of {frames} frames; {why}"));
         }
+        if args.watch {
+            line("watch", "no node wrote a bad number".into());
+        }
         for (what, path) in &self.written {
             line(what, path.clone());
         }
@@ -305,9 +308,25 @@ impl Report<'_> {
             "nodes": nodes,
             "culled": culled,
             "skipped": skipped,
+            "watched": args.watch,
+            "bad_value": Value::Null,
             "files": files,
         })
     }
+}
+
+/// The JSON of a run that ended at a bad value.
+pub fn of_bad_value(args: &RenderArgs, graph: &str, side: Side, bad: &BadValue) -> Value {
+    json!({
+        "graph": graph,
+        "scene": args.scene.scene,
+        "camera": args.scene.camera,
+        "size": args.scene.size.0,
+        "seed": args.seed,
+        "backend": side.to_string(),
+        "watched": true,
+        "bad_value": bad,
+    })
 }
 
 /// Rounded to four decimals, the resolution of the clocks.

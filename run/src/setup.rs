@@ -37,6 +37,7 @@ pub struct Setup {
     prune: bool,
     pooling: bool,
     poison: bool,
+    watch: bool,
     profile: bool,
     keep: Vec<Source>,
     live: bool,
@@ -72,6 +73,7 @@ impl Setup {
             prune: true,
             pooling: true,
             poison: false,
+            watch: false,
             profile: true,
             keep: Vec::new(),
             live: false,
@@ -189,6 +191,13 @@ impl Setup {
         self
     }
 
+    /// If true, a frame in which a node writes a bad value ends with [`RunError::Watch`](epigraph_core::RunError::Watch).
+    /// Memory is not poisoned then.
+    pub fn watch(mut self, watch: bool) -> Self {
+        self.watch = watch;
+        self
+    }
+
     /// If true (the default), each step is timed. On a software GPU that requires a wait after each step.
     pub fn profile(mut self, profile: bool) -> Self {
         self.profile = profile;
@@ -251,6 +260,7 @@ impl Setup {
             prune: self.prune,
             pooling: self.pooling,
             poison: self.poison,
+            watch: self.watch,
             taps: Vec::new(),
             ..Settings::new(self.size, samples, facts)
         };

@@ -25,3 +25,4 @@ mod scenes;
 mod streams;
 mod support;
 mod tradeoff;
+mod watch;
