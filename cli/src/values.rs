@@ -208,6 +208,16 @@ mod tests {
     }
 
     #[test]
+    fn crops_are_displayed_as_parsed() {
+        assert_eq!("3,4,8x6".parse(), Ok(Crop { at: [3, 4], size: [8, 6] }));
+        assert_eq!("3,4,8x6".parse::<Crop>().map(|crop| crop.to_string()), Ok("3,4,8x6".into()));
+        for wrong in ["", "3,4", "8x6", "3,8x6", "3,4,0x6", "-1,4,8x6", "3,4,8"] {
+            let text = wrong.parse::<Crop>().expect_err(wrong);
+            assert!(text.contains("such as 120,80,48x32"), "{text}");
+        }
+    }
+
+    #[test]
     fn places_are_displayed_as_parsed() {
         assert_eq!("230,0".parse::<Place>().unwrap().to_string(), "230,0");
         for wrong in ["", "5", "-1,2", "1,2,3", "1x2"] {

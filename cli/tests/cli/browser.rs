@@ -3,7 +3,7 @@
 
 use std::{
     env,
-    fs::File,
+    fs::{self, File},
     io::{BufRead, BufReader, Write},
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
@@ -34,8 +34,8 @@ pub struct Browser {
     last: u64,
     /// Errors of the page, and requests that leave this machine.
     pub problems: Vec<String>,
-    // Its profile and pipes.
-    _place: Place,
+    /// Its profile, pipes and messages.
+    folder: Place,
 }
 
 /// The browser of this machine.
@@ -82,7 +82,7 @@ impl Browser {
         });
         let (session, problems) = (None, Vec::new());
         let mut browser =
-            Self { process, requests, answers: from, session, last: 0, problems, _place: place };
+            Self { process, requests, answers: from, session, last: 0, problems, folder: place };
         let target = browser.ask("Target.createTarget", json!({ "url": "about:blank" }));
         let page_of = json!({ "targetId": target["targetId"], "flatten": true });
         browser.session =
@@ -205,7 +205,10 @@ impl Browser {
         sent.unwrap_or_else(|error| panic!("the browser is gone: {error}"));
         loop {
             let message = self.answers.recv_timeout(PATIENCE);
-            let message = message.unwrap_or_else(|error| panic!("no answer to {method}: {error}"));
+            let message = message.unwrap_or_else(|error| {
+                let said = fs::read_to_string(self.folder.path("messages")).unwrap_or_default();
+                panic!("the browser gives no answer to {method} ({error}); it said:\n{said}")
+            });
             if message["id"] == self.last {
                 assert!(message["error"].is_null(), "{method}: {}", message["error"]);
                 return message["result"].clone();
