@@ -42,7 +42,7 @@ pub static ROWS: Group = LazyLock::new(|| {
 // ---- Meshes
 
 /// Triangles of all kinds at a place: a cube, slivers, flat ones, the same one twice, coplanar ones, all connected or not.
-fn odd_shape(scale: f32, offset: f32) -> Shape {
+pub fn odd_shape(scale: f32, offset: f32) -> Shape {
     let mut random = Random(9);
     let mut shape = Shape::cuboid(Vec3::ZERO, Vec3::ONE);
     for height in [1.0, 1e-2, 1e-4, 1e-6, 0.0] {

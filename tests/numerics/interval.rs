@@ -26,6 +26,7 @@ pub trait Number:
     fn max(self, other: Self) -> Self;
     fn sqrt(self) -> Self;
     fn exp(self) -> Self;
+    fn exp2(self) -> Self;
     /// This number to the power of `y`, if it is not negative.
     fn powf(self, y: f64) -> Self;
 }
@@ -45,6 +46,9 @@ impl Number for f64 {
     }
     fn exp(self) -> Self {
         f64::exp(self)
+    }
+    fn exp2(self) -> Self {
+        f64::exp2(self)
     }
     fn powf(self, y: f64) -> Self {
         f64::powf(self, y)
@@ -161,6 +165,10 @@ impl Number for Interval {
     /// Off by 3 + 2 |x| ULP.
     fn exp(self) -> Self {
         Self::rounded(self.low.exp(), self.high.exp(), 3.0 + 2.0 * self.low.abs().max(self.high.abs()))
+    }
+    /// As [`Number::exp`].
+    fn exp2(self) -> Self {
+        Self::rounded(self.low.exp2(), self.high.exp2(), 3.0 + 2.0 * self.low.abs().max(self.high.abs()))
     }
     /// Inherited from exp2(y * log2(x)), where the logarithm may be off by 3 ULP, or by 2^-21 near 1.
     fn powf(self, y: f64) -> Self {

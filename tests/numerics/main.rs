@@ -12,7 +12,9 @@ mod chance;
 mod cloud;
 mod colors;
 mod depth;
+mod device;
 mod edges;
+mod extremes;
 mod interval;
 mod pixels;
 mod project;
@@ -20,7 +22,7 @@ mod scenes;
 mod streams;
 mod table;
 
-use std::{any::Any, env, fs, panic::catch_unwind, path::Path, sync::LazyLock};
+use std::{any::Any, collections::BTreeSet, env, fs, panic::catch_unwind, path::Path, sync::LazyLock};
 
 use epigraph_core::testing::{Both, run_both};
 use table::Row;
@@ -42,7 +44,8 @@ fn measured(functions: &[fn() -> Vec<Row>]) -> Vec<Row> {
 }
 
 /// Titles of the groups, and their rows.
-const GROUPS: [(&str, &Group); 9] = [
+const GROUPS: [(&str, &Group); 10] = [
+    ("device", &device::ROWS),
     ("depth", &depth::ROWS),
     ("projection", &project::ROWS),
     ("cloud", &cloud::ROWS),
@@ -58,10 +61,13 @@ const GROUPS: [(&str, &Group); 9] = [
 type Make = fn() -> String;
 
 /// Such tables, by the names of their places in the document.
-const TABLES: [(&str, Make); 3] = [
+const TABLES: [(&str, Make); 6] = [
     ("shifts of depths", depth::shifts),
     ("stored depths", depth::encodings),
     ("errors of places", project::errors_in_pixels),
+    ("extremes", extremes::cases),
+    ("parameters", extremes::parameters),
+    ("moved worlds", extremes::moved_worlds),
 ];
 
 /// The document with its tables made anew. Each has its place between two comments.
@@ -117,6 +123,21 @@ fn regions_and_reachability_hold_what_they_claim() {
 #[test]
 fn colours_hold_what_they_claim() {
     assert!(!colors::ROWS.is_empty());
+}
+
+#[test]
+fn the_device_holds_what_wgsl_claims() {
+    assert!(!device::ROWS.is_empty());
+}
+
+#[test]
+fn every_stage_has_a_row() {
+    let with: BTreeSet<&str> = GROUPS.iter().flat_map(|(_, rows)| rows.iter().map(Row::stage)).collect();
+    let registry = epigraph_stages::registry();
+    let without: Vec<&str> =
+        registry.kinds().map(|kind| kind.name()).filter(|name| !with.contains(name)).collect();
+    // A part is the nodes that it includes.
+    assert!(without.iter().all(|name| *name == "graph"), "{without:?} have no row");
 }
 
 #[test]

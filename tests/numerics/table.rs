@@ -37,7 +37,8 @@ pub struct Measure {
     unit: Unit,
     /// The worst error and the number of values: of the CPU twin, and of the shader.
     sides: [(f64, usize); 2],
-    has_shader: bool,
+    /// The sides on which the stage runs.
+    runs: [bool; 2],
     is_chance: bool,
 }
 
@@ -67,7 +68,7 @@ impl Measure {
         unit: Unit,
     ) -> Self {
         let sides = [(0.0, 0); 2];
-        Self { stage, quantity, domain, oracle, bound, unit, sides, has_shader: true, is_chance: false }
+        Self { stage, quantity, domain, oracle, bound, unit, sides, runs: [true; 2], is_chance: false }
     }
 
     /// A figure of chance, such as a z-value: the bound is that of the test's level, however small the figure is.
@@ -84,7 +85,13 @@ impl Measure {
 
     /// For stages that run on the CPU only.
     pub fn on_cpu_only(mut self) -> Self {
-        self.has_shader = false;
+        self.runs = [true, false];
+        self
+    }
+
+    /// For stages that run on the GPU only.
+    pub fn on_gpu_only(mut self) -> Self {
+        self.runs = [false, true];
         self
     }
 
@@ -184,6 +191,10 @@ impl Measure {
     fn bound_text(&self) -> String {
         match self.unit {
             Unit::Differences => "0 differ".into(),
+            // As in "4 · 2^-24 of the largest coordinate".
+            Unit::Of(unit) if unit.starts_with(|c: char| c.is_ascii_digit()) => {
+                format!("{} · {unit}", self.bound)
+            }
             Unit::Of(unit) => format!("{} {unit}", self.bound),
         }
     }
@@ -195,9 +206,9 @@ impl Measure {
     /// becomes worse.
     #[track_caller]
     pub fn row(self) -> Row {
-        let sides = if self.has_shader { &self.sides[..] } else { &self.sides[..1] };
-        assert!(sides.iter().all(|side| side.1 > 0), "{}: a side was not compared", self.name("all"));
-        let worst = sides.iter().fold(0f64, |worst, side| worst.max(side.0));
+        let compared = self.sides.map(|side| side.1 > 0);
+        assert!(compared == self.runs, "{}: a side was not compared", self.name("all"));
+        let worst = self.sides.iter().fold(0f64, |worst, side| worst.max(side.0));
         assert!(
             self.bound <= 2.0 * worst || self.is_chance || !gpu().is_software(),
             "{}: {} is claimed, but the worst is {worst:.4}: claim less",
@@ -209,26 +220,33 @@ impl Measure {
 }
 
 impl Row {
+    /// The stage's kind.
+    pub fn stage(&self) -> &'static str {
+        self.measure.stage
+    }
+
     pub const HEADINGS: [&str; 8] =
         ["stage", "quantity", "over", "oracle", "claimed", "values a side", "worst, CPU", "worst, GPU"];
 
     /// The texts of its cells.
     pub fn cells(&self) -> [String; 8] {
-        let Measure { stage, quantity, domain, oracle, unit, sides, has_shader, .. } = &self.measure;
+        let Measure { stage, quantity, domain, oracle, unit, sides, runs, .. } = &self.measure;
         let worst = |(worst, count): (f64, usize)| match unit {
             Unit::Differences => format!("0 of {count}"),
             Unit::Of(_) => rounded_up(worst),
         };
-        let gpu = if *has_shader { worst(sides[1]) } else { "runs on the CPU".into() };
+        let cell = |side: usize, other: &str| {
+            if runs[side] { worst(sides[side]) } else { format!("runs on the {other}") }
+        };
         [
             format!("`{stage}`"),
             (*quantity).into(),
             (*domain).into(),
             (*oracle).into(),
             self.measure.bound_text(),
-            sides[0].1.to_string(),
-            worst(sides[0]),
-            gpu,
+            sides[0].1.max(sides[1].1).to_string(),
+            cell(0, "GPU"),
+            cell(1, "CPU"),
         ]
     }
 }
@@ -338,7 +356,7 @@ mod tests {
         let mut tight = measure();
         tight.record(Side::Cpu, "another", 1.0, 1);
         tight.row();
-        let both = Measure { has_shader: true, bound: 1.0, ..measure() };
+        let both = Measure { runs: [true; 2], bound: 1.0, ..measure() };
         assert!(failure(|| _ = both.row()).contains("a side was not compared"));
         assert!(failure(|| measure().record(Side::Cpu, "a third", 2.1, 1)).contains("an error of 2.1"));
     }
