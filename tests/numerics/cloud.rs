@@ -34,6 +34,7 @@ pub static ROWS: Group = LazyLock::new(|| {
         || vec![slots()],
         || samples().into(),
         || moved().into(),
+        || vec![shadowed()],
     ])
 });
 
@@ -590,4 +591,101 @@ fn moved() -> [Row; 2] {
         }
     }
     [moved.row(), lit.row()]
+}
+
+/// Points that age as a body moves between them and their light.
+fn shadowed() -> Row {
+    let mut measure = Measure::exact(
+        "carry",
+        "ages of points behind a body that moves",
+        "lamps of radius 0 to the body's size; scales 10^-3 to 10^6; lines that graze the box either way",
+        "slabs in f64",
+    );
+    let mut random = Random(6);
+    for exponent in [-3, 0, 3, 6] {
+        for share in [0.0, 0.3, 1.0] {
+            let scale = 10f32.powi(exponent);
+            let (sin, cos) = random.between(-3.0, 3.0).sin_cos();
+            let turned = |shift: f32| Blocker {
+                x: [cos, 0.0, sin, shift * scale],
+                y: [0.0, 1.0, 0.0, 0.0],
+                z: [-sin, 0.0, cos, -shift * scale],
+                extent: [0.5, 0.3, 0.4].map(|half: f32| half * scale),
+                body: 3,
+            };
+            let boxes = [turned(0.0), turned(0.2)];
+            let lamp = Lamp {
+                position: [0.2, 3.0, -0.1].map(|at: f32| at * scale),
+                power: scale * scale,
+                uniform_share: 1.0,
+                radius: share * 0.5 * scale,
+                ..Lamp::NONE
+            };
+            let count = 3000;
+            let position: Vec<[f32; 4]> = (0..count)
+                .map(|_| {
+                    let [x, y, z] = [0; 3].map(|_| scale * random.between(-2.0, 2.0));
+                    [x, y, z, 1.0]
+                })
+                .collect();
+            // Some points are on the body itself.
+            let meta: Vec<u32> =
+                (0..count).map(|i| LIVE | (u32::from(i % 5 == 0) * 3) << 24 | i & 0xFF).collect();
+            let params = CarryParams { penalty: 0.0, relight: 0.0, shadow: 64.0 };
+            let mut harness = Harness::<Carry>::new(params, &settings([1, 1], 1));
+            harness.set("cloud.position", &position);
+            harness.set("cloud.meta", &meta);
+            harness.set("moves", &[Move::REST; 256]);
+            harness.set("lights_before", &[lamp, Lamp::NONE]);
+            harness.set("lights", &[lamp, Lamp::NONE]);
+            harness.set("blockers_before", &[boxes[0], Blocker::NONE]);
+            harness.set("blockers", &[boxes[1], Blocker::NONE]);
+            let expected: Vec<Option<u32>> = (0..count as usize)
+                .map(|i| {
+                    let point = [0, 1, 2].map(|axis| f64::from(position[i][axis]));
+                    // A little larger or smaller, the box must be hit as often, or rounding may decide.
+                    let covered = |size: f64| boxes.iter().any(|of| is_between(of, &lamp, point, size));
+                    let hits = [covered(1.0 - 1e-4), covered(1.0 + 1e-4)];
+                    let ages = hits[0] && meta[i] >> 24 == 0;
+                    (hits[0] == hits[1]).then_some(meta[i] + if ages { 64 * 256 } else { 0 })
+                })
+                .collect();
+            for (side, outputs) in sides(&both(&mut harness)) {
+                let got = outputs.get::<u32>("cloud.meta");
+                let expected: Vec<u32> =
+                    expected.iter().zip(&got).map(|(of, &got)| of.unwrap_or(got)).collect();
+                let aged = expected.iter().zip(&meta).filter(|(a, b)| a != b).count();
+                assert!((50..2500).contains(&aged), "{aged} points are in shadow");
+                measure.compare_words(
+                    side,
+                    &format!("scale {scale:e}, radius {share}"),
+                    [1, 1],
+                    &got,
+                    &expected,
+                );
+            }
+        }
+    }
+    measure.row()
+}
+
+/// Whether the line from a point to a lamp hits a box, enlarged by the lamp's radius as it is seen there.
+fn is_between(body: &Blocker, lamp: &Lamp, point: [f64; 3], size: f64) -> bool {
+    let at_rest = |at: [f64; 3]| {
+        [body.x, body.y, body.z]
+            .map(|row| (0..3).map(|axis| f64::from(row[axis]) * at[axis]).sum::<f64>() + f64::from(row[3]))
+    };
+    let (start, end) = (at_rest(point), at_rest(lamp.position.map(f64::from)));
+    let along = [0, 1, 2].map(|axis| end[axis] - start[axis]);
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    // Where the line passes the box's middle.
+    let nearest = (-dot(start, along) / dot(along, along)).clamp(0.0, 1.0);
+    let (mut enter, mut leave) = (0f64, 1f64);
+    for axis in 0..3 {
+        let half = (f64::from(body.extent[axis]) + f64::from(lamp.radius) * nearest) * size;
+        let ends = [-half, half].map(|side| (side - start[axis]) / along[axis]);
+        enter = enter.max(ends[0].min(ends[1]));
+        leave = leave.min(ends[0].max(ends[1]));
+    }
+    enter <= leave
 }
