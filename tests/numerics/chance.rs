@@ -93,7 +93,7 @@ fn requests() -> Row {
     let mut measure = Measure::exact(
         "dither",
         "pixels and slots asked for",
-        "priorities 0, one hot spot, all 255, any; budgets of 0, 1, 1% and 100%; 1x1 to 4097x4096 (more than 2^24 pixels)",
+        "priorities 0, one hot spot, all 255, any; budgets of 0, 1, 1%, 100%; 1x1 to 4097x4096 (over 2^24 pixels)",
         "sums in 128-bit integers",
     );
     let mut random = Random(1);

@@ -383,7 +383,7 @@ fn samples() -> [Row; 2] {
         let mut stamped = vec![false; pixels];
         for sample in (0..count).filter(|&i| takes(i)).map(|i| &samples[i]) {
             let shown = sample.reuse as usize;
-            // The threshold of 0 sees every other colour, that of 1 none. Colours that are black in nine bits are black.
+            // The threshold of 0 sees every other colour, that of 1 none. What is black in nine bits is black.
             let now = sample.radiance.map(|x| if x > (-25f64).exp2() as f32 { x } else { 0.0 });
             let is_black = now == [0.0; 3];
             let differs = shown < slots && (before[shown] == 0) != is_black

@@ -41,7 +41,7 @@ pub static ROWS: Group = LazyLock::new(|| {
 
 // ---- Meshes
 
-/// Triangles of all kinds at a place: a cube, slivers, flat ones, the same one twice, coplanar ones, all connected or not.
+/// Triangles of all kinds at a place: a cube, slivers, flat ones, the same one twice, coplanar ones.
 pub fn odd_shape(scale: f32, offset: f32) -> Shape {
     let mut random = Random(9);
     let mut shape = Shape::cuboid(Vec3::ZERO, Vec3::ONE);
@@ -94,7 +94,8 @@ fn places() -> impl Iterator<Item = (f32, f32)> {
 }
 
 fn meshes() -> [Row; 4] {
-    const DOMAIN: &str = "a cube, slivers to 10^-6, flat, double and coplanar triangles; scales 10^-6 to 10^6; offsets to 10^7 m";
+    const DOMAIN: &str =
+        "a cube, slivers to 10^-6, flat, double, coplanar triangles; scales 10^-6 to 10^6; offsets to 10^7 m";
     let mut lists =
         Measure::exact("mesh", "vertices, faces, edges, normals of flat faces", DOMAIN, "the scene's lists")
             .on_cpu_only();
@@ -357,7 +358,7 @@ fn crossings() -> Row {
     let mut measure = Measure::exact(
         "edge_raster",
         "crossings and vertices",
-        "edges on corners and along sides of pixels, of length 0 to 65,000 px; all depth tests; both methods; 1x1 to 16384x2",
+        "edges on corners and sides of pixels, 0 to 65,000 px long; all depth tests, methods; 1x1 to 16384x2",
         "section 2.2 in 128-bit integers",
     );
     let mut random = Random(7);

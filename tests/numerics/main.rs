@@ -1,12 +1,13 @@
-//! The arithmetic of the stages at the extremes of what they may be given, against oracles in f64 and whole numbers; and
-//! `docs/numerics.md`, whose tables this suite makes:
+//! The arithmetic of the stages at the extremes of what they may be given, against oracles in f64 and whole numbers.
+//! This suite makes the tables of `docs/numerics.md`:
 //!
 //! ```sh
 //! UPDATE_SNAPSHOTS=1 cargo test --release -p epigraph-tests --test numerics
 //! ```
 //!
-//! Each group of stages has a file, with a list of [`Row`]s that is measured once. The document's tables are those rows;
-//! a bound that is too small fails where it is exceeded, one that is too large in [`Measure::row`](table::Measure::row).
+//! Each group of stages has a file, with a list of [`Row`]s that is measured once. The document's tables are those
+//! rows. A bound that is too small fails where it is exceeded, one that is too large in
+//! [`Measure::row`](table::Measure::row).
 
 mod chance;
 mod cloud;

@@ -1,5 +1,5 @@
-//! Where points fall in the image: `project` and `predict`, over world offsets, scales, fields of view, sizes of images,
-//! ranges of depth, mirrored and singular cameras.
+//! Where points fall in the image: `project` and `predict`, over world offsets, scales, fields of view, sizes of
+//! images, ranges of depth, mirrored and singular cameras.
 
 use std::sync::LazyLock;
 
@@ -259,7 +259,7 @@ fn singular() -> Row {
     let mut measure = Measure::exact(
         "project",
         "pixels and distances that are none",
-        "axes of zero length, equal axes, fields of view of 0 and infinity, near 0, far 3e38, NaN and infinity anywhere",
+        "axes of length 0, equal axes, fields of 0 and infinity, near 0, far 3e38, NaN and infinity anywhere",
         "every pixel is in the image, every distance finite and positive",
     );
     let mut random = Random(2);

@@ -145,7 +145,8 @@ fn center<N: Number>(node: &StreamNode, cell: [u32; 3]) -> [N; 3] {
 }
 
 fn decoded() -> [Row; 3] {
-    const DOMAIN: &str = "1 to 60,000 points; cells of 10^-9 to 10^6 m at 0 to 10^8 m; pools of 1 to 128 translations, bricks, single points; both `expand`";
+    const DOMAIN: &str =
+        "1 to 60,000 points; cells of 10^-9 to 10^6 m at 0 to 10^8 m; pools, bricks, singles";
     let mut position = Measure::within(
         "stream_decode",
         "positions",
@@ -259,9 +260,12 @@ fn decoded() -> [Row; 3] {
 /// The cut is where cells have become small enough: every node above it has too large ones, or it is a leaf.
 fn cuts() -> Row {
     let mut measure = Measure::exact(
-        "stream_cut", "nodes of the cut", "eyes within the points to 10^6 times their size away; cells of 0.05 to 1000 px; sizes of 10^-6 to 10^6 m",
+        "stream_cut",
+        "nodes of the cut",
+        "eyes within the points to 10^6 sizes away; cells of 0.05 to 1000 px; sizes of 10^-6 to 10^6 m",
         "recursion, f64",
-    ).on_cpu_only();
+    )
+    .on_cpu_only();
     let mut random = Random(2);
     for scale in [1e-6f32, 1.0, 1e6] {
         let positions: Vec<Vec3> = (0..20_000)

@@ -121,8 +121,8 @@ impl Measure {
         if let Some((at, error, Expected { exact, allowed, .. })) = wrong {
             let expected: Vec<f32> = expected.iter().map(|expected| expected.exact as f32).collect();
             panic!(
-                "{} on {side}: number {at} of {} is {:e}, exactly it is {exact:e}; allowed are {:e} to {:e}, an error of \
-                 {error:.3} where {} is claimed; {}",
+                "{} on {side}: number {at} of {} is {:e}, exactly it is {exact:e}; allowed are {:e} to {:e}, \
+                 an error of {error:.3} where {} is claimed; {}",
                 self.name(case),
                 got.len(),
                 got[at],
@@ -256,23 +256,13 @@ pub fn rounded_up(x: f64) -> String {
     if x == 0.0 {
         return "0".into();
     }
-    let step = (x.abs().log10().floor() - 1.0).exp10();
+    let step = 10f64.powf(x.abs().log10().floor() - 1.0);
     let rounded = (x / step * (1.0 - 1e-12)).ceil() * step;
     if (1e-3..1e6).contains(&rounded) {
         let digits = (1.0 - rounded.log10().floor()).max(0.0) as usize;
         format!("{rounded:.digits$}")
     } else {
         format!("{rounded:.1e}")
-    }
-}
-
-trait Exp10 {
-    fn exp10(self) -> f64;
-}
-
-impl Exp10 for f64 {
-    fn exp10(self) -> f64 {
-        10f64.powf(self)
     }
 }
 
