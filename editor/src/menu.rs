@@ -98,6 +98,13 @@ fn output(ui: &mut Ui, session: &mut Session) {
     if entry(ui, runs, "Copy as a command line", "Ctrl+Shift+C") {
         session.push(Intent::CopyCommandLine);
     }
+    ui.separator();
+    let mut guarded = session.is_guarded();
+    let hint = "Check every number that a node writes: at a NaN, an infinity, a negative colour or an index beyond its \
+                list, pause and show node and pixel";
+    if ui.checkbox(&mut guarded, "Pause at the first bad number").on_hover_text(hint).changed() {
+        session.guard(guarded);
+    }
 }
 
 fn window(ui: &mut Ui, session: &mut Session) {

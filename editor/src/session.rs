@@ -7,7 +7,7 @@ use std::{
 };
 
 use egui::ThemePreference;
-use epigraph_core::{GraphFile, MAX_SIDE, Problem, Problems, Registry, Snapshot};
+use epigraph_core::{BadValue, GraphFile, MAX_SIDE, Problem, Problems, Registry, Snapshot};
 use epigraph_files::Target;
 use epigraph_scenes::Camera;
 
@@ -92,6 +92,8 @@ pub struct Session {
     seed: u32,
     /// True if times are measured; see [`Options::measured`].
     measured: bool,
+    /// True if frames pause at the first bad number; see [`Options::guarded`].
+    guarded: bool,
     /// The revision of the document that the engine has.
     sent: u64,
     /// The ports that the engine captures.
@@ -107,7 +109,7 @@ impl Session {
         registry: Registry,
         wake: impl Fn() + Clone + Send + Sync + 'static,
     ) -> Self {
-        let Options { size, backend, pacing, seed, measured, .. } = options;
+        let Options { size, backend, pacing, seed, measured, guarded, .. } = options;
         let (samples, scene) = (options.samples * 100.0, options.scene.clone());
         let theme = ThemePreference::default();
         let jobs = Jobs::new(wake.clone());
@@ -134,6 +136,7 @@ impl Session {
             now: 0.0,
             seed,
             measured,
+            guarded,
             watched: Vec::new(),
             document,
         };
@@ -178,6 +181,9 @@ impl Session {
         }
         if let Some(outcome) = self.jobs.news() {
             self.conclude(outcome);
+        }
+        if let Some(bad) = self.state.bad.clone().filter(|_| before.bad != self.state.bad) {
+            self.point_at(&bad);
         }
         self.follow();
         if self.document.revision() != self.sent {
@@ -227,6 +233,29 @@ impl Session {
 
     fn conclude(&mut self, outcome: Outcome) {
         self.notice = Some(outcome.unwrap_or_else(|error| error));
+    }
+
+    /// True if frames pause at the first bad number.
+    pub fn is_guarded(&self) -> bool {
+        self.guarded
+    }
+
+    /// Lets frames pause at the first bad number, or no longer.
+    pub fn guard(&mut self, guarded: bool) {
+        self.guarded = guarded;
+        self.engine.send(Command::Guard(guarded));
+    }
+
+    /// Selects the node that wrote a bad number, shows the port, and picks the pixel.
+    fn point_at(&mut self, bad: &BadValue) {
+        self.selected = Some(bad.node.clone());
+        // A bundle's port comes before its field.
+        let port = bad.port.strip_prefix(&format!("{}.", bad.node)).unwrap_or(&bad.port);
+        let port = port.split('.').next().unwrap_or(port);
+        self.push(Intent::Show(format!("{}.{port}", bad.node)));
+        if let Some(pixel) = bad.pixel {
+            self.push(Intent::Inspect(pixel));
+        }
     }
 
     /// The window's frames in the last second, if times are measured.

@@ -85,6 +85,9 @@ fn state(ui: &mut Ui, session: &Session) {
         });
     } else if let Some(trouble) = &state.trouble {
         ui.colored_label(theme::palette(ui).bad, trouble);
+    } else if let Some(bad) = &state.bad {
+        let text = RichText::new(format!("paused: {bad}")).color(theme::palette(ui).bad);
+        ui.add(Label::new(text).truncate()).on_hover_text(bad.to_string());
     } else if let Some(seconds) = session.recorded_seconds() {
         ui.label(format!("recording the camera's path, {seconds:.1} s"));
     } else if let (Some(playing), true) = (&state.playing, session.is_playing()) {

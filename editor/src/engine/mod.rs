@@ -20,7 +20,7 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use epigraph_core::{GraphFile, Problem, Registry, Snapshot};
+use epigraph_core::{BadValue, GraphFile, Problem, Registry, Snapshot};
 use epigraph_scenes::{Camera, Report};
 
 use crate::inspect::Inspection;
@@ -49,6 +49,8 @@ pub struct Options {
     pub pacing: Pace,
     /// True if frames wait for [`Command::Step`].
     pub paused: bool,
+    /// True if frames pause after the first one in which a node writes a bad number.
+    pub guarded: bool,
     /// The run's seed.
     pub seed: u32,
     /// True if times are measured. If not, every step counts as a millisecond and the rate is [`MAX_RATE`], so that a
@@ -65,6 +67,7 @@ impl Default for Options {
             backend: Backend::default(),
             pacing: Pace::Async,
             paused: false,
+            guarded: false,
             seed: 1,
             measured: true,
         }
@@ -113,6 +116,8 @@ pub enum Command {
     Pause(bool),
     /// Run this many frames even while paused.
     Step(u32),
+    /// Pause after a frame in which a node writes a bad number (see [`State::bad`]), or no longer.
+    Guard(bool),
     /// Discard everything kept from frame to frame, and count frames from 0 again.
     Reset,
     /// Maximum number of samples per frame, as a share of its pixels.
@@ -174,6 +179,8 @@ pub struct State {
     pub problems: Vec<Problem>,
     /// Why frames have stopped, or why a setting could not be applied.
     pub trouble: Option<String>,
+    /// The first bad number of the last frame, if frames are guarded; they are paused then.
+    pub bad: Option<Arc<BadValue>>,
     /// Frames run since the start or the last reset.
     pub frames: u32,
     /// True if frames are paused.

@@ -566,3 +566,52 @@ fn the_window_never_waits_for_a_slow_frame() {
     drop(closed);
     wait(&engine, "all commands", |state| state.frames == 1 && state.commands == ready.commands + 2001);
 }
+
+/// Colours, one of which is not a number from frame 3 on.
+struct Spoiled {
+    out: Out<texel::Rgba32Float>,
+}
+
+impl Stage for Spoiled {
+    const KIND: &'static str = "spoiled";
+    const DOC: &'static str = "Ones, and a NaN.";
+    type Params = StuckParams;
+    fn declare(_: &StuckParams, io: &mut Io) -> Self {
+        Self { out: io.write("out", "Ones.", Extent::Frame(1)) }
+    }
+    fn cpu(&self, _: &StuckParams, cx: &CpuContext) -> Result<(), String> {
+        let mut out = cx.write(self.out);
+        out.fill([1.0; 4]);
+        if cx.frame().index >= 3 {
+            out[48 * 5 + 7][1] = f32::NAN;
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn guarded_frames_pause_after_the_first_bad_number() {
+    let registry = Registry::default().with::<Spoiled>();
+    let text = r#"Graph(version: 1, nodes: { "a": (kind: "spoiled") }, outputs: { "image": "a.out" })"#;
+    let graph = Arc::new(GraphFile::parse("spoiled.ron", text).unwrap());
+    let engine = Engine::start(options(), registry, || ());
+    // Not guarded, nothing is said about it.
+    let state = send(&engine, [Command::Graph(graph), Command::Step(5)], 5);
+    assert_eq!((&state.bad, &state.trouble), (&None, &None));
+    let state = send(&engine, [Command::Reset, Command::Guard(true), Command::Step(3)], 3);
+    assert_eq!(state.bad, None);
+    let commands = state.commands;
+    engine.send(Command::Pause(false));
+    let has_run = |state: &State| state.commands > commands && state.bad.is_some();
+    let state = wait(&engine, "the bad number", has_run);
+    let bad = state.bad.as_ref().unwrap();
+    assert_eq!((&*bad.port, bad.pixel, bad.frame, &*bad.number), ("a.out", Some([7, 5]), 3, "g"));
+    // The frame is there, and no other one runs.
+    assert!(state.paused && state.frames == 4);
+    let colors: Vec<[f32; 4]> = state.fields("image").next().unwrap().get();
+    assert!(colors[48 * 5 + 7][1].is_nan());
+    thread::sleep(Duration::from_millis(50));
+    assert_eq!(engine.state().frames, 4);
+    let state = send(&engine, [Command::Guard(false), Command::Step(1)], 5);
+    assert_eq!((&state.bad, state.paused), (&None, true));
+}

@@ -266,6 +266,11 @@ impl Worker {
                 self.owed += frames;
                 Rebuild::No
             }
+            Command::Guard(guarded) => {
+                self.options.guarded = guarded;
+                self.state.bad = None;
+                Rebuild::Keep
+            }
             Command::Reset => {
                 self.leave_path();
                 Rebuild::Afresh

@@ -32,6 +32,7 @@ impl Run {
             backend,
             pacing: Pace::Exact,
             paused: true,
+            guarded: false,
             seed: 3,
             measured: true,
         };

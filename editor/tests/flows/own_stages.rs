@@ -78,3 +78,57 @@ fn the_canvas_swaps_for_a_stage_of_the_programs_own() {
         opened.click("negative");
     });
 }
+
+/// Hands on colours; one is not a number from frame 2 on.
+struct Spoil {
+    color: In<texel::Rgba32Float>,
+    spoiled: Out<texel::Rgba32Float>,
+}
+
+impl Stage for Spoil {
+    const KIND: &'static str = "spoil";
+    const DOC: &'static str = "Spoils one colour.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        Self {
+            color: io.read("color", "Linear radiance.", Extent::Frame(1)),
+            spoiled: io.write("spoiled", "The same, but for one pixel.", Extent::Frame(1)),
+        }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let mut spoiled = cx.write(self.spoiled);
+        spoiled.copy_from_slice(&cx.read(self.color));
+        if cx.frame().index >= 2 {
+            spoiled[64 * 9 + 11][2] = f32::INFINITY;
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn the_window_pauses_at_the_first_bad_number_and_shows_node_and_pixel() {
+    let mut opened = Opened::with_stages("render-cache.ron", epigraph::registry().with::<Spoil>());
+    let path = opened.app().session.document.path().to_owned();
+    let spoil =
+        "\"spoil\": (kind: \"spoil\", inputs: { \"color\": \"fill.color\" }),\n        \"tonemap\": (";
+    let text = opened.text().replace("\"tonemap\": (", spoil).replacen(
+        "inputs: { \"color\": \"fill.color\" },\n        ),\n    },",
+        "inputs: { \"color\": \"spoil.spoiled\" },\n        ),\n    },",
+        1,
+    );
+    assert!(text.contains("spoil.spoiled"), "{text}");
+    opened.harness.state_mut().session.document.type_text(&path, &text);
+    opened.frames(1);
+    opened.choose(&["Output", "Pause at the first bad number"]);
+    opened.click("▶ Run");
+    opened.until("the bad number", |app| app.session.state.bad.is_some());
+    opened.settle(4);
+    let session = &opened.app().session;
+    assert!(session.state.paused);
+    assert_eq!(session.selected.as_deref(), Some("spoil"));
+    assert_eq!(session.inspection.pixel(), Some([11, 9]));
+    assert!(session.state.fields("spoil.spoiled").next().is_some(), "the port is shown");
+    assert!(opened.harness.query_by_label_contains("`spoil.spoiled`, pixel (11, 9)").is_some());
+}

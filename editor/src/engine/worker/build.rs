@@ -63,6 +63,7 @@ impl Worker {
             .size(self.options.size)
             .samples(samples(self.options.samples))
             .seed(self.options.seed)
+            .watch(self.options.guarded)
             .device(&device);
         let made = Running::new(setup, taps)?;
         self.gpu = made.run.gpu().cloned().or(device.gpu);

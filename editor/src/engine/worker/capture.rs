@@ -15,7 +15,7 @@ impl Worker {
     pub(super) fn taps(&self) -> Taps {
         let all = match self.inspected {
             Some(_) => u64::MAX,
-            None if self.options.paused || self.is_last_of_path() => LARGEST,
+            None if self.options.paused || self.options.guarded || self.is_last_of_path() => LARGEST,
             None => 0,
         };
         Taps { watched: self.watched.clone(), all }
@@ -53,7 +53,9 @@ impl Worker {
     /// True if all ports are captured in the coming frame.
     pub(super) fn captures(&self) -> bool {
         let wanted = self.inspected.as_ref().is_some_and(|inspected| inspected.wanted);
-        let last = self.options.paused && self.owed <= 1 || self.is_last_of_path();
+        // A pause may follow any guarded frame.
+        let guarded = self.options.guarded;
+        let last = guarded || self.options.paused && self.owed <= 1 || self.is_last_of_path();
         self.running.as_ref().is_some_and(|running| running.is_open) && (wanted || last)
     }
 

@@ -37,17 +37,21 @@ impl Worker {
             run.executor.want(|name| captures || is_watched(name));
         }
         let result = catch_unwind(AssertUnwindSafe(|| {
-            run.run(&frame, true)?;
+            let bad = match run.run(&frame, true) {
+                // The frame has run to its end.
+                Err(RunError::Watch(bad)) => Some(Arc::from(bad)),
+                result => result.map(|()| None)?,
+            };
             let took = start.elapsed();
             let snapshots = run.executor.snapshots()?;
             let snapshots = snapshots.into_iter().map(|snapshot| Arc::new(snapshot.clone()));
-            Ok((took, snapshots.collect::<Vec<_>>()))
+            Ok((took, snapshots.collect::<Vec<_>>(), bad))
         }));
         let result = result.unwrap_or_else(|panic| {
             Err(RunError::Gpu(format!("running it panicked: {}", message(panic.as_ref()))))
         });
         match result {
-            Ok((took, mut snapshots)) => {
+            Ok((took, mut snapshots, bad)) => {
                 // Copies of all ports slow down the steps between them, because they evict everything from the caches.
                 // So if an earlier frame was timed without them, its costs stay.
                 let costs = (!(captures && running.is_timed)).then(|| step_costs(&run.executor));
@@ -66,6 +70,11 @@ impl Worker {
                 self.capture = captured.map(|snapshots| Capture { frame, snapshots });
                 self.tell_capture();
                 self.advance();
+                if bad.is_some() {
+                    self.leave_path();
+                    self.pause(true);
+                }
+                self.state.bad = bad;
             }
             Err(error) => self.failed(&error),
         }
