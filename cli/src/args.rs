@@ -508,6 +508,10 @@ pub struct BenchArgs {
         "seed",
     ])]
     pub streams: bool,
+    /// Measure what each scene saves because needless nodes are left out, in place of the papers' table: with a still
+    /// camera and with --camera. Graphs are by default render-cache and epi
+    #[arg(long, conflicts_with_all = ["streams", "backend", "no_prune", "sweep", "plot"])]
+    pub pruning: bool,
     /// Write the figures as JSON; - writes them to stdout instead of the tables
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

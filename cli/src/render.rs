@@ -3,7 +3,9 @@
 use std::{path::Path, process::ExitCode, sync::Arc, time::Instant};
 
 use epigraph::{Device, Place, Registry, Run, Setup, Source, graphs};
-use epigraph_core::{Executor, Graph, Node, PerSide, Plan, Port, RunError, Snapshot};
+use epigraph_core::{
+    Executor, Graph, Node, PerSide, Plan, Port, RunError, Settings, Side, Snapshot, compile,
+};
 use epigraph_pictures::{Kind, Look, is_image, png, show, size};
 use epigraph_stages::{
     meaning,
@@ -70,6 +72,9 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     check_saves(compiled.plan(), size, args)?;
     compiled.require()?;
     let pooled = PerSide::new(|side| compiled.plan().pooled_bytes(side));
+    let whole = Settings { prune: false, ..compiled.settings().clone() };
+    let (_, whole) = compile(compiled.file(), registry, &whole)?;
+    let culled_bytes = total(&whole).saturating_sub(total(compiled.plan()));
     open::tracer(&place);
     let graph = compiled.file().name();
     let mut run = compiled.start()?;
@@ -97,6 +102,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         gpu: run.gpu().map(Arc::as_ref),
         plan: run.plan(),
         pooled_bytes: pooled,
+        culled_bytes,
         frames: run.index(),
         measured: &measured,
         exposures: &exposures,
@@ -113,6 +119,11 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Bytes of a plan's memory on both sides.
+fn total(plan: &Plan) -> u64 {
+    Side::ALL.into_iter().map(|side| plan.bytes(side)).sum()
 }
 
 /// Why the picture shows nothing, if it does not.

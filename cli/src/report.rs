@@ -95,6 +95,8 @@ pub struct Report<'a> {
     pub plan: &'a Plan,
     /// Bytes that pooling saves on each side.
     pub pooled_bytes: PerSide<u64>,
+    /// Bytes that the whole graph would take more.
+    pub culled_bytes: u64,
     /// Number of frames that ran: fewer than requested if the user interrupted the run.
     pub frames: u32,
     /// Times and counts of the run.
@@ -220,6 +222,9 @@ impl Report<'_> {
         for culled in &self.plan.culled {
             line("left out", format!("{} ({}): {}", culled.node, culled.kind, culled.why));
         }
+        if !self.plan.culled.is_empty() {
+            line("saved", format!("{} of memory by leaving out nodes", readable(self.culled_bytes)));
+        }
         for (node, name, kind) in self.skipped() {
             let (runs, frames) = (self.measured.runs[node], self.frames);
             let why = "its inputs and the view were unchanged in the others";
@@ -307,6 +312,7 @@ impl Report<'_> {
             "exposures": exposures,
             "nodes": nodes,
             "culled": culled,
+            "culled_bytes": self.culled_bytes,
             "skipped": skipped,
             "watched": args.watch,
             "bad_value": Value::Null,

@@ -12,6 +12,7 @@ mod measures;
 mod meshes;
 mod moving;
 mod parity;
+mod pruning;
 mod render_cache;
 mod repeats;
 mod shipped;

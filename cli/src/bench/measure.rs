@@ -34,6 +34,9 @@ const QUICK_FRAMES: u32 = 10;
 const PATIENCE: Duration = Duration::from_secs(20);
 const LEAST_FRAMES: usize = 5;
 
+/// Frames after which what is skipped while nothing changes is skipped.
+const SETTLED: u32 = 4;
+
 /// A loaded scene, ready to be traced.
 pub struct Loaded {
     /// Its name.
@@ -129,6 +132,30 @@ pub fn check(job: &Job) -> Result<(), CliError> {
     open::samples(job.args.compile.samples, job.size)?;
     job.setup(job.args.compile.samples).compile()?;
     Ok(())
+}
+
+/// The plan of a job.
+///
+/// # Errors
+/// Problems of the graph for this scene.
+pub fn plan(job: &Job) -> Result<Plan, CliError> {
+    Ok(job.setup(job.args.compile.samples).compile()?.plan().clone())
+}
+
+/// The plan of a job, and the nodes that are skipped once nothing changes but what always does.
+///
+/// # Errors
+/// Those of [`measure`], and a machine on which the graph does not run.
+pub fn skipped(job: &Job) -> Result<(Plan, Vec<String>), CliError> {
+    let mut run = job.setup(job.args.compile.samples).start()?;
+    for _ in 0..SETTLED {
+        interrupt::check()?;
+        run.advance(false)?;
+    }
+    let nodes = run.plan().nodes.iter().zip(run.executor.ran().as_raw_slice());
+    let names = nodes.filter(|(node, ran)| node.per_view && !**ran).map(|(node, _)| node.name.clone());
+    let names = names.collect();
+    Ok((run.plan().clone(), names))
 }
 
 /// Runs a measurement.

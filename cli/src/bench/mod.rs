@@ -6,6 +6,7 @@ mod json;
 mod measure;
 mod papers;
 mod plot;
+mod pruning;
 mod report;
 mod streams;
 mod times;
@@ -83,6 +84,9 @@ pub struct Results {
 pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     if args.streams {
         return streams::bench(args);
+    }
+    if args.pruning {
+        return pruning::bench(args, registry);
     }
     let threads = open::threads(args.threads)?;
     let mut outputs = Outputs::default();

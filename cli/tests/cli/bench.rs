@@ -235,3 +235,42 @@ fn point_sets_are_measured_beside_the_papers() {
     let unknown = place.fails("bench --streams --scene none.las");
     assert!(unknown.contains("cannot read none.las"), "{unknown}");
 }
+
+#[test]
+fn what_pruning_saves_is_measured_for_each_scene() {
+    let place = Place::new();
+    let words = "bench --pruning --quick --graph epi --scene cornell --scene cornell-moving --size 48x48";
+    let report = json(&place.succeeds(&format!("{words} --json -")));
+    let rows = report["rows"].as_array().expect("a list");
+    let of = |scene: &str, camera: &str| {
+        let found = rows.iter().find(|row| row["scene"] == scene && row["camera"] == camera);
+        found.unwrap_or_else(|| panic!("no row for {scene}, {camera}"))
+    };
+    let saved = |scene: &str, camera: &str| -> Vec<String> {
+        let nodes = of(scene, camera)["saved"].as_array().expect("a list").iter();
+        nodes.map(|saved| saved["node"].as_str().expect("a name").to_owned()).collect()
+    };
+    assert_eq!(rows.len(), 4);
+    assert_eq!(saved("cornell", "still"), ["cloud/motion", "cloud/carry", "view/predict", "silhouette"]);
+    assert_eq!(saved("cornell", "orbit"), ["cloud/motion", "cloud/carry"]);
+    assert_eq!(saved("cornell-moving", "still"), ["view/predict"]);
+    assert_eq!(saved("cornell-moving", "orbit"), [""; 0]);
+    for row in rows {
+        let whole = &row["whole"];
+        assert!(
+            number(whole, "nodes") == 23.0 && number(whole, "frame_ms") > number(row, "saved_ms"),
+            "{row:#}"
+        );
+    }
+    let still = of("cornell", "still");
+    assert_eq!(number(still, "nodes"), 20.0);
+    assert!(number(still, "saved_ms") > 0.0);
+    let bytes = |options: &str| {
+        let words = format!("check epi --scene cornell --camera still --size 48x48 {options} --json -");
+        number(&json(&place.succeeds(&words))["plan"]["bytes"], "cpu")
+    };
+    let both = [number(still, "bytes"), number(&still["whole"], "bytes")];
+    assert_eq!(both, ["", "--no-prune"].map(bytes));
+    let text = place.succeeds(words);
+    assert!(text.contains("view/predict: the camera does not move"), "{text}");
+}
