@@ -325,7 +325,7 @@ fn serpentine() -> Row {
     let mut measure = Measure::within(
         "dither",
         "requests that `Serpentine` owes after 50 frames",
-        "priorities 0 to 255; budgets of 1 to 10%; 1x1 to 1024x2",
+        "priorities 0 to 255; budgets of 1 or 10%; 1x1 to 1024x2",
         "the budget",
         0.5,
         Unit::Of("of the image's width, and 1"),

@@ -484,7 +484,7 @@ fn spread_out() -> Row {
     let mut measure = Measure::within(
         "spread",
         "colours",
-        "0.1 to 99% holes; 8 to 512 steps; all methods; radiance 0, 10^-40 to 10^30; 1x1 to 2048x1",
+        "50 to 99.9% holes; 8 to 512 steps; all methods; radiance 0, 10^-40 to 10^30; 1x1 to 2048x1",
         "f64, step by step",
         14.0,
         Unit::Of("ULP"),

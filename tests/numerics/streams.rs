@@ -146,7 +146,7 @@ fn center<N: Number>(node: &StreamNode, cell: [u32; 3]) -> [N; 3] {
 
 fn decoded() -> [Row; 3] {
     const DOMAIN: &str =
-        "1 to 60,000 points; cells of 10^-9 to 10^6 m at 0 to 10^8 m; pools, bricks, singles";
+        "800 to 33,000 points; cells of 10^-9 to 10^6 m at 0 to 10^8 m; pools, bricks, singles";
     let mut position = Measure::within(
         "stream_decode",
         "positions",
