@@ -25,10 +25,11 @@ pub enum Verdict {
 }
 
 /// The tests of whole graphs that take seconds and notice most: the module, and the parts that it concerns.
-const WIDE: [(&str, &[&str]); 5] = [
+const WIDE: [(&str, &[&str]); 6] = [
     ("measures::texts", &["core"]),
     ("measures::graphs", &["core", "stages", "scenes"]),
     ("measures::scenes", &["scenes"]),
+    ("measures::models", &["scenes"]),
     ("measures::pictures", &["pictures"]),
     ("sides::", &["core", "stages", "wgsl"]),
 ];
@@ -89,6 +90,7 @@ impl Tests {
                 folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let (name, path) = (name.to_owned(), path.into());
             let parts: &[&str] = match &*package {
+                _ if name == "numerics" => &["stages", "wgsl"],
                 "core" => &["core"],
                 "stages" => &["stages", "wgsl"],
                 "scenes" => &["scenes"],
