@@ -54,7 +54,11 @@ impl Camera {
     /// The direction (not normalised: one unit along the view axis) through image position `(x, y)` in pixels,
     /// x right and y down, of an image of `size` pixels.
     pub fn direction(&self, x: f32, y: f32, size: [u32; 2]) -> Vec3 {
-        let half = self.half_height(size);
+        self.direction_within(self.half_height(size), x, y, size)
+    }
+
+    /// The same, from [`Camera::half_height`], which takes as long as all the rest.
+    pub(crate) fn direction_within(&self, half: f32, x: f32, y: f32, size: [u32; 2]) -> Vec3 {
         let aspect = size[0] as f32 / size[1] as f32;
         let u = (2.0 * x / size[0] as f32 - 1.0) * half * aspect;
         let v = (1.0 - 2.0 * y / size[1] as f32) * half;

@@ -44,11 +44,12 @@ fn render_pixel(
     seed: u64,
 ) -> Vec3 {
     let key = Rng::key(0, (y * size[0] as usize + x) as u32);
+    let half = camera.half_height(size);
     let sum: Vec3 = (0..spp)
         .map(|nth| {
             let mut rng = Rng::nth(seed, key, nth);
             let [dx, dy] = rng.subpixel();
-            let direction = camera.direction(x as f32 + dx, y as f32 + dy, size);
+            let direction = camera.direction_within(half, x as f32 + dx, y as f32 + dy, size);
             tracer.trace_from(camera.eye, direction, camera.near, settings, &mut rng).radiance
         })
         .sum();

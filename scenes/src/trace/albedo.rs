@@ -46,7 +46,8 @@ impl Entry {
 /// The albedo of a lobe of one width, in every direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Albedo {
-    row: usize,
+    /// The lines of the roughnesses below and above, and the place between them.
+    lines: [&'static Line; 2],
     t: f32,
     /// The mean over all directions, weighted by their cosine.
     pub mean: Entry,
@@ -58,7 +59,8 @@ impl Albedo {
         let at = roughness.clamp(0.0, 1.0) * (ROUGHNESSES - 1) as f32;
         let row = (at as usize).min(ROUGHNESSES - 2);
         let t = at - row as f32;
-        Self { row, t, mean: line(row).mean.mix(line(row + 1).mean, t) }
+        let lines = [row, row + 1].map(line);
+        Self { lines, t, mean: lines[0].mean.mix(lines[1].mean, t) }
     }
 
     /// In a direction at this cosine to the normal.
@@ -67,7 +69,8 @@ impl Albedo {
         let first = (column as usize).min(COSINES - 2);
         let s = column - first as f32;
         let of = |line: &Line| line.entries[first].mix(line.entries[first + 1], s);
-        of(line(self.row)).mix(of(line(self.row + 1)), self.t)
+        let [below, above] = self.lines;
+        of(below).mix(of(above), self.t)
     }
 
     /// What of the light that meets a second microfacet leaves in the end.
@@ -80,6 +83,7 @@ impl Albedo {
 }
 
 /// The entries of one roughness.
+#[derive(Debug)]
 struct Line {
     entries: [Entry; COSINES],
     mean: Entry,
