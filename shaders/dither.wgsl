@@ -87,9 +87,14 @@ fn cells_size() -> vec2<u32> {
     return (frame.size + CELL - 1u) / CELL;
 }
 
+// Whether the predicted view is another than the current one.
+fn moving() -> bool {
+    return !same_view(frame.predicted, frame.view);
+}
+
 fn cell_weight(cell: vec2<u32>) -> u32 {
     let size = cells_size();
-    if any(cell >= size) {
+    if any(cell >= size) || !moving() {
         return 0u;
     }
     return select(0u, 1u, occupancy[cell.y * size.x + cell.x] == 0u);
@@ -161,7 +166,7 @@ fn ask_predicted(pixel: u32, noise: u32) -> Request {
 // Whether the content of a pixel may leave the frame before a sample of it arrives.
 fn leaves(at: vec2<u32>, pixel: u32) -> bool {
     let margin = min(at, frame.size - 1u - at);
-    return !same_view(frame.predicted, frame.view) && id[pixel] == NO_POINT && priority[pixel] >= BARE
+    return moving() && id[pixel] == NO_POINT && priority[pixel] >= BARE
         && min(margin.x, margin.y) < params.border && (hash(pixel) & 1u) == 1u;
 }
 #endif

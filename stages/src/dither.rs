@@ -11,8 +11,9 @@
 //! CPU only. The first frame gets slightly too few requests; the error left after the last row goes to the first row of
 //! the next frame.
 //!
-//! Empty cells of `occupancy` come first: they request samples of the predicted view, up to their share of the budget.
-//! If there are more cells, about every n-th is picked, systematically, like pixels of equal priority.
+//! While the camera moves, empty cells of `occupancy` come first: they request samples of the predicted view, up to
+//! their share of the budget. If there are more cells, about every n-th is picked, systematically, like pixels of equal
+//! priority.
 //!
 //! Near the frame's border, half of the pixels in bare places request a sample of the predicted view as well: what
 //! moves out of the frame is gone before a sample of the current view arrives, so a strip of background narrower than a
@@ -188,12 +189,14 @@ impl Stage for Dither {
         let requests = &mut cx.write(self.requests)[..];
 
         requests.fill(Request::NONE);
+        let moving = self.prediction.is_some() && frame.predicted != frame.view;
         let wanted = (frame.samples as usize).min(requests.len());
         let mut rest = &mut requests[..wanted];
         if let Some(Prediction { occupancy, tiles }) = self.prediction {
             let cells = cx.dims(occupancy);
             let occupancy = &cx.read(occupancy)[..];
-            let empty = Weights { dims: cells, values: occupancy, of: |occupied| u32::from(occupied == 0) };
+            let of = |occupied| u32::from(moving && occupied == 0);
+            let empty = Weights { dims: cells, values: occupancy, of };
             let tiles = &mut cx.write(tiles)[..];
             empty.add(tiles);
             let total = scan(tiles);
@@ -207,7 +210,6 @@ impl Stage for Dither {
         }
 
         let wanted = rest.len() as u32;
-        let moving = self.prediction.is_some() && frame.predicted != frame.view;
         let ask = |[x, y]: [u32; 2]| {
             let pixel = y * pixels.width + x;
             let bare = id[pixel as usize] == NO_POINT && priority[pixel as usize] >= BARE;
@@ -620,6 +622,11 @@ mod tests {
         }
     }
 
+    /// The predicted view is another than the current one.
+    fn look_ahead(harness: &mut Harness<Dither>) {
+        harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..harness.frame.view };
+    }
+
     #[test]
     fn empty_cells_come_first() {
         // 30x22 pixels are 8x6 cells, of which the last row and column are cut off. The 24 cells in even columns are
@@ -631,6 +638,7 @@ mod tests {
             let params = DitherParams { predicted_share: share, ..DitherParams::default() };
             let mut harness = harness(params, [30, 22], &[100; 660], samples);
             harness.set("occupancy", &occupancy);
+            look_ahead(&mut harness);
             let both = run_both(&mut harness);
             both.assert_equal::<[u32; 4]>("requests");
             let requests = both.cpu.get::<Request>("requests");
@@ -647,12 +655,24 @@ mod tests {
     }
 
     #[test]
+    fn while_the_camera_rests_occupancy_has_no_effect() {
+        // Read late, it is empty in the first frame, whatever the camera does.
+        let priority: Vec<u32> = (0..660).map(|p| p % 200).collect();
+        let mut harness = harness(DitherParams::default(), [30, 22], &priority, 50);
+        let without = run_alike(&mut harness).get::<Request>("requests");
+        harness.reset();
+        harness.set("occupancy", &[0; 48]);
+        assert_eq!(run_alike(&mut harness).get::<Request>("requests"), without);
+    }
+
+    #[test]
     fn without_empty_cells_occupancy_has_no_effect() {
         let priority: Vec<u32> = (0..660).map(|p| p % 200).collect();
         let mut harness = harness(DitherParams::default(), [30, 22], &priority, 50);
         let without = run_alike(&mut harness).get::<Request>("requests");
         harness.reset();
         harness.set("occupancy", &[1; 48]);
+        look_ahead(&mut harness);
         assert_eq!(run_alike(&mut harness).get::<Request>("requests"), without);
     }
 
@@ -667,7 +687,7 @@ mod tests {
             harness.set("id", &id);
             harness.set("occupancy", &[1; 80]);
             if moves {
-                harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..harness.frame.view };
+                look_ahead(&mut harness);
             }
             let both = run_both(&mut harness);
             both.assert_equal::<[u32; 4]>("requests");
@@ -732,7 +752,7 @@ mod tests {
                 let mut harness = harness(params, size, &priority, samples);
                 harness.set("occupancy", &occupancy);
                 harness.set("id", &id);
-                harness.frame.predicted = View { eye: [1.0, 0.0, 0.0], ..harness.frame.view };
+                look_ahead(&mut harness);
                 harness.frame.seed = samples;
                 for index in [0, 1, 1_000_003, u32::MAX] {
                     harness.frame.index = index;

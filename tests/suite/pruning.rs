@@ -42,10 +42,6 @@ fn pictures_of_shipped_graphs_are_the_same_without_what_a_scene_does_not_need() 
     for name in GRAPHS {
         for scene in ["cornell", "chains", "cornell-moving"] {
             for camera in ["still", "orbit"] {
-                // See tests/suite/still.rs: a late `occupancy` changes the requests of the split graph.
-                if name == "hybrid.ron" && camera == "still" {
-                    continue;
-                }
                 left_out.extend(same_with_and_without(name, scene, camera, Side::Cpu));
             }
         }
