@@ -369,6 +369,17 @@ fn parameters_of_graphs_reach_replaced_nodes_and_have_other_defaults() {
         let results = results(&file).unwrap_or_else(|problems| panic!("{fields}: {problems}"));
         assert_eq!(results["image"], expected, "{fields}");
     }
+    // Two levels down, the value is that of the graph around.
+    let inner = r#"Graph(version: 1, base: "base.ron",
+        replace: { "part/two": (kind: "scale", params: (factor: Param("much"))) })"#;
+    texts.files.insert("inner.ron", inner.into());
+    let outer = r#"Graph(version: 1,
+        nodes: { "inner": (kind: "graph", params: (file: "inner.ron", much: 4.0)) },
+        outputs: { "image": "inner.image" },
+    )"#;
+    texts.files.insert("change.ron", outer.into());
+    assert_eq!(results(&loaded(&texts).unwrap()).unwrap()["image"], 20.0);
+
     texts.files.insert(
         "change.ron",
         r#"Graph(version: 1, base: "base.ron", params: { "much": (default: 10.0) })"#.into(),

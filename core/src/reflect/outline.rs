@@ -407,6 +407,12 @@ fn helper() {}
     }
 
     #[test]
+    fn the_head_may_be_in_comments_of_both_forms() {
+        let outline = Outline::of("//! One.\n/*! Two.\n * Three.\n */\n/* No. */\nconst A: u32 = 1u;\n");
+        assert_eq!(texts(&outline.head), ["One.", "Two.", "Three.", ""]);
+    }
+
+    #[test]
     fn items_have_their_comments() {
         let outline = Outline::of(TEXT);
         assert_eq!(texts(&outline.head), ["A blur.", "= per view"]);

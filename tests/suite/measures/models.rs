@@ -15,6 +15,9 @@ use super::{Figures, assert_same};
 /// All shapes with maps in all ways to lay them on, under a sky.
 const SHAPES: &str = include_str!("models/shapes.ron");
 
+/// A built-in scene as an object.
+const BUILTIN: &str = r#"Scene(version: 1, objects: [(shape: Builtin("still-life"), height: 2)])"#;
+
 /// Maps and options of material files.
 const MTL: &str = include_str!("models/maps.mtl");
 
@@ -256,6 +259,7 @@ fn models_and_their_materials_are_as_before() {
         ("maps.mtl", MTL.to_owned()),
         ("maps.obj", obj()),
         ("plate.ply", PLY.to_owned()),
+        ("builtin.ron", BUILTIN.to_owned()),
         ("bare.gltf", text.replace("a.png", "gone.png").replace("KHR_lights_punctual", "OTHER_lights")),
     ];
     for (name, text) in texts {
@@ -274,6 +278,7 @@ fn models_and_their_materials_are_as_before() {
         ("maps.obj", false, true),
         ("plate.ply", false, false),
         ("still-life", false, false),
+        ("builtin.ron", false, false),
     ] {
         let options = LoadOptions { sky: has_sky.then(|| sky.clone()), single_sided };
         let path = folder.join(name).display().to_string();

@@ -118,12 +118,17 @@ fn a_camera_keeps_its_planes_or_is_left_out() {
         let camera = model.camera.unwrap();
         assert!(camera.near == 1e-5 && (8.0..20.0).contains(&camera.far), "{camera:?}");
     }
+    for lens in [r#""yfov": 3.1405, "znear": 1"#, r#""yfov": 0.0011, "znear": 1"#] {
+        assert!(with(lens).camera.is_some(), "{lens}");
+    }
     for (lens, expected) in [
         (r#""yfov": 0.5, "znear": 0"#, "znear is 0; znear must be above 0 and below zfar"),
         (r#""yfov": 0.5, "znear": -1"#, "znear is -1"),
         (r#""yfov": 0.5, "znear": 2, "zfar": 1"#, "znear is 2 and zfar 1"),
         (r#""yfov": 0.5, "znear": 1, "zfar": 1"#, "znear is 1 and zfar 1"),
         (r#""yfov": 3.2, "znear": 1"#, "yfov is 3.2"),
+        (r#""yfov": 3.1407, "znear": 1"#, "yfov is 3.1407"),
+        (r#""yfov": 0.0009, "znear": 1"#, "yfov is 0.0009"),
         (r#""yfov": "wide""#, "a camera: its lens is not valid"),
     ] {
         let model = with(lens);
@@ -622,6 +627,24 @@ fn sparse_accessors_change_some_elements_or_zeros() {
     ] {
         let message = positions(&base, &sparse).unwrap_err();
         assert!(message.starts_with("mesh 0, primitive 0: ") && message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn matrices_are_of_floats() {
+    let of = |component: u32, kind: &str| {
+        let mut making = Making::default();
+        let view = making.view(&[0; 256], "");
+        making.accessor(format!(
+            r#""bufferView": {view}, "componentType": {component}, "count": 3, "type": "{kind}""#
+        ));
+        read(&making.file(&one(r#""attributes": {"POSITION": 0}"#)), no_files).unwrap_err()
+    };
+    for (component, kind) in [(5121, "MAT2"), (5123, "MAT3")] {
+        assert!(of(component, kind).contains("of whole numbers, which nothing here has"), "{kind}");
+    }
+    for (component, kind) in [(5126, "MAT2"), (5126, "MAT3"), (5121, "MAT4")] {
+        assert!(!of(component, kind).contains("of whole numbers, which nothing here has"), "{kind}");
     }
 }
 

@@ -485,6 +485,9 @@ fn maps_of_all_factors() {
         ("map_d leaf.png", Alpha::Blend, Some(3)),
         ("map_d red green.png", Alpha::Blend, Some(0)),
         ("map_d -imfchan l leaf.png", Alpha::Blend, Some(0)),
+        ("map_d -imfchan r leaf.png", Alpha::Blend, Some(0)),
+        ("map_d -imfchan B leaf.png", Alpha::Blend, Some(2)),
+        ("map_d -imfchan z leaf.png", Alpha::Blend, Some(3)),
         ("map_d none.png", Alpha::Opaque, None),
     ] {
         let (material, all) = maps(lines);
