@@ -180,8 +180,7 @@ fn filled() -> [Row; 2] {
                 priorities.push(match (id[own] == NONE, params.priority) {
                     (true, Priority::Measured) => (255.0 * missing.powi(6)).round() as u32,
                     (true, Priority::Classic) => (255.0 * missing) as u32,
-                    (false, Priority::Measured) => (meta[id[own] as usize] & 0xFFFF) / 512,
-                    (false, Priority::Classic) => ((meta[id[own] as usize] & 0xFFFF) / 256).min(254),
+                    (false, rule) => by_age(rule, meta[id[own] as usize]),
                 });
             }
             for (side, outputs) in sides(&both(&mut harness)) {
@@ -198,6 +197,15 @@ fn filled() -> [Row; 2] {
         }
     }
     [color.row(), priority.row()]
+}
+
+/// The priority of a pixel that shows a point, by the point's age (section 1.6).
+fn by_age(rule: Priority, meta: u32) -> u32 {
+    let age = meta & 0xFFFF;
+    match rule {
+        Priority::Measured => age / 512,
+        Priority::Classic => (age / 256).min(254),
+    }
 }
 
 // ---- Edge-and-point image
@@ -346,8 +354,7 @@ fn interpolated() -> [Row; 3] {
                                 Priority::Classic => (255 * missing / 256) as u32,
                             }
                         }
-                        (false, Priority::Measured) => (meta[id[own] as usize] & 0xFFFF) / 512,
-                        (false, Priority::Classic) => ((meta[id[own] as usize] & 0xFFFF) / 256).min(254),
+                        (false, _) => by_age(rule, meta[id[own] as usize]),
                     });
                 }
                 for (side, outputs) in sides(&both(&mut harness)) {
