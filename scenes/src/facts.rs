@@ -21,6 +21,10 @@ pub struct SceneFacts {
     pub emitters: usize,
     /// Number of textures.
     pub textures: usize,
+    /// Number of materials.
+    pub materials: usize,
+    /// True if a material may look different from point to point: it has maps, or the mesh has colours.
+    pub looks_vary: bool,
     /// True if rays may pass through surfaces: holes, blending, glass.
     pub transparent: bool,
     /// Number of bodies that move.
@@ -48,6 +52,9 @@ impl SceneFacts {
             faces,
             emitters,
             textures: scene.textures.len(),
+            materials: scene.materials.len(),
+            looks_vary: !scene.mesh.corner_colors.is_empty()
+                || scene.materials.iter().any(|material| !material.maps.is_empty()),
             transparent: scene.mesh.material.iter().any(is_transparent),
             bodies: scene.bodies.iter().filter(|body| body.motion.moves()).count(),
             lights_move: scene.bodies.iter().any(|body| !body.lights.is_empty() && body.motion.moves()),

@@ -45,6 +45,14 @@ impl Look {
             unlit: material.unlit,
         }
     }
+
+    /// The share of light that the surface scatters where it is opaque, seen along its normal: the albedos of base and
+    /// glass, and the reflectance of the lobe above them. The lobes' sum is `color + f0 (1 - metallic)`, since the colour
+    /// tints the base, glass and metal alike. Zero if it is unlit. A sample divided by it keeps the light, without the
+    /// material's maps.
+    pub fn albedo(&self) -> Vec3 {
+        if self.unlit { Vec3::ZERO } else { self.color + self.f0 * (1.0 - self.metallic) }
+    }
 }
 
 /// The opacity that a material's rule makes of a share.

@@ -154,6 +154,37 @@ pub(crate) struct Seen {
     pub start: Vec3,
 }
 
+/// The first surface that a ray hits, and what it looks like, without the light on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// The point that was hit, metres.
+    pub position: Vec3,
+    /// Index of the triangle.
+    pub face: u32,
+    /// Unit shading normal, bent by the material's normal map, on the side of the triangle that the ray comes from.
+    pub normal: Vec3,
+    /// The share of light that it scatters, as [`Look::albedo`].
+    pub albedo: Vec3,
+    /// Radiance that it emits towards the ray's origin.
+    pub emission: Vec3,
+    /// Perceptual roughness in [0, 1].
+    pub roughness: f32,
+}
+
+/// Where a ray meets the first surface.
+struct Met<'a> {
+    position: Vec3,
+    face: u32,
+    /// Whether the ray comes from the front of the triangle.
+    front: bool,
+    /// Unit geometric and shading normal, on the viewer's side.
+    facing: Vec3,
+    normal: Vec3,
+    look: &'a Look,
+    /// Radiance that the surface emits towards the viewer, where it is opaque.
+    emission: Vec3,
+}
+
 /// A point of a surface, seen from the ray that hit it.
 #[derive(Clone, Copy)]
 struct Vertex {
@@ -253,6 +284,20 @@ impl Tracer {
         let vertex = self.vertex_from(origin, direction.normalize_or_zero(), start)?;
         let Vertex { position, face, facing, .. } = vertex;
         Some(Seen { position, face, facing, start: vertex.start() })
+    }
+
+    /// The nearest surface along a ray from `origin` (metres) in `direction` (of any length), from `start` such lengths
+    /// on, and what it looks like; `None` if there is none. It is the surface of [`Tracer::trace_from`]'s sample.
+    pub fn surface(&self, origin: Vec3, direction: Vec3, start: f32) -> Option<Surface> {
+        let start = start * direction.length();
+        self.meet(origin, direction.normalize_or_zero(), start, |met| Surface {
+            position: met.position,
+            face: met.face,
+            normal: met.normal,
+            albedo: met.look.albedo(),
+            emission: met.look.opacity * met.emission,
+            roughness: met.look.roughness,
+        })
     }
 
     /// The number of lights, for [`Tracer::sees_light`].
@@ -601,6 +646,34 @@ impl Tracer {
 
     /// The nearest surface along a ray of unit direction, `start` metres from its origin or farther.
     fn vertex_from(&self, origin: Vec3, direction: Vec3, start: f32) -> Option<Vertex> {
+        self.meet(origin, direction, start, |met| {
+            let Met { position, face, front, facing, normal, look, emission } = met;
+            let to_viewer = -direction;
+            let kept = match look.medium {
+                Some(medium) if !front => (-medium.absorption * origin.distance(position)).exp(),
+                _ => Vec3::ONE,
+            };
+            Vertex {
+                position,
+                face,
+                facing,
+                to_viewer,
+                bsdf: if look.unlit {
+                    Bsdf::black(normal, to_viewer)
+                } else {
+                    Bsdf::new(look, normal, to_viewer, front)
+                },
+                opacity: look.opacity,
+                emission,
+                kept,
+            }
+        })
+    }
+
+    /// Finds the nearest surface along a ray of unit direction, `start` metres from its origin or farther; `then` makes
+    /// of it what is needed.
+    #[inline(always)]
+    fn meet<T>(&self, origin: Vec3, direction: Vec3, start: f32, then: impl FnOnce(Met) -> T) -> Option<T> {
         let hit = if self.has_gaps {
             self.bvh.closest(origin, direction, start, |hit| self.is_there(hit, direction))
         } else {
@@ -618,8 +691,7 @@ impl Tracer {
                 &here
             }
         };
-        let to_viewer = -direction;
-        let front = mesh.face_normals[index].dot(to_viewer) > 0.0;
+        let front = mesh.face_normals[index].dot(-direction) > 0.0;
         let facing = if front { mesh.face_normals[index] } else { -mesh.face_normals[index] };
         let shading = match mesh.corner_normals.get(index) {
             // Inside-out meshes have their normals on either side.
@@ -632,28 +704,11 @@ impl Tracer {
             _ if front || look.double_sided => look.emission,
             _ => Vec3::ZERO,
         };
-        let kept = match look.medium {
-            Some(medium) if !front => (-medium.absorption * origin.distance(position)).exp(),
-            _ => Vec3::ONE,
-        };
         let normal = match plain {
             Some(_) => shading,
             None => turned(self.scene.mapped_normal(index, weights, front, shading), facing),
         };
-        Some(Vertex {
-            position,
-            face,
-            facing,
-            to_viewer,
-            bsdf: if look.unlit {
-                Bsdf::black(normal, to_viewer)
-            } else {
-                Bsdf::new(look, normal, to_viewer, front)
-            },
-            opacity: look.opacity,
-            emission,
-            kept,
-        })
+        Some(then(Met { position, face, front, facing, normal, look, emission }))
     }
 }
 

@@ -1,4 +1,5 @@
 mod analytic;
+mod surfaces;
 mod transparent;
 
 use std::f32::consts::PI;
