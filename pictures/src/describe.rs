@@ -1,8 +1,9 @@
 //! Pixels and numbers as text.
 
 use epigraph_core::Snapshot;
-use epigraph_stages::shared::edge_pixel::{
-    AMBIGUOUS, CLASS, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, VALID, ends, primary_area,
+use epigraph_stages::shared::{
+    edge_pixel::{AMBIGUOUS, CLASS, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, VALID, ends, primary_area},
+    octahedral::{NO_NORMAL, decode_oct16},
 };
 
 use crate::{
@@ -24,6 +25,7 @@ pub fn describe(snapshot: &Snapshot, at: [usize; 2]) -> Option<String> {
         match Mode::of(snapshot) {
             Mode::Classes => return Some(class_in_words(word)),
             Mode::Edges => return Some(crossings_in_words(word)),
+            Mode::Normals => return Some(normal_in_words(word)),
             Mode::Reach => return Some(format!("reaches {} of 24", (word & 0xFF_FFFF).count_ones())),
             _ => {}
         }
@@ -42,6 +44,14 @@ pub fn describe(snapshot: &Snapshot, at: [usize; 2]) -> Option<String> {
         Some(if lane.name.is_empty() { number } else { format!("{} {number}", lane.name) })
     };
     Some(lanes.iter().filter_map(text).collect::<Vec<_>>().join("  "))
+}
+
+fn normal_in_words(code: u32) -> String {
+    if code == NO_NORMAL {
+        return "none".to_owned();
+    }
+    let [x, y, z] = decode_oct16(code).normalize_or_zero().to_array();
+    format!("x {x:.3}  y {y:.3}  z {z:.3}")
 }
 
 /// The text drawn into a pixel, a few digits per lane; empty if the pixel has no value or lies outside the image.

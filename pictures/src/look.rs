@@ -7,9 +7,10 @@
 //! | [`Mode::Grey`] | black at the range's dark end, white at its bright end | all other ports |
 //! | [`Mode::FalseColor`] | the same along a [`Ramp`] | |
 //! | [`Mode::Depth`] | 1/z between the farthest and the nearest: bright is near | [`meaning::DEPTH`] |
-//! | [`Mode::Names`] | a colour for each number | [`meaning::ID`] |
+//! | [`Mode::Names`] | a colour for each number | [`meaning::ID`], [`meaning::FACE`] |
 //! | [`Mode::Edges`] | where edges cross a pixel's sides | [`meaning::CROSSINGS`] |
 //! | [`Mode::Classes`] | empty, simple, complex | [`meaning::CLASS`] |
+//! | [`Mode::Normals`] | x, y and z from -1 to 1 as red, green and blue | [`meaning::NORMAL`] |
 //! | [`Mode::Reach`] | grey, white where all of the 5x5 pixels are reached | [`meaning::REACH`] |
 //!
 //! Odd values are loud: NaN magenta, infinity cyan, poison orange. Elements without a value (0xFFFFFFFF, far or
@@ -21,7 +22,10 @@ mod tests;
 use epigraph_core::{Element, Format, Meaning, Snapshot};
 use epigraph_stages::{
     meaning,
-    shared::edge_pixel::{SIMPLE, class_of},
+    shared::{
+        edge_pixel::{SIMPLE, class_of},
+        octahedral::{NO_NORMAL, decode_oct16},
+    },
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -70,11 +74,13 @@ pub enum Mode {
     Classes,
     /// The number of reached pixels among 5x5.
     Reach,
+    /// Unit vectors on an octahedron.
+    Normals,
 }
 
 impl Mode {
     /// All modes, with their labels.
-    pub const ALL: [(Self, &str); 8] = [
+    pub const ALL: [(Self, &str); 9] = [
         (Self::Color, "Colour"),
         (Self::Grey, "Grey"),
         (Self::FalseColor, "False colour"),
@@ -83,6 +89,7 @@ impl Mode {
         (Self::Edges, "Edges"),
         (Self::Classes, "Classes"),
         (Self::Reach, "Reach"),
+        (Self::Normals, "Normals"),
     ];
 
     /// The label shown to users.
@@ -104,7 +111,8 @@ impl Mode {
             (Some(meaning::CLASS), 1) if !floats => Self::Classes,
             (Some(meaning::CROSSINGS), 1) if !floats => Self::Edges,
             (Some(meaning::REACH), 1) if !floats => Self::Reach,
-            (Some(meaning::ID), _) if !floats => Self::Names,
+            (Some(meaning::NORMAL), 1) if !floats => Self::Normals,
+            (Some(meaning::ID | meaning::FACE), _) if !floats => Self::Names,
             (_, 2..) if floats => Self::Color,
             _ => Self::Grey,
         }
@@ -264,6 +272,11 @@ pub fn show(snapshot: &Snapshot, look: &Look) -> Shown {
         (Mode::Reach, Some(lane)) => {
             words(snapshot, lane, |r24| [tone::to_byte((r24 & 0xFF_FFFF).count_ones() as f32 / REACHABLE); 3])
         }
+        (Mode::Normals, Some(lane)) => each(snapshot, lane, |number| match number.bits() {
+            NO_NORMAL => Plain(EMPTY),
+            POISON => Odd(POISONED),
+            code => Plain((0.5 + 0.5 * decode_oct16(code).normalize_or_zero()).to_array().map(tone::to_byte)),
+        }),
         (Mode::Edges, Some(lane)) => crossings(snapshot, lane),
     };
     let odd = shades.iter().filter(|shade| matches!(shade, Odd(_))).count();

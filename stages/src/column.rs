@@ -40,7 +40,7 @@ mod tests {
         for kind in registry.kinds() {
             let Some(declaration) = kind.declaration() else { continue };
             let of = all.iter().find(|(_, kinds)| kinds.split(' ').any(|name| name == kind.name()));
-            // The rest of the frame: tone mapping.
+            // The rest of the frame: tone mapping, and what no paper has.
             assert_eq!(declaration.column, of.map(|(column, _)| *column), "{}", kind.name());
         }
     }

@@ -15,6 +15,8 @@ pub const FACES: Quantity = Quantity { name: "faces", one: "face" };
 pub const EMITTERS: Quantity = Quantity { name: "emitters", one: "emissive triangle" };
 /// Textures of the materials.
 pub const TEXTURES: Quantity = Quantity { name: "textures", one: "texture" };
+/// Materials.
+pub const MATERIALS: Quantity = Quantity { name: "materials", one: "material" };
 /// Bodies that move.
 pub const BODIES: Quantity = Quantity { name: "bodies", one: "moving body" };
 /// Nodes of the point set, at all their places.
@@ -27,6 +29,8 @@ pub const STREAM_WORDS: Quantity = Quantity { name: "stream_words", one: "word o
 pub const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
 /// Some light casts shadows.
 pub const SHADOW_CASTERS: Fact = Fact { name: "shadow_casters" };
+/// A material may look different from point to point: textures, colours of the mesh.
+pub const LOOKS_VARY: Fact = Fact { name: "looks_vary" };
 /// Rays may pass through surfaces: holes, blending, glass.
 pub const TRANSPARENT: Fact = Fact { name: "transparent" };
 
@@ -43,6 +47,7 @@ pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
         (FACES, facts.faces),
         (EMITTERS, facts.emitters),
         (TEXTURES, facts.textures),
+        (MATERIALS, facts.materials),
         (BODIES, facts.bodies),
         (STREAM_NODES, placed(|_| 1)),
         (STREAM_POOLS, placed(pool_count)),
@@ -51,6 +56,7 @@ pub(crate) fn of(scene: &Scene, path_moves: bool) -> Facts {
     let stated = Facts::none()
         .stating(CAMERA_MOVES, path_moves)
         .stating(SHADOW_CASTERS, facts.shadow_casters)
+        .stating(LOOKS_VARY, facts.looks_vary)
         .stating(TRANSPARENT, facts.transparent);
     counts.into_iter().fold(stated, |stated, (quantity, count)| stated.with(quantity, count as u32))
 }
@@ -61,11 +67,13 @@ mod tests {
 
     #[test]
     fn a_graph_knows_of_textures_emitters_and_transparency() {
-        for (name, emitters, textures, transparent) in
-            [("cornell", 2, 0, false), ("chains", 0, 0, false), ("still-life", 962, 4, true)]
+        for (name, emitters, materials, textures, transparent) in
+            [("cornell", 2, 4, 0, false), ("chains", 0, 5, 0, false), ("still-life", 962, 8, 4, true)]
         {
             let facts = of(&Scene::load(name).unwrap(), false);
             assert_eq!((facts.count(EMITTERS), facts.count(TEXTURES)), (Some(emitters), Some(textures)));
+            assert_eq!(facts.count(MATERIALS), Some(materials), "{name}");
+            assert_eq!(facts.holds(LOOKS_VARY), Some(textures > 0), "{name}");
             assert_eq!(facts.holds(TRANSPARENT), Some(transparent), "{name}");
         }
     }

@@ -44,6 +44,7 @@ pub mod dither;
 pub mod edge_raster;
 pub mod facts;
 pub mod fill;
+pub mod gbuffer;
 pub mod image_id;
 pub mod integrate;
 pub mod interpolate;
@@ -87,6 +88,7 @@ pub fn registry() -> Registry {
         .with::<dither::Dither>()
         .with::<edge_raster::EdgeRaster>()
         .with::<fill::Fill>()
+        .with::<gbuffer::Gbuffer>()
         .with::<image_id::ImageId>()
         .with::<integrate::Integrate>()
         .with::<interpolate::Interpolate>()

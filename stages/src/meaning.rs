@@ -76,6 +76,19 @@ epigraph_core::meanings! {
     /// Which of the 24 pixels around it the primary region of each pixel reaches.
     REACH = "reach", [Rule::bits(24, 8, 0)];
 
+    /// The triangle that each pixel shows, 0xFFFFFFFF for none.
+    FACE = "face", [Rule::index_of("faces").or(NO_FACE)];
+    /// Unit normals on an octahedron, two signed 16-bit integers; 0x80008000 for none.
+    NORMAL = "normal";
+    /// The share of light that a surface scatters; alpha 1, or all 0 for none.
+    ALBEDO = "albedo", [AMOUNT];
+    /// Radiance that a surface emits.
+    EMISSION = "emission", [AMOUNT];
+    /// Perceptual roughness, 0 to 1.
+    ROUGHNESS = "roughness", [Rule::floats(0.0, 1.0)];
+    /// Where what a pixel shows was in the last frame's image, minus where it is, in pixels; 1e9 for nowhere.
+    MOTION = "motion";
+
     /// Linear radiance.
     RADIANCE = "radiance", [AMOUNT];
     /// The picture, sRGB-encoded.

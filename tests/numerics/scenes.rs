@@ -11,9 +11,11 @@ use epigraph_scenes::{
 };
 use epigraph_stages::{
     Pace, World,
+    gbuffer::Gbuffer,
     motion::Motion,
     shared::{
         moves::Move,
+        octahedral::decode_oct16,
         requests::{HIT_SURFACE, Request, Sample, VIEW_NOW},
     },
     trace::{Light, Trace, TraceParams},
@@ -27,8 +29,9 @@ use crate::{
     table::{Expected, Measure, Row, Unit},
 };
 
-pub static ROWS: Group =
-    LazyLock::new(|| measured(&[|| vec![moves()], || hits().into(), || vec![soft_light()]]));
+pub static ROWS: Group = LazyLock::new(|| {
+    measured(&[|| vec![moves()], || hits().into(), || vec![soft_light()], || surfaces().into()])
+});
 
 fn camera() -> Camera {
     Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 1.0, 0.1, 100.0)
@@ -312,4 +315,117 @@ fn soft_light() -> Row {
         measure.record(Side::Cpu, &format!("side {side}"), worst, 64);
     }
     measure.row()
+}
+
+/// The surface that each pixel shows: a body that has moved, before a camera that has, too.
+fn surfaces() -> [Row; 3] {
+    let row = |quantity, domain, oracle, bound, unit| {
+        Measure::within("gbuffer", quantity, domain, oracle, bound, Unit::Of(unit)).on_cpu_only()
+    };
+    let mut depth = row(
+        "distance of `depth` along the pixel's ray from the plane",
+        "scales 10^-6 to 10^6 m, offsets to 10^7 m, 1 to 120 degrees",
+        "f64",
+        4.0,
+        "2^-24 of the largest coordinate",
+    );
+    let mut normal = row("angle of `normal`", "the same", "f64: the triangle's", 3.0, "10^-5 rad");
+    let mut motion = row(
+        "`motion`",
+        "the same; camera and body turned by 0.1, shifted by a tenth of the distance",
+        "f64, of the point at `depth`",
+        8.0,
+        "2^-24 of the image's width, times the largest coordinate over the distance",
+    );
+    let size = [48, 48];
+    let mut random = Random(3);
+    let scales = [-6, -3, 0, 3, 6].map(|exponent| (10f32.powi(exponent), 0.0f32, 60.0));
+    let offsets = [3, 5, 7].map(|exponent| (1e-1 * 10f32.powi(exponent - 2), 10f32.powi(exponent), 60.0));
+    let fields = [1.0, 120.0].map(|fov| (1.0, 0.0, fov));
+    for (scale, offset, fov) in scales.into_iter().chain(offsets).chain(fields) {
+        let eye = Vec3::new(offset, -offset, 0.5 * offset);
+        let tan = (f64::from(fov as f32).to_radians() / 2.0).tan() as f32;
+        // A triangle that fills the image, tilted, 1 to 3 scales away.
+        let tilt = 0.3 * random.between(-1.0, 1.0);
+        let corner = |x: f32, y: f32| eye + scale * Vec3::new(tan * x, tan * y, -2.0 - tan * tilt * x);
+        let corners = [corner(-9.0, -9.0), corner(9.0, -9.0), corner(0.0, 12.0)];
+        let shape = Shape { positions: corners.to_vec(), triangles: vec![[0, 1, 2]], ..Shape::default() };
+        // At rest in the frame that is shown: it was turned and elsewhere before.
+        let key = |time, translate, rotate| MotionKey { time, translate, rotate };
+        let shift = 0.1 * scale * Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.0);
+        let before = key(0.0, shift, Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 0.1));
+        let keys = vec![before, key(1.0 / 30.0, Vec3::ZERO, Quat::IDENTITY)];
+        let mut builder = SceneBuilder::new();
+        let material = builder.material(Material::diffuse("", Vec3::splat(0.5)));
+        builder
+            .moving(Path { pivot: corners[0], keys, looped: false }, |builder| builder.add(&shape, material))
+            .expect("a body");
+        let scene = build(builder);
+
+        let view = View {
+            eye: eye.into(),
+            near: 1e-3 * scale,
+            far: 1e3 * scale,
+            tan_x: tan,
+            tan_y: tan,
+            ..View::default()
+        };
+        let (sin, cos) = 0.1f32.sin_cos();
+        let previous = View {
+            eye: (eye + 0.1 * scale * Vec3::new(1.0, -0.5, 0.3)).into(),
+            right: [cos, 0.0, sin],
+            forward: [sin, 0.0, -cos],
+            ..view
+        };
+        let [now, then] = [1, 0].map(|frame| scene.poses_at(frame)[0]);
+        let moved = Move::of(&now.after(&then.inverse()));
+        let mut harness = Harness::<Gbuffer>::new((), &settings(size, 1));
+        harness.frame.view = view;
+        harness.frame.previous = previous;
+        harness.frame.index = 1;
+        harness.set("moves", &[Move::REST, moved]);
+        let host = host(scene.clone());
+        let out = harness.run(Side::Cpu, &epigraph_stages::registry(), &host, None).expect("it runs");
+
+        let name = format!("scale {scale:e}, offset {offset:e}, {fov} degrees");
+        let double = |at: [f32; 3]| DVec3::from(at.map(f64::from));
+        // In the pose in which it is shown, rounded as its vertices are.
+        let posed = scene.posed(&scene.poses_at(1));
+        let [a, b, c] = posed.mesh.corners(0).map(|at| at.as_dvec3());
+        let facing = (b - a).cross(c - a).normalize();
+        let largest =
+            f64::from(posed.mesh.positions.iter().map(|at| at.abs().max_element()).fold(0.0, f32::max));
+        let largest = largest.max(f64::from(eye.abs().max_element()));
+        let ids = out.get::<u32>("id");
+        let (depths, normals) = (out.get::<f32>("depth"), out.get::<u32>("normal"));
+        let motions = out.get::<[f32; 2]>("motion");
+        assert!(ids.iter().all(|&id| id == 0), "{name}: the triangle fills the image");
+        let mut worst = [0f64; 3];
+        for pixel in 0..48 * 48 {
+            let [x, y] = [pixel % 48, pixel / 48].map(|side| (side as f64 + 0.5) / 24.0 - 1.0);
+            let ray = DVec3::new(x * f64::from(tan), -y * f64::from(tan), -1.0);
+            let z = f64::from(depths[pixel]);
+            let at = eye.as_dvec3() + ray * z;
+            let off = (at - a).dot(facing).abs() / ((-24f64).exp2() * largest.max(z));
+            let turn = decode_oct16(normals[pixel]).as_dvec3().normalize().cross(facing).length() / 1e-5;
+            // Rotations are undone by their transpose.
+            let rows = [moved.x, moved.y, moved.z].map(|row| row.map(f64::from));
+            let gone = DVec3::from([0, 1, 2].map(|axis| at[axis] - rows[axis][3]));
+            let was =
+                DVec3::from([0, 1, 2].map(|axis| (0..3).map(|row| rows[row][axis] * gone[row]).sum::<f64>()));
+            let from = was - double(previous.eye);
+            let distance = from.dot(double(previous.forward));
+            let u = from.dot(double(previous.right)) / distance / f64::from(tan);
+            let v = from.dot(double(previous.up)) / distance / f64::from(tan);
+            let exact = [24.0 * (u - x), 24.0 * (-v - y)];
+            let unit = (-24f64).exp2() * 48.0 * (largest / z).max(1.0) / f64::from(tan).min(1.0);
+            let off_motion = [0, 1].map(|axis| (f64::from(motions[pixel][axis]) - exact[axis]).abs() / unit);
+            let found = [off, turn, off_motion[0].max(off_motion[1])];
+            worst = std::array::from_fn(|index| worst[index].max(found[index]));
+        }
+        for (measure, worst) in [&mut depth, &mut normal, &mut motion].into_iter().zip(worst) {
+            measure.record(Side::Cpu, &name, worst, 48 * 48);
+        }
+    }
+    [depth.row(), normal.row(), motion.row()]
 }

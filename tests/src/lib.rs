@@ -17,7 +17,7 @@ pub use epigraph_core::testing::gpu;
 pub const POINT_GRAPH: &str = "streams.ron";
 
 /// The other shipped graph files, which show surfaces.
-pub const GRAPHS: [&str; 12] = [
+pub const GRAPHS: [&str; 13] = [
     "render-cache.ron",
     "epi.ron",
     "hybrid.ron",
@@ -30,6 +30,7 @@ pub const GRAPHS: [&str; 12] = [
     "experiments/atrous.ron",
     "experiments/accumulate.ron",
     "experiments/lines.ron",
+    "experiments/gbuffer.ron",
 ];
 
 /// Runs a frame of both from the CPU's state and compares ports of integers. Returns the largest number of elements

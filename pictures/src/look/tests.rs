@@ -1,5 +1,5 @@
 use epigraph_core::{Dims, PortElement, texel};
-use epigraph_stages::meaning::{CLASS, CROSSINGS, DEPTH, ID, PRIORITY, REACH};
+use epigraph_stages::meaning::{CLASS, CROSSINGS, DEPTH, FACE, ID, NORMAL, PRIORITY, REACH};
 
 use super::*;
 use crate::describe;
@@ -73,7 +73,14 @@ fn integers_are_amounts_or_names() {
 #[test]
 fn every_meaning_has_its_mode_whatever_the_port_is_called() {
     let mode = |meaning, element: Element| Mode::of_port(meaning, &element);
-    let words = [(ID, Mode::Names), (CLASS, Mode::Classes), (CROSSINGS, Mode::Edges), (REACH, Mode::Reach)];
+    let words = [
+        (ID, Mode::Names),
+        (FACE, Mode::Names),
+        (CLASS, Mode::Classes),
+        (CROSSINGS, Mode::Edges),
+        (REACH, Mode::Reach),
+        (NORMAL, Mode::Normals),
+    ];
     for (meaning, expected) in words {
         assert_eq!(mode(Some(meaning), u32::element()), expected, "{meaning}");
         assert_eq!(mode(Some(meaning), texel::R32Uint::element()), expected, "{meaning}");
@@ -124,6 +131,17 @@ fn zeros_alone_are_dark_and_two_lanes_have_a_range_each() {
     let bytes = |value: [f32; 2]| value.iter().flat_map(|lane| lane.to_le_bytes()).collect();
     let motion = snapshot(<[f32; 2]>::element(), &[[-1.0f32, 5.0], [1.0, 6.0]], bytes);
     assert_eq!(shown(&motion), [[0; 3], [255, 255, 0]]);
+}
+
+#[test]
+fn normals_are_colours_and_vectors() {
+    // Two signed 16-bit integers: x, -z, and the middle between y and z.
+    let codes = [0x7FFF, 0x7FFF_7FFF, 0x4000_0000, NO_NORMAL, POISON];
+    let normals = of(NORMAL, integers(&codes));
+    assert_eq!(shown(&normals), [[255, 128, 128], [128, 128, 0], [128, 218, 218], EMPTY, POISONED]);
+    let words = |pixel| describe(&normals, [pixel, 0]).unwrap();
+    assert_eq!([words(0), words(2)], ["x 1.000  y 0.000  z 0.000", "x 0.000  y 0.707  z 0.707"]);
+    assert_eq!(words(3), "none");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::{
 };
 
 use epigraph_core::{
-    Frame,
+    Frame, View,
     serde::{Deserialize, Serialize},
 };
 use epigraph_scenes::{AsyncTracer, Hit, Job, Rng, Scene, TaggedHit, TaggedJob, TraceSettings, Tracer};
@@ -95,6 +95,17 @@ pub struct Ray {
     pub near: f32,
 }
 
+impl Ray {
+    /// The ray through a position in an image of `size` pixels, in pixels from its top left corner.
+    #[inline]
+    pub fn through(view: &View, [x, y]: [f32; 2], [width, height]: [u32; 2]) -> Self {
+        let u = (2.0 * x / width as f32 - 1.0) * view.tan_x;
+        let v = (1.0 - 2.0 * y / height as f32) * view.tan_y;
+        let direction = Vec3::from(view.forward) + u * Vec3::from(view.right) + v * Vec3::from(view.up);
+        Self { origin: view.eye.into(), direction, near: view.near }
+    }
+}
+
 impl<'a> Query<'a> {
     /// The requests, in entry order. Empty entries are left out.
     pub fn requests(&self) -> impl Iterator<Item = &'a Request> + use<'a> {
@@ -110,13 +121,9 @@ impl<'a> Query<'a> {
     // Inlined, as are its parts: calls for each request would cost a twentieth of the tracing.
     #[inline]
     pub fn ray(&self, request: &Request) -> Ray {
-        let Frame { view, predicted, size: [width, height], .. } = self.frame;
+        let Frame { view, predicted, size, .. } = self.frame;
         let view = if request.view == VIEW_PREDICTED { predicted } else { view };
-        let [x, y] = request.target(*width);
-        let u = (2.0 * x / *width as f32 - 1.0) * view.tan_x;
-        let v = (1.0 - 2.0 * y / *height as f32) * view.tan_y;
-        let direction = Vec3::from(view.forward) + u * Vec3::from(view.right) + v * Vec3::from(view.up);
-        Ray { origin: view.eye.into(), direction, near: view.near }
+        Ray::through(view, request.target(size[0]), *size)
     }
 
     /// Moves a sample that was traced in the scene of an earlier frame to the current position of its body.

@@ -51,19 +51,26 @@ impl Several {
     }
 }
 
-/// The position of a point, and whether it is drawn. Branchless, so that loops are vectorized.
+/// Where a point (w = 1) or direction (w = 0) is in an image of `size` pixels that has no border: pixels from the left
+/// and top edge of the image; and its distance along the view axis, metres, or that of the direction's end. Behind the
+/// eye, where the distance is not positive, the position means nothing.
 #[inline(always)]
-fn place(view: &View, position: [f32; 4], size: [u32; 2]) -> (Projected, bool) {
-    let is_direction = position[3] == 0.0;
-    let origin = if is_direction { [0.0; 3] } else { view.eye };
+pub fn place_in_image(view: &View, position: [f32; 4], size: [u32; 2]) -> [f32; 3] {
+    let origin = if position[3] == 0.0 { [0.0; 3] } else { view.eye };
     let p = [position[0] - origin[0], position[1] - origin[1], position[2] - origin[2]];
-
     let z = dot(p, view.forward);
     let inverse = 1.0 / z;
     let half = [0.5 * size[0] as f32, 0.5 * size[1] as f32];
     let x = half[0] + dot(p, view.right) * inverse * (half[0] / view.tan_x);
     let y = half[1] - dot(p, view.up) * inverse * (half[1] / view.tan_y);
+    [x, y, z]
+}
 
+/// The position of a point, and whether it is drawn. Branchless, so that loops are vectorized.
+#[inline(always)]
+fn place(view: &View, position: [f32; 4], size: [u32; 2]) -> (Projected, bool) {
+    let [x, y, z] = place_in_image(view, position, size);
+    let is_direction = position[3] == 0.0;
     let nearest = if is_direction { f32::MIN_POSITIVE } else { view.near };
     // Comparisons with NaN are false.
     let is_within = (x >= 0.0) & (x < size[0] as f32) & (y >= 0.0) & (y < size[1] as f32);
