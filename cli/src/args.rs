@@ -11,7 +11,7 @@ use epigraph_streams::MOST_LEVELS;
 
 use crate::{
     bench::{Choice, Sweep},
-    values::{self, Crop, Encoding, Light, Place, Save, Size, Within},
+    values::{self, Crop, Encoding, Halves, Light, Paths, Place, Save, Size, Within},
 };
 
 const EXAMPLES: &str = "\
@@ -26,7 +26,7 @@ Examples:
   epigraph compare epigraph.png reference.exr --map difference.png
   epigraph bench --quick                     the time of each step, beside the papers' figures
   epigraph gallery --out gallery             a page of pictures: what each step does, scene by scene
-  epigraph quality --scene cornell           image quality at 1, 2, 5 and 10% of the pixels sampled per frame
+  epigraph quality --scene cornell           image quality at 0.05 to 4 light paths per pixel and frame
   epigraph tradeoff mine.ron --out results   an experiment: error against cost, over budgets and parameters
   epigraph encode scan.laz --out scan.vts    a point set with level of detail, in few bytes";
 
@@ -97,29 +97,50 @@ Examples:
   epigraph gallery --out cornell --scene cornell --samples 1%    the same at 1% of the pixels per frame
   epigraph gallery --out mine --graph epi+sigma=0.5              a variant of epi";
 const QUALITY_HELP: &str = "\
-Each graph starts without history and runs along the camera path; the frames given by --frames are compared with
-converged pictures of the same views. A table cell reads
+Each graph starts without history and runs along the camera path, once for each budget; the frames given by --frames are
+compared with converged pictures of the same views. A budget is a number of light paths per pixel and frame, by which
+renderers with samples of different cost can be compared. It fixes a product:
 
-  PSNR / PSNR near edges, FLIP / FLIP near edges
+  paths per pixel and frame = samples per frame x paths per sample / pixels
 
-PSNR is in dB (higher is better), FLIP is the mean over the pixels (0: no difference). Both are computed as by `compare`,
-on the displayed sRGB values. References are clamped to [0, 1], as a graph's `tonemap` does by default, so leave its
-exposure and curve unchanged; a graph with exposure Auto is refused, as its pictures would differ by exposure too. Pixels
-near edges are those within 2 pixels of an edge of the reference: an outline, a crease or a hard shadow boundary
-(`reference --edges` writes them). The first graph is the baseline for the others.
+Paths per sample are each graph's own (`trace.spp`), or those of --per-sample; samples per frame follow. A budget that for
+one graph is less than a sample, or more than one per pixel, is left out there, as the lines below the table say; if no
+graph can have it, it is refused. With --samples, samples per frame are given, and paths follow; each cell then begins with
+its paths. Tables are Markdown; a cell reads
 
-With few light paths per sample (`trace.spp`, 4 by default), their noise hides differences at edges; 64 shows them.
-JSON: size, seed, backend, adapter, spp, mode, set (changes to all graphs), edge_reach (pixels), rows [{graph, scene,
-camera, samples (as given), samples_per_frame, psnr, flip, edges {share, psnr, flip}, frames [{frame, psnr, flip,
-edges}]}]. The figures of a row are means over its frames; share is the share of pixels near edges; null means that the
-pictures are equal or have no edges.
+  PSNR / FLIP / flicker / ms of the graph + ms of tracing
+
+PSNR is in dB (higher is better), FLIP is the mean over the pixels (0: no difference); both as by `compare`, on the displayed
+sRGB values. Flicker is the root mean square change from the frame before, over the pixels that stay the same in the
+references. Times are medians of a frame on this machine. Figures are means over the compared frames. The second table has
+PSNR and FLIP of pixels within 2 pixels of an edge of the reference: an outline, a crease or a hard shadow boundary
+(`reference --edges` writes them). The first graph is the baseline for the others. References are clamped to [0, 1], as a
+graph's `tonemap` does by default, so leave its exposure and curve unchanged; a graph with exposure Auto is refused, as its
+pictures would differ by exposure too.
+
+A reference is the mean of two halves with independent noise, whose difference says how far it is from the truth: the lines
+below the table state it. PSNR with a star is less than 5 dB below the reference's own, so that more than three tenths of
+the squared error are the reference's: the picture is better than the figure. Take more paths (--spp), as a line below the
+table says. References have the light of the graphs' samples (`trace.mode`); another --mode is refused.
+
+With --keep, references and finished cells are kept in a folder: after an interruption the same command goes on from there,
+and other commands need not trace the references again.
+
+CSV: the columns of `tradeoff`. JSON: size, seed, backend, adapter, spp, mode, set (changes to all graphs), edge_reach
+(pixels), rows [{graph, scene, camera, budget (as given), samples_per_frame, paths_per_sample, paths_per_pixel, paths_traced,
+psnr, flip, flicker, near_reference (the star), frame_ms, trace_ms, reference {psnr, flip}, static_share, edges {share,
+psnr, flip}, frames [{frame, psnr, flip, flicker, edges}]}], left_out [{graph, budget, message}], failed [{graph, scene,
+camera, budget, message}].
+null means that the pictures are equal, that there are no edges or static pixels, or that there is no such parameter.
 
 Examples:
-  epigraph quality --set trace.spp=64 --plot quality.svg --json quality.json     everything, in several minutes
-  epigraph quality --scene cornell --camera orbit --samples 5% --size 256x256    a first impression
-  epigraph quality epi my.ron --frames 9,19,39,79                                your own graph beside epi
-  epigraph quality epi epi+sigma=0.6 --scene chains                              the effect of a parameter
-  epigraph quality epi epi+swap:interpolate=mine.wgsl                            the effect of a stage of your own";
+  epigraph quality --scene cornell --camera orbit --size 256x256 --paths 0.05,0.25,1      a first impression
+  epigraph quality --keep q --plot q.svg --json q.json --csv q.csv > q.md                 everything, in several minutes
+  epigraph quality epi my.ron --set trace.mode=Path --spp 4096 --keep q                   global illumination
+  epigraph quality epi epi+trace.spp=1 epi+trace.spp=16 --scene chains                    many samples or good ones?
+  epigraph quality --samples 1%,2%,5%,10% --per-sample 64                                 clean samples, by their number
+  epigraph quality epi my.ron --frames 9,19,39,79                                         your own graph beside epi
+  epigraph quality epi epi+swap:interpolate=mine.wgsl                                     the effect of a stage of your own";
 
 const TRADEOFF_HELP: &str = "\
 An experiment is a file such as
@@ -142,7 +163,7 @@ An experiment is a file such as
       seeds: [1, 2, 3],                                     // repetitions; by default [1]
       metrics: [Flip, RelMse],                              // the first one is plotted; by default all
       costs: [PathsPerPixel, TotalMs],                      // over these; the default
-      reference: (spp: 256, mode: Direct),                  // the default; mode: Path for global illumination
+      reference: (spp: 256),                                // the default; its light is that of the graphs, trace.mode
       backend: \"auto\",                                      // the default
       quick: (sizes: [\"64x64\"], frames: 10, compare: [9]),  // what differs with --quick
   )
@@ -150,8 +171,8 @@ An experiment is a file such as
 Every graph with every variation, scene, camera, size, budget and seed is a cell. PathsPerPixel(0.4) is as many samples per
 frame as have 0.4 light paths per pixel: samples x trace.spp / pixels. A search tries numbers of samples per frame and gives
 an interval; it needs three seeds or more. Metrics: Flip, Rmse, RelMse, Psnr, Ssim, EdgeFlip, EdgePsnr, Flicker, Holes.
-Costs: PathsPerPixel, Samples, PeakBytes, BytesMoved, Rays, FrameMs, TraceMs, TotalMs. docs/tradeoff.md defines
-them.
+Costs: PathsPerPixel, PathsTraced, Samples, PeakBytes, BytesMoved, Rays, FrameMs, TraceMs, TotalMs. docs/tradeoff.md
+defines them.
 
 DIR gets results.csv, with a line for each cell, searches.csv, results.json with frames and nodes too, plots, page.html with
 pictures side by side, and folders. Finished cells and references are kept there: the same command goes on after an interruption,
@@ -265,7 +286,7 @@ pub enum Command {
     /// Make a page of pictures that shows each step, and both algorithms side by side
     #[command(after_help = [GALLERY_HELP, NAMES].concat())]
     Gallery(GalleryArgs),
-    /// Measure the image quality of graphs: PSNR and FLIP against converged pictures, overall and near edges
+    /// Measure the image quality of graphs at budgets of light paths: PSNR, FLIP and flicker against converged pictures
     #[command(after_help = [QUALITY_HELP, NAMES].concat())]
     Quality(QualityArgs),
     /// Measure what graphs reach for what they cost: an experiment over budgets, scenes and parameters
@@ -573,15 +594,15 @@ pub struct QualityArgs {
     /// Camera path, such as fly or orbit:2; may be repeated [default: still and orbit]
     #[arg(long, value_name = "PATH")]
     pub camera: Vec<String>,
-    /// Maximum numbers of samples per frame: counts, or percentages of the image's pixels
-    #[arg(
-        long,
-        value_name = "N|P%,...",
-        value_delimiter = ',',
-        default_value = "1%,2%,5%,10%",
-        allow_hyphen_values = true
-    )]
+    /// Budgets in light paths per pixel and frame [default: 0.05, 0.1, 0.25, 0.5, 1 and 4, unless --samples is given]
+    #[arg(long, value_name = "N,...", value_delimiter = ',', allow_hyphen_values = true)]
+    pub paths: Vec<Paths>,
+    /// Budgets in samples per frame: counts, or percentages of the image's pixels
+    #[arg(long, value_name = "N|P%,...", value_delimiter = ',', allow_hyphen_values = true)]
     pub samples: Vec<Samples>,
+    /// Light paths of each sample, in all graphs: their parameter `spp` [default: each graph's own]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]
+    pub per_sample: Option<u32>,
     /// Frames to compare, counted from 0 [default: 39 for a still camera; 19, 24 and 29 for a moving one]
     #[arg(
         long,
@@ -596,25 +617,31 @@ pub struct QualityArgs {
     pub size: Size,
     #[command(flatten)]
     pub changes: ChangeArgs,
-    /// Samples per pixel of the references
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
-    pub spp: u32,
-    /// Light transport of the references; with path, also --set trace.mode=Path
-    #[arg(long, default_value = "direct")]
-    pub mode: Light,
+    /// Light paths per pixel of the references; an even number, as their halves are compared
+    #[arg(long, value_name = "N", default_value = "256", allow_hyphen_values = true)]
+    pub spp: Halves,
+    /// Light transport of the references [default: that of the graphs' samples, `trace.mode`, which must be the same]
+    #[arg(long)]
+    pub mode: Option<Light>,
     /// Default placement for nodes without `on:`
     #[arg(long, default_value = "auto", value_parser = values::backend())]
     pub backend: Backend,
     /// Random seed
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u32,
-    /// Number of CPU threads [default: one per core]; does not affect the figures
+    /// Number of CPU threads [default: one per core]; does not affect the errors
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_hyphen_values = true)]
     pub threads: Option<u16>,
-    /// Write the figures as JSON; - writes them to stdout instead of the table
+    /// Keep references and finished cells in a folder, for later commands; it may be the folder of a `tradeoff`
+    #[arg(long, value_name = "DIR")]
+    pub keep: Option<PathBuf>,
+    /// Write the figures as JSON; - writes them to stdout instead of the tables
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Plot FLIP over samples per frame as an SVG picture
+    /// Write the figures as CSV, with a line for each graph, view and budget
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
+    /// Plot PSNR and FLIP over light paths as an SVG picture
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
 }

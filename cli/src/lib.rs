@@ -90,7 +90,7 @@ fn run(cli: Cli, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
         Some(Command::Compare(args)) => compare::compare(&args).map(done),
         Some(Command::Bench(args)) => bench::bench(&args, registry).map(done),
         Some(Command::Gallery(args)) => gallery::gallery(&args, registry).map(done),
-        Some(Command::Quality(args)) => quality::quality(&args, registry).map(done),
+        Some(Command::Quality(args)) => quality::quality(&args, registry),
         Some(Command::Tradeoff(args)) => tradeoff::tradeoff(&args, registry),
         Some(Command::Encode(args)) => encode::encode(&args).map(done),
         Some(Command::Decode(args)) => decode::decode(&args).map(done),

@@ -176,6 +176,43 @@ pub fn translations() -> impl TypedValueParser<Value = usize> {
     choice(&[(88, "88", "the paper's"), (96, "96", "3 words of tags"), (128, "128", "4 words of tags")])
 }
 
+/// Light paths per pixel and frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Paths(pub f64);
+
+impl FromStr for Paths {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let paths = text.parse().ok().filter(|paths: &f64| *paths > 0.0 && paths.is_finite());
+        let wrong = "expected light paths per pixel and frame, a number above 0, such as 0.25";
+        paths.map(Self).ok_or_else(|| wrong.into())
+    }
+}
+
+/// Samples per pixel of a reference whose halves are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Halves(pub u32);
+
+impl Halves {
+    /// The most samples per pixel.
+    const MOST: u32 = 1_000_000;
+}
+
+impl FromStr for Halves {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let spp = text.parse().ok().filter(|spp| (2..=Self::MOST).contains(spp) && spp % 2 == 0);
+        spp.map(Self).ok_or_else(|| {
+            format!(
+                "expected an even number of samples per pixel, 2 to {}, as halves are compared",
+                Self::MOST
+            )
+        })
+    }
+}
+
 /// The light transport of a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Light {
@@ -183,6 +220,21 @@ pub enum Light {
     Direct,
     /// Global illumination with many bounces.
     Path,
+}
+
+impl Light {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Direct, Self::Path];
+}
+
+/// As in graphs.
+impl fmt::Display for Light {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Direct => "Direct",
+            Self::Path => "Path",
+        })
+    }
 }
 
 #[cfg(test)]
@@ -204,6 +256,18 @@ mod tests {
         assert_eq!("640x480".parse(), Ok(Size([640, 480])));
         for wrong in ["", "640", "0x0", "0x5", "100000x100000", "-1x5", "5x", "x5", "1.5x2", "5x5x5"] {
             assert!(wrong.parse::<Size>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn paths_and_halves() {
+        assert_eq!(("0.25".parse(), "4".parse()), (Ok(Paths(0.25)), Ok(Paths(4.0))));
+        for wrong in ["", "0", "-1", "inf", "nan", "5%"] {
+            assert!(wrong.parse::<Paths>().unwrap_err().contains("such as 0.25"), "{wrong}");
+        }
+        assert_eq!("256".parse(), Ok(Halves(256)));
+        for wrong in ["", "0", "1", "255", "1000001", "1000002", "2.0"] {
+            assert!(wrong.parse::<Halves>().unwrap_err().contains("even number"), "{wrong}");
         }
     }
 

@@ -1,189 +1,155 @@
-//! `epigraph quality`: compares the pictures of graphs with converged references, at equal numbers of samples per
-//! frame.
+//! `epigraph quality`: compares the pictures of graphs with converged references, at equal numbers of light paths: an
+//! experiment as `epigraph tradeoff` measures it, from the options of the command line.
 
-mod measure;
-mod plot;
-mod reference;
 mod report;
 
-use std::sync::Arc;
+use std::{process::ExitCode, sync::Arc};
 
-use epigraph::{Device, Place, Registry, Samples};
+use epigraph::Registry;
+use epigraph_core::Side;
 
-use self::{
-    measure::{Figures, FrameFigures, Job, Named, View},
-    reference::References,
-    report::Report,
+use self::report::Report;
+use crate::{
+    args::QualityArgs,
+    error::CliError,
+    machine::Machine,
+    open,
+    output::Outputs,
+    svg,
+    tradeoff::{
+        experiment::{Budget, Experiment, Frames, Named, Placed},
+        figure::Metric,
+        plot,
+        results::Results,
+        runner::{Runner, interrupted},
+        store::Store,
+        study::Study,
+    },
+    values::{Halves, Paths},
 };
-use crate::{args::QualityArgs, error::CliError, open, output::Outputs, svg};
 
 /// The defaults. The first graph is the baseline for the others.
 const GRAPHS: [&str; 2] = ["render-cache", "epi"];
 const SCENES: [&str; 3] = ["cornell", "chains", "room"];
 const CAMERAS: [&str; 2] = ["still", "orbit"];
 
+/// Default budgets in light paths per pixel and frame.
+const PATHS: [f64; 6] = [0.05, 0.1, 0.25, 0.5, 1.0, 4.0];
+
 /// Default frames to compare: for a still camera, one after the picture has settled; for a moving one three, since the
 /// error varies from frame to frame (`algorithms.md` section 11).
 const STILL_FRAMES: [u32; 1] = [39];
 const MOVING_FRAMES: [u32; 3] = [19, 24, 29];
 
-/// The figures of one graph in one setting.
-pub struct Row {
-    /// The graph's name.
-    pub graph: String,
-    /// The scene.
-    pub scene: String,
-    /// The camera's path.
-    pub camera: String,
-    /// Samples per frame, as given on the command line.
-    pub samples: Samples,
-    /// The same as a count.
-    pub count: u32,
-    /// The share of pixels near edges, 0 to 1, mean over the frames.
-    pub edge_share: f64,
-    /// The figures of each frame, in order.
-    pub frames: Vec<FrameFigures>,
-}
+/// What is measured.
+const METRICS: [Metric; 5] =
+    [Metric::Psnr, Metric::Flip, Metric::Flicker, Metric::EdgePsnr, Metric::EdgeFlip];
 
-impl Row {
-    /// Figures of all pixels, mean over the frames.
-    pub fn whole(&self) -> Figures {
-        let count = self.frames.len().max(1) as f64;
-        let mean = |pick: fn(&Figures) -> f64| {
-            self.frames.iter().map(|frame| pick(&frame.whole)).sum::<f64>() / count
-        };
-        Figures { psnr: mean(|figures| figures.psnr), flip: mean(|figures| figures.flip) }
-    }
+/// What the plot shows.
+const PLOTTED: [Metric; 4] = [Metric::Psnr, Metric::Flip, Metric::EdgePsnr, Metric::EdgeFlip];
 
-    /// Figures of the pixels near edges, mean over the frames with such pixels; `None` if there are no such frames.
-    pub fn edges(&self) -> Option<Figures> {
-        let edges: Vec<Figures> = self.frames.iter().filter_map(|frame| frame.edges).collect();
-        let mean = |pick: fn(&Figures) -> f64| edges.iter().map(pick).sum::<f64>() / edges.len() as f64;
-        let figures = || Figures { psnr: mean(|figures| figures.psnr), flip: mean(|figures| figures.flip) };
-        (!edges.is_empty()).then(figures)
-    }
-}
+/// What the plot is called.
+const TITLE: &str = "Difference from a converged picture";
 
 /// Runs the comparison and reports its figures.
-pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
-    open::threads(args.threads)?;
+pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
+    let threads = open::threads(args.threads)?;
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
+    let csv = args.csv.as_deref().map(|path| outputs.add("--csv", path)).transpose()?;
     let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, "--plot", path)).transpose()?;
-    let quality = Quality::new(args, registry)?;
-    let views = quality.checked_views()?;
+    let experiment = experiment(args);
+    // None is found wrong only after others were measured.
+    let study = Study::open(&experiment, registry)?;
     let mut outputs = outputs.ready()?;
-    let rows = quality.run(&views)?;
-    let Device { side, gpu } = &quality.device;
-    let report = Report { args, side: *side, gpu: gpu.as_deref(), rows: &rows };
+    let store = args.keep.as_deref().map(Store::new).transpose()?;
+    let gpu = study.device.gpu.as_deref().filter(|_| study.device.side == Side::Gpu);
+    let machine = Machine::new(threads, gpu).json();
+    let records = match (Runner { study: &study, store: store.as_ref(), machine: &machine }).all() {
+        Err(CliError::Interrupted) if let Some(store) = &store => return interrupted(&study, store),
+        records => records?,
+    };
+    let report = Report { args, study: &study, gpu, records: &records };
+    if let Some(csv) = csv {
+        let results = Results { experiment: &experiment, records: &records, found: &[], missing: 0 };
+        outputs.put(csv, results.csv().as_bytes())?;
+    }
     if let Some(plot) = plot {
-        outputs.put(plot, plot::svg(&report).as_bytes())?;
+        match plot::over_paths(TITLE, report.about(), &records, &PLOTTED) {
+            Some(svg) => outputs.put(plot, svg.as_bytes())?,
+            None => eprintln!(
+                "warning: there is nothing to plot; {} is not written",
+                outputs.path(plot).display()
+            ),
+        }
     }
-    outputs.finish(json, &report.json(), &report.text())
+    outputs.finish(json, &report.json(), &report.text())?;
+    let failed = records.iter().filter(|record| record.measured().is_none()).count();
+    if failed > 0 {
+        eprintln!("error: {failed} of {} cells failed", records.len());
+    }
+    Ok(if failed > 0 { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-struct Quality<'a> {
-    args: &'a QualityArgs,
-    registry: &'a Arc<Registry>,
-    graphs: Vec<Named>,
-    /// Ascending and without duplicates; empty for the defaults.
-    frames: Vec<u32>,
-    /// Samples per frame as given, and as a count.
-    samples: Vec<(Samples, u32)>,
-    device: Device,
+/// The experiment that the options describe.
+fn experiment(args: &QualityArgs) -> Experiment {
+    let QualityArgs { paths, samples, size, spp: Halves(spp), mode, backend, seed, .. } = args;
+    let paths = paths.iter().map(|Paths(paths)| *paths);
+    let paths: Vec<f64> =
+        if args.paths.is_empty() && samples.is_empty() { PATHS.into() } else { paths.collect() };
+    let budgets =
+        paths.into_iter().map(Budget::PathsPerPixel).chain(samples.iter().copied().map(Budget::Samples));
+    let strings = |names: Vec<&str>| names.into_iter().map(|name| nowhere(name.to_owned())).collect();
+    let frames = |default: &[u32]| frames(if args.frames.is_empty() { default } else { &args.frames });
+    Experiment {
+        doc: String::new(),
+        graphs: graphs(args),
+        scenes: strings(named_or(&args.scene, &SCENES)),
+        cameras: strings(named_or(&args.camera, &CAMERAS)),
+        sizes: vec![nowhere(size.0)],
+        frames: frames(&MOVING_FRAMES),
+        still: Some(frames(&STILL_FRAMES)),
+        change: None,
+        budgets: distinct(budgets).into_iter().map(nowhere).collect(),
+        leaves_out: true,
+        variations: vec![Vec::new()],
+        searches: Vec::new(),
+        seeds: vec![*seed],
+        metrics: METRICS.into(),
+        costs: Vec::new(),
+        spp: *spp,
+        mode: *mode,
+        backend: *backend,
+    }
 }
 
-impl<'a> Quality<'a> {
-    fn new(args: &'a QualityArgs, registry: &'a Arc<Registry>) -> Result<Self, CliError> {
-        let mut graphs = Vec::new();
-        for name in named_or(&args.graphs, &GRAPHS) {
-            let file = open::graph(name, &args.changes, registry)?;
-            graphs.push(Named { name: open::label(name), file });
-        }
-        let count = |samples: &Samples| Ok((*samples, open::samples(*samples, args.size.0)?));
-        let samples: Result<Vec<_>, CliError> = args.samples.iter().map(count).collect();
-        let samples = distinct(samples?);
-        let mut frames = args.frames.clone();
-        frames.sort_unstable();
-        frames.dedup();
-        let device = Device::open(args.backend)?;
-        Ok(Self { args, registry, graphs, frames, samples, device })
-    }
+/// The graphs with the changes to all of them. Two that would have the same short name keep their own.
+fn graphs(args: &QualityArgs) -> Vec<Placed<Named>> {
+    let names = named_or(&args.graphs, &GRAPHS);
+    let label = |name: &str| {
+        let is_alone = names.iter().filter(|other| open::label(other) == open::label(name)).count() == 1;
+        if is_alone { open::label(name) } else { name.to_owned() }
+    };
+    let all = changes(args).iter().map(|piece| format!("+{piece}")).collect::<String>();
+    names.iter().map(|name| nowhere(Named { label: label(name), variant: format!("{name}{all}") })).collect()
+}
 
-    /// The views, after a check of all inputs: none is found wrong only after others were measured.
-    fn checked_views(&self) -> Result<Vec<View>, CliError> {
-        let views = self.views()?;
-        for job in views.iter().flat_map(|view| self.jobs(view)) {
-            job.check()?;
-        }
-        Ok(views)
-    }
+/// The changes to all graphs, as they follow a plus in a graph's name.
+fn changes(args: &QualityArgs) -> Vec<String> {
+    let per_sample = args.per_sample.map(|paths| format!("spp={paths}"));
+    args.changes.all().map(epigraph::Change::piece).chain(per_sample).collect()
+}
 
-    fn run(&self, views: &[View]) -> Result<Vec<Row>, CliError> {
-        let mut rows = Vec::new();
-        for views in views.chunk_by(|a, b| a.scene_name == b.scene_name) {
-            let tracer = open::tracer_of_surfaces(&views[0].place)?;
-            for view in views {
-                let frames = self.frames(view);
-                let references = References::trace(self.args, view, &frames)?;
-                for job in self.jobs(view) {
-                    rows.push(Row {
-                        graph: job.named.name.clone(),
-                        scene: view.scene_name.clone(),
-                        camera: view.camera.clone(),
-                        samples: job.samples,
-                        count: job.count,
-                        edge_share: references.edge_share(),
-                        frames: job.run(&frames, &references)?,
-                    });
-                }
-            }
-            open::warn_of_bad_samples(tracer.non_finite());
-        }
-        Ok(rows)
-    }
+/// These frames, sorted and without duplicates.
+fn frames(compare: &[u32]) -> Frames {
+    let mut compare = compare.to_vec();
+    compare.sort_unstable();
+    compare.dedup();
+    Frames { count: compare.last().map_or(0, |last| last + 1), compare }
+}
 
-    /// Every scene with every camera path.
-    fn views(&self) -> Result<Vec<View>, CliError> {
-        let mut views = Vec::new();
-        for name in named_or(&self.args.scene, &SCENES) {
-            // All camera paths share the tracer and the shadow edges that stages cache.
-            let mut shared: Option<Place> = None;
-            for camera in named_or(&self.args.camera, &CAMERAS) {
-                let place = match &shared {
-                    Some(place) => place.along(camera)?,
-                    None => open::place(name, camera)?,
-                };
-                shared = Some(place.clone());
-                views.push(View { scene_name: name.into(), camera: camera.into(), place });
-            }
-        }
-        Ok(views)
-    }
-
-    /// All graphs at all numbers of samples.
-    fn jobs<'b>(&'b self, view: &'b View) -> impl Iterator<Item = Job<'b>> {
-        self.graphs.iter().flat_map(move |named| {
-            self.samples.iter().map(move |&(samples, count)| Job {
-                registry: self.registry,
-                named,
-                device: &self.device,
-                view,
-                size: self.args.size.0,
-                samples,
-                count,
-                seed: self.args.seed,
-            })
-        })
-    }
-
-    fn frames(&self, view: &View) -> Vec<u32> {
-        match (self.frames.as_slice(), view.place.path.moves()) {
-            ([], false) => STILL_FRAMES.into(),
-            ([], true) => MOVING_FRAMES.into(),
-            (frames, _) => frames.into(),
-        }
-    }
+fn nowhere<T>(value: T) -> Placed<T> {
+    Placed { value, place: None }
 }
 
 /// The given names without duplicates, or the default.
@@ -204,7 +170,21 @@ fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+    use crate::args::{Cli, Command};
+
+    fn of(words: &str) -> Experiment {
+        let cli =
+            Cli::try_parse_from(["epigraph", "quality"].into_iter().chain(words.split_whitespace())).unwrap();
+        let Some(Command::Quality(args)) = cli.command else { panic!("{words}") };
+        experiment(&args)
+    }
+
+    fn budgets(experiment: &Experiment) -> Vec<String> {
+        experiment.budgets.iter().map(|budget| budget.value.to_string()).collect()
+    }
 
     #[test]
     fn names_are_measured_once() {
@@ -214,22 +194,35 @@ mod tests {
     }
 
     #[test]
-    fn a_row_is_the_mean_of_its_frames() {
-        let figures = |psnr, flip| Figures { psnr, flip };
-        let frame = |frame, whole, edges| FrameFigures { frame, whole, edges };
-        let row = Row {
-            graph: "epi".into(),
-            scene: "cornell".into(),
-            camera: "orbit".into(),
-            samples: Samples::Count(7),
-            count: 7,
-            edge_share: 0.1,
-            frames: vec![
-                frame(3, figures(30.0, 0.25), Some(figures(20.0, 0.5))),
-                frame(5, figures(40.0, 0.75), None),
-            ],
-        };
-        assert_eq!((row.whole(), row.edges()), (figures(35.0, 0.5), Some(figures(20.0, 0.5))));
-        assert_eq!(Row { frames: vec![frame(3, figures(30.0, 0.25), None)], ..row }.edges(), None);
+    fn budgets_are_paths_unless_samples_are_given() {
+        assert_eq!(of("").budgets.len(), 6);
+        assert_eq!(budgets(&of("--samples 5%,300")), ["5%", "300"]);
+        assert_eq!(budgets(&of("--paths 0.2,4,0.2")), ["0.2 paths/pixel", "4 paths/pixel"]);
+        assert_eq!(budgets(&of("--paths 1 --samples 7%")), ["1 paths/pixel", "7%"]);
+    }
+
+    #[test]
+    fn still_cameras_have_frames_of_their_own_unless_they_are_given() {
+        let experiment = of("");
+        assert_eq!(experiment.frames, Frames { count: 30, compare: vec![19, 24, 29] });
+        assert_eq!(experiment.still, Some(Frames { count: 40, compare: vec![39] }));
+        let experiment = of("--frames 7,3,7");
+        assert_eq!(experiment.frames, Frames { count: 8, compare: vec![3, 7] });
+        assert_eq!(experiment.still.as_ref(), Some(&experiment.frames));
+    }
+
+    #[test]
+    fn changes_apply_to_all_graphs() {
+        let words = "epi graphs/epi.ron a.ron+x=1 --set b=2 --swap fill=spread --per-sample 16";
+        let experiment = of(words);
+        let graphs = experiment.graphs.iter().map(|graph| (&*graph.value.label, &*graph.value.variant));
+        assert_eq!(
+            graphs.collect::<Vec<_>>(),
+            [
+                ("epi", "epi+swap:fill=spread+b=2+spp=16"),
+                ("graphs/epi.ron", "graphs/epi.ron+swap:fill=spread+b=2+spp=16"),
+                ("a+x=1", "a.ron+x=1+swap:fill=spread+b=2+spp=16"),
+            ]
+        );
     }
 }

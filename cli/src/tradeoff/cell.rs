@@ -32,7 +32,9 @@ pub struct Cell {
     pub budget: String,
     /// The same in samples per frame.
     pub samples: u32,
-    /// The same in light paths per pixel and frame; `None` if no node has a number of paths.
+    /// Light paths of a sample; `None` if no node has a number of paths.
+    pub paths_per_sample: Option<u32>,
+    /// The budget in light paths per pixel and frame, likewise.
     pub paths_per_pixel: Option<f64>,
     /// The random seed.
     pub seed: u32,
@@ -216,6 +218,7 @@ pub mod tests {
             compare: vec![2],
             budget: format!("{samples}"),
             samples,
+            paths_per_sample: Some(4),
             paths_per_pixel: Some(f64::from(samples) * 0.04),
             seed,
         }

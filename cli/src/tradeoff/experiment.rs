@@ -20,14 +20,15 @@ use crate::{error::CliError, values::Light};
 pub struct Placed<T> {
     /// The value.
     pub value: T,
-    /// Its place.
-    pub place: Place,
+    /// Its place; `None` of what no file says.
+    pub place: Option<Place>,
 }
 
 impl<T> Placed<T> {
     /// A problem with it.
     pub fn problem(&self, what: impl ToString) -> Problem {
-        Problem::new(GraphError::Invalid(what.to_string())).at(self.place.clone())
+        let problem = Problem::new(GraphError::Invalid(what.to_string()));
+        self.place.clone().into_iter().fold(problem, Problem::at)
     }
 }
 
@@ -56,6 +57,15 @@ impl fmt::Display for Budget {
             Self::PathsPerPixel(paths) => write!(f, "{paths} paths/pixel"),
         }
     }
+}
+
+/// The frames of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frames {
+    /// How many run.
+    pub count: u32,
+    /// Those that are compared, ascending.
+    pub compare: Vec<u32>,
 }
 
 /// What a search reaches.
@@ -130,14 +140,16 @@ pub struct Experiment {
     pub cameras: Vec<Placed<String>>,
     /// Width and height of images in pixels.
     pub sizes: Vec<Placed<[u32; 2]>>,
-    /// Number of frames that run.
-    pub frames: u32,
-    /// The frames that are compared, ascending.
-    pub compare: Vec<u32>,
+    /// The frames.
+    pub frames: Frames,
+    /// Those of a camera that stands still, if they are others.
+    pub still: Option<Frames>,
     /// The frame in which the camera or the scene changes abruptly. All frames from there on are compared.
     pub change: Option<u32>,
     /// Samples per frame.
     pub budgets: Vec<Placed<Budget>>,
+    /// Whether a budget is left out for graphs that cannot have it, as long as others can. Else it is a problem.
+    pub leaves_out: bool,
     /// The parameters of each variation of a graph; one of them may be the graph unchanged.
     pub variations: Vec<Vec<Placed<Set>>>,
     /// Searches, in every view with every variation.
@@ -150,8 +162,8 @@ pub struct Experiment {
     pub costs: Vec<Cost>,
     /// Samples per pixel of the references.
     pub spp: u32,
-    /// Light transport of the references.
-    pub mode: Light,
+    /// Light transport of the references; `None`: that of the graphs' samples.
+    pub mode: Option<Light>,
     /// Default placement of nodes.
     pub backend: Backend,
 }
@@ -201,7 +213,8 @@ mod tests {
     #[test]
     fn what_is_left_out_has_defaults() {
         let experiment = parse("").unwrap();
-        assert_eq!((experiment.frames, experiment.compare, experiment.spp), (30, vec![29], 256));
+        assert_eq!((experiment.frames.count, experiment.frames.compare), (30, vec![29]));
+        assert_eq!((experiment.spp, experiment.mode), (256, None));
         assert_eq!((experiment.sizes[0].value, experiment.seeds), ([256, 256], vec![1]));
         assert_eq!((experiment.metrics.len(), experiment.variations.len()), (Metric::ALL.len(), 1));
     }
@@ -209,7 +222,7 @@ mod tests {
     #[test]
     fn all_frames_from_a_change_on_are_compared() {
         let experiment = parse("frames: 30, change: 20").unwrap();
-        assert_eq!((experiment.change, experiment.compare), (Some(20), (20..30).collect()));
+        assert_eq!((experiment.change, experiment.frames.compare), (Some(20), (20..30).collect()));
     }
 
     #[test]
@@ -245,7 +258,7 @@ mod tests {
             pairs,
             [("epi", "graphs/epi.ron"), ("4 bits", "epi+subpixel_bits=4"), ("epi+a.b=C", "epi+a.b=C")]
         );
-        assert_eq!((experiment.frames, experiment.compare), (3, vec![2]));
+        assert_eq!(experiment.frames, Frames { count: 3, compare: vec![2] });
     }
 
     #[test]

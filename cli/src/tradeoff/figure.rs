@@ -71,6 +71,9 @@ columns! {
     Cost {
         /// Light paths per pixel and frame, as many as were asked for.
         PathsPerPixel = "paths_per_pixel", "paths per pixel and frame";
+        /// Light paths per pixel and frame that were traced, mean over the compared frames. Fewer than were asked for if
+        /// the graph asks for fewer samples than it may; empty if no node has a number of paths.
+        PathsTraced = "paths_traced", "traced paths per pixel and frame";
         /// Samples per frame, as many as were asked for.
         Samples = "samples_per_frame", "samples per frame";
         /// Bytes that the graph's memory takes, on both sides.
@@ -133,11 +136,23 @@ impl Cost {
 pub const INEFFICIENCY: (&str, &str) =
     ("inefficiency", "rel_mse x total_ms: the lower, the better the time is used.");
 
-/// The errors of the reference itself, with their descriptions.
-pub const NOISE: [(&str, &str); 3] = [
-    ("reference_flip", "FLIP between two independent halves of the reference's samples."),
+/// The FLIP between two halves of the reference.
+pub const REFERENCE_FLIP: &str = "reference_flip";
+/// The PSNR of the reference.
+pub const REFERENCE_PSNR: &str = "reference_psnr";
+/// The share of the pixels near edges of the reference.
+pub const EDGE_SHARE: &str = "edge_share";
+/// The share of the pixels over which flicker is measured.
+pub const STATIC_SHARE: &str = "static_share";
+
+/// What is known of the reference itself, with descriptions. The errors first.
+pub const REFERENCE: [(&str, &str); 6] = [
+    (REFERENCE_FLIP, "FLIP between two independent halves of the reference's samples."),
     ("reference_rmse", "RMSE of the reference: half of that between its halves."),
     ("reference_rel_mse", "Relative MSE of the reference: a quarter of that between its halves."),
+    (REFERENCE_PSNR, "PSNR of the reference, dB: that between its halves and 6.02; empty if they are equal."),
+    (EDGE_SHARE, "Share of the pixels within 2 pixels of the reference's edges."),
+    (STATIC_SHARE, "Share of the pixels that flicker is measured over; empty where it is not."),
 ];
 
 #[cfg(test)]
@@ -150,7 +165,7 @@ mod tests {
     fn columns_have_names_and_sentences_of_their_own() {
         let metrics = Metric::ALL.iter().map(|metric| (metric.column(), metric.doc()));
         let costs = Cost::ALL.iter().map(|cost| (cost.column(), cost.doc()));
-        let all: Vec<_> = metrics.chain(costs).chain([INEFFICIENCY]).chain(NOISE).collect();
+        let all: Vec<_> = metrics.chain(costs).chain([INEFFICIENCY]).chain(REFERENCE).collect();
         let (names, docs): (BTreeSet<_>, BTreeSet<_>) = all.iter().copied().unzip();
         assert_eq!((names.len(), docs.len()), (all.len(), all.len()));
         assert!(docs.iter().all(|doc| doc.ends_with('.')), "{docs:?}");

@@ -18,12 +18,12 @@ use serde_json::Value;
 use super::{
     cell::{Cell, Figures, FrameErrors, Measured, NodeCost},
     experiment::Experiment,
-    figure::{Cost, INEFFICIENCY, Metric, NOISE},
-    references::{Reference, Wanted, light},
+    figure::{Cost, INEFFICIENCY, Metric, REFERENCE},
+    references::{Noise, Reference, Wanted, light},
     store::Store,
     study::Study,
 };
-use crate::{bench::quantile, error::CliError, interrupt};
+use crate::{bench::quantile, edge_mask, error::CliError, interrupt};
 
 /// The first frames are slower, as caches and threads warm up. One in [`WARM_UP_SHARE`] frames, but at most
 /// [`MOST_WARM_UP`], is not timed.
@@ -53,14 +53,14 @@ pub fn reference_frames(experiment: &Experiment, cell: &Cell) -> Vec<u32> {
     frames
 }
 
-/// The references of a cell, from the store or traced.
+/// The references of a cell, from the store if there is one, or traced.
 ///
 /// # Errors
 /// Those of [`Wanted::get`].
-pub fn references(study: &Study, cell: &Cell, store: &Store) -> Result<References, CliError> {
+pub fn references(study: &Study, cell: &Cell, store: Option<&Store>) -> Result<References, CliError> {
     let mut known: BTreeMap<String, Arc<Reference>> = BTreeMap::new();
     let get = |frame| {
-        let wanted = Wanted::new(study.experiment, cell, study.view(cell), frame);
+        let wanted = Wanted::new(study, cell, frame);
         let reference = match known.get(wanted.key()) {
             Some(reference) => reference.clone(),
             None => Arc::new(wanted.get(store)?),
@@ -122,18 +122,17 @@ pub fn measure(
     costs.insert(Cost::PathsPerPixel.column().into(), cell.paths_per_pixel);
     costs.insert(Cost::Samples.column().into(), count(cell.samples.into()));
     costs.insert(Cost::PeakBytes.column().into(), count(peak_bytes));
-    costs.insert(Cost::Rays.column().into(), mean(rays.into_iter().map(|rays| rays as f64)));
+    let rays = mean(rays.into_iter().map(|rays| rays as f64));
+    let pixels = f64::from(cell.size[0]) * f64::from(cell.size[1]);
+    let traced = rays.zip(cell.paths_per_sample).map(|(rays, paths)| rays * f64::from(paths) / pixels);
+    costs.insert(Cost::Rays.column().into(), rays);
+    costs.insert(Cost::PathsTraced.column().into(), traced);
     let mut errors = means(metrics, &frames);
     if let Some(found) = errors.get_mut(Metric::Latency.column()) {
         *found = study.experiment.change.and_then(|_| latency(&frames));
     }
-    let noise = cell.compare.iter().map(|frame| references[frame].noise);
-    let noise = [
-        mean(noise.clone().map(|noise| noise.flip)),
-        mean(noise.clone().map(|noise| noise.rmse)),
-        mean(noise.map(|noise| noise.rel_mse)),
-    ];
-    errors.extend(NOISE.iter().zip(noise).map(|((name, _), value)| ((*name).to_owned(), value)));
+    let of_references = of_references(&cell.compare, metrics, references);
+    errors.extend(REFERENCE.iter().zip(of_references).map(|((name, _), value)| ((*name).to_owned(), value)));
     let of = |figures: &Figures, column: &str| figures.get(column).copied().flatten();
     let inefficiency = of(&errors, Metric::RelMse.column())
         .zip(of(&costs, Cost::TotalMs.column()))
@@ -182,6 +181,29 @@ fn errors(
     wanted.iter().map(|&metric| (metric.column().to_owned(), of(metric))).collect()
 }
 
+/// The figures of [`REFERENCE`], means over the compared frames.
+fn of_references(
+    compare: &[u32],
+    metrics: &[Metric],
+    references: &References,
+) -> [Option<f64>; REFERENCE.len()] {
+    let mean = |of: &dyn Fn(u32) -> Option<f64>| mean(compare.iter().filter_map(|frame| of(*frame)));
+    let noise = |of: fn(&Noise) -> Option<f64>| mean(&|frame| of(&references[&frame].noise));
+    let static_share = |frame: u32| {
+        let before = references.get(&frame.checked_sub(1)?)?;
+        let is_static = static_pixels([&before.converged.picture, &references[&frame].converged.picture]);
+        Some(edge_mask::share(&is_static))
+    };
+    [
+        noise(|noise| Some(noise.flip)),
+        noise(|noise| Some(noise.rmse)),
+        noise(|noise| Some(noise.rel_mse)),
+        noise(|noise| noise.psnr),
+        mean(&|frame| Some(edge_mask::share(&references[&frame].converged.edges))),
+        metrics.contains(&Metric::Flicker).then(|| mean(&static_share)).flatten(),
+    ]
+}
+
 /// Equal pictures have an infinite PSNR, which neither JSON nor a mean can have.
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
@@ -189,15 +211,20 @@ fn finite(value: f64) -> Option<f64> {
 
 /// Root mean square change of the displayed values between two frames, over the pixels whose reference is static.
 fn flicker(references: [&Picture; 2], pictures: [&Picture; 2]) -> Option<f64> {
-    let bytes = |picture: &Picture, index| picture.srgb_at(index).map(tone::to_byte);
-    let [a, b] = references;
-    let is_static = |index: &usize| {
-        let (a, b) = (bytes(a, *index), bytes(b, *index));
-        a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= STATIC)
-    };
-    let chosen: Vec<usize> = (0..a.colors.len()).filter(is_static).collect();
+    let is_static = static_pixels(references);
+    let chosen: Vec<usize> = (0..is_static.len()).filter(|index| is_static[*index]).collect();
     let side = |picture: &Picture| chosen.iter().map(|index| picture.srgb_at(*index)).collect::<Vec<_>>();
     (!chosen.is_empty()).then(|| metrics::rmse(&side(pictures[0]), &side(pictures[1])))
+}
+
+/// Whether each pixel shows the same in the references of two frames.
+fn static_pixels([a, b]: [&Picture; 2]) -> Vec<bool> {
+    let bytes = |picture: &Picture, index| picture.srgb_at(index).map(tone::to_byte);
+    let is_static = |index| {
+        let (a, b) = (bytes(a, index), bytes(b, index));
+        a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= STATIC)
+    };
+    (0..a.colors.len()).map(is_static).collect()
 }
 
 /// The mean, or `None` of no values.
@@ -355,6 +382,7 @@ mod tests {
         let found = |references: [&Picture; 2]| flicker(references, [&pictures[0], &pictures[1]]);
         // 51/255 = 0.2 in one of two pixels.
         let expected = (0.2_f64 * 0.2 / 2.0).sqrt();
+        assert_eq!(static_pixels([&references[0], &references[1]]), [true, true, false, false]);
         assert!((found([&references[0], &references[1]]).unwrap() - expected).abs() < 1e-6);
         let other = picture([[0; 3]; 4]);
         assert_eq!(found([&references[0], &other]), None);

@@ -1,52 +1,52 @@
-//! `epigraph tradeoff`: what graphs reach for what they cost, cell by cell.
+//! `epigraph tradeoff`: what graphs reach for what they cost, cell by cell. `epigraph quality` measures in the same way, an
+//! experiment that the command line describes.
+
+pub mod cell;
+pub mod experiment;
+pub mod figure;
+pub mod plot;
+pub mod results;
+pub mod runner;
+pub mod store;
+pub mod study;
 
 mod bisect;
-mod cell;
 mod crops;
-mod experiment;
-mod figure;
 mod intervals;
 mod measure;
 mod page;
 mod paper;
-mod plot;
 mod references;
-mod results;
 mod search;
 mod stacks;
-mod store;
-mod study;
 
 use std::{collections::BTreeSet, path::Path, process::ExitCode, sync::Arc, time::Duration};
 
 use epigraph::Registry;
 use epigraph_core::Side;
-use epigraph_pictures::Difference;
 use indicatif::ProgressBar;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use self::{
     cell::{Cell, Found, Outcome, Reached, Record},
-    experiment::{Experiment, Over},
+    experiment::{Experiment, Frames, Over},
     figure::Cost,
-    measure::{References, measure, reference_frames, references},
     page::Shown,
     paper::Figure,
-    references::Wanted,
     results::Results,
+    runner::{Runner, interrupted, is_open_cell, open_cells, open_ones, records, wanted},
     store::Store,
     study::{Study, Task},
 };
 use crate::{
-    INTERRUPTED,
     args::TradeoffArgs,
     error::CliError,
     interrupt,
     machine::Machine,
     open,
     output::{Output, Outputs, Ready, print},
-    progress, svg,
+    svg,
     table::Table,
 };
 
@@ -138,43 +138,13 @@ fn jobs(study: &Study, store: Option<&Store>) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The cells that are not measured yet.
-fn open_cells<'s>(study: &'s Study, store: Option<&Store>) -> Result<Vec<&'s Cell>, CliError> {
-    open(&study.cells, store, is_open_cell)
-}
-
 /// The searches that have no answer yet.
 fn open_tasks<'s>(study: &'s Study, store: Option<&Store>) -> Result<Vec<&'s Task>, CliError> {
-    open(&study.tasks, store, is_open_task)
-}
-
-/// Those of a list that are not done; without a folder, all.
-fn open<'s, T>(
-    all: &'s [T],
-    store: Option<&Store>,
-    is_open: impl Fn(&T, &Store) -> Result<bool, CliError>,
-) -> Result<Vec<&'s T>, CliError> {
-    let mut open = Vec::new();
-    for one in all {
-        if store.map_or(Ok(true), |store| is_open(one, store))? {
-            open.push(one);
-        }
-    }
-    Ok(open)
-}
-
-fn is_open_cell(cell: &Cell, store: &Store) -> Result<bool, CliError> {
-    Ok(store.cell(&cell.key)?.is_none_or(|record| record.measured().is_none()))
+    open_ones(&study.tasks, store, is_open_task)
 }
 
 fn is_open_task(task: &Task, store: &Store) -> Result<bool, CliError> {
     Ok(store.search(&task.key)?.is_none_or(|found| matches!(found.result, Reached::Failed(_))))
-}
-
-/// The references that a cell needs.
-fn wanted<'a>(study: &'a Study, cell: &'a Cell) -> impl Iterator<Item = Wanted<'a>> {
-    let frames = reference_frames(study.experiment, cell);
-    frames.into_iter().map(|frame| Wanted::new(study.experiment, cell, study.view(cell), frame))
 }
 
 /// A study with its folder.
@@ -201,29 +171,20 @@ struct Job {
 impl Work<'_> {
     /// Measures and searches what is not there, and writes the results.
     fn run_all(&self, collect: impl FnOnce() -> Result<ExitCode, CliError>) -> Result<ExitCode, CliError> {
-        let (cells, tasks) =
-            (open_cells(self.study, Some(self.store))?, open_tasks(self.study, Some(self.store))?);
-        let done = self.study.cells.len() - cells.len();
-        if done > 0 {
-            eprintln!("{done} of {} cells are done already", self.study.cells.len());
-        }
-        match self.run_cells(&cells).and_then(|()| self.run_tasks(&tasks)) {
-            Err(CliError::Interrupted) => {
-                let kept = self.study.cells.len() - open_cells(self.study, Some(self.store))?.len();
-                eprintln!(
-                    "interrupted; {kept} of {} cells are done and kept in {}: the same command goes on from there",
-                    self.study.cells.len(),
-                    self.store.root().file("cells").display()
-                );
-                Ok(ExitCode::from(INTERRUPTED))
-            }
+        let tasks = open_tasks(self.study, Some(self.store))?;
+        match self.runner().all().and_then(|_| self.run_tasks(&tasks)) {
+            Err(CliError::Interrupted) => interrupted(self.study, self.store),
             Err(error) => Err(error),
             Ok(()) => collect(),
         }
     }
 
+    fn runner(&self) -> Runner<'_> {
+        Runner { study: self.study, store: Some(self.store), machine: &self.machine }
+    }
+
     fn run_tasks(&self, tasks: &[&Task]) -> Result<(), CliError> {
-        self.trace_references(tasks.iter().map(|task| &task.setting.cell))?;
+        self.runner().trace_references(tasks.iter().map(|task| &task.setting.cell), self.store)?;
         let bar = ProgressBar::new_spinner();
         bar.enable_steady_tick(Duration::from_millis(100));
         for task in tasks {
@@ -238,72 +199,6 @@ impl Work<'_> {
         }
         bar.finish_and_clear();
         Ok(())
-    }
-
-    fn run_cells(&self, todo: &[&Cell]) -> Result<(), CliError> {
-        self.trace_references(todo.iter().copied())?;
-        let frames: u64 = todo.iter().map(|cell| u64::from(cell.frames)).sum();
-        let bar = progress::bar(frames, "", "frames");
-        // Cells of one view follow each other and share the references.
-        for view in todo.chunk_by(|a, b| a.view() == b.view()) {
-            let references = references(self.study, view[0], self.store);
-            if let Err(CliError::Interrupted) = &references {
-                return Err(CliError::Interrupted);
-            }
-            for (nth, cell) in view.iter().enumerate() {
-                bar.set_message(format!(
-                    "{} ({} of {} in {})",
-                    cell.label(),
-                    nth + 1,
-                    view.len(),
-                    cell.view()
-                ));
-                let result = match &references {
-                    Ok(references) => self.cell(cell, references, &bar)?,
-                    Err(error) => Outcome::Failed(error.to_string()),
-                };
-                if let Outcome::Failed(message) = &result {
-                    bar.suspend(|| eprintln!("failed: {}: {message}", cell.label()));
-                }
-                self.store.keep_cell(&Record { cell: (*cell).clone(), result })?;
-            }
-        }
-        bar.finish_and_clear();
-        Ok(())
-    }
-
-    /// Traces the references that are not there. One that fails is reported with its cells.
-    fn trace_references<'c>(&self, todo: impl Iterator<Item = &'c Cell>) -> Result<(), CliError> {
-        let mut keys = BTreeSet::new();
-        let all: Vec<Wanted> = todo
-            .flat_map(|cell| wanted(self.study, cell))
-            .filter(|wanted| keys.insert(wanted.key().to_owned()))
-            .collect();
-        let bar = progress::bar(all.len() as u64, "tracing references", "references");
-        for wanted in &all {
-            interrupt::check()?;
-            open::tracer_of_surfaces(wanted.take.place)?;
-            if let Err(CliError::Interrupted) = wanted.ensure(self.store) {
-                return Err(CliError::Interrupted);
-            }
-            bar.inc(1);
-        }
-        bar.finish_and_clear();
-        Ok(())
-    }
-
-    /// Measures a cell. What keeps it from being measured is its result.
-    fn cell(&self, cell: &Cell, references: &References, bar: &ProgressBar) -> Result<Outcome, CliError> {
-        match measure(self.study, cell, references, self.machine.clone(), || bar.inc(1)) {
-            Ok((measured, picture)) => {
-                let last = cell.compare.last().expect("an experiment compares at least one of its frames");
-                let errors = Difference::new(&references[last].converged.picture, &picture).errors;
-                self.store.keep_picture(&cell.key, &picture, &errors)?;
-                Ok(Outcome::Measured(Box::new(measured)))
-            }
-            Err(CliError::Interrupted) => Err(CliError::Interrupted),
-            Err(error) => Ok(Outcome::Failed(error.to_string())),
-        }
     }
 
     /// Measures the cell, or makes the search, of a line of `--jobs`.
@@ -321,7 +216,7 @@ impl Work<'_> {
                 let cell = self.study.cells.iter().find(|cell| cell.key == *key);
                 let cell = cell.ok_or_else(|| unknown("cell", key))?;
                 if is_open_cell(cell, self.store)? {
-                    self.run_cells(&[cell])?;
+                    self.runner().run(&[cell])?;
                 }
                 (cell.label(), is_open_cell(cell, self.store)?)
             }
@@ -361,7 +256,7 @@ impl Work<'_> {
     /// What was measured, where and with what, in a line.
     fn about(&self) -> String {
         let Study { experiment, device, .. } = self.study;
-        let Experiment { frames, compare, spp, .. } = experiment;
+        let Experiment { frames: Frames { count: frames, compare }, spp, .. } = experiment;
         let compare: Vec<String> = compare.iter().map(u32::to_string).collect();
         let cpu = self.machine["cpu"].as_str().unwrap_or_default();
         format!(
@@ -380,11 +275,7 @@ impl Work<'_> {
         figure: Option<&Figure>,
         mut outputs: Files,
     ) -> Result<ExitCode, CliError> {
-        let mut records = Vec::new();
-        for cell in &self.study.cells {
-            // The names in the file may be those of another experiment with the same cell.
-            records.extend(self.store.cell(&cell.key)?.map(|record| Record { cell: cell.clone(), ..record }));
-        }
+        let records = records(self.study, self.store)?;
         let mut found = Vec::new();
         for task in &self.study.tasks {
             let cell = || task.setting.cell.clone();

@@ -81,7 +81,7 @@ pub fn page(results: &Results, plots: &[&str], pictures: &[Shown], about: &str) 
         .collect();
     // Within a script, only `</script>` would end it.
     let data = Value::from(data).to_string().replace('<', "\\u003c");
-    let frame = experiment.compare.last().map_or(String::new(), u32::to_string);
+    let frame = experiment.frames.compare.last().map_or(String::new(), u32::to_string);
     let mut shown = format!(
         "Frame {frame} of the first seed, as displayed; the figures are means over the compared frames."
     );

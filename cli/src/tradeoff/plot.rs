@@ -1,4 +1,5 @@
-//! Plots: error over cost with the Pareto front, and error over frames; a panel for each scene, camera and size.
+//! Plots: error over cost with the Pareto front, error over frames, and several errors over light paths; a panel for each
+//! scene, camera and size.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +7,7 @@ use epigraph_pictures::svg::{Anchor, Svg};
 
 use super::{
     cell::{Cell, Record},
-    figure::{Cost, Metric},
+    figure::{Cost, Metric, REFERENCE_FLIP, REFERENCE_PSNR},
     results::{groups, mean},
 };
 use crate::{
@@ -52,9 +53,13 @@ struct Series {
 /// A panel.
 struct Panel {
     title: String,
+    /// The vertical axis: its name, and whether it is logarithmic. Panels with the same one share its scale.
+    down: (String, bool),
     series: Vec<Series>,
     /// Whether the front is drawn, and if so, whether more is better.
     front: Option<bool>,
+    /// A value across the whole panel, and what it is.
+    level: Option<(f64, &'static str)>,
 }
 
 /// A plot.
@@ -62,7 +67,6 @@ struct Plot<'a> {
     title: &'a str,
     about: String,
     across: (&'a str, bool),
-    down: (String, bool),
     panels: Vec<Panel>,
 }
 
@@ -70,23 +74,12 @@ struct Plot<'a> {
 /// is nothing to show.
 pub fn over_cost(doc: &str, records: &[Record], metric: Metric, cost: Cost) -> Option<String> {
     let naming = Naming::of(records);
-    let point = |group: &[Record]| {
-        let at = [mean(group, cost.column())?, mean(group, metric.column())?];
-        Some(Point { at, text: naming.label(&group[0].cell) })
-    };
-    let panel = |view: &[Record]| {
-        let mut series: Vec<Series> = Vec::new();
-        for group in groups(view) {
-            let name = group[0].cell.variation();
-            let Some(point) = point(group) else { continue };
-            match series.iter_mut().find(|series| series.name == name) {
-                Some(series) => series.points.push(point),
-                None => {
-                    series.push(Series { name, group: naming.group(&group[0].cell), points: vec![point] })
-                }
-            }
-        }
-        Panel { title: view[0].cell.view(), series, front: Some(metric.more_is_better()) }
+    let panel = |view: &[Record]| Panel {
+        title: view[0].cell.view(),
+        down: down(metric),
+        series: series(view, metric, cost, &naming, |cell| naming.label(cell)),
+        front: Some(metric.more_is_better()),
+        level: None,
     };
     let times = if cost.is_time() { "; times of this machine" } else { "" };
     Plot {
@@ -97,10 +90,58 @@ pub fn over_cost(doc: &str, records: &[Record], metric: Metric, cost: Cost) -> O
             if metric.more_is_better() { " (more is better)" } else { " (less is better)" }
         ),
         across: (cost.unit(), true),
-        down: (axis_name(metric), !metric.more_is_better()),
         panels: views(records).map(panel).collect(),
     }
     .svg()
+}
+
+/// Metrics over light paths per pixel and frame, or over samples if a graph has no number of paths: for each view a panel
+/// for each metric, with the reference's own error. `None` if there is nothing to show.
+pub fn over_paths(title: &str, about: String, records: &[Record], metrics: &[Metric]) -> Option<String> {
+    let has_paths = records.iter().all(|record| record.cell.paths_per_pixel.is_some());
+    let cost = if has_paths { Cost::PathsPerPixel } else { Cost::Samples };
+    let naming = Naming::of(records);
+    let panel = |view: &[Record], metric: Metric| Panel {
+        title: view[0].cell.view(),
+        down: down(metric),
+        series: series(view, metric, cost, &naming, |_| String::new()),
+        front: None,
+        level: level(view, metric),
+    };
+    let panels = views(records).flat_map(|view| metrics.iter().map(move |metric| panel(view, *metric)));
+    let panels = panels.filter(|panel| panel.points().next().is_some()).collect();
+    Plot { title, about, across: (cost.unit(), true), panels }.svg()
+}
+
+/// A line over a cost for each variation of a graph, with a point for each set of repetitions.
+fn series(
+    view: &[Record],
+    metric: Metric,
+    cost: Cost,
+    naming: &Naming,
+    text: impl Fn(&Cell) -> String,
+) -> Vec<Series> {
+    let mut all: Vec<Series> = Vec::new();
+    for group in groups(view) {
+        let cell = &group[0].cell;
+        let Some(at) = mean(group, cost.column()).zip(mean(group, metric.column())) else { continue };
+        let (name, point) = (cell.variation(), Point { at: at.into(), text: text(cell) });
+        match all.iter_mut().find(|series| series.name == name) {
+            Some(series) => series.points.push(point),
+            None => all.push(Series { name, group: naming.group(cell), points: vec![point] }),
+        }
+    }
+    all
+}
+
+/// What a view's reference says of a metric of its own.
+fn level(view: &[Record], metric: Metric) -> Option<(f64, &'static str)> {
+    let (column, what) = match metric {
+        Metric::Psnr => (REFERENCE_PSNR, "the reference's own error"),
+        Metric::Flip => (REFERENCE_FLIP, "between halves of the reference"),
+        _ => return None,
+    };
+    mean(view, column).map(|value| (value, what))
 }
 
 /// A metric over the compared frames: a line for each variation of a graph at each budget. `None` if fewer than two
@@ -131,14 +172,15 @@ pub fn over_frames(doc: &str, records: &[Record], metric: Metric) -> Option<Stri
     };
     let panel = |view: &[Record]| Panel {
         title: view[0].cell.view(),
+        down: down(metric),
         series: groups(view).filter_map(line).collect(),
         front: None,
+        level: None,
     };
     let plot = Plot {
         title: doc,
         about: format!("{} of each compared frame; means over the seeds", metric.column()),
         across: ("frame", false),
-        down: (axis_name(metric), !metric.more_is_better()),
         panels: views(records).map(panel).collect(),
     };
     records.iter().any(several).then(|| plot.svg()).flatten()
@@ -201,11 +243,8 @@ fn front<'p>(points: impl Iterator<Item = &'p Point>, more: bool) -> Vec<&'p Poi
 
 impl Plot<'_> {
     fn svg(&self) -> Option<String> {
-        let points = || self.panels.iter().flat_map(|panel| &panel.series).flat_map(|series| &series.points);
-        // All panels share one scale, so that they can be compared.
-        let axis = |lane: usize, logarithmic: bool, screen| {
-            Axis::new(points().map(|point| point.at[lane]), logarithmic, screen)
-        };
+        // Panels share one scale, so that they can be compared: across all of them, down those of the same metric.
+        let xs = || self.panels.iter().flat_map(Panel::points).map(|point| point.at[0]);
         let columns = self.panels.len().min(COLUMNS);
         if columns == 0 {
             return None;
@@ -223,9 +262,9 @@ impl Plot<'_> {
         for (index, panel) in self.panels.iter().enumerate() {
             let left = MARGIN + NUMBERS + STEP[0] * (index % columns) as f64;
             let top = top + STEP[1] * (index / columns) as f64;
-            let across = axis(0, self.across.1, [left, left + PANEL[0]])?;
-            let down = axis(1, self.down.1, [top + PANEL[1], top])?;
-            self.axes(&mut svg, &across, &down, [left, top]);
+            let across = Axis::new(xs(), self.across.1, [left, left + PANEL[0]])?;
+            let down = Axis::new(self.ys(&panel.down), panel.down.1, [top + PANEL[1], top])?;
+            self.axes(&mut svg, &across, &down, panel, [left, top]);
             svg.text([left, top - 9.0], &panel.title, Anchor::Start, HEADING);
             panel.draw(&mut svg, [&across, &down], left + PANEL[0], &names);
         }
@@ -233,25 +272,43 @@ impl Plot<'_> {
         Some(svg.finish([width, top + STEP[1] * rows - 20.0]))
     }
 
-    fn axes(&self, svg: &mut Svg, across: &Axis, down: &Axis, [left, top]: [f64; 2]) {
+    /// What panels with this axis show.
+    fn ys<'p>(&'p self, down: &'p (String, bool)) -> impl Iterator<Item = f64> + 'p {
+        let alike = self.panels.iter().filter(move |panel| panel.down == *down);
+        alike.flat_map(|panel| {
+            let level = panel.level.map(|(value, _)| value);
+            panel.points().map(|point| point.at[1]).chain(level)
+        })
+    }
+
+    fn axes(&self, svg: &mut Svg, across: &Axis, down: &Axis, panel: &Panel, [left, top]: [f64; 2]) {
         let [width, height] = PANEL;
         grid(svg, [across, down], [left, top], PANEL, [short; 2]);
         let scale = |logarithmic| if logarithmic { ", logarithmic" } else { "" };
         let name = format!("{}{}", self.across.0, scale(self.across.1));
         svg.text([left + width / 2.0, top + height + 34.0], &name, Anchor::Middle, LABEL);
-        let name = format!("{}{}", self.down.0, scale(self.down.1));
+        let name = format!("{}{}", panel.down.0, scale(panel.down.1));
         svg.text([left + width, top - 9.0], &name, Anchor::End, QUIET);
     }
 }
 
 impl Panel {
+    fn points(&self) -> impl Iterator<Item = &Point> {
+        self.series.iter().flat_map(|series| &series.points)
+    }
+
     fn draw(&self, svg: &mut Svg, [across, down]: [&Axis; 2], right: f64, names: &[&str]) {
         let screen = |point: &Point| [across.at(point.at[0]), down.at(point.at[1])];
         let shown = |point: &&Point| across.shows(point.at[0]) && down.shows(point.at[1]);
-        let all = || self.series.iter().flat_map(|series| &series.points).filter(shown);
+        let all = || self.points().filter(shown);
         let front = self.front.map_or(Vec::new(), |more| front(all(), more));
         let path: Vec<[f64; 2]> = front.iter().map(|point| screen(point)).collect();
         svg.dashed(&path, FRONT, 1.4);
+        if let Some((value, what)) = self.level.filter(|(value, _)| down.shows(*value)) {
+            let y = down.at(value);
+            svg.dashed(&[[right - PANEL[0], y], [right, y]], FRONT, 1.4);
+            svg.text([right - 6.0, y - 5.0], what, Anchor::End, QUIET);
+        }
         for series in &self.series {
             let mut points: Vec<[f64; 2]> = series.points.iter().filter(shown).map(screen).collect();
             points.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -326,12 +383,13 @@ pub fn legend(svg: &mut Svg, mark: Mark, entries: &[(&str, &str)], width: f64, m
     y
 }
 
-/// The name of a metric's axis.
-fn axis_name(metric: Metric) -> String {
-    match metric.unit() {
-        "" => metric.column().to_owned(),
-        unit => format!("{}, {unit}", metric.column()),
-    }
+/// The name of a metric's axis, and whether it is logarithmic.
+fn down(metric: Metric) -> (String, bool) {
+    let name = match metric.unit() {
+        "" => metric.name().to_owned(),
+        unit => format!("{}, {unit}", metric.name()),
+    };
+    (name, !metric.more_is_better())
 }
 
 /// A number of an axis: large ones with a suffix.
@@ -361,7 +419,10 @@ mod tests {
     use super::*;
     use crate::{
         svg::GRID,
-        tradeoff::cell::tests::{cell, record},
+        tradeoff::cell::{
+            Outcome,
+            tests::{cell, record},
+        },
     };
 
     fn point(x: f64, y: f64) -> Point {
@@ -399,6 +460,29 @@ mod tests {
         assert_eq!(svg.matches("stroke-width=\"1.6\"").count(), 3);
         assert!(over_frames("What?", &records, Metric::Flip).is_none(), "one frame is compared");
         assert!(over_cost("What?", &records, Metric::Ssim, Cost::TotalMs).is_none(), "it was not measured");
+    }
+
+    #[test]
+    fn each_metric_has_a_panel_and_the_references_error() {
+        let records =
+            [("epi", 5, 0.5), ("epi", 9, 0.25), ("render-cache", 5, 0.75)].map(|(graph, samples, flip)| {
+                let mut record = record(cell(graph, samples, 1), flip, 1.0);
+                if let Outcome::Measured(measured) = &mut record.result {
+                    measured.errors.insert("psnr".into(), Some(30.0 - 10.0 * flip));
+                    measured.errors.insert("reference_psnr".into(), Some(40.0));
+                }
+                record
+            });
+        let svg = over_paths("What?", "How.".into(), &records, &[Metric::Psnr, Metric::Flip]).unwrap();
+        // In both panels, a line for each graph that has more than a point, one dot each, and two in the legend.
+        assert_eq!(
+            (svg.matches("<circle").count(), svg.matches(">cornell, orbit, 10x10<").count()),
+            (2 * 3 + 2, 2)
+        );
+        assert_eq!(svg.matches(">the reference's own error<").count(), 1);
+        assert!(svg.contains(">PSNR, dB<") && svg.contains(">FLIP, logarithmic<"), "{svg}");
+        assert!(svg.contains(">paths per pixel and frame, logarithmic<"), "{svg}");
+        assert!(!svg.contains("between halves"), "it was not measured");
     }
 
     #[test]

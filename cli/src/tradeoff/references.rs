@@ -7,7 +7,11 @@ use epigraph_pictures::{Difference, Picture, metrics, tone};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{cell::Cell, experiment::Experiment, store::Store, study::View};
+use super::{
+    cell::Cell,
+    store::Store,
+    study::{Study, View},
+};
 use crate::{
     converged::{Converged, Take, different},
     error::CliError,
@@ -29,7 +33,13 @@ pub struct Noise {
     pub rmse: f64,
     /// Relative MSE of the reference, a quarter of that between its halves.
     pub rel_mse: f64,
+    /// PSNR of the reference, decibels: that between its halves and 6.02 dB, as a quarter of their squared difference is
+    /// left. `None` if they are equal.
+    pub psnr: Option<f64>,
 }
+
+/// Part of the names of references. Another one is needed when more is known of them.
+const FORMAT: u32 = 2;
 
 #[derive(Deserialize)]
 struct Facts {
@@ -56,9 +66,9 @@ pub struct Wanted<'a> {
 
 impl<'a> Wanted<'a> {
     /// The reference of a frame of a cell's view.
-    pub fn new(experiment: &Experiment, cell: &Cell, view: &'a View, frame: u32) -> Self {
-        let View { place, print, .. } = view;
-        let Experiment { spp, mode, .. } = *experiment;
+    pub fn new(study: &'a Study, cell: &Cell, frame: u32) -> Self {
+        let View { place, print, .. } = study.view(cell);
+        let (spp, mode) = (study.experiment.spp, study.mode);
         let frame = if different(place, &[0, frame]).len() == 1 { 0 } else { frame };
         let take = Take { place, frame, size: cell.size, mode };
         let mut print = *print;
@@ -66,7 +76,7 @@ impl<'a> Wanted<'a> {
         let camera = place.path.camera(frame);
         let size = cell.size;
         let version = env!("CARGO_PKG_VERSION");
-        write!(print, " {version} {camera:?} {poses:?} {size:?} {mode:?} {spp}")
+        write!(print, " {FORMAT} {version} {camera:?} {poses:?} {size:?} {mode:?} {spp}")
             .expect("a fingerprint takes all text");
         let label = format!("reference {}, frame {frame}", cell.view());
         Self { take, spp, key: print.to_string(), label }
@@ -77,12 +87,13 @@ impl<'a> Wanted<'a> {
         &self.key
     }
 
-    /// The reference, from the store or traced and stored.
+    /// The reference, from the store or traced, and then stored if there is a store.
     ///
     /// # Errors
     /// Too little memory, files that cannot be read or written, and [`CliError::Interrupted`].
-    pub fn get(&self, store: &Store) -> Result<Reference, CliError> {
-        if let Some((picture, Facts { noise })) = store.reference(&self.key)? {
+    pub fn get(&self, store: Option<&Store>) -> Result<Reference, CliError> {
+        let kept = store.map(|store| store.reference(&self.key)).transpose()?.flatten();
+        if let Some((picture, Facts { noise })) = kept {
             return Ok(Reference { converged: self.take.converged(picture.colors), noise });
         }
         let size = self.take.size;
@@ -102,7 +113,9 @@ impl<'a> Wanted<'a> {
             "version": env!("CARGO_PKG_VERSION"),
             "noise": noise,
         });
-        store.keep_reference(&self.key, &converged.picture, &facts)?;
+        if let Some(store) = store {
+            store.keep_reference(&self.key, &converged.picture, &facts)?;
+        }
         Ok(Reference { converged, noise })
     }
 
@@ -119,7 +132,7 @@ impl<'a> Wanted<'a> {
     /// # Errors
     /// Those of [`Wanted::get`].
     pub fn ensure(&self, store: &Store) -> Result<(), CliError> {
-        if store.has_reference(&self.key)? { Ok(()) } else { self.get(store).map(drop) }
+        if store.has_reference(&self.key)? { Ok(()) } else { self.get(Some(store)).map(drop) }
     }
 }
 
@@ -128,8 +141,10 @@ fn noise(size: [usize; 2], a: &[[f32; 3]], b: &[[f32; 3]]) -> Noise {
     let picture = |colors: &[[f32; 3]]| Picture { size, colors: colors.to_vec(), linear: true };
     let [a, b] = [picture(a), picture(b)];
     let (light_a, light_b) = (light(&a), light(&b));
+    let difference = Difference::new(&a, &b);
     Noise {
-        flip: Difference::new(&a, &b).flip(),
+        flip: difference.flip(),
+        psnr: Some(difference.psnr() + 20.0 * 2_f64.log10()).filter(|psnr| psnr.is_finite()),
         rmse: 0.5 * metrics::rmse(&light_a, &light_b),
         rel_mse: 0.25 * metrics::rel_mse(&light_a, &light_b),
     }
@@ -165,6 +180,10 @@ mod tests {
             a.iter().zip(&b).map(|(a, b)| [0, 1, 2].map(|lane| 0.5 * (a[lane] + b[lane]))).collect();
         let truth = vec![[0.5; 3]; 4096];
         let (rmse, rel_mse) = (metrics::rmse(&truth, &mean), metrics::rel_mse(&truth, &mean));
+        let picture = |colors| Picture { size: [64, 64], colors, linear: true };
+        let psnr = Difference::new(&picture(truth), &picture(mean)).psnr();
+        assert!((found.psnr.unwrap() - psnr).abs() < 0.2, "{found:?}, but PSNR is {psnr}");
+        assert_eq!(noise([64, 64], &a, &a).psnr, None);
         assert!((found.rmse / rmse - 1.0).abs() < 0.05, "{found:?}, but RMSE is {rmse}");
         assert!((found.rel_mse / rel_mse - 1.0).abs() < 0.1, "{found:?}, but relative MSE is {rel_mse}");
     }

@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 use super::{
     cell::{Cell, Found, Measured, Outcome, Reached, Record},
     experiment::{Experiment, tidy},
-    figure::{Cost, INEFFICIENCY, Metric, NOISE},
+    figure::{Cost, INEFFICIENCY, Metric, REFERENCE},
 };
 use crate::table::Table;
 
@@ -27,7 +27,7 @@ type Column = (&'static str, &'static str);
 impl Results<'_> {
     /// The columns of errors: the same in every run on one machine.
     fn errors(&self) -> impl Iterator<Item = Column> {
-        self.experiment.metrics.iter().map(|metric| (metric.column(), metric.doc())).chain(NOISE)
+        self.experiment.metrics.iter().map(|metric| (metric.column(), metric.doc())).chain(REFERENCE)
     }
 
     /// The columns of costs; times last.
@@ -232,7 +232,7 @@ pub fn mean<'r>(records: impl IntoIterator<Item = &'r Record>, column: &str) -> 
 /// is not above that of the reference's halves, or its RMSE not above sqrt(2) times the reference's, of which half
 /// the square is the reference's own. `None` if neither was measured.
 fn at_noise(record: &Record) -> Option<bool> {
-    let [flip, rmse, _] = NOISE.map(|(name, _)| record.figure(name));
+    let [flip, rmse, ..] = REFERENCE.map(|(name, _)| record.figure(name));
     let flip = record.figure(Metric::Flip.column()).zip(flip).map(|(found, noise)| found <= noise);
     let rmse = record.figure(Metric::Rmse.column()).zip(rmse);
     let rmse = rmse.map(|(found, noise)| found <= std::f64::consts::SQRT_2 * noise);

@@ -45,7 +45,7 @@ impl Work<'_> {
         };
         // More samples lower errors and take time; what a parameter does, it has to show.
         let falls = matches!(task.search.over, Over::Samples(_)).then_some(falls);
-        let references = references(self.study, &task.setting.cell, self.store)?;
+        let references = references(self.study, &task.setting.cell, Some(self.store))?;
         let column = goal.column();
         let Task { range, whole, .. } = *task;
         let target = Target { value, falls, ratios, range, whole };
@@ -90,7 +90,7 @@ impl Work<'_> {
             if let Some(record) = self.store.cell(&cell.key)?.filter(|record| record.measured().is_some()) {
                 return Ok(record);
             }
-            let result = self.cell(&cell, references, bar)?;
+            let result = self.runner().cell(&cell, references, bar)?;
             let record = Record { cell, result };
             self.store.keep_cell(&record)?;
             match &record.result {

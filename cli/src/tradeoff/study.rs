@@ -1,18 +1,22 @@
 //! An experiment with everything that it names opened and checked: graphs, scenes, devices, and all of its cells.
 
-use std::{fmt::Write, path::Path, sync::Arc};
+use std::{
+    fmt::{Display, Write},
+    path::Path,
+    sync::Arc,
+};
 
 use epigraph::{Device, Error, Registry, Samples, Setup};
-use epigraph_core::{GraphFile, Node, Problems, Side};
+use epigraph_core::{GraphFile, Node, ParamKind, Problems, Side};
 use epigraph_files::{Fingerprint, MOST_DATA};
 use epigraph_scenes::Scene;
 use epigraph_stages::meaning::SAMPLES;
 
 use super::{
     cell::Cell,
-    experiment::{Budget, Experiment, Over, Placed, Search, Set, tidy},
+    experiment::{Budget, Experiment, Frames, Over, Placed, Search, Set, tidy},
 };
-use crate::{args::ChangeArgs, error::CliError, open};
+use crate::{args::ChangeArgs, error::CliError, open, values::Light};
 
 /// The most cells of an experiment.
 const MOST_CELLS: usize = 100_000;
@@ -43,9 +47,28 @@ struct Variation<'e> {
 pub struct Setting {
     /// Its cells, but for budget and seed.
     pub cell: Cell,
+    /// The fingerprint of the graph.
+    print: Fingerprint,
+}
+
+/// A budget that a graph cannot have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// The graph with the parameters that vary.
+    pub graph: String,
+    /// The budget as in the experiment.
+    pub budget: String,
+    /// Why not, and what to do.
+    pub why: String,
+}
+
+/// What is known of a graph that compiles for a view.
+struct Checked {
     /// Light paths of a sample, if a node has them.
     paths: Option<u32>,
-    /// The fingerprint of the graph.
+    /// The light of samples, with the parameter that says so.
+    light: Option<(String, Light)>,
+    /// The fingerprint of the graph with its shaders.
     print: Fingerprint,
 }
 
@@ -71,8 +94,12 @@ pub struct Study<'e> {
     pub registry: &'e Arc<Registry>,
     /// The default device of nodes.
     pub device: Device,
+    /// Light transport of the references.
+    pub mode: Light,
     /// All cells; those of one view follow each other.
     pub cells: Vec<Cell>,
+    /// What is left out, in words, with the graph and the budget.
+    pub left_out: Vec<LeftOut>,
     /// All searches.
     pub tasks: Vec<Task>,
     settings: Vec<Setting>,
@@ -98,11 +125,23 @@ impl<'e> Study<'e> {
                 format!("the experiment has {count} cells; {MOST_CELLS} are the limit: vary less at a time");
             return Err(CliError::Input(text));
         }
-        let (build, cells, tasks) = (build()?, Vec::new(), Vec::new());
-        let (settings, graphs) = (Vec::new(), Vec::new());
-        let mut study = Self { experiment, registry, device, cells, tasks, settings, views, graphs, build };
-        study.settings = study.all_settings(&variations)?;
-        study.cells = study.all_cells()?;
+        let (build, cells, tasks, left_out) = (build()?, Vec::new(), Vec::new(), Vec::new());
+        let (settings, graphs, mode) = (Vec::new(), Vec::new(), Light::Direct);
+        let mut study = Self {
+            experiment,
+            registry,
+            device,
+            mode,
+            cells,
+            left_out,
+            tasks,
+            settings,
+            views,
+            graphs,
+            build,
+        };
+        (study.settings, study.mode) = study.all_settings(&variations)?;
+        (study.cells, study.left_out) = study.all_cells()?;
         study.tasks = study.all_tasks()?;
         study.graphs = variations.into_iter().map(|variation| (variation.variant, variation.file)).collect();
         Ok(study)
@@ -136,15 +175,37 @@ impl<'e> Study<'e> {
             .size(size)
     }
 
-    /// Every graph with every variation in every view, checked.
-    fn all_settings(&self, variations: &[Variation]) -> Result<Vec<Setting>, Problems> {
-        let Experiment { sizes, frames, compare, .. } = self.experiment;
+    /// Every graph with every variation in every view, checked; and the light transport of the references, which is
+    /// that of all graphs.
+    fn all_settings(&self, variations: &[Variation]) -> Result<(Vec<Setting>, Light), Problems> {
+        let Experiment { sizes, frames, still, .. } = self.experiment;
+        let mut mode = self.experiment.mode;
         let (mut settings, mut problems) = (Vec::new(), Problems::default());
         for view in &self.views {
+            let Frames { count, compare } =
+                still.as_ref().filter(|_| !view.place.path.moves()).unwrap_or(frames);
             for (size, variation) in sizes.iter().flat_map(|size| variations.iter().map(move |of| (size, of)))
             {
+                let problem = |error: &dyn Display| {
+                    let first = variation.params.first();
+                    first.map_or_else(|| variation.graph.problem(error), |set| set.problem(error))
+                };
                 match self.check(&variation.file, view, size.value) {
-                    Ok((paths, print)) => {
+                    Ok(Checked { paths, light, print }) => {
+                        if let Some((param, light)) = light {
+                            let mode = *mode.get_or_insert(light);
+                            if mode != light {
+                                problems.add(|| {
+                                    problem(&other_light(
+                                        &variation.variant,
+                                        &param,
+                                        light,
+                                        mode,
+                                        self.experiment.mode.is_some(),
+                                    ))
+                                });
+                            }
+                        }
                         let cell = Cell {
                             key: String::new(),
                             graph: variation.label.to_owned(),
@@ -153,37 +214,47 @@ impl<'e> Study<'e> {
                             scene: view.scene.clone(),
                             camera: view.camera.clone(),
                             size: size.value,
-                            frames: *frames,
+                            frames: *count,
                             compare: compare.clone(),
                             budget: String::new(),
                             samples: 0,
+                            paths_per_sample: paths,
                             paths_per_pixel: None,
                             seed: 0,
                         };
-                        settings.push(Setting { cell, paths, print });
+                        settings.push(Setting { cell, print });
                     }
-                    Err(error) => problems.add(|| {
-                        let first = variation.params.first();
-                        first.map_or_else(|| variation.graph.problem(&error), |set| set.problem(&error))
-                    }),
+                    Err(error) => problems.add(|| problem(&error)),
                 }
             }
         }
         // The same problem in several views is one.
         problems.0.dedup();
         problems.into_result()?;
-        Ok(settings)
+        Ok((settings, mode.unwrap_or(Light::Direct)))
     }
 
-    fn all_cells(&self) -> Result<Vec<Cell>, Problems> {
-        let Experiment { budgets, seeds, .. } = self.experiment;
-        let (mut cells, mut problems) = (Vec::new(), Problems::default());
+    fn all_cells(&self) -> Result<(Vec<Cell>, Vec<LeftOut>), Problems> {
+        let Experiment { budgets, seeds, leaves_out, .. } = self.experiment;
+        let (mut cells, mut left_out, mut problems) = (Vec::new(), Vec::new(), Problems::default());
+        let fits = |budget: &Placed<Budget>| {
+            self.settings.iter().any(|setting| samples(budget, &setting.cell).is_ok())
+        };
+        let optional: Vec<bool> = budgets.iter().map(|budget| *leaves_out && fits(budget)).collect();
         for setting in &self.settings {
-            for budget in budgets {
-                match samples(budget, setting.cell.size, setting.paths, &setting.cell.variant) {
+            for (budget, is_optional) in budgets.iter().zip(&optional) {
+                match samples(budget, &setting.cell) {
                     Ok(samples) => {
                         let text = budget.value.to_string();
                         cells.extend(seeds.iter().map(|seed| self.cell(setting, &text, samples, *seed)));
+                    }
+                    Err(others) if *is_optional => {
+                        let (graph, budget) = (setting.cell.variation(), budget.value.to_string());
+                        let one = LeftOut { graph, budget, why: others.to_string() };
+                        // Once for all views.
+                        if !left_out.contains(&one) {
+                            left_out.push(one);
+                        }
                     }
                     Err(others) => problems.append(others),
                 }
@@ -191,7 +262,7 @@ impl<'e> Study<'e> {
         }
         problems.0.dedup();
         problems.into_result()?;
-        Ok(cells)
+        Ok((cells, left_out))
     }
 
     /// The cell of a setting with this number of samples and this seed.
@@ -201,7 +272,7 @@ impl<'e> Study<'e> {
         let mut cell = Cell {
             budget: budget.to_owned(),
             samples,
-            paths_per_pixel: setting.paths.map(paths),
+            paths_per_pixel: setting.cell.paths_per_sample.map(paths),
             seed,
             ..setting.cell.clone()
         };
@@ -244,7 +315,7 @@ impl<'e> Study<'e> {
                 let at = |value: f64| self.with(setting, name, value);
                 for end in range {
                     let with = at(*end).map_err(|error| search.problem(error))?;
-                    samples(budget, with.cell.size, with.paths, &with.cell.variant)?;
+                    samples(budget, &with.cell)?;
                 }
                 // A parameter that takes both ends, but nothing between whole numbers, has whole numbers.
                 let whole = range.iter().all(|end| end.fract() == 0.0) && at(range[0] + 0.5).is_err();
@@ -260,8 +331,9 @@ impl<'e> Study<'e> {
         cell.variant += &format!("+{name}={text}");
         cell.params.push((name.to_owned(), text));
         let file = open::graph(&cell.variant, &ChangeArgs::default(), self.registry)?;
-        let (paths, print) = self.check(&file, self.view(&cell), cell.size)?;
-        Ok(Setting { cell, paths, print })
+        let Checked { paths, print, .. } = self.check(&file, self.view(&cell), cell.size)?;
+        cell.paths_per_sample = paths;
+        Ok(Setting { cell, print })
     }
 
     /// The setting and the samples per frame at a value of a search.
@@ -273,20 +345,14 @@ impl<'e> Study<'e> {
             Over::Samples(_) => Ok((task.setting.clone(), value as u32)),
             Over::Param { name, budget, .. } => {
                 let setting = self.with(&task.setting, name, value)?;
-                let samples = samples(budget, setting.cell.size, setting.paths, &setting.cell.variant)?;
+                let samples = samples(budget, &setting.cell)?;
                 Ok((setting, samples))
             }
         }
     }
 
-    /// Compiles a graph for a view. Returns the light paths of a sample, if a node has them, and a fingerprint of the
-    /// graph with its shaders.
-    fn check(
-        &self,
-        file: &GraphFile,
-        view: &View,
-        size: [u32; 2],
-    ) -> Result<(Option<u32>, Fingerprint), CliError> {
+    /// Compiles a graph for a view.
+    fn check(&self, file: &GraphFile, view: &View, size: [u32; 2]) -> Result<Checked, CliError> {
         let compiled = self.setup_of(file, view, size).samples(Samples::Count(1)).compile()?;
         compiled.picture()?;
         // Pictures are compared at the references' exposure.
@@ -297,12 +363,13 @@ impl<'e> Study<'e> {
         for shader in compiled.graph().nodes.iter().filter_map(|node| node.declaration().shader.as_ref()) {
             print.take(shader.source.as_bytes());
         }
-        Ok((compiled.graph().nodes.iter().find_map(paths_of), print))
+        let nodes = &compiled.graph().nodes;
+        Ok(Checked { paths: nodes.iter().find_map(paths_of), light: nodes.iter().find_map(light_of), print })
     }
 
     /// The fingerprint of everything that a cell's errors depend on.
     fn key(&self, cell: &Cell, graph: Fingerprint) -> Fingerprint {
-        let Experiment { spp, mode, metrics, change, .. } = self.experiment;
+        let (Experiment { spp, metrics, change, .. }, mode) = (self.experiment, self.mode);
         let view = self.view(cell);
         let mut print = view.print;
         let adapter =
@@ -409,46 +476,86 @@ fn with_surfaces(scene: &Placed<String>, place: epigraph::Place) -> Result<epigr
     }
 }
 
-/// The light paths of a sample, if a node that takes samples has such a parameter.
-fn paths_of(node: &Node) -> Option<u32> {
+/// A parameter of a node that takes samples, and its value in the uniform.
+fn source_param(node: &Node, name: &str) -> Option<(ParamKind, u32)> {
     let is_source = |port: &epigraph_core::Port| port.is_output() && port.meaning == Some(SAMPLES);
     node.declaration().ports.iter().find(|port| is_source(port))?;
-    let specs = node.stage.specs();
-    let in_words = specs.iter().filter(|spec| spec.kind.scalar().is_some());
-    let nth = in_words.clone().position(|spec| spec.name == "spp")?;
-    node.stage.words().get(nth).copied()
+    let mut specs = node.stage.specs();
+    specs.retain(|spec| spec.kind.scalar().is_some());
+    let nth = specs.iter().position(|spec| spec.name == name)?;
+    Some((specs.swap_remove(nth).kind, *node.stage.words().get(nth)?))
 }
 
-/// The samples per frame of a budget.
-fn samples(
-    budget: &Placed<Budget>,
-    size: [u32; 2],
-    paths: Option<u32>,
-    variant: &str,
-) -> Result<u32, Problems> {
-    let pixels = size[0] * size[1];
+/// The light paths of a sample, if a node that takes samples has such a parameter.
+fn paths_of(node: &Node) -> Option<u32> {
+    source_param(node, "spp").map(|(_, paths)| paths)
+}
+
+/// The light that samples have, if a node that takes samples has such a parameter, with its name.
+fn light_of(node: &Node) -> Option<(String, Light)> {
+    let (ParamKind::Choice(names), chosen) = source_param(node, "mode")? else { return None };
+    let light =
+        Light::ALL.into_iter().find(|light| names.get(chosen as usize) == Some(&light.to_string()))?;
+    Some((format!("{}.mode", node.name), light))
+}
+
+/// That a graph's samples have other light than the references. `given`: the experiment says which those have.
+fn other_light(variant: &str, param: &str, light: Light, mode: Light, given: bool) -> String {
+    let (whose, instead) = if given {
+        ("the references have", "leave the mode of the references out, which is then that of the graphs")
+    } else {
+        ("graphs before it with", "measure it in a run of its own")
+    };
+    format!(
+        "`{variant}` takes samples with {param}={light}, but {whose} mode {mode}: the light that only one of them has would \
+         count as an error; add `+{param}={mode}` to the graph (`--set {param}={mode}` to all), or {instead}"
+    )
+}
+
+/// The samples per frame of a budget in a setting.
+fn samples(budget: &Placed<Budget>, cell: &Cell) -> Result<u32, Problems> {
+    let Cell { size, paths_per_sample: paths, variant, .. } = cell;
+    let (image, pixels) = (format!("an image of {}x{}", size[0], size[1]), size[0] * size[1]);
+    let of_paths = match paths {
+        None => String::new(),
+        Some(1) => " of 1 path".into(),
+        Some(paths) => format!(" of {paths} paths"),
+    };
     let samples = match budget.value {
-        Budget::Samples(samples) => samples.of(size),
+        Budget::Samples(samples) => f64::from(samples.of(*size)),
         Budget::PathsPerPixel(per_pixel) => {
             let Some(paths) = paths else {
                 let text = format!(
-                    "`{variant}` has no node with samples and a parameter `spp`; state the budget as Samples(\"5%\")"
+                    "`{variant}` has no node with samples and a parameter `spp`; state the budget in samples, such as 5%"
                 );
                 return Err(budget.problem(text).into());
             };
-            let samples = (per_pixel * f64::from(pixels) / f64::from(paths)).round();
-            samples.clamp(1.0, f64::from(u32::MAX)) as u32
+            per_pixel * f64::from(pixels) / f64::from(*paths)
         }
     };
-    if samples > pixels {
-        let per_sample = paths.map_or(String::new(), |paths| format!(" of {paths} paths"));
+    if samples < 1.0 {
         let text = format!(
-            "{} is {samples} samples{per_sample}, more than one per pixel; an image of {}x{} has {pixels} pixels",
-            budget.value, size[0], size[1]
+            "{} is less than one sample{of_paths} in {image}: state a larger budget, or give `{variant}` fewer paths a \
+             sample (`spp`)",
+            budget.value
         );
         return Err(budget.problem(text).into());
     }
-    Ok(samples)
+    let samples = samples.round();
+    if samples > f64::from(pixels) {
+        let less = match budget.value {
+            Budget::Samples(_) => String::new(),
+            Budget::PathsPerPixel(_) => {
+                format!(": state a smaller budget, or give `{variant}` more paths a sample (`spp`)")
+            }
+        };
+        let text = format!(
+            "{} is {samples} samples{of_paths}, more than one per pixel; {image} has {pixels} pixels{less}",
+            budget.value
+        );
+        return Err(budget.problem(text).into());
+    }
+    Ok(samples as u32)
 }
 
 /// The fingerprint of this program: another build may compute other pictures.
@@ -466,23 +573,34 @@ mod tests {
     use epigraph_core::Place;
 
     use super::*;
+    use crate::tradeoff::cell::tests::cell;
 
     fn budget(value: Budget) -> Placed<Budget> {
-        Placed { value, place: Place::file("t.ron") }
+        Placed { value, place: Some(Place::file("t.ron")) }
     }
 
     #[test]
     fn budgets_become_samples() {
-        let of = |value, paths| samples(&budget(value), [100, 50], paths, "mine");
+        let of = |value, paths_per_sample| {
+            samples(&budget(value), &Cell { paths_per_sample, size: [100, 50], ..cell("mine", 0, 1) })
+        };
         assert_eq!(of(Budget::Samples(Samples::Share(0.05)), None), Ok(250));
         // 0.2 x 5000 pixels / 4 paths.
         assert_eq!(of(Budget::PathsPerPixel(0.2), Some(4)), Ok(250));
-        assert_eq!(of(Budget::PathsPerPixel(1e-9), Some(4)), Ok(1));
+        assert_eq!(
+            (of(Budget::PathsPerPixel(4.0), Some(4)), of(Budget::PathsPerPixel(2e-4), Some(1))),
+            (Ok(5000), Ok(1))
+        );
         let text = |value, paths| of(value, paths).unwrap_err().to_string();
         assert_eq!(
             text(Budget::PathsPerPixel(8.0), Some(4)),
             "t.ron: 8 paths/pixel is 10000 samples of 4 paths, more than one per pixel; an image of 100x50 has 5000 \
-             pixels"
+             pixels: state a smaller budget, or give `mine` more paths a sample (`spp`)"
+        );
+        assert_eq!(
+            text(Budget::PathsPerPixel(1e-4), Some(1)),
+            "t.ron: 0.0001 paths/pixel is less than one sample of 1 path in an image of 100x50: state a larger budget, \
+             or give `mine` fewer paths a sample (`spp`)"
         );
         assert!(text(Budget::PathsPerPixel(1.0), None).contains("`mine` has no node with samples"));
         assert!(

@@ -73,6 +73,19 @@ fn an_experiment_that_is_interrupted_keeps_its_cells() {
 }
 
 #[test]
+fn an_interrupted_table_goes_on_from_what_is_kept() {
+    let place = Place::new();
+    let words = "quality render-cache --scene cornell --camera orbit --size 24x16 --spp 2 --backend cpu --paths 1 --keep k";
+    let running = place.start(&format!("{words} --frames 9000000 --json q.json"));
+    interrupt(&running);
+    let run = running.wait();
+    assert_eq!(run.code, Some(130), "{}\n{}", run.stdout, run.stderr);
+    assert!(run.stderr.contains("interrupted; 0 of 1 cells are done and kept in k/cells"), "{}", run.stderr);
+    assert!(!place.path("q.json").exists());
+    place.succeeds(&format!("{words} --frames 3 --json q.json"));
+}
+
+#[test]
 fn work_without_frames_writes_nothing_when_interrupted() {
     let place = Place::new();
     // Some seconds of work.

@@ -52,9 +52,9 @@ const CASES: [Case; 12] = [
         ],
     ),
     replaces(
-        "quality epi --scene cornell --camera still --size 24x16 --frames 0 --samples 20% --spp 1 --backend cpu --seed @ \
-         --json q.json --plot q.svg",
-        &["q.svg", "q.json"],
+        "quality epi --scene cornell --camera still --size 24x16 --frames 0 --samples 20% --spp 2 --backend cpu --seed @ \
+         --json q.json --plot q.svg --csv q.csv",
+        &["q.csv", "q.svg", "q.json"],
     ),
     replaces("encode step@.xyz --out k.vts --json k.json", &["k.vts", "k.json"]),
     replaces("decode step@.vts --out k.ply", &["k.ply"]),
@@ -141,9 +141,17 @@ fn is_whole(name: &str, found: &Option<Vec<u8>>, new: &Option<Vec<u8>>) -> bool 
     let Some(bytes) = found else { return new.is_none() };
     match name.rsplit_once('.') {
         Some((_, "json")) => serde_json::from_slice::<serde_json::Value>(bytes).is_ok(),
+        Some((_, "csv")) => {
+            fields(bytes) == new.as_deref().map_or(Vec::new(), fields) && bytes.ends_with(b"\n")
+        }
         Some((_, "svg")) => bytes.starts_with(b"<svg") && bytes.ends_with(b"</svg>\n"),
         _ => found == new,
     }
+}
+
+/// The number of fields of each line of CSV.
+fn fields(bytes: &[u8]) -> Vec<usize> {
+    bytes.split(|byte| *byte == b'\n').map(|line| line.split(|byte| *byte == b',').count()).collect()
 }
 
 #[test]

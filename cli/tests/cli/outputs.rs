@@ -81,6 +81,11 @@ fn no_output_is_an_input() {
             "base.ron",
         ),
         (
+            "quality base.ron --scene cornell --spp 1000000 --backend cpu --csv base.ron".into(),
+            "--csv",
+            "base.ron",
+        ),
+        (
             "quality --scene scene.ron --spp 1000000 --backend cpu --plot cube.svg".into(),
             "--plot",
             "cube.obj",

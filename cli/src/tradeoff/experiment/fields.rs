@@ -141,12 +141,11 @@ pub(super) struct ReferenceFields<'t> {
     #[serde(borrow)]
     pub(super) spp: &'t RawValue,
     #[serde(default)]
-    pub(super) mode: Mode,
+    pub(super) mode: Option<Mode>,
 }
 
-#[derive(Clone, Copy, Default, Deserialize)]
+#[derive(Clone, Copy, Deserialize)]
 pub(super) enum Mode {
-    #[default]
     Direct,
     Path,
 }

@@ -6,7 +6,7 @@ use ron::{Options, extensions::Extensions, value::RawValue};
 use serde::{Deserialize, de::DeserializeOwned};
 
 use super::{
-    Budget, Experiment, Goal, Named, Over, Placed, Search, Set,
+    Budget, Experiment, Frames, Goal, Named, Over, Placed, Search, Set,
     fields::{
         BudgetField, Entries, Fields, GraphFields, Mode, OverField, Parsed, ReferenceFields, SearchFields,
         Steps, Vary,
@@ -72,7 +72,7 @@ impl<'t> Reader<'t> {
                 Vec::new()
             }
         };
-        let (spp, mode) = fields.reference.map_or((256, Light::Direct), |raw| self.reference(raw));
+        let (spp, mode) = fields.reference.map_or((256, None), |raw| self.reference(raw));
         let graphs = self.required(fields.graphs, "graphs: [\"epi\"]");
         let graphs = graphs.into_iter().filter_map(|raw| self.graph(raw)).collect();
         let scenes = self.required(fields.scenes, "scenes: [\"cornell\"]");
@@ -106,10 +106,11 @@ impl<'t> Reader<'t> {
             sizes: sizes
                 .map(|Placed { value: Parsed(Size(value)), place }| Placed { value, place })
                 .collect(),
-            frames,
-            compare,
+            frames: Frames { count: frames, compare },
+            still: None,
             change,
             budgets,
+            leaves_out: false,
             variations: fields.vary.map_or_else(|| vec![Vec::new()], |raw| self.variations(raw)),
             searches,
             seeds,
@@ -180,7 +181,7 @@ impl<'t> Reader<'t> {
 
     fn each<T: DeserializeOwned>(&mut self, list: Vec<&'t RawValue>) -> Vec<Placed<T>> {
         list.into_iter()
-            .filter_map(|raw| Some(Placed { value: self.read(raw)?, place: self.place(raw) }))
+            .filter_map(|raw| Some(Placed { value: self.read(raw)?, place: Some(self.place(raw)) }))
             .collect()
     }
 
@@ -213,14 +214,14 @@ impl<'t> Reader<'t> {
     }
 
     fn graph(&mut self, raw: &'t RawValue) -> Option<Placed<Named>> {
-        let place = self.place(raw);
+        let place = Some(self.place(raw));
         if raw.trim().get_ron().starts_with(['"', 'r']) {
             let name: String = self.read(raw)?;
             return Some(Placed { value: Named { label: crate::open::label(&name), variant: name }, place });
         }
         let fields: GraphFields = self.read(raw)?;
         let mut variant: String = self.read(fields.graph)?;
-        let place = self.place(fields.graph);
+        let place = Some(self.place(fields.graph));
         for (param, value) in
             fields.set.and_then(|set| self.read::<Entries>(set)).map_or(Vec::new(), |set| set.0)
         {
@@ -242,7 +243,7 @@ impl<'t> Reader<'t> {
             self.problem(param, expected);
             return None;
         }
-        Some(Placed { value: (name, text), place: self.place(value) })
+        Some(Placed { value: (name, text), place: Some(self.place(value)) })
     }
 
     fn budget(&mut self, raw: &'t RawValue) -> Option<Placed<Budget>> {
@@ -256,7 +257,7 @@ impl<'t> Reader<'t> {
                 return None;
             }
         };
-        Some(Placed { value, place: self.place(raw) })
+        Some(Placed { value, place: Some(self.place(raw)) })
     }
 
     fn search(&mut self, raw: &'t RawValue, metrics: &[Metric], seeds: usize) -> Option<Placed<Search>> {
@@ -283,7 +284,7 @@ impl<'t> Reader<'t> {
                 format!("a search compares repetitions; name at least {LEAST_SEEDS} seeds: seeds: [1, 2, 3]")
             }
             Some(goal) => {
-                let (target, place) = (fields.target, self.place(raw));
+                let (target, place) = (fields.target, Some(self.place(raw)));
                 let over = self.over(raw, fields)?;
                 return Some(Placed { value: Search { goal, target, over }, place });
             }
@@ -373,7 +374,7 @@ impl<'t> Reader<'t> {
             self.problem(raw, format!("a range from {from} to {to} cannot have steps of {step}"));
             return Vec::new();
         }
-        let place = self.place(raw);
+        let place = Some(self.place(raw));
         let at = |index: u32| (name.to_owned(), tidy(from + step * f64::from(index), 10));
         (0..=count as u32).map(|index| Placed { value: at(index), place: place.clone() }).collect()
     }
@@ -413,12 +414,12 @@ impl<'t> Reader<'t> {
         Some(change)
     }
 
-    fn reference(&mut self, raw: &'t RawValue) -> (u32, Light) {
-        let Some(ReferenceFields { spp, mode }) = self.read(raw) else { return (1, Light::Direct) };
-        let mode = match mode {
+    fn reference(&mut self, raw: &'t RawValue) -> (u32, Option<Light>) {
+        let Some(ReferenceFields { spp, mode }) = self.read(raw) else { return (1, None) };
+        let mode = mode.map(|mode| match mode {
             Mode::Direct => Light::Direct,
             Mode::Path => Light::Path,
-        };
+        });
         let known = self.problems.0.len();
         let found = self.number(spp, MOST_SPP);
         if found % 2 == 1 && self.problems.0.len() == known {
@@ -464,7 +465,7 @@ impl<'t> Reader<'t> {
 
     /// A value that the file does not have.
     fn nowhere<T>(&self, value: T) -> Placed<T> {
-        Placed { value, place: Place::file(self.path) }
+        Placed { value, place: Some(Place::file(self.path)) }
     }
 
     fn problem(&mut self, raw: &'t RawValue, what: impl ToString) {
