@@ -11,7 +11,7 @@ use epigraph_streams::MOST_LEVELS;
 
 use crate::{
     bench::{Choice, Sweep},
-    values::{self, Crop, Encoding, Halves, Light, Paths, Place, Save, Size, Within},
+    values::{self, Crop, Encoding, Halves, Light, Paths, Percent, Place, Save, Size, Within},
 };
 
 const EXAMPLES: &str = "\
@@ -103,10 +103,13 @@ renderers with samples of different cost can be compared. It fixes a product:
 
   paths per pixel and frame = samples per frame x paths per sample / pixels
 
-Paths per sample are each graph's own (`trace.spp`), or those of --per-sample; samples per frame follow. A budget that for
-one graph is less than a sample, or more than one per pixel, is left out there, as the lines below the table say; if no
-graph can have it, it is refused. With --samples, samples per frame are given, and paths follow; each cell then begins with
-its paths. Tables are Markdown; a cell reads
+Paths per sample are each graph's own (`trace.spp`), or those of --per-sample; samples per frame follow. With --density,
+samples per frame are the same for all budgets, and paths per sample follow: --density 5% makes 0.05, 0.2 and 0.8 paths
+per pixel of 1, 4 and 16 paths per sample. A budget that for one graph is less than a sample, or more than one per pixel, is
+left out there, as the lines below the table say; if no graph can have it, it is refused. Graphs choose where to sample, at
+most once per pixel, and may not find a use for all samples when there are many: lines below the table say where paths were
+left over. With --samples, samples per frame are given, and paths follow; each cell then begins with its paths. Tables are
+Markdown; a cell reads
 
   PSNR / FLIP / flicker / ms of the graph + ms of tracing
 
@@ -138,6 +141,7 @@ Examples:
   epigraph quality --keep q --plot q.svg --json q.json --csv q.csv > q.md                 everything, in several minutes
   epigraph quality epi my.ron --set trace.mode=Path --spp 4096 --keep q                   global illumination
   epigraph quality epi epi+trace.spp=1 epi+trace.spp=16 --scene chains                    many samples or good ones?
+  epigraph quality epi my.ron --set trace.mode=Path --paths 0.05,0.2,0.8 --density 5%     noise at equal samples
   epigraph quality --samples 1%,2%,5%,10% --per-sample 64                                 clean samples, by their number
   epigraph quality epi my.ron --frames 9,19,39,79                                         your own graph beside epi
   epigraph quality epi epi+swap:interpolate=mine.wgsl                                     the effect of a stage of your own";
@@ -603,6 +607,10 @@ pub struct QualityArgs {
     /// Light paths of each sample, in all graphs: their parameter `spp` [default: each graph's own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_hyphen_values = true)]
     pub per_sample: Option<u32>,
+    /// Share of the pixels that get a sample, where budgets are in paths: paths of each sample follow, 4 for a budget of 0.2
+    /// at 5%, and at least 1
+    #[arg(long, value_name = "P%", conflicts_with_all = ["per_sample", "samples"], allow_hyphen_values = true)]
+    pub density: Option<Percent>,
     /// Frames to compare, counted from 0 [default: 39 for a still camera; 19, 24 and 29 for a moving one]
     #[arg(
         long,

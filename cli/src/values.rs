@@ -190,6 +190,20 @@ impl FromStr for Paths {
     }
 }
 
+/// A share, written as a percentage above 0 and up to 100.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Percent(pub f64);
+
+impl FromStr for Percent {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let percent = text.strip_suffix('%').and_then(|text| text.parse().ok());
+        let percent = percent.filter(|percent: &f64| *percent > 0.0 && *percent <= 100.0);
+        percent.map(|percent| Self(percent / 100.0)).ok_or_else(|| "expected a percentage, such as 5%".into())
+    }
+}
+
 /// Samples per pixel of a reference whose halves are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Halves(pub u32);
@@ -260,10 +274,14 @@ mod tests {
     }
 
     #[test]
-    fn paths_and_halves() {
+    fn paths_percentages_and_halves() {
         assert_eq!(("0.25".parse(), "4".parse()), (Ok(Paths(0.25)), Ok(Paths(4.0))));
         for wrong in ["", "0", "-1", "inf", "nan", "5%"] {
             assert!(wrong.parse::<Paths>().unwrap_err().contains("such as 0.25"), "{wrong}");
+        }
+        assert_eq!(("5%".parse(), "100%".parse()), (Ok(Percent(0.05)), Ok(Percent(1.0))));
+        for wrong in ["", "5", "%", "0%", "-1%", "101%", "nan%"] {
+            assert!(wrong.parse::<Percent>().unwrap_err().contains("such as 5%"), "{wrong}");
         }
         assert_eq!("256".parse(), Ok(Halves(256)));
         for wrong in ["", "0", "1", "255", "1000001", "1000002", "2.0"] {

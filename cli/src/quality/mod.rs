@@ -25,7 +25,7 @@ use crate::{
         store::Store,
         study::Study,
     },
-    values::{Halves, Paths},
+    values::{Halves, Paths, Percent},
 };
 
 /// The defaults. The first graph is the baseline for the others.
@@ -111,6 +111,7 @@ fn experiment(args: &QualityArgs) -> Experiment {
         still: Some(frames(&STILL_FRAMES)),
         change: None,
         budgets: distinct(budgets).into_iter().map(nowhere).collect(),
+        density: args.density.map(|Percent(share)| share),
         leaves_out: true,
         variations: vec![Vec::new()],
         searches: Vec::new(),

@@ -2,6 +2,7 @@
 
 use std::iter;
 
+use epigraph::Samples;
 use epigraph_core::Gpu;
 use serde_json::{Value, json};
 
@@ -16,6 +17,7 @@ use crate::{
         plot::views,
         study::{LeftOut, Study},
     },
+    values::Percent,
 };
 
 /// Where a picture's PSNR is not so many decibels below the reference's own, more than 10^-0.5 = 0.32 of the squared error
@@ -53,7 +55,9 @@ impl Report<'_> {
             self.args.seed,
             self.study.device.side,
             changes.concat()
-        )
+        ) + &self.args.density.map_or(String::new(), |Percent(share)| {
+            format!(", samples for {} of the pixels", Samples::Share(share))
+        })
     }
 
     /// The compared frames of each camera: `39 (still); 19, 24, 29 (orbit)`.
@@ -89,8 +93,10 @@ impl Report<'_> {
         let mut table =
             vec![iter::once("light paths a pixel and frame".to_owned()).chain(headings).collect()];
         for line in views(self.records).flat_map(by_graph) {
-            let Cell { scene, camera, graph, paths_per_sample, .. } = &line[0].cell;
-            let paths = paths_per_sample.map_or(String::new(), |paths| format!(" ({paths})"));
+            let Cell { scene, camera, graph, .. } = &line[0].cell;
+            let paths = distinct(line.iter().filter_map(|record| record.cell.paths_per_sample));
+            let paths = paths.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+            let paths = if paths.is_empty() { paths } else { format!(" ({paths})") };
             let name = format!("{scene}, {camera}, {graph}{paths}");
             let cells = budgets.clone().map(|budget| {
                 let record = line.iter().find(|record| record.cell.budget == budget.to_string());
@@ -357,8 +363,6 @@ fn of_record(record: &Record) -> Value {
 
 #[cfg(test)]
 mod tests {
-    use epigraph::Samples;
-
     use super::*;
     use crate::tradeoff::cell::tests::{cell, record};
 

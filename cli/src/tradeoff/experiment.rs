@@ -148,6 +148,9 @@ pub struct Experiment {
     pub change: Option<u32>,
     /// Samples per frame.
     pub budgets: Vec<Placed<Budget>>,
+    /// The share of the pixels that get a sample, if paths per sample follow from it and the budget; `None`: they are the
+    /// graphs' own.
+    pub density: Option<f64>,
     /// Whether a budget is left out for graphs that cannot have it, as long as others can. Else it is a problem.
     pub leaves_out: bool,
     /// The parameters of each variation of a graph; one of them may be the graph unchanged.

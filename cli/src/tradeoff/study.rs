@@ -237,16 +237,17 @@ impl<'e> Study<'e> {
     fn all_cells(&self) -> Result<(Vec<Cell>, Vec<LeftOut>), Problems> {
         let Experiment { budgets, seeds, leaves_out, .. } = self.experiment;
         let (mut cells, mut left_out, mut problems) = (Vec::new(), Vec::new(), Problems::default());
-        let fits = |budget: &Placed<Budget>| {
-            self.settings.iter().any(|setting| samples(budget, &setting.cell).is_ok())
-        };
-        let optional: Vec<bool> = budgets.iter().map(|budget| *leaves_out && fits(budget)).collect();
-        for setting in &self.settings {
-            for (budget, is_optional) in budgets.iter().zip(&optional) {
-                match samples(budget, &setting.cell) {
-                    Ok(samples) => {
+        let of_setting =
+            |setting| budgets.iter().map(|budget| self.spend(budget, setting)).collect::<Vec<_>>();
+        let all: Vec<Vec<_>> = self.settings.iter().map(of_setting).collect();
+        let fits = |nth: usize| all.iter().any(|of_setting| of_setting[nth].is_ok());
+        let optional: Vec<bool> = (0..budgets.len()).map(|nth| *leaves_out && fits(nth)).collect();
+        for (setting, of_setting) in self.settings.iter().zip(all) {
+            for ((budget, is_optional), spent) in budgets.iter().zip(&optional).zip(of_setting) {
+                match spent {
+                    Ok((setting, samples)) => {
                         let text = budget.value.to_string();
-                        cells.extend(seeds.iter().map(|seed| self.cell(setting, &text, samples, *seed)));
+                        cells.extend(seeds.iter().map(|seed| self.cell(&setting, &text, samples, *seed)));
                     }
                     Err(others) if *is_optional => {
                         let (graph, budget) = (setting.cell.variation(), budget.value.to_string());
@@ -263,6 +264,24 @@ impl<'e> Study<'e> {
         problems.0.dedup();
         problems.into_result()?;
         Ok((cells, left_out))
+    }
+
+    /// The samples per frame of a budget, and the setting with as many paths a sample as the experiment's density leaves
+    /// for each of them.
+    fn spend(&self, budget: &Placed<Budget>, setting: &Setting) -> Result<(Setting, u32), Problems> {
+        let mut setting = setting.clone();
+        if let Some(density) = self.experiment.density
+            && let Budget::PathsPerPixel(per_pixel) = budget.value
+            && setting.cell.paths_per_sample.is_some()
+        {
+            let params = setting.cell.params.clone();
+            let paths = (per_pixel / density).round().max(1.0);
+            setting = self.with(&setting, "spp", paths).map_err(|error| budget.problem(error))?;
+            // It is a part of the budget, and not what varies.
+            setting.cell.params = params;
+        }
+        let samples = samples(budget, &setting.cell)?;
+        Ok((setting, samples))
     }
 
     /// The cell of a setting with this number of samples and this seed.

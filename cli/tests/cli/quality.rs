@@ -111,6 +111,34 @@ fn budgets_in_samples_say_their_paths() {
 }
 
 #[test]
+fn with_a_density_paths_of_a_sample_follow_from_the_budget() {
+    let place = Place::new();
+    let words =
+        format!("{SMALL} epi epi+trace.spp=9 --camera still --paths 0.01,0.05,0.8 --density 5% --plot a.svg");
+    let text = place.succeeds(&format!("{words} --json a.json"));
+    assert!(
+        text.contains("| cornell, still, epi (1, 16) ") && text.contains("samples for 5% of the pixels"),
+        "{text}"
+    );
+    let figures = json(&fs::read_to_string(place.path("a.json")).expect("written"));
+    // Of 2304 pixels, 1% and 5%. The density comes after what a graph says itself.
+    for rows in figures["rows"].as_array().expect("a list").chunks(3) {
+        for (row, [paths, samples]) in rows.iter().zip([[1, 23], [1, 115], [16, 115]]) {
+            let found = (&row["paths_per_sample"], &row["samples_per_frame"]);
+            assert_eq!(found, (&paths.into(), &samples.into()), "{row}");
+        }
+        // More paths, less noise.
+        assert!(number(&rows[2]["psnr"]) > number(&rows[1]["psnr"]), "{text}");
+    }
+    // As other commands have it.
+    let other = format!("{SMALL} epi --camera still --samples 115 --per-sample 16 --json -");
+    assert_eq!(json(&place.succeeds(&other))["rows"][0]["psnr"], figures["rows"][2]["psnr"]);
+    // One line for each graph.
+    let svg = fs::read_to_string(place.path("a.svg")).expect("written");
+    assert_eq!(svg.matches("<circle").count(), 2 + 4 * 2 * 3);
+}
+
+#[test]
 fn a_budget_is_left_out_for_a_graph_that_cannot_have_it() {
     let place = Place::new();
     let words = format!("{SMALL} epi+trace.spp=1 epi --camera still --paths 0.5,2 --json a.json");
@@ -310,6 +338,8 @@ fn wrong_input_is_reported_before_anything_is_traced() {
         ("quality epi --paths 0.05 --size 8x8", ["less than one sample of 4 paths", "state a larger budget"]),
         ("quality streams --paths 1", ["`streams` has no node with samples", "state the budget in samples"]),
         ("quality --spp 3", ["'3'", "an even number"]),
+        ("quality --density 5", ["'5'", "such as 5%"]),
+        ("quality epi --paths 500 --density 5%", ["spp=10000", "1 to 4096"]),
         ("quality --frames 3,x", ["'x'", "--frames"]),
         ("quality --set trace.sp=3", ["unknown parameter `sp`", "node `trace`"]),
         ("quality --plot a.png", ["a.png", "name it FILE.svg"]),

@@ -110,6 +110,7 @@ impl<'t> Reader<'t> {
             still: None,
             change,
             budgets,
+            density: None,
             leaves_out: false,
             variations: fields.vary.map_or_else(|| vec![Vec::new()], |raw| self.variations(raw)),
             searches,
