@@ -343,6 +343,11 @@ impl Made {
         &self.stage.declaration().ports
     }
 
+    /// Whether it can run on this side, with these facts.
+    fn runs_on(&self, side: Side, facts: &Facts) -> bool {
+        self.stage.declaration().runs_on(side) && self.stage.unable(side, facts).is_none()
+    }
+
     /// Index of the port with this name.
     fn port(&self, name: &str) -> Option<usize> {
         self.stage.declaration().port(name)
@@ -479,11 +484,16 @@ impl<'a> Checker<'a> {
             }
             let Some(stage) = &made[index] else { continue };
             let declaration = stage.stage.declaration();
-            if let Some(on) = &node.on
-                && !declaration.runs_on(on.value)
-            {
-                let text = format!("cannot run on {}: this stage has no {} form", on.value, on.value);
-                self.problem(index, on.span, None, GraphError::Invalid(text));
+            if let Some(on) = &node.on {
+                let why = if declaration.runs_on(on.value) {
+                    stage.stage.unable(on.value, &self.settings.facts).map(str::to_owned)
+                } else {
+                    Some(format!("this stage has no {} form", on.value))
+                };
+                if let Some(why) = why {
+                    let text = format!("cannot run on {}: {why}", on.value);
+                    self.problem(index, on.span, None, GraphError::Invalid(text));
+                }
             }
             let on_gpu = node.on.as_ref().is_some_and(|on| on.value == Side::Gpu);
             if let Some(download) = &node.download
@@ -498,7 +508,7 @@ impl<'a> Checker<'a> {
             // A node that was not made may be one that takes the placement.
             let takes = |(at, node): (FlatId, &FlatNode)| {
                 node.def.on.is_none()
-                    && made[at].as_ref().is_none_or(|made| made.stage.declaration().runs_on(part.on.value))
+                    && made[at].as_ref().is_none_or(|made| made.runs_on(part.on.value, &self.settings.facts))
             };
             if !nodes.any(takes) {
                 let text = format!(
@@ -887,7 +897,7 @@ impl<'a> Checker<'a> {
             let preferred = default.side.unwrap_or(self.settings.side);
             let side = match &node.on {
                 Some(on) => on.value,
-                None if declaration.runs_on(preferred) => preferred,
+                None if made.runs_on(preferred, &self.settings.facts) => preferred,
                 None => preferred.other(),
             };
             nodes.push(Node {

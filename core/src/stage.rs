@@ -49,6 +49,12 @@ pub trait Stage: Sized + Send + Sync + 'static {
     fn needless(_params: &Self::Params, _facts: &Facts) -> Option<&'static str> {
         None
     }
+
+    /// Why the stage cannot do on a side what the facts ask for, although it has a form for that side; `None` if it
+    /// can. A node without `on` then runs on the other side.
+    fn unable(_params: &Self::Params, _side: Side, _facts: &Facts) -> Option<&'static str> {
+        None
+    }
 }
 
 /// Everything a stage has declared.
@@ -444,6 +450,10 @@ pub trait AnyStage: Send + Sync {
     fn specs(&self) -> Vec<ParamSpec>;
     /// Why the facts make it needless, or `None` if they do not.
     fn needless(&self, facts: &Facts) -> Option<&'static str>;
+    /// Why it cannot run on a side with these facts; see [`Stage::unable`].
+    fn unable(&self, _side: Side, _facts: &Facts) -> Option<&'static str> {
+        None
+    }
 }
 
 pub(crate) struct Bound<S: Stage> {
@@ -483,5 +493,8 @@ impl<S: Stage> AnyStage for Bound<S> {
     }
     fn needless(&self, facts: &Facts) -> Option<&'static str> {
         S::needless(&self.params, facts)
+    }
+    fn unable(&self, side: Side, facts: &Facts) -> Option<&'static str> {
+        S::unable(&self.params, side, facts)
     }
 }

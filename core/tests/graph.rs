@@ -131,6 +131,30 @@ params! {
     }
 }
 
+/// Has both forms; that of the GPU is for cameras at rest.
+struct Restful;
+
+impl Stage for Restful {
+    const KIND: &'static str = "restful";
+    const DOC: &'static str = "A stage of the tests.";
+    type Params = ();
+    fn declare((): &(), io: &mut Io) -> Self {
+        let out = io.write::<f32>("out", "numbers", Extent::Frame(1));
+        io.shader(Shader::new(
+            "restful.wgsl",
+            "@group(0) @binding(0) var<storage, read_write> out: array<f32>;",
+        ));
+        io.dispatch("main", out);
+        Self
+    }
+    fn cpu(&self, (): &(), _: &CpuContext) -> Result<(), String> {
+        Ok(())
+    }
+    fn unable((): &(), side: Side, facts: &Facts) -> Option<&'static str> {
+        (side == Side::Gpu && facts.holds(CAMERA_MOVES) == Some(true)).then_some("the camera moves")
+    }
+}
+
 /// A row of numbers.
 struct Row;
 
@@ -150,6 +174,7 @@ impl Stage for Row {
 fn registry() -> Registry {
     Registry::default()
         .with::<Row>()
+        .with::<Restful>()
         .with::<Source>()
         .with::<Small>()
         .with::<Picture>()
@@ -320,6 +345,25 @@ fn ports_are_found_by_name_when_a_stage_has_fewer_of_them() {
             }
         }
     }
+}
+
+#[test]
+fn a_side_that_the_scene_rules_out_is_left_to_the_other() {
+    let side = |moves: Option<bool>, prefers: Side| {
+        let facts = moves.map_or(Facts::none(), |moves| Facts::none().stating(CAMERA_MOVES, moves));
+        let settings = Settings { side: prefers, facts, ..settings() };
+        let (graph, _) = compiled(r#""r": (kind: "restful"),"#, "r.out", &settings);
+        graph.nodes[0].side
+    };
+    for moves in [None, Some(false), Some(true)] {
+        assert_eq!(side(moves, Side::Cpu), Side::Cpu);
+        assert_eq!(side(moves, Side::Gpu), if moves == Some(true) { Side::Cpu } else { Side::Gpu });
+    }
+    // Who asks for that side is told why not.
+    let moving = Settings { facts: Facts::none().stating(CAMERA_MOVES, true), ..settings() };
+    let text = problems_with(r#""r": (kind: "restful", on: Gpu),"#, "r.out", &moving).to_string();
+    assert!(text.contains("node `r`: cannot run on gpu: the camera moves"), "{text}");
+    compiled(r#""r": (kind: "restful", on: Gpu),"#, "r.out", &settings());
 }
 
 #[test]
