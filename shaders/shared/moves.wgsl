@@ -20,6 +20,12 @@ fn moved_point(motion: Move, p: vec3<f32>) -> vec3<f32> {
     return vec3(moved_axis(motion.x, p), moved_axis(motion.y, p), moved_axis(motion.z, p));
 }
 
+// The point that is moved there: rotations are undone by their transpose.
+fn point_before(motion: Move, moved: vec3<f32>) -> vec3<f32> {
+    let p = moved - vec3(motion.x.w, motion.y.w, motion.z.w);
+    return motion.x.xyz * p.x + motion.y.xyz * p.y + motion.z.xyz * p.z;
+}
+
 fn moved_axis(row: vec4<f32>, p: vec3<f32>) -> f32 {
     return row.x * p.x + row.y * p.y + row.z * p.z + row.w;
 }

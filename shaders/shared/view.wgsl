@@ -8,17 +8,26 @@ struct Projected {
     z: f32,
 }
 
-// Projects a point (w = 1) or a direction (w = 0) into an image of `size` pixels.
-fn project_point(view: View, position: vec4<f32>, size: vec2<u32>) -> Projected {
-    let is_direction = position.w == 0.0;
-    let p = position.xyz - select(view.eye, vec3(0.0), is_direction);
-
+// Where a point (w = 1) or direction (w = 0) is in an image of `size` pixels that has no border: pixels from the left
+// and top edge; and its distance along the view axis, or that of the direction's end. Where that is not positive, behind
+// the eye, the position means nothing.
+fn place_in_image(view: View, position: vec4<f32>, size: vec2<u32>) -> vec3<f32> {
+    let p = position.xyz - select(view.eye, vec3(0.0), position.w == 0.0);
     let z = dot_in_order(p, view.forward);
     let inverse = 1.0 / z;
     let half = 0.5 * vec2<f32>(size);
     let x = half.x + dot_in_order(p, view.right) * inverse * (half.x / view.tan_x);
     let y = half.y - dot_in_order(p, view.up) * inverse * (half.y / view.tan_y);
+    return vec3(x, y, z);
+}
 
+// Projects a point (w = 1) or a direction (w = 0) into an image of `size` pixels.
+fn project_point(view: View, position: vec4<f32>, size: vec2<u32>) -> Projected {
+    let is_direction = position.w == 0.0;
+    let place = place_in_image(view, position, size);
+    let x = place.x;
+    let y = place.y;
+    let z = place.z;
     let nearest = select(view.near, 1.17549435e-38, is_direction);
     let drawn = z >= nearest && x >= 0.0 && x < f32(size.x) && y >= 0.0 && y < f32(size.y);
     let clamped = select(min(z, view.far), view.far, is_direction);

@@ -3,26 +3,39 @@
 //! The surface is the first one that a ray through the pixel's centre meets, as the tracer sees it: beyond the near
 //! plane, at the positions of this frame, without holes and culled backs. Glass and mirrors are surfaces like any
 //! other: the ports tell of them, not of what shows through or in them.
+//!
+//! On the CPU rays find the surfaces, and the lists of triangles are not read. On the GPU the triangles are drawn, then
+//! each pixel's ray is followed to the triangle that it shows. The rasteriser rounds corners to a fraction of a pixel:
+//! where an edge passes a pixel's centre as closely, the sides may show different triangles. Materials that look
+//! different from point to point, by textures or colours of the mesh, are known on the CPU alone.
 
-use epigraph_core::{CpuContext, Extent, Frame, In, Io, Out, Stage, constants, texel};
-use epigraph_scenes::{NO_FACE, Scene, Surface, Tracer};
+use epigraph_core::{
+    CpuContext, Extent, Facts, Frame, In, Io, Out, Pass, Shape, Side, Stage, constants, scratch, texel,
+};
+use epigraph_scenes::{Scene, Surface, Tracer};
 use half::f16;
 use rayon::prelude::*;
 
 use crate::{
-    World,
-    meaning::{ALBEDO, DEPTH, EMISSION, FACE, MOTION, MOVES, NORMAL, ROUGHNESS},
+    World, facts,
+    meaning::{
+        ALBEDO, CORNERS, DEPTH, EMISSION, FACE, FACES, LOOKS, MOTION, MOVES, NORMAL, ROUGHNESS, VERTICES,
+    },
     shared::{
         moves::Move,
         octahedral::{NO_NORMAL, encode_oct16},
+        segments::NO_FACE,
         source::Ray,
         view::{dot, place_in_image},
     },
+    surfaces::{self, SurfaceLook},
 };
 
 constants! {
     /// The motion, on both axes, of what was not in front of the eye in the last frame: outside of every image.
     pub const NOWHERE: f32 = 1e9;
+    /// From metres to depths below 1 for the rasteriser: a power of two, for distances of up to 10^12 metres.
+    const DEPTH_SCALE: f32 = 1.0 / (1u64 << 40) as f32;
 }
 
 /// See the module.
@@ -44,13 +57,37 @@ impl Stage for Gbuffer {
     type Params = ();
 
     fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(shader!("gbuffer"));
+        io.constants(CONSTANTS);
+        io.constants(surfaces::CONSTANTS);
+        io.read::<[f32; 4]>("vertices", VERTICES, facts::VERTICES.list());
+        let faces: In<[u32; 4]> = io.read("faces", FACES, facts::FACES.list());
+        io.read::<[u32; 4]>("corners", CORNERS, facts::FACES.list());
+        io.read::<SurfaceLook>("looks", LOOKS, facts::MATERIALS.list());
+        let moves = io.optional(
+            "moves",
+            MOVES.doc("How each body has moved since the last frame; without it, `motion` is the camera's."),
+            Extent::Any,
+        );
+        if moves.is_some() {
+            io.define("MOVES");
+        }
         let pixels = || Extent::Frame(1);
+        let drawn: Out<texel::R32Uint> =
+            io.write("drawn", scratch("The triangle that the rasteriser drew."), pixels());
+        io.pass(Pass::Draw {
+            vertex: "corner".into(),
+            fragment: "draw".into(),
+            shape: Shape::Triangles,
+            vertices: 3,
+            count: faces.into(),
+            targets: vec![drawn.into()],
+            depth: true,
+            clear: NO_FACE.into(),
+        });
+        io.dispatch("resolve", drawn);
         Self {
-            moves: io.optional(
-                "moves",
-                MOVES.doc("How each body has moved since the last frame; without it, `motion` is that of the camera."),
-                Extent::Any,
-            ),
+            moves,
             id: io.write("id", FACE.doc("The triangle; 0xFFFFFFFF if there is none."), pixels()),
             depth: io.write(
                 "depth",
@@ -133,6 +170,12 @@ impl Stage for Gbuffer {
         });
         Ok(())
     }
+
+    fn unable((): &(), side: Side, facts: &Facts) -> Option<&'static str> {
+        (side == Side::Gpu && facts.holds(facts::LOOKS_VARY) == Some(true)).then_some(
+            "the scene has textures or colours of its mesh, which only the CPU form of this stage knows",
+        )
+    }
 }
 
 /// What the ports tell of a pixel.
@@ -174,10 +217,12 @@ impl Eye<'_> {
             };
         };
         let Surface { position, face, normal, albedo, emission, roughness } = surface;
-        let [x, y, z] = position.to_array();
+        let distance = dot((position - ray.origin).to_array(), view.forward);
+        // Rounding has moved `position` by some millionths of the triangle's size, also across the ray.
+        let [x, y, z] = (ray.origin + ray.direction * distance).to_array();
         Pixel {
             id: face,
-            depth: dot((position - ray.origin).to_array(), view.forward).min(view.far),
+            depth: distance.min(view.far),
             normal: encode_oct16(normal),
             albedo: albedo.extend(1.0).to_array(),
             emission: emission.extend(1.0).to_array(),
@@ -197,7 +242,7 @@ impl Eye<'_> {
         if stays && self.rests {
             return [0.0; 2];
         }
-        let [x, y, z] = if stays { [x, y, z] } else { moved.before([x, y, z]) };
+        let [x, y, z] = if stays { [x, y, z] } else { moved.point_before([x, y, z]) };
         let [x, y, z] = place_in_image(&self.frame.previous, [x, y, z, w], self.frame.size);
         if z > 0.0 { [x - at[0], y - at[1]] } else { [NOWHERE; 2] }
     }
@@ -216,12 +261,14 @@ mod tests {
     use super::*;
     use crate::{
         Pace,
+        mesh::{Mesh, MeshParams},
         shared::{
             cloud::NO_POINT,
             octahedral::decode_oct16,
             requests::{HIT_BACKGROUND, HIT_SURFACE, PIXEL_CENTER, Request, Sample, VIEW_NOW},
             testing::settings,
         },
+        surfaces::Surfaces,
     };
 
     /// A stage in front of a scene.
@@ -229,6 +276,8 @@ mod tests {
         scene: Arc<Scene>,
         host: Host,
         harness: Harness<Gbuffer>,
+        mesh: Harness<Mesh>,
+        surfaces: Harness<Surfaces>,
     }
 
     impl Seat {
@@ -236,7 +285,9 @@ mod tests {
             let mut host = Host::default();
             host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1));
             let settings = Settings { facts: World::facts(&scene, false), ..settings(size, 1) };
-            Self { scene, host, harness: Harness::new((), &settings) }
+            let (mesh, surfaces) =
+                (Harness::new(MeshParams::default(), &settings), Harness::new((), &settings));
+            Self { scene, host, harness: Harness::new((), &settings), mesh, surfaces }
         }
 
         /// A scene as a builder fills it.
@@ -260,8 +311,82 @@ mod tests {
         }
 
         fn run(&mut self) -> Outputs {
-            self.harness.run(Side::Cpu, &crate::registry(), &self.host, None).unwrap()
+            self.run_on(Side::Cpu)
         }
+
+        /// Runs a frame; one on the GPU leaves the frame's number as it is.
+        fn run_on(&mut self, side: Side) -> Outputs {
+            let (registry, frame) = (crate::registry(), self.harness.frame);
+            (self.mesh.frame, self.surfaces.frame) = (frame, frame);
+            let mesh = self.mesh.run(Side::Cpu, &registry, &self.host, None).unwrap();
+            let surfaces = self.surfaces.run(Side::Cpu, &registry, &self.host, None).unwrap();
+            self.harness.set("vertices", &mesh.get::<[f32; 4]>("vertices"));
+            self.harness.set("faces", &mesh.get::<[u32; 4]>("faces"));
+            self.harness.set("corners", &surfaces.get::<[u32; 4]>("corners"));
+            self.harness.set("looks", &surfaces.get::<SurfaceLook>("looks"));
+            let gpu = (side == Side::Gpu).then(epigraph_core::testing::gpu);
+            let out = self.harness.run(side, &registry, &self.host, gpu).unwrap();
+            if side == Side::Gpu {
+                self.harness.frame = frame;
+            }
+            out
+        }
+
+        /// Runs a frame on the GPU and on the CPU, which must agree but for `allowed` pixels, and returns what the CPU
+        /// wrote.
+        #[track_caller]
+        fn run_alike(&mut self, allowed: usize) -> Outputs {
+            let gpu = self.run_on(Side::Gpu);
+            let cpu = self.run();
+            let differ = differences(&self.harness.frame, &cpu, &gpu);
+            assert!(differ.len() <= allowed, "{} pixels, {allowed} may; {}", differ.len(), differ[0]);
+            cpu
+        }
+    }
+
+    /// The pixels in which the sides differ, in words. Where they show the same triangle, they round sums in their own
+    /// ways.
+    fn differences(frame: &Frame, cpu: &Outputs, gpu: &Outputs) -> Vec<String> {
+        let [ids, gpu_ids] = [cpu, gpu].map(|out| out.get::<u32>("id"));
+        let [depths, gpu_depths] = [cpu, gpu].map(|out| out.get::<f32>("depth"));
+        let [normals, gpu_normals] = [cpu, gpu].map(normals);
+        let [albedos, gpu_albedos] = [cpu, gpu].map(|out| out.get::<[f16; 4]>("albedo"));
+        let [emissions, gpu_emissions] = [cpu, gpu].map(|out| out.get::<[f32; 4]>("emission"));
+        let [roughness, gpu_roughness] = [cpu, gpu].map(|out| out.get::<f32>("roughness"));
+        let [motions, gpu_motions] = [cpu, gpu].map(|out| out.get::<[f32; 2]>("motion"));
+        let far = |a: f32, b: f32, tolerance: f32| (a - b).abs() > tolerance * a.abs().max(b.abs()).max(1.0);
+        let wrong = |pixel: usize| {
+            let (depth, gpu_depth) = (depths[pixel], gpu_depths[pixel]);
+            if ids[pixel] != gpu_ids[pixel] {
+                return Some(format!(
+                    "triangle {} and {}, {depth} and {gpu_depth} m",
+                    ids[pixel], gpu_ids[pixel]
+                ));
+            }
+            // The ray may pass just outside of the triangle that was drawn, and then meets its edge.
+            if far(depth, gpu_depth, 3e-5) {
+                return Some(format!("depth {depth} and {gpu_depth}"));
+            }
+            if normals[pixel].distance(gpu_normals[pixel]) > 1e-3 {
+                return Some(format!("normal {} and {}", normals[pixel], gpu_normals[pixel]));
+            }
+            let albedo = |lanes: [f16; 4]| lanes.map(f16::to_f32);
+            let (albedo, gpu_albedo) = (albedo(albedos[pixel]), albedo(gpu_albedos[pixel]));
+            // A step of f16.
+            if (0..4).any(|lane| far(albedo[lane], gpu_albedo[lane], 1e-3)) {
+                return Some(format!("albedo {albedo:?} and {gpu_albedo:?}"));
+            }
+            if (emissions[pixel], roughness[pixel]) != (gpu_emissions[pixel], gpu_roughness[pixel]) {
+                return Some(format!("emission {:?} and {:?}", emissions[pixel], gpu_emissions[pixel]));
+            }
+            let (motion, gpu_motion) = (motions[pixel], gpu_motions[pixel]);
+            (0..2)
+                .any(|axis| far(motion[axis], gpu_motion[axis], 1e-3))
+                .then(|| format!("motion {motion:?} and {gpu_motion:?}"))
+        };
+        (0..(frame.size[0] * frame.size[1]) as usize)
+            .filter_map(|pixel| Some(format!("pixel {pixel}: {} on the CPU and the GPU", wrong(pixel)?)))
+            .collect()
     }
 
     /// A square of this half side, `z` metres in front of the eye, which faces it.
@@ -289,20 +414,21 @@ mod tests {
     #[test]
     fn one_pixel_by_hand() {
         let metal = Material::metal("", Vec3::new(0.5, 0.25, 0.125), 0.75);
+        // So that the axis passes the squares above their diagonals.
+        let aside = Vec3::new(0.2, 0.0, 0.0);
         let mut seat = Seat::of(
             |builder| {
                 let [white, metal] =
                     [Material::diffuse("", Vec3::ONE), metal].map(|one| builder.material(one));
-                builder.add(&square(10.0, 8.0), white).unwrap();
-                builder.add(&square(1.0, 5.0), metal).unwrap();
+                builder.add(&square(10.0, 8.0).moved(aside), white).unwrap();
+                builder.add(&square(1.0, 5.0).moved(aside), metal).unwrap();
             },
             [1, 1],
         );
         seat.harness.frame.view = VIEW;
         seat.harness.frame.previous = VIEW;
-        let out = seat.run();
-        // The third and fourth triangle are those of the near square.
-        assert!([2, 3].contains(&out.get::<u32>("id")[0]));
+        let out = seat.run_alike(0);
+        assert_eq!(out.get::<u32>("id"), [3]);
         assert_eq!(out.get::<f32>("depth"), [5.0]);
         assert_eq!(normals(&out), [Vec3::Z]);
         assert_eq!(
@@ -318,11 +444,11 @@ mod tests {
             [(5.5, 100.0, 8.0, true), (1.0, 4.0, 4.0, true), (8.5, 100.0, 100.0, false)]
         {
             seat.harness.frame.view = view(near, far);
-            let out = seat.run();
+            let out = seat.run_alike(0);
             assert_eq!(out.get::<f32>("depth"), [depth], "{near} {far}");
             assert_eq!(out.get::<u32>("id")[0] != NO_FACE, is_face, "{near} {far}");
         }
-        let out = seat.run();
+        let out = seat.run_alike(0);
         assert_eq!((out.get::<u32>("normal"), out.get::<f32>("roughness")), (vec![NO_NORMAL], vec![0.0]));
         assert_eq!(
             (out.get::<[u16; 4]>("albedo"), out.get::<[f32; 4]>("emission")),
@@ -429,7 +555,7 @@ mod tests {
                 builder.add(&square(50.0, 10.0), white).unwrap();
                 builder.moving(motion, |builder| builder.add(&square(0.4, 3.0), white)).unwrap();
             },
-            [40, 40],
+            [40, 39],
         );
         let path = CameraPath::parse("still", &seat.scene).unwrap();
         seat.frame(&path, 0);
@@ -438,7 +564,7 @@ mod tests {
         let frame = seat.harness.frame;
         seat.harness.frame = Frame { index: 1, ..frame };
         seat.harness.set("moves", &[Move::REST, Move { x: [1.0, 0.0, 0.0, 0.3], ..Move::REST }]);
-        let out = seat.run();
+        let out = seat.run_alike(0);
         let (depth, motion) = (out.get::<f32>("depth"), out.get::<[f32; 2]>("motion"));
         let on_body = depth.iter().zip(&motion).filter(|(depth, _)| **depth < 5.0).map(|(_, motion)| motion);
         let on_body: Vec<_> = on_body.collect();
@@ -457,7 +583,7 @@ mod tests {
         let before = View { eye: [5.0, 0.0, 3.0], ..VIEW };
         seat.harness.frame.previous = before;
         seat.harness.frame.view = View { right: [cos, 0.0, sin], forward: [sin, 0.0, -cos], ..VIEW };
-        let out = seat.run();
+        let out = seat.run_alike(0);
         assert_eq!((out.get::<u32>("id"), out.get::<f32>("depth")), (vec![NO_FACE; 4], vec![100.0; 4]));
         // The direction through the middle of the left upper pixel: forward - right / 2 + up / 2.
         let (x, z) = (sin - 0.5 * cos, -cos - 0.5 * sin);
@@ -467,7 +593,7 @@ mod tests {
             "{u} {v}"
         );
         seat.harness.frame.previous = View { forward: [0.0, 0.0, 1.0], right: [-1.0, 0.0, 0.0], ..VIEW };
-        assert_eq!(seat.run().get::<[f32; 2]>("motion"), [[NOWHERE; 2]; 4]);
+        assert_eq!(seat.run_alike(0).get::<[f32; 2]>("motion"), [[NOWHERE; 2]; 4]);
     }
 
     #[test]
@@ -495,9 +621,52 @@ mod tests {
                 builder.add(&square(5.0, 4.0), hole).unwrap();
                 builder.add(&square(50.0, 6.0), white).unwrap();
             },
-            [5, 5],
+            [5, 4],
         );
         seat.harness.frame.view = VIEW;
-        assert_eq!(seat.run().get::<f32>("depth"), [6.0; 25]);
+        assert_eq!(seat.run_alike(0).get::<f32>("depth"), [6.0; 20]);
+    }
+
+    #[test]
+    fn both_sides_agree() {
+        // Pixels whose centres an edge passes within a few thousandths of a pixel: more where triangles are small.
+        for (name, camera, size, index, allowed) in [
+            ("cornell", "orbit", [61, 47], 9, 2),
+            ("cornell", "still", [1, 1], 0, 0),
+            ("chains", "fly", [128, 96], 20, 40),
+            ("room", "orbit", [160, 120], 3, 70),
+            ("cornell-moving", "shake", [97, 64], 41, 4),
+            ("cornell-moving", "still", [97, 64], 80, 4),
+        ] {
+            let scene = Arc::new(Scene::load(name).unwrap());
+            let path = CameraPath::parse(camera, &scene).unwrap();
+            let mut seat = Seat::new(scene, size);
+            seat.frame(&path, index);
+            seat.harness.frame.index = index;
+            let (gpu, cpu) = (seat.run_on(Side::Gpu), seat.run());
+            let differ = differences(&seat.harness.frame, &cpu, &gpu);
+            let other: Vec<_> = differ.iter().filter(|text| !text.contains("triangle")).collect();
+            assert!(other.is_empty(), "{name} {camera}: {other:#?}");
+            assert!(differ.len() <= allowed, "{name} {camera}: {} pixels; {differ:#?}", differ.len());
+        }
+    }
+
+    #[test]
+    fn looks_that_vary_are_left_to_the_cpu() {
+        let why = |name: &str, side: Side| {
+            let facts = World::facts(&Scene::load(name).unwrap(), false);
+            Gbuffer::unable(&(), side, &facts)
+        };
+        assert!(why("still-life", Side::Gpu).is_some_and(|why| why.contains("textures")));
+        assert_eq!([why("still-life", Side::Cpu), why("cornell", Side::Gpu)], [None; 2]);
+    }
+
+    #[test]
+    fn the_comparison_can_fail() {
+        let scene = Arc::new(Scene::load("cornell").unwrap());
+        let path = CameraPath::parse("orbit", &scene).unwrap();
+        let mut seat = Seat::new(scene, [32, 24]);
+        let [one, other] = [3, 30].map(|index| seat.frame(&path, index));
+        assert!(differences(&seat.harness.frame, &one, &other).len() > 100);
     }
 }

@@ -64,6 +64,7 @@ pub mod spread;
 pub mod stream_cut;
 pub mod stream_decode;
 pub mod subdivide;
+pub mod surfaces;
 pub mod tonemap;
 pub mod trace;
 
@@ -106,6 +107,7 @@ pub fn registry() -> Registry {
         .with::<stream_cut::StreamCut>()
         .with::<stream_decode::StreamDecode>()
         .with::<subdivide::Subdivide>()
+        .with::<surfaces::Surfaces>()
         .with::<tonemap::Tonemap>()
         .with::<trace::Trace>()
         .with_kind(wgsl_kind());

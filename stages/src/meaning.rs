@@ -106,6 +106,10 @@ epigraph_core::meanings! {
     VERTICES = "vertices";
     /// Three vertices and the object of each triangle.
     FACES = "faces", [Rule::index_of("vertices").lanes(0, 3)];
+    /// Normals at the corners, material and body of each triangle.
+    CORNERS = "corners";
+    /// What each material looks like.
+    LOOKS = "looks", [AMOUNT.of("albedo"), AMOUNT.of("emission"), Rule::floats(0.0, 1.0).of("roughness")];
     /// Normals of the triangles.
     NORMALS = "normals";
     /// Vertices, faces and kind of every edge.

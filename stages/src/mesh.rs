@@ -127,10 +127,10 @@ impl Stage for Mesh {
 }
 
 /// All of a list, of any length.
-const EVERYTHING: Range<usize> = 0..usize::MAX;
+pub(crate) const EVERYTHING: Range<usize> = 0..usize::MAX;
 
 /// The bodies whose pose differs from that in `before`; `None` for another scene.
-fn moved_since<'a>(before: &Arc<Scene>, scene: &'a Arc<Scene>) -> Option<Vec<&'a Body>> {
+pub(crate) fn moved_since<'a>(before: &Arc<Scene>, scene: &'a Arc<Scene>) -> Option<Vec<&'a Body>> {
     if Arc::ptr_eq(before, scene) {
         return Some(Vec::new());
     }
@@ -156,7 +156,7 @@ fn write<S, T: PortElement>(
 }
 
 /// Writes one element for each item of some ranges; a list without items has one element, all zeros.
-fn fill<S, T: bytemuck::Pod>(
+pub(crate) fn fill<S, T: bytemuck::Pod>(
     out: &mut [T],
     ranges: &[Range<usize>],
     items: &[S],

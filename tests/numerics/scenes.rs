@@ -12,14 +12,17 @@ use epigraph_scenes::{
 use epigraph_stages::{
     Pace, World,
     gbuffer::Gbuffer,
+    mesh::{Mesh, MeshParams},
     motion::Motion,
     shared::{
         moves::Move,
-        octahedral::decode_oct16,
+        octahedral::{NO_NORMAL, decode_oct16},
         requests::{HIT_SURFACE, Request, Sample, VIEW_NOW},
     },
+    surfaces::{SurfaceLook, Surfaces},
     trace::{Light, Trace, TraceParams},
 };
+use epigraph_tests::gpu;
 use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
 
 use crate::{
@@ -318,10 +321,13 @@ fn soft_light() -> Row {
 }
 
 /// The surface that each pixel shows: a body that has moved, before a camera that has, too.
-fn surfaces() -> [Row; 3] {
+fn surfaces() -> [Row; 4] {
     let row = |quantity, domain, oracle, bound, unit| {
-        Measure::within("gbuffer", quantity, domain, oracle, bound, Unit::Of(unit)).on_cpu_only()
+        Measure::within("gbuffer", quantity, domain, oracle, bound, Unit::Of(unit))
     };
+    let mut lists =
+        Measure::exact("surfaces", "materials and bodies; normals of a flat body", "the same", "the scene")
+            .on_cpu_only();
     let mut depth = row(
         "distance of `depth` along the pixel's ray from the plane",
         "scales 10^-6 to 10^6 m, offsets to 10^7 m, 1 to 120 degrees",
@@ -334,7 +340,7 @@ fn surfaces() -> [Row; 3] {
         "`motion`",
         "the same; camera and body turned by 0.1, shifted by a tenth of the distance",
         "f64, of the point at `depth`",
-        8.0,
+        5.0,
         "2^-24 of the image's width, times the largest coordinate over the distance",
     );
     let size = [48, 48];
@@ -379,13 +385,21 @@ fn surfaces() -> [Row; 3] {
         };
         let [now, then] = [1, 0].map(|frame| scene.poses_at(frame)[0]);
         let moved = Move::of(&now.after(&then.inverse()));
-        let mut harness = Harness::<Gbuffer>::new((), &settings(size, 1));
+        let facts = Settings { facts: World::facts(&scene, false), ..settings(size, 1) };
+        let (registry, host) = (epigraph_stages::registry(), host(scene.clone()));
+        let mut mesh = Harness::<Mesh>::new(MeshParams::default(), &facts);
+        let mut surfaces = Harness::<Surfaces>::new((), &facts);
+        (mesh.frame.index, surfaces.frame.index) = (1, 1);
+        let mesh = mesh.run(Side::Cpu, &registry, &host, None).expect("it runs");
+        let surfaces = surfaces.run(Side::Cpu, &registry, &host, None).expect("it runs");
+        let mut harness = Harness::<Gbuffer>::new((), &facts);
         harness.frame.view = view;
         harness.frame.previous = previous;
-        harness.frame.index = 1;
         harness.set("moves", &[Move::REST, moved]);
-        let host = host(scene.clone());
-        let out = harness.run(Side::Cpu, &epigraph_stages::registry(), &host, None).expect("it runs");
+        harness.set("vertices", &mesh.get::<[f32; 4]>("vertices"));
+        harness.set("faces", &mesh.get::<[u32; 4]>("faces"));
+        harness.set("corners", &surfaces.get::<[u32; 4]>("corners"));
+        harness.set("looks", &surfaces.get::<SurfaceLook>("looks"));
 
         let name = format!("scale {scale:e}, offset {offset:e}, {fov} degrees");
         let double = |at: [f32; 3]| DVec3::from(at.map(f64::from));
@@ -396,36 +410,45 @@ fn surfaces() -> [Row; 3] {
         let largest =
             f64::from(posed.mesh.positions.iter().map(|at| at.abs().max_element()).fold(0.0, f32::max));
         let largest = largest.max(f64::from(eye.abs().max_element()));
-        let ids = out.get::<u32>("id");
-        let (depths, normals) = (out.get::<f32>("depth"), out.get::<u32>("normal"));
-        let motions = out.get::<[f32; 2]>("motion");
-        assert!(ids.iter().all(|&id| id == 0), "{name}: the triangle fills the image");
-        let mut worst = [0f64; 3];
-        for pixel in 0..48 * 48 {
-            let [x, y] = [pixel % 48, pixel / 48].map(|side| (side as f64 + 0.5) / 24.0 - 1.0);
-            let ray = DVec3::new(x * f64::from(tan), -y * f64::from(tan), -1.0);
-            let z = f64::from(depths[pixel]);
-            let at = eye.as_dvec3() + ray * z;
-            let off = (at - a).dot(facing).abs() / ((-24f64).exp2() * largest.max(z));
-            let turn = decode_oct16(normals[pixel]).as_dvec3().normalize().cross(facing).length() / 1e-5;
-            // Rotations are undone by their transpose.
-            let rows = [moved.x, moved.y, moved.z].map(|row| row.map(f64::from));
-            let gone = DVec3::from([0, 1, 2].map(|axis| at[axis] - rows[axis][3]));
-            let was =
-                DVec3::from([0, 1, 2].map(|axis| (0..3).map(|row| rows[row][axis] * gone[row]).sum::<f64>()));
-            let from = was - double(previous.eye);
-            let distance = from.dot(double(previous.forward));
-            let u = from.dot(double(previous.right)) / distance / f64::from(tan);
-            let v = from.dot(double(previous.up)) / distance / f64::from(tan);
-            let exact = [24.0 * (u - x), 24.0 * (-v - y)];
-            let unit = (-24f64).exp2() * 48.0 * (largest / z).max(1.0) / f64::from(tan).min(1.0);
-            let off_motion = [0, 1].map(|axis| (f64::from(motions[pixel][axis]) - exact[axis]).abs() / unit);
-            let found = [off, turn, off_motion[0].max(off_motion[1])];
-            worst = std::array::from_fn(|index| worst[index].max(found[index]));
-        }
-        for (measure, worst) in [&mut depth, &mut normal, &mut motion].into_iter().zip(worst) {
-            measure.record(Side::Cpu, &name, worst, 48 * 48);
+        let corners = surfaces.get::<[u32; 4]>("corners");
+        let flat = [NO_NORMAL, NO_NORMAL, NO_NORMAL, 1 << 24];
+        lists.compare_words(Side::Cpu, &name, [4, 1], corners.as_flattened(), &flat);
+        for side in Side::ALL {
+            harness.frame.index = 1;
+            let out = harness.run(side, &registry, &host, (side == Side::Gpu).then(gpu)).expect("it runs");
+            let ids = out.get::<u32>("id");
+            let (depths, normals) = (out.get::<f32>("depth"), out.get::<u32>("normal"));
+            let motions = out.get::<[f32; 2]>("motion");
+            assert!(ids.iter().all(|&id| id == 0), "{name}: the triangle fills the image");
+            let mut worst = [0f64; 3];
+            for pixel in 0..48 * 48 {
+                let [x, y] = [pixel % 48, pixel / 48].map(|side| (side as f64 + 0.5) / 24.0 - 1.0);
+                let ray = DVec3::new(x * f64::from(tan), -y * f64::from(tan), -1.0);
+                let z = f64::from(depths[pixel]);
+                let at = eye.as_dvec3() + ray * z;
+                let off = (at - a).dot(facing).abs() / ((-24f64).exp2() * largest.max(z));
+                let turn = decode_oct16(normals[pixel]).as_dvec3().normalize().cross(facing).length() / 1e-5;
+                // Rotations are undone by their transpose.
+                let rows = [moved.x, moved.y, moved.z].map(|row| row.map(f64::from));
+                let gone = DVec3::from([0, 1, 2].map(|axis| at[axis] - rows[axis][3]));
+                let was = DVec3::from(
+                    [0, 1, 2].map(|axis| (0..3).map(|row| rows[row][axis] * gone[row]).sum::<f64>()),
+                );
+                let from = was - double(previous.eye);
+                let distance = from.dot(double(previous.forward));
+                let u = from.dot(double(previous.right)) / distance / f64::from(tan);
+                let v = from.dot(double(previous.up)) / distance / f64::from(tan);
+                let exact = [24.0 * (u - x), 24.0 * (-v - y)];
+                let unit = (-24f64).exp2() * 48.0 * (largest / z).max(1.0) / f64::from(tan).min(1.0);
+                let off_motion =
+                    [0, 1].map(|axis| (f64::from(motions[pixel][axis]) - exact[axis]).abs() / unit);
+                let found = [off, turn, off_motion[0].max(off_motion[1])];
+                worst = std::array::from_fn(|index| worst[index].max(found[index]));
+            }
+            for (measure, worst) in [&mut depth, &mut normal, &mut motion].into_iter().zip(worst) {
+                measure.record(side, &name, worst, 48 * 48);
+            }
         }
     }
-    [depth.row(), normal.row(), motion.row()]
+    [depth.row(), normal.row(), motion.row(), lists.row()]
 }

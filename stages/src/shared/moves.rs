@@ -36,7 +36,7 @@ impl Move {
     }
 
     /// The point that is moved there: rotations are undone by their transpose.
-    pub fn before(&self, moved: [f32; 3]) -> [f32; 3] {
+    pub fn point_before(&self, moved: [f32; 3]) -> [f32; 3] {
         let rows = [self.x, self.y, self.z];
         let [x, y, z]: [f32; 3] = std::array::from_fn(|axis| moved[axis] - rows[axis][3]);
         std::array::from_fn(|axis| rows[0][axis] * x + rows[1][axis] * y + rows[2][axis] * z)
