@@ -47,7 +47,7 @@ fn grow(
 }
 
 fn grow_point(slot: u32) {
-    let increment = increment(rate[0], arrayLength(&cloud_meta));
+    let increment = increment(rate[0], f32(arrived[0]), arrayLength(&cloud_meta));
     let not_drawn = u32(round(f32(increment) * params.not_drawn_penalty));
     let change = u32(round(params.change_penalty * f32(AGE_ONE)));
     let bits = cloud_meta[slot];
@@ -76,11 +76,17 @@ fn grow_point(slot: u32) {
 
 // The moving average after one more frame; it starts at the first frame with samples.
 fn averaged(rate: f32, arrived: f32) -> f32 {
+    if arrived == 0.0 {
+        return rate;
+    }
     return select(rate + RATE_WEIGHT * (arrived - rate), arrived, rate == 0.0);
 }
 
-// The age increment per frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first, a
-// point lives capacity / rate frames.
-fn increment(rate: f32, capacity: u32) -> u32 {
+// The age increment of a frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first, a
+// point lives capacity / rate frames. 0 if no sample arrived.
+fn increment(rate: f32, arrived: f32, capacity: u32) -> u32 {
+    if arrived == 0.0 {
+        return 0u;
+    }
     return u32(min(round(AGE_WHEN_REPLACED * rate / f32(capacity)), f32(AGE)));
 }

@@ -196,9 +196,12 @@ impl Checked {
                 text += &format!("  without {}: writes {} less per frame\n", culled.node, readable(bytes));
             }
         }
-        let saved = total(&self.whole).saturating_sub(total(&self.plan));
-        if !self.plan.culled.is_empty() {
-            text += &format!("pruning saves {} of memory\n", readable(saved));
+        let [whole, pruned] = [&self.whole, &self.plan].map(total);
+        if pruned > whole {
+            text +=
+                &format!("skipping takes {} of memory more than pruning saves\n", readable(pruned - whole));
+        } else if !self.plan.culled.is_empty() {
+            text += &format!("pruning saves {} of memory\n", readable(whole - pruned));
         }
         text += &format!("{} checked against their stages\n", count(self.shaders, "shader"));
         for sentence in &self.left_out {
@@ -256,10 +259,10 @@ fn total(plan: &Plan) -> u64 {
 fn step_json(plan: &Plan, step: &Step) -> Option<Value> {
     match step {
         Step::Run(node) => {
-            let PlannedNode { name, kind, side, per_view, .. } = &plan.nodes[*node];
+            let PlannedNode { name, kind, side, runs, .. } = &plan.nodes[*node];
             Some(json!({
                 "node": name, "kind": kind, "backend": side.to_string(), "bytes": plan.node_bytes(*node),
-                "per_view": per_view,
+                "skipped_while": runs.unless(),
             }))
         }
         Step::Upload(value) | Step::Download(value, _) => {

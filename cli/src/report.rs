@@ -154,12 +154,13 @@ impl Report<'_> {
         }
     }
 
-    /// The nodes that were skipped in some frames because their result would not have changed: index, name and kind.
-    fn skipped(&self) -> impl Iterator<Item = (usize, &str, &str)> {
+    /// The nodes that were skipped in some frames because their result would not have changed: index, name, kind and why.
+    fn skipped(&self) -> impl Iterator<Item = (usize, &str, &str, &'static str)> {
         let (plan, runs) = (self.plan, &self.measured.runs);
-        let nodes = plan.nodes.iter().enumerate().filter(|(_, node)| node.per_view);
-        let nodes = nodes.filter(|(index, _)| runs[*index] < self.frames);
-        nodes.map(|(index, node)| (index, node.name.as_str(), node.kind.as_str()))
+        let nodes = plan.nodes.iter().enumerate().filter(|(index, _)| runs[*index] < self.frames);
+        nodes.filter_map(|(index, node)| {
+            Some((index, node.name.as_str(), node.kind.as_str(), node.runs.unless()?))
+        })
     }
 
     fn is_tracing(&self, step: usize) -> bool {
@@ -222,13 +223,15 @@ impl Report<'_> {
         for culled in &self.plan.culled {
             line("left out", format!("{} ({}): {}", culled.node, culled.kind, culled.why));
         }
-        if !self.plan.culled.is_empty() {
+        if self.culled_bytes > 0 {
             line("saved", format!("{} of memory by leaving out nodes", readable(self.culled_bytes)));
         }
-        for (node, name, kind) in self.skipped() {
+        for (node, name, kind, why) in self.skipped() {
             let (runs, frames) = (self.measured.runs[node], self.frames);
-            let why = "its inputs and the view were unchanged in the others";
-            line("skipped", format!("{name} ({kind}): ran in {runs} of {frames} frames; {why}"));
+            line(
+                "skipped",
+                format!("{name} ({kind}): ran in {runs} of {frames} frames; skipped while {why}"),
+            );
         }
         if args.watch {
             line("watch", "no node wrote a bad number".into());
@@ -280,8 +283,8 @@ impl Report<'_> {
             .collect();
         let skipped: Vec<Value> = self
             .skipped()
-            .map(|(node, name, kind)| {
-                json!({ "node": name, "kind": kind, "frames_run": self.measured.runs[node] })
+            .map(|(node, name, kind, why)| {
+                json!({ "node": name, "kind": kind, "frames_run": self.measured.runs[node], "while": why })
             })
             .collect();
         let files: Vec<Value> =

@@ -99,8 +99,8 @@ fn summary(declaration: Option<&Declaration>) -> String {
     if let Some(column) = declaration.and_then(|declared| declared.column) {
         text += &format!("time counts towards: {column}\n");
     }
-    if declaration.is_some_and(|declared| declared.per_view) {
-        text += "runs when: its inputs or the view change\n";
+    if let Some(why) = declaration.and_then(|declared| declared.runs.unless()) {
+        text += &format!("skipped while: {why}\n");
     }
     text
 }
@@ -185,14 +185,14 @@ fn as_json(kind: &dyn Kind) -> Value {
     };
     let ports: Vec<Value> = declaration.iter().flat_map(|declared| &declared.ports).map(port_json).collect();
     let params: Vec<Value> = kind.specs().iter().map(param_json).collect();
-    let per_view = declaration.as_ref().is_some_and(|declared| declared.per_view);
+    let skipped_while = declaration.as_ref().and_then(|declared| declared.runs.unless());
     let column = declaration.as_ref().and_then(|declared| declared.column);
     let declarations = declaration.is_none().then(shader::clauses_json);
     json!({
         "kind": kind.name(),
         "doc": kind.doc(),
         "runs_on": runs_on,
-        "per_view": per_view,
+        "skipped_while": skipped_while,
         "column": column,
         "ports": ports,
         "params": params,

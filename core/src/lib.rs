@@ -116,7 +116,7 @@ pub use registry::{Kind, NodeContext, Registry};
 pub use rule::{Limit, Rule};
 pub use shader::{EditedTexts, Needs, Pass, Shader, ShaderLibrary, ShaderModule, Shape, Threads};
 pub use side::{Download, PerSide, Side};
-pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Stage};
+pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, Runs, Stage};
 pub use values::Wrong;
 pub use watch::{BadValue, Checks};
 pub use wgsl::{WgslClause, WgslFile, wgsl_clauses, wgsl_kind};

@@ -1,9 +1,9 @@
 //! The plan: a checked graph as a list of steps over numbered memory. A plain value that needs no GPU.
 //!
-//! Four passes, each a function below: *order* (petgraph; producers before consumers, readers before the updater that
-//! overwrites their input), *storages* (one for each written field; updates in place share their source's), *steps*
-//! (nodes with the transfers between their sides), *slots* (memory shared by transients whose lifetimes do not
-//! overlap).
+//! Five passes, each a function below: *order* (petgraph; producers before consumers, readers before the updater that
+//! overwrites their input), *storages* (one for each written field; updates in place share their source's), *rest*
+//! (which nodes may be skipped, and what is kept for that), *steps* (nodes with the transfers between their sides),
+//! *slots* (memory shared by transients whose lifetimes do not overlap).
 //!
 //! The words for memory, here and in the executor:
 //!
@@ -28,12 +28,15 @@ use petgraph::{
     visit::EdgeRef,
 };
 
+mod rest;
+
 use crate::{
     error::{GraphError, Problem, Problems},
     graph::{Culled, Graph, Node, PortRef, Settings},
     id::{NodeId, SlotId, StepId, StorageId, TapId},
-    port::{Access, Dims, Element, FieldRef, Lifetime, Meaning},
+    port::{Access, Dims, Element, FieldRef, Lifetime, Meaning, Port},
     side::{Download, PerSide, Side},
+    stage::Runs,
 };
 
 /// How long the contents of a storage live.
@@ -193,8 +196,10 @@ pub struct PlannedNode {
     pub first_writes: Vec<StorageId>,
     /// The storages that it changes in place.
     pub updates: Vec<StorageId>,
-    /// Whether it is skipped in frames in which neither its inputs nor the view has changed. Its outputs are then kept.
-    pub per_view: bool,
+    /// The storages that it writes completely, whatever they hold before.
+    pub written_anew: Vec<StorageId>,
+    /// In which frames it runs. Otherwise its outputs keep what they hold.
+    pub runs: Runs,
 }
 
 impl PlannedNode {
@@ -239,7 +244,12 @@ impl Plan {
     pub fn new(graph: &Graph, settings: &Settings) -> Result<Self, Problems> {
         let order = order(graph)?;
         let (mut storages, bindings) = storages(graph);
-        let nodes = nodes(graph, bindings, &mut storages, settings.prune);
+        let mut nodes = nodes(graph, bindings, &storages);
+        if settings.prune {
+            rest::rest(graph, &order, &mut nodes, &mut storages);
+        } else {
+            nodes.iter_mut().for_each(|node| node.runs = Runs::Always);
+        }
         let mut taps = taps(graph, &nodes);
         let steps = steps(graph, &order, &nodes, &mut storages, &mut taps);
         let slots = slots(&steps, graph, &nodes, &mut storages, &taps, settings.pooling);
@@ -280,11 +290,10 @@ impl Plan {
         self.nodes[node].first_writes.iter().map(|&storage| self.storages[storage].bytes()).sum()
     }
 
-    /// The storages that a node writes completely, so that they may be filled with anything before.
-    pub(crate) fn written_anew(&self, node: NodeId) -> impl Iterator<Item = StorageId> {
-        let node = &self.nodes[node];
-        let kept = |storage: &StorageId| self.storages[*storage].life == Life::Persistent;
-        node.first_writes.iter().copied().filter(move |storage| node.per_view || !kept(storage))
+    /// Bytes of what one node writes that outlives the frame.
+    fn kept_bytes(&self, node: NodeId) -> u64 {
+        let storages = self.nodes[node].first_writes.iter().map(|&storage| &self.storages[storage]);
+        storages.filter(|storage| storage.life == Life::Persistent).map(Storage::bytes).sum()
     }
 
     /// The slot of a value on one side, in frames of this parity.
@@ -391,11 +400,20 @@ impl fmt::Display for Plan {
         for culled in &self.culled {
             writeln!(f, "left out: {} ({}): {}", culled.node, culled.kind, culled.why)?;
         }
-        for (id, PlannedNode { name, kind, .. }) in
-            self.nodes.iter_enumerated().filter(|(_, node)| node.per_view)
-        {
-            let bytes = megabytes(self.node_bytes(id));
-            writeln!(f, "skipped while its inputs and the view are unchanged: {name} ({kind}), {bytes}")?;
+        let mut skipped: Vec<(&str, Vec<&str>, u64)> = Vec::new();
+        for (id, node) in self.nodes.iter_enumerated() {
+            let Some(why) = node.runs.unless() else { continue };
+            let (name, bytes) = (node.name.as_str(), self.kept_bytes(id));
+            match skipped.iter_mut().find(|(other, ..)| *other == why) {
+                Some((_, names, sum)) => {
+                    names.push(name);
+                    *sum += bytes;
+                }
+                None => skipped.push((why, vec![name], bytes)),
+            }
+        }
+        for (why, names, bytes) in skipped {
+            writeln!(f, "skipped while {why}: {}; {} kept", names.join(", "), megabytes(bytes))?;
         }
         Ok(())
     }
@@ -557,26 +575,25 @@ fn storages(graph: &Graph) -> (Storages, IndexVec<NodeId, Bindings>) {
     (storages, bindings)
 }
 
-/// The nodes with the values they read and write. If a node may be skipped, its outputs become persistent. A node must
-/// run in every frame if it changes something in place, or if its outputs of the last frame are read, because their
-/// slots swap.
-fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &mut Storages, prune: bool) -> Nodes {
+/// The nodes with the values they read and write.
+fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &Storages) -> Nodes {
     let plan_node = |(bindings, node): (Bindings, &Node)| {
-        let with_access = |access: Access| {
-            let ports = node.declaration().ports.iter().zip(&bindings);
-            let ports = ports.filter(|(port, _)| port.access == access);
+        let declaration = node.declaration();
+        let of_ports = |wanted: &dyn Fn(&Port) -> bool| -> Vec<StorageId> {
+            let ports = declaration.ports.iter().zip(&bindings).filter(|(port, _)| wanted(port));
             ports.flat_map(|(_, values)| values.iter().flatten().map(|value| value.storage)).collect()
         };
-        let first_writes: Vec<StorageId> = with_access(Access::Write);
-        let updates: Vec<StorageId> = with_access(Access::Update);
-        let swaps = first_writes.iter().any(|&storage| storages[storage].life == Life::History);
-        let per_view = prune && node.declaration().per_view && updates.is_empty() && !swaps;
-        if per_view {
-            first_writes.iter().for_each(|&storage| storages[storage].life = Life::Persistent);
-        }
+        let kept = |port: &Port| port.lifetime == Lifetime::Persistent && declaration.runs != Runs::PerView;
+        let first_writes = of_ports(&|port| port.access == Access::Write);
+        let updates = of_ports(&|port| port.access == Access::Update);
+        let mut written_anew = of_ports(&|port| port.access == Access::Write && !kept(port));
+        let with_history = |storage: &&StorageId| storages[**storage].life == Life::History;
+        written_anew.extend(first_writes.iter().filter(with_history));
+        written_anew.sort_unstable();
+        written_anew.dedup();
         let (name, kind, side) = (node.name.clone(), node.kind.clone(), node.side);
-        let column = node.declaration().column;
-        PlannedNode { name, kind, column, side, bindings, first_writes, updates, per_view }
+        let (column, runs) = (declaration.column, declaration.runs.clone());
+        PlannedNode { name, kind, column, side, bindings, first_writes, updates, written_anew, runs }
     };
     bindings.into_iter().zip(&graph.nodes).map(plan_node).collect()
 }

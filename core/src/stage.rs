@@ -57,6 +57,35 @@ pub trait Stage: Sized + Send + Sync + 'static {
     }
 }
 
+/// In which frames a stage has something to do.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Runs {
+    /// In all.
+    #[default]
+    Always,
+    /// If its inputs or the view have changed: see [`Io::per_view`].
+    PerView,
+    /// If one of these fields has changed: see [`Io::per_change`].
+    PerChange(Vec<FieldRef>),
+    /// If this input is not blank, and once after: see [`Io::per_arrival`].
+    PerArrival(FieldRef),
+    /// If the frame may request samples, and once after: see [`Io::per_budget`].
+    PerBudget,
+}
+
+impl Runs {
+    /// While what is so it does not run, as part of a sentence; `None` if it always runs.
+    pub fn unless(&self) -> Option<&'static str> {
+        match self {
+            Self::Always => None,
+            Self::PerView => Some("its inputs and the view are unchanged"),
+            Self::PerChange(_) => Some("what it waits for is unchanged"),
+            Self::PerArrival(_) => Some("nothing arrives"),
+            Self::PerBudget => Some("no samples may be requested"),
+        }
+    }
+}
+
 /// Everything a stage has declared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Declaration {
@@ -72,8 +101,8 @@ pub struct Declaration {
     pub cpu: bool,
     /// Whether it only owns memory: nothing runs.
     pub idle: bool,
-    /// Whether its outputs depend only on its inputs and the frame's view.
-    pub per_view: bool,
+    /// In which frames it has something to do.
+    pub runs: Runs,
     /// The column of the application's table of times that the stage counts towards; `None`: the rest of the frame.
     pub column: Option<&'static str>,
 }
@@ -236,12 +265,31 @@ impl<'a> Io<'a> {
         self.declared.idle = true;
     }
 
-    /// Declares that the outputs depend only on the inputs, the parameters and [`Frame::view`]: not on the rest of the
-    /// frame, the host, or the outputs' previous contents. The stage is then skipped, and its outputs keep their
-    /// values, in frames in which neither the view nor any input has changed. An input is unchanged if its writer was
-    /// skipped too or reported it as unchanged ([`CpuContext::unchanged`]).
+    /// Declares that the outputs depend only on the inputs, the parameters, and [`Frame::view`] and
+    /// [`Frame::predicted`]: not on the rest of the frame, the host, or the outputs' previous contents. The stage is
+    /// then skipped, and its outputs keep their values, in frames in which neither the views nor any input has changed.
+    /// An input is unchanged if its writer was skipped too or reported it as unchanged ([`CpuContext::unchanged`]).
     pub fn per_view(&mut self) {
-        self.declared.per_view = true;
+        self.declared.runs = Runs::PerView;
+    }
+
+    /// Declares that one run after another, while these fields are as the first one left them, changes nothing: not what
+    /// the stage updates in place or keeps, and its other outputs would be the same again. The stage is then skipped. It
+    /// may depend on its other inputs, and on the rest of the frame, only when one of the fields has changed. What it
+    /// wrote itself in the frame before is no change.
+    pub fn per_change(&mut self, fields: impl IntoIterator<Item = FieldRef>) {
+        self.declared.runs = Runs::PerChange(fields.into_iter().collect());
+    }
+
+    /// Declares that the stage has nothing to do while this input is blank ([`CpuContext::blank`]): one run changes
+    /// nothing that the run before, with a blank input too, left. Whatever else has changed, the stage is then skipped.
+    pub fn per_arrival(&mut self, input: impl Into<FieldRef>) {
+        self.declared.runs = Runs::PerArrival(input.into());
+    }
+
+    /// Declares the same of frames that may not request samples ([`Frame::samples`] is 0).
+    pub fn per_budget(&mut self) {
+        self.declared.runs = Runs::PerBudget;
     }
 
     /// Sets the column of the application's table of times that the stage counts towards.
@@ -344,11 +392,13 @@ pub struct CpuContext<'a> {
     pub(crate) failed: Option<&'a Failed>,
 }
 
-/// What a node has reported of its kept outputs.
+/// What a node has reported of its outputs.
 #[derive(Debug, Default)]
 pub(crate) struct Changes {
     /// Outputs with the contents of the frame before.
     pub unchanged: Vec<FieldRef>,
+    /// Outputs with the contents that stand for nothing.
+    pub blank: Vec<FieldRef>,
     /// Ranges of elements of outputs that are otherwise as in the frame before.
     pub ranges: Vec<(FieldRef, Range<usize>)>,
 }
@@ -356,6 +406,7 @@ pub(crate) struct Changes {
 impl Changes {
     pub fn clear(&mut self) {
         self.unchanged.clear();
+        self.blank.clear();
         self.ranges.clear();
     }
 }
@@ -383,6 +434,12 @@ impl CpuContext<'_> {
     /// [`Io::persistent`] outputs; pooled memory has been reused since.
     pub fn unchanged(&self, port: impl Into<FieldRef>) {
         self.changes.borrow_mut().unchanged.push(port.into());
+    }
+
+    /// Reports that an output says that there is nothing, such as a list without samples. Stages that wait for something
+    /// ([`Io::per_arrival`]) need not run then. The contents must be the same whenever this is reported of an output.
+    pub fn blank(&self, port: impl Into<FieldRef>) {
+        self.changes.borrow_mut().blank.push(port.into());
     }
 
     /// Reports that only these elements of a kept list differ from the frame before, so that the rest need not be

@@ -37,7 +37,8 @@ epigraph_core::params! {
 }
 
 /// Ages every point except this frame's by an increment that brings it to age 128 when its turn to be replaced comes
-/// (`algorithms.md` section 1.5), and counts the points of each whole age.
+/// (`algorithms.md` section 1.5), and counts the points of each whole age. Frames in which no sample arrives do not
+/// count: nothing is replaced in them, so nothing ages.
 pub struct Age {
     cloud_image_id: In<u32>,
     cloud_meta: Out<u32>,
@@ -60,7 +61,7 @@ impl Stage for Age {
         let arrived = io.read("arrived", ARRIVED, Extent::Fixed([1, 1]));
         let rate = io.persistent(
             "rate",
-            "Moving average of the samples that arrive per frame.",
+            "Moving average of the samples that arrive per frame, of frames in which some do.",
             Extent::Fixed([1, 1]),
         );
         let histogram = io.write("histogram", AGES, Extent::Fixed([256, 1]));
@@ -69,6 +70,8 @@ impl Stage for Age {
         io.constants(CONSTANTS);
         io.compute("measure", Threads::Groups(1));
         io.dispatch("grow", cloud_meta);
+        // Who sees which point matters only in a frame in which points age.
+        io.per_change([arrived.into(), cloud_meta.into()]);
         Self { cloud_image_id, cloud_meta, arrived, rate, histogram }
     }
 
@@ -77,10 +80,11 @@ impl Stage for Age {
         let (mut rate, mut histogram) = (cx.write(self.rate), cx.write(self.histogram));
 
         // measure
-        rate[0] = averaged(rate[0], cx.read(self.arrived)[0] as f32);
+        let arrived = cx.read(self.arrived)[0] as f32;
+        rate[0] = averaged(rate[0], arrived);
 
         // grow
-        let increment = increment(rate[0], meta.len() as u32);
+        let increment = increment(rate[0], arrived, meta.len() as u32);
         let not_drawn = (increment as f32 * params.not_drawn_penalty).round_ties_even() as u32;
         let change = (params.change_penalty * AGE_ONE as f32).round_ties_even() as u32;
         let counts = meta.par_chunks_mut(CHUNK).zip(image_id.par_chunks(CHUNK)).map(|(meta, image_id)| {
@@ -122,12 +126,21 @@ impl Stage for Age {
 
 /// The moving average after one more frame; it starts at the first frame with samples.
 fn averaged(rate: f32, arrived: f32) -> f32 {
-    if rate == 0.0 { arrived } else { rate + RATE_WEIGHT * (arrived - rate) }
+    if arrived == 0.0 {
+        rate
+    } else if rate == 0.0 {
+        arrived
+    } else {
+        rate + RATE_WEIGHT * (arrived - rate)
+    }
 }
 
-/// The age increment per frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first,
-/// a point lives capacity / rate frames.
-fn increment(rate: f32, capacity: u32) -> u32 {
+/// The age increment of a frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first,
+/// a point lives capacity / rate frames. 0 if no sample arrived.
+fn increment(rate: f32, arrived: f32, capacity: u32) -> u32 {
+    if arrived == 0.0 {
+        return 0;
+    }
     (AGE_WHEN_REPLACED * rate / capacity as f32).round_ties_even().min(AGE as f32) as u32
 }
 
@@ -149,10 +162,11 @@ mod tests {
     #[test]
     fn increments_are_those_of_the_specification() {
         // algorithms.md section 1.5: 2.133 = 546/256 and 0.4267 = 109/256.
-        assert_eq!(increment(5000.0, 300_000), 546);
-        assert_eq!(increment(1000.0, 300_000), 109);
-        assert_eq!(increment(0.0, 300_000), 0);
-        assert_eq!(increment(300_000.0, 300_000), 128 * 256);
+        assert_eq!(increment(5000.0, 1.0, 300_000), 546);
+        assert_eq!(increment(1000.0, 1.0, 300_000), 109);
+        assert_eq!(increment(1000.0, 0.0, 300_000), 0);
+        assert_eq!(increment(0.0, 1.0, 300_000), 0);
+        assert_eq!(increment(300_000.0, 1.0, 300_000), 128 * 256);
     }
 
     #[test]
@@ -198,7 +212,22 @@ mod tests {
             harness.set("arrived", &[arrived]);
             run_alike(&mut harness).get::<f32>("rate")[0]
         };
-        assert_eq!([rate(0), rate(100), rate(200), rate(200)], [0.0, 100.0, 110.0, 119.0]);
+        let rates = [0, 100, 200, 200, 0, 0, 219].map(&mut rate);
+        assert_eq!(rates, [0.0, 100.0, 110.0, 119.0, 119.0, 119.0, 129.0]);
+    }
+
+    #[test]
+    fn nothing_ages_in_a_frame_without_samples() {
+        let meta = [LIVE | FRESH, LIVE | 0x01_80, LIVE | 0xFF_00, LIVE | 0x01_00];
+        let mut harness = harness(AgeParams::default(), 1, &[LIVE; 4], &[7; 4]);
+        run_alike(&mut harness);
+        harness.set("arrived", &[0]);
+        harness.set("cloud.meta", &meta);
+        harness.set("cloud.image_id", &[7, NOT_DRAWN, 7, 7]);
+        let out = run_alike(&mut harness);
+        // But the one that reached 255 before, as points in changing light do, leaves.
+        assert_eq!(out.get::<u32>("cloud.meta"), [meta[0], meta[1], 0, meta[3]]);
+        assert_eq!(out.get::<u32>("histogram").iter().sum::<u32>(), 3);
     }
 
     #[test]

@@ -61,6 +61,7 @@ impl Stage for Antialias {
 
     fn declare(_: &AntialiasParams, io: &mut Io) -> Self {
         io.column(column::I2);
+        io.per_view();
         let pixels = || Extent::Frame(1);
         let primary = io.read("primary", RADIANCE.doc("Linear radiance of the primary regions."), pixels());
         let cls = io.read("cls", meaning::CLASS, pixels());

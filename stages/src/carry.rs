@@ -71,6 +71,7 @@ impl Stage for Carry {
         let blockers = io.read("blockers", BLOCKERS.doc("The boxes of the bodies in this frame."), same);
         io.shader(shader!("carry"));
         io.dispatch("main", cloud_meta);
+        io.per_arrival(moves);
         Self { cloud_position, cloud_meta, moves, lights_before, lights, blockers_before, blockers }
     }
 

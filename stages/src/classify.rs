@@ -70,6 +70,7 @@ impl Stage for Classify {
 
     fn declare(_: &ClassifyParams, io: &mut Io) -> Self {
         io.column(column::I1);
+        io.per_view();
         let pixels = || Extent::Frame(1);
         let mask = io.read("mask", CROSSINGS, Extent::Corners);
         let id = io.read("id", ID, pixels());

@@ -72,6 +72,7 @@ impl Stage for DepthCull {
 
     fn declare(params: &DepthCullParams, io: &mut Io) -> Self {
         io.column(column::P4);
+        io.per_view();
         let id = io.update(
             "id",
             ID.doc("The point that each pixel shows; 0xFFFFFFFF where it is dropped."),

@@ -118,6 +118,7 @@ impl Stage for Dither {
 
     fn declare(params: &DitherParams, io: &mut Io) -> Self {
         io.column(column::P1);
+        io.per_budget();
         let priority = io.read("priority", PRIORITY, Extent::Frame(1));
         let id = io.read("id", ID, Extent::Frame(1));
         let aim = io.optional(

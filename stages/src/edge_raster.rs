@@ -219,6 +219,7 @@ impl Stage for EdgeRaster {
 
     fn declare(params: &EdgeRasterParams, io: &mut Io) -> Self {
         io.column(column::E2);
+        io.per_view();
         let silhouettes = List::declare(io, &SILHOUETTES);
         let shadows = List::declare(io, &SHADOWS);
         let filtered = io.read(

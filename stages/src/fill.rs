@@ -94,6 +94,8 @@ impl Stage for Fill {
         io.constants(CONSTANTS);
         io.dispatch("gather", points);
         io.dispatch("fill", color);
+        // Held colours are held again.
+        io.per_change([radiance.into(), meta.into(), id.into(), previous.into()]);
         Self { radiance, meta, id, previous, points, color, priority }
     }
 

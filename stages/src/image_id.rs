@@ -60,6 +60,7 @@ impl Stage for ImageId {
         io.constants(CONSTANTS);
         io.dispatch("clear", cloud_image_id);
         io.dispatch("mark", id);
+        io.per_change([cloud_image_id.into(), id.into()]);
         Self { cloud_image_id, id }
     }
 

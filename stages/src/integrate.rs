@@ -78,6 +78,7 @@ impl Stage for Integrate {
         io.dispatch("compare", slots);
         io.dispatch("flag", cloud_meta);
         io.dispatch("insert", slots);
+        io.per_arrival(samples);
         Self {
             cloud_position,
             cloud_radiance,

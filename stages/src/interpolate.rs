@@ -108,6 +108,7 @@ impl Stage for Interpolate {
 
     fn declare(_: &InterpolateParams, io: &mut Io) -> Self {
         io.column(column::I2);
+        io.per_view();
         let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (radiance, meta) = (cloud.read("radiance"), cloud.read("meta"));
         let pixels = || Extent::Frame(1);

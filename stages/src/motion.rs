@@ -64,6 +64,9 @@ impl Stage for Motion {
         let index = cx.frame().index;
         // The first frame has no points that could have moved.
         let [now, before] = [index, index.saturating_sub(1)].map(|frame| scene.poses_at(frame));
+        if now == before {
+            cx.blank(self.moves);
+        }
         let mut moves = cx.write(self.moves);
         moves.fill(Move::REST);
         for ((to, now), before) in moves[1..].iter_mut().zip(&now).zip(&before) {

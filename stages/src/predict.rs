@@ -41,6 +41,7 @@ impl Stage for Predict {
 
     fn declare(_: &(), io: &mut Io) -> Self {
         io.column(column::P3);
+        io.per_view();
         let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (position, meta) = (cloud.read("position"), cloud.read("meta"));
         let occupancy = io.write(

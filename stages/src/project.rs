@@ -76,6 +76,7 @@ impl Stage for Project {
 
     fn declare(params: &ProjectParams, io: &mut Io) -> Self {
         io.column(column::P2);
+        io.per_view();
         let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (position, meta) = (cloud.read("position"), cloud.read("meta"));
         let pixels = Extent::Frame(1);

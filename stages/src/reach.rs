@@ -78,6 +78,7 @@ impl Stage for Reach {
 
     fn declare(params: &ReachParams, io: &mut Io) -> Self {
         io.column(column::I2);
+        io.per_view();
         let pixels = || Extent::Frame(1);
         let mask = io.read("mask", CROSSINGS, Extent::Corners);
         let cls = io.read(

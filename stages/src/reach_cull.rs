@@ -53,6 +53,7 @@ impl Stage for ReachCull {
 
     fn declare(params: &ReachCullParams, io: &mut Io) -> Self {
         io.column(column::I2);
+        io.per_view();
         let pixels = || Extent::Frame(1);
         let kept = io.read("kept", KEPT, pixels());
         let depth =

@@ -94,6 +94,7 @@ impl Stage for Replace {
         io.compute("count_slots", Threads::Groups(SCAN_BLOCKS));
         io.compute("collect_slots", Threads::Groups(SCAN_BLOCKS));
         io.compute("assign", Threads::Groups(SCAN_BLOCKS));
+        io.per_arrival(samples);
         Self { cloud_meta, samples, histogram, claims, claimed, choice, oldest, slots }
     }
 

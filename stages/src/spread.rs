@@ -86,6 +86,7 @@ impl Stage for Spread {
 
     fn declare(params: &SpreadParams, io: &mut Io) -> Self {
         io.column(column::I2);
+        io.per_view();
         let pixels = || Extent::Frame(1);
         let primary =
             io.read("primary", RADIANCE.doc("Linear radiance, not negative; alpha 0 in holes."), pixels());

@@ -87,6 +87,7 @@ impl Stage for Subdivide {
 
     fn declare(_: &SubdivideParams, io: &mut Io) -> Self {
         io.column(column::I2);
+        io.per_view();
         let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let radiance = cloud.read("radiance");
         let pixels = || Extent::Frame(1);

@@ -76,6 +76,9 @@ impl Stage for Tonemap {
         let image = io.write("image", PICTURE, Extent::Frame(1));
         io.shader(shader!("tonemap"));
         let auto = params.exposure.is_none().then(|| Auto::declare(io, image));
+        if auto.is_none() {
+            io.per_view();
+        }
         io.dispatch("tonemap", image);
         Self { color, image, auto, srgb: Srgb::new() }
     }

@@ -72,7 +72,11 @@ impl Stage for Trace {
                 "`{name}` has points and no surfaces to trace rays to: show it with the graph `streams`"
             ));
         }
-        world.answer(cx.frame(), &cx.read(self.requests), &settings, &mut cx.write(self.samples));
+        let samples = &mut cx.write(self.samples)[..];
+        world.answer(cx.frame(), &cx.read(self.requests), &settings, samples);
+        if samples.iter().all(|sample| *sample == Sample::default()) {
+            cx.blank(self.samples);
+        }
         Ok(())
     }
 

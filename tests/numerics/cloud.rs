@@ -138,7 +138,7 @@ fn ages() -> [Row; 2] {
         "average of arrivals",
         "the same, over 12 frames",
         "f64",
-        3.0,
+        2.0,
         Unit::Of("ULP"),
     );
     let mut random = Random(2);
@@ -170,10 +170,10 @@ fn ages() -> [Row; 2] {
                 harness.set("arrived", &[arrived]);
                 let outputs = both(&mut harness);
                 harness.frame.index += 1;
-                exact = if exact == 0.0 {
-                    f64::from(arrived)
-                } else {
-                    exact + 0.1 * (f64::from(arrived) - exact)
+                exact = match f64::from(arrived) {
+                    0.0 => exact,
+                    arrived if exact == 0.0 => arrived,
+                    arrived => exact + 0.1 * (arrived - exact),
                 };
                 for (side, outputs) in sides(&outputs) {
                     let rate = outputs.get::<f32>("rate")[0];
@@ -188,6 +188,7 @@ fn ages() -> [Row; 2] {
                         &[rate],
                         &[Expected { exact, allowed, unit: ulp(exact) }],
                     );
+                    let rate = if arrived == 0 { 0.0 } else { rate };
                     let (aged, counts) = aged(&meta, &image_id, rate, [not_drawn, change], evict);
                     ages.compare_words(side, &name, [1, 1], &outputs.get("cloud.meta"), &aged);
                     ages.compare_words(side, &name, [256, 1], &outputs.get("histogram"), &counts);
@@ -198,7 +199,7 @@ fn ages() -> [Row; 2] {
     [ages.row(), rates.row()]
 }
 
-/// The points after a frame, and how many there are of each age.
+/// The points after a frame in which points are replaced at this rate, and how many there are of each age.
 fn aged(
     meta: &[u32],
     image_id: &[u32],

@@ -30,7 +30,7 @@ const RATE_WEIGHT: f32 = 0.1;
 @group(0) @binding(2) var<storage, read_write> cloud_meta: array<u32>;
 /// = means arrived samples, 1 element
 @group(0) @binding(3) var<storage, read> arrived: array<u32>;
-/// Moving average of the samples that arrive per frame.
+/// Moving average of the samples that arrive per frame, of frames in which some do.
 /// = kept, 1 element
 @group(0) @binding(4) var<storage, read_write> rate: array<f32>;
 /// = output, 256 elements, means points by age
@@ -69,7 +69,7 @@ fn grow(
 }
 
 fn grow_point(slot: u32) {
-    let increment = increment(rate[0], arrayLength(&cloud_meta));
+    let increment = increment(rate[0], f32(arrived[0]), arrayLength(&cloud_meta));
     let not_drawn = u32(round(f32(increment) * params.not_drawn_penalty));
     let change = u32(round(params.change_penalty * f32(AGE_ONE)));
     let bits = cloud_meta[slot];
@@ -98,11 +98,17 @@ fn grow_point(slot: u32) {
 
 // The moving average after one more frame; it starts at the first frame with samples.
 fn averaged(rate: f32, arrived: f32) -> f32 {
+    if arrived == 0.0 {
+        return rate;
+    }
     return select(rate + RATE_WEIGHT * (arrived - rate), arrived, rate == 0.0);
 }
 
-// The age increment per frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first, a
-// point lives capacity / rate frames.
-fn increment(rate: f32, capacity: u32) -> u32 {
+// The age increment of a frame, 8.8 fixed point: if `rate` of `capacity` points are replaced in a frame, oldest first, a
+// point lives capacity / rate frames. 0 if no sample arrived.
+fn increment(rate: f32, arrived: f32, capacity: u32) -> u32 {
+    if arrived == 0.0 {
+        return 0u;
+    }
     return u32(min(round(AGE_WHEN_REPLACED * rate / f32(capacity)), f32(AGE)));
 }

@@ -6,7 +6,9 @@ use std::{
 };
 
 use epigraph::{Device, Error, Place, Registry, Run, Samples, Setup};
-use epigraph_core::{Access, Dims, Graph, GraphFile, Node, Plan, PlannedNode, Port, RunError, Side, Step};
+use epigraph_core::{
+    Access, Dims, Graph, GraphFile, Node, NodeId, Plan, PlannedNode, Port, RunError, Runs, Side, Step,
+};
 use epigraph_stages::{column::TRACE, facts, meaning::POINTS};
 
 use super::{
@@ -146,16 +148,17 @@ pub fn plan(job: &Job) -> Result<Plan, CliError> {
 ///
 /// # Errors
 /// Those of [`measure`], and a machine on which the graph does not run.
-pub fn skipped(job: &Job) -> Result<(Plan, Vec<String>), CliError> {
+pub fn skipped(job: &Job) -> Result<(Plan, Vec<NodeId>), CliError> {
     let mut run = job.setup(job.args.compile.samples).start()?;
     for _ in 0..SETTLED {
         interrupt::check()?;
         run.advance(false)?;
     }
-    let nodes = run.plan().nodes.iter().zip(run.executor.ran().as_raw_slice());
-    let names = nodes.filter(|(node, ran)| node.per_view && !**ran).map(|(node, _)| node.name.clone());
-    let names = names.collect();
-    Ok((run.plan().clone(), names))
+    let plan = run.plan();
+    let skipped =
+        plan.order().filter(|node| plan.nodes[*node].runs != Runs::Always && !run.executor.ran()[*node]);
+    let skipped = skipped.collect();
+    Ok((plan.clone(), skipped))
 }
 
 /// Runs a measurement.

@@ -98,7 +98,10 @@ fn row(
         Outcome::Beyond(why) => return Err(CliError::Input(format!("{label}: {why}"))),
     };
     let culled = plan.culled.iter().map(|culled| (culled.node.clone(), culled.why.clone()));
-    let skipped = skipped.into_iter().map(|node| (node, "its inputs and the view are unchanged".to_owned()));
+    let skipped = skipped.into_iter().filter_map(|node| {
+        let node = &plan.nodes[node];
+        Some((node.name.clone(), node.runs.unless()?.to_owned()))
+    });
     let saved = culled.chain(skipped).map(|(node, why)| {
         let ms = measured.parts.iter().filter(|part| part.name == node).map(|part| part.ms).sum();
         Saved { node, why, ms }

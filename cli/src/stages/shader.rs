@@ -22,7 +22,7 @@ pub fn describe(file: &Path, registry: &Registry) -> Result<(Value, String), Pro
         "file": file.display().to_string(),
         "doc": doc,
         "runs_on": ["gpu"],
-        "per_view": declaration.per_view,
+        "skipped_while": declaration.runs.unless(),
         "column": declaration.column,
         "imports": modules,
         "ports": declaration.ports.iter().map(port_json).collect::<Vec<_>>(),

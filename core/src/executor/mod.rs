@@ -22,7 +22,7 @@ pub use device::{AdapterChoice, Gpu};
 use gpu::{GpuSide, Layout, poison_word};
 use index_vec::{IndexSlice, IndexVec, index_vec};
 use readback::Readback;
-use versions::Versions;
+use versions::{Due, Versions};
 use watch::Watch;
 
 use crate::{
@@ -172,8 +172,8 @@ impl Executor {
         let versions = Versions::new(&plan);
         let ran = [0, 1].map(|_| index_vec![false; plan.nodes.len()]);
         let most_fields = plan.nodes.iter().map(|node| node.values().count()).max().unwrap_or(0);
-        let unchanged = Vec::with_capacity(most_fields);
-        let changes = RefCell::new(Changes { unchanged, ranges: Vec::new() });
+        let [unchanged, blank] = [0, 1].map(|_| Vec::with_capacity(most_fields));
+        let changes = RefCell::new(Changes { unchanged, blank, ranges: Vec::new() });
         Ok(Self {
             graph,
             plan,
@@ -228,8 +228,8 @@ impl Executor {
         self.moved.as_raw_slice()
     }
 
-    /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never run, and those
-    /// with [`PlannedNode::per_view`] run only when something has changed.
+    /// For each of the plan's nodes: whether it ran in the last frame. Nodes that only own memory never run, and
+    /// [`PlannedNode::runs`] says when others do.
     pub fn ran(&self) -> &IndexSlice<NodeId, [bool]> {
         &self.ran[self.parity() ^ 1]
     }
@@ -286,7 +286,7 @@ impl Executor {
     /// Walks the plan's steps.
     fn steps(&mut self, frame: &Frame, host: &Host, capture: bool) -> Result<(), RunError> {
         let parity = self.parity();
-        self.versions.begin(&frame.view);
+        self.versions.begin(frame, parity);
         self.ran[parity].raw.fill(false);
         self.moved.raw.fill(0);
         let begin = Instant::now();
@@ -369,8 +369,11 @@ impl Executor {
     ) -> Result<(), RunError> {
         match self.plan.steps[index] {
             Step::Run(node) => {
-                let idle = self.graph.nodes[node].declaration().idle;
-                if idle || self.versions.is_current(&self.plan, node) {
+                if self.graph.nodes[node].declaration().idle {
+                    return Ok(());
+                }
+                let due = self.versions.due(&self.plan, node);
+                if due == Due::Skip {
                     return Ok(());
                 }
                 self.changes.borrow_mut().clear();
@@ -386,12 +389,12 @@ impl Executor {
                         }
                     }
                 }
-                self.versions.ran(&self.plan, node, &self.changes.borrow());
+                self.versions.ran(&self.plan, node, &self.changes.borrow(), due);
                 self.ran[parity][node] = true;
                 Ok(())
             }
             Step::Upload(value) => {
-                if !self.versions.transfer(&self.plan, value.storage, Side::Gpu) {
+                if !self.versions.transfer(&self.plan, value, Side::Gpu) {
                     return Ok(());
                 }
                 let memory = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
@@ -401,15 +404,15 @@ impl Executor {
                 Ok(())
             }
             Step::Download(value, mode) => {
-                match mode {
-                    Download::Latent(_) => self.versions.late(value.storage, Side::Cpu),
-                    Download::Sync if self.versions.transfer(&self.plan, value.storage, Side::Cpu) => {}
+                let new = match mode {
+                    Download::Latent(frames) => self.versions.late(&self.plan, value, frames),
+                    Download::Sync if self.versions.transfer(&self.plan, value, Side::Cpu) => true,
                     Download::Sync => return Ok(()),
-                }
-                self.moved[index] = self.plan.storages[value.storage].bytes();
+                };
+                self.moved[index] = if new { self.plan.storages[value.storage].bytes() } else { 0 };
                 let memory = &self.cpu[self.plan.slot(value, Side::Cpu, parity)];
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");
-                gpu.download(&self.plan, value, parity, self.frame, memory)
+                gpu.download(&self.plan, value, parity, self.frame, memory, new)
             }
             Step::Tap { tap, field } => {
                 if capture {
@@ -446,7 +449,7 @@ impl Executor {
     }
 
     fn fill_cpu(&self, fill: Fill, node: NodeId, parity: usize) {
-        for storage in self.plan.written_anew(node) {
+        for &storage in &self.plan.nodes[node].written_anew {
             let slot = self.plan.slot(Value::now(storage), Side::Cpu, parity);
             let word = fill.word(&self.plan.storages[storage].element).to_le_bytes();
             let mut memory = self.cpu[slot].borrow_mut();

@@ -1,49 +1,81 @@
-//! Which contents of each storage each side holds, as version numbers: a write makes a new one, a transfer copies it.
-//! Work that would repeat with the same numbers is skipped: transfers of kept memory, and nodes that depend only on
-//! their inputs and the view (see [`Io::per_view`](crate::Io::per_view)).
+//! Which contents of each storage each side holds, as version numbers: contents with equal numbers are equal. A write
+//! makes a new number, a transfer copies it. Work that would repeat with the same numbers is skipped: transfers to a
+//! side that holds the contents, and nodes that have nothing to do (see [`Runs`]).
 
-use std::ops::Range;
+use std::{collections::VecDeque, ops::Range};
 
-use index_vec::IndexVec;
+use index_vec::{IndexVec, index_vec};
 
 use crate::{
-    frame::View,
+    frame::{Frame, View},
     id::{NodeId, StorageId},
-    plan::{Life, Plan},
+    plan::{Life, Plan, PlannedNode, Value},
     port::FieldRef,
     side::{PerSide, Side},
-    stage::Changes,
+    stage::{Changes, Runs},
 };
+
+/// The number of all contents that are reported as blank, and of a frame that may request no samples.
+const BLANK: u64 = 0;
+
+/// Whether a node has to run.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Due {
+    /// Its outputs will be new.
+    Run,
+    /// It writes what it wrote in its last run, for the second slot of an output with history.
+    Repeat,
+    /// Its outputs are what it would write.
+    Skip,
+}
 
 /// The version numbers of a plan's contents.
 pub(super) struct Versions {
     /// The last number used.
     last: u64,
-    /// For each storage: what each side holds.
-    held: IndexVec<StorageId, PerSide<u64>>,
+    /// The lowest bit of the frame number: history pairs swap with it.
+    parity: usize,
+    /// For each storage: what each side holds, in the slots of even and of odd frames if it has history.
+    held: IndexVec<StorageId, [PerSide<u64>; 2]>,
     /// For each storage: the elements in which the CPU's contents differ from the GPU's, if that is known.
     differ: IndexVec<StorageId, Vec<Range<usize>>>,
-    view: View,
+    /// For each storage: the numbers of the GPU's contents, this frame's or the last frame's, that are on their way to the
+    /// CPU, oldest first.
+    under_way: IndexVec<StorageId, [VecDeque<u64>; 2]>,
+    views: [View; 2],
     view_version: u64,
-    /// For each node that may be skipped, as of its last run: the number of the view, then those of everything it reads
-    /// and writes. Empty before its first run.
+    budget: u64,
+    /// For each node that may be skipped: the numbers that [`Versions::state`] tells, as of its last run. Empty before
+    /// its first run.
     seen: IndexVec<NodeId, Vec<u64>>,
+    /// For each node that is run per view: the numbers of what it wrote in its last run.
+    left: IndexVec<NodeId, Vec<u64>>,
+    /// For each node: whether both slots of its outputs with history hold what it would write.
+    repeated: IndexVec<NodeId, bool>,
+    /// The state of the node that is looked at.
+    state: Vec<u64>,
 }
 
 impl Versions {
     /// At the start, nothing is known to be equal on both sides.
     pub fn new(plan: &Plan) -> Self {
-        let seen = plan
-            .nodes
-            .iter()
-            .map(|node| Vec::with_capacity(if node.per_view { 1 + node.values().count() } else { 0 }));
+        let numbers =
+            || plan.nodes.iter().map(|node| Vec::with_capacity(1 + node.values().count())).collect();
         Self {
-            last: 1,
-            held: plan.storages.iter().map(|_| PerSide { cpu: 0, gpu: 1 }).collect(),
+            last: 2,
+            parity: 0,
+            held: index_vec![[PerSide { cpu: 1, gpu: 2 }; 2]; plan.storages.len()],
             differ: plan.storages.iter().map(|_| Vec::new()).collect(),
-            view: View::default(),
-            view_version: 0,
-            seen: seen.collect(),
+            under_way: plan.storages.iter().map(|_| [VecDeque::new(), VecDeque::new()]).collect(),
+            views: [View::default(); 2],
+            view_version: BLANK,
+            budget: BLANK,
+            seen: numbers(),
+            left: numbers(),
+            repeated: index_vec![false; plan.nodes.len()],
+            state: Vec::with_capacity(
+                1 + plan.nodes.iter().map(|node| node.values().count()).max().unwrap_or(0),
+            ),
         }
     }
 
@@ -56,69 +88,145 @@ impl Versions {
     /// and runs all nodes.
     pub fn forget(&mut self) {
         for storage in self.held.indices() {
-            let [cpu, gpu] = [self.next(), self.next()];
-            self.held[storage] = PerSide { cpu, gpu };
+            for slot in 0..2 {
+                let [cpu, gpu] = [self.next(), self.next()];
+                self.held[storage][slot] = PerSide { cpu, gpu };
+            }
         }
         self.differ.iter_mut().for_each(Vec::clear);
+        self.under_way.iter_mut().flatten().for_each(VecDeque::clear);
         self.seen.iter_mut().for_each(Vec::clear);
     }
 
     /// Begins a frame. Views are equal if their bits are.
-    pub fn begin(&mut self, view: &View) {
-        if bytemuck::bytes_of(view) != bytemuck::bytes_of(&self.view) {
-            self.view = *view;
+    pub fn begin(&mut self, frame: &Frame, parity: usize) {
+        self.parity = parity;
+        let views = [frame.view, frame.predicted];
+        if bytemuck::bytes_of(&views) != bytemuck::bytes_of(&self.views) {
+            self.views = views;
             self.view_version = self.next();
         }
+        self.budget = if frame.samples == 0 { BLANK } else { self.next() };
     }
 
-    /// Whether a node may be skipped because its outputs already hold what it would write.
-    pub fn is_current(&self, plan: &Plan, node: NodeId) -> bool {
-        plan.nodes[node].per_view && self.state(plan, node).eq(self.seen[node].iter().copied())
+    /// The number of a value on one side.
+    fn held(&mut self, plan: &Plan, value: Value, side: Side) -> &mut u64 {
+        let slot = self.slot(plan, value);
+        &mut self.held[value.storage][slot][side]
     }
 
-    /// The numbers of the view and of everything a node reads and writes. Its outputs are included: another node may
-    /// have changed them in place, or the caller replaced them.
-    fn state<'a>(&'a self, plan: &'a Plan, node: NodeId) -> impl Iterator<Item = u64> + 'a {
-        let node = &plan.nodes[node];
-        let held = node.values().map(|value| self.held[value.storage][node.side]);
-        std::iter::once(self.view_version).chain(held)
+    fn slot(&self, plan: &Plan, value: Value) -> usize {
+        let history = plan.storages[value.storage].life == Life::History;
+        if history { self.parity ^ usize::from(value.previous) } else { 0 }
+    }
+
+    /// Whether a node has to run in this frame. If not, what it writes has the numbers that its last run gave it, even
+    /// if nodes that will be skipped too have changed it in place since.
+    pub fn due(&mut self, plan: &Plan, node: NodeId) -> Due {
+        let planned = &plan.nodes[node];
+        self.note(plan, node);
+        let same = match planned.runs {
+            Runs::Always => false,
+            Runs::PerView | Runs::PerChange(_) => self.state == self.seen[node],
+            Runs::PerArrival(_) | Runs::PerBudget => self.state == [BLANK] && self.seen[node] == [BLANK],
+        };
+        if !same {
+            if planned.runs == Runs::PerView {
+                self.seen[node].clone_from(&self.state);
+            }
+            return Due::Run;
+        }
+        if planned.runs == Runs::PerView {
+            for (index, storage) in planned.written().enumerate() {
+                *self.held(plan, Value::now(storage), planned.side) = self.left[node][index];
+            }
+        }
+        let history = planned.written().any(|storage| plan.storages[storage].life == Life::History);
+        if history && !self.repeated[node] { Due::Repeat } else { Due::Skip }
+    }
+
+    /// Writes into `state` the numbers that decide whether a node has to run.
+    fn note(&mut self, plan: &Plan, node: NodeId) {
+        let mut state = std::mem::take(&mut self.state);
+        state.clear();
+        let planned = &plan.nodes[node];
+        let add = |value: Value| state.push(*self.held(plan, value, planned.side));
+        match &planned.runs {
+            Runs::Always => {}
+            Runs::PerView => {
+                let written =
+                    |value: &Value| !value.previous && planned.first_writes.contains(&value.storage);
+                planned.values().filter(|value| !written(value)).for_each(add);
+                state.push(self.view_version);
+            }
+            Runs::PerChange(fields) => {
+                let own = |value: &Value| value.previous && planned.first_writes.contains(&value.storage);
+                let values = fields.iter().filter_map(|field| planned.value(*field));
+                values.filter(|value| !own(value)).for_each(add);
+            }
+            Runs::PerArrival(field) => planned.value(*field).into_iter().for_each(add),
+            Runs::PerBudget => state.push(self.budget),
+        }
+        self.state = state;
     }
 
     /// Records that a node ran and wrote everything except what it reports of its kept fields as unchanged.
-    pub fn ran(&mut self, plan: &Plan, node: NodeId, changes: &Changes) {
+    pub fn ran(&mut self, plan: &Plan, node: NodeId, changes: &Changes, due: Due) {
         let planned = &plan.nodes[node];
+        let per_view = planned.runs == Runs::PerView;
+        self.repeated[node] = due == Due::Repeat;
+        if due == Due::Repeat {
+            let history = |storage: &StorageId| plan.storages[*storage].life == Life::History;
+            for storage in planned.written().filter(|storage| !per_view && history(storage)) {
+                let same = *self.held(plan, Value { storage, previous: true }, planned.side);
+                *self.held(plan, Value::now(storage), planned.side) = same;
+            }
+            return;
+        }
         let is = |field: &FieldRef| planned.value(*field).map(|value| value.storage);
         for storage in planned.written() {
+            let reports = |fields: &[FieldRef]| fields.iter().any(|field| is(field) == Some(storage));
             let kept = plan.storages[storage].life == Life::Persistent;
-            if kept && changes.unchanged.iter().any(|field| is(field) == Some(storage)) {
+            if kept && reports(&changes.unchanged) {
                 continue;
             }
             let ranges = changes.ranges.iter().filter(|(field, _)| kept && is(field) == Some(storage));
+            let slot = self.slot(plan, Value::now(storage));
+            let PerSide { cpu, gpu } = self.held[storage][slot];
             let differ = &mut self.differ[storage];
             let mut known = ranges.map(|(_, range)| range.clone()).peekable();
-            let PerSide { cpu, gpu } = self.held[storage];
             if known.peek().is_none() || planned.side == Side::Gpu {
                 differ.clear();
             } else if cpu == gpu || !differ.is_empty() {
                 differ.extend(known);
             }
-            self.held[storage][planned.side] = self.next();
+            let number = if reports(&changes.blank) { BLANK } else { self.next() };
+            self.held[storage][slot][planned.side] = number;
         }
-        if planned.per_view {
-            let mut seen = std::mem::take(&mut self.seen[node]);
-            seen.clear();
-            seen.extend(self.state(plan, node));
-            self.seen[node] = seen;
+        match planned.runs {
+            Runs::Always => {}
+            Runs::PerView => {
+                let mut left = std::mem::take(&mut self.left[node]);
+                left.clear();
+                let written = planned.written();
+                left.extend(written.map(|storage| *self.held(plan, Value::now(storage), planned.side)));
+                self.left[node] = left;
+            }
+            Runs::PerChange(_) | Runs::PerArrival(_) | Runs::PerBudget => {
+                self.note(plan, node);
+                self.seen[node].clone_from(&self.state);
+            }
         }
     }
 
-    /// Records a transfer; false if the side already holds the contents. A transient's memory is shared, and a history
-    /// pair swaps: only kept memory still holds its old contents.
-    pub fn transfer(&mut self, plan: &Plan, storage: StorageId, to: Side) -> bool {
-        let held = &mut self.held[storage];
+    /// Records a transfer; false if the side already holds the contents. The memory of a transient that has not been
+    /// written in this frame may hold anything, but then those that read it are skipped.
+    pub fn transfer(&mut self, plan: &Plan, value: Value, to: Side) -> bool {
+        let slot = self.slot(plan, value);
+        let held = &mut self.held[value.storage][slot];
         let same = held.cpu == held.gpu;
         held[to] = held[to.other()];
-        !(same && plan.storages[storage].life == Life::Persistent)
+        !same
     }
 
     /// The elements to upload, after [`Versions::transfer`] to the GPU; empty for all.
@@ -126,16 +234,29 @@ impl Versions {
         self.differ[storage].drain(..)
     }
 
-    /// Records that a side received the contents of some earlier frame.
-    pub fn late(&mut self, storage: StorageId, to: Side) {
-        self.held[storage][to] = self.next();
+    /// Records that the CPU receives what the GPU held some frames ago. False if this frame's contents need not be sent:
+    /// they are those of the frame before, and nothing but what arrives changes them on the CPU.
+    pub fn late(&mut self, plan: &Plan, value: Value, frames: u32) -> bool {
+        let storage = value.storage;
+        let now = *self.held(plan, value, Side::Gpu);
+        let queue = &mut self.under_way[storage][usize::from(value.previous)];
+        let same = queue.back() == Some(&now);
+        queue.push_back(now);
+        let arrived = if queue.len() > frames as usize { queue.pop_front() } else { None };
+        let arrived = arrived.unwrap_or_else(|| self.next());
+        *self.held(plan, value, Side::Cpu) = arrived;
         self.differ[storage].clear();
+        let changed = |node: &PlannedNode| node.side == Side::Cpu && node.updates.contains(&storage);
+        let stays = plan.storages[storage].life == Life::Persistent && !plan.nodes.iter().any(changed);
+        !(same && stays)
     }
 
     /// Records that a storage's contents were replaced on both sides.
     pub fn replaced(&mut self, storage: StorageId) {
         let next = self.next();
-        self.held[storage] = PerSide { cpu: next, gpu: next };
+        self.held[storage] = [PerSide { cpu: next, gpu: next }; 2];
         self.differ[storage].clear();
+        self.under_way[storage].iter_mut().for_each(VecDeque::clear);
+        self.seen.iter_mut().for_each(Vec::clear);
     }
 }

@@ -65,7 +65,7 @@ use crate::{
     },
     registry::{Kind, NodeContext, Registry},
     shader::{Needs, Shader, ShaderLibrary},
-    stage::{AnyStage, CpuContext, Declaration},
+    stage::{AnyStage, CpuContext, Declaration, Runs},
 };
 
 /// The kind `wgsl`: a node names a shader file, whose variables are its ports and parameters.
@@ -387,7 +387,7 @@ fn read(
     let passes = passes::passes(&reflected, &declarations.points, &mut ports, connected, &mut wrong);
     let Ports { ports, mut assumed, .. } = ports;
     check_conditions(&shader, &ports, &specs[1..], &mut wrong);
-    let (per_view, column) = of_file(&declarations.file, &ports, registry, &mut wrong);
+    let (runs, column) = of_file(&declarations.file, &ports, registry, &mut wrong);
     let needs = Needs { atomic64: reflected.module.types.iter().any(|(_, ty)| is_wide(ty)) };
     if needs.atomic64 {
         assumed.push("The device has 64-bit atomics.".into());
@@ -397,7 +397,7 @@ fn read(
         shader: Some(shader.clone()),
         passes,
         needs,
-        per_view,
+        runs,
         column,
         ..Declaration::default()
     };
@@ -486,13 +486,13 @@ fn check_conditions(shader: &Shader, ports: &[Port], specs: &[ParamSpec], wrong:
     }
 }
 
-/// Whether it is run per view, and the column of the table of times.
+/// In which frames it runs, and the column of the table of times.
 fn of_file(
     file: &Declared<FileClause>,
     ports: &[Port],
     registry: &Registry,
     wrong: &mut Wrong,
-) -> (bool, Option<&'static str>) {
+) -> (Runs, Option<&'static str>) {
     let (mut per_view, mut column) = (None, None);
     for Spanned { value: clause, span } in &file.clauses {
         let slot = match clause {
@@ -517,7 +517,8 @@ fn of_file(
         let name = &port.name;
         wrong.at(span, format!("`per view` is for what follows from inputs and view alone, but `{name}` depends on the frame before"));
     }
-    (per_view.is_some(), column.and_then(|(column, _)| column))
+    let runs = if per_view.is_some() { Runs::PerView } else { Runs::Always };
+    (runs, column.and_then(|(column, _)| column))
 }
 
 /// Whether a type is made of 64-bit numbers.

@@ -12,8 +12,8 @@ use std::{
 
 use epigraph_core::{
     Access, AnyStage, CpuContext, Element, Extent, FieldRef, Format, GraphFile, Io, Lifetime, NodeContext,
-    ParamKind, Pass, Port, PortElement, Problems, Quantity, Registry, Scalar, ShaderModule, Shape, Stage,
-    Threads, wgsl_kind,
+    ParamKind, Pass, Port, PortElement, Problems, Quantity, Registry, Runs, Scalar, ShaderModule, Shape,
+    Stage, Threads, wgsl_kind,
 };
 
 const GLOW: &str = "
@@ -441,7 +441,7 @@ fn draws_are_declared() {
 fn the_file_is_documented_and_declared_at_its_top() {
     let text = format!("//! Draws.\n//! = per view, column P1\n{}", whole(&[("", IMAGE)], MAIN));
     let stage = made(&text, USER);
-    assert!(stage.declaration().per_view);
+    assert_eq!(stage.declaration().runs, Runs::PerView);
     assert_eq!(stage.declaration().column, Some("P1"));
 }
 

@@ -12,7 +12,8 @@ pub(super) fn at(stage: &Age, params: &AgeParams, site: &Site) -> Option<Vec<Fin
     let after = metas[point];
     let units = |age: u32| age as f32 / AGE_ONE as f32;
     let rate = site.wrote(stage.rate)?[0];
-    let step = increment(rate, metas.len() as u32);
+    let arrived = site.read(stage.arrived)?[0] as f32;
+    let step = increment(rate, arrived, metas.len() as u32);
     let mut findings = vec![Finding::value("age", format!("{:.2} of 255", units(after & AGE)))];
     findings.push(Finding::Why(if before & LIVE == 0 {
         "The slot was empty.".into()

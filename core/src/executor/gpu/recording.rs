@@ -23,7 +23,7 @@ impl GpuSide {
         let Some(built) = &self.nodes[node] else { return };
         let encoder = encoder(&self.gpu, &mut self.encoder);
         if let Some(fill) = &self.fill {
-            for storage in plan.written_anew(node) {
+            for &storage in &plan.nodes[node].written_anew {
                 let storage = &plan.storages[storage];
                 let Some(slots) = storage.slots.gpu else { continue };
                 let slot = slots.at(parity, false);
@@ -132,7 +132,7 @@ impl GpuSide {
     }
 
     /// Copies to the CPU. Without latency, submits and waits; with a latency of N frames, delivers what was recorded N
-    /// frames ago.
+    /// frames ago, and records this frame's contents if they are new.
     pub fn download(
         &mut self,
         plan: &Plan,
@@ -140,6 +140,7 @@ impl GpuSide {
         parity: usize,
         frame: u64,
         memory: &RefCell<CpuMemory>,
+        new: bool,
     ) -> Result<(), RunError> {
         let storage = &plan.storages[value.storage];
         let layout = Layout::new(&storage.element, storage.dims);
@@ -150,7 +151,9 @@ impl GpuSide {
         if late > 0 {
             // Deliver first: this frame overwrites the ring's oldest entry next.
             readback.take_late(&self.gpu, frame, late, read)?;
-            from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
+            if new {
+                from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
+            }
             return Ok(());
         }
         from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
