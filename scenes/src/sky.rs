@@ -258,6 +258,19 @@ mod tests {
     }
 
     #[test]
+    fn the_brightness_of_the_whole_sky_changes_no_sample() {
+        let bright = sky();
+        // A power of two, so that all sums are the same digits. No row has a sum of 1.
+        let texels = bright.texels.iter().map(|&texel| texel * 2.0_f32.powi(-20)).collect();
+        let dim = Sky::new("", bright.size, texels).unwrap();
+        let mut rng = Rng::new(2, 0);
+        for _ in 0..1000 {
+            let at = rng.next_pair();
+            assert_eq!(dim.sample(at), bright.sample(at));
+        }
+    }
+
+    #[test]
     fn a_black_sky_does_not_shine_and_a_broken_one_is_refused() {
         assert!(!Sky::new("", [2, 1], vec![Vec3::ZERO; 2]).unwrap().shines());
         assert!(Sky::new("", [2, 1], vec![Vec3::ZERO; 3]).unwrap_err().contains("2 x 1"));

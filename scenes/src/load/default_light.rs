@@ -267,6 +267,17 @@ mod tests {
     }
 
     #[test]
+    fn points_are_spread_over_faces_as_these_are_weighted() {
+        let mut faces = Weighted::default();
+        for (x, weight) in [(0.0, 1.0), (1.0, 2.0), (2.0, 0.0), (3.0, 1.0)] {
+            faces.push([Vec3::ZERO, 0.5 * Vec3::X, Vec3::Y].map(|corner| corner + x * Vec3::X), weight);
+        }
+        let on = |count| faces.points(count).iter().map(|[point, _]| point.x as u32).collect::<Vec<_>>();
+        assert_eq!(on(4), [0, 1, 1, 3]);
+        assert_eq!(on(8), [0, 0, 1, 1, 1, 1, 3, 3]);
+    }
+
+    #[test]
     fn indoors_it_stands_at_the_eye() {
         let eye = Vec3::new(0.2, -0.1, 0.3);
         let camera = Camera::look_at(eye, Vec3::ZERO, 1.0, 0.1, 10.0);

@@ -317,6 +317,13 @@ mod tests {
         }
         let trapezoid = Shape::quad([Vec3::ZERO, 2.0 * Vec3::X, Vec3::new(1.5, 1.0, 0.0), Vec3::Y]);
         assert!(parallelograms(&trapezoid).is_empty());
+        // One half turned over, and a triangle that touches the other in one corner only.
+        let mut turned = quad.clone();
+        turned.triangles[1].reverse();
+        assert!(parallelograms(&turned).is_empty());
+        let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        assert!(parallelogram([a, b, c], [Vec3::new(1.0, 1.0, 0.0), c, Vec3::new(0.5, 0.25, 0.0)]).is_none());
+        assert!(parallelogram([a, b, c], [Vec3::new(1.0, 1.0, 0.0), c, b]).is_some());
     }
 
     #[test]

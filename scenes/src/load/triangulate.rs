@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 const ROUNDING: f64 = 1e-9;
 /// The share of a polygon's area by which its triangles may differ before it counts as one that crosses itself.
 const LOST_AREA: f64 = 1e-6;
-/// The height of a polygon over its plane, in its diameters, from which it no longer counts as flat.
+/// The height of a polygon over its plane, in its diameters, above which it no longer counts as flat.
 const BENT: f64 = 0.02;
 
 /// The most work for the polygons of a file, in squares of their numbers of corners: that is how the time to cut ears grows
@@ -240,6 +240,25 @@ mod tests {
     }
 
     #[test]
+    fn a_side_that_comes_back_on_itself_is_kept_whole() {
+        // Cutting ears leaves out corners of a spike, as they are on one line with their neighbours.
+        let spike = [[1.0, 0.0], [2.0, 1.0], [2.0, 0.0], [2.0, 3.0]];
+        let twice = [[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [4.0, -1.0], [4.0, 4.0], [1.0, 1.0]];
+        for points in [&spike[..], &twice] {
+            for (turn, reversed) in (0..points.len()).flat_map(|turn| [(turn, false), (turn, true)]) {
+                let mut corners: Vec<DVec3> = points.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect();
+                corners.rotate_left(turn);
+                if reversed {
+                    corners.reverse();
+                }
+                let (triangles, fault) = triangulate(&corners);
+                let whole = fits(corners.len() as u32, &triangles);
+                assert!(fault.is_none() && whole, "{turn}, {reversed}: {triangles:?}");
+            }
+        }
+    }
+
+    #[test]
     fn a_hole_is_a_polygon_that_goes_in_and_back() {
         let ring = [
             [0.0, 0.0],
@@ -279,6 +298,25 @@ mod tests {
         // A line has no area to lose.
         let line: Vec<DVec3> = (0..5).map(|k| f64::from(k) * DVec3::ONE).collect();
         assert_eq!(triangulate(&line).1, None);
+    }
+
+    #[test]
+    fn a_polygon_counts_as_flat_up_to_a_fiftieth_of_its_diameter() {
+        // A C of diameter 50. Two of its corners are as far above its plane as below, so that the plane is z = 0.
+        let fault = |height: f64| {
+            let corners = [
+                [0.0, 0.0, 0.0],
+                [40.0, 0.0, 0.0],
+                [40.0, 10.0, height],
+                [10.0, 10.0, -height],
+                [10.0, 20.0, 0.0],
+                [40.0, 20.0, 0.0],
+                [40.0, 30.0, 0.0],
+                [0.0, 30.0, 0.0],
+            ];
+            triangulate(&corners.map(DVec3::from)).1
+        };
+        assert_eq!([0.999, 1.0, 1.001].map(fault), [None, None, Some(Fault::Bent)]);
     }
 
     #[test]

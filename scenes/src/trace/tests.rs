@@ -474,11 +474,16 @@ fn workers_answer_every_request_with_its_tag_and_the_same_bits() {
     let (tracer, how) = (Arc::new(tracer), settings(Mode::Path, 2));
     let mut expected = vec![Hit::default(); jobs.len()];
     tracer.trace_batch(&jobs, &how, 5, &mut expected);
+    // In two batches, of which the second waits for the first.
     let queue = AsyncTracer::new(2);
-    let tagged = (0u32..).zip(&jobs).map(|(tag, &job)| TaggedJob { job, tag }).collect();
-    assert_eq!(queue.submit(&tracer, tagged, how, 5), 0);
+    let tagged: Vec<_> = (0u32..).zip(&jobs).map(|(tag, &job)| TaggedJob { job, tag }).collect();
+    let (first, second) = tagged.split_at(jobs.len() / 3);
+    assert_eq!(queue.submit(&tracer, first.to_vec(), how, 5), 0);
+    assert_eq!(queue.submit(&tracer, second.to_vec(), how, 5), 0);
+    let start = std::time::Instant::now();
     let mut found = Vec::new();
     while found.len() < jobs.len() {
+        assert!(start.elapsed().as_secs() < 60, "{} of {}", found.len(), jobs.len());
         let before = found.len();
         queue.collect(100, &mut found);
         assert!(found.len() - before <= 100);

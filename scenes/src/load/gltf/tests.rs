@@ -397,6 +397,7 @@ fn instances_that_do_not_fit_are_errors() {
     let ones: Vec<u8> = [1.0f32; 6].into_iter().flat_map(f32::to_le_bytes).collect();
     for (attributes, expected) in [
         (r#""TRANSLATION": 1, "ROTATION": 2"#, "different numbers"),
+        (r#""TRANSLATION": 4"#, "TRANSLATION refers to accessor 4, which does not exist"),
         (r#""TRANSLATION": 7"#, "accessor 7, which does not exist"),
         (r#""TRANSLATION": -1"#, "accessor -1, which does not exist"),
         (r#""TRANSLATION": 3"#, "reaches beyond its buffer"),

@@ -240,6 +240,27 @@ mod tests {
     }
 
     #[test]
+    fn a_diffuse_texture_of_another_size_is_read_at_the_same_place() {
+        // Each texel of 3 x 2 has an opacity of its own; the specular texture is twice as wide and three times as high.
+        let texture = |size: [u32; 2], texels| Arc::new(Texture { name: String::new(), size, texels });
+        let diffuse = texture([3, 2], (0..6).map(|texel| [200, 100, 50, 10 * texel]).collect());
+        let specular = texture([6, 6], vec![[0, 0, 0, 255]; 36]);
+        let mut textures = vec![diffuse, specular];
+        let json = r#"{"asset": {"version": "2.0"}, "images": [{}, {}], "textures": [{"source": 0}, {"source": 1}],
+            "materials": [{"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+                "diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 1}}}}]}"#;
+        let described = Described::all(&gltf::json::deserialize::from_str(json).unwrap()).remove(0);
+        let (found, mut room) = (BTreeMap::from([(0, 0), (1, 1)]), 1000);
+        let material = described.with(&found, &mut textures, &mut room, &mut Report::default());
+        let colors = &textures[material.maps.color.unwrap().texture];
+        assert_eq!(colors.size, [6, 6]);
+        for (texel, color) in colors.texels.iter().enumerate() {
+            let (x, y) = (texel % 6 / 2, texel / 6 / 3);
+            assert_eq!(color[3], 10 * (3 * y + x) as u8, "{texel}");
+        }
+    }
+
+    #[test]
     fn codes_are_the_inverse_of_values() {
         assert!((0..=255).all(|code| code_of(linear_of(code)) == code));
     }
