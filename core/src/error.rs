@@ -536,6 +536,8 @@ mod tests {
         assert_eq!(place(10, 10), (3, 1, 1, String::new(), 0));
         assert_eq!(place(11, 14), (4, 1, 3, "end".into(), 0));
         assert_eq!(place(99, 3), (4, 4, 1, "end".into(), 3));
+        let Place { line, column, length, text, lead, .. } = Place::file("f");
+        assert_eq!((line, column, length, &*text, lead), (0, 0, 0, "", 0), "a file as a whole");
         let problem = Problem::new(GraphError::Invalid("no".into()));
         let shown =
             |start, end| problem.clone().at(Place::of("f", "\tab\tcd", Span { start, end })).to_string();

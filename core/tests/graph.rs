@@ -832,3 +832,11 @@ fn what_declares_no_meaning_has_that_of_what_is_connected() {
     assert_eq!(docs, [("Distance, metres.", false), ("The same, doubled.", false), ("Sums by row.", true)]);
     assert_eq!([registry.meaning("depth"), registry.meaning("far")], [Some(DEPTH), None]);
 }
+
+#[test]
+fn a_registry_that_was_asked_before_knows_the_kinds_that_are_added() {
+    let registry = Registry::default().with::<Source>();
+    assert_eq!((registry.meanings(), registry.quantities()), (vec![], vec![]));
+    let registry = registry.with::<Deep>().with::<Print>();
+    assert_eq!((registry.meanings(), registry.quantities()), (vec![DEPTH], vec![SHEETS]));
+}

@@ -260,6 +260,8 @@ fn parameters_of_graphs_are_checked_where_they_are_written() {
     // The kind of value follows from how default and range are written.
     for (text, kind) in [
         ("default: 1", "a whole number"),
+        ("default: 0", "a whole number"),
+        ("default: 0, range: (0, 1)", "a whole number"),
         ("default: -1", "a whole number, negative allowed"),
         ("default: 1, range: (-1, 1)", "a whole number, negative allowed"),
         ("default: 1, range: (0.0, 1.0)", "a number"),

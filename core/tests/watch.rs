@@ -18,6 +18,10 @@ meanings! {
     ID = "id", [Rule::index_of("points").or(u32::MAX)];
     /// Linear light.
     LIGHT = "light", [Rule::floats(0.0, f32::MAX).lanes(0, 3), Rule::floats(0.0, 1.0).lanes(3, 4)];
+    /// Things.
+    LIST = "list";
+    /// The place of a thing in the list.
+    PLACE = "place", [Rule::index_of("list")];
 }
 
 item! {
@@ -284,9 +288,60 @@ impl Stage for Hand {
     }
 }
 
+params! {
+    /// Parameters of [`Listing`] and [`Picking`].
+    struct PlaceParams {
+        /// The place that is written.
+        place: u32 = 0;
+    }
+}
+
+/// Writes a list of three things, its first port, and a place in it.
+struct Listing {
+    place: Out<u32>,
+}
+
+impl Stage for Listing {
+    const KIND: &'static str = "listing";
+    const DOC: &'static str = "Three things, and a place.";
+    type Params = PlaceParams;
+
+    fn declare(_: &PlaceParams, io: &mut Io) -> Self {
+        io.write::<u32>("list", LIST, Extent::Fixed([3, 1]));
+        Self { place: io.write("place", PLACE, Extent::Fixed([1, 1])) }
+    }
+
+    fn cpu(&self, params: &PlaceParams, cx: &CpuContext) -> Result<(), String> {
+        cx.write(self.place)[0] = params.place;
+        Ok(())
+    }
+}
+
+/// Writes a place in the list of the node that it reads from.
+struct Picking {
+    place: Out<u32>,
+}
+
+impl Stage for Picking {
+    const KIND: &'static str = "picking";
+    const DOC: &'static str = "A place in a list of another node.";
+    type Params = PlaceParams;
+
+    fn declare(_: &PlaceParams, io: &mut Io) -> Self {
+        io.read::<u32>("of", "A place.", Extent::Any);
+        Self { place: io.write("place", PLACE, Extent::Fixed([1, 1])) }
+    }
+
+    fn cpu(&self, params: &PlaceParams, cx: &CpuContext) -> Result<(), String> {
+        cx.write(self.place)[0] = params.place;
+        Ok(())
+    }
+}
+
 fn registry() -> Registry {
     let frame = ShaderModule::new("frame.wgsl", epigraph_shaders::text("shared/frame.wgsl"));
-    Registry::default().with::<Base>().with::<Spoil>().with::<Hand>().with_module(frame)
+    let registry = Registry::default().with::<Base>().with::<Spoil>().with::<Hand>();
+    registry.with::<Listing>().with::<Picking>().with_module(frame)
 }
 
 fn file(params: &str, hand: Side) -> GraphFile {
@@ -400,6 +455,26 @@ fn what_ports_may_hold_is_not_reported() {
             run(&mut executor, 0).unwrap_or_else(|error| panic!("{spot}: {error}"));
         }
     }
+}
+
+#[test]
+fn an_index_is_compared_with_the_nearest_list_of_its_node_or_of_what_that_reads() {
+    let bad = |listing: u32, picking: u32| {
+        let text = format!(
+            r#"Graph(version: 1, nodes: {{
+                "listing": (kind: "listing", params: (place: {listing})),
+                "picking": (kind: "picking", inputs: {{ "of": "listing.place" }}, params: (place: {picking})),
+            }}, outputs: {{ "image": "picking.place" }})"#
+        );
+        let file = GraphFile::parse("places.ron", &text).unwrap();
+        match run(&mut executor(&file, &settings(Side::Cpu, true)), 0) {
+            Err(RunError::Watch(bad)) => Some(bad.port),
+            found => found.map(|()| None).unwrap(),
+        }
+    };
+    assert_eq!(bad(2, 2), None);
+    assert_eq!(bad(3, 0).as_deref(), Some("listing.place"));
+    assert_eq!(bad(0, 3).as_deref(), Some("picking.place"));
 }
 
 #[test]
