@@ -311,6 +311,21 @@ mod tests {
     }
 
     #[test]
+    fn every_number_of_a_motion_counts() {
+        let positions = [[1.0, 2.0, 3.0, 1.0]];
+        for (row, column) in (0..3).flat_map(|row| (0..4).map(move |column| (row, column))) {
+            let mut motion = Move::REST;
+            [&mut motion.x, &mut motion.y, &mut motion.z][row][column] += 0.25;
+            let dark = [Lamp::NONE; 2];
+            let out = run_alike(&mut harness(&positions, &[LIVE], &[motion], dark, [Blocker::NONE; 2]));
+            let mut expected = positions[0];
+            expected[row] += 0.25 * positions[0][column];
+            assert_eq!(out.get::<[f32; 4]>("cloud.position"), [expected], "row {row}, column {column}");
+            assert_eq!(out.get::<u32>("cloud.meta"), [LIVE | (3 * 256 + 128)], "row {row}, column {column}");
+        }
+    }
+
+    #[test]
     fn points_age_by_the_change_of_light() {
         // The lamp rises from 4 to 5 straight above the point: 16/25 of the light is left, 36% less, which adds 72 to
         // the age.

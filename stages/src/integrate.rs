@@ -272,6 +272,34 @@ mod tests {
         assert_eq!(run_alike(&mut harness).get::<u32>("cloud.meta"), [LIVE, 0, LIVE | CHANGED | 7, LIVE]);
     }
 
+    #[test]
+    fn empty_slots_are_neither_flagged_nor_compared() {
+        // Every second slot is empty, but keeps the age and the pixel of the point that was there.
+        let meta: Vec<u32> = (0..192).map(|slot| if slot % 2 == 0 { LIVE | 7 } else { 7 }).collect();
+        let with = |reuse: u32| {
+            let mut harness = harness(192, &[Sample { reuse, ..sample(40, [2.0; 3]) }], &[191]);
+            harness.set("cloud.meta", &meta);
+            let found = run_alike(&mut harness).get::<u32>("cloud.meta");
+            assert!((0..191).all(|slot| found[slot] & !CHANGED == meta[slot]));
+            let is_flagged = |slot: &usize| found[*slot] & CHANGED != 0;
+            [(0..191).step_by(2).filter(is_flagged).count(), (1..191).step_by(2).filter(is_flagged).count()]
+        };
+        // Of 7 columns and of the 6 rows from 0 to 5, the 3 columns with even numbers.
+        assert_eq!((with(40), with(41)), ([18, 0], [0, 0]));
+    }
+
+    #[test]
+    fn a_slot_beyond_the_cloud_is_none() {
+        for slot in [8, 9, NO_POINT] {
+            let mut harness = harness(8, &[sample(4, [2.0; 3])], &[slot]);
+            let out = run_alike(&mut harness);
+            assert_eq!(out.get::<u32>("arrived"), [0], "{slot}");
+            assert_eq!(out.get::<u32>("cloud.meta"), (0..8).map(|age| LIVE | age).collect::<Vec<_>>());
+            assert_eq!(out.get::<u32>("cloud.radiance"), [encode_radiance(GREY); 8]);
+            assert_eq!(out.get::<u32>("dates"), [0; 8]);
+        }
+    }
+
     /// The slots that are flagged when this sample arrives.
     fn flagged(sample: Sample) -> Vec<u32> {
         let out = run_alike(&mut harness(SIZE[0] * SIZE[1], &[sample], &[sample.pixel]));
