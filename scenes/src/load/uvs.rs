@@ -73,3 +73,80 @@ fn around(point: Vec3, middle: Vec3) -> f32 {
     let step = turn(point) - of_middle;
     of_middle + step - step.round()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Compares the coordinates of three corners with those that are expected.
+    #[track_caller]
+    fn check(shape: &ShapeSpec, corners: [[f32; 3]; 3], expected: [[f32; 2]; 3]) {
+        let found = of_triangle(shape, corners.map(Vec3::from)).unwrap();
+        let is_near = |(found, expected): (Vec2, [f32; 2])| found.distance(expected.into()) < 1e-6;
+        assert!(found.into_iter().zip(expected).all(is_near), "{corners:?}: {found:?}, not {expected:?}");
+    }
+
+    #[test]
+    fn an_image_goes_once_around_a_sphere_with_its_middle_at_the_front() {
+        let sphere = ShapeSpec::Sphere { center: Vec3::new(1.0, 2.0, 3.0), radius: 2.0 };
+        let [front, right, back, left] =
+            [[1.0, 2.0, 5.0], [3.0, 2.0, 3.0], [1.0, 2.0, 1.0], [-1.0, 2.0, 3.0]];
+        let [top, bottom] = [[1.0, 4.0, 3.0], [1.0, 0.0, 3.0]];
+        // The poles are above and below the middle of each triangle, and the seam is at both ends of the image.
+        check(&sphere, [front, right, top], [[0.5, 0.5], [0.75, 0.5], [0.625, 0.0]]);
+        check(&sphere, [right, back, top], [[0.75, 0.5], [1.0, 0.5], [0.875, 0.0]]);
+        check(&sphere, [left, back, bottom], [[0.25, 0.5], [0.0, 0.5], [0.125, 1.0]]);
+    }
+
+    #[test]
+    fn an_image_goes_once_around_a_cylinder_and_its_ends_cut_circles_out() {
+        let cylinder = ShapeSpec::Cylinder { base: Vec3::new(1.0, 2.0, 3.0), radius: 2.0, height: 4.0 };
+        let at = |[x, z]: [f32; 2], y: f32| [1.0 + 2.0 * x, y, 3.0 + 2.0 * z];
+        let [middle, front, right, left, back] = [[0.0; 2], [0.0, 1.0], [1.0, 0.0], [-1.0, 0.0], [0.0, -1.0]];
+        check(
+            &cylinder,
+            [at(front, 2.0), at(right, 2.0), at(right, 6.0)],
+            [[0.5, 1.0], [0.75, 1.0], [0.75, 0.0]],
+        );
+        check(
+            &cylinder,
+            [at(back, 2.0), at(left, 2.0), at(left, 5.0)],
+            [[0.0, 1.0], [0.25, 1.0], [0.25, 0.25]],
+        );
+        check(
+            &cylinder,
+            [middle, front, right].map(|corner| at(corner, 6.0)),
+            [[0.5; 2], [0.5, 1.0], [1.0, 0.5]],
+        );
+        check(
+            &cylinder,
+            [middle, right, front].map(|corner| at(corner, 2.0)),
+            [[0.5; 2], [1.0, 0.5], [0.5, 0.0]],
+        );
+    }
+
+    #[test]
+    fn an_image_covers_each_side_of_a_box_and_reads_from_outside() {
+        // In any order of its corners.
+        let [low, high] = [Vec3::new(1.0, 4.0, 3.0), Vec3::new(2.0, 2.0, 6.0)];
+        let cuboid = ShapeSpec::Box { low, high };
+        // The lower left corner, the lower right one and the one above it, of the sides to the right, left, front and back.
+        let upright = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]];
+        check(&cuboid, [[2.0, 2.0, 6.0], [2.0, 2.0, 3.0], [2.0, 4.0, 3.0]], upright);
+        check(&cuboid, [[1.0, 2.0, 3.0], [1.0, 2.0, 6.0], [1.0, 4.0, 6.0]], upright);
+        check(&cuboid, [[1.0, 2.0, 6.0], [2.0, 2.0, 6.0], [2.0, 4.0, 6.0]], upright);
+        check(&cuboid, [[2.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0, 4.0, 3.0]], upright);
+        // What looks up has -z on top, what looks down +z.
+        let lying = [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+        check(&cuboid, [[1.0, 4.0, 3.0], [1.0, 4.0, 6.0], [2.0, 4.0, 6.0]], lying);
+        check(&cuboid, [[1.0, 2.0, 6.0], [1.0, 2.0, 3.0], [2.0, 2.0, 3.0]], lying);
+    }
+
+    #[test]
+    fn an_image_covers_a_slanted_quad() {
+        let quad =
+            ShapeSpec::Quad { corner: Vec3::ONE, u: Vec3::new(2.0, 0.0, 1.0), v: Vec3::new(1.0, 3.0, 0.0) };
+        check(&quad, [[1.0; 3], [3.0, 1.0, 2.0], [4.0, 4.0, 2.0]], [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
+        assert_eq!(of_triangle(&ShapeSpec::File("a.obj".into()), [Vec3::ZERO; 3]), None);
+    }
+}
