@@ -225,6 +225,16 @@ fn members_of_a_scene_file_shape_the_scene() {
 }
 
 #[test]
+fn a_scene_file_reports_what_is_left_out_of_its_models() {
+    let folder = Folder::new("left-out");
+    folder.file("a.mtl", "newmtl m\nmap_Kd none.png\n");
+    folder.file("a.obj", format!("mtllib a.mtl\nusemtl m\n{TETRAHEDRON}"));
+    let report = scene_of(&folder, r#"shape: File("a.obj")"#, "").report;
+    let notes: Vec<_> = report.notes().iter().map(ToString::to_string).collect();
+    assert_eq!(notes, ["left out: a texture that is missing (none.png)"]);
+}
+
+#[test]
 fn objects_and_lights_of_a_scene_file_move() {
     let folder = Folder::new("motion");
     folder.file("a.obj", TETRAHEDRON);

@@ -442,6 +442,9 @@ fn maps_and_their_options() {
     // (u, v) upwards becomes (2 u + 0.5, 3 v + 0.25).
     let at = |u: f32, v: f32| map.transform.transform_point2(Vec2::new(u, 1.0 - v));
     assert_eq!((at(0.0, 0.0), at(0.25, 0.5)), (Vec2::new(0.5, 0.75), Vec2::new(1.0, 1.0 - 1.75)));
+    // What a pair lacks is 1 for the scale and 0 for the offset.
+    let half = textured("map_Kd -s 2 -o 0.5 red green.png").materials[0].maps.color.unwrap();
+    assert_eq!(half.transform.transform_point2(Vec2::new(0.25, 0.5)), Vec2::new(1.0, 0.5));
     assert_eq!(map.wrap, [crate::Wrap::Clamp; 2]);
     assert_eq!(
         notes(&moved),
