@@ -11,13 +11,17 @@ use crate::{
 
 impl Checker<'_> {
     /// Settings of a node, each of one parameter (`NODE.PARAM=VALUE`), with which its ports would fit: of parameters that are
-    /// choices.
+    /// choices or switches.
     pub(super) fn remedies(&self, node: FlatId, fits: impl Fn(&[Port]) -> bool) -> Vec<String> {
         let flat = &self.flat.nodes[node];
         let Some(kind) = self.registry.get(&flat.def.kind.value) else { return Vec::new() };
         let connected = |name: &str| flat.def.inputs.iter().any(|input| input.port.value == name);
         let remedy = |spec: ParamSpec| {
-            let ParamKind::Choice(values) = &spec.kind else { return None };
+            let values = match &spec.kind {
+                ParamKind::Choice(values) => values.clone(),
+                ParamKind::Bool => ["false", "true"].map(String::from).to_vec(),
+                _ => return None,
+            };
             let is_remedy = |value: &&String| {
                 let def = with_param(&flat.def, &spec.name, value);
                 let changed = stage(flat, &def, self.registry, &connected);
