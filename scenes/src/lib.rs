@@ -73,4 +73,6 @@ pub use shadow::{
 pub use shape::Shape;
 pub use sky::Sky;
 pub use texture::{Texture, Wrap};
-pub use trace::{AsyncTracer, Hit, Job, Mode, Rng, Surface, TaggedHit, TaggedJob, TraceSettings, Tracer};
+pub use trace::{
+    AsyncTracer, Hit, Job, Mode, Rng, Surface, TaggedHit, TaggedJob, TraceSettings, Tracer, UNKNOWN_VARIANCE,
+};

@@ -19,6 +19,7 @@ mod emitter;
 mod queue;
 mod rng;
 mod surface;
+mod variance;
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -34,6 +35,8 @@ use emitter::{Emitters, Incident};
 pub use queue::{AsyncTracer, TaggedHit, TaggedJob};
 pub use rng::Rng;
 use surface::{Bsdf, Lobe, LobeValue, PerLobe, Scatter};
+pub use variance::UNKNOWN_VARIANCE;
+use variance::{Groups, luminance};
 
 /// Means "no face" in [`Hit::face`].
 const NO_FACE: u32 = crate::NO_FACE;
@@ -102,14 +105,30 @@ pub struct Hit {
     pub hit: bool,
     /// Radiance towards the ray's origin.
     pub radiance: Vec3,
+    /// Estimated variance of its luminance, from the differences between its light paths; [`UNKNOWN_VARIANCE`] if there
+    /// was only one.
+    pub variance: f32,
     /// Index of the triangle that it hit; `u32::MAX` if none.
     pub face: u32,
+    /// Unit normal of that triangle, on the side of the ray's origin; zero if there is none.
+    pub normal: Vec3,
+    /// How much the radiance depends on the direction from which it is seen: roughly, by what share of itself it may
+    /// change per radian. 0 for diffuse surfaces, 500 for mirrors and clear glass.
+    pub sharpness: f32,
 }
 
 impl Default for Hit {
     /// The sample of a ray that hits nothing, with black radiance.
     fn default() -> Self {
-        Self { position: Vec3::NEG_Z, hit: false, radiance: Vec3::ZERO, face: NO_FACE }
+        Self {
+            position: Vec3::NEG_Z,
+            hit: false,
+            radiance: Vec3::ZERO,
+            variance: 0.0,
+            face: NO_FACE,
+            normal: Vec3::ZERO,
+            sharpness: 0.0,
+        }
     }
 }
 
@@ -336,19 +355,22 @@ impl Tracer {
         let start = start * direction.length();
         let direction = direction.normalize_or_zero();
         let Some(first) = self.vertex_from(origin, direction, start) else {
-            return Hit {
-                position: direction,
-                hit: false,
-                radiance: self.scene.beyond(direction),
-                face: NO_FACE,
-            };
+            return Hit { position: direction, radiance: self.scene.beyond(direction), ..Hit::default() };
         };
-        let mut radiance = self.radiance(&first, settings, rng);
+        let (mut radiance, mut variance) = self.radiance(&first, settings, rng);
         if !radiance.is_finite() {
             self.non_finite.fetch_add(1, Ordering::Relaxed);
-            radiance = Vec3::ZERO;
+            (radiance, variance) = (Vec3::ZERO, UNKNOWN_VARIANCE);
         }
-        Hit { position: first.position, hit: true, radiance, face: first.face }
+        Hit {
+            position: first.position,
+            hit: true,
+            radiance,
+            variance: variance.min(f32::MAX),
+            face: first.face,
+            normal: first.facing,
+            sharpness: first.sharpness(),
+        }
     }
 
     /// Traces `jobs` on rayon's threads and writes each result to the element of `out` with the same index. If one
@@ -365,8 +387,8 @@ impl Tracer {
         self.trace_from(origin, direction, start, settings, &mut Rng::new(seed, key))
     }
 
-    /// The radiance from a vertex towards its viewer.
-    fn radiance(&self, first: &Vertex, settings: &TraceSettings, rng: &mut Rng) -> Vec3 {
+    /// The radiance from a vertex towards its viewer, and the variance of its luminance.
+    fn radiance(&self, first: &Vertex, settings: &TraceSettings, rng: &mut Rng) -> (Vec3, f32) {
         // Reflection in mirrors is deterministic, so it is traced once for all light paths.
         let mut next;
         let mut vertex = first;
@@ -375,14 +397,14 @@ impl Tracer {
         let mut bounces = 0;
         while let Some((direction, color)) = vertex.mirror() {
             if bounces == settings.max_bounces {
-                return radiance;
+                return (radiance, 0.0);
             }
             bounces += 1;
             tint *= color;
             next = self.vertex(vertex.start(), direction);
             match &next {
                 Some(next) => vertex = next,
-                None => return radiance + tint * self.scene.beyond(direction),
+                None => return (radiance + tint * self.scene.beyond(direction), 0.0),
             }
             tint *= vertex.kept;
             radiance += tint * vertex.shown();
@@ -392,9 +414,15 @@ impl Tracer {
         let points = self.emitters.points.iter().filter_map(|point| point.towards(vertex.position));
         let exact: Vec3 = points.map(|light| self.lit(vertex, &light, 1.0, [0.0; 3], settings.mode)).sum();
         let paths = settings.spp.max(1);
-        let sampled: Vec3 =
-            (0..paths).map(|path| self.light_path(vertex, bounces, settings, path, rng)).sum();
-        radiance + tint * (vertex.opacity * exact + sampled / paths as f32)
+        let mut sampled = Vec3::ZERO;
+        let mut groups = Groups::new(paths);
+        for path in 0..paths {
+            let path_radiance = self.light_path(vertex, bounces, settings, path, rng);
+            sampled += path_radiance;
+            groups.add(path, luminance(tint * path_radiance));
+        }
+        let radiance = radiance + tint * (vertex.opacity * exact + sampled / paths as f32);
+        (radiance, groups.variance_of_mean())
     }
 
     /// The radiance of one light path from `first`: the contributions of quad lights, scattered rays and further
@@ -731,6 +759,12 @@ impl Vertex {
     /// What the eye sees of it without any light.
     fn shown(&self) -> Vec3 {
         self.opacity * self.emission
+    }
+
+    /// See [`Hit::sharpness`].
+    fn sharpness(&self) -> f32 {
+        // What is seen through a surface that blends moves against it.
+        if self.opacity < 1.0 { 1.0 / surface::MIN_ALPHA } else { self.bsdf.sharpness() }
     }
 
     /// The reflected direction and its tint, if the surface is a mirror.

@@ -15,7 +15,7 @@ use crate::Look;
 
 /// Minimum width of a lobe (alpha, the square of the roughness). In f32, narrower lobes cannot be distinguished from a
 /// mirror; metals and glass reflect perfectly.
-const MIN_ALPHA: f32 = 2e-3;
+pub(super) const MIN_ALPHA: f32 = 2e-3;
 
 /// Minimum cosine between the shading normal and the direction to the viewer. Below it, the normal is bent towards the
 /// viewer.
@@ -188,6 +188,14 @@ impl Bsdf {
             let wider = Microfacets { alpha, albedo: Albedo::new(alpha.sqrt()), ..*lobe };
             *lobe = wider.over(self.base, self.normal.dot(self.to_viewer));
         }
+    }
+
+    /// How much the light that it reflects depends on the viewer's direction: the share of its lobes that are not
+    /// diffuse, over their width.
+    pub fn sharpness(&self) -> f32 {
+        let Some(lobe) = &self.lobe else { return 0.0 };
+        let [_, specular, transmit] = self.lobe_shares();
+        (specular + transmit) / lobe.alpha
     }
 
     /// Probabilities with which a path continues in each lobe, in proportion to the light that the lobe scatters.
