@@ -3,11 +3,19 @@
 #import cloud
 #import index
 #import moves
+#ifdef ACCUMULATE
+#import color
+#import estimate
+#import octahedral
+#import requests
+#endif
 
 struct Params {
     penalty: f32,
     relight: f32,
     shadow: f32,
+    accumulate: u32,
+    most: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -18,6 +26,10 @@ struct Params {
 @group(0) @binding(5) var<storage, read> lights: array<Lamp>;
 @group(0) @binding(6) var<storage, read> blockers_before: array<Blocker>;
 @group(0) @binding(7) var<storage, read> blockers: array<Blocker>;
+#ifdef ACCUMULATE
+@group(0) @binding(8) var<storage, read_write> cloud_mean: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> cloud_record: array<vec4<f32>>;
+#endif
 
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -48,9 +60,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         now += light_at(lights[i], there);
     }
     let turn = select(params.penalty, 0.0, is_resting);
-    let shadow = params.shadow * shadowed(point.xyz, there, bits >> BODY_SHIFT);
-    let penalty = min(turn + params.relight * 100.0 * change(before, now) + shadow, 255.0) * f32(AGE_ONE);
+    let shadowed = shadowed(point.xyz, there, bits >> BODY_SHIFT);
+    let change = change(before, now);
+    let penalty = min(turn + params.relight * 100.0 * change + params.shadow * shadowed, 255.0) * f32(AGE_ONE);
     cloud_meta[slot] = (bits & ~AGE) | min((bits & AGE) + u32(round(penalty)), AGE);
+#ifdef ACCUMULATE
+    let relative = change + SHADOW_DOUBT * shadowed + select(TURN_DOUBT, 0.0, is_resting);
+    if relative > 0.0 {
+        let estimate = doubted(load_estimate(cloud_mean[slot], cloud_record[slot]), relative, params.most);
+        cloud_mean[slot] = stored_mean(estimate);
+        cloud_record[slot] = stored_record(estimate);
+    }
+#endif
 }
 
 // The share of a point's light that is or was partly occluded by a body, other than its own, that moves relative to the

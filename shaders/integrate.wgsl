@@ -6,9 +6,16 @@
 #import index
 #import pixel
 #import requests
+#ifdef ACCUMULATE
+#import estimate
+#import octahedral
+#import view
+#endif
 
 struct Params {
     threshold: f32,
+    accumulate: u32,
+    most: f32,
 }
 
 @group(0) @binding(1) var<uniform> params: Params;
@@ -21,6 +28,10 @@ struct Params {
 @group(0) @binding(8) var<storage, read_write> arrived: array<atomic<u32>>;
 @group(0) @binding(9) var<storage, read_write> changed: array<atomic<u32>>;
 @group(0) @binding(10) var<storage, read_write> dates: array<u32>;
+#ifdef ACCUMULATE
+@group(0) @binding(11) var<storage, read_write> cloud_mean: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read_write> cloud_record: array<vec4<f32>>;
+#endif
 
 @compute @workgroup_size(1)
 fn clear() {
@@ -61,8 +72,15 @@ fn insert(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     }
     let slot = slots[index];
     let is_point = samples[index].hit == HIT_SURFACE;
-    cloud_position[slot] = vec4(samples[index].position, select(0.0, 1.0, is_point));
+#ifdef ACCUMULATE
+    let estimate = estimate_with(index, slot);
+    cloud_mean[slot] = stored_mean(estimate);
+    cloud_record[slot] = stored_record(estimate);
+    cloud_radiance[slot] = encode_radiance(estimate.mean);
+#else
     cloud_radiance[slot] = encode_radiance(samples[index].radiance);
+#endif
+    cloud_position[slot] = vec4(samples[index].position, select(0.0, 1.0, is_point));
     cloud_image_id[slot] = NOT_DRAWN;
     cloud_meta[slot] = LIVE | FRESH | (samples[index].body << BODY_SHIFT);
     dates[slot] = frame.index + 1u;
@@ -82,11 +100,49 @@ fn differs_from_shown(index: u32) -> bool {
     if (cloud_meta[point] & LIVE) == 0u {
         return false;
     }
-    let before = decode_radiance(cloud_radiance[point]);
+#ifdef ACCUMULATE
+    return differs_from(load_estimate(cloud_mean[point], cloud_record[point]), single(index), params.threshold);
+#else
+    let before = luminance(decode_radiance(cloud_radiance[point]));
     // Compared with stored precision.
-    let after = decode_radiance(encode_radiance(samples[index].radiance));
+    let after = luminance(decode_radiance(encode_radiance(samples[index].radiance)));
     return abs(tone_mapped_luma(after) - tone_mapped_luma(before)) > params.threshold;
+#endif
 }
+
+#ifdef ACCUMULATE
+// The estimate of a sample alone. It was seen from the eye of the frame before, which requested it.
+fn single(index: u32) -> Estimate {
+    let eye = frame.previous.eye;
+    return single_estimate(
+        samples[index].radiance,
+        samples[index].variance,
+        towards_eye(samples[index].position, eye),
+    );
+}
+
+// The estimate of the point in a slot with a sample that takes the slot.
+fn estimate_with(index: u32, slot: u32) -> Estimate {
+    let alone = single(index);
+    if samples[index].reuse != slot || !renews(index, slot) {
+        return alone;
+    }
+    let before = load_estimate(cloud_mean[slot], cloud_record[slot]);
+    // Whatever a source says of its samples, this is a number.
+    let change = bounded(vec3(samples[index].sharpness * distance(before.towards_eye, alone.towards_eye))).x;
+    let most = select(params.most, MOST_AT_REST, same_view(frame.view, frame.previous));
+    return joined(doubted(before, change, most), alone);
+}
+
+// Whether a sample was taken on the surface of the point that it was requested to renew.
+fn renews(index: u32, slot: u32) -> bool {
+    let point = cloud_position[slot];
+    let pixel = 2.0 * frame.previous.tan_x / f32(frame.size.x);
+    return samples[index].hit == HIT_SURFACE && point.w != 0.0
+        && (cloud_meta[slot] & LIVE) != 0u && (cloud_meta[slot] >> BODY_SHIFT) == samples[index].body
+        && on_surface(point.xyz, samples[index].position, samples[index].normal, frame.previous.eye, pixel);
+}
+#endif
 
 // Stamps the 7 x 7 pixels around one, clipped to the image.
 fn stamp_around(index: u32) {
@@ -98,10 +154,4 @@ fn stamp_around(index: u32) {
             atomicStore(&changed[pixel_index(vec2(x, y))], frame.index + 1u);
         }
     }
-}
-
-// Y / (1 + Y) with Rec. 709 luminance Y: from 0 to 1, and never steeper than Y.
-fn tone_mapped_luma(color: vec3<f32>) -> f32 {
-    let y = luminance(color);
-    return y / (1.0 + y);
 }

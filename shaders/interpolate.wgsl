@@ -6,6 +6,9 @@
 #import edge_pixel
 #import frame
 #import pixel
+#ifdef VARIANCE
+#import requests
+#endif
 
 struct Params {
     kernel: u32,
@@ -13,6 +16,7 @@ struct Params {
     subpixel_bits: u32,
     space: u32,
     priority: u32,
+    variance: u32,
 }
 
 // Maximum number of cells along an axis of a pixel.
@@ -31,11 +35,68 @@ const SIDE: u32 = GROUP + 2u * REACH;
 @group(0) @binding(7) var<storage, read> subpixel: array<u32>;
 @group(0) @binding(8) var color: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(9) var<storage, read_write> priority: array<u32>;
+#ifdef VARIANCE
+@group(0) @binding(10) var<storage, read> cloud_mean: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> variance: array<f32>;
+#endif
 
 // The samples of the tile and around it: radiance, and the cell in the pixel; -1 if there is none.
 var<workgroup> samples: array<vec4<f32>, SIDE * SIDE>;
 // For each row or column of cells, the weights along that axis of a sample in it at each offset + REACH.
 var<workgroup> axis: array<f32, CELLS * SPAN>;
+
+#ifdef VARIANCE
+// Luminance and its variance, of the same samples.
+var<workgroup> noise: array<vec2<f32>, SIDE * SIDE>;
+
+fn load_noise(q: vec2<i32>) -> vec2<f32> {
+    if is_outside(q) {
+        return vec2(0.0);
+    }
+    let point = id[pixel_index(vec2<u32>(q))];
+    if point == NO_POINT {
+        return vec2(0.0);
+    }
+    let mean = cloud_mean[point];
+    return vec2(luminance(mean.rgb), mean.w);
+}
+
+// Sums over samples, from which follows the variance of their weighted mean.
+struct Scatter {
+    weights: f32,
+    squared_weights: f32,
+    // Of squared weights times variances, where these are known.
+    known: f32,
+    // Of squared weights of the other samples.
+    unknown: f32,
+    luminance: f32,
+    squared_luminance: f32,
+}
+
+fn add_sample(sums: ptr<function, Scatter>, weight: f32, sample: vec2<f32>) {
+    let squared = weight * weight;
+    (*sums).weights += weight;
+    (*sums).squared_weights += squared;
+    (*sums).known += squared * max(sample.y, 0.0);
+    (*sums).unknown += select(0.0, squared, sample.y < 0.0);
+    (*sums).luminance += weight * sample.x;
+    (*sums).squared_luminance += weight * sample.x * sample.x;
+}
+
+// The variance of the mean of independent samples. Those that do not know their own have that of the samples around them,
+// and a single one is as uncertain as it is bright.
+fn variance_of_mean(sums: Scatter) -> f32 {
+    if sums.weights <= 0.0 {
+        return UNKNOWN;
+    }
+    let mean = sums.luminance / sums.weights;
+    let between = max(sums.squared_luminance / sums.weights - mean * mean, 0.0);
+    let all = sums.weights * sums.weights;
+    let share = 1.0 - sums.squared_weights / all;
+    let of_one = select(mean * mean, between / share, share > LEAST_SHARE);
+    return (sums.known + sums.unknown * of_one) / all;
+}
+#endif
 
 fn load(q: vec2<i32>) -> vec4<f32> {
     if is_outside(q) {
@@ -94,7 +155,11 @@ fn interpolate(
         axis[lane] = axis_weight(lane);
     }
     for (var i = lane; i < SIDE * SIDE; i += GROUP * GROUP) {
-        samples[i] = load(corner + vec2<i32>(vec2(i % SIDE, i / SIDE)));
+        let q = corner + vec2<i32>(vec2(i % SIDE, i / SIDE));
+        samples[i] = load(q);
+#ifdef VARIANCE
+        noise[i] = load_noise(q);
+#endif
     }
     workgroupBarrier();
 
@@ -105,6 +170,9 @@ fn interpolate(
     let p = pixel_index(pixel);
     let counts = taps(p);
     var sum = vec4(0.0);
+#ifdef VARIANCE
+    var scatter = Scatter();
+#endif
     let shift = params.subpixel_bits / 2u;
     let mask = (1u << shift) - 1u;
     for (var dy = 0u; dy < SPAN; dy++) {
@@ -114,6 +182,9 @@ fn interpolate(
                 let cell = u32(sample.w);
                 let weight = axis[(cell & mask) * SPAN + dx] * axis[((cell >> shift) & mask) * SPAN + dy];
                 sum += weight * vec4(sample.rgb, 1.0);
+#ifdef VARIANCE
+                add_sample(&scatter, weight / FULL, noise[(local.y + dy) * SIDE + local.x + dx]);
+#endif
             }
         }
     }
@@ -127,6 +198,9 @@ fn interpolate(
         }
     }
     textureStore(color, pixel, result);
+#ifdef VARIANCE
+    variance[p] = variance_of_mean(scatter);
+#endif
 
     if id[p] == NO_POINT {
         priority[p] = without_point(share);

@@ -3,11 +3,7 @@
 
 // Linear radiance as RGB9E5: three 9-bit mantissas from the low bits up, one 5-bit exponent, bias 15.
 fn encode_radiance(color: vec3<f32>) -> u32 {
-    // Bit patterns of positive floats are ordered like the floats; those above infinity are NaN or negative.
-    // A shader compiler may assume that neither exists, so test the bits.
-    let bits = bitcast<vec3<u32>>(color);
-    let bounded = min(bits, vec3(bitcast<u32>(MAX_RADIANCE)));
-    let c = bitcast<vec3<f32>>(select(bounded, vec3(0u), bits > vec3(0x7F800000u)));
+    let c = bounded(color);
     let largest = max(max(c.r, c.g), c.b);
     // The exponent as f32 stores it, less its bias: floor(log2(largest)) without rounding.
     let floor_log2 = i32(bitcast<u32>(largest) >> 23u) - 127;
@@ -17,6 +13,15 @@ fn encode_radiance(color: vec3<f32>) -> u32 {
     }
     let mantissa = vec3<u32>(floor(c * power_of_two(24 - exponent) + 0.5));
     return mantissa.r | (mantissa.g << 9u) | (mantissa.b << 18u) | (u32(exponent) << 27u);
+}
+
+// Linear radiance from 0 to MAX_RADIANCE; negative numbers and NaN become 0.
+fn bounded(color: vec3<f32>) -> vec3<f32> {
+    // Bit patterns of positive floats are ordered like the floats; those above infinity are NaN or negative.
+    // A shader compiler may assume that neither exists, so test the bits.
+    let bits = bitcast<vec3<u32>>(color);
+    let most = min(bits, vec3(bitcast<u32>(MAX_RADIANCE)));
+    return bitcast<vec3<f32>>(select(most, vec3(0u), bits > vec3(0x7F800000u)));
 }
 
 // The linear radiance of encode_radiance.

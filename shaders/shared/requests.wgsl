@@ -1,5 +1,5 @@
 // Requests for samples and the samples that answer them. Mirrors `stages/src/shared/requests.rs`, which declares the
-// constants NO_PIXEL, PIXEL_CENTER, VIEW_NOW, VIEW_PREDICTED, HIT_NONE, HIT_SURFACE and HIT_BACKGROUND.
+// constants NO_PIXEL, PIXEL_CENTER, VIEW_NOW, VIEW_PREDICTED, HIT_NONE, HIT_SURFACE, HIT_BACKGROUND and UNKNOWN.
 
 struct Request {
     // Pixel index y * W + x, or NO_PIXEL.
@@ -21,9 +21,16 @@ struct Sample {
     radiance: vec3<f32>,
     // Number of the body that the ray hit, 0 for static geometry.
     body: u32,
-    // The rest as in the request.
+    // These four as in the request.
     pixel: u32,
     aim: u32,
     reuse: u32,
     view: u32,
+    // Variance of the radiance's luminance, or UNKNOWN.
+    variance: f32,
+    // The surface's normal on the viewer's side, octahedral.
+    normal: u32,
+    // The share of itself by which the radiance may change per radian of the viewer's direction.
+    sharpness: f32,
+    pad: u32,
 }

@@ -8,9 +8,17 @@ use crate::{
     meaning::{BLOCKERS, LIGHTS, MOVES, POINTS},
     shared::{
         cloud::{AGE, AGE_ONE, BODY_SHIFT, FRESH, LIVE},
+        estimate::Estimate,
         moves::{Blocker, Lamp, Move},
     },
 };
+
+epigraph_core::constants! {
+    /// The share by which a point's radiance may change while a body moves between it and its light.
+    const SHADOW_DOUBT: f32 = 0.25;
+    /// The share by which it may change while its body turns.
+    const TURN_DOUBT: f32 = 0.05;
+}
 
 /// Points per parallel task.
 const CHUNK: usize = 16384;
@@ -26,6 +34,10 @@ epigraph_core::params! {
         /// Age added in each frame in which a body, by its bounding box, moves between a point and its light, or a
         /// light moves behind a body; proportional if that is only a part of the light.
         shadow: f32 = 64.0, in 0.0..=255.0, unit "age";
+        /// Whether the cloud keeps the means of points' samples. They count for less where the light changes.
+        accumulate: bool = false;
+        /// The most samples that a mean counts for where the light changes.
+        most: f32 = 64.0, in 1.0..=65536.0, unit "samples";
     }
 }
 
@@ -39,6 +51,7 @@ epigraph_core::params! {
 pub struct Carry {
     cloud_position: Out<[f32; 4]>,
     cloud_meta: Out<u32>,
+    means: Option<[Out<[f32; 4]>; 2]>,
     moves: In<Move>,
     lights_before: In<Lamp>,
     lights: In<Lamp>,
@@ -52,11 +65,12 @@ impl Stage for Carry {
         "Moves points with the bodies on which they were hit; ages them where the light changes.";
     type Params = CarryParams;
 
-    fn declare(_: &Self::Params, io: &mut Io) -> Self {
+    fn declare(params: &Self::Params, io: &mut Io) -> Self {
         io.column(column::P1);
         let mut cloud = io.bundle(Access::Update, "cloud", POINTS, Extent::Any);
         let cloud_position = cloud.write("position");
         let cloud_meta = cloud.write("meta");
+        let means = params.accumulate.then(|| [cloud.write("mean"), cloud.write("record")]);
         let moves = io.read("moves", MOVES, Extent::Any);
         let lights_before =
             io.read("lights_before", LIGHTS.doc("The lights of the last frame."), Extent::Any);
@@ -70,9 +84,13 @@ impl Stage for Carry {
         let same = Extent::Like("blockers_before".into());
         let blockers = io.read("blockers", BLOCKERS.doc("The boxes of the bodies in this frame."), same);
         io.shader(shader!("carry"));
+        io.constants(CONSTANTS);
+        if params.accumulate {
+            io.define("ACCUMULATE");
+        }
         io.dispatch("main", cloud_meta);
         io.per_arrival(moves);
-        Self { cloud_position, cloud_meta, moves, lights_before, lights, blockers_before, blockers }
+        Self { cloud_position, cloud_meta, means, moves, lights_before, lights, blockers_before, blockers }
     }
 
     fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
@@ -88,8 +106,8 @@ impl Stage for Carry {
         if before == now && moves.iter().all(|move_by| *move_by == Move::REST) {
             return Ok(());
         }
-        position.par_chunks_mut(CHUNK).zip(meta.par_chunks_mut(CHUNK)).for_each(|(position, meta)| {
-            for (position, meta) in position.iter_mut().zip(meta) {
+        let carry = |position: &mut [[f32; 4]], meta: &mut [u32], mut means: Option<[&mut [[f32; 4]]; 2]>| {
+            for (index, (position, meta)) in position.iter_mut().zip(meta).enumerate() {
                 let move_by = &moves[(*meta >> BODY_SHIFT) as usize];
                 let rests = *move_by == Move::REST;
                 if *meta & LIVE == 0 {
@@ -104,12 +122,30 @@ impl Stage for Carry {
                     continue;
                 }
                 let change = change(before.at(here), now.at(there));
-                let shadow = params.shadow * shadowed(&before, &now, here, there, *meta >> BODY_SHIFT);
+                let shadowed = shadowed(&before, &now, here, there, *meta >> BODY_SHIFT);
                 let turn = if rests { 0.0 } else { params.penalty };
-                let penalty = (turn + params.relight * 100.0 * change + shadow).min(255.0) * AGE_ONE as f32;
+                let penalty = turn + params.relight * 100.0 * change + params.shadow * shadowed;
+                let penalty = penalty.min(255.0) * AGE_ONE as f32;
                 *meta = (*meta & !AGE) | ((*meta & AGE) + penalty.round_ties_even() as u32).min(AGE);
+                if let Some([mean, record]) = &mut means {
+                    let change = change + SHADOW_DOUBT * shadowed + if rests { 0.0 } else { TURN_DOUBT };
+                    if change > 0.0 {
+                        let estimate = Estimate::load(mean[index], record[index]);
+                        [mean[index], record[index]] = estimate.doubt(change, params.most).store();
+                    }
+                }
             }
-        });
+        };
+        let points = position.par_chunks_mut(CHUNK).zip(meta.par_chunks_mut(CHUNK));
+        if let Some([mean, record]) = self.means {
+            let [mut mean, mut record] = [cx.write(mean), cx.write(record)];
+            let means = mean.par_chunks_mut(CHUNK).zip(record.par_chunks_mut(CHUNK));
+            points.zip(means).for_each(|((position, meta), (mean, record))| {
+                carry(position, meta, Some([mean, record]));
+            });
+        } else {
+            points.for_each(|(position, meta)| carry(position, meta, None));
+        }
         Ok(())
     }
 
@@ -182,7 +218,14 @@ mod tests {
         lamps: [Lamp; 2],
         boxes: [Blocker; 2],
     ) -> Harness<Carry> {
-        with(CarryParams { penalty: 3.5, relight: 2.0, shadow: 10.0 }, positions, meta, moves, lamps, boxes)
+        with(
+            CarryParams { penalty: 3.5, relight: 2.0, shadow: 10.0, ..CarryParams::default() },
+            positions,
+            meta,
+            moves,
+            lamps,
+            boxes,
+        )
     }
 
     fn with(
@@ -236,7 +279,7 @@ mod tests {
     fn a_box_at_rest_shades_anew_where_the_lamp_moves_or_turns() {
         // Below the middle of the box: it keeps all light out. Without ageing by the light itself.
         let age = |boxes: [Blocker; 2], now: Lamp| {
-            let params = CarryParams { penalty: 0.0, relight: 0.0, shadow: 10.0 };
+            let params = CarryParams { penalty: 0.0, relight: 0.0, shadow: 10.0, ..CarryParams::default() };
             let mut harness =
                 with(params, &[[0.0, 0.0, 0.0, 1.0]], &[LIVE], &[Move::REST], [LAMP, now], boxes);
             (run_alike(&mut harness).get::<u32>("cloud.meta")[0] & AGE) / 256
@@ -389,7 +432,7 @@ mod tests {
     #[test]
     fn points_age_by_255_in_a_frame_at_most() {
         // All light goes: 200; the body moves: 100.
-        let params = CarryParams { penalty: 100.0, relight: 2.0, shadow: 0.0 };
+        let params = CarryParams { penalty: 100.0, relight: 2.0, shadow: 0.0, ..CarryParams::default() };
         let mut harness = Harness::<Carry>::new(params, &settings([8, 8], 16));
         harness.set("cloud.position", &[[0.0, 0.0, 0.0, 1.0f32]]);
         harness.set("cloud.meta", &[LIVE | 1 << BODY_SHIFT]);
@@ -401,5 +444,61 @@ mod tests {
         harness.set("blockers", &[Blocker::NONE]);
         let meta = run_alike(&mut harness).get::<u32>("cloud.meta")[0];
         assert_eq!(meta & AGE, 255 * 256);
+    }
+
+    #[test]
+    fn means_count_for_less_where_the_light_changes() {
+        let params = CarryParams { accumulate: true, ..CarryParams::default() };
+        let run = |now: Lamp, boxes: [Blocker; 2], moves: &[Move], meta: u32| {
+            let mut harness =
+                with(params.clone(), &[[0.0, 0.0, 0.0, 1.0]], &[meta], moves, [LAMP, now], boxes);
+            harness.set("cloud.mean", &[[2.0f32, 2.0, 2.0, 0.001]]);
+            harness.set("cloud.record", &[[0.0f32, 1.0, 0.0, 100.0]]);
+            let out = run_alike(&mut harness);
+            (out.get::<[f32; 4]>("cloud.mean")[0][3], out.get::<[f32; 4]>("cloud.record")[0][3])
+        };
+        let none = [Blocker::NONE; 2];
+        let rests = [Move::REST; 4];
+        assert_eq!(run(LAMP, none, &rests, LIVE), (0.001, 100.0), "nothing changes");
+        // The variance of one sample is 0.1. Half of the light: the mean counts for 64 samples at most, and its variance
+        // grows by (0.5 * 2)^2.
+        let expected = |change: f32| {
+            let variance = 0.1 / 64.0 + (change * 2.0).powi(2);
+            (variance, 0.1 / variance)
+        };
+        let close = |got: (f32, f32), expected: (f32, f32)| {
+            let is_close = (got.0 / expected.0 - 1.0).abs() < 1e-5 && (got.1 / expected.1 - 1.0).abs() < 1e-5;
+            assert!(is_close, "{got:?} {expected:?}");
+        };
+        let dimmed = Lamp { power: 4.0, ..LAMP };
+        close(run(dimmed, none, &rests, LIVE), expected(0.5));
+        close(run(LAMP, [cube(0.0), cube(0.1)], &rests, LIVE), expected(SHADOW_DOUBT));
+        let turns = [Move { x: [1.0, 0.0, 0.0, 1e-7], ..Move::REST }];
+        close(run(LAMP, none, &turns, LIVE), expected(TURN_DOUBT));
+        assert_eq!(
+            run(dimmed, none, &rests, LIVE | FRESH),
+            (0.001, 100.0),
+            "a fresh point has the new light"
+        );
+    }
+
+    #[test]
+    fn both_sides_doubt_alike() {
+        let mut random = Random(31);
+        let params = CarryParams { accumulate: true, ..CarryParams::default() };
+        let mut between = |low, high| random.between(low, high);
+        let positions: Vec<_> =
+            (0..500).map(|_| [between(-5.0, 5.0), 0.0, between(-5.0, 5.0), 1.0]).collect();
+        let moved = Lamp { position: [0.1, 4.0, 0.0], ..LAMP };
+        let moves = [Move::REST; 4];
+        let mut harness =
+            with(params, &positions, &[LIVE; 500], &moves, [LAMP, moved], [cube(0.0), cube(1.0)]);
+        let mean: Vec<_> = (0..500).map(|_| [0; 4].map(|_| between(0.0, 1.0))).collect();
+        harness.set("cloud.mean", &mean);
+        harness
+            .set("cloud.record", &(0..500).map(|_| [0.0, 1.0, 0.0, between(0.5, 100.0)]).collect::<Vec<_>>());
+        let both = run_both(&mut harness);
+        both.assert_close("cloud.mean", 1e-4);
+        both.assert_close("cloud.record", 1e-4);
     }
 }

@@ -2,15 +2,16 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
+use epigraph_core::{Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, View};
 use rayon::prelude::*;
 
 use crate::{
     column,
     meaning::{ARRIVED, DATE, POINTS, SAMPLES, SLOT},
     shared::{
-        cloud::{BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
-        color::luminance,
+        cloud::{BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, bounded, decode_radiance, encode_radiance},
+        color::{luminance, tone_mapped_luma},
+        estimate::{Estimate, MOST_AT_REST, angle, on_surface},
         requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
     },
 };
@@ -24,19 +25,30 @@ epigraph_core::constants! {
 }
 
 epigraph_core::params! {
-    /// When a colour counts as changed.
+    /// When a colour counts as changed, and whether samples accumulate.
     pub struct IntegrateParams {
         /// Difference of tone-mapped luma Y / (1 + Y), between a new sample and the point that it was requested to
         /// renew, above which the points seen around it are flagged.
         threshold: f32 = 0.1, in 0.0..=1.0, unit "luma";
+        /// Whether a sample joins the mean of those that it renews, if they lie on the same surface, instead of replacing
+        /// it. A colour then counts as changed only if noise does not explain the difference, too. The cloud must keep
+        /// means: see `point_cloud`.
+        accumulate: bool = false;
+        /// The most samples that a mean counts for while the camera moves. More hide more noise, and what changes with
+        /// the view follows more slowly.
+        most: f32 = 64.0, in 1.0..=65536.0, unit "samples";
     }
 }
 
 /// Writes each sample into its slot, as a fresh point of age 0, and records the frame in which it came. If a sample has
 /// a different colour from the point that its pixel showed, the points seen in the 7 x 7 pixels around it are flagged
 /// as changed, which makes them age faster (`algorithms.md` section 1.5).
+///
+/// If samples accumulate, the point keeps the mean of the samples that renewed it, with its variance, and its colour is that
+/// mean (section 12.1).
 pub struct Integrate {
     cloud_position: Out<[f32; 4]>,
+    means: Option<Means>,
     cloud_radiance: Out<u32>,
     cloud_image_id: Out<u32>,
     cloud_meta: Out<u32>,
@@ -47,19 +59,28 @@ pub struct Integrate {
     dates: Out<u32>,
 }
 
+/// The fields of the cloud that hold [`Estimate`]s.
+#[derive(Clone, Copy)]
+struct Means {
+    mean: Out<[f32; 4]>,
+    record: Out<[f32; 4]>,
+}
+
 impl Stage for Integrate {
     const KIND: &'static str = "integrate";
     const DOC: &'static str =
         "Writes new samples into their slots; flags points around a pixel whose colour changed.";
     type Params = IntegrateParams;
 
-    fn declare(_: &Self::Params, io: &mut Io) -> Self {
+    fn declare(params: &Self::Params, io: &mut Io) -> Self {
         io.column(column::P1);
         let mut cloud = io.bundle(Access::Update, "cloud", POINTS, Extent::Any);
         let cloud_position = cloud.write("position");
         let cloud_radiance = cloud.write("radiance");
         let cloud_image_id = cloud.write("image_id");
         let cloud_meta = cloud.write("meta");
+        let means =
+            params.accumulate.then(|| Means { mean: cloud.write("mean"), record: cloud.write("record") });
         let samples =
             io.history("samples", SAMPLES.doc("The samples that arrived in the last frame."), Extent::Any);
         let slots = io.read("slots", SLOT, Extent::Like("samples".into()));
@@ -74,6 +95,9 @@ impl Stage for Integrate {
 
         io.shader(shader!("integrate"));
         io.constants(CONSTANTS);
+        if params.accumulate {
+            io.define("ACCUMULATE");
+        }
         io.compute("clear", Threads::Groups(1));
         io.dispatch("compare", slots);
         io.dispatch("flag", cloud_meta);
@@ -81,6 +105,7 @@ impl Stage for Integrate {
         io.per_arrival(samples);
         Self {
             cloud_position,
+            means,
             cloud_radiance,
             cloud_image_id,
             cloud_meta,
@@ -98,13 +123,15 @@ impl Stage for Integrate {
         let (mut image_id, mut meta) = (cx.write(self.cloud_image_id), cx.write(self.cloud_meta));
         let (mut arrived, mut changed) = (cx.write(self.arrived), cx.write(self.changed));
         let mut dates = cx.write(self.dates);
+        let mut means = self.means.map(|means| (cx.write(means.mean), cx.write(means.record)));
         let (samples, slots, changed) = (&samples[..], &slots[..], &mut changed[..]);
         let (size, stamp) = (cx.frame().size, cx.frame().index.wrapping_add(1));
         let capacity = meta.len();
         let arrivals = || samples.iter().zip(slots).filter(|&(sample, &slot)| takes(sample, slot, capacity));
 
         // clear, compare
-        let shown = Shown { meta: &meta, radiance: &radiance, threshold: params.threshold };
+        let estimates = means.as_ref().map(|(mean, record)| [&mean[..], &record[..]]);
+        let shown = Shown { meta: &meta, radiance: &radiance, estimates, threshold: params.threshold };
         // Equal stamps may be written in any order, and there are few: threads rarely meet.
         let stamps = Mutex::new(&mut *changed);
         let compared = samples.par_iter().zip(slots).with_min_len(1024).filter(|&(sample, &slot)| {
@@ -127,9 +154,24 @@ impl Stage for Integrate {
         });
 
         // insert
-        let position = &mut position[..];
-        let (radiance, image_id, meta) = (&mut radiance[..], &mut image_id[..], &mut meta[..]);
-        let dates = &mut dates[..];
+        let (position, radiance, meta) = (&mut position[..], &mut radiance[..], &mut meta[..]);
+        let (image_id, dates) = (&mut image_id[..], &mut dates[..]);
+        if let Some((mean, record)) = &mut means {
+            let eye = Eye::of(cx.frame());
+            for (sample, &slot) in arrivals() {
+                let point = slot as usize;
+                let mut estimate = Estimate::of(sample, eye.position);
+                if sample.reuse == slot && eye.renews(sample, meta[point], position[point]) {
+                    let before = Estimate::load(mean[point], record[point]);
+                    let before = eye.looks_again(before, sample, &estimate, params.most);
+                    estimate = before.join(estimate);
+                }
+                [mean[point], record[point]] = estimate.store();
+                radiance[point] = encode_radiance(estimate.mean);
+            }
+        } else {
+            arrivals().for_each(|(sample, &slot)| radiance[slot as usize] = encode_radiance(sample.radiance));
+        }
         rayon::join(
             || {
                 for (sample, &slot) in arrivals() {
@@ -140,7 +182,6 @@ impl Stage for Integrate {
             || {
                 for (sample, &slot) in arrivals() {
                     let slot = slot as usize;
-                    radiance[slot] = encode_radiance(sample.radiance);
                     image_id[slot] = NOT_DRAWN;
                     meta[slot] = LIVE | FRESH | sample.body << BODY_SHIFT;
                     dates[slot] = stamp;
@@ -164,6 +205,8 @@ fn takes(sample: &Sample, slot: u32, capacity: usize) -> bool {
 struct Shown<'a> {
     meta: &'a [u32],
     radiance: &'a [u32],
+    /// The two fields of the points' estimates, if samples accumulate.
+    estimates: Option<[&'a [[f32; 4]]; 2]>,
     threshold: f32,
 }
 
@@ -174,10 +217,47 @@ impl Shown<'_> {
         if sample.view != VIEW_NOW || self.meta.get(point).is_none_or(|meta| meta & LIVE == 0) {
             return false;
         }
-        let before = decode_radiance(self.radiance[point]);
+        if let Some([mean, record]) = self.estimates {
+            // The eye does not matter here.
+            let single = Estimate::of(sample, [0.0; 3]);
+            return Estimate::load(mean[point], record[point]).differs(&single, self.threshold);
+        }
+        let before = luminance(decode_radiance(self.radiance[point]));
         // Compared with stored precision.
-        let after = decode_radiance(encode_radiance(sample.radiance));
+        let after = luminance(decode_radiance(encode_radiance(sample.radiance)));
         (tone_mapped_luma(after) - tone_mapped_luma(before)).abs() > self.threshold
+    }
+}
+
+/// From where the samples that arrive in a frame were seen: they were requested in the frame before.
+struct Eye {
+    position: [f32; 3],
+    /// Width of a pixel at a distance of 1.
+    pixel: f32,
+    /// Whether this frame's view is the same.
+    rests: bool,
+}
+
+impl Eye {
+    fn of(frame: &Frame) -> Self {
+        let View { eye, tan_x, .. } = frame.previous;
+        Self { position: eye, pixel: 2.0 * tan_x / frame.size[0] as f32, rests: frame.view == frame.previous }
+    }
+
+    /// Whether a sample was taken on the surface of the point that it was requested to renew.
+    fn renews(&self, sample: &Sample, meta: u32, [x, y, z, w]: [f32; 4]) -> bool {
+        sample.hit == HIT_SURFACE
+            && w != 0.0
+            && meta & LIVE != 0
+            && meta >> BODY_SHIFT == sample.body
+            && on_surface([x, y, z], sample, self.position, self.pixel)
+    }
+
+    /// A point's estimate as seen from here, which may be another direction than that of its last sample.
+    fn looks_again(&self, before: Estimate, sample: &Sample, single: &Estimate, most: f32) -> Estimate {
+        // Whatever a source says of its samples, this is a number.
+        let [change, ..] = bounded([sample.sharpness * angle(before.towards_eye, single.towards_eye); 3]);
+        before.doubt(change, if self.rests { MOST_AT_REST } else { most })
     }
 }
 
@@ -191,12 +271,6 @@ fn stamp_around(pixel: u32, [width, height]: [u32; 2], stamp: u32, changed: &mut
     }
 }
 
-/// Y / (1 + Y) with Rec. 709 luminance Y: from 0 to 1, and never steeper than Y.
-fn tone_mapped_luma(color: [f32; 3]) -> f32 {
-    let luminance = luminance(color);
-    luminance / (1.0 + luminance)
-}
-
 #[cfg(test)]
 mod tests {
     use epigraph_core::Harness;
@@ -204,6 +278,7 @@ mod tests {
     use super::*;
     use crate::shared::{
         cloud::{AGE, MAX_RADIANCE, NO_POINT},
+        octahedral::{NO_NORMAL, encode_oct16},
         requests::{HIT_BACKGROUND, VIEW_PREDICTED},
         testing::{Random, run_alike, run_both, settings},
     };
@@ -388,8 +463,10 @@ mod tests {
     #[test]
     fn a_threshold_of_0_still_takes_a_difference() {
         let flags = |radiance| {
-            let mut harness =
-                Harness::<Integrate>::new(IntegrateParams { threshold: 0.0 }, &settings(SIZE, 1));
+            let mut harness = Harness::<Integrate>::new(
+                IntegrateParams { threshold: 0.0, ..IntegrateParams::default() },
+                &settings(SIZE, 1),
+            );
             harness.set("cloud.position", &[[1.0f32; 4]; 192]);
             harness.set("cloud.radiance", &[encode_radiance(GREY); 192]);
             harness.set("cloud.image_id", &(0..192).collect::<Vec<u32>>());
@@ -403,5 +480,123 @@ mod tests {
                 .count()
         };
         assert_eq!((flags(GREY), flags([0.51; 3])), (0, 49));
+    }
+
+    /// As [`harness`], for points that accumulate: each has had four samples of grey, with a variance of 0.01 each.
+    fn accumulating(capacity: u32, samples: &[Sample], slots: &[u32]) -> Harness<Integrate> {
+        let params = IntegrateParams { accumulate: true, ..IntegrateParams::default() };
+        let mut harness = Harness::new(params, &settings(SIZE, samples.len() as u32));
+        harness.set("cloud.position", &vec![[1.0f32, 2.0, 3.0, 1.0]; capacity as usize]);
+        harness.set("cloud.radiance", &vec![encode_radiance(GREY); capacity as usize]);
+        harness.set("cloud.image_id", &(0..capacity).collect::<Vec<_>>());
+        harness.set("cloud.meta", &vec![LIVE; capacity as usize]);
+        harness.set("cloud.mean", &vec![[0.5, 0.5, 0.5, 0.0025f32]; capacity as usize]);
+        let [x, y, z] = Estimate::of(&sample(0, GREY), harness.frame.previous.eye).towards_eye;
+        harness.set("cloud.record", &vec![[x, y, z, 4.0]; capacity as usize]);
+        harness.set("samples", samples);
+        harness.set("slots", slots);
+        harness
+    }
+
+    /// Mean, variance of the mean, and count of the point in slot 4 after a sample of 0.6 with a variance of 0.01.
+    fn after(change: impl Fn(&mut Harness<Integrate>, &mut Sample)) -> [f32; 3] {
+        let mut sample = Sample { variance: 0.01, normal: NO_NORMAL, ..sample(4, [0.6; 3]) };
+        let mut harness = accumulating(8, &[sample], &[4]);
+        change(&mut harness, &mut sample);
+        harness.set("samples", &[sample]);
+        let out = run_alike(&mut harness);
+        let mean = out.get::<[f32; 4]>("cloud.mean")[4];
+        assert_eq!(out.get::<u32>("cloud.radiance")[4], encode_radiance([mean[0], mean[1], mean[2]]));
+        [mean[0], mean[3], out.get::<[f32; 4]>("cloud.record")[4][3]]
+    }
+
+    fn assert_close(got: [f32; 3], expected: [f32; 3]) {
+        let is_close = got.iter().zip(&expected).all(|(got, expected)| (got - expected).abs() < 1e-6);
+        assert!(is_close, "{got:?} {expected:?}");
+    }
+
+    #[test]
+    fn a_sample_joins_the_mean_of_the_point_that_it_renews() {
+        assert_close(after(|_, _| ()), [0.52, 0.002, 5.0]);
+        let alone = [0.6, 0.01, 1.0];
+        assert_close(after(|_, sample| sample.reuse = 5), alone);
+        assert_close(after(|_, sample| sample.hit = HIT_BACKGROUND), alone);
+        assert_close(after(|_, sample| sample.body = 1), alone);
+        assert_close(after(|harness, _| harness.set("cloud.meta", &[0u32; 8])), alone);
+        assert_close(after(|harness, _| harness.set("cloud.position", &[[1.0f32, 2.0, 3.0, 0.0]; 8])), alone);
+    }
+
+    #[test]
+    fn points_of_another_surface_do_not_accumulate() {
+        // The normal is z; a pixel is 2 tan_x / 16 times the distance wide.
+        let at = |aside: f32| {
+            after(|harness, sample| {
+                let view = &mut harness.frame.previous;
+                (view.eye, view.tan_x) = ([1.0, 2.0, 5.0], 0.8);
+                sample.normal = encode_oct16(glam::Vec3::Z);
+                harness.set("cloud.position", &[[1.0, 2.0, 3.0 + aside, 1.0]; 8]);
+            })[2]
+        };
+        // Pixels are 0.2 wide there, so a quarter is 0.05.
+        assert_eq!([at(0.049), at(0.051), at(-0.051)], [5.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn a_moving_camera_caps_the_count_and_forgets_what_depends_on_direction() {
+        let moving = |sharpness: f32| {
+            after(|harness, sample| {
+                harness.frame.previous.eye = [1.0, 2.0, 4.0];
+                harness.set("cloud.record", &[[0.0, 0.6, 0.8, 100.0f32]; 8]);
+                harness.set("cloud.mean", &[[0.5, 0.5, 0.5, 0.0001f32]; 8]);
+                sample.sharpness = sharpness;
+            })
+        };
+        // The variance of one sample is 0.01.
+        assert_close(moving(0.0), [0.5 + 0.1 / 65.0, 0.01 / 65.0, 65.0]);
+        // The chord from (0, 0.6, 0.8) to (0, 0, 1) is sqrt(0.4) long. So a sharpness of 0.5 adds 0.4 * (0.5 * 0.5)^2 =
+        // 0.025 to the variance of the mean: less than half a sample is left.
+        assert_close(moving(0.5), [0.6, 0.01, 1.0]);
+        let count = 0.01 / (0.01 / 64.0 + 0.4 * 0.05f32.powi(2));
+        assert_close(moving(0.1), [0.5 + 0.1 / (count + 1.0), 0.01 / (count + 1.0), count + 1.0]);
+    }
+
+    #[test]
+    fn noise_does_not_count_as_a_change() {
+        let flags = |variance: f32, radiance: f32| {
+            let sample = Sample { variance, normal: NO_NORMAL, ..sample(40, [radiance; 3]) };
+            let out = run_alike(&mut accumulating(192, &[sample], &[40]));
+            out.get::<u32>("cloud.meta").iter().filter(|&&meta| meta & CHANGED != 0).count()
+        };
+        // Far beyond the threshold of 0.1; three deviations are 0.335 at least.
+        assert_eq!([flags(0.0, 0.83), flags(0.0, 0.84), flags(1.0, 2.0), flags(1.0, 4.0)], [0, 41, 0, 41]);
+    }
+
+    #[test]
+    fn both_sides_accumulate_alike() {
+        let mut random = Random(22);
+        let mut between = |low, high| random.between(low, high);
+        let samples: Vec<Sample> = (0..192)
+            .map(|slot| Sample {
+                radiance: std::array::from_fn(|_| between(0.0, 1.0)),
+                variance: between(-0.02, 0.1),
+                sharpness: between(-2.0, 2.0).max(0.0),
+                normal: encode_oct16(glam::Vec3::new(between(-1.0, 1.0), 0.3, between(-1.0, 1.0))),
+                position: std::array::from_fn(|_| between(0.9, 1.1)),
+                ..sample(slot, GREY)
+            })
+            .collect();
+        let slots: Vec<u32> = (0..192).collect();
+        let mut harness = accumulating(192, &samples, &slots);
+        let mean: Vec<_> = (0..192).map(|_| [0; 4].map(|_| between(0.0, 1.0))).collect();
+        harness.set("cloud.mean", &mean.iter().map(|m| [m[0], m[1], m[2], m[3] - 0.1]).collect::<Vec<_>>());
+        let record = |_| [between(-1.0, 1.0), 0.6, between(-1.0, 1.0), between(0.0, 90.0)];
+        harness.set("cloud.record", &(0..192).map(record).collect::<Vec<_>>());
+        harness.set("cloud.position", &vec![[1.0f32; 4]; 192]);
+        (harness.frame.previous.eye, harness.frame.previous.tan_x) = ([0.0, 0.0, 5.0], 0.5);
+        let both = run_both(&mut harness);
+        both.assert_close("cloud.mean", 1e-4);
+        both.assert_close("cloud.record", 1e-4);
+        let joined = both.cpu.get::<[f32; 4]>("cloud.record").iter().filter(|record| record[3] > 1.0).count();
+        assert!((40..190).contains(&joined), "{joined}");
     }
 }

@@ -20,11 +20,12 @@ use rayon::prelude::*;
 pub use crate::fill::Priority;
 use crate::{
     column,
-    meaning::{self, CELL, ID, POINTS, PRIORITY, RADIANCE},
+    meaning::{self, CELL, ID, POINTS, PRIORITY, RADIANCE, VARIANCE},
     shared::{
         cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance, gather},
         color::luminance,
         edge_pixel::{CLASS, COMPLEX},
+        requests::UNKNOWN,
     },
 };
 
@@ -41,6 +42,8 @@ constants! {
     const AXIS: f32 = 2048.0;
     /// The sum of all 25 weights of samples in the centres.
     const FULL: f32 = AXIS * AXIS;
+    /// The samples around a pixel tell their variance if no single one has nearly all of the weight.
+    const LEAST_SHARE: f32 = 0.05;
     /// The bits of all 25 pixels of the kernel.
     const ALL: u32 = 0x1FF_FFFF;
 }
@@ -85,6 +88,8 @@ params! {
         space: Space = Space::Linear;
         /// How the priority of a pixel depends on its surroundings.
         priority: Priority = Priority::Measured;
+        /// Whether to write the variance of colours, for filters. The cloud must keep means: see `point_cloud`.
+        variance: bool = false;
     }
 }
 
@@ -98,6 +103,14 @@ pub struct Interpolate {
     subpixel: In<u32>,
     color: Out<texel::Rgba32Float>,
     priority: Out<u32>,
+    noise: Option<Noise>,
+}
+
+/// What is needed to know how noisy colours are.
+#[derive(Clone, Copy)]
+struct Noise {
+    mean: In<[f32; 4]>,
+    variance: Out<f32>,
 }
 
 impl Stage for Interpolate {
@@ -106,11 +119,12 @@ impl Stage for Interpolate {
                                 computes where new ones are worth most.";
     type Params = InterpolateParams;
 
-    fn declare(_: &InterpolateParams, io: &mut Io) -> Self {
+    fn declare(params: &InterpolateParams, io: &mut Io) -> Self {
         io.column(column::I2);
         io.per_view();
         let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (radiance, meta) = (cloud.read("radiance"), cloud.read("meta"));
+        let mean = params.variance.then(|| cloud.read("mean"));
         let pixels = || Extent::Frame(1);
         let id = io.read("id", ID, pixels());
         let cls = io.read("cls", meaning::CLASS, pixels());
@@ -124,10 +138,14 @@ impl Stage for Interpolate {
             pixels(),
         );
         let priority = io.write("priority", PRIORITY, pixels());
+        let noise = mean.map(|mean| Noise { mean, variance: io.write("variance", VARIANCE, pixels()) });
         io.shader(shader!("interpolate"));
         io.constants(CONSTANTS);
+        if params.variance {
+            io.define("VARIANCE");
+        }
         io.dispatch("interpolate", color);
-        Self { radiance, meta, id, cls, r24, subpixel, color, priority }
+        Self { radiance, meta, id, cls, r24, subpixel, color, priority, noise }
     }
 
     fn cpu(&self, params: &InterpolateParams, cx: &CpuContext) -> Result<(), String> {
@@ -138,47 +156,63 @@ impl Stage for Interpolate {
         let (color, priority) = (&mut cx.write(self.color)[..], &mut cx.write(self.priority)[..]);
 
         let weights = Weights::new(params);
-        let image = Image { radiance, id, subpixel, width, height, space: params.space };
-        let bands = color.par_chunks_mut(width * BAND).zip(priority.par_chunks_mut(width * BAND));
-        bands.enumerate().for_each(|(band, (color, priority))| {
-            let rows = band * BAND..band * BAND + color.len() / width;
-            for left in (0..width).step_by(TILE) {
-                let mut around = Around::new();
-                for y in 0..2 * REACH {
-                    around.load(&image, &weights, left, rows.start + y);
-                }
-                for (row, y) in rows.clone().enumerate() {
-                    around.load(&image, &weights, left, y + 2 * REACH);
-                    let columns = left..width.min(left + TILE);
-                    let mut metas = [0; TILE];
-                    gather(meta, &id[y * width..][columns.clone()], &mut metas);
-                    for x in columns.step_by(LANES) {
-                        let lanes = LANES.min(width - x);
-                        let at = y * width + x;
-                        let mut reached = [0; LANES];
-                        for lane in 0..lanes {
-                            reached[lane] = taps(cls[at + lane], r24[at + lane]);
-                        }
-                        // Far from all edges, as most pixels are, no tap needs a test.
-                        let sums = if reached == [ALL; LANES] {
-                            around.sum::<true>(x - left, y, &reached)
-                        } else {
-                            around.sum::<false>(x - left, y, &reached)
-                        };
-                        let means = sums.over(params.space);
-                        for lane in 0..lanes {
-                            let [r, g, b, share] = means.map(|mean| mean[lane]);
-                            color[row * width + x + lane] = [r, g, b, share];
-                            let age = metas[x - left + lane] & AGE;
-                            let priorities =
-                                [with_point(params.priority, age), without_point(params.priority, share)];
-                            let is_empty = id[at + lane] == NO_POINT;
-                            priority[row * width + x + lane] = priorities[usize::from(is_empty)];
+        let mean = self.noise.map(|noise| cx.read(noise.mean));
+        let mean = mean.as_ref().map(|mean| &mean[..]);
+        let image = Image { radiance, mean, id, subpixel, width, height, space: params.space };
+        let fill =
+            |band: usize, color: &mut [[f32; 4]], priority: &mut [u32], mut variance: Option<&mut [f32]>| {
+                let rows = band * BAND..band * BAND + color.len() / width;
+                for left in (0..width).step_by(TILE) {
+                    let mut around = Around::new();
+                    for y in 0..2 * REACH {
+                        around.load(&image, &weights, left, rows.start + y);
+                    }
+                    for (row, y) in rows.clone().enumerate() {
+                        around.load(&image, &weights, left, y + 2 * REACH);
+                        let columns = left..width.min(left + TILE);
+                        let mut metas = [0; TILE];
+                        gather(meta, &id[y * width..][columns.clone()], &mut metas);
+                        for x in columns.step_by(LANES) {
+                            let lanes = LANES.min(width - x);
+                            let at = y * width + x;
+                            let mut reached = [0; LANES];
+                            for lane in 0..lanes {
+                                reached[lane] = taps(cls[at + lane], r24[at + lane]);
+                            }
+                            // Far from all edges, as most pixels are, no tap needs a test.
+                            let sums = if reached == [ALL; LANES] {
+                                around.sum::<true>(x - left, y, &reached)
+                            } else {
+                                around.sum::<false>(x - left, y, &reached)
+                            };
+                            let means = sums.over(params.space);
+                            for lane in 0..lanes {
+                                let [r, g, b, share] = means.map(|mean| mean[lane]);
+                                color[row * width + x + lane] = [r, g, b, share];
+                                let age = metas[x - left + lane] & AGE;
+                                let priorities =
+                                    [with_point(params.priority, age), without_point(params.priority, share)];
+                                let is_empty = id[at + lane] == NO_POINT;
+                                priority[row * width + x + lane] = priorities[usize::from(is_empty)];
+                            }
+                            if let Some(variance) = &mut variance {
+                                let found = around.noise(x - left, y, &reached);
+                                variance[row * width + x..][..lanes].copy_from_slice(&found[..lanes]);
+                            }
                         }
                     }
                 }
-            }
-        });
+            };
+        let bands = color.par_chunks_mut(width * BAND).zip(priority.par_chunks_mut(width * BAND)).enumerate();
+        if let Some(noise) = self.noise {
+            let mut variance = cx.write(noise.variance);
+            let bands = bands.zip(variance.par_chunks_mut(width * BAND));
+            bands.for_each(|((band, (color, priority)), variance)| {
+                fill(band, color, priority, Some(variance))
+            });
+        } else {
+            bands.for_each(|(band, (color, priority))| fill(band, color, priority, None));
+        }
         Ok(())
     }
 
@@ -263,6 +297,8 @@ impl Weights {
 /// The samples as an image.
 struct Image<'a> {
     radiance: &'a [u32],
+    /// The points' means with their variance, if that is wanted.
+    mean: Option<&'a [[f32; 4]]>,
     id: &'a [u32],
     subpixel: &'a [u32],
     width: usize,
@@ -325,6 +361,19 @@ struct Row {
     x: [[f32; COLUMNS]; SPAN],
     /// The weight along y.
     y: [[f32; COLUMNS]; SPAN],
+    /// Luminance and its variance, if that is wanted.
+    luminance: [f32; COLUMNS],
+    variance: [f32; COLUMNS],
+}
+
+impl Row {
+    const EMPTY: Self = Self {
+        rgb: [[0.0; COLUMNS]; 3],
+        x: [[0.0; COLUMNS]; SPAN],
+        y: [[0.0; COLUMNS]; SPAN],
+        luminance: [0.0; COLUMNS],
+        variance: [0.0; COLUMNS],
+    };
 }
 
 /// The five rows of samples that the kernels of a row of pixels reach.
@@ -335,10 +384,7 @@ struct Around {
 
 impl Around {
     fn new() -> Self {
-        Self {
-            rows: [Row { rgb: [[0.0; COLUMNS]; 3], x: [[0.0; COLUMNS]; SPAN], y: [[0.0; COLUMNS]; SPAN] };
-                SPAN],
-        }
+        Self { rows: [Row::EMPTY; SPAN] }
     }
 
     /// Loads row `y` - [`REACH`] of the image, which may be outside, from column `left` - [`REACH`] on.
@@ -356,7 +402,7 @@ impl Around {
         let (id, subpixel) = (&image.id[first..][..columns.len()], &image.subpixel[first..][..columns.len()]);
         let mut radiance = [0; COLUMNS];
         gather(image.radiance, id, &mut radiance[columns.clone()]);
-        for ((column, &id), &cell) in columns.zip(id).zip(subpixel) {
+        for ((column, &id), &cell) in columns.clone().zip(id).zip(subpixel) {
             // A pixel without a sample has weight 0: a branch on that would be predicted badly.
             let there = u32::from(id != NO_POINT).wrapping_neg();
             let [x, y] =
@@ -364,6 +410,13 @@ impl Around {
             for offset in 0..SPAN {
                 row.x[offset][column] = f32::from_bits(x[offset].to_bits() & there);
                 row.y[offset][column] = y[offset];
+            }
+        }
+        if let Some(mean) = image.mean {
+            for (column, &id) in columns.clone().zip(id) {
+                let [r, g, b, variance] = mean.get(id as usize).copied().unwrap_or_default();
+                row.luminance[column] = luminance([r, g, b]);
+                row.variance[column] = variance;
             }
         }
         // Includes columns outside the image, so that several are decoded at a time.
@@ -401,6 +454,55 @@ impl Around {
             }
         }
         Sums(sums)
+    }
+}
+
+impl Around {
+    /// The variance of the luminance of the colours of [`LANES`] pixels, in the linear space. Samples are independent;
+    /// those that do not know their own variance have that of the samples around them, and a single one is as uncertain
+    /// as it is bright. [`UNKNOWN`] without samples.
+    #[inline(never)]
+    fn noise(&self, x: usize, y: usize, taps: &[u32; LANES]) -> [f32; LANES] {
+        // Sums of weights and squared weights; of squared weights times variances, where these are known; of the other
+        // squared weights; of luminances and their squares.
+        let mut sums = [[0.0; LANES]; 6];
+        for dy in 0..SPAN {
+            let row = &self.rows[(y + dy) % SPAN];
+            for dx in 0..SPAN {
+                let of = |plane: &[f32; COLUMNS]| -> [f32; LANES] {
+                    std::array::from_fn(|lane| plane[x + dx..][..LANES][lane])
+                };
+                let (along_x, along_y) = (of(&row.x[dx]), of(&row.y[dy]));
+                let (luminance, variance) = (of(&row.luminance), of(&row.variance));
+                for lane in 0..LANES {
+                    let counts = (taps[lane] >> (dy * SPAN + dx) & 1).wrapping_neg();
+                    let weight = f32::from_bits((along_x[lane] * along_y[lane]).to_bits() & counts) / FULL;
+                    let squared = weight * weight;
+                    let weighted = weight * luminance[lane];
+                    // All ones if the variance is unknown, that is, negative.
+                    let unknown = (variance[lane].to_bits() >> 31).wrapping_neg();
+                    sums[0][lane] += weight;
+                    sums[1][lane] += squared;
+                    sums[2][lane] += f32::from_bits((squared * variance[lane]).to_bits() & !unknown);
+                    sums[3][lane] += f32::from_bits(squared.to_bits() & unknown);
+                    sums[4][lane] += weighted;
+                    sums[5][lane] += weighted * luminance[lane];
+                }
+            }
+        }
+        let mut found = [UNKNOWN; LANES];
+        for lane in 0..LANES {
+            let weights = sums[0][lane];
+            let all = weights * weights;
+            let mean = sums[4][lane] / weights;
+            let between = (sums[5][lane] / weights - mean * mean).max(0.0);
+            // From the variance in these samples to that of which they are samples.
+            let share = 1.0 - sums[1][lane] / all;
+            let of_one = if share > LEAST_SHARE { between / share } else { mean * mean };
+            let variance = (sums[2][lane] + sums[3][lane] * of_one) / all;
+            found[lane] = if weights > 0.0 { variance } else { UNKNOWN };
+        }
+        found
     }
 }
 
@@ -452,6 +554,7 @@ mod tests {
         let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
         let mut next = 0..;
         let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
+        let has_means = params.variance;
         let mut harness = Harness::new(params, &settings(size, 0));
         harness.set("id", &pixels.iter().map(id).collect::<Vec<u32>>());
         harness.set("cls", &pixels.iter().map(|pixel| pixel.cls).collect::<Vec<_>>());
@@ -462,6 +565,11 @@ mod tests {
         let none = [0].into_iter().filter(|_| samples.is_empty());
         let radiance = samples.iter().map(|sample| encode_radiance(sample.0)).chain(none.clone());
         harness.set("cloud.radiance", &radiance.collect::<Vec<_>>());
+        if has_means {
+            // Of each sample: its age, in percent, or unknown.
+            let mean = samples.iter().map(|&([r, g, b], age, _)| [r, g, b, age as f32 / 100.0 - 1.0]);
+            harness.set("cloud.mean", &mean.chain(none.clone().map(|_| [0.0; 4])).collect::<Vec<_>>());
+        }
         harness
             .set("cloud.meta", &samples.iter().map(|sample| sample.1 | LIVE).chain(none).collect::<Vec<_>>());
         harness
@@ -647,7 +755,15 @@ mod tests {
                 let subpixel: Vec<u32> =
                     pixels.iter().map(|pixel| pixel.sample.map_or(0, |sample| sample.2)).collect();
                 let [width, height] = size.map(|along| along as usize);
-                let image = Image { radiance: &radiance, id: &id, subpixel: &subpixel, width, height, space };
+                let image = Image {
+                    radiance: &radiance,
+                    mean: None,
+                    id: &id,
+                    subpixel: &subpixel,
+                    width,
+                    height,
+                    space,
+                };
                 let weights = Weights::new(&params);
                 for (p, found) in out.get::<[f32; 4]>("color").into_iter().enumerate() {
                     let taps = taps(pixels[p].cls, pixels[p].r24);
@@ -679,5 +795,48 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_variance_of_a_mean_of_independent_samples() {
+        let params = InterpolateParams { variance: true, ..binomial() };
+        let variance =
+            |pixels: &[Pixel]| run_alike(&mut harness(params.clone(), [3, 1], pixels)).get::<f32>("variance");
+        let sample = |grey: f32, variance: f32| Pixel {
+            sample: Some(([grey; 3], (100.0 * (variance + 1.0)).round() as u32, CENTER)),
+            ..OPEN
+        };
+        let close = |got: f32, expected: f32| assert!((got - expected).abs() < 1e-5, "{got} {expected}");
+        // Weights 4, 6 and 4: (16 * 1 + 36 * 2 + 16 * 3) / 14^2.
+        let known = variance(&[sample(5.0, 1.0), sample(5.0, 2.0), sample(5.0, 3.0)]);
+        close(known[1], 136.0 / 196.0);
+        // Samples of 2, 3 and 5 that do not know theirs: the mean is (4 * 2 + 6 * 3 + 4 * 5) / 14 = 46 / 14, that of
+        // the squares (4 * 4 + 6 * 9 + 4 * 25) / 14 = 170 / 14.
+        let between = 170.0 / 14.0 - (46.0f32 / 14.0).powi(2);
+        let of_one = between / (1.0 - 68.0 / 196.0);
+        close(variance(&[sample(2.0, -1.0), sample(3.0, -1.0), sample(5.0, -1.0)])[1], of_one * 68.0 / 196.0);
+        // Only the one in the middle knows.
+        let some = variance(&[sample(2.0, -1.0), sample(3.0, 2.0), sample(5.0, -1.0)]);
+        close(some[1], (36.0 * 2.0 + 32.0 * of_one) / 196.0);
+        // A single one is as uncertain as it is bright.
+        close(variance(&[sample(3.0, -1.0), OPEN, OPEN])[1], 9.0);
+        assert_eq!(variance(&[OPEN; 3]), [UNKNOWN; 3]);
+    }
+
+    #[test]
+    fn both_sides_know_the_variance() {
+        let mut random = Random(17);
+        let size = [70, 37];
+        let pixels: Vec<_> = (0..size[0] * size[1])
+            .map(|_| Pixel {
+                sample: (random.below(3) > 0).then(|| {
+                    (std::array::from_fn(|_| random.between(0.0, 2.0)), random.below(250), random.below(256))
+                }),
+                cls: [EMPTY, SIMPLE, COMPLEX][random.below(3) as usize],
+                r24: random.bits() & 0xFF_FFFF,
+            })
+            .collect();
+        let params = InterpolateParams { variance: true, ..InterpolateParams::default() };
+        run_both(&mut harness(params, size, &pixels)).assert_close("variance", 1e-5);
     }
 }

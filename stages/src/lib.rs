@@ -35,6 +35,7 @@ macro_rules! shader {
 
 pub mod age;
 pub mod antialias;
+pub mod atrous;
 pub mod carry;
 pub mod classify;
 pub mod column;
@@ -82,6 +83,7 @@ pub fn registry() -> Registry {
     let registry = Registry::default()
         .with::<age::Age>()
         .with::<antialias::Antialias>()
+        .with::<atrous::Atrous>()
         .with::<carry::Carry>()
         .with::<classify::Classify>()
         .with::<compact::Compact>()
@@ -119,6 +121,7 @@ pub fn registry() -> Registry {
     registry
         .with_constants("cloud", shared::cloud::CONSTANTS)
         .with_constants("edge_pixel", shared::edge_pixel::CONSTANTS)
+        .with_constants("estimate", shared::estimate::CONSTANTS)
         .with_constants("moves", shared::moves::CONSTANTS)
         .with_constants("octahedral", shared::octahedral::CONSTANTS)
         .with_constants("requests", shared::requests::CONSTANTS)

@@ -7,7 +7,7 @@ use epigraph_core::Rule;
 use crate::shared::{
     cloud::{NO_POINT, NOT_DRAWN},
     edge_pixel::{AREA_SHIFT, COMPLEX, PIXEL_AREA},
-    requests::{HIT_BACKGROUND, NO_PIXEL, VIEW_PREDICTED},
+    requests::{HIT_BACKGROUND, NO_PIXEL, UNKNOWN, VIEW_PREDICTED},
     segments::{BORDER, NO_FACE},
 };
 
@@ -91,6 +91,8 @@ epigraph_core::meanings! {
 
     /// Linear radiance.
     RADIANCE = "radiance", [AMOUNT];
+    /// Variance of a colour's luminance; negative where it is unknown.
+    VARIANCE = "variance", [AMOUNT.or(UNKNOWN.to_bits())];
     /// The picture, sRGB-encoded.
     PICTURE = "picture";
     /// The radiance that is shown as white, found from the picture; 0 before there is light in it.

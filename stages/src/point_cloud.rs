@@ -9,6 +9,8 @@ epigraph_core::params! {
     pub struct PointCloudParams {
         /// Slots for each pixel of the image; the papers keep about 300,000 points for 512 x 512 pixels.
         points_per_pixel: f32 = 1.14, in 0.01..=16.0, unit "points/pixel";
+        /// Whether points keep the mean of their samples, for stages that accumulate: 32 more bytes for each.
+        accumulate: bool = false;
     }
 }
 
@@ -23,7 +25,7 @@ impl Stage for PointCloud {
 
     fn declare(params: &Self::Params, io: &mut Io) -> Self {
         io.column(column::P1);
-        let doc = "The points: position, RGB9E5 radiance, pixel where last seen, age and flags.";
+        let doc = "The points: position, RGB9E5 radiance, pixel where last seen, age and flags; means if they are kept.";
         let mut cloud =
             io.bundle(Access::Write, "cloud", POINTS.doc(doc), Extent::PerPixel(params.points_per_pixel));
         cloud.persistent();
@@ -31,6 +33,10 @@ impl Stage for PointCloud {
         cloud.write::<u32>("radiance");
         cloud.write::<u32>("image_id");
         cloud.write::<u32>("meta");
+        if params.accumulate {
+            cloud.write::<[f32; 4]>("mean");
+            cloud.write::<[f32; 4]>("record");
+        }
         io.idle();
         Self
     }

@@ -58,8 +58,10 @@ fn memory() -> Row {
     );
     for size in [[1, 1], [31, 17], [16384, 1]] {
         for points_per_pixel in [0.01, 16.0] {
-            let mut harness =
-                Harness::<PointCloud>::new(PointCloudParams { points_per_pixel }, &settings(size, 1));
+            let mut harness = Harness::<PointCloud>::new(
+                PointCloudParams { points_per_pixel, accumulate: false },
+                &settings(size, 1),
+            );
             let slots =
                 (f64::from(size[0] * size[1]) * f64::from(points_per_pixel)).round().max(1.0) as usize;
             for (side, outputs) in sides(&both(&mut harness)) {
@@ -370,7 +372,10 @@ fn samples() -> [Row; 2] {
         let before: Vec<u32> =
             (0..slots).map(|_| if random.below(2) == 0 { 0 } else { 31 << 27 | 511 }).collect();
         let threshold = [0.0, 1.0][number % 2];
-        let mut harness = Harness::<Integrate>::new(IntegrateParams { threshold }, &settings(size, 1));
+        let mut harness = Harness::<Integrate>::new(
+            IntegrateParams { threshold, ..IntegrateParams::default() },
+            &settings(size, 1),
+        );
         harness.set("cloud.position", &vec![[5.0f32; 4]; slots]);
         harness.set("cloud.radiance", &before);
         harness.set("cloud.image_id", &image_id);
@@ -520,6 +525,7 @@ fn moved() -> [Row; 2] {
                 penalty: [2.0, 0.0, 255.0, 2.0][number],
                 relight: [255.0, 32.0, 0.0, 1.0][number],
                 shadow: 64.0,
+                ..CarryParams::default()
             };
             let mut harness = Harness::<Carry>::new(params.clone(), &settings([1, 1], 1));
             harness.set("cloud.position", &position);
@@ -632,7 +638,7 @@ fn shadowed() -> Row {
             // Some points are on the body itself.
             let meta: Vec<u32> =
                 (0..count).map(|i| LIVE | (u32::from(i % 5 == 0) * 3) << 24 | i & 0xFF).collect();
-            let params = CarryParams { penalty: 0.0, relight: 0.0, shadow: 64.0 };
+            let params = CarryParams { penalty: 0.0, relight: 0.0, shadow: 64.0, ..CarryParams::default() };
             let mut harness = Harness::<Carry>::new(params, &settings([1, 1], 1));
             harness.set("cloud.position", &position);
             harness.set("cloud.meta", &meta);

@@ -274,7 +274,14 @@ fn interpolated() -> [Row; 3] {
             let axis = weights(kernel, sigma, 1 << shift);
             for space in [Space::Linear, Space::ToneMapped] {
                 let rule = [Priority::Measured, Priority::Classic][number % 2];
-                let params = InterpolateParams { kernel, sigma, subpixel_bits, space, priority: rule };
+                let params = InterpolateParams {
+                    kernel,
+                    sigma,
+                    subpixel_bits,
+                    space,
+                    priority: rule,
+                    variance: false,
+                };
                 let mut harness = Harness::<Interpolate>::new(params, &settings(size, 1));
                 harness.set("cloud.radiance", &radiance);
                 harness.set("cloud.meta", &meta);

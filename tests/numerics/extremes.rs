@@ -24,7 +24,7 @@ use glam::{DVec3, Vec3};
 use crate::table::markdown;
 
 /// Graphs of surfaces.
-const GRAPHS: [&str; 2] = ["render-cache.ron", "epi.ron"];
+const GRAPHS: [&str; 3] = ["render-cache.ron", "epi.ron", "epi-filtered.ron"];
 
 /// What was run: pictures that are finite, and runs that were refused with a message before the first frame.
 #[derive(Default)]
@@ -74,7 +74,11 @@ impl Outcome {
 
 /// The port with a graph's linear colours.
 fn colors(name: &str) -> &'static str {
-    if name == "epi.ron" || name.ends_with("complex-pixels.ron") { "antialias.color" } else { "fill.color" }
+    if name.starts_with("epi") || name.ends_with("complex-pixels.ron") {
+        "antialias.color"
+    } else {
+        "fill.color"
+    }
 }
 
 fn setup(name: &str, place: &Place, size: [u32; 2], samples: u32, side: Side) -> Setup {
@@ -154,7 +158,11 @@ pub fn cases() -> String {
     let _warm = GRAPHS.map(|name| warm(name, &cornell(|_| ()), [24, 16]));
     let lines = CASES.map(|(what, right, case)| {
         let sides = [Side::Cpu, Side::Gpu].map(|side| case(side).text());
-        [what, "`render-cache`, `epi`", right].map(String::from).into_iter().chain(sides).collect()
+        [what, "`render-cache`, `epi`, `epi-filtered`", right]
+            .map(String::from)
+            .into_iter()
+            .chain(sides)
+            .collect()
     });
     markdown(&["extreme", "graphs", "right is", "CPU", "GPU"], &lines)
 }
@@ -279,6 +287,10 @@ impl SampleSource for Odd {
                 aim: request.aim,
                 reuse: request.reuse,
                 view: request.view,
+                variance: value(2),
+                normal: value(5).to_bits(),
+                sharpness: value(8),
+                ..Sample::default()
             };
         }
     }
@@ -400,7 +412,8 @@ fn little(side: Side) -> Outcome {
 // ---- Parameters
 
 /// Graphs that have all stages with parameters between them.
-const WITH_ALL: [&str; 4] = ["render-cache.ron", "epi.ron", "experiments/complex-pixels.ron", "streams.ron"];
+const WITH_ALL: [&str; 4] =
+    ["epi-filtered.ron", "render-cache.ron", "experiments/complex-pixels.ron", "streams.ron"];
 
 /// The values at the ends of a parameter's range, or all of them, as RON.
 fn ends(spec: &ParamSpec) -> Vec<String> {
@@ -466,7 +479,8 @@ pub fn parameters() -> String {
                 let refused = outcome.refused;
                 outcome.add(&what, setup, 2);
                 // These have to agree with another node, or need memory.
-                let may_be = ["normals", "compaction", "points_per_pixel", "cache"].contains(&param.as_str());
+                let may_be = ["normals", "accumulate", "variance", "compaction", "points_per_pixel", "cache"];
+                let may_be = may_be.contains(&param.as_str());
                 assert!(outcome.refused == refused || may_be, "{what} is refused");
             }
             outcome.text()
@@ -555,7 +569,7 @@ pub fn moved_worlds() -> String {
         picture(name, &if name == "streams.ron" { points(exponent) } else { surfaces(exponent) }, side)
     };
     let mut lines = vec![];
-    for name in [GRAPHS[0], GRAPHS[1], "streams.ron"] {
+    for name in [GRAPHS[0], GRAPHS[1], GRAPHS[2], "streams.ron"] {
         let place = if name == "streams.ron" { points(0) } else { surfaces(0) };
         let _warm = warm(name, &place, [96, 64]);
         let here = [Side::Cpu, Side::Gpu].map(|side| shown(name, 0, side));

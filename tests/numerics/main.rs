@@ -17,6 +17,7 @@ mod device;
 mod edges;
 mod extremes;
 mod interval;
+mod noise;
 mod pixels;
 mod project;
 mod scenes;
@@ -45,7 +46,7 @@ fn measured(functions: &[fn() -> Vec<Row>]) -> Vec<Row> {
 }
 
 /// Titles of the groups, and their rows.
-const GROUPS: [(&str, &Group); 10] = [
+const GROUPS: [(&str, &Group); 11] = [
     ("device", &device::ROWS),
     ("depth", &depth::ROWS),
     ("projection", &project::ROWS),
@@ -53,6 +54,7 @@ const GROUPS: [(&str, &Group); 10] = [
     ("edges", &edges::ROWS),
     ("pixels", &pixels::ROWS),
     ("colours", &colors::ROWS),
+    ("noise", &noise::ROWS),
     ("requests", &chance::ROWS),
     ("scene", &scenes::ROWS),
     ("streams", &streams::ROWS),
@@ -124,6 +126,11 @@ fn regions_and_reachability_hold_what_they_claim() {
 #[test]
 fn colours_hold_what_they_claim() {
     assert!(!colors::ROWS.is_empty());
+}
+
+#[test]
+fn filters_of_noise_hold_what_they_claim() {
+    assert!(!noise::ROWS.is_empty());
 }
 
 #[test]

@@ -34,10 +34,17 @@ fn difference(a: &[u8], b: &[u8]) -> f64 {
 #[test]
 fn both_sides_compute_the_same_frame_from_the_same_state() {
     let mut worst = 0;
-    for (scene, camera) in [("cornell", "still"), ("cornell", "orbit"), ("chains", "orbit")] {
-        let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu].map(|side| start("epi.ron", scene, camera, side));
+    let cases = [
+        ("epi.ron", "cornell", "still"),
+        ("epi.ron", "cornell", "orbit"),
+        ("epi.ron", "chains", "orbit"),
+        ("epi-filtered.ron", "cornell-moving", "still"),
+        ("epi-filtered.ron", "chains", "orbit"),
+    ];
+    for (name, scene, camera) in cases {
+        let [mut cpu, mut gpu] = [Side::Cpu, Side::Gpu].map(|side| start(name, scene, camera, side));
         for frame in 0..FRAMES {
-            let what = format!("{scene}, {camera}, frame {frame}");
+            let what = format!("{name}, {scene}, {camera}, frame {frame}");
             worst = worst.max(frame_on_both(&mut cpu, &mut gpu, &INTEGERS, ROUNDING, &what));
             let mean = difference(&cpu.captured("image").bytes, &gpu.captured("image").bytes);
             assert!(mean <= 0.02, "{what}: mean difference {mean} codes");

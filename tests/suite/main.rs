@@ -11,6 +11,7 @@ mod library;
 mod measures;
 mod meshes;
 mod moving;
+mod noise;
 mod parity;
 mod pruning;
 mod render_cache;

@@ -123,7 +123,9 @@ pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
 #[test]
 fn undoing_random_edits_restores_every_file_byte_for_byte() {
     let folder = tempfile::tempdir().unwrap();
-    for (seed, path) in shipped(folder.path()).iter().enumerate() {
+    // Graphs that change others have a test of their own.
+    let is_whole = |path: &&PathBuf| !fs::read_to_string(path).unwrap().contains("base:");
+    for (seed, path) in shipped(folder.path()).iter().filter(is_whole).enumerate() {
         let mut document = Document::open(path).unwrap();
         assert_eq!(document.problems(), []);
         let opened = document.contents.texts.clone();
@@ -140,7 +142,8 @@ fn undoing_random_edits_restores_every_file_byte_for_byte() {
         }
         for (path, text) in &opened {
             assert_eq!(document.text(path), &**text, "{path}");
-            assert_eq!(fs::read_to_string(path).unwrap(), **text, "{path}");
+            let stored = fs::read_to_string(path).unwrap_or_else(|error| panic!("{path}: {error}"));
+            assert_eq!(stored, **text, "{path}");
         }
         assert!(!document.is_dirty() && *document.places() == places);
         while document.can_redo() {

@@ -20,8 +20,15 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
 
     let ([width, height], pixel) = (site.size(), site.pixel.map(|along| along as usize));
     // The cells show linear radiance, even if tone-mapped radiance is averaged.
-    let image =
-        Image { radiance: &radiance, id: &id, subpixel: &subpixel, width, height, space: Space::Linear };
+    let image = Image {
+        radiance: &radiance,
+        mean: None,
+        id: &id,
+        subpixel: &subpixel,
+        width,
+        height,
+        space: Space::Linear,
+    };
     let sample = |offset| image.tap(&weights, pixel, offset);
     let counts = |[dx, dy]: [i32; 2]| {
         let tap = (dy + REACH as i32) * SPAN as i32 + dx + REACH as i32;

@@ -7,6 +7,8 @@
 //! | `radiance` | `u32` | RGB9E5, see [`encode_radiance`] |
 //! | `image_id` | `u32` | index y * W + x of the pixel that last showed the point, or [`NOT_DRAWN`] |
 //! | `meta` | `u32` | age, flags and body |
+//! | `mean` | `vec4<f32>` | only if samples accumulate: the mean of the point's samples, and the variance of its luminance |
+//! | `record` | `vec4<f32>` | likewise: unit direction to the eye that saw the last one, and the number of samples |
 //!
 //! The bits of `meta`: 0 to 15 are the age in 8.8 fixed point, then come [`LIVE`], [`CHANGED`] and [`FRESH`], and 24 to
 //! 31 are the number of the body on which the point lies, or 0 if it lies on static geometry.
@@ -36,12 +38,7 @@ epigraph_core::constants! {
 /// exponent, bias 15. The error of a channel is at most 1/512 of the largest channel. Negative numbers and NaN become
 /// 0; numbers above [`MAX_RADIANCE`], and infinity, are clamped to it.
 pub fn encode_radiance(color: [f32; 3]) -> u32 {
-    // Bit patterns of positive floats are ordered like the floats; those above infinity are NaN or negative. Shaders
-    // may assume that neither exists, so both sides test the bits.
-    let [r, g, b] = color.map(|channel| {
-        let bits = channel.to_bits();
-        f32::from_bits(if bits > f32::INFINITY.to_bits() { 0 } else { bits.min(MAX_RADIANCE.to_bits()) })
-    });
+    let [r, g, b] = bounded(color);
     let largest = r.max(g).max(b);
     // The exponent as f32 stores it, less its bias: floor(log2(largest)) without rounding.
     let floor_log2 = (largest.to_bits() >> 23) as i32 - 127;
@@ -52,6 +49,17 @@ pub fn encode_radiance(color: [f32; 3]) -> u32 {
     let scale = power_of_two(24 - exponent);
     let mantissa = |channel: f32| (channel * scale + 0.5).floor() as u32;
     mantissa(r) | mantissa(g) << 9 | mantissa(b) << 18 | (exponent as u32) << 27
+}
+
+/// Linear radiance from 0 to [`MAX_RADIANCE`]; negative numbers and NaN become 0.
+#[inline]
+pub fn bounded(color: [f32; 3]) -> [f32; 3] {
+    // Bit patterns of positive floats are ordered like the floats; those above infinity are NaN or negative. Shaders
+    // may assume that neither exists, so both sides test the bits.
+    color.map(|channel| {
+        let bits = channel.to_bits();
+        f32::from_bits(if bits > f32::INFINITY.to_bits() { 0 } else { bits.min(MAX_RADIANCE.to_bits()) })
+    })
 }
 
 /// The linear radiance of [`encode_radiance`].

@@ -3,6 +3,7 @@
 pub mod cloud;
 pub mod color;
 pub mod edge_pixel;
+pub mod estimate;
 pub mod moves;
 pub mod nearer;
 pub mod octahedral;

@@ -17,6 +17,8 @@ epigraph_core::constants! {
     pub const HIT_SURFACE: u32 = 1;
     /// The `hit` of a sample whose ray hit nothing.
     pub const HIT_BACKGROUND: u32 = 2;
+    /// A variance that nobody knows.
+    pub const UNKNOWN: f32 = epigraph_scenes::UNKNOWN_VARIANCE;
 }
 
 epigraph_core::item! {
@@ -35,7 +37,8 @@ epigraph_core::item! {
 }
 
 epigraph_core::item! {
-    /// The result of one ray, with the request that it answers.
+    /// The result of one ray, with the request that it answers. [`Sample::surface`] and
+    /// [`Sample::background`] make those of sources that know nothing of noise: they are taken to be exact.
     pub struct Sample {
         /// Surface point, metres; for [`HIT_BACKGROUND`] the ray's unit direction.
         position: [f32; 3],
@@ -53,6 +56,15 @@ epigraph_core::item! {
         reuse: u32,
         /// As in the request.
         view: u32,
+        /// Variance of the radiance's luminance, as estimated from its light paths; [`UNKNOWN`] if that is not possible.
+        variance: f32,
+        /// The surface's unit normal, on the viewer's side, as a code of [`octahedral`](super::octahedral).
+        normal: u32,
+        /// Roughly the share of itself by which the radiance may change if it is seen from a direction one radian away;
+        /// 0 for a diffuse surface.
+        sharpness: f32,
+        /// Pads the size to a multiple of 16 bytes.
+        pad: u32,
     }
 }
 
@@ -84,7 +96,7 @@ mod tests {
 
     #[test]
     fn a_sample_is_laid_out_as_in_wgsl() {
-        assert_eq!(size_of::<Sample>(), 48);
+        assert_eq!(size_of::<Sample>(), 64);
         assert_eq!(size_of::<Request>(), 16);
     }
 }

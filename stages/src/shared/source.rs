@@ -16,6 +16,7 @@ use glam::Vec3;
 
 use super::{
     cloud::NO_POINT,
+    octahedral::{NO_NORMAL, encode_oct16},
     requests::{HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, Request, Sample, VIEW_NOW, VIEW_PREDICTED},
 };
 
@@ -65,6 +66,9 @@ pub trait SampleSource: Send + Sync {
     ///
     /// A sample that comes in a later frame than its request must drop the slot that it was to renew
     /// ([`Request::late`]), and must move with the body on which it lies ([`Query::carry`]).
+    ///
+    /// A source whose samples are noisy says how noisy ([`Sample::variance`]), so that graphs which average and filter
+    /// know what is noise.
     fn answer(&self, query: &Query, samples: &mut [Sample]);
 
     /// Whether all samples arrive in the requesting frame. Other searches in the scene, such as the one for shadow
@@ -158,7 +162,17 @@ impl Sample {
     pub fn surface(request: &Request, position: Vec3, radiance: Vec3) -> Self {
         let &Request { pixel, aim, reuse, view } = request;
         let (position, radiance) = (position.into(), radiance.into());
-        Self { position, hit: HIT_SURFACE, radiance, body: 0, pixel, aim, reuse, view }
+        Self {
+            position,
+            hit: HIT_SURFACE,
+            radiance,
+            pixel,
+            aim,
+            reuse,
+            view,
+            normal: NO_NORMAL,
+            ..Self::default()
+        }
     }
 
     /// The result of a ray that hit nothing. It is stored as a point at infinity.
@@ -170,6 +184,9 @@ impl Sample {
         Self {
             hit: if hit.hit { HIT_SURFACE } else { HIT_BACKGROUND },
             body: scene.body_of_face(hit.face),
+            variance: hit.variance,
+            normal: encode_oct16(hit.normal),
+            sharpness: hit.sharpness,
             ..Self::surface(request, hit.position, hit.radiance)
         }
     }

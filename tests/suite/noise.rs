@@ -1,0 +1,103 @@
+//! Noisy samples: what accumulating and filtering make of them.
+
+use std::sync::Arc;
+
+use epigraph::{Image, Pace, Place, Query, Run, Sample, SampleSource, Samples};
+use epigraph_scenes::{Camera, Scene};
+use glam::Vec3;
+
+/// A wall at z = -1, lit by paths of which one in [`ONE_IN`] carries light. Their mean is [`LIGHT`].
+struct Paths;
+
+const LIGHT: f32 = 0.5;
+
+const ONE_IN: u32 = 6;
+const PATHS: u32 = 4;
+
+impl SampleSource for Paths {
+    fn answer(&self, query: &Query, samples: &mut [Sample]) {
+        for (sample, request) in samples.iter_mut().zip(query.requests()) {
+            let ray = query.ray(request);
+            let wall = ray.origin - (1.0 + ray.origin.z) / ray.direction.z * ray.direction;
+            let path = |number: u32| {
+                let seed = (query.frame.index * PATHS + number) ^ request.pixel.wrapping_mul(0x9E37_79B9);
+                let is_lit = hash(seed).is_multiple_of(ONE_IN);
+                if is_lit { LIGHT * ONE_IN as f32 } else { 0.0 }
+            };
+            let paths: Vec<f32> = (0..PATHS).map(path).collect();
+            let mean = paths.iter().sum::<f32>() / PATHS as f32;
+            let squares: f32 = paths.iter().map(|path| (path - mean).powi(2)).sum();
+            let variance = squares / (PATHS * (PATHS - 1)) as f32;
+            *sample = Sample { variance, ..Sample::surface(request, wall, Vec3::splat(mean)) };
+        }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace::Exact
+    }
+}
+
+fn hash(value: u32) -> u32 {
+    let mut bits = value;
+    for _ in 0..3 {
+        bits = (bits ^ bits >> 16).wrapping_mul(0x7FEB_352D);
+        bits = (bits ^ bits >> 15).wrapping_mul(0x846C_A68B);
+    }
+    bits ^ bits >> 16
+}
+
+const SIZE: [u32; 2] = [32, 24];
+
+/// A run of `epi-filtered` in front of the wall.
+fn start(share: f64) -> Run {
+    let camera = Camera::look_at(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 1.0, 0.1, 100.0);
+    let nothing = Scene::empty("nothing", camera, [Vec3::NEG_ONE, Vec3::ONE]);
+    let place = Place::new(Arc::new(nothing), "still").unwrap();
+    Run::open("epi-filtered")
+        .unwrap()
+        .at(&place)
+        .source(Paths)
+        .size(SIZE)
+        .samples(Samples::Share(share))
+        .device(&epigraph::Device::CPU)
+        .keep(&["interpolate.color", "antialias.color"])
+        .start()
+        .unwrap()
+}
+
+/// Mean and root mean square error of a port's colours, of which each should be [`LIGHT`].
+fn error(run: &mut Run, port: &str) -> [f64; 2] {
+    let color: Image<[f32; 4]> = run.read(port).unwrap();
+    let differences = color.pixels.iter().map(|color| f64::from(color[0] - LIGHT));
+    let count = color.pixels.len() as f64;
+    [differences.clone().sum::<f64>() / count, (differences.map(|d| d * d).sum::<f64>() / count).sqrt()]
+}
+
+/// The error falls as one over the square root of the number of samples, and no light is lost: paths that carry much more
+/// than others are rare, but count.
+#[test]
+fn a_resting_camera_converges_to_the_mean_of_all_paths() {
+    let mut run = start(0.5);
+    let mut before = f64::INFINITY;
+    for frames in [31, 125, 500, 2000] {
+        run.frames(frames - run.index()).unwrap();
+        let [mean, rms] = error(&mut run, "interpolate.color");
+        // A sample's variance is 0.25 * (6 - 1) / 4; a picture has as many as half of its pixels in a frame.
+        let of_mean = (0.3125 / f64::from(frames * SIZE[0] * SIZE[1] / 2)).sqrt();
+        println!("{frames} frames: mean {mean:.5} (expected within {of_mean:.5}), rms {rms:.5}");
+        assert!(mean.abs() < 4.5 * of_mean, "{frames}: {mean}");
+        assert!(rms < 0.7 * before, "{frames}: {rms} after {before}");
+        before = rms;
+    }
+    // Pixels blend some six points.
+    assert!(before < 0.01, "{before}");
+}
+
+#[test]
+fn the_filter_evens_out_what_is_left() {
+    let mut run = start(0.1);
+    run.frames(20).unwrap();
+    let [plain, filtered] = ["interpolate.color", "antialias.color"].map(|port| error(&mut run, port)[1]);
+    println!("{plain:.4} without, {filtered:.4} with the filter");
+    assert!(filtered < 0.3 * plain, "{filtered} against {plain}");
+}
