@@ -366,7 +366,7 @@ pub struct GraphArgs {
 /// Arguments of `render`.
 #[derive(Args, Clone, Debug)]
 pub struct RenderArgs {
-    /// Graph file, or the name of a graph or a variant [default: epi]
+    /// Graph file, or the name of a graph or a variant [default: epi-filtered]
     pub graph: Option<String>,
     #[command(flatten)]
     pub scene: SceneArgs,

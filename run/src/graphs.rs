@@ -9,7 +9,7 @@ use crate::change::{Change, changed, split};
 pub use epigraph_graphs::names;
 
 /// The default graph.
-pub const DEFAULT: &str = "epi";
+pub const DEFAULT: &str = "epi-filtered";
 
 /// What [`load`] says it was looking for if a name is unknown.
 pub const UNKNOWN: &str = "graph or file";

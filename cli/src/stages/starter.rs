@@ -47,7 +47,7 @@ fn name(path: &Path, registry: &Registry) -> Result<String, CliError> {
     if registry.get(name).is_some() {
         return refuse("there is such a kind of stage; choose another name");
     }
-    if graphs::load(graphs::DEFAULT, registry)?.node(name).is_some() {
+    if graphs::load("epi", registry)?.node(name).is_some() {
         return refuse("the graph `epi`, which the new stage is put into, has a node of this name");
     }
     Ok(name.to_owned())
