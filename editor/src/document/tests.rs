@@ -123,9 +123,7 @@ pub(crate) fn random_edit(document: &mut Document, random: &mut Random) {
 #[test]
 fn undoing_random_edits_restores_every_file_byte_for_byte() {
     let folder = tempfile::tempdir().unwrap();
-    // Graphs that change others have a test of their own.
-    let is_whole = |path: &&PathBuf| !fs::read_to_string(path).unwrap().contains("base:");
-    for (seed, path) in shipped(folder.path()).iter().filter(is_whole).enumerate() {
+    for (seed, path) in shipped(folder.path()).iter().enumerate() {
         let mut document = Document::open(path).unwrap();
         assert_eq!(document.problems(), []);
         let opened = document.contents.texts.clone();
@@ -134,7 +132,8 @@ fn undoing_random_edits_restores_every_file_byte_for_byte() {
         for _ in 0..500 {
             random_edit(&mut document, &mut random);
         }
-        assert!(document.past.len() > 200, "{}: {} edits", path.display(), document.past.len());
+        let count = document.past.len();
+        assert!(count > 100, "{}: {count} edits", path.display());
         assert!(document.is_dirty());
         let edited = document.contents.texts.clone();
         while document.can_undo() {
@@ -146,9 +145,8 @@ fn undoing_random_edits_restores_every_file_byte_for_byte() {
             assert_eq!(stored, **text, "{path}");
         }
         assert!(!document.is_dirty() && *document.places() == places);
-        while document.can_redo() {
-            document.redo();
-        }
+        // There may be one more to redo: the last thing that happened may have been that one was undone.
+        (0..count).for_each(|_| document.redo());
         assert_eq!(document.contents.texts, edited);
     }
 }
