@@ -159,7 +159,7 @@ fn towards_eye(position: [f32; 3], eye: [f32; 3]) -> [f32; 3] {
     if length > 0.0 { towards.map(|axis| axis / length) } else { [0.0; 3] }
 }
 
-/// Whether a point lies on the surface on which a sample was taken, and near it: within [`FLATNESS`] pixels of the
+/// Whether a point lies on the surface on which a sample was taken, and near it: within `FLATNESS` pixels of the
 /// sample's plane. `pixel` is the width of a pixel at a distance of 1.
 pub fn on_surface(point: [f32; 3], sample: &Sample, eye: [f32; 3], pixel: f32) -> bool {
     let minus = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
