@@ -1,5 +1,5 @@
 //! The render graphs that come with Epigraph as text: `NAME.ron` is a graph, `parts/NAME.ron` a file that graphs are
-//! made of. The experiments are left out.
+//! made of. The experiments and the peers are left out.
 //!
 //! ```
 //! assert!(epigraph_graphs::text("epi.ron").is_some());

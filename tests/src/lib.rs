@@ -33,6 +33,10 @@ pub const GRAPHS: [&str; 13] = [
     "experiments/gbuffer.ron",
 ];
 
+/// The graphs of other algorithms, to compare with: they have shaders of their own, so they need a GPU.
+pub const PEERS: [&str; 5] =
+    ["peers/hold.ron", "peers/taa.ron", "peers/svgf.ron", "peers/bilateral.ron", "peers/bilinear.ron"];
+
 /// Runs a frame of both from the CPU's state and compares ports of integers. Returns the largest number of elements
 /// that differ in a port. Two whole runs cannot be compared, as one unit of one priority would change all later
 /// requests.

@@ -13,6 +13,7 @@ mod meshes;
 mod moving;
 mod noise;
 mod parity;
+mod peers;
 mod pruning;
 mod render_cache;
 mod repeats;

@@ -2,12 +2,12 @@
 
 use epigraph_core::{Access, Settings, Side, check_shader, compile, compose_shader};
 use epigraph_stages::registry;
-use epigraph_tests::{GRAPHS, POINT_GRAPH, facts, graph};
+use epigraph_tests::{GRAPHS, PEERS, POINT_GRAPH, facts, graph};
 
 #[test]
 fn shipped_graphs_compile_and_their_shaders_fit() {
     let registry = registry();
-    for name in GRAPHS.into_iter().chain([POINT_GRAPH]) {
+    for name in GRAPHS.into_iter().chain(PEERS).chain([POINT_GRAPH]) {
         for side in [Side::Cpu, Side::Gpu] {
             for camera_moves in [false, true] {
                 let settings = Settings { side, ..Settings::new([320, 200], 1000, facts(camera_moves)) };

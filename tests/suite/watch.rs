@@ -2,7 +2,7 @@
 //! its list.
 
 use epigraph_core::{Settings, Side};
-use epigraph_tests::{GRAPHS, Run, Stage, graph, sampled};
+use epigraph_tests::{GRAPHS, PEERS, Run, Stage, graph, sampled};
 
 const FRAMES: u32 = 5;
 
@@ -16,7 +16,7 @@ fn watch(name: &str, scene: &'static str, camera: &'static str, side: Side) {
 
 #[test]
 fn shipped_graphs_run_watched_in_every_scene() {
-    for name in GRAPHS {
+    for name in GRAPHS.into_iter().chain(PEERS) {
         for scene in ["cornell", "chains", "room"] {
             for side in Side::ALL {
                 watch(name, scene, "orbit", side);
