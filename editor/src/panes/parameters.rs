@@ -314,6 +314,11 @@ fn widget(ui: &mut Ui, value: &mut String, spec: &ParamSpec) -> Response {
         ParamKind::Bool => {
             let mut on = value.trim() == "true";
             let response = ui.add(Checkbox::without_text(&mut on));
+            // Without a text, its own name is empty, and hides the label's.
+            let state = on;
+            response.widget_info(|| {
+                egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, state, &spec.name)
+            });
             if response.changed() {
                 *value = on.to_string();
             }
