@@ -1,9 +1,10 @@
 //! Averages noisy colours along surfaces: an à-trous filter that crosses no edge and knows how noisy each colour is
 //! (`algorithms.md` section 12.2).
 //!
-//! Level l takes the pixel's colour and those of the four pixels 2^l to its sides, with binomial weights. A tap counts if a straight walk to it, from neighbour to neighbour, crosses no edge: so edges need
-//! not be guessed from normals and depths. What remains are smooth gradients, textures, and edges that are not known.
-//! They are kept by comparing the tap's difference with the colour's standard deviation.
+//! Level l takes the pixel's colour and those of the four pixels 2^l to its sides, with binomial weights. A tap counts if
+//! a straight walk to it, from neighbour to neighbour, crosses no edge: so edges need not be guessed from normals and
+//! depths. What remains are smooth gradients, textures, and edges that are not known. They are kept by comparing the
+//! tap's difference with the colour's standard deviation.
 
 use std::ops::Range;
 
@@ -27,6 +28,7 @@ constants! {
 /// The directions of taps, as indices of [`DIRECTIONS`]: E, S, W and N. With the four corners, too, pictures are not
 /// better.
 const SIDES: [usize; 4] = [0, 2, 4, 6];
+
 /// Columns that a task processes at a time.
 const TILE: usize = 64;
 

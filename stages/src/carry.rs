@@ -51,6 +51,7 @@ epigraph_core::params! {
 pub struct Carry {
     cloud_position: Out<[f32; 4]>,
     cloud_meta: Out<u32>,
+    /// The two fields of the points' estimates, if samples accumulate.
     means: Option<[Out<[f32; 4]>; 2]>,
     moves: In<Move>,
     lights_before: In<Lamp>,

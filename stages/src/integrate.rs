@@ -48,7 +48,8 @@ epigraph_core::params! {
 /// mean (section 12.1).
 pub struct Integrate {
     cloud_position: Out<[f32; 4]>,
-    means: Option<Means>,
+    /// The two fields of the points' estimates, if samples accumulate.
+    means: Option<[Out<[f32; 4]>; 2]>,
     cloud_radiance: Out<u32>,
     cloud_image_id: Out<u32>,
     cloud_meta: Out<u32>,
@@ -57,13 +58,6 @@ pub struct Integrate {
     arrived: Out<u32>,
     changed: Out<u32>,
     dates: Out<u32>,
-}
-
-/// The fields of the cloud that hold [`Estimate`]s.
-#[derive(Clone, Copy)]
-struct Means {
-    mean: Out<[f32; 4]>,
-    record: Out<[f32; 4]>,
 }
 
 impl Stage for Integrate {
@@ -79,8 +73,7 @@ impl Stage for Integrate {
         let cloud_radiance = cloud.write("radiance");
         let cloud_image_id = cloud.write("image_id");
         let cloud_meta = cloud.write("meta");
-        let means =
-            params.accumulate.then(|| Means { mean: cloud.write("mean"), record: cloud.write("record") });
+        let means = params.accumulate.then(|| [cloud.write("mean"), cloud.write("record")]);
         let samples =
             io.history("samples", SAMPLES.doc("The samples that arrived in the last frame."), Extent::Any);
         let slots = io.read("slots", SLOT, Extent::Like("samples".into()));
@@ -123,14 +116,14 @@ impl Stage for Integrate {
         let (mut image_id, mut meta) = (cx.write(self.cloud_image_id), cx.write(self.cloud_meta));
         let (mut arrived, mut changed) = (cx.write(self.arrived), cx.write(self.changed));
         let mut dates = cx.write(self.dates);
-        let mut means = self.means.map(|means| (cx.write(means.mean), cx.write(means.record)));
+        let mut means = self.means.map(|means| means.map(|field| cx.write(field)));
         let (samples, slots, changed) = (&samples[..], &slots[..], &mut changed[..]);
         let (size, stamp) = (cx.frame().size, cx.frame().index.wrapping_add(1));
         let capacity = meta.len();
         let arrivals = || samples.iter().zip(slots).filter(|&(sample, &slot)| takes(sample, slot, capacity));
 
         // clear, compare
-        let estimates = means.as_ref().map(|(mean, record)| [&mean[..], &record[..]]);
+        let estimates = means.as_ref().map(|means| means.each_ref().map(|field| &field[..]));
         let shown = Shown { meta: &meta, radiance: &radiance, estimates, threshold: params.threshold };
         // Equal stamps may be written in any order, and there are few: threads rarely meet.
         let stamps = Mutex::new(&mut *changed);
@@ -156,7 +149,7 @@ impl Stage for Integrate {
         // insert
         let (position, radiance, meta) = (&mut position[..], &mut radiance[..], &mut meta[..]);
         let (image_id, dates) = (&mut image_id[..], &mut dates[..]);
-        if let Some((mean, record)) = &mut means {
+        if let Some([mean, record]) = &mut means {
             let eye = Eye::of(cx.frame());
             for (sample, &slot) in arrivals() {
                 let point = slot as usize;
@@ -205,7 +198,7 @@ fn takes(sample: &Sample, slot: u32, capacity: usize) -> bool {
 struct Shown<'a> {
     meta: &'a [u32],
     radiance: &'a [u32],
-    /// The two fields of the points' estimates, if samples accumulate.
+    /// As in [`Integrate`].
     estimates: Option<[&'a [[f32; 4]]; 2]>,
     threshold: f32,
 }
