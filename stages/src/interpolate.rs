@@ -376,6 +376,12 @@ impl Row {
     };
 }
 
+/// The values of some columns.
+#[inline(always)]
+fn lanes(plane: &[f32; COLUMNS], first: usize) -> [f32; LANES] {
+    std::array::from_fn(|lane| plane[first..][..LANES][lane])
+}
+
 /// The five rows of samples that the kernels of a row of pixels reach.
 struct Around {
     /// Row y - [`REACH`] of the image is at y modulo [`SPAN`].
@@ -437,9 +443,7 @@ impl Around {
         for dy in 0..SPAN {
             let row = &self.rows[(y + dy) % SPAN];
             for dx in 0..SPAN {
-                let of = |plane: &[f32; COLUMNS]| -> [f32; LANES] {
-                    std::array::from_fn(|lane| plane[x + dx..][..LANES][lane])
-                };
+                let of = |plane| lanes(plane, x + dx);
                 let (along_x, along_y) = (of(&row.x[dx]), of(&row.y[dy]));
                 let [r, g, b] = [of(&row.rgb[0]), of(&row.rgb[1]), of(&row.rgb[2])];
                 for lane in 0..LANES {
@@ -455,9 +459,7 @@ impl Around {
         }
         Sums(sums)
     }
-}
 
-impl Around {
     /// The variance of the luminance of the colours of [`LANES`] pixels, in the linear space. Samples are independent;
     /// those that do not know their own variance have that of the samples around them, and a single one is as uncertain
     /// as it is bright. [`UNKNOWN`] without samples.
@@ -469,9 +471,7 @@ impl Around {
         for dy in 0..SPAN {
             let row = &self.rows[(y + dy) % SPAN];
             for dx in 0..SPAN {
-                let of = |plane: &[f32; COLUMNS]| -> [f32; LANES] {
-                    std::array::from_fn(|lane| plane[x + dx..][..LANES][lane])
-                };
+                let of = |plane| lanes(plane, x + dx);
                 let (along_x, along_y) = (of(&row.x[dx]), of(&row.y[dy]));
                 let (luminance, variance) = (of(&row.luminance), of(&row.variance));
                 for lane in 0..LANES {
