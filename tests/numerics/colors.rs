@@ -53,19 +53,19 @@ fn lights(count: usize, random: &mut Random) -> Vec<u32> {
 
 /// A picture and its pixels.
 #[derive(Clone, Copy)]
-struct Shape([i32; 2]);
+pub struct Shape([i32; 2]);
 
 impl Shape {
-    fn new(size: [u32; 2]) -> Self {
+    pub fn new(size: [u32; 2]) -> Self {
         Self(size.map(|side| side as i32))
     }
 
-    fn pixels(self) -> impl Iterator<Item = [i32; 2]> {
+    pub fn pixels(self) -> impl Iterator<Item = [i32; 2]> {
         let [width, height] = self.0;
         (0..height).flat_map(move |y| (0..width).map(move |x| [x, y]))
     }
 
-    fn index(self, [x, y]: [i32; 2]) -> Option<usize> {
+    pub fn index(self, [x, y]: [i32; 2]) -> Option<usize> {
         let inside = (0..self.0[0]).contains(&x) && (0..self.0[1]).contains(&y);
         inside.then(|| (y * self.0[0] + x) as usize)
     }
@@ -393,7 +393,7 @@ fn any_light(random: &mut Random) -> f32 {
     }
 }
 
-const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
+pub const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 
 fn blended() -> Row {
     let mut measure = Measure::within(

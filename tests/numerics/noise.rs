@@ -10,6 +10,7 @@ use epigraph_stages::atrous::{Atrous, AtrousParams};
 
 use crate::{
     Group, both,
+    colors::{DIRECTIONS, Shape},
     interval::ulp,
     measured,
     pixels::sides,
@@ -18,27 +19,15 @@ use crate::{
 
 pub static ROWS: Group = LazyLock::new(|| measured(&[|| vec![averaged()]]));
 
-const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
-
 /// A picture: colours, variances (`None` in holes), and which primary regions are joined.
 struct Picture {
-    size: [i32; 2],
+    shape: Shape,
     colors: Vec<[f64; 3]>,
     variances: Vec<Option<f64>>,
     n8: Vec<u32>,
 }
 
 impl Picture {
-    fn index(&self, [x, y]: [i32; 2]) -> Option<usize> {
-        let inside = (0..self.size[0]).contains(&x) && (0..self.size[1]).contains(&y);
-        inside.then(|| (y * self.size[0] + x) as usize)
-    }
-
-    fn pixels(&self) -> impl Iterator<Item = [i32; 2]> + use<> {
-        let [width, height] = self.size;
-        (0..height).flat_map(move |y| (0..width).map(move |x| [x, y]))
-    }
-
     /// Where straight walks of some steps to the sides end that cross no edge.
     fn walks(&self, at: [i32; 2], steps: u32) -> impl Iterator<Item = usize> {
         [0, 2, 4, 6].into_iter().filter_map(move |d| self.walk(at, d, steps))
@@ -46,28 +35,28 @@ impl Picture {
 
     fn walk(&self, mut at: [i32; 2], d: usize, steps: u32) -> Option<usize> {
         for _ in 0..steps {
-            let is_joined = self.n8[self.index(at)?] >> (4 * d) & 1 == 1;
+            let is_joined = self.n8[self.shape.index(at)?] >> (4 * d) & 1 == 1;
             at = [at[0] + DIRECTIONS[d][0], at[1] + DIRECTIONS[d][1]];
-            self.index(at).filter(|_| is_joined)?;
+            self.shape.index(at).filter(|_| is_joined)?;
         }
-        self.index(at)
+        self.shape.index(at)
     }
 
     /// With each variance the mean of those around.
     fn smoothed(self) -> Self {
         let around = |at| {
-            let own = self.index(at).and_then(|own| self.variances[own])?;
+            let own = self.shape.index(at).and_then(|own| self.variances[own])?;
             let known = self.walks(at, 1).filter_map(|there| self.variances[there]);
             let [sum, weights] =
                 known.fold([2.0 * own, 2.0], |[sum, weights], variance| [sum + variance, weights + 1.0]);
             Some(sum / weights)
         };
-        Self { variances: self.pixels().map(around).collect(), ..self }
+        Self { variances: self.shape.pixels().map(around).collect(), ..self }
     }
 
     fn averaged(self, level: u32, tolerance: f64) -> Self {
         let mean = |at| {
-            let own = self.index(at).expect("inside");
+            let own = self.shape.index(at).expect("inside");
             let (color, variance) = (self.colors[own], self.variances[own]);
             let weighed = self.walks(at, 1 << level).filter_map(|there| {
                 let (tap, noise) = (self.colors[there], self.variances[there]?);
@@ -86,7 +75,7 @@ impl Picture {
             let noise = all.iter().map(|tap| tap.0.powi(2) * tap.2).sum::<f64>() / weights.powi(2);
             ([lane(0), lane(1), lane(2)], Some(noise))
         };
-        let (colors, variances) = self.pixels().map(mean).unzip();
+        let (colors, variances) = self.shape.pixels().map(mean).unzip();
         Self { colors, variances, ..self }
     }
 }
@@ -132,7 +121,7 @@ fn averaged() -> Row {
             harness.set("variance", &variance);
             harness.set("n8", &n8);
             let given = Picture {
-                size: size.map(|side| side as i32),
+                shape: Shape::new(size),
                 colors: color.iter().map(|color| [0, 1, 2].map(|lane| f64::from(color[lane]))).collect(),
                 variances: variance.iter().map(|&v| (v >= 0.0).then_some(f64::from(v))).collect(),
                 n8,
