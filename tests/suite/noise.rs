@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use epigraph::{Image, Pace, Place, Query, Run, Sample, SampleSource, Samples};
+use epigraph_core::testing::Random;
 use epigraph_scenes::{Camera, Scene};
 use glam::Vec3;
 
@@ -19,12 +20,9 @@ impl SampleSource for Paths {
         for (sample, request) in samples.iter_mut().zip(query.requests()) {
             let ray = query.ray(request);
             let wall = ray.origin - (1.0 + ray.origin.z) / ray.direction.z * ray.direction;
-            let path = |number: u32| {
-                let seed = (query.frame.index * PATHS + number) ^ request.pixel.wrapping_mul(0x9E37_79B9);
-                let is_lit = hash(seed).is_multiple_of(ONE_IN);
-                if is_lit { LIGHT * ONE_IN as f32 } else { 0.0 }
-            };
-            let paths: Vec<f32> = (0..PATHS).map(path).collect();
+            let mut random = Random(u64::from(query.frame.index) << 32 | u64::from(request.pixel));
+            let mut path = || if random.below(ONE_IN) == 0 { LIGHT * ONE_IN as f32 } else { 0.0 };
+            let paths: Vec<f32> = (0..PATHS).map(|_| path()).collect();
             let mean = paths.iter().sum::<f32>() / PATHS as f32;
             let squares: f32 = paths.iter().map(|path| (path - mean).powi(2)).sum();
             let variance = squares / (PATHS * (PATHS - 1)) as f32;
@@ -35,15 +33,6 @@ impl SampleSource for Paths {
     fn pace(&self) -> Pace {
         Pace::Exact
     }
-}
-
-fn hash(value: u32) -> u32 {
-    let mut bits = value;
-    for _ in 0..3 {
-        bits = (bits ^ bits >> 16).wrapping_mul(0x7FEB_352D);
-        bits = (bits ^ bits >> 15).wrapping_mul(0x846C_A68B);
-    }
-    bits ^ bits >> 16
 }
 
 const SIZE: [u32; 2] = [32, 24];
