@@ -49,8 +49,8 @@ impl Picture {
         };
         let mut rest = text.trim();
         while rest.starts_with('-') {
-            let option;
-            (option, rest) = next_word(rest);
+            let whole = rest;
+            let option = take_word(&mut rest);
             let lower = option.to_ascii_lowercase();
             match lower.as_str() {
                 "-o" => picture.offset = pair(&mut rest, 0.0),
@@ -88,7 +88,7 @@ impl Picture {
                 "-mm" => note_unless(take_numbers(&mut rest, 2) == [0.0, 1.0], &lower, name, report),
                 // A name may begin with a minus sign.
                 _ => {
-                    rest = &text[text.len() - rest.len() - option.len()..];
+                    rest = whole;
                     break;
                 }
             }

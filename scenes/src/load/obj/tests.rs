@@ -467,6 +467,8 @@ fn maps_and_their_options() {
         ("map_Kd red green.png # mine", ""),
         ("map_Kd -bm 2", "left out: a map without the name of a file (a)"),
         ("map_Kd -2.png", "left out: a texture that is missing (-2.png)"),
+        ("map_Kd -2  b.png", "left out: a texture that is missing (-2  b.png)"),
+        ("map_Kd -cc on -2 b.png", "left out: a texture that is missing (-2 b.png)"),
     ] {
         assert_eq!(notes(&textured(lines)).join("; "), expected, "{lines}");
     }
