@@ -270,7 +270,7 @@ impl Mtl {
 }
 
 /// Whether a picture shows normals: on average they point up, which is light blue.
-fn has_normals(texture: &Texture) -> bool {
+pub(super) fn has_normals(texture: &Texture) -> bool {
     let mut sums = [0_u64; 3];
     for texel in &texture.texels {
         sums.iter_mut().zip(texel).for_each(|(sum, channel)| *sum += u64::from(*channel));

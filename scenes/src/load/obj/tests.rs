@@ -1,6 +1,6 @@
 use super::*;
 
-use crate::{Alpha, Map};
+use crate::{Alpha, Map, Texture};
 
 const OBJ: &str = "mtllib a.mtl\no quad\nv 0 0 0\nv 1 0 0 # comment\nv 1 1 0\nv 0 1 0\nvn 0 0 2\n\
     usemtl lamp\nf 1//1 2//1 3//1 -1//1\nusemtl metal\nf 1/1/1 3/9/1 2\nusemtl unknown\nf 1 2 3\n";
@@ -110,6 +110,32 @@ fn surfaces_of_materials() {
     ] {
         let text = format!("newmtl a\nillum {illum}\n Ks 0 {specular} 0\nNs {exponent}\n");
         assert_eq!(surface_of(&read_materials(&text)[0]), surface, "{text}");
+    }
+    // Without an exponent it is rough, but glass is smooth; so is what mirrors as sharply as an exponent can say.
+    let of = |lines: &str| read_noted(&format!("newmtl a\n{lines}\n"));
+    assert_eq!(surface_of(&of("illum 3\nKs 0.5 0.5 0.5").0[0]), glossy(1.0, 0.5));
+    for (exponent, roughness) in [("", 0.0), ("Ns 900", 0.0), ("Ns 864.4", 0.0), ("Ns 862", 0.021)] {
+        let glass = of(&format!("illum 7\nNi 1.5\n{exponent}")).0.remove(0);
+        assert_eq!(
+            (glass.transmission, (1000.0 * glass.roughness).round()),
+            (1.0, 1000.0 * roughness),
+            "{exponent}"
+        );
+    }
+    // A tint of the mirrored light counts from a fiftieth on, a metal by a tenth.
+    let tinted = "approximated: a tinted highlight of a material, shown white (a)";
+    for (lines, color, metallic, expected) in [
+        ("Kd 0.5 0.5 0.5\nKs 0.5 0.49 0.48125\nNs 225", 0.5, 0.0, ""),
+        ("Kd 0.5 0.5 0.5\nKs 0.5 0.49 0.47\nNs 225", 0.5, 0.0, tinted),
+        ("Kd 0.05 0.05 0.05\nKs 0.5 0.5 0.5\nNs 225\nillum 3", 0.05, 0.0, ""),
+        ("Kd 0.049 0 0\nKs 0.5 0.5 0.5\nNs 225\nillum 3", 0.5, 1.0, ""),
+    ] {
+        let (materials, notes) = of(lines);
+        assert_eq!(
+            (materials[0].color.x, materials[0].metallic, &*notes),
+            (color, metallic, expected),
+            "{lines}"
+        );
     }
     // Without `illum` it is a coat; the rest is grey and dark.
     let [plain, coat] = &read_materials("# two\nnewmtl a b\nnewmtl c\nKs 1 1 1\nNs 225\nKd 2 -1 0.5")[..]
@@ -435,6 +461,7 @@ fn maps_and_their_options() {
     let uvs = plain.parts[0].0.uvs[0][0];
     assert_eq!(uvs, [[0.25, 0.75], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from));
     assert_eq!((plain.materials[0].color, plain.textures[0].size), (Vec3::ONE, [2, 1]));
+    assert_eq!(plain.textures[0].name, "red green.png");
     let map = plain.materials[0].maps.color.unwrap();
     assert_eq!(map, Map::new(0));
     let moved = textured("map_Kd -blendu on -s 2 3 1 -o 0.5 0.25 -clamp on -mm 0 1 -texres 64 red green.png");
@@ -471,6 +498,61 @@ fn maps_and_their_options() {
         ("map_Kd -cc on -2 b.png", "left out: a texture that is missing (-2 b.png)"),
     ] {
         assert_eq!(notes(&textured(lines)).join("; "), expected, "{lines}");
+    }
+}
+
+#[test]
+fn each_option_of_a_map_takes_its_words_and_no_more() {
+    let vain = |option: &str| format!("left out: the option `{option}` of a map (a)");
+    for (options, expected) in [
+        ("-blendu on", String::new()),
+        ("-blendv off", String::new()),
+        ("-CC on", String::new()),
+        ("-texres 64", String::new()),
+        ("-type sphere", String::new()),
+        ("-clamp off", String::new()),
+        ("-imfchan r", String::new()),
+        ("-bm 3", String::new()),
+        ("-o 1", String::new()),
+        ("-o 1 2", String::new()),
+        ("-o 1 2 3", String::new()),
+        ("-s 1 2 3", String::new()),
+        // These are left out, unless what they ask for is what is done anyway.
+        ("-boost 0", String::new()),
+        ("-boost 1", vain("-boost")),
+        ("-t 0", String::new()),
+        ("-t 0 0 0", String::new()),
+        ("-t 1 0 0", vain("-t")),
+        ("-t 0 1 0", vain("-t")),
+        ("-t 0 0 1", vain("-t")),
+        ("-mm 0 1", String::new()),
+        ("-MM 0.1 1", vain("-mm")),
+        ("-mm 0 0.9", vain("-mm")),
+    ] {
+        let found = textured(&format!("map_Kd {options} red green.png"));
+        assert_eq!((notes(&found).join("; "), found.textures.len()), (expected.clone(), 1), "{options}");
+        // A name may begin with a number, which belongs to no option once this has as many as it takes.
+        let numbers = options.split(' ').skip(1).filter(|word| word.parse::<f32>().is_ok()).count();
+        let most = match options.split(' ').next().unwrap_or_default() {
+            "-o" | "-s" | "-t" => 3,
+            "-mm" | "-MM" => 2,
+            _ => numbers,
+        };
+        if numbers == most {
+            let missing = "left out: a texture that is missing (5 none.png)";
+            let expected = [expected.as_str(), missing].into_iter().filter(|note| !note.is_empty());
+            let found = textured(&format!("map_Kd {options} 5 none.png"));
+            assert_eq!(notes(&found), expected.collect::<Vec<_>>(), "{options}");
+        }
+    }
+    let normal = |line: &str| textured(line).materials[0].maps.normal.unwrap().1;
+    for (options, scale) in [("", 1.0), ("-bm 0.25 ", 0.25), ("-bm nan ", 1.0), ("-bm much ", 1.0)] {
+        assert_eq!(normal(&format!("norm {options}normal.png")), scale, "{options}");
+    }
+    // A number of a picture without opacity, or of one that has it but is not what the map is for.
+    let roughness = |line: &str| textured(line).materials[0].maps.roughness.unwrap().channel;
+    for (options, channel) in [("", 0), ("-imfchan g ", 1), ("-imfchan M ", 3), ("-imfchan l ", 0)] {
+        assert_eq!(roughness(&format!("map_Pr {options}leaf.png")), channel, "{options}");
     }
 }
 
@@ -640,4 +722,68 @@ fn no_truncation_panics() {
         // A text format may end after any line, so a shorter file can be a whole one.
         let _ = read(&OBJ[..length], library);
     }
+}
+
+#[test]
+fn pictures_of_normals_are_told_from_those_of_heights() {
+    // A single colour: how far its channels may be from those of a normal that points up.
+    for (texel, is_normal) in [
+        ([128, 128, 255], true),
+        ([165, 90, 179], true),
+        ([90, 165, 255], true),
+        ([166, 128, 255], false),
+        ([89, 128, 255], false),
+        ([128, 166, 255], false),
+        ([128, 89, 255], false),
+        ([128, 128, 178], false),
+        ([200, 200, 200], false),
+    ] {
+        let [red, green, blue] = texel;
+        let texels = vec![[red, green, blue, 255]; 3];
+        let texture = Texture { name: String::new(), size: [3, 1], texels };
+        assert_eq!(mtl::has_normals(&texture), is_normal, "{texel:?}");
+    }
+}
+
+#[test]
+fn faces_that_are_dropped_leave_the_others_as_they_are() {
+    let read_normals = |faces: &str| {
+        let text = format!(
+            "mtllib a.mtl\nusemtl metal\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 1 0 0\nvn 0 1 0\nvn 0 0 1\n{faces}"
+        );
+        read(&text, library).unwrap().parts[0].0.normals.clone()
+    };
+    let expected = [[Vec3::X, Vec3::Y, Vec3::Z]];
+    assert_eq!(read_normals("f 1//1 2//2 3//3\n"), expected);
+    assert_eq!(read_normals("f 3//3 2//3\nf 1//1 2//2 3//3\n"), expected);
+    // The group of a face that is dropped is not that of the face before.
+    let [first, second] =
+        ["", "s 2\nf 1 2\n"].map(|dropped| read_normals(&format!("s 1\nf 1 2 3\n{dropped}s 1\nf 2 3 4\n")));
+    assert_eq!(first, second);
+    assert!(first[0][1].distance(Vec3::new(1.0, 1.0, 2.0).normalize()) < 1e-6, "{first:?}");
+}
+
+#[test]
+fn colours_that_vertices_do_not_need_are_left() {
+    let text = |codes: &str| format!("v 0 0 0\nv 1 0 0\n#MRGB {codes}\nv 0 1 0\nf 1 2 3\n");
+    let colors = |codes: &str| read(&text(codes), nothing).unwrap().parts[0].0.colors[0];
+    let [red, green] = [Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.0, 1.0, 0.0, 1.0)];
+    assert_eq!(colors("ffff0000ff00ff00"), [red, green, Vec4::ONE]);
+    assert_eq!(colors("ffff0000ff00ff00ff00ff00"), [red, green, Vec4::ONE], "the third is for no vertex");
+    assert_eq!(colors("ffff0000ffzzzzzz"), [red, Vec4::ONE, Vec4::ONE], "no number is white");
+}
+
+#[test]
+fn decimal_commas_are_looked_for_in_the_first_hundred_vertices() {
+    for (at, expected) in [(99, vec!["repaired: numbers with a decimal comma"]), (100, vec![])] {
+        let vertex = |index: usize| if index == at { "v 0,5 0 0\n" } else { "v 0 0 0\n" };
+        let vertices: String = (0..102).map(vertex).collect();
+        let model = read(&format!("{vertices}v 1 0 0\nv 0 1 0\nf 1 103 104\n"), nothing).unwrap();
+        assert_eq!(notes(&model), expected, "{at}");
+    }
+    // A face without any vertices.
+    assert_eq!(
+        read("f 1 1 1\n", nothing).err().unwrap(),
+        "line 1: vertex 1 does not exist: only 0 are defined"
+    );
 }
