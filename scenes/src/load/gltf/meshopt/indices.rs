@@ -141,3 +141,118 @@ fn take(next: &mut u32) -> u32 {
     *next = next.wrapping_add(1);
     taken
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Groups of seven bits, the lowest first; all but the last with the highest bit set.
+    fn groups(mut number: u32) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        while number >= 128 {
+            bytes.push(number as u8 | 128);
+            number >>= 7;
+        }
+        bytes.push(number as u8);
+        bytes
+    }
+
+    /// A difference with its sign in the lowest bit: 0, -1, 1, -2, ...
+    fn with_sign(difference: i32) -> u32 {
+        if difference < 0 { 2 * difference.unsigned_abs() - 1 } else { 2 * difference as u32 }
+    }
+
+    #[test]
+    fn numbers_have_one_to_five_bytes() {
+        for bits in 0..32 {
+            let power = 1_u32 << bits;
+            for number in [power - 1, power, power | 1, power.wrapping_mul(3), power ^ 0x5555_5555, u32::MAX]
+            {
+                let bytes = groups(number);
+                let mut reader = Reader(&bytes);
+                assert_eq!((variable(&mut reader), reader.0.len()), (Some(number), 0), "{bytes:?}");
+                assert_eq!(variable(&mut Reader(&bytes[..bytes.len() - 1])), None, "{bytes:?}");
+            }
+        }
+        for difference in [0, 1, -1, 2, -2, 127, -128, 1 << 29, -(1 << 29)] {
+            assert_eq!(signed(with_sign(difference)), difference as u32, "{difference}");
+        }
+    }
+
+    #[test]
+    fn a_sequence_has_two_runs_of_differences() {
+        // The index, and its run: near 1000 and near the end, with differences of either sign, odd and even.
+        let wanted = [
+            (1000, 0),
+            (500_000_000, 1),
+            (1001, 0),
+            (999, 0),
+            (499_999_999, 1),
+            (500_000_063, 1),
+            (935, 0),
+            (936, 0),
+            (70_000, 0),
+            (7, 1),
+        ];
+        let mut data = vec![0xD1];
+        let mut last = [0_i32; 2];
+        for (index, run) in wanted {
+            data.extend(groups(with_sign(index - last[run]) << 1 | run as u32));
+            last[run] = index;
+        }
+        data.extend([0; 4]);
+        let expected: Vec<u32> = wanted.iter().map(|(index, _)| *index as u32).collect();
+        assert_eq!(sequence(&data, wanted.len()), Some(expected));
+        assert_eq!(sequence(&data, wanted.len() - 1), None, "a number too many");
+        assert_eq!(sequence(&data, wanted.len() + 1), None, "one too few");
+        data[0] = 0xD2;
+        assert_eq!(sequence(&data, wanted.len()), None, "another kind of stream");
+    }
+
+    #[test]
+    fn triangles_begin_anew_at_edges_and_at_free_corners() {
+        // The codes, the bytes after them, and the triangles, of the first version of the format and of the second.
+        let table: Vec<u8> = [[0x00, 0x10], [0x12, 0x21]].concat().into_iter().chain([0; 12]).collect();
+        let decode = |header: u8, codes: &[u8], body: &[u8]| {
+            let data = [&[header], codes, body, &table].concat();
+            triangles(&data, 3 * codes.len()).map(|all| all.as_chunks::<3>().0.to_vec())
+        };
+        // Three new corners, by the table. Then a new one at the last edge, at the one before, and at the third last.
+        let strip = [[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 2, 5]];
+        for header in [0xE0, 0xE1] {
+            assert_eq!(decode(header, &[0xF0, 0x00, 0x10, 0x30], &[]), Some(strip.to_vec()));
+            // Corners of before at the last edge: the one before the last, and the one before that.
+            let back = [[0, 1, 2], [0, 2, 3], [0, 3, 2], [0, 2, 1]];
+            assert_eq!(decode(header, &[0xF0, 0x00, 0x01, 0x02], &[]), Some(back.to_vec()));
+            // Free corners: 5 more, 2 less than the last one. They count among those of before.
+            let free = [[0, 1, 2], [0, 2, 5], [0, 5, 3], [0, 3, 5]];
+            let differences = [groups(with_sign(5)), groups(with_sign(-2))].concat();
+            assert_eq!(decode(header, &[0xF0, 0x0F, 0x0F, 0x01], &differences), Some(free.to_vec()));
+            // Three corners by the table: new, the last, new; new, the last, the one before; new, the one before, the last.
+            let corners = [[0, 1, 2], [3, 2, 4], [5, 4, 3], [6, 4, 5]];
+            assert_eq!(decode(header, &[0xF0, 0xF1, 0xF2, 0xF3], &[]), Some(corners.to_vec()));
+            // By a byte: new, free, the last; then all free; then all new from the beginning.
+            let bytes = [
+                &[0xF1][..],
+                &groups(with_sign(40)),
+                &[0xFF],
+                &groups(with_sign(-1)),
+                &groups(with_sign(2)),
+                &groups(with_sign(3)),
+                &[0x00],
+            ];
+            let by_byte = [[0, 40, u32::MAX], [39, 41, 44], [0, 1, 2]];
+            assert_eq!(decode(header, &[0xFE, 0xFF, 0xFE], &bytes.concat()), Some(by_byte.to_vec()));
+        }
+        // 13 and 14 are the neighbours of the last free corner, but in the first version corners of before.
+        let neighbours = [[0, 1, 2], [0, 2, 9], [0, 9, 8], [0, 8, 9]];
+        let nine = groups(with_sign(9));
+        assert_eq!(decode(0xE1, &[0xF0, 0x0F, 0x0D, 0x0E], &nine), Some(neighbours.to_vec()));
+        let fan: Vec<[u32; 3]> = (0..14).map(|k| [0, k + 1, k + 2]).chain([[0, 15, 2], [0, 2, 1]]).collect();
+        let codes = [&[0xF0][..], &[0x00; 13], &[0x0D, 0x0E]].concat();
+        assert_eq!(decode(0xE0, &codes, &[]), Some(fan));
+        assert_eq!(decode(0xE2, &[0xF0], &[]), None, "another version");
+        assert_eq!(decode(0xE1, &[0xF0], &[0]), None, "a byte too many");
+        assert_eq!(decode(0xE1, &[0x0F], &[]), None, "one too few");
+    }
+}
