@@ -120,3 +120,34 @@ pub enum SceneError {
     #[error("{0}")]
     Unknown(String),
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_scene_has_a_view_and_bounds_alone() {
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        let bounds = [Vec3::NEG_ONE, Vec3::ONE];
+        let scene = Scene::empty("none", camera, bounds);
+        assert_eq!((scene.name.as_str(), scene.camera, scene.bounds), ("none", camera, bounds));
+        assert_eq!((scene.origin, scene.background, scene.added.clone()), (DVec3::ZERO, Vec3::ZERO, 0..0));
+        let counts = [
+            scene.mesh.positions.len(),
+            scene.mesh.triangles.len(),
+            scene.mesh.edges.len(),
+            scene.materials.len(),
+            scene.textures.len(),
+            scene.lights.len(),
+            scene.cameras.len(),
+            scene.bodies.len(),
+            scene.poses.len(),
+            scene.report.notes().len(),
+        ];
+        assert_eq!(counts, [0; 10]);
+        assert!(scene.sky.is_none() && scene.points.is_none() && !scene.has_only_points());
+        assert_eq!(scene.beyond(Vec3::Y), Vec3::ZERO);
+        let grey = Scene { background: Vec3::splat(0.5), ..scene };
+        assert_eq!(grey.beyond(Vec3::Y), Vec3::splat(0.5));
+    }
+}

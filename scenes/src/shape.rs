@@ -480,6 +480,20 @@ mod tests {
         }
     }
 
+    #[test]
+    fn faces_at_the_angle_itself_are_smoothed_together() {
+        // Two triangles along the x axis at a right angle, or wider by so many thirds of a radian.
+        for (wider, together) in [(0.0, true), (1.5e-6, true), (4.5e-6, false)] {
+            let mut shape = Shape {
+                positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.0, wider, 3.0)],
+                triangles: vec![[0, 1, 2], [1, 0, 3]],
+                ..Shape::default()
+            };
+            shape.smooth(90.0);
+            assert_eq!(shape.normals[0][0].distance(Vec3::Z) > 0.1, together, "{wider}");
+        }
+    }
+
     /// A fan of faces around the origin, on a cone that is wavy and of varying width.
     fn fan(faces: u32) -> Shape {
         let rim = (0..faces).map(|i| {

@@ -271,6 +271,37 @@ mod tests {
     }
 
     #[test]
+    fn the_last_texels_reach_to_the_seam_and_to_the_poles() {
+        let sky = sky();
+        let density = |column: usize, row: usize| sky.density[row * 32 + column];
+        for (direction, column, row) in [
+            // Straight behind is the end of a row, and down the end of the last.
+            (Vec3::new(0.0, 0.1, 1.0), 31, 7),
+            (Vec3::new(0.0, -0.1, 1.0), 31, 8),
+            (Vec3::new(-0.0, 0.1, 1.0), 0, 7),
+            (Vec3::new(0.0, 1.0, -1e-3), 16, 0),
+            (Vec3::new(0.0, -1.0, -1e-3), 16, 15),
+            (Vec3::new(0.0, -1.0, 0.0), 31, 15),
+            (Vec3::new(1.0, -1e-3, 0.0), 24, 8),
+        ] {
+            assert_eq!(sky.pdf(direction.normalize()), density(column, row), "{direction}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_promises_too_much_is_refused_before_it_is_read() {
+        let path = std::env::temp_dir().join(format!("epigraph-sky-{}.hdr", std::process::id()));
+        let said = |size: &str| {
+            std::fs::write(&path, format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{size}\n")).unwrap();
+            Sky::load(&path).unwrap_err().to_string()
+        };
+        let [large, cut] = ["-Y 60000 +X 60000", "-Y 2 +X 4"].map(said);
+        std::fs::remove_file(&path).unwrap();
+        assert!(large.ends_with(": it has 60000 x 60000 texels; make it smaller"), "{large}");
+        assert!(!cut.contains("make it smaller"), "{cut}");
+    }
+
+    #[test]
     fn a_black_sky_does_not_shine_and_a_broken_one_is_refused() {
         assert!(!Sky::new("", [2, 1], vec![Vec3::ZERO; 2]).unwrap().shines());
         assert!(Sky::new("", [2, 1], vec![Vec3::ZERO; 3]).unwrap_err().contains("2 x 1"));

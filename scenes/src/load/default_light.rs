@@ -199,6 +199,7 @@ fn hit([a, b, c]: [Vec3; 3], origin: Vec3, direction: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::limits::MAX_COORDINATE;
     use crate::{Light, Material, Report, Shape};
 
     fn builder(parts: &[(Shape, Material)]) -> SceneBuilder {
@@ -236,6 +237,27 @@ mod tests {
         let (lights, notes) = added(builder(&[(cube(1.0), grey())]), None);
         assert!(matches!(lights[..], [Light::Quad { .. }]));
         assert_eq!(notes, ["added: a light in front, to the upper left, as there is none"]);
+    }
+
+    #[test]
+    fn all_corners_of_the_light_are_within_the_limits() {
+        let half = Vec3::splat(1e6);
+        let corners_around = |centre: Vec3| {
+            let mut builder = SceneBuilder::new();
+            add_quad(&mut builder, [centre - half, centre + half])?;
+            let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+            let scene = builder.build("", camera, Vec3::ZERO, 0.0, 40.0).unwrap();
+            let [Light::Quad { corner, u, v, .. }] = scene.lights[..] else { panic!("{:?}", scene.lights) };
+            Ok::<_, MeshError>([corner, corner + u, corner + v, corner + u + v])
+        };
+        let corners = corners_around(Vec3::ZERO).unwrap();
+        // Each corner is the outermost one in one of these directions.
+        for axis in [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z] {
+            let most = corners.map(|corner| corner.dot(axis)).into_iter().fold(f32::NEG_INFINITY, f32::max);
+            let at = |outermost: f32| corners_around((outermost - most) * axis);
+            assert!(at(MAX_COORDINATE - 1e3).is_ok(), "{axis}");
+            assert_eq!(at(MAX_COORDINATE + 1e3), Err(MeshError::NoRoomForLight), "{axis}");
+        }
     }
 
     #[test]

@@ -324,6 +324,35 @@ mod tests {
         let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
         assert!(parallelogram([a, b, c], [Vec3::new(1.0, 1.0, 0.0), c, Vec3::new(0.5, 0.25, 0.0)]).is_none());
         assert!(parallelogram([a, b, c], [Vec3::new(1.0, 1.0, 0.0), c, b]).is_some());
+        // The fourth corner may be off by a thousandth of the two sides together.
+        for (off, is_one) in [(0.0039, true), (0.0041, false)] {
+            let quad = [Vec3::ZERO, 3.0 * Vec3::X, Vec3::new(3.0, 1.0, off), Vec3::Y];
+            assert_eq!(parallelograms(&Shape::quad(quad)).len(), usize::from(is_one), "{off}");
+        }
+        // Corners on one line have no front.
+        let [a, b, c, d] = [0.0, 1.0, 2.0, 3.0].map(|x| x * Vec3::X);
+        assert!(parallelogram([a, b, c], [d, c, b]).is_none());
+    }
+
+    #[test]
+    fn a_light_that_shines_from_both_sides_counts_twice() {
+        // Of 17 panels one has a share of the power above a thirty-second only if both of its sides count.
+        let panel = |x: f32, width: f32| {
+            Shape::quad([
+                Vec3::new(x, 0.0, 0.0),
+                Vec3::new(x + width, 0.0, 0.0),
+                Vec3::new(x + width, 1.0, 0.0),
+                Vec3::new(x, 1.0, 0.0),
+            ])
+        };
+        let lit = |double_sided: bool| {
+            let small = Material { double_sided, ..Material::lamp("small", Vec3::ONE) };
+            let mut parts: Vec<_> = (0..16).map(|lamp| (panel(4.0 * lamp as f32, 2.0), Some(0))).collect();
+            parts.push((panel(-9.0, 0.75), Some(1)));
+            let materials = vec![Material::lamp("large", Vec3::ONE), small];
+            Model { parts, materials, ..Model::default() }.into_scene("panels").unwrap().lights.len()
+        };
+        assert_eq!([lit(false), lit(true)], [16, 18]);
     }
 
     #[test]
@@ -365,6 +394,11 @@ mod tests {
             assert!((camera.far / size / whole.far - 1.0).abs() < 1e-4);
         }
         assert!(framing_camera([Vec3::ONE; 2]).is_valid());
+        // Half the diagonal, but of what counts as a point.
+        assert_eq!(radius_of([Vec3::ZERO, Vec3::new(2.0, 3.0, 6.0)]), 3.5);
+        assert_eq!(radius_of([Vec3::splat(7.0); 2]), 1e-3);
+        assert_eq!(radius_of([Vec3::ZERO, 2e-9 * Vec3::X]), 1e-3);
+        assert!(radius_of([Vec3::ZERO, 2.01e-9 * Vec3::X]) < 1e-8);
     }
 
     #[test]

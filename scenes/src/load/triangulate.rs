@@ -301,6 +301,23 @@ mod tests {
     }
 
     #[test]
+    fn polygons_are_cut_alike_whatever_was_cut_before() {
+        // A comb of three teeth, and the C.
+        let comb =
+            [[0.0, 0.0], [5.0, 0.0], [5.0, 3.0], [4.0, 3.0], [4.0, 1.0], [3.0, 1.0], [3.0, 3.0], [2.0, 3.0]];
+        let comb = [&comb[..], &[[2.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]]].concat();
+        let polygons = [tilted(&comb), tilted(&C), tilted(&comb)];
+        let mut triangulator = Triangulator::new();
+        let mut all = Vec::new();
+        for corners in &polygons {
+            let before = all.len();
+            assert_eq!(triangulator.add(corners, &mut all), None);
+            assert_eq!((all[before..].to_vec(), None), triangulate(corners));
+            assert!(fits(corners.len() as u32, &all[before..]));
+        }
+    }
+
+    #[test]
     fn a_polygon_counts_as_flat_up_to_a_fiftieth_of_its_diameter() {
         // A C of diameter 50. Two of its corners are as far above its plane as below, so that the plane is z = 0.
         let fault = |height: f64| {
