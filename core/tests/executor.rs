@@ -1036,6 +1036,55 @@ fn random_graphs_give_the_same_on_any_sides_skipped_pooled_and_recompiled() {
 }
 
 #[test]
+fn random_graphs_get_the_same_late_whether_nodes_are_skipped_or_not() {
+    let mut random = Random(11);
+    let (mut rounds, mut skipped) = (0, 0);
+    while rounds < 40 {
+        let seed = random.0;
+        let mut place = Random(random.bits().into());
+        let sides: Vec<&str> = (0..20)
+            .map(|_| {
+                ["Cpu", "Gpu", "Cpu, download: Latent(1)", "Cpu, download: Latent(3)"]
+                    [place.below(4) as usize]
+            })
+            .collect();
+        let text = random_graph(&mut Random(seed), |node| sides[node]);
+        random_graph(&mut random, |_| "Cpu");
+        let mut settings = Settings::new(SIZE, 0, Facts::none());
+        (settings.prune, settings.pooling) = (false, false);
+        let Ok(file) = GraphFile::parse("late.ron", &text) else { panic!("{text}") };
+        if compile(&file, &registry(), &settings).is_err() {
+            continue;
+        }
+        rounds += 1;
+        let mut reference = executor(&file, &settings);
+        let mut tested = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
+        let mut eye = 0.0;
+        for index in 0..30 {
+            if place.below(5) == 0 {
+                eye = place.below(100) as f32;
+            }
+            let mut frame = frame(index);
+            frame.view.eye[0] = eye;
+            for executor in [&mut reference, &mut tested] {
+                executor.run(&frame, &Host::default(), true).unwrap();
+            }
+            skipped += tested.ran().iter().filter(|ran| !**ran).count();
+            // What is not there yet may be anything.
+            if index < 16 {
+                continue;
+            }
+            for output in ["o0", "o1", "o2"] {
+                let [expected, found] = [&mut reference, &mut tested]
+                    .map(|executor| executor.snapshot(output, "").unwrap().unwrap().get::<u32>());
+                assert_eq!(found, expected, "{output}, frame {index}, {text}");
+            }
+        }
+    }
+    assert!(skipped > 100, "{skipped} nodes were skipped");
+}
+
+#[test]
 fn downloads_under_way_are_taken_over_by_name_and_size() {
     let text = r#"Graph(version: 1, nodes: {
         "ramp": (kind: "ramp", on: Gpu),

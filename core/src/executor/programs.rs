@@ -153,7 +153,11 @@ mod tests {
         assert_eq!(again.compute(&gpu.device, "main"), pipeline);
         assert!(!Arc::ptr_eq(&first, &get("3u").unwrap()), "another text is another program");
         assert!(get("2.5").err().unwrap().contains("twice.wgsl"));
-        drop((first, again));
+        // One holder is enough, also while others are compiled.
+        drop(again);
+        let other = get("4u").unwrap();
+        assert!(Arc::ptr_eq(&first, &get("2u").unwrap()));
+        drop((first, other));
         assert!(lock(&gpu.programs.known).values().all(|program| program.strong_count() == 0));
     }
 }

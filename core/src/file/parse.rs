@@ -417,7 +417,41 @@ pub(super) fn is_identifier(name: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::is_identifier;
+    use serde::Deserialize;
+
+    use super::{is_identifier, ron_problem};
+    use crate::error::Place;
+
+    #[test]
+    fn a_part_of_a_file_has_its_places_in_the_whole() {
+        #[allow(dead_code)]
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Part {
+            one: u32,
+            two: Option<String>,
+        }
+        for part in [
+            "(one: 1, tow: 2)",
+            "(one: x)",
+            "(one: 1",
+            "(one: 1,\n  two",
+            "(one: 1,\n  two: Some(\"é\"), three: 3)",
+            "(one: 1, two: Some(\"ab\\q\"))",
+            "(one: -1)",
+        ] {
+            let error = ron::from_str::<Part>(part).err().unwrap_or_else(|| panic!("{part} is one"));
+            let place = |before: &str| {
+                let problem = ron_problem("f", &format!("{before}{part}"), before.len(), &error);
+                let Place { line, column, length, .. } = problem.place.unwrap();
+                (line, column, length)
+            };
+            let (line, column, length) = place("");
+            let on_first = |more: usize| if line == 1 { column + more } else { column };
+            assert_eq!(place("é: "), (line, on_first(3), length), "{part}");
+            assert_eq!(place("a,\n\n\t"), (line + 2, on_first(1), length), "{part}");
+        }
+    }
 
     #[test]
     fn identifiers_are_words_that_begin_with_a_letter_or_an_underscore() {

@@ -318,3 +318,27 @@ fn an_extent_that_goes_in_circles_through_the_frame_before_is_refused() {
     let error = start(node, &["loop.list"], &[("loop.wgsl", shader)]).err().unwrap();
     assert!(error.contains("depends on itself"), "{error}");
 }
+
+/// Counts down from the number of workgroups, each of which writes an element.
+const MOST: &str = "
+/// = output, GROUPS elements
+@group(0) @binding(0) var<storage, read_write> list: array<u32>;
+/// = GROUPS groups
+@compute @workgroup_size(1) fn main(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    list[id.x] = groups.x - id.x;
+}
+";
+
+#[test]
+fn as_many_workgroups_run_as_every_device_allows() {
+    let groups = 65_535;
+    let shader = MOST.replace("GROUPS", &groups.to_string());
+    let node = r#""most": (kind: "wgsl", params: (shader: "most.wgsl"))"#;
+    let mut executor = start(node, &["most.list"], &[("most.wgsl", &shader)]).unwrap();
+    executor.run(&Frame { size: SIZE, ..Frame::default() }, &Host::default(), true).unwrap();
+    let list = executor.snapshot("most.list", "").unwrap().unwrap().get::<u32>();
+    assert!(list.iter().copied().eq((1..=groups).rev()), "{:?}", &list[..4]);
+}
