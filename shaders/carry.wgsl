@@ -41,8 +41,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if (bits & LIVE) == 0u {
         return;
     }
-    let motion = moves[bits >> BODY_SHIFT];
-    let is_resting = rests(motion);
+    // A source of samples may name bodies that the scene does not have.
+    let body = bits >> BODY_SHIFT;
+    let motion = moves[min(body, arrayLength(&moves) - 1u)];
+    let is_resting = body >= arrayLength(&moves) || rests(motion);
     let point = cloud_position[slot];
     var there = point.xyz;
     if !is_resting {
@@ -60,7 +62,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         now += light_at(lights[i], there);
     }
     let turn = select(params.penalty, 0.0, is_resting);
-    let shadowed = shadowed(point.xyz, there, bits >> BODY_SHIFT);
+    let shadowed = shadowed(point.xyz, there, body);
     let change = change(before, now);
     let penalty = min(turn + params.relight * 100.0 * change + params.shadow * shadowed, 255.0) * f32(AGE_ONE);
     cloud_meta[slot] = (bits & ~AGE) | min((bits & AGE) + u32(round(penalty)), AGE);

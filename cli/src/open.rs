@@ -156,6 +156,16 @@ pub fn warn_of_missing_shadows(count: usize) {
     }
 }
 
+/// Says that boundaries of shadows are left out for lack of room.
+pub fn warn_of_dropped_shadows(count: usize) {
+    if count > 0 {
+        eprintln!(
+            "warning: {count} boundaries of shadows are left out for lack of room: set a larger `capacity` of the node of kind \
+             `shadow_edges`"
+        );
+    }
+}
+
 /// Runs `frames` frames with a progress bar. `capture` decides by a frame's number if the frame is captured; `after` is
 /// called after each frame.
 ///

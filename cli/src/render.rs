@@ -88,6 +88,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     };
     open::warn_of_bad_samples(run.non_finite_samples());
     open::warn_of_missing_shadows(run.incomplete_shadows());
+    open::warn_of_dropped_shadows(run.dropped_shadows());
 
     let look = Look { far: place.path.camera(run.index() - 1).far, ..Look::default() };
     files.put(&mut outputs, &mut run.executor, output.as_deref(), &tiles, &look)?;

@@ -90,6 +90,11 @@ impl Run {
         self.host.get::<World>().map_or(0, World::incomplete_shadows)
     }
 
+    /// See [`World::dropped_shadows`].
+    pub fn dropped_shadows(&self) -> usize {
+        self.host.get::<World>().map_or(0, World::dropped_shadows)
+    }
+
     /// Leaves the path: the next frames use this camera.
     pub fn look(&mut self, camera: Camera) {
         self.camera = Some(camera);

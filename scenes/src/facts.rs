@@ -1,3 +1,4 @@
+use crate::shadow::expected_segments;
 use crate::{EdgeKind, Light, Scene};
 
 /// The facts about a scene that allow a graph to skip work (see ARCHITECTURE.md).
@@ -5,6 +6,8 @@ use crate::{EdgeKind, Light, Scene};
 pub struct SceneFacts {
     /// True if there can be shadows: there are lights, and surfaces that do not emit.
     pub shadow_casters: bool,
+    /// Roughly the number of boundaries of shadows; 0 without casters. Up to twice as many were found.
+    pub shadow_segments: usize,
     /// Number of point and spot lights.
     pub point_lights: usize,
     /// Number of quad area lights.
@@ -42,8 +45,10 @@ impl SceneFacts {
         let emitters = scene.mesh.material.iter().filter(emits).count();
         let faces = scene.mesh.triangles.len();
         let is_transparent = |&material: &u32| scene.materials[material as usize].is_transparent();
+        let shadow_casters = !scene.lights.is_empty() && emitters < faces;
         Self {
-            shadow_casters: !scene.lights.is_empty() && emitters < faces,
+            shadow_casters,
+            shadow_segments: if shadow_casters { expected_segments(scene) } else { 0 },
             point_lights,
             quad_lights: scene.lights.len() - point_lights,
             regular_edges: edges(EdgeKind::Regular),

@@ -109,7 +109,8 @@ impl Stage for Carry {
         }
         let carry = |position: &mut [[f32; 4]], meta: &mut [u32], mut means: Option<[&mut [[f32; 4]]; 2]>| {
             for (index, (position, meta)) in position.iter_mut().zip(meta).enumerate() {
-                let move_by = &moves[(*meta >> BODY_SHIFT) as usize];
+                // A source of samples may name bodies that the scene does not have.
+                let move_by = moves.get((*meta >> BODY_SHIFT) as usize).unwrap_or(&Move::REST);
                 let rests = *move_by == Move::REST;
                 if *meta & LIVE == 0 {
                     continue;

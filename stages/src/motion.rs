@@ -1,20 +1,12 @@
 //! How bodies and lights of the scene have moved since the last frame; the stage `carry` moves the points with them.
 
-use epigraph_core::{CpuContext, Extent, Facts, Io, Out, Stage};
-use epigraph_scenes::MAX_BODIES;
+use epigraph_core::{CpuContext, Facts, Io, Out, Stage};
 
 use crate::{
     World, column, facts,
     meaning::{self, MOVES},
     shared::moves::{Blocker, Lamp, Move},
 };
-
-/// Elements of the list: one for each body number; 0 is everything static.
-const NUMBERS: u32 = MAX_BODIES as u32 + 1;
-
-/// Maximum number of lights and of blockers in the lists; if there are more, the first ones count.
-const LIGHTS: u32 = 16;
-const BLOCKERS: u32 = 16;
 
 /// Provides the motion of a frame from the [`World`] to other stages: on the CPU only.
 pub struct Motion {
@@ -32,28 +24,28 @@ impl Stage for Motion {
 
     fn declare((): &(), io: &mut Io) -> Self {
         io.column(column::P1);
-        let doc = "By body number; number 0, for everything static, and unused numbers do not move.";
+        let doc = "By body number; number 0, for everything static, does not move.";
         Self {
-            moves: io.write("moves", MOVES.doc(doc), Extent::Fixed([NUMBERS, 1])),
+            moves: io.write("moves", MOVES.doc(doc), facts::MOVES.list()),
             lights_before: io.write(
                 "lights_before",
                 meaning::LIGHTS.doc("The lights of the last frame."),
-                Extent::Fixed([LIGHTS, 1]),
+                facts::LIGHTS.list(),
             ),
             blockers_before: io.write(
                 "blockers_before",
                 meaning::BLOCKERS.doc("The boxes of the bodies in the last frame."),
-                Extent::Fixed([BLOCKERS, 1]),
+                facts::BLOCKERS.list(),
             ),
             blockers: io.write(
                 "blockers",
                 meaning::BLOCKERS.doc("The boxes of the bodies in this frame, in the same order."),
-                Extent::Fixed([BLOCKERS, 1]),
+                facts::BLOCKERS.list(),
             ),
             lights: io.write(
                 "lights",
                 meaning::LIGHTS.doc("The lights of this frame, in the same order."),
-                Extent::Fixed([LIGHTS, 1]),
+                facts::LIGHTS.list(),
             ),
         }
     }
@@ -100,7 +92,7 @@ impl Stage for Motion {
 mod tests {
     use std::sync::Arc;
 
-    use epigraph_core::{Harness, Host, Side};
+    use epigraph_core::{Harness, Host, Settings, Side};
     use epigraph_scenes::{Scene, Tracer};
     use glam::Vec3;
 
@@ -112,18 +104,19 @@ mod tests {
         let scene = Arc::new(Scene::load("cornell-moving").unwrap());
         let mut host = Host::default();
         host.insert(World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1));
-        let mut harness = Harness::<Motion>::new((), &settings([4, 4], 1));
+        let facts = World::facts(&scene, false);
+        let mut harness = Harness::<Motion>::new((), &Settings { facts, ..settings([4, 4], 1) });
         let point = Vec3::new(0.3, 0.2, 0.1);
         for index in [0, 1, 2, 17, 59, 60] {
             harness.frame.index = index;
             let out = harness.run(Side::Cpu, &crate::registry(), &host, None).unwrap();
             let moves = out.get::<Move>("moves");
-            assert_eq!((moves.len(), moves[0], moves[5]), (256, Move::REST, Move::REST));
+            assert_eq!((moves.len(), moves[0]), (scene.bodies.len() + 1, Move::REST));
             let lamp = |frame| Lamp::of(&scene.posed_lights(&scene.poses_at(frame))[0]);
-            assert_eq!(out.get::<Lamp>("lights_before")[..2], [lamp(index.saturating_sub(1)), Lamp::NONE]);
-            assert_eq!(out.get::<Lamp>("lights")[..2], [lamp(index), Lamp::NONE]);
+            assert_eq!(out.get::<Lamp>("lights_before"), [lamp(index.saturating_sub(1))]);
+            assert_eq!(out.get::<Lamp>("lights"), [lamp(index)]);
             let blockers = out.get::<Blocker>("blockers");
-            assert_eq!((blockers[0].body, blockers[3].body, blockers[4]), (1, 4, Blocker::NONE));
+            assert_eq!(blockers.iter().map(|blocker| blocker.body).collect::<Vec<_>>(), [1, 2, 3, 4]);
             for (body, of) in scene.bodies.iter().enumerate() {
                 let [now, before] = [index, index.saturating_sub(1)].map(|frame| of.motion.pose(frame));
                 let moved = moves[body + 1].point(before.point(point).to_array());

@@ -16,8 +16,9 @@ use crate::{
 params! {
     /// Parameters of [`ShadowEdges`].
     pub struct ShadowEdgesParams {
-        /// Maximum number of segments; if there are more, long ones with a narrow penumbra are kept.
-        capacity: u32 = 262144, in 1..=4194304, unit "segments";
+        /// Maximum number of segments; if there are more, long ones with a narrow penumbra are kept. 0: by the number of
+        /// edges and lights in the scene.
+        capacity: u32 = 0, in 0..=4194304, unit "segments";
         /// How close to its blocker an object shows no boundary on itself; a share of the light's distance from the
         /// blocker. A tenth of it for boundaries on other objects.
         contact: f32 = 0.002, in 0.0..=1.0;
@@ -64,13 +65,17 @@ impl Stage for ShadowEdges {
     fn declare(params: &Self::Params, io: &mut Io) -> Self {
         io.column(column::E1);
         let number = Extent::Fixed([1, 1]);
+        let room = match params.capacity {
+            0 => facts::SHADOW_SEGMENTS.list(),
+            capacity => Extent::Fixed([capacity, 1]),
+        };
         Self {
             segments: io.persistent(
                 "segments",
                 SHADOWS.doc(
                     "The boundaries; flags have their kind in bits 0 and 1, and the penumbra's width in the high half.",
                 ),
-                Extent::Fixed([params.capacity, 1]),
+                room,
             ),
             count: io.persistent(
                 "count",
@@ -84,7 +89,7 @@ impl Stage for ShadowEdges {
 
     fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
         let settings = ShadowSettings {
-            capacity: params.capacity as usize,
+            capacity: cx.dims(self.segments).count(),
             contact: params.contact,
             max_penumbra: params.max_penumbra,
             ..ShadowSettings::default()
@@ -186,6 +191,42 @@ mod tests {
             assert!(segments[count..].iter().all(|&segment| segment == Segment::default()));
             assert_eq!(out.get::<u32>("dropped"), [0]);
         }
+    }
+
+    #[test]
+    fn without_a_capacity_there_is_room_for_the_boundaries_of_the_scene() {
+        for name in ["cornell", "cornell-moving", "chains"] {
+            let tracer = Arc::new(Tracer::new(Arc::new(Scene::load(name).unwrap())));
+            let facts = World::facts(tracer.scene(), false);
+            let room = facts.count(facts::SHADOW_SEGMENTS).unwrap() as usize;
+            let settings = Settings { facts, ..settings([4, 4], 1) };
+            let mut harness = Harness::new(params(0), &settings);
+            let host = host(&tracer, true);
+            for index in [0, 30, 60] {
+                harness.frame.index = index;
+                let out = run(&mut harness, &host);
+                assert_eq!(
+                    (out.get::<Segment>("segments").len(), &out.get::<u32>("dropped")[..]),
+                    (room, &[0][..])
+                );
+                assert_eq!(out.get::<u32>("count")[0] as usize, expected(&tracer.at(index)).len(), "{name}");
+            }
+        }
+        let room = |name: &str| {
+            let facts = World::facts(&Scene::load(name).unwrap(), false);
+            facts.count(facts::SHADOW_SEGMENTS).unwrap()
+        };
+        assert!(room("cornell") < 500 && room("chains") < 1 << 16);
+    }
+
+    #[test]
+    fn the_world_knows_how_many_boundaries_had_no_room() {
+        let tracer = tracer();
+        let host = host(&tracer, true);
+        let dropped = || host.get::<World>().unwrap().dropped_shadows();
+        assert_eq!(dropped(), 0);
+        run(&mut harness(params(10)), &host);
+        assert_eq!(dropped(), expected(&tracer).len() - 10);
     }
 
     #[test]

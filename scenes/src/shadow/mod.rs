@@ -12,6 +12,7 @@
 
 mod boundary;
 mod event;
+mod expected;
 mod receivers;
 mod region;
 mod search;
@@ -19,6 +20,7 @@ mod search;
 use glam::{DVec3, Vec3};
 
 use crate::Tracer;
+pub(crate) use expected::expected_segments;
 pub use search::{ShadowSearch, ShadowWork};
 
 /// The regions that a shadow boundary separates.

@@ -90,13 +90,13 @@ impl ShadowCache {
         Ok(search)
     }
 
-    /// See [`World::incomplete_shadows`](crate::World::incomplete_shadows).
-    pub fn incomplete(&self) -> usize {
-        let count = |search: &Arc<Search>| match &search.how {
-            How::Exact(exact) => lock(exact).last.as_ref().map_or(0, |(_, found)| found.incomplete),
-            How::Async(worker) => lock(&worker.0.state).found.as_ref().map_or(0, |found| found.incomplete),
+    /// The greatest such number among those of the cached results.
+    pub fn most(&self, number: fn(&ShadowSegments) -> usize) -> usize {
+        let of_search = |search: &Arc<Search>| match &search.how {
+            How::Exact(exact) => lock(exact).last.as_ref().map_or(0, |(_, found)| number(found)),
+            How::Async(worker) => lock(&worker.0.state).found.as_ref().map_or(0, |found| number(found)),
         };
-        lock(&self.0).iter().map(count).max().unwrap_or(0)
+        lock(&self.0).iter().map(of_search).max().unwrap_or(0)
     }
 
     /// The settings of the cached searches.

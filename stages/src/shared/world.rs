@@ -54,7 +54,13 @@ impl World {
     /// The number of edges and vertices for which the last searches have not found all boundaries of shadows, as too many
     /// triangles lie in one place ([`epigraph_scenes::ShadowSettings::effort`]).
     pub fn incomplete_shadows(&self) -> usize {
-        self.shadows.incomplete()
+        self.shadows.most(|found| found.incomplete)
+    }
+
+    /// The number of boundaries of shadows that the last searches have found and that there was no room for, as the stage
+    /// `shadow_edges` has too little `capacity`.
+    pub fn dropped_shadows(&self) -> usize {
+        self.shadows.most(|found| found.dropped)
     }
 
     /// The tracer of the scene in a frame: the same value as for the frame before if nothing has moved.
