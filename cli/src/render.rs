@@ -3,9 +3,7 @@
 use std::{path::Path, process::ExitCode, sync::Arc, time::Instant};
 
 use epigraph::{Device, Place, Registry, Run, Setup, Source, graphs};
-use epigraph_core::{
-    Executor, Graph, Node, PerSide, Plan, Port, RunError, Settings, Side, Snapshot, compile,
-};
+use epigraph_core::{Executor, Graph, Node, PerSide, Plan, Port, RunError, Side, Snapshot};
 use epigraph_pictures::{Kind, Look, is_image, png, show, size};
 use epigraph_stages::{
     meaning,
@@ -72,9 +70,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
     check_saves(compiled.plan(), size, args)?;
     compiled.require()?;
     let pooled = PerSide::new(|side| compiled.plan().pooled_bytes(side));
-    let whole = Settings { prune: false, ..compiled.settings().clone() };
-    let (_, whole) = compile(compiled.file(), registry, &whole)?;
-    let culled_bytes = total(&whole).saturating_sub(total(compiled.plan()));
+    let culled_bytes = total(&compiled.whole()?).saturating_sub(total(compiled.plan()));
     open::tracer(&place);
     let graph = compiled.file().name();
     let mut run = compiled.start()?;

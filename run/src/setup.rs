@@ -333,6 +333,15 @@ impl Compiled {
         &self.settings
     }
 
+    /// The plan with the nodes that the scene makes needless, to find out what leaving them out saves.
+    ///
+    /// # Errors
+    /// If the graph has a problem with these nodes.
+    pub fn whole(&self) -> Result<Plan, Error> {
+        let settings = Settings { prune: false, ..self.settings.clone() };
+        Ok(compile(&self.file, &self.registry, &settings)?.1)
+    }
+
     /// The scene and the camera path.
     pub fn place(&self) -> &Place {
         &self.place

@@ -1,8 +1,8 @@
 //! Information about a running graph, as a value that other threads can keep.
 
 use epigraph_core::{
-    Access, Culled, Dims, Download, Graph, GraphValue, Node, NodeId, ParamSpec, Plan, Port, PortRef, Side,
-    Step, StepId, StorageId, Value,
+    Access, Dims, Download, Graph, GraphValue, Node, NodeId, ParamSpec, Plan, Port, PortRef, Side, Step,
+    StepId, StorageId, Value,
 };
 use epigraph_pictures::is_image;
 
@@ -12,7 +12,7 @@ pub struct GraphInfo {
     /// The nodes that run; those of parts are named `part/node`.
     pub nodes: Vec<NodeInfo>,
     /// The nodes that were left out, and why.
-    pub culled: Vec<Culled>,
+    pub left_out: Vec<LeftOut>,
     /// Names of the outputs, and the ports that they show.
     pub outputs: Vec<(String, String)>,
     /// The steps of a frame, in order.
@@ -27,6 +27,19 @@ pub struct GraphInfo {
     pub gpu: Option<String>,
     /// The plan as a Graphviz graph.
     pub dot: String,
+}
+
+/// A node that was left out, as it has no effect.
+#[derive(Clone, Debug)]
+pub struct LeftOut {
+    /// Its address.
+    pub name: String,
+    /// Its stage kind.
+    pub kind: String,
+    /// The reason.
+    pub why: String,
+    /// Bytes that it would write in a frame; `None` if it would run in no scene.
+    pub bytes: Option<u64>,
 }
 
 /// A node that runs.
@@ -96,8 +109,14 @@ impl PortInfo {
 }
 
 impl GraphInfo {
-    /// Collects the information.
-    pub fn new(graph: &Graph, plan: &Plan, size: [u32; 2], gpu: Option<String>) -> Self {
+    /// Collects the information; `whole` is the plan with what was left out, if it could run.
+    pub fn new(
+        graph: &Graph,
+        plan: &Plan,
+        whole: Option<&Plan>,
+        size: [u32; 2],
+        gpu: Option<String>,
+    ) -> Self {
         let node = |(id, node): (NodeId, &Node)| {
             let port = |(port, declared): (usize, &Port)| PortInfo {
                 port: Port { meaning: graph.meaning(PortRef { node: id, port }), ..declared.clone() },
@@ -129,9 +148,19 @@ impl GraphInfo {
                 transfer: crossing.transfer(id),
             }
         };
+        let would_write = |name: &str| {
+            let whole = whole?;
+            Some(whole.node_bytes(whole.nodes.position(|planned| planned.name == name)?))
+        };
+        let left_out = plan.culled.iter().map(|culled| LeftOut {
+            name: culled.node.clone(),
+            kind: culled.kind.clone(),
+            why: culled.why.clone(),
+            bytes: would_write(&culled.node),
+        });
         Self {
             nodes: graph.nodes.iter_enumerated().map(node).collect(),
-            culled: plan.culled.clone(),
+            left_out: left_out.collect(),
             outputs: graph.outputs.iter().map(|(name, at)| (name.clone(), graph.name(*at))).collect(),
             steps: plan.steps.iter_enumerated().map(step).collect(),
             bytes: [plan.bytes(Side::Cpu), plan.bytes(Side::Gpu)],

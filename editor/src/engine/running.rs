@@ -44,8 +44,10 @@ impl Running {
             let is_open = keep(&mut compiled, &taps)?;
             let gpu = compiled.gpu().map_err(problems)?;
             let size = compiled.settings().size;
-            let info =
-                GraphInfo::new(compiled.graph(), compiled.plan(), size, gpu.as_ref().map(|gpu| gpu.name()));
+            // Problems of nodes that do not run are none of this graph.
+            let whole = compiled.whole().ok();
+            let gpu = gpu.as_ref().map(|gpu| gpu.name());
+            let info = GraphInfo::new(compiled.graph(), compiled.plan(), whole.as_ref(), size, gpu);
             let run = compiled.start().map_err(problems)?;
             Ok(Self { run, info: Arc::new(info), taps, is_open, is_timed: false })
         }));

@@ -2,6 +2,7 @@
 
 use egui::{Align, Button, Layout, RichText, ScrollArea, Sense, TextEdit, Ui, WidgetInfo, WidgetType, vec2};
 use epigraph_core::Side;
+use epigraph_pictures::readable;
 
 use crate::{
     engine::{GraphInfo, NodeInfo},
@@ -34,21 +35,41 @@ impl NodesPane {
                     row(ui, session, &graph, node);
                 }
             }
-            let culled: Vec<_> =
-                graph.culled.iter().filter(|culled| matches(&culled.node, &culled.kind)).collect();
-            if !culled.is_empty() {
+            let left_out: Vec<_> =
+                graph.left_out.iter().filter(|node| matches(&node.name, &node.kind)).collect();
+            if !left_out.is_empty() {
                 ui.add_space(6.0);
-                ui.weak("Left out: not needed in this scene or graph");
+                ui.weak(left_out_line(&graph));
             }
-            for culled in culled {
-                let selected = session.selected.as_ref() == Some(&culled.node);
-                let button = Button::selectable(selected, RichText::new(&culled.node).weak());
-                if ui.add(button).on_hover_text(&culled.why).clicked() {
-                    session.selected = Some(culled.node.clone());
-                }
+            for node in left_out {
+                let selected = session.selected.as_ref() == Some(&node.name);
+                ui.horizontal(|ui| {
+                    let button = ui.add(Button::selectable(selected, RichText::new(&node.name).weak()));
+                    if button.on_hover_text(&node.why).clicked() {
+                        session.selected = Some(node.name.clone());
+                    }
+                    let bytes = node.bytes.filter(|bytes| *bytes > 0);
+                    ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                        if let Some(bytes) = bytes {
+                            ui.weak(readable(bytes)).on_hover_text("What it would write in a frame");
+                        }
+                    });
+                });
             }
         });
     }
+}
+
+/// How many nodes do not run in this scene or graph, and what that saves.
+fn left_out_line(graph: &GraphInfo) -> String {
+    let nodes = match graph.left_out.len() {
+        1 => "1 node".into(),
+        many => format!("{many} nodes"),
+    };
+    let bytes: u64 = graph.left_out.iter().filter_map(|node| node.bytes).sum();
+    let saved =
+        if bytes > 0 { format!(", which would write {} in a frame", readable(bytes)) } else { String::new() };
+    format!("Left out as not needed: {nodes}{saved}")
 }
 
 fn row(ui: &mut Ui, session: &mut Session, graph: &GraphInfo, node: &NodeInfo) {

@@ -1,6 +1,7 @@
 //! Tests of single panes.
 
 mod inspector;
+mod nodes;
 mod parameters;
 mod texts;
 mod times;

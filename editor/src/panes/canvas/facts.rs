@@ -22,6 +22,8 @@ pub struct Facts {
     pub nodes: [usize; 2],
     /// Why it does not run.
     pub why: Option<String>,
+    /// Bytes that its nodes that are left out would write in a frame.
+    pub saved: u64,
     /// The image of its thumbnail.
     pub picture: Option<PictureOf>,
 }
@@ -53,10 +55,11 @@ impl Facts {
             facts.sides[node.side] = true;
             facts.nodes[0] += 1;
         }
-        let culled: Vec<_> = graph.culled.iter().filter(|culled| is_in(&culled.node)).collect();
-        facts.nodes[1] = culled.len();
+        let left_out: Vec<_> = graph.left_out.iter().filter(|node| is_in(&node.name)).collect();
+        facts.nodes[1] = left_out.len();
+        facts.saved = left_out.iter().filter_map(|node| node.bytes).sum();
         if facts.nodes[0] == 0 {
-            facts.why = culled.first().map(|culled| culled.why.clone());
+            facts.why = left_out.first().map(|node| node.why.clone());
         }
         facts.picture = picture(block, model, file, graph);
         facts

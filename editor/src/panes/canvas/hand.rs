@@ -485,6 +485,9 @@ fn block_hint(ui: &mut Ui, block: &Block, facts: &Facts) {
     } else if facts.nodes[1] > 0 {
         ui.label(format!("{} of its {} nodes are left out", facts.nodes[1], facts.nodes[0] + facts.nodes[1]));
     }
+    if facts.saved > 0 {
+        ui.weak(format!("That saves writing {} in a frame", readable(facts.saved)));
+    }
     if let Some(ms) = facts.ms {
         ui.weak(format!("{}, writes {}", milliseconds(ms), readable(facts.bytes)));
     }

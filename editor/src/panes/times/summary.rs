@@ -76,7 +76,7 @@ mod tests {
         let steps = names.iter().map(step).collect();
         Arc::new(GraphInfo {
             nodes: Vec::new(),
-            culled: Vec::new(),
+            left_out: Vec::new(),
             outputs: Vec::new(),
             steps,
             bytes: [0; 2],
