@@ -19,11 +19,18 @@ struct Params {
     border: u32,
 }
 
-// Entries of `state`: empty cells; requests for them; the weight of one request; sum of all clamped weights.
+// Entries of `state`: empty cells; requests for them; the weight of one request, or the greatest quotient that counts;
+// sum of all clamped weights.
 const CELLS_TOTAL: u32 = 0u;
 const CELLS_WANTED: u32 = 1u;
 const LIMIT: u32 = 2u;
 const TOTAL: u32 = 3u;
+#ifdef BLUE_NOISE
+// While the greatest quotient that counts is searched, LIMIT has its bits that are known. Pixels wanted among those whose
+// quotients have the same bits; rounds that are done.
+const REST: u32 = 3u;
+const ROUND: u32 = 4u;
+#endif
 
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> priority: array<u32>;
@@ -37,6 +44,11 @@ const TOTAL: u32 = 3u;
 #endif
 #ifdef AIM
 @group(0) @binding(9) var<storage, read> aim: array<u32>;
+#endif
+#ifdef BLUE_NOISE
+@group(0) @binding(10) var<storage, read_write> quotients: array<u32>;
+@group(0) @binding(11) var<storage, read_write> bins: array<atomic<u32>>;
+@group(0) @binding(12) var<storage, read_write> mask: array<u32>;
 #endif
 
 @compute @workgroup_size(64, 1, 1)
@@ -195,7 +207,11 @@ fn pixel_weight(pixel: vec2<u32>, limit: u32) -> u32 {
     if any(pixel >= frame.size) {
         return 0u;
     }
+#ifdef BLUE_NOISE
+    return select(0u, 1u, quotients[pixel_index(pixel)] <= limit);
+#else
     return min(min(priority[pixel_index(pixel)], MAX_PRIORITY) >> priority_shift(), limit);
+#endif
 }
 
 fn add_tile(tile: vec2<u32>, groups: vec3<u32>, lane: u32, limit: u32) {
@@ -205,6 +221,83 @@ fn add_tile(tile: vec2<u32>, groups: vec3<u32>, lane: u32, limit: u32) {
     }
 }
 
+#ifdef BLUE_NOISE
+// The rank of a pixel in the mask, which is in another place in each frame.
+fn rank_of(pixel: vec2<u32>) -> u32 {
+    let at = (pixel + ((frame.index * vec2(STEP_X, STEP_Y)) >> vec2(26u))) % MASK_SIDE;
+    let index = at.y * MASK_SIDE + at.x;
+    return (mask[index / 2u] >> (16u * (index % 2u))) & 0xFFFFu;
+}
+
+@compute @workgroup_size(SCAN_THREADS, 1, 1)
+fn begin(@builtin(local_invocation_index) lane: u32) {
+    for (var bin = lane; bin < BINS; bin += SCAN_THREADS) {
+        atomicStore(&bins[bin], 0u);
+    }
+    if lane == 0u {
+        state[LIMIT] = 0u;
+        state[REST] = pixels_wanted();
+        state[ROUND] = 0u;
+    }
+}
+
+// Divides the thresholds of a frame by the priorities.
+@compute @workgroup_size(16, 16, 1)
+fn divide_pixels(@builtin(global_invocation_id) at: vec3<u32>) {
+    if any(at.xy >= frame.size) {
+        return;
+    }
+    let pixel = pixel_index(at.xy);
+    let weight = min(priority[pixel], MAX_PRIORITY);
+    if weight == 0u {
+        quotients[pixel] = NEVER;
+        return;
+    }
+    // Where the mask is repeated, pixels of one rank need an order too.
+    let order = hash(pixel) >> (RANK_BITS + 2u);
+    let quotient = ((rank_of(at.xy) << (ROUNDS * ROUND_BITS - RANK_BITS)) | order) / weight;
+    quotients[pixel] = quotient;
+    atomicAdd(&bins[quotient >> ((ROUNDS - 1u) * ROUND_BITS)], 1u);
+}
+
+@compute @workgroup_size(16, 16, 1)
+fn count_pixels(@builtin(global_invocation_id) at: vec3<u32>) {
+    if any(at.xy >= frame.size) {
+        return;
+    }
+    let shift = (ROUNDS - 1u - state[ROUND]) * ROUND_BITS;
+    let quotient = quotients[pixel_index(at.xy)];
+    if quotient >> (shift + ROUND_BITS) == state[LIMIT] {
+        atomicAdd(&bins[(quotient >> shift) & (BINS - 1u)], 1u);
+    }
+}
+
+// Finds the next bits of the greatest quotient that counts; all bits are set if there are fewer than wanted.
+@compute @workgroup_size(SCAN_THREADS, 1, 1)
+fn find_bin(@builtin(local_invocation_index) lane: u32) {
+    const EACH = BINS / SCAN_THREADS;
+    let first = lane * EACH;
+    var sum = 0u;
+    for (var bin = first; bin < first + EACH; bin++) {
+        sum += atomicLoad(&bins[bin]);
+    }
+    let found = state[LIMIT];
+    let rest = state[REST];
+    let round = state[ROUND];
+    // All threads have read before one of them writes.
+    storageBarrier();
+    var before = workgroup_scan(lane, sum).before;
+    for (var bin = first; bin < first + EACH; bin++) {
+        let count = atomicExchange(&bins[bin], 0u);
+        if before < rest && (before + count >= rest || bin == BINS - 1u) {
+            state[LIMIT] = (found << ROUND_BITS) | bin;
+            state[REST] = rest - before;
+            state[ROUND] = round + 1u;
+        }
+        before += count;
+    }
+}
+#else
 @compute @workgroup_size(16, 16, 1)
 fn add_pixels(
     @builtin(workgroup_id) tile: vec3<u32>,
@@ -225,6 +318,7 @@ fn find_limit(@builtin(local_invocation_index) lane: u32) {
         state[LIMIT] = max(total / max(pixels_wanted(), 1u), 1u);
     }
 }
+#endif
 
 @compute @workgroup_size(16, 16, 1)
 fn add_limited_pixels(

@@ -372,6 +372,34 @@ mod tests {
         assert_eq!(run(&mut harness).unwrap().get::<u32>("sums"), [3, 7, 11]);
     }
 
+    /// Looks numbers up.
+    struct LookUp;
+
+    impl Stage for LookUp {
+        const KIND: &'static str = "look_up";
+        const DOC: &'static str = "A stage of the tests.";
+        type Params = ();
+
+        fn declare(_: &(), io: &mut Io) -> Self {
+            io.table("primes", "Prime numbers.", &[2, 3, 5]);
+            Self
+        }
+
+        fn cpu(&self, _: &(), _: &CpuContext) -> Result<(), String> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn tables_have_their_numbers_from_the_start_on() {
+        let mut harness = Harness::<LookUp>::new((), &Settings::new([3, 2], 0, Facts::none()));
+        for _ in 0..2 {
+            let out = harness.run(Side::Cpu, &Registry::default(), &Host::default(), None).unwrap();
+            assert_eq!(out.get::<u32>("primes"), [2, 3, 5]);
+            harness.reset();
+        }
+    }
+
     #[test]
     fn an_output_has_as_many_numbers_as_its_elements_have_words() {
         let snapshot = |name: &str, element: Element| {

@@ -533,6 +533,8 @@ pub struct Port {
     pub lifetime: Lifetime,
     /// Whether it may stay unconnected.
     pub optional: bool,
+    /// What it contains at the start; empty: zeros. See [`Io::table`](crate::Io::table).
+    pub table: &'static [u32],
 }
 
 impl Port {

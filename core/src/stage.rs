@@ -18,7 +18,7 @@ use crate::{
     frame::Frame,
     id::SlotId,
     params::{ParamSpec, Params},
-    port::{Access, Dims, Extent, Field, FieldRef, Holds, In, Lifetime, Out, Port, PortElement},
+    port::{self, Access, Dims, Extent, Field, FieldRef, Holds, In, Lifetime, Out, Port, PortElement},
     shader::{Needs, Pass, Shader, Threads},
     side::Side,
     watch::{Checks, Failed},
@@ -146,6 +146,7 @@ impl<'a> Io<'a> {
             extent,
             lifetime: Lifetime::Transient,
             optional: false,
+            table: &[],
         });
         Bundle {
             index: self.declared.ports.len() as u16 - 1,
@@ -215,6 +216,14 @@ impl<'a> Io<'a> {
         let handle = self.write(name, holds, extent);
         self.declared.ports.last_mut().expect("pushed").lifetime = Lifetime::Persistent;
         handle
+    }
+
+    /// Numbers that the shader looks up, in memory of its own that is theirs from the start: a constant list of this
+    /// length would be part of every thread.
+    pub fn table(&mut self, name: &'static str, doc: &'static str, numbers: &'static [u32]) {
+        // No stage has 2^32 numbers in it.
+        let _: Out<u32> = self.persistent(name, port::scratch(doc), Extent::Fixed([numbers.len() as u32, 1]));
+        self.declared.ports.last_mut().expect("pushed").table = numbers;
     }
 
     /// A port of several variables, bound as `name_field`: one wire, a structure of arrays.

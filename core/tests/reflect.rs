@@ -54,6 +54,7 @@ fn port(name: &'static str, access: Access, element: Element) -> Port {
         extent: Extent::Any,
         lifetime: Lifetime::Transient,
         optional: false,
+        table: &[],
     }
 }
 

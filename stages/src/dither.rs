@@ -11,6 +11,11 @@
 //! CPU only. The first frame gets slightly too few requests; the error left after the last row goes to the first row of
 //! the next frame.
 //!
+//! *Blue noise*: takes the pixels with the least quotients of a threshold and their priority (sequential Poisson sampling,
+//! Ohlsson 1998), where the thresholds are a mask of blue noise: pixels of equal priority are spread without clusters and
+//! gaps. The mask lies elsewhere in each frame. The greatest quotient that counts is found exactly, by counting the
+//! quotients in three rounds, ten bits at a time; so the number of requests is that of `Systematic`.
+//!
 //! While the camera moves, empty cells of `occupancy` come first: they request samples of the predicted view, up to
 //! their share of the budget. If there are more cells, about every n-th is picked, systematically, like pixels of equal
 //! priority.
@@ -39,6 +44,7 @@ use crate::{
 
 #[path = "explain/dither.rs"]
 mod explain;
+mod mask;
 
 constants! {
     /// Pixels on each side of a tile.
@@ -49,10 +55,23 @@ constants! {
     const BARE: u32 = 200;
     /// 2^32 over the golden ratio: its multiples, modulo 2^32, are evenly spread for any count.
     const GOLDEN: u32 = 0x9E37_79B9;
+    /// Bits of a quotient that are found in a round.
+    const ROUND_BITS: u32 = 10;
+    /// Numbers that these bits may be.
+    const BINS: u32 = 1 << ROUND_BITS;
+    /// Bits of a rank of the mask.
+    const RANK_BITS: u32 = 12;
+    /// Rounds until all bits of a quotient are found.
+    const ROUNDS: u32 = 3;
+    /// The quotient of a pixel without priority, which is greater than all others.
+    const NEVER: u32 = u32::MAX;
 }
 
 /// Tiles per parallel task on the CPU.
 const TASK_TILES: usize = 16;
+
+/// Pixels per parallel task that counts quotients.
+const COUNT_TASK: usize = 16384;
 
 choice! {
     /// How pixels are picked.
@@ -61,6 +80,8 @@ choice! {
         Systematic,
         /// Error diffusion along alternating scanlines; sequential, CPU only.
         Serpentine,
+        /// Pixels of about equal priority are spread as blue noise, by a mask of thresholds; parallel.
+        BlueNoise,
     }
 }
 
@@ -109,6 +130,7 @@ struct Prediction {
 enum ByKind {
     Systematic { tiles: Out<u32> },
     Serpentine { carry: Out<f32> },
+    BlueNoise { tiles: Out<u32>, quotients: Out<u32> },
 }
 
 impl Stage for Dither {
@@ -145,11 +167,12 @@ impl Stage for Dither {
             ),
         });
         let by_kind = match params.kind {
-            Kind::Systematic => {
+            Kind::Systematic | Kind::BlueNoise => {
                 let tiles =
                     io.write("tiles", scratch("Sum of priorities before each tile."), Extent::Frame(TILE));
+                let words = if let Kind::BlueNoise = params.kind { 5 } else { 4 };
                 let _: Out<u32> =
-                    io.write("state", scratch("Sums that every thread needs."), Extent::Fixed([4, 1]));
+                    io.write("state", scratch("Sums that every thread needs."), Extent::Fixed([words, 1]));
                 io.shader(shader!("dither"));
                 io.constants(CONSTANTS);
                 io.constants(predict::CONSTANTS);
@@ -163,12 +186,31 @@ impl Stage for Dither {
                     io.compute("scan_cells", Threads::Groups(1));
                     io.dispatch("ask_cells", occupancy);
                 }
-                io.dispatch("add_pixels", priority);
-                io.compute("find_limit", Threads::Groups(1));
+                let by_kind = if let Kind::BlueNoise = params.kind {
+                    let doc = "Threshold divided by priority; the least are picked.";
+                    let quotients = io.write("quotients", scratch(doc), Extent::Frame(1));
+                    let doc = "Pixels by the bits of their quotient that a round finds.";
+                    let _: Out<u32> = io.write("bins", scratch(doc), Extent::Fixed([BINS, 1]));
+                    io.define("BLUE_NOISE");
+                    io.constants(mask::CONSTANTS);
+                    io.table("mask", "Ranks of the mask, row by row, two to a word.", &mask::WORDS);
+                    io.compute("begin", Threads::Groups(1));
+                    io.dispatch("divide_pixels", priority);
+                    io.compute("find_bin", Threads::Groups(1));
+                    for _ in 1..ROUNDS {
+                        io.dispatch("count_pixels", priority);
+                        io.compute("find_bin", Threads::Groups(1));
+                    }
+                    ByKind::BlueNoise { tiles, quotients }
+                } else {
+                    io.dispatch("add_pixels", priority);
+                    io.compute("find_limit", Threads::Groups(1));
+                    ByKind::Systematic { tiles }
+                };
                 io.dispatch("add_limited_pixels", priority);
                 io.compute("scan_pixels", Threads::Groups(1));
                 io.dispatch("ask_pixels", priority);
-                ByKind::Systematic { tiles }
+                by_kind
             }
             Kind::Serpentine => {
                 let carry = io.persistent(
@@ -233,9 +275,17 @@ impl Stage for Dither {
                 weights(MAX_PRIORITY).add(tiles);
                 let limited = weights(limit(tiles.iter().sum(), wanted));
                 limited.add(tiles);
-                let total = scan(tiles);
-                let selection = Selection { tiles, total, wanted, offset: offset(frame, total) };
-                selection.ask(&limited, 0..tiles.len(), rest, &ask);
+                ask_systematically(frame, &limited, tiles, rest, &ask);
+            }
+            ByKind::BlueNoise { tiles, quotients } => {
+                let quotients = &mut cx.write(quotients)[..];
+                divide(frame, pixels, priority, quotients);
+                let greatest = greatest(quotients, wanted);
+                let of = move |quotient| u32::from(quotient <= greatest);
+                let picked = Weights { dims: pixels, values: quotients, of };
+                let tiles = &mut cx.write(tiles)[..];
+                picked.add(tiles);
+                ask_systematically(frame, &picked, tiles, rest, &ask);
             }
             ByKind::Serpentine { carry } => {
                 serpentine(priority, &mut cx.write(carry)[..pixels.width as usize], rest, &ask);
@@ -302,6 +352,63 @@ fn limit(total: u32, wanted: u32) -> u32 {
 /// The position of the frame's first request in the first interval: u * total, with u evenly distributed over frames.
 fn offset(frame: &Frame, total: u32) -> u32 {
     ((u64::from(frame.index.wrapping_mul(GOLDEN)) * u64::from(total)) >> 32) as u32
+}
+
+/// Systematic sampling of weights whose sums by tile are in `tiles`.
+fn ask_systematically<F: Fn(u32) -> u32 + Sync>(
+    frame: &Frame,
+    weights: &Weights<'_, F>,
+    tiles: &mut [u32],
+    requests: &mut [Request],
+    ask: &(impl Fn([u32; 2]) -> Request + Sync),
+) {
+    let total = scan(tiles);
+    let selection = Selection { tiles, total, wanted: requests.len() as u32, offset: offset(frame, total) };
+    selection.ask(weights, 0..tiles.len(), requests, ask);
+}
+
+/// Divides the thresholds of a frame by the priorities.
+fn divide(frame: &Frame, dims: Dims, priority: &[u32], quotients: &mut [u32]) {
+    let width = dims.width as usize;
+    let rows = quotients.par_chunks_mut(width).zip(priority.par_chunks(width)).enumerate();
+    rows.for_each(|(y, (quotients, priority))| {
+        for (x, (quotient, &priority)) in quotients.iter_mut().zip(priority).enumerate() {
+            let [x, y] = [x as u32, y as u32];
+            // Where the mask is repeated, pixels of one rank need an order too.
+            let order = hash(frame, y * dims.width + x) >> (RANK_BITS + 2);
+            let threshold = mask::rank([x, y], frame.index) << (ROUNDS * ROUND_BITS - RANK_BITS) | order;
+            *quotient = threshold.checked_div(priority.min(MAX_PRIORITY)).unwrap_or(NEVER);
+        }
+    });
+}
+
+/// The greatest of the `wanted` least quotients; if there are fewer, the greatest possible.
+fn greatest(quotients: &[u32], wanted: u32) -> u32 {
+    let (mut found, mut rest) = (0, wanted);
+    for round in 1..=ROUNDS {
+        let shift = (ROUNDS - round) * ROUND_BITS;
+        // What is found before the first round are the two highest bits, which are zero but for `NEVER`.
+        let counts = |&&quotient: &&u32| quotient >> (shift + ROUND_BITS) == found;
+        let count = |mut bins: [u32; BINS as usize], quotients: &[u32]| {
+            for quotient in quotients.iter().filter(counts) {
+                bins[(quotient >> shift & (BINS - 1)) as usize] += 1;
+            }
+            bins
+        };
+        let add = |mut bins: [u32; BINS as usize], others: [u32; BINS as usize]| {
+            bins.iter_mut().zip(others).for_each(|(bin, other)| *bin += other);
+            bins
+        };
+        let none = || [0; BINS as usize];
+        let bins = quotients.par_chunks(COUNT_TASK).fold(none, count).reduce(none, add);
+        let mut bin = 0;
+        while bin < BINS - 1 && bins[bin as usize] < rest {
+            rest -= bins[bin as usize];
+            bin += 1;
+        }
+        found = found << ROUND_BITS | bin;
+    }
+    found
 }
 
 /// Positions of a tile's pixels along the Morton curve: the even bits of the index are x, the odd ones y.
@@ -517,6 +624,13 @@ mod tests {
         requests
     }
 
+    /// The kinds that have two sides.
+    const PARALLEL: [Kind; 2] = [Kind::Systematic, Kind::BlueNoise];
+
+    fn of_kind(kind: Kind) -> DitherParams {
+        DitherParams { kind, ..DitherParams::default() }
+    }
+
     /// Images of priorities: mixed, a step, flat.
     fn images() -> [Vec<u32>; 3] {
         let mut random = Random(1);
@@ -535,9 +649,9 @@ mod tests {
 
     #[test]
     fn the_number_of_requests_is_exact() {
-        for priority in images() {
+        for (kind, priority) in PARALLEL.into_iter().flat_map(|kind| images().map(|image| (kind, image))) {
             for samples in [655, 6554, 13107] {
-                let mut harness = harness(DitherParams::default(), [256, 256], &priority, samples);
+                let mut harness = harness(of_kind(kind), [256, 256], &priority, samples);
                 for index in [0, 1, 77] {
                     harness.frame.index = index;
                     assert_eq!(ask(&mut harness).len(), samples as usize);
@@ -549,10 +663,12 @@ mod tests {
     #[test]
     fn requests_follow_the_priority() {
         let [_, step, _] = images();
-        let requests = ask(&mut harness(DitherParams::default(), [256, 256], &step, 6554));
-        let left = requests.iter().filter(|request| request.pixel % 256 < 64).count() as f32;
-        // A quarter of the pixels has 255 / (255 + 3 * 10) of the sum of priorities.
-        assert!((left / 6554.0 - 255.0 / 285.0).abs() < 0.01, "{left}");
+        for kind in PARALLEL {
+            let requests = ask(&mut harness(of_kind(kind), [256, 256], &step, 6554));
+            let left = requests.iter().filter(|request| request.pixel % 256 < 64).count() as f32;
+            // A quarter of the pixels has 255 / (255 + 3 * 10) of the sum of priorities.
+            assert!((left / 6554.0 - 255.0 / 285.0).abs() < 0.01, "{left}");
+        }
     }
 
     #[test]
@@ -560,16 +676,21 @@ mod tests {
         let hot =
             |p: u32| if (100..110).contains(&(p / 256)) && (50..60).contains(&(p % 256)) { 255 } else { 0 };
         let priority: Vec<u32> = (0..65536).map(hot).collect();
-        // 100 pixels have a priority, and 6554 samples are wanted.
-        assert_eq!(ask(&mut harness(DitherParams::default(), [256, 256], &priority, 6554)).len(), 100);
-        assert_eq!(ask(&mut harness(DitherParams::default(), [256, 256], &priority, 60)).len(), 60);
+        for kind in PARALLEL {
+            // 100 pixels have a priority, and 6554 samples are wanted.
+            assert_eq!(ask(&mut harness(of_kind(kind), [256, 256], &priority, 6554)).len(), 100);
+            assert_eq!(ask(&mut harness(of_kind(kind), [256, 256], &priority, 60)).len(), 60);
+        }
     }
 
     #[test]
     fn extremes() {
         let count = |size: [u32; 2], priority: u32, samples| {
             let priority = vec![priority; (size[0] * size[1]) as usize];
-            ask(&mut harness(DitherParams::default(), size, &priority, samples)).len()
+            let counts =
+                PARALLEL.map(|kind| ask(&mut harness(of_kind(kind), size, &priority, samples)).len());
+            assert_eq!(counts[0], counts[1]);
+            counts[0]
         };
         assert_eq!(count([40, 30], 0, 50), 0);
         assert_eq!(count([40, 30], 9, 0), 0);
@@ -583,13 +704,55 @@ mod tests {
     #[test]
     fn each_frame_picks_other_pixels() {
         let priority = vec![100; 64 * 64];
-        let mut harness = harness(DitherParams::default(), [64, 64], &priority, 100);
-        let [first, second] = [0, 1].map(|index| {
-            harness.frame.index = index;
-            ask(&mut harness)
-        });
-        let first: BTreeSet<u32> = first.iter().map(|request| request.pixel).collect();
-        assert!(second.iter().filter(|request| first.contains(&request.pixel)).count() < 10);
+        for kind in PARALLEL {
+            let mut harness = harness(of_kind(kind), [64, 64], &priority, 100);
+            let [first, second] = [0, 1].map(|index| {
+                harness.frame.index = index;
+                ask(&mut harness)
+            });
+            let first: BTreeSet<u32> = first.iter().map(|request| request.pixel).collect();
+            assert!(second.iter().filter(|request| first.contains(&request.pixel)).count() < 10);
+        }
+    }
+
+    #[test]
+    fn requests_of_blue_noise_keep_a_distance_where_priorities_are_the_same() {
+        // The distance of each request to the nearest other one, with opposite borders joined, pixels; the hundredth of
+        // them that have the least.
+        let nearest = |kind| {
+            let requests = ask(&mut harness(of_kind(kind), [128, 128], &[100; 128 * 128], 819));
+            let at: Vec<[u32; 2]> =
+                requests.iter().map(|request| [request.pixel % 128, request.pixel / 128]).collect();
+            let apart = |a: u32, b: u32| a.abs_diff(b).min(128 - a.abs_diff(b)).pow(2);
+            let mut distances: Vec<f32> = (0..at.len())
+                .map(|i| {
+                    let others = (0..at.len()).filter(|&j| j != i);
+                    let squared = others.map(|j| apart(at[i][0], at[j][0]) + apart(at[i][1], at[j][1]));
+                    (squared.min().unwrap() as f32).sqrt()
+                })
+                .collect();
+            distances.sort_by(f32::total_cmp);
+            distances[distances.len() / 100]
+        };
+        // Of a triangular lattice of one pixel in 20, the nearest are 4.8 pixels apart.
+        let [systematic, blue] = PARALLEL.map(nearest);
+        assert!(blue > 2.5 && systematic < 1.5, "{blue}, systematic {systematic}");
+    }
+
+    #[test]
+    fn the_greatest_quotient_is_the_one_that_sorting_finds() {
+        let mut random = Random(5);
+        for most in [1, 5, 1 << 12, 1 << 30] {
+            let quotients: Vec<u32> =
+                (0..40_000).map(|_| if random.below(4) == 0 { NEVER } else { random.below(most) }).collect();
+            let mut sorted: Vec<u32> =
+                quotients.iter().copied().filter(|&quotient| quotient != NEVER).collect();
+            sorted.sort_unstable();
+            for wanted in [1, 2, 1000, sorted.len()] {
+                assert_eq!(greatest(&quotients, wanted as u32), sorted[wanted - 1], "{wanted} below {most}");
+            }
+            assert_eq!(greatest(&quotients, sorted.len() as u32 + 1), (1 << 30) - 1);
+        }
     }
 
     #[test]
@@ -748,8 +911,11 @@ mod tests {
             let cells = size[0].div_ceil(CELL) * size[1].div_ceil(CELL);
             let occupancy: Vec<u32> = (0..cells).map(|_| random.below(2)).collect();
             let id: Vec<u32> = (0..pixels).map(|_| NO_POINT * random.below(2)).collect();
-            for samples in [1, 37, pixels / 7, pixels / 2] {
-                let params = DitherParams { aim: Aim::Random, ..DitherParams::default() };
+            for (samples, kind) in [1, 37, pixels / 7, pixels / 2]
+                .into_iter()
+                .flat_map(|samples| PARALLEL.map(|kind| (samples, kind)))
+            {
+                let params = DitherParams { kind, aim: Aim::Random, ..DitherParams::default() };
                 let mut harness = harness(params, size, &priority, samples);
                 harness.set("occupancy", &occupancy);
                 harness.set("id", &id);

@@ -28,7 +28,7 @@ use watch::Watch;
 use crate::{
     capture::Snapshot,
     frame::Frame,
-    graph::{Graph, Node, Settings},
+    graph::{Graph, Node, PortRef, Settings},
     id::{NodeId, SlotId, StepId, StorageId, TapId},
     plan::{Life, Plan, PlannedNode, Slot, Step, Storage, TapField, Value},
     port::Element,
@@ -174,7 +174,7 @@ impl Executor {
         let most_fields = plan.nodes.iter().map(|node| node.values().count()).max().unwrap_or(0);
         let [unchanged, blank] = [0, 1].map(|_| Vec::with_capacity(most_fields));
         let changes = RefCell::new(Changes { unchanged, blank, ranges: Vec::new() });
-        Ok(Self {
+        let mut executor = Self {
             graph,
             plan,
             fill,
@@ -192,7 +192,11 @@ impl Executor {
             step_of_node,
             frame: 0,
             profile: true,
-        })
+        };
+        for (name, numbers) in tables(&executor.graph) {
+            executor.restore(&name, bytemuck::cast_slice(numbers));
+        }
+        Ok(executor)
     }
 
     /// The running graph.
@@ -566,6 +570,19 @@ impl Executor {
         }
         true
     }
+}
+
+/// The tables of all nodes, with the names of their storages.
+fn tables(graph: &Graph) -> Vec<(String, &'static [u32])> {
+    let mut tables = Vec::new();
+    for (node, declared) in graph.nodes.iter_enumerated() {
+        for (port, written) in declared.declaration().ports.iter().enumerate() {
+            if !written.table.is_empty() {
+                tables.push((graph.name(PortRef { node, port }), written.table));
+            }
+        }
+    }
+    tables
 }
 
 fn allocate(plan: &Plan) -> Result<IndexVec<SlotId, RefCell<CpuMemory>>, RunError> {

@@ -325,6 +325,7 @@ impl Draft<'_> {
             extent: Extent::Any,
             lifetime: if kept { Lifetime::Persistent } else { Lifetime::Transient },
             optional: self.said.optional.is_some(),
+            table: &[],
         }
     }
 

@@ -25,6 +25,7 @@ pub(super) fn at(stage: &Dither, kind: Kind, site: &Site) -> Option<Vec<Finding>
     }
     let chosen = match kind {
         Kind::Systematic => "picked in proportion to priority along a space-filling curve",
+        Kind::BlueNoise => "picked by priority and a mask of blue noise",
         Kind::Serpentine => "picked by error diffusion of the priorities",
     };
     let its = if findings.is_empty() { "none of them is" } else { "one of them is" };
