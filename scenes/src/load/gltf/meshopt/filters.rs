@@ -104,6 +104,10 @@ mod tests {
         ] {
             assert_eq!(shorts("OCTAHEDRAL", element), expected);
         }
+        // More than a corner away, which is folded over the edge towards -x.
+        let found = shorts("OCTAHEDRAL", [0, -100, 64, 0]);
+        let expected = [-36.0, -64.0, -36.0].map(|n: f32| (n * 32767.0 / 6688_f32.sqrt()).round() as i16);
+        assert_eq!(found[..3], expected);
         let mut bytes = [0, 127_u8.wrapping_neg(), 127, 9];
         assert!(apply("OCTAHEDRAL", &mut bytes, 4));
         assert_eq!(bytes.map(u8::cast_signed), [0, -127, 0, 9]);
@@ -121,6 +125,14 @@ mod tests {
             let found = shorts("QUATERNION", [one | 3, 0, 0, one | missing]);
             assert!(found.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 1), "{found:?} {expected:?}");
         }
+        // All components, of which the second was the largest: the others follow it.
+        for [x, y, z] in [[300, -200, 100], [1027, 0, -1027], [0, 700, 1], [-5, 6, -700]] {
+            let found = shorts("QUATERNION", [x, y, z, one | 1]);
+            let [x, y, z] = [x, y, z].map(|n| f64::from(n) / 1027.0 * 0.5_f64.sqrt());
+            let rest = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
+            let expected = [z, rest, x, y].map(|n| (32767.0 * n).round() as i16);
+            assert!(found.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 1), "{found:?} {expected:?}");
+        }
     }
 
     #[test]
@@ -131,6 +143,21 @@ mod tests {
         let mut bytes = [7, 4, 2, 0b1011];
         assert!(apply("COLOR", &mut bytes, 4));
         assert_eq!(bytes, [9 * 17, 9 * 17, 17, 7 * 17]);
+        let mut float = ((-4_i32 << 24) | 5).to_le_bytes();
+        assert!(apply("EXPONENTIAL", &mut float, 4));
+        assert_eq!(f32::from_le_bytes(float), 0.3125);
+        // All opacity and none of it, of one bit and of four.
+        for (alpha, luma, expected) in
+            [(0b1111, 15, [255; 4]), (0b1000, 0, [0; 4]), (0b11, 3, [255; 4]), (0b1, 1, [255; 4])]
+        {
+            let mut bytes = [luma, 0, 0, alpha];
+            assert!(apply("COLOR", &mut bytes, 4));
+            assert_eq!(bytes, expected, "{alpha:b}");
+        }
+        // Sixteen bits a channel.
+        let [bright, all] = [40_000_u16, 65_535].map(u16::cast_signed);
+        let expected = [40_150_u16, 39_950, 39_950, 65_535].map(u16::cast_signed);
+        assert_eq!(shorts("COLOR", [bright, 100, -50, all]), expected);
         assert!(!apply("COLOR", &mut bytes, 12) && !apply("BLUR", &mut bytes, 4));
     }
 }

@@ -211,29 +211,43 @@ mod tests {
 
     #[test]
     fn triangles_begin_anew_at_edges_and_at_free_corners() {
-        // The codes, the bytes after them, and the triangles, of the first version of the format and of the second.
-        let table: Vec<u8> = [[0x00, 0x10], [0x12, 0x21]].concat().into_iter().chain([0; 12]).collect();
-        let decode = |header: u8, codes: &[u8], body: &[u8]| {
+        // The codes, the bytes after them, and the triangles, of both versions of the format.
+        let with_table = |last: u8, header: u8, codes: &[u8], body: &[u8]| {
+            let mut table = [0x00, 0x10, 0x12, 0x21, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+            table[13] = last;
             let data = [&[header], codes, body, &table].concat();
             triangles(&data, 3 * codes.len()).map(|all| all.as_chunks::<3>().0.to_vec())
         };
+        let decode = |header: u8, codes: &[u8], body: &[u8]| with_table(0, header, codes, body);
         // Three new corners, by the table. Then a new one at the last edge, at the one before, and at the third last.
         let strip = [[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 2, 5]];
+        // Then sixteen corners around the first one, a new one at an edge that is fifteen ago, and others of before.
+        let fan: Vec<[u32; 3]> = (0..15).map(|k| [0, k + 1, k + 2]).chain([[0, 9, 17]]).collect();
+        let fan_codes = [&[0xF0][..], &[0x00; 14], &[0xE0]].concat();
+        let after_fan = |last: u8, header: u8, more: &[u8]| {
+            let all = with_table(last, header, &[&fan_codes, more].concat(), &[])?;
+            (all[..16] == fan[..]).then(|| all[16..].to_vec())
+        };
         for header in [0xE0, 0xE1] {
             assert_eq!(decode(header, &[0xF0, 0x00, 0x10, 0x30], &[]), Some(strip.to_vec()));
             // Corners of before at the last edge: the one before the last, and the one before that.
             let back = [[0, 1, 2], [0, 2, 3], [0, 3, 2], [0, 2, 1]];
             assert_eq!(decode(header, &[0xF0, 0x00, 0x01, 0x02], &[]), Some(back.to_vec()));
+            assert_eq!(after_fan(0, header, &[0x0C]), Some(vec![[0, 17, 5]]));
             // Free corners: 5 more, 2 less than the last one. They count among those of before.
             let free = [[0, 1, 2], [0, 2, 5], [0, 5, 3], [0, 3, 5]];
             let differences = [groups(with_sign(5)), groups(with_sign(-2))].concat();
             assert_eq!(decode(header, &[0xF0, 0x0F, 0x0F, 0x01], &differences), Some(free.to_vec()));
-            // Three corners by the table: new, the last, new; new, the last, the one before; new, the one before, the last.
-            let corners = [[0, 1, 2], [3, 2, 4], [5, 4, 3], [6, 4, 5]];
-            assert_eq!(decode(header, &[0xF0, 0xF1, 0xF2, 0xF3], &[]), Some(corners.to_vec()));
-            // By a byte: new, free, the last; then all free; then all new from the beginning.
+            // Three corners by the table: all new; new, the last, new; new, the last, the one before; new, the one
+            // before, the last.
+            let corners = [[0, 1, 2], [3, 4, 5], [6, 5, 7], [8, 7, 6], [9, 7, 8]];
+            assert_eq!(decode(header, &[0xF0, 0xF0, 0xF1, 0xF2, 0xF3], &[]), Some(corners.to_vec()));
+            // The last entry of the table: all new; new, the fifteenth last, the last. None there is free.
+            assert_eq!(decode(header, &[0xF0, 0xFD], &[]), Some(vec![[0, 1, 2], [3, 4, 5]]));
+            assert_eq!(after_fan(0xF1, header, &[0xFD, 0xFD]), Some(vec![[18, 3, 17], [19, 4, 18]]));
+            // By a byte: new and those of before; new, free, the last; all free; all new from the beginning.
             let bytes = [
-                &[0xF1][..],
+                &[0x12, 0xF1][..],
                 &groups(with_sign(40)),
                 &[0xFF],
                 &groups(with_sign(-1)),
@@ -241,16 +255,17 @@ mod tests {
                 &groups(with_sign(3)),
                 &[0x00],
             ];
-            let by_byte = [[0, 40, u32::MAX], [39, 41, 44], [0, 1, 2]];
-            assert_eq!(decode(header, &[0xFE, 0xFF, 0xFE], &bytes.concat()), Some(by_byte.to_vec()));
+            let by_byte = [[0, 1, 2], [3, 2, 1], [4, 40, 3], [39, 41, 44], [0, 1, 2]];
+            assert_eq!(
+                decode(header, &[0xF0, 0xFE, 0xFE, 0xFF, 0xFE], &bytes.concat()),
+                Some(by_byte.to_vec())
+            );
         }
         // 13 and 14 are the neighbours of the last free corner, but in the first version corners of before.
         let neighbours = [[0, 1, 2], [0, 2, 9], [0, 9, 8], [0, 8, 9]];
         let nine = groups(with_sign(9));
         assert_eq!(decode(0xE1, &[0xF0, 0x0F, 0x0D, 0x0E], &nine), Some(neighbours.to_vec()));
-        let fan: Vec<[u32; 3]> = (0..14).map(|k| [0, k + 1, k + 2]).chain([[0, 15, 2], [0, 2, 1]]).collect();
-        let codes = [&[0xF0][..], &[0x00; 13], &[0x0D, 0x0E]].concat();
-        assert_eq!(decode(0xE0, &codes, &[]), Some(fan));
+        assert_eq!(after_fan(0, 0xE0, &[0x0D, 0x0E, 0x0C]), Some(vec![[0, 17, 4], [0, 4, 3], [0, 3, 5]]));
         assert_eq!(decode(0xE2, &[0xF0], &[]), None, "another version");
         assert_eq!(decode(0xE1, &[0xF0], &[0]), None, "a byte too many");
         assert_eq!(decode(0xE1, &[0x0F], &[]), None, "one too few");
