@@ -235,8 +235,11 @@ mod tests {
     #[test]
     fn a_scene_without_lights_gets_one_in_front() {
         let (lights, notes) = added(builder(&[(cube(1.0), grey())]), None);
-        assert!(matches!(lights[..], [Light::Quad { .. }]));
         assert_eq!(notes, ["added: a light in front, to the upper left, as there is none"]);
+        let [Light::Quad { corner, u, v, .. }] = lights[..] else { panic!("{lights:?}") };
+        // Three radii away.
+        let expected = 3.0 * 3_f32.sqrt() * Vec3::new(-3.0, 6.0, 4.0) / 61_f32.sqrt();
+        assert!((corner + 0.5 * (u + v)).distance(expected) < 1e-5);
     }
 
     #[test]
@@ -297,6 +300,163 @@ mod tests {
         let on = |count| faces.points(count).iter().map(|[point, _]| point.x as u32).collect::<Vec<_>>();
         assert_eq!(on(4), [0, 1, 1, 3]);
         assert_eq!(on(8), [0, 0, 1, 1, 1, 1, 3, 3]);
+    }
+
+    #[test]
+    fn points_are_spread_evenly_within_a_face() {
+        let mut faces = Weighted::default();
+        let [a, b, c] = [Vec3::new(1.0, 0.0, 5.0), Vec3::new(4.0, 0.0, 5.0), Vec3::new(1.0, 6.0, 5.0)];
+        faces.push([a, b, c], 2.0);
+        assert_eq!(faces.total(), 18.0);
+        let points = faces.points(4096);
+        let mean = points.iter().map(|[point, _]| *point).sum::<Vec3>() / 4096.0;
+        assert!(mean.distance((a + b + c) / 3.0) < 0.05, "{mean}");
+        // A quarter of the face is nearer to each corner than the line through the middles of its sides.
+        let near = |corner: Vec3, across: Vec3, half: f32| {
+            points.iter().filter(|[point, _]| (*point - corner).dot(across) < half).count()
+        };
+        for count in
+            [near(b, Vec3::NEG_X, 1.5), near(c, Vec3::NEG_Y, 3.0), near(a, Vec3::new(2.0, 1.0, 0.0), 3.0)]
+        {
+            assert!(count.abs_diff(1024) < 100, "{count}");
+        }
+        assert!(
+            points
+                .iter()
+                .all(|[point, normal]| (point.z - 5.0).abs() < 1e-5 && normal.distance(Vec3::Z) < 1e-6)
+        );
+    }
+
+    /// A small square around `at`, with a normal along z, in triangles; its area is 1e-4.
+    fn patch(at: Vec3) -> [[Vec3; 3]; 2] {
+        let [a, b, c, d] = [[-5e-3, -5e-3], [5e-3, -5e-3], [5e-3, 5e-3], [-5e-3, 5e-3]]
+            .map(|[x, y]| at + Vec3::new(x, y, 0.0));
+        [[a, b, c], [a, c, d]]
+    }
+
+    #[test]
+    fn grey_surfaces_show_what_emissive_ones_send() {
+        let lit = |passive: &[Vec3], emissive: &[(Vec3, f32)]| {
+            let mut surfaces =
+                Surfaces { all: vec![], passive: Weighted::default(), emissive: Weighted::default() };
+            for at in passive {
+                patch(*at).into_iter().for_each(|corners| surfaces.passive.push(corners, 1.0));
+            }
+            for (at, weight) in emissive {
+                patch(*at).into_iter().for_each(|corners| surfaces.emissive.push(corners, *weight));
+            }
+            surfaces.lit_by_emitters()
+        };
+        // By the power, the square of the distance and both cosines.
+        let at = Vec3::new(1.0, -2.0, 3.0);
+        for (offset, weight) in [
+            (Vec3::new(0.0, 0.0, 2.0), 1.0),
+            (Vec3::new(0.0, 0.0, -0.5), 1.0),
+            (Vec3::new(0.0, 3.0, 4.0), 40.0),
+            (Vec3::new(-3.0, 0.0, -4.0), 7.0),
+        ] {
+            let cosine = offset.z / offset.length();
+            let expected =
+                0.5 / std::f32::consts::PI * 1e-4 * weight * cosine * cosine / offset.length_squared();
+            let found = lit(&[at], &[(at + offset, weight)]);
+            assert!((found / expected - 1.0).abs() < 0.03, "{offset}: {found}, expected {expected}");
+        }
+        assert_eq!(lit(&[at], &[]), 0.0);
+        // The median of three, whatever their order.
+        let [near, middle, far] = [1.0, 2.0, 4.0].map(|z| z * Vec3::NEG_Z);
+        let alone = lit(&[middle], &[(Vec3::ZERO, 1.0)]);
+        for order in [[near, middle, far], [far, near, middle], [middle, far, near]] {
+            assert!((lit(&order, &[(Vec3::ZERO, 1.0)]) / alone - 1.0).abs() < 0.03, "{order:?}");
+        }
+    }
+
+    #[test]
+    fn surfaces_emit_from_one_side_or_two_in_all_channels() {
+        let square = Shape::quad([Vec3::ZERO, 2.0 * Vec3::X, Vec3::new(2.0, 3.0, 0.0), 3.0 * Vec3::Y]);
+        let lamp = |double_sided, radiance| Material { double_sided, ..Material::lamp("", radiance) };
+        let totals = |material: Material| {
+            let surfaces = Surfaces::of(&builder(&[(square.clone(), material), (cube(0.5), grey())]));
+            (surfaces.all.len(), surfaces.emissive.total(), surfaces.passive.total())
+        };
+        assert_eq!(totals(lamp(false, Vec3::ONE)), (14, 6.0, 6.0));
+        assert_eq!(totals(lamp(true, Vec3::new(3.0, 0.0, 0.0))), (14, 12.0, 6.0));
+        assert_eq!(totals(lamp(false, Vec3::new(0.0, 6.0, 3.0))), (14, 18.0, 6.0));
+        assert_eq!(totals(grey()), (14, 0.0, 12.0));
+        assert_eq!(totals(Material { unlit: true, ..grey() }), (14, 0.0, 6.0));
+    }
+
+    /// The triangles of a room from -2 to 2 with a square hole in its ceiling, of so much to each side.
+    fn room(hole: f32) -> Surfaces {
+        let face = |at: &dyn Fn(f32, f32) -> Vec3, [x0, x1]: [f32; 2], [y0, y1]: [f32; 2]| {
+            let [a, b, c, d] = [at(x0, y0), at(x1, y0), at(x1, y1), at(x0, y1)];
+            [[a, b, c], [a, c, d]]
+        };
+        let whole = [-2.0, 2.0];
+        let ceiling = |x, z| Vec3::new(x, 2.0, z);
+        let all = [
+            face(&|x, z| Vec3::new(x, -2.0, z), whole, whole),
+            face(&|y, z| Vec3::new(-2.0, y, z), whole, whole),
+            face(&|y, z| Vec3::new(2.0, y, z), whole, whole),
+            face(&|x, y| Vec3::new(x, y, -2.0), whole, whole),
+            face(&|x, y| Vec3::new(x, y, 2.0), whole, whole),
+            face(&ceiling, [-2.0, -hole], whole),
+            face(&ceiling, [hole, 2.0], whole),
+            face(&ceiling, [-hole, hole], [-2.0, -hole]),
+            face(&ceiling, [-hole, hole], [hole, 2.0]),
+        ];
+        Surfaces { all: all.concat(), passive: Weighted::default(), emissive: Weighted::default() }
+    }
+
+    #[test]
+    fn walls_are_looked_for_in_all_directions() {
+        for eye in [Vec3::ZERO, Vec3::new(0.5, -0.3, 0.25)] {
+            // Even steps of height and golden angles, up to the first of the planes at 2 and -2.
+            let mut distances: Vec<f64> = (0..64)
+                .map(|index| {
+                    let y = 1.0 - (2.0 * f64::from(index) + 1.0) / 64.0;
+                    let (radius, angle) = ((1.0 - y * y).sqrt(), 2.399_963 * f64::from(index));
+                    let direction = [radius * angle.cos(), y, radius * angle.sin()];
+                    let ways = direction.into_iter().zip(eye.to_array());
+                    let way = |(along, at): (f64, f32)| (2.0 - along.signum() * f64::from(at)) / along.abs();
+                    ways.map(way).fold(f64::INFINITY, f64::min)
+                })
+                .collect();
+            distances.sort_by(f64::total_cmp);
+            let found = room(0.0).wall_distance(eye).unwrap();
+            assert!((f64::from(found) - distances[48]).abs() < 1e-4, "{found} {}", distances[48]);
+        }
+        // Four directions lead out of a hole of 1.1, five out of a slightly larger one.
+        let [closed, open] = [0.0, 1.1].map(|hole| room(hole).wall_distance(Vec3::ZERO).unwrap());
+        assert!(open > 2.0 && open < closed + 0.2, "{open} {closed}");
+        assert_eq!(room(1.16).wall_distance(Vec3::ZERO), None);
+    }
+
+    #[test]
+    fn rays_hit_a_triangle_within_its_sides_and_before_them() {
+        let triangle = [Vec3::new(1.0, 1.0, 2.0), Vec3::new(3.0, 1.0, 2.0), Vec3::new(1.0, 5.0, 2.0)];
+        for (x, y, is_hit) in [
+            (1.5, 2.0, true),
+            (1.0, 1.0, true),
+            (1.0, 4.0, true),
+            (2.0, 1.0, true),
+            (2.0, 3.0, true),
+            (3.0, 1.0, true),
+            (0.99, 2.0, false),
+            (2.0, 0.99, false),
+            (2.01, 3.0, false),
+            (1.0, 5.01, false),
+            (3.01, 1.0, false),
+        ] {
+            for z in [0.0, 1.75, 2.5, 4.0] {
+                let (origin, towards) = (Vec3::new(x, y, z), if z < 2.0 { Vec3::Z } else { Vec3::NEG_Z });
+                let expected = if is_hit { (z - 2.0_f32).abs() } else { f32::INFINITY };
+                assert_eq!(hit(triangle, origin, towards), expected, "{origin}");
+                assert_eq!(hit(triangle, origin, -towards), f32::INFINITY, "{origin}, away");
+            }
+            // On the triangle, and along its plane.
+            assert_eq!(hit(triangle, Vec3::new(x, y, 2.0), Vec3::Z), f32::INFINITY);
+            assert_eq!(hit(triangle, Vec3::new(-9.0, y, 2.0), Vec3::X), f32::INFINITY);
+        }
     }
 
     #[test]
