@@ -99,6 +99,7 @@ fn surfaces_of_materials() {
         (2, 9.0, 225.0, glossy(0.5, 0.08)),
         (2, 0.5, 900.0, glossy(0.02, 0.04)),
         (2, 0.5, 143.0, diffuse),
+        (2, 0.5, 144.0, diffuse),
         (2, 0.5, 0.0, diffuse),
         (2, 0.5, -5.0, diffuse),
         (3, 0.0, 900.0, diffuse),
@@ -122,11 +123,22 @@ fn surfaces_of_materials() {
             "{exponent}"
         );
     }
+    // A transparent coat reflects by its index of refraction, an opaque one by its specular.
+    for (dissolve, f0) in [("1", 0.04), ("0.5", 1.0 / 9.0), ("1.5", 0.04)] {
+        let coat = of(&format!("Ks 0.5 0.5 0.5\nNs 225\nNi 2\nd {dissolve}")).0.remove(0);
+        assert!((coat.f0 - f0).abs() < 1e-6, "{dissolve}: {}", coat.f0);
+    }
+    // What is more than opaque is opaque, and mirrors.
+    for lines in ["d 1.5", "Tr 1", "Tr 1.5", "Tr -1", "d 1\nTr 1"] {
+        let mirror = of(&format!("illum 3\nKs 0.5 0.5 0.5\nNs 900\n{lines}")).0.remove(0);
+        assert_eq!((mirror.metallic, mirror.opacity, mirror.alpha), (1.0, 1.0, Alpha::Opaque), "{lines}");
+    }
     // A tint of the mirrored light counts from a fiftieth on, a metal by a tenth.
     let tinted = "approximated: a tinted highlight of a material, shown white (a)";
     for (lines, color, metallic, expected) in [
         ("Kd 0.5 0.5 0.5\nKs 0.5 0.49 0.48125\nNs 225", 0.5, 0.0, ""),
         ("Kd 0.5 0.5 0.5\nKs 0.5 0.49 0.47\nNs 225", 0.5, 0.0, tinted),
+        ("Kd 0.5 0.5 0.5\nKs 0.02 0 0\nNs 225", 0.5, 0.0, ""),
         ("Kd 0.05 0.05 0.05\nKs 0.5 0.5 0.5\nNs 225\nillum 3", 0.05, 0.0, ""),
         ("Kd 0.049 0 0\nKs 0.5 0.5 0.5\nNs 225\nillum 3", 0.5, 1.0, ""),
     ] {
@@ -161,6 +173,7 @@ fn errors_name_the_line() {
         assert!(error.starts_with(expected), "{error}");
     }
     for (text, expected) in [
+        ("v x 0 0\nv 0 y 0\nv 0 1 0\nf 1 2 3\n", "such as those of the vertex in line 1, `x 0 0`"),
         ("mtllib a.mtl\n", "it has neither vertices nor faces"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "no faces: `epigraph encode` makes a point set"),
         ("v 0 0 0\nv 1;5 0 0\nv 0 1 0\nf 1 2 3\n", "such as those of the vertex in line 2, `1;5 0 0`"),
@@ -241,6 +254,16 @@ fn what_is_wrong_and_inessential_is_noted() {
         assert_eq!(notes(&model).join("; "), expected, "{to}");
         let found: Vec<usize> = model.parts.iter().map(|(shape, _)| shape.triangles.len()).collect();
         assert_eq!(found, triangles, "{to}");
+    }
+}
+
+#[test]
+fn long_texts_are_cut_in_notes() {
+    let keyword = "x".repeat(59);
+    for (more, shown) in [("", ""), ("y", "y"), ("yz", "y")] {
+        let model = read(&format!("{keyword}{more} 1\n{HABITS}"), library).unwrap();
+        let expected = format!("left out: a statement that is not known ({keyword}{shown})");
+        assert_eq!(notes(&model), [expected]);
     }
 }
 
@@ -349,6 +372,16 @@ fn values_of_materials_in_many_forms() {
             [1.0, 1.0, 0.0],
             "repaired: a colour beyond 0 to 1, taken as the nearest one within (a)",
         ),
+        (
+            "Kd 1.5 0.5 0.5",
+            [1.0, 0.5, 0.5],
+            "repaired: a colour beyond 0 to 1, taken as the nearest one within (a)",
+        ),
+        (
+            "Kd 0.5 -0.5 0.5",
+            [0.5, 0.0, 0.5],
+            "repaired: a colour beyond 0 to 1, taken as the nearest one within (a)",
+        ),
         ("Ns many", [0.7; 3], "repaired: a material's value that is not a number (a)"),
         ("Ka 1 1 1\nmap_Ka a.png\nsharpness 60\nPs 0\nPc 0.0\nPcr 0.3\naniso 0\nanisor 0", [0.7; 3], ""),
         (
@@ -374,6 +407,7 @@ fn values_of_materials_in_many_forms() {
         let (materials, notes) = read_noted(&format!("newmtl a\n{line}\n"));
         assert_eq!((materials[0].color, notes.as_str()), (Vec3::from(color), expected), "{line}");
     }
+    assert_eq!(read_materials("newmtl a\nKe 2 1e30 -1")[0].emission, Vec3::new(2.0, 1e18, 0.0));
 }
 
 #[test]
@@ -417,6 +451,7 @@ fn metals_and_physical_materials() {
         ("Kd 0.5 0.4 0.3\nPr 0.25\nPm 1", [0.5, 0.4, 0.3], 1.0, 0.25, 0.04),
         ("Kd 0.5 0.4 0.3\nPm 0.5\nNs 225", [0.5, 0.4, 0.3], 0.5, 0.5, 0.04),
         ("Kd 0.5 0.4 0.3\nPr 2\nPm -1", [0.5, 0.4, 0.3], 0.0, 1.0, 0.04),
+        ("Kd 0.5 0.4 0.3\nPr -1\nPm 2", [0.5, 0.4, 0.3], 1.0, 0.0, 0.04),
         ("Kd 0.5 0.4 0.3\nPr 0.5\nNi 2", [0.5, 0.4, 0.3], 0.0, 0.5, 1.0 / 9.0),
         // Gold as it was written before that: nothing but a tinted reflection.
         ("Kd 0 0 0\nKs 1 0.8 0.3\nNs 1000\nillum 3", [1.0, 0.8, 0.3], 1.0, 0.0, 0.04),
@@ -567,6 +602,12 @@ fn maps_of_all_factors() {
     assert_eq!((material.roughness, material.metallic, material.emission), (0.5, 0.0, Vec3::ONE));
     assert_eq!(all.roughness.unwrap().channel, 1);
     assert!(all.emission.is_some() && all.metallic.is_none(), "a name with a backslash is up to the caller");
+    // A map of metal is one of all metal.
+    let (metal, all) = maps("map_Pm tex/rough.png");
+    assert_eq!((metal.metallic, all.metallic.map(|map| map.channel)), (1.0, Some(0)));
+    assert!(all.normal.is_none() && maps("bump leaf.png").1.normal.is_none());
+    let (white, all) = maps("Kd 0 0 0\nmap_Kd red green.png");
+    assert_eq!((white.color, all.color.is_some()), (Vec3::ONE, true));
     // The channel of opacity if the picture has one.
     for (lines, alpha, channel) in [
         ("map_d leaf.png", Alpha::Blend, Some(3)),
@@ -726,6 +767,12 @@ fn no_truncation_panics() {
 
 #[test]
 fn pictures_of_normals_are_told_from_those_of_heights() {
+    // One texel decides alone, and two by their mean.
+    let is_normal = |blues: &[u8]| {
+        let texels: Vec<[u8; 4]> = blues.iter().map(|blue| [128, 128, *blue, 255]).collect();
+        mtl::has_normals(&Texture { name: String::new(), size: [blues.len() as u32, 1], texels })
+    };
+    assert_eq!([&[255][..], &[179, 179], &[178, 179], &[]].map(is_normal), [true, true, false, false]);
     // A single colour: how far its channels may be from those of a normal that points up.
     for (texel, is_normal) in [
         ([128, 128, 255], true),
@@ -770,6 +817,9 @@ fn colours_that_vertices_do_not_need_are_left() {
     let [red, green] = [Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.0, 1.0, 0.0, 1.0)];
     assert_eq!(colors("ffff0000ff00ff00"), [red, green, Vec4::ONE]);
     assert_eq!(colors("ffff0000ff00ff00ff00ff00"), [red, green, Vec4::ONE], "the third is for no vertex");
+    // Vertices before the first colour have none.
+    let late = "v 0 0 0\nv 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n";
+    assert_eq!(read(late, nothing).unwrap().parts[0].0.colors[0], [Vec4::ONE, Vec4::ONE, red]);
     assert_eq!(colors("ffff0000ffzzzzzz"), [red, Vec4::ONE, Vec4::ONE], "no number is white");
 }
 
