@@ -2,7 +2,7 @@ use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::path::Path;
 
 use epigraph_files::Fingerprint;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::SceneError;
 use crate::limits::{MAX_RADIANCE, is_radiance};
@@ -126,6 +126,16 @@ impl Sky {
         Self::new(path.to_string_lossy(), size, texels).map_err(invalid)
     }
 
+    /// Mean radiance of all directions.
+    pub(crate) fn mean(&self) -> Vec3 {
+        let [width, height] = self.size.map(|side| side as usize);
+        let row = |y: usize| {
+            let sum: DVec3 = self.texels[y * width..][..width].iter().map(|texel| texel.as_dvec3()).sum();
+            sum * solid_angle(y, self.size)
+        };
+        ((0..height).map(row).sum::<DVec3>() / (4.0 * std::f64::consts::PI)).as_vec3()
+    }
+
     /// Radiance from a unit direction.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let [width, height] = self.size.map(|side| side as usize);
@@ -232,7 +242,7 @@ mod tests {
         }
         assert!((sum - 1.0).abs() < 1e-5, "{sum}");
         let mut rng = Rng::new(1, 0);
-        let (count, mut mean, mut differ) = (1 << 18, glam::DVec3::ZERO, 0);
+        let (count, mut mean, mut differ) = (1 << 18, DVec3::ZERO, 0);
         for _ in 0..count {
             let (direction, pdf) = sky.sample(rng.next_pair());
             assert!(direction.is_normalized() && pdf > 0.0);
@@ -243,7 +253,7 @@ mod tests {
         assert!(differ < count / 1000, "{differ}");
         // The integral over the sphere, by an even grid of directions.
         let (rows, columns) = (1000, 2000);
-        let mut integral = glam::DVec3::ZERO;
+        let mut integral = DVec3::ZERO;
         for row in 0..rows {
             let y = 1.0 - (2.0 * row as f32 + 1.0) / rows as f32;
             for column in 0..columns {

@@ -1,13 +1,22 @@
 //! The lights of a scene as the tracer samples them: point and spot lights, quad lights one by one, and all other
 //! emissive triangles by their power.
 
-use std::{collections::HashMap, sync::Arc};
+use std::collections::HashMap;
+use std::f32::consts::{FRAC_1_PI, PI};
+use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::variance::luminance;
 use crate::light::cone;
 use crate::mesh::interpolate;
 use crate::{Light, Scene, Sky};
+
+/// The share of choices that is even among all lights, as the brightest one may be hidden.
+const EVEN_SHARE: f32 = 0.5;
+
+/// Cosines to the middle of a light count as at least this much, as parts of it may be seen less obliquely.
+const LEAST_COSINE: f32 = 0.1;
 
 /// A quad light, ready to be sampled by area.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +56,34 @@ pub(super) struct Incident {
     pub pdf: f32,
 }
 
+/// How probable choices are.
+struct Odds {
+    /// Probability for each unit of irradiance, and of each light that sends any.
+    scale: f32,
+    each: f32,
+}
+
+impl Odds {
+    fn of(&self, bound: f32) -> f32 {
+        if bound > 0.0 { bound * self.scale + self.each } else { 0.0 }
+    }
+}
+
+/// The cosine at a surface of the direction `to` to a light's centre, `distance` away, of a light of this radius; 0 if all
+/// of the light is behind the surface.
+fn surface_cosine(to: Vec3, distance: f32, radius: f32, facing: Option<Vec3>) -> f32 {
+    let Some(facing) = facing else { return 1.0 };
+    let height = facing.dot(to);
+    if height <= -radius { 0.0 } else { (height / distance).max(LEAST_COSINE) }
+}
+
 impl Point {
+    /// See [`Emitters::bounds`].
+    fn bound(&self, from: Vec3, facing: Option<Vec3>) -> f32 {
+        let Some(light) = self.towards(from) else { return 0.0 };
+        luminance(light.power) * surface_cosine(light.direction, 1.0, 0.0, facing)
+    }
+
     pub fn towards(&self, from: Vec3) -> Option<Incident> {
         let (direction, distance) = (self.position - from).normalize_and_length();
         let shown = self.cone.map_or(1.0, |(axis, cosines)| cone(-axis.dot(direction), cosines));
@@ -62,6 +98,24 @@ impl Point {
 }
 
 impl Quad {
+    /// See [`Emitters::bounds`].
+    fn bound(&self, from: Vec3, facing: Option<Vec3>) -> f32 {
+        let from_corner = from - self.corner;
+        let height = from_corner.dot(self.normal);
+        let to_center = 0.5 * (self.u + self.v) - from_corner;
+        let radius = 0.5 * (self.u.length() + self.v.length());
+        let cosine = surface_cosine(to_center, to_center.length(), radius, facing);
+        if height <= 0.0 || cosine == 0.0 {
+            return 0.0;
+        }
+        // By the nearest point of the quad, or nearly, if its sides are not perpendicular.
+        let along = |side: Vec3| side * (from_corner.dot(side) / side.length_squared()).clamp(0.0, 1.0);
+        let distance = (along(self.u) + along(self.v) - from_corner).length().max(height);
+        // As of a disc: it covers no more than a hemisphere.
+        let solid_angle = self.area * (height / distance) / (distance * distance + self.area * FRAC_1_PI);
+        luminance(self.radiance) * cosine * solid_angle
+    }
+
     /// The light at `from` from the point `(s, t)` in [0, 1)^2 of the quad; `None` if `from` is behind the quad.
     #[inline]
     pub fn towards(&self, from: Vec3, [s, t]: [f32; 2]) -> Option<Incident> {
@@ -99,6 +153,10 @@ struct Panels {
     faces: Vec<Panel>,
     /// The shares of the power of this and all earlier triangles; the last is 1.
     cumulative: Vec<f32>,
+    /// The sum of areas times radiance, and the sphere around all triangles where bodies were at first.
+    power: f32,
+    center: Vec3,
+    radius: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -130,7 +188,18 @@ impl Panels {
             panels.cumulative.push(share);
             before = share;
         }
+        panels.power = total as f32;
+        let corners = || panels.faces.iter().flat_map(|panel| scene.mesh.corners(panel.face as usize));
+        let bounds = corners().map(|corner| [corner; 2]);
+        if let Some([low, high]) = bounds.reduce(|[low, high], [a, b]| [low.min(a), high.max(b)]) {
+            (panels.center, panels.radius) = (low.midpoint(high), 0.5 * low.distance(high));
+        }
         panels
+    }
+
+    /// See [`Emitters::bounds`].
+    fn bound(&self, from: Vec3) -> f32 {
+        self.power / (from.distance_squared(self.center) + self.radius * self.radius)
     }
 }
 
@@ -176,6 +245,8 @@ pub(super) struct Emitters {
 struct SkyLight {
     sky: Arc<Sky>,
     distance: f32,
+    /// See [`Emitters::bounds`].
+    bound: f32,
 }
 
 impl Emitters {
@@ -199,6 +270,7 @@ impl Emitters {
         let sky = scene.sky.as_ref().filter(|sky| sky.shines()).map(|sky| SkyLight {
             sky: sky.clone(),
             distance: 2.0 * scene.bounds[0].distance(scene.bounds[1]).max(f32::MIN_POSITIVE),
+            bound: PI * luminance(sky.mean()),
         });
         let mut emitters = Self { sky, ..Self::default() };
         for light in &scene.lights {
@@ -235,6 +307,42 @@ impl Emitters {
         !self.panels.faces.is_empty()
     }
 
+    /// A choice for a point of a surface, by a number in [0, 1), and its probability: in proportion to what each light
+    /// might send there, nothing being in the way, and by a share evenly. `facing` is the surface's normal, if light
+    /// from behind does not count. `None` if no light reaches the point.
+    pub fn choose_one(&self, from: Vec3, facing: Option<Vec3>, random: f32) -> Option<(usize, f32)> {
+        let odds = self.odds(from, facing);
+        let mut end = 0.0;
+        let possible = self.bounds(from, facing).map(|bound| odds.of(bound)).enumerate();
+        let possible = possible.filter(|(_, probability)| *probability > 0.0);
+        // Rounding may leave the sum slightly below 1: the last one takes what is left.
+        possible.reduce(|before, next| {
+            end += before.1;
+            if random < end { before } else { next }
+        })
+    }
+
+    /// The probability of a choice of [`Emitters::choose_one`].
+    pub fn probability(&self, choice: usize, from: Vec3, facing: Option<Vec3>) -> f32 {
+        let bound = self.bounds(from, facing).nth(choice).unwrap_or(0.0);
+        self.odds(from, facing).of(bound)
+    }
+
+    fn odds(&self, from: Vec3, facing: Option<Vec3>) -> Odds {
+        let bounds = self.bounds(from, facing).filter(|bound| *bound > 0.0);
+        let (count, sum) = bounds.fold((0.0, 0.0), |(count, sum), bound| (count + 1.0, sum + bound));
+        Odds { scale: (1.0 - EVEN_SHARE) / sum, each: EVEN_SHARE / count }
+    }
+
+    /// Roughly the irradiance that each choice sends to a point if nothing is in the way; 0 if none at all.
+    fn bounds(&self, from: Vec3, facing: Option<Vec3>) -> impl Iterator<Item = f32> {
+        let quads = self.quads.iter().map(move |quad| quad.bound(from, facing));
+        let points = self.points.iter().map(move |point| point.bound(from, facing));
+        let panels = self.has_panels().then(|| self.panels.bound(from));
+        let sky = self.sky.as_ref().map(|sky| sky.bound);
+        quads.chain(points).chain(panels).chain(sky)
+    }
+
     /// The light at `from` of choice `index`, by two numbers in [0, 1).
     #[inline]
     pub fn choose(
@@ -257,7 +365,7 @@ impl Emitters {
 
     /// The light at `from` of an emissive triangle, chosen by two numbers in [0, 1).
     pub fn panel(&self, scene: &Scene, from: Vec3, [choice, t]: [f32; 2]) -> Option<Incident> {
-        let Panels { faces, cumulative } = &*self.panels;
+        let Panels { faces, cumulative, .. } = &*self.panels;
         let index = cumulative.partition_point(|&share| share <= choice).min(faces.len() - 1);
         let panel = faces[index];
         // What is left of the choice within the triangle's share is as random as the choice was.
@@ -278,7 +386,7 @@ impl Emitters {
 
     /// The light at `from` of a direction of the sky, chosen by two numbers in [0, 1); `None` without a sky.
     pub fn sky(&self, from: Vec3, uv: [f32; 2]) -> Option<Incident> {
-        let SkyLight { sky, distance } = self.sky.as_ref()?;
+        let SkyLight { sky, distance, .. } = self.sky.as_ref()?;
         let (direction, pdf) = sky.sample(uv);
         let power = sky.radiance(direction) / pdf;
         let target = from + *distance * direction;
@@ -306,11 +414,21 @@ impl Emitters {
     }
 
     /// Density, 1/sr, with which `direction`, the direction to `point` on an emissive face, is sampled if the light that
-    /// it belongs to is chosen; `None` if it is not sampled.
-    pub fn pdf(&self, scene: &Scene, face: u32, from: Vec3, point: Vec3, direction: Vec3) -> Option<f32> {
+    /// it belongs to is chosen, and that light's choice; `None` if it is not sampled.
+    pub fn pdf(
+        &self,
+        scene: &Scene,
+        face: u32,
+        from: Vec3,
+        point: Vec3,
+        direction: Vec3,
+    ) -> Option<(f32, usize)> {
         match *self.faces.get(&face)? {
-            Source::Quad(quad) => self.quads[quad].pdf(from, point, direction),
-            Source::Panel(panel) => self.panel_pdf(scene, &self.panels.faces[panel], from, point, direction),
+            Source::Quad(quad) => Some((self.quads[quad].pdf(from, point, direction)?, quad)),
+            Source::Panel(panel) => {
+                let pdf = self.panel_pdf(scene, &self.panels.faces[panel], from, point, direction)?;
+                Some((pdf, self.quads.len() + self.points.len()))
+            }
         }
     }
 
@@ -345,5 +463,66 @@ impl Emitters {
         faces.extend(found);
         self.panels = Arc::new(panels);
         self.faces = Arc::new(faces);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Camera;
+
+    /// A quad light of one square metre that shines down from `height` above (x, 0, 0), and a point light at (0, 2, 5).
+    fn lights(x: f32, height: f32) -> Emitters {
+        let camera = Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0);
+        let mut scene = Scene::empty("test", camera, [Vec3::NEG_ONE, Vec3::ONE]);
+        let corner = Vec3::new(x - 0.5, height, -0.5);
+        let radiance = Vec3::splat(3.0);
+        scene.lights.push(Light::Quad { corner, u: Vec3::X, v: Vec3::Z, radiance });
+        scene.lights.push(Light::Point { position: Vec3::new(0.0, 2.0, 5.0), intensity: Vec3::ONE });
+        Emitters::new(&scene)
+    }
+
+    #[test]
+    fn choices_come_as_often_as_their_probability_says() {
+        for (x, height) in [(0.0, 1.0), (0.3, 0.01), (40.0, 1.0), (0.0, 300.0)] {
+            let emitters = lights(x, height);
+            let probability = [0, 1].map(|choice| emitters.probability(choice, Vec3::ZERO, Some(Vec3::Y)));
+            assert!((probability[0] + probability[1] - 1.0).abs() < 1e-6, "{probability:?}");
+            assert!(probability.iter().all(|&p| p >= 0.5 * EVEN_SHARE), "{probability:?}");
+            let mut count = [0, 0];
+            for step in 0..10_000 {
+                let random = (step as f32 + 0.5) / 10_000.0;
+                let (choice, stated) = emitters.choose_one(Vec3::ZERO, Some(Vec3::Y), random).unwrap();
+                assert_eq!(stated, probability[choice]);
+                count[choice] += 1;
+            }
+            for (count, probability) in count.into_iter().zip(probability) {
+                assert!((count as f32 / 10_000.0 - probability).abs() < 2e-4, "{count} {probability}");
+            }
+        }
+        // The near light is chosen more often than not, the far one less.
+        let of_quad = |x, height| lights(x, height).probability(0, Vec3::ZERO, Some(Vec3::Y));
+        assert!(of_quad(0.0, 1.0) > 0.7 && of_quad(0.0, 300.0) < 0.3);
+    }
+
+    #[test]
+    fn lights_that_cannot_shine_on_a_point_are_never_chosen() {
+        let emitters = lights(0.0, 1.0);
+        let only = |from: Vec3, facing: Option<Vec3>| {
+            let chosen = [0.0, 0.5, 0.999].map(|random| emitters.choose_one(from, facing, random));
+            assert!(chosen.iter().all(|choice| *choice == chosen[0]), "{chosen:?}");
+            chosen[0]
+        };
+        // From above the quad light, only the point light is seen.
+        assert_eq!(only(Vec3::Y * 1.5, Some(Vec3::Y)), Some((1, 1.0)));
+        // A surface that faces away from the point light, and then from both.
+        assert_eq!(only(Vec3::new(0.0, 0.0, 1.0), Some(Vec3::NEG_Z)), Some((0, 1.0)));
+        assert_eq!(only(Vec3::ZERO, Some(Vec3::NEG_Y)), None);
+        assert_eq!(emitters.probability(0, Vec3::ZERO, Some(Vec3::NEG_Y)), 0.0);
+        // Glass takes light from behind.
+        assert!(emitters.probability(0, Vec3::ZERO, None) > 0.5);
+        // A surface that cuts the quad light sees a part of it.
+        assert!(emitters.probability(0, Vec3::new(0.3, 0.0, 0.0), Some(Vec3::X)) > 0.0);
+        assert_eq!(Emitters::default().choose_one(Vec3::ZERO, None, 0.5), None);
     }
 }

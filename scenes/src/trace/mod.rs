@@ -227,8 +227,10 @@ struct Origin {
     position: Vec3,
     /// Density of the ray's direction times the probability of its lobe; infinite for a mirror.
     pdf: f32,
-    /// Probability with which each light was sampled at the origin.
-    light_probability: f32,
+    /// Whether one light was sampled at the origin, and not all.
+    of_one: bool,
+    /// The normal, where light from behind did not count.
+    facing: Option<Vec3>,
 }
 
 impl Tracer {
@@ -440,7 +442,7 @@ impl Tracer {
         let mut vertex = first;
         let mut throughput = Vec3::ONE;
         let mut radiance = Vec3::ZERO;
-        let mut origin = Origin { position: first.position, pdf: f32::INFINITY, light_probability: 1.0 };
+        let mut origin = Origin { position: first.position, pdf: f32::INFINITY, of_one: false, facing: None };
         let (mut bounce, mut passes, mut at_first) = (bounces, 0, true);
         // Whether the eye sees the vertex, directly or by perfect reflection and refraction.
         let mut unscattered = true;
@@ -499,8 +501,8 @@ impl Tracer {
                 // Shadow rays go straight through thin glass, in direct mode through all: its light is weighted as theirs.
                 let like_shadows = vertex.bsdf.is_thin() || settings.mode == Mode::Direct && !unscattered;
                 if !(is_perfect && lobe == Lobe::Transmit && like_shadows) {
-                    let light_probability = if unscattered { 1.0 } else { self.light_probability() };
-                    origin = Origin { position: vertex.position, pdf: scatter.pdf, light_probability };
+                    let (position, facing) = (vertex.position, vertex.lit_side());
+                    origin = Origin { position, pdf: scatter.pdf, of_one: !unscattered, facing };
                 }
                 unscattered &= is_perfect;
             }
@@ -561,20 +563,14 @@ impl Tracer {
         lights.map(|light| self.lit(vertex, &light, 1.0, shares, mode)).sum()
     }
 
-    /// The contribution of one light, chosen at random from all lights, scattered towards the viewer of `vertex`.
+    /// The contribution of one light, chosen at random, scattered towards the viewer of `vertex`.
     fn one_light(&self, vertex: &Vertex, shares: PerLobe, mode: Mode, rng: &mut Rng) -> Vec3 {
-        let count = self.emitters.count();
-        if count == 0 {
+        let (from, facing) = (vertex.position, vertex.lit_side());
+        let Some((index, probability)) = self.emitters.choose_one(from, facing, rng.next_f32()) else {
             return Vec3::ZERO;
-        }
-        let index = ((rng.next_f32() * count as f32) as usize).min(count - 1);
-        let light = self.emitters.choose(&self.scene, index, vertex.position, || rng.next_pair());
-        light.map_or(Vec3::ZERO, |light| self.lit(vertex, &light, self.light_probability(), shares, mode))
-    }
-
-    /// The probability with which [`Tracer::one_light`] chooses each light.
-    fn light_probability(&self) -> f32 {
-        1.0 / self.emitters.count().max(1) as f32
+        };
+        let light = self.emitters.choose(&self.scene, index, from, || rng.next_pair());
+        light.map_or(Vec3::ZERO, |light| self.lit(vertex, &light, probability, shares, mode))
     }
 
     /// The contribution of a sampled light, scattered by all lobes towards the viewer of `vertex`; black in shadow.
@@ -652,7 +648,7 @@ impl Tracer {
             return 1.0;
         }
         match self.emitters.pdf(&self.scene, hit.face, origin.position, hit.position, direction) {
-            Some(rival) => origin.pdf / (origin.pdf + rival * origin.light_probability),
+            Some((rival, choice)) => origin.pdf / (origin.pdf + rival * self.odds(origin, choice)),
             None => 1.0,
         }
     }
@@ -661,10 +657,16 @@ impl Tracer {
     fn weight_of_sky(&self, origin: &Origin, direction: Vec3) -> f32 {
         match self.emitters.sky_pdf(direction) {
             Some(rival) if origin.pdf.is_finite() => {
-                origin.pdf / (origin.pdf + rival * origin.light_probability)
+                let choice = self.emitters.count() - 1;
+                origin.pdf / (origin.pdf + rival * self.odds(origin, choice))
             }
             _ => 1.0,
         }
+    }
+
+    /// The probability with which a light was sampled at the origin of a ray.
+    fn odds(&self, origin: &Origin, choice: usize) -> f32 {
+        if origin.of_one { self.emitters.probability(choice, origin.position, origin.facing) } else { 1.0 }
     }
 
     /// The nearest surface along a ray of unit direction.
@@ -750,6 +752,11 @@ impl Vertex {
     /// The start of rays on the other side of the surface.
     fn beyond(&self) -> Vec3 {
         self.off(-self.facing - self.to_viewer)
+    }
+
+    /// The normal of the only side on which light counts; none if it counts on both.
+    fn lit_side(&self) -> Option<Vec3> {
+        (!self.bsdf.is_glass()).then_some(self.facing)
     }
 
     fn off(&self, direction: Vec3) -> Vec3 {
