@@ -44,14 +44,6 @@ fn look_of(face: u32) -> SurfaceLook {
     return looks[corners[face].w & MATERIAL];
 }
 
-// The direction through a position in the image; its length along the view axis is 1.
-fn direction_through(at: vec2<f32>) -> vec3<f32> {
-    let view = frame.view;
-    let u = (2.0 * at.x / f32(frame.size.x) - 1.0) * view.tan_x;
-    let v = (1.0 - 2.0 * at.y / f32(frame.size.y)) * view.tan_y;
-    return view.forward + u * view.right + v * view.up;
-}
-
 struct Meeting {
     // Barycentric weights of the corners.
     weights: vec3<f32>,
@@ -111,7 +103,7 @@ struct Fragment {
 
 @fragment
 fn draw(in: Vertex) -> Fragment {
-    let z = meet(seen_corners(in.face), direction_through(in.position.xy)).z;
+    let z = meet(seen_corners(in.face), direction_through(frame.view, in.position.xy, frame.size)).z;
     if !(z > 0.0) {
         discard;
     }
@@ -127,7 +119,7 @@ fn resolve(@builtin(global_invocation_id) thread: vec3<u32>) {
     let pixel = thread.xy;
     let p = pixel_index(pixel);
     let at = vec2<f32>(pixel) + 0.5;
-    let direction = direction_through(at);
+    let direction = direction_through(frame.view, at, frame.size);
     let face = textureLoad(drawn, pixel, 0).x;
     id[p] = face;
     if face == NO_FACE {

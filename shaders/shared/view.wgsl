@@ -45,6 +45,13 @@ fn dot_in_order(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
+// The direction through a position in an image of `size` pixels; its length along the view axis is 1.
+fn direction_through(view: View, at: vec2<f32>, size: vec2<u32>) -> vec3<f32> {
+    let u = (2.0 * at.x / f32(size.x) - 1.0) * view.tan_x;
+    let v = (1.0 - 2.0 * at.y / f32(size.y)) * view.tan_y;
+    return view.forward + u * view.right + v * view.up;
+}
+
 fn same_view(a: View, b: View) -> bool {
     return all(a.eye == b.eye) && all(a.right == b.right) && all(a.up == b.up) && all(a.forward == b.forward)
         && a.near == b.near && a.far == b.far && a.tan_x == b.tan_x && a.tan_y == b.tan_y;
