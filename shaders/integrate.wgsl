@@ -31,6 +31,9 @@ struct Params {
 #ifdef ACCUMULATE
 @group(0) @binding(11) var<storage, read_write> cloud_mean: array<vec4<f32>>;
 @group(0) @binding(12) var<storage, read_write> cloud_record: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read_write> asked: array<u32>;
+@group(0) @binding(14) var<storage, read_write> evidence: array<vec2<f32>>;
+@group(0) @binding(15) var<storage, read_write> shift: array<f32>;
 #endif
 
 @compute @workgroup_size(1)
@@ -48,7 +51,54 @@ fn compare(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     if differs_from_shown(index) {
         stamp_around(samples[index].pixel);
     }
+#ifdef ACCUMULATE
+    if is_renewal(index) && samples[index].pixel < arrayLength(&asked) {
+        // What a source asks for twice counts once.
+        asked[samples[index].pixel] = index + 1u;
+    }
+#endif
 }
+
+#ifdef ACCUMULATE
+// Whether all samples of a tile together tell that its light has changed, and by what share.
+@compute @workgroup_size(64)
+fn weigh(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let tile = linear_index(id, groups, 64u);
+    if tile >= arrayLength(&shift) {
+        return;
+    }
+    let columns = (frame.size.x + TILE - 1u) / TILE;
+    let first = TILE * vec2(tile % columns, tile / columns);
+    let end = min(first + TILE, frame.size);
+    // The sums of differences, of their variances, and of the luminance of the means.
+    var found = vec3(0.0);
+    for (var y = first.y; y < end.y; y++) {
+        for (var x = first.x; x < end.x; x++) {
+            let pixel = pixel_index(vec2(x, y));
+            if asked[pixel] != 0u {
+                found += told(asked[pixel] - 1u);
+                asked[pixel] = 0u;
+            }
+        }
+    }
+    let difference = MEMORY * evidence[tile].x + found.x;
+    let variance = MEMORY * MEMORY * evidence[tile].y + found.y;
+    let share = abs(found.x) / max(found.z, 1.17549435e-38);
+    let is_certain = difference * difference > CERTAIN * CERTAIN * variance;
+    let goes_on = difference * found.x > 0.0 && share > LEAST_SHIFT;
+    evidence[tile] = vec2(difference, variance);
+    shift[tile] = select(0.0, min(share, 1.0), is_certain && goes_on);
+}
+
+// What a sample adds to these sums.
+fn told(index: u32) -> vec3<f32> {
+    let point = samples[index].reuse;
+    let before = load_estimate(cloud_mean[point], cloud_record[point]);
+    let found = difference_from(before, single(index));
+    // Textures and edges differ by more than their noise, but not all to one side.
+    return vec3(found.x, max(found.y, found.x * found.x), luminance(before.mean));
+}
+#endif
 
 @compute @workgroup_size(256)
 fn flag(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -61,8 +111,29 @@ fn flag(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     if pixel < arrayLength(&changed) && atomicLoad(&changed[pixel]) == frame.index + 1u {
         bits |= CHANGED;
     }
+#ifdef ACCUMULATE
+    let share = shift_at(pixel);
+    if share > 0.0 {
+        bits = (bits & ~AGE) | min((bits & AGE) + u32(share * f32(AGE)), AGE);
+        let estimate = doubted(load_estimate(cloud_mean[slot], cloud_record[slot]), share, MOST_AT_REST);
+        cloud_mean[slot] = stored_mean(estimate);
+        cloud_record[slot] = stored_record(estimate);
+    }
+#endif
     cloud_meta[slot] = bits;
 }
+
+#ifdef ACCUMULATE
+// The share by which the light of a pixel's tile has changed; 0 beyond the image.
+fn shift_at(pixel: u32) -> f32 {
+    let at = vec2(pixel % frame.size.x, pixel / frame.size.x);
+    if at.y >= frame.size.y {
+        return 0.0;
+    }
+    let columns = (frame.size.x + TILE - 1u) / TILE;
+    return shift[at.y / TILE * columns + at.x / TILE];
+}
+#endif
 
 @compute @workgroup_size(64)
 fn insert(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -91,15 +162,21 @@ fn takes(index: u32) -> bool {
     return samples[index].hit != HIT_NONE && slots[index] < arrayLength(&cloud_meta);
 }
 
-// Whether the point that a sample was requested to renew is live and had a different colour.
-fn differs_from_shown(index: u32) -> bool {
+// Whether a sample was requested to renew a live point.
+fn is_renewal(index: u32) -> bool {
     let point = samples[index].reuse;
     if samples[index].view != VIEW_NOW || point >= arrayLength(&cloud_meta) {
         return false;
     }
-    if (cloud_meta[point] & LIVE) == 0u {
+    return (cloud_meta[point] & LIVE) != 0u;
+}
+
+// Whether the point that a sample was requested to renew is live and had a different colour.
+fn differs_from_shown(index: u32) -> bool {
+    if !is_renewal(index) {
         return false;
     }
+    let point = samples[index].reuse;
 #ifdef ACCUMULATE
     return differs_from(load_estimate(cloud_mean[point], cloud_record[point]), single(index), params.threshold);
 #else
@@ -117,6 +194,7 @@ fn single(index: u32) -> Estimate {
     return single_estimate(
         samples[index].radiance,
         samples[index].variance,
+        samples[index].sharpness,
         towards_eye(samples[index].position, eye),
     );
 }
@@ -128,8 +206,7 @@ fn estimate_with(index: u32, slot: u32) -> Estimate {
         return alone;
     }
     let before = load_estimate(cloud_mean[slot], cloud_record[slot]);
-    // Whatever a source says of its samples, this is a number.
-    let change = bounded(vec3(samples[index].sharpness * distance(before.towards_eye, alone.towards_eye))).x;
+    let change = bounded(vec3(alone.sharpness * distance(before.towards_eye, alone.towards_eye))).x;
     let most = select(params.most, MOST_AT_REST, same_view(frame.view, frame.previous));
     return joined(doubted(before, change, most), alone);
 }

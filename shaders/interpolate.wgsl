@@ -6,8 +6,13 @@
 #import edge_pixel
 #import frame
 #import pixel
-#ifdef VARIANCE
+#ifdef NOISE
 #import requests
+#endif
+#ifdef UNCERTAIN
+#import estimate
+#import octahedral
+#import view
 #endif
 
 struct Params {
@@ -17,6 +22,7 @@ struct Params {
     space: u32,
     priority: u32,
     variance: u32,
+    uncertain: u32,
 }
 
 // Maximum number of cells along an axis of a pixel.
@@ -35,9 +41,14 @@ const SIDE: u32 = GROUP + 2u * REACH;
 @group(0) @binding(7) var<storage, read> subpixel: array<u32>;
 @group(0) @binding(8) var color: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(9) var<storage, read_write> priority: array<u32>;
-#ifdef VARIANCE
+#ifdef NOISE
 @group(0) @binding(10) var<storage, read> cloud_mean: array<vec4<f32>>;
+#endif
+#ifdef VARIANCE
 @group(0) @binding(11) var<storage, read_write> variance: array<f32>;
+#endif
+#ifdef UNCERTAIN
+@group(0) @binding(12) var<storage, read> cloud_record: array<vec4<f32>>;
 #endif
 
 // The samples of the tile and around it: radiance, and the cell in the pixel; -1 if there is none.
@@ -45,7 +56,7 @@ var<workgroup> samples: array<vec4<f32>, SIDE * SIDE>;
 // For each row or column of cells, the weights along that axis of a sample in it at each offset + REACH.
 var<workgroup> axis: array<f32, CELLS * SPAN>;
 
-#ifdef VARIANCE
+#ifdef NOISE
 // Luminance and its variance, of the same samples.
 var<workgroup> noise: array<vec2<f32>, SIDE * SIDE>;
 
@@ -83,18 +94,20 @@ fn add_sample(sums: ptr<function, Scatter>, weight: f32, sample: vec2<f32>) {
     (*sums).squared_luminance += weight * sample.x * sample.x;
 }
 
-// The variance of the mean of independent samples. Those that do not know their own have that of the samples around them,
-// and a single one is as uncertain as it is bright.
+// Mean luminance and variance of one of these samples. A single one is as uncertain as it is bright.
+fn one_of(sums: Scatter) -> vec2<f32> {
+    let mean = sums.luminance / sums.weights;
+    let between = max(sums.squared_luminance / sums.weights - mean * mean, 0.0);
+    let share = 1.0 - sums.squared_weights / (sums.weights * sums.weights);
+    return vec2(mean, select(mean * mean, between / share, share > LEAST_SHARE));
+}
+
+// The variance of the mean of independent samples. Those that do not know their own have that of the samples around them.
 fn variance_of_mean(sums: Scatter) -> f32 {
     if sums.weights <= 0.0 {
         return UNKNOWN;
     }
-    let mean = sums.luminance / sums.weights;
-    let between = max(sums.squared_luminance / sums.weights - mean * mean, 0.0);
-    let all = sums.weights * sums.weights;
-    let share = 1.0 - sums.squared_weights / all;
-    let of_one = select(mean * mean, between / share, share > LEAST_SHARE);
-    return (sums.known + sums.unknown * of_one) / all;
+    return (sums.known + sums.unknown * one_of(sums).y) / (sums.weights * sums.weights);
 }
 #endif
 
@@ -157,7 +170,7 @@ fn interpolate(
     for (var i = lane; i < SIDE * SIDE; i += GROUP * GROUP) {
         let q = corner + vec2<i32>(vec2(i % SIDE, i / SIDE));
         samples[i] = load(q);
-#ifdef VARIANCE
+#ifdef NOISE
         noise[i] = load_noise(q);
 #endif
     }
@@ -170,7 +183,7 @@ fn interpolate(
     let p = pixel_index(pixel);
     let counts = taps(p);
     var sum = vec4(0.0);
-#ifdef VARIANCE
+#ifdef NOISE
     var scatter = Scatter();
 #endif
     let shift = params.subpixel_bits / 2u;
@@ -182,7 +195,7 @@ fn interpolate(
                 let cell = u32(sample.w);
                 let weight = axis[(cell & mask) * SPAN + dx] * axis[((cell >> shift) & mask) * SPAN + dy];
                 sum += weight * vec4(sample.rgb, 1.0);
-#ifdef VARIANCE
+#ifdef NOISE
                 add_sample(&scatter, weight / FULL, noise[(local.y + dy) * SIDE + local.x + dx]);
 #endif
             }
@@ -207,7 +220,30 @@ fn interpolate(
     } else {
         priority[p] = with_point(cloud_meta[id[p]] & AGE);
     }
+#ifdef UNCERTAIN
+    priority[p] = uncertain(priority[p], pixel, id[p], scatter);
+#endif
 }
+
+#ifdef UNCERTAIN
+// The priority of a pixel, given that by age and emptiness.
+fn uncertain(by_age: u32, pixel: vec2<u32>, point: u32, around: Scatter) -> u32 {
+    var found = 0.0;
+    if point != NO_POINT {
+        let direction = direction_through(frame.view, vec2<f32>(pixel) + 0.5, frame.size);
+        found = uncertainty_of(load_estimate(cloud_mean[point], cloud_record[point]), -normalize(direction));
+    }
+    if around.weights <= 0.0 {
+        found = MOST_UNCERTAINTY;
+    } else {
+        let one = one_of(around);
+        found = max(found, uncertainty(one.x, one.y));
+    }
+    // In 1/16, so that the sides round alike.
+    let factor = clamp(found * UNCERTAINTY_GAIN, LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
+    return min(by_age * u32(factor) / 16u, 255u);
+}
+#endif
 
 // Priority of a pixel that shows a point of this age, in 8.8 fixed point.
 fn with_point(age: u32) -> u32 {

@@ -1,5 +1,5 @@
 // What is known of the radiance of a point that was sampled several times. Mirrors `stages/src/shared/estimate.rs`, which
-// declares the constants MOST_AT_REST, SURPRISE, SHOCK, FLATNESS, LEAST and NOTHING. Import cloud, color, octahedral and requests too.
+// declares the constants MOST_AT_REST, SURPRISE, SHOCK, FLATNESS, LEAST, DARK and NOTHING. Import cloud, color, octahedral and requests too.
 
 struct Estimate {
     // Mean linear radiance.
@@ -10,6 +10,8 @@ struct Estimate {
     count: f32,
     // Unit direction to the eye that saw the last one.
     towards_eye: vec3<f32>,
+    // The share by which the radiance may change per radian of this direction.
+    sharpness: f32,
     // Whether the last one was a surprise: noise hardly explains its difference from the mean.
     is_suspect: bool,
 }
@@ -17,7 +19,11 @@ struct Estimate {
 // From the two values that the cloud stores of a point.
 fn load_estimate(mean: vec4<f32>, record: vec4<f32>) -> Estimate {
     let count = abs(record.w);
-    return Estimate(mean.rgb, select(mean.w * count, UNKNOWN, mean.w < 0.0), count, record.xyz, record.w < 0.0);
+    let variance = select(mean.w * count, UNKNOWN, mean.w < 0.0);
+    // A point at the eye has no direction.
+    let length = length(record.xyz);
+    let towards_eye = select(vec3(0.0), record.xyz / length, length > 0.0);
+    return Estimate(mean.rgb, variance, count, towards_eye, max(length - 1.0, 0.0), record.w < 0.0);
 }
 
 // The first of these values: the mean, and the variance of its luminance.
@@ -25,14 +31,30 @@ fn stored_mean(e: Estimate) -> vec4<f32> {
     return vec4(e.mean, select(e.variance / e.count, UNKNOWN, e.variance < 0.0));
 }
 
-// The second: the direction to the eye, and the count, negative after a surprise.
+// The second: the direction to the eye, of length 1 + sharpness, and the count, negative after a surprise.
 fn stored_record(e: Estimate) -> vec4<f32> {
-    return vec4(e.towards_eye, select(e.count, -e.count, e.is_suspect));
+    return vec4(e.towards_eye * (1.0 + e.sharpness), select(e.count, -e.count, e.is_suspect));
 }
 
 // That of a single sample.
-fn single_estimate(radiance: vec3<f32>, variance: f32, towards_eye: vec3<f32>) -> Estimate {
-    return Estimate(bounded(radiance), known_variance(variance), 1.0, towards_eye, false);
+fn single_estimate(radiance: vec3<f32>, variance: f32, sharpness: f32, towards_eye: vec3<f32>) -> Estimate {
+    // Whatever a source says of its samples, this is a number.
+    let bounded_sharpness = bounded(vec3(sharpness)).x;
+    return Estimate(bounded(radiance), known_variance(variance), 1.0, towards_eye, bounded_sharpness, false);
+}
+
+// How uncertain the colour of the point is for an eye in this unit direction.
+fn uncertainty_of(e: Estimate, towards_eye: vec3<f32>) -> f32 {
+    let luminance = luminance(e.mean);
+    // A single light path is as uncertain as it is bright.
+    let of_mean = select(e.variance / e.count, luminance * luminance, e.variance < 0.0);
+    let change = luminance * e.sharpness * distance(e.towards_eye, towards_eye);
+    return uncertainty(luminance, of_mean + change * change);
+}
+
+// The square root of the standard deviation that is roughly seen where a display shows this luminance.
+fn uncertainty(luminance: f32, variance: f32) -> f32 {
+    return sqrt(sqrt(variance / (luminance + DARK)));
 }
 
 // After something that may have changed the radiance by this share of itself.
@@ -55,14 +77,20 @@ fn differs_from(e: Estimate, single: Estimate, threshold: f32) -> bool {
     return is_seen && surprise(e, single) > SURPRISE * SURPRISE;
 }
 
-// The squared difference of a single sample from the mean, in variances; 0 if none is known.
-fn surprise(e: Estimate, single: Estimate) -> f32 {
+// The difference of luminance of a single sample from the mean, and its variance if the radiance rests; 0 if that is not
+// known.
+fn difference_from(e: Estimate, single: Estimate) -> vec2<f32> {
     if e.variance < 0.0 {
-        return 0.0;
+        return vec2(0.0);
     }
     let difference = luminance(single.mean) - luminance(e.mean);
-    let variance = e.variance / e.count + noise_of_one(e, single);
-    return difference * difference / max(variance, 1.17549435e-38);
+    return vec2(difference, e.variance / e.count + noise_of_one(e, single));
+}
+
+// The squared difference of a single sample from the mean, in variances; 0 if none is known.
+fn surprise(e: Estimate, single: Estimate) -> f32 {
+    let found = difference_from(e, single);
+    return found.x * found.x / max(found.y, 1.17549435e-38);
 }
 
 // The variance of a single sample. A few light paths may look more alike than they are.
@@ -92,7 +120,8 @@ fn joined(e: Estimate, single: Estimate) -> Estimate {
     // The expected square of the difference is the variance of one sample times count / before.
     let own = select(single.variance, difference * difference * before / count, single.variance < 0.0);
     let variance = select(e.variance + (own - e.variance) / count, own, e.variance < 0.0);
-    return Estimate(e.mean + (single.mean - e.mean) / count, variance, count, single.towards_eye, is_suspect);
+    let mean = e.mean + (single.mean - e.mean) / count;
+    return Estimate(mean, variance, count, single.towards_eye, single.sharpness, is_suspect);
 }
 
 // The variance that a sample states of itself, bounded; UNKNOWN if it is not a number.

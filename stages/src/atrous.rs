@@ -1,5 +1,5 @@
 //! Averages noisy colours along surfaces: an à-trous filter that crosses no edge and knows how noisy each colour is
-//! (`algorithms.md` section 12.2).
+//! (`algorithms.md` section 12.3).
 //!
 //! Level l takes the pixel's colour and those of the four pixels 2^l to its sides, with binomial weights. A tap counts if
 //! a straight walk to it, from neighbour to neighbour, crosses no edge: so edges need not be guessed from normals and

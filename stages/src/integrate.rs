@@ -2,14 +2,18 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use epigraph_core::{Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, View};
+use epigraph_core::{
+    Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, View, scratch,
+};
 use rayon::prelude::*;
 
 use crate::{
     column,
     meaning::{ARRIVED, DATE, POINTS, SAMPLES, SLOT},
     shared::{
-        cloud::{BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, bounded, decode_radiance, encode_radiance},
+        cloud::{
+            AGE, BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, bounded, decode_radiance, encode_radiance,
+        },
         color::{luminance, tone_mapped_luma},
         estimate::{Estimate, MOST_AT_REST, angle, on_surface},
         requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
@@ -22,6 +26,14 @@ mod explain;
 epigraph_core::constants! {
     /// Points seen at most this many pixels from a changed one, on each axis, are flagged: a square of 7 x 7.
     const REACH: u32 = 3;
+    /// Pixels on each side of a tile, of which all samples together tell whether its light has changed.
+    const TILE: u32 = 32;
+    /// What remains of a tile's evidence from one frame with samples to the next.
+    const MEMORY: f32 = 0.8;
+    /// Noise hardly explains a sum of differences of more than this many standard deviations.
+    const CERTAIN: f32 = 5.0;
+    /// Smaller shares do not count as a change of a tile's light.
+    const LEAST_SHIFT: f32 = 0.1;
 }
 
 epigraph_core::params! {
@@ -45,11 +57,13 @@ epigraph_core::params! {
 /// as changed, which makes them age faster (`algorithms.md` section 1.5).
 ///
 /// If samples accumulate, the point keeps the mean of the samples that renewed it, with its variance, and its colour is that
-/// mean (section 12.1).
+/// mean (section 12.1). Single samples may then be too noisy to tell that the light has changed, but all of a tile of 32 x 32
+/// pixels together do: its points age by the share of a life by which the light has changed.
 pub struct Integrate {
     cloud_position: Out<[f32; 4]>,
     /// The two fields of the points' estimates, if samples accumulate.
     means: Option<[Out<[f32; 4]>; 2]>,
+    tiles: Option<Tiles>,
     cloud_radiance: Out<u32>,
     cloud_image_id: Out<u32>,
     cloud_meta: Out<u32>,
@@ -58,6 +72,14 @@ pub struct Integrate {
     arrived: Out<u32>,
     changed: Out<u32>,
     dates: Out<u32>,
+}
+
+/// Which samples belong to a tile, what they have told, and by how much its light has changed.
+#[derive(Clone, Copy)]
+struct Tiles {
+    asked: Out<u32>,
+    evidence: Out<[f32; 2]>,
+    shift: Out<f32>,
 }
 
 impl Stage for Integrate {
@@ -85,6 +107,23 @@ impl Stage for Integrate {
             Extent::Frame(1),
         );
         let dates = io.persistent("dates", DATE, Extent::Like("cloud".into()));
+        let tiles = params.accumulate.then(|| Tiles {
+            asked: io.persistent(
+                "asked",
+                "Index + 1 of the sample that this frame compares with the point that the pixel showed; then 0.",
+                Extent::Frame(1),
+            ),
+            evidence: io.persistent(
+                "evidence",
+                "For each tile the sum of the differences of luminance between samples and means, and its variance.",
+                Extent::Frame(TILE),
+            ),
+            shift: io.write(
+                "shift",
+                scratch("For each tile the share by which its light has changed, 0 if it has not."),
+                Extent::Frame(TILE),
+            ),
+        });
 
         io.shader(shader!("integrate"));
         io.constants(CONSTANTS);
@@ -93,12 +132,16 @@ impl Stage for Integrate {
         }
         io.compute("clear", Threads::Groups(1));
         io.dispatch("compare", slots);
+        if let Some(Tiles { shift, .. }) = tiles {
+            io.dispatch("weigh", shift);
+        }
         io.dispatch("flag", cloud_meta);
         io.dispatch("insert", slots);
         io.per_arrival(samples);
         Self {
             cloud_position,
             means,
+            tiles,
             cloud_radiance,
             cloud_image_id,
             cloud_meta,
@@ -137,6 +180,33 @@ impl Stage for Integrate {
         });
         arrived[0] = compared.count() as u32;
 
+        // weigh
+        let shift = self.tiles.map(|Tiles { asked, evidence, shift }| {
+            let (mut asked, mut evidence, mut shift) = (cx.write(asked), cx.write(evidence), cx.write(shift));
+            for (index, (sample, &slot)) in (1..).zip(samples.iter().zip(slots)) {
+                if takes(sample, slot, capacity) && shown.renewed_by(sample).is_some() {
+                    // What a source asks for twice counts once.
+                    if let Some(asked) = asked.get_mut(sample.pixel as usize) {
+                        *asked = index;
+                    }
+                }
+            }
+            let (width, tile) = (size[0] as usize, TILE as usize);
+            let columns = width.div_ceil(tile);
+            let rows = evidence.par_chunks_mut(columns).zip(shift.par_chunks_mut(columns));
+            rows.zip(asked.par_chunks_mut(width * tile)).for_each(|((evidence, shift), asked)| {
+                let mut found = vec![Evidence::default(); columns];
+                for (pixel, asked) in asked.iter_mut().enumerate().filter(|(_, asked)| **asked != 0) {
+                    let sample = &samples[std::mem::take(asked) as usize - 1];
+                    found[pixel % width / tile].add(&shown, sample);
+                }
+                for ((found, evidence), shift) in found.into_iter().zip(evidence).zip(shift) {
+                    (*evidence, *shift) = found.after(*evidence);
+                }
+            });
+            shift
+        });
+
         // flag: most points pass every test, so branchless code is faster than skipping
         let last = changed.len() as u32 - 1;
         let changed = &*changed;
@@ -145,6 +215,19 @@ impl Stage for Integrate {
             let is_stamped = (changed[within as usize] == stamp) & (within == pixel) & (*meta & LIVE != 0);
             *meta = (*meta & !FRESH) | (CHANGED * u32::from(is_stamped));
         });
+        if let (Some(shift), Some([mean, record])) = (&shift, &mut means)
+            && shift.iter().any(|&shift| shift > 0.0)
+        {
+            for slot in 0..capacity {
+                let share = tile_of(image_id[slot], size).map_or(0.0, |tile| shift[tile]);
+                if share > 0.0 && meta[slot] & LIVE != 0 {
+                    let age = (meta[slot] & AGE) + (share * AGE as f32) as u32;
+                    meta[slot] = meta[slot] & !AGE | age.min(AGE);
+                    let estimate = Estimate::load(mean[slot], record[slot]);
+                    [mean[slot], record[slot]] = estimate.doubt(share, MOST_AT_REST).store();
+                }
+            }
+        }
 
         // insert
         let (position, radiance, meta) = (&mut position[..], &mut radiance[..], &mut meta[..]);
@@ -156,7 +239,7 @@ impl Stage for Integrate {
                 let mut estimate = Estimate::of(sample, eye.position);
                 if sample.reuse == slot && eye.renews(sample, meta[point], position[point]) {
                     let before = Estimate::load(mean[point], record[point]);
-                    let before = eye.looks_again(before, sample, &estimate, params.most);
+                    let before = eye.looks_again(before, &estimate, params.most);
                     estimate = before.join(estimate);
                 }
                 [mean[point], record[point]] = estimate.store();
@@ -204,12 +287,16 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
+    /// The live point that a sample was requested to renew.
+    fn renewed_by(&self, sample: &Sample) -> Option<usize> {
+        let point = sample.reuse as usize;
+        let is_live = sample.view == VIEW_NOW && self.meta.get(point).is_some_and(|meta| meta & LIVE != 0);
+        is_live.then_some(point)
+    }
+
     /// Whether the point that a sample was requested to renew is live and had a different colour.
     fn differs_from(&self, sample: &Sample) -> bool {
-        let point = sample.reuse as usize;
-        if sample.view != VIEW_NOW || self.meta.get(point).is_none_or(|meta| meta & LIVE == 0) {
-            return false;
-        }
+        let Some(point) = self.renewed_by(sample) else { return false };
         if let Some([mean, record]) = self.estimates {
             // The eye does not matter here.
             let single = Estimate::of(sample, [0.0; 3]);
@@ -220,6 +307,45 @@ impl Shown<'_> {
         let after = luminance(decode_radiance(encode_radiance(sample.radiance)));
         (tone_mapped_luma(after) - tone_mapped_luma(before)).abs() > self.threshold
     }
+}
+
+/// What the samples of a tile tell of a frame's light.
+#[derive(Clone, Copy, Default)]
+struct Evidence {
+    /// The sum of the differences between the luminance of samples and that of the means of points, and its variance.
+    difference: f32,
+    variance: f32,
+    /// The sum of the luminance of the means.
+    before: f32,
+}
+
+impl Evidence {
+    fn add(&mut self, shown: &Shown, sample: &Sample) {
+        let (Some(point), Some([mean, record])) = (shown.renewed_by(sample), shown.estimates) else { return };
+        let before = Estimate::load(mean[point], record[point]);
+        // The eye does not matter here.
+        let [difference, variance] = before.difference(&Estimate::of(sample, [0.0; 3]));
+        self.difference += difference;
+        // Textures and edges differ by more than their noise, but not all to one side.
+        self.variance += variance.max(difference * difference);
+        self.before += luminance(before.mean);
+    }
+
+    /// The evidence of a tile and the share by which its light has changed, after these samples.
+    fn after(&self, [difference, variance]: [f32; 2]) -> ([f32; 2], f32) {
+        let difference = MEMORY * difference + self.difference;
+        let variance = MEMORY * MEMORY * variance + self.variance;
+        let share = self.difference.abs() / self.before.max(f32::MIN_POSITIVE);
+        let is_certain = difference * difference > CERTAIN * CERTAIN * variance;
+        let goes_on = difference * self.difference > 0.0 && share > LEAST_SHIFT;
+        ([difference, variance], if is_certain && goes_on { share.min(1.0) } else { 0.0 })
+    }
+}
+
+/// The tile of a pixel; none beyond the image.
+fn tile_of(pixel: u32, [width, height]: [u32; 2]) -> Option<usize> {
+    let (x, y) = (pixel % width, pixel / width);
+    (y < height).then(|| (y / TILE * width.div_ceil(TILE) + x / TILE) as usize)
 }
 
 /// From where the samples that arrive in a frame were seen: they were requested in the frame before.
@@ -247,9 +373,8 @@ impl Eye {
     }
 
     /// A point's estimate as seen from here, which may be another direction than that of its last sample.
-    fn looks_again(&self, before: Estimate, sample: &Sample, single: &Estimate, most: f32) -> Estimate {
-        // Whatever a source says of its samples, this is a number.
-        let [change, ..] = bounded([sample.sharpness * angle(before.towards_eye, single.towards_eye); 3]);
+    fn looks_again(&self, before: Estimate, single: &Estimate, most: f32) -> Estimate {
+        let [change, ..] = bounded([single.sharpness * angle(before.towards_eye, single.towards_eye); 3]);
         before.doubt(change, if self.rests { MOST_AT_REST } else { most })
     }
 }
@@ -270,7 +395,7 @@ mod tests {
 
     use super::*;
     use crate::shared::{
-        cloud::{AGE, MAX_RADIANCE, NO_POINT},
+        cloud::{MAX_RADIANCE, NO_POINT},
         octahedral::{NO_NORMAL, encode_oct16},
         requests::{HIT_BACKGROUND, VIEW_PREDICTED},
         testing::{Random, run_alike, run_both, settings},
@@ -591,5 +716,85 @@ mod tests {
         both.assert_close("cloud.record", 1e-4);
         let joined = both.cpu.get::<[f32; 4]>("cloud.record").iter().filter(|record| record[3] > 1.0).count();
         assert!((40..190).contains(&joined), "{joined}");
+    }
+
+    /// Samples of `grey` for the first `count` points of a tile, whose means are 0.5 with a variance of 0.0025.
+    fn tile_of_samples(count: u32, grey: f32, variance: f32) -> Harness<Integrate> {
+        let sample = |slot| Sample { variance, normal: NO_NORMAL, ..sample(slot, [grey; 3]) };
+        let samples: Vec<_> = (0..count).map(sample).collect();
+        // They take slots whose points are beyond the image.
+        accumulating(512, &samples, &(192..192 + count).collect::<Vec<_>>())
+    }
+
+    /// The evidence of the only tile, and the share by which its light has changed.
+    #[track_caller]
+    fn weighed(mut harness: Harness<Integrate>) -> ([f32; 2], f32) {
+        let both = run_both(&mut harness);
+        both.assert_close("evidence", 1e-5);
+        both.assert_close("shift", 1e-5);
+        assert!(both.gpu.get::<u32>("asked").iter().all(|&asked| asked == 0));
+        (both.cpu.get::<[f32; 2]>("evidence")[0], both.cpu.get::<f32>("shift")[0])
+    }
+
+    #[test]
+    fn all_samples_of_a_tile_tell_of_a_change_that_none_tells_alone() {
+        let close = |(got, shift): ([f32; 2], f32), expected: [f32; 2], share: f32| {
+            let near = |a: f32, b: f32| (a - b).abs() < 1e-5 * b.abs().max(0.1);
+            let is_close = near(got[0], expected[0]) && near(got[1], expected[1]) && near(shift, share);
+            assert!(is_close, "{got:?} {shift}, expected {expected:?} {share}");
+        };
+        // Each differs by -0.2, less than two deviations of sqrt(0.0025 + 0.0125). As differences they count as noise of 0.2:
+        // 40 differ by 8, which are 6.3 deviations of sqrt(40 * 0.04). The share is 0.2 / 0.5.
+        close(weighed(tile_of_samples(40, 0.3, 0.0125)), [-8.0, 40.0 * 0.04], 0.4);
+        // Nine do not suffice: 1.8 are 3 deviations.
+        close(weighed(tile_of_samples(9, 0.3, 0.0125)), [-1.8, 9.0 * 0.04], 0.0);
+        // Nor does a small share.
+        close(weighed(tile_of_samples(192, 0.451, 1e-5)), [-192.0 * 0.049, 192.0 * 0.0125], 0.0);
+        let known = 0.3 * 0.3;
+        close(weighed(tile_of_samples(100, 0.8, 0.0125)), [30.0, 100.0 * known], 0.6);
+        close(weighed(tile_of_samples(24, 0.8, 0.0125)), [7.2, 24.0 * known], 0.0);
+        // More than all of it does not change.
+        close(weighed(tile_of_samples(100, 2.0, 0.0125)), [150.0, 225.0], 1.0);
+    }
+
+    #[test]
+    fn evidence_of_earlier_frames_fades() {
+        let nine = Evidence { difference: -1.8, variance: 0.135, before: 4.5 };
+        let close = |(got, shift): ([f32; 2], f32), expected: [f32; 2], share: f32| {
+            let near = |a: f32, b: f32| (a - b).abs() < 1e-5;
+            let is_close = near(got[0], expected[0]) && near(got[1], expected[1]) && near(shift, share);
+            assert!(is_close, "{got:?} {shift}, expected {expected:?} {share}");
+        };
+        // With what was known before, of which four fifths remain, nine suffice.
+        close(nine.after([-1.0, 0.05]), [-2.6, 0.032 + 0.135], 0.4);
+        // Not if it points to the other side, and not without any sample.
+        close(nine.after([10.0, 0.1]), [6.2, 0.064 + 0.135], 0.0);
+        close(Evidence::default().after([-5.0, 0.05]), [-4.0, 0.032], 0.0);
+    }
+
+    #[test]
+    fn the_points_of_a_changed_tile_age_and_are_in_doubt() {
+        let mut harness = tile_of_samples(40, 0.31, 0.0125);
+        let mut meta = vec![LIVE; 512];
+        (meta[7], meta[8]) = (0, LIVE | FRESH);
+        harness.set("cloud.meta", &meta);
+        // Point 9 is beyond the image.
+        let mut ids: Vec<u32> = (0..512).collect();
+        ids[9] = NOT_DRAWN;
+        harness.set("cloud.image_id", &ids);
+        let both = run_both(&mut harness);
+        both.assert_close("cloud.record", 1e-4);
+        both.assert_equal::<u32>("cloud.meta");
+        let meta: Vec<u32> = both.cpu.get("cloud.meta");
+        let record: Vec<[f32; 4]> = both.cpu.get("cloud.record");
+        // 39 samples are left: that of an empty slot tells nothing.
+        let doubted =
+            Estimate::load([0.5, 0.5, 0.5, 0.0025], [0.0, 0.0, 1.0, 4.0]).doubt(0.38, MOST_AT_REST).count;
+        for (slot, (meta, [.., count])) in meta.into_iter().zip(record).take(192).enumerate() {
+            let is_left = matches!(slot, 7 | 9);
+            assert_eq!(meta & AGE, if is_left { 0 } else { (0.38 * 65535.0) as u32 }, "{slot}");
+            let expected = if is_left { 4.0 } else { doubted };
+            assert!((count - expected).abs() < 1e-4, "{slot}: {count}, expected {expected}");
+        }
     }
 }

@@ -25,7 +25,9 @@ use crate::{
         cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance, gather},
         color::luminance,
         edge_pixel::{CLASS, COMPLEX},
+        estimate::{Estimate, uncertainty},
         requests::UNKNOWN,
+        source::Ray,
     },
 };
 
@@ -44,6 +46,10 @@ constants! {
     const FULL: f32 = AXIS * AXIS;
     /// The samples around a pixel tell their variance if no single one has nearly all of the weight.
     const LEAST_SHARE: f32 = 0.05;
+    /// Sixteenths of a priority for each unit of uncertainty, and the fewest and the most.
+    const UNCERTAINTY_GAIN: f32 = 30.0;
+    const LEAST_UNCERTAINTY: f32 = 4.0;
+    const MOST_UNCERTAINTY: f32 = 64.0;
     /// The bits of all 25 pixels of the kernel.
     const ALL: u32 = 0x1FF_FFFF;
 }
@@ -90,6 +96,9 @@ params! {
         priority: Priority = Priority::Measured;
         /// Whether to write the variance of colours, for filters. The cloud must keep means: see `point_cloud`.
         variance: bool = false;
+        /// Whether priorities grow with the uncertainty of colours: by the differences between the samples around the pixel,
+        /// the noise of its own point, and what that point may change with the view. The cloud must keep means.
+        uncertain: bool = false;
     }
 }
 
@@ -110,7 +119,9 @@ pub struct Interpolate {
 #[derive(Clone, Copy)]
 struct Noise {
     mean: In<[f32; 4]>,
-    variance: Out<f32>,
+    variance: Option<Out<f32>>,
+    /// What else is known of points, if priorities depend on it.
+    record: Option<In<[f32; 4]>>,
 }
 
 impl Stage for Interpolate {
@@ -124,7 +135,8 @@ impl Stage for Interpolate {
         io.per_view();
         let mut cloud = io.bundle(Access::Read, "cloud", POINTS, Extent::Any);
         let (radiance, meta) = (cloud.read("radiance"), cloud.read("meta"));
-        let mean = params.variance.then(|| cloud.read("mean"));
+        let mean = (params.variance || params.uncertain).then(|| cloud.read("mean"));
+        let record = params.uncertain.then(|| cloud.read("record"));
         let pixels = || Extent::Frame(1);
         let id = io.read("id", ID, pixels());
         let cls = io.read("cls", meaning::CLASS, pixels());
@@ -138,11 +150,21 @@ impl Stage for Interpolate {
             pixels(),
         );
         let priority = io.write("priority", PRIORITY, pixels());
-        let noise = mean.map(|mean| Noise { mean, variance: io.write("variance", VARIANCE, pixels()) });
+        let noise = mean.map(|mean| Noise {
+            mean,
+            variance: params.variance.then(|| io.write("variance", VARIANCE, pixels())),
+            record,
+        });
         io.shader(shader!("interpolate"));
         io.constants(CONSTANTS);
+        if noise.is_some() {
+            io.define("NOISE");
+        }
         if params.variance {
             io.define("VARIANCE");
+        }
+        if params.uncertain {
+            io.define("UNCERTAIN");
         }
         io.dispatch("interpolate", color);
         Self { radiance, meta, id, cls, r24, subpixel, color, priority, noise }
@@ -158,6 +180,18 @@ impl Stage for Interpolate {
         let weights = Weights::new(params);
         let mean = self.noise.map(|noise| cx.read(noise.mean));
         let mean = mean.as_ref().map(|mean| &mean[..]);
+        let record = self.noise.and_then(|noise| noise.record).map(|record| cx.read(record));
+        let record = record.as_ref().map(|record| &record[..]);
+        let view = &cx.frame().view;
+        // Of the point that a pixel shows, if priorities depend on it.
+        let own_uncertainty = |point: u32, pixel: [usize; 2]| {
+            let (mean, record) = (mean?, record?);
+            let point = point as usize;
+            let Some((mean, record)) = mean.get(point).zip(record.get(point)) else { return Some(0.0) };
+            let middle = pixel.map(|along| along as f32 + 0.5);
+            let Ray { direction, .. } = Ray::through(view, middle, [width as u32, height as u32]);
+            Some(Estimate::load(*mean, *record).uncertainty((-direction.normalize_or_zero()).into()))
+        };
         let image = Image { radiance, mean, id, subpixel, width, height, space: params.space };
         let fill =
             |band: usize, color: &mut [[f32; 4]], priority: &mut [u32], mut variance: Option<&mut [f32]>| {
@@ -186,17 +220,24 @@ impl Stage for Interpolate {
                                 around.sum::<false>(x - left, y, &reached)
                             };
                             let means = sums.over(params.space);
+                            let noise = self.noise.map(|_| around.noise(x - left, y, &reached));
                             for lane in 0..lanes {
                                 let [r, g, b, share] = means.map(|mean| mean[lane]);
                                 color[row * width + x + lane] = [r, g, b, share];
                                 let age = metas[x - left + lane] & AGE;
                                 let priorities =
                                     [with_point(params.priority, age), without_point(params.priority, share)];
-                                let is_empty = id[at + lane] == NO_POINT;
-                                priority[row * width + x + lane] = priorities[usize::from(is_empty)];
+                                let point = id[at + lane];
+                                let by_age = priorities[usize::from(point == NO_POINT)];
+                                priority[row * width + x + lane] =
+                                    match (own_uncertainty(point, [x + lane, y]), noise) {
+                                        (Some(own), Some([_, around])) => {
+                                            uncertain(by_age, own.max(around[lane]))
+                                        }
+                                        _ => by_age,
+                                    };
                             }
-                            if let Some(variance) = &mut variance {
-                                let found = around.noise(x - left, y, &reached);
+                            if let (Some(variance), Some([found, _])) = (&mut variance, noise) {
                                 variance[row * width + x..][..lanes].copy_from_slice(&found[..lanes]);
                             }
                         }
@@ -204,8 +245,8 @@ impl Stage for Interpolate {
                 }
             };
         let bands = color.par_chunks_mut(width * BAND).zip(priority.par_chunks_mut(width * BAND)).enumerate();
-        if let Some(noise) = self.noise {
-            let mut variance = cx.write(noise.variance);
+        if let Some(variance) = self.noise.and_then(|noise| noise.variance) {
+            let mut variance = cx.write(variance);
             let bands = bands.zip(variance.par_chunks_mut(width * BAND));
             bands.for_each(|((band, (color, priority)), variance)| {
                 fill(band, color, priority, Some(variance))
@@ -228,6 +269,13 @@ fn taps(cls: u32, r24: u32) -> u32 {
     }
     // `r24` does not include the centre.
     (r24 & 0xFFF) | 1 << 12 | (r24 & 0xFF_F000) << 1
+}
+
+/// The priority of a pixel, given that by age and emptiness, and how uncertain it is.
+fn uncertain(by_age: u32, uncertainty: f32) -> u32 {
+    // In 1/16, so that the sides round alike.
+    let factor = (uncertainty * UNCERTAINTY_GAIN).clamp(LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
+    (by_age * (factor as u32) / 16).min(255)
 }
 
 /// Priority of a pixel that shows a point of this age, in 8.8 fixed point.
@@ -462,9 +510,9 @@ impl Around {
 
     /// The variance of the luminance of the colours of [`LANES`] pixels, in the linear space. Samples are independent;
     /// those that do not know their own variance have that of the samples around them, and a single one is as uncertain
-    /// as it is bright. [`UNKNOWN`] without samples.
+    /// as it is bright. [`UNKNOWN`] without samples. Also how uncertain one of these samples is: see [`uncertainty`].
     #[inline(never)]
-    fn noise(&self, x: usize, y: usize, taps: &[u32; LANES]) -> [f32; LANES] {
+    fn noise(&self, x: usize, y: usize, taps: &[u32; LANES]) -> [[f32; LANES]; 2] {
         // Sums of weights and squared weights; of squared weights times variances, where these are known; of the other
         // squared weights; of luminances and their squares.
         let mut sums = [[0.0; LANES]; 6];
@@ -491,6 +539,7 @@ impl Around {
             }
         }
         let mut found = [UNKNOWN; LANES];
+        let mut spread = [f32::MAX; LANES];
         for lane in 0..LANES {
             let weights = sums[0][lane];
             let all = weights * weights;
@@ -501,8 +550,9 @@ impl Around {
             let of_one = if share > LEAST_SHARE { between / share } else { mean * mean };
             let variance = (sums[2][lane] + sums[3][lane] * of_one) / all;
             found[lane] = if weights > 0.0 { variance } else { UNKNOWN };
+            spread[lane] = if weights > 0.0 { uncertainty(mean, of_one) } else { f32::MAX };
         }
-        found
+        [found, spread]
     }
 }
 
@@ -529,7 +579,7 @@ impl Sums {
 
 #[cfg(test)]
 mod tests {
-    use epigraph_core::Harness;
+    use epigraph_core::{Harness, View};
 
     use super::*;
     use crate::shared::{
@@ -554,7 +604,7 @@ mod tests {
         let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
         let mut next = 0..;
         let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
-        let has_means = params.variance;
+        let (has_means, is_uncertain) = (params.variance || params.uncertain, params.uncertain);
         let mut harness = Harness::new(params, &settings(size, 0));
         harness.set("id", &pixels.iter().map(id).collect::<Vec<u32>>());
         harness.set("cls", &pixels.iter().map(|pixel| pixel.cls).collect::<Vec<_>>());
@@ -569,6 +619,11 @@ mod tests {
             // Of each sample: its age, in percent, or unknown.
             let mean = samples.iter().map(|&([r, g, b], age, _)| [r, g, b, age as f32 / 100.0 - 1.0]);
             harness.set("cloud.mean", &mean.chain(none.clone().map(|_| [0.0; 4])).collect::<Vec<_>>());
+        }
+        if is_uncertain {
+            // Seen as they are now by the middle of a narrow view.
+            harness.frame.view = View { tan_x: 1e-3, tan_y: 1e-3, ..View::default() };
+            harness.set("cloud.record", &vec![[0.0f32, 0.0, 1.0, 1.0]; samples.len().max(1)]);
         }
         harness
             .set("cloud.meta", &samples.iter().map(|sample| sample.1 | LIVE).chain(none).collect::<Vec<_>>());
@@ -838,5 +893,54 @@ mod tests {
             .collect();
         let params = InterpolateParams { variance: true, ..InterpolateParams::default() };
         run_both(&mut harness(params, size, &pixels)).assert_close("variance", 1e-5);
+    }
+
+    #[test]
+    fn priorities_grow_with_uncertainty() {
+        let params = InterpolateParams { uncertain: true, ..binomial() };
+        // A point of age 80, of the given variance of its luminance 1, and its neighbour to the right.
+        let priority = |variance: f32, beside: Option<f32>, record: [f32; 4]| {
+            let mut pixels = [OPEN; 25];
+            pixels[12].sample = Some(([1.0; 3], 80 * AGE_ONE, CENTER));
+            pixels[13].sample = beside.and_then(gray);
+            let mut harness = harness(params.clone(), [5, 5], &pixels);
+            let count = 1 + usize::from(beside.is_some());
+            let mean = |grey: f32| [grey, grey, grey, variance];
+            harness.set("cloud.mean", &[mean(1.0), mean(beside.unwrap_or_default())][..count]);
+            harness.set("cloud.record", &[record; 2][..count]);
+            run_alike(&mut harness).get::<u32>("priority")[12]
+        };
+        let seen = [0.0, 0.0, 1.0, 1.0];
+        let of = |variance: f32| {
+            let factor = (30.0 * (variance / 1.01).powf(0.25)).clamp(4.0, 64.0);
+            40 * factor as u32 / 16
+        };
+        // A single sample within reach is as uncertain as it is bright.
+        assert_eq!(priority(0.0, None, seen), of(1.0));
+        // Of two alike, nothing is uncertain but what each says of itself.
+        assert_eq!(priority(0.0, Some(1.0), seen), 10);
+        assert_eq!(priority(0.01, Some(1.0), seen), of(0.01));
+        assert_eq!(priority(0.3, Some(1.0), seen), of(0.3));
+        assert_eq!(priority(1e6, Some(1.0), seen), 160);
+        assert_eq!(priority(UNKNOWN, Some(1.0), seen), of(1.0));
+        // Weights 6 and 4 in a row, so 0.6 and 0.4: their variance is 0.24 * 0.5^2, over 1 - 0.52; the mean is 1.2.
+        let factor = 30.0 * (0.24 * 0.25 / 0.48 / 1.21f32).powf(0.25);
+        assert_eq!(priority(0.0, Some(1.5), seen), 40 * factor as u32 / 16);
+        // A glossy one, of sharpness 0.5, that was seen from the side: sqrt(2) aside.
+        assert_eq!(priority(0.0, Some(1.0), [1.5, 0.0, 0.0, 1.0]), of(0.25 * 2.0));
+        // For a surface that looks alike from everywhere, that does not matter.
+        assert_eq!(priority(0.0, Some(1.0), [1.0, 0.0, 0.0, 1.0]), 10);
+        // Where nothing is within reach, all is uncertain.
+        let pixels = [OPEN; 25];
+        let priorities = run_alike(&mut harness(params, [5, 5], &pixels)).get::<u32>("priority");
+        assert_eq!(priorities, [255; 25]);
+    }
+
+    #[test]
+    fn both_sides_find_the_same_priorities() {
+        let params = InterpolateParams { uncertain: true, ..Default::default() };
+        let pixels = random_image([67, 40], 4.0);
+        // Uncertainties are rounded, but none is so close to a step of the factor that this matters.
+        run_both(&mut harness(params, [67, 40], &pixels)).assert_equal::<u32>("priority");
     }
 }

@@ -7,10 +7,14 @@ use epigraph_core::testing::Random;
 use epigraph_scenes::{Camera, Scene};
 use glam::Vec3;
 
-/// A wall at z = -1, lit by paths of which one in [`ONE_IN`] carries light. Their mean is [`LIGHT`].
-struct Paths;
+/// A wall at z = -1, lit by paths of which one in [`ONE_IN`] carries light. Their mean is [`LIGHT`], and another one from
+/// frame [`SWITCHED`] on.
+struct Paths {
+    then: f32,
+}
 
 const LIGHT: f32 = 0.5;
+const SWITCHED: u32 = 40;
 
 const ONE_IN: u32 = 6;
 const PATHS: u32 = 4;
@@ -21,7 +25,8 @@ impl SampleSource for Paths {
             let ray = query.ray(request);
             let wall = ray.origin - (1.0 + ray.origin.z) / ray.direction.z * ray.direction;
             let mut random = Random(u64::from(query.frame.index) << 32 | u64::from(request.pixel));
-            let mut path = || if random.below(ONE_IN) == 0 { LIGHT * ONE_IN as f32 } else { 0.0 };
+            let light = if query.frame.index < SWITCHED { LIGHT } else { self.then };
+            let mut path = || if random.below(ONE_IN) == 0 { light * ONE_IN as f32 } else { 0.0 };
             let paths: Vec<f32> = (0..PATHS).map(|_| path()).collect();
             let mean = paths.iter().sum::<f32>() / PATHS as f32;
             let squares: f32 = paths.iter().map(|path| (path - mean).powi(2)).sum();
@@ -37,19 +42,19 @@ impl SampleSource for Paths {
 
 const SIZE: [u32; 2] = [32, 24];
 
-/// A run of `epi-filtered` in front of the wall.
-fn start(share: f64) -> Run {
+/// A run of `epi-filtered` in front of the wall, of which `then` is the light after the switch.
+fn start(size: [u32; 2], share: f64, then: f32) -> Run {
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 1.0, 0.1, 100.0);
     let nothing = Scene::empty("nothing", camera, [Vec3::NEG_ONE, Vec3::ONE]);
     let place = Place::new(Arc::new(nothing), "still").unwrap();
     Run::open("epi-filtered")
         .unwrap()
         .at(&place)
-        .source(Paths)
-        .size(SIZE)
+        .source(Paths { then })
+        .size(size)
         .samples(Samples::Share(share))
         .device(&epigraph::Device::CPU)
-        .keep(&["interpolate.color", "antialias.color"])
+        .keep(&["interpolate.color", "antialias.color", "cloud/integrate.shift"])
         .start()
         .unwrap()
 }
@@ -66,7 +71,7 @@ fn error(run: &mut Run, port: &str) -> [f64; 2] {
 /// than others are rare, but count.
 #[test]
 fn a_resting_camera_converges_to_the_mean_of_all_paths() {
-    let mut run = start(0.5);
+    let mut run = start(SIZE, 0.5, LIGHT);
     let mut before = f64::INFINITY;
     for frames in [31, 125, 500, 2000] {
         run.frames(frames - run.index()).unwrap();
@@ -84,9 +89,45 @@ fn a_resting_camera_converges_to_the_mean_of_all_paths() {
 
 #[test]
 fn the_filter_evens_out_what_is_left() {
-    let mut run = start(0.1);
+    let mut run = start(SIZE, 0.1, LIGHT);
     run.frames(20).unwrap();
     let [plain, filtered] = ["interpolate.color", "antialias.color"].map(|port| error(&mut run, port)[1]);
     println!("{plain:.4} without, {filtered:.4} with the filter");
     assert!(filtered < 0.3 * plain, "{filtered} against {plain}");
+}
+
+/// Each sample is too noisy to tell that the light went out, and nothing else does. All of a tile together tell it.
+#[test]
+fn a_light_that_goes_out_is_gone_after_ten_frames() {
+    for (then, least) in [(0.0, 0.0), (0.25 * LIGHT, 0.15 * LIGHT)] {
+        let mut run = start([128, 96], 0.05, then);
+        run.frames(SWITCHED).unwrap();
+        let before: Image<[f32; 4]> = run.read("antialias.color").unwrap();
+        run.frames(10).unwrap();
+        let after: Image<[f32; 4]> = run.read("antialias.color").unwrap();
+        let mean = |image: &Image<[f32; 4]>| {
+            image.pixels.iter().map(|color| color[0]).sum::<f32>() / image.pixels.len() as f32
+        };
+        let brightest = after.pixels.iter().map(|color| color[0]).fold(0.0, f32::max);
+        println!("{} before, {} after, at most {brightest}", mean(&before), mean(&after));
+        assert!((mean(&before) - LIGHT).abs() < 0.1 * LIGHT, "{}", mean(&before));
+        assert!((least..=then + 0.02 * LIGHT).contains(&mean(&after)), "{}", mean(&after));
+    }
+}
+
+/// Noise alone hardly ever looks like a change of light.
+#[test]
+fn tiles_hardly_ever_take_noise_for_a_change() {
+    for share in [0.05, 1.0] {
+        let mut run = start([128, 96], share, LIGHT);
+        let (mut alarms, mut tiles) = (0, 0);
+        for _ in 0..150 {
+            run.frames(1).unwrap();
+            let shift: Image<f32> = run.read("cloud/integrate.shift").unwrap();
+            alarms += shift.pixels.iter().filter(|&&shift| shift > 0.0).count();
+            tiles += shift.pixels.len();
+        }
+        println!("{alarms} of {tiles} at {share}");
+        assert!(alarms * 1000 <= tiles, "{alarms} of {tiles} at {share}");
+    }
 }

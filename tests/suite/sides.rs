@@ -55,9 +55,10 @@ pub fn with_random_parameters(name: &str, seed: u64) -> (GraphFile, String) {
     for node in file.stages(&registry()).expect("a shipped graph") {
         for spec in node.stage.specs() {
             // Stages whose data must fit have a parameter of the same name; variances are those of means.
-            let is_common =
-                ["normals", "ids", "subpixel_bits", "accumulate", "variance"].contains(&&*spec.name);
-            let name = if spec.name == "variance" { "accumulate" } else { &*spec.name };
+            let is_common = ["normals", "ids", "subpixel_bits", "accumulate", "variance", "uncertain"]
+                .contains(&&*spec.name);
+            let name =
+                if ["variance", "uncertain"].contains(&&*spec.name) { "accumulate" } else { &*spec.name };
             let drawn = if is_common { String::new() } else { node.address.clone() } + "." + name;
             let hash =
                 drawn.bytes().fold(seed, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));

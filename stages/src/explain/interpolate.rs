@@ -2,7 +2,10 @@
 
 use epigraph_core::{Cell, Finding, Role, Site};
 
-use super::{Image, Interpolate, InterpolateParams, Priority, REACH, SPAN, Space, Weights, offsets, taps};
+use super::{
+    Image, Interpolate, InterpolateParams, Priority, REACH, SPAN, Space, Weights, offsets, taps, with_point,
+    without_point,
+};
 use crate::shared::{
     cloud::{AGE, AGE_ONE, NO_POINT},
     edge_pixel::{CLASS, COMPLEX},
@@ -67,10 +70,20 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
         point => Some(site.read(stage.meta)?.get(point as usize)? & AGE),
     };
     findings.push(Finding::Why(why_priority(params.priority, age, share)));
+    if params.uncertain {
+        let by_age = match age {
+            Some(age) => with_point(params.priority, age),
+            None => without_point(params.priority, share),
+        };
+        let factor = f64::from(priority) / f64::from(by_age.max(1));
+        findings.push(Finding::Why(format!(
+            "Its colour is so uncertain that the priority is {factor:.2} times that, at most 255."
+        )));
+    }
     Some(findings)
 }
 
-/// The reason for the priority. `age` is the age of the pixel's own point, in 8.8 fixed point.
+/// The reason for the priority, but for its uncertainty. `age` is the age of the pixel's own point, in 8.8 fixed point.
 fn why_priority(rule: Priority, age: Option<u32>, share: f32) -> String {
     let missing = percent(1.0 - share);
     match (rule, age) {

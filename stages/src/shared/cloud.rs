@@ -8,7 +8,7 @@
 //! | `image_id` | `u32` | index y * W + x of the pixel that last showed the point, or [`NOT_DRAWN`] |
 //! | `meta` | `u32` | age, flags and body |
 //! | `mean` | `vec4<f32>` | only if samples accumulate: the mean of the point's samples, and the variance of its luminance |
-//! | `record` | `vec4<f32>` | likewise: unit direction to the eye that saw the last one, and the number of samples |
+//! | `record` | `vec4<f32>` | likewise: direction to the eye that saw the last one, of length 1 + its sharpness, and the number of samples |
 //!
 //! The bits of `meta`: 0 to 15 are the age in 8.8 fixed point, then come [`LIVE`], [`CHANGED`] and [`FRESH`], and 24 to
 //! 31 are the number of the body on which the point lies, or 0 if it lies on static geometry.

@@ -24,6 +24,8 @@ epigraph_core::constants! {
     const FLATNESS: f32 = 0.25;
     /// A mean that counts for fewer samples does not count at all.
     const LEAST: f32 = 0.5;
+    /// Luminance that a display hardly tells from black.
+    const DARK: f32 = 0.01;
     /// The count of a mean that is entirely in doubt.
     const NOTHING: f32 = 1e-3;
 }
@@ -39,6 +41,8 @@ pub struct Estimate {
     pub count: f32,
     /// Unit direction to the eye that saw the last one.
     pub towards_eye: [f32; 3],
+    /// The share by which the radiance may change per radian of this direction, as [`Sample::sharpness`].
+    pub sharpness: f32,
     /// Whether the last one was a surprise: noise hardly explains its difference from the mean.
     pub is_suspect: bool,
 }
@@ -48,14 +52,15 @@ impl Estimate {
     pub fn load([r, g, b, variance_of_mean]: [f32; 4], [x, y, z, count]: [f32; 4]) -> Self {
         let (is_suspect, count) = (count < 0.0, count.abs());
         let variance = if variance_of_mean < 0.0 { UNKNOWN } else { variance_of_mean * count };
-        Self { mean: [r, g, b], variance, count, towards_eye: [x, y, z], is_suspect }
+        let (towards_eye, sharpness) = direction([x, y, z]);
+        Self { mean: [r, g, b], variance, count, towards_eye, sharpness, is_suspect }
     }
 
-    /// What the cloud stores: red, green, blue and the variance of their luminance; the direction to the eye and the
-    /// count, negative after a surprise.
+    /// What the cloud stores: red, green, blue and the variance of their luminance; the direction to the eye, of length 1 +
+    /// sharpness, and the count, negative after a surprise.
     pub fn store(&self) -> [[f32; 4]; 2] {
         let variance_of_mean = if self.variance < 0.0 { UNKNOWN } else { self.variance / self.count };
-        let ([r, g, b], [x, y, z]) = (self.mean, self.towards_eye);
+        let ([r, g, b], [x, y, z]) = (self.mean, self.towards_eye.map(|axis| axis * (1.0 + self.sharpness)));
         [[r, g, b, variance_of_mean], [x, y, z, if self.is_suspect { -self.count } else { self.count }]]
     }
 
@@ -66,8 +71,19 @@ impl Estimate {
             variance: known_variance(sample),
             count: 1.0,
             towards_eye: towards_eye(sample.position, eye),
+            // Whatever a source says of its samples, this is a number.
+            sharpness: bounded([sample.sharpness; 3])[0],
             is_suspect: false,
         }
+    }
+
+    /// How uncertain the colour of the point is for an eye in this unit direction: see [`uncertainty`].
+    pub fn uncertainty(&self, towards_eye: [f32; 3]) -> f32 {
+        let luminance = luminance(self.mean);
+        // A single light path is as uncertain as it is bright.
+        let of_mean = if self.variance < 0.0 { luminance * luminance } else { self.variance / self.count };
+        let change = luminance * self.sharpness * angle(self.towards_eye, towards_eye);
+        uncertainty(luminance, of_mean + change * change)
     }
 
     /// After something that may have changed the radiance by this share of itself: the mean counts for no more than `most`
@@ -93,13 +109,19 @@ impl Estimate {
         is_seen && self.surprise(single) > SURPRISE * SURPRISE
     }
 
-    /// The squared difference of a single sample from the mean, in variances; 0 if none is known.
-    fn surprise(&self, single: &Self) -> f32 {
+    /// The difference of luminance of a single sample from the mean, and its variance if the radiance rests; 0 if that is
+    /// not known.
+    pub fn difference(&self, single: &Self) -> [f32; 2] {
         if self.variance < 0.0 {
-            return 0.0;
+            return [0.0; 2];
         }
         let difference = luminance(single.mean) - luminance(self.mean);
-        let variance = self.variance / self.count + self.noise(single);
+        [difference, self.variance / self.count + self.noise(single)]
+    }
+
+    /// The squared difference of a single sample from the mean, in variances; 0 if none is known.
+    fn surprise(&self, single: &Self) -> f32 {
+        let [difference, variance] = self.difference(single);
         difference * difference / variance.max(f32::MIN_POSITIVE)
     }
 
@@ -150,6 +172,18 @@ fn known_variance(sample: &Sample) -> f32 {
     } else {
         f32::from_bits(bits.min((MAX_RADIANCE * MAX_RADIANCE).to_bits()))
     }
+}
+
+/// The square root of the standard deviation that is roughly seen where a display shows this luminance: of the variance
+/// over the luminance. The root keeps the noisiest places from getting nearly all samples.
+pub fn uncertainty(luminance: f32, variance: f32) -> f32 {
+    (variance / (luminance + DARK)).sqrt().sqrt()
+}
+
+/// The unit direction of a vector and its length - 1; a point at the eye has neither.
+fn direction(vector: [f32; 3]) -> ([f32; 3], f32) {
+    let length = dot(vector, vector).sqrt();
+    if length > 0.0 { (vector.map(|axis| axis / length), (length - 1.0).max(0.0)) } else { ([0.0; 3], 0.0) }
 }
 
 /// The unit direction from a point to the eye.
@@ -300,5 +334,22 @@ mod tests {
             "without a normal, nothing is known"
         );
         close(angle([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), 2f32.sqrt());
+    }
+
+    #[test]
+    fn the_cloud_keeps_how_much_a_colour_depends_on_direction() {
+        for sharpness in [0.0, 0.25, 500.0] {
+            let stored = Estimate::of(&Sample { sharpness, ..sample(1.0, 0.5) }, EYE).store();
+            assert_eq!(stored[1], [0.0, 0.0, 1.0 + sharpness, 1.0]);
+            let loaded = Estimate::load(stored[0], stored[1]);
+            assert_eq!((loaded.towards_eye, loaded.sharpness), ([0.0, 0.0, 1.0], sharpness));
+        }
+        // A point at the eye has no direction, and so nothing to depend on.
+        let at_eye = Estimate::of(&Sample { sharpness: 3.0, ..sample(1.0, 0.5) }, [0.0; 3]);
+        let [mean, record] = at_eye.store();
+        assert_eq!(record, [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!(Estimate::load(mean, record).sharpness, 0.0);
+        let wrong = Estimate::of(&Sample { sharpness: f32::NAN, ..sample(1.0, 0.5) }, EYE);
+        assert_eq!(wrong.sharpness, 0.0);
     }
 }
