@@ -281,6 +281,7 @@ fn interpolated() -> [Row; 3] {
                     space,
                     priority: rule,
                     variance: false,
+                    uncertain: false,
                 };
                 let mut harness = Harness::<Interpolate>::new(params, &settings(size, 1));
                 harness.set("cloud.radiance", &radiance);

@@ -85,7 +85,8 @@ fn moves() -> Row {
         }
         let scene = build(builder);
         for index in [0, 1, 17, 29, 40] {
-            let mut harness = Harness::<Motion>::new((), &settings([1, 1], 1));
+            let facts = Settings { facts: World::facts(&scene, false), ..settings([1, 1], 1) };
+            let mut harness = Harness::<Motion>::new((), &facts);
             harness.frame.index = index;
             let out = harness
                 .run(Side::Cpu, &epigraph_stages::registry(), &host(scene.clone()), None)
