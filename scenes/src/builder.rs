@@ -1,4 +1,4 @@
-use std::{ops::Range, sync::Arc};
+use std::{mem, ops::Range, sync::Arc};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -341,9 +341,13 @@ impl SceneBuilder {
             let [a, b, c] = triangle.map(|i| map[i as usize]);
             if a != b && b != c && c != a {
                 triangles.push([a, b, c]);
-                kept.push(face);
+                // There are at most `MAX_TRIANGLES`.
+                kept.push(face as u32);
             }
         }
+        drop(map);
+        // What the mesh has by now in another form would only take memory while edges are found.
+        (self.positions, self.triangles) = (Vec::new(), Vec::new());
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
@@ -359,19 +363,15 @@ impl SceneBuilder {
         mesh.triangles = Arc::new(triangles);
         mesh.face_normals =
             (0..kept.len()).into_par_iter().map(|face| face_normal(mesh.corners(face))).collect();
-        if !self.normals.is_empty() {
-            let flat = |normal: Vec3, face: usize| {
-                if normal == Vec3::ZERO { mesh.face_normals[face] } else { normal }
-            };
-            mesh.corner_normals =
-                kept.iter().enumerate().map(|(new, &old)| self.normals[old].map(|n| flat(n, new))).collect();
+        mesh.corner_normals = kept_of(mem::take(&mut self.normals), &kept);
+        for (corners, &flat) in mesh.corner_normals.iter_mut().zip(&mesh.face_normals) {
+            corners.iter_mut().filter(|normal| **normal == Vec3::ZERO).for_each(|normal| *normal = flat);
         }
-        let kept_uvs = |set: &Vec<[Vec2; 3]>| kept_of(set, &kept);
-        mesh.corner_uvs = Arc::new(self.uvs.each_ref().map(kept_uvs));
-        mesh.corner_tangents = Arc::new(kept_of(&self.tangents, &kept));
-        mesh.corner_colors = Arc::new(kept_of(&self.colors, &kept));
-        mesh.material = Arc::new(kept.iter().map(|&old| self.material[old]).collect());
-        mesh.object = Arc::new(kept.iter().map(|&old| self.object[old]).collect());
+        mesh.corner_uvs = Arc::new(mem::take(&mut self.uvs).map(|set| kept_of(set, &kept)));
+        mesh.corner_tangents = Arc::new(kept_of(mem::take(&mut self.tangents), &kept));
+        mesh.corner_colors = Arc::new(kept_of(mem::take(&mut self.colors), &kept));
+        mesh.material = Arc::new(kept_of(mem::take(&mut self.material), &kept));
+        mesh.object = Arc::new(kept_of(mem::take(&mut self.object), &kept));
         let material = |face: u32| self.materials.get(mesh.material[face as usize] as usize);
         let culled = |face: u32| material(face).is_some_and(|material| material.culled);
         let angle = crease_angle.to_radians();
@@ -417,7 +417,7 @@ impl SceneBuilder {
 
     /// A body of the finished mesh. Faces keep their order, welded vertices are in the order of their faces, and edges
     /// in that of their vertices, so the parts of a body are contiguous in every list.
-    fn body(&self, moving: &Moving, kept: &[usize], mesh: &Mesh) -> Body {
+    fn body(&self, moving: &Moving, kept: &[u32], mesh: &Mesh) -> Body {
         let Moving { motion, triangles, lights, .. } = moving;
         let faces = faces_of(triangles, kept);
         let named = || mesh.triangles[faces.clone()].iter().flatten().map(|&vertex| vertex as usize);
@@ -461,14 +461,18 @@ impl SceneBuilder {
 
 /// The faces of the mesh that are left of a range of added triangles; `kept` has the triangle of each face, in ascending
 /// order.
-fn faces_of(triangles: &Range<usize>, kept: &[usize]) -> Range<usize> {
-    let face = |old: usize| kept.partition_point(|&face| face < old);
+fn faces_of(triangles: &Range<usize>, kept: &[u32]) -> Range<usize> {
+    let face = |old: usize| kept.partition_point(|&face| (face as usize) < old);
     face(triangles.start)..face(triangles.end)
 }
 
 /// The entries of the triangles that are kept, or none if there are none.
-fn kept_of<T: Copy>(all: &[T], kept: &[usize]) -> Vec<T> {
-    if all.is_empty() { vec![] } else { kept.iter().map(|&old| all[old]).collect() }
+fn kept_of<T: Copy>(mut all: Vec<T>, kept: &[u32]) -> Vec<T> {
+    if all.len() > kept.len() {
+        return kept.iter().map(|&old| all[old as usize]).collect();
+    }
+    all.shrink_to_fit();
+    all
 }
 
 /// Unit normal of a counter-clockwise triangle, or zero if it has no area. Computed in f64, as the cross product of a

@@ -30,17 +30,13 @@ pub(crate) fn find_edges(
     crease_angle: f32,
     culled: impl Fn(u32) -> bool + Sync,
 ) -> Vec<Edge> {
-    let mut sides: Vec<Side> = triangles
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(face, &[a, b, c])| {
-            [[a, b], [b, c], [c, a]].map(|[from, to]| Side {
-                vertices: [from.min(to), from.max(to)],
-                face: face as u32,
-                ascending: from < to,
-            })
-        })
-        .collect();
+    // The length is known, so that the list is written where it stays.
+    let side = |index: usize| {
+        let (face, corner) = (index / 3, index % 3);
+        let [from, to] = [triangles[face][corner], triangles[face][(corner + 1) % 3]];
+        Side { vertices: [from.min(to), from.max(to)], face: face as u32, ascending: from < to }
+    };
+    let mut sides: Vec<Side> = (0..3 * triangles.len()).into_par_iter().map(side).collect();
     sides.par_sort_unstable();
 
     let crease_cos = crease_angle.cos();

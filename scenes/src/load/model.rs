@@ -179,9 +179,12 @@ impl Model {
             builder.sky(sky.clone());
         }
         self.add_to(&mut builder, Affine3A::IDENTITY, None)?;
+        let own = self.camera;
+        // The builder has its own copy of the shapes.
+        drop(self);
         let bounds = builder.bounds();
-        let camera = self.camera.unwrap_or_else(|| framing_camera(bounds));
-        add_default_light(&mut builder, self.camera.as_ref(), bounds)?;
+        let camera = own.unwrap_or_else(|| framing_camera(bounds));
+        add_default_light(&mut builder, own.as_ref(), bounds)?;
         builder.build(name, camera, Vec3::ZERO, 0.0, CREASE_ANGLE)
     }
 }

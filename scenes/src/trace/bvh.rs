@@ -218,6 +218,7 @@ impl Bvh {
         let mut boxes: Vec<Aabb> = faces.iter().map(|face| padded_box(scaled(face))).collect();
         make_unlike(&mut boxes, PAD);
         let mut nodes = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        drop(boxes);
         nodes.primitive_indices.iter_mut().for_each(|index| *index = faces[*index as usize]);
         let triangles = nodes.primitive_indices.iter().map(|face| Triangle::new(scaled(face))).collect();
         Self { nodes, triangles, scale }
