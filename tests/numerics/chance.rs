@@ -19,9 +19,10 @@ use crate::{
 
 pub static ROWS: Group = LazyLock::new(|| {
     measured(&[
-        || vec![requests()],
+        || vec![requests(Kind::Systematic), requests(Kind::BlueNoise)],
         || vec![cells()],
-        || shares().into(),
+        || shares(Kind::Systematic).into(),
+        || shares(Kind::BlueNoise).into(),
         || vec![aims()],
         || vec![borders()],
         || vec![serpentine()],
@@ -85,23 +86,58 @@ fn priorities(kind: usize, pixels: usize, random: &mut Random) -> Vec<u32> {
         .collect()
 }
 
+/// The ranks of the mask of blue noise, row by row.
+const MASK: &[u8; 8192] = include_bytes!("../../stages/src/dither/mask.bin");
+
+/// Whether each pixel is among those with the least quotients of threshold and priority, as many as wanted. Where several
+/// have the greatest of these quotients, all of them are.
+fn least([width, _]: [u32; 2], priority: &[u32], wanted: usize, frame: u32) -> Vec<u128> {
+    let place = |at: u32, step: u32| (at + (frame.wrapping_mul(step) >> 26)) % 64;
+    let quotients: Vec<Option<u64>> = (0..)
+        .zip(priority)
+        .map(|(pixel, &priority)| {
+            let [x, y] = [place(pixel % width, 0xC13F_A9A9), place(pixel / width, 0x91E1_0DA5)];
+            let at = 2 * (64 * y + x) as usize;
+            let rank = u64::from(MASK[at]) + 256 * u64::from(MASK[at + 1]);
+            let order = u64::from(hash(pixel ^ hash(frame ^ hash(0))) >> 14);
+            ((rank << 18) + order).checked_div(priority.min(255).into())
+        })
+        .collect();
+    let mut sorted: Vec<u64> = quotients.iter().flatten().copied().collect();
+    sorted.sort_unstable();
+    let greatest = wanted.min(sorted.len()).checked_sub(1).map(|last| sorted[last]);
+    let is_picked = |quotient: Option<u64>| quotient.is_some() && quotient <= greatest;
+    quotients.into_iter().map(|quotient| u128::from(is_picked(quotient))).collect()
+}
+
+/// The output function of PCG (O'Neill 2014).
+fn hash(value: u32) -> u32 {
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = (state >> ((state >> 28) + 4) ^ state).wrapping_mul(277_803_737);
+    word >> 22 ^ word
+}
+
 fn asked(outputs: &Outputs) -> Vec<Request> {
     outputs.get("requests")
 }
 
-fn requests() -> Row {
+fn requests(kind: Kind) -> Row {
+    let (what, oracle) = match kind {
+        Kind::BlueNoise => ("pixels and slots asked for, `BlueNoise`", "64-bit integers, by sorting"),
+        _ => ("pixels and slots asked for", "sums in 128-bit integers"),
+    };
     let mut measure = Measure::exact(
         "dither",
-        "pixels and slots asked for",
+        what,
         "priorities 0, one hot spot, all 255, any; budgets of 0, 1, 1%, 100%; 1x1 to 4097x4096 (over 2^24 pixels)",
-        "sums in 128-bit integers",
+        oracle,
     );
     let mut random = Random(1);
     for (number, size) in [[1, 1], [1, 41], [61, 47], [16384, 1], [4097, 4096]].into_iter().enumerate() {
         let pixels = (size[0] * size[1]) as usize;
         let is_large = pixels > 1 << 24;
-        for kind in 0..5 {
-            if is_large && kind != 3 {
+        for image in 0..5 {
+            if is_large && image != 3 {
                 continue;
             }
             for samples in [0, 1, pixels.div_ceil(100), pixels]
@@ -109,23 +145,27 @@ fn requests() -> Row {
                 .take(if is_large { 3 } else { 4 })
                 .skip(if is_large { 2 } else { 0 })
             {
-                let priority = priorities(kind, pixels, &mut random);
+                let priority = priorities(image, pixels, &mut random);
                 let id: Vec<u32> =
                     (0..pixels as u32).map(|i| if i % 3 == 0 { NONE } else { 7 * i }).collect();
-                let mut harness =
-                    Harness::<Dither>::new(DitherParams::default(), &settings(size, samples as u32));
+                let params = DitherParams { kind, ..DitherParams::default() };
+                let mut harness = Harness::<Dither>::new(params, &settings(size, samples as u32));
                 harness.frame.index = 5 + number as u32;
                 harness.set("priority", &priority);
                 harness.set("id", &id);
-                // More than 2^24 pixels lose four bits, so that sums fit.
-                let shift = if is_large { 4 } else { 0 };
-                let plain: Vec<u128> = priority.iter().map(|&p| u128::from(p.min(255) >> shift)).collect();
-                let most = (plain.iter().sum::<u128>() / (samples as u128).max(1)).max(1);
-                let weights: Vec<u128> = plain.into_iter().map(|weight| weight.min(most)).collect();
+                let weights = if kind == Kind::BlueNoise {
+                    least(size, &priority, samples, harness.frame.index)
+                } else {
+                    // More than 2^24 pixels lose four bits, so that sums fit.
+                    let shift = if is_large { 4 } else { 0 };
+                    let plain = || priority.iter().map(|&p| u128::from(p.min(255) >> shift));
+                    let most = (plain().sum::<u128>() / (samples as u128).max(1)).max(1);
+                    plain().map(|weight| weight.min(most)).collect()
+                };
                 let expected = chosen(size, &weights, samples as u128, harness.frame.index);
                 for (side, outputs) in sides(&both(&mut harness)) {
                     let found = asked(outputs);
-                    let name = format!("{size:?}, kind {kind}, {samples} samples");
+                    let name = format!("{size:?}, kind {image}, {samples} samples");
                     let pixel: Vec<u32> = found.iter().map(|request| request.pixel).collect();
                     let reuse: Vec<u32> = found.iter().map(|request| request.reuse).collect();
                     let slots: Vec<u32> = expected
@@ -201,16 +241,16 @@ fn cells() -> Row {
 }
 
 /// How often each pixel is asked for over many frames: in proportion to its priority.
-fn shares() -> [Row; 2] {
-    let mut count = Measure::exact(
-        "dither",
-        "number of requests",
-        "1000 frames, no priority above the threshold",
-        "the budget",
-    );
+fn shares(kind: Kind) -> [Row; 2] {
+    let [number, often] = match kind {
+        Kind::BlueNoise => ["number of requests, `BlueNoise`", "how often a pixel is asked for, `BlueNoise`"],
+        _ => ["number of requests", "how often a pixel is asked for"],
+    };
+    let mut count =
+        Measure::exact("dither", number, "1000 frames, no priority above the threshold", "the budget");
     let mut share = Measure::statistic(
         "dither",
-        "how often a pixel is asked for",
+        often,
         "1000 frames, priorities 1 to 255",
         "its share of all priorities",
         "standard deviations of independent draws (z-test, level 10^-6 over all pixels)",
@@ -222,7 +262,10 @@ fn shares() -> [Row; 2] {
     let sum: u32 = priority.iter().sum();
     let samples = 24;
     for side in [Side::Cpu, Side::Gpu] {
-        let mut harness = Harness::<Dither>::new(DitherParams::default(), &settings(size, samples));
+        let mut harness = Harness::<Dither>::new(
+            DitherParams { kind, ..DitherParams::default() },
+            &settings(size, samples),
+        );
         harness.set("priority", &priority);
         harness.set("id", &vec![NONE; 480]);
         let mut often = vec![0u32; 480];
