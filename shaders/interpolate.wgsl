@@ -231,16 +231,16 @@ fn uncertain(by_age: u32, pixel: vec2<u32>, point: u32, around: Scatter) -> u32 
     var found = 0.0;
     if point != NO_POINT {
         let direction = direction_through(frame.view, vec2<f32>(pixel) + 0.5, frame.size);
-        found = uncertainty_of(load_estimate(cloud_mean[point], cloud_record[point]), -normalize(direction));
+        found = shown_variance_of(cloud_mean[point], cloud_record[point], -normalize(direction));
     }
-    if around.weights <= 0.0 {
-        found = MOST_UNCERTAINTY;
-    } else {
+    var factor = MOST_UNCERTAINTY;
+    if around.weights > 0.0 {
         let one = one_of(around);
-        found = max(found, uncertainty(one.x, one.y));
+        found = max(found, shown_variance(one.x, one.y));
+        // The root of the deviation, so that the noisiest places do not get nearly all samples. In 1/16, so that the sides
+        // round alike.
+        factor = clamp(sqrt(sqrt(found)) * UNCERTAINTY_GAIN, LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
     }
-    // In 1/16, so that the sides round alike.
-    let factor = clamp(found * UNCERTAINTY_GAIN, LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
     return min(by_age * u32(factor) / 16u, 255u);
 }
 #endif

@@ -43,18 +43,19 @@ fn single_estimate(radiance: vec3<f32>, variance: f32, sharpness: f32, towards_e
     return Estimate(bounded(radiance), known_variance(variance), 1.0, towards_eye, bounded_sharpness, false);
 }
 
-// How uncertain the colour of the point is for an eye in this unit direction.
-fn uncertainty_of(e: Estimate, towards_eye: vec3<f32>) -> f32 {
-    let luminance = luminance(e.mean);
-    // A single light path is as uncertain as it is bright.
-    let of_mean = select(e.variance / e.count, luminance * luminance, e.variance < 0.0);
-    let change = luminance * e.sharpness * distance(e.towards_eye, towards_eye);
-    return uncertainty(luminance, of_mean + change * change);
+// The variance of a luminance as a display shows it, roughly: relative to the luminance.
+fn shown_variance(luminance: f32, variance: f32) -> f32 {
+    return variance / (luminance + DARK);
 }
 
-// The square root of the standard deviation that is roughly seen where a display shows this luminance.
-fn uncertainty(luminance: f32, variance: f32) -> f32 {
-    return sqrt(sqrt(variance / (luminance + DARK)));
+// The shown variance of a point, of which these are stored, for an eye in a unit direction.
+fn shown_variance_of(mean: vec4<f32>, record: vec4<f32>, towards_eye: vec3<f32>) -> f32 {
+    let luminance = luminance(mean.rgb);
+    // A single light path is as uncertain as it is bright.
+    let of_mean = select(mean.w, luminance * luminance, mean.w < 0.0);
+    let e = load_estimate(mean, record);
+    let change = luminance * e.sharpness * distance(e.towards_eye, towards_eye);
+    return shown_variance(luminance, of_mean + change * change);
 }
 
 // After something that may have changed the radiance by this share of itself.

@@ -25,7 +25,7 @@ use crate::{
         cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance, gather},
         color::luminance,
         edge_pixel::{CLASS, COMPLEX},
-        estimate::{Estimate, uncertainty},
+        estimate::{shown_variance, shown_variance_of},
         requests::UNKNOWN,
         source::Ray,
     },
@@ -184,13 +184,15 @@ impl Stage for Interpolate {
         let record = record.as_ref().map(|record| &record[..]);
         let view = &cx.frame().view;
         // Of the point that a pixel shows, if priorities depend on it.
-        let own_uncertainty = |point: u32, pixel: [usize; 2]| {
+        let own_variance = |point: u32, pixel: [usize; 2]| {
             let (mean, record) = (mean?, record?);
             let point = point as usize;
             let Some((mean, record)) = mean.get(point).zip(record.get(point)) else { return Some(0.0) };
-            let middle = pixel.map(|along| along as f32 + 0.5);
-            let Ray { direction, .. } = Ray::through(view, middle, [width as u32, height as u32]);
-            Some(Estimate::load(*mean, *record).uncertainty((-direction.normalize_or_zero()).into()))
+            Some(shown_variance_of(*mean, *record, || {
+                let middle = pixel.map(|along| along as f32 + 0.5);
+                let Ray { direction, .. } = Ray::through(view, middle, [width as u32, height as u32]);
+                (-direction.normalize_or_zero()).into()
+            }))
         };
         let image = Image { radiance, mean, id, subpixel, width, height, space: params.space };
         let fill =
@@ -230,7 +232,7 @@ impl Stage for Interpolate {
                                 let point = id[at + lane];
                                 let by_age = priorities[usize::from(point == NO_POINT)];
                                 priority[row * width + x + lane] =
-                                    match (own_uncertainty(point, [x + lane, y]), noise) {
+                                    match (own_variance(point, [x + lane, y]), noise) {
                                         (Some(own), Some([_, around])) => {
                                             uncertain(by_age, own.max(around[lane]))
                                         }
@@ -271,10 +273,12 @@ fn taps(cls: u32, r24: u32) -> u32 {
     (r24 & 0xFFF) | 1 << 12 | (r24 & 0xFF_F000) << 1
 }
 
-/// The priority of a pixel, given that by age and emptiness, and how uncertain it is.
-fn uncertain(by_age: u32, uncertainty: f32) -> u32 {
-    // In 1/16, so that the sides round alike.
-    let factor = (uncertainty * UNCERTAINTY_GAIN).clamp(LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
+/// The priority of a pixel, given that by age and emptiness, and the variance of what it shows.
+fn uncertain(by_age: u32, variance: f32) -> u32 {
+    // The root of the deviation, so that the noisiest places do not get nearly all samples. In 1/16, so that the sides round
+    // alike.
+    let root = variance.sqrt().sqrt();
+    let factor = (root * UNCERTAINTY_GAIN).clamp(LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
     (by_age * (factor as u32) / 16).min(255)
 }
 
@@ -510,7 +514,7 @@ impl Around {
 
     /// The variance of the luminance of the colours of [`LANES`] pixels, in the linear space. Samples are independent;
     /// those that do not know their own variance have that of the samples around them, and a single one is as uncertain
-    /// as it is bright. [`UNKNOWN`] without samples. Also how uncertain one of these samples is: see [`uncertainty`].
+    /// as it is bright. [`UNKNOWN`] without samples. Also the variance of one of these samples as it is shown.
     #[inline(never)]
     fn noise(&self, x: usize, y: usize, taps: &[u32; LANES]) -> [[f32; LANES]; 2] {
         // Sums of weights and squared weights; of squared weights times variances, where these are known; of the other
@@ -550,7 +554,7 @@ impl Around {
             let of_one = if share > LEAST_SHARE { between / share } else { mean * mean };
             let variance = (sums[2][lane] + sums[3][lane] * of_one) / all;
             found[lane] = if weights > 0.0 { variance } else { UNKNOWN };
-            spread[lane] = if weights > 0.0 { uncertainty(mean, of_one) } else { f32::MAX };
+            spread[lane] = if weights > 0.0 { shown_variance(mean, of_one) } else { f32::MAX };
         }
         [found, spread]
     }

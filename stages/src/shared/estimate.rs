@@ -77,15 +77,6 @@ impl Estimate {
         }
     }
 
-    /// How uncertain the colour of the point is for an eye in this unit direction: see [`uncertainty`].
-    pub fn uncertainty(&self, towards_eye: [f32; 3]) -> f32 {
-        let luminance = luminance(self.mean);
-        // A single light path is as uncertain as it is bright.
-        let of_mean = if self.variance < 0.0 { luminance * luminance } else { self.variance / self.count };
-        let change = luminance * self.sharpness * angle(self.towards_eye, towards_eye);
-        uncertainty(luminance, of_mean + change * change)
-    }
-
     /// After something that may have changed the radiance by this share of itself: the mean counts for no more than `most`
     /// samples, and for as many as would leave it as uncertain as it is now.
     pub fn doubt(self, change: f32, most: f32) -> Self {
@@ -174,10 +165,24 @@ fn known_variance(sample: &Sample) -> f32 {
     }
 }
 
-/// The square root of the standard deviation that is roughly seen where a display shows this luminance: of the variance
-/// over the luminance. The root keeps the noisiest places from getting nearly all samples.
-pub fn uncertainty(luminance: f32, variance: f32) -> f32 {
-    (variance / (luminance + DARK)).sqrt().sqrt()
+/// The variance of a luminance as a display shows it, roughly: relative to the luminance.
+pub fn shown_variance(luminance: f32, variance: f32) -> f32 {
+    variance / (luminance + DARK)
+}
+
+/// The shown variance of a point, of which these are stored, for an eye in a unit direction. Of surfaces that look
+/// alike from everywhere it does not ask for the direction.
+pub fn shown_variance_of(
+    [r, g, b, variance_of_mean]: [f32; 4],
+    [x, y, z, _]: [f32; 4],
+    towards_eye: impl FnOnce() -> [f32; 3],
+) -> f32 {
+    let luminance = luminance([r, g, b]);
+    // A single light path is as uncertain as it is bright.
+    let of_mean = if variance_of_mean < 0.0 { luminance * luminance } else { variance_of_mean };
+    let (before, sharpness) = direction([x, y, z]);
+    let change = if sharpness > 0.0 { luminance * sharpness * angle(before, towards_eye()) } else { 0.0 };
+    shown_variance(luminance, of_mean + change * change)
 }
 
 /// The unit direction of a vector and its length - 1; a point at the eye has neither.
