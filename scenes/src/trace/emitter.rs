@@ -15,6 +15,9 @@ use crate::{Light, Scene, Sky};
 /// The share of choices that is even among all lights, as the brightest one may be hidden.
 const EVEN_SHARE: f32 = 0.5;
 
+/// A larger irradiance counts as this much, so that sums are finite however near a point light is.
+const MOST_IRRADIANCE: f32 = 1e30;
+
 /// Cosines to the middle of a light count as at least this much, as parts of it may be seen less obliquely.
 const LEAST_COSINE: f32 = 0.1;
 
@@ -340,7 +343,7 @@ impl Emitters {
         let points = self.points.iter().map(move |point| point.bound(from, facing));
         let panels = self.has_panels().then(|| self.panels.bound(from));
         let sky = self.sky.as_ref().map(|sky| sky.bound);
-        quads.chain(points).chain(panels).chain(sky)
+        quads.chain(points).chain(panels).chain(sky).map(|bound| bound.min(MOST_IRRADIANCE))
     }
 
     /// The light at `from` of choice `index`, by two numbers in [0, 1).
@@ -503,6 +506,18 @@ mod tests {
         // The near light is chosen more often than not, the far one less.
         let of_quad = |x, height| lights(x, height).probability(0, Vec3::ZERO, Some(Vec3::Y));
         assert!(of_quad(0.0, 1.0) > 0.7 && of_quad(0.0, 300.0) < 0.3);
+    }
+
+    #[test]
+    fn a_point_light_may_be_as_near_as_numbers_allow() {
+        let light = |position| Point { position, intensity: Vec3::ONE, cone: None };
+        let points = vec![light(Vec3::ZERO), light(Vec3::Y)];
+        let emitters = Emitters { points, ..Emitters::default() };
+        let from = 1e-20 * Vec3::X;
+        assert_eq!(emitters.points[0].bound(from, None), f32::INFINITY);
+        let probability = [0, 1].map(|choice| emitters.probability(choice, from, None));
+        assert_eq!(probability, [1.0 - 0.5 * EVEN_SHARE, 0.5 * EVEN_SHARE]);
+        assert_eq!(emitters.choose_one(from, None, 0.0), Some((0, probability[0])));
     }
 
     #[test]
