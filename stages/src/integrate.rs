@@ -195,12 +195,14 @@ impl Stage for Integrate {
             let columns = width.div_ceil(tile);
             let rows = evidence.par_chunks_mut(columns).zip(shift.par_chunks_mut(columns));
             rows.zip(asked.par_chunks_mut(width * tile)).for_each(|((evidence, shift), asked)| {
-                let mut found = vec![Evidence::default(); columns];
-                for (pixel, asked) in asked.iter_mut().enumerate().filter(|(_, asked)| **asked != 0) {
-                    let sample = &samples[std::mem::take(asked) as usize - 1];
-                    found[pixel % width / tile].add(&shown, sample);
-                }
-                for ((found, evidence), shift) in found.into_iter().zip(evidence).zip(shift) {
+                for (column, (evidence, shift)) in evidence.iter_mut().zip(shift).enumerate() {
+                    let mut found = Evidence::default();
+                    for row in asked.chunks_mut(width) {
+                        let pixels = column * tile..width.min((column + 1) * tile);
+                        for asked in row[pixels].iter_mut().filter(|asked| **asked != 0) {
+                            found.add(&shown, &samples[std::mem::take(asked) as usize - 1]);
+                        }
+                    }
                     (*evidence, *shift) = found.after(*evidence);
                 }
             });
@@ -215,18 +217,20 @@ impl Stage for Integrate {
             let is_stamped = (changed[within as usize] == stamp) & (within == pixel) & (*meta & LIVE != 0);
             *meta = (*meta & !FRESH) | (CHANGED * u32::from(is_stamped));
         });
-        if let (Some(shift), Some([mean, record])) = (&shift, &mut means)
+        let shift = shift.as_deref().unwrap_or_default();
+        if let Some([mean, record]) = &mut means
             && shift.iter().any(|&shift| shift > 0.0)
         {
-            for slot in 0..capacity {
-                let share = tile_of(image_id[slot], size).map_or(0.0, |tile| shift[tile]);
-                if share > 0.0 && meta[slot] & LIVE != 0 {
-                    let age = (meta[slot] & AGE) + (share * AGE as f32) as u32;
-                    meta[slot] = meta[slot] & !AGE | age.min(AGE);
-                    let estimate = Estimate::load(mean[slot], record[slot]);
-                    [mean[slot], record[slot]] = estimate.doubt(share, MOST_AT_REST).store();
+            let estimates = mean.par_iter_mut().zip(&mut record[..]);
+            let points = meta.par_iter_mut().zip(&*image_id).zip(estimates).with_min_len(4096);
+            points.for_each(|((meta, &pixel), (mean, record))| {
+                let share = tile_of(pixel, size).map_or(0.0, |tile| shift[tile]);
+                if share > 0.0 && *meta & LIVE != 0 {
+                    let age = (*meta & AGE) + (share * AGE as f32) as u32;
+                    *meta = *meta & !AGE | age.min(AGE);
+                    [*mean, *record] = Estimate::load(*mean, *record).doubt(share, MOST_AT_REST).store();
                 }
-            }
+            });
         }
 
         // insert
