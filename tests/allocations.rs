@@ -33,6 +33,8 @@ fn a_steady_frame_allocates_nothing() {
         let enclosed = filled.iter().filter(|&&round| round == u32::MAX).count();
         assert!(holes > 100 && enclosed > 0, "{holes} holes, {enclosed} enclosed");
 
+        none("filtered image", of_frames(&mut epi_filtered()));
+
         none("point set", of_frames(&mut point_set()));
 
         let region = Region::new(ALLOCATOR);
@@ -50,6 +52,11 @@ fn epi() -> Run {
     let taps = vec![tap("spread.filled")];
     let settings = Settings { side: Side::Cpu, taps, ..Settings::new([160, 120], 200, Facts::none()) };
     Run::new(&graph("epi.ron"), Stage { scene: "chains", camera: "orbit", settings })
+}
+
+fn epi_filtered() -> Run {
+    let settings = Settings { side: Side::Cpu, ..Settings::new([160, 120], 900, Facts::none()) };
+    Run::new(&graph("epi-filtered.ron"), Stage { scene: "cornell", camera: "orbit", settings })
 }
 
 fn point_set() -> Run {
