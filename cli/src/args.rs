@@ -82,6 +82,7 @@ Examples:
   epigraph bench --scene dragon --backend gpu --size 1920x1080 --sweep none
   epigraph bench --graph render-cache --scene cornell --sweep pixels
   epigraph bench --graph epi --graph epi+swap:interpolate=mine.wgsl --quick    what a stage of your own costs
+  epigraph bench --instructions                           what each stage costs, without the machine's noise
   epigraph bench --streams --scene scan.laz               codecs for a point set of yours";
 
 const GALLERY_HELP: &str = "\
@@ -252,6 +253,20 @@ pub struct Cli {
     /// Arguments of `render`, when no command is given.
     #[command(flatten)]
     pub render: RenderArgs,
+}
+
+impl Cli {
+    /// The number of threads that the user wants.
+    pub fn threads(&self) -> Option<u16> {
+        match &self.command {
+            None => self.render.threads,
+            Some(Command::Render(args)) => args.threads,
+            Some(Command::Bench(args)) => args.threads,
+            Some(Command::Quality(args)) => args.threads,
+            Some(Command::Tradeoff(args)) => args.threads,
+            Some(_) => None,
+        }
+    }
 }
 
 /// The commands.
@@ -506,8 +521,14 @@ pub struct BenchArgs {
     /// Camera path: still, file:NAME, view:X,Y,Z:QX,QY,QZ,QW, orbit[:DEGREES[:ARC]], fly[:FILE.ron] or shake
     #[arg(long, value_name = "PATH", default_value = "orbit")]
     pub camera: String,
-    /// Width and height of the image in pixels; the default is the papers' size
-    #[arg(long, value_name = "WxH", default_value = "512x512", allow_hyphen_values = true)]
+    /// Width and height of the image in pixels; the default is the papers' size, or 256x256 with --instructions
+    #[arg(
+        long,
+        value_name = "WxH",
+        default_value = "512x512",
+        allow_hyphen_values = true,
+        default_value_if("instructions", "true", "256x256")
+    )]
     pub size: Size,
     #[command(flatten)]
     pub compile: GraphArgs,
@@ -537,6 +558,12 @@ pub struct BenchArgs {
     /// camera and with --camera. Graphs are by default render-cache and epi
     #[arg(long, conflicts_with_all = ["streams", "backend", "no_prune", "sweep", "plot"])]
     pub pruning: bool,
+    /// Count the instructions that each stage runs, which do not depend on how busy the machine is, in place of the papers'
+    /// table; needs valgrind, and takes a minute. Graphs are by default epi and render-cache, the scene cornell
+    #[arg(long, conflicts_with_all = [
+        "streams", "pruning", "backend", "set", "swap", "insert", "wire", "sweep", "plot",
+    ])]
+    pub instructions: bool,
     /// Write the figures as JSON; - writes them to stdout instead of the tables
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

@@ -66,7 +66,8 @@ pub fn main(registry: Registry) -> ExitCode {
         }
     };
     interrupt::watch();
-    match run(cli, &Arc::new(registry)) {
+    let registry = Arc::new(registry);
+    match open::in_pool(cli.threads(), || run(cli, &registry)).and_then(|done| done) {
         Ok(code) => code,
         Err(CliError::Interrupted) => {
             eprintln!("{}", CliError::Interrupted);

@@ -13,6 +13,9 @@ use crate::{
     progress,
 };
 
+/// Bytes of each thread's stack: those of a program's first thread, on which commands would run otherwise.
+const STACK: usize = 8 << 20;
+
 /// Names of commands, to suggest one for a mistyped word.
 const COMMANDS: [&str; 11] = [
     "render",
@@ -127,15 +130,18 @@ pub fn tracer(place: &Place) -> &Arc<Tracer> {
     progress::spinner("building the tracer".into(), || place.tracer())
 }
 
-/// Sets up the global thread pool and returns its number of threads.
-pub fn threads(wanted: Option<u16>) -> Result<usize, CliError> {
-    if let Some(threads) = wanted {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.into())
-            .build_global()
-            .map_err(|error| CliError::Input(format!("--threads {threads}: {error}")))?;
-    }
-    Ok(rayon::current_num_threads())
+/// Runs a command on one of the threads of the global pool, which has as many as the user wants: work that enters the pool
+/// from outside, as each parallel loop would, waits for a thread to wake up, and allocates.
+pub fn in_pool<T: Send>(wanted: Option<u16>, command: impl FnOnce() -> T + Send) -> Result<T, CliError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(wanted.unwrap_or(0).into())
+        .stack_size(STACK)
+        .build_global()
+        .map_err(|error| match wanted {
+            Some(threads) => CliError::Input(format!("--threads {threads}: {error}")),
+            None => CliError::Input(format!("threads: {error}")),
+        })?;
+    Ok(rayon::scope(|_| command()))
 }
 
 /// Warns about samples whose radiance is not finite: a fault of the scene or the tracer that is invisible in the

@@ -32,7 +32,7 @@ const PROBE_INTERVAL: u32 = 8;
 
 /// Renders frames and writes the last one. If the user interrupts it, one more frame runs and is written.
 pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
-    let threads = open::threads(args.threads)?;
+    let threads = rayon::current_num_threads();
     let named = args.graph.as_deref().unwrap_or(graphs::DEFAULT);
     let mut outputs = Outputs::default();
     let files = Files::new(args, &mut outputs)?;

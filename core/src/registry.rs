@@ -92,6 +92,10 @@ pub trait Kind: Send + Sync {
     /// Its ports, shader and passes with default parameters and every optional input connected; `None` if they depend
     /// on the node.
     fn declaration(&self) -> Option<Declaration>;
+    /// The function that is its CPU twin, as profilers name it; `None` if it runs only on the GPU.
+    fn twin(&self) -> Option<String> {
+        None
+    }
     /// Makes a stage with the node's parameters, or returns all problems.
     fn make(&self, cx: &NodeContext) -> Result<Box<dyn AnyStage>, Problems>;
 }
@@ -110,6 +114,9 @@ impl<S: Stage> Kind for StageKind<S> {
     }
     fn declaration(&self) -> Option<Declaration> {
         Some(Bound::<S>::new(S::Params::default(), &|_| true).declaration)
+    }
+    fn twin(&self) -> Option<String> {
+        Some(format!("<{} as epigraph_core::stage::Stage>::cpu", std::any::type_name::<S>()))
     }
     fn make(&self, cx: &NodeContext) -> Result<Box<dyn AnyStage>, Problems> {
         let mut params = S::Params::default();

@@ -2,6 +2,7 @@
 
 mod choice;
 mod column;
+mod instructions;
 mod json;
 mod measure;
 mod papers;
@@ -88,7 +89,10 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
     if args.pruning {
         return pruning::bench(args, registry);
     }
-    let threads = open::threads(args.threads)?;
+    if args.instructions {
+        return instructions::bench(args, registry);
+    }
+    let threads = rayon::current_num_threads();
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
     let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, "--plot", path)).transpose()?;
@@ -107,6 +111,11 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
         outputs.put(plot, plot::svg(&report).as_bytes())?;
     }
     outputs.finish(json, &json::figures(&report), &report.text())
+}
+
+/// The graphs or scenes that the user names, or the default ones.
+fn named(given: &[String], default: &[&str]) -> Vec<String> {
+    if given.is_empty() { default.iter().map(|name| (*name).to_owned()).collect() } else { given.to_vec() }
 }
 
 /// Shown prominently if the GPU is a software one.

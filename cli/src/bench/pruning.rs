@@ -8,7 +8,10 @@ use epigraph_core::{GraphFile, Plan, Side};
 use epigraph_pictures::readable;
 use serde_json::{Value, json};
 
-use super::measure::{self, Job, Loaded, Outcome};
+use super::{
+    measure::{self, Job, Loaded, Outcome},
+    named,
+};
 use crate::{args::BenchArgs, error::CliError, open, output::Outputs, table::Table};
 
 /// Graphs and scenes that are measured by default.
@@ -39,26 +42,17 @@ struct Saved {
 
 /// Measures all graphs in all scenes, with a still camera and with the one that is asked for.
 pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
-    open::threads(args.threads)?;
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
-    let or = |given: &[String], default: &[&str]| -> Vec<String> {
-        if given.is_empty() {
-            default.iter().map(|name| (*name).to_owned()).collect()
-        } else {
-            given.to_vec()
-        }
-    };
-    let named = or(&args.graph, &GRAPHS);
-    let graphs = named.iter().map(|name| {
-        let file = open::graph(name, &args.compile.changes, registry)?;
-        Ok((open::label(name), file))
+    let graphs = named(&args.graph, &GRAPHS).into_iter().map(|name| {
+        let file = open::graph(&name, &args.compile.changes, registry)?;
+        Ok((open::label(&name), file))
     });
     let graphs = graphs.collect::<Result<Vec<_>, CliError>>()?;
     let mut cameras = vec!["still".to_owned()];
     cameras.extend((args.camera != "still").then(|| args.camera.clone()));
     let mut places = Vec::new();
-    for scene in or(&args.scene, &SCENES) {
+    for scene in named(&args.scene, &SCENES) {
         let place = open::place(&scene, "still")?;
         open::tracer_of_surfaces(&place)?;
         for camera in &cameras {

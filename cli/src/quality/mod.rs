@@ -53,7 +53,7 @@ const TITLE: &str = "Difference from a converged picture";
 
 /// Runs the comparison and reports its figures.
 pub fn quality(args: &QualityArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
-    let threads = open::threads(args.threads)?;
+    let threads = rayon::current_num_threads();
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
     let csv = args.csv.as_deref().map(|path| outputs.add("--csv", path)).transpose()?;

@@ -44,7 +44,6 @@ use crate::{
     error::CliError,
     interrupt,
     machine::Machine,
-    open,
     output::{Output, Outputs, Ready, print},
     svg,
     table::Table,
@@ -64,7 +63,7 @@ const FRAMES: &str = "frames";
 
 /// Runs an experiment, or the part of it that the options choose.
 pub fn tradeoff(args: &TradeoffArgs, registry: &Arc<Registry>) -> Result<ExitCode, CliError> {
-    let threads = open::threads(args.threads)?;
+    let threads = rayon::current_num_threads();
     let experiment = Experiment::read(&args.experiment, args.quick)?;
     let study = Study::open(&experiment, registry)?;
     let store = args.out.as_deref().map(Store::new).transpose()?;

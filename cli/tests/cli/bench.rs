@@ -274,3 +274,53 @@ fn what_pruning_saves_is_measured_for_each_scene() {
     let text = place.succeeds(words);
     assert!(text.contains("view/predict: the camera does not move"), "{text}");
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn instructions_are_counted_by_stage() {
+    let place = Place::new();
+    let words =
+        "bench --instructions --graph epi --graph epi+reach_cull.passes=0 --size 48x48 --quick --json -";
+    let report = json(&place.succeeds(words));
+    let rows = report["rows"].as_array().expect("a list");
+    let of = |row: usize, node: &str| {
+        let nodes = rows[row]["nodes"].as_array().expect("a list");
+        let found = nodes.iter().find(|found| found["node"] == node);
+        number(found.unwrap_or_else(|| panic!("no node {node}")), "instructions_per_pixel")
+    };
+    for (row, figures) in rows.iter().enumerate() {
+        let nodes = figures["nodes"].as_array().expect("a list");
+        // The cloud itself only owns memory.
+        let idle = |node: &Value| node["kind"] == "point_cloud";
+        for node in nodes {
+            assert_eq!(number(node, "instructions_per_pixel") > 0.0, !idle(node), "{node}");
+        }
+        let sum: f64 = nodes.iter().map(|node| number(node, "instructions_per_pixel")).sum();
+        let (rest, frame) = ("rest_instructions_per_pixel", "frame_instructions_per_pixel");
+        let [rest, frame] = [rest, frame].map(|key| number(figures, key));
+        // Each number is rounded to 0.01.
+        assert!((sum - of(row, "trace") + rest - frame).abs() < 0.2, "{sum} {rest} {frame}");
+        // All work in a frame is some stage's, so that no stage's loops run out of its sight.
+        assert!((0.0..0.05 * frame).contains(&rest), "{rest} of {frame}");
+        assert!(number(figures, "frame_ms") > 0.0);
+    }
+    // Without passes, a copy is left; what other stages do is the same, up to a few tests for holes.
+    assert!(of(1, "edges/reach_cull") < 0.5 * of(0, "edges/reach_cull"));
+    let reach = [0, 1].map(|row| of(row, "edges/reach"));
+    assert!((reach[0] - reach[1]).abs() < 0.01 * reach[0], "{reach:?}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn without_valgrind_instructions_are_not_counted() {
+    let place = Place::new();
+    let run = place.shell("PATH= $EPIGRAPH bench --instructions --size 16x16");
+    assert_eq!(run.code, Some(1));
+    assert!(
+        run.stderr.contains("valgrind is missing") && run.stderr.contains("apt-get install valgrind"),
+        "{}",
+        run.stderr
+    );
+    let refused = place.fails("bench --instructions --set reach_cull.passes=0");
+    assert!(refused.contains("'--instructions' cannot be used with '--set"), "{refused}");
+}

@@ -12,7 +12,7 @@ use epigraph_scenes::SceneError;
 use epigraph_streams::{Codec, Layout, Model, Node, Points, Pool, Settings};
 
 use super::{Skipped, needs_fetch};
-use crate::{args::BenchArgs, encode::watched, error::CliError, open, output::Outputs, progress, svg};
+use crate::{args::BenchArgs, encode::watched, error::CliError, output::Outputs, progress, svg};
 use flight::{Flight, frames_per_second};
 
 /// Models by default: those with the most vertices. The first two have to be fetched.
@@ -73,7 +73,7 @@ struct Coded {
 
 /// Measures and reports.
 pub fn bench(args: &BenchArgs) -> Result<(), CliError> {
-    let threads = open::threads(args.threads)?;
+    let threads = rayon::current_num_threads();
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
     let plot = args.plot.as_deref().map(|path| svg::add(&mut outputs, "--plot", path)).transpose()?;
