@@ -376,6 +376,9 @@ pub struct GraphArgs {
     /// Give every intermediate result its own memory
     #[arg(long)]
     pub no_pooling: bool,
+    /// Use no vector instructions beyond those of every processor; does not affect the picture
+    #[arg(long)]
+    pub no_vectors: bool,
 }
 
 /// Arguments of `render`.
@@ -550,8 +553,8 @@ pub struct BenchArgs {
     /// Measure point sets in place of frames: the codecs of `encode`, the paper's figures, and a flight through each set.
     /// Scenes may be files of points
     #[arg(long, conflicts_with_all = [
-        "backend", "graph", "camera", "samples", "set", "swap", "insert", "wire", "no_prune", "no_pooling", "sweep",
-        "seed",
+        "backend", "graph", "camera", "samples", "set", "swap", "insert", "wire", "no_prune", "no_pooling",
+        "no_vectors", "sweep", "seed",
     ])]
     pub streams: bool,
     /// Measure what each scene saves because needless nodes are left out, in place of the papers' table: with a still

@@ -91,6 +91,7 @@ fn settings(args: &CheckArgs, facts: Facts) -> Result<Settings, CliError> {
         side: if args.backend == Backend::Gpu { Side::Gpu } else { Side::Cpu },
         prune: !args.compile.no_prune,
         pooling: !args.compile.no_pooling,
+        vectors: !args.compile.no_vectors,
         ..Settings::new(size, samples, facts)
     })
 }

@@ -53,6 +53,7 @@ pub fn render(args: &RenderArgs, registry: &Arc<Registry>) -> Result<ExitCode, C
         .seed(args.seed)
         .prune(!args.compile.no_prune)
         .pooling(!args.compile.no_pooling)
+        .vectors(!args.compile.no_vectors)
         .poison(args.poison)
         .watch(args.watch)
         .compile()?;

@@ -55,6 +55,9 @@ pub struct Settings {
     /// The plan is the same. Transients are filled with zeros before their first use, so that the unused rest of a list
     /// is not taken for values; they are not poisoned then.
     pub watch: bool,
+    /// Let twins use the vector instructions that the processor has beyond those of every processor of the platform
+    /// ([`CpuContext::level`](crate::CpuContext::level)). They compute the same bits without.
+    pub vectors: bool,
     /// Ports to read after their node has run: they keep their nodes alive.
     pub taps: Vec<Source>,
 }
@@ -71,6 +74,7 @@ impl Settings {
             pooling: true,
             poison: false,
             watch: false,
+            vectors: true,
             taps: Vec::new(),
         }
     }

@@ -63,7 +63,8 @@ pub struct Harness<S: Stage> {
     ports: Vec<Port>,
     /// The bytes of each `port` or `port.field` that is set, and how many elements they are.
     inputs: HashMap<String, (usize, Vec<u8>)>,
-    running: HashMap<Side, Executor>,
+    /// By side, and whether it uses vectors.
+    running: HashMap<(Side, bool), Executor>,
     /// The frame that [`Harness::run`] runs; each run increments its number.
     pub frame: Frame,
 }
@@ -162,6 +163,11 @@ impl<S: Stage> Harness<S> {
         self.frame.index = 0;
     }
 
+    /// Lets the twin use the processor's vector instructions or not. As on the two sides, kept ports of either are its own.
+    pub(crate) fn use_vectors(&mut self, vectors: bool) {
+        self.settings.vectors = vectors;
+    }
+
     /// Runs one frame and returns every output, including ports updated in place.
     ///
     /// # Errors
@@ -174,7 +180,8 @@ impl<S: Stage> Harness<S> {
         host: &Host,
         gpu: Option<Arc<Gpu>>,
     ) -> Result<Outputs, RunError> {
-        let mut executor = match self.running.remove(&side) {
+        let key = (side, self.settings.vectors);
+        let mut executor = match self.running.remove(&key) {
             Some(executor) => executor,
             None => self.build(side, registry, gpu)?,
         };
@@ -198,7 +205,7 @@ impl<S: Stage> Harness<S> {
             (name, snapshot.clone())
         });
         let outputs = Outputs(named.collect());
-        self.running.insert(side, executor);
+        self.running.insert(key, executor);
         Ok(outputs)
     }
 

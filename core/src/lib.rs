@@ -62,6 +62,7 @@
 //! ```
 
 pub use bytemuck;
+pub use fearless_simd;
 pub use serde;
 
 mod capture;

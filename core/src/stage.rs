@@ -9,6 +9,7 @@ use std::{
     ops::Range,
 };
 
+use fearless_simd::Level;
 use index_vec::IndexSlice;
 
 use crate::{
@@ -399,6 +400,7 @@ pub struct CpuContext<'a> {
     pub(crate) changes: &'a RefCell<Changes>,
     /// `None` unless the run is watched.
     pub(crate) failed: Option<&'a Failed>,
+    pub(crate) level: Level,
 }
 
 /// What a node has reported of its outputs.
@@ -424,6 +426,13 @@ impl CpuContext<'_> {
     /// The current frame.
     pub fn frame(&self) -> &Frame {
         self.frame
+    }
+
+    /// Which vector instructions the twin may use: for [`fearless_simd::dispatch!`], which compiles a function for each level.
+    /// The bits that a twin writes must not depend on it: no sums in another order, no multiplication fused with an
+    /// addition, no estimates, and a minimum by comparison where a NaN may come.
+    pub fn level(&self) -> Level {
+        self.level
     }
 
     /// The host's object of this type, or a message for the user.

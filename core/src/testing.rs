@@ -89,10 +89,11 @@ pub fn gpu() -> Arc<Gpu> {
     GPU.get_or_init(open).clone()
 }
 
-/// Runs a frame of the CPU twin.
+/// Runs a frame of the CPU twin, and another one with the vectors of every processor ([`Settings::vectors`]), which must write the
+/// same bits.
 ///
 /// # Panics
-/// If an input is missing, or the twin reports an error or panics.
+/// If an input is missing, the twin reports an error or panics, or a bit differs.
 #[track_caller]
 pub fn run_cpu<S: Stage>(harness: &mut Harness<S>, registry: &Registry) -> Outputs {
     run(harness, registry, Side::Cpu)
@@ -170,10 +171,24 @@ pub fn differences(cpu: &Snapshot, gpu: &Snapshot, tolerance: f32) -> Vec<String
 #[track_caller]
 fn run<S: Stage>(harness: &mut Harness<S>, registry: &Registry, side: Side) -> Outputs {
     let gpu = (side == Side::Gpu).then(gpu);
-    match harness.run(side, registry, &Host::default(), gpu) {
+    let frame = |harness: &mut Harness<S>| match harness.run(side, registry, &Host::default(), gpu.clone()) {
         Ok(outputs) => outputs,
         Err(error) => panic!("{side}: {error}"),
+    };
+    if side == Side::Gpu {
+        return frame(harness);
     }
+    harness.use_vectors(false);
+    let plain = frame(harness);
+    harness.use_vectors(true);
+    let outputs = frame(harness);
+    for (name, snapshot) in &outputs.0 {
+        assert!(
+            snapshot.bytes == plain.0[name].bytes,
+            "`{name}` differs from what the twin writes without vectors"
+        );
+    }
+    outputs
 }
 
 /// What the CPU twin and the shader wrote from the same inputs. Outputs are named `port`, or `port.field` where a port
@@ -261,5 +276,41 @@ impl Random {
     /// A number from `low` to `high`.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * (self.bits() >> 8) as f32 / (1 << 24) as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fearless_simd::Level;
+
+    use super::*;
+    use crate::{CpuContext, Extent, Io, Out};
+
+    /// Writes whether it may use all that the processor has.
+    struct Fickle(Out<u32>);
+
+    impl Stage for Fickle {
+        const KIND: &'static str = "fickle";
+        const DOC: &'static str = "Tells what it may use.";
+        type Params = ();
+
+        fn declare((): &(), io: &mut Io) -> Self {
+            Self(io.write("number", "1 if it may use all.", Extent::Fixed([1, 1])))
+        }
+
+        fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+            let is_all = format!("{:?}", cx.level()) == format!("{:?}", Level::new());
+            cx.write(self.0)[0] = u32::from(is_all);
+            Ok(())
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "differs from what the twin writes without vectors")]
+    fn a_twin_that_writes_other_bits_with_vectors_is_noticed() {
+        let [all, baseline] = [Level::new(), Level::baseline()].map(|level| format!("{level:?}"));
+        // A processor without more than the baseline runs the same code twice.
+        assert!(all != baseline, "differs from what the twin writes without vectors: not on this processor");
+        run_cpu(&mut Harness::<Fickle>::new((), &settings([1, 1], 0)), &Registry::default());
     }
 }

@@ -38,6 +38,7 @@ pub struct Setup {
     pooling: bool,
     poison: bool,
     watch: bool,
+    vectors: bool,
     profile: bool,
     keep: Vec<Source>,
     live: bool,
@@ -74,6 +75,7 @@ impl Setup {
             pooling: true,
             poison: false,
             watch: false,
+            vectors: true,
             profile: true,
             keep: Vec::new(),
             live: false,
@@ -198,6 +200,13 @@ impl Setup {
         self
     }
 
+    /// If true (the default), stages on the CPU use the vector instructions that the processor has beyond those of every
+    /// processor of its kind. No bit of a picture depends on it.
+    pub fn vectors(mut self, vectors: bool) -> Self {
+        self.vectors = vectors;
+        self
+    }
+
     /// If true (the default), each step is timed. On a software GPU that requires a wait after each step.
     pub fn profile(mut self, profile: bool) -> Self {
         self.profile = profile;
@@ -261,6 +270,7 @@ impl Setup {
             pooling: self.pooling,
             poison: self.poison,
             watch: self.watch,
+            vectors: self.vectors,
             taps: Vec::new(),
             ..Settings::new(self.size, samples, facts)
         };

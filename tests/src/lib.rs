@@ -167,7 +167,7 @@ impl DerefMut for Run {
 
 /// Exact pace, seed 1 and no profiling.
 fn setup(file: &GraphFile, place: &Place, settings: &Settings) -> Setup {
-    let &Settings { size, samples, side, prune, pooling, poison, watch, .. } = settings;
+    let &Settings { size, samples, side, prune, pooling, poison, watch, vectors, .. } = settings;
     let device = if side == Side::Gpu { Device::on(gpu()) } else { Device::CPU };
     Setup::new(file.clone())
         .at(place)
@@ -178,6 +178,7 @@ fn setup(file: &GraphFile, place: &Place, settings: &Settings) -> Setup {
         .pooling(pooling)
         .poison(poison)
         .watch(watch)
+        .vectors(vectors)
         .profile(false)
 }
 

@@ -24,6 +24,7 @@ mod still;
 mod streams;
 mod swap;
 mod user_shader;
+mod vectors;
 mod watch;
 mod wgsl_docs;
 mod wgsl_nodes;

@@ -77,6 +77,7 @@ impl Job<'_> {
             .seed(self.args.seed)
             .prune(!compile.no_prune)
             .pooling(!compile.no_pooling)
+            .vectors(!compile.no_vectors)
     }
 }
 

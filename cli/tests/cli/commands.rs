@@ -26,12 +26,13 @@ fn the_picture_is_the_same_on_every_run_and_for_any_number_of_threads() {
         ("c.png", "--threads 1"),
         ("d.png", "--threads 2"),
         ("e.png", "--poison --no-pooling --no-prune"),
+        ("f.png", "--no-vectors"),
     ] {
         place.succeeds(&format!("render {SMALL} {flags} --out {out}"));
     }
     place.succeeds(&format!("render {SMALL} --seed 2 --out other.png"));
     let bytes = |name: &str| std::fs::read(place.path(name)).expect("written");
-    for name in ["b.png", "c.png", "d.png", "e.png"] {
+    for name in ["b.png", "c.png", "d.png", "e.png", "f.png"] {
         assert!(bytes(name) == bytes("a.png"), "{name} differs");
     }
     assert!(bytes("other.png") != bytes("a.png"), "the seed changes nothing");

@@ -19,6 +19,7 @@ use std::{
 };
 
 pub use device::{AdapterChoice, Gpu};
+use fearless_simd::Level;
 use gpu::{GpuSide, Layout, poison_word};
 use index_vec::{IndexSlice, IndexVec, index_vec};
 use readback::Readback;
@@ -132,6 +133,7 @@ pub struct Executor {
     /// For even and odd frames: whether each node ran.
     ran: [IndexVec<NodeId, bool>; 2],
     changes: RefCell<Changes>,
+    level: Level,
     step_of_node: HashMap<NodeId, StepId>,
     frame: u64,
     /// Measure each step. On a software GPU that means waiting after each.
@@ -189,6 +191,7 @@ impl Executor {
             versions,
             ran,
             changes,
+            level: if settings.vectors { Level::new() } else { Level::baseline() },
             step_of_node,
             frame: 0,
             profile: true,
@@ -439,6 +442,7 @@ impl Executor {
             bindings: &self.bindings[parity][node],
             changes: &self.changes,
             failed: self.watch.as_ref().map(|watch| &watch.failed),
+            level: self.level,
         };
         let fail = |message| RunError::Stage { node: self.plan.nodes[node].name.clone(), message };
         // A stage that panics is a bug, but it must not take down the application, with its window and unsaved files.

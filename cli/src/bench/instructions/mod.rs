@@ -42,6 +42,11 @@ const FRAME: &str = "epigraph_core::executor::Executor::run";
 /// The kind whose cost is no part of a frame's: it depends on the samples alone.
 const TRACE: &str = "trace";
 
+/// Lets the C library copy and fill memory by loops of vectors, however long it is. Its other way are instructions that
+/// repeat themselves, each of which callgrind counts once for each byte.
+const PLAIN_COPIES: &str =
+    "glibc.cpu.x86_rep_movsb_threshold=1000000000:glibc.cpu.x86_rep_stosb_threshold=1000000000";
+
 const INSTALL: &str = "valgrind is missing, which counts instructions: apt-get install valgrind (Debian, Ubuntu), \
                        dnf install valgrind (Fedora), or brew install valgrind (Homebrew on Linux)";
 
@@ -160,11 +165,15 @@ fn counted(args: &BenchArgs, graph: &str, scene: &str, frames: u32) -> Result<Pr
     ] {
         valgrind.arg(format!("--{option}={value}"));
     }
-    for (given, option) in [(args.compile.no_prune, "--no-prune"), (args.compile.no_pooling, "--no-pooling")]
-    {
+    let compile = &args.compile;
+    for (given, option) in [
+        (compile.no_prune, "--no-prune"),
+        (compile.no_pooling, "--no-pooling"),
+        (compile.no_vectors, "--no-vectors"),
+    ] {
         valgrind.args(given.then_some(option));
     }
-    valgrind.arg(with("--out=", &picture)).stdin(Stdio::null());
+    valgrind.arg(with("--out=", &picture)).stdin(Stdio::null()).env("GLIBC_TUNABLES", PLAIN_COPIES);
     let done = valgrind.output().map_err(|error| match error.kind() {
         ErrorKind::NotFound => CliError::Input(INSTALL.into()),
         _ => CliError::Input(format!("valgrind: {error}")),
