@@ -3,7 +3,8 @@
 
 use std::sync::Mutex;
 
-use epigraph_core::{Access, CpuContext, Extent, Facts, Finding, In, Io, Out, Site, Stage};
+use epigraph_core::{Access, CpuContext, Extent, Facts, Finding, Frame, In, Io, Out, Site, Stage};
+use fearless_simd::{Simd, dispatch, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
@@ -11,7 +12,8 @@ use crate::{
     meaning::{OCCUPANCY, POINTS},
     shared::{
         cloud::LIVE,
-        view::{SEVERAL, Several},
+        lanes::{LANES, padded, store},
+        view::Lanes,
     },
 };
 
@@ -59,7 +61,7 @@ impl Stage for Predict {
     }
 
     fn cpu(&self, _: &(), cx: &CpuContext) -> Result<(), String> {
-        let (frame, width) = (cx.frame(), cx.dims(self.occupancy).width);
+        let (frame, width, level) = (cx.frame(), cx.dims(self.occupancy).width, cx.level());
         let (position, meta) = (&cx.read(self.position)[..], &cx.read(self.meta)[..]);
         let occupancy = &mut cx.write(self.occupancy)[..];
 
@@ -71,23 +73,12 @@ impl Stage for Predict {
         // Marks may be set in any order, so threads share one lock: projecting costs much more than marking.
         let occupancy = Mutex::new(occupancy);
         position.par_chunks(CHUNK).zip(meta.par_chunks(CHUNK)).for_each(|(position, meta)| {
-            let mut cells = [0; CHUNK];
-            let mut count = 0;
-            for (position, meta) in position.chunks(SEVERAL).zip(meta.chunks(SEVERAL)) {
-                let several = Several::project(&frame.predicted, position, frame.size);
-                for (i, meta) in meta.iter().enumerate() {
-                    if meta & LIVE != 0
-                        && let Some(point) = several.get(i)
-                    {
-                        let [x, y] = point.pixel();
-                        cells[count] = (y / CELL * width + x / CELL) as usize;
-                        count += 1;
-                    }
-                }
-            }
+            let mut cells = [0; CHUNK + LANES];
+            let count =
+                dispatch!(level, simd => cells_of_points(simd, frame, width, position, meta, &mut cells));
             let mut occupancy = occupancy.lock().expect("marking does not panic");
             for &cell in &cells[..count] {
-                occupancy[cell] = 1;
+                occupancy[cell as usize] = 1;
             }
         });
         Ok(())
@@ -100,6 +91,29 @@ impl Stage for Predict {
     fn explain(&self, (): &(), site: &Site) -> Option<Vec<Finding>> {
         explain::at(self, site)
     }
+}
+
+/// Lists the cells in which up to [`CHUNK`] points are, in rows of `width` cells; returns how many.
+#[inline(always)]
+fn cells_of_points<S: Simd>(
+    simd: S,
+    frame: &Frame,
+    width: u32,
+    position: &[[f32; 4]],
+    meta: &[u32],
+    cells: &mut [u32; CHUNK + LANES],
+) -> usize {
+    let mut count = 0;
+    for first in (0..meta.len()).step_by(LANES) {
+        let lanes = Lanes::project(simd, &frame.predicted, &padded(position, first), frame.size);
+        let meta = u32x8::load_array(simd, padded(meta, first));
+        let is_drawn = lanes.is_drawn & (meta & LIVE).simd_ne(u32x8::splat(simd, 0));
+        let [x, y] = lanes.pixel().map(|along| along >> CELL.trailing_zeros());
+        let cell = y * u32x8::splat(simd, width) + x;
+        store(&simd.compress_u32x8(cell, is_drawn).to_array(), &mut cells[count..][..LANES]);
+        count += is_drawn.to_bitmask().count_ones() as usize;
+    }
+    count
 }
 
 #[cfg(test)]

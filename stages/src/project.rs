@@ -11,6 +11,7 @@ use epigraph_core::{
     Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Pass, Shape, Site, Stage, choice, constants,
     params, scratch, texel,
 };
+use fearless_simd::{Level, Simd, dispatch, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
@@ -18,7 +19,8 @@ use crate::{
     meaning::{CELL, DEPTH, ID, POINTS},
     shared::{
         cloud::{AGE, AGE_ONE, LIVE, NO_POINT, NOT_DRAWN},
-        view::{Projected, SEVERAL, Several},
+        lanes::{LANES, padded, store},
+        view::{Lanes, Projected},
     },
 };
 
@@ -129,31 +131,20 @@ impl Stage for Project {
     }
 
     fn cpu(&self, params: &ProjectParams, cx: &CpuContext) -> Result<(), String> {
-        let (frame, pixels) = (cx.frame(), cx.dims(self.id));
+        let frame = cx.frame();
         let (position, meta) = (&cx.read(self.position)[..], &cx.read(self.meta)[..]);
         let (id, depth) = (&mut cx.write(self.id)[..], &mut cx.write(self.depth)[..]);
         let subpixel = &mut cx.write(self.subpixel)[..];
         let (projected, cells) = (&mut cx.write(self.projected)[..], &mut cx.write(self.cells)[..]);
 
+        let level = cx.level();
         let axis = 1 << (params.subpixel_bits / 2);
         let points = position.par_chunks(CHUNK).zip(meta.par_chunks(CHUNK));
         let found = projected.par_chunks_mut(CHUNK).zip(cells.par_chunks_mut(CHUNK));
         points.zip(found).for_each(|((position, meta), (projected, cells))| {
-            let points = position.chunks(SEVERAL).zip(meta.chunks(SEVERAL));
-            let found = projected.chunks_mut(SEVERAL).zip(cells.chunks_mut(SEVERAL));
-            for ((position, meta), (projected, cells)) in points.zip(found) {
-                let several = Several::project(&frame.view, position, frame.size);
-                for (i, projected) in projected.iter_mut().enumerate() {
-                    *projected = [NOT_DRAWN, EMPTY_DEPTH];
-                    if is_drawn(meta[i], params.max_age)
-                        && let Some(point) = several.get(i)
-                    {
-                        let [x, y] = point.pixel();
-                        *projected = [y * pixels.width + x, point.z.to_bits()];
-                        cells[i] = point.cell(axis);
-                    }
-                }
-            }
+            dispatch!(level, simd => {
+                project(simd, frame, params.max_age, axis, (position, meta), (projected, cells))
+            });
         });
 
         // Each thread owns a band of the image and processes all points in the order of their ids.
@@ -162,7 +153,7 @@ impl Stage for Project {
             id.par_chunks_mut(band).zip(depth.par_chunks_mut(band)).zip(subpixel.par_chunks_mut(band));
         bands.enumerate().for_each(|(index, ((id, depth), subpixel))| {
             let band = Band { first: (index * band) as u32, id, depth, subpixel };
-            band.claim(projected, cells);
+            band.claim(level, projected, cells);
         });
         Ok(())
     }
@@ -176,6 +167,35 @@ fn is_drawn(meta: u32, max_age: u32) -> bool {
     meta & LIVE != 0 && (meta & AGE) / AGE_ONE <= max_age
 }
 
+/// Writes pixel, bits of the distance, and cell of points. The cell of one that is not drawn means nothing.
+#[inline(always)]
+fn project<S: Simd>(
+    simd: S,
+    frame: &Frame,
+    max_age: u32,
+    axis: u32,
+    (position, meta): (&[[f32; 4]], &[u32]),
+    (projected, cells): (&mut [[u32; 2]], &mut [u32]),
+) {
+    let splat = |number: u32| u32x8::splat(simd, number);
+    for first in (0..meta.len()).step_by(LANES) {
+        let lanes = Lanes::project(simd, &frame.view, &padded(position, first), frame.size);
+        let meta = u32x8::load_array(simd, padded(meta, first));
+        // As [`is_drawn`].
+        let is_live = (meta & LIVE).simd_ne(splat(0));
+        let is_young = ((meta & AGE) >> AGE_ONE.trailing_zeros()).simd_le(splat(max_age));
+        let is_drawn = lanes.is_drawn & is_live & is_young;
+        let [x, y] = lanes.pixel();
+        let pixel = is_drawn.select(y * splat(frame.size[0]) + x, splat(NOT_DRAWN));
+        let depth = is_drawn.select(lanes.depth(), splat(EMPTY_DEPTH));
+        let (low, high) = simd.interleave_u32x8(pixel, depth);
+        let count = LANES.min(cells.len() - first);
+        let found: [[u32; 2]; LANES] = bytemuck::cast([low.to_array(), high.to_array()]);
+        store(&found, &mut projected[first..][..count]);
+        store(&lanes.cell(axis).to_array(), &mut cells[first..][..count]);
+    }
+}
+
 /// The positions of the points that fall into a pixel, with their ids; the first is the one that the pixel shows: the
 /// nearest, and among equally near ones that with the lowest id. This is the rule; [`Band::claim`] finds the first of
 /// every pixel.
@@ -187,7 +207,7 @@ fn fallen(
     pixel: [u32; 2],
 ) -> Vec<(Projected, u32)> {
     let project = |(id, (position, meta)): (u32, (&[f32; 4], &u32))| {
-        let point = Several::project(&frame.view, &[*position], frame.size).get(0)?;
+        let point = Projected::of(&frame.view, *position, frame.size)?;
         (is_drawn(*meta, max_age) && point.pixel() == pixel).then_some((point, id))
     };
     let mut fallen: Vec<_> = (0..).zip(position.iter().zip(meta)).filter_map(project).collect();
@@ -204,19 +224,33 @@ struct Band<'a> {
 }
 
 impl Band<'_> {
-    fn claim(self, projected: &[[u32; 2]], cells: &[u32]) {
+    /// Lists those of up to [`CHUNK`] points that fall into the band; returns how many.
+    #[inline(always)]
+    fn select<S: Simd>(&self, simd: S, projected: &[[u32; 2]], list: &mut [u32; CHUNK + LANES]) -> usize {
+        let lanes = u32x8::from_fn(simd, |lane| lane as u32);
+        let mut count = 0;
+        for (first, group) in projected.chunks(LANES).enumerate() {
+            let mut pixels = [NOT_DRAWN; LANES];
+            pixels.iter_mut().zip(group).for_each(|(own, [pixel, _])| *own = *pixel);
+            let place = u32x8::load_array(simd, pixels) - u32x8::splat(simd, self.first);
+            // [`NOT_DRAWN`] is beyond all pixels.
+            let is_mine = place.simd_lt(u32x8::splat(simd, self.id.len() as u32));
+            let points = lanes + u32x8::splat(simd, (first * LANES) as u32);
+            store(&simd.compress_u32x8(points, is_mine).to_array(), &mut list[count..][..LANES]);
+            count += is_mine.to_bitmask().count_ones() as usize;
+        }
+        count
+    }
+
+    fn claim(self, level: Level, projected: &[[u32; 2]], cells: &[u32]) {
         self.id.fill(NO_POINT);
         self.depth.fill(EMPTY_DEPTH);
         self.subpixel.fill(0);
-        let mut mine = [0; CHUNK];
+        let mut mine = [0; CHUNK + LANES];
         for (chunk, projected) in projected.chunks(CHUNK).enumerate() {
             // First selects the band's points without a branch, which could not be predicted.
-            let mut count = 0;
-            for (i, [pixel, _]) in projected.iter().enumerate() {
-                mine[count] = i;
-                count += usize::from((pixel.wrapping_sub(self.first) as usize) < self.id.len());
-            }
-            for &i in &mine[..count] {
+            let count = dispatch!(level, simd => self.select(simd, projected, &mut mine));
+            for i in mine[..count].iter().map(|&i| i as usize) {
                 let [pixel, depth] = projected[i];
                 let at = (pixel - self.first) as usize;
                 // The bits of positive floats are ordered like the floats; ids come in ascending order.

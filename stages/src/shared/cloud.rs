@@ -13,6 +13,8 @@
 //! The bits of `meta`: 0 to 15 are the age in 8.8 fixed point, then come [`LIVE`], [`CHANGED`] and [`FRESH`], and 24 to
 //! 31 are the number of the body on which the point lies, or 0 if it lies on static geometry.
 
+use fearless_simd::{Simd, f32x8, i32x8, prelude::*, u32x8};
+
 epigraph_core::constants! {
     /// The bits of `meta` that hold the age.
     pub const AGE: u32 = 0xFFFF;
@@ -68,8 +70,17 @@ pub fn decode_radiance(bits: u32) -> [f32; 3] {
     [bits & 511, bits >> 9 & 511, bits >> 18 & 511].map(|mantissa| mantissa as f32 * scale)
 }
 
+/// [`decode_radiance`] of eight points.
+#[inline(always)]
+pub fn radiance_of<S: Simd>(simd: S, bits: u32x8<S>) -> [f32x8<S>; 3] {
+    let scale = f32x8::from_bits(((bits >> 27) + u32x8::splat(simd, 127 - 24)) << 23);
+    [bits, bits >> 9, bits >> 18]
+        .map(|bits| (bits & 511).bitcast::<i32x8<S>>().to_float::<f32x8<S>>() * scale)
+}
+
 /// Copies the values of the points `ids` from those of all points; any value if an id is not a point's. Cache misses
 /// dominate, and a loop that does nothing else keeps many of them in flight at once.
+#[inline(always)]
 pub fn gather(values: &[u32], ids: &[u32], to: &mut [u32]) {
     let last = values.len() - 1;
     to.iter_mut().zip(ids).for_each(|(to, &id)| *to = values[(id as usize).min(last)]);

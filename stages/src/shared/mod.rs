@@ -4,6 +4,7 @@ pub mod cloud;
 pub mod color;
 pub mod edge_pixel;
 pub mod estimate;
+pub mod lanes;
 pub mod moves;
 pub mod nearer;
 pub mod octahedral;

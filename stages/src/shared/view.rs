@@ -1,6 +1,9 @@
 //! Where points of the cloud project to in an image. Mirrored by `shaders/shared/view.wgsl`, operation by operation.
 
 use epigraph_core::View;
+use fearless_simd::{Simd, f32x8, i32x8, mask32x8, prelude::*, u32x8};
+
+use super::lanes::{LANES, lesser, load_transposed};
 
 /// A projected point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,41 +16,61 @@ pub struct Projected {
     pub z: f32,
 }
 
-/// Several projected points, as a structure of arrays: most of the work is vectorized, four at a time.
-pub struct Several {
-    x: [f32; SEVERAL],
-    y: [f32; SEVERAL],
-    z: [f32; SEVERAL],
-    is_drawn: [bool; SEVERAL],
+/// Several projected points.
+pub struct Lanes<S: Simd> {
+    simd: S,
+    x: f32x8<S>,
+    y: f32x8<S>,
+    z: f32x8<S>,
+    /// The points that are drawn; the positions of others mean nothing.
+    pub is_drawn: mask32x8<S>,
 }
 
-/// Capacity of [`Several`].
-pub const SEVERAL: usize = 64;
-
-impl Several {
-    /// Projects up to [`SEVERAL`] points (w = 1) and directions (w = 0) into an image of `size` pixels.
-    ///
-    /// Points beyond the far plane are moved onto it and drawn, because otherwise the background would look like
-    /// missing samples (`algorithms.md` section 1.2). Directions are drawn on the far plane. The eye is subtracted
-    /// first, so that positions of 1e7 metres lose no precision beyond that of their own f32.
-    pub fn project(view: &View, positions: &[[f32; 4]], size: [u32; 2]) -> Self {
-        let [x, y, z] = [[0.0; SEVERAL]; 3];
-        let mut several = Self { x, y, z, is_drawn: [false; SEVERAL] };
-        let Self { x, y, z, is_drawn } = &mut several;
-        let found = x.iter_mut().zip(y).zip(z).zip(is_drawn);
-        for ((((x, y), z), is_drawn), &position) in found.zip(positions) {
-            let (point, drawn) = place(view, position, size);
-            (*x, *y, *z, *is_drawn) = (point.x, point.y, point.z, drawn);
-        }
-        several
+impl<S: Simd> Lanes<S> {
+    /// [`Projected::of`] each of these positions.
+    #[inline(always)]
+    pub fn project(simd: S, view: &View, positions: &[[f32; 4]; LANES], size: [u32; 2]) -> Self {
+        let splat = |number: f32| f32x8::splat(simd, number);
+        let [px, py, pz, w] = load_transposed(simd, positions);
+        let is_direction = w.simd_eq(splat(0.0));
+        let from_eye = |at: f32x8<S>, eye: f32| at - is_direction.select(splat(0.0), splat(eye));
+        let p = [from_eye(px, view.eye[0]), from_eye(py, view.eye[1]), from_eye(pz, view.eye[2])];
+        let along = |axis: [f32; 3]| p[0] * splat(axis[0]) + p[1] * splat(axis[1]) + p[2] * splat(axis[2]);
+        let z = along(view.forward);
+        let inverse = splat(1.0) / z;
+        let [half_x, half_y] = size.map(|side| 0.5 * side as f32);
+        let x = splat(half_x) + along(view.right) * inverse * splat(half_x / view.tan_x);
+        let y = splat(half_y) - along(view.up) * inverse * splat(half_y / view.tan_y);
+        let nearest = is_direction.select(splat(f32::MIN_POSITIVE), splat(view.near));
+        let [width, height] = size.map(|side| splat(side as f32));
+        let is_within = x.simd_ge(splat(0.0)) & x.simd_lt(width) & y.simd_ge(splat(0.0)) & y.simd_lt(height);
+        let far = splat(view.far);
+        let z_drawn = is_direction.select(far, lesser(simd, z, far));
+        Self { simd, x, y, z: z_drawn, is_drawn: z.simd_ge(nearest) & is_within }
     }
 
-    /// The point with this index; `None` if it is not drawn because it is in front of the near plane, outside the
-    /// image, or contains a NaN.
+    /// Column and row of the pixels.
     #[inline(always)]
-    pub fn get(&self, index: usize) -> Option<Projected> {
-        let point = Projected { x: self.x[index], y: self.y[index], z: self.z[index] };
-        self.is_drawn[index].then_some(point)
+    pub fn pixel(&self) -> [u32x8<S>; 2] {
+        // Images are smaller than 2^31, and processors convert to signed numbers faster.
+        [self.x, self.y].map(|along| along.to_int::<i32x8<S>>().bitcast())
+    }
+
+    /// The bits of the distances.
+    #[inline(always)]
+    pub fn depth(&self) -> u32x8<S> {
+        self.z.to_bits()
+    }
+
+    /// [`Projected::cell`] of each point.
+    #[inline(always)]
+    pub fn cell(&self, cells: u32) -> u32x8<S> {
+        let within = |along: f32x8<S>| {
+            let pixel: f32x8<S> = along.to_int::<i32x8<S>>().to_float();
+            let cell: i32x8<S> = ((along - pixel) * f32x8::splat(self.simd, cells as f32)).to_int();
+            cell.bitcast::<u32x8<S>>()
+        };
+        within(self.y) * u32x8::splat(self.simd, cells) + within(self.x)
     }
 }
 
@@ -66,26 +89,32 @@ pub fn place_in_image(view: &View, position: [f32; 4], size: [u32; 2]) -> [f32; 
     [x, y, z]
 }
 
-/// The position of a point, and whether it is drawn. Branchless, so that loops are vectorized.
-#[inline(always)]
-fn place(view: &View, position: [f32; 4], size: [u32; 2]) -> (Projected, bool) {
-    let [x, y, z] = place_in_image(view, position, size);
-    let is_direction = position[3] == 0.0;
-    let nearest = if is_direction { f32::MIN_POSITIVE } else { view.near };
-    // Comparisons with NaN are false.
-    let is_within = (x >= 0.0) & (x < size[0] as f32) & (y >= 0.0) & (y < size[1] as f32);
-    let is_drawn = (z >= nearest) & is_within;
-    let z = if is_direction { view.far } else { z.min(view.far) };
-    (Projected { x, y, z }, is_drawn)
-}
-
 impl Projected {
+    /// Projects a point (w = 1) or direction (w = 0) into an image of `size` pixels; `None` if it is not drawn because it is
+    /// in front of the near plane, outside the image, or contains a NaN. This is the rule; [`Lanes::project`] computes the
+    /// same for several points.
+    ///
+    /// Points beyond the far plane are moved onto it and drawn, because otherwise the background would look like
+    /// missing samples (`algorithms.md` section 1.2). Directions are drawn on the far plane. The eye is subtracted
+    /// first, so that positions of 1e7 metres lose no precision beyond that of their own f32.
+    pub fn of(view: &View, position: [f32; 4], size: [u32; 2]) -> Option<Self> {
+        let [x, y, z] = place_in_image(view, position, size);
+        let is_direction = position[3] == 0.0;
+        let nearest = if is_direction { f32::MIN_POSITIVE } else { view.near };
+        // Comparisons with NaN are false.
+        let is_within = x >= 0.0 && x < size[0] as f32 && y >= 0.0 && y < size[1] as f32;
+        let z_drawn = if is_direction { view.far } else { z.min(view.far) };
+        (z >= nearest && is_within).then_some(Self { x, y, z: z_drawn })
+    }
+
     /// Column and row of the pixel.
+    #[inline(always)]
     pub fn pixel(self) -> [u32; 2] {
         [self.x as u32, self.y as u32]
     }
 
     /// Which of `cells` x `cells` cells of its pixel contains the point, row by row from the top left one.
+    #[inline(always)]
     pub fn cell(self, cells: u32) -> u32 {
         let [x, y] = self.pixel();
         let column = ((self.x - x as f32) * cells as f32) as u32;
@@ -101,12 +130,36 @@ pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::{Level, dispatch};
+
     use super::*;
 
     const SIZE: [u32; 2] = [512, 256];
 
+    /// The projected point; all levels agree on it, bit for bit.
     fn project(view: &View, position: [f32; 4], size: [u32; 2]) -> Option<Projected> {
-        Several::project(view, &[position], size).get(0)
+        let expected = Projected::of(view, position, size);
+        for level in [Level::new(), Level::baseline()] {
+            dispatch!(level, simd => assert_eq!(in_lanes(simd, view, position, size), expected));
+        }
+        expected
+    }
+
+    fn in_lanes<S: Simd>(simd: S, view: &View, position: [f32; 4], size: [u32; 2]) -> Option<Projected> {
+        let mut positions = [[f32::NAN; 4]; LANES];
+        positions[5] = position;
+        let lanes = Lanes::project(simd, view, &positions, size);
+        let bits = lanes.is_drawn.to_bitmask();
+        assert_eq!(bits & !(1 << 5), 0, "{position:?}");
+        let point =
+            Projected { x: lanes.x.to_array()[5], y: lanes.y.to_array()[5], z: lanes.z.to_array()[5] };
+        if bits != 0 {
+            let [x, y] = lanes.pixel().map(|along| along.to_array()[5]);
+            assert_eq!([x, y], point.pixel());
+            assert_eq!(lanes.cell(16).to_array()[5], point.cell(16));
+            assert_eq!(f32::from_bits(lanes.depth().to_array()[5]), point.z);
+        }
+        (bits != 0).then_some(point)
     }
 
     fn view() -> View {
