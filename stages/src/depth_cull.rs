@@ -17,6 +17,7 @@
 use std::ops::Range;
 
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
@@ -25,7 +26,8 @@ use crate::{
     project::{self, EMPTY_DEPTH},
     shared::{
         cloud::NO_POINT,
-        nearer::{BAND, where_nearer},
+        lanes::{LANES, bits},
+        nearer::{BAND, REACH, SPAN, is_inside, where_nearer},
     },
 };
 
@@ -115,7 +117,8 @@ impl Stage for DepthCull {
         let depth = &cx.read(self.depth)[..];
         let (id, filtered) = (&mut cx.write(self.id)[..], &mut cx.write(self.filtered)[..]);
 
-        let image = |depth| Image { depth, width: dims.width as usize, height: dims.height as usize };
+        let (width, height, level) = (dims.width as usize, dims.height as usize, cx.level());
+        let image = |depth| Image { depth, width, height, level };
         let far = view.far;
         let scale = 1.0 + params.threshold;
         match params.rule {
@@ -154,6 +157,7 @@ struct Image<'a> {
     depth: &'a [u32],
     width: usize,
     height: usize,
+    level: Level,
 }
 
 impl Image<'_> {
@@ -231,7 +235,8 @@ impl Image<'_> {
         kept.par_chunks_mut(self.width * BAND).enumerate().for_each(|(band, kept)| {
             let first = band * BAND * self.width;
             kept.copy_from_slice(&self.depth[first..][..kept.len()]);
-            self.outvoted(first..first + kept.len(), scale, |p| kept[p - first] = EMPTY_DEPTH);
+            let pixels = first..first + kept.len();
+            dispatch!(self.level, simd => self.outvoted(simd, pixels.clone(), scale, |p| kept[p - first] = EMPTY_DEPTH));
         });
     }
 
@@ -242,35 +247,79 @@ impl Image<'_> {
         let bands = id.par_chunks_mut(band).zip(filtered.par_chunks_mut(band));
         bands.enumerate().for_each(|(number, (id, filtered))| {
             let first = number * band;
-            let depth = &self.depth[first..][..id.len()];
-            id.iter_mut()
-                .zip(depth)
-                .filter(|(_, depth)| **depth == EMPTY_DEPTH)
-                .for_each(|(id, _)| *id = NO_POINT);
-            self.outvoted(first..first + id.len(), scale, |p| id[p - first] = NO_POINT);
-            for (y, filtered) in (number * BAND..).zip(filtered.chunks_mut(self.width)) {
-                self.means(
-                    y,
-                    |z| z,
-                    |x, mean| filtered[x] = mean.map_or(far, |mean| (mean * scale).min(far)),
-                );
-            }
+            dispatch!(self.level, simd => self.vote_again_in(simd, first, scale, id, filtered, far));
         });
+    }
+
+    /// [`Image::vote_again`] in some rows, from pixel `first` on.
+    #[inline(always)]
+    fn vote_again_in<S: Simd>(
+        &self,
+        simd: S,
+        first: usize,
+        scale: f32,
+        id: &mut [u32],
+        filtered: &mut [f32],
+        far: f32,
+    ) {
+        for (id, depth) in id.iter_mut().zip(&self.depth[first..]) {
+            // Without a branch, so that several are processed at a time.
+            *id |= u32::from(*depth == EMPTY_DEPTH).wrapping_neg() & NO_POINT;
+        }
+        self.outvoted(simd, first..first + id.len(), scale, |p| id[p - first] = NO_POINT);
+        for (y, filtered) in (first / self.width..).zip(filtered.chunks_mut(self.width)) {
+            self.means(y, |z| z, |x, mean| filtered[x] = mean.map_or(far, |mean| (mean * scale).min(far)));
+        }
     }
 
     /// Calls `drop` for the pixels of some whole rows, indexed row by row, for which [`Image::is_outvoted`] holds.
     /// Tests only pixels that have a clearly nearer pixel around them.
-    fn outvoted(&self, pixels: Range<usize>, scale: f32, mut drop: impl FnMut(usize)) {
+    #[inline(always)]
+    fn outvoted<S: Simd>(&self, simd: S, pixels: Range<usize>, scale: f32, mut drop: impl FnMut(usize)) {
         let rows = pixels.start / self.width..pixels.end / self.width;
         let distances = |pixels: Range<usize>, distances: &mut [f32]| {
             let depth = &self.depth[pixels];
             distances.iter_mut().zip(depth).for_each(|(distance, bits)| *distance = f32::from_bits(*bits));
         };
-        where_nearer([self.width, self.height], rows, scale, distances, |x, y| {
-            if self.is_outvoted(x, y, scale) {
-                drop(y * self.width + x);
+        where_nearer([self.width, self.height], rows, scale, distances, |x, y, wanted| {
+            let outvoted = self.are_outvoted(simd, x, y, scale, wanted);
+            for lane in (0..LANES).filter(|lane| outvoted >> lane & 1 != 0) {
+                drop(y * self.width + x + lane);
             }
         });
+    }
+
+    /// [`Image::is_outvoted`] for those of [`LANES`] pixels that are wanted; they show points. As bits.
+    #[inline(always)]
+    fn are_outvoted<S: Simd>(&self, simd: S, x: usize, y: usize, scale: f32, wanted: u8) -> u8 {
+        if is_inside([self.width, self.height], x, y) {
+            let [voters, nearer] = self.ballots(simd, x, y, scale);
+            // Half of them, as [`Image::majority`] where the 5x5 pixels are inside. Without voters, none is nearer either.
+            wanted
+                & (voters.simd_gt(u32x8::splat(simd, 0)) & (nearer << 1).simd_ge(voters)).to_bitmask() as u8
+        } else {
+            let is_outvoted = |lane: &usize| wanted >> lane & 1 != 0 && self.is_outvoted(x + lane, y, scale);
+            (0..LANES).filter(is_outvoted).fold(0, |bits, lane| bits | 1 << lane)
+        }
+    }
+
+    /// [`Image::ballot`] for [`LANES`] pixels whose 5x5 pixels are inside.
+    #[inline(always)]
+    fn ballots<S: Simd>(&self, simd: S, x: usize, y: usize, scale: f32) -> [u32x8<S>; 2] {
+        let row = |dy: usize| &self.depth[(y + dy - REACH) * self.width + x - REACH..][..LANES + SPAN - 1];
+        let z = f32x8::from_bits(u32x8::from_slice(simd, &row(REACH)[REACH..][..LANES]));
+        // All ones are -1.
+        let (mut voters, mut nearer) = (u32x8::splat(simd, 1), u32x8::splat(simd, 0));
+        for dy in 0..SPAN {
+            for dx in 0..SPAN {
+                let depth = u32x8::from_slice(simd, &row(dy)[dx..][..LANES]);
+                voters += bits(simd, depth.simd_lt(u32x8::splat(simd, EMPTY_DEPTH)));
+                let scaled = f32x8::from_bits(depth) * f32x8::splat(simd, scale);
+                nearer += bits(simd, scaled.simd_lt(z));
+            }
+        }
+        let zero = u32x8::splat(simd, 0);
+        [zero - voters, zero - nearer]
     }
 
     /// Whether a pixel shows a point, there are others in the 5x5 pixels, and enough of these are clearly nearer.
@@ -552,7 +601,7 @@ mod tests {
     fn means_of_rows_equal_the_means_at_each_pixel() {
         let buffer = ZBuffer { near: 0.1, far: 1000.0 };
         for ([width, height], depth) in images() {
-            let image = Image { depth: &depth, width, height };
+            let image = Image { depth: &depth, width, height, level: Level::new() };
             for y in 0..height {
                 let mut next = 0;
                 let mut assert_same = |x, tuned: Option<f32>, plain: Option<f32>| {
@@ -577,7 +626,7 @@ mod tests {
             let scale = 1.0 + threshold;
             for ([width, height], depth) in images() {
                 let voted = |depth: &[u32]| -> Vec<u32> {
-                    let image = Image { depth, width, height };
+                    let image = Image { depth, width, height, level: Level::new() };
                     let kept = |p| {
                         if image.is_outvoted(p % width, p / width, scale) { EMPTY_DEPTH } else { depth[p] }
                     };

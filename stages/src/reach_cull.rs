@@ -9,6 +9,7 @@
 use std::ops::Range;
 
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, params};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
@@ -18,7 +19,8 @@ use crate::{
     shared::{
         cloud::NO_POINT,
         edge_pixel::VALID,
-        nearer::{BAND, where_nearer},
+        lanes::{LANES, bits},
+        nearer::{self, BAND, SPAN, is_inside, where_nearer},
     },
 };
 
@@ -89,8 +91,10 @@ impl Stage for ReachCull {
         let (id, spare) = (&mut cx.write(self.id)[..], &mut cx.write(self.spare)[..]);
         let (width, height) = (dims.width as usize, dims.height as usize);
 
+        let level = cx.level();
         let pass = |from: &[u32], to: &mut [u32]| {
-            let samples = Samples { id: from, depth, r24, width, height, scale: 1.0 + params.threshold };
+            let scale = 1.0 + params.threshold;
+            let samples = Samples { id: from, depth, r24, width, height, scale, level };
             to.par_chunks_mut(width * BAND).enumerate().for_each(|(band, to)| samples.cull(band * BAND, to));
         };
         for number in 0..params.passes {
@@ -131,12 +135,18 @@ struct Samples<'a> {
     width: usize,
     height: usize,
     scale: f32,
+    level: Level,
 }
 
 impl Samples<'_> {
-    /// The samples of the rows from `top` on for which [`Samples::is_behind`] does not hold. Tests only those with a
-    /// clearly nearer one around them.
+    /// The samples of the rows from `top` on for which [`Samples::is_behind`] does not hold.
     fn cull(&self, top: usize, to: &mut [u32]) {
+        dispatch!(self.level, simd => self.cull_in(simd, top, to));
+    }
+
+    /// [`Samples::cull`]. Tests only those with a clearly nearer one around them.
+    #[inline(always)]
+    fn cull_in<S: Simd>(&self, simd: S, top: usize, to: &mut [u32]) {
         to.copy_from_slice(&self.id[top * self.width..][..to.len()]);
         let rows = top..top + to.len() / self.width;
         let distances = |pixels: Range<usize>, distances: &mut [f32]| {
@@ -147,11 +157,46 @@ impl Samples<'_> {
                 *distance = f32::from_bits(depth & !none | EMPTY_DEPTH & none);
             }
         };
-        where_nearer([self.width, self.height], rows, self.scale, distances, |x, y| {
-            if self.is_behind(x, y) {
-                to[(y - top) * self.width + x] = NO_POINT;
+        where_nearer([self.width, self.height], rows, self.scale, distances, |x, y, wanted| {
+            let behind = self.are_behind(simd, x, y, wanted);
+            for lane in (0..LANES).filter(|lane| behind >> lane & 1 != 0) {
+                to[(y - top) * self.width + x + lane] = NO_POINT;
             }
         });
+    }
+
+    /// [`Samples::is_behind`] for those of [`LANES`] pixels that are wanted, as bits.
+    #[inline(always)]
+    fn are_behind<S: Simd>(&self, simd: S, x: usize, y: usize, wanted: u8) -> u8 {
+        if is_inside([self.width, self.height], x, y) {
+            let [count, nearer] = self.ballots(simd, x, y);
+            wanted & (count.simd_gt(u32x8::splat(simd, 0)) & (nearer << 1).simd_ge(count)).to_bitmask() as u8
+        } else {
+            let is_behind = |lane: &usize| wanted >> lane & 1 != 0 && self.is_behind(x + lane, y);
+            (0..LANES).filter(is_behind).fold(0, |bits, lane| bits | 1 << lane)
+        }
+    }
+
+    /// [`Samples::ballot`] for [`LANES`] pixels whose 5x5 pixels are inside.
+    #[inline(always)]
+    fn ballots<S: Simd>(&self, simd: S, x: usize, y: usize) -> [u32x8<S>; 2] {
+        let at = |plane: &[u32], at: usize| u32x8::from_slice(simd, &plane[at..][..LANES]);
+        let own = y * self.width + x;
+        let (r24, z) = (at(self.r24, own), f32x8::from_bits(at(self.depth, own)));
+        let (mut count, mut nearer) = (u32x8::splat(simd, 0), u32x8::splat(simd, 0));
+        for dy in 0..SPAN {
+            let row = own - nearer::REACH * (self.width + 1) + dy * self.width;
+            for dx in (0..SPAN).filter(|dx| [*dx, dy] != [nearer::REACH; 2]) {
+                let raw = dy * SPAN + dx;
+                let bit = raw - usize::from(raw > SPAN * SPAN / 2);
+                let is_there = bits(simd, at(self.id, row + dx).simd_ne(u32x8::splat(simd, NO_POINT)));
+                let counts = (r24 >> bit as u32) & is_there & 1;
+                let scaled = f32x8::from_bits(at(self.depth, row + dx)) * f32x8::splat(simd, self.scale);
+                count += counts;
+                nearer += counts & bits(simd, scaled.simd_lt(z));
+            }
+        }
+        [count, nearer]
     }
 
     /// Whether at least half of the samples in reach are clearly nearer.
@@ -301,8 +346,15 @@ mod tests {
                 let id: Vec<u32> = (0..).zip(&z).map(shown).collect();
                 let depth: Vec<u32> = z.iter().map(|z| z.to_bits()).collect();
                 let [width, height] = size.map(|along| along as usize);
-                let samples =
-                    Samples { id: &id, depth: &depth, r24: &r24, width, height, scale: 1.0 + threshold };
+                let samples = Samples {
+                    id: &id,
+                    depth: &depth,
+                    r24: &r24,
+                    width,
+                    height,
+                    scale: 1.0 + threshold,
+                    level: Level::new(),
+                };
                 let judged =
                     |p: usize| if samples.is_behind(p % width, p / width) { NO_POINT } else { id[p] };
                 assert_eq!(found, (0..id.len()).map(judged).collect::<Vec<_>>(), "{threshold}, {size:?}");

@@ -1,6 +1,7 @@
 //! Why a point was culled or stays: its distance compared with those of the points around it.
 
 use epigraph_core::{Cell, Finding, Role, Site};
+use fearless_simd::Level;
 
 use super::{DepthCull, DepthCullParams, Image, Rule, ZBuffer};
 use crate::{
@@ -26,7 +27,8 @@ pub(super) fn at(stage: &DepthCull, params: &DepthCullParams, site: &Site) -> Op
     let z = f32::from_bits(depth[at]);
     let [width, height] = site.size();
     let pixel = site.pixel.map(|along| along as usize);
-    let image = |depth| Image { depth, width, height };
+    let level = Level::baseline();
+    let image = |depth| Image { depth, width, height, level };
     let far = site.frame().view.far;
     match params.rule {
         Rule::Majority => {

@@ -1,6 +1,7 @@
 //! Why a sample was culled or stays: its distance compared with those of the samples that it reaches.
 
 use epigraph_core::{Cell, Finding, Role, Site};
+use fearless_simd::Level;
 
 use super::{ReachCull, ReachCullParams, Samples};
 use crate::shared::{
@@ -19,19 +20,19 @@ pub(super) fn at(stage: &ReachCull, params: &ReachCullParams, site: &Site) -> Op
     }
     // Each pass compares samples with those that the pass before left, so all passes up to the deciding one run again.
     let [width, height] = site.size();
-    let scale = 1.0 + params.threshold;
+    let (scale, level) = (1.0 + params.threshold, Level::baseline());
     let mut left = kept.to_vec();
     let mut pass = 0;
     while pass + 1 < params.passes {
         let mut next = vec![NO_POINT; left.len()];
-        Samples { id: &left, depth: &depth, r24: &r24, width, height, scale }.cull(0, &mut next);
+        Samples { id: &left, depth: &depth, r24: &r24, width, height, scale, level }.cull(0, &mut next);
         if next[at] == NO_POINT {
             break;
         }
         left = next;
         pass += 1;
     }
-    let samples = Samples { id: &left, depth: &depth, r24: &r24, width, height, scale };
+    let samples = Samples { id: &left, depth: &depth, r24: &r24, width, height, scale, level };
     let [x, y] = site.pixel.map(|along| along as usize);
     let [voters, nearer] = samples.ballot(x, y);
     let z = f32::from_bits(depth[at]);
