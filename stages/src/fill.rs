@@ -8,12 +8,16 @@
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
 };
+use fearless_simd::{Simd, dispatch, f32x8, i32x8, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
     column,
     meaning::{ID, POINTS, PRIORITY, RADIANCE},
-    shared::cloud::{AGE, AGE_ONE, decode_radiance},
+    shared::{
+        cloud::{AGE, AGE_ONE, NO_POINT, gather, radiance_of},
+        lanes::{LANES, bits, load_transposed, padded, store, store_vectors},
+    },
 };
 
 #[path = "explain/fill.rs"]
@@ -25,6 +29,9 @@ constants! {
     /// Pixels to each side of the centre of the wide kernel.
     const REACH: usize = 3;
 }
+
+/// Pixels of a row that are processed together.
+const BLOCK: usize = 64;
 
 choice! {
     /// What a pixel without any point within the kernel shows.
@@ -106,46 +113,17 @@ impl Stage for Fill {
         let points = &mut cx.write(self.points)[..];
         let (color, priority) = (&mut cx.write(self.color)[..], &mut cx.write(self.priority)[..]);
 
+        let level = cx.level();
         let rows = points.par_chunks_mut(width).zip(priority.par_chunks_mut(width)).zip(id.par_chunks(width));
         rows.for_each(|((points, priority), id)| {
-            for ((point, priority), &id) in points.iter_mut().zip(priority).zip(id) {
-                // 0xFFFFFFFF, for none, is not a point's id.
-                (*point, *priority) = match (radiance.get(id as usize), meta.get(id as usize)) {
-                    (Some(&radiance), Some(meta)) => {
-                        let [r, g, b] = decode_radiance(radiance);
-                        ([r, g, b, 1.0], with_point(params.priority, meta & AGE))
-                    }
-                    _ => ([0.0; 4], 0),
-                };
-            }
+            let cloud = Cloud { radiance, meta, rule: params.priority };
+            dispatch!(level, simd => cloud.gather(simd, id, points, priority));
         });
 
-        let points = Image { texels: points, width, height };
+        let image = Image { texels: points, id, previous, width, height };
         let rows = color.par_chunks_mut(width).zip(priority.par_chunks_mut(width));
         rows.enumerate().for_each(|(y, (color, priority))| {
-            let (mut left, mut centre) = ([0.0; 4], points.column(0, y));
-            for x in 0..width {
-                let right = points.column(x + 1, y);
-                let near = add(add(left, scale(centre, 2.0)), right);
-                (left, centre) = (centre, right);
-                let own = points.texels[y * width + x];
-                let has_point = own[3] > 0.0;
-                let [r, g, b, weight] = if has_point && params.keep_points {
-                    own
-                } else if near[3] > 0.0 || !params.wide {
-                    near
-                } else {
-                    points.sum_7x7(x, y)
-                };
-                color[x] = match params.empty {
-                    _ if weight > 0.0 => [r / weight, g / weight, b / weight, 1.0],
-                    Empty::Hold => previous[y * width + x],
-                    Empty::Clear => [0.0, 0.0, 0.0, 1.0],
-                };
-                if !has_point {
-                    priority[x] = without_point(params.priority, near[3] as u32);
-                }
-            }
+            dispatch!(level, simd => image.fill_row(simd, params, y, color, priority));
         });
         Ok(())
     }
@@ -155,8 +133,41 @@ impl Stage for Fill {
     }
 }
 
+/// What is known of points.
+struct Cloud<'a> {
+    radiance: &'a [u32],
+    meta: &'a [u32],
+    rule: Priority,
+}
+
+impl Cloud<'_> {
+    /// Writes for each pixel of a row the radiance of the point that it shows and 1, and its priority, or zeros.
+    #[inline(always)]
+    fn gather<S: Simd>(&self, simd: S, id: &[u32], points: &mut [[f32; 4]], priority: &mut [u32]) {
+        let (mut radiance, mut meta) = ([0; BLOCK], [0; BLOCK]);
+        let blocks = id.chunks(BLOCK).zip(points.chunks_mut(BLOCK)).zip(priority.chunks_mut(BLOCK));
+        for ((id, points), priority) in blocks {
+            gather(self.radiance, id, &mut radiance);
+            gather(self.meta, id, &mut meta);
+            for first in (0..id.len()).step_by(LANES) {
+                let at = |plane: &[u32; BLOCK]| u32x8::from_slice(simd, &plane[first..][..LANES]);
+                // 0xFFFFFFFF, for none, is not a point's id.
+                let point = u32x8::load_array(simd, padded(id, first));
+                let there = bits(simd, point.simd_lt(u32x8::splat(simd, self.radiance.len() as u32)));
+                let [r, g, b] = radiance_of(simd, at(&radiance))
+                    .map(|channel| f32x8::from_bits(channel.to_bits() & there));
+                let alpha = f32x8::from_bits(u32x8::splat(simd, 1f32.to_bits()) & there);
+                let by_age = with_points(simd, self.rule, at(&meta) & AGE);
+                let count = LANES.min(id.len() - first);
+                store_vectors(simd, [r, g, b, alpha], &mut points[first..][..count]);
+                store(&(by_age & there).to_array(), &mut priority[first..][..count]);
+            }
+        }
+    }
+}
+
 /// Priority of a pixel that shows a point of this age, in 8.8 fixed point.
-fn with_point(rule: Priority, age: u32) -> u32 {
+pub(crate) fn with_point(rule: Priority, age: u32) -> u32 {
     match rule {
         Priority::Measured => age / (2 * AGE_ONE),
         Priority::Classic => (age / AGE_ONE).min(254),
@@ -164,6 +175,7 @@ fn with_point(rule: Priority, age: u32) -> u32 {
 }
 
 /// Priority of a pixel without a point whose neighbours weigh `weight` of [`WEIGHTS_SUM`].
+#[cfg(test)]
 fn without_point(rule: Priority, weight: u32) -> u32 {
     let missing = WEIGHTS_SUM - weight;
     match rule {
@@ -173,23 +185,127 @@ fn without_point(rule: Priority, weight: u32) -> u32 {
     }
 }
 
+/// [`with_point`] of eight pixels.
+#[inline(always)]
+pub(crate) fn with_points<S: Simd>(simd: S, rule: Priority, age: u32x8<S>) -> u32x8<S> {
+    let years = age >> AGE_ONE.trailing_zeros();
+    match rule {
+        Priority::Measured => years >> 1,
+        Priority::Classic => {
+            let most = u32x8::splat(simd, 254);
+            years.simd_lt(most).select(years, most)
+        }
+    }
+}
+
+/// `without_point` of eight pixels.
+#[inline(always)]
+fn without_points<S: Simd>(simd: S, rule: Priority, weight: u32x8<S>) -> u32x8<S> {
+    let missing = u32x8::splat(simd, WEIGHTS_SUM) - weight;
+    let scaled = u32x8::splat(simd, 255);
+    match rule {
+        Priority::Measured => {
+            let cube = missing * missing * missing;
+            (scaled * (cube * cube) + u32x8::splat(simd, 1 << 23)) >> 24
+        }
+        Priority::Classic => (scaled * missing) >> WEIGHTS_SUM.trailing_zeros(),
+    }
+}
+
 /// Colours with weight 1, or zeros.
 struct Image<'a> {
     texels: &'a [[f32; 4]],
+    id: &'a [u32],
+    previous: &'a [[f32; 4]],
     width: usize,
     height: usize,
 }
 
 impl Image<'_> {
-    /// The texels above, at and below (x, y), weighted 1, 2 and 1. Three such columns, weighted likewise, make the 3x3
-    /// weights: 4 for the centre, 2 for edges, 1 for corners.
+    /// Fills row `y`; gives priorities to its pixels without a point.
     #[inline(always)]
-    fn column(&self, x: usize, y: usize) -> [f32; 4] {
-        if x >= self.width {
-            return [0.0; 4];
+    fn fill_row<S: Simd>(
+        &self,
+        simd: S,
+        params: &FillParams,
+        y: usize,
+        color: &mut [[f32; 4]],
+        priority: &mut [u32],
+    ) {
+        for left in (0..self.width).step_by(BLOCK) {
+            let near = self.near(left, y);
+            let count = BLOCK.min(self.width - left);
+            for first in (0..count).step_by(LANES) {
+                let x = left + first;
+                let lanes = LANES.min(count - first);
+                let near: &[[f32; 4]; LANES] = near[first..].first_chunk().expect("a block has whole groups");
+                let [r, g, b, weight] = load_transposed(simd, near);
+                let color = &mut color[x..][..lanes];
+                let is_near = weight.simd_gt(f32x8::splat(simd, 0.0));
+                if is_near.all_true() && !params.keep_points {
+                    let one = f32x8::splat(simd, 1.0);
+                    store_vectors(simd, [r / weight, g / weight, b / weight, one], color);
+                } else {
+                    for (lane, color) in color.iter_mut().enumerate() {
+                        *color = self.color(params, [x + lane, y], near[lane]);
+                    }
+                }
+                let point = u32x8::load_array(simd, padded(&self.id[y * self.width..][..self.width], x));
+                let has_point = point.simd_ne(u32x8::splat(simd, NO_POINT));
+                let priority = &mut priority[x..][..lanes];
+                let with_point = u32x8::load_array(simd, padded(priority, 0));
+                let without_point =
+                    without_points(simd, params.priority, weight.to_int::<i32x8<S>>().bitcast());
+                store(&has_point.select(with_point, without_point).to_array(), priority);
+            }
         }
-        let at = |y: usize| if y < self.height { self.texels[y * self.width + x] } else { [0.0; 4] };
-        add(add(at(y.wrapping_sub(1)), scale(at(y), 2.0)), at(y + 1))
+    }
+
+    /// The colour of a pixel from its weighted 3x3 pixels.
+    fn color(&self, params: &FillParams, [x, y]: [usize; 2], near: [f32; 4]) -> [f32; 4] {
+        let at = y * self.width + x;
+        let own = self.texels[at];
+        let [r, g, b, weight] = if own[3] > 0.0 && params.keep_points {
+            own
+        } else if near[3] > 0.0 || !params.wide {
+            near
+        } else {
+            self.sum_7x7(x, y)
+        };
+        match params.empty {
+            _ if weight > 0.0 => [r / weight, g / weight, b / weight, 1.0],
+            Empty::Hold => self.previous[at],
+            Empty::Clear => [0.0, 0.0, 0.0, 1.0],
+        }
+    }
+
+    /// The weighted sums of the 3x3 pixels around each pixel of a row from column `left` on. Each column is summed from
+    /// above, weighted 1, 2 and 1; three such columns, weighted likewise, make the weights 4 for the centre, 2 for edges,
+    /// 1 for corners.
+    #[inline(always)]
+    fn near(&self, left: usize, y: usize) -> [[f32; 4]; BLOCK] {
+        let (from, to) = (left.saturating_sub(1), (left + BLOCK + 1).min(self.width));
+        let row = |y: usize| {
+            let inside = y < self.height;
+            if inside {
+                &self.texels[y * self.width..][from..to]
+            } else {
+                &[[0.0; 4]; BLOCK + 2][..to - from]
+            }
+        };
+        let [above, own, below] = [row(y.wrapping_sub(1)), row(y), row(y + 1)].map(|row| row.as_flattened());
+        let mut columns = [[0.0; 4]; BLOCK + 2];
+        let inside = columns[from + 1 - left..to + 1 - left].as_flattened_mut();
+        for (((column, above), own), below) in inside.iter_mut().zip(above).zip(own).zip(below) {
+            *column = above + own * 2.0 + below;
+        }
+        let mut near = [[0.0; 4]; BLOCK];
+        let columns = columns.as_flattened();
+        let sides = columns.iter().zip(&columns[4..]).zip(&columns[8..]);
+        for (near, ((left, own), right)) in near.as_flattened_mut().iter_mut().zip(sides) {
+            *near = left + own * 2.0 + right;
+        }
+        near
     }
 
     /// The sum of the 7x7 texels around (x, y).
@@ -208,11 +324,6 @@ impl Image<'_> {
 #[inline(always)]
 fn add(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|lane| a[lane] + b[lane])
-}
-
-#[inline(always)]
-fn scale(a: [f32; 4], by: f32) -> [f32; 4] {
-    a.map(|lane| lane * by)
 }
 
 #[cfg(test)]

@@ -15,17 +15,20 @@
 use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
 };
+use fearless_simd::{Simd, dispatch, f32x8, i32x8, prelude::*, u32x8};
 use rayon::prelude::*;
 
 pub use crate::fill::Priority;
 use crate::{
     column,
+    fill::with_points,
     meaning::{self, CELL, ID, POINTS, PRIORITY, RADIANCE, VARIANCE},
     shared::{
-        cloud::{AGE, AGE_ONE, NO_POINT, decode_radiance, gather},
-        color::luminance,
+        cloud::{AGE, NO_POINT, decode_radiance, gather, radiance_of},
+        color::{luminance, luminances},
         edge_pixel::{CLASS, COMPLEX},
         estimate::{shown_variance, shown_variance_of},
+        lanes::{LANES, bits, if_odd, lesser, look_up, padded, store, store_vectors},
         requests::UNKNOWN,
         source::Ray,
     },
@@ -58,8 +61,6 @@ constants! {
 const BAND: usize = 32;
 /// Columns that a task processes at a time.
 const TILE: usize = 64;
-/// Pixels that are summed in parallel lanes.
-const LANES: usize = 8;
 
 choice! {
     /// How the weight of a sample depends on its position.
@@ -195,56 +196,12 @@ impl Stage for Interpolate {
             }))
         };
         let image = Image { radiance, mean, id, subpixel, width, height, space: params.space };
+        let work = Work { image, weights, meta, cls, r24, rule: params.priority };
+        let level = cx.level();
         let fill =
-            |band: usize, color: &mut [[f32; 4]], priority: &mut [u32], mut variance: Option<&mut [f32]>| {
-                let rows = band * BAND..band * BAND + color.len() / width;
-                for left in (0..width).step_by(TILE) {
-                    let mut around = Around::new();
-                    for y in 0..2 * REACH {
-                        around.load(&image, &weights, left, rows.start + y);
-                    }
-                    for (row, y) in rows.clone().enumerate() {
-                        around.load(&image, &weights, left, y + 2 * REACH);
-                        let columns = left..width.min(left + TILE);
-                        let mut metas = [0; TILE];
-                        gather(meta, &id[y * width..][columns.clone()], &mut metas);
-                        for x in columns.step_by(LANES) {
-                            let lanes = LANES.min(width - x);
-                            let at = y * width + x;
-                            let mut reached = [0; LANES];
-                            for lane in 0..lanes {
-                                reached[lane] = taps(cls[at + lane], r24[at + lane]);
-                            }
-                            // Far from all edges, as most pixels are, no tap needs a test.
-                            let sums = if reached == [ALL; LANES] {
-                                around.sum::<true>(x - left, y, &reached)
-                            } else {
-                                around.sum::<false>(x - left, y, &reached)
-                            };
-                            let means = sums.over(params.space);
-                            let noise = self.noise.map(|_| around.noise(x - left, y, &reached));
-                            for lane in 0..lanes {
-                                let [r, g, b, share] = means.map(|mean| mean[lane]);
-                                color[row * width + x + lane] = [r, g, b, share];
-                                let age = metas[x - left + lane] & AGE;
-                                let priorities =
-                                    [with_point(params.priority, age), without_point(params.priority, share)];
-                                let point = id[at + lane];
-                                let by_age = priorities[usize::from(point == NO_POINT)];
-                                priority[row * width + x + lane] =
-                                    match (own_variance(point, [x + lane, y]), noise) {
-                                        (Some(own), Some([_, around])) => {
-                                            uncertain(by_age, own.max(around[lane]))
-                                        }
-                                        _ => by_age,
-                                    };
-                            }
-                            if let (Some(variance), Some([found, _])) = (&mut variance, noise) {
-                                variance[row * width + x..][..lanes].copy_from_slice(&found[..lanes]);
-                            }
-                        }
-                    }
-                }
+            |band: usize, color: &mut [[f32; 4]], priority: &mut [u32], variance: Option<&mut [f32]>| {
+                let outputs = Outputs { color, priority, variance };
+                dispatch!(level, simd => work.band(simd, band * BAND, outputs, &own_variance));
             };
         let bands = color.par_chunks_mut(width * BAND).zip(priority.par_chunks_mut(width * BAND)).enumerate();
         if let Some(variance) = self.noise.and_then(|noise| noise.variance) {
@@ -264,6 +221,104 @@ impl Stage for Interpolate {
     }
 }
 
+/// What bands of rows are computed from.
+struct Work<'a> {
+    image: Image<'a>,
+    weights: Weights,
+    meta: &'a [u32],
+    cls: &'a [u32],
+    r24: &'a [u32],
+    rule: Priority,
+}
+
+/// A band of the outputs.
+struct Outputs<'a> {
+    color: &'a mut [[f32; 4]],
+    priority: &'a mut [u32],
+    variance: Option<&'a mut [f32]>,
+}
+
+impl Work<'_> {
+    /// Computes the rows from `top` on. `own_variance` is that of the point that a pixel shows, if priorities depend on it.
+    #[inline(always)]
+    fn band<S: Simd>(
+        &self,
+        simd: S,
+        top: usize,
+        outputs: Outputs,
+        own_variance: &impl Fn(u32, [usize; 2]) -> Option<f32>,
+    ) {
+        let Outputs { color, priority, mut variance } = outputs;
+        let width = self.image.width;
+        let rows = top..top + color.len() / width;
+        for left in (0..width).step_by(TILE) {
+            let mut around = Around::new();
+            for y in rows.start..rows.end + 2 * REACH {
+                around.load(simd, &self.image, &self.weights, left, y);
+                // The row of which this is the last one around.
+                if y < rows.start + 2 * REACH {
+                    continue;
+                }
+                let y = y - 2 * REACH;
+                let columns = left..width.min(left + TILE);
+                let id = &self.image.id[y * width..][columns.clone()];
+                let mut metas = [0; TILE];
+                gather(self.meta, id, &mut metas);
+                for x in columns.step_by(LANES) {
+                    let (at, out) = (y * width + x, (y - top) * width + x);
+                    let taps = taps_of(simd, padded(self.cls, at), padded(self.r24, at));
+                    let means = around.sum(simd, x - left, y, taps).over(simd, self.image.space);
+                    let lanes = LANES.min(width - x);
+                    store_vectors(simd, means, &mut color[out..][..lanes]);
+                    let metas: &[u32; LANES] =
+                        metas[x - left..].first_chunk().expect("a tile has whole groups");
+                    let point = u32x8::load_array(simd, padded(id, x - left));
+                    let metas = u32x8::load_array_ref(simd, metas);
+                    let by_age = by_age(simd, self.rule, point, metas, means[3]).to_array();
+                    if self.image.mean.is_none() {
+                        store(&by_age, &mut priority[out..][..lanes]);
+                        continue;
+                    }
+                    let [found, spread] = around.noise(simd, x - left, y, taps);
+                    for lane in 0..lanes {
+                        priority[out + lane] = match own_variance(id[x - left + lane], [x + lane, y]) {
+                            Some(own) => uncertain(by_age[lane], own.max(spread[lane])),
+                            None => by_age[lane],
+                        };
+                    }
+                    if let Some(variance) = &mut variance {
+                        store(&found, &mut variance[out..][..lanes]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// [`taps`] of eight pixels.
+#[inline(always)]
+fn taps_of<S: Simd>(simd: S, cls: [u32; LANES], r24: [u32; LANES]) -> u32x8<S> {
+    let (cls, r24) = (u32x8::load_array(simd, cls), u32x8::load_array(simd, r24));
+    let is_complex = (cls & CLASS).simd_eq(u32x8::splat(simd, COMPLEX));
+    is_complex.select(u32x8::splat(simd, ALL), (r24 & 0xFFF) | (1 << 12) | ((r24 & 0xFF_F000) << 1))
+}
+
+/// The priorities of eight pixels: [`without_point`], or by the age of the point.
+#[inline(always)]
+fn by_age<S: Simd>(simd: S, rule: Priority, point: u32x8<S>, meta: u32x8<S>, share: f32x8<S>) -> u32x8<S> {
+    let splat = |number: u32| u32x8::splat(simd, number);
+    let missing = (f32x8::splat(simd, 1.0) - share) * f32x8::splat(simd, 256.0) + f32x8::splat(simd, 0.5);
+    let missing: u32x8<S> = missing.to_int::<i32x8<S>>().bitcast();
+    let without_point = match rule {
+        Priority::Measured => {
+            let cube = (missing * missing * missing) >> 9;
+            (splat(255) * ((cube * cube) >> 8) + splat(1 << 21)) >> 22
+        }
+        Priority::Classic => (splat(255) * missing) >> 8,
+    };
+    point.simd_eq(splat(NO_POINT)).select(without_point, with_points(simd, rule, meta & AGE))
+}
+
 /// Which of the 25 pixels of the kernel count; bit 12 is the pixel itself.
 fn taps(cls: u32, r24: u32) -> u32 {
     if cls & CLASS == COMPLEX {
@@ -280,14 +335,6 @@ fn uncertain(by_age: u32, variance: f32) -> u32 {
     let root = variance.sqrt().sqrt();
     let factor = (root * UNCERTAINTY_GAIN).clamp(LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
     (by_age * (factor as u32) / 16).min(255)
-}
-
-/// Priority of a pixel that shows a point of this age, in 8.8 fixed point.
-fn with_point(rule: Priority, age: u32) -> u32 {
-    match rule {
-        Priority::Measured => age / (2 * AGE_ONE),
-        Priority::Classic => (age / AGE_ONE).min(254),
-    }
 }
 
 /// Priority of a pixel without a point, given the present share of the kernel's weight.
@@ -318,8 +365,8 @@ fn expand(color: [f32; 3]) -> [f32; 3] {
 
 /// The kernel, as products of a weight for each axis.
 struct Weights {
-    /// For each row or column of cells, the weights of a sample in it at each offset + [`REACH`].
-    axis: [[f32; SPAN]; 16],
+    /// For each offset + [`REACH`], the weights of a sample in each row or column of cells.
+    axis: [[f32; 16]; SPAN],
     /// Bits of a row or column, and their mask.
     shift: u32,
     mask: u32,
@@ -341,7 +388,7 @@ impl Weights {
         let rounded = |weight: f32| (weight * scale + 0.5).floor().max(1.0);
         let aside = |cell: usize| (cell as f32 + 0.5) / cells as f32 - 0.5;
         let axis =
-            std::array::from_fn(|cell| std::array::from_fn(|pixel| rounded(weight(pixel, aside(cell)))));
+            std::array::from_fn(|pixel| std::array::from_fn(|cell| rounded(weight(pixel, aside(cell)))));
         Self { axis, shift, mask: cells - 1 }
     }
 }
@@ -376,7 +423,7 @@ impl Image<'_> {
         // NO_POINT is not a point's id.
         let color = decode_radiance(*self.radiance.get(self.id[at] as usize)?);
         let weight = |cell: u32, offset: i32| {
-            weights.axis[(cell & weights.mask) as usize][(offset + REACH as i32) as usize]
+            weights.axis[(offset + REACH as i32) as usize][(cell & weights.mask) as usize]
         };
         let cell = self.subpixel[at];
         let weight = weight(cell, offset[0]) * weight(cell >> weights.shift, offset[1]);
@@ -404,6 +451,17 @@ impl Image<'_> {
 
 /// Columns of a row of samples: a tile plus the radius of its kernels.
 const COLUMNS: usize = TILE + 2 * REACH;
+/// Where groups of eight begin that together are these columns. The last two overlap.
+const GROUPS: [usize; COLUMNS.div_ceil(LANES)] = {
+    let mut groups = [0; COLUMNS.div_ceil(LANES)];
+    let mut group = 0;
+    while group < groups.len() {
+        let first = group * LANES;
+        groups[group] = if first + LANES <= COLUMNS { first } else { COLUMNS - LANES };
+        group += 1;
+    }
+    groups
+};
 
 /// A row of samples, as structures of arrays, so that neighbouring pixels are summed in parallel lanes.
 #[derive(Clone, Copy)]
@@ -428,10 +486,10 @@ impl Row {
     };
 }
 
-/// The values of some columns.
+/// The values of eight columns.
 #[inline(always)]
-fn lanes(plane: &[f32; COLUMNS], first: usize) -> [f32; LANES] {
-    std::array::from_fn(|lane| plane[first..][..LANES][lane])
+fn lanes<S: Simd>(simd: S, plane: &[f32; COLUMNS], first: usize) -> f32x8<S> {
+    f32x8::from_slice(simd, &plane[first..][..LANES])
 }
 
 /// The five rows of samples that the kernels of a row of pixels reach.
@@ -446,7 +504,8 @@ impl Around {
     }
 
     /// Loads row `y` - [`REACH`] of the image, which may be outside, from column `left` - [`REACH`] on.
-    fn load(&mut self, image: &Image, weights: &Weights, left: usize, y: usize) {
+    #[inline(always)]
+    fn load<S: Simd>(&mut self, simd: S, image: &Image, weights: &Weights, left: usize, y: usize) {
         let row = &mut self.rows[y % SPAN];
         let columns = REACH.saturating_sub(left)..COLUMNS.min(image.width + REACH - left);
         let is_inside = (REACH..image.height + REACH).contains(&y);
@@ -458,17 +517,25 @@ impl Around {
         }
         let first = (y - REACH) * image.width + left + columns.start - REACH;
         let (id, subpixel) = (&image.id[first..][..columns.len()], &image.subpixel[first..][..columns.len()]);
-        let mut radiance = [0; COLUMNS];
+        let (mut radiance, mut ids, mut cells) = ([0; COLUMNS], [NO_POINT; COLUMNS], [0; COLUMNS]);
         gather(image.radiance, id, &mut radiance[columns.clone()]);
-        for ((column, &id), &cell) in columns.clone().zip(id).zip(subpixel) {
+        ids[columns.clone()].copy_from_slice(id);
+        cells[columns.clone()].copy_from_slice(subpixel);
+        for first in GROUPS {
+            let at = |plane: &[u32; COLUMNS]| u32x8::from_slice(simd, &plane[first..][..LANES]);
+            let to =
+                |plane: &mut [f32; COLUMNS], lanes: f32x8<S>| lanes.store_slice(&mut plane[first..][..LANES]);
             // A pixel without a sample has weight 0: a branch on that would be predicted badly.
-            let there = u32::from(id != NO_POINT).wrapping_neg();
-            let [x, y] =
-                [cell, cell >> weights.shift].map(|place| &weights.axis[(place & weights.mask) as usize]);
+            let there = bits(simd, at(&ids).simd_ne(u32x8::splat(simd, NO_POINT)));
+            let [x, y] = [at(&cells), at(&cells) >> weights.shift].map(|place| place & weights.mask);
             for offset in 0..SPAN {
-                row.x[offset][column] = f32::from_bits(x[offset].to_bits() & there);
-                row.y[offset][column] = y[offset];
+                let along_x = look_up(simd, &weights.axis[offset], x);
+                to(&mut row.x[offset], f32x8::from_bits(along_x.to_bits() & there));
+                to(&mut row.y[offset], look_up(simd, &weights.axis[offset], y));
             }
+            let color = radiance_of(simd, at(&radiance));
+            let color = if image.space == Space::ToneMapped { compressed(simd, color) } else { color };
+            row.rgb.iter_mut().zip(color).for_each(|(plane, channel)| to(plane, channel));
         }
         if let Some(mean) = image.mean {
             for (column, &id) in columns.clone().zip(id) {
@@ -477,36 +544,41 @@ impl Around {
                 row.variance[column] = variance;
             }
         }
-        // Includes columns outside the image, so that several are decoded at a time.
-        let [r, g, b] = &mut row.rgb;
-        for (((r, g), b), radiance) in r.iter_mut().zip(g).zip(b).zip(radiance) {
-            [*r, *g, *b] = match image.space {
-                Space::Linear => decode_radiance(radiance),
-                Space::ToneMapped => compress(decode_radiance(radiance)),
-            };
+    }
+
+    /// [`Image::sum_at`] of eight pixels of row `y`, from column `x` of the tile on.
+    #[inline(always)]
+    fn sum<S: Simd>(&self, simd: S, x: usize, y: usize, taps: u32x8<S>) -> Sums<S> {
+        // Far from all edges, as most pixels are, no tap needs a test.
+        if taps.simd_eq(u32x8::splat(simd, ALL)).all_true() {
+            self.sum_of(simd, x, y, |_, weight| weight)
+        } else {
+            self.sum_of(simd, x, y, |tap, weight| {
+                f32x8::from_bits(if_odd(simd, taps >> tap as u32, weight.to_bits()))
+            })
         }
     }
 
-    /// [`Image::sum_at`] of [`LANES`] pixels of row `y`, from column `x` of the tile on; with `EVERY`, `taps` are
-    /// [`ALL`]. Not inlined: inside the loop over rows the compiler does not vectorize the lanes.
-    #[inline(never)]
-    fn sum<const EVERY: bool>(&self, x: usize, y: usize, taps: &[u32; LANES]) -> Sums {
-        let mut sums = [[0.0; LANES]; 4];
+    /// [`Around::sum`], where `counted` is a tap's weight if it counts, else 0.
+    #[inline(always)]
+    fn sum_of<S: Simd>(
+        &self,
+        simd: S,
+        x: usize,
+        y: usize,
+        counted: impl Fn(usize, f32x8<S>) -> f32x8<S>,
+    ) -> Sums<S> {
+        assert!(x + LANES <= TILE, "eight pixels of a tile");
+        let mut sums = [f32x8::splat(simd, 0.0); 4];
         for dy in 0..SPAN {
             let row = &self.rows[(y + dy) % SPAN];
             for dx in 0..SPAN {
-                let of = |plane| lanes(plane, x + dx);
-                let (along_x, along_y) = (of(&row.x[dx]), of(&row.y[dy]));
-                let [r, g, b] = [of(&row.rgb[0]), of(&row.rgb[1]), of(&row.rgb[2])];
-                for lane in 0..LANES {
-                    // All ones if the pixel counts.
-                    let counts = if EVERY { !0 } else { (taps[lane] >> (dy * SPAN + dx) & 1).wrapping_neg() };
-                    let weight = f32::from_bits((along_x[lane] * along_y[lane]).to_bits() & counts);
-                    sums[0][lane] += weight * r[lane];
-                    sums[1][lane] += weight * g[lane];
-                    sums[2][lane] += weight * b[lane];
-                    sums[3][lane] += weight;
+                let of = |plane| lanes(simd, plane, x + dx);
+                let weight = counted(dy * SPAN + dx, of(&row.x[dx]) * of(&row.y[dy]));
+                for (sum, plane) in sums.iter_mut().zip(&row.rgb) {
+                    *sum += weight * of(plane);
                 }
+                sums[3] += weight;
             }
         }
         Sums(sums)
@@ -515,33 +587,34 @@ impl Around {
     /// The variance of the luminance of the colours of [`LANES`] pixels, in the linear space. Samples are independent;
     /// those that do not know their own variance have that of the samples around them, and a single one is as uncertain
     /// as it is bright. [`UNKNOWN`] without samples. Also the variance of one of these samples as it is shown.
-    #[inline(never)]
-    fn noise(&self, x: usize, y: usize, taps: &[u32; LANES]) -> [[f32; LANES]; 2] {
+    #[inline(always)]
+    fn noise<S: Simd>(&self, simd: S, x: usize, y: usize, taps: u32x8<S>) -> [[f32; LANES]; 2] {
+        assert!(x + LANES <= TILE, "eight pixels of a tile");
+        let splat = |number: f32| f32x8::splat(simd, number);
         // Sums of weights and squared weights; of squared weights times variances, where these are known; of the other
         // squared weights; of luminances and their squares.
-        let mut sums = [[0.0; LANES]; 6];
+        let mut sums = [splat(0.0); 6];
         for dy in 0..SPAN {
             let row = &self.rows[(y + dy) % SPAN];
             for dx in 0..SPAN {
-                let of = |plane| lanes(plane, x + dx);
-                let (along_x, along_y) = (of(&row.x[dx]), of(&row.y[dy]));
+                let of = |plane| lanes(simd, plane, x + dx);
                 let (luminance, variance) = (of(&row.luminance), of(&row.variance));
-                for lane in 0..LANES {
-                    let counts = (taps[lane] >> (dy * SPAN + dx) & 1).wrapping_neg();
-                    let weight = f32::from_bits((along_x[lane] * along_y[lane]).to_bits() & counts) / FULL;
-                    let squared = weight * weight;
-                    let weighted = weight * luminance[lane];
-                    // All ones if the variance is unknown, that is, negative.
-                    let unknown = (variance[lane].to_bits() >> 31).wrapping_neg();
-                    sums[0][lane] += weight;
-                    sums[1][lane] += squared;
-                    sums[2][lane] += f32::from_bits((squared * variance[lane]).to_bits() & !unknown);
-                    sums[3][lane] += f32::from_bits(squared.to_bits() & unknown);
-                    sums[4][lane] += weighted;
-                    sums[5][lane] += weighted * luminance[lane];
-                }
+                let weight = (of(&row.x[dx]) * of(&row.y[dy])).to_bits();
+                let weight = f32x8::from_bits(if_odd(simd, taps >> (dy * SPAN + dx) as u32, weight));
+                let weight = weight / splat(FULL);
+                let squared = weight * weight;
+                let weighted = weight * luminance;
+                // The variance is unknown where it is negative.
+                let is_unknown = (variance.to_bits() >> 31).simd_ne(u32x8::splat(simd, 0));
+                sums[0] += weight;
+                sums[1] += squared;
+                sums[2] += is_unknown.select(splat(0.0), squared * variance);
+                sums[3] += is_unknown.select(squared, splat(0.0));
+                sums[4] += weighted;
+                sums[5] += weighted * luminance;
             }
         }
+        let sums = sums.map(|sum| sum.to_array());
         let mut found = [UNKNOWN; LANES];
         let mut spread = [f32::MAX; LANES];
         for lane in 0..LANES {
@@ -561,24 +634,35 @@ impl Around {
 }
 
 /// Weighted sums of red, green and blue, and of the weights.
-struct Sums([[f32; LANES]; 4]);
+struct Sums<S: Simd>([f32x8<S>; 4]);
 
-impl Sums {
+impl<S: Simd> Sums<S> {
     /// The colours, and the present share of the kernel's weight; zeros without any sample.
-    fn over(self, space: Space) -> [[f32; LANES]; 4] {
+    #[inline(always)]
+    fn over(self, simd: S, space: Space) -> [f32x8<S>; 4] {
         let Self([r, g, b, weight]) = self;
-        let over = |sum: [f32; LANES]| -> [f32; LANES] {
-            std::array::from_fn(|lane| if weight[lane] > 0.0 { sum[lane] / weight[lane] } else { 0.0 })
-        };
-        let mut means = [over(r), over(g), over(b)];
+        let zero = f32x8::splat(simd, 0.0);
+        let is_there = weight.simd_gt(zero);
+        let mut means = [r, g, b].map(|sum| is_there.select(sum / weight, zero));
         if space == Space::ToneMapped {
-            let expanded = |lane: usize| expand(means.map(|mean| mean[lane]));
-            let colors: [[f32; 3]; LANES] = std::array::from_fn(expanded);
-            means = std::array::from_fn(|channel| colors.map(|color| color[channel]));
+            let channels = means.map(|mean| mean.to_array());
+            let colors: [[f32; 3]; LANES] =
+                std::array::from_fn(|lane| expand(channels.map(|channel| channel[lane])));
+            means =
+                std::array::from_fn(|channel| f32x8::load_array(simd, colors.map(|color| color[channel])));
         }
         let [r, g, b] = means;
-        [r, g, b, weight.map(|weight| (weight / FULL).min(1.0))]
+        let one = f32x8::splat(simd, 1.0);
+        [r, g, b, lesser(simd, weight / f32x8::splat(simd, FULL), one)]
     }
+}
+
+/// [`compress`] of eight colours.
+#[inline(always)]
+fn compressed<S: Simd>(simd: S, color: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
+    let one = f32x8::splat(simd, 1.0);
+    let scale = one / (one + luminances(simd, color));
+    color.map(|channel| channel * scale)
 }
 
 #[cfg(test)]
@@ -587,7 +671,7 @@ mod tests {
 
     use super::*;
     use crate::shared::{
-        cloud::{LIVE, MAX_RADIANCE, encode_radiance},
+        cloud::{AGE_ONE, LIVE, MAX_RADIANCE, encode_radiance},
         edge_pixel::{EMPTY, SIMPLE},
         testing::{Random, run_alike, run_both, run_cpu, settings},
     };
@@ -686,7 +770,7 @@ mod tests {
         for kernel in [Kernel::Gaussian, Kernel::Binomial] {
             for sigma in [0.3, 0.7, 2.0] {
                 let weights = Weights::new(&InterpolateParams { kernel, sigma, ..Default::default() });
-                let most = |offset: usize| weights.axis.iter().map(|axis| axis[offset]).fold(0.0, f32::max);
+                let most = |offset: usize| weights.axis[offset].into_iter().fold(0.0, f32::max);
                 let sum: f32 = (0..SPAN).map(most).sum();
                 assert!(sum * sum < (1 << 24) as f32, "{sigma}: {sum}");
                 assert!(weights.axis.iter().flatten().all(|&weight| weight >= 1.0 && weight.fract() == 0.0));

@@ -3,9 +3,10 @@
 use epigraph_core::{Cell, Finding, Role, Site};
 
 use super::{
-    Image, Interpolate, InterpolateParams, Priority, REACH, SPAN, Space, Weights, offsets, taps, with_point,
+    Image, Interpolate, InterpolateParams, Priority, REACH, SPAN, Space, Weights, offsets, taps,
     without_point,
 };
+use crate::fill::with_point;
 use crate::shared::{
     cloud::{AGE, AGE_ONE, NO_POINT},
     edge_pixel::{CLASS, COMPLEX},
