@@ -10,12 +10,16 @@
 use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, scratch,
 };
+use fearless_simd::{Simd, dispatch, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
     column,
     meaning::{self, CROSSINGS, JOINS, REACH},
-    shared::edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, chain, if_odd, joined, transpose},
+    shared::{
+        edge_pixel::{CLASS, COMPLEX, DIRECTIONS, EMPTY, joined},
+        lanes::{LANES, if_odd},
+    },
 };
 
 #[path = "explain/reach.rs"]
@@ -30,8 +34,12 @@ constants! {
 
 /// Pixels on each side of a tile.
 const TILE: usize = 16;
-/// The same with the margin of pixels that the tile depends on.
-const SPAN: usize = TILE + 4;
+/// Pixels around a tile that it depends on, on each side.
+const MARGIN: usize = 2;
+/// A tile with its margin.
+const SPAN: usize = TILE + 2 * MARGIN;
+/// Words from row to row of what is computed for a span: eight at a time, so there is room behind each row.
+const STRIDE: usize = SPAN + LANES;
 
 choice! {
     /// Which pixels of the inner ring lead to one of the outer ring.
@@ -125,16 +133,9 @@ impl Stage for Reach {
         let image = Image { mask, cls, width, height };
         let wide = params.rule == Rule::Wide;
         let bands = n8.par_chunks_mut(TILE * width).zip(r24.par_chunks_mut(TILE * width));
+        let level = cx.level();
         bands.enumerate().for_each(|(band, (n8, r24))| {
-            for first in (0..width).step_by(TILE) {
-                let tile = image.tile(first as i32 - 2, (band * TILE) as i32 - 2, wide);
-                let columns = first..(first + TILE).min(width);
-                for (y, (n8, r24)) in n8.chunks_mut(width).zip(r24.chunks_mut(width)).enumerate() {
-                    let inner = (y + 2) * SPAN + 2..(y + 2) * SPAN + 2 + columns.len();
-                    n8[columns.clone()].copy_from_slice(&tile.n8[inner.clone()]);
-                    r24[columns.clone()].copy_from_slice(&tile.r24[inner]);
-                }
-            }
+            dispatch!(level, simd => image.band(simd, (band * TILE) as i32, wide, n8, r24));
         });
         Ok(())
     }
@@ -144,13 +145,20 @@ impl Stage for Reach {
     }
 }
 
-/// A word for each pixel of a tile and its margin, row by row.
-type Span = [u32; SPAN * SPAN];
+/// Both matrices of a pixel that is empty like its right and lower neighbours: primary regions are joined.
+const OPEN_PAIRS: u32 = 0x11;
 
-/// The results for a tile's pixels; the words of the margin are meaningless.
-struct Tile {
-    n8: Span,
-    r24: Span,
+/// A word for each pixel of a tile and its margin, row by row.
+type Span = [u32; STRIDE * SPAN];
+
+/// Which pixels of a span are near edges: for each row, a bit for each column.
+struct Near {
+    /// Those that are not empty.
+    edges: [u32; SPAN],
+    /// Those with such a pixel in their 3x3 pixels.
+    near: [u32; SPAN],
+    /// Those with such a pixel in their 5x5 pixels.
+    reached: [u32; SPAN],
 }
 
 /// The inputs of an image.
@@ -162,103 +170,231 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// The tile whose span begins at this pixel, which may be outside the image.
-    fn tile(&self, x: i32, y: i32, wide: bool) -> Tile {
-        let cls = self.classes(x, y);
-        if cls.iter().fold(0, |all, cls| all | cls) & CLASS == EMPTY {
-            return Tile { n8: [ALL_NEIGHBOURS; SPAN * SPAN], r24: [ALL_REACHED; SPAN * SPAN] };
+    /// Writes the rows from `top` on, as many as a tile has or are left.
+    #[inline(always)]
+    fn band<S: Simd>(&self, simd: S, top: i32, wide: bool, n8: &mut [u32], r24: &mut [u32]) {
+        let width = self.width;
+        for first in (0..width).step_by(TILE) {
+            let at = [first as i32 - MARGIN as i32, top - MARGIN as i32];
+            let cls = self.classes(at);
+            let near = Near::new(simd, &cls);
+            let (mut joined, mut reached) = ([ALL_NEIGHBOURS; STRIDE * SPAN], [ALL_REACHED; STRIDE * SPAN]);
+            if near.edges != [0; SPAN] {
+                let pairs = self.pairs(at, &cls, &near);
+                neighbours(simd, &pairs, &near, &mut joined);
+                reach(simd, &joined, wide, &near, &mut reached);
+            }
+            let columns = first..(first + TILE).min(width);
+            for (y, (n8, r24)) in n8.chunks_mut(width).zip(r24.chunks_mut(width)).enumerate() {
+                let inner = (y + MARGIN) * STRIDE + MARGIN;
+                store_row(&joined[inner..], &mut n8[columns.clone()]);
+                store_row(&reached[inner..], &mut r24[columns.clone()]);
+            }
         }
-        let n8 = neighbours(&self.pairs(x, y, &cls));
-        Tile { n8, r24: reached(&n8, wide) }
     }
 
-    fn classes(&self, x: i32, y: i32) -> Span {
-        let mut span = [COMPLEX; SPAN * SPAN];
+    /// The classes of a span that begins at this pixel, which may be outside the image.
+    #[inline(always)]
+    fn classes(&self, [x, y]: [i32; 2]) -> Span {
+        let mut span = [COMPLEX; STRIDE * SPAN];
         let columns = x.max(0) as usize..(x as usize).wrapping_add(SPAN).min(self.width);
         let skipped = (-x).max(0) as usize;
-        for (y, row) in (y..).zip(span.chunks_mut(SPAN)) {
+        for (y, row) in (y..).zip(span.chunks_mut(STRIDE)) {
             if (0..self.height as i32).contains(&y) {
                 let from = y as usize * self.width;
                 let inside = &self.cls[from + columns.start..from + columns.end];
-                row[skipped..skipped + inside.len()].copy_from_slice(inside);
+                match inside.as_array::<SPAN>() {
+                    Some(inside) => *row.first_chunk_mut().expect("a row is longer") = *inside,
+                    None => row[skipped..skipped + inside.len()].copy_from_slice(inside),
+                }
             }
         }
         span
     }
 
-    /// The matrices of each pixel of a span and its right (bits 0 to 3) and lower (4 to 7) neighbours.
-    fn pairs(&self, x: i32, y: i32, cls: &Span) -> Span {
-        let mask = |i: usize, dx: usize, dy: usize| {
-            let at = [(x + (i % SPAN) as i32) as usize + dx, (y + (i / SPAN) as i32) as usize + dy];
-            self.mask[at[1] * (self.width + 1) + at[0]]
+    /// The matrices of each pixel of a span and its right (bits 0 to 3) and lower (4 to 7) neighbours. Nothing depends on
+    /// what is to the right of and below the span.
+    #[inline(always)]
+    fn pairs(&self, [x, y]: [i32; 2], cls: &Span, near: &Near) -> Span {
+        let mask = |column: usize, row: usize| {
+            let [x, y] = [(x + column as i32) as usize, (y + row as i32) as usize];
+            self.mask[y * (self.width + 1) + x]
         };
-        // Nothing depends on the pixels to the right of and below the span.
-        let cls = |i: usize| cls.get(i).copied().unwrap_or(COMPLEX);
-        std::array::from_fn(|i| {
-            let (own, right, below) = (cls(i), cls(i + 1), cls(i + SPAN));
-            let east = joined(own, right, || mask(i, 1, 0) & 0xFF, 8, |place| [32 + place, 128 - place]);
-            let south = joined(own, below, || mask(i, 0, 1) >> 8 & 0xFF, 8, |place| [96 - place, place]);
-            east | south << 4
-        })
+        let mut pairs = [OPEN_PAIRS; STRIDE * SPAN];
+        for row in 0..SPAN {
+            // Those with an edge in them or beside them.
+            let below = near.edges.get(row + 1).copied().unwrap_or(0);
+            let mut rest = near.edges[row] | near.edges[row] >> 1 | below;
+            while rest != 0 {
+                let column = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                let i = row * STRIDE + column;
+                let below = cls.get(i + STRIDE).copied().unwrap_or(COMPLEX);
+                let (own, right) = (cls[i], cls[i + 1]);
+                let east = || mask(column + 1, row) & 0xFF;
+                let south = || mask(column, row + 1) >> 8 & 0xFF;
+                let east = joined(own, right, east, 8, |place| [32 + place, 128 - place]);
+                let south = joined(own, below, south, 8, |place| [96 - place, place]);
+                pairs[i] = east | south << 4;
+            }
+        }
+        pairs
     }
 }
 
-/// N8 of the pixels of a span except the outermost.
-fn neighbours(pairs: &Span) -> Span {
-    let mut n8 = [0; SPAN * SPAN];
-    for y in 1..SPAN - 1 {
-        let row = |y: usize| &pairs[y * SPAN..][..SPAN];
-        let (above, own, below) = (row(y - 1), row(y), row(y + 1));
-        let n8 = &mut n8[y * SPAN..][..SPAN];
-        for x in 1..SPAN - 1 {
-            let (e, s) = (own[x] & 15, own[x] >> 4);
-            let (w, n) = (transpose(own[x - 1] & 15), transpose(above[x] >> 4));
-            let se = chain(e, own[x + 1] >> 4) | chain(s, below[x] & 15);
-            let sw = chain(s, transpose(below[x - 1] & 15)) | chain(w, own[x - 1] >> 4);
-            let nw = chain(w, transpose(above[x - 1] >> 4)) | chain(n, transpose(above[x - 1] & 15));
-            let ne = chain(n, above[x] & 15) | chain(e, transpose(above[x + 1] >> 4));
-            n8[x] = e | se << 4 | s << 8 | sw << 12 | w << 16 | nw << 20 | n << 24 | ne << 28;
+/// Copies as many words of a tile's row as there is room for.
+#[inline(always)]
+fn store_row(words: &[u32], to: &mut [u32]) {
+    match to.as_mut_array::<TILE>() {
+        Some(to) => *to = *words.first_chunk().expect("a row of a tile"),
+        None => to.copy_from_slice(&words[..to.len()]),
+    }
+}
+
+impl Near {
+    #[inline(always)]
+    fn new<S: Simd>(simd: S, cls: &Span) -> Self {
+        let mut edges = [0; SPAN];
+        for (edges, cls) in edges.iter_mut().zip(cls.chunks(STRIDE)) {
+            for first in (0..SPAN).step_by(LANES) {
+                let cls = u32x8::from_slice(simd, &cls[first..][..LANES]) & CLASS;
+                *edges |= (cls.simd_ne(u32x8::splat(simd, EMPTY)).to_bitmask() as u32) << first;
+            }
+            *edges &= (1 << SPAN) - 1;
+        }
+        let (mut near, mut reached) = ([0; SPAN], [0; SPAN]);
+        for y in MARGIN - 1..=SPAN - MARGIN {
+            let rows = edges[y - 1] | edges[y] | edges[y + 1];
+            near[y] = rows | rows << 1 | rows >> 1;
+        }
+        for y in MARGIN..SPAN - MARGIN {
+            let rows = near[y - 1] | near[y] | near[y + 1];
+            reached[y] = rows | rows << 1 | rows >> 1;
+        }
+        Self { edges, near, reached }
+    }
+}
+
+/// Calls `each` with the index of the first of eight pixels of a span in which there is one of the bits given for each row;
+/// columns are counted from `first` on.
+#[inline(always)]
+fn groups(bits: &[u32; SPAN], first: usize, mut each: impl FnMut(usize)) {
+    for (y, bits) in bits.iter().enumerate() {
+        for column in (first..SPAN - first).step_by(LANES) {
+            if bits >> column & 0xFF != 0 {
+                each(y * STRIDE + column);
+            }
         }
     }
-    n8
+}
+
+/// The words of eight pixels.
+#[inline(always)]
+fn load<S: Simd>(simd: S, span: &Span, first: usize) -> u32x8<S> {
+    u32x8::from_slice(simd, &span[first..][..LANES])
+}
+
+/// Writes N8 of those pixels of a span, except the outermost, that have an edge in their 3x3 pixels, and of some others.
+#[inline(always)]
+fn neighbours<S: Simd>(simd: S, pairs: &Span, near: &Near, n8: &mut Span) {
+    groups(
+        &near.near,
+        1,
+        #[inline(always)]
+        |i| {
+            let at = |i: usize| load(simd, pairs, i);
+            let (own, left, right) = (at(i), at(i - 1), at(i + 1));
+            let (above, above_left, above_right) = (at(i - STRIDE), at(i - STRIDE - 1), at(i - STRIDE + 1));
+            let (below, below_left) = (at(i + STRIDE), at(i + STRIDE - 1));
+            let (e, s) = (own & 15, own >> 4);
+            let (w, n) = (transposed(left & 15), transposed(above >> 4));
+            let se = chained(simd, e, right >> 4) | chained(simd, s, below & 15);
+            let sw = chained(simd, s, transposed(below_left & 15)) | chained(simd, w, left >> 4);
+            let nw =
+                chained(simd, w, transposed(above_left >> 4)) | chained(simd, n, transposed(above_left & 15));
+            let ne = chained(simd, n, above & 15) | chained(simd, e, transposed(above_right >> 4));
+            let near = e | (se << 4) | (s << 8) | (sw << 12);
+            let far = (w << 16) | (nw << 20) | (n << 24) | (ne << 28);
+            (near | far).store_slice(&mut n8[i..][..LANES]);
+        },
+    );
+}
+
+/// [`chain`](crate::shared::edge_pixel::chain) of eight matrices.
+#[inline(always)]
+fn chained<S: Simd>(simd: S, pq: u32x8<S>, qr: u32x8<S>) -> u32x8<S> {
+    let through_primary = if_odd(simd, pq, qr & 3) | if_odd(simd, pq >> 2, (qr & 3) << 2);
+    let through_secondary = if_odd(simd, pq >> 1, qr >> 2) | if_odd(simd, pq >> 3, qr & 12);
+    through_primary | through_secondary
+}
+
+/// [`transpose`](crate::shared::edge_pixel::transpose) of eight matrices.
+#[inline(always)]
+fn transposed<S: Simd>(pq: u32x8<S>) -> u32x8<S> {
+    (pq & 9) | ((pq & 2) << 1) | ((pq & 4) >> 1)
 }
 
 /// The bit of R24 for an offset.
-pub(crate) fn bit_of([x, y]: [i32; 2]) -> u32 {
-    let raw = (y + 2) * 5 + x + 2;
-    1 << (raw - i32::from(raw > 12))
+pub(crate) fn bit_of(offset: [i32; 2]) -> u32 {
+    1 << place_of(offset)
 }
 
-/// R24 of the pixels of a span except the two outermost. One direction at a time for a row of pixels, so that the
-/// compiler vectorizes it.
-fn reached(n8: &Span, wide: bool) -> Span {
-    let mut r24 = [0; SPAN * SPAN];
-    for y in 2..SPAN - 2 {
-        let first = y * SPAN + 2;
-        let own = &n8[first..][..TILE];
-        let reached = &mut r24[first..][..TILE];
-        for (d, offset) in DIRECTIONS.into_iter().enumerate() {
-            let [dx, dy] = offset;
-            let next = &n8[(first as i32 + dy * SPAN as i32 + dx) as usize..][..TILE];
-            // Bit 4 d: the path continues in direction d, from a region of the neighbour that is joined to the primary
-            // region here.
-            let mut onward = [0; TILE];
-            for x in 0..TILE {
-                let matrix = own[x] >> (4 * d);
-                reached[x] |= if_odd(matrix, bit_of(offset));
-                onward[x] = if_odd(matrix, next[x]) | if_odd(matrix >> 1, next[x] >> 2);
-            }
-            let most = if wide && d % 2 == 1 { 2 } else { 1 };
-            for turned in d + 8 - most..=d + 8 + most {
-                let [turned_x, turned_y] = DIRECTIONS[turned & 7];
-                let bit = bit_of([dx + turned_x, dy + turned_y]);
-                for x in 0..TILE {
-                    reached[x] |= if_odd(onward[x] >> (4 * (turned & 7)), bit);
-                }
-            }
-        }
+/// Which bit that is.
+#[inline(always)]
+fn place_of([x, y]: [i32; 2]) -> u32 {
+    let raw = (y + 2) * 5 + x + 2;
+    (raw - i32::from(raw > 12)) as u32
+}
+
+/// Writes R24 of those pixels of a tile that have an edge in their 5x5 pixels, and of some others.
+#[inline(always)]
+fn reach<S: Simd>(simd: S, n8: &Span, wide: bool, near: &Near, r24: &mut Span) {
+    groups(
+        &near.reached,
+        MARGIN,
+        #[inline(always)]
+        |i| {
+            // A function for each direction: its shifts and bits are constants.
+            let own = load(simd, n8, i);
+            let even = toward::<S, 0>(simd, own, n8, i, wide) | toward::<S, 2>(simd, own, n8, i, wide);
+            let even = even | toward::<S, 4>(simd, own, n8, i, wide) | toward::<S, 6>(simd, own, n8, i, wide);
+            let odd = toward::<S, 1>(simd, own, n8, i, wide) | toward::<S, 3>(simd, own, n8, i, wide);
+            let odd = odd | toward::<S, 5>(simd, own, n8, i, wide) | toward::<S, 7>(simd, own, n8, i, wide);
+            (even | odd).store_slice(&mut r24[i..][..LANES]);
+        },
+    );
+}
+
+/// The part of R24 that eight pixels reach by a first step in direction `D`.
+#[inline(always)]
+fn toward<S: Simd, const D: usize>(simd: S, own: u32x8<S>, n8: &Span, i: usize, wide: bool) -> u32x8<S> {
+    let [dx, dy] = DIRECTIONS[D];
+    let next = load(simd, n8, (i as i32 + dy * STRIDE as i32 + dx) as usize);
+    let matrix = own >> (4 * D as u32);
+    // Bit 4 d: the path continues in direction d, from a region of the neighbour that is joined to the primary region here.
+    let onward = if_odd(simd, matrix, next) | if_odd(simd, matrix >> 1, next >> 2);
+    let reached = moved(matrix, 0, place_of([dx, dy])) | onward_by::<S, D>(onward, 7);
+    let reached = reached | onward_by::<S, D>(onward, 0) | onward_by::<S, D>(onward, 1);
+    if wide && D % 2 == 1 {
+        reached | onward_by::<S, D>(onward, 6) | onward_by::<S, D>(onward, 2)
+    } else {
+        reached
     }
-    r24
+}
+
+/// The bits of R24 of what is reached by a step in direction `D` and one that turns from it by so many eighths.
+#[inline(always)]
+fn onward_by<S: Simd, const D: usize>(onward: u32x8<S>, turn: usize) -> u32x8<S> {
+    let turned = (D + turn) & 7;
+    let [[x, y], [turned_x, turned_y]] = [DIRECTIONS[D], DIRECTIONS[turned]];
+    moved(onward, 4 * turned as u32, place_of([x + turned_x, y + turned_y]))
+}
+
+/// A bit of each lane, moved from one place to another.
+#[inline(always)]
+fn moved<S: Simd>(lanes: u32x8<S>, from: u32, to: u32) -> u32x8<S> {
+    let shifted = if from < to { lanes << (to - from) } else { lanes >> (from - to) };
+    shifted & (1 << to)
 }
 
 #[cfg(test)]
@@ -423,7 +559,7 @@ mod tests {
                 for (d, [dx, dy]) in DIRECTIONS.into_iter().enumerate() {
                     let there = at(n8, x, y) >> (4 * d) & 15;
                     let back = at(n8, x + dx, y + dy) >> (4 * ((d + 4) & 7)) & 15;
-                    assert_eq!(there, transpose(back), "{x} {y} {d}");
+                    assert_eq!(there, crate::shared::edge_pixel::transpose(back), "{x} {y} {d}");
                 }
                 for (dx, dy) in offsets() {
                     let there = at(r24, x, y) & bit_of([dx, dy]) != 0;
