@@ -14,7 +14,9 @@ use rayon::prelude::*;
 use crate::{
     column,
     meaning::{self, JOINS, RADIANCE},
-    shared::edge_pixel::{CLASS, Chord, DIRECTIONS, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, ends, primary_area},
+    shared::edge_pixel::{
+        CLASS, Chord, DIRECTIONS, EMPTY, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, ends, primary_area,
+    },
 };
 
 #[path = "explain/antialias.rs"]
@@ -24,6 +26,9 @@ constants! {
     /// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary region are joined.
     const SECONDARY_TO_PRIMARY: u32 = 4;
 }
+
+/// Pixels of a row that are skipped together where no edge crosses them.
+const GROUP: usize = 16;
 
 choice! {
     /// Which neighbour lends the colour of the secondary region.
@@ -80,9 +85,14 @@ impl Stage for Antialias {
         color.par_chunks_mut(width).enumerate().for_each(|(y, color)| {
             let row = y * width;
             color.copy_from_slice(&primary[row..][..width]);
-            for x in 0..width {
-                let cls = cls[row + x];
-                if cls & CLASS == SIMPLE && params.neighbour != Neighbour::Off {
+            for (first, cls) in (0..width).step_by(GROUP).zip(cls[row..][..width].chunks(GROUP)) {
+                // Most pixels are empty: the bits of all together say whether those of the group are.
+                if cls.iter().fold(0, |bits, cls| bits | cls) & CLASS == EMPTY
+                    || params.neighbour == Neighbour::Off
+                {
+                    continue;
+                }
+                for (x, &cls) in (first..).zip(cls).filter(|(_, cls)| **cls & CLASS == SIMPLE) {
                     let at = |[dx, dy]: [i32; 2]| {
                         let (x, y) = (x.checked_add_signed(dx as isize)?, y.checked_add_signed(dy as isize)?);
                         if x < width { primary.get(y * width + x) } else { None }

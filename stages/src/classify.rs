@@ -13,6 +13,7 @@
 //! the same size, so that one is unambiguous if any cell of the region is.
 
 use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, params};
+use fearless_simd::dispatch;
 use rayon::prelude::*;
 
 use crate::{
@@ -103,6 +104,7 @@ impl Stage for Classify {
         let vertex = vertex.as_deref();
         let (mut cls, mut kept, mut aim) = (cx.write(self.cls), cx.write(self.kept), cx.write(self.aim));
 
+        let level = cx.level();
         let grid = Grid { log2: params.subpixel_bits / 2, guess: params.ambiguous == Ambiguous::Guess };
         let outputs =
             cls.par_chunks_mut(width).zip(kept.par_chunks_mut(width)).zip(aim.par_chunks_mut(width));
@@ -114,17 +116,24 @@ impl Stage for Classify {
             // First treats all pixels as if no edge crossed them, several at a time, which is enough for most of them.
             kept.copy_from_slice(id);
             aim.fill(PIXEL_CENTER);
-            for (cls, (id, cell)) in cls.iter_mut().zip(id.iter().zip(subpixel)) {
-                *cls = EMPTY | WHOLE | grid.state(*id != NO_POINT, *cell);
-            }
-            for x in 0..width {
-                let [left, top] = [above[x] & 0xFF, above[x] >> 8 & 0xFF];
-                let [right, bottom] = [above[x + 1] & 0xFF, below[x] >> 8 & 0xFF];
-                if left | top | right | bottom != 0 {
-                    let ring = ring(left, top, right, bottom);
-                    let vertex = vertex.map_or(0, |vertex| vertex[row.start + x]);
-                    (cls[x], aim[x]) = grid.classify(ring, vertex, id[x] != NO_POINT, subpixel[x]);
-                    kept[x] = if cls[x] & VALID != 0 { id[x] } else { NO_POINT };
+            dispatch!(level, _ => grid.without_edges(id, subpixel, cls));
+            for first in (0..width).step_by(GROUP) {
+                let group = first..width.min(first + GROUP);
+                // Of the sides that pixels of the group share, each is in one mask.
+                let crossings = |bits: u32, mask: &u32| bits | mask;
+                let beside = above[group.start..group.end + 1].iter().fold(0, crossings) & 0xFFFF;
+                if beside | below[group.clone()].iter().fold(0, crossings) & 0xFF00 == 0 {
+                    continue;
+                }
+                for x in group {
+                    let [left, top] = [above[x] & 0xFF, above[x] >> 8 & 0xFF];
+                    let [right, bottom] = [above[x + 1] & 0xFF, below[x] >> 8 & 0xFF];
+                    if left | top | right | bottom != 0 {
+                        let ring = ring(left, top, right, bottom);
+                        let vertex = vertex.map_or(0, |vertex| vertex[row.start + x]);
+                        (cls[x], aim[x]) = grid.classify(ring, vertex, id[x] != NO_POINT, subpixel[x]);
+                        kept[x] = if cls[x] & VALID != 0 { id[x] } else { NO_POINT };
+                    }
                 }
             }
         });
@@ -135,6 +144,9 @@ impl Stage for Classify {
         explain::at(self, params, site)
     }
 }
+
+/// Pixels of a row that are skipped together where no edge crosses them.
+const GROUP: usize = 16;
 
 /// The bits of a pixel with a single region.
 const WHOLE: u32 = PRIMARY_IS_A | PIXEL_AREA << AREA_SHIFT;
@@ -148,6 +160,14 @@ struct Grid {
 }
 
 impl Grid {
+    /// The `cls` of pixels that no edge crosses.
+    #[inline(always)]
+    fn without_edges(self, id: &[u32], subpixel: &[u32], cls: &mut [u32]) {
+        for (cls, (id, cell)) in cls.iter_mut().zip(id.iter().zip(subpixel)) {
+            *cls = EMPTY | WHOLE | self.state(*id != NO_POINT, *cell);
+        }
+    }
+
     /// The bits of `cls` for the sample's cell; 0 without a sample.
     #[inline(always)]
     fn state(self, has_sample: bool, cell: u32) -> u32 {

@@ -14,6 +14,7 @@ use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Rule, Site, Stage, Threads, choice, constants, params, scratch,
     texel,
 };
+use fearless_simd::dispatch;
 use rayon::prelude::*;
 
 use crate::{
@@ -150,18 +151,11 @@ impl Stage for Spread {
         let mut found = cx.write(self.found);
         let list: &mut [Hole] = bytemuck::cast_slice_mut(&mut found);
 
+        let level = cx.level();
         let rows =
             color.par_chunks_mut(width).zip(filled.par_chunks_mut(width)).zip(primary.par_chunks(width));
-        let has_holes = rows.map(|((color, filled), primary)| {
-            let mut has_holes = false;
-            for (x, &[r, g, b, alpha]) in primary.iter().enumerate() {
-                let is_hole = alpha <= 0.0;
-                color[x] = if is_hole { [0.0; 4] } else { [r, g, b, 1.0] };
-                filled[x] = if is_hole { HOLE } else { 0 };
-                has_holes |= is_hole;
-            }
-            has_holes
-        });
+        let has_holes =
+            rows.map(|((color, filled), primary)| dispatch!(level, _ => find_holes(primary, color, filled)));
         if !has_holes.reduce(|| false, |a, b| a | b) || params.method == Method::Off {
             return Ok(());
         }
@@ -184,6 +178,31 @@ impl Stage for Spread {
     fn explain(&self, params: &SpreadParams, site: &Site) -> Option<Vec<Finding>> {
         explain::at(self, params, site)
     }
+}
+
+/// Pixels of a row that are looked at together.
+const GROUP: usize = 16;
+
+/// Copies colours, marks the pixels without one, and tells whether there is any.
+#[inline(always)]
+fn find_holes(primary: &[[f32; 4]], color: &mut [[f32; 4]], filled: &mut [u32]) -> bool {
+    let mut has_holes = false;
+    let groups = primary.chunks(GROUP).zip(color.chunks_mut(GROUP)).zip(filled.chunks_mut(GROUP));
+    for ((primary, color), filled) in groups {
+        // Most groups have no hole.
+        if !primary.iter().fold(false, |any, color| any | (color[3] <= 0.0)) {
+            color.iter_mut().zip(primary).for_each(|(color, &[r, g, b, _])| *color = [r, g, b, 1.0]);
+            filled.fill(0);
+            continue;
+        }
+        has_holes = true;
+        for ((&[r, g, b, alpha], color), filled) in primary.iter().zip(color).zip(filled) {
+            let is_hole = alpha <= 0.0;
+            *color = if is_hole { [0.0; 4] } else { [r, g, b, 1.0] };
+            *filled = if is_hole { HOLE } else { 0 };
+        }
+    }
+    has_holes
 }
 
 /// A hole and the colour that it takes: an element of `found` on the CPU, which uses it as a list.
