@@ -4,11 +4,15 @@
 use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, scratch, texel,
 };
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
     meaning::{PICTURE, RADIANCE, WHITE},
-    shared::color::{decode_srgb, luminance},
+    shared::{
+        color::{decode_srgb, luminance, luminances},
+        lanes::{LANES, bits, load_transposed},
+    },
 };
 
 mod auto;
@@ -90,11 +94,9 @@ impl Stage for Tonemap {
             (None, Some(auto)) => auto.gain(params.percentile, &color, cx),
             (exposure, _) => exposure.unwrap_or_default().exp2(),
         };
+        let level = cx.level();
         image.par_chunks_mut(width).zip(color.par_chunks(width)).for_each(|(image, color)| {
-            for (image, &[r, g, b, _]) in image.iter_mut().zip(color) {
-                let [r, g, b] = self.srgb.show(params.curve, [r * gain, g * gain, b * gain]);
-                *image = [r, g, b, 255];
-            }
+            dispatch!(level, simd => self.srgb.show_row(simd, params.curve, gain, color, image));
         });
         Ok(())
     }
@@ -145,10 +147,9 @@ impl Auto {
 
 /// The sRGB encoding as a search: the same bytes as the rounded formula, without its power.
 struct Srgb {
-    /// Where each byte ends: the smallest value of the next one, infinity for the last.
-    end: [f32; 256],
-    /// The byte of the smallest value with given upper bits, from those of [`Srgb::FIRST`] to those of 1.
-    start: Vec<u8>,
+    /// For given upper bits of a value, from those of [`Srgb::FIRST`] to those of 1: the byte of the smallest value with
+    /// them, and where that byte ends, the smallest value of the next one; infinity for the last.
+    start: Vec<(f32, u32)>,
 }
 
 impl Srgb {
@@ -158,24 +159,85 @@ impl Srgb {
     const SHIFT: u32 = 16;
 
     fn new() -> Self {
-        let end = std::array::from_fn(|byte| match byte {
+        let end: [f32; 256] = std::array::from_fn(|byte| match byte {
             255 => f32::INFINITY,
             byte => decode_srgb((byte as f64 + 0.5) / 255.0) as f32,
         });
         let table = Self::FIRST.to_bits() >> Self::SHIFT..=1f32.to_bits() >> Self::SHIFT;
-        let byte_of = |bits: u32| {
+        let entry_of = |bits: u32| {
             let value = f32::from_bits(bits << Self::SHIFT);
-            end.partition_point(|&end| end <= value) as u8
+            let byte = end.partition_point(|&end| end <= value);
+            (end[byte], byte as u32)
         };
-        Self { end, start: table.map(byte_of).collect() }
+        Self { start: table.map(entry_of).collect() }
     }
 
     #[inline(always)]
     fn encode(&self, value: f32) -> u8 {
         let value = value.clamp(Self::FIRST, 1.0);
-        let byte = self.start[((value.to_bits() - Self::FIRST.to_bits()) >> Self::SHIFT) as usize];
+        let (end, byte) = self.start[((value.to_bits() - Self::FIRST.to_bits()) >> Self::SHIFT) as usize];
         // Values with the same upper bits differ by a factor of at most 1/128, and codes by 0.87: one step is enough.
-        byte + u8::from(value >= self.end[usize::from(byte)])
+        (byte + u32::from(value >= end)) as u8
+    }
+
+    /// [`Srgb::show`] colours times `gain`.
+    #[inline(always)]
+    fn show_row<S: Simd>(&self, simd: S, curve: Curve, gain: f32, color: &[[f32; 4]], image: &mut [[u8; 4]]) {
+        let show = |image: &mut [[u8; 4]], color: &[[f32; 4]]| {
+            for (image, &[r, g, b, _]) in image.iter_mut().zip(color) {
+                let [r, g, b] = self.show(curve, [r * gain, g * gain, b * gain]);
+                *image = [r, g, b, 255];
+            }
+        };
+        let (groups, last) = image.as_chunks_mut::<LANES>();
+        let (colors, last_colors) = color.as_chunks::<LANES>();
+        for (image, color) in groups.iter_mut().zip(colors) {
+            let [r, g, b, _] = load_transposed(simd, color);
+            let gain = f32x8::splat(simd, gain);
+            let (r, g, b) = (r * gain, g * gain, b * gain);
+            if (r.is_finite() & g.is_finite() & b.is_finite()).all_true() {
+                let [r, g, b] = self.codes(simd, curve, [r, g, b]);
+                let codes = r | (g << 8) | (b << 16) | u32x8::splat(simd, 255 << 24);
+                *image = codes.to_array().map(u32::to_le_bytes);
+            } else {
+                show(image, color);
+            }
+        }
+        show(last, last_colors);
+    }
+
+    /// The bytes of eight finite colours.
+    #[inline(always)]
+    fn codes<S: Simd>(&self, simd: S, curve: Curve, color: [f32x8<S>; 3]) -> [u32x8<S>; 3] {
+        let splat = |number: f32| f32x8::splat(simd, number);
+        let color = match curve {
+            Curve::Clamp => color,
+            Curve::Reinhard => {
+                let luminance = luminances(simd, color);
+                let positive = luminance.simd_gt(splat(0.0)).select(luminance, splat(0.0));
+                let scale = splat(1.0) / (splat(1.0) + positive);
+                color.map(|channel| channel * scale)
+            }
+        };
+        let [r, g, b] = color;
+        [self.code(simd, r), self.code(simd, g), self.code(simd, b)]
+    }
+
+    /// [`Srgb::encode`] eight numbers that are not NaN.
+    #[inline(always)]
+    fn code<S: Simd>(&self, simd: S, channel: f32x8<S>) -> u32x8<S> {
+        let [first, one] = [Self::FIRST, 1.0].map(|number| f32x8::splat(simd, number));
+        let above = channel.simd_lt(first).select(first, channel);
+        let value = above.simd_gt(one).select(one, above);
+        let at = (value.to_bits() - u32x8::splat(simd, Self::FIRST.to_bits())) >> Self::SHIFT;
+        let at = at.to_array();
+        let (mut end, mut byte) = ([0.0; LANES], [0; LANES]);
+        for lane in 0..LANES {
+            (end[lane], byte[lane]) = self.start[at[lane] as usize];
+        }
+        let (end, byte) = (f32x8::load_array(simd, end), u32x8::load_array(simd, byte));
+        // All ones are -1.
+        byte - bits(simd, value.simd_ge(end))
     }
 
     #[inline(always)]
