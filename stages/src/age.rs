@@ -1,12 +1,16 @@
 //! Ages points and evicts the oldest.
 
 use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
+use fearless_simd::{Simd, dispatch, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
     column,
     meaning::{AGES, ARRIVED, POINTS},
-    shared::cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN},
+    shared::{
+        cloud::{AGE, AGE_ONE, CHANGED, FRESH, LIVE, NOT_DRAWN},
+        lanes::{LANES, bits, padded, store},
+    },
 };
 
 #[path = "explain/age.rs"]
@@ -87,32 +91,10 @@ impl Stage for Age {
         let increment = increment(rate[0], arrived, meta.len() as u32);
         let not_drawn = (increment as f32 * params.not_drawn_penalty).round_ties_even() as u32;
         let change = (params.change_penalty * AGE_ONE as f32).round_ties_even() as u32;
+        let level = cx.level();
         let counts = meta.par_chunks_mut(CHUNK).zip(image_id.par_chunks(CHUNK)).map(|(meta, image_id)| {
-            let mut counts = [0; 256];
-            for (meta, &image_id) in meta.iter_mut().zip(image_id) {
-                if *meta & LIVE == 0 {
-                    continue;
-                }
-                let mut age = *meta & AGE;
-                if *meta & FRESH == 0 {
-                    let unseen = age > 0 && image_id == NOT_DRAWN;
-                    age += increment;
-                    if unseen {
-                        age += not_drawn;
-                    }
-                    if *meta & CHANGED != 0 {
-                        age += change;
-                    }
-                    age = age.min(AGE);
-                }
-                *meta = *meta & !(AGE | CHANGED) | age;
-                if params.evict && age >= AGE_OF_EVICTION {
-                    *meta = 0;
-                    continue;
-                }
-                counts[(age / AGE_ONE) as usize] += 1;
-            }
-            counts
+            let step = Step { increment, not_drawn, change, evict: params.evict };
+            dispatch!(level, simd => step.grow(simd, meta, image_id))
         });
         let counts = counts.reduce(|| [0; 256], |a, b| std::array::from_fn(|age| a[age] + b[age]));
         histogram.copy_from_slice(&counts);
@@ -121,6 +103,50 @@ impl Stage for Age {
 
     fn explain(&self, params: &AgeParams, site: &Site) -> Option<Vec<Finding>> {
         explain::at(self, params, site)
+    }
+}
+
+/// How points age in a frame, in 8.8 fixed point.
+struct Step {
+    increment: u32,
+    /// In addition, for a point that no pixel shows.
+    not_drawn: u32,
+    /// In addition, for a point whose surroundings have changed.
+    change: u32,
+    /// Whether points of [`AGE_OF_EVICTION`] leave the cloud.
+    evict: bool,
+}
+
+impl Step {
+    /// Ages points; returns how many have each age in whole numbers.
+    #[inline(always)]
+    fn grow<S: Simd>(&self, simd: S, meta: &mut [u32], image_id: &[u32]) -> [u32; 256] {
+        let splat = |number: u32| u32x8::splat(simd, number);
+        let zero = splat(0);
+        let mut counts = [0; 256];
+        for first in (0..meta.len()).step_by(LANES) {
+            let before = u32x8::load_array(simd, padded(meta, first));
+            let shown = u32x8::load_array(simd, padded(image_id, first));
+            let is_live = (before & LIVE).simd_ne(zero);
+            let age = before & AGE;
+            let is_unseen = age.simd_gt(zero) & shown.simd_eq(splat(NOT_DRAWN));
+            let grown = age
+                + splat(self.increment)
+                + is_unseen.select(splat(self.not_drawn), zero)
+                + (before & CHANGED).simd_ne(zero).select(splat(self.change), zero);
+            let grown = grown.simd_gt(splat(AGE)).select(splat(AGE), grown);
+            let age = (before & FRESH).simd_ne(zero).select(age, grown);
+            let is_evicted = age.simd_ge(splat(if self.evict { AGE_OF_EVICTION } else { u32::MAX }));
+            let after = is_evicted.select(zero, (before & !(AGE | CHANGED)) | age);
+            let lanes = LANES.min(meta.len() - first);
+            store(&is_live.select(after, before).to_array(), &mut meta[first..][..lanes]);
+            let years = (age >> AGE_ONE.trailing_zeros()).to_array();
+            let counted = bits(simd, is_live & !is_evicted).to_array();
+            for lane in 0..LANES {
+                counts[(years[lane] & 0xFF) as usize] += counted[lane] & 1;
+            }
+        }
+        counts
     }
 }
 

@@ -30,6 +30,7 @@ use epigraph_core::{
     CpuContext, Dims, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, choice, constants, params,
     scratch,
 };
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
 use crate::{
@@ -231,6 +232,7 @@ impl Stage for Dither {
         let aims = aims.as_deref();
         let requests = &mut cx.write(self.requests)[..];
 
+        let level = cx.level();
         requests.fill(Request::NONE);
         let moving = self.prediction.is_some() && frame.predicted != frame.view;
         let wanted = (frame.samples as usize).min(requests.len());
@@ -239,7 +241,7 @@ impl Stage for Dither {
             let cells = cx.dims(occupancy);
             let occupancy = &cx.read(occupancy)[..];
             let of = |occupied| u32::from(moving && occupied == 0);
-            let empty = Weights { dims: cells, values: occupancy, of };
+            let empty = Weights { dims: cells, values: occupancy, of, level };
             let tiles = &mut cx.write(tiles)[..];
             empty.add(tiles);
             let total = scan(tiles);
@@ -271,6 +273,7 @@ impl Stage for Dither {
                     dims: pixels,
                     values: priority,
                     of: move |priority| weight(priority, shift, limit),
+                    level,
                 };
                 weights(MAX_PRIORITY).add(tiles);
                 let limited = weights(limit(tiles.iter().sum(), wanted));
@@ -282,7 +285,7 @@ impl Stage for Dither {
                 divide(frame, pixels, priority, quotients);
                 let greatest = greatest(quotients, wanted);
                 let of = move |quotient| u32::from(quotient <= greatest);
-                let picked = Weights { dims: pixels, values: quotients, of };
+                let picked = Weights { dims: pixels, values: quotients, of, level };
                 let tiles = &mut cx.write(tiles)[..];
                 picked.add(tiles);
                 ask_systematically(frame, &picked, tiles, rest, &ask);
@@ -431,6 +434,7 @@ struct Weights<'a, F> {
     values: &'a [u32],
     /// The weight of a value.
     of: F,
+    level: Level,
 }
 
 impl<F: Fn(u32) -> u32 + Sync> Weights<'_, F> {
@@ -440,12 +444,27 @@ impl<F: Fn(u32) -> u32 + Sync> Weights<'_, F> {
         let rows = self.values.par_chunks(width * tile);
         tiles.par_chunks_mut(width.div_ceil(tile)).zip(rows).for_each(|(tiles, rows)| {
             tiles.fill(0);
-            for row in rows.chunks(width) {
+            dispatch!(self.level, _ => for row in rows.chunks(width) {
                 for (tile, values) in tiles.iter_mut().zip(row.chunks(tile)) {
                     *tile += values.iter().map(|&value| (self.of)(value)).sum::<u32>();
                 }
-            }
+            });
         });
+    }
+}
+
+impl<F: Fn(u32) -> u32> Weights<'_, F> {
+    /// The weights of a tile, row by row; 0 outside the image.
+    #[inline(always)]
+    fn tile(&self, [left, top]: [u32; 2]) -> [u32; (TILE * TILE) as usize] {
+        let mut weights = [0; (TILE * TILE) as usize];
+        let columns = left..self.dims.width.min(left + TILE);
+        for (y, weights) in (top..self.dims.height).zip(weights.chunks_mut(TILE as usize)) {
+            let row = (y * self.dims.width) as usize;
+            let values = &self.values[row + columns.start as usize..row + columns.end as usize];
+            weights.iter_mut().zip(values).for_each(|(weight, value)| *weight = (self.of)(*value));
+        }
+        weights
     }
 }
 
@@ -532,20 +551,32 @@ impl Selection<'_> {
         let columns = weights.dims.width.div_ceil(TILE);
         for tile in range {
             let origin = [tile as u32 % columns * TILE, tile as u32 / columns * TILE];
+            let of_tile = dispatch!(weights.level, _ => weights.tile(origin));
             let mut sum = self.tiles[tile];
             let mut next = (self.due(tile) as u64 + 1) * u64::from(self.total);
-            for [x, y] in MORTON {
-                let [x, y] = [origin[0] + u32::from(x), origin[1] + u32::from(y)];
-                if x >= weights.dims.width || y >= weights.dims.height {
+            // Four places in a row along the curve are a block of 2x2. Most blocks reach no multiple.
+            for [left, top] in
+                MORTON[..MORTON.len() / 4].iter().map(|place| place.map(|along| 2 * u32::from(along)))
+            {
+                let of_block: [u32; 4] = std::array::from_fn(|place| {
+                    let [x, y] = MORTON[place];
+                    of_tile[((top + u32::from(y)) * TILE + left + u32::from(x)) as usize]
+                });
+                let after = sum + of_block.iter().sum::<u32>();
+                if self.progress(after) < next {
+                    sum = after;
                     continue;
                 }
-                sum += (weights.of)(weights.values[(y * weights.dims.width + x) as usize]);
-                let progress = self.progress(sum);
-                if progress >= next {
-                    // A weight above total / wanted may reach several multiples; the last one counts.
-                    let due = progress / u64::from(self.total);
-                    requests[due as usize - 1 - first] = ask([x, y]);
-                    next = (due + 1) * u64::from(self.total);
+                for (weight, [x, y]) in of_block.into_iter().zip(MORTON) {
+                    sum += weight;
+                    let progress = self.progress(sum);
+                    if progress >= next {
+                        // A weight above total / wanted may reach several multiples; the last one counts.
+                        let due = progress / u64::from(self.total);
+                        let [x, y] = [left + u32::from(x), top + u32::from(y)];
+                        requests[due as usize - 1 - first] = ask([origin[0] + x, origin[1] + y]);
+                        next = (due + 1) * u64::from(self.total);
+                    }
                 }
             }
         }
@@ -876,7 +907,7 @@ mod tests {
             for most in [1, 2, 256] {
                 let values: Vec<u32> = (0..width * height).map(|_| random.below(most)).collect();
                 let dims = Dims { width, height };
-                let weights = Weights { dims, values: &values, of: |value: u32| value };
+                let weights = Weights { dims, values: &values, of: |value: u32| value, level: Level::new() };
                 let mut tiles = vec![0; (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize];
                 weights.add(&mut tiles);
                 let total = scan(&mut tiles);

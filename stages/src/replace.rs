@@ -1,12 +1,14 @@
 //! Chooses the slots of the cloud that new samples take over.
 
 use epigraph_core::{Access, CpuContext, Extent, In, Io, Out, Stage, Threads, scratch};
+use fearless_simd::{Simd, dispatch, prelude::*, u32x8};
 
 use crate::{
     column,
     meaning::{AGES, POINTS, SAMPLES, SLOT},
     shared::{
         cloud::{AGE, AGE_ONE, LIVE, NO_POINT},
+        lanes::{LANES, padded},
         requests::{HIT_NONE, Sample},
         scan::SCAN_BLOCKS,
     },
@@ -136,18 +138,8 @@ impl Stage for Replace {
         choice[0] = [threshold, older];
 
         // count_slots, collect_slots: one after the other, no counting ahead is needed
-        let (mut next_older, mut next_equal) = (0, older as usize);
-        for (slot, (&meta, &claim)) in meta.iter().zip(&*claims).enumerate() {
-            let age = age(meta);
-            if claim != UNCLAIMED || age < threshold {
-                continue;
-            }
-            let next = if age > threshold { &mut next_older } else { &mut next_equal };
-            if let Some(place) = oldest.get_mut(*next) {
-                *place = slot as u32;
-            }
-            *next += 1;
-        }
+        let free = Free { meta: &meta, claims: &claims };
+        dispatch!(cx.level(), simd => free.collect(simd, threshold, older, &mut oldest));
 
         // assign
         let mut next = 0;
@@ -161,6 +153,42 @@ impl Stage for Replace {
             }
         }
         Ok(())
+    }
+}
+
+/// The slots that no sample claims.
+struct Free<'a> {
+    meta: &'a [u32],
+    claims: &'a [u32],
+}
+
+impl Free<'_> {
+    /// Lists the slots older than `threshold`, of which there are `older`, then those of that age, as far as there is room.
+    #[inline(always)]
+    fn collect<S: Simd>(&self, simd: S, threshold: u32, older: u32, list: &mut [u32]) {
+        let splat = |number: u32| u32x8::splat(simd, number);
+        let (mut next_older, mut next_equal) = (0, older as usize);
+        for first in (0..self.meta.len()).step_by(LANES) {
+            // What is behind the last slot counts as claimed.
+            let meta = u32x8::load_array(simd, padded(self.meta, first));
+            let claim = u32x8::load_array(simd, padded(self.claims, first));
+            // As [`age`].
+            let is_live = (meta & LIVE).simd_ne(splat(0));
+            let age = is_live.select((meta & AGE) >> AGE_ONE.trailing_zeros(), splat(EMPTY));
+            let is_free = claim.simd_eq(splat(UNCLAIMED)) & age.simd_ge(splat(threshold));
+            let is_older = age.simd_gt(splat(threshold)).to_bitmask();
+            let mut rest = is_free.to_bitmask();
+            while rest != 0 {
+                let lane = rest.trailing_zeros();
+                rest &= rest - 1;
+                let slot = first + lane as usize;
+                let next = if is_older >> lane & 1 != 0 { &mut next_older } else { &mut next_equal };
+                if let Some(place) = list.get_mut(*next) {
+                    *place = slot as u32;
+                }
+                *next += 1;
+            }
+        }
     }
 }
 
