@@ -97,7 +97,7 @@ impl Stage for Antialias {
                         let (x, y) = (x.checked_add_signed(dx as isize)?, y.checked_add_signed(dy as isize)?);
                         if x < width { primary.get(y * width + x) } else { None }
                     };
-                    color[x] = blend(params.neighbour, cls, n8[row + x], color[x], DIRECTIONS.map(at));
+                    color[x] = blend(params.neighbour, cls, n8[row + x], color[x], at);
                 }
             }
         });
@@ -109,14 +109,18 @@ impl Stage for Antialias {
     }
 }
 
-/// The colour of a simple pixel, from its primary region's and its neighbours' colours.
-fn blend(rule: Neighbour, cls: u32, n8: u32, own: [f32; 4], neighbours: [Option<&[f32; 4]>; 8]) -> [f32; 4] {
-    let weights = weights(rule, cls, n8, neighbours.map(|neighbour| neighbour.is_some()));
+/// The colour of a simple pixel, from its primary region's and those of the neighbours at offsets from it.
+fn blend<'a>(
+    rule: Neighbour,
+    cls: u32,
+    n8: u32,
+    own: [f32; 4],
+    neighbour: impl Fn([i32; 2]) -> Option<&'a [f32; 4]>,
+) -> [f32; 4] {
+    let weights = weights(rule, cls, n8, |d| neighbour(DIRECTIONS[d]).is_some());
     let (mut beyond, mut total) = ([0.0; 3], 0.0);
-    for (neighbour, weight) in neighbours.into_iter().zip(weights) {
-        if let Some([r, g, b, _]) = neighbour
-            && weight > 0.0
-        {
+    for (d, weight) in weights.into_iter().enumerate().filter(|(_, weight)| *weight > 0.0) {
+        if let Some([r, g, b, _]) = neighbour(DIRECTIONS[d]) {
             beyond = [beyond[0] + r * weight, beyond[1] + g * weight, beyond[2] + b * weight];
             total += weight;
         }
@@ -130,12 +134,12 @@ fn blend(rule: Neighbour, cls: u32, n8: u32, own: [f32; 4], neighbours: [Option<
 }
 
 /// Each neighbour's weight in the colour of a simple pixel's secondary region; 0 for those that do not contribute.
-fn weights(rule: Neighbour, cls: u32, n8: u32, exists: [bool; 8]) -> [f32; 8] {
+fn weights(rule: Neighbour, cls: u32, n8: u32, exists: impl Fn(usize) -> bool) -> [f32; 8] {
     let [p, q] = ends(cls);
     let normal = Chord::new(p, q).normal;
     let towards_secondary = if cls & PRIMARY_IS_A != 0 { normal.map(|n| -n) } else { normal };
     let (mut weights, mut best) = ([0.0; 8], 0.0);
-    for d in (0..8).filter(|&d| exists[d] && n8 >> (4 * d) & SECONDARY_TO_PRIMARY != 0) {
+    for d in (0..8).filter(|&d| n8 >> (4 * d) & SECONDARY_TO_PRIMARY != 0 && exists(d)) {
         let square = squareness(towards_secondary, d);
         match rule {
             Neighbour::Best if square > best => {

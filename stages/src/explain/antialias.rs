@@ -22,8 +22,7 @@ pub(super) fn at(stage: &Antialias, params: &AntialiasParams, site: &Site) -> Op
         return Some(findings);
     }
     let share = primary_area(cls) as f32 / PIXEL_AREA as f32;
-    let exists = DIRECTIONS.map(|offset| site.beside(offset).is_some());
-    let weights = weights(params.neighbour, cls, n8, exists);
+    let weights = weights(params.neighbour, cls, n8, |d| site.beside(DIRECTIONS[d]).is_some());
     let total: f32 = weights.iter().sum();
     if total == 0.0 {
         findings.push(why(

@@ -65,6 +65,7 @@ pub fn bounded(color: [f32; 3]) -> [f32; 3] {
 }
 
 /// The linear radiance of [`encode_radiance`].
+#[inline]
 pub fn decode_radiance(bits: u32) -> [f32; 3] {
     let scale = power_of_two((bits >> 27) as i32 - 24);
     [bits & 511, bits >> 9 & 511, bits >> 18 & 511].map(|mantissa| mantissa as f32 * scale)

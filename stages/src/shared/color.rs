@@ -6,6 +6,7 @@ use fearless_simd::{Simd, f32x8, prelude::*};
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Relative luminance of a linear Rec. 709 colour.
+#[inline]
 pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b
 }
