@@ -123,7 +123,8 @@ impl Step {
     fn grow<S: Simd>(&self, simd: S, meta: &mut [u32], image_id: &[u32]) -> [u32; 256] {
         let splat = |number: u32| u32x8::splat(simd, number);
         let zero = splat(0);
-        let mut counts = [0; 256];
+        // Neighbours are often of one age: counters of their own need not wait for each other.
+        let mut counts = [[0; 256]; LANES];
         for first in (0..meta.len()).step_by(LANES) {
             let before = u32x8::load_array(simd, padded(meta, first));
             let shown = u32x8::load_array(simd, padded(image_id, first));
@@ -143,10 +144,10 @@ impl Step {
             let years = (age >> AGE_ONE.trailing_zeros()).to_array();
             let counted = bits(simd, is_live & !is_evicted).to_array();
             for lane in 0..LANES {
-                counts[(years[lane] & 0xFF) as usize] += counted[lane] & 1;
+                counts[lane][(years[lane] & 0xFF) as usize] += counted[lane] & 1;
             }
         }
-        counts
+        std::array::from_fn(|age| counts.iter().map(|counts| counts[age]).sum())
     }
 }
 
