@@ -14,13 +14,13 @@ use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Rule, Site, Stage, Threads, choice, constants, params, scratch,
     texel,
 };
-use fearless_simd::dispatch;
+use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
 use rayon::prelude::*;
 
 use crate::{
     column,
     meaning::{JOINS, RADIANCE},
-    shared::edge_pixel::DIRECTIONS,
+    shared::{edge_pixel::DIRECTIONS, lanes::LANES},
 };
 
 #[path = "explain/spread.rs"]
@@ -154,8 +154,9 @@ impl Stage for Spread {
         let level = cx.level();
         let rows =
             color.par_chunks_mut(width).zip(filled.par_chunks_mut(width)).zip(primary.par_chunks(width));
-        let has_holes =
-            rows.map(|((color, filled), primary)| dispatch!(level, _ => find_holes(primary, color, filled)));
+        let has_holes = rows.map(
+            |((color, filled), primary)| dispatch!(level, simd => find_holes(simd, primary, color, filled)),
+        );
         if !has_holes.reduce(|| false, |a, b| a | b) || params.method == Method::Off {
             return Ok(());
         }
@@ -180,27 +181,44 @@ impl Stage for Spread {
     }
 }
 
-/// Pixels of a row that are looked at together.
-const GROUP: usize = 16;
-
 /// Copies colours, marks the pixels without one, and tells whether there is any.
 #[inline(always)]
-fn find_holes(primary: &[[f32; 4]], color: &mut [[f32; 4]], filled: &mut [u32]) -> bool {
+fn find_holes<S: Simd>(simd: S, primary: &[[f32; 4]], color: &mut [[f32; 4]], filled: &mut [u32]) -> bool {
+    let (groups, last) = primary.as_chunks::<LANES>();
+    let (colors, last_color) = color.as_chunks_mut::<LANES>();
+    let (marks, last_marks) = filled.as_chunks_mut::<LANES>();
     let mut has_holes = false;
-    let groups = primary.chunks(GROUP).zip(color.chunks_mut(GROUP)).zip(filled.chunks_mut(GROUP));
-    for ((primary, color), filled) in groups {
+    // A vector holds two pixels; these are their alphas.
+    const ALPHAS: u64 = 0x88;
+    let is_alpha = mask32x8::from_bitmask(simd, ALPHAS);
+    let [zero, one] = [0.0, 1.0].map(|number| f32x8::splat(simd, number));
+    for ((primary, color), filled) in groups.iter().zip(colors).zip(marks) {
+        let mut holes = 0;
+        let (pairs, _) = primary.as_flattened().as_chunks::<LANES>();
+        let (to, _) = color.as_flattened_mut().as_chunks_mut::<LANES>();
+        for (pair, to) in pairs.iter().zip(to) {
+            let pair = f32x8::load_array_ref(simd, pair);
+            holes |= pair.simd_le(zero).to_bitmask();
+            is_alpha.select(one, pair).store_array(to);
+        }
+        *filled = [0; LANES];
         // Most groups have no hole.
-        if !primary.iter().fold(false, |any, color| any | (color[3] <= 0.0)) {
-            color.iter_mut().zip(primary).for_each(|(color, &[r, g, b, _])| *color = [r, g, b, 1.0]);
-            filled.fill(0);
-            continue;
+        if holes & ALPHAS != 0 {
+            has_holes = true;
+            mark_holes(primary, color, filled);
         }
-        has_holes = true;
-        for ((&[r, g, b, alpha], color), filled) in primary.iter().zip(color).zip(filled) {
-            let is_hole = alpha <= 0.0;
-            *color = if is_hole { [0.0; 4] } else { [r, g, b, 1.0] };
-            *filled = if is_hole { HOLE } else { 0 };
-        }
+    }
+    has_holes | mark_holes(last, last_color, last_marks)
+}
+
+/// [`find_holes`], one pixel at a time.
+fn mark_holes(primary: &[[f32; 4]], color: &mut [[f32; 4]], filled: &mut [u32]) -> bool {
+    let mut has_holes = false;
+    for ((&[r, g, b, alpha], color), filled) in primary.iter().zip(color).zip(filled) {
+        let is_hole = alpha <= 0.0;
+        *color = if is_hole { [0.0; 4] } else { [r, g, b, 1.0] };
+        *filled = if is_hole { HOLE } else { 0 };
+        has_holes |= is_hole;
     }
     has_holes
 }
