@@ -33,6 +33,10 @@ pub(super) struct Quad {
     /// The largest coordinate of its corners, at most.
     reach: f32,
     radiance: Vec3,
+    /// Luminance of the radiance.
+    brightness: f32,
+    /// Radius of a sphere around its centre that holds it.
+    radius: f32,
     /// True if its triangles are part of the mesh, so that rays can hit them.
     in_mesh: bool,
 }
@@ -106,9 +110,11 @@ impl Quad {
         let from_corner = from - self.corner;
         let height = from_corner.dot(self.normal);
         let to_center = 0.5 * (self.u + self.v) - from_corner;
-        let radius = 0.5 * (self.u.length() + self.v.length());
-        let cosine = surface_cosine(to_center, to_center.length(), radius, facing);
-        if height <= 0.0 || cosine == 0.0 {
+        if height <= 0.0 {
+            return 0.0;
+        }
+        let cosine = surface_cosine(to_center, to_center.length(), self.radius, facing);
+        if cosine == 0.0 {
             return 0.0;
         }
         // By the nearest point of the quad, or nearly, if its sides are not perpendicular.
@@ -116,7 +122,7 @@ impl Quad {
         let distance = (along(self.u) + along(self.v) - from_corner).length().max(height);
         // As of a disc: it covers no more than a hemisphere.
         let solid_angle = self.area * (height / distance) / (distance * distance + self.area * FRAC_1_PI);
-        luminance(self.radiance) * cosine * solid_angle
+        self.brightness * cosine * solid_angle
     }
 
     /// The light at `from` from the point `(s, t)` in [0, 1)^2 of the quad; `None` if `from` is behind the quad.
@@ -288,8 +294,18 @@ impl Emitters {
                     let (normal, area) = u.cross(v).normalize_and_length();
                     if area > 0.0 {
                         let reach = [corner, u, v].map(|p| p.abs().max_element()).into_iter().sum();
-                        let quad = Quad { corner, u, v, normal, area, reach, radiance, in_mesh: false };
-                        emitters.quads.push(quad);
+                        emitters.quads.push(Quad {
+                            corner,
+                            u,
+                            v,
+                            normal,
+                            area,
+                            reach,
+                            radiance,
+                            brightness: luminance(radiance),
+                            radius: 0.5 * (u.length() + v.length()),
+                            in_mesh: false,
+                        });
                     }
                 }
             }
@@ -312,21 +328,32 @@ impl Emitters {
 
     /// A choice for a point of a surface, by a number in [0, 1), and its probability: in proportion to what each light
     /// might send there, nothing being in the way, and by a share evenly. `facing` is the surface's normal, if light
-    /// from behind does not count. `None` if no light reaches the point.
+    /// from behind does not count. `None` if no light reaches the point. An only light is always chosen.
     pub fn choose_one(&self, from: Vec3, facing: Option<Vec3>, random: f32) -> Option<(usize, f32)> {
+        if self.count() == 1 {
+            return Some((0, 1.0));
+        }
         let odds = self.odds(from, facing);
-        let mut end = 0.0;
-        let possible = self.bounds(from, facing).map(|bound| odds.of(bound)).enumerate();
-        let possible = possible.filter(|(_, probability)| *probability > 0.0);
+        let (mut end, mut chosen) = (0.0, None);
+        for (index, bound) in self.bounds(from, facing).enumerate() {
+            let probability = odds.of(bound);
+            if probability > 0.0 {
+                chosen = Some((index, probability));
+                end += probability;
+            }
+            if random < end {
+                break;
+            }
+        }
         // Rounding may leave the sum slightly below 1: the last one takes what is left.
-        possible.reduce(|before, next| {
-            end += before.1;
-            if random < end { before } else { next }
-        })
+        chosen
     }
 
     /// The probability of a choice of [`Emitters::choose_one`].
     pub fn probability(&self, choice: usize, from: Vec3, facing: Option<Vec3>) -> f32 {
+        if self.count() == 1 {
+            return 1.0;
+        }
         let bound = self.bounds(from, facing).nth(choice).unwrap_or(0.0);
         self.odds(from, facing).of(bound)
     }
