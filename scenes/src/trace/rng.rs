@@ -4,6 +4,9 @@
 /// 2^-24: scales 24 bits to [0, 1).
 const UNIT: f32 = 1.0 / (1u64 << 24) as f32;
 
+/// 2^64 divided by the golden ratio: sums and products with it are far apart for neighbouring numbers.
+const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// Index of the stratified pair of [`Rng::subpixel`]. The tracer numbers its own pairs from 0.
 const SUBPIXEL_PAIR: u32 = u32::MAX;
 
@@ -72,7 +75,7 @@ impl Rng {
     /// dimensions are independent of each other.
     pub(crate) fn stratified(&self, dimension: u32, path: u32, paths: u32) -> [f32; 2] {
         let index = self.nth.wrapping_mul(paths).wrapping_add(path);
-        sobol_pair(index, hash32(self.sequence ^ hash32(dimension)))
+        sobol_pair(index, mix(u64::from(self.sequence) << 32 | u64::from(dimension)))
     }
 }
 
@@ -83,25 +86,23 @@ fn unit(bits: u32) -> f32 {
 
 /// Bijective 64-bit mix in which every input bit reaches every output bit (the finaliser of SplitMix64).
 fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = x.wrapping_add(SPREAD);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)
 }
 
-/// 32 bits of [`mix`].
-fn hash32(x: u32) -> u32 {
-    (mix(u64::from(x)) >> 32) as u32
-}
-
 /// Point `index` of the first two Sobol dimensions. `seed` shuffles the order and Owen-scrambles the digits (Burley,
 /// "Practical Hash-based Owen Scrambling", JCGT 2020).
-fn sobol_pair(index: u32, seed: u32) -> [f32; 2] {
+fn sobol_pair(index: u32, seed: u64) -> [f32; 2] {
+    let order = (seed.wrapping_mul(SPREAD) >> 32) as u32;
     // The first dimension is the index in reverse; scrambling works on reversed digits, which are the index again.
-    let index = scramble(index.reverse_bits(), seed).reverse_bits();
-    let x = scramble(index, hash32(seed ^ 1));
-    let y = scramble(sobol_second(index), hash32(seed ^ 2));
-    [unit(x.reverse_bits()), unit(y.reverse_bits())]
+    let index = scramble(index.reverse_bits(), order).reverse_bits();
+    let x = scramble(index, seed as u32);
+    let y = scramble(sobol_second(index), (seed >> 32) as u32);
+    // Both in reverse at once.
+    let digits = (u64::from(x) | u64::from(y) << 32).reverse_bits();
+    [unit((digits >> 32) as u32), unit(digits as u32)]
 }
 
 /// The second Sobol dimension, lowest digit first. Its generator matrix is Pascal's triangle modulo 2, the fifth Kronecker
