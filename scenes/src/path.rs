@@ -178,7 +178,7 @@ impl CameraPath {
             Motion::Orbit { speed, arc, .. } => {
                 let way = arc.map_or(std::f32::consts::TAU, |arc| 2.0 * arc);
                 let frames = (way / speed.abs()).round();
-                // With a speed of 0 it does not move.
+                // With a speed of 0, or without room, it does not move.
                 Some(if frames.is_finite() { (frames as u32).max(1) } else { 1 })
             }
             Motion::Fly(flight) => Some(flight.frames(FRAMES_PER_SECOND)),
@@ -189,7 +189,7 @@ impl CameraPath {
     pub fn moves(&self) -> bool {
         match &self.motion {
             Motion::Still => false,
-            Motion::Orbit { speed, .. } => *speed != 0.0,
+            Motion::Orbit { speed, arc, .. } => *speed != 0.0 && *arc != Some(0.0),
             Motion::Fly(flight) => flight.moves(),
             Motion::Shake { .. } => true,
         }

@@ -118,6 +118,18 @@ fn an_orbit_inside_keeps_a_margin_from_every_side() {
 }
 
 #[test]
+fn an_orbit_without_room_rests() {
+    // A degree to the right is 0.017 m, more than is free beside the eye.
+    let base = scene(Vec3::new(0.955, 0.0, 0.0), Vec3::new(0.955, 0.0, -1.0));
+    let path = CameraPath::parse("orbit", &base).unwrap();
+    assert_eq!(path.frames(), Some(1));
+    assert!(!path.moves());
+    for frame in [0, 1, 500] {
+        assert!(path.camera(frame).eye.distance(base.camera.eye) < 1e-6, "frame {frame}");
+    }
+}
+
+#[test]
 fn shake_is_small_and_smooth() {
     let (path, base) = (path("shake"), outside().camera);
     for frame in 0..300 {
