@@ -332,6 +332,12 @@ fn ports_are_found_by_name_when_a_stage_has_fewer_of_them() {
             assert_eq!(graph.name(graph.taps[0].1), port);
             assert_eq!(graph.name(graph.outputs[0].1), "second.out");
         }
+        let read = format!("{nodes} \"reader\": (kind: \"filter\", inputs: {{ \"in\": \"first.out\" }}),");
+        settings.taps.clear();
+        let (graph, _) = compiled(&read, "reader.out", &settings);
+        let reader = graph.nodes.iter().find(|node| node.name == "reader").unwrap();
+        let sources: Vec<_> = reader.sources.iter().flatten().map(|&source| graph.name(source)).collect();
+        assert_eq!(sources, ["first.out"]);
         for port in ["first.work", "second.work"] {
             settings.taps = vec![port.parse().unwrap()];
             let found = compile(&file(nodes, "second.out"), &registry(), &settings);

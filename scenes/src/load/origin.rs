@@ -83,5 +83,7 @@ mod tests {
         assert_eq!(origin_of(DVec3::NAN, DVec3::NAN), DVec3::ZERO);
         assert_eq!(origin_of(DVec3::splat(7e6), DVec3::splat(7e6)), DVec3::splat(7e6));
         assert_eq!(origin_of(DVec3::ZERO, DVec3::ZERO), DVec3::ZERO);
+        // To a whole metre, not to two.
+        assert_eq!(origin_of(DVec3::splat(7e6 + 1.25), DVec3::splat(7e6 + 1.25)), DVec3::splat(7e6 + 1.0));
     }
 }

@@ -423,3 +423,34 @@ impl<'a> Blockers<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of an edge of a light along the x axis and an edge of a blocker in the same plane, in units of a height of 2 m.
+    fn event(edge: [[f64; 3]; 2]) -> Event {
+        let touch = Touch::Parallel { light: [DVec3::ZERO, DVec3::X], edge: edge.map(DVec3::from) };
+        Event {
+            normal: DVec3::Z,
+            kind: ShadowKind::Umbra,
+            edge: 0,
+            own_faces: [NO_FACE; 2],
+            own_vertex: u32::MAX,
+            length: 1.0,
+            middle: DVec3::ZERO,
+            sides: [HalfSpace::new(DVec3::X, DVec3::ZERO); 2],
+            reach: HalfSpace::new(0.5 * DVec3::Y, DVec3::ZERO),
+            touch,
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_blocker_that_is_nearer_to_the_light_magnifies_more() {
+        for edge in [[[0.0, 1.0, 0.0], [1.0, 2.0, 0.0]], [[0.0, 2.0, 0.0], [1.0, 1.0, 0.0]]] {
+            assert_eq!(event(edge).magnification(), Some(2.0));
+        }
+        assert_eq!(event([[0.0, 2.0, 0.0], [1.0, 2.0, 0.0]]).magnification(), Some(1.0));
+        assert_eq!(event([[0.0, 2.0, 0.0], [1.0, 0.015, 0.0]]).magnification(), None);
+    }
+}

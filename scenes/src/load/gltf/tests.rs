@@ -884,6 +884,30 @@ fn hidden_nodes_are_not_shown() {
 }
 
 #[test]
+fn a_box_around_turned_pieces_holds_all_their_corners() {
+    let positions = vec![Vec3::new(1.0, 2.0, 4.0), Vec3::new(-1.0, -3.0, -5.0), Vec3::new(0.0, 0.0, 6.0)];
+    // The last vertex is not used.
+    let positions = [positions, vec![Vec3::splat(100.0)]].concat();
+    let shape = Arc::new(Shape { positions, triangles: vec![[0, 1, 2]], ..Shape::default() });
+    let quarter = std::f64::consts::FRAC_PI_2;
+    for (turn, low, high) in [
+        (DAffine3::IDENTITY, [-1.0, -3.0, -5.0], [1.0, 2.0, 6.0]),
+        (DAffine3::from_rotation_x(quarter), [-1.0, -6.0, -3.0], [1.0, 5.0, 2.0]),
+        (DAffine3::from_rotation_y(quarter), [-5.0, -3.0, -1.0], [6.0, 2.0, 1.0]),
+        (DAffine3::from_rotation_z(quarter), [-2.0, -1.0, -5.0], [3.0, 1.0, 6.0]),
+    ] {
+        let [far, here] = [1e6, 0.0].map(|x| DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)) * turn);
+        let piece = |world| Piece { shape: shape.clone(), material: None, world };
+        let found = bounds(&[piece(here)]);
+        for (found, expected) in found.into_iter().zip([low, high]) {
+            assert!(found.distance(expected.into()) < 1e-9, "{found} instead of {expected:?}");
+        }
+        let [_, end] = bounds(&[piece(here), piece(far)]);
+        assert!((end.x - 1e6 - high[0]).abs() < 1e-6, "{end}");
+    }
+}
+
+#[test]
 fn places_far_out_keep_double_precision() {
     let mut making = Making::default();
     making.floats("VEC3", 3, &TRIANGLE);
