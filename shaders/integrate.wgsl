@@ -6,9 +6,9 @@
 #import index
 #import pixel
 #import requests
-#ifdef ACCUMULATE
 #import estimate
 #import octahedral
+#ifdef ACCUMULATE
 #import view
 #endif
 
@@ -165,10 +165,10 @@ fn takes(index: u32) -> bool {
 // Whether a sample was requested to renew a live point.
 fn is_renewal(index: u32) -> bool {
     let point = samples[index].reuse;
-    if samples[index].view != VIEW_NOW || point >= arrayLength(&cloud_meta) {
+    if point >= arrayLength(&cloud_meta) || (cloud_meta[point] & LIVE) == 0u {
         return false;
     }
-    return (cloud_meta[point] & LIVE) != 0u;
+    return samples[index].view == VIEW_NOW || (samples[index].view == VIEW_LATE && renews(index, point));
 }
 
 // Whether the point that a sample was requested to renew is live and had a different colour.
@@ -210,16 +210,19 @@ fn estimate_with(index: u32, slot: u32) -> Estimate {
     let most = select(params.most, MOST_AT_REST, same_view(frame.view, frame.previous));
     return joined(doubted(before, change, most), alone);
 }
+#endif
 
-// Whether a sample was taken on the surface of the point that it was requested to renew.
+// Whether a sample was taken on the surface of the point that it was requested to renew. The slot of a late one may hold
+// another point by now.
 fn renews(index: u32, slot: u32) -> bool {
     let point = cloud_position[slot];
     let pixel = 2.0 * frame.previous.tan_x / f32(frame.size.x);
     return samples[index].hit == HIT_SURFACE && point.w != 0.0
         && (cloud_meta[slot] & LIVE) != 0u && (cloud_meta[slot] >> BODY_SHIFT) == samples[index].body
-        && on_surface(point.xyz, samples[index].position, samples[index].normal, frame.previous.eye, pixel);
+        && on_surface(point.xyz, samples[index].position, samples[index].normal, frame.previous.eye, pixel)
+        && (samples[index].view != VIEW_LATE
+            || in_line(point.xyz, samples[index].position, frame.previous.eye, pixel));
 }
-#endif
 
 // Stamps the 7 x 7 pixels around one, clipped to the image.
 fn stamp_around(index: u32) {

@@ -139,6 +139,12 @@ fn towards_eye(position: vec3<f32>, eye: vec3<f32>) -> vec3<f32> {
     return select(vec3(0.0), towards / distance, distance > 0.0);
 }
 
+// Whether the eye sees a point and a sample at the same place of the image. `pixel` is the width of a pixel at a distance of 1.
+fn in_line(point: vec3<f32>, position: vec3<f32>, eye: vec3<f32>, pixel: f32) -> bool {
+    let away = position - eye;
+    return length(cross(point - position, away)) <= NEARNESS * pixel * dot(away, away);
+}
+
 // Whether a point lies on the surface on which a sample was taken. `pixel` is the width of a pixel at a distance of 1.
 fn on_surface(point: vec3<f32>, position: vec3<f32>, normal: u32, eye: vec3<f32>, pixel: f32) -> bool {
     let direction = decode_oct16(normal);

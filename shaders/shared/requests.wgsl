@@ -1,5 +1,6 @@
 // Requests for samples and the samples that answer them. Mirrors `stages/src/shared/requests.rs`, which declares the
-// constants NO_PIXEL, PIXEL_CENTER, VIEW_NOW, VIEW_PREDICTED, HIT_NONE, HIT_SURFACE, HIT_BACKGROUND and UNKNOWN.
+// constants NO_PIXEL, PIXEL_CENTER, VIEW_NOW, VIEW_PREDICTED, VIEW_LATE, HIT_NONE, HIT_SURFACE, HIT_BACKGROUND and
+// UNKNOWN.
 
 struct Request {
     // Pixel index y * W + x, or NO_PIXEL.
@@ -21,7 +22,7 @@ struct Sample {
     radiance: vec3<f32>,
     // Number of the body that the ray hit, 0 for static geometry.
     body: u32,
-    // These four as in the request.
+    // These four as in the request, but VIEW_LATE if that was of an earlier frame.
     pixel: u32,
     aim: u32,
     reuse: u32,

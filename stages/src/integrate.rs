@@ -15,8 +15,8 @@ use crate::{
             AGE, BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, bounded, decode_radiance, encode_radiance,
         },
         color::{luminance, tone_mapped_luma},
-        estimate::{Estimate, MOST_AT_REST, angle, on_surface},
-        requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_NOW},
+        estimate::{Estimate, MOST_AT_REST, angle, in_line, on_surface},
+        requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_LATE, VIEW_NOW},
     },
 };
 
@@ -167,7 +167,15 @@ impl Stage for Integrate {
 
         // clear, compare
         let estimates = means.as_ref().map(|means| means.each_ref().map(|field| &field[..]));
-        let shown = Shown { meta: &meta, radiance: &radiance, estimates, threshold: params.threshold };
+        let eye = Eye::of(cx.frame());
+        let shown = Shown {
+            meta: &meta,
+            position: &position,
+            radiance: &radiance,
+            estimates,
+            threshold: params.threshold,
+            eye: &eye,
+        };
         // Equal stamps may be written in any order, and there are few: threads rarely meet.
         let stamps = Mutex::new(&mut *changed);
         let compared = samples.par_iter().zip(slots).with_min_len(1024).filter(|&(sample, &slot)| {
@@ -237,7 +245,6 @@ impl Stage for Integrate {
         let (position, radiance, meta) = (&mut position[..], &mut radiance[..], &mut meta[..]);
         let (image_id, dates) = (&mut image_id[..], &mut dates[..]);
         if let Some([mean, record]) = &mut means {
-            let eye = Eye::of(cx.frame());
             for (sample, &slot) in arrivals() {
                 let point = slot as usize;
                 let mut estimate = Estimate::of(sample, eye.position);
@@ -284,18 +291,25 @@ fn takes(sample: &Sample, slot: u32, capacity: usize) -> bool {
 /// What pixels showed before this frame's samples arrived.
 struct Shown<'a> {
     meta: &'a [u32],
+    position: &'a [[f32; 4]],
     radiance: &'a [u32],
     /// As in [`Integrate`].
     estimates: Option<[&'a [[f32; 4]]; 2]>,
     threshold: f32,
+    eye: &'a Eye,
 }
 
 impl Shown<'_> {
     /// The live point that a sample was requested to renew.
     fn renewed_by(&self, sample: &Sample) -> Option<usize> {
         let point = sample.reuse as usize;
-        let is_live = sample.view == VIEW_NOW && self.meta.get(point).is_some_and(|meta| meta & LIVE != 0);
-        is_live.then_some(point)
+        let meta = *self.meta.get(point).filter(|meta| **meta & LIVE != 0)?;
+        let is_it = match sample.view {
+            VIEW_NOW => true,
+            VIEW_LATE => self.eye.renews(sample, meta, self.position[point]),
+            _ => false,
+        };
+        is_it.then_some(point)
     }
 
     /// Whether the point that a sample was requested to renew is live and had a different colour.
@@ -367,13 +381,15 @@ impl Eye {
         Self { position: eye, pixel: 2.0 * tan_x / frame.size[0] as f32, rests: frame.view == frame.previous }
     }
 
-    /// Whether a sample was taken on the surface of the point that it was requested to renew.
+    /// Whether a sample was taken on the surface of the point that it was requested to renew. The slot of a late one may hold
+    /// another point by now.
     fn renews(&self, sample: &Sample, meta: u32, [x, y, z, w]: [f32; 4]) -> bool {
         sample.hit == HIT_SURFACE
             && w != 0.0
             && meta & LIVE != 0
             && meta >> BODY_SHIFT == sample.body
             && on_surface([x, y, z], sample, self.position, self.pixel)
+            && (sample.view != VIEW_LATE || in_line([x, y, z], sample.position, self.position, self.pixel))
     }
 
     /// A point's estimate as seen from here, which may be another direction than that of its last sample.
@@ -664,6 +680,36 @@ mod tests {
     }
 
     #[test]
+    fn late_samples_join_only_what_is_at_the_same_place() {
+        // The eye looks at the sample along z; a pixel is 0.2 wide there, so 1.5 pixels are 0.3.
+        let at = |view: u32, aside: f32, near: f32| {
+            after(|harness, sample| {
+                let previous = &mut harness.frame.previous;
+                (previous.eye, previous.tan_x) = ([1.0, 2.0, 5.0], 0.8);
+                (sample.view, sample.normal) = (view, NO_NORMAL);
+                harness.set("cloud.position", &[[1.0 + aside, 2.0, 3.0 + near, 1.0]; 8]);
+            })[2]
+        };
+        assert_eq!([at(VIEW_LATE, 0.299, 0.0), at(VIEW_LATE, -0.301, 0.0)], [5.0, 1.0]);
+        // Before or behind it, as on a surface that is seen at a flat angle.
+        assert_eq!([at(VIEW_LATE, 0.0, 1.9), at(VIEW_LATE, 0.0, -1.9)], [5.0, 5.0]);
+        // Others were requested for what is in the slot.
+        assert_eq!(at(VIEW_NOW, 9.0, 0.0), 5.0);
+    }
+
+    #[test]
+    fn late_samples_tell_of_changes_where_their_point_still_is() {
+        let flags = |x: f32| {
+            let sample = Sample { view: VIEW_LATE, ..sample(5 * 16 + 8, [2.0; 3]) };
+            let mut harness = harness(192, &[sample], &[191]);
+            harness.set("cloud.position", &[[x, 2.0, 3.0, 1.0f32]; 192]);
+            let meta = run_alike(&mut harness).get::<u32>("cloud.meta").to_vec();
+            meta.iter().filter(|&&meta| meta & CHANGED != 0).count()
+        };
+        assert_eq!([flags(1.0), flags(9.0)], [49, 0]);
+    }
+
+    #[test]
     fn a_moving_camera_caps_the_count_and_forgets_what_depends_on_direction() {
         let moving = |sharpness: f32| {
             after(|harness, sample| {
@@ -704,6 +750,7 @@ mod tests {
                 sharpness: between(-2.0, 2.0).max(0.0),
                 normal: encode_oct16(glam::Vec3::new(between(-1.0, 1.0), 0.3, between(-1.0, 1.0))),
                 position: std::array::from_fn(|_| between(0.9, 1.1)),
+                view: if slot % 3 == 0 { VIEW_LATE } else { VIEW_NOW },
                 ..sample(slot, GREY)
             })
             .collect();

@@ -1,6 +1,7 @@
 //! Noisy samples: what accumulating and filtering make of them.
 
-use std::sync::Arc;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
 
 use epigraph::{Image, Pace, Place, Query, Run, Sample, SampleSource, Samples};
 use epigraph_core::testing::Random;
@@ -40,17 +41,49 @@ impl SampleSource for Paths {
     }
 }
 
+/// The same paths, some frames later.
+struct Late {
+    paths: Paths,
+    under_way: Mutex<VecDeque<(u32, Vec<Sample>)>>,
+}
+
+const FRAMES_LATE: usize = 3;
+
+impl SampleSource for Late {
+    fn answer(&self, query: &Query, samples: &mut [Sample]) {
+        let mut own = vec![Sample::default(); samples.len()];
+        self.paths.answer(query, &mut own);
+        let mut under_way = self.under_way.lock().unwrap();
+        under_way.push_back((query.frame.index, own));
+        if under_way.len() > FRAMES_LATE {
+            let (frame, before) = under_way.pop_front().unwrap();
+            for (sample, before) in samples.iter_mut().zip(before) {
+                *sample = before;
+                query.carry(frame, sample);
+            }
+        }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace::Async
+    }
+}
+
 const SIZE: [u32; 2] = [32, 24];
 
 /// A run of `epi-filtered` in front of the wall, of which `then` is the light after the switch.
 fn start(size: [u32; 2], share: f64, then: f32) -> Run {
+    start_with(Paths { then }, size, share)
+}
+
+fn start_with(source: impl SampleSource + 'static, size: [u32; 2], share: f64) -> Run {
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 1.0, 0.1, 100.0);
     let nothing = Scene::empty("nothing", camera, [Vec3::NEG_ONE, Vec3::ONE]);
     let place = Place::new(Arc::new(nothing), "still").unwrap();
     Run::open("epi-filtered")
         .unwrap()
         .at(&place)
-        .source(Paths { then })
+        .source(source)
         .size(size)
         .samples(Samples::Share(share))
         .device(&epigraph::Device::CPU)
@@ -85,6 +118,21 @@ fn a_resting_camera_converges_to_the_mean_of_all_paths() {
     }
     // Pixels blend some six points.
     assert!(before < 0.01, "{before}");
+}
+
+/// Samples that come some frames after their requests join the points that they were to renew, too.
+#[test]
+fn late_samples_count_as_much_as_others() {
+    let late = Late { paths: Paths { then: LIGHT }, under_way: Mutex::default() };
+    let mut runs = [start(SIZE, 0.1, LIGHT), start_with(late, SIZE, 0.1)];
+    for frames in [50, 200, 800] {
+        let [exact, late] = runs.each_mut().map(|run| {
+            run.frames(frames - run.index()).unwrap();
+            error(run, "interpolate.color")[1]
+        });
+        println!("{frames} frames: rms {exact:.5}, late {late:.5}");
+        assert!(late < 1.15 * exact, "{frames}: {late} against {exact}");
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use epigraph_core::{Finding, Site};
 
 use super::Trace;
 use crate::shared::{
-    requests::{HIT_NONE, HIT_SURFACE, VIEW_PREDICTED},
+    requests::{HIT_NONE, HIT_SURFACE, VIEW_LATE, VIEW_PREDICTED},
     words::place,
 };
 
@@ -13,7 +13,11 @@ pub(super) fn at(stage: &Trace, site: &Site) -> Option<Vec<Finding>> {
     let mut findings = Vec::new();
     for sample in samples.iter().filter(|sample| sample.hit != HIT_NONE && sample.pixel as usize == site.at())
     {
-        let view = if sample.view == VIEW_PREDICTED { ", of the predicted view" } else { "" };
+        let view = match sample.view {
+            VIEW_PREDICTED => ", of the predicted view",
+            VIEW_LATE => ", requested in an earlier frame",
+            _ => "",
+        };
         let what = match (sample.hit, sample.body) {
             (HIT_SURFACE, 0) => format!("a surface at {}{view}", place(sample.position)),
             (HIT_SURFACE, body) => format!("moving body {body} at {}{view}", place(sample.position)),

@@ -5,6 +5,8 @@
 //! that both variances give it, and what may have changed the radiance makes the mean more uncertain, so that the next
 //! samples count more.
 
+use glam::Vec3;
+
 use super::{
     cloud::{MAX_RADIANCE, bounded},
     color::{luminance, tone_mapped_luma},
@@ -22,6 +24,9 @@ epigraph_core::constants! {
     const SHOCK: f32 = 10.0;
     /// The distance of a point to the plane of a sample up to which both lie on the same surface, in pixels.
     const FLATNESS: f32 = 0.25;
+    /// The distance of a point to the line of sight of a late sample up to which it may be what the sample was to renew, in
+    /// pixels: what one pixel shows is closer together.
+    const NEARNESS: f32 = 1.5;
     /// A mean that counts for fewer samples does not count at all.
     const LEAST: f32 = 0.5;
     /// Luminance that a display hardly tells from black.
@@ -207,6 +212,15 @@ pub fn on_surface(point: [f32; 3], sample: &Sample, eye: [f32; 3], pixel: f32) -
     aside.abs() <= FLATNESS * pixel * dot(away, away).sqrt()
 }
 
+/// Whether the eye sees a point and a sample at the same place of the image, or within `NEARNESS` pixels. `pixel` is the
+/// width of a pixel at a distance of 1.
+pub fn in_line(point: [f32; 3], sample: [f32; 3], eye: [f32; 3], pixel: f32) -> bool {
+    let [point, sample, eye] = [point, sample, eye].map(Vec3::from);
+    let away = sample - eye;
+    // The cross product is as long as the point's distance from the line of sight, times the distance to the eye.
+    (point - sample).cross(away).length() <= NEARNESS * pixel * away.length_squared()
+}
+
 /// How far apart two unit directions are, radians; a little less for large angles.
 pub fn angle(a: [f32; 3], b: [f32; 3]) -> f32 {
     let between = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -329,7 +343,7 @@ mod tests {
 
     #[test]
     fn a_surface_is_flat_to_a_quarter_of_a_pixel() {
-        let on_floor = Sample { normal: encode_oct16(glam::Vec3::Z), ..sample(1.0, 0.0) };
+        let on_floor = Sample { normal: encode_oct16(Vec3::Z), ..sample(1.0, 0.0) };
         // Two metres away, a pixel of 0.01 is 0.02 wide.
         assert!(on_surface([7.0, 3.0, 0.0049], &on_floor, EYE, 0.01));
         assert!(!on_surface([0.0, 0.0, 0.0051], &on_floor, EYE, 0.01));

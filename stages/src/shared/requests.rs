@@ -11,6 +11,8 @@ epigraph_core::constants! {
     pub const VIEW_NOW: u32 = 0;
     /// The `view` of requests of the camera predicted for a later frame.
     pub const VIEW_PREDICTED: u32 = 1;
+    /// The `view` of samples that come in a later frame than their request: that of an earlier frame.
+    pub const VIEW_LATE: u32 = 2;
     /// The `hit` of an entry without a sample; zeroed memory is an empty list.
     pub const HIT_NONE: u32 = 0;
     /// The `hit` of a sample on a surface.
@@ -54,7 +56,7 @@ epigraph_core::item! {
         aim: u32,
         /// As in the request.
         reuse: u32,
-        /// As in the request.
+        /// As in the request, or [`VIEW_LATE`].
         view: u32,
         /// Variance of the radiance's luminance, as estimated from its light paths; [`UNKNOWN`] if that is not possible.
         variance: f32,

@@ -15,9 +15,8 @@ use epigraph_scenes::{AsyncTracer, Hit, Job, Rng, Scene, TaggedHit, TaggedJob, T
 use glam::Vec3;
 
 use super::{
-    cloud::NO_POINT,
     octahedral::{NO_NORMAL, encode_oct16},
-    requests::{HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, Request, Sample, VIEW_NOW, VIEW_PREDICTED},
+    requests::{HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, Request, Sample, VIEW_LATE, VIEW_NOW, VIEW_PREDICTED},
 };
 
 /// When the samples of a frame's requests arrive.
@@ -64,8 +63,7 @@ pub trait SampleSource: Send + Sync {
     /// Takes the requests of a frame and writes finished samples to the beginning of `samples`, which is zeroed:
     /// entries that stay zero are empty. There is one entry for each request.
     ///
-    /// A sample that comes in a later frame than its request must drop the slot that it was to renew
-    /// ([`Request::late`]), and must move with the body on which it lies ([`Query::carry`]).
+    /// A sample that comes in a later frame than its request must be carried into the present one ([`Query::carry`]).
     ///
     /// A source whose samples are noisy says how noisy ([`Sample::variance`]), so that graphs which average and filter
     /// know what is noise.
@@ -130,8 +128,13 @@ impl<'a> Query<'a> {
         Ray::through(view, request.target(size[0]), *size)
     }
 
-    /// Moves a sample that was traced in the scene of an earlier frame to the current position of its body.
+    /// Marks a sample of a request of an earlier frame as late, and moves it to where its body is now. By now the slot of the
+    /// point that it was to renew may hold another point, so it renews only what is at the same place.
     pub fn carry(&self, frame: u32, sample: &mut Sample) {
+        if frame == self.frame.index {
+            return;
+        }
+        sample.view = VIEW_LATE;
         let scene = self.tracer.scene();
         let Some(body) = sample.body.checked_sub(1).map(|body| body as usize) else { return };
         let (then, now) = (scene.bodies[body].motion.pose(frame), &scene.poses[body]);
@@ -147,13 +150,6 @@ impl<'a> Query<'a> {
         // Pixel indices have at most 28 bits, so the top bit can distinguish the views.
         let key = Rng::key(self.frame.index, request.pixel | u32::from(request.view != VIEW_NOW) << 31);
         Job { origin, direction, start: near, key }
-    }
-}
-
-impl Request {
-    /// The request to attach to a sample that comes in a later frame: by then its slot may hold another point.
-    pub fn late(self) -> Self {
-        Self { reuse: NO_POINT, ..self }
     }
 }
 
@@ -258,7 +254,7 @@ impl SampleSource for BackgroundTracer {
     /// The samples are in the order in which they were finished.
     fn answer(&self, query: &Query, samples: &mut [Sample]) {
         let frame = query.frame.index;
-        let tag = |request: &Request| Tag { request: request.late(), frame };
+        let tag = |request: &Request| Tag { request: *request, frame };
         let batch = query.requests().map(|request| TaggedJob { job: query.job(request), tag: tag(request) });
         self.queue.submit(query.tracer, batch.collect(), *query.settings, query.frame.seed.into());
         let mut finished = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
