@@ -277,6 +277,8 @@ mod tests {
         assert_eq!(share.wrong(2f32.to_bits()), Wrong::OutOfRange);
         let signed = &only(&[Rule::floats(-1.0, 1.0)])[0];
         assert_eq!(signed.wrong((-2f32).to_bits()), Wrong::OutOfRange);
+        // Zero is not negative, even where it is too small.
+        assert_eq!(only(&[Rule::floats(0.5, 1.0)])[0].wrong(0f32.to_bits()), Wrong::OutOfRange);
         let open = &only(&[Rule::floats(0.0, f32::MAX).or(f32::INFINITY.to_bits())])[0];
         assert!(open.holds(f32::INFINITY.to_bits()) && !open.holds(f32::NAN.to_bits()));
         assert_eq!(open.allowed, "finite numbers from 0, and inf");

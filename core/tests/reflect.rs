@@ -1,9 +1,9 @@
 //! Shaders against declarations: what fits passes, and every kind of misfit is told with what to change.
 
 use epigraph_core::{
-    Access, Declaration, Element, Extent, Field, FieldRef, Format, Frame, GraphError, Lifetime, Needs,
-    ParamKind, ParamSpec, Pass, Port, PortElement, Reflected, Shader, ShaderLibrary, ShaderModule, Shape,
-    Space, Threads, check_shader, compose_shader, item, texel,
+    Access, Declaration, Element, Extent, Field, FieldRef, Format, Frame, GraphError, Lifetime, Member,
+    Needs, ParamKind, ParamSpec, Pass, Port, PortElement, Reflected, Shader, ShaderLibrary, ShaderModule,
+    Shape, Space, Threads, check_shader, compose_shader, item, texel,
 };
 
 const FRAME: &str = epigraph_shaders::text("shared/frame.wgsl");
@@ -338,6 +338,17 @@ fn struct_layouts_are_compared() {
         assert_misfit(&source, &declared, &[], &["port `cloud`", part, expected]);
     }
     assert_misfit(&with_main(&CLOUD.replace("Point", "Dot")), &declared, &[], &["its struct is named Point"]);
+    // A struct within a struct cannot be told in one line.
+    let Element::Item { name, stride, members } = Point::element() else { panic!("a struct") };
+    let renamed =
+        |member: &Member| Member { name: format!("inner.{}", member.name).into(), ..member.clone() };
+    let members = vec![members[0].clone(), renamed(&members[1])].into();
+    let nested = declaration(vec![port("list", Access::Update, Element::Item { name, stride, members })]);
+    let list = "struct Point { position: vec3<f32>, age: u32 }
+        @group(0) @binding(0) var<storage, read_write> list: array<Point>;";
+    let found = misfits(&with_main(list), &nested, &[]);
+    assert!(found.len() == 1 && found[0].contains("expected member `inner.age"), "{found:#?}");
+    assert!(!found[0].contains("with struct"), "{found:#?}");
 }
 
 #[test]

@@ -190,7 +190,6 @@ impl GraphFile {
         let whole = self.whole()?;
         let mut param = whole.settable(param, "").map_err(problem)?.clone();
         value.clone_into(&mut param.default.value);
-        value.clone_into(&mut param.spec.default);
         (param.name.span, param.default.span) = (Span::default(), Span::default());
         let mut file = self.changed(option, "", &nothing)?;
         file.params.push(param);
