@@ -1,12 +1,16 @@
 //! Traces the requests of a frame.
 
-use epigraph_core::{CpuContext, Extent, Finding, In, Io, Out, Site, Stage};
+use epigraph_core::{CpuContext, Extent, Finding, Frame, In, Io, Out, Site, Stage};
 use epigraph_scenes::{Mode, TraceSettings};
 
 use crate::{
     World, column,
-    meaning::{REQUESTS, SAMPLES},
-    shared::requests::{Request, Sample},
+    meaning::{ID, REQUESTS, SAMPLES},
+    shared::{
+        cloud::NO_POINT,
+        requests::{HIT_SURFACE, Request, Sample, VIEW_LATE},
+        view::place_in_image,
+    },
 };
 
 #[path = "explain/trace.rs"]
@@ -36,8 +40,12 @@ epigraph_core::params! {
 
 /// Answers requests with the tracer of the [`World`] that the application provides: one ray through the position in the
 /// pixel that each request names, of this frame's view or of the predicted one. On the CPU only.
+///
+/// Samples that come in a later frame than their request renew the point that their place shows by now, if `id` tells it:
+/// in between, another sample may have filled an empty pixel, or its point may be gone.
 pub struct Trace {
     requests: In<Request>,
+    id: Option<In<u32>>,
     samples: Out<Sample>,
 }
 
@@ -53,6 +61,13 @@ impl Stage for Trace {
                 "requests",
                 REQUESTS.doc("What to look at; entries without a pixel ask for nothing."),
                 Extent::Requests,
+            ),
+            id: io.optional(
+                "id",
+                ID.doc(
+                    "The point of each pixel: late samples renew it. Without it, the one of their request.",
+                ),
+                Extent::Frame(1),
             ),
             samples: io.write("samples", SAMPLES, Extent::Requests),
         }
@@ -74,6 +89,12 @@ impl Stage for Trace {
         }
         let samples = &mut cx.write(self.samples)[..];
         world.answer(cx.frame(), &cx.read(self.requests), &settings, samples);
+        if let Some(id) = self.id {
+            let id = cx.read(id);
+            for sample in samples.iter_mut().filter(|sample| sample.view == VIEW_LATE) {
+                sample.reuse = shown_at(sample, cx.frame(), &id);
+            }
+        }
         if samples.iter().all(|sample| *sample == Sample::default()) {
             cx.blank(self.samples);
         }
@@ -82,5 +103,42 @@ impl Stage for Trace {
 
     fn explain(&self, _: &TraceParams, site: &Site) -> Option<Vec<Finding>> {
         explain::at(self, site)
+    }
+}
+
+/// The point that a frame shows where a sample lies; [`NO_POINT`] if there is none, or the sample is not in the image.
+fn shown_at(sample: &Sample, frame: &Frame, id: &[u32]) -> u32 {
+    let [x, y, z] = sample.position;
+    let position = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
+    let [x, y, distance] = place_in_image(&frame.view, position, frame.size);
+    let [width, height] = frame.size;
+    let is_within = distance > 0.0 && x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+    if is_within { id[y as usize * width as usize + x as usize] } else { NO_POINT }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shared::{requests::HIT_BACKGROUND, testing::settings};
+
+    #[test]
+    fn a_late_sample_finds_the_point_of_the_pixel_in_which_it_lies_by_now() {
+        let mut frame =
+            epigraph_core::Harness::<Trace>::new(TraceParams::default(), &settings([4, 2], 1)).frame;
+        let view = &mut frame.view;
+        (view.eye, view.tan_x, view.tan_y) = ([10.0, 0.0, 0.0], 1.0, 0.5);
+        (view.right, view.up, view.forward) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]);
+        let id = [10, 11, 12, 13, 14, 15, 16, 17];
+        let at = |hit: u32, position: [f32; 3]| {
+            shown_at(&Sample { position, hit, ..Sample::default() }, &frame, &id)
+        };
+        // Two metres away, the image is 4 m wide and 2 m high.
+        assert_eq!(at(HIT_SURFACE, [8.5, 0.5, -2.0]), 10);
+        assert_eq!(at(HIT_SURFACE, [11.5, -0.5, -2.0]), 17);
+        assert_eq!(at(HIT_SURFACE, [12.5, -0.5, -2.0]), NO_POINT);
+        assert_eq!(at(HIT_SURFACE, [10.5, 1.5, -2.0]), NO_POINT);
+        assert_eq!(at(HIT_SURFACE, [10.5, -0.5, 2.0]), NO_POINT, "behind the eye");
+        // Directions do not depend on where the eye is.
+        assert_eq!(at(HIT_BACKGROUND, [0.25, 0.25, -1.0]), 12);
     }
 }

@@ -41,13 +41,13 @@ impl SampleSource for Paths {
     }
 }
 
-/// The same paths, some frames later.
+/// The same paths, a frame later: as from threads in the background that keep up.
 struct Late {
     paths: Paths,
     under_way: Mutex<VecDeque<(u32, Vec<Sample>)>>,
 }
 
-const FRAMES_LATE: usize = 3;
+const FRAMES_LATE: usize = 1;
 
 impl SampleSource for Late {
     fn answer(&self, query: &Query, samples: &mut [Sample]) {
