@@ -249,7 +249,7 @@ fn reference(view: &[Record], spp: u32) -> String {
     if let Some((best, own)) = best.zip(own) {
         text += &format!(
             "* less than {CLEAR} dB below the references of {scene}, {camera}: the picture is better than the figure; \
-             --spp {} is enough\n",
+             --spp {} should be enough\n",
             enough(spp, best, own)
         );
     }

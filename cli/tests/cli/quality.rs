@@ -308,9 +308,15 @@ fn a_row_near_its_reference_says_so() {
     let row = &json(&fs::read_to_string(place.path("a.json")).expect("written"))["rows"][0];
     assert_eq!(row["near_reference"], true);
     assert!(number(&row["psnr"]) > number(&row["reference"]["psnr"]) - 5.0, "{row}");
-    // With as many paths as the line says, nothing is left of it.
-    let spp = text.split("--spp ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a number");
-    let text = place.succeeds(&format!("{} --paths 64", words.replace("--spp 2 ", &format!("--spp {spp} "))));
+    // With as many paths as the line says, nothing is left of it. Two noisy halves tell little, so it may have to say so again.
+    let mut text = text;
+    let mut before = 2;
+    while let Some(spp) = text.split("--spp ").nth(1).and_then(|rest| rest.split(' ').next()) {
+        let spp: u32 = spp.parse().expect("a number");
+        assert!(spp > before && spp <= 256, "{text}");
+        before = spp;
+        text = place.succeeds(&format!("{} --paths 64", words.replace("--spp 2 ", &format!("--spp {spp} "))));
+    }
     assert!(!text.contains('*'), "{text}");
 }
 
