@@ -180,10 +180,15 @@ pub fn over_frames(doc: &str, records: &[Record], metric: Metric) -> Option<Stri
     let plot = Plot {
         title: doc,
         about: format!("{} of each compared frame; means over the seeds", metric.column()),
-        across: ("frame", false),
+        across: ("frame", records.iter().all(|record| spans_decades(&record.cell.compare))),
         panels: views(records).map(panel).collect(),
     };
     records.iter().any(several).then(|| plot.svg()).flatten()
+}
+
+/// Whether these frames, in order, are better shown on a logarithmic axis: as of a picture that converges.
+fn spans_decades(frames: &[u32]) -> bool {
+    frames.first().zip(frames.last()).is_some_and(|(&first, &last)| first > 0 && last / first >= 100)
 }
 
 /// How variations are coloured and points labelled.
@@ -460,6 +465,13 @@ mod tests {
         assert_eq!(svg.matches("stroke-width=\"1.6\"").count(), 3);
         assert!(over_frames("What?", &records, Metric::Flip).is_none(), "one frame is compared");
         assert!(over_cost("What?", &records, Metric::Ssim, Cost::TotalMs).is_none(), "it was not measured");
+    }
+
+    #[test]
+    fn frames_over_decades_have_a_logarithmic_axis() {
+        assert!(spans_decades(&[3, 31, 300]) && !spans_decades(&[3, 31, 299]));
+        assert!(!spans_decades(&[0, 31, 300]), "frame 0 would not be there");
+        assert!(!spans_decades(&[]));
     }
 
     #[test]
