@@ -100,6 +100,8 @@ struct Worker {
     read: ReadShaders,
     watched: Vec<String>,
     rebuild: Rebuild,
+    /// The next graph that compiles starts from frame 0: none has since that was due.
+    afresh: bool,
     running: Option<Running>,
     /// The previous graph, kept until the new one has run a frame.
     before: Option<Running>,
@@ -146,6 +148,7 @@ impl Worker {
             good: None,
             watched: Vec::new(),
             rebuild: Rebuild::No,
+            afresh: false,
             running: None,
             before: None,
             camera,

@@ -26,7 +26,11 @@ pub(super) enum Rebuild {
 impl Worker {
     /// Compiles the last given file. If that fails, recompiles the last good one with the current settings.
     pub(super) fn build(&mut self) {
-        let rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
+        let mut rebuild = std::mem::replace(&mut self.rebuild, Rebuild::No);
+        if self.afresh {
+            rebuild = Rebuild::Afresh;
+        }
+        self.afresh = rebuild == Rebuild::Afresh;
         // A user who only watches other ports may not have read the message yet.
         if !self.lost && rebuild > Rebuild::Taps {
             self.state.trouble = None;
@@ -43,6 +47,7 @@ impl Worker {
             match self.compile(&file, taps) {
                 Ok(made) => {
                     self.good = Some((file, shaders));
+                    self.afresh = false;
                     self.replace(made, rebuild);
                     return;
                 }

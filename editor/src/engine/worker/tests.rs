@@ -1,5 +1,7 @@
 use std::path;
 
+use epigraph_stages::World;
+
 use crate::engine::Backend;
 
 use super::*;
@@ -17,10 +19,39 @@ fn worker() -> Worker {
     let read = ReadShaders::default();
     let registry = Arc::new(epigraph::registry().with_edited(edited(&read)));
     let mut worker = Worker::new(options, registry, read, load("cornell").unwrap());
-    let graph = path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/render-cache.ron");
-    worker.obey(Command::Graph(Arc::new(GraphFile::load(&graph).unwrap())), &|_| ());
+    worker.obey(Command::Graph(graph()), &|_| ());
     worker.build();
     worker
+}
+
+fn graph() -> Arc<GraphFile> {
+    let path = path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/render-cache.ron");
+    Arc::new(GraphFile::load(&path).unwrap())
+}
+
+#[test]
+fn a_scene_that_comes_before_its_graph_is_the_one_that_is_traced() {
+    let traced = |worker: &Worker| worker.host.get::<World>().unwrap().tracer.scene().name.clone();
+    let mut worker = worker();
+    (worker.file, worker.good, worker.running) = (None, None, None);
+    worker.obey(Command::Scene("chains".into()), &|_| ());
+    worker.build();
+    worker.obey(Command::Graph(graph()), &|_| ());
+    worker.build();
+    worker.frame();
+    assert_eq!((traced(&worker), worker.state.frames), ("chains".into(), 1));
+
+    // So is one that comes while the graph is broken.
+    let broken = r#"Graph(version: 1, nodes: { "a": (kind: "nonsense") }, outputs: { "image": "a.out" })"#;
+    worker.obey(Command::Graph(Arc::new(GraphFile::parse("broken.ron", broken).unwrap())), &|_| ());
+    worker.good = None;
+    worker.obey(Command::Scene("cornell".into()), &|_| ());
+    worker.build();
+    assert!(!worker.state.problems.is_empty());
+    worker.obey(Command::Graph(graph()), &|_| ());
+    worker.build();
+    worker.frame();
+    assert_eq!((traced(&worker), worker.state.frames), ("cornell".into(), 1));
 }
 
 #[test]
