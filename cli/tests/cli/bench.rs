@@ -290,10 +290,15 @@ fn instructions_are_counted_by_stage() {
     };
     for (row, figures) in rows.iter().enumerate() {
         let nodes = figures["nodes"].as_array().expect("a list");
-        // The cloud itself only owns memory.
-        let idle = |node: &Value| node["kind"] == "point_cloud";
         for node in nodes {
-            assert_eq!(number(node, "instructions_per_pixel") > 0.0, !idle(node), "{node}");
+            let count = number(node, "instructions_per_pixel");
+            match node["kind"].as_str().expect("a name") {
+                // The cloud itself only owns memory.
+                "point_cloud" => assert!(count.abs() < 0.1, "{node}"),
+                // Its search, before the first frame, takes a few thousand more or less from run to run.
+                "shadow_edges" => assert!(count.abs() < 5.0, "{node}"),
+                _ => assert!(count > 0.0, "{node}"),
+            }
         }
         let sum: f64 = nodes.iter().map(|node| number(node, "instructions_per_pixel")).sum();
         let (rest, frame) = ("rest_instructions_per_pixel", "frame_instructions_per_pixel");
