@@ -36,4 +36,4 @@ pub use fingerprint::Fingerprint;
 pub use identity::is_stream;
 pub use journal::Journal;
 pub use read::{MOST_DATA, MOST_TEXT, bytes, text, text_of, without_mark};
-pub use write::{Draft, Target, commit, write_folder};
+pub use write::{Draft, Target, TemporaryFolder, commit, write_folder};

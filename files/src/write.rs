@@ -6,13 +6,14 @@
 
 use std::{
     collections::BTreeSet,
+    env,
     fs::{self, File},
     io::{self, Write},
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
 
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempDir};
 
 use crate::{
     FileError,
@@ -218,6 +219,25 @@ pub fn commit(drafts: Vec<Draft>) -> Result<(), FileError> {
     Ok(())
 }
 
+/// An empty folder among the system's temporary files. It is removed, with all that is in it, when this is dropped.
+#[derive(Debug)]
+pub struct TemporaryFolder(TempDir);
+
+impl TemporaryFolder {
+    /// A new folder with a name of its own.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn new() -> Result<Self, FileError> {
+        tempfile::tempdir().map(Self).map_err(|error| FileError::write(&env::temp_dir(), error))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
 /// Writes a new folder with these files, by their paths in it, whole or not at all.
 ///
 /// # Errors
@@ -298,6 +318,16 @@ fn sweep(folder: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_temporary_folder_goes_with_all_that_is_in_it() {
+        let folder = TemporaryFolder::new().unwrap();
+        let path = folder.path().to_owned();
+        fs::write(path.join("a"), "a").unwrap();
+        assert_ne!(TemporaryFolder::new().unwrap().path(), path);
+        drop(folder);
+        assert!(!path.exists());
+    }
 
     #[test]
     fn a_file_is_replaced_whole_and_nothing_else_is_left() {
@@ -479,7 +509,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn what_the_system_protects_is_not_replaced() {
-        let refused = Target::new(&std::env::current_exe().unwrap()).unwrap_err().to_string();
+        let refused = Target::new(&env::current_exe().unwrap()).unwrap_err().to_string();
         assert!(refused.contains("cannot write") && refused.contains("busy"), "{refused}");
     }
 

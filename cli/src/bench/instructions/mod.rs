@@ -16,6 +16,7 @@ use std::{
 
 use epigraph::{Device, Registry};
 use epigraph_core::{GraphFile, Plan, Step};
+use epigraph_files::TemporaryFolder;
 use epigraph_pictures::grouped;
 use serde_json::{Value, json};
 
@@ -148,8 +149,7 @@ fn row(
 /// The profile of a run of so many frames.
 fn counted(args: &BenchArgs, graph: &str, scene: &str, frames: u32) -> Result<Profile, CliError> {
     let here = std::env::current_exe().map_err(|error| CliError::Input(format!("this program: {error}")))?;
-    let folder =
-        tempfile::tempdir().map_err(|error| CliError::Input(format!("a temporary folder: {error}")))?;
+    let folder = TemporaryFolder::new()?;
     let [profile, picture] = ["callgrind.out", "picture.png"].map(|name| folder.path().join(name));
     let [width, height] = args.size.0;
     let mut valgrind = Command::new("valgrind");
