@@ -15,7 +15,7 @@ use crate::{
     column,
     meaning::{self, JOINS, RADIANCE},
     shared::edge_pixel::{
-        CLASS, Chord, DIRECTIONS, EMPTY, PIXEL_AREA, PRIMARY_IS_A, SIMPLE, ends, primary_area,
+        CLASS, Chord, DIRECTIONS, EMPTY, PIXEL_AREA, PRIMARY_IS_A, RUN, SIMPLE, ends, primary_area,
     },
 };
 
@@ -26,9 +26,6 @@ constants! {
     /// The bit of a nibble of N8: the pixel's secondary region and the neighbour's primary region are joined.
     const SECONDARY_TO_PRIMARY: u32 = 4;
 }
-
-/// Pixels of a row that are skipped together where no edge crosses them.
-const GROUP: usize = 16;
 
 choice! {
     /// Which neighbour lends the colour of the secondary region.
@@ -85,7 +82,7 @@ impl Stage for Antialias {
         color.par_chunks_mut(width).enumerate().for_each(|(y, color)| {
             let row = y * width;
             color.copy_from_slice(&primary[row..][..width]);
-            for (first, cls) in (0..width).step_by(GROUP).zip(cls[row..][..width].chunks(GROUP)) {
+            for (first, cls) in (0..width).step_by(RUN).zip(cls[row..][..width].chunks(RUN)) {
                 // Most pixels are empty: the bits of all together say whether those of the group are.
                 if cls.iter().fold(0, |bits, cls| bits | cls) & CLASS == EMPTY
                     || params.neighbour == Neighbour::Off

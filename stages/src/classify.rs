@@ -23,7 +23,7 @@ use crate::{
         cloud::NO_POINT,
         edge_pixel::{
             AMBIGUOUS, AREA_SHIFT, CELL_SHIFT, CLASS, Chord, EMPTY, P_SHIFT, PIXEL_AREA, PRIMARY_IS_A,
-            Q_SHIFT, SIMPLE, VALID, area_of_a, class_of, ring, slot_position,
+            Q_SHIFT, RUN, SIMPLE, VALID, area_of_a, class_of, ring, slot_position,
         },
         requests::PIXEL_CENTER,
     },
@@ -117,8 +117,8 @@ impl Stage for Classify {
             kept.copy_from_slice(id);
             aim.fill(PIXEL_CENTER);
             dispatch!(level, _ => grid.without_edges(id, subpixel, cls));
-            for first in (0..width).step_by(GROUP) {
-                let group = first..width.min(first + GROUP);
+            for first in (0..width).step_by(RUN) {
+                let group = first..width.min(first + RUN);
                 // Of the sides that pixels of the group share, each is in one mask.
                 let crossings = |bits: u32, mask: &u32| bits | mask;
                 let beside = above[group.start..group.end + 1].iter().fold(0, crossings) & 0xFFFF;
@@ -144,9 +144,6 @@ impl Stage for Classify {
         explain::at(self, params, site)
     }
 }
-
-/// Pixels of a row that are skipped together where no edge crosses them.
-const GROUP: usize = 16;
 
 /// The bits of a pixel with a single region.
 const WHOLE: u32 = PRIMARY_IS_A | PIXEL_AREA << AREA_SHIFT;

@@ -9,7 +9,7 @@ use crate::{
     shared::{
         cloud::NO_POINT,
         requests::{HIT_SURFACE, Request, Sample, VIEW_LATE},
-        view::place_in_image,
+        view::Projected,
     },
 };
 
@@ -110,10 +110,9 @@ impl Stage for Trace {
 fn shown_at(sample: &Sample, frame: &Frame, id: &[u32]) -> u32 {
     let [x, y, z] = sample.position;
     let position = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
-    let [x, y, distance] = place_in_image(&frame.view, position, frame.size);
-    let [width, height] = frame.size;
-    let is_within = distance > 0.0 && x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-    if is_within { id[y as usize * width as usize + x as usize] } else { NO_POINT }
+    let Some(projected) = Projected::of(&frame.view, position, frame.size) else { return NO_POINT };
+    let [x, y] = projected.pixel();
+    id[(y * frame.size[0] + x) as usize]
 }
 
 #[cfg(test)]

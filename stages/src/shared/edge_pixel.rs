@@ -33,6 +33,9 @@ epigraph_core::constants! {
     pub const PIXEL_AREA: u32 = 512;
 }
 
+/// Pixels of a row that are skipped together where no edge crosses them.
+pub const RUN: usize = 16;
+
 /// The neighbours of a pixel in the order of the nibbles of N8: E, SE, S, SW, W, NW, N, NE. The opposite of d is
 /// (d + 4) & 7.
 pub const DIRECTIONS: [[i32; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
