@@ -113,6 +113,19 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
     outputs.finish(json, &json::figures(&report), &report.text())
 }
 
+/// The graphs that the user names, or the default ones, with their names as given.
+fn graphs(
+    args: &BenchArgs,
+    default: &[&str],
+    registry: &Arc<Registry>,
+) -> Result<Vec<(String, GraphFile)>, CliError> {
+    let open = |name: String| {
+        let file = open::graph(&name, &args.compile.changes, registry)?;
+        Ok((name, file))
+    };
+    named(&args.graph, default).into_iter().map(open).collect()
+}
+
 /// The graphs or scenes that the user names, or the default ones.
 fn named(given: &[String], default: &[&str]) -> Vec<String> {
     if given.is_empty() { default.iter().map(|name| (*name).to_owned()).collect() } else { given.to_vec() }

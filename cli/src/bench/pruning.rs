@@ -9,6 +9,7 @@ use epigraph_pictures::readable;
 use serde_json::{Value, json};
 
 use super::{
+    graphs,
     measure::{self, Job, Loaded, Outcome},
     named,
 };
@@ -44,11 +45,7 @@ struct Saved {
 pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
-    let graphs = named(&args.graph, &GRAPHS).into_iter().map(|name| {
-        let file = open::graph(&name, &args.compile.changes, registry)?;
-        Ok((open::label(&name), file))
-    });
-    let graphs = graphs.collect::<Result<Vec<_>, CliError>>()?;
+    let graphs = graphs(args, &GRAPHS, registry)?;
     let mut cameras = vec!["still".to_owned()];
     cameras.extend((args.camera != "still").then(|| args.camera.clone()));
     let mut places = Vec::new();
@@ -80,7 +77,8 @@ fn row(
 ) -> Result<Row, CliError> {
     let mut whole_args = args.clone();
     whole_args.compile.no_prune = true;
-    let label = format!("{name} {} {camera}", loaded.name);
+    let graph_name = open::label(name);
+    let label = format!("{graph_name} {} {camera}", loaded.name);
     let job = |args| {
         let (label, size) = (label.clone(), whole_args.size.0);
         Job { label, args, registry, graph, device: &Device::CPU, loaded, size }
@@ -102,7 +100,7 @@ fn row(
     });
     let bytes = |plan: &Plan| plan.bytes(Side::Cpu) + plan.bytes(Side::Gpu);
     Ok(Row {
-        graph: name.clone(),
+        graph: graph_name,
         scene: loaded.name.clone(),
         camera: camera.to_owned(),
         nodes: [plan.nodes.len(), whole.nodes.len()],

@@ -22,6 +22,7 @@ use serde_json::{Value, json};
 
 use self::profile::Profile;
 use super::{
+    graphs,
     measure::{self, Job, Loaded, Measured, Outcome},
     named,
     report::ms,
@@ -80,11 +81,7 @@ struct Cost {
 pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError> {
     let mut outputs = Outputs::default();
     let json = outputs.json(args.json.as_deref())?;
-    let graphs = named(&args.graph, &GRAPHS).into_iter().map(|name| {
-        let file = open::graph(&name, &args.compile.changes, registry)?;
-        Ok((name, file))
-    });
-    let graphs = graphs.collect::<Result<Vec<_>, CliError>>()?;
+    let graphs = graphs(args, &GRAPHS, registry)?;
     let mut scenes = Vec::new();
     for name in named(&args.scene, &SCENES) {
         let place = open::place(&name, &args.camera)?;
