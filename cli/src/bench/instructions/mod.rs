@@ -88,6 +88,7 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
         open::tracer_of_surfaces(&place)?;
         scenes.push(Loaded { name, place });
     }
+    let outputs = outputs.ready()?;
     let mut rows = Vec::new();
     for loaded in &scenes {
         for graph in &graphs {
@@ -100,7 +101,7 @@ pub fn bench(args: &BenchArgs, registry: &Arc<Registry>) -> Result<(), CliError>
         "machine": machine.json(), "size": args.size.0, "camera": args.camera, "frames": FRAMES, "rows": rows_json,
     });
     let text = format!("{}{}", rows.iter().map(|row| row.text(args)).collect::<String>(), remarks(&machine));
-    outputs.ready()?.finish(json, &figures, &text)
+    outputs.finish(json, &figures, &text)
 }
 
 fn row(
