@@ -16,6 +16,7 @@
 //! - *Memory* is what the executor allocates for a slot: bytes on the CPU, a buffer or a texture on the GPU.
 
 use std::{
+    cmp::Reverse,
     collections::{BTreeMap, BTreeSet, HashMap},
     fmt,
 };
@@ -138,7 +139,7 @@ pub enum Step {
 /// Memory on one side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slot {
-    /// Its elements; the same for all of its users.
+    /// Its elements. On the GPU they are those of all of its users, on the CPU those of its largest one.
     pub element: Element,
     /// The number of elements, as width and height.
     pub dims: Dims,
@@ -689,8 +690,10 @@ fn steps(
     steps
 }
 
-/// Allocates a slot for every storage on every side that uses it. Transients with equal descriptions share a slot if
-/// their first and last uses do not overlap.
+/// Allocates a slot for every storage on every side that uses it. Transients share a slot if their first and last uses do
+/// not overlap; on the GPU, which has a buffer or a texture there, only those with equal descriptions. The largest choose
+/// first, each the smallest slot that is large enough (Pisarchyk and Lee, *Efficient Memory Management for Deep Neural
+/// Net Inference*, 2020, section 4.3).
 fn slots(
     steps: &IndexVec<StepId, Step>,
     graph: &Graph,
@@ -724,30 +727,32 @@ fn slots(
     }
     PerSide::new(|side| {
         let mut slots: IndexVec<SlotId, Slot> = IndexVec::new();
-        let mut by_start: Vec<(StepId, StepId, StorageId)> =
-            uses[side].iter().map(|(&storage, &(start, end))| (start, end, storage)).collect();
-        by_start.sort_unstable();
-        // The last step at which each pooled slot is in use.
-        let mut busy_until: Vec<(SlotId, StepId)> = Vec::new();
-        for (start, end, id) in by_start {
+        let span = |&storage: &StorageId| (Reverse(storages[storage].bytes()), uses[side][&storage]);
+        let mut largest_first: Vec<StorageId> = uses[side].keys().copied().collect();
+        largest_first.sort_by_key(span);
+        // The slots of transients, with the first and last steps at which each is in use.
+        let mut shared: Vec<(SlotId, BTreeMap<StepId, StepId>)> = Vec::new();
+        for id in largest_first {
             let storage = &mut storages[id];
             let pair = match storage.life {
                 Life::Persistent => SlotPair::same(slots.push(storage.slot())),
                 Life::History => SlotPair([slots.push(storage.slot()), slots.push(storage.slot())]),
                 Life::Transient => {
-                    let free = busy_until.iter_mut().find(|(slot, until)| {
-                        let fits =
-                            slots[*slot].element == storage.element && slots[*slot].dims == storage.dims;
-                        pooling && fits && *until < start
+                    let (start, end) = uses[side][&id];
+                    let own = storage.slot();
+                    let free = shared.iter_mut().rev().find(|(slot, uses)| {
+                        let fits = side == Side::Cpu || slots[*slot] == own;
+                        let is_free = || uses.range(..=end).next_back().is_none_or(|(_, &last)| last < start);
+                        pooling && fits && is_free()
                     });
                     match free {
-                        Some((slot, until)) => {
-                            *until = end;
+                        Some((slot, uses)) => {
+                            uses.insert(start, end);
                             SlotPair::same(*slot)
                         }
                         None => {
-                            let slot = slots.push(storage.slot());
-                            busy_until.push((slot, end));
+                            let slot = slots.push(own);
+                            shared.push((slot, [(start, end)].into()));
                             SlotPair::same(slot)
                         }
                     }

@@ -880,6 +880,28 @@ fn late_downloads_are_exactly_that_late() {
 }
 
 #[test]
+fn what_is_not_yet_there_is_zero_although_others_use_its_memory() {
+    let text = r#"Graph(version: 1, nodes: {
+        "own": (kind: "ramp", on: Cpu),
+        "copy": (kind: "look", on: Cpu, inputs: { "input": "own.ramp" }),
+        "ramp": (kind: "ramp", on: Gpu),
+        "bump": (kind: "bump", on: Cpu, download: Latent(2), inputs: { "list": "ramp.ramp" }),
+    }, outputs: { "image": "bump.list", "copy": "copy.output" })"#;
+    let file = GraphFile::parse("late.ron", text).unwrap();
+    let mut executor = executor(&file, &Settings::new(SIZE, 0, Facts::none()));
+    let slot = |name: &str| {
+        let storage = executor.plan().storages.iter().find(|storage| storage.name == name).unwrap();
+        storage.slots.cpu.unwrap()
+    };
+    assert_eq!(slot("own.ramp"), slot("ramp.ramp"));
+    let seen = [0, 1, 2, 3].map(|index| {
+        executor.run(&frame(index), &Host::default(), true).unwrap();
+        executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7]
+    });
+    assert_eq!(seen, [1, 1, 1008, 2008]);
+}
+
+#[test]
 fn steps_are_timed_in_milliseconds_since_the_frame_began() {
     let text = r#"Graph(version: 1, nodes: {
         "first": (kind: "slow"),

@@ -282,6 +282,24 @@ fn transients_share_memory_when_their_lives_do_not_overlap() {
 }
 
 #[test]
+fn on_the_cpu_a_transient_takes_the_memory_of_a_larger_one() {
+    let nodes = r#"
+        "large": (kind: "source"),
+        "few": (kind: "shrink", inputs: { "in": "large.out" }),
+        "print": (kind: "print"),
+        "read": (kind: "read", inputs: { "in": "print.out" }),
+        "both": (kind: "maybe", inputs: { "in": "read.out", "hint": "few.out" }),"#;
+    let facts = Facts::none().with(SHEETS, 20);
+    let (_, plan) = compiled(nodes, "both.out", &Settings { facts, ..settings() });
+    let order: Vec<&str> = plan.order().map(|node| plan.nodes[node].name.as_str()).collect();
+    assert_eq!(order, ["large", "few", "print", "read", "both"]);
+    let [image, sheets, few] = [64 * 48 * 4, 20 * 4, 3 * 2 * 4];
+    // When `print` writes, `large` has been read for the last time, and `both` is not yet written.
+    let shared = image + sheets;
+    assert_eq!((plan.bytes(Side::Cpu), plan.pooled_bytes(Side::Cpu)), (image + sheets + few, shared));
+}
+
+#[test]
 fn history_breaks_cycles_and_keeps_two_copies() {
     let nodes = r#"
         "delay": (kind: "delay", inputs: { "last": "filter.out" }),

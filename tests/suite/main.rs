@@ -9,6 +9,7 @@ mod exposure;
 mod extremes;
 mod library;
 mod measures;
+mod memory;
 mod meshes;
 mod moving;
 mod noise;

@@ -11,7 +11,7 @@ use super::{
 use crate::{
     executor::readback::Readback,
     id::{NodeId, StorageId},
-    plan::{Plan, Value},
+    plan::{Life, Plan, Value},
     shader::MAX_TARGETS,
     side::Side,
     stage::CpuMemory,
@@ -132,7 +132,8 @@ impl GpuSide {
     }
 
     /// Copies to the CPU. Without latency, submits and waits; with a latency of N frames, delivers what was recorded N
-    /// frames ago, and records this frame's contents if they are new.
+    /// frames ago, and records this frame's contents if they are new. Until something arrives, contents that are not kept
+    /// are zeros: other contents take turns with them in their memory.
     pub fn download(
         &mut self,
         plan: &Plan,
@@ -150,7 +151,14 @@ impl GpuSide {
         let read = |staged: &[u8]| layout.unpad(staged, memory.borrow_mut().bytes_mut());
         if late > 0 {
             // Deliver first: this frame overwrites the ring's oldest entry next.
-            readback.take_late(&self.gpu, frame, late, read)?;
+            let mut arrived = false;
+            readback.take_late(&self.gpu, frame, late, |staged| {
+                arrived = true;
+                read(staged);
+            })?;
+            if !arrived && storage.life == Life::Transient {
+                memory.borrow_mut().bytes_mut().fill(0);
+            }
             if new {
                 from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
             }
