@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use epigraph::{Backend, Error};
 use epigraph_core::{
     Facts, Graph, GraphFile, GraphValue, Plan, PlannedNode, Problem, Problems, Registry, Settings, Side,
-    Step, check_stage, compile,
+    Step, WithWork, Work, check_stage, compile,
 };
 use epigraph_pictures::readable;
 use serde_json::{Value, json};
@@ -104,6 +104,9 @@ struct Checked {
     /// The plan without pruning, to report how much pruning saves.
     whole: Plan,
     shaders: usize,
+    /// What each step asks of the GPU; `None` if the plan does without one.
+    work: Option<Vec<Work>>,
+    pixels: u64,
     /// What swaps have left out, in sentences.
     left_out: Vec<String>,
 }
@@ -115,14 +118,16 @@ fn check_one(
     registry: &Registry,
 ) -> Result<Checked, CliError> {
     let file = open::graph(name, &args.compile.changes, registry)?;
-    let (Graph { params, .. }, plan) = compile(&file, registry, settings)?;
+    let (planned, plan) = compile(&file, registry, settings)?;
     // Nodes that only another scene needs are checked too.
     let (graph, whole) = compile(&file, registry, &Settings { prune: false, ..settings.clone() })?;
     let flat = file.whole()?;
     let shaders = check_shaders(&flat, &graph, registry)?;
     let left_out = left_out(&flat, "", &graph);
     drop(flat);
-    Ok(Checked { params, file, plan, whole, shaders, left_out })
+    let work = plan.uses(Side::Gpu).then(|| plan.work(&planned, &registry.library)).transpose()?;
+    let pixels = settings.size.map(u64::from).iter().product();
+    Ok(Checked { params: planned.params, file, plan, whole, shaders, work, pixels, left_out })
 }
 
 /// What nodes do not take over of those whose places they have taken: wires to inputs that they do not have, and
@@ -191,7 +196,11 @@ impl Checked {
     }
 
     fn text(&self) -> String {
-        let mut text = self.plan.to_string();
+        let plan = &self.plan;
+        let mut text = match &self.work {
+            Some(work) => WithWork { plan, work, pixels: self.pixels }.to_string(),
+            None => plan.to_string(),
+        };
         for culled in &self.plan.culled {
             if let Some(bytes) = self.saved(&culled.node) {
                 text += &format!("  without {}: writes {} less per frame\n", culled.node, readable(bytes));
@@ -217,7 +226,9 @@ impl Checked {
 
     fn json(&self) -> Value {
         let plan = &self.plan;
-        let steps: Vec<Value> = plan.steps.iter().filter_map(|step| step_json(plan, step)).collect();
+        let work = |step: usize| self.work.as_ref().map(|work| work_json(work[step]));
+        let steps = plan.steps.iter().enumerate();
+        let steps: Vec<Value> = steps.filter_map(|(nth, step)| step_json(plan, step, work(nth))).collect();
         let culled: Vec<Value> = plan
             .culled
             .iter()
@@ -229,6 +240,7 @@ impl Checked {
         json!({
             "left_out": self.left_out,
             "steps": steps,
+            "gpu": self.work.as_ref().map(|work| work_json(work.iter().copied().sum())),
             "bytes": { "cpu": plan.bytes(Side::Cpu), "gpu": plan.bytes(Side::Gpu) },
             "pooled_bytes": { "cpu": plan.pooled_bytes(Side::Cpu), "gpu": plan.pooled_bytes(Side::Gpu) },
             "culled": culled,
@@ -257,24 +269,32 @@ fn total(plan: &Plan) -> u64 {
     plan.bytes(Side::Cpu) + plan.bytes(Side::Gpu)
 }
 
-fn step_json(plan: &Plan, step: &Step) -> Option<Value> {
+fn step_json(plan: &Plan, step: &Step, gpu: Option<Value>) -> Option<Value> {
     match step {
         Step::Run(node) => {
             let PlannedNode { name, kind, side, runs, .. } = &plan.nodes[*node];
             Some(json!({
                 "node": name, "kind": kind, "backend": side.to_string(), "bytes": plan.node_bytes(*node),
-                "skipped_while": runs.unless(),
+                "skipped_while": runs.unless(), "gpu": gpu.filter(|_| *side == Side::Gpu),
             }))
         }
         Step::Upload(value) | Step::Download(value, _) => {
             let kind = if matches!(step, Step::Upload(_)) { "upload" } else { "download" };
             let storage = &plan.storages[value.storage];
-            Some(
-                json!({ "node": storage.name, "kind": kind, "backend": "transfer", "bytes": storage.bytes() }),
-            )
+            Some(json!({
+                "node": storage.name, "kind": kind, "backend": "transfer", "bytes": storage.bytes(), "gpu": gpu,
+            }))
         }
         Step::Tap { .. } => None,
     }
+}
+
+fn work_json(work: Work) -> Value {
+    let Work { dispatches, draws, barriers, read, written, atomics } = work;
+    json!({
+        "dispatches": dispatches, "draws": draws, "barriers": barriers, "read_bytes": read,
+        "written_bytes": written, "atomics": atomics,
+    })
 }
 
 fn problem_json(problem: &Problem) -> Value {

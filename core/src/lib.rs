@@ -91,6 +91,7 @@ pub mod testing;
 mod values;
 mod watch;
 mod wgsl;
+mod work;
 
 pub use capture::{Capture, Snapshot};
 pub use compile::compile;
@@ -121,3 +122,4 @@ pub use stage::{AnyStage, Bundle, CpuContext, CpuMemory, Declaration, Host, Io, 
 pub use values::Wrong;
 pub use watch::{BadValue, Checks};
 pub use wgsl::{WgslClause, WgslFile, wgsl_clauses, wgsl_kind};
+pub use work::{WithWork, Work};

@@ -374,23 +374,46 @@ impl Plan {
 /// The plan as the table that `epigraph check` prints.
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, None)
+    }
+}
+
+/// Further columns of a plan's table.
+pub(crate) struct Columns {
+    /// Their headings.
+    pub headings: &'static str,
+    /// What stands behind each step.
+    pub cells: Vec<String>,
+    /// What stands behind the whole frame.
+    pub frame: String,
+}
+
+impl Plan {
+    /// Writes the table, with or without further columns.
+    pub(crate) fn write(&self, f: &mut fmt::Formatter<'_>, more: Option<&Columns>) -> fmt::Result {
         let longest = |texts: &mut dyn Iterator<Item = &String>| texts.map(String::len).max().unwrap_or(0);
         let names = longest(&mut self.nodes.iter().map(|node| &node.name));
         let kinds = longest(&mut self.nodes.iter().map(|node| &node.kind));
+        let width = names + kinds + 6;
+        if let Some(Columns { headings, .. }) = more {
+            writeln!(f, "     {:<width$} {:>10}{headings}", "", "memory")?;
+        }
         for (index, step) in self.steps.iter().enumerate() {
-            match step {
+            let (name, bytes) = match step {
                 Step::Run(node) => {
                     let PlannedNode { name, kind, side, .. } = &self.nodes[*node];
-                    let bytes = megabytes(self.node_bytes(*node));
-                    writeln!(f, "{:>3}  {name:<names$} {kind:<kinds$} {side}  {bytes:>10}", index + 1)?;
+                    (format!("{name:<names$} {kind:<kinds$} {side}"), self.node_bytes(*node))
                 }
                 Step::Upload(value) | Step::Download(value, _) => {
-                    let bytes = megabytes(self.storages[value.storage].bytes());
-                    let width = names + kinds + 6;
-                    writeln!(f, "{:>3}  {:<width$} {bytes:>10}", index + 1, self.step_name(step))?;
+                    (self.step_name(step), self.storages[value.storage].bytes())
                 }
-                Step::Tap { .. } => {}
-            }
+                Step::Tap { .. } => continue,
+            };
+            let cells = more.map_or("", |more| more.cells[index].trim_end());
+            writeln!(f, "{:>3}  {name:<width$} {:>10}{cells}", index + 1, megabytes(bytes))?;
+        }
+        if let Some(Columns { frame, .. }) = more {
+            writeln!(f, "     {:<width$} {:>10}{frame}", "frame", "")?;
         }
         for side in Side::ALL {
             if !self.slots[side].is_empty() {

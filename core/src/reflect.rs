@@ -98,8 +98,13 @@ pub struct Entry {
     pub workgroup_bytes: u32,
     /// Indices of the [`Reflected::variables`] that it uses, directly or through functions.
     pub uses: Vec<usize>,
+    /// Those of them that it reads.
+    pub reads: Vec<usize>,
     /// Those of them that it writes.
     pub writes: Vec<usize>,
+    /// Atomic operations in its text and that of the functions that it calls, as often as it calls them. Atomic loads
+    /// and stores are none.
+    pub atomics: u32,
 }
 
 impl Reflected {
@@ -295,11 +300,29 @@ fn reflect(module: naga::Module, info: naga::valid::ModuleInfo) -> Reflected {
                     .map(|(_, variable)| layouter[variable.ty].size)
                     .sum(),
                 uses: with(naga::valid::GlobalUse::all()),
+                reads: with(naga::valid::GlobalUse::READ | naga::valid::GlobalUse::ATOMIC),
                 writes: with(naga::valid::GlobalUse::WRITE | naga::valid::GlobalUse::ATOMIC),
+                atomics: atomics(&module, &entry.function.body),
             }
         })
         .collect();
     Reflected { variables, entries, module, info }
+}
+
+/// The atomic operations of a block and all that it calls.
+fn atomics(module: &naga::Module, block: &naga::Block) -> u32 {
+    use naga::Statement;
+    let within = |block: &naga::Block| atomics(module, block);
+    let of = |statement: &Statement| match statement {
+        Statement::Atomic { .. } | Statement::ImageAtomic { .. } => 1,
+        Statement::Call { function, .. } => within(&module.functions[*function].body),
+        Statement::Block(block) => within(block),
+        Statement::If { accept, reject, .. } => within(accept) + within(reject),
+        Statement::Switch { cases, .. } => cases.iter().map(|case| within(&case.body)).sum(),
+        Statement::Loop { body, continuing, .. } => within(body) + within(continuing),
+        _ => 0,
+    };
+    block.iter().map(of).sum()
 }
 
 fn scalar_of(scalar: naga::Scalar) -> Option<Scalar> {

@@ -114,6 +114,14 @@ impl Declaration {
         self.ports.iter().position(|port| port.name == name)
     }
 
+    /// The field with this WGSL variable.
+    pub fn field(&self, variable: &str) -> Option<FieldRef> {
+        self.ports.iter().enumerate().find_map(|(port, declared)| {
+            let field = (0..declared.fields.len()).find(|&field| declared.variable(field) == variable)?;
+            Some(FieldRef { port: port as u16, field: field as u16 })
+        })
+    }
+
     /// Whether the stage can run on this side.
     pub fn runs_on(&self, side: Side) -> bool {
         match side {

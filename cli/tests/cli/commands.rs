@@ -137,6 +137,46 @@ fn the_plan_is_printed_and_drawn() {
 }
 
 #[test]
+fn what_a_frame_asks_of_a_gpu_is_in_the_plan() {
+    let place = Place::new();
+    let check = "check render-cache --size 100x50 --backend";
+    let report = json(&place.succeeds(&format!("{check} gpu --json -")));
+    let plan = &report["plan"];
+    let gpu = |node: &str| {
+        let steps = plan["steps"].as_array().expect("a list");
+        &steps.iter().find(|step| step["node"] == node).unwrap_or_else(|| panic!("{plan:#}"))["gpu"]
+    };
+    // One dispatch reads a colour of 16 bytes for each of 5000 pixels and writes 4 bytes.
+    assert_eq!(
+        *gpu("tonemap"),
+        serde_json::json!({
+            "dispatches": 1, "draws": 0, "barriers": 2, "read_bytes": 80_000, "written_bytes": 20_000, "atomics": 0,
+        })
+    );
+    assert_eq!(*gpu("trace"), Value::Null);
+    // Only what reaches memory of the GPU counts there.
+    assert_eq!(
+        (&gpu("trace.samples")["written_bytes"], &gpu("trace.samples")["read_bytes"]),
+        (&16_000.into(), &0.into())
+    );
+    assert!(plan["gpu"]["dispatches"].as_u64() > Some(20), "{plan:#}");
+    let text = place.succeeds(&format!("{check} gpu"));
+    let words = |start: &str| -> Vec<String> {
+        let line = text
+            .lines()
+            .find(|line| line.trim_start().starts_with(start))
+            .unwrap_or_else(|| panic!("{text}"));
+        line.split_whitespace().map(str::to_owned).collect()
+    };
+    assert_eq!(words("12  tonemap")[6..], ["1", "2", "16.0", "4.0"], "{text}");
+    assert_eq!(words("frame")[1], plan["gpu"]["dispatches"].to_string(), "{text}");
+
+    let on_cpu = json(&place.succeeds(&format!("{check} cpu --json -")));
+    assert_eq!(on_cpu["plan"]["gpu"], Value::Null);
+    assert!(!place.succeeds(&format!("{check} cpu")).contains("barriers"));
+}
+
+#[test]
 fn stages_are_listed_and_described() {
     let place = Place::new();
     let all = place.succeeds("stages");
