@@ -44,7 +44,7 @@ pub(super) struct GpuSide {
     downloads: HashMap<Value, Readback>,
     /// If memory is filled before a node writes it: for each slot, the buffer that fills it.
     fill: Option<IndexVec<SlotId, wgpu::Buffer>>,
-    encoder: Option<wgpu::CommandEncoder>,
+    commands: Commands,
     clock: Option<Clock>,
     watch: Option<GpuWatch>,
 }
@@ -80,8 +80,8 @@ impl GpuSide {
         let clock =
             gpu.has_timestamps().then(|| gpu.scoped(|| Clock::new(&gpu, graph.nodes.len()))).transpose()?;
         gpu.check()?;
-        let (encoder, watch) = (None, on_gpu);
-        Ok(Self { gpu, memory, frame, nodes, uploads, downloads, fill, encoder, clock, watch })
+        let (commands, watch) = (Commands::default(), on_gpu);
+        Ok(Self { gpu, memory, frame, nodes, uploads, downloads, fill, commands, clock, watch })
     }
 
     /// Writes the frame's constants; must come first in a frame.
@@ -111,18 +111,18 @@ impl GpuSide {
     /// Records a test's own commands.
     #[cfg(test)]
     pub fn record(&mut self, commands: impl FnOnce(&mut wgpu::CommandEncoder)) {
-        commands(encoder(&self.gpu, &mut self.encoder));
+        commands(self.commands.encoder(&self.gpu));
     }
 
     /// Submits the recorded commands, if any.
     pub fn submit(&mut self) {
-        submit(&self.gpu, &mut self.encoder);
+        self.commands.submit(&self.gpu);
     }
 
     /// Ends a frame: resolves the timestamps, submits, starts the readbacks' mapping.
     pub fn end(&mut self, frame: u64, timed: bool) -> Result<(), RunError> {
         if timed && let Some(clock) = &mut self.clock {
-            clock.resolve(encoder(&self.gpu, &mut self.encoder), frame);
+            clock.resolve(self.commands.encoder(&self.gpu), frame);
         }
         self.close();
         self.gpu.check()
@@ -137,7 +137,7 @@ impl GpuSide {
 
     fn close(&mut self) {
         if let Some(watch) = &mut self.watch {
-            watch.end(encoder(&self.gpu, &mut self.encoder));
+            watch.end(self.commands.encoder(&self.gpu));
         }
         self.submit();
         if let Some(watch) = &mut self.watch {
@@ -201,7 +201,7 @@ impl GpuSide {
     ) -> Result<(), RunError> {
         let layout = Layout::new(element, dims);
         let mut readback = Readback::new(&self.gpu.device, layout.staged_bytes(), 1);
-        self.memory[slot].copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(0), layout);
+        self.memory[slot].copy_out(self.commands.encoder(&self.gpu), readback.record(0), layout);
         self.submit();
         readback.map();
         readback.take(&self.gpu, 0, |staged| layout.unpad(staged, bytes))
@@ -213,14 +213,40 @@ impl GpuSide {
     }
 }
 
-/// The frame's encoder; a new one is made after each submission.
-fn encoder<'e>(gpu: &Gpu, encoder: &'e mut Option<wgpu::CommandEncoder>) -> &'e mut wgpu::CommandEncoder {
-    encoder.get_or_insert_with(|| gpu.device.create_command_encoder(&Default::default()))
+/// The commands that have not been submitted.
+#[derive(Default)]
+struct Commands {
+    /// The pass that the last dispatches are in, while it is open. To begin and to end one costs the processor as much as
+    /// several dispatches.
+    dispatches: Option<wgpu::ComputePass<'static>>,
+    encoder: Option<wgpu::CommandEncoder>,
 }
 
-fn submit(gpu: &Gpu, encoder: &mut Option<wgpu::CommandEncoder>) {
-    if let Some(encoder) = encoder.take() {
-        gpu.queue.submit([encoder.finish()]);
+impl Commands {
+    /// The encoder, for anything but dispatches; a new one is made after each submission.
+    fn encoder(&mut self, gpu: &Gpu) -> &mut wgpu::CommandEncoder {
+        self.dispatches = None;
+        self.encoder.get_or_insert_with(|| gpu.device.create_command_encoder(&Default::default()))
+    }
+
+    /// A pass for dispatches: the open one, unless the pass is to be timed.
+    fn dispatches(
+        &mut self,
+        gpu: &Gpu,
+        timestamp_writes: Option<wgpu::ComputePassTimestampWrites>,
+    ) -> &mut wgpu::ComputePass<'static> {
+        if self.dispatches.is_none() || timestamp_writes.is_some() {
+            let described = wgpu::ComputePassDescriptor { label: None, timestamp_writes };
+            self.dispatches = Some(self.encoder(gpu).begin_compute_pass(&described).forget_lifetime());
+        }
+        self.dispatches.as_mut().expect("begun above")
+    }
+
+    fn submit(&mut self, gpu: &Gpu) {
+        self.dispatches = None;
+        if let Some(encoder) = self.encoder.take() {
+            gpu.queue.submit([encoder.finish()]);
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The pipelines and bind groups of nodes, built once.
 
-use std::{collections::HashMap, sync::Arc};
+use std::sync::Arc;
 
 use index_vec::IndexVec;
 
@@ -34,13 +34,15 @@ pub(super) struct GpuNode {
     _programs: Vec<Arc<Program>>,
 }
 
-pub(super) struct GpuPass {
+/// A dispatch or a draw: all that it takes to record it, for even and odd frames, whose history pairs are swapped.
+#[derive(Clone)]
+pub(crate) struct GpuPass {
     pub pipeline: Pipeline,
-    /// For even and odd frames, whose history pairs are swapped.
     pub bindings: [wgpu::BindGroup; 2],
 }
 
-pub(super) enum Pipeline {
+#[derive(Clone)]
+pub(crate) enum Pipeline {
     Compute {
         pipeline: wgpu::ComputePipeline,
         groups: Groups,
@@ -48,19 +50,19 @@ pub(super) enum Pipeline {
     Raster {
         pipeline: wgpu::RenderPipeline,
         vertices: u32,
-        /// For even and odd frames.
-        targets: [Vec<SlotId>; 2],
+        targets: [Vec<wgpu::TextureView>; 2],
         depth: Option<wgpu::TextureView>,
         clear: f64,
     },
 }
 
 /// The number of workgroups of a dispatch.
-pub(super) enum Groups {
+#[derive(Clone)]
+pub(crate) enum Groups {
     /// Along x and y.
     Known([u32; 2]),
-    /// At the start of a buffer, for even and odd frames.
-    InBuffer([SlotId; 2]),
+    /// At the start of a buffer.
+    InBuffer([wgpu::Buffer; 2]),
 }
 
 impl Pipeline {
@@ -138,9 +140,10 @@ impl Builder<'_> {
                 Pipeline::Compute { pipeline, groups: self.groups(*threads, size, node) }
             }
             Pass::Draw { vertex, fragment, shape, vertices, count, targets, depth, clear } => {
-                let slots = |parity| targets.iter().map(|target| self.slot(node, *target, parity)).collect();
-                let targets: [Vec<SlotId>; 2] = [0, 1].map(slots);
-                let textures = || targets[0].iter().map(|target| self.memory[*target].target().0);
+                let memory = |parity| {
+                    targets.iter().map(move |target| self.memory[self.slot(node, *target, parity)].target())
+                };
+                let textures = || memory(0).map(|(texture, _)| texture);
                 let raster = Raster {
                     vertex: vertex.to_string(),
                     fragment: fragment.to_string(),
@@ -162,7 +165,7 @@ impl Builder<'_> {
                 Pipeline::Raster {
                     pipeline: program.raster(device, &raster),
                     vertices: self.list_length(node, *count) * vertices,
-                    targets,
+                    targets: [0, 1].map(|parity| memory(parity).map(|(_, view)| view.clone()).collect()),
                     depth,
                     clear: *clear,
                 }
@@ -204,7 +207,8 @@ impl Builder<'_> {
             Threads::Blocks(at, n) => list(dims[at.port as usize].count().div_ceil(n as usize)),
             Threads::Groups(count) => [count, 1],
             Threads::Indirect(at) => {
-                return Groups::InBuffer([0, 1].map(|parity| self.slot(node, at, parity)));
+                let buffer = |parity| self.memory[self.slot(node, at, parity)].buffer().clone();
+                return Groups::InBuffer([0, 1].map(buffer));
             }
         })
     }
@@ -229,12 +233,6 @@ impl Builder<'_> {
         params: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         let node = &self.graph.nodes[id];
-        let mut fields: HashMap<String, FieldRef> = HashMap::new();
-        for (port, declared) in node.declaration().ports.iter().enumerate() {
-            for field in 0..declared.fields.len() {
-                fields.insert(declared.variable(field), FieldRef { port: port as u16, field: field as u16 });
-            }
-        }
         let mut used: Vec<usize> =
             pass.entries().flat_map(|name| &entry_of(reflected, name).uses).copied().collect();
         used.sort_unstable();
@@ -247,7 +245,10 @@ impl Builder<'_> {
                     "frame" => self.frame.as_entire_binding(),
                     "params" => params.as_entire_binding(),
                     reflect::CHECKS => self.watch.expect("only watched shaders have checks").1.checks(id),
-                    name => self.memory[self.slot(id, fields[name], parity)].binding(),
+                    name => {
+                        let field = node.declaration().field(name).expect("checked: a port binds it");
+                        self.memory[self.slot(id, field, parity)].binding()
+                    }
                 };
                 wgpu::BindGroupEntry { binding: variable.binding, resource }
             })

@@ -3,10 +3,9 @@
 use std::{cell::RefCell, ops::Range};
 
 use super::{
-    GpuSide, RunError, encoder,
+    GpuSide, RunError,
     memory::{GpuMemory, Layout},
     pipelines::{GpuPass, Groups, Pipeline},
-    submit,
 };
 use crate::{
     executor::readback::Readback,
@@ -21,8 +20,8 @@ impl GpuSide {
     /// Records a node; `parity` is the lowest bit of the frame number.
     pub fn run(&mut self, plan: &Plan, node: NodeId, parity: usize, timed: bool) {
         let Some(built) = &self.nodes[node] else { return };
-        let encoder = encoder(&self.gpu, &mut self.encoder);
         if let Some(fill) = &self.fill {
+            let encoder = self.commands.encoder(&self.gpu);
             for &storage in &plan.nodes[node].written_anew {
                 let storage = &plan.storages[storage];
                 let Some(slots) = storage.slots.gpu else { continue };
@@ -31,7 +30,7 @@ impl GpuSide {
                 self.memory[slot].copy_in(encoder, &fill[slot], layout);
             }
         }
-        // One compute pass for consecutive dispatches; wgpu orders dispatches that share memory.
+        // wgpu orders dispatches of a pass that share memory.
         let compute = |pass: &GpuPass| pass.pipeline.is_compute();
         let runs = || built.passes.chunk_by(|a, b| compute(a) && compute(b));
         let last = runs().count().saturating_sub(1);
@@ -39,10 +38,8 @@ impl GpuSide {
             let clock = self.clock.as_ref().filter(|_| timed);
             let times = clock.and_then(|clock| clock.of_pass(node, index == 0, index == last));
             if compute(&run[0]) {
-                let mut recorded = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                    label: None,
-                    timestamp_writes: times.map(|times| times.compute()),
-                });
+                let times = times.map(|times| times.compute());
+                let recorded = self.commands.dispatches(&self.gpu, times);
                 for pass in run {
                     let Pipeline::Compute { pipeline, groups } = &pass.pipeline else {
                         unreachable!("a run of dispatches")
@@ -51,8 +48,8 @@ impl GpuSide {
                     recorded.set_bind_group(0, &pass.bindings[parity], &[]);
                     match groups {
                         Groups::Known([x, y]) => recorded.dispatch_workgroups(*x, *y, 1),
-                        Groups::InBuffer(slots) => {
-                            recorded.dispatch_workgroups_indirect(self.memory[slots[parity]].buffer(), 0);
+                        Groups::InBuffer(counts) => {
+                            recorded.dispatch_workgroups_indirect(&counts[parity], 0);
                         }
                     }
                 }
@@ -62,14 +59,14 @@ impl GpuSide {
                 let targets = &targets[parity];
                 // An array, because a steady frame allocates nothing.
                 let attachments: [_; MAX_TARGETS] = std::array::from_fn(|index| {
-                    let view = self.memory[*targets.get(index)?].target().1;
                     Some(wgpu::RenderPassColorAttachment {
-                        view,
+                        view: targets.get(index)?,
                         depth_slice: None,
                         resolve_target: None,
                         ops,
                     })
                 });
+                let encoder = self.commands.encoder(&self.gpu);
                 let mut recorded = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                     label: None,
                     color_attachments: &attachments[..targets.len()],
@@ -107,7 +104,7 @@ impl GpuSide {
         let upload = self.uploads.get_mut(&value).expect("built for every upload");
         let memory = memory.borrow();
         let slot = &self.memory[plan.slot(value, Side::Gpu, parity)];
-        let encoder = encoder(&self.gpu, &mut self.encoder);
+        let encoder = self.commands.encoder(&self.gpu);
         if let (GpuMemory::Buffer(buffer), true) = (slot, ranges.len() > 0) {
             let size = storage.element.bytes() as usize;
             let mut moved = 0;
@@ -160,12 +157,12 @@ impl GpuSide {
                 memory.borrow_mut().bytes_mut().fill(0);
             }
             if new {
-                from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
+                from.copy_out(self.commands.encoder(&self.gpu), readback.record(frame), layout);
             }
             return Ok(());
         }
-        from.copy_out(encoder(&self.gpu, &mut self.encoder), readback.record(frame), layout);
-        submit(&self.gpu, &mut self.encoder);
+        from.copy_out(self.commands.encoder(&self.gpu), readback.record(frame), layout);
+        self.commands.submit(&self.gpu);
         readback.map();
         readback.take(&self.gpu, frame, read)
     }
@@ -174,6 +171,6 @@ impl GpuSide {
     pub fn tap(&mut self, plan: &Plan, storage: StorageId, parity: usize, frame: u64, ring: &mut Readback) {
         let slot = plan.slot(Value::now(storage), Side::Gpu, parity);
         let layout = Layout::new(&plan.storages[storage].element, plan.storages[storage].dims);
-        self.memory[slot].copy_out(encoder(&self.gpu, &mut self.encoder), ring.record(frame), layout);
+        self.memory[slot].copy_out(self.commands.encoder(&self.gpu), ring.record(frame), layout);
     }
 }
