@@ -1,14 +1,14 @@
-//! A steady frame allocates no memory. Allocations are counted in the whole process, including the tracer. The counting
-//! allocator is global, so this test is a binary of its own.
+//! A steady frame allocates no memory; on the GPU, none but what wgpu does for the same dispatches. Allocations are counted
+//! in the whole process, including the tracer. The counting allocator is global, so this test is a binary of its own.
 
 use std::sync::Arc;
 
-use epigraph_core::{Facts, Settings, Side};
+use epigraph_core::{Facts, Settings, Side, testing::ByHand};
 use epigraph_scenes::{
     Scene,
     streams::{self, Points, encode},
 };
-use epigraph_tests::{Run, Stage, graph, tap};
+use epigraph_tests::{Run, Stage, graph, on_gpu_alone, tap};
 use glam::Vec3;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, Stats, StatsAlloc};
 
@@ -36,6 +36,13 @@ fn a_steady_frame_allocates_nothing() {
         none("filtered image", of_frames(&mut epi_filtered()));
 
         none("point set", of_frames(&mut point_set()));
+
+        for graph in ["render-cache.ron", "epi.ron"] {
+            let count = |stats: Stats| [stats.allocations, stats.reallocations, stats.bytes_allocated];
+            let [executor, by_hand] = on_gpu(graph).map(count);
+            assert!(by_hand[0] > 0, "wgpu allocates for each dispatch");
+            assert_eq!(executor, by_hand, "{graph}: allocations, reallocations and bytes of twenty frames");
+        }
 
         let region = Region::new(ALLOCATOR);
         drop(std::hint::black_box(vec![1u8; 100]));
@@ -66,6 +73,22 @@ fn point_set() -> Run {
     let scene = Arc::new(Scene::of_points("wall", Arc::new(points.into())));
     let settings = Settings { side: Side::Cpu, ..Settings::new([160, 120], 1, Facts::none()) };
     Run::in_scene(&graph("streams.ron"), &scene, "orbit", settings)
+}
+
+/// The allocations of twenty frames on the GPU by the executor, and of the same dispatches recorded by hand: wgpu's own.
+fn on_gpu(graph: &str) -> [Stats; 2] {
+    let mut run = on_gpu_alone(graph, [64, 48]);
+    run.frames(12);
+    let by_hand = ByHand::of(&run.executor).expect("only dispatches");
+    let frame = run.next_frame();
+    by_hand.wait().expect("a device that works");
+    let mut region = Region::new(ALLOCATOR);
+    let executor = {
+        (0..20).for_each(|_| run.frame(false));
+        region.change_and_reset()
+    };
+    (0..20).for_each(|number| by_hand.frame(&frame, number % 2));
+    [executor, region.change()]
 }
 
 /// The allocations of twenty frames of a run that has warmed up.

@@ -55,11 +55,14 @@
 //! assert_eq!(both.cpu.get::<f32>("double")[0], 2.0 * numbers[0]);
 //! ```
 
+mod by_hand;
+
 use std::{
     fmt::Debug,
     sync::{Arc, OnceLock},
 };
 
+pub use by_hand::ByHand;
 use bytemuck::Pod;
 
 use crate::{

@@ -6,10 +6,10 @@ use std::{
     sync::Arc,
 };
 
-use epigraph::{Device, Place, Samples, Setup, Snapshot, Source, graphs::Shipped};
+use epigraph::{Change, Device, Place, Samples, Setup, Snapshot, Source, changed, graphs::Shipped};
 use epigraph_core::{Facts, GraphFile, Port, Settings, Side};
 use epigraph_scenes::Scene;
-use epigraph_stages::facts::CAMERA_MOVES;
+use epigraph_stages::{facts::CAMERA_MOVES, registry};
 
 pub use epigraph_core::testing::gpu;
 
@@ -63,6 +63,19 @@ pub fn frame_on_both(cpu: &mut Run, gpu: &mut Run, ports: &[&str], allowed: usiz
 pub fn graph(name: &str) -> GraphFile {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name);
     GraphFile::load_with(&path, &Shipped).unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+/// A shipped graph that sees the cornell box by samples that a shader makes up, so that all of its frames run on the
+/// GPU: 5% of the pixels a frame, while the camera moves around it.
+///
+/// # Panics
+/// On any error.
+pub fn on_gpu_alone(name: &str, size: [u32; 2]) -> Run {
+    let swap = concat!("trace=", env!("CARGO_MANIFEST_DIR"), "/benches/answers.wgsl");
+    let swap = Change::swap(swap).expect("a change");
+    let file = changed(graph(name), [&swap], &registry()).unwrap_or_else(|problems| panic!("{problems}"));
+    let settings = Settings { side: Side::Gpu, ..sampled(size, 0.05) };
+    Run::new(&file, Stage { scene: "cornell", camera: "orbit", settings })
 }
 
 /// A graph that runs frame by frame. All errors are panics.

@@ -20,6 +20,7 @@ use std::{
 
 pub use device::{AdapterChoice, Gpu};
 use fearless_simd::Level;
+pub(crate) use gpu::{GpuPass, Groups, Pipeline};
 use gpu::{GpuSide, Layout, poison_word};
 use index_vec::{IndexSlice, IndexVec, index_vec};
 use readback::Readback;
@@ -239,6 +240,15 @@ impl Executor {
     /// [`PlannedNode::runs`] says when others do.
     pub fn ran(&self) -> &IndexSlice<NodeId, [bool]> {
         &self.ran[self.parity() ^ 1]
+    }
+
+    /// The device, the frame's constants, and the passes that nodes recorded in the last frame. `None` if no node runs
+    /// on a GPU.
+    pub(crate) fn recorded(&self) -> Option<(&Arc<Gpu>, &wgpu::Buffer, Vec<GpuPass>)> {
+        let side = self.gpu.as_ref()?;
+        let ran = self.plan.order().filter(|node| self.ran()[*node]);
+        let passes = ran.flat_map(|node| side.passes(node)).cloned().collect();
+        Some((&side.gpu, side.constants(), passes))
     }
 
     /// The number of frames that have run.

@@ -13,6 +13,7 @@ use index_vec::IndexVec;
 use memory::GpuMemory;
 pub(super) use memory::{Layout, poison_word};
 use pipelines::{Builder, GpuNode};
+pub(crate) use pipelines::{GpuPass, Groups, Pipeline};
 use watch::GpuWatch;
 
 use super::{Fill, Gpu, RunError, readback::Readback, watch::Watch};
@@ -149,6 +150,16 @@ impl GpuSide {
         if let Some(clock) = &mut self.clock {
             clock.map();
         }
+    }
+
+    /// The frame's constants.
+    pub fn constants(&self) -> &wgpu::Buffer {
+        &self.frame
+    }
+
+    /// What a node records.
+    pub fn passes(&self, node: NodeId) -> &[GpuPass] {
+        self.nodes[node].as_ref().map_or(&[], |node| &node.passes)
     }
 
     /// Whether the device measures time itself.
