@@ -311,10 +311,10 @@ impl Executor {
             gpu.begin(frame);
         }
         for index in self.plan.steps.indices() {
-            let start = Instant::now();
+            let start = self.profile.then(Instant::now);
             self.step(index, frame, host, parity, capture)?;
             self.finish_step(index)?;
-            if self.profile {
+            if let Some(start) = start {
                 let on_device_clock = self.gpu_has_clock() && self.is_gpu_step(index);
                 if !on_device_clock {
                     self.times[index] = start.elapsed().as_secs_f32() * 1000.0;
