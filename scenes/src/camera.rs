@@ -188,5 +188,10 @@ mod tests {
         let right = |lean: f32| camera(Vec3::new(lean, 1.0, 0.0), Vec3::ZERO).rotation * Vec3::X;
         assert!(right(0.02).y.abs() < 1e-6 && right(0.02).z.abs() > 0.99, "{}", right(0.02));
         assert!(right(0.01).z.abs() < 1e-6 && right(0.01).x.abs() > 0.99, "{}", right(0.01));
+        // At exactly 0.9999 the horizon is level still.
+        let back = Vec3::new(0.014_142_956, 0.9999, 0.0);
+        assert_eq!(back.normalize().y, 0.9999);
+        let right = camera(back, Vec3::ZERO).rotation * Vec3::X;
+        assert!(right.y.abs() < 1e-6 && right.z.abs() > 0.99, "{right}");
     }
 }

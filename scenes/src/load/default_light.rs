@@ -59,8 +59,8 @@ fn add_quad(builder: &mut SceneBuilder, bounds: [Vec3; 2]) -> Result<(), MeshErr
     let distance = 3.0 * radius;
     let side = radius;
     let u = side * towards.cross(Vec3::Y).normalize();
+    // Its front, towards u x v, is that to the box.
     let v = side * u.normalize().cross(towards);
-    let (u, v) = if u.cross(v).dot(towards) < 0.0 { (u, v) } else { (v, u) };
     // Radiance of a white surface: L A / (pi d^2).
     let radiance = std::f32::consts::PI * (distance / side).powi(2);
     let corner = centre + distance * towards - 0.5 * (u + v);

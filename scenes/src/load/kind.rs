@@ -90,6 +90,7 @@ mod tests {
         for (bytes, expected) in [
             (&b""[..], "it is empty"),
             (&zeros, "begins with zeros"),
+            (&zeros[..17], "begins with zeros"),
             (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n", "run `git lfs pull`"),
             (b"\n  <!DOCTYPE html>\n<title>", "a web page (HTML)"),
             (b"\xEF\xBB\xBF<HTML>", "download the file itself"),
@@ -122,6 +123,8 @@ mod tests {
             (b"{\"asset\"", "a.gltf"),
             (b"# solid\nv 0 0 0", "a.obj"),
             (b"Scene(version: 1)", "a.ron"),
+            // Too short to be what is left of a copy.
+            (&[0; 16], "a.obj"),
         ] {
             assert_eq!(check(bytes, name), Ok(()));
         }

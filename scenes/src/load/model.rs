@@ -332,6 +332,9 @@ mod tests {
             let quad = [Vec3::ZERO, 3.0 * Vec3::X, Vec3::new(3.0, 1.0, off), Vec3::Y];
             assert_eq!(parallelograms(&Shape::quad(quad)).len(), usize::from(is_one), "{off}");
         }
+        // By exactly that.
+        let [a, b, c] = [Vec3::ZERO, 3.0 * Vec3::X, Vec3::Y];
+        assert!(parallelogram([a, b, c], [Vec3::new(3.0, 1.0, 4.0 * 1e-3), c, b]).is_some());
         // Corners on one line have no front.
         let [a, b, c, d] = [0.0, 1.0, 2.0, 3.0].map(|x| x * Vec3::X);
         assert!(parallelogram([a, b, c], [d, c, b]).is_none());

@@ -480,6 +480,10 @@ fn a_scene_file_has_spots() {
     };
     near(cone(""), [1.0, 0.5_f32.sqrt()]);
     near(cone("inner: 30, outer: 60"), [0.75_f32.sqrt(), 0.5]);
+    // Both ends of what angles may be, and cones without a soft border.
+    for angle in [0.0_f32, 45.0, 180.0] {
+        near(cone(&format!("inner: {angle}, outer: {angle}")), [angle.to_radians().cos(); 2]);
+    }
     for wrong in ["inner: 50", "inner: -1", "outer: 181", "outer: NaN"] {
         assert!(error(&spot(wrong)).contains("light 0: all numbers must be finite"), "{wrong}");
     }

@@ -135,7 +135,7 @@ fn penumbra_is_narrow(
 /// Marks the pixels whose centres lie at most `radius` pixels (Euclidean) from the centre of a marked one, in an image
 /// whose rows have `width` pixels.
 pub fn within(marked: &[bool], width: usize, radius: f32) -> Vec<bool> {
-    let reach = radius.max(0.0) as isize;
+    let reach = radius as isize;
     let disc: Vec<[isize; 2]> = (-reach..=reach)
         .flat_map(|y| (-reach..=reach).map(move |x| [x, y]))
         .filter(|[x, y]| (x * x + y * y) as f32 <= radius * radius)
@@ -326,6 +326,49 @@ mod tests {
         assert_eq!(rows, [".#.....", "###....", "####...", "###....", ".#....."]);
         assert_eq!(within(&marked, 7, 0.0), marked);
         assert!(within(&[], 0, 2.0).is_empty());
+    }
+
+    #[test]
+    fn a_pixel_is_within_a_radius_up_to_exactly_that_radius() {
+        let mut marked = vec![false; 9 * 9];
+        marked[4 * 9 + 4] = true;
+        let count = |radius: f32| within(&marked, 9, radius).into_iter().filter(|&near| near).count();
+        // Numbers of points of the lattice in discs.
+        let expected =
+            [(-1.0, 0), (0.0, 1), (0.99, 1), (1.0, 5), (1.41, 5), (1.42, 9), (1.99, 9), (2.0, 13), (3.0, 29)];
+        assert_eq!(expected.map(|(radius, _)| count(radius)), expected.map(|(_, count)| count));
+    }
+
+    #[test]
+    fn points_are_separated_by_what_is_more_than_a_pixel_and_the_crease_angle() {
+        let mut builder = SceneBuilder::new();
+        let material = material(&mut builder);
+        builder.add(&floor(), material).unwrap();
+        let scene = builder.build("test", camera(), Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+        let seen = |face: u32, position: Vec3, facing: Vec3| Seen { face, position, facing, start: position };
+        let is_cut = |step: f32, turn: f32| {
+            let a = seen(0, Vec3::ZERO, Vec3::Y);
+            let turned = Vec3::new(turn.to_radians().sin(), turn.to_radians().cos(), 0.0);
+            let b = seen(1, step * Vec3::Y, turned);
+            let found = separated(&scene.mesh, &a, &b, 0.25);
+            assert_eq!(separated(&scene.mesh, &b, &a, 0.25), found, "either way");
+            found
+        };
+        for (step, turn, expected) in [
+            (0.0, 0.0, false),
+            (0.25, 0.0, false),
+            (-0.25, 0.0, false),
+            (0.2501, 0.0, true),
+            (-0.2501, 0.0, true),
+            (0.0, CREASE_ANGLE, false),
+            (0.0, CREASE_ANGLE - 0.01, false),
+            (0.0, CREASE_ANGLE + 0.01, true),
+        ] {
+            assert_eq!(is_cut(step, turn), expected, "{step} m, {turn} degrees");
+        }
+        // One triangle is no edge, whatever its points are like.
+        let [a, b] = [Vec3::ZERO, Vec3::Y].map(|at| seen(0, at, Vec3::Y));
+        assert!(!separated(&scene.mesh, &a, &b, 0.25));
     }
 
     #[test]

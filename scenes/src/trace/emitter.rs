@@ -499,7 +499,7 @@ impl Emitters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Camera;
+    use crate::{Camera, Map, Maps, Material, SceneBuilder, Shape, Texture};
 
     /// A quad light of one square metre that shines down from `height` above (x, 0, 0), and a point light at (0, 2, 5).
     fn lights(x: f32, height: f32) -> Emitters {
@@ -545,6 +545,29 @@ mod tests {
         let probability = [0, 1].map(|choice| emitters.probability(choice, from, None));
         assert_eq!(probability, [1.0 - 0.5 * EVEN_SHARE, 0.5 * EVEN_SHARE]);
         assert_eq!(emitters.choose_one(from, None, 0.0), Some((0, probability[0])));
+    }
+
+    #[test]
+    fn an_emissive_face_counts_as_a_hundredth_of_its_brightest_at_least() {
+        let camera = Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0.1, 10.0);
+        let mut builder = SceneBuilder::new();
+        let maps = Maps { emission: Some(Map { nearest: true, ..Map::new(0) }), ..Maps::default() };
+        let emission = Vec3::new(100.0, 200.0, 300.0);
+        let material = builder.material(Material { maps, ..Material::lamp("", emission) });
+        let triangle = Shape {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            ..Shape::default()
+        };
+        builder.add(&triangle, material).unwrap();
+        let mut scene = builder.build("test", camera, Vec3::ZERO, 0.0, 30.0).unwrap();
+        // 255, 8 and 1 of 255 are 1, 0.0024 and 0.0003 as light.
+        for (texel, expected) in [(255, 200.0), (128, 200.0 * 0.215_86), (8, 2.0), (1, 2.0), (0, 2.0)] {
+            let texels = vec![[texel, texel, texel, 255]];
+            scene.textures = Arc::new(vec![Arc::new(Texture { name: String::new(), size: [1, 1], texels })]);
+            let found = mean_emission(&scene, 0);
+            assert!((found / expected - 1.0).abs() < 1e-4, "{texel}: {found}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 use glam::{Quat, Vec2, Vec4};
 
+use super::lights::Placed;
 use super::*;
 use crate::{Alpha, DIELECTRIC_F0, Light, Wrap};
 
@@ -1229,6 +1230,28 @@ fn spots_shine_into_cones() {
 }
 
 #[test]
+fn lights_are_placed_about_the_origin_of_the_scene() {
+    let (position, origin) = (DVec3::new(1e6, 2.0, -5.0), DVec3::new(1e6 - 1.0, -4.0, 5.0));
+    let (at, bounds) = (Vec3::new(1.0, 6.0, -10.0), [Vec3::ZERO, Vec3::new(2.0, 4.0, 4.0)]);
+    let (intensity, axis, cosines) = (Vec3::new(3.0, 2.0, 1.0), Vec3::X, [0.9, 0.8]);
+    // A radius of 3 m is a hundredth of the sun's distance, whose square makes up for it.
+    let sun = Vec3::new(1.0, 2.0, 2.0) - 300.0 * axis;
+    for (placed, expected) in [
+        (Placed::Point { position, intensity }, Light::Point { position: at, intensity }),
+        (
+            Placed::Spot { position, axis, intensity, cosines },
+            Light::Spot { position: at, axis, intensity, cosines },
+        ),
+        (
+            Placed::Directional { direction: axis, irradiance: intensity },
+            Light::Point { position: sun, intensity: 9e4 * intensity },
+        ),
+    ] {
+        assert_eq!(placed.light(origin, bounds), expected);
+    }
+}
+
+#[test]
 fn compressed_buffer_views_are_unpacked() {
     let hex = "e1fe1e001e5e0e021efffff00696001401007687566778a9866589689801690000";
     let stream: Vec<u8> =
@@ -1273,10 +1296,15 @@ fn bent(tangent: [f32; 4], scale: &str, attributes: &str) -> [Vec3; 2] {
         .write_to(&mut red, image::ImageFormat::Png)
         .unwrap();
     let image = making.view(red.get_ref(), "");
+    let joints = making.view(&[0; 12], "");
+    making.accessor(format!(r#""bufferView": {joints}, "componentType": 5121, "count": 3, "type": "VEC4""#));
+    making.floats("VEC4", 3, &[1.0, 0.0, 0.0, 0.0].repeat(3));
     let model = making.model(&format!(
         r#""materials": [{{"normalTexture": {{"index": 0}}}}], "textures": [{{"source": 0}}],
-        "images": [{{"bufferView": {image}}}], "nodes": [{{"mesh": 0, "scale": {scale}}}],
-        "meshes": [{{"primitives": [{{"material": 0, "attributes": {{"POSITION": 0, {attributes}}}}}]}}]"#
+        "images": [{{"bufferView": {image}}}], "skins": [{{"joints": [1]}}],
+        "nodes": [{{"mesh": 0{}, "scale": {scale}}}, {{"scale": {scale}}}],
+        "meshes": [{{"primitives": [{{"material": 0, "attributes": {{"POSITION": 0, {attributes}}}}}]}}]"#,
+        if attributes.contains("JOINTS") { r#", "skin": 0"# } else { "" }
     ));
     assert!(model.report.is_empty(), "{:?}", model.report);
     let scene = model.into_scene("").unwrap();
@@ -1289,6 +1317,7 @@ fn bent(tangent: [f32; 4], scale: &str, attributes: &str) -> [Vec3; 2] {
 #[test]
 fn tangents_of_the_file_turn_its_normal_maps() {
     let all = r#""NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3"#;
+    let skinned = r#""NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3, "JOINTS_0": 4, "WEIGHTS_0": 5"#;
     let plain = "[1, 1, 1]";
     for (tangent, scale, attributes, expected) in [
         // Right is -x, and up is -y or +y.
@@ -1296,6 +1325,11 @@ fn tangents_of_the_file_turn_its_normal_maps() {
         ([-1.0, 0.0, 0.0, -1.0], plain, all, [-1.0, -1.0, -1.0]),
         // The mirror image of the first.
         ([-1.0, 0.0, 0.0, 1.0], "[-1, 1, 1]", all, [1.0, 1.0, -1.0]),
+        // Joints do what nodes do.
+        ([-1.0, 0.0, 0.0, 1.0], plain, skinned, [-1.0, 1.0, -1.0]),
+        ([-1.0, 0.0, 0.0, -1.0], plain, skinned, [-1.0, -1.0, -1.0]),
+        ([-1.0, 0.0, 0.0, 1.0], "[-1, 1, 1]", skinned, [1.0, 1.0, -1.0]),
+        ([-1.0, 0.0, 0.0, -1.0], "[-1, 1, 1]", skinned, [1.0, -1.0, -1.0]),
         // By the texture coordinates: right is +x, and up is -y.
         ([-1.0, 0.0, 0.0, 0.0], plain, all, [1.0, 1.0, -1.0]),
         ([f32::NAN, 1.0, 0.0, 1.0], plain, all, [1.0, 1.0, -1.0]),

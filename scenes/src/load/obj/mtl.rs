@@ -171,7 +171,7 @@ impl Mtl {
                 repair("`Tr 1` without `d`, taken as opaque");
                 1.0
             }
-            (None, Some(transparency)) => 1.0 - transparency.clamp(0.0, 1.0),
+            (None, Some(transparency)) => 1.0 - transparency.max(0.0),
             (None, None) => 1.0,
         };
         if opacity == 0.0 {

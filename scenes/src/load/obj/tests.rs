@@ -411,6 +411,33 @@ fn values_of_materials_in_many_forms() {
 }
 
 #[test]
+fn shares_beyond_0_to_1_are_taken_as_the_nearest_one_within() {
+    let of = |line: &str| read_materials(&format!("newmtl a\n{line}\n")).remove(0);
+    for (line, opacity) in [
+        ("d -0.5", 0.0),
+        ("d 0", 0.0),
+        ("d 0.25", 0.25),
+        ("d 1", 1.0),
+        ("d 1.5", 1.0),
+        ("Tr -0.5", 1.0),
+        ("Tr 0", 1.0),
+        ("Tr 0.25", 0.75),
+        ("Tr 0.999", 0.001),
+        ("Tr 1", 1.0),
+        ("Tr 1.5", 1.0),
+        ("d 0.25\nTr 0.5", 0.25),
+    ] {
+        let found = of(line);
+        assert!((found.opacity - opacity).abs() < 1e-6, "{line}: {}", found.opacity);
+        assert_eq!(found.alpha == Alpha::Blend, opacity < 1.0, "{line}");
+    }
+    for (written, expected) in [("-0.5", 0.0), ("0", 0.0), ("0.25", 0.25), ("1", 1.0), ("1.5", 1.0)] {
+        let (metal, rough) = (of(&format!("Pm {written}\nPr 1")), of(&format!("Pr {written}\nPm 0")));
+        assert_eq!((metal.metallic, rough.roughness), (expected, expected), "{written}");
+    }
+}
+
+#[test]
 fn what_lets_light_through() {
     let of = |lines: &str| read_materials(&format!("newmtl a\nKd 0.8 0.1 0.1\n{lines}\n")).remove(0);
     for (lines, alpha, opacity, transmission, ior) in [

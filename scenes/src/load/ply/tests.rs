@@ -429,3 +429,17 @@ fn no_damaged_byte_panics() {
         }
     }
 }
+
+#[test]
+fn a_header_is_given_in_lines_of_words_with_single_blanks() {
+    let expected = "ply\nformat ascii 1.0\nelement vertex 3\nproperty list uchar int a\nend_header\n";
+    let lines =
+        ["ply", "format  ascii\t1.0", "", " element vertex   3 ", "property list uchar int a", "end_header"];
+    for end in ["\n", "\r", "\r\n"] {
+        let header = lines.join(end) + end;
+        let start = header.clone() + "1 2 3";
+        assert_eq!(ply_header(start.as_bytes()), Some((expected.to_owned(), header.len())), "{end:?}");
+        // A header whose last line does not end is cut off.
+        assert_eq!(ply_header(header.trim_end().as_bytes()), None);
+    }
+}

@@ -121,6 +121,15 @@ fn thin_clear_glass_passes_what_it_does_not_reflect() {
     for mode in [Mode::Direct, Mode::Path] {
         assert_near(seen(&tracer, mode), 0.96 * 0.9 * open, 1e-3);
     }
+    // Where it is there by halves, the other half of the light meets nothing.
+    for opacity in [0.25, 0.5] {
+        let clear = Material::glass("", Vec3::splat(0.9), 1.5);
+        let (tracer, open) = under(Material { medium: None, opacity, alpha: Alpha::Blend, ..clear });
+        for mode in [Mode::Direct, Mode::Path] {
+            let share = opacity * 0.96 * 0.9 + 1.0 - opacity;
+            assert_near(seen(&tracer, mode), share * open, 1e-3);
+        }
+    }
     // A lamp behind it, by shadow rays and by scattered rays together, is as bright as by either.
     let mut stage = Stage::new(1.0);
     floor(&mut stage, glossy(0.4, 0.3), 0.5);
