@@ -337,6 +337,20 @@ mod tests {
     }
 
     #[test]
+    fn an_elements_text_has_the_numbers_of_all_members_in_order() {
+        let words = [1.5_f32.to_bits(), f32::NAN.to_bits(), (-2.0_f32).to_bits(), u32::MAX];
+        assert_eq!(text(&mixed(), &words), "1.5, NaN, -2.0, 4294967295");
+        assert_eq!(text(&f32::element(), &words[..1]), "1.5");
+        assert_eq!(text(&i32::element(), &words[3..]), "-1");
+        // A hole between members has no number.
+        let member =
+            |name: &'static str, scalar, offset| Member { name: name.into(), scalar, lanes: 1, offset };
+        let members = vec![member("first", Scalar::U32, 0), member("last", Scalar::I32, 12)];
+        let holed = Element::Item { name: "Holed".into(), stride: 16, members: members.into() };
+        assert_eq!(text(&holed, &[7, 8, 9, -3i32 as u32]), "7, -3");
+    }
+
+    #[test]
     fn halves_are_read_as_floats() {
         let halves = [1.5f32, f32::NAN, -2.0, f32::INFINITY].map(half::f16::from_f32);
         let bytes: Vec<u8> = halves.iter().flat_map(|half| half.to_le_bytes()).collect();

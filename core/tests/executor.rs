@@ -160,6 +160,42 @@ impl Stage for Lift {
     }
 }
 
+/// Kept numbers that do not change.
+struct Still {
+    numbers: Out<u32>,
+}
+
+impl Stage for Still {
+    const KIND: &'static str = "still";
+    const DOC: &'static str = "Ten times the index.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.per_view();
+        io.shader(Shader::new(
+            "still.wgsl",
+            "
+#import index
+@group(0) @binding(0) var<storage, read_write> numbers: array<u32>;
+@compute @workgroup_size(64) fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = linear_index(id, groups, 64u);
+    if i < arrayLength(&numbers) { numbers[i] = 10u * i; }
+}",
+        ));
+        let numbers = io.persistent("numbers", "the numbers", Extent::Frame(1));
+        io.dispatch("main", numbers);
+        Self { numbers }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        (0..).zip(&mut *cx.write(self.numbers)).for_each(|(index, number)| *number = 10 * index);
+        Ok(())
+    }
+}
+
 /// Kept numbers that change in every third frame only.
 struct Rarely {
     numbers: Out<u32>,
@@ -548,6 +584,7 @@ fn registry() -> Registry {
         .with::<Unpack>()
         .with::<Seldom>()
         .with::<See>()
+        .with::<Still>()
         .with_module(ShaderModule::new("frame", epigraph_shaders::text("shared/frame.wgsl")))
         .with_module(ShaderModule::new("index", epigraph_shaders::text("shared/index.wgsl")))
         .with::<Ramp>()
@@ -899,6 +936,39 @@ fn what_is_not_yet_there_is_zero_although_others_use_its_memory() {
         executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7]
     });
     assert_eq!(seen, [1, 1, 1008, 2008]);
+}
+
+#[test]
+fn late_downloads_of_what_does_not_change_come_again_only_if_the_cpu_changes_its_copy() {
+    let all = 4 * u64::from(SIZE[0] * SIZE[1]);
+    for (node, port, number, again) in [
+        (r#"kind: "look", inputs: { "input": "still.numbers" }"#, "output", 70, 0),
+        (r#"kind: "bump", inputs: { "list": "still.numbers" }"#, "list", 71, all),
+        // What the GPU changes is as it was, too.
+        (r#"kind: "look", inputs: { "input": "lift.list" }"#, "output", 71, 0),
+    ] {
+        let lift = r#""lift": (kind: "lift", on: Gpu, inputs: { "list": "still.numbers" }),"#;
+        let lift = if node.contains("lift") { lift } else { "" };
+        let text = format!(
+            r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {{
+                "still": (kind: "still", on: Gpu),
+                {lift}
+                "last": ({node}, on: Cpu, download: Latent(1)),
+            }}, outputs: {{ "image": "last.{port}" }})"#
+        );
+        let mut executor =
+            executor(&GraphFile::parse("still.ron", &text).unwrap(), &Settings::new(SIZE, 0, Facts::none()));
+        for index in 0..6 {
+            executor.run(&frame(index), &Host::default(), true).unwrap();
+            let seen = executor.snapshot("image", "").unwrap().unwrap().get::<u32>()[7];
+            let mut steps = executor.plan().steps.iter().zip(executor.moved());
+            let (_, moved) = steps.find(|(step, _)| matches!(step, Step::Download(..))).unwrap();
+            if index > 1 {
+                assert_eq!((seen % 1000, *moved), (number, again), "{node}, frame {index}");
+            }
+        }
+    }
 }
 
 #[test]

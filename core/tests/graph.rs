@@ -3,7 +3,7 @@
 
 use epigraph_core::{
     Access, CpuContext, Extent, Fact, Facts, GraphFile, Io, Problems, Quantity, Registry, Settings, Shader,
-    Side, Stage, Step, compile, params, scratch, texel,
+    Side, Stage, Step, choice, compile, params, scratch, texel,
 };
 
 const CAMERA_MOVES: Fact = Fact { name: "camera_moves" };
@@ -131,6 +131,70 @@ params! {
     }
 }
 
+choice! {
+    /// A kind of number.
+    enum Form { Float, Signed, Whole }
+}
+
+params! {
+    /// Parameters of [`Take`].
+    pub struct TakeParams {
+        /// What it takes.
+        form: Form = Form::Float;
+    }
+}
+
+/// Takes one kind of number, and whole ones besides.
+struct Take;
+
+impl Stage for Take {
+    const KIND: &'static str = "take";
+    const DOC: &'static str = "A stage of the tests.";
+    type Params = TakeParams;
+    fn declare(params: &TakeParams, io: &mut Io) -> Self {
+        io.optional::<u32>("hint", "may be missing", Extent::Any);
+        match params.form {
+            Form::Float => drop(io.read::<f32>("in", "numbers", Extent::Any)),
+            Form::Signed => drop(io.read::<i32>("in", "numbers", Extent::Any)),
+            Form::Whole => drop(io.read::<u32>("in", "numbers", Extent::Any)),
+        }
+        io.write::<f32>("out", "numbers", Extent::Frame(1));
+        Self
+    }
+    fn cpu(&self, _: &TakeParams, _: &CpuContext) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+params! {
+    /// Parameters of [`Give`].
+    pub struct GiveParams {
+        /// Whether its numbers are whole.
+        whole: bool = false;
+    }
+}
+
+/// Gives one of two kinds of numbers, and whole ones besides.
+struct Give;
+
+impl Stage for Give {
+    const KIND: &'static str = "give";
+    const DOC: &'static str = "A stage of the tests.";
+    type Params = GiveParams;
+    fn declare(params: &GiveParams, io: &mut Io) -> Self {
+        io.write::<u32>("rest", "whole numbers", Extent::Frame(1));
+        if params.whole {
+            io.write::<u32>("out", "numbers", Extent::Frame(1));
+        } else {
+            io.write::<f32>("out", "numbers", Extent::Frame(1));
+        }
+        Self
+    }
+    fn cpu(&self, _: &GiveParams, _: &CpuContext) -> Result<(), String> {
+        Ok(())
+    }
+}
+
 /// Has both forms; that of the GPU is for cameras at rest.
 struct Restful;
 
@@ -174,6 +238,8 @@ impl Stage for Row {
 fn registry() -> Registry {
     Registry::default()
         .with::<Row>()
+        .with::<Take>()
+        .with::<Give>()
         .with::<Restful>()
         .with::<Source>()
         .with::<Small>()
@@ -441,6 +507,38 @@ fn problems_are_reported_together() {
         "unknown node `zz`",
     ] {
         assert!(text.contains(wanted), "{wanted}\nnot in\n{text}");
+    }
+}
+
+#[test]
+fn settings_that_would_make_a_wire_fit_are_named_of_both_ends() {
+    for (source, reader, expected) in [
+        ("give", "take", None),
+        ("give.whole: true", "take", Some("take.form=Whole or give.whole=false")),
+        ("give", "take.form: Whole", Some("take.form=Float or give.whole=true")),
+        // No value of the other end fits, or it has no parameters.
+        ("give", "take.form: Signed", Some("take.form=Float")),
+        ("source", "take.form: Whole", Some("take.form=Float")),
+        ("give.whole: true", "filter", Some("give.whole=false")),
+        ("picture", "filter", Some("")),
+        // There is no setting for floats from an image.
+        ("picture", "take", Some("")),
+    ] {
+        let node = |text: &str, inputs: &str| {
+            let (kind, params) = text.split_once('.').unwrap_or((text, ""));
+            format!(r#""{kind}": (kind: "{kind}", params: ({params}){inputs}),"#)
+        };
+        let name = reader.split('.').next().unwrap();
+        let source_name = source.split('.').next().unwrap();
+        let wire = format!(r#", inputs: {{ "in": "{source_name}.out" }}"#);
+        let nodes = node(source, "") + &node(reader, &wire);
+        let problems = compile(&file(&nodes, &format!("{name}.out")), &registry(), &settings()).err();
+        let remedies = problems.map(|problems| {
+            assert_eq!(problems.0.len(), 1, "{problems}");
+            let text = problems.0[0].error.to_string();
+            text.split_once("; it would fit with ").map_or(String::new(), |(_, remedies)| remedies.to_owned())
+        });
+        assert_eq!(remedies.as_deref(), expected, "{source} to {reader}");
     }
 }
 

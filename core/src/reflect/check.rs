@@ -307,7 +307,6 @@ impl<'a> Check<'a> {
 
     fn threads(&mut self, entry: &'a Entry, threads: Threads) {
         let name = &entry.name;
-        self.errors.about(name);
         match threads {
             Threads::Blocks(_, 0) => {
                 self.errors
