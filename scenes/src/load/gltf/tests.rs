@@ -1215,6 +1215,12 @@ fn spots_shine_into_cones() {
     for (spot, angles, valid) in [
         ("", [0.0, 0.25 * std::f32::consts::PI], true),
         (r#", "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.25}"#, [0.2, 0.25], true),
+        (r#", "spot": {"innerConeAngle": 0.25, "outerConeAngle": 0.25}"#, [0.25, 0.25], true),
+        (r#", "spot": {"innerConeAngle": 0.26, "outerConeAngle": 0.25}"#, [0.25, 0.25], false),
+        // As wide as half of all directions.
+        (r#", "spot": {"outerConeAngle": 1.5707964}"#, [0.0, 0.5 * std::f32::consts::PI], true),
+        (r#", "spot": {"outerConeAngle": 1.5708}"#, [0.0, 0.5 * std::f32::consts::PI], false),
+        (r#", "spot": {"innerConeAngle": -0.001, "outerConeAngle": 0.25}"#, [0.0, 0.25], false),
         (r#", "spot": {"innerConeAngle": 0.5, "outerConeAngle": 0.25}"#, [0.25, 0.25], false),
         (
             r#", "spot": {"innerConeAngle": -1, "outerConeAngle": 3}"#,

@@ -443,3 +443,23 @@ fn a_header_is_given_in_lines_of_words_with_single_blanks() {
         assert_eq!(ply_header(header.trim_end().as_bytes()), None);
     }
 }
+
+#[test]
+fn a_header_has_at_most_a_megabyte() {
+    let header = |length: usize| {
+        let (begin, end) = ("ply\nformat ascii 1.0\n", "end_header\n");
+        let comment = format!("comment {}\n", "x".repeat(991));
+        let mut text = begin.to_owned();
+        while text.len() + comment.len() + end.len() < length {
+            text += &comment;
+        }
+        let rest = length - text.len() - end.len();
+        text + &"\n".repeat(rest) + end
+    };
+    for (length, fits) in [(1 << 10, true), (1 << 20, true), ((1 << 20) + 1, false)] {
+        let header = header(length);
+        assert_eq!(header.len(), length);
+        assert_eq!(ply_header(header.as_bytes()).map(|(_, end)| end), fits.then_some(length));
+        assert_eq!(Header::parse(header.as_bytes()).map(|header| header.length).ok(), fits.then_some(length));
+    }
+}
