@@ -201,6 +201,9 @@ pub struct PlannedNode {
     pub written_anew: Vec<StorageId>,
     /// In which frames it runs. Otherwise its outputs keep what they hold.
     pub runs: Runs,
+    /// If it runs per view: other contents, on a side, that wake it when they change. Its readers run then, and what they
+    /// read is not kept.
+    pub wakes: Vec<(StorageId, Side)>,
 }
 
 impl PlannedNode {
@@ -447,8 +450,9 @@ fn megabytes(bytes: u64) -> String {
     format!("{:.2} MiB", bytes as f64 / (1024.0 * 1024.0))
 }
 
-/// Producers before consumers; readers of a version before its updater. Among the nodes that are ready, one on the same
-/// side as the previous node comes first (fewer changes of side, fewer submissions), then file order decides.
+/// Producers before consumers; readers of a version before its updater. Among the nodes that are ready, one whose outputs
+/// seldom change comes first ([`rest`]), then one on the same side as the previous node (fewer changes of side, fewer
+/// submissions), then file order decides.
 fn order(graph: &Graph) -> Result<Vec<NodeId>, Problems> {
     let before = precedence(graph);
     let mut waiting: IndexVec<NodeId, usize> = graph
@@ -460,8 +464,9 @@ fn order(graph: &Graph) -> Result<Vec<NodeId>, Problems> {
     let mut order = Vec::with_capacity(waiting.len());
     let mut side = None;
     while let Some(&first) = ready.first() {
-        let same_side = ready.iter().copied().find(|&node| Some(graph.nodes[node].side) == side);
-        let node = same_side.unwrap_or(first);
+        let seldom = ready.iter().copied().find(|&node| graph.nodes[node].declaration().seldom);
+        let same_side = || ready.iter().copied().find(|&node| Some(graph.nodes[node].side) == side);
+        let node = seldom.or_else(same_side).unwrap_or(first);
         ready.remove(&node);
         side = Some(graph.nodes[node].side);
         order.push(node);
@@ -617,7 +622,8 @@ fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &Storage
         written_anew.dedup();
         let (name, kind, side) = (node.name.clone(), node.kind.clone(), node.side);
         let (column, runs) = (declaration.column, declaration.runs.clone());
-        PlannedNode { name, kind, column, side, bindings, first_writes, updates, written_anew, runs }
+        let wakes = Vec::new();
+        PlannedNode { name, kind, column, side, bindings, first_writes, updates, written_anew, runs, wakes }
     };
     bindings.into_iter().zip(&graph.nodes).map(plan_node).collect()
 }
@@ -715,7 +721,7 @@ fn steps(
 
 /// Allocates a slot for every storage on every side that uses it. Transients share a slot if their first and last uses do
 /// not overlap; on the GPU, which has a buffer or a texture there, only those with equal descriptions. The largest choose
-/// first, each the smallest slot that is large enough (Pisarchyk and Lee, *Efficient Memory Management for Deep Neural
+/// first, of equal ones those that live longest, each the smallest slot that is large enough (Pisarchyk and Lee, *Efficient Memory Management for Deep Neural
 /// Net Inference*, 2020, section 4.3).
 fn slots(
     steps: &IndexVec<StepId, Step>,
@@ -750,9 +756,12 @@ fn slots(
     }
     PerSide::new(|side| {
         let mut slots: IndexVec<SlotId, Slot> = IndexVec::new();
-        let span = |&storage: &StorageId| (Reverse(storages[storage].bytes()), uses[side][&storage]);
+        let rank = |&storage: &StorageId| {
+            let (start, end) = uses[side][&storage];
+            (Reverse(storages[storage].bytes()), Reverse(end.index() - start.index()), start)
+        };
         let mut largest_first: Vec<StorageId> = uses[side].keys().copied().collect();
-        largest_first.sort_by_key(span);
+        largest_first.sort_by_key(rank);
         // The slots of transients, with the first and last steps at which each is in use.
         let mut shared: Vec<(SlotId, BTreeMap<StepId, StepId>)> = Vec::new();
         for id in largest_first {

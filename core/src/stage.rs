@@ -104,6 +104,8 @@ pub struct Declaration {
     pub idle: bool,
     /// In which frames it has something to do.
     pub runs: Runs,
+    /// Whether its outputs seldom change: see [`Io::seldom`].
+    pub seldom: bool,
     /// The column of the application's table of times that the stage counts towards; `None`: the rest of the frame.
     pub column: Option<&'static str>,
 }
@@ -308,6 +310,13 @@ impl<'a> Io<'a> {
     /// Declares the same of frames that may not request samples ([`Frame::samples`] is 0).
     pub fn per_budget(&mut self) {
         self.declared.runs = Runs::PerBudget;
+    }
+
+    /// Declares that the outputs seldom change, as the stage reports ([`CpuContext::unchanged`]). Stages that run per view
+    /// then run in the frames in which they do, too, if memory need not be kept from frame to frame for that. A stage that
+    /// seldom changes its outputs runs as early as possible.
+    pub fn seldom(&mut self) {
+        self.declared.seldom = true;
     }
 
     /// Sets the column of the application's table of times that the stage counts towards.

@@ -7,8 +7,8 @@ use std::{
 };
 
 use epigraph_core::{
-    Access, CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Out, Registry, RunError,
-    Runs, Settings, Shader, ShaderModule, Side, Source, Stage, Step, compile, params,
+    Access, CpuContext, Executor, Extent, Facts, Frame, GraphFile, Host, In, Io, Life, Out, Registry,
+    RunError, Runs, Settings, Shader, ShaderModule, Side, Source, Stage, Step, compile, params,
     testing::{Random, gpu},
     texel,
 };
@@ -505,6 +505,16 @@ impl Stage for Unpack {
     }
 }
 
+params! {
+    /// Parameters of `seldom`.
+    pub struct SeldomParams {
+        /// Frames by which the changes come earlier.
+        ahead: u32 = 0, in 0..=4;
+        /// Whether it declares that it seldom changes.
+        declares: bool = true;
+    }
+}
+
 /// Kept numbers of which now all, now some, now none change, which it reports as it is.
 struct Seldom {
     numbers: Out<u32>,
@@ -513,14 +523,17 @@ struct Seldom {
 impl Stage for Seldom {
     const KIND: &'static str = "seldom";
     const DOC: &'static str = "Numbers of which some change.";
-    type Params = ();
+    type Params = SeldomParams;
 
-    fn declare((): &(), io: &mut Io) -> Self {
+    fn declare(params: &SeldomParams, io: &mut Io) -> Self {
+        if params.declares {
+            io.seldom();
+        }
         Self { numbers: io.persistent("numbers", "the numbers", Extent::Frame(1)) }
     }
 
-    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
-        let (frame, numbers) = (cx.frame().index as usize, &mut cx.write(self.numbers));
+    fn cpu(&self, params: &SeldomParams, cx: &CpuContext) -> Result<(), String> {
+        let (frame, numbers) = ((cx.frame().index + params.ahead) as usize, &mut cx.write(self.numbers));
         match frame * 7 % 5 {
             0 => numbers.iter_mut().zip(frame as u32..).for_each(|(number, new)| *number = new),
             1 | 2 => cx.unchanged(self.numbers),
@@ -530,6 +543,49 @@ impl Stage for Seldom {
                     cx.changed(self.numbers, start..start + 3);
                 }
             }
+        }
+        Ok(())
+    }
+}
+
+/// Follows from its inputs alone.
+struct Join {
+    inputs: [In<u32>; 2],
+    output: Out<u32>,
+}
+
+impl Stage for Join {
+    const KIND: &'static str = "join";
+    const DOC: &'static str = "The sum of its inputs.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.per_view();
+        io.shader(Shader::new(
+            "join.wgsl",
+            "
+#import index
+@group(0) @binding(1) var<storage, read> one: array<u32>;
+@group(0) @binding(2) var<storage, read> other: array<u32>;
+@group(0) @binding(3) var<storage, read_write> output: array<u32>;
+@compute @workgroup_size(64) fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = linear_index(id, groups, 64u);
+    if i < arrayLength(&output) { output[i] = one[i] + other[i]; }
+}",
+        ));
+        let inputs = ["one", "other"].map(|name| io.read(name, "read", Extent::Frame(1)));
+        let output = io.write("output", "the sum", Extent::Frame(1));
+        io.dispatch("main", output);
+        Self { inputs, output }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let [one, other] = self.inputs.map(|input| cx.read(input));
+        for (at, output) in cx.write(self.output).iter_mut().enumerate() {
+            *output = one[at].wrapping_add(other[at]);
         }
         Ok(())
     }
@@ -595,6 +651,7 @@ fn registry() -> Registry {
         .with::<Stumble>()
         .with::<Few>()
         .with::<Rarely>()
+        .with::<Join>()
         .with::<Look>()
         .with::<Wide>()
         .with::<Pair>()
@@ -736,6 +793,47 @@ fn stages_of_the_view_run_only_when_it_or_their_inputs_change() {
                 assert_eq!(ran, expected, "{sides:?}, frame {frame}");
                 assert_eq!(value / 1000, 2 * last as u32, "{sides:?}, frame {frame}");
             }
+        }
+    }
+}
+
+#[test]
+fn what_seldom_changes_wakes_those_whose_outputs_are_then_read() {
+    for side in ["Cpu", "Gpu"] {
+        let text = |declares: bool| {
+            format!(
+                r#"#![enable(implicit_some)]
+                Graph(version: 1, nodes: {{
+                    "often": (kind: "seldom", params: (ahead: 2, declares: false)),
+                    "see": (kind: "see", on: {side}, inputs: {{ "input": "often.numbers" }}),
+                    "seldom": (kind: "seldom", params: (declares: {declares})),
+                    "join": (kind: "join", on: {side}, inputs: {{ "one": "see.output", "other": "seldom.numbers" }}),
+                    "other": (kind: "see", on: {side}, inputs: {{ "input": "often.numbers" }}),
+                }}, outputs: {{ "image": "join.output", "other": "other.output" }})"#
+            )
+        };
+        let start = |declares, prune| {
+            let file = GraphFile::parse("wakes.ron", &text(declares)).unwrap();
+            let settings = Settings { prune, poison: true, ..Settings::new(SIZE, 0, Facts::none()) };
+            executor(&file, &settings)
+        };
+        let [mut whole, mut keeps, mut wakes] =
+            [(true, false), (false, true), (true, true)].map(|(a, b)| start(a, b));
+        let life = |executor: &Executor| {
+            let mut storages = executor.plan().storages.iter();
+            storages.find(|storage| storage.name == "see.output").unwrap().life
+        };
+        assert_eq!([&keeps, &wakes].map(life), [Life::Persistent, Life::Transient]);
+        for index in 0..15 {
+            let run = |executor: &mut Executor| {
+                executor.run(&frame(index), &Host::default(), true).unwrap();
+                let see = executor.graph().node("see").unwrap();
+                (executor.ran()[see], executor.snapshot("image", "").unwrap().unwrap().get::<u32>())
+            };
+            let [(_, expected), kept, woken] = [&mut whole, &mut keeps, &mut wakes].map(run);
+            assert_eq!([&kept.1, &woken.1], [&expected, &expected], "{side}, frame {index}");
+            let changes = |ahead: u32| index == 0 || ![1, 2].contains(&((index + ahead) * 7 % 5));
+            assert_eq!((kept.0, woken.0), (changes(2), changes(2) || changes(0)), "{side}, frame {index}");
         }
     }
 }
@@ -1028,6 +1126,7 @@ fn random_graph(random: &mut Random, on: impl Fn(usize) -> &'static str) -> Stri
     let mut nodes = vec![
         (String::from(r#"kind: "ramp""#), "ramp", true),
         (String::from(r#"kind: "seldom""#), "numbers", false),
+        (String::from(r#"kind: "seldom", params: (ahead: 2, declares: false)"#), "numbers", false),
     ];
     for _ in 0..3 + random.below(5) {
         let mut list = |nodes: &Vec<(String, &str, bool)>| {
@@ -1036,8 +1135,12 @@ fn random_graph(random: &mut Random, on: impl Fn(usize) -> &'static str) -> Stri
             format!("n{node}.{port}")
         };
         let (one, other) = (list(&nodes), list(&nodes));
-        match random.below(4) {
+        match random.below(6) {
             0 => nodes.push((format!(r#"kind: "bump", inputs: {{ "list": {one:?} }}"#), "list", true)),
+            4 | 5 => {
+                let inputs = format!(r#"inputs: {{ "one": {one:?}, "other": {other:?} }}"#);
+                nodes.push((format!(r#"kind: "join", {inputs}"#), "output", true));
+            }
             1 | 2 => nodes.push((format!(r#"kind: "see", inputs: {{ "input": {one:?} }}"#), "output", true)),
             _ => {
                 let weight = random.below(4);

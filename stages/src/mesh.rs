@@ -64,6 +64,7 @@ impl Stage for Mesh {
 
     fn declare(params: &MeshParams, io: &mut Io) -> Self {
         io.column(column::E1);
+        io.seldom();
         let vertices =
             io.persistent("vertices", VERTICES.doc("Positions, metres; w = 1."), facts::VERTICES.list());
         let faces = io.persistent("faces", FACES, facts::FACES.list());

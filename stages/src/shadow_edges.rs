@@ -64,6 +64,7 @@ impl Stage for ShadowEdges {
 
     fn declare(params: &Self::Params, io: &mut Io) -> Self {
         io.column(column::E1);
+        io.seldom();
         let number = Extent::Fixed([1, 1]);
         let room = match params.capacity {
             0 => facts::SHADOW_SEGMENTS.list(),

@@ -59,8 +59,8 @@ pub(super) struct Versions {
 impl Versions {
     /// At the start, nothing is known to be equal on both sides.
     pub fn new(plan: &Plan) -> Self {
-        let numbers =
-            || plan.nodes.iter().map(|node| Vec::with_capacity(1 + node.values().count())).collect();
+        let most = |node: &PlannedNode| 1 + node.values().count() + node.wakes.len();
+        let numbers = || plan.nodes.iter().map(|node| Vec::with_capacity(most(node))).collect();
         Self {
             last: 2,
             parity: 0,
@@ -73,9 +73,7 @@ impl Versions {
             seen: numbers(),
             left: numbers(),
             repeated: index_vec![false; plan.nodes.len()],
-            state: Vec::with_capacity(
-                1 + plan.nodes.iter().map(|node| node.values().count()).max().unwrap_or(0),
-            ),
+            state: Vec::with_capacity(plan.nodes.iter().map(most).max().unwrap_or(0)),
         }
     }
 
@@ -157,6 +155,9 @@ impl Versions {
                 let written =
                     |value: &Value| !value.previous && planned.first_writes.contains(&value.storage);
                 planned.values().filter(|value| !written(value)).for_each(add);
+                for &(storage, side) in &planned.wakes {
+                    state.push(*self.held(plan, Value::now(storage), side));
+                }
                 state.push(self.view_version);
             }
             Runs::PerChange(fields) => {

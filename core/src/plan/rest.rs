@@ -5,10 +5,16 @@
 //! skipped whenever the writer is. If all readers are like that, the output needs no memory of its own: while the
 //! writer is skipped, nobody looks at it. Otherwise it is kept from frame to frame.
 //!
+//! A writer with fewer origins than a reader may be woken by those that it lacks
+//! ([`PlannedNode::wakes`](super::PlannedNode::wakes)): it then runs whenever the reader does, and the output need not be
+//! kept either. That is done where it costs next to no time: if the missing origins seldom change
+//! ([`Io::seldom`](crate::Io::seldom)), or if the node that writes them writes other origins of the writer as well. They
+//! must be there before the writer's turn.
+//!
 //! Such a reader may also change the output in place, on the same side, as then all of them are skipped, or all run, in
 //! order. If another node changes the output, or reads it before it is changed, the writer runs in every frame.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 use index_vec::IndexVec;
 
@@ -67,9 +73,10 @@ impl Contents {
 /// Lets nodes run in every frame that must, and keeps what is read while its writer is skipped.
 pub(super) fn rest(graph: &Graph, order: &[NodeId], nodes: &mut Nodes, storages: &mut Storages) {
     loop {
-        let Walk { needed, spoilt, .. } = Walk::new(graph, order, nodes, storages.len());
-        if spoilt.is_empty() {
-            for storage in needed {
+        let Walk { needed, spoilt, mut wakes, .. } = Walk::new(graph, order, nodes, storages);
+        wakes.retain(|&(storage, writer, _)| !needed.contains(&(storage, writer)));
+        if spoilt.is_empty() && wakes.is_empty() {
+            for (storage, _) in needed {
                 if storages[storage].life == Life::Transient {
                     storages[storage].life = Life::Persistent;
                 }
@@ -78,6 +85,13 @@ pub(super) fn rest(graph: &Graph, order: &[NodeId], nodes: &mut Nodes, storages:
         }
         for node in spoilt {
             nodes[node].runs = Runs::Always;
+            nodes[node].wakes.clear();
+        }
+        let news: BTreeSet<_> = wakes.into_iter().map(|(_, node, by)| (node, by)).collect();
+        for (node, by) in news {
+            if nodes[node].runs == Runs::PerView && !nodes[node].wakes.contains(&by) {
+                nodes[node].wakes.push(by);
+            }
         }
     }
 }
@@ -87,19 +101,28 @@ struct Walk {
     contents: IndexVec<StorageId, Contents>,
     /// What each node that runs per view follows from, if that is known.
     origins: IndexVec<NodeId, Option<Origins>>,
-    /// Storages that are read while their writer is skipped.
-    needed: BTreeSet<StorageId>,
+    /// What is read while its writer is skipped: storages with writers.
+    needed: BTreeSet<(StorageId, NodeId)>,
     /// Nodes that may not be skipped, because their outputs are changed in place.
     spoilt: BTreeSet<NodeId>,
+    /// What need not be kept if these contents, on a side, wake its writer.
+    wakes: BTreeSet<(StorageId, NodeId, (StorageId, Side))>,
+    /// For each storage: the nodes that have written it so far, with their places in the order.
+    writers: IndexVec<StorageId, Vec<(usize, NodeId)>>,
+    /// The places of the nodes that have run so far.
+    places: HashMap<NodeId, usize>,
 }
 
 impl Walk {
-    fn new(graph: &Graph, order: &[NodeId], nodes: &Nodes, storages: usize) -> Self {
+    fn new(graph: &Graph, order: &[NodeId], nodes: &Nodes, storages: &Storages) -> Self {
         let mut walk = Self {
-            contents: (0..storages).map(|_| Contents::default()).collect(),
+            contents: storages.iter().map(|_| Contents::default()).collect(),
             origins: nodes.iter().map(|_| None).collect(),
             needed: BTreeSet::new(),
             spoilt: BTreeSet::new(),
+            wakes: BTreeSet::new(),
+            writers: storages.iter().map(|_| Vec::new()).collect(),
+            places: HashMap::new(),
         };
         let taps = || graph.taps.iter().map(|(_, at)| at).chain(graph.outputs.iter().map(|(_, at)| at));
         let mut tapped: IndexVec<NodeId, Vec<Value>> = nodes.iter().map(|_| Vec::new()).collect();
@@ -109,14 +132,14 @@ impl Walk {
         }
         for &node in order {
             if !graph.nodes[node].declaration().idle {
-                walk.run(graph, nodes, node);
+                walk.run(graph, nodes, storages, node);
             }
-            tapped[node].iter().for_each(|value| walk.read(value.storage, None));
+            tapped[node].iter().for_each(|value| walk.read(graph, nodes, value.storage, None));
         }
         walk
     }
 
-    fn run(&mut self, graph: &Graph, nodes: &Nodes, node: NodeId) {
+    fn run(&mut self, graph: &Graph, nodes: &Nodes, storages: &Storages, node: NodeId) {
         let (planned, declaration) = (&nodes[node], graph.nodes[node].declaration());
         let late = planned.side == Side::Cpu && graph.nodes[node].download != Download::Sync;
         let inputs = declaration.ports.iter().zip(&planned.bindings);
@@ -127,16 +150,25 @@ impl Walk {
         for &value in &inputs {
             origins.append(&mut self.contents[value.storage].origins(value, planned.side, late));
         }
+        for &(storage, side) in &planned.wakes {
+            origins.append(&mut self.contents[storage].origins(Value::now(storage), side, false));
+        }
         let per_view = planned.runs == Runs::PerView;
         let origins = (per_view && origins.len() <= MOST_ORIGINS).then_some(origins);
+        // It fills both slots of an output with history, so it runs once more while its writers are skipped.
+        let repeats = planned.first_writes.iter().any(|&storage| storages[storage].life == Life::History);
+        let skipped_for = origins.as_ref().filter(|_| !repeats);
         inputs.iter().filter(|value| !value.previous).for_each(|value| {
-            self.read(value.storage, origins.as_ref());
+            self.read(graph, nodes, value.storage, skipped_for);
         });
         for storage in &planned.updates {
             let &Contents { writer, needed, .. } = &self.contents[*storage];
             self.spoilt.extend(writer.filter(|writer| needed || nodes[*writer].side != planned.side));
         }
+        let place = self.places.len();
+        self.places.insert(node, place);
         for storage in planned.written() {
+            self.writers[storage].push((place, node));
             let own = || [Origin::Written(node, storage)].into();
             let mut written = Contents::default();
             written.origins[planned.side] = Some(origins.clone().unwrap_or_else(own));
@@ -149,16 +181,39 @@ impl Walk {
     }
 
     /// A node, with what it follows from if it runs per view, reads what a storage holds.
-    fn read(&mut self, storage: StorageId, reader: Option<&Origins>) {
-        let contents = &mut self.contents[storage];
-        let Some(writer) = contents.writer else { return };
-        let skipped_with_it = match (reader, &self.origins[writer]) {
-            (Some(reader), Some(writer)) => reader.is_subset(writer),
-            _ => false,
+    fn read(&mut self, graph: &Graph, nodes: &Nodes, storage: StorageId, reader: Option<&Origins>) {
+        let Some(writer) = self.contents[storage].writer else { return };
+        let missing: Option<Origins> = match (reader, &self.origins[writer]) {
+            (Some(reader), Some(of_writer)) => Some(reader.difference(of_writer).copied().collect()),
+            _ => None,
         };
-        if !skipped_with_it {
-            contents.needed = true;
-            self.needed.insert(storage);
+        let waking = |origin| self.waking(graph, nodes, writer, origin);
+        let wakes = missing.and_then(|missing| missing.into_iter().map(waking).collect::<Option<Vec<_>>>());
+        match wakes {
+            Some(wakes) => self.wakes.extend(wakes.into_iter().map(|by| (storage, writer, by))),
+            None => {
+                self.contents[storage].needed = true;
+                self.needed.insert((storage, writer));
+            }
         }
+    }
+
+    /// The contents by which an origin wakes a node that runs per view; `None` if it cannot, or should not.
+    fn waking(
+        &self,
+        graph: &Graph,
+        nodes: &Nodes,
+        node: NodeId,
+        origin: Origin,
+    ) -> Option<(StorageId, Side)> {
+        let Origin::Written(source, storage) = origin else { return None };
+        let of_source = |origin: &Origin| matches!(origin, Origin::Written(other, _) if *other == source);
+        let known = self.origins[node].as_ref().is_some_and(|origins| origins.iter().any(of_source));
+        // What the node finds there must be what the source wrote.
+        let place = self.places[&node];
+        let last = self.writers[storage].iter().rfind(|(at, _)| *at < place);
+        let is_there = last.is_some_and(|(_, writer)| *writer == source);
+        let is_cheap = known || graph.nodes[source].declaration().seldom;
+        (is_there && is_cheap).then_some((storage, nodes[source].side))
     }
 }
