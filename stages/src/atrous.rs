@@ -6,14 +6,17 @@
 //! depths. What remains are smooth gradients, textures, and edges that are not known. They are kept by comparing the
 //! tap's difference with the colour's standard deviation.
 
-use std::ops::Range;
-
 use epigraph_core::{CpuContext, Extent, In, Io, Out, Stage, constants, params, scratch, texel};
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*, u32x8};
 use rayon::prelude::*;
 
 use crate::{
     meaning::{JOINS, RADIANCE, VARIANCE},
-    shared::{color::luminance, edge_pixel::DIRECTIONS, requests::UNKNOWN},
+    shared::{
+        color::luminances,
+        lanes::{LANES, bits, if_odd, load_transposed, padded, store, store_vectors},
+        requests::UNKNOWN,
+    },
 };
 
 constants! {
@@ -25,12 +28,12 @@ constants! {
     const LEAST_VARIANCE: f32 = 1e-30;
 }
 
-/// The directions of taps, as indices of [`DIRECTIONS`]: E, S, W and N. With the four corners, too, pictures are not
-/// better.
-const SIDES: [usize; 4] = [0, 2, 4, 6];
-
-/// Columns that a task processes at a time.
-const TILE: usize = 64;
+/// The directions of taps, as nibbles of N8. With the four corners, too, pictures are not better.
+const SIDES: [usize; 4] = [EAST, SOUTH, WEST, NORTH];
+const EAST: usize = 0;
+const SOUTH: usize = 2;
+const WEST: usize = 4;
+const NORTH: usize = 6;
 
 params! {
     /// Parameters of [`Atrous`].
@@ -101,30 +104,144 @@ impl Stage for Atrous {
         let (mut even_reach, mut odd_reach) = (cx.write(self.even_reach), cx.write(self.odd_reach));
         let mut from = Planes::new(&mut even, &mut even_reach, width);
         let mut to = Planes::new(&mut odd, &mut odd_reach, width);
-        from.prepare(color, variance, n8);
+        let level = cx.level();
+        from.rows_mut().for_each(|(y, row)| {
+            let input = Input { color, variance, n8, width };
+            dispatch!(level, simd => input.prepare(simd, y, row));
+        });
         let scale = 1.0 / (params.tolerance * params.tolerance);
-        for level in 0..params.levels {
-            to.average(&from, 1 << level, scale);
+        for step in (0..params.levels).map(|level| 1 << level) {
+            to.rows_mut()
+                .for_each(|(y, row)| dispatch!(level, simd => from.average(simd, y, step, scale, row)));
             std::mem::swap(&mut from, &mut to);
         }
-        let rgb = from.rgb.each_ref().map(|plane| &plane[..]);
-        filtered.par_chunks_mut(width).enumerate().for_each(|(y, filtered)| {
-            let [r, g, b] = rgb.map(|plane| &plane[y * width..][..width]);
-            let channels = r.iter().zip(g).zip(b).zip(&color[y * width..][..width]);
-            for (filtered, (((r, g), b), color)) in filtered.iter_mut().zip(channels) {
-                *filtered = [*r, *g, *b, color[3]];
-            }
+        let rows = filtered.par_chunks_mut(width).zip(color.par_chunks(width)).enumerate();
+        rows.for_each(|(y, (filtered, color))| {
+            dispatch!(level, simd => from.row(y).interleave(simd, color, filtered));
         });
         Ok(())
     }
 }
 
-/// An image between levels: red, green, blue, variance, and which taps of the next level can be reached.
+/// What the stage reads.
+struct Input<'a> {
+    color: &'a [[f32; 4]],
+    variance: &'a [f32],
+    n8: &'a [u32],
+    width: usize,
+}
+
+impl Input<'_> {
+    /// A row of the image before the first level. Variances are noisy themselves: each becomes the mean of those around
+    /// that can be reached.
+    #[inline(always)]
+    fn prepare<S: Simd>(&self, simd: S, y: usize, mut to: RowMut) {
+        let width = self.width;
+        let height = self.variance.len() / width;
+        let row = |y: usize| &self.variance[y * width..][..width];
+        let (here, below, above) = (row(y), row((y + 1).min(height - 1)), row(y.saturating_sub(1)));
+        let (color, n8) = (&self.color[y * width..][..width], &self.n8[y * width..][..width]);
+        // N8 without what would leave the image.
+        let join = |d: usize| PRIMARY << (4 * d);
+        let mut inside = !0;
+        if y + 1 == height {
+            inside &= !join(SOUTH);
+        }
+        if y == 0 {
+            inside &= !join(NORTH);
+        }
+        for x in (0..width).step_by(LANES) {
+            let column = u32x8::from_fn(simd, |lane| (x + lane) as u32);
+            let is_end = [column.simd_eq(width as u32 - 1), column.simd_eq(0)];
+            let mut joins = bits_beside(simd, n8, x, 0) & inside;
+            joins &= !(bits(simd, is_end[0]) & join(EAST));
+            joins &= !(bits(simd, is_end[1]) & join(WEST));
+            let own = floats_beside(simd, here, x, 0);
+            let mut mean = Variance { joins, sum: own * OWN_WEIGHT, weights: f32x8::splat(simd, OWN_WEIGHT) };
+            mean.add(simd, EAST, floats_beside(simd, here, x, 1));
+            mean.add(simd, SOUTH, floats_beside(simd, below, x, 0));
+            mean.add(simd, WEST, floats_beside(simd, here, x, -1));
+            mean.add(simd, NORTH, floats_beside(simd, above, x, 0));
+            let is_hole = own.simd_lt(f32x8::splat(simd, 0.0));
+            let smoothed = is_hole.select(f32x8::splat(simd, UNKNOWN), mean.sum / mean.weights);
+            let [r, g, b, _] = load_transposed(simd, &padded(color, x));
+            let mut reach = u32x8::splat(simd, 0);
+            for d in SIDES {
+                reach |= ((joins >> (4 * d) as u32) & PRIMARY) << d as u32;
+            }
+            to.store(x, Pixels { channels: [r, g, b, smoothed], reach });
+        }
+    }
+}
+
+/// Weighted sums of the variances around eight pixels.
+struct Variance<S: Simd> {
+    joins: u32x8<S>,
+    sum: f32x8<S>,
+    weights: f32x8<S>,
+}
+
+impl<S: Simd> Variance<S> {
+    /// Adds those in direction `d`.
+    #[inline(always)]
+    fn add(&mut self, simd: S, d: usize, there: f32x8<S>) {
+        let is_known = (self.joins >> (4 * d) as u32) & !(there.to_bits() >> 31);
+        let weight = f32x8::from_bits(if_odd(simd, is_known, u32x8::splat(simd, 1f32.to_bits())));
+        self.sum += weight * there;
+        self.weights += weight;
+    }
+}
+
+/// The elements of a row `dx` columns to the right of the eight from column `x` on, if all are there.
+#[inline(always)]
+fn beside<T>(row: &[T], x: usize, dx: isize) -> Option<&[T; LANES]> {
+    // A column before the first wraps to one behind the last.
+    row.get(x.wrapping_add_signed(dx)..)?.first_chunk()
+}
+
+/// Those of [`beside`] at the ends of a row, with zeros outside.
+#[cold]
+#[inline(never)]
+fn beside_end<T: Copy + Default>(row: &[T], x: usize, dx: isize) -> [T; LANES] {
+    std::array::from_fn(|lane| {
+        let at = (x + lane).checked_add_signed(dx);
+        at.and_then(|at| row.get(at)).copied().unwrap_or_default()
+    })
+}
+
+#[inline(always)]
+fn floats_beside<S: Simd>(simd: S, row: &[f32], x: usize, dx: isize) -> f32x8<S> {
+    match beside(row, x, dx) {
+        Some(lanes) => f32x8::load_array_ref(simd, lanes),
+        None => f32x8::load_array(simd, beside_end(row, x, dx)),
+    }
+}
+
+#[inline(always)]
+fn bits_beside<S: Simd>(simd: S, row: &[u32], x: usize, dx: isize) -> u32x8<S> {
+    match beside(row, x, dx) {
+        Some(lanes) => u32x8::load_array_ref(simd, lanes),
+        None => u32x8::load_array(simd, beside_end(row, x, dx)),
+    }
+}
+
+/// An image between levels: red, green, blue and variance, and which taps of the next level can be reached.
 struct Planes<'a> {
-    rgb: [&'a mut [f32]; 3],
-    variance: &'a mut [f32],
+    channels: [&'a mut [f32]; 4],
     reach: &'a mut [u32],
     width: usize,
+}
+
+/// A row of an image between levels.
+#[derive(Clone, Copy)]
+struct Row<'a> {
+    channels: [&'a [f32]; 4],
+    reach: &'a [u32],
+}
+
+struct RowMut<'a> {
+    channels: [&'a mut [f32]; 4],
+    reach: &'a mut [u32],
 }
 
 impl<'a> Planes<'a> {
@@ -133,196 +250,151 @@ impl<'a> Planes<'a> {
         let (r, rest) = memory.as_flattened_mut().split_at_mut(count);
         let (g, rest) = rest.split_at_mut(count);
         let (b, variance) = rest.split_at_mut(count);
-        Self { rgb: [r, g, b], variance, reach, width }
+        Self { channels: [r, g, b, variance], reach, width }
     }
 
-    /// The rows with their number: red, green, blue, variance, and reach.
-    fn rows(&mut self) -> impl IndexedParallelIterator<Item = (usize, [&mut [f32]; 4], &mut [u32])> {
-        let [r, g, b] = &mut self.rgb;
-        let [r, g, b, variance] = [r, g, b, &mut self.variance].map(|plane| plane.par_chunks_mut(self.width));
+    fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = (usize, RowMut<'_>)> {
+        let [r, g, b, variance] = self.channels.each_mut().map(|plane| plane.par_chunks_mut(self.width));
         let rows = r.zip(g).zip(b).zip(variance).zip(self.reach.par_chunks_mut(self.width)).enumerate();
-        rows.map(|(y, ((((r, g), b), variance), reach))| (y, [r, g, b, variance], reach))
+        rows.map(|(y, ((((r, g), b), variance), reach))| (y, RowMut { channels: [r, g, b, variance], reach }))
     }
 
-    /// The image before the first level. Variances are noisy themselves: each becomes the mean of those around that can
-    /// be reached.
-    fn prepare(&mut self, color: &[[f32; 4]], variance: &[f32], n8: &[u32]) {
-        let size = [self.width, variance.len() / self.width];
-        self.rows().for_each(|(y, [r, g, b, smoothed], reach)| {
-            let row = y * size[0];
-            let channels = r.iter_mut().zip(g).zip(b);
-            for (((r, g), b), color) in channels.zip(&color[row..][..size[0]]) {
-                [*r, *g, *b, _] = *color;
-            }
-            reach.fill(0);
-            for left in (0..size[0]).step_by(TILE) {
-                let columns = left..size[0].min(left + TILE);
-                let own = &variance[row..][columns.clone()];
-                let (mut sums, mut weights) = ([0.0; TILE], [OWN_WEIGHT; TILE]);
-                sums.iter_mut().zip(own).for_each(|(sum, variance)| *sum = OWN_WEIGHT * variance);
-                for d in SIDES {
-                    let Some(Taps { first, here, there, count }) = Taps::of(columns.clone(), y, d, 1, size)
-                    else {
-                        continue;
-                    };
-                    let (joins, there) = (&n8[here..][..count], &variance[there..][..count]);
-                    let reach = &mut reach[first..][..count];
-                    let (sums, weights) =
-                        (&mut sums[first - left..][..count], &mut weights[first - left..][..count]);
-                    for i in 0..count {
-                        let is_joined = joins[i] >> (4 * d) & PRIMARY;
-                        reach[i] |= is_joined << d;
-                        let counts = (is_joined & !(there[i].to_bits() >> 31)).wrapping_neg();
-                        let weight = f32::from_bits(1f32.to_bits() & counts);
-                        sums[i] += weight * there[i];
-                        weights[i] += weight;
-                    }
-                }
-                for (i, &own) in own.iter().enumerate() {
-                    smoothed[left + i] = if own < 0.0 { UNKNOWN } else { sums[i] / weights[i] };
-                }
-            }
-        });
+    #[inline(always)]
+    fn row(&self, y: usize) -> Row<'_> {
+        // Slices of one length, so that their bounds are checked together.
+        let (first, width) = (y * self.width, self.width);
+        let [r, g, b, variance] = &self.channels;
+        let channels =
+            [&r[first..][..width], &g[first..][..width], &b[first..][..width], &variance[first..][..width]];
+        Row { channels, reach: &self.reach[first..][..width] }
     }
 
-    /// One level: the taps are `step` pixels away.
-    fn average(&mut self, from: &Planes, step: usize, scale: f32) {
-        let width = self.width;
-        self.rows().for_each(|(y, mut to, reach)| {
-            for left in (0..width).step_by(TILE) {
-                let columns = left..width.min(left + TILE);
-                let mut sums = Sums::of(from, y, columns.clone(), scale);
-                for d in SIDES {
-                    sums.add(from, d, step);
-                }
-                sums.store(from, &mut to, reach);
-            }
-        });
+    /// A row after the next level, whose taps are `step` pixels away. Squared differences of colours are multiplied by
+    /// `scale`, to be the square of the tolerance at 1 variance.
+    #[inline(always)]
+    fn average<S: Simd>(&self, simd: S, y: usize, step: usize, scale: f32, mut to: RowMut) {
+        let last = self.reach.len() / self.width - 1;
+        // Nothing outside the image can be reached, whatever is read there.
+        let (here, below, above) =
+            (self.row(y), self.row((y + step).min(last)), self.row(y.saturating_sub(step)));
+        let aside = step as isize;
+        for x in (0..self.width).step_by(LANES) {
+            let own = here.beside(simd, x, 0);
+            let mut sums = Sums::of(simd, own, scale);
+            sums.add(simd, EAST, here.beside(simd, x, aside));
+            sums.add(simd, SOUTH, below.beside(simd, x, 0));
+            sums.add(simd, WEST, here.beside(simd, x, -aside));
+            sums.add(simd, NORTH, above.beside(simd, x, 0));
+            to.store(x, sums.means(simd));
+        }
     }
 }
 
-/// Pixels of a row whose taps in a direction are in the image.
-struct Taps {
-    /// Column of the first.
-    first: usize,
-    /// Its index, and that of its tap.
-    here: usize,
-    there: usize,
-    count: usize,
+/// Eight pixels of an image between levels.
+#[derive(Clone, Copy)]
+struct Pixels<S: Simd> {
+    channels: [f32x8<S>; 4],
+    reach: u32x8<S>,
 }
 
-impl Taps {
-    /// Of some columns of row `y`, if there are any; the taps are `step` pixels away.
-    fn of(
-        columns: Range<usize>,
-        y: usize,
-        d: usize,
-        step: usize,
-        [width, height]: [usize; 2],
-    ) -> Option<Self> {
-        let [dx, dy] = DIRECTIONS[d].map(|axis| axis as isize * step as isize);
-        let row = y.checked_add_signed(dy).filter(|&row| row < height)?;
-        let first = columns.start.max(dx.min(0).unsigned_abs());
-        let end = columns.end.min(width.saturating_sub(dx.max(0).unsigned_abs()));
-        let there = (row * width + first).wrapping_add_signed(dx);
-        (first < end).then(|| Self { first, here: y * width + first, there, count: end - first })
-    }
-}
-
-/// Weighted sums over the taps of some pixels of a row.
-struct Sums {
-    y: usize,
-    left: usize,
-    count: usize,
-    rgb: [[f32; TILE]; 3],
-    weights: [f32; TILE],
-    variance: [f32; TILE],
+/// Weighted sums over the taps of eight pixels.
+struct Sums<S: Simd> {
+    own: Pixels<S>,
     /// By what squared differences are multiplied, to be 1 at the tolerance.
-    scale: [f32; TILE],
-    reach: [u32; TILE],
+    scale: f32x8<S>,
+    channels: [f32x8<S>; 4],
+    weights: f32x8<S>,
+    reach: u32x8<S>,
 }
 
-impl Sums {
+impl<S: Simd> Sums<S> {
     /// With the pixels' own colours, if they are not holes.
-    fn of(from: &Planes, y: usize, columns: Range<usize>, scale: f32) -> Self {
-        let (left, count) = (columns.start, columns.len());
-        let mut sums = Self {
-            y,
-            left,
-            count,
-            rgb: [[0.0; TILE]; 3],
-            weights: [0.0; TILE],
-            variance: [0.0; TILE],
-            scale: [0.0; TILE],
-            reach: [0; TILE],
-        };
-        let first = y * from.width + left;
-        let variance = &from.variance[first..][..count];
-        for (i, &variance) in variance.iter().enumerate() {
-            let weight = if variance < 0.0 { 0.0 } else { OWN_WEIGHT };
-            sums.weights[i] = weight;
-            sums.variance[i] = weight * weight * variance;
+    #[inline(always)]
+    fn of(simd: S, own: Pixels<S>, scale: f32) -> Self {
+        let splat = |number: f32| f32x8::splat(simd, number);
+        let [r, g, b, variance] = own.channels;
+        let is_hole = variance.simd_lt(splat(0.0));
+        let weights = is_hole.select(splat(0.0), splat(OWN_WEIGHT));
+        Self {
+            own,
             // A hole takes any colour.
-            sums.scale[i] = if variance < 0.0 { 0.0 } else { scale / variance.max(LEAST_VARIANCE) };
-        }
-        for (sum, plane) in sums.rgb.iter_mut().zip(&from.rgb) {
-            for ((sum, color), weight) in sum.iter_mut().zip(&plane[first..][..count]).zip(&sums.weights) {
-                *sum = weight * color;
-            }
-        }
-        sums
-    }
-
-    /// Adds the taps in a direction.
-    fn add(&mut self, from: &Planes, d: usize, step: usize) {
-        let size = [from.width, from.variance.len() / from.width];
-        let columns = self.left..self.left + self.count;
-        let Some(Taps { first, here, there, count }) = Taps::of(columns, self.y, d, step, size) else {
-            return;
-        };
-        let skipped = first - self.left;
-        // Slices of one length each, so that the loop is vectorized.
-        let [own_r, own_g, own_b] = from.rgb.each_ref().map(|plane| &plane[here..][..count]);
-        let [tap_r, tap_g, tap_b] = from.rgb.each_ref().map(|plane| &plane[there..][..count]);
-        let tap_variance = &from.variance[there..][..count];
-        let (own_reach, tap_reach) = (&from.reach[here..][..count], &from.reach[there..][..count]);
-        let [r, g, b] = self.rgb.each_mut().map(|sum| &mut sum[skipped..][..count]);
-        let weights = &mut self.weights[skipped..][..count];
-        let variance = &mut self.variance[skipped..][..count];
-        let scale = &self.scale[skipped..][..count];
-        let reach = &mut self.reach[skipped..][..count];
-        for i in 0..count {
-            let aside =
-                [(tap_r[i] - own_r[i]).abs(), (tap_g[i] - own_g[i]).abs(), (tap_b[i] - own_b[i]).abs()];
-            let difference = luminance(aside);
-            let unlike = 1.0 - difference * difference * scale[i];
-            let like = if unlike > 0.0 { unlike } else { 0.0 };
-            // All ones if the tap counts: it can be reached, and is no hole.
-            let counts = (own_reach[i] >> d & 1 & !(tap_variance[i].to_bits() >> 31)).wrapping_neg();
-            let weight = f32::from_bits((like * like).to_bits() & counts);
-            r[i] += weight * tap_r[i];
-            g[i] += weight * tap_g[i];
-            b[i] += weight * tap_b[i];
-            weights[i] += weight;
-            variance[i] += weight * weight * tap_variance[i];
-            reach[i] |= own_reach[i] & tap_reach[i] & 1 << d;
+            scale: is_hole.select(splat(0.0), splat(scale) / variance.max_precise(splat(LEAST_VARIANCE))),
+            channels: [weights * r, weights * g, weights * b, weights * weights * variance],
+            weights,
+            reach: u32x8::splat(simd, 0),
         }
     }
 
-    /// Writes the means. A hole that reaches no colour keeps its own.
-    fn store(&self, from: &Planes, to: &mut [&mut [f32]; 4], reach: &mut [u32]) {
-        let first = self.y * from.width + self.left;
-        let weights = &self.weights[..self.count];
-        let [to @ .., variance] = to.each_mut().map(|plane| &mut plane[self.left..][..self.count]);
-        for ((to, sum), from) in to.into_iter().zip(&self.rgb).zip(&from.rgb) {
-            for (((to, sum), from), weights) in to.iter_mut().zip(sum).zip(&from[first..]).zip(weights) {
-                *to = if *weights > 0.0 { sum / weights } else { *from };
-            }
+    /// Adds the taps in direction `d`.
+    #[inline(always)]
+    fn add(&mut self, simd: S, d: usize, tap: Pixels<S>) {
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let ([own_r, own_g, own_b, _], [r, g, b, variance]) = (self.own.channels, tap.channels);
+        let aside = [(r - own_r).abs(), (g - own_g).abs(), (b - own_b).abs()];
+        let difference = luminances(simd, aside);
+        let unlike = one - difference * difference * self.scale;
+        let like = unlike.simd_gt(zero).select(unlike, zero);
+        // A tap counts if it can be reached, and is no hole.
+        let counts = (self.own.reach >> d as u32) & !(variance.to_bits() >> 31);
+        let weight = f32x8::from_bits(if_odd(simd, counts, (like * like).to_bits()));
+        self.channels[0] += weight * r;
+        self.channels[1] += weight * g;
+        self.channels[2] += weight * b;
+        self.channels[3] += weight * weight * variance;
+        self.weights += weight;
+        self.reach |= self.own.reach & tap.reach & (1 << d);
+    }
+
+    /// The means. A hole that reaches no colour keeps its own.
+    #[inline(always)]
+    fn means(self, simd: S) -> Pixels<S> {
+        let is_colored = self.weights.simd_gt(f32x8::splat(simd, 0.0));
+        let mut channels = self.own.channels;
+        for (channel, sum) in channels[..3].iter_mut().zip(self.channels) {
+            *channel = is_colored.select(sum / self.weights, *channel);
         }
-        for ((to, sum), weights) in variance.iter_mut().zip(&self.variance).zip(weights) {
-            *to = if *weights > 0.0 { sum / (weights * weights) } else { UNKNOWN };
+        let variance = self.channels[3] / (self.weights * self.weights);
+        channels[3] = is_colored.select(variance, f32x8::splat(simd, UNKNOWN));
+        Pixels { channels, reach: self.reach }
+    }
+}
+
+impl RowMut<'_> {
+    /// Writes eight pixels from column `x` on, or as many as there are.
+    #[inline(always)]
+    fn store<S: Simd>(&mut self, x: usize, Pixels { channels, reach }: Pixels<S>) {
+        for (plane, lanes) in self.channels.iter_mut().zip(channels) {
+            let count = LANES.min(plane.len() - x);
+            store(&lanes.to_array(), &mut plane[x..][..count]);
         }
-        reach[self.left..][..self.count].copy_from_slice(&self.reach[..self.count]);
+        let count = LANES.min(self.reach.len() - x);
+        store(&reach.to_array(), &mut self.reach[x..][..count]);
+    }
+}
+
+impl Row<'_> {
+    /// The pixels `dx` columns to the right of the eight from column `x` on; zeros outside.
+    #[inline(always)]
+    fn beside<S: Simd>(&self, simd: S, x: usize, dx: isize) -> Pixels<S> {
+        let [r, g, b, variance] = self.channels;
+        let of = [
+            floats_beside(simd, r, x, dx),
+            floats_beside(simd, g, x, dx),
+            floats_beside(simd, b, x, dx),
+            floats_beside(simd, variance, x, dx),
+        ];
+        Pixels { channels: of, reach: bits_beside(simd, self.reach, x, dx) }
+    }
+
+    /// The colours, with the alpha of `color`.
+    #[inline(always)]
+    fn interleave<S: Simd>(&self, simd: S, color: &[[f32; 4]], to: &mut [[f32; 4]]) {
+        for x in (0..to.len()).step_by(LANES) {
+            let [r, g, b, _] = self.beside(simd, x, 0).channels;
+            let [.., alpha] = load_transposed(simd, &padded(color, x));
+            let lanes = LANES.min(to.len() - x);
+            store_vectors(simd, [r, g, b, alpha], &mut to[x..][..lanes]);
+        }
     }
 }
 
@@ -331,7 +403,10 @@ mod tests {
     use epigraph_core::Harness;
 
     use super::*;
-    use crate::shared::testing::{Random, run_alike, run_both, run_cpu, settings};
+    use crate::shared::{
+        edge_pixel::DIRECTIONS,
+        testing::{Random, run_alike, run_both, run_cpu, settings},
+    };
 
     type Size = [usize; 2];
 

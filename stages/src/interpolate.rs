@@ -13,7 +13,7 @@
 //! that no sample could be reached: the colour is black, and `spread` has to find one.
 
 use epigraph_core::{
-    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, texel,
+    Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, View, choice, constants, params, texel,
 };
 use fearless_simd::{Simd, dispatch, f32x8, i32x8, prelude::*, u32x8};
 use rayon::prelude::*;
@@ -28,9 +28,8 @@ use crate::{
         color::{luminance, luminances},
         edge_pixel::{CLASS, COMPLEX},
         estimate::{shown_variance, shown_variance_of},
-        lanes::{LANES, bits, if_odd, lesser, look_up, padded, store, store_vectors},
+        lanes::{LANES, bits, if_odd, lesser, load_transposed, look_up, padded, store, store_vectors},
         requests::UNKNOWN,
-        source::Ray,
     },
 };
 
@@ -183,25 +182,19 @@ impl Stage for Interpolate {
         let mean = mean.as_ref().map(|mean| &mean[..]);
         let record = self.noise.and_then(|noise| noise.record).map(|record| cx.read(record));
         let record = record.as_ref().map(|record| &record[..]);
-        let view = &cx.frame().view;
-        // Of the point that a pixel shows, if priorities depend on it.
-        let own_variance = |point: u32, pixel: [usize; 2]| {
-            let (mean, record) = (mean?, record?);
-            let point = point as usize;
-            let Some((mean, record)) = mean.get(point).zip(record.get(point)) else { return Some(0.0) };
-            Some(shown_variance_of(*mean, *record, || {
-                let middle = pixel.map(|along| along as f32 + 0.5);
-                let Ray { direction, .. } = Ray::through(view, middle, [width as u32, height as u32]);
-                (-direction.normalize_or_zero()).into()
-            }))
-        };
+        let points = mean.zip(record).map(|(mean, record)| Points {
+            mean,
+            record,
+            view: &cx.frame().view,
+            size: [width as u32, height as u32],
+        });
         let image = Image { radiance, mean, id, subpixel, width, height, space: params.space };
-        let work = Work { image, weights, meta, cls, r24, rule: params.priority };
+        let work = Work { image, weights, meta, points, cls, r24, rule: params.priority };
         let level = cx.level();
         let fill =
             |band: usize, color: &mut [[f32; 4]], priority: &mut [u32], variance: Option<&mut [f32]>| {
                 let outputs = Outputs { color, priority, variance };
-                dispatch!(level, simd => work.band(simd, band * BAND, outputs, &own_variance));
+                dispatch!(level, simd => work.band(simd, band * BAND, outputs));
             };
         let bands = color.par_chunks_mut(width * BAND).zip(priority.par_chunks_mut(width * BAND)).enumerate();
         if let Some(variance) = self.noise.and_then(|noise| noise.variance) {
@@ -226,9 +219,51 @@ struct Work<'a> {
     image: Image<'a>,
     weights: Weights,
     meta: &'a [u32],
+    /// What priorities depend on, if not only on ages and emptiness.
+    points: Option<Points<'a>>,
     cls: &'a [u32],
     r24: &'a [u32],
     rule: Priority,
+}
+
+/// What is known of the cloud's points.
+struct Points<'a> {
+    mean: &'a [[f32; 4]],
+    record: &'a [[f32; 4]],
+    view: &'a View,
+    size: [u32; 2],
+}
+
+impl Points<'_> {
+    /// The shown variance of the points that eight pixels of a row show, from `pixel` on; 0 without one.
+    #[inline(always)]
+    fn shown_variance<S: Simd>(&self, simd: S, ids: &[u32; LANES], pixel: [usize; 2]) -> f32x8<S> {
+        let (mut mean, mut record) = ([[0.0; 4]; LANES], [[0.0; 4]; LANES]);
+        gather(self.mean, ids, &mut mean);
+        gather(self.record, ids, &mut record);
+        let (mean, record) = (load_transposed(simd, &mean), load_transposed(simd, &record));
+        let shown = shown_variance_of(simd, mean, record, self.towards_eye(simd, pixel));
+        let is_there = u32x8::load_array_ref(simd, ids).simd_ne(u32x8::splat(simd, NO_POINT));
+        is_there.select(shown, f32x8::splat(simd, 0.0))
+    }
+
+    /// The unit directions from what eight pixels of a row show to the eye, by axis: [`Ray::through`] their middles,
+    /// reversed.
+    #[inline(always)]
+    fn towards_eye<S: Simd>(&self, simd: S, [x, y]: [usize; 2]) -> [f32x8<S>; 3] {
+        let View { forward, right, up, tan_x, tan_y, .. } = self.view;
+        let [width, height] = self.size;
+        let x = f32x8::from_fn(simd, |lane| (x + lane) as f32 + 0.5);
+        let u = (x * 2.0 / width as f32 - 1.0) * *tan_x;
+        let v = (1.0 - 2.0 * (y as f32 + 0.5) / height as f32) * tan_y;
+        let mut along = [u; 3];
+        for axis in 0..3 {
+            along[axis] = u * right[axis] + forward[axis] + v * up[axis];
+        }
+        let [x, y, z] = along;
+        let inverse = f32x8::splat(simd, 1.0) / (x * x + y * y + z * z).sqrt();
+        [-(x * inverse), -(y * inverse), -(z * inverse)]
+    }
 }
 
 /// A band of the outputs.
@@ -239,15 +274,9 @@ struct Outputs<'a> {
 }
 
 impl Work<'_> {
-    /// Computes the rows from `top` on. `own_variance` is that of the point that a pixel shows, if priorities depend on it.
+    /// Computes the rows from `top` on.
     #[inline(always)]
-    fn band<S: Simd>(
-        &self,
-        simd: S,
-        top: usize,
-        outputs: Outputs,
-        own_variance: &impl Fn(u32, [usize; 2]) -> Option<f32>,
-    ) {
+    fn band<S: Simd>(&self, simd: S, top: usize, outputs: Outputs) {
         let Outputs { color, priority, mut variance } = outputs;
         let width = self.image.width;
         let rows = top..top + color.len() / width;
@@ -272,23 +301,21 @@ impl Work<'_> {
                     store_vectors(simd, means, &mut color[out..][..lanes]);
                     let metas: &[u32; LANES] =
                         metas[x - left..].first_chunk().expect("a tile has whole groups");
-                    let point = u32x8::load_array(simd, padded(id, x - left));
+                    let points = padded(id, x - left);
                     let metas = u32x8::load_array_ref(simd, metas);
-                    let by_age = by_age(simd, self.rule, point, metas, means[3]).to_array();
-                    if self.image.mean.is_none() {
-                        store(&by_age, &mut priority[out..][..lanes]);
-                        continue;
+                    let point = u32x8::load_array(simd, points);
+                    let mut priorities = by_age(simd, self.rule, point, metas, means[3]);
+                    if self.image.mean.is_some() {
+                        let [found, spread] = around.noise(simd, x - left, y, taps);
+                        if let Some(known) = &self.points {
+                            let own = known.shown_variance(simd, &points, [x, y]);
+                            priorities = uncertain(simd, priorities, own.max_precise(spread));
+                        }
+                        if let Some(variance) = &mut variance {
+                            store(&found.to_array(), &mut variance[out..][..lanes]);
+                        }
                     }
-                    let [found, spread] = around.noise(simd, x - left, y, taps);
-                    for lane in 0..lanes {
-                        priority[out + lane] = match own_variance(id[x - left + lane], [x + lane, y]) {
-                            Some(own) => uncertain(by_age[lane], own.max(spread[lane])),
-                            None => by_age[lane],
-                        };
-                    }
-                    if let Some(variance) = &mut variance {
-                        store(&found, &mut variance[out..][..lanes]);
-                    }
+                    store(&priorities.to_array(), &mut priority[out..][..lanes]);
                 }
             }
         }
@@ -328,13 +355,16 @@ fn taps(cls: u32, r24: u32) -> u32 {
     (r24 & 0xFFF) | 1 << 12 | (r24 & 0xFF_F000) << 1
 }
 
-/// The priority of a pixel, given that by age and emptiness, and the variance of what it shows.
-fn uncertain(by_age: u32, variance: f32) -> u32 {
+/// The priorities of eight pixels, given those by age and emptiness, and the variance of what they show.
+#[inline(always)]
+fn uncertain<S: Simd>(simd: S, by_age: u32x8<S>, variance: f32x8<S>) -> u32x8<S> {
+    let splat = |number: f32| f32x8::splat(simd, number);
     // The root of the deviation, so that the noisiest places do not get nearly all samples. In 1/16, so that the sides round
     // alike.
     let root = variance.sqrt().sqrt();
-    let factor = (root * UNCERTAINTY_GAIN).clamp(LEAST_UNCERTAINTY, MOST_UNCERTAINTY);
-    (by_age * (factor as u32) / 16).min(255)
+    let factor = (root * UNCERTAINTY_GAIN).max(splat(LEAST_UNCERTAINTY)).min(splat(MOST_UNCERTAINTY));
+    let factor: u32x8<S> = factor.to_int::<i32x8<S>>().bitcast();
+    ((by_age * factor) >> 4).min(u32x8::splat(simd, 255))
 }
 
 /// Priority of a pixel without a point, given the present share of the kernel's weight.
@@ -538,10 +568,13 @@ impl Around {
             row.rgb.iter_mut().zip(color).for_each(|(plane, channel)| to(plane, channel));
         }
         if let Some(mean) = image.mean {
-            for (column, &id) in columns.clone().zip(id) {
-                let [r, g, b, variance] = mean.get(id as usize).copied().unwrap_or_default();
-                row.luminance[column] = luminance([r, g, b]);
-                row.variance[column] = variance;
+            let mut means = [[0.0; 4]; COLUMNS];
+            gather(mean, id, &mut means[columns]);
+            for first in GROUPS {
+                let means = means[first..].first_chunk().expect("a group has eight columns");
+                let [r, g, b, variance] = load_transposed(simd, means);
+                luminances(simd, [r, g, b]).store_slice(&mut row.luminance[first..][..LANES]);
+                variance.store_slice(&mut row.variance[first..][..LANES]);
             }
         }
     }
@@ -588,7 +621,7 @@ impl Around {
     /// those that do not know their own variance have that of the samples around them, and a single one is as uncertain
     /// as it is bright. [`UNKNOWN`] without samples. Also the variance of one of these samples as it is shown.
     #[inline(always)]
-    fn noise<S: Simd>(&self, simd: S, x: usize, y: usize, taps: u32x8<S>) -> [[f32; LANES]; 2] {
+    fn noise<S: Simd>(&self, simd: S, x: usize, y: usize, taps: u32x8<S>) -> [f32x8<S>; 2] {
         assert!(x + LANES <= TILE, "eight pixels of a tile");
         let splat = |number: f32| f32x8::splat(simd, number);
         // Sums of weights and squared weights; of squared weights times variances, where these are known; of the other
@@ -614,22 +647,16 @@ impl Around {
                 sums[5] += weighted * luminance;
             }
         }
-        let sums = sums.map(|sum| sum.to_array());
-        let mut found = [UNKNOWN; LANES];
-        let mut spread = [f32::MAX; LANES];
-        for lane in 0..LANES {
-            let weights = sums[0][lane];
-            let all = weights * weights;
-            let mean = sums[4][lane] / weights;
-            let between = (sums[5][lane] / weights - mean * mean).max(0.0);
-            // From the variance in these samples to that of which they are samples.
-            let share = 1.0 - sums[1][lane] / all;
-            let of_one = if share > LEAST_SHARE { between / share } else { mean * mean };
-            let variance = (sums[2][lane] + sums[3][lane] * of_one) / all;
-            found[lane] = if weights > 0.0 { variance } else { UNKNOWN };
-            spread[lane] = if weights > 0.0 { shown_variance(mean, of_one) } else { f32::MAX };
-        }
-        [found, spread]
+        let [weights, squared, known, unknown, luminances, squares] = sums;
+        let all = weights * weights;
+        let mean = luminances / weights;
+        let between = (squares / weights - mean * mean).max_precise(splat(0.0));
+        // From the variance in these samples to that of which they are samples.
+        let share = splat(1.0) - squared / all;
+        let of_one = share.simd_gt(splat(LEAST_SHARE)).select(between / share, mean * mean);
+        let is_there = weights.simd_gt(splat(0.0));
+        let found = is_there.select((known + unknown * of_one) / all, splat(UNKNOWN));
+        [found, is_there.select(shown_variance(mean, of_one), splat(f32::MAX))]
     }
 }
 

@@ -82,7 +82,7 @@ pub fn radiance_of<S: Simd>(simd: S, bits: u32x8<S>) -> [f32x8<S>; 3] {
 /// Copies the values of the points `ids` from those of all points; any value if an id is not a point's. Cache misses
 /// dominate, and a loop that does nothing else keeps many of them in flight at once.
 #[inline(always)]
-pub fn gather(values: &[u32], ids: &[u32], to: &mut [u32]) {
+pub fn gather<T: Copy>(values: &[T], ids: &[u32], to: &mut [T]) {
     let last = values.len() - 1;
     to.iter_mut().zip(ids).for_each(|(to, &id)| *to = values[(id as usize).min(last)]);
 }

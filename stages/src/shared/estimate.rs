@@ -5,11 +5,12 @@
 //! that both variances give it, and what may have changed the radiance makes the mean more uncertain, so that the next
 //! samples count more.
 
+use fearless_simd::{Simd, f32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
     cloud::{MAX_RADIANCE, bounded},
-    color::{luminance, tone_mapped_luma},
+    color::{luminance, luminances, tone_mapped_luma},
     octahedral::decode_oct16,
     requests::{Sample, UNKNOWN},
     view::dot,
@@ -170,23 +171,31 @@ fn known_variance(sample: &Sample) -> f32 {
     }
 }
 
-/// The variance of a luminance as a display shows it, roughly: relative to the luminance.
-pub fn shown_variance(luminance: f32, variance: f32) -> f32 {
+/// The variance of eight luminances as a display shows them, roughly: relative to the luminance.
+#[inline(always)]
+pub fn shown_variance<S: Simd>(luminance: f32x8<S>, variance: f32x8<S>) -> f32x8<S> {
     variance / (luminance + DARK)
 }
 
-/// The shown variance of a point, of which these are stored, for an eye in a unit direction. Of surfaces that look
-/// alike from everywhere it does not ask for the direction.
-pub fn shown_variance_of(
-    [r, g, b, variance_of_mean]: [f32; 4],
-    [x, y, z, _]: [f32; 4],
-    towards_eye: impl FnOnce() -> [f32; 3],
-) -> f32 {
-    let luminance = luminance([r, g, b]);
+/// The shown variance of eight points, of which these are stored, for an eye in unit directions. All vectors are given by
+/// axis or channel.
+#[inline(always)]
+pub fn shown_variance_of<S: Simd>(
+    simd: S,
+    [r, g, b, variance_of_mean]: [f32x8<S>; 4],
+    [x, y, z, _]: [f32x8<S>; 4],
+    towards_eye: [f32x8<S>; 3],
+) -> f32x8<S> {
+    let zero = f32x8::splat(simd, 0.0);
+    let luminance = luminances(simd, [r, g, b]);
     // A single light path is as uncertain as it is bright.
-    let of_mean = if variance_of_mean < 0.0 { luminance * luminance } else { variance_of_mean };
-    let (before, sharpness) = direction([x, y, z]);
-    let change = if sharpness > 0.0 { luminance * sharpness * angle(before, towards_eye()) } else { 0.0 };
+    let of_mean = variance_of_mean.simd_lt(zero).select(luminance * luminance, variance_of_mean);
+    // As [`direction`] and [`angle`].
+    let length = (x * x + y * y + z * z).sqrt();
+    let sharpness = length - 1.0;
+    let [x, y, z] = [x / length - towards_eye[0], y / length - towards_eye[1], z / length - towards_eye[2]];
+    let angle = (x * x + y * y + z * z).sqrt();
+    let change = sharpness.simd_gt(zero).select(luminance * sharpness * angle, zero);
     shown_variance(luminance, of_mean + change * change)
 }
 
@@ -229,8 +238,11 @@ pub fn angle(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::{Level, dispatch};
+
     use super::*;
     use crate::shared::{
+        lanes::{LANES, load_transposed},
         octahedral::{NO_NORMAL, encode_oct16},
         testing::Random,
     };
@@ -370,5 +382,46 @@ mod tests {
         assert_eq!(Estimate::load(mean, record).sharpness, 0.0);
         let wrong = Estimate::of(&Sample { sharpness: f32::NAN, ..sample(1.0, 0.5) }, EYE);
         assert_eq!(wrong.sharpness, 0.0);
+    }
+
+    #[test]
+    fn eight_points_have_the_shown_variance_of_each() {
+        let shown = |mean: [f32; 4], record: [f32; 4], towards_eye: [f32; 3]| {
+            let luminance = luminance([mean[0], mean[1], mean[2]]);
+            let of_mean = if mean[3] < 0.0 { luminance * luminance } else { mean[3] };
+            let (before, sharpness) = direction([record[0], record[1], record[2]]);
+            let change =
+                if sharpness > 0.0 { luminance * sharpness * angle(before, towards_eye) } else { 0.0 };
+            (of_mean + change * change) / (luminance + DARK)
+        };
+        let mut random = Random(31);
+        for round in 0..100 {
+            // The first is at the eye, the second black, the third a single path; every other point is matte.
+            let means: [[f32; 4]; LANES] = std::array::from_fn(|lane| match lane {
+                1 => [0.0; 4],
+                _ => {
+                    let [r, g, b] = [0; 3].map(|_| random.between(0.0, 4.0));
+                    [r, g, b, if lane == 2 { UNKNOWN } else { random.between(0.0, 1.0) }]
+                }
+            });
+            let mut unit = || Vec3::from([0; 3].map(|_| random.between(-1.0, 1.0))).normalize_or(Vec3::X);
+            let eyes: [[f32; 4]; LANES] = std::array::from_fn(|_| unit().extend(0.0).into());
+            let records: [[f32; 4]; LANES] = std::array::from_fn(|lane| match lane {
+                0 => [0.0; 4],
+                _ => (unit() * (1.0 + (lane % 2 * round) as f32)).extend(1.0).into(),
+            });
+            let expected: [f32; LANES] = std::array::from_fn(|lane| {
+                let [x, y, z, _] = eyes[lane];
+                shown(means[lane], records[lane], [x, y, z])
+            });
+            for level in [Level::new(), Level::baseline()] {
+                let got = dispatch!(level, simd => {
+                    let [x, y, z, _] = load_transposed(simd, &eyes);
+                    let (means, records) = (load_transposed(simd, &means), load_transposed(simd, &records));
+                    shown_variance_of(simd, means, records, [x, y, z]).to_array()
+                });
+                assert_eq!(got, expected, "{level:?}");
+            }
+        }
     }
 }
