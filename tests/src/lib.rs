@@ -17,7 +17,7 @@ pub use epigraph_core::testing::gpu;
 pub const POINT_GRAPH: &str = "streams.ron";
 
 /// The other shipped graph files, which show surfaces.
-pub const GRAPHS: [&str; 13] = [
+pub const GRAPHS: [&str; 14] = [
     "render-cache.ron",
     "epi.ron",
     "hybrid.ron",
@@ -31,6 +31,7 @@ pub const GRAPHS: [&str; 13] = [
     "experiments/accumulate.ron",
     "experiments/lines.ron",
     "experiments/gbuffer.ron",
+    "epi-filtered.ron",
 ];
 
 /// The graphs of other algorithms, to compare with: they have shaders of their own, so they need a GPU.
