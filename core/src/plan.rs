@@ -721,8 +721,8 @@ fn steps(
 
 /// Allocates a slot for every storage on every side that uses it. Transients share a slot if their first and last uses do
 /// not overlap; on the GPU, which has a buffer or a texture there, only those with equal descriptions. The largest choose
-/// first, of equal ones those that live longest, each the smallest slot that is large enough (Pisarchyk and Lee, *Efficient Memory Management for Deep Neural
-/// Net Inference*, 2020, section 4.3).
+/// first, of equal ones those that live longest, each the smallest slot that is large enough (Pisarchyk and Lee, *Efficient
+/// Memory Management for Deep Neural Net Inference*, 2020, section 4.3).
 fn slots(
     steps: &IndexVec<StepId, Step>,
     graph: &Graph,
