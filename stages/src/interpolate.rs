@@ -247,8 +247,8 @@ impl Points<'_> {
         is_there.select(shown, f32x8::splat(simd, 0.0))
     }
 
-    /// The unit directions from what eight pixels of a row show to the eye, by axis: [`Ray::through`] their middles,
-    /// reversed.
+    /// The unit directions from what eight pixels of a row show to the eye, by axis: those of
+    /// [`Ray::through`](crate::shared::source::Ray::through) their middles, reversed.
     #[inline(always)]
     fn towards_eye<S: Simd>(&self, simd: S, [x, y]: [usize; 2]) -> [f32x8<S>; 3] {
         let View { forward, right, up, tan_x, tan_y, .. } = self.view;
@@ -695,11 +695,13 @@ fn compressed<S: Simd>(simd: S, color: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
 #[cfg(test)]
 mod tests {
     use epigraph_core::{Harness, View};
+    use fearless_simd::Level;
 
     use super::*;
     use crate::shared::{
         cloud::{AGE_ONE, LIVE, MAX_RADIANCE, encode_radiance},
         edge_pixel::{EMPTY, SIMPLE},
+        source::Ray,
         testing::{Random, run_alike, run_both, run_cpu, settings},
     };
 
@@ -751,6 +753,33 @@ mod tests {
 
     fn gray(value: f32) -> Option<([f32; 3], u32, u32)> {
         Some(([value; 3], 0, CENTER))
+    }
+
+    #[test]
+    fn directions_to_the_eye_are_those_of_rays() {
+        let view = View {
+            right: [0.6, 0.0, 0.8],
+            up: [0.0, 1.0, 0.0],
+            forward: [0.8, 0.0, -0.6],
+            tan_x: 0.7,
+            tan_y: 0.4,
+            ..View::default()
+        };
+        let size = [37, 21];
+        let points = Points { mean: &[], record: &[], view: &view, size };
+        for (x, y) in [(0, 0), (8, 20), (32, 7)] {
+            let rays: [[f32; 3]; LANES] = std::array::from_fn(|lane| {
+                let ray = Ray::through(&view, [(x + lane) as f32 + 0.5, y as f32 + 0.5], size);
+                (-ray.direction.normalize_or_zero()).into()
+            });
+            for level in [Level::new(), Level::baseline()] {
+                let got =
+                    dispatch!(level, simd => points.towards_eye(simd, [x, y]).map(|axis| axis.to_array()));
+                for (lane, ray) in rays.iter().enumerate() {
+                    assert_eq!(got.map(|axis| axis[lane]), *ray, "{level:?} {x} {y}");
+                }
+            }
+        }
     }
 
     #[test]
