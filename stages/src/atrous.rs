@@ -105,10 +105,8 @@ impl Stage for Atrous {
         let mut from = Planes::new(&mut even, &mut even_reach, width);
         let mut to = Planes::new(&mut odd, &mut odd_reach, width);
         let level = cx.level();
-        from.rows_mut().for_each(|(y, row)| {
-            let input = Input { color, variance, n8, width };
-            dispatch!(level, simd => input.prepare(simd, y, row));
-        });
+        let input = Input { color, variance, n8, width };
+        from.rows_mut().for_each(|(y, row)| dispatch!(level, simd => input.prepare(simd, y, row)));
         let scale = 1.0 / (params.tolerance * params.tolerance);
         for step in (0..params.levels).map(|level| 1 << level) {
             to.rows_mut()
@@ -153,15 +151,15 @@ impl Input<'_> {
         for x in (0..width).step_by(LANES) {
             let column = u32x8::from_fn(simd, |lane| (x + lane) as u32);
             let is_end = [column.simd_eq(width as u32 - 1), column.simd_eq(0)];
-            let mut joins = bits_beside(simd, n8, x, 0) & inside;
+            let mut joins = lanes_beside::<S, u32x8<S>>(simd, n8, x, 0) & inside;
             joins &= !(bits(simd, is_end[0]) & join(EAST));
             joins &= !(bits(simd, is_end[1]) & join(WEST));
-            let own = floats_beside(simd, here, x, 0);
+            let own: f32x8<S> = lanes_beside(simd, here, x, 0);
             let mut mean = Variance { joins, sum: own * OWN_WEIGHT, weights: f32x8::splat(simd, OWN_WEIGHT) };
-            mean.add(simd, EAST, floats_beside(simd, here, x, 1));
-            mean.add(simd, SOUTH, floats_beside(simd, below, x, 0));
-            mean.add(simd, WEST, floats_beside(simd, here, x, -1));
-            mean.add(simd, NORTH, floats_beside(simd, above, x, 0));
+            mean.add(simd, EAST, lanes_beside(simd, here, x, 1));
+            mean.add(simd, SOUTH, lanes_beside(simd, below, x, 0));
+            mean.add(simd, WEST, lanes_beside(simd, here, x, -1));
+            mean.add(simd, NORTH, lanes_beside(simd, above, x, 0));
             let is_hole = own.simd_lt(f32x8::splat(simd, 0.0));
             let smoothed = is_hole.select(f32x8::splat(simd, UNKNOWN), mean.sum / mean.weights);
             let [r, g, b, _] = load_transposed(simd, &padded(color, x));
@@ -209,19 +207,17 @@ fn beside_end<T: Copy + Default>(row: &[T], x: usize, dx: isize) -> [T; LANES] {
     })
 }
 
+/// Either of them as a vector.
 #[inline(always)]
-fn floats_beside<S: Simd>(simd: S, row: &[f32], x: usize, dx: isize) -> f32x8<S> {
+fn lanes_beside<S, V>(simd: S, row: &[V::Element], x: usize, dx: isize) -> V
+where
+    S: Simd,
+    V: SimdBase<S, Array = [<V as SimdBase<S>>::Element; LANES]>,
+    V::Element: Default,
+{
     match beside(row, x, dx) {
-        Some(lanes) => f32x8::load_array_ref(simd, lanes),
-        None => f32x8::load_array(simd, beside_end(row, x, dx)),
-    }
-}
-
-#[inline(always)]
-fn bits_beside<S: Simd>(simd: S, row: &[u32], x: usize, dx: isize) -> u32x8<S> {
-    match beside(row, x, dx) {
-        Some(lanes) => u32x8::load_array_ref(simd, lanes),
-        None => u32x8::load_array(simd, beside_end(row, x, dx)),
+        Some(lanes) => V::load_array_ref(simd, lanes),
+        None => V::load_array(simd, beside_end(row, x, dx)),
     }
 }
 
@@ -378,12 +374,12 @@ impl Row<'_> {
     fn beside<S: Simd>(&self, simd: S, x: usize, dx: isize) -> Pixels<S> {
         let [r, g, b, variance] = self.channels;
         let of = [
-            floats_beside(simd, r, x, dx),
-            floats_beside(simd, g, x, dx),
-            floats_beside(simd, b, x, dx),
-            floats_beside(simd, variance, x, dx),
+            lanes_beside(simd, r, x, dx),
+            lanes_beside(simd, g, x, dx),
+            lanes_beside(simd, b, x, dx),
+            lanes_beside(simd, variance, x, dx),
         ];
-        Pixels { channels: of, reach: bits_beside(simd, self.reach, x, dx) }
+        Pixels { channels: of, reach: lanes_beside(simd, self.reach, x, dx) }
     }
 
     /// The colours, with the alpha of `color`.
