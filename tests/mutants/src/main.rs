@@ -34,14 +34,26 @@ const PARTS: [(&str, &str); 5] = [
     ("wgsl", "shaders"),
 ];
 
-/// The switch, in each mutated crate.
+/// The switch, in each mutated crate. It also appends the mutants that a test reaches to a file, as lines.
 const SWITCH: &str = r#"
 /// Whether this mutant is switched on.
 #[allow(dead_code)]
 pub(crate) fn mutant(id: u32) -> bool {
-    static ON: std::sync::LazyLock<Option<u32>> =
-        std::sync::LazyLock::new(|| std::env::var("EPIGRAPH_MUTANT").ok()?.parse().ok());
-    *ON == Some(id)
+    use std::{env, fs::File, io::Write, sync::{LazyLock, atomic::{AtomicBool, Ordering::Relaxed}}};
+    static STATE: LazyLock<(Option<u32>, Option<(File, Vec<AtomicBool>)>)> = LazyLock::new(|| {
+        let on = env::var("EPIGRAPH_MUTANT").ok().and_then(|id| id.parse().ok());
+        let file = env::var("EPIGRAPH_MUTANTS_REACHED").ok();
+        let file = file.map(|path| File::options().append(true).open(path).expect("a file of mutants"));
+        (on, file.map(|file| (file, (0..1 << 17).map(|_| AtomicBool::new(false)).collect())))
+    });
+    let (on, reached) = &*STATE;
+    if let Some((file, seen)) = reached
+        && !seen[id as usize].load(Relaxed)
+        && !seen[id as usize].swap(true, Relaxed)
+    {
+        (&*file).write_all(format!("{id}\n").as_bytes()).expect("writing to a file of mutants");
+    }
+    *on == Some(id)
 }
 "#;
 
@@ -50,6 +62,13 @@ const LOADER: &str = "core/src/shader.rs";
 const LOADS: &str =
     "pub(crate) fn or_embedded<'t>(&self, file: Option<&Path>, embedded: &'t str) -> Cow<'t, str> {";
 const LOADS_MUTANT: &str = r#"
+        if let (Ok(reached), Some(file)) = (std::env::var("EPIGRAPH_MUTANTS_REACHED"), file) {
+            use std::io::Write;
+            let path = file.to_string_lossy();
+            let name = path.rfind("shaders/").map_or(&*path, |at| &path[at..]);
+            let mut reached = std::fs::File::options().append(true).open(reached).expect("a file of mutants");
+            reached.write_all(format!("{name}\n").as_bytes()).expect("writing to a file of mutants");
+        }
         if let (Ok(mutated), Some(file), Ok(text)) =
             (std::env::var("EPIGRAPH_MUTANT_OF"), file, std::env::var("EPIGRAPH_MUTANT_TEXT"))
             && file.ends_with(&mutated)

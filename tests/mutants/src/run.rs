@@ -1,10 +1,16 @@
 //! Runs the tests with a mutant.
 
 use std::{
+    collections::HashSet,
     error::Error,
+    ffi::OsStr,
     fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
     thread,
     time::{Duration, Instant},
 };
@@ -34,21 +40,32 @@ const WIDE: [(&str, &[&str]); 6] = [
     ("sides::", &["core", "stages", "wgsl"]),
 ];
 
-/// A program of tests, or some of its tests.
-#[derive(Clone)]
+/// Tests of one program run together as long as they take less than this.
+const TOGETHER: Duration = Duration::from_secs(2);
+
+/// A program of tests.
 struct Program {
-    /// Its package, such as `epigraph-core`, and its name.
-    package: String,
-    name: String,
     path: PathBuf,
     folder: PathBuf,
-    /// Only tests whose names contain this.
-    filter: &'static str,
+    tests: Vec<Test>,
+}
+
+/// A test, and what it does without a mutant.
+struct Test {
+    name: String,
     /// The parts whose mutants it may notice; none if that is any part's.
     parts: &'static [&'static str],
-    /// Tests that fail with the switches alone: some read the sources.
-    skipped: Vec<String>,
-    /// What it takes without a mutant.
+    /// Whether it is a test of a module.
+    is_of_module: bool,
+    took: Duration,
+    /// The mutants of Rust code that it reaches, by number, and the files of the shaders that it loads.
+    reached: HashSet<String>,
+}
+
+/// Tests of a program that run together.
+struct Batch<'t> {
+    program: &'t Program,
+    tests: Vec<&'t Test>,
     took: Duration,
 }
 
@@ -60,7 +77,8 @@ pub struct Tests {
 }
 
 impl Tests {
-    /// Builds them, and checks that they pass without a mutant.
+    /// Builds them, and runs each test without a mutant to see what it reaches. Tests that fail with the switches alone,
+    /// because they read the sources, are left out.
     pub fn build(copy: &Path, place: &Path, quick: bool) -> Result<Self, Box<dyn Error>> {
         let packages = MUTATED.into_iter().chain(["tests"]).map(|name| format!("-pepigraph-{name}"));
         let built = cargo(copy, place)
@@ -88,7 +106,6 @@ impl Tests {
             let folder = Path::new(manifest).parent().ok_or("a manifest without a folder")?.to_owned();
             let package =
                 folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-            let (name, path) = (name.to_owned(), path.into());
             let parts: &[&str] = match &*package {
                 _ if name == "numerics" => &["stages", "wgsl"],
                 "core" => &["core"],
@@ -97,45 +114,89 @@ impl Tests {
                 "pictures" => &["pictures"],
                 _ => &[],
             };
-            let (filter, skipped, took) = ("", Vec::new(), Duration::from_secs(600));
-            let program = Program { package, name, path, folder, filter, parts, skipped, took };
-            if program.name == "suite" {
-                programs.extend(WIDE.map(|(filter, parts)| Program { filter, parts, ..program.clone() }));
-                if quick {
-                    continue;
-                }
-            }
-            programs.push(program);
+            let listed = Command::new(path).args(["--list", "--format", "terse"]).output()?;
+            let listed = String::from_utf8(listed.stdout)?;
+            let names = listed.lines().filter_map(|line| line.strip_suffix(": test"));
+            let tests = names.filter_map(|test| {
+                let wide = WIDE.iter().find(|(filter, _)| name == "suite" && test.starts_with(filter));
+                let parts = match wide {
+                    Some((_, parts)) if quick => parts,
+                    None if quick && name == "suite" => return None,
+                    _ => parts,
+                };
+                Some(Test {
+                    name: test.to_owned(),
+                    parts,
+                    is_of_module: name.starts_with("epigraph"),
+                    took: Duration::from_secs(600),
+                    reached: HashSet::new(),
+                })
+            });
+            let tests = tests.collect();
+            programs.push(Program { path: path.into(), folder, tests });
         }
-        let mut tests = Self { programs: Vec::new(), quick, place: place.to_owned() };
-        for mut program in programs {
-            let start = Instant::now();
-            let (mut passes, printed) = tests.run(0, &program, program.filter, None, None)?;
-            program.took = start.elapsed();
-            let seconds = program.took.as_secs_f64();
-            let Program { package, name, filter, .. } = &program;
-            eprintln!("{package} {name} {filter} {seconds:.1} s without a mutant");
-            if !passes {
-                let failed = printed
-                    .lines()
-                    .filter_map(|line| line.strip_prefix("test ")?.strip_suffix(" ... FAILED"));
-                program.skipped = failed.map(str::to_owned).collect();
-                eprintln!(
-                    "  without the tests that fail with the switches alone: {}",
-                    program.skipped.join(", ")
-                );
-                (passes, _) = tests.run(0, &program, program.filter, None, None)?;
-            }
-            if !passes {
-                return Err(format!("{} fails without a mutant", program.name).into());
-            }
-            tests.programs.push(program);
-        }
-        tests.programs.sort_by_key(|program| (program.parts.is_empty(), program.took));
+        let mut tests = Self { programs, quick, place: place.to_owned() };
+        tests.record()?;
         Ok(tests)
     }
 
-    /// Runs the tests that concern a mutant until one fails. A shader's mutant is a text.
+    /// Runs each test without a mutant, two at a time.
+    fn record(&mut self) -> Result<(), Box<dyn Error>> {
+        let each: Vec<(usize, usize)> = (0..self.programs.len())
+            .flat_map(|program| (0..self.programs[program].tests.len()).map(move |test| (program, test)))
+            .collect();
+        let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+        let work = |worker: usize| -> Result<(), String> {
+            while let Some(&(program, test)) = each.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let result = self.reach(worker, program, test).map_err(|error| error.to_string())?;
+                found.lock().expect("no worker panics").push((program, test, result));
+            }
+            Ok(())
+        };
+        thread::scope(|scope| {
+            let workers = [0, 1].map(|worker| scope.spawn(move || work(worker)));
+            workers.into_iter().try_for_each(|worker| worker.join().expect("no worker panics"))
+        })?;
+        for (program, test, result) in found.into_inner().expect("no worker panics") {
+            let test = &mut self.programs[program].tests[test];
+            match result {
+                Some((took, reached)) => (test.took, test.reached) = (took, reached),
+                None => eprintln!("without a test that fails with the switches alone: {}", test.name),
+            }
+        }
+        for program in &mut self.programs {
+            program.tests.retain(|test| !test.reached.is_empty());
+            program.tests.sort_by_key(|test| test.took);
+            let took: Duration = program.tests.iter().map(|test| test.took).sum();
+            eprintln!(
+                "{}: {} tests, {:.1} s",
+                program.path.display(),
+                program.tests.len(),
+                took.as_secs_f64()
+            );
+        }
+        Ok(())
+    }
+
+    /// How long a test takes without a mutant, and what it reaches; none if it fails.
+    fn reach(
+        &self,
+        worker: usize,
+        program: usize,
+        test: usize,
+    ) -> Result<Option<(Duration, HashSet<String>)>, Box<dyn Error>> {
+        let program = &self.programs[program];
+        let test = &program.tests[test];
+        let file = self.text(worker).with_extension("reached");
+        fs::write(&file, "")?;
+        let start = Instant::now();
+        let batch = Batch { program, tests: vec![test], took: test.took };
+        let (passes, _) = self.run(worker, &batch, ("EPIGRAPH_MUTANTS_REACHED", file.as_os_str()))?;
+        let reached = fs::read_to_string(&file)?.lines().map(str::to_owned).collect();
+        Ok(passes.then(|| (start.elapsed(), reached)))
+    }
+
+    /// Runs the tests that concern a mutant and reach it, until one fails. A shader's mutant is a text.
     pub fn try_mutant(
         &self,
         worker: usize,
@@ -146,26 +207,49 @@ impl Tests {
         if let Some(text) = text {
             fs::write(self.text(worker), text)?;
         }
-        let module = module(&mutant.file);
-        let concern = |program: &&Program| program.parts.contains(&part);
-        // First the tests of the module, which take a second.
-        let own = self.programs.iter().filter(concern).filter(|program| program.name.starts_with("epigraph"));
-        let own = own.map(|program| (program, &*module));
-        // The tests of other modules do not load a shader of one stage, and few parts of the core matter once it runs.
-        let of_one_stage = self.quick && part == "wgsl" && !mutant.file.contains("shared/");
+        let (id, module) = (mutant.id.to_string(), module(&mutant.file));
+        // Few parts of the core matter to whole graphs once it runs.
         let texts = ["file", "wgsl", "reflect", "error.rs", "full.rs", "registry.rs", "shader.rs"];
         let of_texts = self.quick
             && part == "core"
             && texts.iter().any(|name| mutant.file.starts_with(&format!("core/src/{name}")));
-        let others = self.programs.iter().filter(|program| {
-            program.parts.is_empty()
-                || concern(program)
-                    && !(of_one_stage && program.name.starts_with("epigraph"))
-                    && !(of_texts && ["measures::graphs", "sides::"].contains(&program.filter))
-        });
-        for (program, filter) in own.chain(others.map(|program| (program, program.filter))) {
-            let (passes, printed) =
-                self.run(worker, program, filter, Some(mutant.id), text.map(|_| &*mutant.file))?;
+        let reaches = |test: &Test| match text {
+            Some(_) => test.reached.contains(&mutant.file),
+            None => test.reached.contains(&id),
+        };
+        let concerns = |test: &&Test| {
+            (test.parts.is_empty() || test.parts.contains(&part))
+                && !(of_texts
+                    && ["measures::graphs", "sides::"].iter().any(|wide| test.name.starts_with(wide)))
+                && reaches(test)
+        };
+        // First the tests of the module, then those of others.
+        let mut batches: Vec<(bool, Batch)> = Vec::new();
+        for program in &self.programs {
+            for own in [true, false] {
+                let is_own = |test: &&Test| (test.is_of_module && test.name.starts_with(&module)) == own;
+                for test in program.tests.iter().filter(concerns).filter(is_own) {
+                    match batches.last_mut() {
+                        Some((of, batch))
+                            if *of == own
+                                && std::ptr::eq(batch.program, program)
+                                && batch.took + test.took < TOGETHER =>
+                        {
+                            batch.took += test.took;
+                            batch.tests.push(test);
+                        }
+                        _ => batches.push((own, Batch { program, tests: vec![test], took: test.took })),
+                    }
+                }
+            }
+        }
+        batches.sort_by_key(|(own, batch)| (!own, batch.took));
+        let (name, value) = match text {
+            Some(_) => ("EPIGRAPH_MUTANT_OF", &mutant.file),
+            None => ("EPIGRAPH_MUTANT", &id),
+        };
+        for (_, batch) in &batches {
+            let (passes, printed) = self.run(worker, batch, (name, value.as_ref()))?;
             if !passes {
                 let invalid = text.is_some() && printed.contains("is not valid WGSL");
                 return Ok(if invalid { Verdict::Invalid } else { Verdict::Noticed });
@@ -179,48 +263,36 @@ impl Tests {
         self.place.join(format!("mutant{worker}.wgsl"))
     }
 
-    /// Runs a program. Returns whether its tests pass, and what it printed.
+    /// Runs tests with a variable of the environment. Returns whether they pass, and what they printed.
     fn run(
         &self,
         worker: usize,
-        program: &Program,
-        filter: &str,
-        mutant: Option<u32>,
-        shader: Option<&str>,
+        batch: &Batch,
+        (name, value): (&str, &OsStr),
     ) -> Result<(bool, String), Box<dyn Error>> {
-        let mut command = Command::new(&program.path);
-        command.current_dir(&program.folder).stdin(Stdio::null());
-        if !filter.is_empty() {
-            command.arg(filter);
-        }
-        for name in &program.skipped {
-            command.args(["--skip", name]);
-        }
-        if let Some(file) = shader {
-            command.env("EPIGRAPH_MUTANT_OF", file).env("EPIGRAPH_MUTANT_TEXT", self.text(worker));
-        } else if let Some(id) = mutant {
-            command.env("EPIGRAPH_MUTANT", id.to_string());
-        }
+        let mut command = Command::new(&batch.program.path);
+        command.current_dir(&batch.program.folder).stdin(Stdio::null()).arg("--exact");
+        command.args(batch.tests.iter().map(|test| &test.name));
+        command.env(name, value).env("EPIGRAPH_MUTANT_TEXT", self.text(worker));
         // So that the cause is there as soon as the test has failed.
         command.arg("--nocapture");
         // Into a file: a full pipe would stop the program.
         let log = self.text(worker).with_extension("log");
         let out = fs::File::create(&log)?;
         let mut child = command.stderr(out.try_clone()?).stdout(out).spawn()?;
-        let (start, most) = (Instant::now(), 4 * program.took + Duration::from_secs(30));
+        let (start, most) = (Instant::now(), 4 * batch.took + Duration::from_secs(30));
         let passes = loop {
             if let Some(status) = child.try_wait()? {
                 break status.success();
             }
-            // One failure is enough, except to find out which tests fail without a mutant.
-            let has_failed =
-                mutant.is_some() && fs::read_to_string(&log).is_ok_and(|log| log.contains("... FAILED\n"));
+            // One failure is enough.
+            let has_failed = fs::read_to_string(&log).is_ok_and(|log| log.contains("... FAILED\n"));
             if has_failed || start.elapsed() > most {
                 child.kill()?;
                 child.wait()?;
                 break false;
             }
-            thread::sleep(Duration::from_millis(20));
+            thread::sleep(Duration::from_millis(5));
         };
         Ok((passes, String::from_utf8_lossy(&fs::read(&log)?).into_owned()))
     }
