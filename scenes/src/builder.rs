@@ -421,7 +421,7 @@ impl SceneBuilder {
         let Moving { motion, triangles, lights, .. } = moving;
         let faces = faces_of(triangles, kept);
         let named = || mesh.triangles[faces.clone()].iter().flatten().map(|&vertex| vertex as usize);
-        let first = named().min().unwrap_or(0);
+        let first = named().min().unwrap_or_default();
         let vertices = first..named().max().map_or(first, |last| last + 1);
         let edge = |vertex: usize| mesh.edges.partition_point(|edge| (edge.vertices[0] as usize) < vertex);
         let rest = Rest {
@@ -538,6 +538,34 @@ mod tests {
         assert_eq!(scene.mesh.triangles.len(), 3);
         assert_eq!(scene.mesh.face_normals[2], Vec3::ZERO);
         assert_eq!(scene.bounds[1], Vec3::new(2.0, 1.0, 1.0), "an unused vertex widened the bounds");
+    }
+
+    #[test]
+    fn a_scene_has_at_most_so_many_triangles_and_vertices() {
+        for (triangles, vertices) in [(MAX_TRIANGLES, MAX_TRIANGLES), (0, MAX_TRIANGLES), (MAX_TRIANGLES, 0)]
+        {
+            assert_eq!(MeshError::of_size(triangles, vertices), Ok(()));
+        }
+        for (triangles, vertices) in [(MAX_TRIANGLES + 1, 0), (0, MAX_TRIANGLES + 1)] {
+            let error = MeshError::TooLarge { triangles, vertices };
+            assert_eq!(MeshError::of_size(triangles, vertices), Err(error));
+        }
+    }
+
+    #[test]
+    fn only_three_different_corners_make_a_triangle() {
+        let has_triangles = |corners: [Vec3; 3]| {
+            let mut builder = SceneBuilder::new();
+            let triangle =
+                Shape { positions: corners.into(), triangles: vec![[0, 1, 2]], ..Shape::default() };
+            builder.add(&triangle, 0).unwrap();
+            builder.has_triangles()
+        };
+        let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        assert!(has_triangles([a, b, c]));
+        assert!(
+            [[a, a, b], [a, b, b], [a, b, a], [a, a, a]].into_iter().all(|corners| !has_triangles(corners))
+        );
     }
 
     #[test]

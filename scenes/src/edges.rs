@@ -119,6 +119,31 @@ mod tests {
     }
 
     #[test]
+    fn pairs_of_an_edge_are_in_the_order_of_their_faces() {
+        // The faces on the edge 0-1 by their directions and objects, in the order of their numbers.
+        let pairs = |sides: &[(bool, u32)]| {
+            let third = (2..).zip(sides);
+            let triangles: Vec<[u32; 3]> =
+                third.map(|(third, (up, _))| if *up { [0, 1, third] } else { [1, 0, third] }).collect();
+            let objects: Vec<u32> = sides.iter().map(|(_, object)| *object).collect();
+            let edges = find_edges(&triangles, &objects, &vec![Vec3::Z; sides.len()], 0.7, |_| false);
+            edges.iter().filter(|e| e.vertices == [0, 1]).map(|e| e.faces).collect::<Vec<_>>()
+        };
+        assert_eq!(pairs(&[(true, 0), (false, 1), (true, 2), (false, 2)]), [[0, 1], [2, 3]]);
+        assert_eq!(pairs(&[(true, 0), (true, 1), (false, 1)]), [[0, NO_FACE], [1, 2]]);
+    }
+
+    #[test]
+    fn faces_at_the_crease_angle_itself_meet_smoothly() {
+        let kind = |angle: f32, normals: [Vec3; 2]| {
+            let edges = find_edges(&[[0, 1, 2], [1, 0, 3]], &[0; 2], &normals, angle, |_| false);
+            edges.iter().find(|edge| edge.faces == [0, 1]).unwrap().kind
+        };
+        assert_eq!(kind(0.0, [Vec3::Z; 2]), EdgeKind::Regular);
+        assert_eq!(kind(0.0, [Vec3::Z, Vec3::new(0.01, 0.0, 1.0).normalize()]), EdgeKind::Crease);
+    }
+
+    #[test]
     fn faces_of_opposite_winding_do_not_pair() {
         let edges = find_edges(&[[0, 1, 2], [0, 1, 3]], &[0, 0], &[Vec3::Z, Vec3::NEG_Z], 0.7, |_| false);
         assert_eq!(kinds(&edges, EdgeKind::Border), 6);

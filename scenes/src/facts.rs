@@ -72,7 +72,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::{Camera, Material, SceneBuilder, Shape};
+    use crate::{Camera, Material, Motion, MotionKey, SceneBuilder, Shape};
 
     #[test]
     fn facts_of_the_cornell_box() {
@@ -125,8 +125,48 @@ mod tests {
     }
 
     #[test]
+    fn boundaries_are_expected_where_there_are_casters() {
+        let scene = Scene::load("cornell").unwrap();
+        assert_eq!(SceneFacts::of(&scene).shadow_segments, expected_segments(&scene));
+        assert!(expected_segments(&scene) > 0);
+        // Without a surface that does not emit, there are edges and a light, but no shadows.
+        let lamp = vec![Material::lamp("", Vec3::ONE); scene.materials.len()];
+        assert_eq!(SceneFacts::of(&Scene { materials: lamp, ..scene }).shadow_segments, 0);
+    }
+
+    #[test]
+    fn maps_and_colours_of_corners_make_looks_vary() {
+        let plain = Scene::load("cornell").unwrap();
+        assert!(!SceneFacts::of(&plain).looks_vary);
+        let mut colored = plain.clone();
+        colored.mesh.corner_colors = vec![[glam::Vec4::ONE; 3]; 36].into();
+        assert!(SceneFacts::of(&colored).looks_vary);
+        let mut mapped = plain.clone();
+        mapped.materials[1].maps.color = Some(crate::Map::new(0));
+        assert!(SceneFacts::of(&mapped).looks_vary);
+    }
+
+    #[test]
     fn facts_of_motion() {
         let facts = SceneFacts::of(&Scene::load("cornell-moving").unwrap());
         assert!(facts.bodies == 4 && facts.lights_move);
+        let rest = MotionKey { time: 0.0, translate: Vec3::ZERO, rotate: glam::Quat::IDENTITY };
+        let moved = MotionKey { time: 1.0, translate: Vec3::X, ..rest };
+        let of = |surface: &[MotionKey], light: &[MotionKey]| {
+            let motion = |keys: &[MotionKey]| Motion { pivot: Vec3::ZERO, keys: keys.into(), looped: false };
+            let mut builder = SceneBuilder::new();
+            let white = builder.material(Material::diffuse("", Vec3::ONE));
+            let cube = Shape::cuboid(Vec3::ZERO, Vec3::ONE);
+            builder.moving(motion(surface), |builder| builder.add(&cube, white)).unwrap();
+            let lamp =
+                |builder: &mut SceneBuilder| builder.quad_light(3.0 * Vec3::Y, Vec3::X, Vec3::Z, Vec3::ONE);
+            builder.moving(motion(light), lamp).unwrap();
+            let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+            let facts = SceneFacts::of(&builder.build("", camera, Vec3::ZERO, 0.0, 40.0).unwrap());
+            (facts.bodies, facts.lights_move)
+        };
+        assert_eq!(of(&[rest], &[rest]), (0, false));
+        assert_eq!(of(&[rest, moved], &[rest]), (1, false));
+        assert_eq!(of(&[rest], &[rest, moved]), (1, true));
     }
 }

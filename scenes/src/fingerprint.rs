@@ -48,7 +48,10 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
+    use crate::Sky;
 
     #[test]
     fn loads_of_one_scene_are_alike_and_other_scenes_differ() {
@@ -74,6 +77,22 @@ mod tests {
         renamed.name = "another".into();
         assert_ne!(scene.fingerprint(), moved.fingerprint());
         assert_ne!(scene.fingerprint(), painted.fingerprint());
+        // The same texels in other rows.
+        let mut reshaped = scene.clone();
+        let mut textures = (*reshaped.textures).clone();
+        let mut texture = (*textures[0]).clone();
+        texture.size = [2 * texture.size[0], texture.size[1] / 2];
+        textures[0] = texture.into();
+        reshaped.textures = textures.into();
+        assert_ne!(scene.fingerprint(), reshaped.fingerprint());
+        let under = |size: [u32; 2], first: f32| {
+            let mut texels = vec![Vec3::ONE; 8];
+            texels[0].y = first;
+            let sky = Sky::new("", size, texels).unwrap();
+            Scene { sky: Some(sky.into()), ..scene.clone() }.fingerprint()
+        };
+        let skies = [under([4, 2], 1.0), under([4, 2], 1.001), under([2, 4], 1.0), scene.fingerprint()];
+        assert!((0..4).all(|a| (0..a).all(|b| skies[a] != skies[b])), "{skies:?}");
         assert_eq!(scene.fingerprint(), renamed.fingerprint());
     }
 }

@@ -43,7 +43,7 @@ impl Light {
         match *self {
             Self::Point { position, intensity } => is_near(position) && is_intensity(intensity),
             Self::Spot { position, axis, intensity, cosines: [inner, outer] } => {
-                let is_cone = (-1.0..=1.0).contains(&outer) && (outer..=1.0).contains(&inner);
+                let is_cone = outer >= -1.0 && (outer..=1.0).contains(&inner);
                 is_near(position) && is_intensity(intensity) && axis.is_normalized() && is_cone
             }
             Self::Quad { corner, u, v, radiance } => {
@@ -60,12 +60,56 @@ pub(crate) fn cone(cosine: f32, [inner, outer]: [f32; 2]) -> f32 {
         return 1.0;
     }
     // Where both angles are the same, the edge is sharp.
-    ((cosine - outer) / (inner - outer)).clamp(0.0, 1.0).powi(2)
+    ((cosine - outer) / (inner - outer)).max(0.0).powi(2)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::limits::{MAX_COORDINATE, MAX_INTENSITY, MAX_RADIANCE};
+
+    #[test]
+    fn each_number_outside_its_limits_makes_a_light_invalid() {
+        let far = Vec3::new(0.0, -MAX_COORDINATE, 0.0);
+        let point =
+            |position, intensity| Light::Point { position, intensity: Vec3::new(0.0, intensity, 0.0) };
+        let spot = |position, intensity, axis, cosines| Light::Spot {
+            position,
+            axis,
+            intensity: Vec3::new(0.0, 0.0, intensity),
+            cosines,
+        };
+        let quad = |corner, u, v, radiance| Light::Quad { corner, u, v, radiance: Vec3::splat(radiance) };
+        for good in [
+            point(far, MAX_INTENSITY),
+            spot(far, MAX_INTENSITY, Vec3::Y, [1.0, -1.0]),
+            spot(Vec3::ZERO, 1.0, Vec3::Y, [1.0, 1.0]),
+            spot(Vec3::ZERO, 1.0, Vec3::Y, [-1.0, -1.0]),
+            quad(far, far, far, MAX_RADIANCE),
+        ] {
+            assert!(good.is_valid(), "{good:?}");
+        }
+        let out = 1.01 * far;
+        for bad in [
+            point(out, 1.0),
+            point(Vec3::ZERO, 1.01 * MAX_INTENSITY),
+            point(Vec3::NAN, 1.0),
+            spot(out, 1.0, Vec3::Y, [1.0, 0.0]),
+            spot(far, 1.01 * MAX_INTENSITY, Vec3::Y, [1.0, 0.0]),
+            spot(far, 1.0, 1.1 * Vec3::Y, [1.0, 0.0]),
+            spot(far, 1.0, Vec3::Y, [1.01, 0.0]),
+            spot(far, 1.0, Vec3::Y, [1.5, 1.2]),
+            spot(far, 1.0, Vec3::Y, [1.0, -1.01]),
+            spot(far, 1.0, Vec3::Y, [-1.2, -1.5]),
+            spot(far, 1.0, Vec3::Y, [0.4, 0.5]),
+            quad(out, far, far, 1.0),
+            quad(far, out, far, 1.0),
+            quad(far, far, out, 1.0),
+            quad(far, far, far, 1.01 * MAX_RADIANCE),
+        ] {
+            assert!(!bad.is_valid(), "{bad:?}");
+        }
+    }
 
     #[test]
     fn a_cone_fades_between_two_angles() {

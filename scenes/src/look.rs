@@ -162,3 +162,190 @@ fn tangents([a, b, c]: [Vec3; 3], [s, t, r]: [Vec2; 3], normal: Vec3) -> Option<
     let (right, up) = frame(along_u.extend(1.0), normal)?;
     Some((right, if up.dot(against_v) < 0.0 { -up } else { up }))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{Affine3A, Quat};
+
+    use super::*;
+    use crate::{Camera, Maps, Motion, MotionKey, Pose, SceneBuilder, Shape, Texture};
+
+    /// The weights of a triangle's middle.
+    const MIDDLE: Vec3 = Vec3::splat(1.0 / 3.0);
+
+    /// One triangle of a material whose maps are textures of one texel each.
+    fn scene(shape: &Shape, material: Material, texels: &[[u8; 4]], motion: Option<Motion>) -> Scene {
+        let mut builder = SceneBuilder::new();
+        for &texel in texels {
+            builder.texture(&Arc::new(Texture { name: String::new(), size: [1, 1], texels: vec![texel] }));
+        }
+        let material = builder.material(material);
+        builder.moving_if(motion, |builder| builder.add(shape, material)).unwrap();
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        builder.build("test", camera, Vec3::ZERO, 0.0, 40.0).unwrap()
+    }
+
+    fn triangle() -> Shape {
+        Shape {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            ..Shape::default()
+        }
+    }
+
+    #[test]
+    fn every_factor_is_multiplied_by_its_map_and_by_the_colours_of_corners() {
+        let factors = Material {
+            opacity: 0.8,
+            alpha: Alpha::Blend,
+            metallic: 0.7,
+            roughness: 0.6,
+            transmission: 0.5,
+            emission: Vec3::new(3.0, 2.0, 1.0),
+            ..Material::glossy("", Vec3::new(0.9, 0.8, 0.7), 0.6, 0.04)
+        };
+        let maps = Maps {
+            color: Some(Map::new(0)),
+            opacity: Some(Map::new(1).of_channel(0)),
+            metallic: Some(Map::new(1).of_channel(1)),
+            roughness: Some(Map::new(1).of_channel(2)),
+            transmission: Some(Map::new(1).of_channel(3)),
+            emission: Some(Map::new(0)),
+            normal: None,
+        };
+        // 188 of 255 is about half of the light.
+        let texels = [[188, 255, 0, 255], [51, 102, 153, 204]];
+        let half = crate::texture::linear_of(188);
+        let colored = Shape { colors: vec![[Vec4::new(0.5, 0.25, 1.0, 0.5); 3]], ..triangle() };
+        let look = |maps, shape: &Shape| {
+            scene(shape, Material { maps, ..factors.clone() }, &texels, None).look(0, MIDDLE)
+        };
+        let same = |a: Look, b: Look| {
+            let numbers = |look: Look| {
+                let shares = [look.opacity, look.metallic, look.roughness, look.transmission];
+                [look.color.to_array().to_vec(), look.emission.to_array().to_vec(), shares.to_vec()].concat()
+            };
+            let is_near = numbers(a).iter().zip(numbers(b)).all(|(a, b)| (a - b).abs() < 1e-6);
+            assert!(is_near, "{a:?}, expected {b:?}");
+        };
+        let plain = Look::of(&factors);
+        let mapped = Look {
+            color: Vec3::new(0.9 * half, 0.8, 0.0),
+            emission: Vec3::new(3.0 * half, 2.0, 0.0),
+            opacity: 0.8 * 0.2,
+            metallic: 0.7 * 0.4,
+            roughness: 0.6 * 0.6,
+            transmission: 0.5 * 0.8,
+            ..plain
+        };
+        same(look(Maps::default(), &triangle()), plain);
+        same(look(maps, &triangle()), mapped);
+        let of_corners = |look: Look| Look {
+            color: look.color * Vec3::new(0.5, 0.25, 1.0),
+            opacity: 0.5 * look.opacity,
+            ..look
+        };
+        same(look(Maps::default(), &colored), of_corners(plain));
+        same(look(maps, &colored), of_corners(mapped));
+    }
+
+    #[test]
+    fn a_mask_keeps_what_is_as_opaque_as_its_cutoff() {
+        for (opacity, expected) in [(0.49, 0.0), (0.5, 1.0), (0.51, 1.0)] {
+            let shown =
+                |alpha| Look::of(&Material { opacity, alpha, ..Material::diffuse("", Vec3::ONE) }).opacity;
+            assert_eq!(shown(Alpha::Mask(0.5)), expected, "{opacity}");
+            assert_eq!([shown(Alpha::Opaque), shown(Alpha::Blend)], [1.0, opacity]);
+        }
+    }
+
+    /// 0.6 to the right, 0.2 up, and the rest outwards; and the factor on the slope.
+    const BUMP: [u8; 4] = [204, 153, 230, 255];
+    const SCALE: f32 = 0.5;
+
+    /// The bent normal in a frame.
+    fn bent([right, up, out]: [Vec3; 3], sign: f32) -> Vec3 {
+        let [x, y, z, _] = BUMP.map(|code| 2.0 * f32::from(code) / 255.0 - 1.0);
+        (sign * SCALE * (x * right + y * up) + z * out).normalize()
+    }
+
+    fn bumpy() -> Material {
+        let maps = Maps { normal: Some((Map::new(0), SCALE)), ..Maps::default() };
+        Material { maps, ..Material::diffuse("", Vec3::ONE) }
+    }
+
+    #[test]
+    fn a_normal_map_bends_to_where_u_grows_and_v_shrinks() {
+        // u = a x + b y and v = c x + d y, so that u grows along (d, -c) / (a d - b c), where v does not change.
+        for (size, [a, b, c, d]) in [
+            (1.0, [1.0, 0.0, 0.0, -1.0]),
+            (1.0, [1.0, 0.0, 0.0, 1.0]),
+            (1.0, [2.0, 0.5, 0.3, -1.5]),
+            (1.0, [-0.7, 1.5, 2.0, 0.4]),
+            (50.0, [0.6, 1.5, -2.0, 0.4]),
+            (0.02, [0.6, -1.5, 2.0, 0.4]),
+            (50.0, [0.0, -1.0, -1.0, 0.0]),
+        ] {
+            let corners = [Vec2::new(-0.2, 0.1), Vec2::new(0.9, 0.3), Vec2::new(0.2, 0.8)].map(|p| p * size);
+            let uv = |p: Vec3| Vec2::new(a * p.x + b * p.y + 0.3, c * p.x + d * p.y - 0.1);
+            let shape = Shape { positions: corners.map(|p| p.extend(0.0)).into(), ..triangle() }.with_uvs(uv);
+            let scene = scene(&shape, bumpy(), &[BUMP], None);
+            let area = a * d - b * c;
+            let along = Vec3::new(d, -c, 0.0) * area.signum();
+            // The direction in which v shrinks while u does not change.
+            let against = -Vec3::new(-b, a, 0.0) * area.signum();
+            for out in [Vec3::Z, Vec3::new(0.2, -0.3, 1.0).normalize()] {
+                let right = (along - out * out.dot(along)).normalize();
+                let up = out.cross(right);
+                let up = up * up.dot(against).signum();
+                for (front, sign) in [(true, 1.0), (false, -1.0)] {
+                    let found = scene.mapped_normal(0, MIDDLE, front, out);
+                    let expected = bent([right, up, out], sign);
+                    assert!(found.distance(expected) < 1e-5, "{a} {b} {c} {d}: {found}, expected {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_an_area_of_texture_coordinates_a_normal_map_bends_nothing() {
+        for uv in
+            [|_: Vec3| Vec2::ZERO, |p: Vec3| Vec2::splat(p.x + 2.0 * p.y), |p: Vec3| Vec2::new(p.x, 0.0)]
+        {
+            let scene = scene(&triangle().with_uvs(uv), bumpy(), &[BUMP], None);
+            assert_eq!(scene.mapped_normal(0, MIDDLE, true, Vec3::Z), Vec3::Z);
+        }
+        assert_eq!(
+            scene(&triangle(), bumpy(), &[BUMP], None).mapped_normal(0, MIDDLE, true, Vec3::Z),
+            Vec3::Z
+        );
+    }
+
+    #[test]
+    fn tangents_of_a_source_turn_with_their_body() {
+        let key = MotionKey { time: 0.0, translate: Vec3::ZERO, rotate: Quat::IDENTITY };
+        let motion = Motion { pivot: Vec3::ZERO, keys: vec![key], looped: false };
+        let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, -0.8, 1.1);
+        for side in [1.0, -1.0] {
+            let tangents = vec![[Vec3::new(0.6, 0.8, 0.0).extend(side); 3]];
+            let shape = Shape { tangents, ..triangle().with_uvs(|p| p.truncate()) };
+            let scene = scene(&shape, bumpy(), &[BUMP], Some(motion.clone()));
+            let posed = scene.posed(&[Pose { rotation: turn, translation: Vec3::X }]);
+            let turned = Affine3A::from_quat(turn);
+            for (scene, turned) in [(&scene, Affine3A::IDENTITY), (&posed, turned)] {
+                for (front, sign) in [(true, 1.0), (false, -1.0)] {
+                    let out = sign * Vec3::Z;
+                    // Seen from behind, right and up are those of the front, and bumps are hollows.
+                    let right = Vec3::new(0.6, 0.8, 0.0);
+                    let up = side * Vec3::Z.cross(right);
+                    let expected = bent([right, up, out], sign);
+                    let found = scene.mapped_normal(0, MIDDLE, front, turned.transform_vector3(out));
+                    let expected = turned.transform_vector3(expected);
+                    assert!(found.distance(expected) < 1e-5, "{side}, {front}: {found}, expected {expected}");
+                }
+            }
+        }
+    }
+}

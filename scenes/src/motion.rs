@@ -229,6 +229,7 @@ fn set<T, S>(to: &mut [T], from: &[S], element: impl Fn(&S) -> T) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::limits::{MAX_COORDINATE, MAX_TIME};
     use crate::{CREASE_ANGLE, Camera, Material, SceneBuilder, Shape};
 
     fn key(time: f32, translate: [f32; 3], degrees: f32) -> MotionKey {
@@ -262,6 +263,24 @@ mod tests {
         assert!(!motion.is_valid());
         motion.keys.clear();
         assert!(!motion.is_valid());
+    }
+
+    #[test]
+    fn each_number_outside_its_limits_makes_a_motion_invalid() {
+        let with = |change: &dyn Fn(&mut Motion)| {
+            let mut motion = motion(false);
+            change(&mut motion);
+            motion.is_valid()
+        };
+        let far = Vec3::new(0.0, MAX_COORDINATE, 0.0);
+        assert!(with(&|motion| (motion.pivot, motion.keys[1].translate) = (far, far)));
+        assert!(with(&|motion| motion.keys[2].time = MAX_TIME));
+        let (pivot, translate) = (1.01 * far, 1.01 * far);
+        assert!(!with(&|motion| motion.pivot = pivot));
+        assert!(!with(&|motion| motion.keys[1].translate = translate));
+        assert!(!with(&|motion| motion.keys[2].time = 1.01 * MAX_TIME));
+        assert!(!with(&|motion| motion.keys[1].rotate.z = f32::NAN));
+        assert!(!with(&|motion| motion.keys.swap(0, 1)));
     }
 
     #[test]
@@ -366,12 +385,38 @@ mod tests {
     }
 
     #[test]
+    fn shading_normals_turn_with_their_body() {
+        let mut builder = SceneBuilder::new();
+        let material = builder.material(Material::diffuse("", Vec3::ONE));
+        let ball = Shape::sphere(1.0, 8, 4);
+        builder.add(&ball, material).unwrap();
+        builder.moving(motion(false), |b| b.add(&ball, material)).unwrap();
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        let rest = builder.build("test", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+        let pose = Pose { rotation: Quat::from_rotation_x(0.7), translation: Vec3::Y };
+        let posed = rest.posed(&[pose]);
+        let half = ball.triangles.len();
+        assert_eq!(posed.mesh.corner_normals[..half], rest.mesh.corner_normals[..half]);
+        let turned = |normals: &[Vec3; 3]| normals.map(|normal| pose.rotation * normal);
+        let expected: Vec<[Vec3; 3]> = rest.mesh.corner_normals[half..].iter().map(turned).collect();
+        assert_eq!(posed.mesh.corner_normals[half..], expected);
+    }
+
+    #[test]
     fn a_loop_may_start_late() {
         let key = |time: f32, x: f32| MotionKey { time, translate: x * Vec3::X, rotate: Quat::IDENTITY };
-        let motion = Motion { pivot: Vec3::ZERO, keys: vec![key(1.0, 0.0), key(3.0, 8.0)], looped: true };
+        let motion = |begin: f32, end: f32| Motion {
+            pivot: Vec3::ZERO,
+            keys: vec![key(begin, 0.0), key(end, 8.0)],
+            looped: true,
+        };
         // At 0, 0.5, 1, 2, 2.5 and 3.5 seconds; it takes two.
         for (frame, x) in [(0, 4.0), (15, 6.0), (30, 0.0), (60, 4.0), (75, 6.0), (105, 2.0)] {
-            assert!((motion.pose(frame).translation.x - x).abs() < 1e-5, "frame {frame}");
+            assert!((motion(1.0, 3.0).pose(frame).translation.x - x).abs() < 1e-5, "frame {frame}");
+        }
+        // At 0, 0.5, 2 and 5.5 seconds; it takes four.
+        for (frame, x) in [(0, 6.0), (15, 7.0), (60, 2.0), (165, 1.0)] {
+            assert!((motion(1.0, 5.0).pose(frame).translation.x - x).abs() < 1e-5, "frame {frame}");
         }
     }
 
@@ -393,5 +438,10 @@ mod tests {
         // The farthest point is 2 from the pivot.
         let turned = swept(y, Quat::from_rotation_z(1.0));
         assert_eq!(turned, [Vec3::new(-1.0, -2.0, -2.0), Vec3::new(3.0, 7.0, 2.0)]);
+        let down = swept(Vec3::new(-4.0, -5.0, -6.0), Quat::from_rotation_z(1.0));
+        assert_eq!(down, [Vec3::new(-5.0, -7.0, -8.0), Vec3::new(3.0, 2.0, 2.0)]);
+        // A quarter of a metre from it.
+        let small = motion(y, Quat::from_rotation_z(1.0)).swept(&[1.25 * Vec3::X]);
+        assert_eq!(small, [Vec3::new(0.75, -0.25, -0.25), Vec3::new(1.25, 5.25, 0.25)]);
     }
 }

@@ -266,7 +266,7 @@ fn target_distance(scene: &Scene) -> f32 {
     // The distance at which the view axis leaves the bounding box.
     let exits = Vec3::select(forward.cmpge(Vec3::ZERO), high - eye, low - eye) / forward;
     let exit = Vec3::select(forward.cmpeq(Vec3::ZERO), Vec3::INFINITY, exits).min_element();
-    let distance = if exit > 0.0 && exit.is_finite() { level.max(0.5 * exit) } else { level };
+    let distance = level.max(0.5 * exit);
     if distance > 0.0 && distance.is_finite() { distance } else { low.distance(high).max(1e-3) }
 }
 

@@ -114,6 +114,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_note_shows_four_names_and_keeps_five() {
+        for (count, shown) in
+            [(1, " (a)"), (4, " (a, b, c, d)"), (5, " (a, b, c, d, ...)"), (7, " (a, b, c, d, ...)")]
+        {
+            let mut report = Report::default();
+            for name in ["a", "b", "c", "d", "e", "f", "g"].into_iter().take(count) {
+                report.add(NoteKind::LeftOut, "it", name);
+            }
+            let note = &report.notes()[0];
+            assert!(note.to_string().ends_with(shown), "{note}");
+            assert_eq!(note.names.len(), count.min(5));
+        }
+    }
+
+    #[test]
     fn notes_are_grouped_counted_and_named() {
         let mut report = Report::default();
         assert!(report.is_empty());

@@ -215,8 +215,9 @@ impl Shape {
         }
         let limit = angle.to_radians().cos() - 1e-6;
         // The time of a look at all faces grows with the square of their number.
-        let crowds: HashMap<u32, Crowd> = (0..)
-            .zip(&around)
+        let crowds: HashMap<usize, Crowd> = around
+            .iter()
+            .enumerate()
             .filter(|(_, faces)| faces.len() > FEW_FACES)
             .map(|(vertex, faces)| (vertex, Crowd::new(faces.iter().map(|&face| areas[face]).collect())))
             .collect();
@@ -224,10 +225,10 @@ impl Shape {
             .map(|face| {
                 let own = areas[face].normalize_or_zero();
                 self.triangles[face].map(|corner| {
-                    let vertex = keys[corner as usize];
+                    let vertex = keys[corner as usize] as usize;
                     let sum = match crowds.get(&vertex) {
                         Some(crowd) => crowd.sum(own, limit),
-                        None => around[vertex as usize]
+                        None => around[vertex]
                             .iter()
                             .filter(|&&other| areas[other].normalize_or_zero().dot(own) >= limit)
                             .map(|&other| areas[other])
@@ -422,6 +423,86 @@ mod tests {
     }
 
     #[test]
+    fn shapes_have_as_many_triangles_as_their_descriptions_say() {
+        let circle = |i: u32| Vec3::new((TAU * i as f32 / 10.0).cos(), 0.0, -(TAU * i as f32 / 10.0).sin());
+        let outline = |y: f32| [0, 2, 4, 6, 8].map(|i| circle(i) + y * Vec3::Y);
+        for (shape, triangles) in [
+            (Shape::prism(&outline(0.0), &outline(1.0)), 4 * 5 - 4),
+            (Shape::cuboid(Vec3::ZERO, Vec3::ONE), 12),
+            (Shape::surface(7, 5, |i, j| Vec3::new(i as f32, j as f32, 0.0)), 2 * 7 * 5),
+            (Shape::cylinder(1.0, 0.0, 2.0, 9), 4 * 9),
+            (Shape::sphere(1.0, 9, 6), 2 * 9 * 5),
+            (Shape::rounded_box(Vec3::new(1.0, 2.0, 3.0), 0.3, 1), 16 * 2 + 12),
+            (Shape::rounded_box(Vec3::new(1.0, 2.0, 3.0), 0.3, 4), 16 * 4 * 5 + 12),
+            (Shape::ring(10, 6, 0.2, circle, |_| Vec3::Y), 2 * 10 * 6),
+        ] {
+            assert_eq!(shape.triangles.len(), triangles);
+            assert!(shape.normals.is_empty() || shape.normals.len() == triangles);
+        }
+    }
+
+    #[test]
+    fn a_box_that_is_all_rounding_closes_at_its_poles() {
+        let round = Shape::rounded_box(Vec3::new(0.3, 1.0, 0.3), 0.3, 2);
+        let poles: Vec<&Vec3> = round.positions.iter().filter(|p| p.y.abs() == 1.0).collect();
+        assert!(!poles.is_empty() && poles.iter().all(|p| p.x == 0.0 && p.z == 0.0), "{poles:?}");
+    }
+
+    /// The shading normals of the triangles that face this way.
+    fn facing(shape: &Shape, way: Vec3) -> Vec<Vec3> {
+        let faces = shape.triangles.iter().zip(&shape.normals);
+        let faces =
+            faces.filter(|(face, _)| shape.area_normal(**face).normalize_or_zero().distance(way) < 0.02);
+        faces.flat_map(|(_, normals)| *normals).collect()
+    }
+
+    #[test]
+    fn each_shape_smooths_to_its_own_angle() {
+        // A grid of any bend: here a right angle, with its edge at x = z = 0.
+        let fold = Shape::surface(2, 1, |i, j| {
+            Vec3::new([-1.0, 0.0, 0.0][i as usize], j as f32, [0.0, 0.0, -1.0][i as usize])
+        });
+        let normals = facing(&fold, Vec3::Z);
+        assert_eq!(normals.len(), 6);
+        assert_eq!(
+            normals.iter().filter(|normal| normal.x > 0.4 && normal.z > 0.4).count(),
+            3,
+            "{normals:?}"
+        );
+        // A cylinder under a cone: up to 30 degrees.
+        for (degrees, is_smooth) in [(29.0_f32, true), (31.0, false)] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let profile = [Vec2::new(1.0, 0.0), Vec2::X + Vec2::Y, Vec2::new(1.0 + sin, 1.0 + cos)];
+            let normals = facing(&Shape::lathe(&profile, 512), Vec3::Z);
+            assert!(!normals.is_empty());
+            assert_eq!(normals.iter().any(|normal| normal.y < -0.1), is_smooth, "{degrees}: {normals:?}");
+        }
+        // A box with chamfers: 35 degrees from them to the triangles at its corners, 55 from the sides.
+        let chamfered = Shape::rounded_box(Vec3::ONE, 0.2, 1);
+        for corner in [Vec3::ONE, Vec3::new(1.0, -1.0, -1.0)] {
+            let way = corner.normalize();
+            let normals = facing(&chamfered, way);
+            assert_eq!(normals.len(), 3);
+            assert!(normals.iter().all(|normal| (0.9..0.99).contains(&normal.dot(way))), "{normals:?}");
+        }
+    }
+
+    #[test]
+    fn texture_coordinates_by_position_are_the_first_set() {
+        let square = Shape::quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]);
+        let shape = square.with_uvs(|p| Vec2::new(2.0 * p.x, 1.0 - p.y));
+        let [a, b, c, d] = [[0.0, 1.0], [2.0, 1.0], [2.0, 0.0], [0.0, 0.0]].map(Vec2::from);
+        assert_eq!(shape.uvs, [vec![[a, b, c], [a, c, d]], vec![]]);
+    }
+
+    #[test]
+    fn a_shape_pressed_flat_keeps_its_fronts() {
+        let square = Shape::quad([Vec3::ZERO, Vec3::Z, Vec3::X + Vec3::Z, Vec3::X]);
+        let flat = square.transformed(Affine3A::from_scale(Vec3::new(1.0, 0.0, 1.0)));
+        assert_eq!((flat.positions, flat.triangles), (square.positions, square.triangles));
+    }
+
+    #[test]
     fn a_mirroring_transform_keeps_fronts_outside() {
         let mirrored = Shape::sphere(1.0, 16, 8).transformed(Affine3A::from_scale(Vec3::new(-2.0, 1.0, 1.0)));
         check(&mirrored, 8.0 / 3.0 * std::f32::consts::PI, 0.2);
@@ -524,6 +605,30 @@ mod tests {
                 assert!(normals[0].distance(sum.normalize()) < 1e-3, "{angle}: {} {sum}", normals[0]);
             }
         }
+    }
+
+    #[test]
+    fn a_crowd_is_halved_until_few_or_equal_directions_are_left() {
+        for faces in [64, 300] {
+            let fan = fan(faces);
+            let crowd = Crowd::new(fan.triangles.iter().map(|t| fan.area_normal(*t)).collect());
+            let leaves = crowd.nodes.iter().filter(|node| node.second == 0);
+            assert_eq!(leaves.map(|node| node.range.len()).sum::<usize>(), faces as usize);
+            for (index, node) in crowd.nodes.iter().enumerate() {
+                assert_eq!(node.second == 0, node.range.len() <= 8);
+                if node.second > 0 {
+                    let [first, second] = [&crowd.nodes[index + 1], &crowd.nodes[node.second]];
+                    let middle = node.range.start + node.range.len() / 2;
+                    assert_eq!(
+                        [&first.range, &second.range],
+                        [&(node.range.start..middle), &(middle..node.range.end)]
+                    );
+                    let axis = (node.high - node.low).max_position();
+                    assert!(first.high[axis] <= second.low[axis]);
+                }
+            }
+        }
+        assert_eq!(Crowd::new(vec![Vec3::Z; 100]).nodes.len(), 1);
     }
 
     #[test]

@@ -123,8 +123,9 @@ impl Flight {
     /// Makes the last key repeat the first: one mean interval after the last, unless it stands there already.
     fn close(&mut self) {
         let (first, last) = (self.keys[0], self.keys[self.keys.len() - 1]);
-        let intervals = self.keys.len() - 1;
-        if intervals > 0 && (first.eye != last.eye || first.rotation != last.rotation) {
+        // A single key is its own repetition.
+        if first.eye != last.eye || first.rotation != last.rotation {
+            let intervals = self.keys.len() - 1;
             let time = last.time + (last.time - first.time) / intervals as f32;
             self.keys.push(Key { time, ..first });
         }

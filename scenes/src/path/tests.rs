@@ -72,6 +72,8 @@ fn orbit_takes_speed_and_arc() {
     let far = path("orbit:2.5:360");
     assert!(far.camera(72).eye.distance(Vec3::new(0.0, 0.5, -4.0)) < 1e-4);
     assert!(far.camera(144).eye.distance(outside().camera.eye) < 1e-4);
+    // Two degrees of a way of one degree and a half to and fro.
+    assert_eq!([path("orbit:0.5:0.75").frames(), path("orbit:0.5:1").frames()], [Some(3), Some(4)]);
     let narrow = path("orbit:1:10");
     let widest = (0..100).map(|f| narrow.camera(f).eye.x).fold(0.0, f32::max);
     assert!((widest - 4.0 * 5f32.to_radians().sin()).abs() < 1e-4);
@@ -114,6 +116,8 @@ fn an_orbit_inside_keeps_a_margin_from_every_side() {
         // To and fro on an arc, but once round the circle.
         let frames = if arc < 360 { 2 * arc } else { 360 };
         assert_eq!(path.frames(), Some(frames), "from {eye:?}");
+        // With room for more than was asked for.
+        assert_eq!(CameraPath::parse("orbit:1:100", &scene).unwrap().frames(), Some(200), "from {eye:?}");
     }
 }
 
@@ -177,6 +181,59 @@ const KEYS: &str = "(keys: [
     (time: 1.0, eye: (3, 0, 0), target: (0, 0, 0)),
     (time: 3.0, eye: (0, 1, -3), target: (0, 0, 0)),
 ])";
+
+#[test]
+fn the_default_flight_goes_around_in_front_of_its_target() {
+    let scene = scene(Vec3::new(3.0, 2.0, 5.0), Vec3::new(1.0, -0.5, 0.3));
+    let (camera, distance) = (scene.camera, target_distance(&scene));
+    let path = CameraPath::parse("fly", &scene).unwrap();
+    let target = camera.eye + distance * forward(&camera);
+    // Shares of the distance to the right, up and forward, a second apart.
+    let shares =
+        [[0.0; 3], [0.1, 0.02, 0.1], [0.08, 0.04, 0.22], [-0.06, 0.02, 0.24], [-0.1, 0.0, 0.1], [0.0; 3]];
+    for (frame, [right, up, ahead]) in (0..).step_by(30).zip(shares) {
+        let eye = camera.eye + camera.rotation * Vec3::new(right, up, -ahead) * distance;
+        let found = path.camera(frame);
+        assert!(found.eye.distance(eye) < 1e-5, "frame {frame}: {}, not {eye}", found.eye);
+        assert!(forward(&found).distance((target - eye).normalize()) < 1e-5, "frame {frame}");
+    }
+}
+
+#[test]
+fn a_camera_that_turns_evenly_passes_every_direction() {
+    // Two turns at one place, with a key every 45 degrees.
+    let keys = (0..=16).map(|k| {
+        let (sin, cos) = (45.0 * k as f32).to_radians().sin_cos();
+        format!("(time: {k}, eye: (0, 0, 0), target: ({sin:?}, 0, {:?}))", -cos)
+    });
+    let text = format!("(keys: [{}])", keys.collect::<Vec<_>>().join(", "));
+    let path = CameraPath::through(&text, Path::new("keys.ron"), &outside()).unwrap();
+    for frame in 0..=480 {
+        let (sin, cos) = (1.5 * frame as f32).to_radians().sin_cos();
+        let found = forward(&path.camera(frame));
+        assert!(found.distance(Vec3::new(sin, 0.0, -cos)) < 1e-4, "frame {frame}: {found}");
+    }
+}
+
+#[test]
+fn a_flight_leaves_its_first_key_towards_the_second() {
+    // Halfway, the ends' mean plus an eighth of the difference of their velocities, (3, 0, -3) and (0, 1/3, -2).
+    let eye = TempFile::new("first.ron", KEYS).fly().unwrap().camera(15).eye;
+    assert!(eye.distance(Vec3::new(1.875, -1.0 / 24.0, 1.375)) < 1e-5, "{eye}");
+}
+
+#[test]
+fn a_loop_may_be_short() {
+    let keys = "(looped: true, keys: [(time: 0.0, eye: (0, 0, 3), target: (0, 0, 0)), \
+                (time: 0.25, eye: (3, 0, 0), target: (0, 0, 0))])";
+    let path = CameraPath::through(keys, Path::new("keys.ron"), &outside()).unwrap();
+    assert_eq!(path.frames(), Some(15));
+    // After 0, 0.5 and 1 second it is at its first key.
+    for frame in [0, 15, 30] {
+        assert!(path.camera(frame).eye.distance(3.0 * Vec3::Z) < 1e-5, "frame {frame}");
+        assert!(path.camera(frame + 7).eye.distance(3.0 * Vec3::Z) > 2.0, "frame {frame}");
+    }
+}
 
 #[test]
 fn flight_from_a_file_passes_its_keys_and_stays_at_the_last() {
@@ -256,6 +313,10 @@ fn a_recorded_view_from_the_origin_comes_back() {
     let camera = Camera::look_at(Vec3::ZERO, Vec3::new(1.0, 2.0, -3.0), 0.8, 0.1, 10.0);
     let again = CameraPath::through(&keyframes(&[(0.0, camera)]), Path::new("keys.ron"), &outside()).unwrap();
     assert!(again.camera(0).eye == Vec3::ZERO && forward(&again.camera(0)).distance(forward(&camera)) < 1e-6);
+    // Its target is a metre away.
+    let camera = Camera { rotation: Quat::IDENTITY, ..camera };
+    let key = "(time: 2.5, eye: (0.0, 0.0, 0.0), target: (0.0, 0.0, -1.0)),\n";
+    assert!(keyframes(&[(2.5, camera)]).contains(key), "{}", keyframes(&[(2.5, camera)]));
 }
 
 #[test]
@@ -279,6 +340,11 @@ fn errors_say_what_to_write_instead() {
          fly[:FILE.ron], shake"
     );
     assert!(!message("spiral").contains("did you mean"));
+    // Two letters may be wrong, and no more.
+    assert!(message("orbxx").contains("did you mean `orbit`") && !message("orxxx").contains("did you mean"));
+    assert_eq!(message("still:1"), "camera path `still:1`: unexpected argument after `still`");
+    assert_eq!(message("shake:2"), "camera path `shake:2`: unexpected argument after `shake`");
+    assert_eq!(message("fly:"), "camera path `fly:`: expected a file of keyframes, or `fly` alone, found ``");
     assert_eq!(
         message("orbit:fast"),
         "camera path `orbit:fast`: expected degrees per frame between -360 and 360, found `fast`"
@@ -380,6 +446,20 @@ fn a_camera_that_looks_away_aims_as_far_as_the_scene_is_large() {
     assert!((distance([0.0, 0.0, 4.0], [0.0; 3]) - 4.0).abs() < 1e-5);
     assert!((distance([0.0, 0.0, 0.2], [0.0, 0.0, -1.0]) - 0.6).abs() < 1e-5);
     assert!((distance([0.0, 0.0, 0.9], [0.0, 0.0, -1.0]) - 0.95).abs() < 1e-5);
+    for (bounds, eye, forward, expected) in [
+        // To the middle of a box beside the origin, and half of the way out of it aslant.
+        ([[0.0; 3], [2.0, 4.0, 6.0]], [1.0, 2.0, 10.0], [0.0, 0.0, -1.0], 7.0),
+        ([[0.0; 3], [2.0, 4.0, 6.0]], [1.0, 2.0, 3.0], [0.6, 0.0, -0.8], 0.5 / 0.6),
+        ([[0.0; 3], [2.0, 4.0, 6.0]], [1.0, 2.0, 3.0], [0.0, -0.8, -0.6], 0.5 * 2.0 / 0.8),
+        // In a flat scene and in a point there is no way: then its diagonal, and a millimetre.
+        ([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]], [0.0; 3], [0.0, 0.0, -1.0], 8f32.sqrt()),
+        ([[1.0; 3]; 2], [1.0; 3], [0.0, 0.0, -1.0], 1e-3),
+    ] {
+        let (eye, forward) = (Vec3::from(eye), Vec3::from(forward));
+        let scene = Scene { bounds: bounds.map(Vec3::from), ..scene(eye, eye + forward) };
+        let found = target_distance(&scene);
+        assert!((found - expected).abs() < 1e-5, "from {eye} to {forward}: {found}");
+    }
 }
 
 #[test]
@@ -393,6 +473,32 @@ fn shaking_is_the_sum_of_a_slow_and_a_fast_noise() {
         for (seconds, slow, fast) in [(0.0, 0, 0), (10.0, 13, 37)] {
             let expected = (lattice(channel, 0, slow) + 0.5 * lattice(channel, 1, fast)) / 1.5;
             assert!((noise(channel, seconds) - expected).abs() < 1e-5, "channel {channel} at {seconds} s");
+        }
+        // In between, by 6 t^5 - 15 t^4 + 10 t^3. After 0.7 s, the layers are at 0.91 and 2.59.
+        let between = |layer: u32, cell: u32, t: f32| {
+            let share = 6.0 * t.powi(5) - 15.0 * t.powi(4) + 10.0 * t.powi(3);
+            (1.0 - share) * lattice(channel, layer, cell) + share * lattice(channel, layer, cell + 1)
+        };
+        let expected = (between(0, 0, 0.91) + 0.5 * between(1, 2, 0.59)) / 1.5;
+        assert!((noise(channel, 0.7) - expected).abs() < 1e-5, "channel {channel}");
+    }
+}
+
+#[test]
+fn shaking_sways_and_turns_about_the_cameras_own_axes() {
+    let scene = scene(Vec3::new(3.0, 2.0, 5.0), Vec3::new(1.0, -0.5, 0.3));
+    let path = CameraPath::parse("shake", &scene).unwrap();
+    let (base, distance) = (scene.camera, target_distance(&scene));
+    for frame in [0, 17, 400] {
+        let seconds = frame as f32 / 30.0;
+        let [x, y, z, pitch, yaw, roll] = [0, 1, 2, 3, 4, 5].map(|channel| noise(channel, seconds));
+        let found = path.camera(frame);
+        let eye = base.eye + base.rotation * Vec3::new(x, y, z) * (0.006 * distance);
+        assert!(found.eye.distance(eye) < 1e-5, "frame {frame}: {}, not {eye}", found.eye);
+        let turn = Quat::from_scaled_axis(Vec3::new(pitch, yaw, roll) * 0.6_f32.to_radians());
+        for axis in Vec3::AXES {
+            let expected = base.rotation * (turn * axis);
+            assert!((found.rotation * axis).distance(expected) < 1e-5, "frame {frame}");
         }
     }
 }

@@ -153,7 +153,8 @@ impl Quad {
 #[inline]
 fn area_pdf(from: Vec3, point: Vec3, cosine: f32, area: f32) -> Option<f32> {
     let pdf = (point - from).length_squared() / (cosine * area);
-    (cosine > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(pdf)
+    // Negative or infinite where the cosine is not positive.
+    (pdf > 0.0 && pdf.is_finite()).then_some(pdf)
 }
 
 /// Emissive triangles that are not quad lights, chosen by their power.
@@ -354,7 +355,7 @@ impl Emitters {
         if self.count() == 1 {
             return 1.0;
         }
-        let bound = self.bounds(from, facing).nth(choice).unwrap_or(0.0);
+        let bound = self.bounds(from, facing).nth(choice).unwrap_or_default();
         self.odds(from, facing).of(bound)
     }
 
