@@ -15,43 +15,56 @@ use crate::Texture;
 const MOST_SIDE: u32 = 16_384;
 
 /// The most texels of all images of a file: 1 GiB.
-pub(super) const MOST_TEXELS: u64 = 1 << 28;
+const MOST_TEXELS: u64 = 1 << 28;
 
 /// How files of textures for graphics cards begin.
 const KTX2: &[u8] = b"\xABKTX 20\xBB";
 
-/// The images that are being decoded, and how many of them are done, in the whole process.
-static WANTED: AtomicUsize = AtomicUsize::new(0);
-static DONE: AtomicUsize = AtomicUsize::new(0);
+/// The images that are being decoded, and how many of them are done.
+#[derive(Default)]
+struct Progress {
+    done: AtomicUsize,
+    wanted: AtomicUsize,
+}
+
+impl Progress {
+    fn numbers(&self) -> [usize; 2] {
+        [&self.done, &self.wanted].map(|count| count.load(Ordering::Relaxed))
+    }
+}
+
+/// That of the whole process.
+static PROGRESS: Progress = Progress { done: AtomicUsize::new(0), wanted: AtomicUsize::new(0) };
 
 /// How many textures are decoded of those of the mesh file that is being read, and how many these are, for a display of
 /// progress; both 0 at other times. Files that are read at once count together.
 pub fn texture_progress() -> [usize; 2] {
-    [&DONE, &WANTED].map(|count| count.load(Ordering::Relaxed))
+    PROGRESS.numbers()
 }
 
-/// Images that [`texture_progress`] counts while this lives.
-struct Counted {
+/// Images that a progress counts while this lives.
+struct Counted<'a> {
+    progress: &'a Progress,
     count: usize,
     done: AtomicUsize,
 }
 
-impl Counted {
-    fn new(count: usize) -> Self {
-        WANTED.fetch_add(count, Ordering::Relaxed);
-        Self { count, done: AtomicUsize::new(0) }
+impl<'a> Counted<'a> {
+    fn new(progress: &'a Progress, count: usize) -> Self {
+        progress.wanted.fetch_add(count, Ordering::Relaxed);
+        Self { progress, count, done: AtomicUsize::new(0) }
     }
 
     fn one_done(&self) {
         self.done.fetch_add(1, Ordering::Relaxed);
-        DONE.fetch_add(1, Ordering::Relaxed);
+        self.progress.done.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-impl Drop for Counted {
+impl Drop for Counted<'_> {
     fn drop(&mut self) {
-        DONE.fetch_sub(*self.done.get_mut(), Ordering::Relaxed);
-        WANTED.fetch_sub(self.count, Ordering::Relaxed);
+        self.progress.done.fetch_sub(*self.done.get_mut(), Ordering::Relaxed);
+        self.progress.wanted.fetch_sub(self.count, Ordering::Relaxed);
     }
 }
 
@@ -61,11 +74,18 @@ impl Drop for Counted {
 /// For each image, why it cannot be a texture, and what to do: it is too large, together with those before it, or
 /// broken, or of another kind.
 pub(super) fn decode<B: AsRef<[u8]> + Sync>(images: &[(String, B)]) -> Vec<Result<Arc<Texture>, String>> {
+    decode_counted(images, &PROGRESS)
+}
+
+fn decode_counted<B: AsRef<[u8]> + Sync>(
+    images: &[(String, B)],
+    progress: &Progress,
+) -> Vec<Result<Arc<Texture>, String>> {
     let mut room = MOST_TEXELS;
     // Sizes are promised by the first bytes, so that what is too large is never made.
     let fits: Vec<Result<(), String>> =
         images.iter().map(|(name, bytes)| take_room(name, bytes.as_ref(), &mut room)).collect();
-    let counted = Counted::new(images.len());
+    let counted = Counted::new(progress, images.len());
     images
         .par_iter()
         .zip(fits)
@@ -75,6 +95,12 @@ pub(super) fn decode<B: AsRef<[u8]> + Sync>(images: &[(String, B)]) -> Vec<Resul
             texture.map(Arc::new)
         })
         .collect()
+}
+
+/// The number of texels that may be made beside these textures, which were decoded together.
+pub(super) fn room_beside(textures: &[Arc<Texture>]) -> u64 {
+    let texels = |texture: &Arc<Texture>| texture.size.map(u64::from).iter().product::<u64>();
+    MOST_TEXELS - textures.iter().map(texels).sum::<u64>()
 }
 
 fn texture(name: &str, bytes: &[u8]) -> Result<Texture, String> {
@@ -158,7 +184,10 @@ mod tests {
             assert_eq!(texture.texels, expected.concat());
         }
         let opaque = DynamicImage::from(image).into_rgb8();
-        for (name, format) in [("a.bmp", ImageFormat::Bmp), ("wall.TGA", ImageFormat::Tga)] {
+        // A name says what an image is only where its bytes do not.
+        for (name, format) in
+            [("a.bmp", ImageFormat::Bmp), ("wall.TGA", ImageFormat::Tga), ("wall.tga", ImageFormat::Png)]
+        {
             let bytes = encoded(&opaque.clone().into(), format);
             let texture = decode(&[(name.to_owned(), bytes)]).remove(0).unwrap();
             let expected = [0, 1].map(|y| [0, 1, 2].map(|x| [x * 100, y * 100, 7, 255]));
@@ -177,26 +206,38 @@ mod tests {
     #[test]
     fn images_are_counted_while_they_are_decoded() {
         /// Looks at the progress whenever its bytes are asked for.
-        struct Watched(Vec<u8>, std::sync::Mutex<Vec<[usize; 2]>>);
-        impl AsRef<[u8]> for Watched {
+        struct Watched<'a>(Vec<u8>, &'a Progress, std::sync::Mutex<Vec<[usize; 2]>>);
+        impl AsRef<[u8]> for Watched<'_> {
             fn as_ref(&self) -> &[u8] {
-                self.1.lock().unwrap().push(texture_progress());
+                self.2.lock().unwrap().push(self.1.numbers());
                 &self.0
             }
         }
+        let progress = Progress::default();
         let png = encoded(&GrayImage::new(40, 40).into(), ImageFormat::Png);
         let half = png[..png.len() / 2].to_vec();
-        let files = [png, half].map(|bytes| (String::new(), Watched(bytes, std::sync::Mutex::default())));
-        assert_eq!(decode(&files).iter().filter(|texture| texture.is_ok()).count(), 1);
-        // Other tests' images count too.
-        for (_, Watched(_, seen)) in files {
-            let seen = seen.into_inner().unwrap();
-            assert!(seen.last().unwrap()[1] >= 2, "{seen:?}");
-        }
-        let counted = Counted::new(9);
-        counted.one_done();
-        let [done, wanted] = texture_progress();
-        assert!(done >= 1 && wanted >= 9, "{done} of {wanted}");
+        let watched =
+            |bytes| (String::new(), Watched(bytes, &progress, std::sync::Mutex::<Vec<_>>::default()));
+        let files = [png.clone(), half, png].map(watched);
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let decoded = one.install(|| decode_counted(&files, &progress));
+        assert_eq!(decoded.iter().map(Result::is_ok).collect::<Vec<_>>(), [true, false, true]);
+        // First for the size of each, then one after the other.
+        let mut seen: Vec<_> =
+            files.into_iter().flat_map(|(_, watched)| watched.2.into_inner().unwrap()).collect();
+        seen.sort_unstable();
+        assert_eq!(seen, [[0, 0], [0, 0], [0, 0], [0, 3], [1, 3], [2, 3]]);
+        assert_eq!(progress.numbers(), [0, 0]);
+        // Of several files at once.
+        let [nine, two] = [9, 2].map(|count| Counted::new(&progress, count));
+        nine.one_done();
+        nine.one_done();
+        two.one_done();
+        assert_eq!(progress.numbers(), [3, 11]);
+        drop(nine);
+        assert_eq!(progress.numbers(), [1, 2]);
+        drop(two);
+        assert_eq!(progress.numbers(), [0, 0]);
     }
 
     #[test]
@@ -248,5 +289,11 @@ mod tests {
         let mut room = MOST_TEXELS;
         let fits: Vec<bool> = files.iter().map(|file| take_room("", file, &mut room).is_ok()).collect();
         assert_eq!(fits, [true, false, true]);
+        // Of 256 Mi texels, 128 Mi are left, and then 127 Mi.
+        let texture = |size| Arc::new(Texture { name: String::new(), size, texels: vec![] });
+        let (large, small) = (texture([16_384, 8192]), texture([1024, 1024]));
+        assert_eq!(room_beside(&[]), 256 << 20);
+        assert_eq!(room_beside(std::slice::from_ref(&large)), 128 << 20);
+        assert_eq!(room_beside(&[large, small]), 127 << 20);
     }
 }

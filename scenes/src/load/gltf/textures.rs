@@ -46,8 +46,7 @@ pub(super) fn load(
             Err(error) => report.add(NoteKind::LeftOut, format!("an image: {error}"), name),
         }
     }
-    let texels: u64 = textures.iter().map(|texture| texture.texels.len() as u64).sum();
-    let mut room = images::MOST_TEXELS - texels;
+    let mut room = images::room_beside(&textures);
     let with = |described: Described| described.with(&found, &mut textures, &mut room, report);
     let materials = materials.into_iter().map(with).collect();
     (materials, textures)
@@ -205,6 +204,7 @@ fn code_of(linear: f32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Maps;
 
     #[test]
     fn diffuse_and_specular_colours_become_a_base_colour_and_metal() {
@@ -221,6 +221,14 @@ mod tests {
             );
         }
         assert_eq!(metallic(Vec3::splat(0.96), Vec3::ZERO), (Vec3::ONE, 0.0));
+        // What reflects as a dielectric does is none of metal, however dark it is, and nothing is more than a metal.
+        let grey = |bright: f32| Vec3::splat(bright);
+        assert_eq!(metallic(Vec3::ZERO, grey(DIELECTRIC_F0)).1, 0.0);
+        for step in 5..=100 {
+            let (color, metal) = metallic(Vec3::ZERO, grey(0.01 * step as f32));
+            assert!((0.999..=1.0).contains(&metal), "{step}: {metal}");
+            assert!(color.distance(grey(0.01 * step as f32)) < 1e-4, "{step}: {color}");
+        }
     }
 
     #[test]
@@ -258,6 +266,38 @@ mod tests {
             let (x, y) = (texel % 6 / 2, texel / 6 / 3);
             assert_eq!(color[3], 10 * (3 * y + x) as u8, "{texel}");
         }
+    }
+
+    #[test]
+    fn factors_multiply_textures_before_these_are_converted() {
+        let texture = |texel| Texture { name: "gloss".to_owned(), size: [1, 1], texels: vec![texel] };
+        let of = |diffuse: Vec3, specular: Vec3, texels: [[u8; 4]; 2]| {
+            let mut textures = texels.map(|texel| Arc::new(texture(texel))).to_vec();
+            let maps = Maps {
+                color: Some(Map::new(0)),
+                opacity: Some(Map::new(0).of_channel(3)),
+                ..Maps::default()
+            };
+            let mut material = Material { maps, ..Material::diffuse("", Vec3::ONE) };
+            let glossiness = Glossiness { diffuse, specular, glossiness: 0.5, map: Map::new(1) };
+            assert!(glossiness.convert(&mut material, Map::new(1), &mut textures, &mut 2));
+            let maps = material.maps;
+            assert_eq!((maps.color, maps.opacity), (Some(Map::new(2)), Some(Map::new(2).of_channel(3))));
+            assert_eq!(
+                [maps.metallic, maps.roughness],
+                [2, 1].map(|channel| Some(Map::new(3).of_channel(channel)))
+            );
+            [&textures[2], &textures[3]].map(|texture| texture.texels[0])
+        };
+        // Two fifths of metal of a grey of 0.6 by the factors alone: 0.6 has the code 203.
+        let specular = Vec3::splat(0.6).lerp(Vec3::splat(DIELECTRIC_F0), 0.6);
+        let diffuse = Vec3::splat(0.6) * 0.6 * (1.0 - DIELECTRIC_F0) / (1.0 - specular.x);
+        let white = [255, 255, 255, 50];
+        assert_eq!(of(diffuse, specular, [[255; 4], white]), [[203, 203, 203, 255], [0, 230, 102, 255]]);
+        // The code 188 is half of the light: a metal of a quarter, and a dielectric of a quarter, which has the code 137.
+        let (half, grey) = (Vec3::splat(0.5), [188, 188, 188, 9]);
+        assert_eq!(of(Vec3::ZERO, half, [[255; 4], grey])[0], [137, 137, 137, 255]);
+        assert_eq!(of(half, Vec3::ZERO, [grey, white])[0], [140, 140, 140, 9]);
     }
 
     #[test]
