@@ -76,6 +76,7 @@ mod tests {
             ".\\wood.png",
             "./Wood.PNG",
             "\"Wood.PNG\"",
+            "wood.png/",
             "C:\\Users\\me\\textures\\wood.png",
             "/home/me/textures/WOOD.png",
             "textures/wood.png",

@@ -10,8 +10,8 @@ use crate::texture::decode_srgb;
 /// Colours in sRGB, with opacity, as factors on a material's colour: linear. Numbers above 1 mean that all are bytes, 0 to
 /// 255, but for the opacities. What is not a number remains so.
 pub(super) fn linear(colors: &mut [Vec4]) {
-    let brightest = colors.iter().map(|color| color.truncate().max_element()).fold(0.0, f32::max);
-    let unit = if brightest > 1.0 { 255.0 } else { 1.0 };
+    let are_bytes = colors.iter().any(|color| color.truncate().max_element() > 1.0);
+    let unit = if are_bytes { 255.0 } else { 1.0 };
     for color in colors {
         let [red, green, blue, opacity] = color.to_array();
         let [red, green, blue] =
@@ -35,5 +35,12 @@ mod tests {
         linear(&mut bytes);
         let expected = [Vec4::new(0.0, 0.214_041, 1.0, 1.0), Vec4::new(1.0 / 255.0 / 12.92, 1.0, 0.0, 1.0)];
         assert!(bytes.iter().zip(expected).all(|(a, b)| a.distance(b) < 1e-5), "{bytes:?}");
+        // A little more than 1 is a dark byte, and the largest byte the most that there is.
+        let mut beyond = [Vec4::new(1.5, 255.0, 600.0, 1.0), Vec4::new(1.5, -9.0, 0.0, 1.0)];
+        linear(&mut beyond);
+        assert_eq!([beyond[0].y, beyond[0].z, beyond[1].y], [1.0, 1.0, 0.0]);
+        let mut dark = [Vec4::new(1.5, 0.0, 0.0, 1.0)];
+        linear(&mut dark);
+        assert!((dark[0].x - 1.5 / 255.0 / 12.92).abs() < 1e-7, "{dark:?}");
     }
 }

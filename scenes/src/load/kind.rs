@@ -87,10 +87,12 @@ mod tests {
     #[test]
     fn files_of_other_kinds_are_called_what_they_are() {
         let zeros = [0; 100];
+        let [page, later] = [4096, 4095].map(|count| [&vec![0; count][..], b"1"].concat());
         for (bytes, expected) in [
             (&b""[..], "it is empty"),
             (&zeros, "begins with zeros"),
             (&zeros[..17], "begins with zeros"),
+            (&page, "begins with zeros"),
             (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n", "run `git lfs pull`"),
             (b"\n  <!DOCTYPE html>\n<title>", "a web page (HTML)"),
             (b"\xEF\xBB\xBF<HTML>", "download the file itself"),
@@ -125,6 +127,8 @@ mod tests {
             (b"Scene(version: 1)", "a.ron"),
             // Too short to be what is left of a copy.
             (&[0; 16], "a.obj"),
+            // A page of zeros with one number in it.
+            (&later, "a.obj"),
         ] {
             assert_eq!(check(bytes, name), Ok(()));
         }

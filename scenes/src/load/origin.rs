@@ -66,6 +66,27 @@ mod tests {
     }
 
     #[test]
+    fn the_distance_at_which_rounding_costs_too_much_is_that_of_the_farther_end() {
+        // Of boxes of 1 m, along each axis and on both sides: half of 2^-23 of this is exactly 1e-5 m.
+        let far = 1e-5 * f64::from(1 << 24);
+        for axis in DVec3::AXES {
+            for (end, is_far) in [(far, false), (far.next_up(), true)] {
+                let (near, end) = ((end - 1.0) * axis, end * axis);
+                assert_eq!(origin_of(near, end) != DVec3::ZERO, is_far, "{end}");
+                assert_eq!(origin_of(-end, -near) != DVec3::ZERO, is_far, "-{end}");
+            }
+        }
+        // And of this, a hundredth.
+        let far = 0.01 * (1 << 24) as f32;
+        for axis in Vec3::AXES {
+            for (end, is_far) in [(far, false), (far.next_up(), true)] {
+                let (near, end) = ((end - 1.0) * axis, end * axis);
+                assert_eq!([is_torn(near, end), is_torn(-end, -near)], [is_far; 2], "{end}");
+            }
+        }
+    }
+
+    #[test]
     fn what_is_small_and_far_from_the_origin_is_torn() {
         for (x, size, expected) in
             [(1e3, 1.0, false), (1e5, 1.0, false), (1e6, 1.0, true), (1e6, 100.0, false), (1e6, 0.0, false)]

@@ -96,6 +96,16 @@ mod tests {
         check(&sphere, [front, right, top], [[0.5, 0.5], [0.75, 0.5], [0.625, 0.0]]);
         check(&sphere, [right, back, top], [[0.75, 0.5], [1.0, 0.5], [0.875, 0.0]]);
         check(&sphere, [left, back, bottom], [[0.25, 0.5], [0.0, 0.5], [0.125, 1.0]]);
+        // Half way up, a third of the way from the pole, and as far down.
+        let [up, down] = [1.0, -1.0].map(|y| [1.0 + 3_f32.sqrt(), 2.0 + y, 3.0]);
+        check(&sphere, [right, back, up], [[0.75, 0.5], [1.0, 0.5], [0.75, 1.0 / 3.0]]);
+        check(&sphere, [right, back, down], [[0.75, 0.5], [1.0, 0.5], [0.75, 2.0 / 3.0]]);
+        // Poles that rounding moves beyond the radius.
+        let small = ShapeSpec::Sphere { center: Vec3::new(0.0, 0.1, 0.0), radius: 0.2 };
+        let (top, bottom) = ([0.0, 0.3, 0.0], [0.0, -0.100_000_024, 0.0]);
+        let [front, right] = [[0.0, 0.1, 0.2], [0.2, 0.1, 0.0]];
+        check(&small, [front, right, top], [[0.5, 0.5], [0.75, 0.5], [0.625, 0.0]]);
+        check(&small, [front, right, bottom], [[0.5, 0.5], [0.75, 0.5], [0.625, 1.0]]);
     }
 
     #[test]
