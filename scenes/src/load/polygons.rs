@@ -175,3 +175,70 @@ impl<'a> Assembly<'a> {
         (shape, corners)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::limits::MAX_TRIANGLES;
+
+    /// Polygons of these vertices.
+    fn polygons(at: Vec<DVec3>, faces: &[&[u32]]) -> Polygons {
+        let mut polygons = Polygons { at, ..Polygons::default() };
+        for face in faces {
+            polygons.corners.extend_from_slice(face);
+            polygons.close("", &mut Report::default()).unwrap();
+        }
+        polygons
+    }
+
+    #[test]
+    fn the_triangles_of_all_polygons_are_counted() {
+        let mut polygons = Polygons { at: vec![DVec3::ZERO], ..Polygons::default() };
+        let mut add = |corners: usize| {
+            polygons.corners.extend((0..corners).map(|_| 0));
+            polygons.close("", &mut Report::default())
+        };
+        assert_eq!(add(MAX_TRIANGLES), Ok(()));
+        assert_eq!(add(4), Ok(()));
+        let error = MeshError::TooLarge { triangles: MAX_TRIANGLES + 1, vertices: 1 };
+        assert_eq!(add(3), Err(error));
+    }
+
+    #[test]
+    fn shapes_have_the_vertices_that_they_share_with_others() {
+        let at = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| DVec3::new(x, y, 5.0));
+        let polygons = polygons(at.to_vec(), &[&[2, 0, 1], &[3, 0, 2]]);
+        let mut assembly = Assembly::new(&polygons).unwrap();
+        for (in_file_order, expected) in [(false, [[2, 0, 1], [3, 0, 2]]), (true, [[0, 1, 2], [0, 2, 3]])] {
+            assembly.in_file_order = in_file_order;
+            for (polygon, vertices) in expected.into_iter().enumerate() {
+                let (shape, corners) = assembly.shape([polygon], "", &mut Report::default());
+                assert_eq!(shape.positions, vertices.map(|vertex| at[vertex].as_vec3()));
+                assert_eq!(corners, [[3 * polygon, 3 * polygon + 1, 3 * polygon + 2]]);
+                let places = shape.triangles[0].map(|vertex| shape.positions[vertex as usize]);
+                assert_eq!(
+                    places,
+                    polygons
+                        .polygon(polygon)
+                        .map(|c| at[polygons.corners[c] as usize].as_vec3())
+                        .collect::<Vec<_>>()[..]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn vertices_are_near_or_far_by_their_distance_from_the_origin() {
+        let far = |x: f64| {
+            let at = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(x, y, z));
+            Assembly::new(&polygons(at.to_vec(), &[&[0, 1, 2]])).map(|assembly| assembly.origin.x)
+        };
+        // A part far out is near its own origin, but not a part near one that is far from it.
+        assert_eq!([far(-9e8), far(9e8), far(9e12)], [Ok(-9e8), Ok(9e8), Ok(9e12)]);
+        let at = [DVec3::ZERO, DVec3::X, Vec3::Y.as_dvec3(), 4e9 * DVec3::X].to_vec();
+        assert_eq!(Assembly::new(&polygons(at.clone(), &[&[0, 1, 2], &[0, 1, 3]])).err(), Some(3));
+        assert!(Assembly::new(&polygons(at, &[&[0, 1, 2]])).is_ok());
+    }
+}

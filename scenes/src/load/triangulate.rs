@@ -152,6 +152,11 @@ mod tests {
         points.iter().map(|[x, y]| DVec3::new(5e5, -3.0, 4e6) + *x * u + *y * v).collect()
     }
 
+    /// The plane z = 0.
+    fn upright(points: &[[f64; 2]]) -> Vec<DVec3> {
+        points.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect()
+    }
+
     /// The vector area of triangles, and the sum of their areas.
     fn areas(corners: &[DVec3], triangles: &[[u32; 3]]) -> (DVec3, f64) {
         let area = |t: &[u32; 3]| {
@@ -221,6 +226,16 @@ mod tests {
     }
 
     #[test]
+    fn polygons_of_all_sizes_keep_their_notches() {
+        for scale in [1e-6, 1e-3, 1e3, 1e6] {
+            let corners = upright(&C.map(|point| point.map(|at| scale * at)));
+            let (triangles, fault) = triangulate(&corners);
+            let sum = areas(&corners, &triangles).1 / (scale * scale);
+            assert!((sum - 2.88).abs() < 1e-8 && fault.is_none() && fits(8, &triangles), "{scale}: {sum}");
+        }
+    }
+
+    #[test]
     fn sides_are_kept_whole_for_their_neighbours() {
         // Each side of the C in four parts.
         let points: Vec<[f64; 2]> = (0..C.len())
@@ -229,13 +244,16 @@ mod tests {
                 (0..4).map(|step| f64::from(step) / 4.0).map(move |t| [x + t * (u - x), y + t * (v - y)])
             })
             .collect();
-        for turn in 0..points.len() {
-            let mut points = points.clone();
-            points.rotate_left(turn);
-            let corners = tilted(&points);
-            let (triangles, fault) = triangulate(&corners);
-            assert!(fault.is_none() && fits(32, &triangles), "{turn}: {triangles:?}");
-            assert!((areas(&corners, &triangles).1 - 2.88).abs() < 1e-8);
+        // Rounding decides which corners of the tilted one are on one line, but all of the upright one are.
+        for of in [tilted as fn(&[[f64; 2]]) -> Vec<DVec3>, upright] {
+            for turn in 0..points.len() {
+                let mut points = points.clone();
+                points.rotate_left(turn);
+                let corners = of(&points);
+                let (triangles, fault) = triangulate(&corners);
+                assert!(fault.is_none() && fits(32, &triangles), "{turn}: {triangles:?}");
+                assert!((areas(&corners, &triangles).1 - 2.88).abs() < 1e-8);
+            }
         }
     }
 
@@ -244,9 +262,11 @@ mod tests {
         // Cutting ears leaves out corners of a spike, as they are on one line with their neighbours.
         let spike = [[1.0, 0.0], [2.0, 1.0], [2.0, 0.0], [2.0, 3.0]];
         let twice = [[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [4.0, -1.0], [4.0, 4.0], [1.0, 1.0]];
-        for points in [&spike[..], &twice] {
+        // Both sides of an ear have corners that are put back.
+        let ear = [[1.0, 1.0], [0.0, 0.0], [0.0, 3.0], [0.0, 1.0], [2.0, 1.0]];
+        for points in [&spike[..], &twice, &ear] {
             for (turn, reversed) in (0..points.len()).flat_map(|turn| [(turn, false), (turn, true)]) {
-                let mut corners: Vec<DVec3> = points.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect();
+                let mut corners = upright(points);
                 corners.rotate_left(turn);
                 if reversed {
                     corners.reverse();
@@ -284,7 +304,8 @@ mod tests {
         let uneven = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 3.0]];
         let star: Vec<[f64; 2]> =
             (0..5).map(|k| f64::from(2 * k) * TAU / 5.0).map(|angle| [angle.cos(), angle.sin()]).collect();
-        for points in [&bow[..], &uneven, &star] {
+        let thin = uneven.map(|[x, y]| [x, 1e-4 * y]);
+        for points in [&bow[..], &uneven, &star, &thin] {
             let (triangles, fault) = triangulate(&tilted(points));
             assert!(
                 fault == Some(Fault::Crossed) && !triangles.is_empty(),
@@ -295,6 +316,14 @@ mod tests {
         bent[3] += DVec3::new(0.3, -0.4, 0.0);
         let (triangles, fault) = triangulate(&bent);
         assert_eq!((fault, triangles.len()), (Some(Fault::Bent), 6));
+        // Two parts that cancel, and what is left is too small to say where the front is.
+        let cancelled = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [2.0, 1e-170]];
+        let fan = vec![[0, 1, 2], [0, 2, 3], [0, 3, 4]];
+        assert_eq!(triangulate(&upright(&cancelled)), (fan, Some(Fault::Crossed)));
+        // What cutting ears makes nothing of.
+        let crossed = [[3.0, 4.0], [2.0, 4.0], [2.0, 2.0], [4.0, 3.0], [0.0, 1.0]];
+        let fan = vec![[0, 1, 2], [0, 2, 3], [0, 3, 4]];
+        assert_eq!(triangulate(&upright(&crossed)), (fan, Some(Fault::Crossed)));
         // A line has no area to lose.
         let line: Vec<DVec3> = (0..5).map(|k| f64::from(k) * DVec3::ONE).collect();
         assert_eq!(triangulate(&line).1, None);
@@ -319,21 +348,20 @@ mod tests {
 
     #[test]
     fn a_polygon_counts_as_flat_up_to_a_fiftieth_of_its_diameter() {
-        // A C of diameter 50. Two of its corners are as far above its plane as below, so that the plane is z = 0.
-        let fault = |height: f64| {
-            let corners = [
-                [0.0, 0.0, 0.0],
-                [40.0, 0.0, 0.0],
-                [40.0, 10.0, height],
-                [10.0, 10.0, -height],
-                [10.0, 20.0, 0.0],
-                [40.0, 20.0, 0.0],
-                [40.0, 30.0, 0.0],
-                [0.0, 30.0, 0.0],
-            ];
-            triangulate(&corners.map(DVec3::from)).1
-        };
-        assert_eq!([0.999, 1.0, 1.001].map(fault), [None, None, Some(Fault::Bent)]);
+        // A C of diameter 50, to its sixth corner or along its first side, and smaller ones. Two corners are as far
+        // above its plane as below, so that the plane is z = 0.
+        let [far, near] = [
+            [[40.0, 0.0], [40.0, 10.0], [10.0, 10.0], [10.0, 20.0], [40.0, 20.0], [40.0, 30.0], [0.0, 30.0]],
+            [[50.0, 0.0], [45.0, 10.0], [15.0, 10.0], [10.0, 20.0], [40.0, 20.0], [40.0, 29.0], [0.0, 29.0]],
+        ];
+        for (points, scale) in [(far, 1.0), (near, 1.0), (far, 1.0 / 1024.0), (near, 64.0)] {
+            let fault = |height: f64| {
+                let mut corners = upright(&[&[[0.0; 2]][..], &points].concat());
+                (corners[2].z, corners[3].z) = (height, -height);
+                triangulate(&corners.into_iter().map(|at| scale * at).collect::<Vec<_>>()).1
+            };
+            assert_eq!([0.999, 1.0, 1.001].map(fault), [None, None, Some(Fault::Bent)], "{points:?} {scale}");
+        }
     }
 
     #[test]
