@@ -230,18 +230,13 @@ fn parallelograms(shape: &Shape) -> Vec<[Vec3; 3]> {
     let mut found = Vec::new();
     let mut face = 0;
     while face + 1 < shape.triangles.len() {
-        let corners = |t: usize| shape.triangles[t].map(|i| shape.positions.get(i as usize).copied());
-        match (corners(face), corners(face + 1)) {
-            ([Some(a), Some(b), Some(c)], [Some(d), Some(e), Some(f)]) => {
-                match parallelogram([a, b, c], [d, e, f]) {
-                    Some(quad) => {
-                        found.push(quad);
-                        face += 2;
-                    }
-                    None => face += 1,
-                }
+        let corners = |t: usize| shape.triangles[t].map(|corner| shape.positions[corner as usize]);
+        match parallelogram(corners(face), corners(face + 1)) {
+            Some(quad) => {
+                found.push(quad);
+                face += 2;
             }
-            _ => face += 1,
+            None => face += 1,
         }
     }
     found
@@ -281,7 +276,10 @@ pub(crate) fn framing_camera(bounds: [Vec3; 2]) -> Camera {
 
 #[cfg(test)]
 mod tests {
+    use glam::{Vec2, Vec4};
+
     use super::*;
+    use crate::Map;
 
     #[test]
     fn of_many_lamps_those_that_give_a_good_part_of_the_light_are_lights_of_their_own() {
@@ -304,6 +302,127 @@ mod tests {
         // 300 lamps of 0.01 give a quarter of the light, each a twelve-hundredth.
         let [Light::Quad { corner, .. }] = lamps(300).lights[..] else { panic!() };
         assert_eq!(corner.x, -6.0);
+    }
+
+    #[test]
+    fn panels_are_lights_of_their_own_up_to_their_number_and_share() {
+        let strip = |count: usize| {
+            let mut all = Shape::default();
+            for lamp in 0..count {
+                let [a, b] = [2 * lamp, 2 * lamp + 1].map(|x| x as f32 * Vec3::X);
+                let first = all.positions.len() as u32;
+                all.positions.extend([a, b, b + Vec3::Y, a + Vec3::Y]);
+                all.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|i: u32| first + i)));
+            }
+            all
+        };
+        let lights = |shapes: Vec<Shape>| {
+            let parts = shapes.into_iter().map(|shape| (shape, Some(0))).collect();
+            let materials = vec![Material::lamp("lamp", Vec3::ONE)];
+            Model { parts, materials, ..Model::default() }.into_scene("lamps").unwrap().lights.len()
+        };
+        // Of one shape, at most sixteen.
+        assert_eq!([16, 17].map(|count| lights(vec![strip(count)])), [16, 0]);
+        // Of a model, those that give a thirty-second of the light at least.
+        assert_eq!(lights(vec![strip(16); 2]), 32);
+        assert_eq!(lights(vec![strip(16), strip(16), strip(1)]), 0);
+    }
+
+    #[test]
+    fn the_power_of_a_panel_is_by_its_area_radiance_and_sides() {
+        let of = |both_sides| {
+            let sides = [Vec3::ONE, 2.0 * Vec3::X, 3.0 * Vec3::Y];
+            Panel { sides, radiance: Vec3::new(1.0, 2.0, 4.0), both_sides }.power()
+        };
+        assert_eq!([of(false), of(true)], [42.0, 84.0]);
+    }
+
+    #[test]
+    fn the_triangles_of_a_strip_make_every_other_parallelogram() {
+        // Any two that follow each other make one.
+        let strip = |first: u32, last: u32| {
+            let at = |k: u32| Vec3::new((k / 2) as f32, (k % 2) as f32, 0.0);
+            let turned = |k: u32| if k.is_multiple_of(2) { [k, k + 2, k + 1] } else { [k, k + 1, k + 2] };
+            let triangles = (first..last).map(turned).collect();
+            Shape { positions: (0..12).map(at).collect(), triangles, ..Shape::default() }
+        };
+        assert_eq!([1, 2, 3, 4, 5].map(|last| parallelograms(&strip(0, last)).len()), [0, 1, 1, 2, 2]);
+        // A triangle on its own before it.
+        let mut late = strip(0, 4);
+        late.positions.extend([Vec3::splat(9.0), Vec3::new(9.0, 8.0, 7.0), Vec3::new(3.0, 9.0, 7.0)]);
+        late.triangles.insert(0, [12, 13, 14]);
+        assert_eq!(parallelograms(&late).len(), 2);
+        late.triangles.truncate(3);
+        assert_eq!(parallelograms(&late).len(), 1);
+    }
+
+    #[test]
+    fn a_scene_becomes_a_model_with_all_that_its_corners_have() {
+        let part = |shift: f32| {
+            let shape = Shape::quad([Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]);
+            let number = |face: usize, corner: usize| shift + 0.1 * (3 * face + corner) as f32;
+            let each = [0, 1].map(|face| [0, 1, 2].map(|corner| number(face, corner)));
+            Shape {
+                normals: each.map(|all| all.map(|n| Vec3::new(n, 0.0, 1.0).normalize())).to_vec(),
+                uvs: [1.0, 2.0].map(|set| each.map(|all| all.map(|n| Vec2::new(n, set))).to_vec()),
+                tangents: each
+                    .map(|all| all.map(|n| Vec3::new(1.0, n, 0.0).normalize().extend(-1.0)))
+                    .to_vec(),
+                colors: each.map(|all| all.map(|n| Vec4::new(n, 0.5, 0.25, 0.75))).to_vec(),
+                ..shape.moved(shift * Vec3::Z)
+            }
+        };
+        let sky = Arc::new(Sky::new("", [1, 1], vec![Vec3::splat(7.0)]).unwrap());
+        let camera = Camera::look_at(Vec3::X, Vec3::ZERO, 1.0, 0.1, 9.0);
+        let materials = [0.25, 0.5].map(|grey| Material::diffuse("", Vec3::splat(grey))).to_vec();
+        let texture = Texture { name: "a".to_owned(), size: [1, 1], texels: vec![[1, 2, 3, 4]] };
+        let mut model = Model {
+            parts: vec![(part(0.0), Some(0)), (part(1.0), Some(1))],
+            materials,
+            textures: vec![Arc::new(texture)],
+            lights: vec![Light::Point { position: Vec3::ONE, intensity: Vec3::ONE }],
+            camera: Some(camera),
+            cameras: vec![("front".to_owned(), camera)],
+            sky: Some(sky),
+            ..Model::default()
+        };
+        model.materials[1].maps.color = Some(Map::new(0));
+        let near = |found: &[Vec3], expected: &[Vec3]| {
+            found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| a.distance(*b) < 1e-6)
+        };
+        let scene = model.into_scene("").unwrap();
+        let again = Model::from_scene(&scene).into_scene("").unwrap();
+        for (scene, what) in [(&scene, "the scene"), (&again, "the scene of its model")] {
+            let mesh = &scene.mesh;
+            for (face, shape) in [(0, part(0.0)), (2, part(1.0))] {
+                let faces = face..face + 2;
+                let normals: Vec<[Vec3; 3]> = mesh.corner_normals[faces.clone()].to_vec();
+                assert!(near(normals.as_flattened(), shape.normals.as_flattened()), "{what}: {normals:?}");
+                assert_eq!(
+                    [0, 1].map(|set| mesh.corner_uvs[set][faces.clone()].to_vec()),
+                    shape.uvs,
+                    "{what}"
+                );
+                let [tangents, expected] =
+                    [&mesh.corner_tangents[faces.clone()], &shape.tangents].map(|all| {
+                        all.as_flattened().iter().map(|tangent| tangent.truncate()).collect::<Vec<_>>()
+                    });
+                assert!(near(&tangents, &expected), "{what}: {tangents:?}");
+                assert!(
+                    mesh.corner_tangents.as_flattened().iter().all(|tangent| tangent.w == -1.0),
+                    "{what}"
+                );
+                assert_eq!(mesh.corner_colors[faces.clone()], shape.colors, "{what}");
+                assert_eq!(mesh.material[faces], [face / 2; 2].map(|index| index as u32), "{what}");
+            }
+            assert_eq!(scene.sky.as_ref().map(|sky| sky.radiance(Vec3::X)), Some(Vec3::splat(7.0)), "{what}");
+            assert_eq!(
+                (scene.camera, &scene.cameras[..]),
+                (camera, &[("front".to_owned(), camera)][..]),
+                "{what}"
+            );
+            assert_eq!((scene.lights.len(), scene.textures[0].texels[0]), (1, [1, 2, 3, 4]), "{what}");
+        }
     }
 
     #[test]
@@ -400,6 +519,17 @@ mod tests {
             assert!((camera.far / size / whole.far - 1.0).abs() < 1e-4);
         }
         assert!(framing_camera([Vec3::ONE; 2]).is_valid());
+        // Of a box with a radius of 3.5 around (11, 2.5, 4): 24 degrees from the right and 18 above, so far away that a
+        // ball of this radius just fits into 40 degrees. Near and far leave room around it.
+        let camera = framing_camera([Vec3::new(10.0, 1.0, 1.0), Vec3::new(12.0, 4.0, 7.0)]);
+        let away = camera.eye - Vec3::new(11.0, 2.5, 4.0);
+        let distance = 3.5 / 20_f32.to_radians().sin();
+        assert!((away.length() - distance).abs() < 1e-4, "{away}");
+        let angles = [away.x.atan2(away.z), (away.y / distance).asin()].map(f32::to_degrees);
+        assert_eq!(angles.map(f32::round), [24.0, 18.0]);
+        assert_eq!(camera.aspect, Some(1.0));
+        assert!((camera.near / distance - 0.01).abs() < 1e-6, "{camera:?}");
+        assert!((camera.far - distance - 14.0).abs() < 1e-4, "{camera:?}");
         // Half the diagonal, but of what counts as a point.
         assert_eq!(radius_of([Vec3::ZERO, Vec3::new(2.0, 3.0, 6.0)]), 3.5);
         assert_eq!(radius_of([Vec3::splat(7.0); 2]), 1e-3);
