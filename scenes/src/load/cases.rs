@@ -142,13 +142,13 @@ fn obj_files_that_show_the_same() {
         ("dot and backslash", obj().replace("scene.mtl", ".\\scene.mtl")),
         ("another machine", obj().replace("scene.mtl", "C:\\Users\\me\\Scene.MTL")),
         ("continued", obj().replace(" 2 3", " \\\n 2 \\\n 3")),
-        ("utf16", String::new()),
+        ("utf16, low bytes first", format!("\u{feff}{}", obj())),
+        ("utf16, high bytes first", format!("\u{feff}{}", obj())),
     ] {
-        let bytes = if name == "utf16" {
-            let words = format!("\u{feff}{}", obj());
-            words.encode_utf16().flat_map(u16::to_le_bytes).collect()
-        } else {
-            text.into_bytes()
+        let bytes = match name {
+            "utf16, low bytes first" => text.encode_utf16().flat_map(u16::to_le_bytes).collect(),
+            "utf16, high bytes first" => text.encode_utf16().flat_map(u16::to_be_bytes).collect(),
+            _ => text.into_bytes(),
         };
         let scene = place.load("case.obj", bytes);
         assert_eq!(look(&scene), look(&control), "{name}");
@@ -283,6 +283,7 @@ fn scene_file(x: f64, z: f64) -> String {
                 (shape: File("b.obj"), motion: "turn"),
             ],
             lights: [Point(position: ({}, 5, {}), intensity: (9, 9, 9)),
+                Spot(position: ({}, 6, {}), target: ({}, 0, {}), intensity: (9, 9, 9)),
                 Quad(corner: ({}, 4, {}), u: (1, 0, 0), v: (0, 0, 1), radiance: (1, 1, 1), motion: "turn")],
         )"#,
         x + 0.25,
@@ -295,6 +296,10 @@ fn scene_file(x: f64, z: f64) -> String {
         z + 0.125,
         x,
         z + 1.0,
+        x - 1.0,
+        z - 2.0,
+        x,
+        z,
         x + 1.5,
         z
     )

@@ -523,8 +523,8 @@ impl ObjectSpec {
         if self.height.is_some() && self.scale.is_some() {
             return Err("`height` sets its scale; drop `scale` or `height`".to_owned());
         }
-        let scale = self.height.or(self.scale).unwrap_or(1.0);
-        if !(scale.is_finite() && scale != 0.0 && (0.0..=180.0).contains(&self.smooth)) {
+        let has_size = self.height.or(self.scale).is_none_or(|scale| scale.is_finite() && scale != 0.0);
+        if !(has_size && (0.0..=180.0).contains(&self.smooth)) {
             return Err("scale and height must not be 0, and smooth must be between 0 and 180".to_owned());
         }
         const MOST_COPIES: u32 = 100_000;

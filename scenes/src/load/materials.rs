@@ -199,7 +199,7 @@ impl MaterialSpec {
             return Err(format!("emission must be between 0 and {MAX_RADIANCE:e}"));
         }
         let absorption = self.medium.unwrap_or_default().absorption;
-        let bends = (1.0..f32::INFINITY).contains(&self.ior.unwrap_or(1.0));
+        let bends = self.ior.is_none_or(|ior| (1.0..f32::INFINITY).contains(&ior));
         if !(bends && absorption.min_element() >= 0.0 && absorption.is_finite()) {
             return Err("ior must be a number of at least 1, and absorption must not be negative".to_owned());
         }
@@ -431,6 +431,7 @@ mod tests {
             ("surface: Glossy(roughness: 0.3)", glossy(0.3, 0.04)),
             ("surface: Mirror", Material::mirror("m", COLOR)),
             ("roughness: 0.3", glossy(0.3, f0_of_ior(1.5))),
+            ("ior: 1", glossy(1.0, 0.0)),
             ("ior: 1.33", glossy(1.0, f0_of_ior(1.33))),
             ("ior: 1.33, f0: 0.1", glossy(1.0, 0.1)),
             ("metallic: 0.8, roughness: 0", Material { metallic: 0.8, ..glossy(0.0, f0_of_ior(1.5)) }),
@@ -487,6 +488,40 @@ mod tests {
     }
 
     #[test]
+    fn maps_read_their_channels_unless_the_file_says_otherwise() {
+        let folder = Folder::new("channels");
+        image(&folder, "a.png", [[255; 4]; 4]);
+        let names = ["metallic", "roughness", "transmission", "emission", "normal"];
+        let maps = names.map(|name| format!("{name}: (file: \"a.png\")")).join(", ");
+        let scene = scene_of(&folder, &format!("color: (1, 1, 1), maps: ({maps})")).unwrap();
+        let plain = Map::new(0);
+        let expected = Maps {
+            metallic: Some(plain.of_channel(2)),
+            roughness: Some(plain.of_channel(1)),
+            transmission: Some(plain.of_channel(0)),
+            emission: Some(plain),
+            normal: Some((plain, 1.0)),
+            ..Maps::default()
+        };
+        assert_eq!(scene.materials[0].maps, expected);
+    }
+
+    #[test]
+    fn coordinates_of_the_second_set_are_those_of_mesh_files() {
+        let folder = Folder::new("second-set");
+        image(&folder, "a.png", [[255; 4]; 4]);
+        let notes = |set: usize| {
+            let color = format!("maps: (color: (file: \"a.png\", uv_set: {set}))");
+            let report = scene_of(&folder, &color).unwrap().report;
+            let all = report.notes().iter().filter(|note| note.kind == NoteKind::Approximated);
+            all.map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(notes(0), [""; 0]);
+        let expected = "approximated: a texture where its mesh has no coordinates, by one texel (object 0)";
+        assert_eq!(notes(1), [expected]);
+    }
+
+    #[test]
     fn what_is_missing_is_reported_and_does_not_shine() {
         let folder = Folder::new("missing");
         folder.file("page.png", "<html>");
@@ -501,6 +536,10 @@ mod tests {
         assert!(notes[1].starts_with("left out: a texture, as it is a web page"), "{notes:?}");
         let material = &scene.materials[0];
         assert_eq!((material.metallic, material.emission, material.maps), (0.0, Vec3::ZERO, Maps::default()));
+        // What lets no light through has no inside.
+        let clear = "color: (1, 1, 1), medium: (), maps: (transmission: (file: \"none.png\"))";
+        let scene = scene_of(&folder, clear).unwrap();
+        assert_eq!((scene.materials[0].transmission, scene.materials[0].medium), (0.0, None));
     }
 
     #[test]

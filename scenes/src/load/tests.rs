@@ -211,6 +211,12 @@ fn members_of_a_scene_file_shape_the_scene() {
     assert!(
         (camera.far - 2.0 * 18f32.sqrt()).abs() < 1e-5 && (camera.near - 1e-3 * 18f32.sqrt()).abs() < 1e-6
     );
+    // Or (2, 3, 6), on either side of the eye.
+    for (z, target) in [(7, 0), (-5, 9)] {
+        let camera = format!("camera: (eye: (-1, -2, {z}), target: (0, 0, {target}), fov: 90)");
+        let camera = scene_of(&folder, "shape: Box(low: (0, 0, 1), high: (1, 1, 1))", &camera).camera;
+        assert!((camera.far - 14.0).abs() < 1e-5 && (camera.near - 7e-3).abs() < 1e-6, "{camera:?}");
+    }
     // Only shapes without normals are smoothed, and only if the file says so.
     assert!(scene_of(&folder, boxed, "").mesh.corner_normals.is_empty());
     let smooth = scene_of(&folder, &format!("{boxed}, smooth: 100"), "").mesh;
@@ -222,6 +228,66 @@ fn members_of_a_scene_file_shape_the_scene() {
             normals.iter().zip(ball.corners(face)).all(|(normal, corner)| normal.distance(corner) < 0.04)
         );
     }
+}
+
+#[test]
+fn numbers_of_a_scene_file_are_taken_up_to_the_ends_of_their_ranges() {
+    let boxed = "shape: Box(low: (0, 0, 0), high: (1, 1, 1))";
+    let refused = |object: &str, members: &str| {
+        let text = format!("Scene(version: 1, objects: [({boxed}, {object})], {members})");
+        SceneFile::parse(&text).err()
+    };
+    let fov = |degrees: &str| format!("camera: (eye: (0, 0, 4), target: (0, 0, 0), fov: {degrees})");
+    let crease = |degrees: &str| format!("crease_angle: {degrees}");
+    let weld = |metres: &str| format!("weld_distance: {metres}");
+    for (members, numbers, expected) in [
+        (&fov as &dyn Fn(&str) -> String, ["0.5", "179.5"].as_slice(), None),
+        (&fov, &["0", "-0.5", "180", "180.5", "NaN"], Some("a fov between 0 and 180")),
+        (&crease, &["0", "0.5", "180"], None),
+        (&crease, &["-0.5", "180.5", "NaN"], Some("crease_angle must be between 0 and 180")),
+        (&weld, &["0", "0.5", "2"], None),
+        (&weld, &["-0.5", "inf", "NaN"], Some("weld_distance must not be negative")),
+    ] {
+        for number in numbers {
+            let message = refused("", &members(number));
+            let fits = message.as_ref().map(|text| expected.is_some_and(|expected| text.contains(expected)));
+            assert_eq!(fits, expected.map(|_| true), "{}: {message:?}", members(number));
+        }
+    }
+    for (member, numbers, is_fine) in [
+        ("smooth", ["0", "0.5", "180"].as_slice(), true),
+        ("smooth", &["-0.5", "180.5", "NaN"], false),
+        ("scale", &["0.5", "-0.5"], true),
+        ("scale", &["0", "inf", "NaN"], false),
+        ("height", &["0.5", "-0.5"], true),
+        ("height", &["0", "inf", "NaN"], false),
+    ] {
+        for number in numbers {
+            let message = refused(&format!("{member}: {number}"), "");
+            let expected = "object 0: scale and height must not be 0, and smooth must be between 0 and 180";
+            assert_eq!(message, (!is_fine).then(|| expected.to_owned()), "{member}: {number}");
+        }
+    }
+}
+
+#[test]
+fn faces_are_smoothed_across_the_smallest_angles() {
+    let folder = Folder::new("ridge");
+    // Two sides of a roof that is nearly flat: they meet at 0.4 degrees.
+    let height = 0.2_f64.to_radians().tan();
+    let ridge = format!(
+        "v -1 0 -1\nv -1 0 1\nv 0 {height} -1\nv 0 {height} 1\nv 1 0 -1\nv 1 0 1\nf 1 2 4 3\nf 3 4 6 5\n"
+    );
+    folder.file("a.obj", ridge);
+    let bend_at_ridge = |smooth: &str| {
+        let mesh = scene_of(&folder, &format!("shape: File(\"a.obj\"), smooth: {smooth}"), "").mesh;
+        let at = mesh.corners(0).iter().position(|corner| corner.x == 0.0).unwrap();
+        mesh.corner_normals[0][at].distance(mesh.face_normals[0])
+    };
+    assert!(bend_at_ridge("0.5") > 1e-3 && bend_at_ridge("0.3") < 1e-6);
+    let ball = "shape: Sphere(center: (0, 0, 0), radius: 1), smooth: 0.5";
+    let message = error(&folder.file("s.ron", format!("Scene(version: 1, objects: [({ball})])")));
+    assert!(message.contains("object 0: `smooth` is for shapes without normals"), "{message}");
 }
 
 #[test]
@@ -431,6 +497,13 @@ fn a_scene_file_can_take_a_builtin() {
         panic!("{:?}", scene.lights)
     };
     assert!((u.length() - 2.0 * original.length()).abs() < 0.3);
+}
+
+#[test]
+fn names_that_are_as_good_as_wrong_get_no_hint() {
+    // Three of four and of six letters are alike, in their order: 1/3 (3/4 + 3/6 + 1) is 0.75. One more is above it.
+    assert_eq!(nearest("xabcyz", ["abcd"].into_iter()), "");
+    assert_eq!(nearest("xabcy", ["abcd"].into_iter()), ", did you mean `abcd`?");
 }
 
 #[test]
