@@ -191,3 +191,67 @@ fn whole(kind: ComponentType, bytes: &[u8]) -> u32 {
         _ => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::gltf::tests::Making;
+
+    fn open<T>(making: &Making, look: impl FnOnce(&Container) -> T) -> T {
+        let file = making.file(r#""nodes": []"#);
+        look(&Container::open(&file, &|_| Err(String::new())).unwrap())
+    }
+
+    #[test]
+    fn accessors_have_up_to_as_many_elements_as_a_scene_has_corners() {
+        let most = 3 * MAX_TRIANGLES;
+        let mut making = Making::default();
+        for count in [most, most + 1] {
+            making.accessor(format!(r#""componentType": 5126, "count": {count}, "type": "VEC3""#));
+        }
+        let message = "accessor 1 has 15000001 elements, but at most 15000000 are read";
+        open(&making, |file| {
+            assert_eq!([file.count(0), file.count(1)], [Ok(most), Err(message.to_owned())]);
+        });
+    }
+
+    #[test]
+    fn joints_are_four_bytes_or_shorts() {
+        let numbers = [[1, 2, 3, 250], [7, 0, 9, 4]];
+        let mut making = Making::default();
+        for (component, size) in [(5121, 1), (5123, 2)] {
+            let bytes: Vec<u8> = numbers
+                .as_flattened()
+                .iter()
+                .flat_map(|number: &u32| {
+                    (number * (1 + 256 * (size as u32 - 1))).to_le_bytes()[..size].to_vec()
+                })
+                .collect();
+            let view = making.view(&bytes, "");
+            making.accessor(format!(
+                r#""bufferView": {view}, "componentType": {component}, "count": 2, "type": "VEC4""#
+            ));
+        }
+        open(&making, |file| {
+            assert_eq!(file.joints(0).unwrap(), numbers);
+            assert_eq!(file.joints(1).unwrap(), numbers.map(|all| all.map(|number| 257 * number)));
+        });
+    }
+
+    #[test]
+    fn none_or_all_elements_may_be_in_a_buffer_or_change() {
+        let mut making = Making::default();
+        let empty = making.view(&[], "");
+        making
+            .accessor(format!(r#""bufferView": {empty}, "componentType": 5126, "count": 0, "type": "VEC3""#));
+        let (places, values) = (making.view(&[1, 0], ""), making.view(&[7, 0, 8, 0], ""));
+        making.accessor(format!(
+            r#""componentType": 5123, "count": 2, "type": "SCALAR", "sparse": {{"count": 2,
+            "indices": {{"bufferView": {places}, "componentType": 5121}}, "values": {{"bufferView": {values}}}}}"#
+        ));
+        open(&making, |file| {
+            assert_eq!(file.vectors::<3>(0).unwrap(), [[0.0; 3]; 0]);
+            assert_eq!(file.indices(1).unwrap(), [8, 7]);
+        });
+    }
+}

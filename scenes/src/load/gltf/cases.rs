@@ -318,6 +318,32 @@ fn places_of_seven_digits_are_as_good_as_small_ones() {
 }
 
 #[test]
+fn cameras_of_a_file_are_those_of_a_scene_file_that_has_it() {
+    let folder = Folder::new("gltf-cameras-of-scene");
+    for (file, name) in [("a.glb", "front"), ("b.glb", "side")] {
+        let mut case = Case::new();
+        for node in &mut case.nodes {
+            *node = r#", "translation": [691234.5, 312.0, -5334567.25]"#.to_owned();
+        }
+        let place = r#""translation": [691235.5, 313.0, -5334559.25]"#;
+        case.more_nodes = vec![format!(r#"{{"name": "{name}", "camera": 0, {place}}}"#)];
+        case.rest =
+            r#", "cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]"#.to_owned();
+        folder.file(file, case.file());
+    }
+    // Where objects are moved to is where the scene has its origin, but their cameras stay.
+    let text = r#"Scene(version: 1, objects: [(shape: File("a.glb"), translate: (1000, 0, 0)), (shape: File("b.glb"))])"#;
+    let scene = Scene::load(&folder.file("scene.ron", text)).unwrap();
+    assert!((scene.origin.x - 692_234.5).abs() < 10.0, "{}", scene.origin);
+    let names: Vec<&str> = scene.cameras.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!((names, scene.camera), (vec!["front", "side"], scene.cameras[0].1));
+    for (_, camera) in &*scene.cameras {
+        let eye = camera.eye.as_dvec3() + scene.origin;
+        assert!(eye.distance(DVec3::new(691_235.5, 313.0, -5_334_559.25)) < 1e-3, "{eye}");
+    }
+}
+
+#[test]
 fn cameras_show_what_the_file_shows() {
     let with = |lens: &str, place: &str, test: &str| {
         let mut case = Case::new();

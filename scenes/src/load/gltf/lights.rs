@@ -91,3 +91,54 @@ impl Placed {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use gltf::json::deserialize::from_str;
+
+    use super::*;
+
+    /// The light of a node of this scale, and what is said of it.
+    fn placed(light: &str, scale: f64) -> (Option<Placed>, String) {
+        let json = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"extensions": {{"{LIGHTS}": {{"light": 0}}}}}}],
+            "extensions": {{"{LIGHTS}": {{"lights": [{{{light}}}]}}}}}}"#
+        );
+        let root: Root = from_str(&json).unwrap();
+        let (world, mut report) = (DAffine3::from_scale(DVec3::splat(scale)), Report::default());
+        let found = Placed::of(&root, &root.nodes[0], "lamp", &world, &mut report);
+        (found, report.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))
+    }
+
+    #[test]
+    fn lights_may_be_as_dim_as_black() {
+        for (light, expected) in [
+            ("", Some(Vec3::ONE)),
+            (r#", "intensity": 0.25"#, Some(Vec3::splat(0.25))),
+            (r#", "intensity": 0"#, Some(Vec3::ZERO)),
+            (r#", "intensity": 4, "color": [1, 0.5, 0]"#, Some(Vec3::new(4.0, 2.0, 0.0))),
+            (r#", "intensity": -0.25"#, None),
+            (r#", "color": [1, 1, -0.25]"#, None),
+        ] {
+            let (found, note) = placed(&format!(r#""type": "point"{light}"#), 1.0);
+            let found = found.map(|placed| match placed {
+                Placed::Point { intensity, .. } => intensity,
+                other => panic!("{other:?}"),
+            });
+            assert_eq!(found, expected, "{light}");
+            let wrong = "left out: a light of an intensity that is not valid (lamp)";
+            assert_eq!(note, if expected.is_some() { "" } else { wrong }, "{light}");
+        }
+    }
+
+    #[test]
+    fn lights_that_shine_along_an_axis_need_one() {
+        for (kind, needs_axis) in [("point", false), ("spot", true), ("directional", true)] {
+            let of = |scale| placed(&format!(r#""type": "{kind}""#), scale);
+            let ((with, with_note), (without, note)) = (of(1.0), of(0.0));
+            assert_eq!((with.is_some(), without.is_some()), (true, !needs_axis), "{kind}");
+            let expected = "left out: a light whose node has no direction (lamp)";
+            assert_eq!((&*with_note, &*note), ("", if needs_axis { expected } else { "" }), "{kind}");
+        }
+    }
+}

@@ -263,3 +263,122 @@ impl Reader<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::gltf::tests::{TEXTURES, textured};
+
+    fn material(members: &str) -> Material {
+        textured(members, TEXTURES).materials.remove(0)
+    }
+
+    fn with(extensions: &str) -> Material {
+        material(&format!(r#""extensions": {{{extensions}}}"#))
+    }
+
+    #[test]
+    fn factors_beyond_0_to_1_are_taken_as_the_nearest_one_within() {
+        for (factor, expected) in [("-1", 0.0), ("0", 0.0), ("0.25", 0.25), ("1", 1.0), ("2", 1.0)] {
+            let plain = material(&format!(
+                r#""pbrMetallicRoughness": {{"baseColorFactor": [{factor}, {factor}, {factor}, {factor}],
+                "metallicFactor": {factor}, "roughnessFactor": {factor}}}"#
+            ));
+            assert_eq!((plain.color, plain.opacity), (Vec3::splat(expected), expected), "{factor}");
+            assert_eq!((plain.metallic, plain.roughness), (expected, expected), "{factor}");
+            let clear = with(&format!(r#""{TRANSMISSION}": {{"transmissionFactor": {factor}}}"#));
+            assert_eq!(clear.transmission, expected, "{factor}");
+            // An index of 0 stands for a surface that reflects everything.
+            let bright =
+                with(&format!(r#""{IOR}": {{"ior": 0}}, "{SPECULAR}": {{"specularFactor": {factor}}}"#));
+            assert_eq!(bright.f0, expected, "{factor}");
+            let glossy = with(&format!(
+                r#""{SPECULAR_GLOSSINESS}": {{"diffuseFactor": [{factor}, 0, 0, {factor}], "specularFactor": [0, 0, 0],
+                "glossinessFactor": {factor}}}"#
+            ));
+            assert_eq!((glossy.opacity, glossy.roughness), (expected, 1.0 - expected), "{factor}");
+            // The diffuse part of a dielectric is what it does not reflect.
+            let red = (expected / (1.0 - DIELECTRIC_F0)).min(1.0);
+            assert!(glossy.color.distance(red * Vec3::X) < 1e-6, "{factor}: {}", glossy.color);
+        }
+        // A colour of reflection beyond 1 makes no more of it than all.
+        let tinted = r#"{"specularFactor": 0.5, "specularColorFactor": [1.5, 1.5, 1.5]}"#;
+        assert_eq!(with(&format!(r#""{IOR}": {{"ior": 0}}, "{SPECULAR}": {tinted}"#)).f0, 0.5);
+        let bright = material(r#""emissiveFactor": [0.5, 1e20, 2e18]"#);
+        assert_eq!(bright.emission, Vec3::new(0.5, 1e18, 1e18));
+    }
+
+    #[test]
+    fn indices_of_refraction_begin_with_that_of_nothing() {
+        let f0 = |ior: &str| with(&format!(r#""{IOR}": {{"ior": {ior}}}"#)).f0;
+        for (ior, expected) in
+            [("0", 1.0), ("1", 0.0), ("1.5", 0.04), ("3", 0.25), ("0.5", 0.04), ("-1", 0.04)]
+        {
+            assert!((f0(ior) - expected).abs() < 1e-6, "{ior}: {}", f0(ior));
+        }
+    }
+
+    #[test]
+    fn light_is_absorbed_within_bodies_that_have_an_inside() {
+        let medium = |transmission: &str, volume: &str| {
+            let transmission = format!(r#""{TRANSMISSION}": {{"transmissionFactor": {transmission}}}"#);
+            with(&format!(r#"{transmission}, "{VOLUME}": {{{volume}}}"#)).medium
+        };
+        let half = r#", "attenuationColor": [0.5, 0.5, 0.5]"#;
+        for (transmission, thickness) in [("0", "1"), ("1", "0"), ("1", "-1")] {
+            let volume = format!(r#""thicknessFactor": {thickness}"#);
+            assert_eq!(medium(transmission, &volume), None, "{transmission} {thickness}");
+        }
+        for (distance, absorption) in [("0", 0.0), ("-1", 0.0), ("0.5", 2.0), ("1", 1.0), ("2", 0.5)] {
+            let volume = format!(r#""thicknessFactor": 0.5, "attenuationDistance": {distance}{half}"#);
+            let found = medium("0.5", &volume).unwrap();
+            let expected = absorption * std::f32::consts::LN_2;
+            assert!((found.absorption - expected).abs().max_element() < 1e-6, "{distance}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn specular_and_glossiness_take_the_place_of_metal_and_roughness() {
+        let of = |alpha: &str, members: &str| {
+            material(&format!(
+                r#""pbrMetallicRoughness": {{"baseColorFactor": [1, 1, 1, 0.75],
+                "baseColorTexture": {{"index": 0, "texCoord": 1}}, "metallicRoughnessTexture": {{"index": 0}}}},
+                "alphaMode": "{alpha}", "extensions": {{"{SPECULAR_GLOSSINESS}": {{{members}}}}}"#
+            ))
+        };
+        let plain = of("BLEND", r#""diffuseFactor": [1, 1, 1, 0.25]"#);
+        assert_eq!((plain.opacity, plain.maps), (0.25, Maps::default()));
+        let diffuse = r#""diffuseTexture": {"index": 0}"#;
+        let map = of("OPAQUE", diffuse).maps;
+        assert_eq!((map.color.map(|map| map.channel), map.opacity), (Some(0), None));
+        assert_eq!(of("BLEND", diffuse).maps.opacity, map.color.map(|map| map.of_channel(3)));
+        // A dielectric reflects as much as its brightest channel, or what dielectrics do.
+        for (specular, f0) in
+            [("[0.01, 0.03, 0.02]", 0.03), ("[0.04, 0.04, 0.04]", 0.04), ("[0.05, 0, 0]", 0.04)]
+        {
+            let found =
+                of("OPAQUE", &format!(r#""diffuseFactor": [1, 1, 1, 1], "specularFactor": {specular}"#));
+            assert_eq!((found.metallic, found.f0), (0.0, f0), "{specular}");
+        }
+    }
+
+    #[test]
+    fn coordinates_are_changed_by_what_a_transform_has_and_no_more() {
+        let at = |members: &str| {
+            let transform = format!(r#""extensions": {{"{TEXTURE_TRANSFORM}": {{{members}}}}}"#);
+            let color = format!(r#""baseColorTexture": {{"index": 0, {transform}}}"#);
+            let map = material(&format!(r#""pbrMetallicRoughness": {{{color}}}"#)).maps.color.unwrap();
+            [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| map.transform.transform_point2(uv.into()))
+        };
+        for (members, expected) in [
+            ("", [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+            (r#""offset": [0.5, 0.25]"#, [[0.5, 0.25], [1.5, 0.25], [0.5, 1.25]]),
+            (r#""scale": [2, 3]"#, [[0.0, 0.0], [2.0, 0.0], [0.0, 3.0]]),
+            // A quarter turn.
+            (r#""rotation": 1.5707963267948966"#, [[0.0, 0.0], [0.0, -1.0], [1.0, 0.0]]),
+        ] {
+            let near = at(members).iter().zip(expected).all(|(found, at)| found.distance(at.into()) < 1e-6);
+            assert!(near, "{members}: {:?}", at(members));
+        }
+    }
+}

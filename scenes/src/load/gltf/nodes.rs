@@ -87,3 +87,46 @@ fn local(node: &Node) -> DAffine3 {
         node.translation.map_or(DVec3::ZERO, DVec3::from_array),
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use gltf::json::deserialize::from_str;
+
+    use super::*;
+
+    /// The tree of a file with these nodes and other members.
+    fn tree(nodes: &str, rest: &str) -> Result<Tree, String> {
+        let json = format!(r#"{{"asset": {{"version": "2.0"}}, "nodes": [{nodes}]{rest}}}"#);
+        Tree::of(&from_str(&json).unwrap())
+    }
+
+    #[test]
+    fn a_node_is_shown_once_and_only_if_there_is_one() {
+        let nodes = r#"{"children": [1]}, {"children": [2]}, {}"#;
+        for (scene, expected) in
+            [("[0]", vec![0, 1, 2]), ("[1, 0]", vec![1, 2, 0]), ("[0, 2, 1]", vec![0, 1, 2])]
+        {
+            let rest = format!(r#", "scenes": [{{"nodes": {scene}}}]"#);
+            assert_eq!(tree(nodes, &rest).unwrap().shown, expected, "{scene}");
+        }
+        for (nodes, rest, expected) in [
+            (nodes, r#", "scenes": [{"nodes": [0, 3]}]"#, "a scene has a node 3, which does not exist"),
+            (r#"{"children": [1]}"#, "", "node 0 has a child 1, which does not exist"),
+            (r#"{"children": [1]}, {"children": [0]}"#, "", "a node is its own ancestor"),
+        ] {
+            assert_eq!(tree(nodes, rest).err().unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn rotations_of_any_length_are_taken_and_those_of_none_left() {
+        let turned = |rotation: &str| {
+            let tree = tree(&format!(r#"{{"rotation": {rotation}}}"#), "").unwrap();
+            tree.worlds[0].transform_vector3(DVec3::X)
+        };
+        for rotation in ["[0, 0, 1, 1]", "[0, 0, 0.001, 0.001]", "[0, 0, 7, 7]"] {
+            assert!(turned(rotation).distance(DVec3::Y) < 1e-12, "{rotation}");
+        }
+        assert_eq!(turned("[0, 0, 0, 0]"), DVec3::X);
+    }
+}

@@ -344,3 +344,141 @@ fn assemble(
     report.add_many(NoteKind::Repaired, "a triangle with a normal that is no direction", name, flat);
     Ok(shape)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, Quat};
+
+    use super::*;
+    use crate::load::gltf::read;
+    use crate::load::gltf::tests::{Making, TRIANGLE};
+    use crate::load::model::Model;
+
+    fn load(making: &Making, rest: &str) -> Result<Model, String> {
+        read(&making.file(rest), |name| Err(format!("no file {name}")))
+    }
+
+    /// A mesh of one triangle with normals that are not upright, and with tangents and joints, which `attributes` may name.
+    fn making() -> Making {
+        let mut making = Making::default();
+        making.floats("VEC3", 3, &TRIANGLE);
+        making.floats("VEC3", 3, &[0.0, 0.6, 0.8].repeat(3));
+        making.floats("VEC4", 3, &[1.0, 0.0, 0.0, -1.0].repeat(3));
+        let joints = making.view(&[0; 12], "");
+        let joints = format!(r#""bufferView": {joints}, "componentType": 5121, "type": "VEC4""#);
+        making.accessor(format!(r#"{joints}, "count": 3"#));
+        making.floats("VEC4", 3, &[1.0, 0.0, 0.0, 0.0].repeat(3));
+        making.accessor(format!(r#"{joints}, "count": 2"#));
+        making.floats("VEC4", 2, &[1.0, 0.0, 0.0, 0.0].repeat(2));
+        making
+    }
+
+    /// A node of a mesh with these attributes, and a second node, both placed alike. Joints are those of the second.
+    fn placed(attributes: &str, place: &str) -> String {
+        let skin = if attributes.contains("JOINTS") { r#", "skin": 0"# } else { "" };
+        format!(
+            r#""nodes": [{{"mesh": 0{skin}, {place}}}, {{{place}}}], "skins": [{{"joints": [1]}}],
+            "meshes": [{{"name": "wedge", "primitives": [{{"attributes": {{"POSITION": 0, {attributes}}}}}]}}]"#
+        )
+    }
+
+    const NODE: &str = r#""NORMAL": 1"#;
+    const JOINT: &str = r#""NORMAL": 1, "JOINTS_0": 3, "WEIGHTS_0": 4"#;
+
+    #[test]
+    fn normals_stay_upright_on_surfaces_that_are_turned_and_stretched() {
+        let turn = DQuat::from_axis_angle(DVec3::new(2.0, 3.0, 6.0) / 7.0, 1.25);
+        let [x, y, z, w] = turn.to_array();
+        let place = format!(r#""rotation": [{x}, {y}, {z}, {w}], "scale": [3, 2, 5]"#);
+        for attributes in [NODE, JOINT] {
+            let model = load(&making(), &placed(attributes, &place)).unwrap();
+            let shape = &model.parts[0].0;
+            // By the inverse of the scale.
+            let expected = turn.as_quat() * Vec3::new(0.0, 0.6 / 2.0, 0.8 / 5.0).normalize();
+            assert!(shape.normals[0].iter().all(|normal| normal.distance(expected) < 1e-6), "{shape:?}");
+            let corner = Quat::from_array([x, y, z, w].map(|n| n as f32)) * Vec3::new(12.0, 0.0, 0.0);
+            assert!(shape.positions[1].distance(corner) < 1e-5, "{shape:?}");
+        }
+    }
+
+    #[test]
+    fn only_what_mirrors_turns_triangles_over() {
+        for attributes in [NODE, JOINT] {
+            for (scale, is_turned) in [("[1, 1, 1]", false), ("[1, 1, -1]", true), ("[1, 1, 0]", false)] {
+                let place = format!(r#""scale": {scale}"#);
+                let model = load(&making(), &placed(attributes, &place)).unwrap();
+                let shape = &model.parts[0].0;
+                let [a, b, c] = shape.triangles[0].map(|vertex| shape.positions[vertex as usize]);
+                assert_eq!((b - a).cross(c - a).z < 0.0, is_turned, "{attributes} {scale}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_skin_needs_joints_and_weights_of_each_vertex() {
+        let expected = "left out: the skin of a primitive: it has no joints for each vertex (wedge)";
+        for (joints, weights, notes) in [(3, 4, 0), (5, 4, 1), (3, 6, 1), (5, 6, 1)] {
+            let attributes = format!(r#""JOINTS_0": {joints}, "WEIGHTS_0": {weights}"#);
+            let model = load(&making(), &placed(&attributes, r#""name": "a""#)).unwrap();
+            let found: Vec<String> = model.report.notes().iter().map(ToString::to_string).collect();
+            assert_eq!(found, vec![expected; notes], "{attributes}");
+        }
+    }
+
+    #[test]
+    fn morph_targets_bend_tangents_and_leave_their_signs() {
+        let mut making = making();
+        let to = making.floats("VEC3", 3, &[0.0, 2.0, 0.0].repeat(3));
+        let model = load(
+            &making,
+            &format!(
+                r#""nodes": [{{"mesh": 0, "weights": [0.5]}}], "materials": [{{"normalTexture": {{"index": 0}}}}],
+                "textures": [{{"source": 0}}], "images": [{{}}], "meshes": [{{"primitives": [{{"material": 0,
+                "attributes": {{"POSITION": 0, "NORMAL": 1, "TANGENT": 2}}, "targets": [{{"TANGENT": {to}}}]}}]}}]"#
+            ),
+        )
+        .unwrap();
+        let half = 0.5_f32.sqrt();
+        for tangent in model.parts[0].0.tangents[0] {
+            assert!(tangent.distance(Vec4::new(half, half, 0.0, -1.0)) < 1e-6, "{tangent}");
+        }
+    }
+
+    #[test]
+    fn corners_are_vertices_that_the_primitive_has() {
+        let of = |last: u8| {
+            let mut making = making();
+            let view = making.view(&[0, 1, last], "");
+            let indices = making.accessor(format!(
+                r#""bufferView": {view}, "componentType": 5121, "count": 3, "type": "SCALAR""#
+            ));
+            let primitive = format!(r#"{{"attributes": {{"POSITION": 0}}, "indices": {indices}}}"#);
+            load(
+                &making,
+                &format!(r#""nodes": [{{"mesh": 0}}], "meshes": [{{"primitives": [{primitive}]}}]"#),
+            )
+            .map(|model| model.parts[0].0.triangles.len())
+        };
+        assert_eq!(of(2), Ok(1));
+        let expected = "mesh 0, primitive 0: face 0 refers to vertex 3 of 3";
+        assert_eq!(of(3), Err(expected.to_owned()));
+    }
+
+    #[test]
+    fn copies_of_meshes_are_counted_before_they_are_made() {
+        // A mesh of 100,000 triangles with as many vertices as corners.
+        let mut making = Making::default();
+        making.accessor(r#""componentType": 5126, "count": 300000, "type": "VEC3""#);
+        let of = |copies: usize| {
+            let nodes = vec![r#"{"mesh": 0}"#; copies].join(", ");
+            let meshes = r#""meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]"#;
+            load(&making, &format!(r#""nodes": [{nodes}], {meshes}"#)).map(|model| model.parts.len())
+        };
+        assert_eq!(of(16), Ok(16));
+        let message = of(17).unwrap_err();
+        assert!(
+            message.starts_with("mesh 0: that makes 1700000 triangles and 5100000 vertices"),
+            "{message}"
+        );
+    }
+}

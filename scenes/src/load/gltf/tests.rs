@@ -587,7 +587,7 @@ impl Making {
 }
 
 /// The corners of a triangle in the plane z = 0.
-const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 2.0, 0.0];
+pub(super) const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 2.0, 0.0];
 
 /// One node with a mesh of one primitive of these members.
 fn one(primitive: &str) -> String {
@@ -694,7 +694,8 @@ fn a_skinned_mesh_is_where_its_joints_are() {
     let mut making = Making::default();
     making.floats("VEC3", 3, &TRIANGLE);
     making.floats("VEC3", 3, &[0.0, 0.0, 1.0].repeat(3));
-    let joints = making.view(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0], "");
+    // Those without weight may be any number.
+    let joints = making.view(&[9, 9, 9, 9, 1, 9, 9, 9, 0, 1, 9, 9], "");
     making.accessor(format!(r#""bufferView": {joints}, "componentType": 5121, "count": 3, "type": "VEC4""#));
     // The third corner is moved by both, in weights that add up to less than 1; the first by none.
     making.floats("VEC4", 3, &[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.25, 0.25, 0.0, 0.0]);
@@ -764,6 +765,7 @@ fn morph_targets_have_the_weights_of_the_node_or_the_mesh() {
     for (node, mesh, height) in [
         ("", "", 0.0),
         ("", r#", "weights": [0, 0.5]"#, 4.0),
+        ("", r#", "weights": [0, 1]"#, 8.0),
         (r#", "weights": [0, 0.25]"#, r#", "weights": [0, 0.5]"#, 2.0),
         (r#", "weights": []"#, r#", "weights": [0, 0.5]"#, 0.0),
         ("", r#", "weights": [0.5]"#, 0.0),
@@ -909,6 +911,49 @@ fn a_box_around_turned_pieces_holds_all_their_corners() {
 }
 
 #[test]
+fn a_box_around_turned_pieces_holds_each_of_its_corners() {
+    let shape = Shape::cuboid(Vec3::splat(-1.0), Vec3::ONE);
+    let shape = Arc::new(shape);
+    // Each corner in turn is the highest.
+    for corner in 0..8 {
+        let axis = DVec3::from([0, 1, 2].map(|bit| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 }));
+        let world = DAffine3::from_quat(glam::DQuat::from_rotation_arc(axis.normalize(), DVec3::Y));
+        let [low, high] = bounds(&[Piece { shape: shape.clone(), material: None, world }]);
+        let expected = 3_f64.sqrt();
+        assert!((high.y - expected).abs() < 1e-9 && (low.y + expected).abs() < 1e-9, "{axis}: {low} {high}");
+    }
+}
+
+#[test]
+fn a_mesh_that_stands_still_is_made_once() {
+    let mut making = Making::default();
+    making.floats("VEC3", 3, &TRIANGLE);
+    let joints = making.view(&[0; 12], "");
+    making.accessor(format!(r#""bufferView": {joints}, "componentType": 5121, "count": 3, "type": "VEC4""#));
+    making.floats("VEC4", 3, &[1.0, 0.0, 0.0, 0.0].repeat(3));
+    let bytes = making.file(
+        r#""nodes": [{"translation": [0, 0, 5]}], "skins": [{"joints": [0]}], "meshes": [{"weights": [1],
+            "primitives": [{"attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2},
+                "targets": [{"POSITION": 0}]}]}]"#,
+    );
+    let file = Container::open(&bytes, &no_files).unwrap();
+    let tree = Tree::of(&file.root).unwrap();
+    let skin = Joints::of(&file, &tree, 0).unwrap();
+    let mut reader = Reader::new(&file, &tree);
+    let corner = |shapes: &Shapes| (shapes[0].0.shape.positions[1].x, shapes[0].0.skinned);
+    // Whatever others were made before, and in between.
+    for _ in 0..2 {
+        let moved = reader.mesh(0, Some(&[0.5]), None, 1).unwrap();
+        let skinned = reader.mesh(0, None, Some(&skin), 1).unwrap();
+        let both = reader.mesh(0, Some(&[0.0]), Some(&skin), 1).unwrap();
+        let still = [(); 2].map(|()| reader.mesh(0, None, None, 1).unwrap());
+        assert_eq!([&moved, &skinned, &both].map(corner), [(6.0, false), (8.0, true), (4.0, true)]);
+        assert_eq!(corner(&still[0]), (8.0, false));
+        assert!(Arc::ptr_eq(&still[0], &still[1]));
+    }
+}
+
+#[test]
 fn places_far_out_keep_double_precision() {
     let mut making = Making::default();
     making.floats("VEC3", 3, &TRIANGLE);
@@ -942,7 +987,7 @@ fn png() -> Vec<u8> {
 }
 
 /// A model of one triangle with texture coordinates 0, 1 and 2, whose image is that of [`png`] in the file.
-fn textured(material: &str, textures: &str) -> Model {
+pub(super) fn textured(material: &str, textures: &str) -> Model {
     let mut making = Making::default();
     making.floats("VEC3", 3, &TRIANGLE);
     for set in 0..3 {
@@ -959,11 +1004,12 @@ fn textured(material: &str, textures: &str) -> Model {
     ))
 }
 
-const TEXTURES: &str = r#""textures": [{"source": 0}]"#;
+pub(super) const TEXTURES: &str = r#""textures": [{"source": 0}]"#;
 
 #[test]
 fn images_are_in_the_file_or_beside_it() {
-    let material = r#""materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    let material = r#""materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
+            "normalTexture": {"index": 0}, "emissiveTexture": {"index": 0}, "emissiveFactor": [1, 2, 3]}],
         "textures": [{"source": 0}]"#;
     let mesh = r#""nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"material": 0, "attributes": {"POSITION": 0, "TEXCOORD_0": 0}}]}]"#;
@@ -983,8 +1029,11 @@ fn images_are_in_the_file_or_beside_it() {
         format!(r#"{{"uri": "data:image/png;base64,{base64}"}}"#),
     ] {
         let model = load(&image);
-        let map = model.materials[0].maps.color.unwrap();
+        let maps = model.materials[0].maps;
+        let map = maps.color.unwrap();
         assert_eq!(model.textures[map.texture].texels, [[255, 0, 0, 255], [0, 0, 188, 128]]);
+        assert_eq!((maps.normal, maps.emission), (Some((map, 1.0)), Some(map)));
+        assert_eq!(model.materials[0].emission, Vec3::new(1.0, 2.0, 3.0));
         assert_eq!(
             notes(&model),
             ["approximated: a texture where its mesh has no coordinates, by one texel (mesh 0)"]
@@ -1000,6 +1049,7 @@ fn images_are_in_the_file_or_beside_it() {
     ] {
         let model = load(image);
         assert!(model.materials[0].maps.is_empty() && model.textures.is_empty());
+        assert_eq!(model.materials[0].emission, Vec3::ZERO, "what the image would show is not known");
         assert!(notes(&model)[1].contains(expected), "{image}: {:?}", notes(&model));
     }
 }
@@ -1047,6 +1097,12 @@ fn what_a_material_has_that_is_not_used_is_named() {
         (
             color(r#"{"index": 0}"#),
             r#""textures": [{}]"#,
+            "left out: a base colour texture without an image (paint)",
+        ),
+        // There is one image.
+        (
+            color(r#"{"index": 0}"#),
+            r#""textures": [{"source": 1}]"#,
             "left out: a base colour texture without an image (paint)",
         ),
         (

@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(f32::from_le_bytes(float), 0.3125);
         // All opacity and none of it, of one bit and of four.
         for (alpha, luma, expected) in
-            [(0b1111, 15, [255; 4]), (0b1000, 0, [0; 4]), (0b11, 3, [255; 4]), (0b1, 1, [255; 4])]
+            [(0b1111, 15, [255; 4]), (0b1000, 8, [136, 136, 136, 0]), (0b11, 3, [255; 4]), (0b1, 1, [255; 4])]
         {
             let mut bytes = [luma, 0, 0, alpha];
             assert!(apply("COLOR", &mut bytes, 4));

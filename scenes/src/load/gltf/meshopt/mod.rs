@@ -191,7 +191,9 @@ mod tests {
             ("INDICES", 1, 4, "4 elements of 1 bytes"),
             ("LINES", 2, 4, "an unknown mode, LINES"),
             ("ATTRIBUTES", 256, usize::MAX, "it unpacks to more than"),
-            ("ATTRIBUTES", 256, 1 << 21, "it unpacks to more than"),
+            ("ATTRIBUTES", 256, (1 << 20) + 1, "it unpacks to more than 268435456 bytes"),
+            // As much as may be, and the smallest and largest elements.
+            ("ATTRIBUTES", 256, 1 << 20, "its compressed data is damaged"),
             ("ATTRIBUTES", 4, 4, "its compressed data is damaged"),
         ] {
             let message = compressed(mode, stride, count).decode(&[0xA0]).unwrap_err();
