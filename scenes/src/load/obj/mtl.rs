@@ -191,7 +191,7 @@ impl Mtl {
         let name = self.name.as_str();
         let has = |map: &Option<Box<Picture>>| map.as_ref().is_some_and(|p| textures.index(p).is_some());
         let exponent = self.exponent.unwrap_or(0.0).max(0.0);
-        let roughness = (1.0 - exponent.sqrt() / 30.0).clamp(SMOOTHEST, 1.0);
+        let roughness = (1.0 - exponent.sqrt() / 30.0).max(SMOOTHEST);
         let ior = self.ior.filter(|ior| *ior > 1.0 && ior.is_finite());
         let is_physical = self.roughness.is_some() || self.metallic.is_some();
         if is_physical || has(&self.maps.roughness) || has(&self.maps.metallic) {

@@ -167,6 +167,13 @@ fn errors_name_the_line() {
         ("f 1 2 3", "f 1 2 -5", "line 13: vertex -5"),
         ("f 1 2 3", "f 1 2 x", "line 13: `x` is not a vertex number"),
         ("f 1 2 3", "f 1 2 9999999999", "line 13: vertex 9999999999"),
+        // The last number that a vertex may have, which may still follow, and the one after it.
+        ("f 1 2 3", "f 1 2 4294967294", "line 13: vertex 4294967294 does not exist: only 4 are defined"),
+        (
+            "f 1 2 3",
+            "f 1 2 4294967295",
+            "line 13: vertex 4294967295 does not exist: only 4 are defined so far",
+        ),
         ("v 1 1 0", "v 1 2e9 0", "line 5: the vertex `1 2e9 0` is farther out than 1e9 m"),
     ] {
         let error = read(&OBJ.replacen(from, to, 1), library).err().unwrap();
@@ -769,6 +776,13 @@ fn smoothing_groups_share_normals_where_there_are_none() {
     let own = text(["1", "1", "off"]).replace("f 1 2 3 4", "f 1//1 2//1 3//1 4");
     let own = read(&own, nothing).unwrap().parts[0].0.normals[1];
     assert_eq!(own, [Vec3::Z; 3]);
+    // One that the file lacks is that of the face.
+    let lacking = text(["1", "1", "off"]).replace("f 1 2 3 4", "f 1//1 2//7 3//1 4//1");
+    let lacking =
+        lacking.replace("f 2 5 6 3", "f 2//1 5//1 6//1 3//1").replace("f 1 7 5 2", "f 1//1 7//1 5//1 2//1");
+    let model = read(&lacking, nothing).unwrap();
+    assert_eq!(model.parts[0].0.normals[0], [Vec3::Z, Vec3::ZERO, Vec3::Z]);
+    assert_eq!(notes(&model), ["repaired: a normal that does not exist, replaced by the face's"]);
     assert!(normals(["off", "", "none"]).iter().all(Vec::is_empty));
 }
 
@@ -782,6 +796,15 @@ fn coordinates_of_a_survey_keep_their_digits() {
     let shift = Vec3::new(1.0, 1.0, 0.0);
     let moved: Vec<Vec3> = far.parts[0].0.positions.iter().map(|at| *at + shift).collect();
     assert_eq!(moved, near.parts[0].0.positions);
+}
+
+#[test]
+fn a_file_has_as_many_vertices_as_a_scene_may_have() {
+    let most = crate::limits::MAX_TRIANGLES;
+    let mut reader = Reader::default();
+    reader.polygons.at = vec![DVec3::ZERO; most - 1];
+    assert_eq!(reader.vertex("0 0 0", 1), Ok(()));
+    assert_eq!(reader.vertex("0 0 0", 1), Err(MeshError::TooLarge { triangles: 0, vertices: most + 1 }));
 }
 
 #[test]
@@ -827,6 +850,18 @@ fn faces_that_are_dropped_leave_the_others_as_they_are() {
         );
         read(&text, library).unwrap().parts[0].0.normals.clone()
     };
+    let files = |name: &str, _: u64| match name {
+        "a.mtl" => Ok(b"newmtl a\nmap_Kd a.png".to_vec()),
+        "a.png" => Ok(png(&[[9, 9, 9, 255]])),
+        _ => Err("none".to_owned()),
+    };
+    for dropped in ["", "f 3/3 2/3\n"] {
+        let text = format!(
+            "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0.5 1\n{dropped}f 1/1 2/2 3/3\n"
+        );
+        let uvs = read(&text, files).unwrap().parts[0].0.uvs[0].clone();
+        assert_eq!(uvs, [[[0.0, 1.0], [1.0, 1.0], [0.5, 0.0]].map(Vec2::from)], "{dropped}");
+    }
     let expected = [[Vec3::X, Vec3::Y, Vec3::Z]];
     assert_eq!(read_normals("f 1//1 2//2 3//3\n"), expected);
     assert_eq!(read_normals("f 3//3 2//3\nf 1//1 2//2 3//3\n"), expected);

@@ -45,9 +45,26 @@ fn binary_with_normals() {
 }
 
 #[test]
+fn normals_that_are_not_numbers_are_noted() {
+    let normals = properties("float", &["nx", "ny", "nz"]);
+    for (first, normal, expected) in [
+        ("0 0 2", Vec3::Z, ""),
+        ("0 nan 2", Vec3::ZERO, "repaired: a normal that is not a number, replaced by the face's"),
+    ] {
+        let text = with(&normals, [first, "0 2 0", "3 0 0", "0 1 0"], "", [""; 2]);
+        let model = read(text.replace("comment TextureFile wood.png\n", "").as_bytes()).unwrap();
+        assert_eq!(model.parts[0].0.normals[0], [normal, Vec3::Y, Vec3::X]);
+        assert_eq!(notes(&model), expected);
+    }
+}
+
+#[test]
 fn coordinates_and_corners_of_any_type() {
-    let list_types = ["char", "uchar", "short", "ushort", "int", "uint"];
-    for kind in list_types.into_iter().chain(["float", "double"]) {
+    let list_types = [
+        "char", "int8", "uchar", "uint8", "short", "int16", "ushort", "uint16", "int", "int32", "uint",
+        "uint32", "int64", "uint64",
+    ];
+    for kind in list_types.into_iter().chain(["float", "float32", "double", "float64"]) {
         let list = if list_types.contains(&kind) { kind } else { "int" };
         let properties: String =
             ["x", "y", "z", "nx", "ny", "nz"].map(|name| format!("property {kind} {name}\n")).concat();
@@ -97,15 +114,22 @@ fn error(text: &str) -> String {
 #[test]
 fn wrong_counts_and_indices_are_errors() {
     assert!(error(&ASCII.replace("vertex 4", "vertex 4000000000000")).contains("4000000000000"));
-    for corner in ["-3", "4", "1.5", "x"] {
+    for corner in ["-3", "4", "1.5", "x", "4294967296", "9999999999"] {
         let expected =
             format!("face 0 refers to vertex {}, but there are only 4 vertices", corner.replace('x', "NaN"));
         assert_eq!(error(&ASCII.replace("4 0 1 2 3", &format!("4 0 1 2 {corner}"))), expected);
     }
-    assert!(
-        error(&ASCII.replace("4 0 1 2 3", "-4 0 1 2 3"))
-            .contains("face 0 has a list whose length is no number")
-    );
+    for (length, expected) in [
+        ("-4", "face 0 has a list whose length is no number"),
+        ("4294967296", "face 0 has a list whose length is no number"),
+        ("4294967295", "cut off: it ends within face 0 of 1; copy or download it again"),
+    ] {
+        assert_eq!(error(&ASCII.replace("4 0 1 2 3", &format!("{length} 0 1 2 3"))), expected);
+    }
+    let alone =
+        ASCII.split("element face").next().unwrap().replace("vertex 4", "vertex 5000001") + "end_header\n";
+    let expected = "the header declares too much: that makes 0 triangles and 5000001 vertices";
+    assert!(error(&alone).starts_with(expected), "{}", error(&alone));
 }
 
 #[test]
@@ -127,6 +151,13 @@ fn errors_of_the_header_say_what_is_missing() {
     ] {
         let error = error(&ASCII.replacen(from, to, 1));
         assert!(error.contains(expected), "{to}: {error}");
+    }
+    assert!(error("plx").contains("it does not begin with the word `ply`"));
+    assert_eq!(error("pl"), "cut off: it ends within its header");
+    // Of a long line, the beginning.
+    for (length, shown) in [(59, 59), (60, 60), (61, 60)] {
+        let text = ASCII.replacen("format ascii 1.0", &"x".repeat(length), 1);
+        assert_eq!(error(&text), format!("line 2: `{}` is no line of a header", "x".repeat(shown)));
     }
 }
 
@@ -160,6 +191,15 @@ fn the_many_ways_of_writing_the_same() {
 fn in_one_line(text: &str) -> String {
     let (header, numbers) = text.split_once("end_header\n").unwrap();
     format!("{header}end_header\n{}", numbers.replace('\n', " "))
+}
+
+#[test]
+fn lines_count_where_the_words_would_come_out_even_without_them() {
+    // Without lines the fifth vertex would be a face of seven corners.
+    let text = ASCII.replace("9\n", "9 0\n").replace("0 1 0 9 0\n4 0 1 2 3", "0 7 0 1 2\n3 0 1 2");
+    let model = read(text.as_bytes()).unwrap();
+    assert_eq!(model.parts[0].0.triangles, [[0, 1, 2]]);
+    assert!(notes(&model).contains("words at the end of lines"), "{}", notes(&model));
 }
 
 #[test]
@@ -318,11 +358,8 @@ fn colours_that_are_not_numbers_are_white() {
         model.parts[0].0.colors[0],
         [Vec4::ONE, Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(1.0, 0.0, 0.0, 1.0)]
     );
-    assert!(
-        notes(&model).contains("repaired: a colour that is not made of numbers, taken as white"),
-        "{}",
-        notes(&model)
-    );
+    let expected = "repaired: a colour that is not made of numbers, taken as white";
+    assert!(notes(&model).split("; ").any(|note| note == expected), "{}", notes(&model));
 }
 
 #[test]
@@ -389,8 +426,35 @@ fn textures_of_vertices_and_faces() {
     assert_eq!((wood.0.triangles.len(), stone.0.triangles.len()), (1, 1));
     // A list that does not fit.
     let short = text.replace("6 0 0 1 0 1 .5 1", "4 0 0 1 0 1");
-    let message = notes(&super::read(short.as_bytes(), files).unwrap());
+    let model = super::read(short.as_bytes(), files).unwrap();
+    let message = notes(&model);
     assert!(message.contains("texture coordinates of a face that do not fit its corners"), "{message}");
+    assert_eq!(model.parts[1].0.uvs[0][0], [[0.0, 1.0], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from));
+    // A number beyond the last texture means the last one, and none the first.
+    let one = "comment TextureFile wood.png\n";
+    for (textures, face, lists, expected) in [
+        (one.to_owned(), face, ["6 0 0 0 0 0 0 7"; 2], 9),
+        (one.to_owned() + "comment TextureFile stone 1.png\n", face, ["6 0 0 0 0 0 0 7"; 2], 1),
+        (
+            one.to_owned() + "comment TextureFile stone 1.png\n",
+            "property list uchar float texcoord\n",
+            ["6 0 0 0 0 0 0"; 2],
+            9,
+        ),
+    ] {
+        let model =
+            super::read(with("", [""; 4], face, lists).replace(one, &textures).as_bytes(), files).unwrap();
+        let [(shape, material)] = &model.parts[..] else { panic!("{lists:?}") };
+        let map = model.materials[material.unwrap()].maps.color.unwrap();
+        assert_eq!(
+            (shape.triangles.len(), model.textures[map.texture].texels[0][0]),
+            (2, expected),
+            "{lists:?}"
+        );
+    }
+    let coordinates = with(&properties("float", &["s", "t"]), ["0 0"; 4], "", [""; 2]).replace(one, "");
+    let message = notes(&read(coordinates.as_bytes()).unwrap());
+    assert_eq!(message, "left out: texture coordinates without a texture");
     let bare = notes(&super::read(with("", [""; 4], "", [""; 2]).as_bytes(), files).unwrap());
     assert_eq!(bare, "left out: a texture without texture coordinates (wood.png)");
 }
@@ -399,9 +463,11 @@ fn textures_of_vertices_and_faces() {
 fn strips_of_triangles() {
     let text = ASCII
         .replace("face 1\nproperty list uchar", "tristrips 1\nproperty list int")
-        .replace("4 0 1 2 3", "10 0 1 2 3 -1 3 2 1 1 0");
-    let shape = &read(text.as_bytes()).unwrap().parts[0].0;
-    assert_eq!(shape.triangles, [[0, 1, 2], [2, 1, 3], [3, 2, 1]]);
+        .replace("4 0 1 2 3", "12 0 1 2 3 0 1 -1 3 2 1 1 0");
+    let model = read(text.as_bytes()).unwrap();
+    let expected = [[0, 1, 2], [2, 1, 3], [2, 3, 0], [0, 3, 1], [3, 2, 1]];
+    assert_eq!(model.parts[0].0.triangles, expected);
+    assert_eq!(notes(&model), notes(&read(ASCII.as_bytes()).unwrap()));
     assert!(error(&text.replace("-1 3 2", "-1 4 2")).contains("tristrips 0 refers to vertex 4"));
 }
 
