@@ -233,8 +233,7 @@ fn has_fault(text: &str, needs: Needs, message: &str) -> bool {
 /// The name of the function that is to blame for a message without a place: without its body, the message is another.
 fn faulty_function(text: &str, needs: Needs, message: &str) -> Option<Span> {
     let is_to_blame = |body: Span| {
-        let blank = " ".repeat(body.end - body.start);
-        let without = format!("{}{blank}{}", &text[..body.start], &text[body.end..]);
+        let without = format!("{}{}", &text[..body.start], &text[body.end..]);
         !has_fault(&without, needs, message)
     };
     outline::functions(text).into_iter().find(|(_, body)| is_to_blame(*body)).map(|(name, _)| name)

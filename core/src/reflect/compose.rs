@@ -64,10 +64,10 @@ impl Composed {
     /// A problem at a range of the text, reported at the file and line that it comes from.
     pub fn error(&self, at: Span, message: &str) -> GraphError {
         let index = self.parts.partition_point(|part| part.start <= at.start).saturating_sub(1);
-        let start = self.parts[index].start;
-        let end = self.parts.get(index + 1).map_or(self.text.len(), |next| next.start);
-        let local = Span { start: at.start - start, end: at.end.saturating_sub(start) };
-        error_in(&self.parts[index].name, &self.text[start..end], local, message)
+        let Part { name, start } = &self.parts[index];
+        let local = Span { start: at.start - start, end: at.end.saturating_sub(*start) };
+        // A part ends with the end of a line, and a problem is shown with one line.
+        error_in(name, &self.text[*start..], local, message)
     }
 
     /// The shader's own part of the text, in which each line has its number in the file.
