@@ -14,7 +14,9 @@ const SHADER: &str = "\
     if id.x < arrayLength(&out) { out[id.x] = number(); }
 }
 ";
-const MODULE: &str = "fn number() -> u32 { return 7u; }\n";
+const MODULE: &str = "#import ring\nfn number() -> u32 { return 7u; }\n";
+/// The module imports it and it imports the module.
+const RING: &str = "#import number\n";
 
 /// Where the texts were embedded from. Nobody reads these files.
 const SHADER_FILE: &str = "/shaders/write.wgsl";
@@ -55,6 +57,7 @@ fn registry(texts: &[(&str, &str)]) -> Registry {
     Registry::default()
         .with::<Write>()
         .with_module(ShaderModule::new("shared/number.wgsl", MODULE).from_file(MODULE_FILE))
+        .with_module(ShaderModule::new("shared/ring.wgsl", RING))
         .with_edited(EditedTexts::new(find))
 }
 

@@ -1,9 +1,10 @@
 //! Shaders against declarations: what fits passes, and every kind of misfit is told with what to change.
 
 use epigraph_core::{
-    Access, Declaration, Element, Extent, Field, FieldRef, Format, Frame, GraphError, Lifetime, Member,
-    Needs, ParamKind, ParamSpec, Pass, Port, PortElement, Reflected, Shader, ShaderLibrary, ShaderModule,
-    Shape, Space, Threads, check_shader, compose_shader, item, texel,
+    Access, CpuContext, Declaration, EditedTexts, Element, Extent, Field, FieldRef, Format, Frame,
+    GraphError, GraphFile, Io, Lifetime, Member, Needs, ParamKind, ParamSpec, Pass, Port, PortElement,
+    Reflected, Registry, Shader, ShaderLibrary, ShaderModule, Shape, Space, Stage, Threads, check_shader,
+    check_stage, compose_shader, item, texel,
 };
 
 const FRAME: &str = epigraph_shaders::text("shared/frame.wgsl");
@@ -215,6 +216,12 @@ fn a_missing_variable_is_told_with_its_declaration() {
             "@group(0) @binding(1) var<storage, read_write> cloud_meta: array<u32>;",
         ],
     );
+    assert_misfit(
+        MAIN,
+        &declaration(vec![color_out()]),
+        &[],
+        &["port `color` has no variable `color`; add `@group(0) @binding(0) var color: "],
+    );
 }
 
 #[test]
@@ -232,7 +239,8 @@ fn a_near_name_is_hinted_on_both_sides() {
 #[test]
 fn optional_ports_may_be_absent() {
     let optional = Port { optional: true, ..depth_in() };
-    assert_eq!(misfits(MAIN, &declaration(vec![optional]), &[]), [""; 0]);
+    let written = Port { optional: true, ..color_out() };
+    assert_eq!(misfits(MAIN, &declaration(vec![optional, written]), &[]), [""; 0]);
 }
 
 #[test]
@@ -471,8 +479,16 @@ fn one_field_of_a_bundle_may_be_a_target() {
 fn the_entry_points_of_a_draw_are_checked() {
     let declared = raster(vec![ids()]);
     let cases = [
-        ("@vertex fn place", "@vertex fn plaice", "unknown entry point `place`, did you mean `plaice`?"),
-        ("@fragment fn paint", "@fragment fn pain", "unknown entry point `paint`, did you mean `pain`?"),
+        (
+            "@vertex fn place",
+            "@vertex fn plaice",
+            "unknown entry point `place`, did you mean `plaice`?; the stage runs it as @vertex",
+        ),
+        (
+            "@fragment fn paint",
+            "@fragment fn pain",
+            "unknown entry point `paint`, did you mean `pain`?; the stage runs it as @fragment",
+        ),
         (
             "@fragment fn paint() -> @location(0) u32 { return 1u; }",
             "@compute @workgroup_size(1) fn paint() {}",
@@ -632,29 +648,54 @@ fn targets_are_few_texture_outputs() {
         "{found:#?}"
     );
 
-    let returned = |count: usize, ty: &str| {
-        let members: String =
-            (0..count).map(|i| format!("@location({i}) {}: {ty},", letter(i as u8))).collect();
+    let returned = |members: &str| {
         let old = "fn paint() -> @location(0) u32 { return 1u; }";
         let new =
             format!("fn paint() -> Pixel {{ var pixel: Pixel; return pixel; }} struct Pixel {{ {members} }}");
         RASTER.replace(old, &new)
     };
-    let many = |count: usize, element: fn() -> Element| {
-        let named = |i: usize| Port { name: format!("t{i}").into(), ..port("", Access::Write, element()) };
-        raster((0..count).map(named).collect())
+    let many = |count: usize| {
+        let named = |i: usize| Port {
+            name: format!("t{i}").into(),
+            ..port("", Access::Write, texel::R32Uint::element())
+        };
+        let members: String =
+            (0..count).map(|i| format!("@location({i}) {}: u32,", letter(i as u8))).collect();
+        misfits(&returned(&members), &raster((0..count).map(named).collect()), &[])
     };
     let part = "the draw of `place` has 9 targets; it should have at least one, and 8 work on every device";
-    let found = misfits(&returned(9, "u32"), &many(9, texel::R32Uint::element), &[]);
+    let found = many(9);
     assert!(found[0].contains(part), "{found:#?}");
-    assert_eq!(misfits(&returned(8, "u32"), &many(8, texel::R32Uint::element), &[]), [""; 0]);
-    assert_eq!(misfits(&returned(2, "vec4<f32>"), &many(2, texel::Rgba32Float::element), &[]), [""; 0]);
-    assert_misfit(
-        &returned(3, "vec4<f32>"),
-        &many(3, texel::Rgba32Float::element),
-        &[],
-        &["the targets of `place` have 48 bytes a pixel; 32 work on every device"],
-    );
+    assert_eq!(many(8), [""; 0]);
+    // Each format counts with what WebGPU's table says.
+    let (one, four) = (["f32", "u32"], "vec4<f32>");
+    for (formats, bytes) in [
+        (&[Format::R32Uint, Format::R32Float, Format::Rgba8Unorm, Format::Rgba32Float][..], 32),
+        (&[Format::R32Uint, Format::R32Float, Format::Rgba16Float, Format::Rgba32Float], 32),
+        (&[Format::Rgba16Float, Format::Rgba8Unorm, Format::Rgba16Float, Format::Rgba8Unorm], 32),
+        (&[Format::Rgba32Float; 3], 48),
+        (&[Format::R32Uint, Format::R32Float, Format::R32Uint, Format::Rgba8Unorm, Format::Rgba32Float], 36),
+        (&[Format::Rgba16Float, Format::Rgba8Unorm, Format::R32Float, Format::Rgba32Float], 36),
+    ] {
+        let ty = |format: &Format| match format {
+            Format::R32Float => one[0],
+            Format::R32Uint => one[1],
+            _ => four,
+        };
+        let members: String = (0..formats.len())
+            .map(|i| format!("@location({i}) {}: {},", letter(i as u8), ty(&formats[i])))
+            .collect();
+        let named = |(i, format): (usize, &Format)| Port {
+            name: format!("t{i}").into(),
+            ..port("", Access::Write, Element::Texel(*format))
+        };
+        let declared = raster(formats.iter().enumerate().map(named).collect());
+        let told = format!(
+            "shader test.wgsl: the targets of `place` have {bytes} bytes a pixel; 32 work on every device"
+        );
+        let expected = if bytes > 32 { vec![told] } else { vec![] };
+        assert_eq!(misfits(&returned(&members), &declared, &[]), expected, "{formats:?}");
+    }
 
     assert_misdrawn("the draw of `place` has the target `ids` twice", |pass| {
         let Pass::Draw { targets, .. } = pass else { unreachable!() };
@@ -733,51 +774,65 @@ fn numbers_of_threads_are_checked() {
 
 #[test]
 fn portable_limits_are_checked() {
-    let buffers: String = (0..11)
-        .map(|i| {
-            format!("@group(0) @binding({i}) var<storage, read_write> list_{}: array<u32>;\n", letter(i))
-        })
-        .collect();
-    let uses: String = (0..11).map(|i| format!("list_{}[0] = 1u;", letter(i))).collect();
-    let fields = (0..11).map(|i| Field { name: letter(i).into(), element: u32::element() }).collect();
-    let list = Port { fields, ..port("list", Access::Update, u32::element()) };
-    assert_misfit(
-        &format!("{buffers} @compute @workgroup_size(1) fn main() {{ {uses} }}"),
-        &declaration(vec![list]),
-        &[],
-        &["`main` has 11 storage buffers; 10"],
-    );
+    // As many as every device has, and one more.
+    let with = |count: u8, variable: &str, write: &str, element: Element| {
+        let variables: String = (0..count)
+            .map(|i| format!("@group(0) @binding({i}) {};\n", variable.replace("NAME", &letter(i))))
+            .collect();
+        let writes: String = (0..count).map(|i| write.replace("NAME", &letter(i))).collect();
+        let field = |i| Field { name: letter(i).into(), element: element.clone() };
+        let port =
+            Port { fields: (0..count).map(field).collect(), ..port("out", Access::Update, element.clone()) };
+        let source = format!("{variables} @compute @workgroup_size(1) fn main() {{ {writes} }}");
+        misfits(&source, &declaration(vec![port]), &[])
+    };
+    let buffers = |count| {
+        with(count, "var<storage, read_write> out_NAME: array<u32>", "out_NAME[0] = 1u;", u32::element())
+    };
+    let images = |count| {
+        with(
+            count,
+            "var out_NAME: texture_storage_2d<r32uint, write>",
+            "textureStore(out_NAME, vec2(0), vec4(1u));",
+            texel::R32Uint::element(),
+        )
+    };
+    assert_eq!((buffers(10), images(4)), (vec![], vec![]));
+    let told = "shader test.wgsl: entry point `main` has";
+    assert_eq!(buffers(11), [format!("{told} 11 storage buffers; 10 work on every device")]);
+    assert_eq!(images(5), [format!("{told} 5 storage textures; 4 work on every device")]);
+    let of = |source: &str| misfits(source, &declaration(vec![]), &[]);
+    let threads = |count: u32| of(&format!("@compute @workgroup_size(16, {count}) fn main() {{}}"));
+    let bytes = |count: u32| {
+        of(&format!(
+            "var<workgroup> big: array<u32, {count}>; @compute @workgroup_size(1) fn main() {{ big[0] = 1u; }}"
+        ))
+    };
+    assert_eq!((threads(16), bytes(4096)), (vec![], vec![]));
+    assert_eq!(threads(17), [format!("{told} 272 threads a workgroup; 256 work on every device")]);
+    assert_eq!(bytes(4097), [format!("{told} 16388 bytes of workgroup memory; 16384 work on every device")]);
+}
 
-    let images: String = (0..5)
-        .map(|i| {
-            format!("@group(0) @binding({i}) var out_{}: texture_storage_2d<r32uint, write>;\n", letter(i))
-        })
-        .collect();
-    let uses: String =
-        (0..5).map(|i| format!("textureStore(out_{}, vec2(0), vec4(1u));", letter(i))).collect();
-    let fields =
-        (0..5).map(|i| Field { name: letter(i).into(), element: texel::R32Uint::element() }).collect();
-    let out = Port { fields, ..port("out", Access::Write, u32::element()) };
-    assert_misfit(
-        &format!("{images} @compute @workgroup_size(1) fn main() {{ {uses} }}"),
-        &declaration(vec![out]),
-        &[],
-        &["`main` has 5 storage textures; 4"],
-    );
-
-    let declared = declaration(vec![]);
-    assert_misfit(
-        "@compute @workgroup_size(16, 16, 2) fn main() {}",
-        &declared,
-        &[],
-        &["512 threads a workgroup; 256"],
-    );
-    assert_misfit(
-        "var<workgroup> big: array<u32, 4097>; @compute @workgroup_size(1) fn main() { big[0] = 1u; }",
-        &declared,
-        &[],
-        &["16388 bytes of workgroup memory; 16384"],
-    );
+#[test]
+fn atomic_operations_are_counted_in_every_statement() {
+    for (body, count) in [
+        ("atomicAdd(&list[0], 1u);", 1),
+        ("let old = atomicMax(&list[0], 1u) + atomicLoad(&list[1]); atomicStore(&list[1], old);", 1),
+        ("{ atomicAdd(&list[0], 1u); { atomicAdd(&list[1], 1u); } }", 2),
+        ("if list_is() { atomicAdd(&list[0], 1u); } else { twice(); }", 3),
+        ("switch 1u { case 1u, 2u: { twice(); } case 3u: {} default: { atomicAdd(&list[0], 1u); } }", 3),
+        ("for (var i = 0u; i < 3u; i += atomicAdd(&list[0], 1u)) { twice(); }", 3),
+        ("loop { twice(); continuing { twice(); twice(); break if true; } }", 6),
+        ("twice(); twice();", 4),
+    ] {
+        let source = format!(
+            "@group(0) @binding(0) var<storage, read_write> list: array<atomic<u32>>;
+            fn list_is() -> bool {{ return atomicLoad(&list[0]) == 1u; }}
+            fn twice() {{ atomicAdd(&list[0], 1u); atomicSub(&list[0], 1u); }}
+            @compute @workgroup_size(1) fn main() {{ {body} }}"
+        );
+        assert_eq!(compose(&source).entries[0].atomics, count, "{body}");
+    }
 }
 
 fn letter(index: u8) -> String {
@@ -858,6 +913,10 @@ fn errors_name_the_file_and_the_line() {
     let error = compose_shader(&shader("#import first\n", &[]), &first, Needs::default()).unwrap_err();
     assert!(error.to_string().contains("shader first.wgsl: line 1, column 1"), "{error}");
 
+    // What naga gives no place, too.
+    let error = compose_error("  @group(0) @binding(0) ;\nfn f() {}\n");
+    assert!(error.contains("line 1, column 1: ") && error.contains("we had the attribute"), "{error}");
+
     let invalid = compose_error("\nfn f() -> u32 {\n}\n");
     assert!(invalid.contains("test.wgsl: line 2") && invalid.contains("return"), "{invalid}");
 
@@ -905,6 +964,7 @@ fn constants_come_from_rust() {
     for (source, expected) in [
         ("#import cloud\nfn f() -> u32 {\n    return ALLE;\n}", "shader test.wgsl: line 3"),
         ("#import cloud\n\nconst ALL: u32 = 1u;", "shader test.wgsl: line 3, column 7"),
+        ("#import cloud\n\nconst LIVE: u32 = 1u;", "shader test.wgsl: line 3, column 7"),
         ("fn f() -> u32 {\n    return ALL;\n", "shader test.wgsl: line"),
     ] {
         let error = compose(source).unwrap_err().to_string();
@@ -938,4 +998,107 @@ fn any_float_texture_takes_all_float_formats() {
     assert!(!Element::AnyFloatTexel.accepts(&f32::element()));
     assert!(Element::Texel(Format::R32Uint).accepts(&Element::Texel(Format::R32Uint)));
     assert!(!Element::Texel(Format::R32Float).accepts(&Element::Texel(Format::R32Uint)));
+}
+
+/// Draws, with a target twice, and computes.
+struct Placed;
+
+impl Stage for Placed {
+    const KIND: &'static str = "placed";
+    const DOC: &'static str = "Has a shader that an editor changes.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(Shader::new("placed.wgsl", MAIN).from_file("placed.wgsl"));
+        let list = io.read::<[f32; 4]>("list", "Places.", Extent::Any);
+        let ids = io.write::<texel::R32Uint>("ids", "Numbers.", Extent::Frame(1));
+        io.pass(Pass::Draw {
+            vertex: "place".into(),
+            fragment: "paint".into(),
+            shape: Shape::Triangles,
+            vertices: 6,
+            count: list.into(),
+            targets: vec![ids.into(), ids.into()],
+            depth: false,
+            clear: 0.0,
+        });
+        io.dispatch("main", list);
+        Self
+    }
+
+    fn cpu(&self, (): &(), _: &CpuContext) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+#[test]
+fn misfits_are_told_where_they_stand() {
+    let told = |source: &str| -> Vec<(usize, String, String)> {
+        let text = source.to_owned();
+        let mut registry = Registry::default().with::<Placed>();
+        registry.library = library();
+        let registry = registry.with_edited(EditedTexts::new(move |_| Some(text.as_str().into())));
+        let graph = r#"Graph(version: 1, nodes: { "placed": (kind: "placed") }, outputs: {})"#;
+        let stages = GraphFile::parse("placed.ron", graph).unwrap().stages(&registry).unwrap();
+        let misfit = |error| {
+            let GraphError::Shader { message, place: Some(place), .. } = error else { panic!("{error}") };
+            let word = place.text.chars().skip(place.lead).take(place.length).collect();
+            (place.line, word, message)
+        };
+        check_stage(&*stages[0].stage, &registry.library).into_iter().map(misfit).collect()
+    };
+    let draw = "@vertex fn place(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
+            return vec4(f32(textureLoad(ids, vec2(i), 0).x));
+        }
+        @fragment fn paint(@location(1) size: f32) -> @location(0) u32 { return 1u; }
+        @compute @workgroup_size(8, 8) fn main() {}
+        @compute @workgroup_size(257) fn extra() {}";
+    let found = told(&format!(
+        "#import frame
+        @group(0) @binding(0) var<storage, read> list: array<vec2<f32>>;
+        @group(1) @binding(1) var ids: texture_2d<u32>;
+        @group(0) @binding(2) var<uniform> params: vec4<f32>;
+        @group(0) @binding(3) var<storage, read_write> first: array<u32>;
+        @group(0) @binding(3) var<storage, read_write> second: array<u32>;
+        {draw}"
+    ));
+    let expected = [
+        (2, "list", "port `list`: its elements are vec2<f32>"),
+        (4, "params", "the stage has no parameters"),
+        (5, "first", "unknown variable `first`"),
+        (6, "second", "unknown variable `second`"),
+        (3, "ids", "`ids` is in @group(1)"),
+        (6, "second", "`second` and `first` both have @binding(3)"),
+        (2, "list", "`frame` and `list` both have @binding(0)"),
+        (7, "place", "the draw of `place` has the target `ids` twice"),
+        (7, "place", "`place` uses `ids`, which this pass draws to"),
+        (10, "paint", "`paint` takes f32 at @location(1)"),
+        (12, "extra", "entry point `extra` has 257 threads a workgroup"),
+    ];
+    assert_eq!(found.len(), expected.len(), "{found:#?}");
+    for ((line, word, message), (at, name, part)) in found.iter().zip(expected) {
+        assert_eq!((*line, &**word), (at, name), "{message}");
+        assert!(message.starts_with(part), "`{part}` does not begin:\n{message}");
+    }
+    let found = told(&format!(
+        "@group(0) @binding(0) var<storage, read> list: array<vec4<f32>>;
+        @group(0) @binding(1) var ids: texture_2d<u32>;
+        @group(0) @binding(2) var<uniform> frame: vec4<f32>;
+        {draw}"
+    ));
+    assert_eq!((found[0].0, &*found[0].1), (3, "frame"), "{found:#?}");
+    // A directive from its mark to its last word; and what takes the name of the checks' variable.
+    for (source, line, word, part) in [
+        ("\n    #define A 1  \n", 2, "#define A 1", "unknown directive"),
+        (
+            "@compute @workgroup_size(1) fn main() {\n#check ids[0]: true, \"so\"\n}\nconst watch_checks = 1u;",
+            4,
+            "watch_checks",
+            "redefinition of `watch_checks`",
+        ),
+    ] {
+        let found = told(source);
+        assert_eq!((found[0].0, &*found[0].1), (line, word), "{found:#?}");
+        assert!(found.len() == 1 && found[0].2.contains(part), "{found:#?}");
+    }
 }

@@ -547,6 +547,22 @@ fn what_naga_gives_no_place_has_one() {
 }
 
 #[test]
+fn a_condition_that_nothing_defines_is_told_at_its_name() {
+    let shader = whole(&[("", READ), ("", IMAGE)], MAIN);
+    let line = shader.lines().count() + 3;
+    let text = format!("{shader}#ifdef WATCH\n#endif\n  #ifndef  NUMBERED // why\n#endif\n");
+    assert_problem(
+        &text,
+        USER,
+        &[
+            &format!("user.wgsl:{line}:12: "),
+            "unknown name after #ifdef `NUMBERED`; known: HAS_GIVEN, WATCH\n",
+            " ^^^^^^^^",
+        ],
+    );
+}
+
+#[test]
 fn a_clash_with_a_module_is_told_in_the_shader() {
     let shader = whole(&[("", READ), ("", IMAGE)], MAIN).replace("@binding(1)", "@binding(0)");
     let main =
