@@ -234,6 +234,14 @@ mod tests {
     }
 
     #[test]
+    fn directions_a_hair_longer_than_the_unit_see_the_poles() {
+        let sky = sky();
+        for pole in [Vec3::Y, -Vec3::Y] {
+            assert_eq!(sky.radiance(pole * (1.0 + 2.0 * f32::EPSILON)), sky.radiance(pole));
+        }
+    }
+
+    #[test]
     fn densities_integrate_to_one_and_samples_follow_them() {
         let sky = sky();
         let mut sum = 0.0;

@@ -73,6 +73,7 @@ mod tests {
         let (map, welded) = weld(&[Vec3::ZERO, Vec3::new(-0.0, 0.0, 0.0), Vec3::new(1e-6, 0.0, 0.0)], 0.0);
         assert_eq!(map, [0, 0, 1]);
         assert_eq!(welded.len(), 2);
+        assert_eq!(weld(&[1e-9 * Vec3::X, 2e-9 * Vec3::X, 1e-9 * Vec3::X], 0.0).0, [0, 1, 0]);
     }
 
     #[test]
@@ -86,9 +87,19 @@ mod tests {
 
     #[test]
     fn vertices_within_epsilon_join_and_others_do_not() {
-        for (distance, joined) in [(0.99, true), (1.0, true), (1.01, false)] {
-            let (map, positions) = weld(&[Vec3::ZERO, distance * Vec3::X], 1.0);
-            assert_eq!((map[1] == 0, positions.len() == 1), (joined, joined), "{distance}");
+        for (share, joined) in [(0.99, true), (1.0, true), (1.01, false)] {
+            for (epsilon, axis) in
+                [0.125, 1.0, 16.0].into_iter().flat_map(|e| Vec3::AXES.map(|axis| (e, axis)))
+            {
+                for step in [axis, -axis] {
+                    let (map, positions) = weld(&[Vec3::ZERO, share * epsilon * step], epsilon);
+                    assert_eq!(
+                        (map[1] == 0, positions.len() == 1),
+                        (joined, joined),
+                        "{share}, {epsilon}, {step}"
+                    );
+                }
+            }
         }
     }
 }

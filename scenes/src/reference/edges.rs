@@ -237,6 +237,46 @@ mod tests {
         // A pixel is 0.1 wide on the floor.
         let flat = plate([-9.0, -9.0], [0.13, 9.0], 0.05);
         assert!(!edges_of(&[joined(&floor(), &flat)]).contains(&true));
+        // At the nearer of both depths, it is 0.05 (2 - h) wide: as wide as a step of h = 0.0952 m.
+        for (height, expected) in [(0.094, vec![]), (0.097, vec![8]), (0.15, vec![8])] {
+            let plate = plate([-9.0, -9.0], [0.13 * (1.0 - 0.5 * height), 9.0], height);
+            assert_eq!(columns(&edges_of(&[joined(&floor(), &plate)])), expected, "{height}");
+        }
+    }
+
+    #[test]
+    fn an_edge_anywhere_in_a_pixel_cuts_it() {
+        // In each quarter of the pixel from 0.2 to 0.1.
+        for at in [0.19, 0.165, 0.14, 0.11] {
+            let across = plate([-9.0, -9.0], [at, 9.0], 1e-4);
+            assert_eq!(columns(&edges_of(&[floor(), across])), [8], "{at}");
+            let down = edges_of(&[floor(), plate([-9.0, -9.0], [9.0, at], 1e-4)]);
+            let rows: Vec<bool> = (0..20 * 20).map(|index| index / 20 == 8).collect();
+            assert_eq!(down, rows, "{at}");
+        }
+        // A crumb on the corner of four pixels.
+        let crumb = plate([0.19, 0.19], [0.21, 0.21], 1e-4);
+        let marked = edges_of(&[floor(), crumb]);
+        let expected: Vec<bool> = (0..20 * 20)
+            .map(|index: usize| [index % 20, index / 20].iter().all(|at| [7, 8].contains(at)))
+            .collect();
+        assert_eq!(marked, expected);
+    }
+
+    #[test]
+    fn images_may_be_as_narrow_or_as_low_as_a_pixel() {
+        let edges = |shape: Shape, size: [u32; 2]| {
+            let mut builder = SceneBuilder::new();
+            for shape in [floor(), shape] {
+                let material = material(&mut builder);
+                builder.add(&shape, material).unwrap();
+            }
+            let marked = edges(&tracer(builder), &camera(), size);
+            (0..marked.len()).filter(|&index| marked[index]).collect::<Vec<_>>()
+        };
+        assert_eq!(edges(plate([-9.0, -9.0], [9.0, 0.13], 1e-4), [1, 20]), [8]);
+        // One row shows as much as 20, and is 20 times as wide: a column is two metres.
+        assert_eq!(edges(plate([-9.0, -9.0], [2.5, 9.0], 1e-4), [6, 1]), [1]);
     }
 
     #[test]
@@ -309,6 +349,34 @@ mod tests {
     }
 
     #[test]
+    fn a_penumbra_is_seen_up_to_half_a_pixel_around() {
+        // The shadow of a strip that ends at `end`, in columns or in rows. The penumbra reaches 0.05 m to either side.
+        let marked = |shadow: f32, in_rows: bool| {
+            let end = 0.5 * (shadow - 3.0);
+            let swap = |[x, z]: [f32; 2]| if in_rows { [z, x] } else { [x, z] };
+            let mut builder = SceneBuilder::new();
+            let material = material(&mut builder);
+            builder.add(&floor(), material).unwrap();
+            let [[x0, z0], [x1, z1]] = [[-9.0, -9.0], [end, 9.0]].map(swap);
+            builder.add(&plate([x0, z0], [x1, z1], 0.5), material).unwrap();
+            let [x, z] = swap([-3.0, 0.0]);
+            let corner = Vec3::new(x - 0.05, 1.0, z - 0.05);
+            builder.quad_light(corner, 0.1 * Vec3::X, 0.1 * Vec3::Z, Vec3::ONE).unwrap();
+            let marked = edges(&tracer(builder), &camera(), SIZE);
+            let line = |index: usize| if in_rows { index / 20 } else { index % 20 };
+            let lines: Vec<usize> = (0..20).filter(|&at| marked[21 * at]).collect();
+            assert!((0..400).all(|index| marked[index] == lines.contains(&line(index))), "{shadow}");
+            lines
+        };
+        // The pixel from 0.2 to 0.1 m, of which the points from 0.25 to 0.05 m are looked at.
+        for in_rows in [false, true] {
+            for shadow in [0.13, 0.16, 0.19, 0.11] {
+                assert_eq!(marked(shadow, in_rows), [8], "{shadow}");
+            }
+        }
+    }
+
+    #[test]
     fn a_light_below_the_floor_draws_no_shadow() {
         let light = Vec3::new(-3.0, -1.0, 0.0);
         assert!(!shaded(|builder| builder.point_light(light, Vec3::ONE)).contains(&true));
@@ -326,6 +394,23 @@ mod tests {
         assert_eq!(rows, [".#.....", "###....", "####...", "###....", ".#....."]);
         assert_eq!(within(&marked, 7, 0.0), marked);
         assert!(within(&[], 0, 2.0).is_empty());
+    }
+
+    #[test]
+    fn a_disc_ends_at_the_sides_of_the_image() {
+        for [width, height] in [[4, 3], [1, 5], [5, 1]] {
+            for corner in [0, width - 1, width * (height - 1), width * height - 1] {
+                let mut marked = vec![false; width * height];
+                marked[corner] = true;
+                let near = within(&marked, width, 1.0);
+                let [x, y] = [corner % width, corner / width];
+                let is_near = |index: usize| (index % width).abs_diff(x) + (index / width).abs_diff(y) <= 1;
+                assert!(
+                    (0..near.len()).all(|index| near[index] == is_near(index)),
+                    "{width} x {height}, {corner}"
+                );
+            }
+        }
     }
 
     #[test]
@@ -365,6 +450,14 @@ mod tests {
             (0.0, CREASE_ANGLE + 0.01, true),
         ] {
             assert_eq!(is_cut(step, turn), expected, "{step} m, {turn} degrees");
+        }
+        // The farther of both planes counts: here one point is half a metre off the other's, which lies in its own.
+        let slope = Vec3::new(0.5, 0.75_f32.sqrt(), 0.0);
+        let along = Vec3::new(0.75_f32.sqrt(), -0.5, 0.0);
+        let (a, b) = (seen(0, Vec3::ZERO, Vec3::Y), seen(1, along, slope));
+        for (width, expected) in [(0.49, true), (0.51, false)] {
+            let found = [separated(&scene.mesh, &a, &b, width), separated(&scene.mesh, &b, &a, width)];
+            assert_eq!(found, [expected; 2], "{width}");
         }
         // One triangle is no edge, whatever its points are like.
         let [a, b] = [Vec3::ZERO, Vec3::Y].map(|at| seen(0, at, Vec3::Y));

@@ -260,3 +260,17 @@ impl<'a> Finder<'a> {
         begin < end && self.tracer.reaches(at(begin), at(end), || effort.spend(1))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effort_lasts_until_nothing_is_left() {
+        let effort = Effort(Cell::new(4));
+        let steps = [(2, true, false), (1, true, false), (5, true, true), (1, false, true)];
+        for (much, is_left, is_spent) in steps {
+            assert_eq!((effort.spend(much), effort.is_spent()), (is_left, is_spent), "{much}");
+        }
+    }
+}

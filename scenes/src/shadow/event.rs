@@ -451,6 +451,70 @@ mod tests {
             assert_eq!(event(edge).magnification(), Some(2.0));
         }
         assert_eq!(event([[0.0, 2.0, 0.0], [1.0, 2.0, 0.0]]).magnification(), Some(1.0));
-        assert_eq!(event([[0.0, 2.0, 0.0], [1.0, 0.015, 0.0]]).magnification(), None);
+        for (height, expected) in [(0.015, None), (0.02, None), (0.03, Some(1.0 / 0.015))] {
+            assert_eq!(event([[0.0, 2.0, 0.0], [1.0, height, 0.0]]).magnification(), expected, "{height}");
+        }
+        // Above the end of the light's edge that is nearer to the blocker, if both differ.
+        for (slant, expected) in [(0.25, 1.0), (-0.25, 0.75)] {
+            let reach = HalfSpace::new(DVec3::new(slant, 0.5, 0.0), DVec3::ZERO);
+            let start = if slant > 0.0 { 1.0 } else { 0.0 };
+            let slanted = event([[start, 2.0, 0.0], [start + 1.0, 2.0, 0.0]]);
+            assert_eq!(Event { reach, ..slanted }.magnification(), Some(1.0 / expected));
+        }
+        let touch = Touch::Corner { light: DVec3::ZERO };
+        assert_eq!(Event { touch, ..event([[0.0; 3]; 2]) }.magnification(), Some(1.0));
+    }
+
+    #[test]
+    fn half_spaces_are_linear_functions() {
+        let points = [[0.0, 0.0, 0.0], [1.0, -2.0, 0.5], [-3.0, 0.25, 4.0]].map(DVec3::from);
+        let f = HalfSpace::new(DVec3::new(0.5, -1.0, 2.0), DVec3::new(1.0, 2.0, 3.0));
+        let g = HalfSpace::new(DVec3::new(-0.25, 3.0, 1.0), DVec3::new(-1.0, 0.5, 2.0));
+        assert_eq!(f.at(DVec3::new(1.0, 2.0, 3.0)), 0.0);
+        for p in points {
+            assert_eq!(f.at(p), 0.5 * p.x - p.y + 2.0 * p.z - 4.5);
+            assert_eq!(f.plus(2.5).at(p), f.at(p) + 2.5);
+            assert_eq!(f.times(-4.0).at(p), -4.0 * f.at(p));
+            assert_eq!(f.and(&g).at(p), f.at(p) + g.at(p));
+            let pose = Pose {
+                rotation: glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, -0.8, 1.1),
+                translation: glam::Vec3::new(2.0, -1.0, 0.5),
+            };
+            let posed = pose.rotation.as_dquat() * p + pose.translation.as_dvec3();
+            assert!((f.at_rest(&pose).at(p) - f.at(posed)).abs() < 1e-5);
+            // In a box of 2 x 4 x 6, the gradient leads to the corner (1, -2, 3).
+            assert_eq!(f.most(p, DVec3::new(1.0, 2.0, 3.0)), f.at(p + DVec3::new(1.0, -2.0, 3.0)));
+        }
+        // In the plane z = 0, beside the line from (1, 1) along (3, 4), on either side.
+        for (inside, expected) in [([0.0, 2.0], [1.0, -1.0]), ([2.0, 0.0], [-1.0, 1.0])] {
+            let [inside, origin] = [inside, [1.0, 1.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+            let beside = HalfSpace::beside(DVec3::Z, origin, DVec3::new(3.0, 4.0, 0.0), inside);
+            let left = DVec3::new(-0.8, 0.6, 0.0);
+            let found = [left, -left].map(|step| beside.at(origin + step + DVec3::new(3.0, 4.0, 0.0)));
+            assert!((found[0] - expected[0]).abs() + (found[1] - expected[1]).abs() < 1e-9, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn light_blocker_and_boundary_lie_on_a_line() {
+        let near = |found: [DVec3; 2], expected: [[f64; 3]; 2]| {
+            let expected = expected.map(DVec3::from);
+            assert!(found[0].distance(expected[0]) + found[1].distance(expected[1]) < 1e-9, "{found:?}");
+        };
+        // A point light 2 m above a blocker, and a point 1 m below it.
+        let light = DVec3::new(0.0, 4.0, 0.0);
+        let reach = HalfSpace::new(-0.5 * DVec3::Y, 2.0 * DVec3::Y);
+        let corner = Event { reach, touch: Touch::Corner { light }, ..event([[0.0; 3]; 2]) };
+        near(corner.in_line(DVec3::new(3.0, 1.0, 0.0)), [[0.0, 4.0, 0.0], [2.0, 2.0, 0.0]]);
+        assert_eq!(corner.light(), light);
+        // Of the light from x = 0 to 1, the point (4, 2) sees the part from 0 on below (2, 1), and would see as far as x =
+        // 2 below (3, 1): the middle of what there is.
+        let parallel = event([[2.0, 1.0, 0.0], [3.0, 1.0, 0.0]]);
+        near(parallel.in_line(DVec3::new(4.0, 2.0, 0.0)), [[0.5, 0.0, 0.0], [2.25, 1.0, 0.0]]);
+        assert_eq!(parallel.light(), 0.5 * DVec3::X);
+        let touch = Touch::Vertex { light: [DVec3::ZERO, DVec3::X], vertex: DVec3::new(2.0, 1.0, 0.0) };
+        let vertex = Event { touch, ..parallel };
+        near(vertex.in_line(DVec3::new(3.5, 2.0, 0.0)), [[0.5, 0.0, 0.0], [2.0, 1.0, 0.0]]);
+        assert_eq!(vertex.light(), 0.5 * DVec3::X);
     }
 }

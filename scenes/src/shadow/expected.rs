@@ -120,6 +120,31 @@ mod tests {
         let lights = Scene { lights: vec![scene.lights[0]], ..scene };
         let expected = 50 * expected_segments(&lights);
         assert!(one > 0 && many.abs_diff(expected) < expected / 10, "{many}, not {expected}");
+        // Not all were looked at: rounding alone would make less of a difference.
+        println!("{many} {expected}");
+        assert!(many.abs_diff(expected) > 50);
+    }
+
+    #[test]
+    fn each_silhouette_edge_counts_for_itself_and_the_edges_in_its_shadow() {
+        // A square with four borders of 1 m and a diagonal of 1.414, on average 1.083.
+        let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]];
+        let place = Vec3::new(16.0, -8.0, -32.0);
+        let mut builder = SceneBuilder::new();
+        let white = builder.material(Material::diffuse("", Vec3::ONE));
+        builder.add(&Shape::quad(corners.map(|[x, z]| place + Vec3::new(x, 0.0, z))), white).unwrap();
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        let scene = builder.build("", camera, Vec3::ZERO, 0.0, 40.0).unwrap();
+        let expected = |position: [f32; 3]| {
+            let light = Light::Point { position: place + Vec3::from(position), intensity: Vec3::ONE };
+            expected_segments(&Scene { lights: vec![light; 100], ..scene.clone() })
+        };
+        // From the middle of a border it is 2.062 to the light, and from there 2.121 to the farthest corner: four times
+        // 1 + 2.121 / 2.062 / 1.083.
+        assert_eq!(expected([0.5, 2.0, 0.5]), 780);
+        // Near one border, the shadows of three are as long as the square's diagonal, and that of the fourth is 1.0782 /
+        // 0.9552: 3 (1 + 1.414 / 1.083) + 1 + 1.1287 / 1.083.
+        assert_eq!(expected([0.5, 0.1, 0.05]), 896);
     }
 
     #[test]

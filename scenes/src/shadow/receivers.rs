@@ -87,7 +87,7 @@ impl Reached {
 pub(super) struct Cutting<'a> {
     pub scene: &'a Scene,
     pub event: &'a Event,
-    /// The minimum of the event's `reach` on the blocker's own object and on others.
+    /// The minimum of the event's `reach` on the blocker's own object, and a smaller one on others.
     pub contact: [f64; 2],
     pub effort: &'a Effort,
 }
@@ -155,7 +155,7 @@ impl Receivers {
             let half = Vec3::from((bounds.max - bounds.min) * 0.5 + slack).as_dvec3() + *rounding;
             if plane.at(center).abs() > plane.gradient.abs().dot(half)
                 || sides.iter().any(|side| side.most(center, half) < 0.0)
-                || reach.most(center, half) < contact[0].min(contact[1])
+                || reach.most(center, half) < contact[1]
             {
                 continue;
             }

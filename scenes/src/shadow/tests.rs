@@ -60,7 +60,8 @@ const WIDE: ShadowSettings =
     ShadowSettings { capacity: 1 << 18, contact: 0.002, max_penumbra: 1.0, effort: 1 << 33 };
 
 fn find(scene: &Arc<Scene>, settings: &ShadowSettings) -> Vec<ShadowSegment> {
-    let found = shadow_segments(&Tracer::new(scene.clone()), settings, &|_| true).unwrap();
+    let goes_on = |share| (0.0..1.0).contains(&share);
+    let found = shadow_segments(&Tracer::new(scene.clone()), settings, &goes_on).unwrap();
     assert_eq!(found.dropped, 0);
     found.segments
 }
@@ -107,11 +108,66 @@ fn a_point_light_projects_a_square() {
         world.square(0.0, 5.0, [0.5, 1.0]);
         world.square(2.0, 1.0, [0.0; 2]);
         world.point([0.0, 4.0, 0.0]);
-        let segments = find(&world.scene(), &ShadowSettings::default());
+        let scene = world.scene();
+        let segments = find(&scene, &ShadowSettings::default());
+        // A point light has no penumbra.
+        assert_eq!(segments, find(&scene, &ShadowSettings { max_penumbra: 0.0, ..Default::default() }));
         assert_eq!(segments.len(), 4, "the cuts of the floor's two triangles are not joined");
         assert!(segments.iter().all(|s| s.kind == ShadowKind::Hard && s.penumbra == 0.0));
         assert_outline(&segments, 0.0, &square(2.0), scale, 1e-5);
     }
+}
+
+#[test]
+fn a_lamp_may_be_turned_any_way() {
+    for (scale, seed) in [(1.0, 1), (1.0, 2), (1e3, 3), (1e3, 4)] {
+        let mut rng = Rng::new(seed, 0);
+        let [x, y, z] = [0; 3].map(|_| 6.0 * rng.next_f32());
+        let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, x, y, z);
+        let mut world = World::new(scale);
+        for (height, half) in [(0.0, 5.0), (2.0, 1.0)] {
+            let corners = [[-half, -half], [-half, half], [half, half], [half, -half]];
+            world.add(Shape::quad(corners.map(|[x, z]| turn * Vec3::new(x, height, z))));
+        }
+        let [corner, u, v] = [Vec3::new(-0.5, 4.0, -0.5), Vec3::X, Vec3::Z].map(|p| scale * (turn * p));
+        world.builder.quad_light(corner, u, v, Vec3::ONE).unwrap();
+        let segments = find(&world.scene(), &WIDE);
+        // Squares of 3 and 5 m, as those of `a_lamp_gives_umbra_and_penumbra`.
+        for (kind, around) in [(ShadowKind::Umbra, 12.0), (ShadowKind::Penumbra, 20.0)] {
+            let found = length(&of_kind(&segments, kind)) / scale;
+            assert!((found - around).abs() < 5e-3, "{kind:?}, seed {seed}: {found}");
+        }
+    }
+}
+
+#[test]
+fn a_blocker_may_reach_exactly_a_metre_from_the_plane_of_its_shadow() {
+    // Straight above each side of a square of a metre, which is twice as large as a shadow.
+    for [x, z] in [[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]] {
+        let mut world = World::new(1.0);
+        world.square(0.0, 5.0, [0.5, 1.0]);
+        world.square(2.0, 0.5, [0.0; 2]);
+        world.point([x, 4.0, z]);
+        let segments = find(&world.scene(), &ShadowSettings::default());
+        assert_outline(&segments, 0.0, &square(1.0).map(|[u, v]| [u - x, v - z]), 1.0, 1e-4);
+    }
+}
+
+#[test]
+fn by_default_a_quarter_of_a_million_segments_are_kept() {
+    let ShadowSettings { capacity, contact, max_penumbra, effort } = ShadowSettings::default();
+    assert_eq!((capacity, effort), (262_144, 8_589_934_592));
+    assert_eq!((contact, max_penumbra), (0.002, 0.02));
+}
+
+#[test]
+fn vectors_a_billionth_of_a_radian_apart_are_parallel() {
+    for (a, b) in [(1.0, 1.0), (1e6, 1e-3), (1e-3, 1e6)] {
+        let turned = |angle: f64| across(a * DVec3::X, b * DVec3::new(1.0, angle, 0.0));
+        assert_eq!([turned(0.5e-9), turned(-0.5e-9)], [None; 2]);
+        assert_eq!([turned(1.5e-9), turned(-1.5e-9)], [Some(DVec3::Z), Some(-DVec3::Z)]);
+    }
+    assert_eq!([across(DVec3::ZERO, DVec3::X), across(DVec3::X, DVec3::ZERO)], [None; 2]);
 }
 
 #[test]

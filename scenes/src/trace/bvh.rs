@@ -400,6 +400,41 @@ mod tests {
     }
 
     #[test]
+    fn the_largest_coordinate_is_scaled_to_one_binade() {
+        for largest in [1e-20, 0.75, 0.999, 1.0, 1.001, 555.0, 1e9] {
+            let (scale, range) = (power_of_two_scale(largest), 2f32.powi(29)..2f32.powi(30));
+            assert!(range.contains(&(largest * scale)) && scale.log2().fract() == 0.0, "{largest}: {scale}");
+        }
+        assert_eq!([0.0, f32::INFINITY, f32::NAN].map(power_of_two_scale), [1.0; 3]);
+    }
+
+    #[test]
+    fn a_body_is_where_its_pose_puts_it_and_nowhere_else() {
+        let mut builder = SceneBuilder::new();
+        let material = builder.material(Material::diffuse("", Vec3::ONE));
+        let cube = Shape::cuboid(-0.5 * Vec3::ONE, 0.5 * Vec3::ONE);
+        builder.add(&cube.moved(9.0 * Vec3::X), material).unwrap();
+        let key = crate::MotionKey { time: 0.0, translate: Vec3::ZERO, rotate: glam::Quat::IDENTITY };
+        let motion = crate::Motion { pivot: Vec3::ZERO, keys: vec![key], looped: false };
+        builder.moving(motion, |builder| builder.add(&cube, material)).unwrap();
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 10.0);
+        let scene = builder.build("", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+        let rest = Bvhs::new(&scene);
+        let pose = Pose { translation: 4.0 * Vec3::X, ..Pose::REST };
+        // Hierarchies of a scene at rest that is posed, and of a posed scene.
+        let found = [rest.posed(&[pose]), Bvhs::new(&scene.posed(&[pose])), rest].map(|bvhs| {
+            [0.0, 4.0, 9.0].map(|x| {
+                let from = Vec3::new(x, 0.1, 5.0);
+                let hit = bvhs.closest(from, Vec3::NEG_Z, 0.0, |_| true);
+                let blocked = !bvhs.visible(from, from - 9.0 * Vec3::Z, |_| true, || true);
+                assert_eq!(hit.is_some(), blocked);
+                blocked
+            })
+        });
+        assert_eq!(found, [[false, true, true], [false, true, true], [true, false, true]]);
+    }
+
+    #[test]
     fn a_row_of_equal_boxes_is_traced() {
         let mut builder = SceneBuilder::new();
         let material = builder.material(Material::diffuse("", Vec3::ONE));

@@ -446,6 +446,31 @@ fn reference_image_is_the_same_on_any_number_of_threads_and_converges() {
 }
 
 #[test]
+fn each_sample_of_a_reference_has_its_own_random_numbers() {
+    let (tracer, _) = room_and_jobs();
+    let camera = Camera::look_at(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 1.2, 0.1, 3.0);
+    let settings = settings(Mode::Path, 1);
+    for (size, spp) in [([3, 2], 1), ([1, 3], 2), ([2, 1], 3)] {
+        let found = reference::render(&tracer, &camera, size, spp, &settings, 7, &|| true).unwrap();
+        assert_eq!(found.len() as u32, size[0] * size[1]);
+        for (pixel, &found) in (0..).zip(&found) {
+            let [x, y] = [pixel % size[0], pixel / size[0]];
+            let samples = (0..spp).map(|nth| {
+                let mut rng = Rng::nth(7, Rng::key(0, pixel), nth);
+                let [dx, dy] = rng.subpixel();
+                let direction = camera.direction(x as f32 + dx, y as f32 + dy, size);
+                tracer.trace_from(camera.eye, direction, camera.near, &settings, &mut rng).radiance
+            });
+            let expected = samples.sum::<Vec3>() / spp as f32;
+            assert!(found.distance(expected) <= 1e-5 * expected.length(), "{pixel}: {found}, not {expected}");
+        }
+    }
+    // None counts as one.
+    let render = |spp| reference::render(&tracer, &camera, [3, 2], spp, &settings, 7, &|| true);
+    assert_eq!(render(0), render(1));
+}
+
+#[test]
 fn reference_pixels_are_averaged_over_their_area_and_each_is_reported_once() {
     let mut stage = Stage::new(1.0);
     // The left half of the view is emissive, the right half black. The image is one row of three pixels.
@@ -493,6 +518,25 @@ fn workers_answer_every_request_with_its_tag_and_the_same_bits() {
     found.sort_by_key(|hit| hit.tag);
     for (tag, (found, expected)) in (0u32..).zip(found.iter().zip(&expected)) {
         assert_eq!((found.tag, &found.hit), (tag, expected));
+    }
+}
+
+#[test]
+fn workers_without_work_wait_for_more() {
+    let (tracer, jobs) = room_and_jobs();
+    let (tracer, queue) = (Arc::new(tracer), AsyncTracer::new(2));
+    let mut found = Vec::new();
+    for batch in 1..=3 {
+        // Long enough for all workers to fall asleep.
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        let tagged = jobs.iter().map(|&job| TaggedJob { job, tag: batch }).collect();
+        assert_eq!(queue.submit(&tracer, tagged, settings(Mode::Direct, 1), 0), 0);
+        let start = std::time::Instant::now();
+        while found.len() < batch * jobs.len() {
+            assert!(start.elapsed().as_secs() < 60, "{} of {} x {batch}", found.len(), jobs.len());
+            queue.collect(usize::MAX, &mut found);
+            std::thread::yield_now();
+        }
     }
 }
 

@@ -166,8 +166,9 @@ fn a_body_far_from_everything_searches_its_own_events_only() {
         assert!(search.work().touched > 5, "{:?}", search.work());
     }
     // If nothing has moved, nothing is searched.
+    let ShadowWork { own, touched, kept } = search.work();
     search.find(&tracer.posed(&[shift(4.6, -0.6, 4.5)]), &|_| true).unwrap();
-    assert_eq!((search.work().own, search.work().touched), (0, 0));
+    assert_eq!(search.work(), ShadowWork { own: 0, touched: 0, kept: own + touched + kept });
 }
 
 #[test]
@@ -214,4 +215,123 @@ fn another_scene_is_searched_in_full() {
     let mut search = ShadowSearch::new(SETTINGS);
     search.find(&one, &|_| true).unwrap();
     assert_eq!(search.find(&other, &|_| true), shadow_segments(&other, &SETTINGS, &|_| true));
+}
+
+#[test]
+fn in_a_usual_scene_each_event_may_take_ample_effort() {
+    // With the floor 9 and 65 boxes: 162 and 1,170 edges. In the first scene all are measured, in the second 341 for each of
+    // three lights, and each counts for three.
+    for (boxes, lights, count, times) in [(8, 1, 162, 1), (64, 3, 341, 3)] {
+        let mut builder = builder();
+        builder.add(&floor(), 0).unwrap();
+        for place in 0..boxes {
+            let [x, z] = [place % 8, place / 8].map(|step| 0.8 * step as f32 - 2.8);
+            builder.add(&cube([x, 1.0, z], 0.2), 0).unwrap();
+        }
+        for light in 0..lights {
+            builder.point_light(Vec3::new(0.3 * light as f32, 5.0, 0.1), Vec3::ONE);
+        }
+        let tracer = built(builder);
+        let scene = tracer.scene();
+        let edges = scene.mesh.edges.len();
+        let known = |effort| Known::new(&tracer, &ShadowSettings { effort, ..SETTINGS });
+        let all = known(SETTINGS.effort);
+        let blockers = Blockers::new(&scene.mesh, &all.around, all.reach);
+        let mut spent = 0;
+        for light in &scene.lights {
+            let source = Source::new(light).unwrap();
+            let finder = Finder::new(&tracer, &all.receivers, &source, &SETTINGS, all.reach);
+            let facing = blockers.facing(&source, 0..scene.mesh.triangles.len());
+            for event in
+                (0..count).flat_map(|nth| blockers.edge_events(&source, &facing, nth * edges / count))
+            {
+                spent += times * (AMPLE - finder.find(&event, AMPLE, &mut Vec::new()));
+            }
+        }
+        let shared = |effort: u64| effort / (lights * edges) as u64;
+        assert!(
+            edges / count == times as usize && spent > 10_000 && shared(spent) < AMPLE,
+            "{edges}, {spent}"
+        );
+        assert_eq!([known(spent), known(spent + 1)].map(|known| known.effort), [AMPLE; 2]);
+        assert_eq!(known(spent - 1).effort, shared(spent - 1));
+        assert_eq!(all.effort, shared(SETTINGS.effort));
+        assert!(all.effort > AMPLE);
+    }
+}
+
+#[test]
+fn long_segments_with_narrow_penumbrae_matter_most() {
+    let segment = |length: f32, penumbra: f32| {
+        let ends = [Vec3::ZERO, length * Vec3::Y];
+        ShadowSegment { ends, kind: crate::ShadowKind::Umbra, penumbra, edge: 0, face: 0 }
+    };
+    // In a scene of 10 m, the penumbra counts from 0.01 m on: 100, 80, 90 and 90.9 of their length.
+    let all = [segment(1.0, 0.0), segment(2.0, 0.015), segment(0.9, 0.0), segment(10.0, 0.1)];
+    for (capacity, expected) in
+        [(0, &[][..]), (1, &[0]), (2, &[0, 3]), (3, &[0, 2, 3]), (4, &[0, 1, 2, 3]), (9, &[0, 1, 2, 3])]
+    {
+        let mut kept = all.to_vec();
+        keep_important(&mut kept, capacity, 10.0);
+        assert_eq!(kept, expected.iter().map(|&index: &usize| all[index]).collect::<Vec<_>>(), "{capacity}");
+    }
+}
+
+#[test]
+fn the_reach_is_the_largest_coordinate_in_any_frame() {
+    let reach = |still: Vec3, moved: Vec3| {
+        let mut builder = builder();
+        builder.add(&cube([0.0; 3], 3.0), 0).unwrap();
+        builder.point_light(still, Vec3::ONE);
+        let key = |time: f32, translate: Vec3| MotionKey { time, translate, rotate: Quat::IDENTITY };
+        let motion =
+            Motion { pivot: Vec3::ZERO, keys: vec![key(0.0, Vec3::ZERO), key(1.0, moved)], looped: false };
+        let light = |builder: &mut SceneBuilder| {
+            builder.point_light(Vec3::Y, Vec3::ONE);
+            Ok::<_, crate::MeshError>(())
+        };
+        builder.moving(motion, light).unwrap();
+        reach_of(built(builder).scene())
+    };
+    assert_eq!(reach(Vec3::ZERO, Vec3::ZERO), 3.0);
+    assert_eq!(reach(-70.0 * Vec3::X, Vec3::ZERO), 70.0);
+    assert_eq!(reach(Vec3::ZERO, -90.0 * Vec3::Y), 89.0);
+}
+
+#[test]
+fn progress_is_the_share_that_is_done() {
+    let shares = std::sync::Mutex::new(Vec::new());
+    let progress = |share: f32| {
+        shares.lock().unwrap().push(share);
+        true
+    };
+    let work = Work::new(4096, &progress);
+    assert!((0..4096).all(|_| work.step()));
+    assert_eq!(*shares.lock().unwrap(), [0.0, 0.25, 0.5, 0.75]);
+}
+
+#[test]
+fn a_flat_body_searches_what_it_shadows() {
+    let mut builder = builder();
+    builder.add(&floor(), 0).unwrap();
+    builder.add(&cube([0.5, 1.0, 0.0], 0.3), 0).unwrap();
+    // Squares across each axis, at rest far from all rays.
+    for axis in 0..3 {
+        let [u, v] = [1, 2].map(|next| 0.5 * Vec3::AXES[(axis + next) % 3]);
+        let square = Shape::quad([-u - v, u - v, u + v, v - u]);
+        builder.moving(motion(), |builder| builder.add(&square, 0)).unwrap();
+    }
+    builder.point_light(Vec3::new(0.0, 5.0, 0.0), Vec3::ONE);
+    let tracer = built(builder);
+    let away = [shift(5.0, 0.6, 5.0), shift(-5.0, 0.6, 5.0), shift(5.0, 0.6, -5.0)];
+    for body in 0..3 {
+        let mut search = ShadowSearch::new(SETTINGS);
+        search.find(&tracer.posed(&away), &|_| true).unwrap();
+        let mut poses = away;
+        // Between the light and the cube.
+        poses[body] = shift(0.3, 2.5, 0.1);
+        let moved = tracer.posed(&poses);
+        assert_eq!(search.find(&moved, &|_| true), shadow_segments(&moved, &SETTINGS, &|_| true), "{body}");
+        assert!(search.work().touched > 0, "{body}");
+    }
 }
